@@ -1,0 +1,54 @@
+#!/usr/bin/env bash
+# Installs what a bare Debian or Ubuntu machine lacks to build, run and test palpate: a Vulkan loader with Mesa's
+# drivers (lavapipe among them), the validation layers, and the GLSL compiler. Silent when nothing is missing.
+set -euo pipefail
+cd "$(dirname "$0")"
+
+packages=(build-essential cmake libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers vulkan-validationlayers)
+
+elsewhere() {
+    cat >&2 <<'TEXT'
+setup.sh knows Debian and Ubuntu only. On another system install, by its own means:
+  - a Vulkan 1.3 loader and driver (Mesa's lavapipe will do), and the Khronos validation layer for the tests;
+  - shaderc with its static or shared library; name its folder in the environment variable SHADERC_LIB_DIR.
+    Without it cargo builds shaderc from source, which needs git, cmake, python3 and a C++ compiler, and a quarter of an hour.
+TEXT
+    exit 1
+}
+
+command -v dpkg-query >/dev/null && command -v apt-get >/dev/null || elsewhere
+command -v cargo >/dev/null || { echo "Rust is missing: install it from https://rustup.rs, then run this again." >&2; exit 1; }
+
+missing=()
+for package in "${packages[@]}"; do
+    dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing+=("$package")
+done
+if [ "${#missing[@]}" -gt 0 ]; then
+    echo "installing: ${missing[*]}"
+    root=()
+    if [ "$(id -u)" -ne 0 ]; then
+        command -v sudo >/dev/null || { echo "Not root, and no sudo: run as root: apt-get install ${missing[*]}" >&2; exit 1; }
+        root=(sudo)
+    fi
+    "${root[@]}" apt-get update -qq
+    "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "${missing[@]}" >/dev/null
+fi
+
+# Debian 12 cuts its static shaderc into archives that do not name each other, so the shaderc crate cannot link it.
+# Merged into one archive they link in seconds; .cargo/config.toml points the crate at the result.
+merged=.shaderc/libshaderc_combined.a
+system="/usr/lib/$(gcc -dumpmachine)"
+if [ ! -s "$merged" ] || [ "$system/libshaderc_combined.a" -nt "$merged" ]; then
+    echo "merging the system's shaderc archives into $merged"
+    mkdir -p .shaderc
+    {
+        echo "CREATE $merged.partial"
+        for name in shaderc_static shaderc_combined glslang SPIRV MachineIndependent GenericCodeGen OGLCompiler \
+            OSDependent HLSL glslang-default-resource-limits SPIRV-Tools-opt SPIRV-Tools; do
+            [ -e "$system/lib$name.a" ] && echo "ADDLIB $system/lib$name.a"
+        done
+        echo "SAVE"
+        echo "END"
+    } | ar -M
+    mv "$merged.partial" "$merged"
+fi

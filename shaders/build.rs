@@ -1,0 +1,4 @@
+fn main() {
+    let c = shaderc::Compiler::new();
+    let _ = c.is_ok();
+}

@@ -1,0 +1,11 @@
+//! palpate: feel soft bodies.
+//!
+//! The map of the house: [`scene`] is what a user writes, [`prepare`] makes layered bodies of it, [`stages`] are the
+//! kernels of the step and [`step`] their order, [`gpu`] is the only room that speaks Vulkan, [`oracle`] holds the f64
+//! twins that tests compare with, [`report`] writes results.
+
+pub mod error;
+pub mod prepare;
+pub mod scene;
+
+pub use error::{Error, Result};

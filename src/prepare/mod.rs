@@ -1,0 +1,114 @@
+//! From what a user wrote to a layered body: layer, embedding, proxies, bindings.
+//!
+//! Everything here is on the host, in f64, before the first step. Coordinates of a [`Body`] are its *rest frame*: file
+//! coordinates times scale, not yet placed in the world by `position` and `orientation`.
+
+use glam::{DQuat, DVec3};
+
+use crate::scene::Material;
+
+/// No element: the index that points nowhere.
+pub const NONE: u32 = u32::MAX;
+/// Vertices of a proxy's hull at most.
+pub const MAX_HULL_VERTICES: usize = 64;
+
+/// A body ready to be uploaded.
+#[derive(Debug, Clone)]
+pub struct Body {
+    /// Name in the scene.
+    pub name: String,
+    /// What the world touches.
+    pub shape: Shape,
+    /// World position of the rest frame's origin, m.
+    pub position: DVec3,
+    /// World orientation of the rest frame.
+    pub orientation: DQuat,
+    /// Initial velocity, world, m/s.
+    pub velocity: DVec3,
+}
+
+/// What a body is made of, prepared.
+#[derive(Debug, Clone)]
+pub enum Shape {
+    /// A layer that deforms, and a skin embedded in it.
+    Soft {
+        /// Tetrahedra.
+        layer: Layer,
+        /// Elastic material.
+        material: Material,
+        /// Embedding of each skin vertex.
+        embedding: Vec<Embedding>,
+        /// Skin.
+        skin: Skin,
+        /// Convex cover of the skin.
+        proxies: Vec<Proxy>,
+    },
+    /// A skin that rides on one frame.
+    Rigid {
+        /// Skin.
+        skin: Skin,
+        /// Convex cover of the skin.
+        proxies: Vec<Proxy>,
+        /// Mass properties for unit density, about the centroid: volume (m^3), centroid (m).
+        volume: f64,
+        /// Centroid, rest frame.
+        centroid: DVec3,
+        /// Inertia tensor about the centroid for unit density, kg m^2 per kg/m^3, rest-frame axes, columns.
+        inertia: glam::DMat3,
+    },
+    /// Half-space `normal . x <= offset` in world axes; skinless.
+    Plane {
+        /// Unit outward normal.
+        normal: DVec3,
+        /// Offset, m.
+        offset: f64,
+    },
+}
+
+/// The tetrahedral mesh.
+#[derive(Debug, Clone, Default)]
+pub struct Layer {
+    /// Rest positions, in file order.
+    pub nodes: Vec<DVec3>,
+    /// Four node indices each, positive volume.
+    pub tetrahedra: Vec<[u32; 4]>,
+    /// Whether each node rides on the body's (fixed) core.
+    pub bound: Vec<bool>,
+}
+
+/// A triangle mesh that touches and is seen.
+#[derive(Debug, Clone, Default)]
+pub struct Skin {
+    /// Rest positions, in the order of the file's `v` lines.
+    pub vertices: Vec<DVec3>,
+    /// Counter-clockwise seen from outside; file order after triangulation.
+    pub triangles: Vec<[u32; 3]>,
+    /// Neighbour across edge k (from vertex k to vertex k+1), or [`NONE`] at a boundary or non-manifold edge.
+    pub neighbours: Vec<[u32; 3]>,
+    /// Rest area of each vertex: a third of its triangles' areas, m^2.
+    pub areas: Vec<f64>,
+}
+
+/// A skin vertex as a weighted sum of the nodes of one tetrahedron.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Embedding {
+    /// Tetrahedron.
+    pub tetrahedron: u32,
+    /// Barycentric weights on its four nodes; they sum to one and may lie outside [0, 1] where the skin leaves the layer.
+    pub weights: [f64; 4],
+}
+
+/// A convex hull that covers part of the skin.
+#[derive(Debug, Clone, Default)]
+pub struct Proxy {
+    /// Hull vertices, rest frame, at most [`MAX_HULL_VERTICES`].
+    pub hull: Vec<DVec3>,
+    /// Unit outward normal and offset (n . x <= offset inside) of each distinct hull face.
+    pub faces: Vec<(DVec3, f64)>,
+    /// Skin vertices this proxy owns: each skin vertex is in exactly one list.
+    pub vertices: Vec<u32>,
+    /// Skin triangles this proxy owns (and draws): each triangle is in exactly one list.
+    pub triangles: Vec<u32>,
+    /// How far the owned vertices, and the vertices of the owned triangles, stick out of the hull at rest, m.
+    pub margin: f64,
+}

@@ -1,0 +1,286 @@
+//! What a user writes: scenes, bodies, materials, meshes in and out. No GPU, no preparation.
+//!
+//! [`Scene::load`] reads a TOML file (every table is shown in the README) into these plain types, checked: after it,
+//! every number is finite and in range, every name resolves. Units are SI; quaternions are x y z w.
+
+use std::path::PathBuf;
+
+use glam::{DQuat, DVec3};
+
+/// A whole scene, as written.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// The scene file; paths in it are relative to its folder.
+    pub file: PathBuf,
+    /// Time step and gravity.
+    pub step: Step,
+    /// Linear solver.
+    pub solver: Solver,
+    /// Contact law.
+    pub contact: Contact,
+    /// Bodies, in file order.
+    pub bodies: Vec<Body>,
+    /// What the device holds, if anything.
+    pub tool: Option<Tool>,
+    /// Virtual coupling between device and tool; `None`: the tool is not held and moves freely.
+    pub coupling: Option<Coupling>,
+    /// Pose of the device over time; empty: the device rests at the tool's first pose.
+    pub drive: Vec<Key>,
+    /// Limits of the haptic device.
+    pub haptics: Haptics,
+    /// Points to record.
+    pub probes: Vec<Probe>,
+}
+
+/// `[step]`.
+#[derive(Debug, Clone)]
+pub struct Step {
+    /// Time step, s.
+    pub dt: f64,
+    /// Acceleration of gravity, m/s^2.
+    pub gravity: DVec3,
+    /// Newton iterations a step.
+    pub newton: u32,
+}
+
+/// `[solver]`.
+#[derive(Debug, Clone)]
+pub struct Solver {
+    /// Relative residual to stop at.
+    pub tolerance: f64,
+    /// Iterations at most.
+    pub max_iterations: u32,
+    /// Preconditioner.
+    pub preconditioner: Preconditioner,
+}
+
+/// How the linear system is preconditioned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preconditioner {
+    /// The engine chooses.
+    Auto,
+    /// 3x3 block Jacobi.
+    Jacobi,
+    /// Block Jacobi and a coarse level.
+    Coarse,
+}
+
+/// `[contact]`. `None` means "auto".
+#[derive(Debug, Clone)]
+pub struct Contact {
+    /// Penalty stiffness per projected area, N/m^3.
+    pub stiffness: Option<f64>,
+    /// Penalty damping per projected area, N s/m^3.
+    pub damping: Option<f64>,
+    /// Coulomb coefficient.
+    pub friction: f64,
+    /// Speed below which friction is viscous, m/s.
+    pub friction_speed: f64,
+    /// Edge of a texel of the depth field, m.
+    pub texel: Option<f64>,
+    /// Depth beyond which a flag is raised, m.
+    pub depth_limit: f64,
+}
+
+/// `[[body]]`.
+#[derive(Debug, Clone)]
+pub struct Body {
+    /// Unique name.
+    pub name: String,
+    /// What it is made of.
+    pub shape: Shape,
+    /// Uniform scale of file coordinates.
+    pub scale: f64,
+    /// World position of the file's origin, m.
+    pub position: DVec3,
+    /// World orientation.
+    pub orientation: DQuat,
+    /// Initial velocity, world, m/s.
+    pub velocity: DVec3,
+    /// Elastic material; `None` for rigid bodies.
+    pub material: Option<Material>,
+    /// Names of bodies it collides with ("tool" is the tool); `None`: every other.
+    pub collides: Option<Vec<String>>,
+    /// Rigid cores.
+    pub cores: Vec<Core>,
+}
+
+/// What a body is made of.
+#[derive(Debug, Clone)]
+pub enum Shape {
+    /// Soft: a tetrahedral layer, and a skin; without a skin the layer's boundary is the skin.
+    Soft {
+        /// Skin, an OBJ file.
+        surface: Option<PathBuf>,
+        /// Layer.
+        layer: Layer,
+    },
+    /// Rigid: a skin only.
+    Rigid {
+        /// Skin, an OBJ file.
+        surface: PathBuf,
+    },
+    /// Rigid half-space `normal . x <= offset`, fixed.
+    Plane {
+        /// Unit outward normal.
+        normal: DVec3,
+        /// Offset, m.
+        offset: f64,
+    },
+}
+
+/// Where the layer comes from.
+#[derive(Debug, Clone)]
+pub enum Layer {
+    /// Made around the surface, from lattice cells with this edge (file coordinates, before scale).
+    Cell(f64),
+    /// A tetrahedral mesh file.
+    File(PathBuf),
+    /// A box of Kuhn cells, each cut along (0,0,0)-(1,1,1).
+    Box {
+        /// Least corner.
+        low: DVec3,
+        /// Greatest corner.
+        high: DVec3,
+        /// Cells per axis.
+        cells: [u32; 3],
+    },
+}
+
+/// Linear elastic material.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Density, kg/m^3.
+    pub density: f64,
+    /// Rayleigh damping alpha, 1/s.
+    pub damping_mass: f64,
+    /// Rayleigh damping beta, s.
+    pub damping_stiffness: f64,
+}
+
+/// `[[body.core]]`.
+#[derive(Debug, Clone)]
+pub struct Core {
+    /// Name, unique in its body.
+    pub name: String,
+    /// How it moves.
+    pub motion: Motion,
+    /// Which nodes it carries; `None` for the core of a rigid body.
+    pub bind: Option<Bind>,
+    /// Mass, kg, of a dynamic core; `None`: from the bound region.
+    pub mass: Option<f64>,
+}
+
+/// How a core moves.
+#[derive(Debug, Clone)]
+pub enum Motion {
+    /// Not at all.
+    Fixed,
+    /// Along keys (time, centre, orientation; world).
+    Driven(Vec<Key>),
+    /// By forces.
+    Dynamic,
+}
+
+/// Which nodes a core carries; regions in file coordinates, before scale and pose.
+#[derive(Debug, Clone)]
+pub enum Bind {
+    /// Nodes at least this deep below the skin, m in file coordinates.
+    Inset(f64),
+    /// Nodes in a box.
+    Box {
+        /// Least corner.
+        low: DVec3,
+        /// Greatest corner.
+        high: DVec3,
+    },
+    /// Nodes in a sphere.
+    Sphere {
+        /// Centre.
+        centre: DVec3,
+        /// Radius.
+        radius: f64,
+    },
+    /// These nodes, zero-based in file order.
+    Nodes(Vec<u32>),
+    /// Every node.
+    All,
+}
+
+/// A pose at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Key {
+    /// Time, s.
+    pub time: f64,
+    /// Position, m.
+    pub position: DVec3,
+    /// Orientation.
+    pub orientation: DQuat,
+}
+
+/// `[tool]`.
+#[derive(Debug, Clone)]
+pub struct Tool {
+    /// Its shape.
+    pub shape: ToolShape,
+    /// Mass, kg.
+    pub mass: f64,
+    /// World position of its centre at the start, m.
+    pub position: DVec3,
+    /// World orientation at the start.
+    pub orientation: DQuat,
+    /// Initial velocity, world, m/s.
+    pub velocity: DVec3,
+    /// Uniform scale of file coordinates.
+    pub scale: f64,
+}
+
+/// Shape of the tool.
+#[derive(Debug, Clone)]
+pub enum ToolShape {
+    /// A sphere of this radius, m.
+    Sphere(f64),
+    /// A closed surface, an OBJ file.
+    Surface(PathBuf),
+    /// A body of the scene, held by its first core.
+    Body(String),
+}
+
+/// `[coupling]`.
+#[derive(Debug, Clone, Copy)]
+pub struct Coupling {
+    /// N/m.
+    pub stiffness: f64,
+    /// N s/m.
+    pub damping: f64,
+    /// N m/rad.
+    pub angular_stiffness: f64,
+    /// N m s/rad.
+    pub angular_damping: f64,
+}
+
+/// `[haptics]`.
+#[derive(Debug, Clone)]
+pub struct Haptics {
+    /// Name of the device.
+    pub device: String,
+    /// Rate of the host loop, Hz.
+    pub rate: f64,
+    /// Greatest force to play, N; `None`: the device profile's.
+    pub max_force: Option<f64>,
+}
+
+/// `[[probe]]`: a skin vertex to follow.
+#[derive(Debug, Clone)]
+pub struct Probe {
+    /// Column prefix in the trace.
+    pub name: String,
+    /// Body it sits on.
+    pub body: String,
+    /// The skin vertex nearest to this point is followed (file coordinates, before scale and pose).
+    pub nearest: DVec3,
+}
