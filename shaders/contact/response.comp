@@ -1,0 +1,70 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+
+// Contact: what the solver needs to know of each colliding vertex. J v = n.(v(s1) - v(s2)) as at most sixteen weighted
+// nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: three times four) and the tool's
+// twist; the rate J v at the start. Counts the entries of each node for the transposed index. One invocation a contact.
+// Oracle: oracle::contact::responses.
+
+layout(local_size_x_id = 0) in;
+
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
+layout(scalar, binding = 2) readonly buffer Pairs { Pair pairs[]; };
+layout(scalar, binding = 3) readonly buffer Regions { Region regions[]; };
+layout(scalar, binding = 4) readonly buffer ContactSource { uint contact_source[]; };
+layout(binding = 5) uniform samplerBuffer candidate_hits;
+layout(binding = 6) uniform usamplerBuffer candidate_what;
+layout(binding = 7) uniform usamplerBuffer triangles;
+layout(binding = 8) uniform usamplerBuffer skin_nodes;
+layout(binding = 9) uniform samplerBuffer skin_weights;
+layout(binding = 10) uniform samplerBuffer skin;
+layout(binding = 11) uniform samplerBuffer velocity;
+layout(scalar, binding = 12) writeonly buffer Contacts { Contact contacts[]; };
+layout(scalar, binding = 13) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads a contact
+layout(scalar, binding = 14) writeonly buffer EntryWeights { vec4 entry_weights[]; };
+layout(scalar, binding = 15) buffer NodeCount { uint node_count[]; };                   // cleared
+
+uint quads = 0;
+float rate = 0.0;
+
+// A skin vertex's four nodes, weights times `share`; none where it rides on a rigid body.
+void add(uint contact, uint vertex, float share, vec3 normal) {
+    uvec4 nodes = texelFetch(skin_nodes, int(vertex));
+    if (nodes.x == NONE) return;
+    vec4 weights = share * texelFetch(skin_weights, int(vertex));
+    entry_nodes[4 * contact + quads] = nodes;
+    entry_weights[4 * contact + quads] = weights;
+    quads += 1;
+    for (uint k = 0; k < 4; k++) {
+        rate += weights[k] * dot(normal, texelFetch(velocity, int(nodes[k])).xyz);
+        if (weights[k] != 0.0) atomicAdd(node_count[nodes[k]], 1);
+    }
+}
+
+void main() {
+    uint c = gl_GlobalInvocationID.x;
+    if (c >= counts.contacts) return;
+    uint source = contact_source[c];
+    vec4 found = texelFetch(candidate_hits, int(source));
+    uvec4 what = texelFetch(candidate_what, int(source));
+    uint vertex = what.x, side = what.y, triangle = what.z;
+    Pair pair = pairs[side / 2];
+    vec3 n = regions[side / 2].normal;
+    float sign = (side & 1) != 0 ? -1.0 : 1.0;
+    add(c, vertex, sign, n);
+    if (triangle != NONE) {
+        uvec3 corners = texelFetch(triangles, int(triangle)).xyz;
+        add(c, corners.x, -sign * (1.0 - found.y - found.z), n);
+        add(c, corners.y, -sign * found.y, n);
+        add(c, corners.z, -sign * found.z, n);
+    }
+    vec3 lever = pair.tool_sign * cross(texelFetch(skin, int(vertex)).xyz - params.tool_centre, n);
+    vec3 linear = vec3(params.tool_twist[0], params.tool_twist[1], params.tool_twist[2]);
+    vec3 angular = vec3(params.tool_twist[3], params.tool_twist[4], params.tool_twist[5]);
+    if (pair.tool_sign != 0.0) rate += pair.tool_sign * dot(n, linear) + dot(lever, angular);
+    contacts[c] = Contact(n, found.w, lever, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping, quads, vertex, side,
+        triangle, found.yz);
+}

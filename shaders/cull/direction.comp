@@ -1,0 +1,78 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+
+// Cull: the direction in which two hulls part. Over all face normals n of both hulls (turned from a to b) the separation
+// is s(n) = min over b of n.y - max over a of n.x; the directions near the greatest are blended,
+// n = sum max(0, 1 - (s_max - s) / blend)^2 n, so that it turns smoothly where the best face changes, inside and outside
+// alike (a penetration direction by itself jumps from face to face, and the force with it). Written with the weight
+// max(0, reach - s_max)^2, which vanishes where the pair is culled. One workgroup an active pair of proxies.
+// Oracle: oracle::proximity::direction.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
+
+layout(scalar, binding = 0) readonly buffer Proxies { Proxy proxies[]; };
+layout(scalar, binding = 1) readonly buffer Bounds { ProxyBounds bounds[]; };
+layout(binding = 2) uniform usamplerBuffer proxy_pairs;
+layout(binding = 3) uniform samplerBuffer hull;
+layout(binding = 4) uniform samplerBuffer faces;
+layout(scalar, binding = 5) readonly buffer ActivePairs { uint active_pairs[]; };
+layout(scalar, binding = 6) readonly buffer Reach { float reach_of[]; };
+layout(scalar, binding = 7) writeonly buffer Directions { vec4 directions[]; };    // unit normal, weight; an entry a pair of proxies
+
+// Faces of both hulls at most, each a fan of a hull with 64 vertices.
+const uint MAX_FACES = 256;
+const float BLEND = 0.25;       // of the smaller hull's radius
+
+shared float separation[MAX_FACES];
+shared vec4 partial[SIZE];
+
+vec3 normal_of(Proxy a, Proxy b, uint f) {
+    return f < a.face_count ? texelFetch(faces, int(a.face_first + f)).xyz
+                            : -texelFetch(faces, int(b.face_first + f - a.face_count)).xyz;
+}
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uint i = active_pairs[gl_WorkGroupID.x];
+    uvec4 which = texelFetch(proxy_pairs, int(i));
+    Proxy a = proxies[which.x];
+    Proxy b = proxies[which.y];
+    uint face_count = min(a.face_count + b.face_count, MAX_FACES);
+    float greatest = -3.0e38;
+    for (uint f = lane; f < face_count; f += SIZE) {
+        bool of_a = f < a.face_count;
+        vec4 face = texelFetch(faces, int(of_a ? a.face_first + f : b.face_first + f - a.face_count));
+        uint first = of_a ? b.hull_first : a.hull_first;
+        uint count = of_a ? b.hull_count : a.hull_count;
+        float least = 3.0e38;
+        for (uint k = 0; k < count; k++) least = min(least, dot(face.xyz, texelFetch(hull, int(first + k)).xyz));
+        separation[f] = least - face.w;
+        greatest = max(greatest, separation[f]);
+    }
+    partial[lane] = vec4(greatest);
+    for (uint width = SIZE / 2; width > 0; width /= 2) {
+        barrier();
+        if (lane < width) partial[lane] = max(partial[lane], partial[lane + width]);
+    }
+    barrier();
+    greatest = partial[0].x;
+    barrier();
+    float blend = BLEND * min(bounds[which.x].radius, bounds[which.y].radius);
+    vec3 sum = vec3(0.0);
+    for (uint f = lane; f < face_count; f += SIZE) {
+        float w = max(0.0, 1.0 - (greatest - separation[f]) / blend);
+        sum += w * w * normal_of(a, b, f);
+    }
+    partial[lane] = vec4(sum, 0.0);
+    for (uint width = SIZE / 2; width > 0; width /= 2) {
+        barrier();
+        if (lane < width) partial[lane] += partial[lane + width];
+    }
+    if (lane == 0) {
+        float weight = max(0.0, reach_of[i] - greatest);
+        directions[i] = vec4(normalize(partial[0].xyz), weight * weight);
+    }
+}

@@ -1,0 +1,98 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+#include "shared/rotation.glsl"
+
+// Elastic: the rotation R of each tetrahedron (polar part of F = I + G, G = sum d_i g_i^T, by Mueller et al. 2016, "A Robust
+// Method to Extract the Rotational Part of Deformations", warm-started: proper, and steady under inversion); gradients
+// rotated into the world, g' = sqrt(V) R_frame R g; and what the element gives to the right-hand side,
+// h f - (h^2 + h beta) K v, f_i = -V P g_i, P = R (2 mu sym(E) + lambda tr(E) I), E = R^T G + (R^T - I).
+// One invocation a tetrahedron. Oracle: oracle::elastic.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const uint TETRAHEDRA = 0;
+
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(scalar, binding = 2) readonly buffer Materials { vec4 materials[]; };     // mu, lambda (Pa), alpha (1/s), beta (s); a frame
+layout(binding = 3) uniform usamplerBuffer tetrahedra;
+layout(binding = 4) uniform samplerBuffer rest_gradients;       // three a tetrahedron: g of its last three nodes (1/m); w: sqrt(V), -, frame
+layout(binding = 5) uniform samplerBuffer displacement;
+layout(binding = 6) uniform samplerBuffer velocity;
+layout(scalar, binding = 7) buffer Rotations { vec4 rotations[]; };
+layout(scalar, binding = 8) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, lambda
+layout(scalar, binding = 9) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
+
+const uint POLAR_ROUNDS = 40;
+const float POLAR_DONE = 1.0e-7;        // rad; f32 resolves no less
+
+mat3 matrix_of(vec4 q) {
+    return mat3(rotate(q, vec3(1, 0, 0)), rotate(q, vec3(0, 1, 0)), rotate(q, vec3(0, 0, 1)));
+}
+
+vec4 polar(mat3 f, vec4 q) {
+    for (uint k = 0; k < POLAR_ROUNDS; k++) {
+        mat3 r = matrix_of(q);
+        vec3 turn = cross(r[0], f[0]) + cross(r[1], f[1]) + cross(r[2], f[2]);
+        float scale = abs(dot(r[0], f[0]) + dot(r[1], f[1]) + dot(r[2], f[2])) + 1.0e-9;
+        vec3 omega = turn / scale;
+        float angle = length(omega);
+        if (angle < POLAR_DONE) break;
+        q = normalize(compose(vec4(omega * (sin(0.5 * angle) / angle), cos(0.5 * angle)), q));
+    }
+    return q;
+}
+
+// 2 mu sym(E) + lambda tr(E) I.
+mat3 stress(mat3 e, float mu, float lambda) {
+    float pressure = lambda * (e[0][0] + e[1][1] + e[2][2]);
+    return mu * (e + transpose(e)) + mat3(pressure, 0, 0, 0, pressure, 0, 0, 0, pressure);
+}
+
+void main() {
+    uint t = gl_GlobalInvocationID.x;
+    if (t >= TETRAHEDRA) return;
+    uvec4 nodes = texelFetch(tetrahedra, int(t));
+    vec4 g1 = texelFetch(rest_gradients, int(3 * t)), g2 = texelFetch(rest_gradients, int(3 * t + 1)),
+        g3 = texelFetch(rest_gradients, int(3 * t + 2));
+    uint frame = uint(g3.w);
+    vec4 material = materials[frame];
+    float mu = material.x, lambda = material.y, root = g1.w;
+    vec3 d0 = texelFetch(displacement, int(nodes.x)).xyz;
+    vec3 d1 = texelFetch(displacement, int(nodes.y)).xyz - d0;
+    vec3 d2 = texelFetch(displacement, int(nodes.z)).xyz - d0;
+    vec3 d3 = texelFetch(displacement, int(nodes.w)).xyz - d0;
+    mat3 g = outerProduct(d1, g1.xyz) + outerProduct(d2, g2.xyz) + outerProduct(d3, g3.xyz);
+    vec4 q = polar(mat3(1.0) + g, rotations[t]);
+    rotations[t] = q;
+
+    // R^T - I = 2 [v]x [v]x - 2 w [v]x, column by column, without cancellation.
+    mat3 e;
+    for (int k = 0; k < 3; k++) {
+        vec3 axis = vec3(k == 0, k == 1, k == 2);
+        vec3 turned = cross(q.xyz, axis);
+        e[k] = rotate_back(q, g[k]) + 2.0 * (cross(q.xyz, turned) - q.w * turned);
+    }
+    vec4 world = compose(frames[frame].rotation, q);
+    vec3 h1 = root * rotate(world, g1.xyz), h2 = root * rotate(world, g2.xyz), h3 = root * rotate(world, g3.xyz);
+    float scale = params.dt * (params.dt + material.w);
+    gradients[3 * t] = vec4(h1, scale * mu);
+    gradients[3 * t + 1] = vec4(h2, scale * lambda);
+    gradients[3 * t + 2] = vec4(h3, 0.0);
+
+    mat3 p = stress(e, mu, lambda);
+    float impulse = -params.dt * root * root;
+    vec3 v0 = texelFetch(velocity, int(nodes.x)).xyz;
+    mat3 w = outerProduct(texelFetch(velocity, int(nodes.y)).xyz - v0, h1)
+        + outerProduct(texelFetch(velocity, int(nodes.z)).xyz - v0, h2)
+        + outerProduct(texelFetch(velocity, int(nodes.w)).xyz - v0, h3);
+    mat3 damping = stress(w, scale * mu, scale * lambda);
+    vec3 f1 = impulse * rotate(world, p * g1.xyz) - damping * h1;
+    vec3 f2 = impulse * rotate(world, p * g2.xyz) - damping * h2;
+    vec3 f3 = impulse * rotate(world, p * g3.xyz) - damping * h3;
+    element_forces[4 * t] = vec4(-f1 - f2 - f3, 0.0);
+    element_forces[4 * t + 1] = vec4(f1, 0.0);
+    element_forces[4 * t + 2] = vec4(f2, 0.0);
+    element_forces[4 * t + 3] = vec4(f3, 0.0);
+}

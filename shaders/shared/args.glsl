@@ -1,0 +1,22 @@
+// Indirect arguments: one VkDispatchIndirectCommand a slot, three words each; the slots are src/stages/args.rs's.
+
+const uint ARGS_DIRECTION = 0;      // a workgroup an active proxy pair
+const uint ARGS_EMBED = 1;
+const uint ARGS_RASTER = 2;
+const uint ARGS_CANDIDATES = 3;
+const uint ARGS_COMPACT = 4;
+const uint ARGS_CONTACTS = 5;
+const uint ARGS_CONTACT_NODES = 6;  // every node, or none where nothing touches
+const uint ARGS_ENTRIES = 7;        // 16 a contact
+const uint ARGS_APPLY = 8;          // tetrahedra and contacts
+const uint ARGS_LOOP_APPLY = 9;     // the same inside the solver's loop: zero once converged
+const uint ARGS_LOOP_GATHER = 10;
+const uint ARGS_LOOP_ONE = 11;
+const uint ARGS_LOOP_UPDATE = 12;
+const uint ARGS_COMMIT = 13;        // every node, once the step is accepted
+const uint ARGS_WRENCH = 14;
+const uint ARGS_DRAW = 16;          // VkDrawIndirectCommand: four words at 3 * 16, a multiple of 16 bytes
+
+layout(constant_id = 10) const uint GROUP = 64;   // local size of the kernels that are dispatched by elements
+
+uint groups_of(uint elements) { return (elements + GROUP - 1) / GROUP; }

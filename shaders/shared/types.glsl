@@ -1,0 +1,164 @@
+// Structures that several kernels share. Each has one twin in src/stages/types.rs; a vk-test compares the offsets.
+// Scalar block layout throughout. Positions are world axes relative to the step's origin (chosen by the host next to the
+// tool, so that f32 loses nothing far from the world's origin). SI units.
+
+const uint NONE = 0xffffffffu;
+
+// One step's inputs, written by the host.
+struct StepParams {
+    float dt;                   // s
+    uint step;                  // from 1
+    float tolerance;            // residual to stop at
+    uint max_iterations;
+    vec3 gravity;               // m/s^2
+    float depth_limit;          // m
+    float texel;                // edge of a texel, m; 0: the region's extent / tile_size
+    float tool_matrix[36];      // operator of the tool's twist without contact: inertia and virtual coupling
+    float tool_rhs[6];          // right-hand side of the same
+    float tool_twist[6];        // linear (m/s) and angular (rad/s) velocity at the start
+    vec3 tool_centre;           // m, relative to the origin
+};
+
+// Placement of a body's frame, written by the host each step.
+struct Frame {
+    vec4 rotation;              // quaternion x y z w, frame to world
+    vec3 centre;                // m, relative to the origin
+    vec3 linear;                // m/s
+    vec3 angular;               // rad/s
+};
+
+// Two bodies that may touch; b may be a half-space. Written by the host each step (the plane is relative to the origin).
+struct Pair {
+    uint first_proxy_pair;
+    uint proxy_pair_count;
+    uint first_proxy[2];        // proxies of a and b
+    uint proxy_count[2];
+    float stiffness;            // N/m^3
+    float damping;              // N s/m^3
+    float tool_sign;            // 1: a is the tool, -1: b is, 0: neither
+    uint is_plane;
+    vec4 plane;                 // unit normal, offset
+};
+
+// A convex hull that rides on a frame.
+struct Proxy {
+    uint frame;
+    uint hull_first, hull_count;
+    uint face_first, face_count;
+    uint vertex_first, vertex_count;        // owned skin vertices
+    uint triangle_first, triangle_count;    // owned skin triangles
+    uint embed_first, embed_count;          // skin vertices to place when it is active: the above and their neighbours
+    uint node_first, node_count;            // nodes that move them
+    float margin;                           // how far the skin sticks out of the hull at rest, m
+    float weight_bound;                     // greatest sum of absolute weights of an embedding
+};
+
+// A proxy's bounds this step.
+struct ProxyBounds {
+    vec3 low;
+    float inflation;            // margin and the largest displacement, m
+    vec3 high;
+    float radius;               // half the diagonal of the hull's box, m
+};
+
+// What culling returns for a pair of bodies that may touch.
+struct Region {
+    vec3 normal;                // unit, from a to b
+    vec3 tangent;
+    vec3 bitangent;
+    vec2 low;                   // corner of the tile along the tangents, m
+    float texel;                // m
+    uint width, height;         // texels; 0: nothing may touch
+    float height_low;           // heights along the normal lie within, m
+    float height_high;
+};
+
+// A proxy that takes part in a region; the *_first are running totals over the list.
+struct ActiveProxy {
+    uint proxy;
+    uint side;                  // 2 * pair + (0: a, 1: b)
+    uint vertex_first;
+    uint triangle_first;
+    uint embed_first;
+};
+
+// Counters of the step; flags as in the trace.
+struct Counts {
+    uint active;                // active proxies
+    uint vertices;              // candidate vertices
+    uint triangles;             // triangles to rasterize
+    uint embeds;                // skin vertices to place
+    uint contacts;
+    uint entries;               // of the transposed contact index
+    uint pulling;               // contacts dropped because they would pull
+    uint flags;
+};
+
+// A colliding skin vertex.
+struct Contact {
+    vec3 normal;                // unit, from a to b
+    float area;                 // projected, with its side's half weight, m^2
+    vec3 lever;                 // (s - tool centre) x normal, times tool_sign
+    float tool_sign;
+    float depth;                // m
+    float rate;                 // normal . (v1 - v2) at the start, m/s
+    float stiffness;            // N/m^3
+    float damping;              // N s/m^3; a dropped contact has stiffness = damping = 0
+    uint quads;                 // groups of four entries in use: 1 to 4
+    uint vertex;                // skin vertex
+    uint side;                  // as in ActiveProxy
+    uint triangle;              // opposing, NONE: a plane
+    vec2 barycentric;           // of the opposing point: weights of its second and third corner
+};
+
+// State of the linear solver that lives on the device between passes.
+struct Solve {
+    float gamma;                // r . M^-1 r
+    float alpha;
+    float beta;
+    float warm;                 // factor on the last solution
+    float rhs_norm2;            // b . M^-1 b
+    float floor_norm2;          // what f32 rounding leaves of it
+    uint iterations;
+    uint status;                // STATUS_*
+    uint retried;               // 1: solved again without the contacts that pulled
+    float tool_inverse[36];     // of the tool's diagonal block
+    float tool_b[6];
+    float tool_x[6];
+    float tool_r[6];
+    float tool_u[6];
+    float tool_p[6];
+    float tool_s[6];
+};
+
+const uint STATUS_RUNNING = 0;      // not converged yet
+const uint STATUS_CONVERGED = 1;
+const uint STATUS_STOPPED = 2;      // at max_iterations, or broke down
+
+// What the host reads back after the step.
+struct Report {
+    uint verdict;               // VERDICT_*
+    uint iterations;
+    float residual;             // recomputed from b - A x
+    float residual_floor;       // what f32 can reach
+    uint contacts;
+    float max_depth;            // m
+    uint flags;
+    float force[3];             // on the tool, N
+    float torque[3];            // about its centre, N m
+    float tool_change[6];       // of its twist
+    float stiffness[21];        // contact stiffness seen by the tool, upper triangle by rows
+    float damping[21];
+};
+
+const uint VERDICT_DONE = 0;
+const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out
+const uint VERDICT_RETRY = 2;       // contacts pulled: dropped, solve again
+
+const uint FLAG_NOT_CONVERGED = 1;
+const uint FLAG_REGION_OVERFLOW = 2;
+const uint FLAG_CONTACT_OVERFLOW = 4;
+const uint FLAG_DEPTH_LIMIT = 8;
+const uint FLAG_NOT_HEIGHT_FIELD = 16;
+const uint FLAG_NON_FINITE = 32;
+const uint FLAG_PULLING = 256;
