@@ -141,7 +141,7 @@ void main() {
     }
     if (lane != 0) return;
     // The list, and its running totals.
-    uint vertices = 0, triangles = 0, embeds = 0, active = 0;
+    uint vertices = 0, triangles = 0, embeds = 0, listed = 0;
     slot = 0;
     for (uint r = 0; r < PAIRS; r++) {
         Pair pair = pairs[r];
@@ -150,14 +150,14 @@ void main() {
             for (uint p = 0; p < pair.proxy_count[side]; p++, slot++) {
                 if (proxy_active[slot] == 0) continue;
                 uint id = pair.first_proxy[side] + p;
-                active_list[active++] = ActiveProxy(id, 2 * r + side, vertices, triangles, embeds);
+                active_list[listed++] = ActiveProxy(id, 2 * r + side, vertices, triangles, embeds);
                 vertices += proxies[id].vertex_count;
                 if (pair.is_plane == 0) triangles += proxies[id].triangle_count;
                 embeds += proxies[id].embed_count;
             }
         }
     }
-    counts.active = active;
+    counts.active_proxies = listed;
     counts.vertices = vertices;
     counts.triangles = triangles;
     counts.embeds = embeds;

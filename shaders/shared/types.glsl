@@ -84,7 +84,7 @@ struct ActiveProxy {
 
 // Counters of the step; flags as in the trace.
 struct Counts {
-    uint active;                // active proxies
+    uint active_proxies;
     uint vertices;              // candidate vertices
     uint triangles;             // triangles to rasterize
     uint embeds;                // skin vertices to place

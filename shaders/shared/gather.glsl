@@ -1,0 +1,12 @@
+// Sums over what touches a node. Needs `node_elements` (four entries of `element_forces` a texel, padded with an entry that
+// is zero), `element_forces`, `node_entries`, `sorted` and `contact_forces`.
+
+vec3 gather_elements(uint first, uint quads) {
+    vec3 sum = vec3(0.0);
+    for (uint k = 0; k < quads; k++) {
+        uvec4 entry = texelFetch(node_elements, int(first + k));
+        sum += texelFetch(element_forces, int(entry.x)).xyz + texelFetch(element_forces, int(entry.y)).xyz
+            + texelFetch(element_forces, int(entry.z)).xyz + texelFetch(element_forces, int(entry.w)).xyz;
+    }
+    return sum;
+}

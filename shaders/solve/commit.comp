@@ -1,0 +1,28 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+#include "shared/rotation.glsl"
+
+// Solve: the new state, v += x, d += h R^T v (frames at rest: R of the frame does not change over the step).
+// One invocation a node. Oracle: oracle::step.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const uint NODES = 0;
+
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(binding = 2) uniform usamplerBuffer node_info;
+layout(binding = 3) uniform samplerBuffer solution;
+layout(scalar, binding = 4) buffer Velocity { vec4 velocity[]; };
+layout(scalar, binding = 5) buffer Displacement { vec4 displacement[]; };
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i >= NODES) return;
+    uvec4 info = texelFetch(node_info, int(i));
+    if (info.w != 0) return;
+    vec3 v = velocity[i].xyz + texelFetch(solution, int(i)).xyz;
+    velocity[i] = vec4(v, 0.0);
+    displacement[i] = vec4(displacement[i].xyz + params.dt * rotate_back(frames[info.z].rotation, v), 0.0);
+}

@@ -1,0 +1,109 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+#include "shared/args.glsl"
+
+// Solve: the verdict. The residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed, not the recurrence's. A
+// contact pulls when k delta + (h k + d) delta' at the end < 0: contacts never adhere, so those are dropped and the host
+// has the step solved once more; if some pull even then they count as zero and a flag says so. One workgroup.
+// Oracle: oracle::step.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 1) const uint NODES = 0;
+layout(constant_id = 3) const bool CONTACT = false;
+layout(constant_id = 4) const bool TOOL = false;
+layout(constant_id = 5) const uint PARTIALS = 1;
+
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(scalar, binding = 1) readonly buffer Dots { vec2 dots[]; };
+layout(scalar, binding = 2) buffer CountsInOut { Counts counts; };
+layout(scalar, binding = 3) buffer Contacts { Contact contacts[]; };
+layout(binding = 4) uniform samplerBuffer contact_forces;       // of the solution
+layout(scalar, binding = 5) buffer SolveInOut { Solve solve; };
+layout(scalar, binding = 6) writeonly buffer Args { uint args[]; };
+layout(scalar, binding = 7) writeonly buffer ReportOut { Report report; };
+
+shared float deepest[SIZE];
+
+#include "shared/sum.glsl"
+#include "shared/tool.glsl"
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uint contact_count = CONTACT ? counts.contacts : 0;
+    vec4 sums = vec4(0.0);
+    for (uint k = lane; k < PARTIALS; k += SIZE) sums.x += dots[k].x;
+    float depth = 0.0;
+    // y: contacts that push or are yet undecided, z: that pull.
+    for (uint c = lane; c < contact_count; c += SIZE) {
+        Contact contact = contacts[c];
+        if (contact.stiffness == 0.0) continue;
+        float g = params.dt * (params.dt * contact.stiffness + contact.damping) * contact.area;
+        float rate = contact.rate + texelFetch(contact_forces, int(c)).w / g;
+        bool pulls = contact.stiffness * contact.depth + (params.dt * contact.stiffness + contact.damping) * rate < 0.0;
+        sums.y += 1.0;
+        depth = max(depth, contact.depth);
+        sums.z += pulls ? 1.0 : 0.0;
+    }
+    deepest[lane] = depth;
+    sums = workgroup_sum(sums);
+    bool again = solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retried == 0;
+    if (again) {
+        for (uint c = lane; c < contact_count; c += SIZE) {
+            Contact contact = contacts[c];
+            if (contact.stiffness == 0.0) continue;
+            float g = params.dt * (params.dt * contact.stiffness + contact.damping) * contact.area;
+            float rate = contact.rate + texelFetch(contact_forces, int(c)).w / g;
+            if (contact.stiffness * contact.depth + (params.dt * contact.stiffness + contact.damping) * rate < 0.0) {
+                contacts[c].stiffness = 0.0;
+                contacts[c].damping = 0.0;
+            }
+        }
+    }
+    if (TOOL) {
+        float forces[6];
+        tool_contact_sum(contact_count, forces);
+        if (lane == 0) {
+            float base[36], inverse[36], x[6], rest[6];
+            for (int k = 0; k < 36; k++) {
+                base[k] = params.tool_matrix[k];
+                inverse[k] = solve.tool_inverse[k];
+            }
+            for (int k = 0; k < 6; k++) x[k] = solve.tool_x[k];
+            float image[6] = times(base, x);
+            for (int k = 0; k < 6; k++) rest[k] = solve.tool_b[k] - image[k] - forces[k];
+            sums.x += inner(rest, times(inverse, rest));
+            for (int k = 0; k < 6; k++) report.tool_change[k] = x[k];
+        }
+    }
+    if (lane != 0) return;
+    float norm2 = max(solve.rhs_norm2, 1.0e-38);
+    float residual = solve.rhs_norm2 > solve.floor_norm2 ? sqrt(max(sums.x, 0.0) / norm2) : 0.0;
+    float residual_floor = sqrt(solve.floor_norm2 / norm2);
+    uint verdict = VERDICT_DONE;
+    if (solve.status == STATUS_RUNNING) verdict = VERDICT_CONTINUE;
+    else if (again) verdict = VERDICT_RETRY;
+    if (again) {
+        solve.retried = 1;
+        counts.pulling = uint(sums.z);
+    }
+    uint flags = counts.flags;
+    if (verdict == VERDICT_DONE) {
+        // Written so that a residual that is not a number raises the flag as well.
+        if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
+        if (isnan(sums.x) || isinf(sums.x)) flags |= FLAG_NON_FINITE;
+        if (sums.z > 0.0) flags |= FLAG_PULLING;
+        args[3 * ARGS_COMMIT] = groups_of(NODES);
+        args[3 * ARGS_WRENCH] = 1;
+    }
+    report.verdict = verdict;
+    report.iterations = solve.iterations;
+    report.residual = residual;
+    report.residual_floor = residual_floor;
+    report.contacts = uint(sums.y);
+    for (uint k = 0; k < SIZE; k++) depth = max(depth, deepest[k]);
+    report.max_depth = depth;
+    report.flags = flags;
+}

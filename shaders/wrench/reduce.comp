@@ -1,0 +1,61 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+
+// Wrench: net force and torque on the tool, about its centre, of what the solver applied: a max(0, k delta + d delta') at the
+// end of the step; the contact stiffness and damping that the tool sees, sum a k c c^T and sum a d c c^T with c = J^T of the
+// tool, the body held still. One workgroup. Oracle: oracle::wrench.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
+
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
+layout(scalar, binding = 2) readonly buffer Contacts { Contact contacts[]; };
+layout(binding = 3) uniform samplerBuffer contact_forces;
+layout(scalar, binding = 4) writeonly buffer ReportOut { Report report; };
+
+#include "shared/sum.glsl"
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    // Force, torque, upper triangles of stiffness and damping.
+    float sums[48];
+    for (int k = 0; k < 48; k++) sums[k] = 0.0;
+    for (uint c = lane; c < counts.contacts; c += SIZE) {
+        Contact contact = contacts[c];
+        if (contact.stiffness == 0.0 || contact.tool_sign == 0.0) continue;
+        float slope = params.dt * contact.stiffness + contact.damping;
+        float rate = contact.rate + texelFetch(contact_forces, int(c)).w / (params.dt * slope * contact.area);
+        float force = contact.area * (contact.stiffness * contact.depth + slope * rate);
+        if (force <= 0.0) continue;
+        float column[6];
+        for (int k = 0; k < 3; k++) {
+            column[k] = contact.tool_sign * contact.normal[k];
+            column[3 + k] = contact.lever[k];
+        }
+        for (int k = 0; k < 6; k++) sums[k] -= force * column[k];
+        int at = 6;
+        for (int i = 0; i < 6; i++) {
+            for (int k = i; k < 6; k++) {
+                sums[at] += contact.area * contact.stiffness * column[i] * column[k];
+                sums[at + 21] += contact.area * contact.damping * column[i] * column[k];
+                at += 1;
+            }
+        }
+    }
+    for (int k = 0; k < 48; k += 4) {
+        vec4 part = workgroup_sum(vec4(sums[k], sums[k + 1], sums[k + 2], sums[k + 3]));
+        for (int l = 0; l < 4; l++) sums[k + l] = part[l];
+    }
+    if (lane != 0) return;
+    for (int k = 0; k < 3; k++) {
+        report.force[k] = sums[k];
+        report.torque[k] = sums[3 + k];
+    }
+    for (int k = 0; k < 21; k++) {
+        report.stiffness[k] = sums[6 + k];
+        report.damping[k] = sums[27 + k];
+    }
+}
