@@ -45,4 +45,5 @@ void main() {
     args[3 * ARGS_CONTACTS] = groups_of(contacts);
     args[3 * ARGS_CONTACT_NODES] = contacts > 0 ? groups_of(NODES) : 0;
     args[3 * ARGS_ENTRIES] = groups_of(16 * contacts);
+    args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA + contacts);
 }

@@ -4,7 +4,7 @@
 #include "shared/types.glsl"
 #include "shared/tile.glsl"
 
-// Depth, graphics path: the depth passes of the paper. The target holds a row of tiles, two a region (side a, side b);
+// Depth, graphics path: the depth passes of the paper. The target holds a column of tiles, two a region (side a, side b);
 // vertices are pulled from the active list. One invocation a corner of an active triangle. Same answer as depth/raster.
 
 layout(constant_id = 2) const uint TILE = 128;
@@ -40,8 +40,8 @@ void main() {
     tile_size = vec2(region.width, region.height);
     bool faces_other = region.width != 0 && (side_b ? area < 0.0 : area > 0.0);
     float depth = (x.z - region.height_low) / (region.height_high - region.height_low);
-    vec2 target = vec2(float(entry.side * TILE), 0.0) + x.xy;
-    vec2 clip = target / vec2(float(TILE * TILES), float(TILE)) * 2.0 - 1.0;
+    vec2 target = vec2(0.0, float(entry.side * TILE)) + x.xy;
+    vec2 clip = target / vec2(float(TILE), float(TILE * TILES)) * 2.0 - 1.0;
     // A triangle turned away collapses to a point outside.
     gl_Position = faces_other ? vec4(clip, side_b ? depth : 1.0 - depth, 1.0) : vec4(2.0, 2.0, 0.5, 1.0);
 }

@@ -12,6 +12,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint HULL_VERTICES = 1;
 layout(constant_id = 2) const uint FACES = 1;
+layout(constant_id = 3) const uint TETRAHEDRA = 0;
 
 layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };
 layout(binding = 1) uniform samplerBuffer hull_rest;        // xyz, frame in w
@@ -31,6 +32,7 @@ void main() {
             args[3 * k + 1] = 1;
             args[3 * k + 2] = 1;
         }
+        args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA);
     }
     if (i < HULL_VERTICES) {
         vec4 rest = texelFetch(hull_rest, int(i));

@@ -22,7 +22,9 @@ layout(scalar, binding = 8) writeonly buffer DirectionImage { vec4 direction_ima
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= NODES) return;
-    vec3 r = texelFetch(rhs, int(i)).xyz - solve.warm * texelFetch(image, int(i)).xyz;
+    vec3 r = texelFetch(rhs, int(i)).xyz;
+    // Not a product with zero: what is left of a failed step may not be a number.
+    if (solve.warm != 0.0) r -= solve.warm * texelFetch(image, int(i)).xyz;
     vec3 d = texelFetch(inverse, int(2 * i)).xyz, o = texelFetch(inverse, int(2 * i + 1)).xyz;
     solution[i] = solve.warm != 0.0 ? solve.warm * solution[i] : vec4(0.0);
     residual[i] = vec4(r, 0.0);

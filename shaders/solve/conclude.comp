@@ -93,10 +93,12 @@ void main() {
     if (verdict == VERDICT_DONE) {
         // Written so that a residual that is not a number raises the flag as well.
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
-        if (isnan(sums.x) || isinf(sums.x)) flags |= FLAG_NON_FINITE;
         if (sums.z > 0.0) flags |= FLAG_PULLING;
-        args[3 * ARGS_COMMIT] = groups_of(NODES);
-        args[3 * ARGS_WRENCH] = 1;
+        // A solution that is not finite is not committed: the state stays as it was, and the flag says so.
+        bool finite = !isnan(sums.x) && !isinf(sums.x);
+        if (!finite) flags |= FLAG_NON_FINITE;
+        args[3 * ARGS_COMMIT] = finite ? groups_of(NODES) : 0;
+        args[3 * ARGS_WRENCH] = finite ? 1 : 0;
     }
     report.verdict = verdict;
     report.iterations = solve.iterations;

@@ -128,12 +128,12 @@ void main() {
             sums.w += inner(image, times(inverse, image));
             float warm = sums.w > 0.0 && sums.x > sums.y ? sums.z / sums.w : 0.0;
             float r[6];
-            for (int i = 0; i < 6; i++) r[i] = b[i] - warm * image[i];
+            for (int i = 0; i < 6; i++) r[i] = b[i] - (warm != 0.0 ? warm * image[i] : 0.0);
             float u[6] = times(inverse, r);
             for (int k = 0; k < 36; k++) solve.tool_inverse[k] = inverse[k];
             for (int i = 0; i < 6; i++) {
                 solve.tool_b[i] = b[i];
-                solve.tool_x[i] = warm * x[i];
+                solve.tool_x[i] = warm != 0.0 ? warm * x[i] : 0.0;
                 solve.tool_r[i] = r[i];
                 solve.tool_u[i] = u[i];
                 solve.tool_p[i] = 0.0;

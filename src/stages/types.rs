@@ -1,0 +1,292 @@
+//! Twins of the structures in shaders/shared/types.glsl (scalar block layout). A vk-test compares every offset.
+
+use bytemuck::{Pod, Zeroable};
+
+/// No element.
+pub const NONE: u32 = u32::MAX;
+
+/// One step's inputs.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct StepParams {
+    /// s.
+    pub dt: f32,
+    /// From 1.
+    pub step: u32,
+    /// Residual to stop at.
+    pub tolerance: f32,
+    /// Iterations at most.
+    pub max_iterations: u32,
+    /// m/s^2.
+    pub gravity: [f32; 3],
+    /// m.
+    pub depth_limit: f32,
+    /// m; 0: as fine as the tile allows.
+    pub texel: f32,
+    /// Operator of the tool's twist without contact.
+    pub tool_matrix: [f32; 36],
+    /// Right-hand side of the same.
+    pub tool_rhs: [f32; 6],
+    /// Twist at the start.
+    pub tool_twist: [f32; 6],
+    /// m, relative to the origin.
+    pub tool_centre: [f32; 3],
+}
+
+/// Placement of a body's frame.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub struct Frame {
+    /// Quaternion x y z w, frame to world.
+    pub rotation: [f32; 4],
+    /// m, relative to the origin.
+    pub centre: [f32; 3],
+    /// m/s.
+    pub linear: [f32; 3],
+    /// rad/s.
+    pub angular: [f32; 3],
+}
+
+/// Two bodies that may touch.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub struct Pair {
+    /// Into the pairs of proxies.
+    pub first_proxy_pair: u32,
+    /// Pairs of proxies.
+    pub proxy_pair_count: u32,
+    /// Of a and b.
+    pub first_proxy: [u32; 2],
+    /// Of a and b.
+    pub proxy_count: [u32; 2],
+    /// N/m^3.
+    pub stiffness: f32,
+    /// N s/m^3.
+    pub damping: f32,
+    /// 1: a is the tool, -1: b is, 0: neither.
+    pub tool_sign: f32,
+    /// b is a half-space.
+    pub is_plane: u32,
+    /// Unit normal, offset relative to the origin.
+    pub plane: [f32; 4],
+}
+
+/// A convex hull on a frame.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub struct Proxy {
+    /// Frame it rides on.
+    pub frame: u32,
+    /// Hull vertices.
+    pub hull_first: u32,
+    /// Hull vertices.
+    pub hull_count: u32,
+    /// Face planes.
+    pub face_first: u32,
+    /// Face planes.
+    pub face_count: u32,
+    /// Owned skin vertices.
+    pub vertex_first: u32,
+    /// Owned skin vertices.
+    pub vertex_count: u32,
+    /// Owned skin triangles.
+    pub triangle_first: u32,
+    /// Owned skin triangles.
+    pub triangle_count: u32,
+    /// Skin vertices to place.
+    pub embed_first: u32,
+    /// Skin vertices to place.
+    pub embed_count: u32,
+    /// Nodes that move them.
+    pub node_first: u32,
+    /// Nodes that move them.
+    pub node_count: u32,
+    /// m.
+    pub margin: f32,
+    /// Greatest sum of absolute weights.
+    pub weight_bound: f32,
+}
+
+/// A proxy's bounds this step.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct ProxyBounds {
+    /// Least corner of the hull's box.
+    pub low: [f32; 3],
+    /// m.
+    pub inflation: f32,
+    /// Greatest corner.
+    pub high: [f32; 3],
+    /// Half the box's diagonal, m.
+    pub radius: f32,
+}
+
+/// Where a pair of bodies may touch.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Region {
+    /// Unit, from a to b.
+    pub normal: [f32; 3],
+    /// First tangent.
+    pub tangent: [f32; 3],
+    /// Second tangent.
+    pub bitangent: [f32; 3],
+    /// Corner of the tile along the tangents, m.
+    pub low: [f32; 2],
+    /// m.
+    pub texel: f32,
+    /// Texels; 0: nothing may touch.
+    pub width: u32,
+    /// Texels.
+    pub height: u32,
+    /// Heights lie above, m.
+    pub height_low: f32,
+    /// Heights lie below, m.
+    pub height_high: f32,
+}
+
+/// A proxy that takes part in a region, with running totals.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct ActiveProxy {
+    /// The proxy.
+    pub proxy: u32,
+    /// 2 * pair + side.
+    pub side: u32,
+    /// Vertices before it.
+    pub vertex_first: u32,
+    /// Triangles before it.
+    pub triangle_first: u32,
+    /// Embedded vertices before it.
+    pub embed_first: u32,
+}
+
+/// Counters of the step.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Counts {
+    /// Active proxies.
+    pub active_proxies: u32,
+    /// Candidate vertices.
+    pub vertices: u32,
+    /// Triangles to rasterize.
+    pub triangles: u32,
+    /// Skin vertices to place.
+    pub embeds: u32,
+    /// Contacts.
+    pub contacts: u32,
+    /// Entries of the transposed contact index.
+    pub entries: u32,
+    /// Contacts dropped because they would pull.
+    pub pulling: u32,
+    /// Flags as in the trace.
+    pub flags: u32,
+}
+
+/// A colliding skin vertex.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Contact {
+    /// Unit, from a to b.
+    pub normal: [f32; 3],
+    /// Projected, with its side's weight, m^2.
+    pub area: f32,
+    /// (s - tool centre) x normal, times tool_sign.
+    pub lever: [f32; 3],
+    /// As in [`Pair`].
+    pub tool_sign: f32,
+    /// m.
+    pub depth: f32,
+    /// At the start, m/s.
+    pub rate: f32,
+    /// N/m^3; 0: dropped.
+    pub stiffness: f32,
+    /// N s/m^3.
+    pub damping: f32,
+    /// Groups of four entries: 1 to 4.
+    pub quads: u32,
+    /// Skin vertex.
+    pub vertex: u32,
+    /// As in [`ActiveProxy`].
+    pub side: u32,
+    /// Opposing triangle or [`NONE`].
+    pub triangle: u32,
+    /// Weights of its second and third corner.
+    pub barycentric: [f32; 2],
+}
+
+/// State of the solver between passes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Solve {
+    /// r . M^-1 r.
+    pub gamma: f32,
+    /// Step length.
+    pub alpha: f32,
+    /// Direction update.
+    pub beta: f32,
+    /// Factor on the last solution.
+    pub warm: f32,
+    /// b . M^-1 b.
+    pub rhs_norm2: f32,
+    /// What rounding leaves of it.
+    pub floor_norm2: f32,
+    /// Done so far.
+    pub iterations: u32,
+    /// 0 running, 1 converged, 2 stopped.
+    pub status: u32,
+    /// Solved again without pulling contacts.
+    pub retried: u32,
+    /// Inverse of the tool's block.
+    pub tool_inverse: [f32; 36],
+    /// The tool's rows of b, x, r, u, p, s.
+    pub tool_b: [f32; 6],
+    /// Solution.
+    pub tool_x: [f32; 6],
+    /// Residual.
+    pub tool_r: [f32; 6],
+    /// Preconditioned residual.
+    pub tool_u: [f32; 6],
+    /// Direction.
+    pub tool_p: [f32; 6],
+    /// Its image.
+    pub tool_s: [f32; 6],
+}
+
+/// What the host reads back.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Report {
+    /// 0 done, 1 continue, 2 retry.
+    pub verdict: u32,
+    /// Done.
+    pub iterations: u32,
+    /// Recomputed.
+    pub residual: f32,
+    /// What f32 can reach.
+    pub residual_floor: f32,
+    /// Contacts of both sides.
+    pub contacts: u32,
+    /// m.
+    pub max_depth: f32,
+    /// As in the trace.
+    pub flags: u32,
+    /// On the tool, N.
+    pub force: [f32; 3],
+    /// About its centre, N m.
+    pub torque: [f32; 3],
+    /// Change of its twist.
+    pub tool_change: [f32; 6],
+    /// Upper triangle by rows, N/m.
+    pub stiffness: [f32; 21],
+    /// Upper triangle by rows, N s/m.
+    pub damping: [f32; 21],
+}
+
+/// Verdicts of [`Report`].
+pub mod verdict {
+    /// The recorded iterations ran out.
+    pub const CONTINUE: u32 = 1;
+    /// Contacts pulled and were dropped: solve again.
+    pub const RETRY: u32 = 2;
+}
