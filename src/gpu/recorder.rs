@@ -4,7 +4,7 @@
 //! with its stage, and returned by [`Recorder::finish`].
 #![allow(unsafe_code)]
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use ash::vk::{self, AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
@@ -26,6 +26,8 @@ pub struct Recorder {
     hazards: Hazards,
     sets: HashMap<(vk::DescriptorSetLayout, Vec<vk::Buffer>), vk::DescriptorSet>,
     bound: vk::Pipeline,
+    /// Targets whose images are laid out for copying.
+    pub(super) copying: HashSet<u64>,
     stage: String,
     labelled: bool,
     timed: bool,
@@ -47,6 +49,7 @@ impl Recorder {
             hazards: Hazards::default(),
             sets: HashMap::new(),
             bound: vk::Pipeline::null(),
+            copying: HashSet::new(),
             stage: "set-up".into(),
             labelled: false,
             timed: false,
@@ -303,6 +306,10 @@ impl Recorder {
         self.error.is_none()
     }
 
+    pub(super) fn is_well(&self) -> bool {
+        self.error.is_none()
+    }
+
     fn fail(&mut self, what: String) {
         let error = Err(self.error(what));
         self.note(error);
@@ -383,4 +390,32 @@ impl Recorder {
 fn transfer(buffer: &Buffer, writes: bool) -> Use {
     let write_access = if writes { Access::TRANSFER_WRITE } else { Access::NONE };
     Use { id: buffer.0.handle.as_raw(), reads: !writes, writes, stages: Stages::ALL_TRANSFER, write_access }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Memory, Options, Size};
+    use super::*;
+
+    /// Without its barrier, the second of two dependent passes must be reported: the tests rely on this validation.
+    #[test]
+    fn a_missing_barrier_is_seen_by_validation() {
+        let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+        let context = Context::new(&Options { device, validation: true }).unwrap();
+        let kernel = Kernel::new(&context, "test/bump", Size::Group, &[]).unwrap();
+        let cells = Buffer::from_slice(&context, "cells", &[0u32; 64], Memory::Device).unwrap();
+        for forget in [false, true] {
+            let mut recorder = Recorder::new(&context).unwrap();
+            for _ in 0..2 {
+                recorder.dispatch(&kernel, &[&cells], bytemuck::bytes_of(&[1u32, 64]), 64);
+                recorder.fill(&cells, 3);
+                if forget {
+                    recorder.hazards = Hazards::default();
+                }
+            }
+            recorder.finish().unwrap();
+            let said = context.validation_messages();
+            assert_eq!(said.iter().any(|m| m.contains("SYNC-HAZARD")), forget, "{said:?}");
+        }
+    }
 }
