@@ -1,0 +1,161 @@
+//! When one pass must wait for another. Kept per buffer, answered with global memory barriers: drivers treat those as
+//! well as per-buffer ones, and one barrier then covers all that came before it.
+
+use std::collections::HashSet;
+
+use ash::vk::{AccessFlags2 as Access, MemoryBarrier2, PipelineStageFlags2 as Stages};
+
+/// One use of a buffer (or target) by one command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Use {
+    /// The Vulkan handle.
+    pub id: u64,
+    pub reads: bool,
+    pub writes: bool,
+    /// Where in the pipeline.
+    pub stages: Stages,
+    /// How it is written; none for a read.
+    pub write_access: Access,
+}
+
+/// Stages that draw.
+const GRAPHICS: Stages = Stages::from_raw(
+    Stages::VERTEX_SHADER.as_raw()
+        | Stages::FRAGMENT_SHADER.as_raw()
+        | Stages::EARLY_FRAGMENT_TESTS.as_raw()
+        | Stages::LATE_FRAGMENT_TESTS.as_raw()
+        | Stages::COLOR_ATTACHMENT_OUTPUT.as_raw(),
+);
+
+/// What happened since the last barrier.
+#[derive(Debug, Default)]
+pub(super) struct Hazards {
+    written: HashSet<u64>,
+    read: HashSet<u64>,
+    stages: Stages,
+    writes: Access,
+    barriers: u32,
+    /// The recording draws, so barriers from here on also hold back drawing.
+    draws: bool,
+}
+
+impl Hazards {
+    /// Notes a command and its uses. The barrier, if one must come before it.
+    pub fn before(&mut self, uses: &[Use]) -> Option<MemoryBarrier2<'static>> {
+        let waits = |u: &Use| self.written.contains(&u.id) || (u.writes && self.read.contains(&u.id));
+        let mut needed = uses.iter().any(waits);
+        if !self.draws && uses.iter().any(|u| u.stages.intersects(GRAPHICS)) {
+            self.draws = true;
+            // Earlier barriers did not reach the drawing stages: this one carries all earlier writes to them.
+            if self.barriers > 0 {
+                needed = true;
+                self.stages |= Stages::COMPUTE_SHADER | Stages::ALL_TRANSFER;
+                self.writes |= Access::SHADER_WRITE | Access::TRANSFER_WRITE;
+            }
+        }
+        let barrier = needed.then(|| self.barrier());
+        for u in uses {
+            if u.writes {
+                self.written.insert(u.id);
+            }
+            if u.reads {
+                self.read.insert(u.id);
+            }
+            self.stages |= u.stages;
+            self.writes |= u.write_access;
+        }
+        barrier
+    }
+
+    /// From all since the last barrier, to whatever may follow.
+    fn barrier(&mut self) -> MemoryBarrier2<'static> {
+        let mut stages = Stages::COMPUTE_SHADER | Stages::DRAW_INDIRECT | Stages::ALL_TRANSFER;
+        let mut access = Access::SHADER_READ
+            | Access::SHADER_WRITE
+            | Access::UNIFORM_READ
+            | Access::INDIRECT_COMMAND_READ
+            | Access::TRANSFER_READ
+            | Access::TRANSFER_WRITE;
+        if self.draws {
+            stages |= GRAPHICS;
+            access |= Access::COLOR_ATTACHMENT_READ
+                | Access::COLOR_ATTACHMENT_WRITE
+                | Access::DEPTH_STENCIL_ATTACHMENT_READ
+                | Access::DEPTH_STENCIL_ATTACHMENT_WRITE;
+        }
+        let barrier = MemoryBarrier2::default()
+            .src_stage_mask(self.stages)
+            .src_access_mask(self.writes)
+            .dst_stage_mask(stages)
+            .dst_access_mask(access);
+        *self = Hazards { barriers: self.barriers + 1, draws: self.draws, ..Hazards::default() };
+        barrier
+    }
+
+    /// Before a recording: everything that ran earlier, to everything in it.
+    pub fn opening() -> MemoryBarrier2<'static> {
+        MemoryBarrier2::default()
+            .src_stage_mask(Stages::ALL_COMMANDS)
+            .src_access_mask(Access::MEMORY_WRITE)
+            .dst_stage_mask(Stages::ALL_COMMANDS)
+            .dst_access_mask(Access::MEMORY_READ | Access::MEMORY_WRITE)
+    }
+
+    /// After a recording: everything in it, to the host's reads.
+    pub fn closing() -> MemoryBarrier2<'static> {
+        MemoryBarrier2::default()
+            .src_stage_mask(Stages::ALL_COMMANDS)
+            .src_access_mask(Access::MEMORY_WRITE)
+            .dst_stage_mask(Stages::HOST)
+            .dst_access_mask(Access::HOST_READ)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(id: u64) -> Use {
+        Use { id, reads: true, writes: false, stages: Stages::COMPUTE_SHADER, write_access: Access::NONE }
+    }
+
+    fn write(id: u64) -> Use {
+        Use { id, reads: false, writes: true, stages: Stages::COMPUTE_SHADER, write_access: Access::SHADER_WRITE }
+    }
+
+    fn barriers(passes: &[&[Use]]) -> Vec<bool> {
+        let mut hazards = Hazards::default();
+        passes.iter().map(|uses| hazards.before(uses).is_some()).collect()
+    }
+
+    #[test]
+    fn only_dependent_passes_wait() {
+        assert_eq!(barriers(&[&[write(1)], &[write(2)], &[read(3)]]), [false, false, false], "independent");
+        assert_eq!(barriers(&[&[read(1)], &[read(1)]]), [false, false], "two reads");
+        assert_eq!(barriers(&[&[write(1)], &[read(1)]]), [false, true], "read after write");
+        assert_eq!(barriers(&[&[read(1)], &[write(1)]]), [false, true], "write after read");
+        assert_eq!(barriers(&[&[write(1)], &[write(1)]]), [false, true], "write after write");
+    }
+
+    #[test]
+    fn one_barrier_covers_all_before_it() {
+        assert_eq!(
+            barriers(&[&[write(1)], &[write(2)], &[read(1), write(3)], &[read(2)]]),
+            [false, false, true, false]
+        );
+        assert_eq!(barriers(&[&[write(1)], &[read(1), write(2)], &[read(1)], &[read(2)]]), [false, true, false, true]);
+    }
+
+    #[test]
+    fn the_first_draw_waits_for_writes_behind_earlier_barriers() {
+        let draw = Use { stages: Stages::VERTEX_SHADER, ..read(1) };
+        assert_eq!(barriers(&[&[write(1)], &[read(1)], &[draw]]), [false, true, true]);
+        assert_eq!(barriers(&[&[draw], &[draw]]), [false, false]);
+        let mut hazards = Hazards::default();
+        hazards.before(&[write(1)]);
+        hazards.before(&[write(1)]);
+        let barrier = hazards.before(&[draw]).unwrap();
+        assert!(barrier.src_access_mask.contains(Access::SHADER_WRITE));
+        assert!(barrier.dst_stage_mask.contains(Stages::VERTEX_SHADER));
+    }
+}

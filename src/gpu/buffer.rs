@@ -1,0 +1,294 @@
+//! Arrays on the device. A [`Buffer`] is a cheap handle; the memory goes when the last handle does, and a recording
+//! holds handles of all it uses.
+#![allow(unsafe_code)]
+
+use std::marker::PhantomData;
+use std::ops::{Deref, DerefMut};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+use ash::vk;
+use bytemuck::Pod;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+use super::context::Context;
+use super::{Recorder, failed};
+use crate::error::{Error, Result};
+
+/// Where a buffer's memory is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Memory {
+    /// On the device; the host reaches it by copies.
+    Device,
+    /// Mapped, coherent, written by the host.
+    Upload,
+    /// Mapped, coherent and cached, read by the host.
+    Readback,
+}
+
+/// A vec4 or uvec4.
+const TEXEL_BYTES: u64 = 16;
+/// The least a buffer occupies, so that an empty array can still be bound.
+const LEAST_BYTES: u64 = 16;
+
+/// An array on the device: storage, uniform and texel buffer, indirect arguments, source and target of copies.
+#[derive(Clone)]
+pub struct Buffer(pub(super) Arc<Inner>);
+
+pub(super) struct Inner {
+    pub context: Arc<Context>,
+    pub name: String,
+    pub handle: vk::Buffer,
+    pub bytes: u64,
+    pub memory: Memory,
+    /// RGBA32F and RGBA32UI, where the size is a multiple of 16 and within the device's limit.
+    pub views: Option<[vk::BufferView; 2]>,
+    allocation: Option<Allocation>,
+    /// Orders the host's own readers and writers of mapped memory.
+    mapping: RwLock<()>,
+}
+
+impl Buffer {
+    /// An uninitialised array of `bytes` bytes; it occupies at least 16, and 0 may be bound. An array larger than the
+    /// device's storage buffers is refused by name.
+    pub fn new(context: &Arc<Context>, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
+        let limit = u64::from(context.limits.max_storage_buffer_range);
+        if bytes > limit {
+            return Err(Error::Simulation(format!(
+                "array {name} needs {bytes} bytes, but a storage buffer of {} holds at most {limit}; use a coarser \
+                 model or another device",
+                context.device_name()
+            )));
+        }
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::UNIFORM_BUFFER
+            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
+            | vk::BufferUsageFlags::INDIRECT_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_SRC
+            | vk::BufferUsageFlags::TRANSFER_DST;
+        let size = bytes.max(LEAST_BYTES).next_multiple_of(4);
+        let info = vk::BufferCreateInfo::default().size(size).usage(usage);
+        // SAFETY: the device is alive; `info` lives through the call.
+        let handle = unsafe { context.device.create_buffer(&info, None) }
+            .map_err(failed("vkCreateBuffer", format!("array {name}")))?;
+        context.labels.name(handle, name);
+        // From here on, dropping `inner` frees what there is.
+        let mut inner = Inner {
+            context: context.clone(),
+            name: name.into(),
+            handle,
+            bytes,
+            memory,
+            views: None,
+            allocation: None,
+            mapping: RwLock::new(()),
+        };
+        inner.allocate()?;
+        if size.is_multiple_of(TEXEL_BYTES) && size / TEXEL_BYTES <= u64::from(context.limits.max_texel_buffer_elements)
+        {
+            inner.views = Some(inner.create_views()?);
+        }
+        Ok(Buffer(Arc::new(inner)))
+    }
+
+    /// An array holding `data`. Device memory is filled through a staging copy with its own submit.
+    pub fn from_slice<T: Pod>(context: &Arc<Context>, name: &str, data: &[T], memory: Memory) -> Result<Buffer> {
+        let buffer = Buffer::new(context, name, size_of_val(data) as u64, memory)?;
+        buffer.write(data)?;
+        Ok(buffer)
+    }
+
+    /// Its name, as in messages.
+    pub fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// Its size as asked for, bytes.
+    pub fn bytes(&self) -> u64 {
+        self.0.bytes
+    }
+
+    /// Where its memory is.
+    pub fn memory(&self) -> Memory {
+        self.0.memory
+    }
+
+    /// A copy of the whole array, whatever its memory. Device memory costs a staging copy and a submit of its own: for
+    /// tests and export.
+    pub fn read<T: Pod>(&self) -> Result<Vec<T>> {
+        if self.0.memory != Memory::Device {
+            return Ok(self.mapped::<T>()?.to_vec());
+        }
+        if self.0.bytes == 0 {
+            return Ok(Vec::new());
+        }
+        let staging = Buffer::new(&self.0.context, &format!("{} (read)", self.0.name), self.0.bytes, Memory::Readback)?;
+        let mut recorder = Recorder::untimed(&self.0.context)?;
+        recorder.stage("read");
+        recorder.copy(self, &staging);
+        recorder.finish()?.submit_and_wait()?;
+        staging.read()
+    }
+
+    /// Overwrites the start of the array with `data`, whatever its memory; see [`Buffer::read`] for the cost.
+    pub fn write<T: Pod>(&self, data: &[T]) -> Result<()> {
+        let bytes = size_of_val(data) as u64;
+        if bytes > self.0.bytes {
+            return Err(self.misuse(format!("{bytes} bytes do not fit into its {}", self.0.bytes)));
+        }
+        if bytes == 0 {
+            return Ok(());
+        }
+        if self.0.memory != Memory::Device {
+            self.mapped_mut::<T>()?[..data.len()].copy_from_slice(data);
+            return Ok(());
+        }
+        let staging = Buffer::from_slice(&self.0.context, &format!("{} (write)", self.0.name), data, Memory::Upload)?;
+        let mut recorder = Recorder::untimed(&self.0.context)?;
+        recorder.stage("write");
+        recorder.copy(&staging, self);
+        recorder.finish()?.submit_and_wait()
+    }
+
+    /// Mapped memory to read, without a copy. Let go of it before submitting work that writes this buffer.
+    pub fn mapped<T: Pod>(&self) -> Result<Mapped<'_, T>> {
+        let pointer = self.pointer::<T>()?;
+        let guard = self.0.mapping.read().unwrap_or_else(|e| e.into_inner());
+        Ok(Mapped { pointer, length: self.length::<T>(), _guard: guard, _of: PhantomData })
+    }
+
+    /// Mapped memory to write, without a copy. Let go of it before submitting work that uses this buffer.
+    pub fn mapped_mut<T: Pod>(&self) -> Result<MappedMut<'_, T>> {
+        let pointer = self.pointer::<T>()?;
+        let guard = self.0.mapping.write().unwrap_or_else(|e| e.into_inner());
+        Ok(MappedMut { pointer, length: self.length::<T>(), _guard: guard, _of: PhantomData })
+    }
+
+    fn length<T>(&self) -> usize {
+        (self.0.bytes as usize).checked_div(size_of::<T>()).unwrap_or(0)
+    }
+
+    fn pointer<T>(&self) -> Result<*mut T> {
+        let pointer = self.0.allocation.as_ref().and_then(|a| a.mapped_ptr());
+        let Some(pointer) = pointer.filter(|_| self.0.memory != Memory::Device) else {
+            return Err(self.misuse("it is device memory, which is not mapped; use read() or write()".into()));
+        };
+        let pointer = pointer.as_ptr().cast::<T>();
+        if !pointer.is_aligned() {
+            return Err(self.misuse(format!("its memory is not aligned to {} bytes", align_of::<T>())));
+        }
+        Ok(pointer)
+    }
+
+    fn misuse(&self, what: String) -> Error {
+        Error::Simulation(format!("array {}: {what}", self.0.name))
+    }
+}
+
+impl Inner {
+    fn allocate(&mut self) -> Result<()> {
+        let location = match self.memory {
+            Memory::Device => MemoryLocation::GpuOnly,
+            Memory::Upload => MemoryLocation::CpuToGpu,
+            Memory::Readback => MemoryLocation::GpuToCpu,
+        };
+        let device = &self.context.device;
+        // SAFETY: the buffer belongs to this live device.
+        let requirements = unsafe { device.get_buffer_memory_requirements(self.handle) };
+        let name = &self.name;
+        let desc = AllocationCreateDesc {
+            name,
+            requirements,
+            location,
+            linear: true,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        };
+        let allocation = self.context.allocator().allocate(&desc).map_err(|e| {
+            Error::Simulation(format!("array {name} of {} bytes gets no memory from the device: {e}", self.bytes))
+        })?;
+        // SAFETY: the range belongs to this allocation alone, and fits the requirements asked for.
+        let bound = unsafe { device.bind_buffer_memory(self.handle, allocation.memory(), allocation.offset()) };
+        if self.memory == Memory::Device {
+            self.context.allocated.fetch_add(allocation.size(), Ordering::Relaxed);
+        }
+        self.allocation = Some(allocation);
+        bound.map_err(failed("vkBindBufferMemory", format!("array {}", self.name)))
+    }
+
+    fn create_views(&self) -> Result<[vk::BufferView; 2]> {
+        let view = |format| {
+            let info = vk::BufferViewCreateInfo::default().buffer(self.handle).format(format).range(vk::WHOLE_SIZE);
+            // SAFETY: the buffer is bound to memory and has texel usage; both formats are mandatory for it.
+            unsafe { self.context.device.create_buffer_view(&info, None) }
+                .map_err(failed("vkCreateBufferView", format!("array {}", self.name)))
+        };
+        let float = view(vk::Format::R32G32B32A32_SFLOAT)?;
+        match view(vk::Format::R32G32B32A32_UINT) {
+            Ok(uint) => Ok([float, uint]),
+            Err(error) => {
+                // SAFETY: made just above and used by nobody.
+                unsafe { self.context.device.destroy_buffer_view(float, None) };
+                Err(error)
+            }
+        }
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        // SAFETY: the last handle goes; recordings hold handles and wait for their work, so the device is done.
+        unsafe {
+            for view in self.views.into_iter().flatten() {
+                self.context.device.destroy_buffer_view(view, None);
+            }
+            self.context.device.destroy_buffer(self.handle, None);
+        }
+        if let Some(allocation) = self.allocation.take() {
+            if self.memory == Memory::Device {
+                self.context.allocated.fetch_sub(allocation.size(), Ordering::Relaxed);
+            }
+            let _ = self.context.allocator().free(allocation);
+        }
+    }
+}
+
+/// Mapped memory being read.
+pub struct Mapped<'a, T> {
+    pointer: *const T,
+    length: usize,
+    _guard: RwLockReadGuard<'a, ()>,
+    _of: PhantomData<&'a [T]>,
+}
+
+/// Mapped memory being written.
+pub struct MappedMut<'a, T> {
+    pointer: *mut T,
+    length: usize,
+    _guard: RwLockWriteGuard<'a, ()>,
+    _of: PhantomData<&'a mut [T]>,
+}
+
+impl<T: Pod> Deref for Mapped<'_, T> {
+    type Target = [T];
+    fn deref(&self) -> &[T] {
+        // SAFETY: aligned, mapped for the buffer's life, which the guard borrows; any bits are a T (Pod); other host
+        // writers are locked out, and callers hold no mapping over a submit that writes it.
+        unsafe { std::slice::from_raw_parts(self.pointer, self.length) }
+    }
+}
+
+impl<T: Pod> Deref for MappedMut<'_, T> {
+    type Target = [T];
+    fn deref(&self) -> &[T] {
+        // SAFETY: as for `Mapped`; the guard is exclusive.
+        unsafe { std::slice::from_raw_parts(self.pointer, self.length) }
+    }
+}
+
+impl<T: Pod> DerefMut for MappedMut<'_, T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        // SAFETY: as for `Mapped`; the guard is exclusive.
+        unsafe { std::slice::from_raw_parts_mut(self.pointer, self.length) }
+    }
+}

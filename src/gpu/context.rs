@@ -1,0 +1,299 @@
+//! A Vulkan device, its one queue and its memory: made once, shared by everything in this room.
+#![allow(unsafe_code)]
+
+use std::ffi::{CStr, c_char};
+use std::mem::ManuallyDrop;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use ash::vk;
+use gpu_allocator::vulkan as memory;
+
+use super::debug::{Labels, Messages};
+use super::device::{self, Candidate, DeviceInfo, DeviceKind};
+use super::{cache, failed};
+use crate::error::{Error, Result};
+
+const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+/// Standard local size of kernels: two warps, one wavefront; any size from 64 to 1024 was as fast on lavapipe.
+const GROUP_SIZE: u32 = 64;
+/// Local size of kernels that meet at barriers, on a GPU.
+const REDUCE_SIZE: u32 = 128;
+/// Memory is taken from the driver in blocks of this size, bytes.
+const MEMORY_BLOCK: u64 = 16 << 20;
+
+/// How to choose and open a device.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Index, or part of the name in any case; `None`: discrete before integrated, virtual, CPU.
+    pub device: Option<String>,
+    /// Use the Khronos validation layer with synchronisation validation.
+    pub validation: bool,
+}
+
+/// An open device. All calls may come from any thread; submits are serialised.
+pub struct Context {
+    // In the order of `Drop`.
+    pub(super) allocator: ManuallyDrop<Mutex<memory::Allocator>>,
+    pub(super) cache: vk::PipelineCache,
+    pub(super) device: ash::Device,
+    pub(super) labels: Labels,
+    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    instance: ash::Instance,
+    _entry: ash::Entry,
+    messages: Box<Messages>,
+    queue: Mutex<vk::Queue>,
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) queue_family: u32,
+    pub(super) limits: vk::PhysicalDeviceLimits,
+    pub(super) timestamp_bits: u32,
+    pub(super) allocated: AtomicU64,
+    info: DeviceInfo,
+    subgroup_size: u32,
+    int64_atomics: bool,
+    cache_key: String,
+}
+
+impl Context {
+    /// Opens a device. [`Error::NoDevice`] says what is missing and how to get it.
+    pub fn new(options: &Options) -> Result<Arc<Context>> {
+        let entry = load()?;
+        let messages = Box::new(Messages::default());
+        let (instance, debug) = create_instance(&entry, options.validation, &messages)?;
+        let chosen = device::candidates(&instance).and_then(|all| device::choose(all, options.device.as_deref()));
+        let chosen = match chosen {
+            Ok(chosen) => chosen,
+            Err(error) => {
+                // SAFETY: nothing made from the instance is left.
+                unsafe { instance.destroy_instance(None) };
+                return Err(error);
+            }
+        };
+        let device = create_device(&instance, &chosen)?;
+        // SAFETY: the device was created with queue 0 of this family.
+        let queue = unsafe { device.get_device_queue(chosen.queue_family, 0) };
+        let allocator = memory::Allocator::new(&memory::AllocatorCreateDesc {
+            instance: instance.clone(),
+            device: device.clone(),
+            physical_device: chosen.physical,
+            debug_settings: Default::default(),
+            buffer_device_address: false,
+            allocation_sizes: gpu_allocator::AllocationSizes::new(MEMORY_BLOCK, MEMORY_BLOCK),
+        })
+        .map_err(|e| Error::NoDevice(format!("{}: its memory cannot be managed: {e}", chosen.info.name)))?;
+        let cache = create_cache(&device, &chosen.cache_key)?;
+        let labels = Labels(debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device)));
+        let messenger = if options.validation && debug {
+            let utils = ash::ext::debug_utils::Instance::new(&entry, &instance);
+            // SAFETY: `messages` is boxed and outlives the messenger (see `Drop`).
+            let messenger = unsafe { utils.create_debug_utils_messenger(&messages.create_info(), None) };
+            Some((utils, messenger.map_err(failed("vkCreateDebugUtilsMessengerEXT", "set-up"))?))
+        } else {
+            None
+        };
+        Ok(Arc::new(Context {
+            allocator: ManuallyDrop::new(Mutex::new(allocator)),
+            cache,
+            device,
+            labels,
+            messenger,
+            instance,
+            _entry: entry,
+            messages,
+            queue: Mutex::new(queue),
+            physical: chosen.physical,
+            queue_family: chosen.queue_family,
+            limits: chosen.properties.limits,
+            timestamp_bits: chosen.timestamp_bits,
+            allocated: AtomicU64::new(0),
+            info: chosen.info,
+            subgroup_size: chosen.subgroup_size,
+            int64_atomics: chosen.int64_atomics,
+            cache_key: chosen.cache_key,
+        }))
+    }
+
+    /// All devices, usable or not.
+    pub fn list() -> Result<Vec<DeviceInfo>> {
+        let entry = load()?;
+        let (instance, _) = create_instance(&entry, false, &Messages::default())?;
+        let list = device::candidates(&instance).map(|all| all.into_iter().map(|c| c.info).collect());
+        // SAFETY: nothing made from the instance is left.
+        unsafe { instance.destroy_instance(None) };
+        list
+    }
+
+    /// The driver's name of the device.
+    pub fn device_name(&self) -> &str {
+        &self.info.name
+    }
+
+    /// Driver name and version.
+    pub fn driver(&self) -> &str {
+        &self.info.driver
+    }
+
+    /// What sort of device it is.
+    pub fn kind(&self) -> DeviceKind {
+        self.info.kind
+    }
+
+    /// Standard local size of a kernel, invocations.
+    pub fn group_size(&self) -> u32 {
+        GROUP_SIZE
+    }
+
+    /// Local size of kernels of one workgroup an item that meet at barriers, invocations. On a CPU the subgroup size:
+    /// then a workgroup is one vector and barriers cost nothing.
+    pub fn reduce_size(&self) -> u32 {
+        if self.info.kind == DeviceKind::Cpu { self.subgroup_size.max(1) } else { REDUCE_SIZE }
+    }
+
+    /// Invocations of a subgroup. For choosing variants only: no kernel may rely on it.
+    pub fn subgroup_size(&self) -> u32 {
+        self.subgroup_size
+    }
+
+    /// Whether shaders may use 64-bit atomics on storage buffers (optional: have a fallback).
+    pub fn int64_atomics(&self) -> bool {
+        self.int64_atomics
+    }
+
+    /// Largest storage buffer binding, bytes, and largest texel buffer, elements of 16 bytes.
+    pub fn array_limits(&self) -> (u64, u64) {
+        (u64::from(self.limits.max_storage_buffer_range), u64::from(self.limits.max_texel_buffer_elements))
+    }
+
+    /// Device memory held by buffers and targets, bytes.
+    pub fn bytes_allocated(&self) -> u64 {
+        self.allocated.load(Ordering::Relaxed)
+    }
+
+    /// Takes the validation layer's messages; empty when all is clean or validation is off.
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.messages.drain()
+    }
+
+    /// Keeps compiled pipelines for the next run. Also done when the context is dropped.
+    pub fn save_pipeline_cache(&self) {
+        // SAFETY: the cache belongs to this device; the driver locks it itself.
+        if let Ok(blob) = unsafe { self.device.get_pipeline_cache_data(self.cache) } {
+            cache::save(&self.cache_key, &blob);
+        }
+    }
+
+    /// The queue, held by one thread at a time.
+    pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
+        self.queue.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
+    pub(super) fn allocator(&self) -> MutexGuard<'_, memory::Allocator> {
+        self.allocator.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
+    /// Whether a format may be used so with optimal tiling.
+    pub(super) fn format_offers(&self, format: vk::Format, wanted: vk::FormatFeatureFlags) -> bool {
+        // SAFETY: `physical` belongs to this live instance.
+        let offers = unsafe { self.instance.get_physical_device_format_properties(self.physical, format) };
+        offers.optimal_tiling_features.contains(wanted)
+    }
+}
+
+impl Drop for Context {
+    fn drop(&mut self) {
+        // SAFETY: buffers, kernels and recordings hold an Arc of this context, so none is left, and each recording
+        // waited for its own work. Children go before their parents, and nothing is used afterwards.
+        unsafe {
+            let _ = self.device.device_wait_idle();
+            self.save_pipeline_cache();
+            ManuallyDrop::drop(&mut self.allocator);
+            self.device.destroy_pipeline_cache(self.cache, None);
+            self.device.destroy_device(None);
+            if let Some((utils, messenger)) = self.messenger.take() {
+                utils.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.instance.destroy_instance(None);
+        }
+    }
+}
+
+fn load() -> Result<ash::Entry> {
+    // SAFETY: the system's Vulkan loader is trusted to initialise soundly; it stays loaded as long as the entry.
+    unsafe { ash::Entry::load() }
+        .map_err(|e| Error::NoDevice(format!("the Vulkan loader cannot be loaded ({e}). {}", device::REMEDY)))
+}
+
+/// The instance, and whether it has debug utilities.
+fn create_instance(entry: &ash::Entry, validation: bool, messages: &Messages) -> Result<(ash::Instance, bool)> {
+    // SAFETY (this and the next): plain queries of a loaded entry.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+    let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
+    if validation && !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
+        return Err(Error::NoDevice(
+            "validation was asked for, but VK_LAYER_KHRONOS_validation is missing; on Debian or Ubuntu: apt-get install \
+             vulkan-validationlayers"
+                .into(),
+        ));
+    }
+    let debug = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));
+    let mut names: Vec<*const c_char> = Vec::new();
+    if debug {
+        names.push(ash::ext::debug_utils::NAME.as_ptr());
+    }
+    if validation {
+        names.push(ash::ext::validation_features::NAME.as_ptr());
+    }
+    let layer_names = if validation { vec![VALIDATION_LAYER.as_ptr()] } else { vec![] };
+    let application = vk::ApplicationInfo::default()
+        .application_name(c"palpate")
+        .engine_name(c"palpate")
+        .api_version(vk::API_VERSION_1_3);
+    let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+    let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
+    let mut messenger = messages.create_info();
+    let mut info = vk::InstanceCreateInfo::default()
+        .application_info(&application)
+        .enabled_layer_names(&layer_names)
+        .enabled_extension_names(&names);
+    if validation {
+        info = info.push_next(&mut features);
+        if debug {
+            info = info.push_next(&mut messenger);
+        }
+    }
+    // SAFETY: every pointer in `info` lives through the call; `messages` outlives the instance where validation is on.
+    let instance = unsafe { entry.create_instance(&info, None) }
+        .map_err(|e| Error::NoDevice(format!("Vulkan does not start (vkCreateInstance: {e}). {}", device::REMEDY)))?;
+    Ok((instance, debug))
+}
+
+fn create_device(instance: &ash::Instance, chosen: &Candidate) -> Result<ash::Device> {
+    let priority = [1.0];
+    let queues =
+        [vk::DeviceQueueCreateInfo::default().queue_family_index(chosen.queue_family).queue_priorities(&priority)];
+    let core = vk::PhysicalDeviceFeatures::default().shader_int64(chosen.int64_atomics);
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
+        .scalar_block_layout(true)
+        .shader_buffer_int64_atomics(chosen.int64_atomics);
+    let mut v13 =
+        vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true).maintenance4(true);
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_features(&core)
+        .push_next(&mut v12)
+        .push_next(&mut v13);
+    // SAFETY: the device offers what is asked (checked in device.rs); every pointer lives through the call.
+    unsafe { instance.create_device(chosen.physical, &info, None) }.map_err(failed("vkCreateDevice", "set-up"))
+}
+
+fn create_cache(device: &ash::Device, key: &str) -> Result<vk::PipelineCache> {
+    let blob = cache::load(key);
+    let kept = vk::PipelineCacheCreateInfo::default().initial_data(&blob);
+    // SAFETY: the blob passed its checksum, so it is what this driver gave; it lives through the call.
+    unsafe {
+        device
+            .create_pipeline_cache(&kept, None)
+            .or_else(|_| device.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None))
+    }
+    .map_err(failed("vkCreatePipelineCache", "set-up"))
+}

@@ -1,0 +1,72 @@
+//! What VK_EXT_debug_utils gives: names of objects, labels around stages, and the validation layer's messages.
+#![allow(unsafe_code)]
+
+use std::ffi::{CStr, CString, c_void};
+use std::sync::Mutex;
+
+use ash::vk::{self, Handle};
+
+/// Messages of the validation layer since they were last taken.
+#[derive(Default)]
+pub(super) struct Messages(Mutex<Vec<String>>);
+
+impl Messages {
+    /// Takes all messages.
+    pub fn drain(&self) -> Vec<String> {
+        std::mem::take(&mut *self.0.lock().unwrap_or_else(|e| e.into_inner()))
+    }
+
+    /// What to hand to Vulkan. `self` must outlive the messenger or instance made with it.
+    pub fn create_info(&self) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
+        use vk::{DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Type};
+        vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(Severity::WARNING | Severity::ERROR)
+            .message_type(Type::VALIDATION | Type::PERFORMANCE)
+            .pfn_user_callback(Some(callback))
+            .user_data(std::ptr::from_ref(self).cast_mut().cast())
+    }
+}
+
+unsafe extern "system" fn callback(
+    _: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    user: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: `user` is the Messages given in `create_info`, alive as long as the messenger; the layer hands a valid
+    // `data` whose message is NUL-terminated.
+    let (messages, text) = unsafe { (&*user.cast::<Messages>(), CStr::from_ptr((*data).p_message)) };
+    messages.0.lock().unwrap_or_else(|e| e.into_inner()).push(text.to_string_lossy().into_owned());
+    vk::FALSE
+}
+
+/// Names and labels on a device; does nothing where the extension is absent.
+pub(super) struct Labels(pub Option<ash::ext::debug_utils::Device>);
+
+impl Labels {
+    /// Gives an object the name that validation messages and captures show.
+    pub fn name<H: Handle>(&self, handle: H, name: &str) {
+        let (Some(utils), Ok(name)) = (&self.0, CString::new(name)) else { return };
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
+        // SAFETY: the handle belongs to this live device; the info lives through the call. A name is only a help, so
+        // a failure does not matter.
+        let _ = unsafe { utils.set_debug_utils_object_name(&info) };
+    }
+
+    /// Opens a label in a command buffer that is being recorded.
+    pub fn begin(&self, commands: vk::CommandBuffer, name: &str) {
+        let (Some(utils), Ok(name)) = (&self.0, CString::new(name)) else { return };
+        // SAFETY: the command buffer is in recording state, by this one thread.
+        unsafe {
+            utils.cmd_begin_debug_utils_label(commands, &vk::DebugUtilsLabelEXT::default().label_name(&name));
+        }
+    }
+
+    /// Closes the label opened last.
+    pub fn end(&self, commands: vk::CommandBuffer) {
+        if let Some(utils) = &self.0 {
+            // SAFETY: as in `begin`; every `end` follows a `begin`.
+            unsafe { utils.cmd_end_debug_utils_label(commands) };
+        }
+    }
+}

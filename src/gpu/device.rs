@@ -1,0 +1,193 @@
+//! Which devices there are, whether palpate can run on them and why not, and which one is chosen.
+#![allow(unsafe_code)]
+
+use std::ffi::CStr;
+
+use ash::vk;
+
+use super::failed;
+use crate::error::{Error, Result};
+
+/// What sort of device it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DeviceKind {
+    /// A GPU with memory of its own.
+    Discrete,
+    /// A GPU that shares the processor's memory.
+    Integrated,
+    /// A GPU seen through a virtual machine.
+    Virtual,
+    /// A software rasterizer on the processor.
+    Cpu,
+    /// Anything else.
+    Other,
+}
+
+/// One Vulkan device, as `palpate devices` lists it.
+#[derive(Debug, Clone)]
+pub struct DeviceInfo {
+    /// Position in the loader's list; may be given as the device's name.
+    pub index: usize,
+    /// The driver's name for it.
+    pub name: String,
+    /// What sort of device it is.
+    pub kind: DeviceKind,
+    /// Driver name and version.
+    pub driver: String,
+    /// Vulkan version, as in `1.3.230`.
+    pub api_version: String,
+    /// Whether palpate can run on it; else why not.
+    pub usable: std::result::Result<(), String>,
+}
+
+/// A device with what was asked of it.
+pub(super) struct Candidate {
+    pub physical: vk::PhysicalDevice,
+    pub info: DeviceInfo,
+    pub queue_family: u32,
+    pub timestamp_bits: u32,
+    pub subgroup_size: u32,
+    pub int64_atomics: bool,
+    pub properties: vk::PhysicalDeviceProperties,
+    pub cache_key: String,
+}
+
+/// What to say where no device can be used.
+pub(super) const REMEDY: &str = "On Debian or Ubuntu run ./setup.sh, or: apt-get install libvulkan1 \
+     mesa-vulkan-drivers (software rendering); for a GPU install its vendor's driver with Vulkan 1.3.";
+
+/// Every device of an instance, in the loader's order.
+pub(super) fn candidates(instance: &ash::Instance) -> Result<Vec<Candidate>> {
+    // SAFETY: the instance is alive; the call only reads it.
+    let physical = unsafe { instance.enumerate_physical_devices() }
+        .map_err(failed("vkEnumeratePhysicalDevices", "device selection"))?;
+    Ok(physical.into_iter().enumerate().map(|(index, device)| candidate(instance, index, device)).collect())
+}
+
+/// The device asked for, or the best one.
+pub(super) fn choose(candidates: Vec<Candidate>, asked: Option<&str>) -> Result<Candidate> {
+    if candidates.is_empty() {
+        return Err(Error::NoDevice(format!("Vulkan's loader found no device: no driver is installed. {REMEDY}")));
+    }
+    let list = candidates.iter().map(|c| describe(&c.info)).collect::<Vec<_>>().join("\n");
+    let Some(asked) = asked else {
+        let usable = candidates.into_iter().filter(|c| c.info.usable.is_ok());
+        return usable
+            .min_by_key(|c| (preference(c.info.kind), c.info.index))
+            .ok_or_else(|| Error::NoDevice(format!("no Vulkan device can run palpate:\n{list}\n{REMEDY}")));
+    };
+    let by_index = asked.parse::<usize>().ok().filter(|i| *i < candidates.len());
+    let lower = asked.to_lowercase();
+    let matches = |c: &Candidate| by_index.map_or(c.info.name.to_lowercase().contains(&lower), |i| i == c.info.index);
+    let mut found: Vec<Candidate> = candidates.into_iter().filter(matches).collect();
+    found.sort_by_key(|c| c.info.usable.is_err());
+    match found.into_iter().next() {
+        None => {
+            Err(Error::NoDevice(format!("no device is called `{asked}`; give an index or part of a name of:\n{list}")))
+        }
+        Some(Candidate { info: DeviceInfo { name, usable: Err(why), .. }, .. }) => {
+            Err(Error::NoDevice(format!("{name} cannot run palpate: {why}. {REMEDY}")))
+        }
+        Some(candidate) => Ok(candidate),
+    }
+}
+
+fn describe(info: &DeviceInfo) -> String {
+    let state = info.usable.as_ref().err().map(|why| format!(": {why}")).unwrap_or_default();
+    format!("  {} {} ({}, Vulkan {}){state}", info.index, info.name, info.driver, info.api_version)
+}
+
+fn preference(kind: DeviceKind) -> u32 {
+    match kind {
+        DeviceKind::Discrete => 0,
+        DeviceKind::Integrated => 1,
+        DeviceKind::Virtual => 2,
+        DeviceKind::Cpu => 3,
+        DeviceKind::Other => 4,
+    }
+}
+
+fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice) -> Candidate {
+    // SAFETY: `physical` was just enumerated from this live instance.
+    let api = unsafe { instance.get_physical_device_properties(physical) }.api_version;
+    let (mut driver, mut ids) =
+        (vk::PhysicalDeviceDriverProperties::default(), vk::PhysicalDeviceIDProperties::default());
+    let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+    let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
+    if api >= vk::API_VERSION_1_2 {
+        all = all.push_next(&mut driver).push_next(&mut ids);
+    }
+    // SAFETY: as above; only structs of the device's own version are chained.
+    unsafe { instance.get_physical_device_properties2(physical, &mut all) };
+    let properties = all.properties;
+    // SAFETY: as above.
+    let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
+    let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+    let family = families.iter().position(|f| f.queue_flags.contains(wanted));
+    let (features, int64_atomics) = missing_features(instance, physical, api);
+    let usable = match (features, family) {
+        (Some(why), _) => Err(why),
+        (None, None) => Err("it has no queue family with both graphics and compute".into()),
+        (None, Some(_)) => Ok(()),
+    };
+    let hex = |bytes: &[u8]| bytes.iter().map(|b| format!("{b:02x}")).collect::<String>();
+    let text = |chars: &[std::ffi::c_char]| {
+        // SAFETY: the driver wrote a NUL-terminated string into this fixed array, zeroed beforehand.
+        unsafe { CStr::from_ptr(chars.as_ptr()) }.to_string_lossy().into_owned()
+    };
+    let info = DeviceInfo {
+        index,
+        name: text(&properties.device_name),
+        kind: kind(properties.device_type),
+        driver: format!("{} {}", text(&driver.driver_name), text(&driver.driver_info)).trim().to_string(),
+        api_version: version(api),
+        usable,
+    };
+    Candidate {
+        physical,
+        info,
+        queue_family: family.unwrap_or(0) as u32,
+        timestamp_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
+        subgroup_size: subgroup.subgroup_size,
+        int64_atomics,
+        properties,
+        cache_key: format!("{}-{}", hex(&ids.device_uuid), hex(&ids.driver_uuid)),
+    }
+}
+
+/// What the device lacks, if anything, and whether it has 64-bit atomics on buffers.
+fn missing_features(instance: &ash::Instance, physical: vk::PhysicalDevice, api: u32) -> (Option<String>, bool) {
+    if api < vk::API_VERSION_1_3 {
+        return (Some(format!("its driver offers Vulkan {}, but 1.3 is needed", version(api))), false);
+    }
+    let (mut v12, mut v13) =
+        (vk::PhysicalDeviceVulkan12Features::default(), vk::PhysicalDeviceVulkan13Features::default());
+    let mut all = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
+    // SAFETY: `physical` belongs to this live instance and offers 1.3, so these structs may be chained.
+    unsafe { instance.get_physical_device_features2(physical, &mut all) };
+    let int64 = all.features.shader_int64 != 0;
+    let wanted = [
+        ("scalarBlockLayout", v12.scalar_block_layout),
+        ("synchronization2", v13.synchronization2),
+        ("dynamicRendering", v13.dynamic_rendering),
+        ("maintenance4", v13.maintenance4),
+    ];
+    let lacking: Vec<_> = wanted.iter().filter(|(_, has)| *has == 0).map(|(name, _)| *name).collect();
+    let why = (!lacking.is_empty()).then(|| format!("its driver lacks {}", lacking.join(", ")));
+    (why, int64 && v12.shader_buffer_int64_atomics != 0)
+}
+
+fn kind(ty: vk::PhysicalDeviceType) -> DeviceKind {
+    match ty {
+        vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+        vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+        vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+        vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
+        _ => DeviceKind::Other,
+    }
+}
+
+fn version(api: u32) -> String {
+    let (major, minor) = (vk::api_version_major(api), vk::api_version_minor(api));
+    format!("{major}.{minor}.{}", vk::api_version_patch(api))
+}

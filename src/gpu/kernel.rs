@@ -1,0 +1,307 @@
+//! Compute kernels: an immutable pipeline with the interface its SPIR-V declares. Made once, used by any recording.
+#![allow(unsafe_code)]
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::context::Context;
+use super::failed;
+use super::spirv::{self, Binding, BindingKind, ConstKind, Reflection, StructLayout};
+use crate::error::{Error, Result};
+
+mod table {
+    include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
+}
+
+/// The local size of a kernel (specialization constant 0).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Size {
+    /// The standard size: one invocation an element.
+    Group,
+    /// One workgroup an item, meeting at barriers; see [`Context::reduce_size`].
+    Reduce,
+    /// One invocation a workgroup.
+    One,
+}
+
+/// The value of a specialization constant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Const {
+    /// For a `uint`.
+    Uint(u32),
+    /// For an `int`.
+    Int(i32),
+    /// For a `float`.
+    Float(f32),
+    /// For a `bool`.
+    Bool(bool),
+}
+
+impl From<u32> for Const {
+    fn from(value: u32) -> Self {
+        Const::Uint(value)
+    }
+}
+
+impl From<i32> for Const {
+    fn from(value: i32) -> Self {
+        Const::Int(value)
+    }
+}
+
+impl From<f32> for Const {
+    fn from(value: f32) -> Self {
+        Const::Float(value)
+    }
+}
+
+impl From<bool> for Const {
+    fn from(value: bool) -> Self {
+        Const::Bool(value)
+    }
+}
+
+impl Const {
+    fn bits(self) -> (ConstKind, u32) {
+        match self {
+            Const::Uint(v) => (ConstKind::Uint, v),
+            Const::Int(v) => (ConstKind::Int, v.cast_unsigned()),
+            Const::Float(v) => (ConstKind::Float, v.to_bits()),
+            Const::Bool(v) => (ConstKind::Bool, u32::from(v)),
+        }
+    }
+}
+
+/// A compute pipeline; a cheap handle.
+#[derive(Clone)]
+pub struct Kernel(pub(super) Arc<Inner>);
+
+pub(super) struct Inner {
+    pub interface: Interface,
+    pub pipeline: vk::Pipeline,
+    pub local_size: u32,
+}
+
+/// Names of all shaders compiled into the library, sorted.
+pub fn shader_names() -> impl Iterator<Item = &'static str> {
+    table::SHADERS.iter().map(|(name, _)| *name)
+}
+
+impl Kernel {
+    /// The kernel `shaders/<name>.comp`. `constants` sets named specialization constants; others keep the shader's
+    /// defaults; a name the shader does not declare is an error.
+    pub fn new(context: &Arc<Context>, name: &str, size: Size, constants: &[(&str, Const)]) -> Result<Kernel> {
+        let stage = || format!("kernel {name}");
+        let local_size = match size {
+            Size::Group => context.group_size(),
+            Size::Reduce => context.reduce_size(),
+            Size::One => 1,
+        };
+        let (words, reflection) = shader(name)?;
+        let mut special = Specialization::new(name, &reflection, constants)?;
+        special.set(0, local_size);
+        let module = Module::new(context, name, &words)?;
+        let interface = Interface::new(context, name, reflection, vk::ShaderStageFlags::COMPUTE)?;
+        let special = special.info();
+        let stage_info = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module.handle)
+            .name(c"main")
+            .specialization_info(&special);
+        let info = vk::ComputePipelineCreateInfo::default().stage(stage_info).layout(interface.layout);
+        // SAFETY: module and layout belong to this device and live through the call.
+        let made = unsafe { context.device.create_compute_pipelines(context.cache, &[info], None) };
+        let pipeline = made.map_err(|(_, e)| failed("vkCreateComputePipelines", stage())(e))?[0];
+        context.labels.name(pipeline, name);
+        Ok(Kernel(Arc::new(Inner { interface, pipeline, local_size })))
+    }
+
+    /// Its name, as in `solve/apply`.
+    pub fn name(&self) -> &str {
+        &self.0.interface.name
+    }
+
+    /// Invocations in a workgroup.
+    pub fn local_size(&self) -> u32 {
+        self.0.local_size
+    }
+
+    /// Its bindings, ascending: the order in which buffers are given.
+    pub fn bindings(&self) -> &[Binding] {
+        &self.0.interface.reflection.bindings
+    }
+
+    /// Bytes of push constants.
+    pub fn push_bytes(&self) -> u32 {
+        self.0.interface.reflection.push_bytes
+    }
+
+    /// Member names and byte offsets of a struct of the shader; empty when it has none of that name.
+    pub fn struct_offsets(&self, name: &str) -> Vec<(String, u32)> {
+        self.struct_layout(name).map(|s| s.members.clone()).unwrap_or_default()
+    }
+
+    /// Bytes up to the end of a struct's last member; `None` when the shader has no struct of that name.
+    pub fn struct_bytes(&self, name: &str) -> Option<u32> {
+        self.struct_layout(name).map(|s| s.size)
+    }
+
+    fn struct_layout(&self, name: &str) -> Option<&StructLayout> {
+        self.0.interface.reflection.structs.get(name)
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        // SAFETY: recordings hold handles, so none that uses the pipeline is left.
+        unsafe { self.interface.context.device.destroy_pipeline(self.pipeline, None) };
+    }
+}
+
+/// Descriptor set and pipeline layout, made from what a shader declares.
+pub(super) struct Interface {
+    pub context: Arc<Context>,
+    pub name: String,
+    pub reflection: Reflection,
+    pub set_layout: vk::DescriptorSetLayout,
+    pub layout: vk::PipelineLayout,
+    pub stages: vk::ShaderStageFlags,
+}
+
+impl Interface {
+    pub fn new(
+        context: &Arc<Context>,
+        name: &str,
+        reflection: Reflection,
+        stages: vk::ShaderStageFlags,
+    ) -> Result<Interface> {
+        let stage = || format!("kernel {name}");
+        let bindings: Vec<_> = reflection
+            .bindings
+            .iter()
+            .map(|b| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(b.binding)
+                    .descriptor_type(descriptor_type(b.kind))
+                    .descriptor_count(1)
+                    .stage_flags(stages)
+            })
+            .collect();
+        let device = &context.device;
+        let mut interface = Interface {
+            context: context.clone(),
+            name: name.into(),
+            reflection,
+            set_layout: vk::DescriptorSetLayout::null(),
+            layout: vk::PipelineLayout::null(),
+            stages,
+        };
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        // SAFETY: the device is alive; infos live through the calls. On an error, dropping `interface` frees the rest.
+        interface.set_layout = unsafe { device.create_descriptor_set_layout(&info, None) }
+            .map_err(failed("vkCreateDescriptorSetLayout", stage()))?;
+        let sets = [interface.set_layout];
+        let range = [vk::PushConstantRange::default().stage_flags(stages).size(interface.reflection.push_bytes)];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+        if interface.reflection.push_bytes > 0 {
+            info = info.push_constant_ranges(&range);
+        }
+        // SAFETY: as above.
+        interface.layout =
+            unsafe { device.create_pipeline_layout(&info, None) }.map_err(failed("vkCreatePipelineLayout", stage()))?;
+        Ok(interface)
+    }
+}
+
+impl Drop for Interface {
+    fn drop(&mut self) {
+        // SAFETY: pipelines and recordings that use the layouts hold this interface; null handles are ignored.
+        unsafe {
+            self.context.device.destroy_pipeline_layout(self.layout, None);
+            self.context.device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
+
+pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
+    match kind {
+        BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
+        BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+        BindingKind::TexelFloat | BindingKind::TexelUint => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
+    }
+}
+
+/// The SPIR-V of a shader and what it declares.
+pub(super) fn shader(name: &str) -> Result<(Vec<u32>, Reflection)> {
+    let found = table::SHADERS.binary_search_by_key(&name, |(name, _)| name);
+    let index = found.map_err(|_| {
+        let near = shader_names().max_by(|a, b| strsim::jaro(a, name).total_cmp(&strsim::jaro(b, name)));
+        let hint = near.map(|n| format!("; the nearest is {n}")).unwrap_or_default();
+        Error::Simulation(format!("there is no shader {name}{hint}"))
+    })?;
+    // Bytes in a binary have no alignment, so they are copied into words.
+    let words: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(table::SHADERS[index].1);
+    let reflection = spirv::reflect(&words).map_err(|e| Error::Simulation(format!("shader {name}: {e}")))?;
+    Ok((words, reflection))
+}
+
+/// A shader module, alive while pipelines are made of it.
+pub(super) struct Module<'a> {
+    context: &'a Context,
+    pub handle: vk::ShaderModule,
+}
+
+impl<'a> Module<'a> {
+    pub fn new(context: &'a Context, name: &str, words: &[u32]) -> Result<Module<'a>> {
+        let info = vk::ShaderModuleCreateInfo::default().code(words);
+        // SAFETY: the words are SPIR-V from the compiler and live through the call.
+        let handle = unsafe { context.device.create_shader_module(&info, None) }
+            .map_err(failed("vkCreateShaderModule", format!("kernel {name}")))?;
+        Ok(Module { context, handle })
+    }
+}
+
+impl Drop for Module<'_> {
+    fn drop(&mut self) {
+        // SAFETY: a pipeline does not need its module once made.
+        unsafe { self.context.device.destroy_shader_module(self.handle, None) };
+    }
+}
+
+/// Values of specialization constants, by id.
+pub(super) struct Specialization {
+    entries: Vec<vk::SpecializationMapEntry>,
+    data: Vec<u32>,
+}
+
+impl Specialization {
+    pub fn new(shader: &str, reflection: &Reflection, constants: &[(&str, Const)]) -> Result<Specialization> {
+        let mut out = Specialization { entries: Vec::new(), data: Vec::new() };
+        for (name, value) in constants {
+            let Some(&(id, kind)) = reflection.constants.get(*name) else {
+                let known: Vec<_> = reflection.constants.keys().map(String::as_str).collect();
+                return Err(Error::Simulation(format!(
+                    "shader {shader} has no specialization constant {name} (or never uses it); it has: {}",
+                    known.join(", ")
+                )));
+            };
+            let (given, bits) = value.bits();
+            if given != kind {
+                return Err(Error::Simulation(format!("shader {shader}: constant {name} is {kind:?}, not {given:?}")));
+            }
+            out.set(id, bits);
+        }
+        Ok(out)
+    }
+
+    pub fn set(&mut self, id: u32, bits: u32) {
+        let offset = (self.data.len() * size_of::<u32>()) as u32;
+        self.data.push(bits);
+        self.entries.push(vk::SpecializationMapEntry { constant_id: id, offset, size: size_of::<u32>() });
+    }
+
+    pub fn info(&self) -> vk::SpecializationInfo<'_> {
+        vk::SpecializationInfo::default().map_entries(&self.entries).data(bytemuck::cast_slice(&self.data))
+    }
+}

@@ -1,0 +1,35 @@
+//! The only room that speaks Vulkan.
+//!
+//! [`Context`] is a device and its queue; [`Buffer`] memory on it; [`Kernel`] an immutable compute pipeline whose
+//! interface is reflected from its SPIR-V; [`Recorder`] writes passes, in order, into a [`Recording`] that is replayed
+//! every step, and derives barriers from what each kernel declares to read and write; [`RasterPipeline`] draws into a
+//! [`RasterTarget`] where a stage wants the graphics pipeline.
+
+mod barrier;
+mod buffer;
+mod cache;
+mod context;
+mod debug;
+mod device;
+mod draw;
+mod kernel;
+mod raster;
+mod recorder;
+mod recording;
+pub mod spirv;
+
+pub use buffer::{Buffer, Mapped, MappedMut, Memory};
+pub use context::{Context, Options};
+pub use device::{DeviceInfo, DeviceKind};
+pub use draw::Pass;
+pub use kernel::{Const, Kernel, Size, shader_names};
+pub use raster::{DepthTest, RasterPipeline, RasterTarget};
+pub use recorder::Recorder;
+pub use recording::{Recording, StagePasses};
+
+use crate::error::Error;
+
+/// Names the call and the stage of a Vulkan failure.
+fn failed(call: &'static str, stage: impl Into<String>) -> impl FnOnce(ash::vk::Result) -> Error {
+    move |result| Error::Vulkan { call, stage: stage.into(), result: result.to_string() }
+}

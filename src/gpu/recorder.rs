@@ -1,0 +1,421 @@
+//! Writes passes in order; barriers follow from what each kernel declares to read and write.
+//!
+//! The methods that record return nothing, so that a stage reads like the algorithm; the first error is kept, named
+//! with its stage, and returned by [`Recorder::finish`].
+#![allow(unsafe_code)]
+
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+
+use ash::vk::{self, AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
+
+use super::barrier::{Hazards, Use};
+use super::buffer::Buffer;
+use super::context::Context;
+use super::kernel::{Interface, Kernel, descriptor_type};
+use super::recording::{Commands, Recording, StagePasses};
+use super::spirv::{Binding, BindingKind};
+use crate::error::{Error, Result};
+
+/// Bytes of a VkDispatchIndirectCommand.
+const DISPATCH_ARGS: u64 = 12;
+
+/// Records passes into a [`Recording`].
+pub struct Recorder {
+    pub(super) commands: Commands,
+    hazards: Hazards,
+    sets: HashMap<(vk::DescriptorSetLayout, Vec<vk::Buffer>), vk::DescriptorSet>,
+    bound: vk::Pipeline,
+    /// Targets whose images are laid out for copying.
+    pub(super) copying: HashSet<u64>,
+    stage: String,
+    labelled: bool,
+    timed: bool,
+    error: Option<Error>,
+}
+
+impl Recorder {
+    /// Begins a recording whose stages are timed. All earlier work on the device is visible to it.
+    pub fn new(context: &Arc<Context>) -> Result<Recorder> {
+        let mut recorder = Self::untimed(context)?;
+        recorder.timed = context.timestamp_bits > 0;
+        Ok(recorder)
+    }
+
+    /// Begins a recording without timestamps, which cost a wait each on some drivers.
+    pub fn untimed(context: &Arc<Context>) -> Result<Recorder> {
+        let recorder = Recorder {
+            commands: Commands::new(context)?,
+            hazards: Hazards::default(),
+            sets: HashMap::new(),
+            bound: vk::Pipeline::null(),
+            copying: HashSet::new(),
+            stage: "set-up".into(),
+            labelled: false,
+            timed: false,
+            error: None,
+        };
+        recorder.barrier(Hazards::opening());
+        Ok(recorder)
+    }
+
+    /// Begins a stage: until the next, its name is debug label, timer and error context.
+    pub fn stage(&mut self, name: &str) {
+        self.end_label();
+        self.stage = name.into();
+        if self.timed {
+            let marked = self.commands.mark(name);
+            self.note(marked);
+        }
+        self.commands.context.labels.begin(self.commands.buffer, name);
+        self.labelled = true;
+    }
+
+    /// A pass over `elements` invocations, in groups of the kernel's local size; nothing for 0. `buffers` are in
+    /// ascending order of binding, one for each reflected; `push` is as long as the kernel's push constants.
+    pub fn dispatch(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], elements: u32) {
+        self.dispatch_groups(kernel, buffers, push, elements.div_ceil(kernel.local_size()));
+    }
+
+    /// A pass of `groups` workgroups; nothing for 0.
+    pub fn dispatch_groups(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], groups: u32) {
+        let limit = self.commands.context.limits.max_compute_work_group_count[0];
+        let fits = if groups > limit {
+            Err(self.error(format!("kernel {}: {groups} groups, but the device's limit is {limit}", kernel.name())))
+        } else {
+            Ok(())
+        };
+        let ready = fits.and_then(|()| self.prepare_compute(kernel, buffers, push, None, groups == 0));
+        if self.note(ready) && groups > 0 {
+            // SAFETY: the command buffer is recording; pipeline, set and push constants were bound just now and kept.
+            unsafe { self.commands.context.device.cmd_dispatch(self.commands.buffer, groups, 1, 1) };
+        }
+    }
+
+    /// A pass whose group counts are the `slot`-th VkDispatchIndirectCommand (three u32) of `args`.
+    pub fn dispatch_indirect(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], args: &Buffer, slot: u32) {
+        let offset = u64::from(slot) * DISPATCH_ARGS;
+        let ready = self
+            .check_args(args, offset, DISPATCH_ARGS)
+            .and_then(|()| self.prepare_compute(kernel, buffers, push, Some(args), false));
+        if self.note(ready) {
+            // SAFETY: as for `dispatch_groups`; the arguments lie within their buffer.
+            unsafe {
+                self.commands.context.device.cmd_dispatch_indirect(self.commands.buffer, args.0.handle, offset);
+            }
+        }
+    }
+
+    /// Sets every 32-bit word of a buffer.
+    pub fn fill(&mut self, buffer: &Buffer, value: u32) {
+        self.fill_words(buffer, 0, vk::WHOLE_SIZE, value);
+    }
+
+    /// Sets the 32-bit words of a range; its beginning and length are multiples of 4.
+    pub fn fill_range(&mut self, buffer: &Buffer, first_byte: u64, bytes: u64, value: u32) {
+        let sound = first_byte.is_multiple_of(4) && bytes.is_multiple_of(4);
+        if !sound || first_byte.checked_add(bytes).is_none_or(|end| end > buffer.bytes()) {
+            let size = buffer.bytes();
+            let what = format!("{bytes} bytes from {first_byte} are not whole words of its {size}");
+            self.fail(format!("fill of {}: {what}", buffer.name()));
+        } else if bytes > 0 {
+            self.fill_words(buffer, first_byte, bytes, value);
+        }
+    }
+
+    /// Copies the whole of `src` to the start of `dst`.
+    pub fn copy(&mut self, src: &Buffer, dst: &Buffer) {
+        self.copy_range(src, 0, dst, 0, src.bytes());
+    }
+
+    /// Copies `bytes` bytes from `src` at `src_byte` to `dst` at `dst_byte`.
+    pub fn copy_range(&mut self, src: &Buffer, src_byte: u64, dst: &Buffer, dst_byte: u64, bytes: u64) {
+        let within = |at: u64, buffer: &Buffer| at.checked_add(bytes).is_some_and(|end| end <= buffer.bytes());
+        if !within(src_byte, src) || !within(dst_byte, dst) || src.0.handle == dst.0.handle {
+            let (a, b) = (src.bytes(), dst.bytes());
+            self.fail(format!("{bytes} bytes cannot be copied from {} ({a}) to {} ({b})", src.name(), dst.name()));
+        }
+        if bytes == 0 || self.error.is_some() {
+            return;
+        }
+        self.pass(&[transfer(src, false), transfer(dst, true)]);
+        self.keep(src);
+        self.keep(dst);
+        let region = [vk::BufferCopy { src_offset: src_byte, dst_offset: dst_byte, size: bytes }];
+        let device = &self.commands.context.device;
+        // SAFETY: recording; both buffers are alive and kept, the ranges lie within them, and they differ.
+        unsafe { device.cmd_copy_buffer(self.commands.buffer, src.0.handle, dst.0.handle, &region) };
+    }
+
+    /// Ends the recording, or returns the first error of any pass.
+    pub fn finish(mut self) -> Result<Recording> {
+        self.end_label();
+        if self.timed {
+            let marked = self.commands.mark("end");
+            self.note(marked);
+        }
+        self.barrier(Hazards::closing());
+        match self.error {
+            Some(error) => Err(error),
+            None => self.commands.end(&self.stage),
+        }
+    }
+
+    fn fill_words(&mut self, buffer: &Buffer, first: u64, bytes: u64, value: u32) {
+        if self.error.is_some() {
+            return;
+        }
+        self.pass(&[transfer(buffer, true)]);
+        self.keep(buffer);
+        // SAFETY: recording; the buffer is alive and kept; the range was checked, or is the whole.
+        unsafe {
+            let device = &self.commands.context.device;
+            device.cmd_fill_buffer(self.commands.buffer, buffer.0.handle, first, bytes, value);
+        }
+    }
+
+    /// Checks and binds all that a dispatch needs; with `only_check` nothing is recorded.
+    fn prepare_compute(
+        &mut self,
+        kernel: &Kernel,
+        buffers: &[&Buffer],
+        push: &[u8],
+        args: Option<&Buffer>,
+        only_check: bool,
+    ) -> Result<()> {
+        let inner = &kernel.0;
+        let mut uses = self.check_uses(&inner.interface, buffers, push, Stages::COMPUTE_SHADER)?;
+        if self.error.is_some() || only_check {
+            return Ok(());
+        }
+        if let Some(args) = args {
+            self.add_args(&inner.interface.name, &mut uses, args)?;
+        }
+        self.pass(&uses);
+        if self.bound != inner.pipeline {
+            self.bound = inner.pipeline;
+            self.commands.keep(inner.pipeline.as_raw(), inner);
+            let (device, point) = (&self.commands.context.device, vk::PipelineBindPoint::COMPUTE);
+            // SAFETY: recording; the pipeline is alive and kept.
+            unsafe { device.cmd_bind_pipeline(self.commands.buffer, point, inner.pipeline) };
+        }
+        self.bind(&inner.interface, buffers, push, vk::PipelineBindPoint::COMPUTE)
+    }
+
+    /// Binds descriptor set and push constants.
+    pub(super) fn bind(
+        &mut self,
+        interface: &Interface,
+        buffers: &[&Buffer],
+        push: &[u8],
+        point: vk::PipelineBindPoint,
+    ) -> Result<()> {
+        let set = if buffers.is_empty() { None } else { Some(self.descriptor_set(interface, buffers)?) };
+        buffers.iter().for_each(|buffer| self.keep(buffer));
+        let (device, commands) = (&self.commands.context.device, self.commands.buffer);
+        // SAFETY: recording; set and layout are alive, and belong to the pipeline, which is kept; sizes were checked.
+        unsafe {
+            if let Some(set) = set {
+                device.cmd_bind_descriptor_sets(commands, point, interface.layout, 0, &[set], &[]);
+            }
+            if !push.is_empty() {
+                device.cmd_push_constants(commands, interface.layout, interface.stages, 0, push);
+            }
+        }
+        Ok(())
+    }
+
+    /// The set of these buffers; one that was made before in this recording is used again.
+    fn descriptor_set(&mut self, interface: &Interface, buffers: &[&Buffer]) -> Result<vk::DescriptorSet> {
+        let key = (interface.set_layout, buffers.iter().map(|b| b.0.handle).collect::<Vec<_>>());
+        if let Some(&set) = self.sets.get(&key) {
+            return Ok(set);
+        }
+        let set = self.commands.descriptor_set(interface.set_layout, &self.stage)?;
+        let bindings = &interface.reflection.bindings;
+        let range = |buffer: &Buffer| if buffer.bytes() == 0 { vk::WHOLE_SIZE } else { buffer.bytes() };
+        let infos: Vec<_> = buffers
+            .iter()
+            .map(|b| [vk::DescriptorBufferInfo { buffer: b.0.handle, offset: 0, range: range(b) }])
+            .collect();
+        let views: Vec<_> = bindings
+            .iter()
+            .zip(buffers)
+            .map(|(b, buffer)| {
+                [buffer.0.views.map_or(vk::BufferView::null(), |v| v[usize::from(b.kind == BindingKind::TexelUint)])]
+            })
+            .collect();
+        let writes: Vec<_> = bindings
+            .iter()
+            .enumerate()
+            .map(|(i, b)| {
+                let write = vk::WriteDescriptorSet::default()
+                    .dst_set(set)
+                    .dst_binding(b.binding)
+                    .descriptor_type(descriptor_type(b.kind));
+                match b.kind {
+                    BindingKind::Storage | BindingKind::Uniform => write.buffer_info(&infos[i]),
+                    BindingKind::TexelFloat | BindingKind::TexelUint => write.texel_buffer_view(&views[i]),
+                }
+            })
+            .collect();
+        // SAFETY: the set is fresh, so not in use; buffers and views are alive and kept by the caller.
+        unsafe { self.commands.context.device.update_descriptor_sets(&writes, &[]) };
+        self.sets.insert(key, set);
+        Ok(set)
+    }
+
+    /// Notes a pass and puts a barrier before it where it must wait.
+    pub(super) fn pass(&mut self, uses: &[Use]) {
+        let barrier = self.hazards.before(uses);
+        let stages = &mut self.commands.stages;
+        let first = stages.iter().all(|s| s.dispatches == 0);
+        let at = stages.iter().position(|s| s.stage == self.stage).unwrap_or_else(|| {
+            stages.push(StagePasses { stage: self.stage.clone(), dispatches: 0, dependent: 0 });
+            stages.len() - 1
+        });
+        stages[at].dispatches += 1;
+        stages[at].dependent += u32::from(first) + u32::from(barrier.is_some());
+        if let Some(barrier) = barrier {
+            self.barrier(barrier);
+        }
+    }
+
+    fn barrier(&self, barrier: vk::MemoryBarrier2<'_>) {
+        let barriers = [barrier];
+        let info = vk::DependencyInfo::default().memory_barriers(&barriers);
+        // SAFETY: recording, outside rendering; synchronization2 is enabled.
+        unsafe { self.commands.context.device.cmd_pipeline_barrier2(self.commands.buffer, &info) };
+    }
+
+    pub(super) fn keep(&mut self, buffer: &Buffer) {
+        self.commands.keep(buffer.0.handle.as_raw(), &buffer.0);
+    }
+
+    fn end_label(&mut self) {
+        if std::mem::take(&mut self.labelled) {
+            self.commands.context.labels.end(self.commands.buffer);
+        }
+    }
+
+    /// Whether it is well so far; the first error is kept.
+    pub(super) fn note(&mut self, result: Result<()>) -> bool {
+        if let Err(error) = result {
+            self.error.get_or_insert(error);
+        }
+        self.error.is_none()
+    }
+
+    pub(super) fn is_well(&self) -> bool {
+        self.error.is_none()
+    }
+
+    fn fail(&mut self, what: String) {
+        let error = Err(self.error(what));
+        self.note(error);
+    }
+
+    pub(super) fn error(&self, what: String) -> Error {
+        Error::Simulation(format!("stage {}: {what}", self.stage))
+    }
+
+    /// What the shader does with each buffer; an error where buffers and bindings do not fit.
+    pub(super) fn check_uses(
+        &self,
+        interface: &Interface,
+        buffers: &[&Buffer],
+        push: &[u8],
+        stages: Stages,
+    ) -> Result<Vec<Use>> {
+        let (name, bindings) = (&interface.name, &interface.reflection.bindings);
+        if bindings.len() != buffers.len() {
+            let wants: Vec<_> = bindings.iter().map(|b| b.name.as_str()).collect();
+            let given: Vec<_> = buffers.iter().map(|b| b.name()).collect();
+            let what = format!("kernel {name} binds ({}), but was given ({})", wants.join(", "), given.join(", "));
+            return Err(self.error(what));
+        }
+        let push_bytes = interface.reflection.push_bytes as usize;
+        if push.len() != push_bytes {
+            let what = format!("kernel {name} has {push_bytes} bytes of push constants, but was given {}", push.len());
+            return Err(self.error(what));
+        }
+        let mut uses: Vec<Use> = Vec::with_capacity(buffers.len() + 2);
+        for (binding, buffer) in bindings.iter().zip(buffers) {
+            self.check_binding(name, binding, buffer)?;
+            let write_access = if binding.writes { Access::SHADER_STORAGE_WRITE } else { Access::NONE };
+            let id = buffer.0.handle.as_raw();
+            if uses.iter().any(|u| u.id == id && (u.writes || binding.writes)) {
+                let what = format!("kernel {name} writes {} and is also given it as {}", buffer.name(), binding.name);
+                return Err(self.error(what));
+            }
+            uses.push(Use { id, reads: binding.reads, writes: binding.writes, stages, write_access });
+        }
+        Ok(uses)
+    }
+
+    fn check_binding(&self, kernel: &str, binding: &Binding, buffer: &Buffer) -> Result<()> {
+        let limits = &self.commands.context.limits;
+        let (bytes, slot) = (buffer.bytes(), &binding.name);
+        let what = match binding.kind {
+            BindingKind::Storage => return Ok(()),
+            BindingKind::Uniform if bytes <= u64::from(limits.max_uniform_buffer_range) => return Ok(()),
+            BindingKind::Uniform => format!("a uniform block holds at most {}", limits.max_uniform_buffer_range),
+            _ if buffer.0.views.is_some() => return Ok(()),
+            _ if bytes % 16 != 0 => "a texel buffer is made of elements of 16".into(),
+            _ => format!("a texel buffer holds at most {} elements of 16", limits.max_texel_buffer_elements),
+        };
+        Err(self.error(format!("kernel {kernel}: array {} as {slot}: it has {bytes} bytes, but {what}", buffer.name())))
+    }
+
+    pub(super) fn check_args(&self, args: &Buffer, offset: u64, bytes: u64) -> Result<()> {
+        if offset + bytes <= args.bytes() {
+            return Ok(());
+        }
+        let (name, size) = (args.name(), args.bytes());
+        Err(self.error(format!("indirect arguments at byte {offset} lie outside {name} of {size} bytes")))
+    }
+
+    /// Adds the reading of indirect arguments, which the same pass must not write.
+    pub(super) fn add_args(&mut self, kernel: &str, uses: &mut Vec<Use>, args: &Buffer) -> Result<()> {
+        let id = args.0.handle.as_raw();
+        if uses.iter().any(|u| u.id == id && u.writes) {
+            return Err(self.error(format!("kernel {kernel} writes {}, its own indirect arguments", args.name())));
+        }
+        self.keep(args);
+        uses.push(Use { id, reads: true, writes: false, stages: Stages::DRAW_INDIRECT, write_access: Access::NONE });
+        Ok(())
+    }
+}
+
+fn transfer(buffer: &Buffer, writes: bool) -> Use {
+    let write_access = if writes { Access::TRANSFER_WRITE } else { Access::NONE };
+    Use { id: buffer.0.handle.as_raw(), reads: !writes, writes, stages: Stages::ALL_TRANSFER, write_access }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Memory, Options, Size};
+    use super::*;
+
+    /// Without its barrier, the second of two dependent passes must be reported: the tests rely on this validation.
+    #[test]
+    fn a_missing_barrier_is_seen_by_validation() {
+        let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+        let context = Context::new(&Options { device, validation: true }).unwrap();
+        let kernel = Kernel::new(&context, "test/bump", Size::Group, &[]).unwrap();
+        let cells = Buffer::from_slice(&context, "cells", &[0u32; 64], Memory::Device).unwrap();
+        for forget in [false, true] {
+            let mut recorder = Recorder::new(&context).unwrap();
+            for _ in 0..2 {
+                recorder.dispatch(&kernel, &[&cells], bytemuck::bytes_of(&[1u32, 64]), 64);
+                recorder.fill(&cells, 3);
+                if forget {
+                    recorder.hazards = Hazards::default();
+                }
+            }
+            recorder.finish().unwrap();
+            let said = context.validation_messages();
+            assert_eq!(said.iter().any(|m| m.contains("SYNC-HAZARD")), forget, "{said:?}");
+        }
+    }
+}

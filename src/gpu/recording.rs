@@ -1,0 +1,265 @@
+//! A recorded command buffer with all it needs to be replayed, and the times its stages took.
+#![allow(unsafe_code)]
+
+use std::any::Any;
+use std::cell::Cell;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::context::Context;
+use super::failed;
+use crate::error::{Error, Result};
+
+/// Timestamps in one query pool.
+const QUERIES: u32 = 64;
+
+/// What one stage recorded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StagePasses {
+    /// The stage.
+    pub stage: String,
+    /// Dispatches, draws, fills and copies.
+    pub dispatches: u32,
+    /// Passes that wait for an earlier one; over all stages, the number of barriers plus one.
+    pub dependent: u32,
+}
+
+/// A command buffer that can be submitted any number of times. Holds handles of all it uses, so nothing it needs can
+/// go before it. It may move between threads, but one thread at a time submits it.
+pub struct Recording {
+    pub(super) commands: Commands,
+    ran: Cell<bool>,
+}
+
+/// The Vulkan objects behind a recording; freed together.
+pub(super) struct Commands {
+    pub context: Arc<Context>,
+    pool: vk::CommandPool,
+    pub buffer: vk::CommandBuffer,
+    fence: vk::Fence,
+    descriptor_pools: Vec<vk::DescriptorPool>,
+    queries: Vec<vk::QueryPool>,
+    /// Stage of each timestamp; it marks that stage's beginning.
+    marks: Vec<String>,
+    pub stages: Vec<StagePasses>,
+    kept: HashMap<u64, Arc<dyn Any + Send + Sync>>,
+}
+
+impl Commands {
+    pub fn new(context: &Arc<Context>) -> Result<Commands> {
+        let device = &context.device;
+        let mut commands = Commands {
+            context: context.clone(),
+            pool: vk::CommandPool::null(),
+            buffer: vk::CommandBuffer::null(),
+            fence: vk::Fence::null(),
+            descriptor_pools: Vec::new(),
+            queries: Vec::new(),
+            marks: Vec::new(),
+            stages: Vec::new(),
+            kept: HashMap::new(),
+        };
+        let pool = vk::CommandPoolCreateInfo::default().queue_family_index(context.queue_family);
+        // SAFETY (all here): the device is alive, infos live through their calls; on an error `commands` frees what
+        // was made. The pool is this recording's own, so no other thread touches it.
+        unsafe {
+            commands.pool = device.create_command_pool(&pool, None).map_err(failed("vkCreateCommandPool", "set-up"))?;
+            let info = vk::CommandBufferAllocateInfo::default().command_pool(commands.pool).command_buffer_count(1);
+            commands.buffer =
+                device.allocate_command_buffers(&info).map_err(failed("vkAllocateCommandBuffers", "set-up"))?[0];
+            commands.fence = device
+                .create_fence(&vk::FenceCreateInfo::default(), None)
+                .map_err(failed("vkCreateFence", "set-up"))?;
+            device
+                .begin_command_buffer(commands.buffer, &vk::CommandBufferBeginInfo::default())
+                .map_err(failed("vkBeginCommandBuffer", "set-up"))?;
+        }
+        Ok(commands)
+    }
+
+    /// Keeps something alive as long as the recording; `id` is its Vulkan handle.
+    pub fn keep(&mut self, id: u64, what: &Arc<impl Any + Send + Sync>) {
+        self.kept.entry(id).or_insert_with(|| what.clone());
+    }
+
+    /// Whether something is kept: whether this recording has used it.
+    pub fn keeps(&self, id: u64) -> bool {
+        self.kept.contains_key(&id)
+    }
+
+    /// Writes a timestamp that marks the beginning of `stage`.
+    pub fn mark(&mut self, stage: &str) -> Result<()> {
+        let device = &self.context.device;
+        let query = self.marks.len() as u32 % QUERIES;
+        if query == 0 {
+            let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(QUERIES);
+            // SAFETY: the device is alive; the command buffer is in recording state, outside any rendering.
+            unsafe {
+                let pool = device.create_query_pool(&info, None).map_err(failed("vkCreateQueryPool", stage))?;
+                self.queries.push(pool);
+                device.cmd_reset_query_pool(self.buffer, pool, 0, QUERIES);
+            }
+        }
+        if let Some(&pool) = self.queries.last() {
+            // SAFETY: as above; the query was reset just now or with its pool, and is written once a run.
+            unsafe {
+                device.cmd_write_timestamp2(self.buffer, vk::PipelineStageFlags2::ALL_COMMANDS, pool, query);
+            }
+        }
+        self.marks.push(stage.into());
+        Ok(())
+    }
+
+    /// A descriptor set, from a fresh pool where the last is used up.
+    pub fn descriptor_set(&mut self, layout: vk::DescriptorSetLayout, stage: &str) -> Result<vk::DescriptorSet> {
+        const SETS: u32 = 256;
+        let layouts = [layout];
+        let device = &self.context.device;
+        if let Some(&pool) = self.descriptor_pools.last() {
+            let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+            // SAFETY: pool and layout are alive and this recording's own.
+            match unsafe { device.allocate_descriptor_sets(&info) } {
+                Ok(sets) => return Ok(sets[0]),
+                Err(vk::Result::ERROR_OUT_OF_POOL_MEMORY | vk::Result::ERROR_FRAGMENTED_POOL) => {}
+                Err(error) => return Err(failed("vkAllocateDescriptorSets", stage)(error)),
+            }
+        }
+        let size = |ty, count| vk::DescriptorPoolSize { ty, descriptor_count: count };
+        let sizes = [
+            size(vk::DescriptorType::STORAGE_BUFFER, SETS * 8),
+            size(vk::DescriptorType::UNIFORM_TEXEL_BUFFER, SETS * 8),
+            size(vk::DescriptorType::UNIFORM_BUFFER, SETS),
+        ];
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS).pool_sizes(&sizes);
+        // SAFETY: the device is alive; infos live through their calls.
+        let sets = unsafe {
+            let pool = device.create_descriptor_pool(&info, None).map_err(failed("vkCreateDescriptorPool", stage))?;
+            self.descriptor_pools.push(pool);
+            let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+            device.allocate_descriptor_sets(&info)
+        };
+        sets.map(|sets| sets[0]).map_err(failed("vkAllocateDescriptorSets", stage))
+    }
+
+    /// Ends recording.
+    pub fn end(self, stage: &str) -> Result<Recording> {
+        // SAFETY: the command buffer is in recording state.
+        unsafe { self.context.device.end_command_buffer(self.buffer) }.map_err(failed("vkEndCommandBuffer", stage))?;
+        Ok(Recording { commands: self, ran: Cell::new(false) })
+    }
+
+    /// Timestamp and whether it was written, for each mark.
+    fn timestamps(&self) -> Vec<(u64, bool)> {
+        let mut out = Vec::new();
+        for (i, &pool) in self.queries.iter().enumerate() {
+            let count = (self.marks.len() - i * QUERIES as usize).min(QUERIES as usize);
+            let mut pairs = vec![[0u64; 2]; count];
+            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WITH_AVAILABILITY;
+            // SAFETY: the pool is alive, and holds at least `count` queries. An error leaves availability at zero.
+            let _ = unsafe { self.context.device.get_query_pool_results(pool, 0, &mut pairs, flags) };
+            out.extend(pairs.iter().map(|pair| (pair[0], pair[1] != 0)));
+        }
+        out
+    }
+}
+
+impl Drop for Commands {
+    fn drop(&mut self) {
+        let device = &self.context.device;
+        // SAFETY: a submit waits for its end, so the device is done with all of this; null handles are ignored.
+        unsafe {
+            for &pool in &self.queries {
+                device.destroy_query_pool(pool, None);
+            }
+            for &pool in &self.descriptor_pools {
+                device.destroy_descriptor_pool(pool, None);
+            }
+            device.destroy_fence(self.fence, None);
+            device.destroy_command_pool(self.pool, None);
+        }
+    }
+}
+
+impl Recording {
+    /// Runs it and waits for its end.
+    pub fn submit_and_wait(&self) -> Result<()> {
+        Self::submit_all(&[self])
+    }
+
+    /// Runs several in order with one submit and waits once. None may be given twice.
+    pub fn submit_all(recordings: &[&Recording]) -> Result<()> {
+        let Some(last) = recordings.last() else { return Ok(()) };
+        let context = &last.commands.context;
+        for (i, recording) in recordings.iter().enumerate() {
+            if recordings[..i].iter().any(|other| std::ptr::eq(*other, *recording)) {
+                return Err(Error::Simulation("a recording was submitted twice at once".into()));
+            }
+            if !Arc::ptr_eq(&recording.commands.context, context) {
+                return Err(Error::Simulation("recordings of different devices were submitted together".into()));
+            }
+        }
+        let buffers: Vec<_> = recordings
+            .iter()
+            .map(|r| vk::CommandBufferSubmitInfo::default().command_buffer(r.commands.buffer))
+            .collect();
+        let submit = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
+        let fences = [last.commands.fence];
+        let device = &context.device;
+        let lost = |call| move |result| failed(call, Self::stage_reached(recordings))(result);
+        {
+            let queue = context.queue();
+            // SAFETY: the command buffers are recorded and idle, since each run waits and a Recording is not Sync; the
+            // queue is locked.
+            unsafe { device.queue_submit2(*queue, &submit, last.commands.fence) }.map_err(lost("vkQueueSubmit2"))?;
+        }
+        // SAFETY: the fence was submitted just now; reset while nobody waits on it.
+        unsafe {
+            if let Err(error) = device.wait_for_fences(&fences, true, u64::MAX) {
+                // The recordings must not be freed under a device that still runs them.
+                let _ = device.device_wait_idle();
+                return Err(lost("vkWaitForFences")(error));
+            }
+            device.reset_fences(&fences).map_err(lost("vkResetFences"))?;
+        }
+        recordings.iter().for_each(|r| r.ran.set(true));
+        Ok(())
+    }
+
+    /// Stages of the last run in order of first appearance, with their times in microseconds; a stage that appears
+    /// several times is summed. Empty before the first run, or where nothing was timed.
+    pub fn stage_times(&self) -> Vec<(String, f64)> {
+        let (context, marks) = (&self.commands.context, &self.commands.marks);
+        if !self.ran.get() || context.timestamp_bits == 0 {
+            return Vec::new();
+        }
+        let mask = u64::MAX >> (64 - context.timestamp_bits.min(64));
+        let stamps = self.commands.timestamps();
+        let mut out: Vec<(String, f64)> = Vec::new();
+        for (pair, stage) in stamps.windows(2).zip(marks) {
+            let ticks = pair[1].0.wrapping_sub(pair[0].0) & mask;
+            let time = ticks as f64 * f64::from(context.limits.timestamp_period) * 1e-3;
+            match out.iter_mut().find(|(name, _)| name == stage) {
+                Some((_, sum)) => *sum += time,
+                None => out.push((stage.clone(), time)),
+            }
+        }
+        out
+    }
+
+    /// Stages in order of first appearance, with what they recorded.
+    pub fn passes(&self) -> &[StagePasses] {
+        &self.commands.stages
+    }
+
+    /// The last stage that began before the device was lost, as far as timestamps tell.
+    fn stage_reached(recordings: &[&Recording]) -> String {
+        let reached = recordings.iter().rev().find_map(|r| {
+            let stamps = r.commands.timestamps();
+            let last = stamps.iter().rposition(|(_, written)| *written)?;
+            r.commands.marks.get(last).cloned()
+        });
+        reached.unwrap_or_else(|| "an unknown stage".into())
+    }
+}

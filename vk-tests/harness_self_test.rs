@@ -1,0 +1,136 @@
+//! The harness must fail where it should: each law it guards is broken once on purpose, by `shaders/test/copy.comp`.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use palpate::gpu::{Buffer, Kernel, Memory, Recorder, Size};
+
+use crate::harness::{Outcome, Tolerance, assert_clean, case, context, expect_close};
+
+/// One multiplication and one addition in f32.
+const TOLERANCE: Tolerance = Tolerance { abs: 0.0, rel: 2.4e-7 };
+const SCALE: f32 = 3.0;
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct CopyParams {
+    unused: [f32; 3],
+    count: u32,
+    also_unused: [[f32; 3]; 3],
+}
+
+/// Runs the copy kernel over `n` elements; `marked_is_input` claims that it leaves `marked` alone.
+fn copy(n: usize, misdeed: u32, marked_is_input: bool) -> (Outcome, Vec<f64>) {
+    let params = CopyParams { unused: [0.0; 3], count: n as u32, also_unused: [[0.0; 3]; 3] };
+    let source: Vec<f32> = (0..n).map(|i| 1.0 + i as f32 * 0.7).collect();
+    let offsets: Vec<[f32; 4]> = (0..n).map(|i| [i as f32 * 0.01, -1.0, -2.0, -3.0]).collect();
+    let want = source.iter().zip(&offsets).map(|(s, o)| f64::from(SCALE) * f64::from(*s) + f64::from(o[0])).collect();
+    let given = case("test/copy")
+        .size(Size::Group)
+        .constant("scale", SCALE)
+        .constant("misdeed", misdeed)
+        .input("params", &[params])
+        .input("source", &source)
+        .input("offsets", &offsets);
+    let marked = [5u32, 6];
+    let given = if marked_is_input { given.input("marked", &marked) } else { given.inout("marked", &marked) };
+    let outcome = given.output::<f32>("target", n).push(&0u32).elements(n).run();
+    (outcome, want)
+}
+
+/// The message of what must fail.
+fn message(what: impl FnOnce()) -> String {
+    let panic = catch_unwind(AssertUnwindSafe(what)).expect_err("this had to fail");
+    panic.downcast_ref::<String>().cloned().unwrap_or_else(|| panic.downcast_ref::<&str>().unwrap().to_string())
+}
+
+#[test]
+fn an_honest_kernel_passes_at_every_size() {
+    let width = context().group_size() as usize;
+    for n in [0, 1, width - 1, width, width + 1, 1234] {
+        let (outcome, want) = copy(n, 0, true);
+        expect_close("target", &outcome.get::<f32>("target"), &want, TOLERANCE);
+        assert_eq!(outcome.get::<u32>("marked"), [5, 6]);
+    }
+}
+
+#[test]
+fn one_spoiled_value_fails() {
+    let (outcome, want) = copy(100, 0, true);
+    let good = outcome.get::<f32>("target");
+    for spoiled in [good[41] * 1.00001, f32::NAN, f32::INFINITY] {
+        let mut got = good.clone();
+        got[41] = spoiled;
+        let said = message(|| expect_close("target", &got, &want, TOLERANCE));
+        assert!(said.contains("1 of 100 fail") && said.contains("[41]"), "{said}");
+    }
+    assert!(message(|| expect_close("target", &good[1..], &want, TOLERANCE)).contains("values got"));
+}
+
+#[test]
+fn writing_behind_the_end_fails() {
+    let said = message(|| drop(copy(100, 1, true)));
+    assert!(said.contains("target was written 0 words behind its end"), "{said}");
+}
+
+#[test]
+fn a_changed_input_fails() {
+    let said = message(|| drop(copy(100, 2, true)));
+    assert!(said.contains("input marked was changed: word 0 was 0x5, is 0x6"), "{said}");
+    let (outcome, _) = copy(100, 2, false);
+    assert_eq!(outcome.get::<u32>("marked"), [6, 6], "as an in-out it may change");
+}
+
+#[test]
+fn a_value_left_unwritten_fails() {
+    let said = message(|| drop(copy(100, 3, true)));
+    assert!(said.contains("word 99 of 100 of output target was never written"), "{said}");
+}
+
+#[test]
+fn a_wrong_buffer_name_fails() {
+    let said = message(|| drop(case("test/copy").input("parameters", &[0u32]).elements(1).run()));
+    assert!(said.contains("buffers given, and bindings of the kernel"), "{said}");
+}
+
+#[test]
+fn the_struct_layout_comes_from_the_shader() {
+    let kernel = Kernel::new(context(), "test/copy", Size::Group, &[]).unwrap();
+    let offsets = kernel.struct_offsets("CopyParams");
+    let want = [
+        ("unused", std::mem::offset_of!(CopyParams, unused)),
+        ("count", std::mem::offset_of!(CopyParams, count)),
+        ("also_unused", std::mem::offset_of!(CopyParams, also_unused)),
+    ];
+    assert_eq!(offsets, want.map(|(name, offset)| (name.to_string(), offset as u32)));
+    assert_eq!(kernel.struct_bytes("CopyParams"), Some(size_of::<CopyParams>() as u32));
+    assert_eq!(kernel.push_bytes(), 4);
+}
+
+#[test]
+fn misuse_is_refused_by_name() {
+    let context = context();
+    let error = |result: palpate::Result<_>| result.map(|_: Kernel| ()).unwrap_err().to_string();
+    assert!(error(Kernel::new(context, "test/cop", Size::Group, &[])).contains("nearest is test/copy"));
+    let unknown = error(Kernel::new(context, "test/copy", Size::Group, &[("scael", 1.0.into())]));
+    assert!(unknown.contains("scael") && unknown.contains("misdeed, scale"), "{unknown}");
+    assert!(error(Kernel::new(context, "test/copy", Size::Group, &[("scale", 1u32.into())])).contains("not Uint"));
+
+    let kernel = Kernel::new(context, "test/copy", Size::Group, &[]).unwrap();
+    let array = |name, words: usize| Buffer::from_slice(context, name, &vec![0u32; words], Memory::Device).unwrap();
+    let (a, b, c, d, odd) = (array("a", 16), array("b", 4), array("c", 4), array("d", 4), array("odd", 5));
+    let record = |buffers: &[&Buffer], push: &[u8]| {
+        let mut recorder = Recorder::new(context).unwrap();
+        recorder.stage("trial");
+        recorder.dispatch(&kernel, buffers, push, 1);
+        recorder.finish().map(|_| ()).unwrap_err().to_string()
+    };
+    let few = record(&[&a, &b], &[0; 4]);
+    assert!(few.contains("stage trial") && few.contains("(params, source, offsets, marked, target)"), "{few}");
+    assert!(record(&[&a, &b, &c, &d, &d], &[0; 4]).contains("writes d and is also given it as target"));
+    assert!(record(&[&a, &b, &odd, &d, &c], &[0; 4]).contains("odd as offsets: it has 20 bytes"));
+    assert!(record(&[&a, &b, &c, &d, &a], &[0; 4]).contains("writes a"));
+    assert!(record(&[&a, &b, &c, &d, &odd], &[]).contains("4 bytes of push constants, but was given 0"));
+    let huge = Buffer::new(context, "huge", context.array_limits().0 + 4, Memory::Device);
+    assert!(huge.map(|_| ()).unwrap_err().to_string().contains("array huge needs"));
+    assert_clean(context, "misuse");
+}
