@@ -1,0 +1,411 @@
+//! From prepared bodies to the arrays that the kernels read: all bodies one after another, indices made global,
+//! positions relative to their frame's centre in f32. Made once; what changes from step to step is not here.
+
+use glam::{DQuat, DVec3};
+
+use super::types::{NONE, Pair, Proxy};
+use crate::prepare::{self, Body, Embedding, Layer, Shape, Skin};
+use crate::scene::{Material, Scene};
+
+/// Where a body's frame is.
+#[derive(Debug, Clone, Copy)]
+pub struct FramePlace {
+    /// World position of the frame's centre, m.
+    pub centre: DVec3,
+    /// Frame to world.
+    pub rotation: DQuat,
+    /// The centre in the body's rest frame, m.
+    pub rest_centre: DVec3,
+}
+
+/// A half-space in world coordinates.
+#[derive(Debug, Clone, Copy)]
+pub struct Plane {
+    /// Unit outward normal.
+    pub normal: DVec3,
+    /// m.
+    pub offset: f64,
+}
+
+/// Where a soft body's nodes and skin lie in the arrays.
+#[derive(Debug, Clone)]
+pub struct SoftRange {
+    /// Index among the bodies.
+    pub body: usize,
+    /// First node.
+    pub node_first: usize,
+}
+
+/// All static arrays.
+#[derive(Debug, Default)]
+pub struct Model {
+    /// A frame a body that is not a half-space.
+    pub frames: Vec<FramePlace>,
+    /// mu, lambda (Pa), alpha (1/s), beta (s); a frame.
+    pub materials: Vec<[f32; 4]>,
+    /// Frame of each body; `NONE` for a half-space.
+    pub body_frames: Vec<u32>,
+    /// Frame of the tool.
+    pub tool_frame: Option<usize>,
+    /// Soft bodies.
+    pub soft: Vec<SoftRange>,
+
+    /// Rest position in the frame, mass.
+    pub node_rest: Vec<[f32; 4]>,
+    /// First quad of elements, quads, frame, 1 where bound.
+    pub node_info: Vec<[u32; 4]>,
+    /// Entries into element forces, four a texel.
+    pub node_elements: Vec<[u32; 4]>,
+    /// World velocity at the start.
+    pub velocity: Vec<[f32; 4]>,
+    /// Four nodes.
+    pub tetrahedra: Vec<[u32; 4]>,
+    /// Three a tetrahedron, and three zeros: gradients of its last three nodes; w: sqrt(V), -, frame.
+    pub rest_gradients: Vec<[f32; 4]>,
+
+    /// Four nodes; `NONE` first on a rigid body.
+    pub skin_nodes: Vec<[u32; 4]>,
+    /// Four weights, or the position in the frame.
+    pub skin_weights: Vec<[f32; 4]>,
+    /// Rest area, m^2.
+    pub skin_areas: Vec<f32>,
+    /// Three skin vertices.
+    pub triangles: Vec<[u32; 4]>,
+    /// Triangles across the edges.
+    pub neighbours: Vec<[u32; 4]>,
+    /// Running totals of the triangles around each vertex.
+    pub fan_first: Vec<u32>,
+    /// Triangles around each vertex.
+    pub fans: Vec<u32>,
+
+    /// Proxies of all bodies.
+    pub proxies: Vec<Proxy>,
+    /// Hull vertices in the frame; w: frame.
+    pub hull: Vec<[f32; 4]>,
+    /// Face planes in the frame.
+    pub faces: Vec<[f32; 4]>,
+    /// Frame of each face.
+    pub face_frames: Vec<[u32; 4]>,
+    /// Owned skin vertices, by proxy.
+    pub proxy_vertices: Vec<u32>,
+    /// Owned triangles, by proxy.
+    pub proxy_triangles: Vec<u32>,
+    /// Skin vertices to place, by proxy.
+    pub proxy_embeds: Vec<u32>,
+    /// Nodes that move them, by proxy.
+    pub proxy_nodes: Vec<u32>,
+
+    /// Pairs of bodies; planes still zero.
+    pub pairs: Vec<Pair>,
+    /// The half-space of each pair that has one.
+    pub pair_planes: Vec<Option<Plane>>,
+    /// Proxy of a, proxy of b or `NONE`, pair, slot of a's proxy in the pair's list of active ones.
+    pub proxy_pairs: Vec<[u32; 4]>,
+    /// Slots of active proxies over all pairs.
+    pub active_slots: usize,
+    /// Skin vertices that can collide, over all pairs and sides.
+    pub candidates: usize,
+}
+
+/// Stiffness (N/m^3) where nothing soft is near to take it from: that of 20 kPa, nu 0.45, at a cell of 10 mm.
+const RIGID_STIFFNESS: f64 = 5.0e7;
+
+impl Model {
+    /// The arrays of a scene's bodies; the tool, if any, comes last.
+    pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
+        let mut model = Model::default();
+        model.fan_first.push(0);
+        let all: Vec<&Body> = bodies.iter().chain(tool).collect();
+        let mut proxy_ranges = Vec::new();
+        for (index, body) in all.iter().enumerate() {
+            let is_tool = index == bodies.len();
+            let first = model.proxies.len();
+            model.add_body(index, body, is_tool);
+            proxy_ranges.push(first..model.proxies.len());
+        }
+        // The entry that pads node lists, and reads as nothing.
+        model.rest_gradients.extend([[0.0; 4]; 3]);
+        model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
+        model
+    }
+
+    fn add_body(&mut self, index: usize, body: &Body, is_tool: bool) {
+        match &body.shape {
+            Shape::Plane { .. } => self.body_frames.push(NONE),
+            Shape::Soft { layer, material, embedding, skin, proxies } => {
+                let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+                let high = layer.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+                let frame = self.add_frame(body, 0.5 * (low + high), false, Some(material));
+                let node_first = self.node_rest.len();
+                self.soft.push(SoftRange { body: index, node_first });
+                self.add_layer(layer, material, frame, body.velocity);
+                let vertex_first = self.skin_nodes.len();
+                for e in embedding {
+                    let nodes = layer.tetrahedra[e.tetrahedron as usize].map(|n| n + node_first as u32);
+                    self.skin_nodes.push(nodes);
+                    self.skin_weights.push(e.weights.map(|w| w as f32));
+                }
+                self.add_skin(skin, vertex_first);
+                self.add_proxies(skin, proxies, frame, vertex_first, Some((layer, embedding, node_first)));
+            }
+            Shape::Rigid { skin, proxies, centroid, .. } => {
+                let frame = self.add_frame(body, *centroid, is_tool, None);
+                let vertex_first = self.skin_nodes.len();
+                for x in &skin.vertices {
+                    self.skin_nodes.push([NONE, 0, 0, 0]);
+                    self.skin_weights.push(texel(*x - *centroid, 0.0));
+                }
+                self.add_skin(skin, vertex_first);
+                self.add_proxies(skin, proxies, frame, vertex_first, None);
+            }
+        }
+    }
+
+    /// The tool's `position` is its centre's; any other body's that of its file's origin.
+    fn add_frame(&mut self, body: &Body, rest_centre: DVec3, is_tool: bool, material: Option<&Material>) -> usize {
+        let frame = self.frames.len();
+        let offset = if is_tool { DVec3::ZERO } else { body.orientation * rest_centre };
+        self.frames.push(FramePlace { centre: body.position + offset, rotation: body.orientation, rest_centre });
+        self.materials.push(material.map_or([0.0; 4], |m| {
+            let (mu, lambda) = lame(m);
+            [mu as f32, lambda as f32, m.damping_mass as f32, m.damping_stiffness as f32]
+        }));
+        self.body_frames.push(frame as u32);
+        if is_tool {
+            self.tool_frame = Some(frame);
+        }
+        frame
+    }
+
+    fn add_layer(&mut self, layer: &Layer, material: &Material, frame: usize, velocity: DVec3) {
+        let node_first = self.node_rest.len();
+        let tetrahedron_first = self.tetrahedra.len();
+        let centre = self.frames[frame].rest_centre;
+        let mut mass = vec![0.0; layer.nodes.len()];
+        let mut entries = vec![Vec::new(); layer.nodes.len()];
+        for (t, nodes) in layer.tetrahedra.iter().enumerate() {
+            let x = nodes.map(|n| layer.nodes[n as usize]);
+            let edges = glam::DMat3::from_cols(x[1] - x[0], x[2] - x[0], x[3] - x[0]);
+            let volume = edges.determinant() / 6.0;
+            let gradients = edges.inverse().transpose();
+            self.tetrahedra.push(nodes.map(|n| n + node_first as u32));
+            self.rest_gradients.push(texel(gradients.x_axis, volume.sqrt()));
+            self.rest_gradients.push(texel(gradients.y_axis, 0.0));
+            self.rest_gradients.push(texel(gradients.z_axis, frame as f64));
+            for (corner, n) in nodes.iter().enumerate() {
+                mass[*n as usize] += 0.25 * material.density * volume;
+                entries[*n as usize].push((4 * (tetrahedron_first + t) + corner) as u32);
+            }
+        }
+        for (i, rest) in layer.nodes.iter().enumerate() {
+            let bound = layer.bound[i];
+            // Entries of whole quads; the padding is replaced once the number of all tetrahedra is known.
+            let quads = entries[i].len().div_ceil(4);
+            self.node_info.push([self.node_elements.len() as u32, quads as u32, frame as u32, u32::from(bound)]);
+            for quad in entries[i].chunks(4) {
+                self.node_elements.push(std::array::from_fn(|k| quad.get(k).copied().unwrap_or(NONE)));
+            }
+            // A node of no tetrahedron has no mass: it stays where it is.
+            if mass[i] == 0.0 {
+                self.node_info[node_first + i][3] = 1;
+            }
+            self.node_rest.push(texel(*rest - centre, mass[i]));
+            let velocity = if bound || mass[i] == 0.0 { DVec3::ZERO } else { velocity };
+            self.velocity.push(texel(velocity, 0.0));
+        }
+    }
+
+    fn add_skin(&mut self, skin: &Skin, vertex_first: usize) {
+        let triangle_first = self.triangles.len() as u32;
+        let shift = |i: u32| if i == prepare::NONE { NONE } else { i + triangle_first };
+        let mut fans = vec![Vec::new(); skin.vertices.len()];
+        for (t, corners) in skin.triangles.iter().enumerate() {
+            let [a, b, c] = corners.map(|v| v + vertex_first as u32);
+            self.triangles.push([a, b, c, 0]);
+            let [a, b, c] = skin.neighbours[t].map(shift);
+            self.neighbours.push([a, b, c, 0]);
+            corners.iter().for_each(|v| fans[*v as usize].push(triangle_first + t as u32));
+        }
+        for (fan, area) in fans.iter().zip(&skin.areas) {
+            self.fans.extend(fan);
+            self.fan_first.push(self.fans.len() as u32);
+            self.skin_areas.push(*area as f32);
+        }
+    }
+
+    fn add_proxies(
+        &mut self,
+        skin: &Skin,
+        proxies: &[prepare::Proxy],
+        frame: usize,
+        vertex_first: usize,
+        soft: Option<(&Layer, &[Embedding], usize)>,
+    ) {
+        let centre = self.frames[frame].rest_centre;
+        let triangle_first = (self.triangles.len() - skin.triangles.len()) as u32;
+        for proxy in proxies {
+            // The skin it covers, and what the normals there need: the triangles around its vertices.
+            let mut covered: Vec<u32> = proxy.vertices.clone();
+            covered.extend(proxy.triangles.iter().flat_map(|t| skin.triangles[*t as usize]));
+            covered.sort_unstable();
+            covered.dedup();
+            let mut embeds = covered.clone();
+            for v in &covered {
+                let v = vertex_first + *v as usize;
+                for t in &self.fans[self.fan_first[v] as usize..self.fan_first[v + 1] as usize] {
+                    embeds.extend(&skin.triangles[(t - triangle_first) as usize]);
+                }
+            }
+            embeds.sort_unstable();
+            embeds.dedup();
+            let (mut nodes, mut weight_bound) = (Vec::new(), 0.0f64);
+            if let Some((layer, embedding, node_first)) = soft {
+                for v in &covered {
+                    let e = &embedding[*v as usize];
+                    nodes.extend(layer.tetrahedra[e.tetrahedron as usize].map(|n| n + node_first as u32));
+                    weight_bound = weight_bound.max(e.weights.iter().map(|w| w.abs()).sum());
+                }
+                nodes.sort_unstable();
+                nodes.dedup();
+            }
+            self.proxies.push(Proxy {
+                frame: frame as u32,
+                hull_first: self.hull.len() as u32,
+                hull_count: proxy.hull.len() as u32,
+                face_first: self.faces.len() as u32,
+                face_count: proxy.faces.len() as u32,
+                vertex_first: self.proxy_vertices.len() as u32,
+                vertex_count: proxy.vertices.len() as u32,
+                triangle_first: self.proxy_triangles.len() as u32,
+                triangle_count: proxy.triangles.len() as u32,
+                embed_first: self.proxy_embeds.len() as u32,
+                embed_count: embeds.len() as u32,
+                node_first: self.proxy_nodes.len() as u32,
+                node_count: nodes.len() as u32,
+                margin: proxy.margin as f32,
+                weight_bound: weight_bound as f32,
+            });
+            self.hull.extend(proxy.hull.iter().map(|x| texel(*x - centre, frame as f64)));
+            self.faces.extend(proxy.faces.iter().map(|(n, d)| texel(*n, d - n.dot(centre))));
+            self.face_frames.extend(proxy.faces.iter().map(|_| [frame as u32, 0, 0, 0]));
+            self.proxy_vertices.extend(proxy.vertices.iter().map(|v| v + vertex_first as u32));
+            self.proxy_triangles.extend(proxy.triangles.iter().map(|t| t + triangle_first));
+            self.proxy_embeds.extend(embeds.iter().map(|v| v + vertex_first as u32));
+            self.proxy_nodes.extend(nodes);
+        }
+    }
+
+    fn add_pairs(&mut self, scene: &Scene, all: &[&Body], has_tool: bool, ranges: &[std::ops::Range<usize>]) {
+        let tool = if has_tool { all.len() - 1 } else { all.len() };
+        let listed = |i: usize, j: usize| {
+            let name = if j == tool { "tool" } else { all[j].name.as_str() };
+            let list = scene.bodies.get(i).and_then(|body| body.collides.as_ref());
+            list.is_none_or(|names| names.iter().any(|n| n == name))
+        };
+        let moves = |i: usize| i == tool || matches!(all[i].shape, Shape::Soft { .. });
+        let is_plane = |i: usize| matches!(all[i].shape, Shape::Plane { .. });
+        for i in 0..all.len() {
+            for j in i + 1..all.len() {
+                if !(listed(i, j) && listed(j, i)) || !(moves(i) || moves(j)) {
+                    continue;
+                }
+                let (a, b) = if is_plane(i) { (j, i) } else { (i, j) };
+                self.add_pair(scene, all, a, b, tool, ranges);
+            }
+        }
+    }
+
+    fn add_pair(
+        &mut self,
+        scene: &Scene,
+        all: &[&Body],
+        a: usize,
+        b: usize,
+        tool: usize,
+        ranges: &[std::ops::Range<usize>],
+    ) {
+        let plane = match all[b].shape {
+            Shape::Plane { normal, offset } => Some(Plane { normal, offset }),
+            _ => None,
+        };
+        let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&[all[a], all[b]], all));
+        let pair = self.pairs.len() as u32;
+        let (a_proxies, b_proxies) = (ranges[a].clone(), ranges[b].clone());
+        let first_proxy_pair = self.proxy_pairs.len() as u32;
+        for (k, p) in a_proxies.clone().enumerate() {
+            let slot = (self.active_slots + k) as u32;
+            if plane.is_some() {
+                self.proxy_pairs.push([p as u32, NONE, pair, slot]);
+            }
+            self.proxy_pairs.extend(b_proxies.clone().map(|q| [p as u32, q as u32, pair, slot]));
+        }
+        self.active_slots += a_proxies.len() + b_proxies.len();
+        let owned = |range: &std::ops::Range<usize>| -> usize {
+            self.proxies[range.clone()].iter().map(|p| p.vertex_count as usize).sum()
+        };
+        self.candidates += owned(&a_proxies) + owned(&b_proxies);
+        self.pairs.push(Pair {
+            first_proxy_pair,
+            proxy_pair_count: self.proxy_pairs.len() as u32 - first_proxy_pair,
+            first_proxy: [a_proxies.start as u32, b_proxies.start as u32],
+            proxy_count: [a_proxies.len() as u32, b_proxies.len() as u32],
+            stiffness: stiffness as f32,
+            // As if the penalty relaxed over one step.
+            damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt) as f32,
+            tool_sign: if a == tool { 1.0 } else { -f32::from(u8::from(b == tool)) },
+            is_plane: u32::from(plane.is_some()),
+            plane: [0.0; 4],
+        });
+        self.pair_planes.push(plane);
+    }
+
+    /// Replaces the padding of node lists by the entry that reads as nothing; called once all bodies are in.
+    pub fn padded_node_elements(&self) -> Vec<[u32; 4]> {
+        let nothing = 4 * self.tetrahedra.len() as u32;
+        self.node_elements.iter().map(|quad| quad.map(|e| if e == NONE { nothing } else { e })).collect()
+    }
+
+    /// Whether any pair needs the depth field.
+    pub fn needs_depth(&self) -> bool {
+        self.pairs.iter().any(|pair| pair.is_plane == 0)
+    }
+}
+
+/// 20 E / (1 - nu^2) / (mean layer edge) of the softer body, N/m^3; of the softest of the scene where neither is soft.
+fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
+    let of = |bodies: &[&Body]| {
+        let soft = bodies.iter().filter_map(|body| match &body.shape {
+            Shape::Soft { layer, material, .. } => {
+                Some(20.0 * material.young / (1.0 - material.poisson.powi(2)) / mean_edge(layer))
+            }
+            _ => None,
+        });
+        soft.reduce(f64::min)
+    };
+    of(pair).or_else(|| of(all)).unwrap_or(RIGID_STIFFNESS)
+}
+
+/// Mean length of a layer's edges, each counted once, m.
+fn mean_edge(layer: &Layer) -> f64 {
+    let mut edges: Vec<[u32; 2]> = Vec::with_capacity(6 * layer.tetrahedra.len());
+    for t in &layer.tetrahedra {
+        for (i, k) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+            edges.push([t[i].min(t[k]), t[i].max(t[k])]);
+        }
+    }
+    edges.sort_unstable();
+    edges.dedup();
+    let length = |e: &[u32; 2]| layer.nodes[e[0] as usize].distance(layer.nodes[e[1] as usize]);
+    edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64
+}
+
+/// Lame's mu and lambda, Pa.
+fn lame(material: &Material) -> (f64, f64) {
+    let mu = material.young / (2.0 * (1.0 + material.poisson));
+    (mu, 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson))
+}
+
+/// A vec4 of the device.
+pub fn texel(x: DVec3, w: f64) -> [f32; 4] {
+    [x.x as f32, x.y as f32, x.z as f32, w as f32]
+}
