@@ -5,6 +5,7 @@
 //! twins that tests compare with, [`report`] writes results.
 
 pub mod error;
+pub mod oracle;
 pub mod prepare;
 pub mod scene;
 
