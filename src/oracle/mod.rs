@@ -24,4 +24,6 @@ pub mod tool;
 pub mod wrench;
 
 #[cfg(test)]
+mod laws;
+#[cfg(test)]
 mod testing;

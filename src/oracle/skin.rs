@@ -42,3 +42,16 @@ pub fn areas(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<f64> {
     }
     areas
 }
+
+/// The embedding of a skin whose vertices are all the layer's nodes, in order: weight exactly 1 on the node, in the
+/// first tetrahedron that has it. Nodes of no tetrahedron get weight 0.
+pub fn node_embedding(layer: &Layer) -> Vec<Embedding> {
+    let mut embedding = vec![Embedding { tetrahedron: 0, weights: [0.0; 4] }; layer.nodes.len()];
+    for (t, corners) in layer.tetrahedra.iter().enumerate().rev() {
+        for (k, i) in corners.iter().enumerate() {
+            let weights = std::array::from_fn(|l| if l == k { 1.0 } else { 0.0 });
+            embedding[*i as usize] = Embedding { tetrahedron: t as u32, weights };
+        }
+    }
+    embedding
+}
