@@ -7,7 +7,7 @@ use crate::oracle::testing::Random;
 use crate::oracle::{cull, skin};
 
 /// An octahedron cut `levels` times and thrown on a sphere.
-fn sphere(radius: f64, centre: DVec3, levels: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+pub(super) fn sphere(radius: f64, centre: DVec3, levels: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut vertices = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
     let mut triangles: Vec<[u32; 3]> =
         vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
