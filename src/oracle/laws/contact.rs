@@ -52,8 +52,12 @@ fn rays_agree_with_trying_every_triangle() {
     let mut random = Random(11);
     let normal = random.vector().normalize();
     let (a, at) = sphere(0.1, DVec3::ZERO, 4);
-    let (mut b, bt) = sphere(0.1, normal * 0.17, 4);
-    // Dents make the sheet meet a line several times.
+    // Dented, and a second sheet within the first: a line meets several facing triangles.
+    let (mut b, mut bt) = sphere(0.1, normal * 0.17, 4);
+    let (inner, inner_triangles) = sphere(0.095, normal * 0.17, 4);
+    let first = b.len() as u32;
+    b.extend(inner);
+    bt.extend(inner_triangles.iter().map(|t| t.map(|i| i + first)));
     b.iter_mut().for_each(|x| *x += 0.004 * random.vector());
     let hits = ray_depths(normal, &a, &at, &b, &bt, f64::INFINITY);
     let facing = skin::normals(&a, &at);
