@@ -1,0 +1,44 @@
+//! Separation and penetration of convex hulls in f64. Twin of the cull stage.
+
+use glam::DVec3;
+use parry3d_f64::math::{Pose, Vector};
+use parry3d_f64::query;
+use parry3d_f64::shape::ConvexPolyhedron;
+
+/// Gap between two point sets along a unit direction from A to B, m: least n . b minus greatest n . a; negative where
+/// they overlap along it.
+pub fn separation_along(normal: DVec3, a: &[DVec3], b: &[DVec3]) -> f64 {
+    let least = b.iter().map(|y| normal.dot(*y)).fold(f64::INFINITY, f64::min);
+    let greatest = a.iter().map(|x| normal.dot(*x)).fold(f64::NEG_INFINITY, f64::max);
+    least - greatest
+}
+
+/// Of the face normals of both hulls (A's outward, B's reversed, so that all point from A to B) the one with the greatest
+/// separation, and that separation, m. Negative: the penetration along face normals, an upper bound of the true one (a
+/// cross product of edges may do better). The first wins where several are equal. `None` without faces.
+pub fn best_face(a: &[DVec3], a_faces: &[(DVec3, f64)], b: &[DVec3], b_faces: &[(DVec3, f64)]) -> Option<(DVec3, f64)> {
+    let normals = a_faces.iter().map(|f| f.0).chain(b_faces.iter().map(|f| -f.0));
+    let mut best: Option<(DVec3, f64)> = None;
+    for normal in normals {
+        let separation = separation_along(normal, a, b);
+        if best.is_none_or(|b| separation > b.1) {
+            best = Some((normal, separation));
+        }
+    }
+    best
+}
+
+/// Signed distance of the convex hulls of two point sets by parry: GJK where they are apart, EPA where they overlap
+/// (negative), and the unit normal from A to B. `None` where a hull is degenerate or they just touch without a normal.
+pub fn exact_distance(a: &[DVec3], b: &[DVec3]) -> Option<(DVec3, f64)> {
+    let hull = |points: &[DVec3]| {
+        let points: Vec<Vector> = points.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+        ConvexPolyhedron::from_convex_hull(&points)
+    };
+    let (a, b) = (hull(a)?, hull(b)?);
+    // Any gap is within reach of this prediction; parry needs a finite number.
+    const REACH: f64 = 1e6;
+    let contact = query::contact(&Pose::IDENTITY, &a, &Pose::IDENTITY, &b, REACH).ok()??;
+    let normal = DVec3::new(contact.normal1.x, contact.normal1.y, contact.normal1.z);
+    Some((normal, contact.dist))
+}

@@ -1,0 +1,167 @@
+//! Corotational linear tetrahedra in f64: rotations, forces, the stiffness operator. Twin of the elastic stage.
+//!
+//! Müller and Gross, "Interactive Virtual Materials" (2004); the polar rotation by singular value decomposition with
+//! the sign convention of Irving, Teran and Fedkiw, "Invertible Finite Elements" (2004).
+
+use faer::Mat;
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::prepare::Layer;
+use crate::scene::Material;
+
+/// A layer's tetrahedra, ready for evaluation. Lengths of arrays are in nodes or tetrahedra.
+#[derive(Debug, Clone)]
+pub struct Elements {
+    /// Four node indices each.
+    pub tetrahedra: Vec<[u32; 4]>,
+    /// Rest gradients of the four shape functions, 1/m, rest axes.
+    pub gradients: Vec<[DVec3; 4]>,
+    /// Rest volumes, m^3.
+    pub volumes: Vec<f64>,
+    /// Lumped node masses, kg: density times a quarter of each adjacent volume.
+    pub masses: Vec<f64>,
+    /// World from rest axes.
+    pub frame: DMat3,
+    /// Lamé's second parameter (shear modulus), Pa.
+    pub mu: f64,
+    /// Lamé's first parameter, Pa.
+    pub lambda: f64,
+}
+
+impl Elements {
+    /// Precomputes gradients, volumes and masses. `frame` turns rest axes into world axes.
+    pub fn new(layer: &Layer, material: &Material, frame: DMat3) -> Self {
+        let mut masses = vec![0.0; layer.nodes.len()];
+        let mut gradients = Vec::with_capacity(layer.tetrahedra.len());
+        let mut volumes = Vec::with_capacity(layer.tetrahedra.len());
+        for nodes in &layer.tetrahedra {
+            let [x0, x1, x2, x3] = nodes.map(|i| layer.nodes[i as usize]);
+            let edges = DMat3::from_cols(x1 - x0, x2 - x0, x3 - x0);
+            let volume = edges.determinant() / 6.0;
+            let inverse = edges.inverse().transpose();
+            let [g1, g2, g3] = [inverse.col(0), inverse.col(1), inverse.col(2)];
+            gradients.push([-(g1 + g2 + g3), g1, g2, g3]);
+            volumes.push(volume);
+            for &i in nodes {
+                masses[i as usize] += material.density * volume / 4.0;
+            }
+        }
+        let (mu, lambda) = lame(material);
+        Self { tetrahedra: layer.tetrahedra.clone(), gradients, volumes, masses, frame, mu, lambda }
+    }
+
+    /// Number of nodes.
+    pub fn node_count(&self) -> usize {
+        self.masses.len()
+    }
+
+    /// G = sum d_i g_i^T of each tetrahedron for a field of node vectors `d` in rest axes.
+    pub fn gradient(&self, element: usize, d: &[DVec3]) -> DMat3 {
+        let nodes = self.tetrahedra[element];
+        let mut sum = DMat3::ZERO;
+        for (i, g) in nodes.iter().zip(&self.gradients[element]) {
+            sum += outer(d[*i as usize], *g);
+        }
+        sum
+    }
+
+    /// Proper polar rotation of F = I + G of every tetrahedron. `d`: displacements, m, rest axes.
+    pub fn rotations(&self, d: &[DVec3]) -> Vec<DQuat> {
+        (0..self.tetrahedra.len()).map(|e| polar_rotation(DMat3::IDENTITY + self.gradient(e, d))).collect()
+    }
+
+    /// Elastic forces on nodes, N, world axes. `d`: displacements, m, rest axes; `rotations`: one a tetrahedron.
+    pub fn forces(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
+        let mut forces = vec![DVec3::ZERO; self.node_count()];
+        for (e, nodes) in self.tetrahedra.iter().enumerate() {
+            let q = rotations[e].normalize();
+            let stress = DMat3::from_quat(q) * self.stress(strain(q, self.gradient(e, d)));
+            for (i, g) in nodes.iter().zip(&self.gradients[e]) {
+                forces[*i as usize] -= self.frame * (stress * *g) * self.volumes[e];
+            }
+        }
+        forces
+    }
+
+    /// K p with rotations held fixed, world axes in and out.
+    pub fn apply_stiffness(&self, p: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
+        let to_rest = self.frame.transpose();
+        let local: Vec<DVec3> = p.iter().map(|p| to_rest * *p).collect();
+        let mut product = vec![DVec3::ZERO; self.node_count()];
+        for (e, nodes) in self.tetrahedra.iter().enumerate() {
+            let r = DMat3::from_quat(rotations[e].normalize());
+            let stress = r * self.stress(r.transpose() * self.gradient(e, &local));
+            for (i, g) in nodes.iter().zip(&self.gradients[e]) {
+                product[*i as usize] += self.frame * (stress * *g) * self.volumes[e];
+            }
+        }
+        product
+    }
+
+    /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed:
+    /// V R (mu ((g_i . g_j) I + g_j g_i^T) + lambda g_i g_j^T) R^T.
+    pub fn stiffness_blocks(&self, element: usize, rotation: DQuat) -> [[DMat3; 4]; 4] {
+        let r = self.frame * DMat3::from_quat(rotation.normalize());
+        let g = self.gradients[element].map(|g| r * g);
+        let block = |i: usize, j: usize| {
+            let shear = DMat3::from_diagonal(DVec3::splat(g[i].dot(g[j]))) + outer(g[j], g[i]);
+            (shear * self.mu + outer(g[i], g[j]) * self.lambda) * self.volumes[element]
+        };
+        std::array::from_fn(|i| std::array::from_fn(|j| block(i, j)))
+    }
+
+    /// Elastic energy sum V (mu |E|^2 + lambda/2 tr(E)^2), J, with E = sym(R^T F) - I.
+    pub fn energy(&self, d: &[DVec3], rotations: &[DQuat]) -> f64 {
+        let density = |e: usize| {
+            let strain = symmetric(strain(rotations[e].normalize(), self.gradient(e, d)));
+            let trace = trace(strain);
+            self.mu * strain.to_cols_array().iter().map(|x| x * x).sum::<f64>() + 0.5 * self.lambda * trace * trace
+        };
+        (0..self.tetrahedra.len()).map(|e| self.volumes[e] * density(e)).sum()
+    }
+
+    /// 2 mu sym(E) + lambda tr(E) I.
+    fn stress(&self, strain: DMat3) -> DMat3 {
+        symmetric(strain) * (2.0 * self.mu) + DMat3::from_diagonal(DVec3::splat(self.lambda * trace(strain)))
+    }
+}
+
+/// Shear modulus and Lamé's first parameter, Pa.
+pub fn lame(material: &Material) -> (f64, f64) {
+    let nu = material.poisson;
+    let mu = material.young / (2.0 * (1.0 + nu));
+    (mu, material.young * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)))
+}
+
+/// E = R^T F - I = R^T G + (R^T - I), the last term from the quaternion's vector part, so that nothing cancels.
+pub fn strain(rotation: DQuat, gradient: DMat3) -> DMat3 {
+    let v = DVec3::new(rotation.x, rotation.y, rotation.z);
+    let cross = DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0));
+    let minus_identity = cross * cross * 2.0 - cross * (2.0 * rotation.w);
+    DMat3::from_quat(rotation).transpose() * gradient + minus_identity
+}
+
+/// The rotation nearest to F; where F is inverted, the one that flips the least singular direction.
+pub fn polar_rotation(f: DMat3) -> DQuat {
+    let matrix = Mat::from_fn(3, 3, |i, j| f.col(j)[i]);
+    // A matrix of non-finite numbers has no decomposition; the identity keeps the failure visible in the forces.
+    let Ok(svd) = matrix.svd() else { return DQuat::IDENTITY };
+    let to_glam = |m: faer::MatRef<'_, f64>| DMat3::from_cols_array(&std::array::from_fn(|k| m[(k % 3, k / 3)]));
+    let (u, v) = (to_glam(svd.U()), to_glam(svd.V()));
+    // faer sorts singular values downwards: the last column is the least direction.
+    let flip = DVec3::new(1.0, 1.0, (u.determinant() * v.determinant()).signum());
+    DQuat::from_mat3(&(u * DMat3::from_diagonal(flip) * v.transpose())).normalize()
+}
+
+/// a b^T.
+pub fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+fn symmetric(m: DMat3) -> DMat3 {
+    (m + m.transpose()) * 0.5
+}
+
+fn trace(m: DMat3) -> f64 {
+    m.x_axis.x + m.y_axis.y + m.z_axis.z
+}

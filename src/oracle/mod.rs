@@ -1,0 +1,29 @@
+//! f64 twins of every stage and of the whole step, in plain Rust; they share nothing with `shaders/`.
+//!
+//! vk-tests hold each shader against its twin here, and error reports take their reference trajectory from
+//! [`step::Simulation`]. Clear before fast. Units are SI; vectors are in world axes unless a name says `rest`.
+//!
+//! | twin | stage |
+//! | --- | --- |
+//! | [`elastic`] | element rotations, elastic forces, the stiffness operator |
+//! | [`skin`] | skin positions and velocities from nodes |
+//! | [`cull`] | separation and penetration of convex hulls |
+//! | [`contact`] | depth by exact rays, gathered contacts |
+//! | [`linear`], [`step`] | the implicit step, solved directly |
+//! | [`wrench`] | net force, torque, stiffness and damping on the tool |
+//! | [`statics`] | linear static equilibrium, for laws only |
+
+pub mod contact;
+pub mod cull;
+pub mod elastic;
+pub mod linear;
+pub mod skin;
+pub mod statics;
+pub mod step;
+pub mod tool;
+pub mod wrench;
+
+#[cfg(test)]
+mod laws;
+#[cfg(test)]
+mod testing;

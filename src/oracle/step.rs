@@ -1,0 +1,333 @@
+//! The whole step in f64: implicit Euler of soft bodies, contacts and the tool, solved directly (DESIGN.md section 2).
+
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::Result;
+use crate::oracle::contact::{Carrier, Contact, Point, Support, Surface};
+use crate::oracle::elastic::Elements;
+use crate::oracle::linear::{Entries, Solver};
+use crate::oracle::skin;
+use crate::oracle::tool::{Device, Tool};
+use crate::oracle::wrench::{self, Wrench};
+use crate::prepare::{Embedding, Layer, Skin};
+use crate::scene::Material;
+
+/// Flag: contacts were adhesive after the repeated solve too; they count zero.
+pub const ADHESIVE_TWICE: u32 = 256;
+
+/// A soft body and its state.
+#[derive(Debug, Clone)]
+pub struct SoftBody {
+    /// Tetrahedra, masses, frame.
+    pub elements: Elements,
+    /// The layer at rest.
+    pub layer: Layer,
+    /// The material.
+    pub material: Material,
+    /// World position of the rest frame's origin, m; the frame rests.
+    pub position: DVec3,
+    /// Displacement of each node from rest, rest axes, m.
+    pub displacement: Vec<DVec3>,
+    /// Velocity of each node, world axes, m/s; zero for bound nodes.
+    pub velocity: Vec<DVec3>,
+    /// Element rotations for the next steps; `None`: the exact polar rotations of the displacements.
+    pub given_rotations: Option<Vec<DQuat>>,
+}
+
+impl SoftBody {
+    /// A body at rest in shape, placed by `position` and `orientation`; free nodes move with `velocity` (world).
+    pub fn new(layer: Layer, material: Material, position: DVec3, orientation: DQuat, velocity: DVec3) -> Self {
+        let elements = Elements::new(&layer, &material, DMat3::from_quat(orientation.normalize()));
+        let start = |bound: &bool| if *bound { DVec3::ZERO } else { velocity };
+        Self {
+            displacement: vec![DVec3::ZERO; layer.nodes.len()],
+            velocity: layer.bound.iter().map(start).collect(),
+            given_rotations: None,
+            elements,
+            layer,
+            material,
+            position,
+        }
+    }
+
+    /// Element rotations that the next step uses.
+    pub fn rotations(&self) -> Vec<DQuat> {
+        self.given_rotations.clone().unwrap_or_else(|| self.elements.rotations(&self.displacement))
+    }
+
+    /// World positions of the nodes, m.
+    pub fn world_nodes(&self) -> Vec<DVec3> {
+        let place = |(r, d): (&DVec3, &DVec3)| self.elements.frame * (*r + *d) + self.position;
+        self.layer.nodes.iter().zip(&self.displacement).map(place).collect()
+    }
+
+    /// The deformed skin in the world, for gathering contacts. `body`: this body's index in the simulation.
+    pub fn surface<'a>(&'a self, body: usize, skin: &'a Skin, embedding: &'a [Embedding]) -> Surface<'a> {
+        Surface {
+            positions: skin::embed(embedding, &self.layer, &self.world_nodes()),
+            triangles: &skin.triangles,
+            areas: &skin.areas,
+            support: Support::Soft(body, &self.layer, embedding),
+        }
+    }
+
+    /// Momentum of the nodes, kg m/s.
+    pub fn momentum(&self) -> DVec3 {
+        self.velocity.iter().zip(&self.elements.masses).map(|(v, m)| *v * *m).sum()
+    }
+
+    /// Kinetic plus elastic energy, J.
+    pub fn energy(&self) -> f64 {
+        let kinetic: f64 =
+            self.velocity.iter().zip(&self.elements.masses).map(|(v, m)| 0.5 * m * v.length_squared()).sum();
+        kinetic + self.elements.energy(&self.displacement, &self.elements.rotations(&self.displacement))
+    }
+}
+
+/// A contact and what the solver did with it.
+#[derive(Debug, Clone)]
+pub struct Resolved {
+    /// The contact.
+    pub contact: Contact,
+    /// Size of the force that pushes the two bodies apart along the normal, N; never negative.
+    pub force: f64,
+    /// Whether it was in the last solve and pushes.
+    pub active: bool,
+}
+
+/// What a step reports.
+#[derive(Debug, Clone)]
+pub struct Report {
+    /// Every contact offered to the step, in the same order.
+    pub contacts: Vec<Resolved>,
+    /// Wrench on the tool; zero without a tool.
+    pub wrench: Wrench,
+    /// Bit mask of the trace.
+    pub flags: u32,
+}
+
+/// Soft bodies and the tool, and the step.
+#[derive(Default)]
+pub struct Simulation {
+    /// Time step, s.
+    pub dt: f64,
+    /// Gravity, m/s^2.
+    pub gravity: DVec3,
+    /// Soft bodies.
+    pub bodies: Vec<SoftBody>,
+    /// The tool.
+    pub tool: Option<Tool>,
+    /// Direct solver; keeps its symbolic factorisation.
+    pub solver: Solver,
+}
+
+/// Where each free node and the tool sit among the unknowns.
+struct Unknowns {
+    nodes: Vec<Vec<Option<usize>>>,
+    tool: usize,
+    count: usize,
+}
+
+impl Simulation {
+    /// An empty scene.
+    pub fn new(dt: f64, gravity: DVec3) -> Self {
+        Self { dt, gravity, ..Self::default() }
+    }
+
+    /// Advances by one step. `device`: pose and twist at the end of the step; `contacts`: gathered from the present
+    /// state. Errors where the system cannot be factorised.
+    pub fn step(&mut self, device: Option<&Device>, contacts: &[Contact]) -> Result<Report> {
+        let unknowns = self.unknowns();
+        let (base, load) = self.system(&unknowns, device);
+        let rows: Vec<_> = contacts.iter().map(|c| self.row(&unknowns, c)).collect();
+        let start = self.velocities(&unknowns);
+        let mut active = vec![true; contacts.len()];
+        let mut change = Vec::new();
+        let mut pressures = Vec::new();
+        let mut flags = 0;
+        for attempt in 0..2 {
+            let (mut a, mut b) = (base.clone(), load.clone());
+            for (row, contact) in rows.iter().zip(contacts).zip(&active).filter_map(|(c, on)| on.then_some(c)) {
+                add_contact(&mut a, &mut b, row, contact, &start, self.dt);
+            }
+            change = self.solver.solve(&a, &b)?;
+            let end: Vec<f64> = start.iter().zip(&change).map(|(v, dv)| v + dv).collect();
+            pressures = rows.iter().zip(contacts).map(|(row, c)| self.pressure(row, c, &end)).collect();
+            let pulling = (0..contacts.len()).filter(|&j| active[j] && pressures[j] < 0.0).collect::<Vec<_>>();
+            if pulling.is_empty() {
+                break;
+            }
+            pulling.iter().for_each(|&j| active[j] = false);
+            flags |= if attempt == 1 { ADHESIVE_TWICE } else { 0 };
+        }
+        let resolve = |((contact, on), pressure): ((&Contact, &bool), &f64)| Resolved {
+            contact: contact.clone(),
+            force: if *on { contact.area * pressure } else { 0.0 },
+            active: *on,
+        };
+        let contacts: Vec<_> = contacts.iter().zip(&active).zip(&pressures).map(resolve).collect();
+        let centre = self.tool.as_ref().map_or(DVec3::ZERO, |t| t.centre);
+        let wrench = wrench::on_tool(&contacts, centre);
+        self.commit(&unknowns, &change);
+        Ok(Report { contacts, wrench, flags })
+    }
+
+    fn unknowns(&self) -> Unknowns {
+        let mut count = 0;
+        let mut number = |bound: &bool| {
+            let first = count;
+            count += if *bound { 0 } else { 3 };
+            (!bound).then_some(first)
+        };
+        let nodes = self.bodies.iter().map(|b| b.layer.bound.iter().map(&mut number).collect()).collect();
+        Unknowns { nodes, tool: count, count: count + if self.tool.is_some() { 6 } else { 0 } }
+    }
+
+    /// A and b without contacts.
+    fn system(&self, unknowns: &Unknowns, device: Option<&Device>) -> (Entries, Vec<f64>) {
+        let (mut a, mut b) = (Entries::default(), vec![0.0; unknowns.count]);
+        for (body, nodes) in self.bodies.iter().zip(&unknowns.nodes) {
+            self.add_body(&mut a, &mut b, body, nodes);
+        }
+        if let Some(tool) = &self.tool {
+            tool.add_terms(&mut a, &mut b, unknowns.tool, self.dt, self.gravity, device);
+        }
+        (a, b)
+    }
+
+    /// (1 + h alpha) M + (h^2 + h beta) K, and h [M g + f_el - alpha M v - (beta + h) K v].
+    fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, unknowns: &[Option<usize>]) {
+        let (h, elements) = (self.dt, &body.elements);
+        let (alpha, beta) = (body.material.damping_mass, body.material.damping_stiffness);
+        let rotations = body.rotations();
+        for (e, nodes) in elements.tetrahedra.iter().enumerate() {
+            let blocks = elements.stiffness_blocks(e, rotations[e]);
+            for (k, i) in nodes.iter().enumerate() {
+                for (l, j) in nodes.iter().enumerate() {
+                    if let (Some(i), Some(j)) = (unknowns[*i as usize], unknowns[*j as usize]) {
+                        add_block(a, i, j, &(blocks[k][l] * (h * h + h * beta)));
+                    }
+                }
+            }
+        }
+        let elastic = elements.forces(&body.displacement, &rotations);
+        let stiff = elements.apply_stiffness(&body.velocity, &rotations);
+        for (i, first) in unknowns.iter().enumerate() {
+            let Some(first) = first else { continue };
+            let mass = elements.masses[i];
+            let inertial = mass * (self.gravity - alpha * body.velocity[i]);
+            let load = h * (inertial + elastic[i] - (beta + h) * stiff[i]);
+            for axis in 0..3 {
+                a.add(first + axis, first + axis, (1.0 + h * alpha) * mass);
+                b[first + axis] += load[axis];
+            }
+        }
+    }
+
+    /// The row c with depth rate = c . velocities.
+    fn row(&self, unknowns: &Unknowns, contact: &Contact) -> Vec<(usize, f64)> {
+        let mut row = Vec::new();
+        self.add_point(&mut row, unknowns, &contact.first, contact.normal);
+        self.add_point(&mut row, unknowns, &contact.second, -contact.normal);
+        row
+    }
+
+    fn add_point(&self, row: &mut Vec<(usize, f64)>, unknowns: &Unknowns, point: &Point, direction: DVec3) {
+        match (&point.carrier, &self.tool) {
+            (Carrier::Nodes(body, weights), _) => {
+                for (node, weight) in weights {
+                    if let Some(first) = unknowns.nodes[*body][*node as usize] {
+                        row.extend((0..3).map(|axis| (first + axis, weight * direction[axis])));
+                    }
+                }
+            }
+            (Carrier::Tool, Some(tool)) => {
+                let moment = (point.position - tool.centre).cross(direction);
+                let both = direction.to_array().into_iter().chain(moment.to_array());
+                row.extend(both.enumerate().map(|(k, x)| (unknowns.tool + k, x)));
+            }
+            (Carrier::Fixed, _) | (Carrier::Tool, None) => {}
+        }
+    }
+
+    fn velocities(&self, unknowns: &Unknowns) -> Vec<f64> {
+        let mut all = vec![0.0; unknowns.count];
+        for (body, nodes) in self.bodies.iter().zip(&unknowns.nodes) {
+            for (v, first) in body.velocity.iter().zip(nodes) {
+                if let Some(first) = first {
+                    all[*first..first + 3].copy_from_slice(&v.to_array());
+                }
+            }
+        }
+        if let Some(tool) = &self.tool {
+            all[unknowns.tool..unknowns.tool + 3].copy_from_slice(&tool.velocity.to_array());
+            all[unknowns.tool + 3..].copy_from_slice(&tool.angular_velocity.to_array());
+        }
+        all
+    }
+
+    /// k depth + (h k + d) depth' at these velocities, N/m^2.
+    fn pressure(&self, row: &[(usize, f64)], contact: &Contact, velocities: &[f64]) -> f64 {
+        let slope = self.dt * contact.stiffness + contact.damping;
+        contact.stiffness * contact.depth + slope * dot(row, velocities)
+    }
+
+    /// v1 = v0 + dv, d1 = d0 + h R^T v1; the tool moves with its new twist.
+    fn commit(&mut self, unknowns: &Unknowns, change: &[f64]) {
+        for (body, nodes) in self.bodies.iter_mut().zip(&unknowns.nodes) {
+            let to_rest = body.elements.frame.transpose();
+            for (i, first) in nodes.iter().enumerate() {
+                let Some(first) = first else { continue };
+                body.velocity[i] += DVec3::from_slice(&change[*first..first + 3]);
+                body.displacement[i] += self.dt * (to_rest * body.velocity[i]);
+            }
+        }
+        if let Some(tool) = &mut self.tool {
+            let twist = std::array::from_fn(|k| change[unknowns.tool + k]);
+            tool.advance(self.dt, twist);
+        }
+    }
+}
+
+/// (h^2 k + h d) a c c^T, and -h a (k depth + (d + h k) c . v0) c.
+fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &Contact, start: &[f64], h: f64) {
+    let slope = contact.damping + h * contact.stiffness;
+    a.add_outer(row, h * slope * contact.area);
+    let impulse = -h * contact.area * (contact.stiffness * contact.depth + slope * dot(row, start));
+    for (i, x) in row {
+        b[*i] += impulse * x;
+    }
+}
+
+fn add_block(a: &mut Entries, row: usize, column: usize, block: &DMat3) {
+    for r in 0..3 {
+        for c in 0..3 {
+            a.add(row + r, column + c, block.col(c)[r]);
+        }
+    }
+}
+
+fn dot(row: &[(usize, f64)], x: &[f64]) -> f64 {
+    row.iter().map(|(i, c)| c * x[*i]).sum()
+}
+
+/// Penalty stiffness "auto", N/m^3: 20 E / (1 - nu^2) / (mean layer edge) of the softer of these bodies (the one with
+/// the smaller E / (1 - nu^2); of equal ones the softer result). `None` without a soft body.
+pub fn auto_stiffness(soft: &[(&Layer, &Material)]) -> Option<f64> {
+    let modulus = |m: &Material| m.young / (1.0 - m.poisson * m.poisson);
+    let result = |(layer, m): &(&Layer, &Material)| (modulus(m), 20.0 * modulus(m) / mean_edge(layer));
+    let least = soft.iter().map(result).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    least.map(|(_, stiffness)| stiffness)
+}
+
+/// Mean length of a layer's distinct edges, m.
+pub fn mean_edge(layer: &Layer) -> f64 {
+    let mut edges = std::collections::BTreeSet::new();
+    for t in &layer.tetrahedra {
+        for (i, a) in t.iter().enumerate() {
+            edges.extend(t[i + 1..].iter().map(|b| (*a.min(b), *a.max(b))));
+        }
+    }
+    let length = |(a, b): &(u32, u32)| layer.nodes[*a as usize].distance(layer.nodes[*b as usize]);
+    edges.iter().map(length).sum::<f64>() / edges.len() as f64
+}

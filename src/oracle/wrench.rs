@@ -1,0 +1,43 @@
+//! Net force, torque, 6x6 stiffness and damping of the contacts on the tool. Twin of the wrench stage.
+
+use glam::DVec3;
+
+use crate::oracle::contact::Carrier;
+use crate::oracle::step::Resolved;
+
+/// What the contacts do to the tool, world axes, about its centre; rows and columns are force, then torque.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Wrench {
+    /// Net force, N.
+    pub force: DVec3,
+    /// Net torque about the centre, N m.
+    pub torque: DVec3,
+    /// K = sum k a c c^T with c = (n, (s - centre) x n), over the contacts that push; symmetric positive semi-definite.
+    pub stiffness: [[f64; 6]; 6],
+    /// D = sum d a c c^T.
+    pub damping: [[f64; 6]; 6],
+}
+
+/// Sums the contacts of which one point rides on the tool; `centre` is the tool's, at the start of the step.
+pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
+    let mut sum = Wrench::default();
+    for resolved in contacts.iter().filter(|r| r.active) {
+        let contact = &resolved.contact;
+        let (point, direction) = match (&contact.first.carrier, &contact.second.carrier) {
+            (Carrier::Tool, _) => (&contact.first, -contact.normal),
+            (_, Carrier::Tool) => (&contact.second, contact.normal),
+            _ => continue,
+        };
+        let moment = (point.position - centre).cross(direction);
+        sum.force += direction * resolved.force;
+        sum.torque += moment * resolved.force;
+        let row: Vec<f64> = direction.to_array().into_iter().chain(moment.to_array()).collect();
+        for i in 0..6 {
+            for j in 0..6 {
+                sum.stiffness[i][j] += contact.stiffness * contact.area * row[i] * row[j];
+                sum.damping[i][j] += contact.damping * contact.area * row[i] * row[j];
+            }
+        }
+    }
+    sum
+}
