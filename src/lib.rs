@@ -5,11 +5,8 @@
 //! twins that tests compare with, [`report`] writes results.
 
 pub mod error;
-<<<<<<< HEAD
 pub mod gpu;
-=======
 pub mod oracle;
->>>>>>> oracle
 pub mod prepare;
 pub mod scene;
 pub mod stages;
