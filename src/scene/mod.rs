@@ -11,6 +11,8 @@ mod load;
 pub mod obj;
 pub mod solid;
 mod supported;
+mod tetrahedra;
+mod triangulate;
 pub mod vtk;
 
 use std::path::PathBuf;
