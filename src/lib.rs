@@ -6,6 +6,7 @@
 
 pub mod error;
 pub mod prepare;
+pub mod report;
 pub mod scene;
 
 pub use error::{Error, Result};

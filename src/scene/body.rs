@@ -10,8 +10,20 @@ use super::{Bind, Body, Core, Layer, Material, Motion, Shape, Surface, drive};
 use crate::Result;
 
 const BODY_KEYS: [&str; 14] = [
-    "name", "surface", "layer", "plane", "scale", "position", "orientation", "velocity", "material", "collides",
-    "core", "motion", "keys", "mass",
+    "name",
+    "surface",
+    "layer",
+    "plane",
+    "scale",
+    "position",
+    "orientation",
+    "velocity",
+    "material",
+    "collides",
+    "core",
+    "motion",
+    "keys",
+    "mass",
 ];
 /// What a plane may have.
 const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
@@ -120,7 +132,8 @@ pub(super) fn mesh_file(value: &Value, extensions: &[&str]) -> Result<PathBuf> {
     if extensions.contains(&extension.as_str()) {
         return Ok(path);
     }
-    Err(value.error(format!("files of type .{extension} are not read here"), format!("give .{}", extensions.join(", ."))))
+    Err(value
+        .error(format!("files of type .{extension} are not read here"), format!("give .{}", extensions.join(", ."))))
 }
 
 fn surface(value: &Value) -> Result<Surface> {
@@ -245,7 +258,8 @@ fn bind(value: &Value) -> Result<Bind> {
             Ok(Bind::Sphere { centre: DVec3::new(x, y, z), radius })
         }
         "nodes" => {
-            let nodes: Vec<u32> = value.array()?.iter().map(|node| node.whole(0, u32::MAX - 1)).collect::<Result<_>>()?;
+            let nodes: Vec<u32> =
+                value.array()?.iter().map(|node| node.whole(0, u32::MAX - 1)).collect::<Result<_>>()?;
             if nodes.is_empty() {
                 return Err(value.error("is empty", "name at least one node (zero-based, file order)"));
             }

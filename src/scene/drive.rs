@@ -76,7 +76,8 @@ fn read_csv(path: &Path) -> Result<Vec<Key>> {
         }
         let line = record.position().map(|position| position.line() as usize);
         let bad = |problem: String| Error::input(path, line, problem, KEY_REMEDY);
-        let number = |field: &str| field.parse().map_err(|_| bad(format!("\"{}\" is not a number", field.escape_debug())));
+        let number =
+            |field: &str| field.parse().map_err(|_| bad(format!("\"{}\" is not a number", field.escape_debug())));
         let numbers: Vec<f64> = record.iter().map(number).collect::<Result<_>>()?;
         keys.push(key(&numbers, keys.last()).map_err(bad)?);
     }

@@ -123,9 +123,7 @@ impl<'a> Table<'a> {
         match present[..] {
             [only] => Ok(only),
             [] => Err(self.error(choices[0], "missing", format!("give exactly one of: {}", choices.join(", ")))),
-            _ => {
-                Err(self.error(present[1], format!("given beside `{}`", present[0]), "give exactly one of them"))
-            }
+            _ => Err(self.error(present[1], format!("given beside `{}`", present[0]), "give exactly one of them")),
         }
     }
 

@@ -21,8 +21,7 @@ const DEFAULT_DURATION: f64 = 1.0;
 /// Column prefixes of the trace that a probe must not take.
 const RESERVED_PROBES: [&str; 4] = ["tool", "device", "force", "torque"];
 
-const ROOT_KEYS: [&str; 9] =
-    ["step", "solver", "contact", "body", "tool", "coupling", "drive", "haptics", "probe"];
+const ROOT_KEYS: [&str; 9] = ["step", "solver", "contact", "body", "tool", "coupling", "drive", "haptics", "probe"];
 
 impl Scene {
     /// Reads and checks a scene file. Every number is finite and in range, every name resolves, every file that is

@@ -180,7 +180,11 @@ impl Edges {
             return Err(Defect { problem, triangle: Some(first), remedy: "give the surface of a solid" });
         }
         let problem = format!("{count} edges between triangles wound opposite ways");
-        Err(Defect { problem, triangle: Some(first), remedy: "make all faces point outwards (\"recalculate normals\")" })
+        Err(Defect {
+            problem,
+            triangle: Some(first),
+            remedy: "make all faces point outwards (\"recalculate normals\")",
+        })
     }
 
     /// Whether turning some triangles over could make all neighbours agree: no cycle of neighbours contradicts itself.
@@ -202,7 +206,11 @@ impl Edges {
         // Neighbours that share positions and no vertices: what exporters without welding leave.
         let is_soup = count == 3 * mesh.triangles.len();
         let remedy = if is_soup { "weld vertices that coincide (\"merge by distance\")" } else { "close the holes" };
-        Err(Defect { problem: format!("the surface is open: {count} edges with one triangle"), triangle: Some(first), remedy })
+        Err(Defect {
+            problem: format!("the surface is open: {count} edges with one triangle"),
+            triangle: Some(first),
+            remedy,
+        })
     }
 }
 
@@ -277,7 +285,11 @@ fn volumes(mesh: &TriangleMesh, edges: &Edges) -> std::result::Result<(), Defect
         }
         if piece.volume < 0.0 && !pieces.iter().any(holds) {
             let problem = format!("the surface is inside out: it encloses {:.3e}", piece.volume);
-            return Err(Defect { problem, triangle: Some(piece.first), remedy: "reverse its faces (\"flip normals\")" });
+            return Err(Defect {
+                problem,
+                triangle: Some(piece.first),
+                remedy: "reverse its faces (\"flip normals\")",
+            });
         }
     }
     Ok(())

@@ -34,7 +34,9 @@ pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
             && !matches!(core.motion, Motion::Fixed)
         {
             let table = match table()?.get("core") {
-                Some(cores) => cores.array()?[0].unchecked_table()?.renamed(format!("{}.core.{}", path(&body.name), core.name)),
+                Some(cores) => {
+                    cores.array()?[0].unchecked_table()?.renamed(format!("{}.core.{}", path(&body.name), core.name))
+                }
                 None => table()?,
             };
             return Err(refuse(&table.need("motion")?, "use \"fixed\""));
