@@ -8,6 +8,7 @@ mod drive;
 pub mod gmsh;
 mod keys;
 mod load;
+mod meshes;
 pub mod obj;
 pub mod solid;
 mod supported;

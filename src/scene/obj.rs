@@ -44,6 +44,13 @@ pub fn read(path: &Path) -> Result<TriangleMesh> {
     }
 }
 
+/// [`read`], then [`check_solid`]: a surface that can be a skin.
+pub fn read_solid(path: &Path) -> Result<TriangleMesh> {
+    let mesh = read(path)?;
+    check_solid(&mesh, path)?;
+    Ok(mesh)
+}
+
 /// The one-based line that each triangle came from.
 pub(super) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
     let bytes = std::fs::read(path).map_err(|error| Error::input(path, None, error.to_string(), "give an OBJ file"))?;
