@@ -3,7 +3,7 @@
 use std::num::NonZeroU64;
 use std::path::PathBuf;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::Result;
 use palpate::report::summary::ClosingTable;
 use palpate::report::{Output, Summary, Tally, Trace};
@@ -90,7 +90,7 @@ fn simulate(
 
 /// A bar on standard error, drawn only where that is a terminal.
 fn progress(steps: u64) -> ProgressBar {
-    let bar = ProgressBar::new(steps);
+    let bar = ProgressBar::new(steps).with_finish(ProgressFinish::AndClear);
     match ProgressStyle::with_template("{wide_bar} {pos}/{len} steps, {eta} left") {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,

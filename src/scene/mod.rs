@@ -12,6 +12,8 @@ mod meshes;
 pub mod obj;
 pub mod solid;
 mod supported;
+#[cfg(test)]
+mod tests;
 mod tetrahedra;
 mod triangulate;
 pub mod vtk;
