@@ -66,7 +66,8 @@ fn simulate(
     mut output: Option<&mut Output>,
 ) -> Result<(Tally, Outcome)> {
     let probes: Vec<String> = scene.probes.iter().map(|probe| probe.name.clone()).collect();
-    let failed = |source| palpate::Error::Output { file: TRACE.into(), source };
+    let file = output.as_ref().map(|output| output.path(TRACE)).unwrap_or_default();
+    let failed = |source| palpate::Error::Output { file: file.clone(), source };
     let mut trace = match &mut output {
         Some(output) => Some(Trace::new(output.file(TRACE)?, &probes).map_err(failed)?),
         None => None,

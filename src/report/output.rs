@@ -34,7 +34,7 @@ impl Output {
 
     /// A new file that will be called `name`.
     pub fn file(&mut self, name: &str) -> Result<BufWriter<File>> {
-        let failed = |source| Error::Output { file: self.directory.join(name), source };
+        let failed = |source| Error::Output { file: self.path(name), source };
         let file = File::create(self.hidden.join(name)).map_err(failed)?;
         self.names.push(name.into());
         Ok(BufWriter::new(file))
@@ -47,18 +47,20 @@ impl Output {
         contents: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
     ) -> Result<()> {
         let mut file = self.file(name)?;
-        contents(&mut file).and_then(|()| file.flush()).map_err(|source| self.failed(name, source))
+        contents(&mut file)
+            .and_then(|()| file.flush())
+            .map_err(|source| Error::Output { file: self.path(name), source })
     }
 
-    /// The error of a write to `name` that failed.
-    pub fn failed(&self, name: &str, source: std::io::Error) -> Error {
-        Error::Output { file: self.directory.join(name), source }
+    /// Where a file called `name` will be.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.directory.join(name)
     }
 
     /// Gives every file its name, in the order they were made; files of the same name are replaced.
     pub fn commit(mut self) -> Result<()> {
         for name in &self.names {
-            let target = self.directory.join(name);
+            let target = self.path(name);
             fs::rename(self.hidden.join(name), &target).map_err(|source| Error::Output { file: target, source })?;
         }
         self.is_committed = true;

@@ -294,3 +294,64 @@ fn volumes(mesh: &TriangleMesh, edges: &Edges) -> std::result::Result<(), Defect
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tetrahedra, closed and wound outwards, or inwards where the edge given is negative.
+    fn tetrahedra(places: &[(DVec3, f64)]) -> TriangleMesh {
+        let mut mesh = TriangleMesh::default();
+        for &(corner, edge) in places {
+            let first = mesh.vertices.len() as u32;
+            let size = edge.abs();
+            mesh.vertices.extend([DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|v| corner + size * v));
+            let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+            mesh.triangles.extend(faces.map(|[a, b, c]| {
+                let face = if edge > 0.0 { [a, b, c] } else { [a, c, b] };
+                face.map(|corner| first + corner)
+            }));
+        }
+        mesh
+    }
+
+    fn answer(mesh: &TriangleMesh) -> String {
+        check_solid(mesh, Path::new("none.obj")).err().map(|error| error.to_string()).unwrap_or_default()
+    }
+
+    #[test]
+    fn a_cavity_within_a_solid_is_sound_and_beside_it_is_not() {
+        let outer = (DVec3::ZERO, 10.0);
+        assert_eq!(answer(&tetrahedra(&[outer, (DVec3::splat(1.0), -1.0)])), "");
+        let beside = answer(&tetrahedra(&[outer, (DVec3::splat(20.0), -1.0)]));
+        assert!(beside.contains("inside out") && beside.contains("first at triangle 4"), "{beside}");
+        assert!(answer(&tetrahedra(&[(DVec3::ZERO, -1.0)])).contains("inside out"));
+    }
+
+    #[test]
+    fn each_spoiled_face_is_seen() {
+        let sound = tetrahedra(&[(DVec3::ZERO, 1.0), (DVec3::X, 1.0)]);
+        assert_eq!(answer(&sound), "");
+        type Spoil = fn(&mut TriangleMesh);
+        let cases: [(Spoil, &str); 6] = [
+            (|mesh| mesh.triangles[5].swap(0, 1), "3 edges between triangles wound opposite ways"),
+            (|mesh| mesh.triangles.truncate(7), "open: 3 edges with one triangle, first at triangle 4"),
+            (|mesh| mesh.triangles.push([3, 0, 1]), "1 triangles given more than once, first at triangle 8"),
+            (|mesh| mesh.triangles[2] = [0, 3, 3], "1 triangles without area, first at triangle 2"),
+            (|mesh| mesh.vertices[3].z = 1e-7, "2 triangles without area"),
+            (|mesh| mesh.vertices.iter_mut().for_each(|v| v.x += 1e5), "single precision steps by"),
+        ];
+        for (spoil, words) in cases {
+            let mut mesh = sound.clone();
+            spoil(&mut mesh);
+            assert!(answer(&mesh).contains(words), "{words}: {}", answer(&mesh));
+        }
+    }
+
+    #[test]
+    fn a_sheet_folded_on_itself_is_no_solid() {
+        let mut mesh = tetrahedra(&[(DVec3::ZERO, 1.0)]);
+        mesh.vertices[3] = DVec3::new(0.3, 0.3, 0.0);
+        assert!(answer(&mesh).contains("encloses no volume"), "{}", answer(&mesh));
+    }
+}
