@@ -113,6 +113,9 @@ impl<'a> Reader<'a> {
         let line = self.need(what)?;
         let parse = |word: &str| word.parse().map_err(|_| self.error(format!("\"{}\" in {what}", short(word))));
         let numbers: Vec<T> = line.split_whitespace().map(parse).collect::<Result<_>>()?;
+        if numbers.len() < least && self.lines.clone().next().is_none() {
+            return Err(self.error(format!("the file ends early, within {what}")));
+        }
         if numbers.len() < least {
             return Err(self.error(format!("{} numbers in {what}, which has {least}", numbers.len())));
         }
