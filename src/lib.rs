@@ -8,6 +8,7 @@ pub mod error;
 pub mod gpu;
 pub mod oracle;
 pub mod prepare;
+pub mod report;
 pub mod scene;
 pub mod stages;
 

@@ -1,1 +1,54 @@
-fn main() {}
+//! The `palpate` program: reads the command line, runs one command, turns an error into one line and an exit status
+//! (0 success, 2 bad input, 3 no usable device, 4 the simulation failed).
+
+mod devices;
+mod engine;
+mod run;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Feel soft bodies: deformable contact and haptic forces on any Vulkan 1.3 device.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Simulate a scene and record what the tool feels
+    Run(run::Arguments),
+    /// List the Vulkan devices that can be used
+    Devices,
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Devices => devices::devices(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            let message = error.to_string().lines().collect::<Vec<_>>().join(" ");
+            // A closed stderr leaves the exit status to speak.
+            let _ = writeln!(std::io::stderr(), "error: {message}");
+            ExitCode::from(error.exit_status())
+        }
+    }
+}
+
+/// Prints to standard output. Whoever closed the other end has read enough: that is not an error.
+fn print(text: &str) -> palpate::Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(palpate::Error::Output { file: "standard output".into(), source })
+        }
+        _ => Ok(()),
+    }
+}

@@ -3,6 +3,21 @@
 //! [`Scene::load`] reads a TOML file (every table is shown in the README) into these plain types, checked: after it,
 //! every number is finite and in range, every name resolves. Units are SI; quaternions are x y z w.
 
+mod body;
+mod drive;
+pub mod gmsh;
+mod keys;
+mod load;
+mod meshes;
+pub mod obj;
+pub mod solid;
+mod supported;
+#[cfg(test)]
+mod tests;
+mod tetrahedra;
+mod triangulate;
+pub mod vtk;
+
 use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
@@ -110,15 +125,15 @@ pub struct Body {
 pub enum Shape {
     /// Soft: a tetrahedral layer, and a skin; without a skin the layer's boundary is the skin.
     Soft {
-        /// Skin, an OBJ file.
-        surface: Option<PathBuf>,
+        /// Skin.
+        surface: Option<Surface>,
         /// Layer.
         layer: Layer,
     },
-    /// Rigid: a skin only.
+    /// Rigid: a skin only. Its body has exactly one core, without `bind`, that says how it moves.
     Rigid {
-        /// Skin, an OBJ file.
-        surface: PathBuf,
+        /// Skin.
+        surface: Surface,
     },
     /// Rigid half-space `normal . x <= offset`, fixed.
     Plane {
@@ -126,6 +141,18 @@ pub enum Shape {
         normal: DVec3,
         /// Offset, m.
         offset: f64,
+    },
+}
+
+/// Where a skin comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Surface {
+    /// An OBJ file.
+    File(PathBuf),
+    /// The engine's own model of a head.
+    Head {
+        /// Number of skin vertices, roughly.
+        vertices: usize,
     },
 }
 

@@ -1,0 +1,112 @@
+//! `palpate run`: a scene from the first step to the last, a trace of it, and its state at the end.
+
+use std::num::NonZeroU64;
+use std::path::PathBuf;
+
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use palpate::Result;
+use palpate::report::summary::ClosingTable;
+use palpate::report::{Output, Summary, Tally, Trace};
+use palpate::scene::{Scene, obj, vtk};
+
+use crate::engine::{Engine, Outcome};
+use crate::print;
+
+const TRACE: &str = "trace.csv";
+const SUMMARY: &str = "summary.json";
+
+/// Options of `palpate run`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The scene, a TOML file
+    scene: PathBuf,
+    /// Steps to do [default: to the device's last key, else one second]
+    #[arg(long, value_name = "N", conflicts_with = "seconds")]
+    steps: Option<NonZeroU64>,
+    /// Time to simulate, s
+    #[arg(long, value_name = "S", value_parser = positive)]
+    seconds: Option<f64>,
+    /// Vulkan device, by name or by index in `palpate devices`
+    #[arg(long, value_name = "NAME-OR-INDEX")]
+    device: Option<String>,
+    /// Directory to write results into; without it nothing is written
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+        _ => Err("give a number greater than zero".into()),
+    }
+}
+
+/// Runs a scene. Input is read and prepared before the device is opened, and output is made after.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let scene = Scene::load(&arguments.scene)?;
+    let steps = arguments.steps.map(NonZeroU64::get).unwrap_or_else(|| {
+        let steps = arguments.seconds.unwrap_or(scene.duration()) / scene.step.dt;
+        steps.round().max(1.0) as u64
+    });
+    let engine = Engine::open(&scene, arguments.device.as_deref())?;
+    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let (tally, outcome) = simulate(engine, &scene, steps, output.as_mut())?;
+    if let Some(mut output) = output {
+        write_end(&mut output, &scene, &tally, &outcome)?;
+        output.commit()?;
+    }
+    print(&ClosingTable { facts: &outcome.facts, tally: &tally }.to_string())
+}
+
+/// All steps, each with its row in the trace.
+fn simulate(
+    mut engine: Engine,
+    scene: &Scene,
+    steps: u64,
+    mut output: Option<&mut Output>,
+) -> Result<(Tally, Outcome)> {
+    let probes: Vec<String> = scene.probes.iter().map(|probe| probe.name.clone()).collect();
+    let file = output.as_ref().map(|output| output.path(TRACE)).unwrap_or_default();
+    let failed = |source| palpate::Error::Output { file: file.clone(), source };
+    let mut trace = match &mut output {
+        Some(output) => Some(Trace::new(output.file(TRACE)?, &probes).map_err(failed)?),
+        None => None,
+    };
+    let bar = progress(steps);
+    let mut tally = Tally::default();
+    for _ in 0..steps {
+        let row = engine.step()?;
+        if let Some(trace) = &mut trace {
+            trace.write(&row).map_err(failed)?;
+        }
+        tally.add(&row);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if let Some(trace) = trace {
+        trace.finish().map_err(failed)?;
+    }
+    Ok((tally, engine.finish()?))
+}
+
+/// A bar on standard error, drawn only where that is a terminal.
+fn progress(steps: u64) -> ProgressBar {
+    let bar = ProgressBar::new(steps).with_finish(ProgressFinish::AndClear);
+    match ProgressStyle::with_template("{wide_bar} {pos}/{len} steps, {eta} left") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+/// The files that are written once, at the end.
+fn write_end(output: &mut Output, scene: &Scene, tally: &Tally, outcome: &Outcome) -> Result<()> {
+    for layer in &outcome.layers {
+        let name = format!("{}.vtk", layer.name);
+        output.write(&name, |w| vtk::write_layer(w, &layer.nodes, &layer.tetrahedra, &layer.displacement))?;
+    }
+    for skin in &outcome.skins {
+        output.write(&format!("{}.obj", skin.name), |w| obj::write(w, &skin.vertices, &skin.triangles))?;
+    }
+    let summary = Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally);
+    output.write(SUMMARY, |w| serde_json::to_writer_pretty(w, &summary).map_err(Into::into))
+}

@@ -1,0 +1,77 @@
+//! What a step has to confess: the one place that gives each flag its bit and its name.
+
+/// A set of flags; the bits are those of the `flags` column of `trace.csv`, and of the shaders.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Flags(pub u32);
+
+impl Flags {
+    /// The solver stopped at its iteration limit with a residual above what single precision allows.
+    pub const NOT_CONVERGED: Flags = Flags(1);
+    /// More regions than there is room for.
+    pub const REGION_OVERFLOW: Flags = Flags(2);
+    /// More contacts than there is room for.
+    pub const CONTACT_OVERFLOW: Flags = Flags(4);
+    /// A contact deeper than the scene's `depth_limit`.
+    pub const DEPTH_BEYOND_LIMIT: Flags = Flags(8);
+    /// A skin folds over itself along the region's normal.
+    pub const NOT_A_HEIGHT_FIELD: Flags = Flags(16);
+    /// A number was not finite, and the step was recovered.
+    pub const NON_FINITE: Flags = Flags(32);
+    /// The step was repeated with a smaller time step.
+    pub const STEP_RETRIED: Flags = Flags(64);
+    /// The state was held because no step succeeded.
+    pub const FROZEN: Flags = Flags(128);
+    /// Contacts that pulled were dropped, and others pull after the repeated solve.
+    pub const ADHESIVE_DROPPED_TWICE: Flags = Flags(256);
+
+    /// Every flag and its name, by rising bit.
+    pub const ALL: [(Flags, &'static str); 9] = [
+        (Flags::NOT_CONVERGED, "not_converged"),
+        (Flags::REGION_OVERFLOW, "region_overflow"),
+        (Flags::CONTACT_OVERFLOW, "contact_overflow"),
+        (Flags::DEPTH_BEYOND_LIMIT, "depth_beyond_limit"),
+        (Flags::NOT_A_HEIGHT_FIELD, "not_a_height_field"),
+        (Flags::NON_FINITE, "non_finite"),
+        (Flags::STEP_RETRIED, "step_retried"),
+        (Flags::FROZEN, "frozen"),
+        (Flags::ADHESIVE_DROPPED_TWICE, "adhesive_dropped_twice"),
+    ];
+
+    /// Whether all flags of `other` are in this set.
+    pub fn contains(self, other: Flags) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Names of the flags in this set, by rising bit.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Flags::ALL.into_iter().filter(move |(flag, _)| self.contains(*flag)).map(|(_, name)| name)
+    }
+}
+
+impl std::ops::BitOr for Flags {
+    type Output = Flags;
+
+    fn bitor(self, other: Flags) -> Flags {
+        Flags(self.0 | other.0)
+    }
+}
+
+impl std::ops::BitOrAssign for Flags {
+    fn bitor_assign(&mut self, other: Flags) {
+        self.0 |= other.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_are_those_of_the_design_and_names_follow_them() {
+        let bits: Vec<u32> = Flags::ALL.iter().map(|(flag, _)| flag.0).collect();
+        assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64, 128, 256]);
+        let set = Flags::FROZEN | Flags::NOT_CONVERGED;
+        assert_eq!(set.names().collect::<Vec<_>>(), ["not_converged", "frozen"]);
+        assert!(set.contains(Flags::FROZEN) && !set.contains(Flags::NON_FINITE));
+    }
+}

@@ -1,0 +1,11 @@
+//! What a run leaves behind: a trace row a step, a summary, and a directory that appears whole or not at all.
+
+pub mod flags;
+pub mod output;
+pub mod summary;
+pub mod trace;
+
+pub use flags::Flags;
+pub use output::Output;
+pub use summary::{Facts, Plan, StageSamples, Summary, Tally};
+pub use trace::{Pose, Row, ToolRow, Trace};

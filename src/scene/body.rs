@@ -1,0 +1,270 @@
+//! `[[body]]` and `[[body.core]]`: the bodies of a scene, read and checked. Called by `load.rs`.
+
+use std::path::PathBuf;
+
+use glam::{DQuat, DVec3};
+
+use super::keys::{Table, Value};
+use super::load::TOOL;
+use super::{Bind, Body, Core, Layer, Material, Motion, Shape, Surface, drive};
+use crate::Result;
+
+const BODY_KEYS: [&str; 14] = [
+    "name",
+    "surface",
+    "layer",
+    "plane",
+    "scale",
+    "position",
+    "orientation",
+    "velocity",
+    "material",
+    "collides",
+    "core",
+    "motion",
+    "keys",
+    "mass",
+];
+/// What a plane may have.
+const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
+/// What the core of a rigid body is described by, in the body's own table.
+const RIGID_KEYS: [&str; 3] = ["motion", "keys", "mass"];
+/// Tetrahedra of a box layer at most: elements of a texel buffer that every Vulkan device with large buffers has.
+const MAX_BOX_TETRAHEDRA: u64 = 1 << 27;
+/// Vertices of a generated head.
+const HEAD_VERTICES: (u32, u32) = (100, 4_000_000);
+/// Least length of a plane's normal before it is normalised.
+const SHORTEST_NORMAL: f64 = 1e-9;
+
+/// All bodies, in file order; names are unique and never `tool`.
+pub(super) fn read(root: &Table) -> Result<Vec<Body>> {
+    let mut bodies: Vec<Body> = Vec::new();
+    let Some(array) = root.get("body") else { return Ok(bodies) };
+    for element in array.array()? {
+        let body = body(&element)?;
+        if body.name == TOOL || bodies.iter().any(|other| other.name == body.name) {
+            let taken = element.unchecked_table()?;
+            let problem = format!("\"{}\" is taken", body.name);
+            return Err(taken.error("name", problem, "names of bodies are unique, and \"tool\" is the tool"));
+        }
+        bodies.push(body);
+    }
+    Ok(bodies)
+}
+
+fn body(value: &Value) -> Result<Body> {
+    let unnamed = value.unchecked_table()?;
+    unnamed.only(&BODY_KEYS)?;
+    let name = unnamed.need("name")?.name()?;
+    let table = unnamed.renamed(format!("body.{name}"));
+    let shape = shape(&table)?;
+    let cores = match shape {
+        Shape::Soft { .. } => soft_cores(&table)?,
+        Shape::Rigid { .. } => vec![rigid_core(&table, &name)?],
+        Shape::Plane { .. } => Vec::new(),
+    };
+    Ok(Body {
+        name,
+        shape,
+        scale: table.or("scale", 1.0, Value::positive)?,
+        position: table.or("position", DVec3::ZERO, Value::vector)?,
+        orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
+        velocity: table.or("velocity", DVec3::ZERO, Value::vector)?,
+        material: table.option("material", material)?,
+        collides: table.option("collides", |value| value.array()?.iter().map(Value::name).collect())?,
+        cores,
+    })
+}
+
+/// Refuses the first of `keys` that the table has.
+fn refuse(table: &Table, keys: &[&str], why: &str) -> Result<()> {
+    match keys.iter().find(|key| table.has(key)) {
+        Some(key) => Err(table.error(key, why, "remove it")),
+        None => Ok(()),
+    }
+}
+
+fn shape(table: &Table) -> Result<Shape> {
+    if let Some(plane) = table.get("plane") {
+        let others: Vec<&str> = BODY_KEYS.into_iter().filter(|key| !PLANE_KEYS.contains(key)).collect();
+        refuse(table, &others, "has no meaning for a plane, which is rigid and fixed where `plane` puts it")?;
+        let [x, y, z, d] = plane.array_of(Value::number)?;
+        let normal = DVec3::new(x, y, z);
+        let length = normal.length();
+        if length < SHORTEST_NORMAL {
+            return Err(plane.error("the normal is zero", "give nx, ny, nz, d with a normal that is not zero"));
+        }
+        return Ok(Shape::Plane { normal: normal / length, offset: d / length });
+    }
+    let surface = table.option("surface", surface)?;
+    let layer = table.option("layer", layer)?;
+    match (surface, layer) {
+        (surface, Some(layer)) => {
+            if surface.is_none() && matches!(layer, Layer::Cell(_)) {
+                return Err(table.error("surface", "missing", "a layer of cells is made around a `surface`: add one"));
+            }
+            if !table.has("material") {
+                return Err(table.error("material", "missing", "a soft body (one with a layer) needs a material"));
+            }
+            refuse(table, &RIGID_KEYS, "belongs to a rigid body, and this one is soft")?;
+            Ok(Shape::Soft { surface, layer })
+        }
+        (Some(surface), None) => {
+            if table.has("material") {
+                let remedy = "add a `layer` for a soft body, or remove `material` for a rigid one";
+                return Err(table.error("material", "a rigid body has none", remedy));
+            }
+            let why = "a rigid body has no [[body.core]]; its own keys are motion and mass";
+            refuse(table, &["core"], why)?;
+            Ok(Shape::Rigid { surface })
+        }
+        (None, None) => {
+            let remedy = "give a layer (soft), a surface alone (rigid), or a plane";
+            Err(table.error("surface", "the body has neither surface, layer nor plane", remedy))
+        }
+    }
+}
+
+/// A mesh file with one of these extensions; others are refused by name.
+pub(super) fn mesh_file(value: &Value, extensions: &[&str]) -> Result<PathBuf> {
+    let path = value.file()?;
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if extensions.contains(&extension.as_str()) {
+        return Ok(path);
+    }
+    Err(value
+        .error(format!("files of type .{extension} are not read here"), format!("give .{}", extensions.join(", ."))))
+}
+
+fn surface(value: &Value) -> Result<Surface> {
+    if value.is_text() {
+        return mesh_file(value, &["obj"]).map(Surface::File);
+    }
+    let table = value.table(&["model", "vertices"])?;
+    let model = table.need("model")?;
+    match model.text()? {
+        "head" => {
+            let vertices = table.need("vertices")?.whole(HEAD_VERTICES.0, HEAD_VERTICES.1)?;
+            Ok(Surface::Head { vertices: vertices as usize })
+        }
+        other => Err(model.error(format!("there is no model \"{other}\""), "known models: head")),
+    }
+}
+
+fn layer(value: &Value) -> Result<Layer> {
+    if value.is_text() {
+        return mesh_file(value, &["msh"]).map(Layer::File);
+    }
+    let table = value.table(&["cell", "box", "cells"])?;
+    if table.exactly_one(&["cell", "box"])? == "cell" {
+        refuse(&table, &["cells"], "belongs to a box")?;
+        return table.need("cell")?.positive().map(Layer::Cell);
+    }
+    let (low, high) = corners(&table.need("box")?)?;
+    let counts = table.need("cells")?;
+    let cells: [u32; 3] = counts.array_of(|value| value.whole(1, 1 << 20))?;
+    let total = cells.iter().try_fold(6_u64, |product, &count| product.checked_mul(count.into()));
+    if total.is_none_or(|total| total > MAX_BOX_TETRAHEDRA) {
+        return Err(counts.error("makes too many tetrahedra", format!("stay below {MAX_BOX_TETRAHEDRA} (6 a cell)")));
+    }
+    Ok(Layer::Box { low, high, cells })
+}
+
+/// `[[x, y, z], [x, y, z]]`, the first below the second on every axis.
+fn corners(value: &Value) -> Result<(DVec3, DVec3)> {
+    let [low, high] = value.array_of(Value::vector)?;
+    if low.cmplt(high).all() {
+        Ok((low, high))
+    } else {
+        Err(value.error(format!("{low} is not below {high} on every axis"), "give the least corner first"))
+    }
+}
+
+fn material(value: &Value) -> Result<Material> {
+    let table = value.table(&["young", "poisson", "density", "damping_mass", "damping_stiffness"])?;
+    let poisson = table.need("poisson")?;
+    Ok(Material {
+        young: table.need("young")?.positive()?,
+        poisson: match poisson.number()? {
+            x if (0.0..0.5).contains(&x) => x,
+            x => return Err(poisson.error(format!("is {x}"), "give a number from 0 to below 0.5")),
+        },
+        density: table.need("density")?.positive()?,
+        damping_mass: table.or("damping_mass", 0.0, Value::not_negative)?,
+        damping_stiffness: table.or("damping_stiffness", 0.0, Value::not_negative)?,
+    })
+}
+
+fn soft_cores(table: &Table) -> Result<Vec<Core>> {
+    let mut cores: Vec<Core> = Vec::new();
+    let Some(array) = table.get("core") else { return Ok(cores) };
+    for element in array.array()? {
+        let unnamed = element.table(&["name", "motion", "keys", "mass", "bind"])?;
+        let name = unnamed.need("name")?.name()?;
+        let core = unnamed.renamed(table.dotted(&format!("core.{name}")));
+        if cores.iter().any(|other| other.name == name) {
+            return Err(core.error("name", format!("\"{name}\" is taken by another core"), "choose another name"));
+        }
+        let bind = Some(bind(&core.need("bind")?)?);
+        cores.push(Core { name, motion: motion(&core)?, bind, mass: core.option("mass", Value::positive)? });
+    }
+    Ok(cores)
+}
+
+/// The one core of a rigid body, named after it.
+fn rigid_core(table: &Table, name: &str) -> Result<Core> {
+    let motion = motion(table)?;
+    let mass = table.option("mass", Value::positive)?;
+    if matches!(motion, Motion::Dynamic) && mass.is_none() {
+        return Err(table.error("mass", "missing", "a dynamic rigid body needs a mass"));
+    }
+    if !matches!(motion, Motion::Dynamic) {
+        refuse(table, &["velocity"], "has no meaning for a rigid body that is not dynamic")?;
+    }
+    Ok(Core { name: name.into(), motion, bind: None, mass })
+}
+
+fn motion(table: &Table) -> Result<Motion> {
+    let motion = match table.get("motion") {
+        None => "fixed",
+        Some(value) => match value.text()? {
+            known @ ("fixed" | "driven" | "dynamic") => known,
+            other => {
+                let remedy = "give \"fixed\", \"driven\" or \"dynamic\"";
+                return Err(value.error(format!("is \"{other}\""), remedy));
+            }
+        },
+    };
+    if motion == "driven" {
+        return drive::core_keys(&table.need("keys")?).map(Motion::Driven);
+    }
+    refuse(table, &["keys"], "belongs to motion = \"driven\"")?;
+    Ok(if motion == "dynamic" { Motion::Dynamic } else { Motion::Fixed })
+}
+
+fn bind(value: &Value) -> Result<Bind> {
+    let kinds = ["inset", "box", "sphere", "nodes", "all"];
+    let table = value.table(&kinds)?;
+    let kind = table.exactly_one(&kinds)?;
+    let value = table.need(kind)?;
+    match kind {
+        "inset" => value.not_negative().map(Bind::Inset),
+        "box" => corners(&value).map(|(low, high)| Bind::Box { low, high }),
+        "sphere" => {
+            let [x, y, z, radius] = value.array_of(Value::number)?;
+            if radius <= 0.0 {
+                return Err(value.error(format!("has radius {radius}"), "give x, y, z and a radius above zero"));
+            }
+            Ok(Bind::Sphere { centre: DVec3::new(x, y, z), radius })
+        }
+        "nodes" => {
+            let nodes: Vec<u32> =
+                value.array()?.iter().map(|node| node.whole(0, u32::MAX - 1)).collect::<Result<_>>()?;
+            if nodes.is_empty() {
+                return Err(value.error("is empty", "name at least one node (zero-based, file order)"));
+            }
+            Ok(Bind::Nodes(nodes))
+        }
+        _ => value.must_be_true().map(|()| Bind::All),
+    }
+}

@@ -1,0 +1,88 @@
+//! Poses over time: `[drive]` for the device, the keys file of a driven core. Called by `load.rs` and `body.rs`.
+//!
+//! A key is time, position, and optionally a quaternion: 4 or 8 numbers. A file is CSV with the same columns; a first
+//! row that is not a number is its heading.
+
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+
+use super::Key;
+use super::keys::{Value, unit_quaternion};
+use crate::{Error, Result};
+
+/// `[drive]`: `keys = [[..], ..]` or `path = "file.csv"`.
+pub(super) fn read(value: &Value) -> Result<Vec<Key>> {
+    let table = value.table(&["keys", "path"])?;
+    if table.exactly_one(&["keys", "path"])? == "path" {
+        return core_keys(&table.need("path")?);
+    }
+    let keys = table.need("keys")?;
+    let mut result: Vec<Key> = Vec::new();
+    for element in keys.array()? {
+        let numbers: Vec<f64> = element.array()?.iter().map(Value::number).collect::<Result<_>>()?;
+        let key = key(&numbers, result.last()).map_err(|problem| element.error(problem, KEY_REMEDY))?;
+        result.push(key);
+    }
+    if result.is_empty() {
+        return Err(keys.error("is empty", "give at least one key, or leave [drive] out"));
+    }
+    Ok(result)
+}
+
+/// The keys of a CSV file.
+pub(super) fn core_keys(value: &Value) -> Result<Vec<Key>> {
+    read_csv(&value.file()?)
+}
+
+const KEY_REMEDY: &str = "a key is t,x,y,z or t,x,y,z,qx,qy,qz,qw: finite, unit quaternion, times increasing";
+
+fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String> {
+    if let Some(bad) = numbers.iter().find(|x| !x.is_finite()) {
+        return Err(format!("holds {bad}"));
+    }
+    let (time, position, orientation) = match *numbers {
+        [t, x, y, z] => (t, DVec3::new(x, y, z), DQuat::IDENTITY),
+        [t, x, y, z, qx, qy, qz, qw] => {
+            let orientation = unit_quaternion([qx, qy, qz, qw]).map_err(|(problem, _)| problem)?;
+            (t, DVec3::new(x, y, z), orientation)
+        }
+        _ => return Err(format!("has {} numbers", numbers.len())),
+    };
+    match before {
+        Some(before) if before.time >= time => Err(format!("time {time} does not come after {}", before.time)),
+        _ => Ok(Key { time, position, orientation }),
+    }
+}
+
+fn read_csv(path: &Path) -> Result<Vec<Key>> {
+    let unreadable = |error: csv::Error| {
+        let line = error.position().map(|position| position.line() as usize);
+        let message = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+        Error::input(path, line, format!("cannot be read: {message}"), KEY_REMEDY)
+    };
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .comment(Some(b'#'))
+        .trim(csv::Trim::All)
+        .from_path(path)
+        .map_err(unreadable)?;
+    let mut keys: Vec<Key> = Vec::new();
+    for (row, record) in reader.records().enumerate() {
+        let record = record.map_err(unreadable)?;
+        if row == 0 && record.get(0).is_some_and(|field| field.parse::<f64>().is_err()) {
+            continue;
+        }
+        let line = record.position().map(|position| position.line() as usize);
+        let bad = |problem: String| Error::input(path, line, problem, KEY_REMEDY);
+        let number =
+            |field: &str| field.parse().map_err(|_| bad(format!("\"{}\" is not a number", field.escape_debug())));
+        let numbers: Vec<f64> = record.iter().map(number).collect::<Result<_>>()?;
+        keys.push(key(&numbers, keys.last()).map_err(bad)?);
+    }
+    if keys.is_empty() {
+        return Err(Error::input(path, None, "holds no keys", KEY_REMEDY));
+    }
+    Ok(keys)
+}

@@ -1,0 +1,234 @@
+//! [`Scene::load`]: from a TOML file to a checked [`Scene`].
+//!
+//! Bodies are read in `body.rs`, device poses in `drive.rs`; what the format knows and the engine does not yet do is
+//! refused in `supported.rs`. Meshes are looked for here, not read.
+
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+
+use super::keys::{Source, Table, Value};
+use super::{
+    Contact, Coupling, Haptics, Preconditioner, Probe, Scene, Shape, Solver, Step, Tool, ToolShape, body, drive,
+    supported,
+};
+use crate::{Error, Result};
+
+/// Name by which bodies refer to the tool.
+pub(super) const TOOL: &str = "tool";
+/// Length of a run whose device has no keys, s.
+const DEFAULT_DURATION: f64 = 1.0;
+/// Column prefixes of the trace that a probe must not take.
+const RESERVED_PROBES: [&str; 4] = ["tool", "device", "force", "torque"];
+
+const ROOT_KEYS: [&str; 9] = ["step", "solver", "contact", "body", "tool", "coupling", "drive", "haptics", "probe"];
+
+impl Scene {
+    /// Reads and checks a scene file. Every number is finite and in range, every name resolves, every file that is
+    /// named exists. Errors name the file, the line, the key and the remedy.
+    pub fn load(path: &Path) -> Result<Scene> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give a scene file"))?;
+        let source = Source { file: path, text: &text };
+        let document = source.parse()?;
+        let root = Table::root(&source, &document, &ROOT_KEYS)?;
+        let scene = Scene {
+            file: path.into(),
+            step: step(&root)?,
+            solver: solver(&root)?,
+            contact: contact(&root)?,
+            bodies: body::read(&root)?,
+            tool: root.option("tool", tool)?,
+            coupling: root.option("coupling", coupling)?,
+            drive: root.option("drive", drive::read)?.unwrap_or_default(),
+            haptics: haptics(&root)?,
+            probes: probes(&root)?,
+        };
+        check_names(&root, &scene)?;
+        supported::check(&root, &scene)?;
+        Ok(scene)
+    }
+
+    /// The scene's name: its file's stem.
+    pub fn name(&self) -> String {
+        self.file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+
+    /// How long to run when nobody says, s: to the device's last key, else one second.
+    pub fn duration(&self) -> f64 {
+        self.drive.last().map(|key| key.time).filter(|&time| time > 0.0).unwrap_or(DEFAULT_DURATION)
+    }
+}
+
+/// A table of the root, or `None` where the scene leaves it out.
+fn section<'a>(root: &Table<'a>, key: &str, known: &[&str]) -> Result<Option<Table<'a>>> {
+    root.option(key, |value| value.table(known))
+}
+
+fn step(root: &Table) -> Result<Step> {
+    let gravity = DVec3::new(0.0, -9.81, 0.0);
+    let Some(table) = section(root, "step", &["dt", "gravity", "newton"])? else {
+        return Ok(Step { dt: 0.001, gravity, newton: 1 });
+    };
+    Ok(Step {
+        dt: table.or("dt", 0.001, Value::positive)?,
+        gravity: table.or("gravity", gravity, Value::vector)?,
+        newton: table.or("newton", 1, |value| value.whole(1, 100))?,
+    })
+}
+
+fn solver(root: &Table) -> Result<Solver> {
+    let Some(table) = section(root, "solver", &["tolerance", "max_iterations", "preconditioner"])? else {
+        return Ok(Solver { tolerance: 1e-5, max_iterations: 200, preconditioner: Preconditioner::Auto });
+    };
+    let solver = Solver {
+        tolerance: table.or("tolerance", 1e-5, Value::positive)?,
+        max_iterations: table.or("max_iterations", 200, |value| value.whole(1, 100_000))?,
+        preconditioner: table.or("preconditioner", Preconditioner::Auto, |value| match value.text()? {
+            "auto" => Ok(Preconditioner::Auto),
+            "jacobi" => Ok(Preconditioner::Jacobi),
+            "coarse" => Ok(Preconditioner::Coarse),
+            other => Err(value.error(format!("is \"{other}\""), "give \"auto\", \"jacobi\" or \"coarse\"")),
+        })?,
+    };
+    if solver.tolerance >= 1.0 {
+        return Err(table.error("tolerance", format!("is {}", solver.tolerance), "give a number below one"));
+    }
+    Ok(solver)
+}
+
+fn contact(root: &Table) -> Result<Contact> {
+    let known = ["stiffness", "damping", "friction", "friction_speed", "texel", "depth_limit"];
+    let Some(table) = section(root, "contact", &known)? else {
+        return Ok(Contact {
+            stiffness: None,
+            damping: None,
+            friction: 0.0,
+            friction_speed: 0.001,
+            texel: None,
+            depth_limit: 0.02,
+        });
+    };
+    Ok(Contact {
+        stiffness: table.or("stiffness", None, Value::auto_or_positive)?,
+        damping: table.or("damping", None, Value::auto_or_not_negative)?,
+        friction: table.or("friction", 0.0, Value::not_negative)?,
+        friction_speed: table.or("friction_speed", 0.001, Value::positive)?,
+        texel: table.or("texel", None, Value::auto_or_positive)?,
+        depth_limit: table.or("depth_limit", 0.02, Value::positive)?,
+    })
+}
+
+fn tool(value: &Value) -> Result<Tool> {
+    let known = ["sphere", "surface", "body", "mass", "position", "orientation", "velocity", "scale"];
+    let table = value.table(&known)?;
+    let shape_key = table.exactly_one(&["sphere", "surface", "body"])?;
+    let shape_value = table.need(shape_key)?;
+    let shape = match shape_key {
+        "sphere" => ToolShape::Sphere(shape_value.positive()?),
+        "surface" => ToolShape::Surface(body::mesh_file(&shape_value, &["obj"])?),
+        _ => ToolShape::Body(shape_value.name()?),
+    };
+    let meaningless: &[&str] = match shape {
+        ToolShape::Sphere(_) => &["scale"],
+        ToolShape::Surface(_) => &[],
+        ToolShape::Body(_) => &["mass", "position", "orientation", "velocity", "scale"],
+    };
+    if let Some(key) = meaningless.iter().find(|key| table.has(key)) {
+        return Err(table.error(key, format!("has no meaning beside `{shape_key}`"), "remove it"));
+    }
+    // A tool that is a body of the scene has that body's mass and pose.
+    let mass = if matches!(shape, ToolShape::Body(_)) { 0.0 } else { table.need("mass")?.positive()? };
+    Ok(Tool {
+        shape,
+        mass,
+        position: table.or("position", DVec3::ZERO, Value::vector)?,
+        orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
+        velocity: table.or("velocity", DVec3::ZERO, Value::vector)?,
+        scale: table.or("scale", 1.0, Value::positive)?,
+    })
+}
+
+fn coupling(value: &Value) -> Result<Coupling> {
+    let table = value.table(&["stiffness", "damping", "angular_stiffness", "angular_damping"])?;
+    Ok(Coupling {
+        stiffness: table.need("stiffness")?.not_negative()?,
+        damping: table.need("damping")?.not_negative()?,
+        angular_stiffness: table.or("angular_stiffness", 0.0, Value::not_negative)?,
+        angular_damping: table.or("angular_damping", 0.0, Value::not_negative)?,
+    })
+}
+
+fn haptics(root: &Table) -> Result<Haptics> {
+    let Some(table) = section(root, "haptics", &["device", "rate", "max_force"])? else {
+        return Ok(Haptics { device: "scripted".into(), rate: 1000.0, max_force: None });
+    };
+    Ok(Haptics {
+        device: table.or("device", "scripted".into(), |value| value.text().map(Into::into))?,
+        rate: table.or("rate", 1000.0, Value::positive)?,
+        max_force: table.option("max_force", Value::positive)?,
+    })
+}
+
+fn probes(root: &Table) -> Result<Vec<Probe>> {
+    let Some(array) = root.get("probe") else { return Ok(Vec::new()) };
+    let mut probes: Vec<Probe> = Vec::new();
+    for element in array.array()? {
+        let table = element.table(&["name", "body", "nearest"])?;
+        let name = table.need("name")?.name()?;
+        if probes.iter().any(|probe| probe.name == name) {
+            return Err(table.error("name", format!("\"{name}\" is taken by another probe"), "choose another name"));
+        }
+        if RESERVED_PROBES.contains(&name.as_str()) {
+            let problem = format!("\"{name}\" is a column of the trace already");
+            return Err(table.error("name", problem, "choose another name"));
+        }
+        probes.push(Probe { name, body: table.need("body")?.name()?, nearest: table.need("nearest")?.vector()? });
+    }
+    Ok(probes)
+}
+
+/// Names that refer to bodies must resolve, and tables that serve the tool need one.
+fn check_names(root: &Table, scene: &Scene) -> Result<()> {
+    for key in ["coupling", "drive"] {
+        if scene.tool.is_none() && root.has(key) {
+            return Err(root.error(key, "there is no [tool] to hold", "add a [tool], or remove the table"));
+        }
+    }
+    let bodies: Vec<&str> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
+    let unknown = |value: Value, name: &str| {
+        let known = if bodies.is_empty() { "none".into() } else { bodies.join(", ") };
+        value.error(format!("there is no body \"{name}\""), format!("bodies of this scene: {known}"))
+    };
+    for (index, body) in scene.bodies.iter().enumerate() {
+        let Some(names) = &body.collides else { continue };
+        for name in names {
+            let value = || root.need("body")?.array()?[index].unchecked_table()?.need("collides");
+            if *name == body.name {
+                return Err(value()?.error("names the body itself", "a body never collides with itself"));
+            }
+            if name == TOOL && scene.tool.is_none() {
+                return Err(value()?.error("there is no [tool]", "add one, or remove \"tool\""));
+            }
+            if name != TOOL && !bodies.contains(&name.as_str()) {
+                return Err(unknown(value()?, name));
+            }
+        }
+    }
+    for (index, probe) in scene.probes.iter().enumerate() {
+        let value = || root.need("probe")?.array()?[index].unchecked_table()?.need("body");
+        match scene.bodies.iter().find(|body| body.name == probe.body) {
+            None => return Err(unknown(value()?, &probe.body)),
+            Some(body) if matches!(body.shape, Shape::Plane { .. }) => {
+                return Err(value()?.error("is a plane, which has no skin to follow", "name another body"));
+            }
+            Some(_) => {}
+        }
+    }
+    if let Some(Tool { shape: ToolShape::Body(name), .. }) = &scene.tool
+        && !bodies.contains(&name.as_str())
+    {
+        return Err(unknown(root.need("tool")?.unchecked_table()?.need("body")?, name));
+    }
+    Ok(())
+}

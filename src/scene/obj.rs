@@ -1,0 +1,221 @@
+//! Wavefront OBJ in and out: the reader of skins and tools, the writer of deformed skins.
+//!
+//! The parse is our own: the tobj crate drops unused vertices, orders the others by first use, knows no continuation
+//! lines and reports no line numbers, and all four are promised here. Format: Wavefront's "Object Files (.obj)",
+//! appendix B1 of the Advanced Visualizer manual; only `v` and `f` matter to a skin, all else is passed over.
+
+use std::io::Write;
+use std::path::Path;
+
+use glam::DVec3;
+
+pub use super::solid::check_solid;
+use super::triangulate::triangulate;
+use crate::{Error, Result};
+
+/// Greatest magnitude of a coordinate: more does not fit in single precision with room for a product.
+const LARGEST: f64 = 1e30;
+
+/// Triangles as a file gives them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TriangleMesh {
+    /// Every `v` line, used or not, in file order and file coordinates.
+    pub vertices: Vec<DVec3>,
+    /// Zero-based vertices of each triangle; faces in file order, each polygon cut where it stands.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// Reads an OBJ file: polygons are cut into triangles, groups and objects joined, vertices kept in file order.
+///
+/// Reading promises sound numbers and indices, at least one face and some area. Whether the surface can be a skin is
+/// another question: see [`check_solid`].
+pub fn read(path: &Path) -> Result<TriangleMesh> {
+    let bytes = std::fs::read(path)
+        .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give an OBJ file"))?;
+    let mesh = parse(&String::from_utf8_lossy(&bytes), path)?.mesh;
+    let has_area = |&[a, b, c]: &[u32; 3]| {
+        let [a, b, c] = [a, b, c].map(|vertex| mesh.vertices[vertex as usize]);
+        (b - a).cross(c - a).length_squared() > 0.0
+    };
+    if mesh.triangles.iter().any(has_area) {
+        Ok(mesh)
+    } else {
+        Err(Error::input(path, None, "no face has any area", "export the surface again"))
+    }
+}
+
+/// [`read`], then [`check_solid`]: a surface that can be a skin.
+pub fn read_solid(path: &Path) -> Result<TriangleMesh> {
+    let mesh = read(path)?;
+    check_solid(&mesh, path)?;
+    Ok(mesh)
+}
+
+/// The one-based line that each triangle came from.
+pub(super) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
+    let bytes = std::fs::read(path).map_err(|error| Error::input(path, None, error.to_string(), "give an OBJ file"))?;
+    Ok(parse(&String::from_utf8_lossy(&bytes), path)?.lines)
+}
+
+/// A mesh and where its triangles stand in the file.
+struct Parsed {
+    mesh: TriangleMesh,
+    lines: Vec<u32>,
+}
+
+/// A polygon whose indices are not yet checked.
+struct Face {
+    corners: Vec<i64>,
+    line: usize,
+}
+
+fn parse(text: &str, path: &Path) -> Result<Parsed> {
+    let mut vertices = Vec::new();
+    let mut faces = Vec::new();
+    for (line, content) in logical_lines(text) {
+        let mut words = content.split_whitespace();
+        match words.next() {
+            Some("v") => vertices.push(vertex(words).map_err(|problem| {
+                Error::input(path, Some(line), problem, "give each vertex three finite coordinates")
+            })?),
+            Some("f") => {
+                let corners = face(words, vertices.len()).map_err(|problem| {
+                    Error::input(path, Some(line), problem, "give each face three or more vertices, counted from 1")
+                })?;
+                faces.push(Face { corners, line });
+            }
+            _ => {}
+        }
+    }
+    if vertices.is_empty() {
+        return Err(Error::input(path, None, "has no vertices (`v` lines)", "export the surface as OBJ again"));
+    }
+    if faces.is_empty() {
+        return Err(Error::input(path, None, "has no faces (`f` lines)", "export the surface with its faces"));
+    }
+    let mut parsed = Parsed { mesh: TriangleMesh { vertices, triangles: Vec::new() }, lines: Vec::new() };
+    for face in &faces {
+        let count = parsed.mesh.vertices.len();
+        let corners: Vec<u32> = face.corners.iter().filter_map(|&i| u32::try_from(i).ok()).collect();
+        if let Some(bad) = face.corners.iter().find(|&&corner| corner < 0 || corner >= count as i64) {
+            let problem = format!("a face names vertex {}, and there are {count}", bad + 1);
+            return Err(Error::input(path, Some(face.line), problem, "correct the index, or export again"));
+        }
+        triangulate(&parsed.mesh.vertices, &corners, &mut parsed.mesh.triangles);
+        parsed.lines.resize(parsed.mesh.triangles.len(), face.line as u32);
+    }
+    Ok(parsed)
+}
+
+/// Lines without comments, joined where one ends in a backslash, each with the number of its first.
+fn logical_lines(text: &str) -> impl Iterator<Item = (usize, String)> {
+    let mut lines = text.lines().enumerate();
+    std::iter::from_fn(move || {
+        let (index, first) = lines.next()?;
+        let mut joined = first.split('#').next().unwrap_or_default().trim_end().to_string();
+        while joined.ends_with('\\') {
+            joined.pop();
+            joined.push(' ');
+            let Some((_, next)) = lines.next() else { break };
+            joined.push_str(next.split('#').next().unwrap_or_default().trim_end());
+        }
+        Some((index + 1, joined))
+    })
+}
+
+/// `x y z`, and whatever follows (a weight, a colour).
+fn vertex<'a>(words: impl Iterator<Item = &'a str>) -> std::result::Result<DVec3, String> {
+    let mut coordinates = Vec::with_capacity(3);
+    for word in words.take(3) {
+        let number: f64 = word.parse().map_err(|_| format!("`{}` is not a number", word.escape_debug()))?;
+        if !number.is_finite() || number.abs() > LARGEST {
+            return Err(format!("coordinate `{}` is not a finite number in range", word.escape_debug()));
+        }
+        coordinates.push(number);
+    }
+    match coordinates[..] {
+        [x, y, z] => Ok(DVec3::new(x, y, z)),
+        _ => Err(format!("a vertex with {} coordinates", coordinates.len())),
+    }
+}
+
+/// Zero-based corners of `v`, `v/vt`, `v//vn` or `v/vt/vn` words; negative ones count back from the newest vertex.
+fn face<'a>(words: impl Iterator<Item = &'a str>, vertices: usize) -> std::result::Result<Vec<i64>, String> {
+    let mut corners = Vec::with_capacity(4);
+    for word in words {
+        let first = word.split('/').next().unwrap_or_default();
+        let index: i64 = first.parse().map_err(|_| format!("`{}` is not a vertex index", word.escape_debug()))?;
+        match index {
+            0 => return Err("a face names vertex 0".into()),
+            1.. => corners.push(index - 1),
+            _ if index.unsigned_abs() > vertices as u64 => {
+                return Err(format!("a face names vertex {index}, and only {vertices} stand before it"));
+            }
+            _ => corners.push(vertices as i64 + index),
+        }
+    }
+    if corners.len() < 3 { Err(format!("a face with {} vertices", corners.len())) } else { Ok(corners) }
+}
+
+/// Writes a surface: nine significant digits, so that single precision comes back unchanged.
+pub fn write(w: &mut impl Write, vertices: &[DVec3], triangles: &[[u32; 3]]) -> std::io::Result<()> {
+    for v in vertices {
+        writeln!(w, "v {:.8e} {:.8e} {:.8e}", v.x, v.y, v.z)?;
+    }
+    for [a, b, c] in triangles.iter().map(|triangle| triangle.map(|vertex| vertex + 1)) {
+        writeln!(w, "f {a} {b} {c}")?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mesh(text: &str) -> Result<TriangleMesh> {
+        parse(text, Path::new("test.obj")).map(|parsed| parsed.mesh)
+    }
+
+    #[test]
+    fn dialects_are_read_alike() {
+        let text = "o a\r\nv 0 0 0 1.0 # first\r\nv 1 0 0\r\nv 1 1 0\r\nv 0 1 0\r\nv 9 9 9\r\nvt 0 0\r\nvn 0 0 1\r\n\
+                    g one\r\nf 4/1/1 3/1/1 2/1/1 \\\r\n 1/1/1\r\ng two\r\nf -5//1 -4//-1 -2//1\r\nf 1/7 2/7 3/7";
+        let mesh = mesh(text).unwrap();
+        assert_eq!(mesh.vertices.len(), 5, "unused vertices stay");
+        assert_eq!(mesh.triangles, [[3, 2, 1], [3, 1, 0], [0, 1, 3], [0, 1, 2]]);
+    }
+
+    #[test]
+    fn errors_name_their_line() {
+        let head = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+        let cases = [
+            ("f 1 2 4", ":4:", "vertex 4, and there are 3"),
+            ("f 0 1 2", ":4:", "vertex 0"),
+            ("f -4 1 2", ":4:", "vertex -4"),
+            ("f 1 2 99999999999999999999", ":4:", "not a vertex index"),
+            ("f 1 2", ":4:", "2 vertices"),
+            ("v 1 2", ":4:", "2 coordinates"),
+            ("v 1 nan 3", ":4:", "not a finite number"),
+            ("v 1 -1e400 3", ":4:", "not a finite number"),
+            ("v 1 x 3", ":4:", "not a number"),
+            ("", "", "no faces"),
+        ];
+        for (line, place, words) in cases {
+            let message = mesh(&format!("{head}{line}")).unwrap_err().to_string();
+            assert!(message.contains(place) && message.contains(words), "`{line}`: {message}");
+        }
+        assert!(mesh("# nothing").unwrap_err().to_string().contains("no vertices"));
+    }
+
+    #[test]
+    fn what_is_written_comes_back() {
+        let vertices = [DVec3::new(0.1, -2e-7, 3e5), DVec3::X, DVec3::new(1.0 / 3.0, 1.0, 0.0)];
+        let mut bytes = Vec::new();
+        write(&mut bytes, &vertices, &[[0, 1, 2]]).unwrap();
+        let back = mesh(&String::from_utf8(bytes).unwrap()).unwrap();
+        assert_eq!(back.triangles, [[0, 1, 2]]);
+        for (a, b) in vertices.iter().zip(&back.vertices) {
+            assert_eq!(a.as_vec3(), b.as_vec3());
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! What the scene format knows and the engine does not do yet. Each feature is refused here and nowhere else, so that
+//! whoever adds it deletes lines here.
+
+use super::keys::{Table, Value};
+use super::{Motion, Preconditioner, Scene, ToolShape};
+use crate::{Error, Result};
+
+/// Refuses a valid scene that asks for more than the engine does, naming the key.
+pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
+    let of = |table: &str, key: &str| root.need(table)?.unchecked_table()?.need(key);
+    if scene.step.newton != 1 {
+        return Err(refuse(&of("step", "newton")?, "leave it at 1"));
+    }
+    if scene.solver.preconditioner == Preconditioner::Coarse {
+        return Err(refuse(&of("solver", "preconditioner")?, "use \"auto\" or \"jacobi\""));
+    }
+    if scene.contact.friction != 0.0 {
+        return Err(refuse(&of("contact", "friction")?, "leave it at 0"));
+    }
+    if scene.haptics.device != "scripted" {
+        return Err(refuse(&of("haptics", "device")?, "use \"scripted\""));
+    }
+    if let Some(tool) = &scene.tool
+        && let ToolShape::Body(_) = tool.shape
+    {
+        return Err(refuse(&of("tool", "body")?, "use `sphere` or `surface`"));
+    }
+    for (index, body) in scene.bodies.iter().enumerate() {
+        let table = || Ok::<_, Error>(root.need("body")?.array()?[index].unchecked_table()?.renamed(path(&body.name)));
+        if body.cores.len() > 1 {
+            return Err(refuse(&table()?.need("core")?, "give one core"));
+        }
+        if let Some(core) = body.cores.first()
+            && !matches!(core.motion, Motion::Fixed)
+        {
+            let table = match table()?.get("core") {
+                Some(cores) => {
+                    cores.array()?[0].unchecked_table()?.renamed(format!("{}.core.{}", path(&body.name), core.name))
+                }
+                None => table()?,
+            };
+            return Err(refuse(&table.need("motion")?, "use \"fixed\""));
+        }
+    }
+    Ok(())
+}
+
+fn path(body: &str) -> String {
+    format!("body.{body}")
+}
+
+fn refuse(value: &Value, remedy: &str) -> Error {
+    value.error("this version does not do that yet", remedy)
+}

@@ -1,0 +1,290 @@
+//! Tests of scene files: what is read, and what each mistake is answered with.
+
+use std::fs;
+
+use glam::{DQuat, DVec3};
+use tempfile::TempDir;
+
+use super::*;
+use crate::Result;
+
+/// The scene of the README: every table.
+const EXAMPLE: &str = r#"[step]
+dt = 0.001                      # s
+gravity = [0.0, -9.81, 0.0]     # m/s^2
+newton = 1
+
+[solver]
+tolerance = 1e-5                # residual of section 2
+max_iterations = 200
+preconditioner = "auto"         # "jacobi", "coarse"
+
+[contact]
+stiffness = "auto"              # or N/m^3
+damping = "auto"                # or N s/m^3
+friction = 0.0
+friction_speed = 0.001          # m/s, below it friction is viscous
+texel = "auto"                  # or m
+depth_limit = 0.02              # m
+
+[[body]]
+name = "head"
+surface = "head.obj"            # the skin; without it, the layer's boundary
+layer = { cell = 0.01 }
+scale = 1.0
+position = [0.0, 0.0, 0.0]
+orientation = [0.0, 0.0, 0.0, 1.0]
+velocity = [0.0, 0.0, 0.0]
+material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_mass = 0.0, damping_stiffness = 0.0 }
+collides = ["tool"]             # default: every other body; never itself
+
+[[body.core]]
+name = "skull"
+motion = "fixed"                # "driven", "dynamic"
+bind = { inset = 0.03 }
+
+[[body]]
+name = "floor"
+plane = [0.0, 2.0, 0.0, 1.0]    # n, d: n.x = d
+
+[tool]
+sphere = 0.01
+mass = 0.05                     # kg
+position = [0.0, 0.2, 0.15]
+
+[coupling]
+stiffness = 500.0               # N/m
+damping = 2.0                   # N s/m
+angular_stiffness = 0.5         # N m/rad
+angular_damping = 0.002         # N m s/rad
+
+[drive]                         # device pose, world
+keys = [[0.0, 0.0, 0.2, 0.15], [0.3, 0.0, 0.2, 0.10]]
+
+[haptics]
+device = "scripted"
+rate = 1000                     # Hz
+max_force = 8.0
+
+[[probe]]
+name = "nose"
+body = "head"
+nearest = [0.0, 0.05, 0.1]
+"#;
+
+/// A folder with the files that scenes here name, and a way to load a scene in it.
+struct Folder(TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["head.obj", "head.msh", "head.vtk"] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        Folder(folder)
+    }
+
+    fn load(&self, text: &str) -> Result<Scene> {
+        let file = self.0.path().join("press.toml");
+        fs::write(&file, text).unwrap();
+        Scene::load(&file)
+    }
+
+    fn message(&self, text: &str) -> String {
+        self.load(text).expect_err(text).to_string()
+    }
+}
+
+/// The example with one line's beginning replaced; panics where it is not there.
+fn with(old: &str, new: &str) -> String {
+    assert!(EXAMPLE.contains(old), "`{old}` is in the example");
+    EXAMPLE.replacen(old, new, 1)
+}
+
+#[test]
+fn the_example_is_read_in_full() {
+    let scene = Folder::new().load(EXAMPLE).unwrap();
+    assert_eq!((scene.name().as_str(), scene.duration()), ("press", 0.3));
+    assert_eq!((scene.step.dt, scene.step.gravity, scene.step.newton), (0.001, DVec3::new(0.0, -9.81, 0.0), 1));
+    assert_eq!((scene.solver.tolerance, scene.solver.max_iterations), (1e-5, 200));
+    assert_eq!((scene.contact.stiffness, scene.contact.texel, scene.contact.depth_limit), (None, None, 0.02));
+    let head = &scene.bodies[0];
+    let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cell(cell) } = &head.shape else {
+        panic!("{:?}", head.shape)
+    };
+    assert!(path.ends_with("head.obj") && *cell == 0.01);
+    assert_eq!(head.material.unwrap().young, 2e4);
+    assert_eq!(head.collides.as_deref(), Some(&["tool".to_string()][..]));
+    assert!(matches!((&head.cores[0].motion, &head.cores[0].bind), (Motion::Fixed, Some(Bind::Inset(0.03)))));
+    let Shape::Plane { normal, offset } = scene.bodies[1].shape else { panic!("the floor is a plane") };
+    assert_eq!((normal, offset), (DVec3::Y, 0.5), "normalised with its offset");
+    let tool = scene.tool.unwrap();
+    assert!(matches!(tool.shape, ToolShape::Sphere(0.01)));
+    assert_eq!((tool.mass, tool.scale, tool.orientation), (0.05, 1.0, DQuat::IDENTITY));
+    assert_eq!(scene.coupling.unwrap().angular_damping, 0.002);
+    assert_eq!((scene.drive.len(), scene.drive[1].position.z, scene.drive[1].time), (2, 0.1, 0.3));
+    assert_eq!((scene.haptics.rate, scene.haptics.max_force), (1000.0, Some(8.0)));
+    assert_eq!((scene.probes[0].body.as_str(), scene.probes[0].nearest.z), ("head", 0.1));
+}
+
+#[test]
+fn other_ways_to_say_it() {
+    let folder = Folder::new();
+    let soft = |line: &str| folder.load(&with("layer = { cell = 0.01 }", line)).unwrap().bodies[0].shape.clone();
+    assert!(matches!(soft("layer = \"head.msh\""), Shape::Soft { layer: Layer::File(_), .. }));
+    let cube = "layer = { box = [[0, 0, 0], [1.0, 1, 1]], cells = [12, 12, 3] }";
+    assert!(matches!(soft(cube), Shape::Soft { layer: Layer::Box { cells: [12, 12, 3], high: DVec3::ONE, .. }, .. }));
+    let model = with("\"head.obj\"  ", "{ model = \"head\", vertices = 44000 }");
+    let Shape::Soft { surface, .. } = &folder.load(&model).unwrap().bodies[0].shape else { panic!("soft") };
+    assert_eq!(*surface, Some(Surface::Head { vertices: 44_000 }));
+
+    let bind = |text: &str| {
+        let scene = folder.load(&with("{ inset = 0.03 }", text)).unwrap();
+        scene.bodies[0].cores[0].bind.clone().unwrap()
+    };
+    assert!(matches!(bind("{ sphere = [0, 1, 0, 2] }"), Bind::Sphere { centre: DVec3::Y, radius: 2.0 }));
+    assert!(matches!(bind("{ box = [[0, 0, 0], [1, 1, 1]] }"), Bind::Box { .. }));
+    assert!(matches!(bind("{ nodes = [3, 0] }"), Bind::Nodes(nodes) if nodes == [3, 0]));
+    assert!(matches!(bind("{ all = true }"), Bind::All));
+
+    let rigid = "[[body]]\nname = \"die\"\nsurface = \"head.obj\"\n";
+    let scene = folder.load(rigid).unwrap();
+    assert!(matches!(scene.bodies[0].cores[..], [Core { motion: Motion::Fixed, bind: None, .. }]));
+    assert!(scene.tool.is_none() && scene.coupling.is_none() && scene.duration() == 1.0);
+    assert!(folder.load("").unwrap().bodies.is_empty());
+    assert!(folder.load("[tool]\nsurface = \"head.obj\"\nmass = 1\nscale = 0.5").unwrap().coupling.is_none());
+}
+
+#[test]
+fn drives_come_from_keys_or_from_a_file() {
+    let folder = Folder::new();
+    let tool = "[tool]\nsphere = 1\nmass = 1\n[drive]\n";
+    let turned = folder.load(&format!("{tool}keys = [[0, 0, 0, 0, 0, 0, 0.6, 0.8004]]")).unwrap().drive[0].orientation;
+    assert!((turned.length() - 1.0).abs() < 1e-15 && (turned.z - 0.6).abs() < 1e-3, "normalised");
+    let file = |text: &str| {
+        fs::write(folder.0.path().join("press.csv"), text).unwrap();
+        folder.load(&format!("{tool}path = \"press.csv\""))
+    };
+    let keys = file("t,x,y,z,qx,qy,qz,qw\n0,1,2,3,0,0,0,1\n\n0.5, 4,5,6,1,0,0,0\n").unwrap().drive;
+    assert_eq!(
+        keys[1],
+        Key { time: 0.5, position: DVec3::new(4.0, 5.0, 6.0), orientation: DQuat::from_xyzw(1., 0., 0., 0.) }
+    );
+    for (text, words) in [
+        ("0,0,0,0\n0,0,0,0\n", "press.csv:2: time 0 does not come after 0"),
+        ("t,x,y,z\n0,0,nan,0\n", "press.csv:2: holds NaN"),
+        ("0,0,0,0,0,0,0,2\n", "press.csv:1: quaternion has length 2"),
+        ("0,0,0\n", "press.csv:1: has 3 numbers"),
+        ("0,0,zero,0\n", "press.csv:1: \"zero\" is not a number"),
+        ("t,x,y,z\n", "press.csv: holds no keys"),
+    ] {
+        let message = file(text).unwrap_err().to_string();
+        assert!(message.contains(words), "{text}: {message}");
+    }
+}
+
+#[test]
+fn unknown_keys_are_answered_with_the_nearest() {
+    let folder = Folder::new();
+    for (old, new, place, nearest) in [
+        ("dt = 0.001", "dtt = 0.001", ":2: unknown key `step.dtt`", "`dt`"),
+        ("[solver]", "[solvr]", ":6: unknown key `solvr`", "`solver`"),
+        ("material = { young", "material = { yuong", ":27: unknown key `body.head.material.yuong`", "`young`"),
+        ("bind = {", "binds = {", ":33: unknown key `body.head.core.skull.binds`", "`bind`"),
+        ("nearest =", "nearst =", "unknown key `probe[0].nearst`", "`nearest`"),
+    ] {
+        let message = folder.message(&with(old, new));
+        // Arrays of tables are unnamed until their keys are known to be sound.
+        let place = place.replace("body.head.core.skull", "body.head.core[0]");
+        assert!(message.contains(&place), "{message}");
+        assert!(message.contains(&format!("did you mean {nearest}?")), "{message}");
+    }
+}
+
+#[test]
+fn values_out_of_range_are_refused_by_key_and_line() {
+    let folder = Folder::new();
+    for (old, new, words) in [
+        ("dt = 0.001", "dt = nan", "press.toml:2: `step.dt`: is NaN"),
+        ("dt = 0.001", "dt = -1", "press.toml:2: `step.dt`: is -1"),
+        ("dt = 0.001", "dt = \"1\"", "press.toml:2: `step.dt`: is of type string"),
+        ("gravity = [0.0, ", "gravity = [inf, ", "`step.gravity[0]`: is inf"),
+        ("gravity = [0.0, ", "gravity = [", "`step.gravity`: has 2 elements"),
+        ("young = 2e4", "young = 0", "press.toml:27: `body.head.material.young`: is 0"),
+        ("young = 2e4", "young = 1e39", "`body.head.material.young`: is 1"),
+        ("poisson = 0.45", "poisson = 0.5", "`body.head.material.poisson`: is 0.5"),
+        ("density = 1000.0", "density = -1.0", "`body.head.material.density`: is -1"),
+        ("density = 1000.0, ", "", "`body.head.material.density`: missing"),
+        ("tolerance = 1e-5", "tolerance = 0", "`solver.tolerance`: is 0"),
+        ("tolerance = 1e-5", "tolerance = 2", "`solver.tolerance`: is 2"),
+        ("max_iterations = 200", "max_iterations = 0", "`solver.max_iterations`: is 0"),
+        ("stiffness = \"auto\"", "stiffness = \"hard\"", "`contact.stiffness`: is \"hard\""),
+        ("mass = 0.05", "mass = 0", "`tool.mass`: is 0"),
+        ("damping = 2.0", "damping = -2.0", "`coupling.damping`: is -2"),
+        ("scale = 1.0", "scale = 0.0", "`body.head.scale`: is 0"),
+        ("orientation = [0.0, 0.0, 0.0, 1.0]", "orientation = [0, 0, 0, 2]", "quaternion has length 2"),
+        ("{ cell = 0.01 }", "{ cell = 0 }", "`body.head.layer.cell`: is 0"),
+        ("{ cell = 0.01 }", "{ box = [[0, 0, 0], [1, 0, 1]], cells = [1, 1, 1] }", "is not below"),
+        ("{ cell = 0.01 }", "{ box = [[0, 0, 0], [1, 1, 1]], cells = [1, 0, 1] }", "`body.head.layer.cells[1]`: is 0"),
+        ("{ cell = 0.01 }", "{ box = [[0, 0, 0], [1, 1, 1]], cells = [9999, 9999, 9999] }", "too many tetrahedra"),
+        ("{ cell = 0.01 }", "{ cell = 1, box = [[0, 0, 0], [1, 1, 1]] }", "given beside `cell`"),
+        ("plane = [0.0, 2.0,", "plane = [0.0, 0.0,", "`body.floor.plane`: the normal is zero"),
+        ("[0.3, 0.0, 0.2, 0.10]", "[0.0, 0.0, 0.2, 0.10]", "`drive.keys[1]`: time 0 does not come after 0"),
+        ("[0.3, 0.0, 0.2, 0.10]", "[0.3, 0.0, 0.2]", "`drive.keys[1]`: has 3 numbers"),
+        ("{ inset = 0.03 }", "{ sphere = [0, 0, 0, 0] }", "has radius 0"),
+        ("[tool]", "[tool", "not TOML"),
+    ] {
+        let message = folder.message(&with(old, new));
+        assert!(message.contains(words), "`{new}`: {message}");
+        assert!(!message.contains('\n'), "one line: {message}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_together_is_refused() {
+    let folder = Folder::new();
+    for (old, new, words) in [
+        ("surface = \"head.obj\"", "surface = \"nose.obj\"", "`body.head.surface`: there is no file"),
+        ("{ cell = 0.01 }", "\"head.vtk\"", "files of type .vtk"),
+        ("name = \"floor\"", "name = \"head\"", "\"head\" is taken"),
+        ("name = \"floor\"", "name = \"tool\"", "\"tool\" is taken"),
+        ("name = \"floor\"", "name = \"../floor\"", "cannot be a name"),
+        ("collides = [\"tool\"]", "collides = [\"tol\"]", "there is no body \"tol\""),
+        ("collides = [\"tool\"]", "collides = [\"head\"]", "names the body itself"),
+        ("body = \"head\"", "body = \"hed\"", "there is no body \"hed\""),
+        ("body = \"head\"", "body = \"floor\"", "is a plane"),
+        ("name = \"nose\"", "name = \"tool\"", "a column of the trace"),
+        ("material = {", "#", "`body.head.material`: missing"),
+        ("layer = {", "#", "a rigid body has none"),
+        ("surface = \"head.obj\"", "#", "made around a `surface`"),
+        ("name = \"floor\"", "name = \"floor\"\nscale = 2.0", "`body.floor.scale`: has no meaning for a plane"),
+        ("sphere = 0.01", "sphere = 0.01\nsurface = \"head.obj\"", "`tool.surface`: given beside `sphere`"),
+        ("sphere = 0.01", "", "`tool.sphere`: missing"),
+        ("[tool]\nsphere = 0.01\nmass = 0.05                     # kg\nposition = [0.0, 0.2, 0.15]\n", "", "no [tool]"),
+        ("motion = \"fixed\"", "motion = \"driven\"", "`body.head.core.skull.keys`: missing"),
+    ] {
+        let message = folder.message(&with(old, new));
+        assert!(message.contains(words), "`{new}`: {message}");
+    }
+}
+
+#[test]
+fn what_the_engine_does_not_do_yet_is_refused_by_key() {
+    let folder = Folder::new();
+    let second = "bind = { all = true }\n[[body.core]]\nname = \"jaw\"\nbind = { inset = 0.03 }";
+    for (old, new, key) in [
+        ("friction = 0.0", "friction = 0.3", "`contact.friction`"),
+        ("newton = 1", "newton = 2", "`step.newton`"),
+        ("preconditioner = \"auto\"", "preconditioner = \"coarse\"", "`solver.preconditioner`"),
+        ("motion = \"fixed\"", "motion = \"dynamic\"", "`body.head.core.skull.motion`"),
+        ("bind = { inset = 0.03 }", second, "`body.head.core`"),
+        ("device = \"scripted\"", "device = \"phantom\"", "`haptics.device`"),
+    ] {
+        let message = folder.message(&with(old, new));
+        assert!(message.contains(&format!("{key}: this version does not do that yet")), "{message}");
+    }
+    let held = "[[body]]\nname = \"a\"\nsurface = \"head.obj\"\n[tool]\nbody = \"a\"";
+    assert!(folder.message(held).contains("`tool.body`: this version"));
+    let falls = "[[body]]\nname = \"a\"\nsurface = \"head.obj\"\nmotion = \"dynamic\"\nmass = 1";
+    assert!(folder.message(falls).contains("`body.a.motion`: this version"));
+}
