@@ -1,5 +1,72 @@
-//! The stages of the step: a file a stage, each with its kernels, its arrays and a `record` that reads like DESIGN's list.
+//! The stages of the step: a file a stage, each with its kernels, its arrays, and a `record` that names its passes.
+//!
+//! Sizes are in elements; `texels` arrays are read through texel buffer views, `words` through storage buffers.
 
 pub mod args;
+pub mod contact;
+pub mod cull;
+pub mod depth;
+pub mod elastic;
 pub mod model;
+pub mod pose;
+pub mod skin;
+pub mod solve;
 pub mod types;
+pub mod wrench;
+
+use std::sync::Arc;
+
+use bytemuck::Pod;
+
+use crate::Result;
+use crate::gpu::{Buffer, Const, Context, Memory};
+use model::Model;
+use types::{Counts, Frame, Report, StepParams};
+
+/// What every stage shares: the host's inputs and outputs, counters, indirect arguments.
+pub struct Common {
+    /// One [`StepParams`].
+    pub params: Buffer,
+    /// A [`Frame`] a body that is not a half-space.
+    pub frames: Buffer,
+    /// One [`Counts`].
+    pub counts: Buffer,
+    /// Slots of [`args`].
+    pub args: Buffer,
+    /// One [`Report`].
+    pub report: Buffer,
+}
+
+impl Common {
+    /// Arrays for a model; counters and arguments zero.
+    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Common> {
+        let frames = model.frames.len().max(1) * size_of::<Frame>();
+        Ok(Common {
+            params: Buffer::new(context, "params", size_of::<StepParams>() as u64, Memory::Upload)?,
+            frames: Buffer::new(context, "frames", frames as u64, Memory::Upload)?,
+            counts: zeros::<Counts>(context, "counts", 1)?,
+            args: zeros::<u32>(context, "args", args::WORDS)?,
+            report: Buffer::new(context, "report", size_of::<Report>() as u64, Memory::Readback)?,
+        })
+    }
+}
+
+/// A device array with these contents.
+fn upload<T: Pod>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Buffer> {
+    Buffer::from_slice(context, name, data, Memory::Device)
+}
+
+/// A device array of `count` elements, uninitialised.
+fn array<T: Pod>(context: &Arc<Context>, name: &str, count: usize) -> Result<Buffer> {
+    Buffer::new(context, name, (count.max(1) * size_of::<T>()) as u64, Memory::Device)
+}
+
+/// A device array of `count` zeros.
+fn zeros<T: Pod>(context: &Arc<Context>, name: &str, count: usize) -> Result<Buffer> {
+    upload(context, name, &vec![T::zeroed(); count.max(1)])
+}
+
+/// A count as a specialization constant; counts fit, since arrays of 2^32 elements are refused before.
+fn count(value: usize) -> Const {
+    Const::Uint(value as u32)
+}

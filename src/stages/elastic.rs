@@ -1,0 +1,84 @@
+//! Elastic: the layers' state, element rotations, forces and rotated gradients.
+
+use std::sync::Arc;
+
+use super::model::Model;
+use super::{Common, count, upload, zeros};
+use crate::Result;
+use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
+
+/// Nodes, tetrahedra and their state.
+pub struct Elastic {
+    rotate: Kernel,
+    /// Tetrahedra.
+    pub tetrahedron_count: usize,
+    /// Nodes.
+    pub node_count: usize,
+    /// mu, lambda, alpha, beta; a frame.
+    pub materials: Buffer,
+    /// Four nodes a tetrahedron.
+    pub tetrahedra: Buffer,
+    rest_gradients: Buffer,
+    /// Position in the frame, mass.
+    pub node_rest: Buffer,
+    /// First quad of elements, quads, frame, 1 where bound.
+    pub node_info: Buffer,
+    /// Entries into element forces, four a texel.
+    pub node_elements: Buffer,
+    /// State: displacement from rest, frame axes, m.
+    pub displacement: Buffer,
+    /// State: velocity, world axes, m/s.
+    pub velocity: Buffer,
+    /// State: rotation of each tetrahedron, kept as the next start.
+    pub rotations: Buffer,
+    /// Three a tetrahedron, world axes.
+    pub gradients: Buffer,
+    /// Four a tetrahedron, and one texel of zeros.
+    pub element_forces: Buffer,
+}
+
+impl Elastic {
+    /// Kernels and arrays for a model, at rest.
+    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Elastic> {
+        let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
+        Ok(Elastic {
+            rotate: Kernel::new(context, "elastic/rotate", Size::Group, &[("TETRAHEDRA", count(tetrahedra))])?,
+            tetrahedron_count: tetrahedra,
+            node_count: nodes,
+            materials: upload(context, "materials", &model.materials)?,
+            tetrahedra: upload(context, "tetrahedra", &model.tetrahedra)?,
+            rest_gradients: upload(context, "gradients at rest", &model.rest_gradients)?,
+            node_rest: upload(context, "nodes at rest", &model.node_rest)?,
+            node_info: upload(context, "node info", &model.node_info)?,
+            node_elements: upload(context, "elements of nodes", &model.padded_node_elements())?,
+            displacement: zeros::<[f32; 4]>(context, "displacement", nodes)?,
+            velocity: upload(context, "velocity", &model.velocity)?,
+            rotations: upload(context, "rotations", &vec![[0.0f32, 0.0, 0.0, 1.0]; tetrahedra.max(1)])?,
+            gradients: zeros::<[f32; 4]>(context, "gradients", 3 * (tetrahedra + 1))?,
+            element_forces: zeros::<[f32; 4]>(context, "element forces", 4 * (tetrahedra + 1))?,
+        })
+    }
+
+    /// One pass over tetrahedra.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common) {
+        recorder.stage("elastic");
+        recorder.dispatch(
+            &self.rotate,
+            &[
+                &common.params,
+                &common.frames,
+                &self.materials,
+                &self.tetrahedra,
+                &self.rest_gradients,
+                &self.displacement,
+                &self.velocity,
+                &self.rotations,
+                &self.gradients,
+                &self.element_forces,
+            ],
+            &[],
+            self.tetrahedron_count as u32,
+        );
+    }
+
+}

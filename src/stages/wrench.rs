@@ -1,0 +1,27 @@
+//! Wrench: net force, torque, stiffness and damping on the tool.
+
+use std::sync::Arc;
+
+use super::contact::Touch;
+use super::{Common, args};
+use crate::Result;
+use crate::gpu::{Context, Kernel, Recorder, Size};
+
+/// The reduction over contacts.
+pub struct Wrench {
+    reduce: Kernel,
+}
+
+impl Wrench {
+    /// Its kernel.
+    pub fn new(context: &Arc<Context>) -> Result<Wrench> {
+        Ok(Wrench { reduce: Kernel::new(context, "wrench/reduce", Size::Reduce, &[])? })
+    }
+
+    /// One workgroup, once the step is accepted.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, touch: &Touch) {
+        recorder.stage("wrench");
+        let buffers = [&common.params, &common.counts, &touch.contacts, &touch.contact_forces, &common.report];
+        recorder.dispatch_indirect(&self.reduce, &buffers, &[], &common.args, args::WRENCH);
+    }
+}
