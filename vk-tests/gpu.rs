@@ -74,10 +74,8 @@ fn recordings_replay_in_order_with_one_submit() {
 #[test]
 fn a_recording_keeps_what_it_uses_alive() {
     let (context, out) = (context(), Buffer::new(context(), "out", u64::from(CELLS) * 4, Memory::Readback).unwrap());
-    let before = context.bytes_allocated();
     let recording = {
         let (kernel, a) = (bump(), cells("a"));
-        assert!(context.bytes_allocated() >= before, "device bytes are counted");
         let mut recorder = Recorder::new(context).unwrap();
         recorder.dispatch(&kernel, &[&a], &push(4), CELLS);
         recorder.copy(&a, &out);
@@ -138,6 +136,24 @@ fn arrays_come_back_as_they_went() {
     upload.mapped_mut::<u32>().unwrap().copy_from_slice(&[1, 2, 3]);
     assert_eq!(*upload.mapped::<u32>().unwrap(), [1, 2, 3]);
     assert_clean(context, "arrays");
+}
+
+#[test]
+fn device_bytes_are_counted_and_given_back() {
+    // A context of its own, since other tests allocate at the same time.
+    let context =
+        Context::new(&Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: true }).unwrap();
+    assert_eq!(context.bytes_allocated(), 0);
+    let _upload = Buffer::new(&context, "upload", 1 << 20, Memory::Upload).unwrap();
+    assert_eq!(context.bytes_allocated(), 0, "mapped memory does not count");
+    let array = Buffer::new(&context, "array", 1 << 20, Memory::Device).unwrap();
+    let array_bytes = context.bytes_allocated();
+    assert!((1 << 20..2 << 20).contains(&array_bytes), "{array_bytes}");
+    let target = RasterTarget::new(&context, "target", 256, 256).unwrap();
+    assert!(context.bytes_allocated() >= array_bytes + 256 * 256 * 8);
+    drop((array, target));
+    assert_eq!(context.bytes_allocated(), 0);
+    assert_clean(&context, "allocation");
 }
 
 #[test]

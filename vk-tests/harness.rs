@@ -114,7 +114,6 @@ impl Case {
     }
 
     /// Workgroups to run, instead of elements.
-    #[allow(dead_code)] // For kernels of one workgroup an item.
     pub fn groups(mut self, groups: usize) -> Self {
         self.run = Extent::Groups(groups as u32);
         self
@@ -241,7 +240,7 @@ pub fn expect_close(name: &str, got: &[f32], want: &[f64], tolerance: Tolerance)
     {
         let (g, w, n) = (got[i], want[i], got.len());
         panic!(
-            "{name}: {failing} of {n} fail {tolerance:?}; worst is [{i}]: got {g:e}, want {w:e}, {worst:.3} times allowed"
+            "{name}: {failing} of {n} fail {tolerance:?}; worst is [{i}]: got {g:e}, want {w:e}, {worst:.3} x allowed"
         );
     }
 }

@@ -134,3 +134,22 @@ fn misuse_is_refused_by_name() {
     assert!(huge.map(|_| ()).unwrap_err().to_string().contains("array huge needs"));
     assert_clean(context, "misuse");
 }
+
+#[test]
+fn workgroups_that_meet_at_barriers_sum() {
+    let (groups, length) = (5usize, 77usize);
+    let values: Vec<[u32; 4]> = (0..(groups * length) as u32).map(|i| [9, i, 9, 9]).collect();
+    for size in [Size::One, Size::Reduce, Size::Group] {
+        let outcome = case("test/sum")
+            .size(size)
+            .constant("negated", true)
+            .constant("added", -4i32)
+            .input("length_of_each", &[length as u32])
+            .input("values", &values)
+            .output::<i32>("sums", groups)
+            .groups(groups)
+            .run();
+        let sum = |part: &[[u32; 4]]| 4 - part.iter().map(|v| v[1] as i32).sum::<i32>();
+        assert_eq!(outcome.get::<i32>("sums"), values.chunks(length).map(sum).collect::<Vec<_>>(), "{size:?}");
+    }
+}

@@ -230,8 +230,8 @@ fn create_instance(entry: &ash::Entry, validation: bool, messages: &Messages) ->
     let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
     if validation && !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
         return Err(Error::NoDevice(
-            "validation was asked for, but VK_LAYER_KHRONOS_validation is missing; on Debian or Ubuntu: apt-get install \
-             vulkan-validationlayers"
+            "validation was asked for, but VK_LAYER_KHRONOS_validation is missing; on Debian or Ubuntu run ./setup.sh, \
+             or: apt-get install vulkan-validationlayers"
                 .into(),
         ));
     }

@@ -67,8 +67,9 @@ impl Recorder {
         }
         let whole = [x, y, width, height] == [0, 0, target.0.extent[0], target.0.extent[1]];
         let id = target.0.color.handle.as_raw();
-        let drawn = self.commands.keeps(id);
-        if !drawn && !(whole && pass.clear.is_some()) {
+        // A draw that clears the whole needs nothing of what was there before.
+        let discard = whole && pass.clear.is_some();
+        if !(discard || self.commands.keeps(id)) {
             return Err(self.error(format!("the first draw to target {} must clear the whole of it", target.0.name)));
         }
         let mut uses = self.check_uses(interface, buffers, push, shading)?;
@@ -78,8 +79,6 @@ impl Recorder {
         self.add_args(&interface.name, &mut uses, args)?;
         uses.push(target_use(target, true));
         self.pass(&uses);
-        // A draw that clears the whole needs nothing of what was there before.
-        let discard = whole && pass.clear.is_some();
         self.transition(target, Layout::Draw { discard });
         self.commands.keep(id, &target.0);
         self.commands.keep(pipeline.0.pipeline.as_raw(), &pipeline.0);
@@ -147,7 +146,7 @@ impl Recorder {
             let extent = vk::Extent3D { width, height, depth: 1 };
             let region = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(extent)];
             let (device, layout) = (&self.commands.context.device, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
-            // SAFETY: recording, outside rendering; image and buffer are alive and kept, and the buffer is large enough.
+            // SAFETY: recording, outside rendering; image and buffer are alive and kept, and the buffer has room.
             unsafe {
                 device.cmd_copy_image_to_buffer(self.commands.buffer, image.handle, layout, buffer.0.handle, &region);
             }

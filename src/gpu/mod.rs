@@ -8,6 +8,7 @@
 mod barrier;
 mod buffer;
 mod cache;
+mod check;
 mod context;
 mod debug;
 mod device;

@@ -1,0 +1,24 @@
+#version 460
+// Self-test of kernels that meet at barriers: sums[g] = sum of values[g * length .. (g + 1) * length]; stands in no
+// step. One workgroup per sum; its first invocation writes it. The order of additions follows the local size.
+#extension GL_EXT_scalar_block_layout : require
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const bool negated = false;
+layout(constant_id = 2) const int added = 0;
+layout(scalar, set = 0, binding = 0) uniform Lengths { uint length_of_each; };
+layout(set = 0, binding = 1) uniform usamplerBuffer values;
+layout(scalar, set = 0, binding = 2) writeonly buffer Sums { int sums[]; };
+shared uint partial[gl_WorkGroupSize.x];
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uint first = gl_WorkGroupID.x * length_of_each;
+    uint own = 0;
+    for (uint i = lane; i < length_of_each; i += gl_WorkGroupSize.x) own += texelFetch(values, int(first + i)).y;
+    partial[lane] = own;
+    barrier();
+    if (lane != 0) return;
+    int total = added;
+    for (uint i = 0; i < gl_WorkGroupSize.x; i++) total += int(partial[i]);
+    sums[gl_WorkGroupID.x] = negated ? -total : total;
+}
