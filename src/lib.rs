@@ -6,10 +6,13 @@
 
 pub mod error;
 pub mod gpu;
+pub mod haptics;
 pub mod oracle;
+pub mod plan;
 pub mod prepare;
 pub mod report;
 pub mod scene;
 pub mod stages;
+pub mod step;
 
 pub use error::{Error, Result};

@@ -67,14 +67,11 @@ impl Recorder {
         Err(self.error(format!("indirect arguments at byte {offset} lie outside {name} of {size} bytes")))
     }
 
-    /// Adds the reading of indirect arguments, which the same pass must not write.
-    pub(super) fn add_args(&mut self, kernel: &str, uses: &mut Vec<Use>, args: &Buffer) -> Result<()> {
+    /// Adds the reading of indirect arguments. The pass may write them itself, for later ones: its own are read before
+    /// any of its invocations runs.
+    pub(super) fn add_args(&mut self, uses: &mut Vec<Use>, args: &Buffer) {
         let id = args.0.handle.as_raw();
-        if uses.iter().any(|u| u.id == id && u.writes) {
-            return Err(self.error(format!("kernel {kernel} writes {}, its own indirect arguments", args.name())));
-        }
         self.keep(args);
         uses.push(Use { id, reads: true, writes: false, stages: Stages::DRAW_INDIRECT, write_access: Access::NONE });
-        Ok(())
     }
 }

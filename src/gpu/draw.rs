@@ -76,7 +76,7 @@ impl Recorder {
         if !self.is_well() {
             return Ok(());
         }
-        self.add_args(&interface.name, &mut uses, args)?;
+        self.add_args(&mut uses, args);
         uses.push(target_use(target, true));
         self.pass(&uses);
         self.transition(target, Layout::Draw { discard });

@@ -189,7 +189,7 @@ impl Recorder {
             return Ok(());
         }
         if let Some(args) = args {
-            self.add_args(&inner.interface.name, &mut uses, args)?;
+            self.add_args(&mut uses, args);
         }
         self.pass(&uses);
         if self.bound != inner.pipeline {

@@ -1,0 +1,92 @@
+//! The scripted device: a pose over time from keys, linear in position, slerp in orientation, held at the ends.
+
+use glam::{DQuat, DVec3};
+
+use crate::scene::Key;
+
+/// Pose and twist of the device at the end of a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Device {
+    /// World position, m.
+    pub position: DVec3,
+    /// World orientation.
+    pub orientation: DQuat,
+    /// World velocity, m/s.
+    pub velocity: DVec3,
+    /// World angular velocity, rad/s.
+    pub angular_velocity: DVec3,
+}
+
+/// Keys of the device's pose.
+#[derive(Debug, Clone)]
+pub struct Drive {
+    keys: Vec<Key>,
+}
+
+impl Drive {
+    /// A path along keys; without keys the device rests at `start`.
+    pub fn new(keys: &[Key], start: Key) -> Drive {
+        Drive { keys: if keys.is_empty() { vec![start] } else { keys.to_vec() } }
+    }
+
+    /// Pose at a time, s.
+    pub fn pose(&self, time: f64) -> (DVec3, DQuat) {
+        let next = self.keys.partition_point(|key| key.time <= time);
+        let after = self.keys[next.min(self.keys.len() - 1)];
+        let before = self.keys[next.saturating_sub(1)];
+        let span = after.time - before.time;
+        let s = if span > 0.0 { ((time - before.time) / span).clamp(0.0, 1.0) } else { 0.0 };
+        let near = if before.orientation.dot(after.orientation) < 0.0 { -after.orientation } else { after.orientation };
+        (before.position.lerp(after.position, s), before.orientation.slerp(near, s).normalize())
+    }
+
+    /// Pose at `time`, with the mean twist over the `h` seconds before it.
+    pub fn device(&self, time: f64, h: f64) -> Device {
+        let (position, orientation) = self.pose(time);
+        let (last, turned) = self.pose(time - h);
+        Device {
+            position,
+            orientation,
+            velocity: (position - last) / h,
+            angular_velocity: rotation_vector(orientation * turned.conjugate()) / h,
+        }
+    }
+}
+
+/// Rotation vector of a unit quaternion, the shorter way round, rad; exact for small angles.
+pub fn rotation_vector(q: DQuat) -> DVec3 {
+    let q = if q.w < 0.0 { -q } else { q };
+    let sine = q.xyz().length();
+    let scale = if sine > 1.0e-12 { 2.0 * sine.atan2(q.w) / sine } else { 2.0 };
+    q.xyz() * scale
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn key(time: f64, x: f64, angle: f64) -> Key {
+        Key { time, position: DVec3::X * x, orientation: DQuat::from_rotation_y(angle) }
+    }
+
+    #[test]
+    fn poses_between_keys_are_blended_and_the_ends_are_held() {
+        let drive = Drive::new(&[key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)], key(0.0, 9.0, 0.0));
+        assert_eq!(drive.pose(0.0).0, DVec3::ZERO);
+        assert!((drive.pose(2.0).0 - DVec3::X * 2.0).length() < 1e-15);
+        assert!(drive.pose(2.0).1.dot(DQuat::from_rotation_y(0.5)).abs() > 1.0 - 1e-12);
+        assert_eq!(drive.pose(7.0).0, DVec3::X * 4.0);
+        let device = drive.device(2.0, 0.001);
+        assert!((device.velocity - DVec3::X * 2.0).length() < 1e-9);
+        assert!((device.angular_velocity - DVec3::Y * 0.5).length() < 1e-6);
+    }
+
+    #[test]
+    fn keys_of_opposite_sign_turn_the_shorter_way() {
+        let mut far = key(1.0, 0.0, 0.2);
+        far.orientation = -far.orientation;
+        let drive = Drive::new(&[key(0.0, 0.0, 0.0), far], key(0.0, 0.0, 0.0));
+        let turned = rotation_vector(drive.pose(0.5).1);
+        assert!((turned - DVec3::Y * 0.1).length() < 1e-9, "{turned}");
+    }
+}

@@ -1,0 +1,56 @@
+//! The step plan: which stages a scene needs, and why the others are left out. Said in `summary.json`.
+
+use crate::scene::Scene;
+use crate::stages::depth::Path;
+use crate::stages::model::Model;
+
+/// A stage, recorded or not.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Entry {
+    /// The stage.
+    pub stage: &'static str,
+    /// Whether it is recorded (and its arrays allocated).
+    pub recorded: bool,
+    /// Why, or why not.
+    pub reason: String,
+}
+
+/// All eight stages in the order of the step.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Plan {
+    /// Stage by stage.
+    pub entries: Vec<Entry>,
+}
+
+impl Plan {
+    /// The plan of a scene.
+    pub fn new(scene: &Scene, model: &Model, path: Path) -> Plan {
+        let touches = !model.pairs.is_empty();
+        let nothing = match (&scene.tool, scene.bodies.len()) {
+            (None, 0 | 1) => "a single body and no tool: nothing to touch",
+            (None, _) => "no tool, and no two bodies that may touch",
+            (Some(_), _) => "no body may touch the tool or another",
+        };
+        let planes = "only half-spaces are touched: their depth needs no field";
+        let pairs = format!("{} pairs of bodies may touch", model.pairs.len());
+        let depth = model.needs_depth();
+        let mut entries = Vec::new();
+        let mut add = |stage, recorded, yes: String, no: &str| {
+            entries.push(Entry { stage, recorded, reason: if recorded { yes } else { no.into() } });
+        };
+        add("pose", touches, pairs.clone(), nothing);
+        let probes = !scene.probes.is_empty();
+        let skin = if touches { pairs.clone() } else { "probes are recorded".into() };
+        add("skin", touches || probes, skin, nothing);
+        add("cull", touches, pairs.clone(), nothing);
+        let path = format!("{} path, tiles of {} texels a side", path.name(), crate::stages::depth::TILE);
+        add("depth", depth, path, if touches { planes } else { nothing });
+        add("contact", touches, pairs, nothing);
+        let soft = !model.tetrahedra.is_empty();
+        add("elastic", soft, format!("{} tetrahedra", model.tetrahedra.len()), "no soft body");
+        add("solve", true, format!("{} nodes", model.node_rest.len()), "");
+        let wrench = touches && scene.tool.is_some();
+        add("wrench", wrench, "the tool's".into(), if scene.tool.is_some() { nothing } else { "no tool" });
+        Plan { entries }
+    }
+}

@@ -1,0 +1,474 @@
+//! The step: which stages a scene needs, in which order they run, and the host's part of it, pose in and wrench out.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::{DQuat, DVec3};
+
+use crate::gpu::{Context, Options, Recorder, Recording};
+use crate::haptics::drive::{Device, Drive};
+use crate::haptics::tool::Tool;
+use crate::plan::Plan;
+use crate::prepare::{self, Body, Shape};
+use crate::report::{Flags, Pose, Row, ToolRow};
+use crate::scene::{Key, Scene};
+use crate::stages::contact::Contact;
+use crate::stages::cull::Cull;
+use crate::stages::depth::{Depth, Path};
+use crate::stages::elastic::Elastic;
+use crate::stages::model::Model;
+use crate::stages::skin::{Probes, Skin};
+use crate::stages::solve::Solve;
+use crate::stages::types::{Frame, Pair, Report, StepParams, verdict};
+use crate::stages::wrench::Wrench;
+use crate::stages::{Common, pose};
+use crate::{Error, Result};
+
+/// Iterations of the shortest recorded plan; each further one is twice as long.
+const SHORTEST_PLAN: u32 = 16;
+/// Iterations a plan has over the last step's count, so that most steps need one submit.
+const SPARE_ITERATIONS: u32 = 4;
+/// Submits of one step at most; beyond, the device does not keep its word.
+const MOST_SUBMITS: u32 = 64;
+/// Every so many steps the stages are timed: timestamps split the work and cost up to a millisecond on some drivers.
+pub const TIMED_EVERY: u64 = 16;
+
+/// The stages that a scene needs; what it does not need is neither recorded nor allocated.
+struct Stages {
+    common: Common,
+    elastic: Elastic,
+    solve: Solve,
+    touch: Option<TouchStages>,
+    wrench: Option<Wrench>,
+    probes: Option<Probes>,
+}
+
+/// The stages of scenes where something can touch.
+struct TouchStages {
+    pose: pose::Pose,
+    skin: Skin,
+    cull: Cull,
+    depth: Option<Depth>,
+    contact: Contact,
+}
+
+/// One step, recorded in parts that are submitted together.
+struct Recordings {
+    /// Everything before the solver's loop.
+    begin: Recording,
+    /// The solver's set-up once more, after contacts were dropped.
+    again: Recording,
+    /// Iterations, in plans of graded length.
+    iterate: Vec<(u32, Recording)>,
+    /// The verdict, the new state, the wrench.
+    end: Recording,
+}
+
+/// A probe's rest position and frame, on the host.
+struct ProbePlace {
+    rest: DVec3,
+    frame: usize,
+}
+
+/// A scene under way.
+pub struct Simulation {
+    context: Arc<Context>,
+    scene: Scene,
+    bodies: Vec<Body>,
+    model: Model,
+    stages: Stages,
+    plain: Recordings,
+    timed: Recordings,
+    tool: Option<Tool>,
+    drive: Drive,
+    probes: Vec<ProbePlace>,
+    plan: Plan,
+    path: Path,
+    step: u64,
+    last_iterations: u32,
+    last_timed: Option<Vec<(String, f64)>>,
+}
+
+impl Simulation {
+    /// Prepares the scene's bodies, opens a device and records the step. All input is read before the device is opened.
+    pub fn new(scene: &Scene, options: &Options, path: Option<Path>) -> Result<Simulation> {
+        let bodies = scene.bodies.iter().map(|body| prepare::body(body, scene)).collect::<Result<Vec<_>>>()?;
+        let tool_body = scene.tool.as_ref().map(|tool| prepare::tool(tool, scene)).transpose()?;
+        let model = Model::new(scene, &bodies, tool_body.as_ref());
+        let tool = scene.tool.as_ref().zip(tool_body.as_ref()).map(|(spec, body)| tool_of(scene, spec.mass, body));
+        let (probes, probe_nodes, probe_weights) = probes_of(scene, &bodies, &model)?;
+
+        let context = Context::new(options)?;
+        let path = path.unwrap_or_else(|| Path::of(context.kind()));
+        let stages = Stages::new(&context, &model, path, &probe_nodes, &probe_weights)?;
+        let plain = Recordings::new(&context, &stages, scene.solver.max_iterations, false)?;
+        let timed = Recordings::new(&context, &stages, scene.solver.max_iterations, true)?;
+        let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
+        let plan = Plan::new(scene, &model, path);
+        Ok(Simulation {
+            drive: Drive::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
+            scene: scene.clone(),
+            context,
+            bodies,
+            model,
+            stages,
+            plain,
+            timed,
+            tool,
+            probes,
+            plan,
+            path,
+            step: 0,
+            last_iterations: 0,
+            last_timed: None,
+        })
+    }
+
+    /// One step: pose in, wrench out.
+    pub fn step(&mut self) -> Result<Row> {
+        let begun = Instant::now();
+        self.step += 1;
+        let h = self.scene.step.dt;
+        let time = self.step as f64 * h;
+        let device = self.drive.device(time, h);
+        let origin = self.origin();
+        self.write_inputs(origin, &device)?;
+        let report = self.submit()?;
+        if let Some(tool) = &mut self.tool
+            && report.tool_change.iter().all(|x| x.is_finite())
+        {
+            tool.advance(h, report.tool_change);
+        }
+        let probes = self.read_probes()?;
+        Ok(self.row(&report, time, &device, probes, begun))
+    }
+
+    /// The device that runs the step.
+    pub fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+
+    /// The stages that were recorded, and those left out with the reason.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// How the depth field is rasterized.
+    pub fn depth_path(&self) -> Path {
+        self.path
+    }
+
+    /// Times of the stages in the last step, microseconds, where it was a timed one (every [`TIMED_EVERY`]-th).
+    pub fn stage_times(&self) -> Option<&[(String, f64)]> {
+        self.last_timed.as_deref()
+    }
+
+    /// Dispatches, draws, fills and copies of each stage in a step of `iterations` solver iterations, and how many passes
+    /// of the whole wait for an earlier one.
+    pub fn passes(&self, iterations: u32) -> (Vec<(String, u32)>, u32) {
+        let (length, iterate) = &self.plain.iterate[0];
+        let mut stages: Vec<(String, u32)> = Vec::new();
+        let mut dependent = 0;
+        for (recording, share) in [(&self.plain.begin, 1.0), (iterate, f64::from(iterations) / f64::from(*length)), (&self.plain.end, 1.0)] {
+            for part in recording.passes() {
+                let passes = (f64::from(part.dispatches) * share).round() as u32;
+                dependent += (f64::from(part.dependent) * share).round() as u32;
+                match stages.iter_mut().find(|(name, _)| *name == part.stage) {
+                    Some((_, sum)) => *sum += passes,
+                    None => stages.push((part.stage.clone(), passes)),
+                }
+            }
+        }
+        (stages, dependent)
+    }
+
+    /// The bodies as prepared.
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
+    /// The tool, if the scene has one.
+    pub fn tool(&self) -> Option<&Tool> {
+        self.tool.as_ref()
+    }
+
+    /// Displacements (rest axes of the body, m) and velocities (world, m/s) of a soft body's nodes, in input order;
+    /// `None` for any other body.
+    pub fn nodes(&self, body: usize) -> Result<Option<(Vec<DVec3>, Vec<DVec3>)>> {
+        let Some(range) = self.model.soft.iter().find(|soft| soft.body == body) else { return Ok(None) };
+        let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(None) };
+        let read = |buffer: &crate::gpu::Buffer| -> Result<Vec<DVec3>> {
+            let all = buffer.read::<[f32; 4]>()?;
+            let own = &all[range.node_first..range.node_first + layer.nodes.len()];
+            Ok(own.iter().map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect())
+        };
+        Ok(Some((read(&self.stages.elastic.displacement)?, read(&self.stages.elastic.velocity)?)))
+    }
+
+    /// Where f32 positions are measured from: the tool, or the first body; contact needs digits there.
+    fn origin(&self) -> DVec3 {
+        let first = self.model.frames.first().map_or(DVec3::ZERO, |frame| frame.centre);
+        self.tool.as_ref().map_or(first, |tool| tool.centre)
+    }
+
+    fn write_inputs(&self, origin: DVec3, device: &Device) -> Result<()> {
+        let step = &self.scene.step;
+        let mut params = StepParams {
+            dt: step.dt as f32,
+            step: (self.step & 0xffff_ffff) as u32,
+            tolerance: self.scene.solver.tolerance as f32,
+            max_iterations: self.scene.solver.max_iterations,
+            gravity: step.gravity.as_vec3().to_array(),
+            depth_limit: self.scene.contact.depth_limit as f32,
+            texel: self.scene.contact.texel.unwrap_or(0.0) as f32,
+            ..bytemuck::Zeroable::zeroed()
+        };
+        if let Some(tool) = &self.tool {
+            let rows = tool.rows(step.dt, step.gravity, device);
+            params.tool_matrix = std::array::from_fn(|k| rows.matrix[k / 6][k % 6] as f32);
+            params.tool_rhs = rows.rhs.map(|x| x as f32);
+            let (v, w) = (tool.velocity, tool.angular_velocity);
+            params.tool_twist = [v.x, v.y, v.z, w.x, w.y, w.z].map(|x| x as f32);
+            params.tool_centre = (tool.centre - origin).as_vec3().to_array();
+        }
+        self.stages.common.params.mapped_mut::<StepParams>()?[0] = params;
+
+        let mut frames = self.stages.common.frames.mapped_mut::<Frame>()?;
+        for (i, place) in self.model.frames.iter().enumerate() {
+            let tool = self.tool.as_ref().filter(|_| self.model.tool_frame == Some(i));
+            let (centre, rotation) = tool.map_or((place.centre, place.rotation), |t| (t.centre, t.orientation));
+            let (linear, angular) = tool.map_or((DVec3::ZERO, DVec3::ZERO), |t| (t.velocity, t.angular_velocity));
+            frames[i] = Frame {
+                rotation: rotation.as_quat().to_array(),
+                centre: (centre - origin).as_vec3().to_array(),
+                linear: linear.as_vec3().to_array(),
+                angular: angular.as_vec3().to_array(),
+            };
+        }
+        if let Some(touch) = &self.stages.touch {
+            let mut pairs = touch.cull.pairs.mapped_mut::<Pair>()?;
+            for (i, (pair, plane)) in self.model.pairs.iter().zip(&self.model.pair_planes).enumerate() {
+                pairs[i] = *pair;
+                if let Some(plane) = plane {
+                    let offset = plane.offset - plane.normal.dot(origin);
+                    pairs[i].plane = crate::stages::model::texel(plane.normal, offset);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Submits the step; where it ran out of iterations, or contacts pulled, what is missing.
+    fn submit(&mut self) -> Result<Report> {
+        let timed = self.step % TIMED_EVERY == 1;
+        let set = if timed { &self.timed } else { &self.plain };
+        let wanted = self.last_iterations + SPARE_ITERATIONS;
+        let mut parts = vec![&set.begin, set.plan(wanted), &set.end];
+        let mut times = Vec::new();
+        for _ in 0..MOST_SUBMITS {
+            Recording::submit_all(&parts)?;
+            if timed {
+                parts.iter().for_each(|part| add_times(&mut times, part.stage_times()));
+            }
+            let report = self.stages.common.report.mapped::<Report>()?[0];
+            match report.verdict {
+                verdict::CONTINUE => parts = vec![set.plan(wanted), &set.end],
+                verdict::RETRY => parts = vec![&set.again, set.plan(wanted), &set.end],
+                _ => {
+                    self.last_iterations = report.iterations;
+                    self.last_timed = timed.then_some(times);
+                    return Ok(report);
+                }
+            }
+        }
+        Err(Error::Simulation(format!("step {}: the solver reached no verdict", self.step)))
+    }
+
+    fn read_probes(&self) -> Result<Vec<DVec3>> {
+        let Some(probes) = &self.stages.probes else { return Ok(Vec::new()) };
+        let moved = probes.displacement.mapped::<[f32; 4]>()?;
+        let place = |(probe, d): (&ProbePlace, &[f32; 4])| {
+            let frame = &self.model.frames[probe.frame];
+            let local = probe.rest + DVec3::new(d[0].into(), d[1].into(), d[2].into());
+            frame.centre + frame.rotation * local
+        };
+        Ok(self.probes.iter().zip(moved.iter()).map(place).collect())
+    }
+
+    fn row(&self, report: &Report, time: f64, device: &Device, probes: Vec<DVec3>, begun: Instant) -> Row {
+        let vector = |x: [f32; 3]| DVec3::new(x[0].into(), x[1].into(), x[2].into());
+        let touch = self.stages.touch.is_some();
+        Row {
+            step: self.step,
+            time,
+            tool: self.tool.as_ref().map(|tool| ToolRow {
+                tool: Pose { position: tool.centre, orientation: tool.orientation },
+                device: Pose { position: device.position, orientation: device.orientation },
+                force: vector(report.force),
+                torque: vector(report.torque),
+            }),
+            contacts: touch.then_some(report.contacts),
+            max_depth: touch.then_some(f64::from(report.max_depth)),
+            iterations: report.iterations,
+            residual: f64::from(report.residual),
+            flags: Flags(report.flags),
+            step_us: begun.elapsed().as_secs_f64() * 1e6,
+            probes,
+        }
+    }
+}
+
+impl Stages {
+    fn new(
+        context: &Arc<Context>,
+        model: &Model,
+        path: Path,
+        probe_nodes: &[[u32; 4]],
+        probe_weights: &[[f32; 4]],
+    ) -> Result<Stages> {
+        let common = Common::new(context, model)?;
+        let touch = if model.pairs.is_empty() {
+            None
+        } else {
+            Some(TouchStages {
+                pose: pose::Pose::new(context, model)?,
+                skin: Skin::new(context, model)?,
+                cull: Cull::new(context, model)?,
+                depth: if model.needs_depth() { Some(Depth::new(context, model, path)?) } else { None },
+                contact: Contact::new(context, model)?,
+            })
+        };
+        let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch), &common)?;
+        let wrench = match (&model.tool_frame, &touch) {
+            (Some(_), Some(_)) => Some(Wrench::new(context)?),
+            _ => None,
+        };
+        let probes = if probe_nodes.is_empty() {
+            None
+        } else {
+            Some(Probes::new(context, probe_nodes, probe_weights)?)
+        };
+        Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes })
+    }
+}
+
+impl Recordings {
+    fn new(context: &Arc<Context>, stages: &Stages, max_iterations: u32, timed: bool) -> Result<Recordings> {
+        let recorder = || if timed { Recorder::new(context) } else { Recorder::untimed(context) };
+        let Stages { common, elastic, solve, touch, wrench, probes } = stages;
+
+        let mut begin = recorder()?;
+        if let Some(TouchStages { pose, skin, cull, depth, contact }) = touch {
+            pose.record(&mut begin, common);
+            skin.record_bounds(&mut begin, pose, elastic);
+            cull.record(&mut begin, common, pose, skin);
+            skin.record_embedding(&mut begin, common, cull, elastic);
+            if let Some(depth) = depth {
+                depth.record(&mut begin, common, cull, skin);
+            }
+            contact.record(&mut begin, common, cull, skin, depth.as_ref(), elastic);
+        }
+        solve.record_reset(&mut begin);
+        elastic.record(&mut begin, common);
+        solve.record_start(&mut begin, common, elastic);
+
+        let mut again = recorder()?;
+        elastic.record(&mut again, common);
+        solve.record_start(&mut again, common, elastic);
+
+        let mut iterate = Vec::new();
+        let mut length = SHORTEST_PLAN;
+        loop {
+            let mut plan = recorder()?;
+            // One more than the cap, so that the pass that notices it is there.
+            solve.record_iterations(&mut plan, common, elastic, length.min(max_iterations + 1));
+            iterate.push((length.min(max_iterations + 1), plan.finish()?));
+            if length > max_iterations {
+                break;
+            }
+            length *= 2;
+        }
+
+        let mut end = recorder()?;
+        solve.record_end(&mut end, common, elastic);
+        if let (Some(wrench), Some(touch)) = (wrench, touch) {
+            wrench.record(&mut end, common, &touch.contact.touch);
+        }
+        if let Some(probes) = probes {
+            probes.record(&mut end, elastic);
+        }
+        Ok(Recordings { begin: begin.finish()?, again: again.finish()?, iterate, end: end.finish()? })
+    }
+
+    /// The shortest plan of at least so many iterations, or the longest.
+    fn plan(&self, iterations: u32) -> &Recording {
+        let fits = self.iterate.iter().find(|(length, _)| *length >= iterations);
+        &fits.unwrap_or(&self.iterate[self.iterate.len() - 1]).1
+    }
+}
+
+fn add_times(sums: &mut Vec<(String, f64)>, times: Vec<(String, f64)>) {
+    for (name, us) in times {
+        match sums.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, sum)) => *sum += us,
+            None => sums.push((name, us)),
+        }
+    }
+}
+
+/// The tool as the scene starts it, its inertia that of its surface filled evenly.
+fn tool_of(scene: &Scene, mass: f64, body: &Body) -> Tool {
+    let inertia = match &body.shape {
+        Shape::Rigid { volume, inertia, .. } => *inertia * (mass / volume),
+        _ => glam::DMat3::IDENTITY,
+    };
+    Tool {
+        mass,
+        inertia,
+        coupling: scene.coupling,
+        centre: body.position,
+        orientation: body.orientation,
+        velocity: body.velocity,
+        angular_velocity: DVec3::ZERO,
+    }
+}
+
+/// Probes on the host, and their nodes and weights for the device.
+type ProbeArrays = (Vec<ProbePlace>, Vec<[u32; 4]>, Vec<[f32; 4]>);
+
+/// The skin vertices nearest to the scene's probes.
+fn probes_of(scene: &Scene, bodies: &[Body], model: &Model) -> Result<ProbeArrays> {
+    let (mut places, mut nodes, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+    for probe in &scene.probes {
+        let key = format!("probe.{}.body", probe.name);
+        let refuse = |problem: &str, remedy: &str| Error::key(&scene.file, &key, problem, remedy);
+        let index = bodies.iter().position(|body| body.name == probe.body);
+        let index = index.ok_or_else(|| refuse("no body has this name", "name a body of the scene"))?;
+        let scale = scene.bodies[index].scale;
+        let frame = model.body_frames[index] as usize;
+        let (skin, embedding) = match &bodies[index].shape {
+            Shape::Soft { skin, embedding, layer, .. } => (skin, Some((embedding, layer))),
+            Shape::Rigid { skin, .. } => (skin, None),
+            Shape::Plane { .. } => return Err(refuse("a plane has no skin", "probe a body with a skin")),
+        };
+        let target = probe.nearest * scale;
+        let distance = |i: &usize| skin.vertices[*i].distance_squared(target);
+        let nearest = (0..skin.vertices.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let nearest = nearest.ok_or_else(|| refuse("its skin has no vertex", "give it a surface"))?;
+        let centre = model.frames[frame].rest_centre;
+        let first = model.soft.iter().find(|soft| soft.body == index).map_or(0, |soft| soft.node_first as u32);
+        let (rest, four, w) = match embedding {
+            Some((embedding, layer)) => {
+                let e = &embedding[nearest];
+                let four = layer.tetrahedra[e.tetrahedron as usize];
+                let rest: DVec3 = four.iter().zip(e.weights).map(|(n, w)| w * layer.nodes[*n as usize]).sum();
+                (rest, four.map(|n| n + first), e.weights.map(|w| w as f32))
+            }
+            None => (skin.vertices[nearest], [0; 4], [0.0; 4]),
+        };
+        places.push(ProbePlace { rest: rest - centre, frame });
+        nodes.push(four);
+        weights.push(w);
+    }
+    Ok((places, nodes, weights))
+}
