@@ -3,7 +3,15 @@
 //! Everything here is on the host, in f64, before the first step. Coordinates of a [`Body`] are its *rest frame*: file
 //! coordinates times scale, not yet placed in the world by `position` and `orientation`.
 
+pub mod embed;
+pub mod layer;
+pub mod mass;
+pub mod skin;
+pub mod sphere;
+
 use glam::{DQuat, DVec3};
+
+pub use embed::embed;
 
 use crate::scene::Material;
 

@@ -110,15 +110,15 @@ pub struct Body {
 pub enum Shape {
     /// Soft: a tetrahedral layer, and a skin; without a skin the layer's boundary is the skin.
     Soft {
-        /// Skin, an OBJ file.
-        surface: Option<PathBuf>,
+        /// Skin.
+        surface: Option<Surface>,
         /// Layer.
         layer: Layer,
     },
     /// Rigid: a skin only.
     Rigid {
-        /// Skin, an OBJ file.
-        surface: PathBuf,
+        /// Skin.
+        surface: Surface,
     },
     /// Rigid half-space `normal . x <= offset`, fixed.
     Plane {
@@ -126,6 +126,18 @@ pub enum Shape {
         normal: DVec3,
         /// Offset, m.
         offset: f64,
+    },
+}
+
+/// Where a skin comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Surface {
+    /// An OBJ file.
+    File(PathBuf),
+    /// The generated head, with this many vertices.
+    Head {
+        /// Vertices.
+        vertices: usize,
     },
 }
 
