@@ -4,14 +4,18 @@
 //! coordinates times scale, not yet placed in the world by `position` and `orientation`.
 
 pub mod embed;
+pub mod hull;
+pub mod lattice;
 pub mod layer;
 pub mod mass;
+pub mod proxy;
 pub mod skin;
 pub mod sphere;
 
 use glam::{DQuat, DVec3};
 
 pub use embed::embed;
+pub use proxy::proxies;
 
 use crate::scene::Material;
 
