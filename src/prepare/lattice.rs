@@ -34,7 +34,7 @@ pub fn lattice(vertices: &[DVec3], triangles: &[[u32; 3]], cell: f64) -> Result<
         ));
     }
     let volume = super::mass::properties(vertices, triangles).volume;
-    let box_cells = (extent / cell + 3.0).to_array().iter().product::<f64>();
+    let box_cells = (extent / cell + 4.0).to_array().iter().product::<f64>();
     if 12.0 * volume / cell.powi(3) > MAX_TETRAHEDRA || 12.0 * box_cells > MAX_LATTICE {
         let least = (12.0 * volume / MAX_TETRAHEDRA).cbrt().max(cell * (12.0 * box_cells / MAX_LATTICE).cbrt());
         return Err(format!(
@@ -56,12 +56,12 @@ struct Lattice {
 }
 
 impl Lattice {
-    /// A lattice with at least one cell to spare on each side.
+    /// A lattice with more than a cell to spare on each side: its outermost pyramids have no partner and are missing.
     fn around(low: DVec3, extent: DVec3, cell: f64) -> Self {
         let (mut origin, mut size) = (low, [0; 3]);
         for k in 0..3 {
             let cells = extent[k] / cell;
-            size[k] = cells.ceil() as usize + 2;
+            size[k] = cells.ceil() as usize + 3;
             let mut overhang = (size[k] as f64 - cells) / 2.0;
             let from_half = (2.0 * overhang).round() / 2.0 - overhang;
             if from_half.abs() < CLEARANCE {
@@ -201,6 +201,14 @@ impl Lattice {
 /// Whether a triangle meets a tetrahedron (positive volume, size about 1): clipped by its four faces, something stays.
 fn meets(triangle: &[DVec3; 3], tetrahedron: [DVec3; 4], polygon: &mut [Vec<DVec3>; 2]) -> bool {
     let [current, next] = polygon;
+    // Boxes first: most pairs part there.
+    let [a, b, c] = *triangle;
+    let [p, q, r, s] = tetrahedron;
+    let above = (a.min(b).min(c) - TOUCH).cmpgt(p.max(q).max(r.max(s)));
+    let below = (a.max(b).max(c) + TOUCH).cmplt(p.min(q).min(r.min(s)));
+    if above.any() || below.any() {
+        return false;
+    }
     current.clear();
     current.extend(triangle);
     for face in super::layer::FACES {
@@ -251,11 +259,16 @@ mod tests {
     #[test]
     fn a_sphere_is_covered_and_no_more_than_a_cell_is_added() {
         let (vertices, triangles) = sphere::icosphere(0.1);
-        let cell = 0.021;
-        let layer = lattice(&vertices, &triangles, cell).unwrap();
+        for cell in [0.021, 0.02, 0.2 / 9.99, 0.2 / 9.5, 0.2 / 10.01] {
+            check_ball(&vertices, &triangles, cell);
+        }
+    }
+
+    fn check_ball(vertices: &[DVec3], triangles: &[[u32; 3]], cell: f64) {
+        let layer = lattice(vertices, triangles, cell).unwrap();
         let each = cell.powi(3) / 12.0;
         assert!(layer.tetrahedra.iter().all(|t| (layer::volume6(&layer.nodes, t) / 6.0 - each).abs() < 1e-9 * each));
-        let embeddings = embed(&vertices, &layer).unwrap();
+        let embeddings = embed(vertices, &layer).unwrap();
         assert!(embed::extrapolation(&embeddings) < 1e-8);
         let ball = |r: f64| 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);
         let ours = volume(&layer);

@@ -11,6 +11,8 @@ pub mod mass;
 pub mod proxy;
 pub mod skin;
 pub mod sphere;
+#[cfg(test)]
+pub(crate) mod tests;
 
 use glam::{DQuat, DVec3};
 

@@ -15,7 +15,7 @@ use super::{NONE, Proxy, Skin, hull, mass};
 const CONVEX: f64 = 0.99;
 /// Voxels along the longest side: finer changes the cut little and costs its cube.
 const RESOLUTION: u32 = 64;
-/// Volume a part may lack to its hull, as a share of the whole hull: about 20 parts for a head.
+/// Volume a part may lack to its hull, as a share of the whole hull: 20 to 30 parts for a head, gear or pumpkin.
 const CONCAVITY: f64 = 0.0025;
 /// Parts at most: all pairs of two bodies stay within a thousand.
 const MAX_PROXIES: u32 = 32;
@@ -172,11 +172,11 @@ fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::prepare::{MAX_HULL_VERTICES, layer, skin, sphere};
 
-    fn check(skin: &Skin, proxies: &[Proxy]) {
+    pub(crate) fn check(skin: &Skin, proxies: &[Proxy]) {
         let mut triangles = vec![0; skin.triangles.len()];
         let mut vertices = vec![0; skin.vertices.len()];
         for p in proxies {
@@ -220,7 +220,7 @@ mod tests {
         let skin = skin::build(v, t);
         let proxies = super::proxies(&skin).unwrap();
         check(&skin, &proxies);
-        assert!((2..=6).contains(&proxies.len()), "{}", proxies.len());
+        assert!((2..=12).contains(&proxies.len()), "{}", proxies.len());
         // The open corner is in no hull: the cut follows the concavity.
         let open = DVec3::new(0.5, 0.5, 0.1);
         let inside = |p: &Proxy| p.faces.iter().all(|(n, d)| n.dot(open) <= *d);

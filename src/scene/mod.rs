@@ -3,6 +3,9 @@
 //! [`Scene::load`] reads a TOML file (every table is shown in the README) into these plain types, checked: after it,
 //! every number is finite and in range, every name resolves. Units are SI; quaternions are x y z w.
 
+pub mod gmsh;
+pub mod obj;
+
 use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
