@@ -3,7 +3,25 @@
 //! Everything here is on the host, in f64, before the first step. Coordinates of a [`Body`] are its *rest frame*: file
 //! coordinates times scale, not yet placed in the world by `position` and `orientation`.
 
+pub mod bind;
+mod body;
+pub mod embed;
+pub mod hull;
+pub mod lattice;
+pub mod layer;
+pub mod mass;
+pub mod model;
+pub mod proxy;
+pub mod skin;
+pub mod sphere;
+#[cfg(test)]
+pub(crate) mod tests;
+
 use glam::{DQuat, DVec3};
+
+pub use body::{body, tool};
+pub use embed::embed;
+pub use proxy::proxies;
 
 use crate::scene::Material;
 

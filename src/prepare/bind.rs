@@ -1,0 +1,132 @@
+//! Binding: which nodes of a layer ride on the body's core. Regions are in file coordinates, before scale.
+
+use glam::DVec3;
+use parry3d_f64::math::Vector;
+use parry3d_f64::query::PointQuery;
+use parry3d_f64::shape::TriMesh;
+
+use super::lattice::winding_number;
+use super::skin::Sets;
+use super::{Layer, layer};
+use crate::scene::Bind;
+
+/// Marks the nodes that `bind` names as bound; returns how many it names. `skin` and the layer are in file coordinates.
+/// Errors: the problem, and the remedy.
+pub fn bind(layer: &mut Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Result<usize, (String, &'static str)> {
+    let named: Vec<bool> = match bind {
+        Bind::All => vec![true; layer.nodes.len()],
+        Bind::Box { low, high } => layer.nodes.iter().map(|n| n.cmpge(*low).all() && n.cmple(*high).all()).collect(),
+        Bind::Sphere { centre, radius } => layer.nodes.iter().map(|n| n.distance(*centre) <= *radius).collect(),
+        Bind::Inset(depth) => inset(layer, skin, *depth)?,
+        Bind::Nodes(list) => {
+            let mut named = vec![false; layer.nodes.len()];
+            for &node in list {
+                let count = layer.nodes.len();
+                *named.get_mut(node as usize).ok_or_else(|| {
+                    (
+                        format!("node {node} does not exist, the layer has {count}"),
+                        "give zero-based nodes in file order",
+                    )
+                })? = true;
+            }
+            named
+        }
+    };
+    for (bound, &named) in layer.bound.iter_mut().zip(&named) {
+        *bound |= named;
+    }
+    Ok(named.iter().filter(|&&n| n).count())
+}
+
+/// Nodes inside the skin and at least `depth` from it.
+///
+/// A node's distance clears a ball around it, so that the ends of an edge shorter than either end's distance lie on the
+/// same side: one winding number serves a whole group of nodes.
+fn inset(
+    layer: &Layer,
+    (vertices, triangles): (&[DVec3], &[[u32; 3]]),
+    depth: f64,
+) -> Result<Vec<bool>, (String, &'static str)> {
+    let points = vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+    let surface = TriMesh::new(points, triangles.to_vec())
+        .map_err(|e| (format!("the skin cannot be searched: {e}"), "give a closed surface"))?;
+    let distance = |n: &DVec3| surface.distance_to_local_point(Vector::new(n.x, n.y, n.z), false);
+    let distances: Vec<f64> = layer.nodes.iter().map(distance).collect();
+    let mut sides = Sets::new(layer.nodes.len());
+    for t in &layer.tetrahedra {
+        for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+            let (a, b) = (t[i] as usize, t[j] as usize);
+            if layer.nodes[a].distance(layer.nodes[b]) < distances[a].max(distances[b]) {
+                sides.join(t[i], t[j]);
+            }
+        }
+    }
+    let (labels, count) = sides.labels();
+    let mut inside: Vec<Option<bool>> = vec![None; count];
+    let mut deep = |n: usize| {
+        distances[n] >= depth
+            && *inside[labels[n] as usize]
+                .get_or_insert_with(|| winding_number(vertices, triangles, layer.nodes[n]) > 0.5)
+    };
+    Ok((0..layer.nodes.len()).map(&mut deep).collect())
+}
+
+/// Nodes that nothing would hold: parts of the layer without a bound node. Returns the number of such nodes and one.
+pub fn unheld(layer: &Layer) -> Option<(usize, u32)> {
+    let (labels, count) = layer::parts(layer);
+    let mut held = vec![false; count];
+    for (&label, &bound) in labels.iter().zip(&layer.bound) {
+        held[label as usize] |= bound;
+    }
+    let mut loose = (0..labels.len()).filter(|&n| !held[labels[n] as usize]);
+    let first = loose.next()?;
+    Some((1 + loose.count(), first as u32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bound(region: Bind) -> Result<Vec<u32>, (String, &'static str)> {
+        let mut layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]);
+        let (v, t, _) = layer::boundary(&layer);
+        let count = bind(&mut layer, (&v, &t), &region)?;
+        let nodes: Vec<u32> = (0..125).filter(|&n| layer.bound[n as usize]).collect();
+        assert_eq!(nodes.len(), count);
+        Ok(nodes)
+    }
+
+    #[test]
+    fn each_region_binds_its_nodes() {
+        assert_eq!(bound(Bind::All).unwrap().len(), 125);
+        let high = DVec3::new(1.0, 0.0, 1.0);
+        assert_eq!(bound(Bind::Box { low: DVec3::ZERO, high }).unwrap().len(), 25);
+        assert_eq!(bound(Bind::Sphere { centre: DVec3::ZERO, radius: 0.26 }).unwrap(), [0, 1, 5, 25]);
+        assert_eq!(bound(Bind::Nodes(vec![7, 3, 7])).unwrap(), [3, 7]);
+        assert!(bound(Bind::Nodes(vec![125])).unwrap_err().0.contains("node 125 does not exist"));
+        assert_eq!(bound(Bind::Inset(0.2)).unwrap().len(), 27);
+        assert_eq!(bound(Bind::Inset(0.3)).unwrap(), [62]);
+        assert!(bound(Bind::Inset(0.6)).unwrap().is_empty());
+    }
+
+    #[test]
+    fn inset_leaves_out_nodes_beyond_the_skin() {
+        let mut layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]);
+        let (v, t, _) = layer::boundary(&layer::kuhn_box(DVec3::ZERO, DVec3::new(0.3, 1.0, 1.0), [1, 1, 1]));
+        bind(&mut layer, (&v, &t), &Bind::Inset(0.04)).unwrap();
+        assert!((0..125).all(|n| !layer.bound[n] || layer.nodes[n].x == 0.25));
+        assert!(layer.bound.contains(&true));
+    }
+
+    #[test]
+    fn a_part_without_bound_nodes_is_found() {
+        let mut layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [1, 1, 1]);
+        layer.tetrahedra.extend(layer.tetrahedra.clone().iter().map(|t| t.map(|i| i + 8)));
+        layer.nodes.extend_from_within(..);
+        layer.bound = vec![false; 16];
+        layer.bound[3] = true;
+        assert_eq!(unheld(&layer), Some((8, 8)));
+        layer.bound[15] = true;
+        assert_eq!(unheld(&layer), None);
+    }
+}

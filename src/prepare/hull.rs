@@ -1,0 +1,220 @@
+//! Convex hulls for proxies: few vertices, distinct planes, never empty.
+
+use glam::DVec3;
+use parry3d_f64::math::Vector;
+use parry3d_f64::transformation::try_convex_hull;
+
+use super::MAX_HULL_VERTICES;
+
+/// Half the thickness given to a flat hull, as a share of its diagonal.
+const THICKNESS: f64 = 1e-3;
+/// A hull is flat where it is thinner than this share of its diagonal: planes of such a hull are mostly rounding.
+const FLAT: f64 = 1e-6;
+/// Faces are one plane where their normals' sine and their offsets (as a share of the diagonal) differ by less.
+const COPLANAR: f64 = 1e-7;
+
+/// A convex hull with volume.
+#[derive(Debug, Clone, Default)]
+pub struct Hull {
+    /// Its corners, at most [`MAX_HULL_VERTICES`] where it was reduced, m.
+    pub vertices: Vec<DVec3>,
+    /// Unit outward normal and offset of each distinct plane; every corner satisfies n . x <= offset.
+    pub faces: Vec<(DVec3, f64)>,
+    /// Outward triangles.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Hull {
+    /// How far a point lies outside the plane it violates most, m; negative inside.
+    pub fn height(&self, point: DVec3) -> f64 {
+        self.faces.iter().map(|(n, d)| n.dot(point) - d).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Volume, m^3.
+    pub fn volume(&self) -> f64 {
+        super::mass::properties(&self.vertices, &self.triangles).volume
+    }
+}
+
+/// The full hull of points; `None` where they are flat, fewer than four, or defeat the algorithm.
+pub fn convex(points: &[DVec3]) -> Option<Hull> {
+    let (low, diagonal) = bounds(points)?;
+    // About unit size and near the origin: the hull's own tolerances are absolute.
+    let local: Vec<Vector> = points.iter().map(|&p| (p - low) / diagonal).map(|p| Vector::new(p.x, p.y, p.z)).collect();
+    let (corners, triangles) = try_convex_hull(&local).ok()?;
+    let corners: Vec<DVec3> = corners.into_iter().map(|p| DVec3::new(p.x, p.y, p.z)).collect();
+    let mut faces: Vec<(DVec3, f64)> = Vec::new();
+    for t in &triangles {
+        let [a, b, c] = t.map(|i| corners[i as usize]);
+        let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
+        let offset = corners.iter().map(|&p| normal.dot(p)).fold(f64::NEG_INFINITY, f64::max);
+        // A sliver's normal is noise: its plane then cuts nothing, but stands off its own corners.
+        let same = |f: &(DVec3, f64)| f.0.dot(normal) > 0.0 && f.0.cross(normal).length() < COPLANAR;
+        if offset - normal.dot(a) < COPLANAR && !faces.iter().any(same) {
+            faces.push((normal, offset));
+        }
+    }
+    // Thinner than FLAT along any face: no volume worth the name.
+    let thickness = |f: &(DVec3, f64)| f.1 - corners.iter().map(|&p| f.0.dot(p)).fold(f64::INFINITY, f64::min);
+    if faces.len() < 4 || faces.iter().any(|f| thickness(f) < FLAT) {
+        return None;
+    }
+    let vertices: Vec<DVec3> = corners.iter().map(|&c| low + c * diagonal).collect();
+    for (normal, offset) in &mut faces {
+        *offset = vertices.iter().map(|&p| normal.dot(p)).fold(f64::NEG_INFINITY, f64::max);
+    }
+    Some(Hull { vertices, faces, triangles })
+}
+
+/// A hull of at most [`MAX_HULL_VERTICES`] corners, all among the points; what was cut sticks out.
+///
+/// Corners are added greedily, each time the one that sticks out farthest (the lowest index of equals), which keeps the
+/// margin small. Flat points are thickened; if even that fails, the bounding box takes their place.
+pub fn reduced(points: &[DVec3]) -> Option<Hull> {
+    let Some(full) = convex(points) else { return thickened(points) };
+    if full.vertices.len() <= MAX_HULL_VERTICES {
+        return Some(full);
+    }
+    let mut chosen = seed(&full.vertices);
+    let mut hull = Hull::default();
+    loop {
+        let corners: Vec<DVec3> = chosen.iter().map(|&i| full.vertices[i]).collect();
+        match convex(&corners) {
+            Some(next) => hull = next,
+            // A corner that defeats the algorithm: stay with the last good hull.
+            None if hull.faces.is_empty() => return boxed(points),
+            None => return Some(hull),
+        }
+        if chosen.len() == MAX_HULL_VERTICES {
+            return Some(hull);
+        }
+        let mut farthest = (0.0, None);
+        for (i, &p) in full.vertices.iter().enumerate() {
+            let height = hull.height(p);
+            if height > farthest.0 && !chosen.contains(&i) {
+                farthest = (height, Some(i));
+            }
+        }
+        match farthest.1 {
+            Some(i) => chosen.push(i),
+            None => return Some(hull),
+        }
+    }
+}
+
+/// Extreme points along the axes and the diagonals of a cube, without repetition: a hull with volume to start from.
+fn seed(points: &[DVec3]) -> Vec<usize> {
+    let mut chosen = Vec::new();
+    for code in 0..27 {
+        let direction = DVec3::new((code % 3) as f64, (code / 3 % 3) as f64, (code / 9) as f64) - 1.0;
+        if direction == DVec3::ZERO {
+            continue;
+        }
+        let mut best = 0;
+        for i in 1..points.len() {
+            if direction.dot(points[i]) > direction.dot(points[best]) {
+                best = i;
+            }
+        }
+        if !chosen.contains(&best) {
+            chosen.push(best);
+        }
+    }
+    chosen
+}
+
+/// The hull of points and a small octahedron: flat points get a thickness.
+fn thickened(points: &[DVec3]) -> Option<Hull> {
+    let (_, diagonal) = bounds(points)?;
+    let step = THICKNESS * diagonal;
+    let offsets = DVec3::AXES.into_iter().flat_map(|axis| [axis * step, -axis * step]);
+    let thick: Vec<DVec3> = offsets.flat_map(|o| points.iter().map(move |&p| p + o)).collect();
+    match convex(&thick) {
+        Some(_) => reduced(&thick),
+        None => boxed(points),
+    }
+}
+
+/// The bounding box, with some thickness on every axis.
+fn boxed(points: &[DVec3]) -> Option<Hull> {
+    let (low, diagonal) = bounds(points)?;
+    let high = points.iter().copied().fold(low, DVec3::max);
+    let (low, high) = (low - THICKNESS * diagonal, high + THICKNESS * diagonal);
+    let corner = |i: usize| DVec3::new([low.x, high.x][i % 2], [low.y, high.y][i / 2 % 2], [low.z, high.z][i / 4]);
+    let faces = DVec3::AXES.into_iter().flat_map(|n| [(n, n.dot(high)), (-n, -n.dot(low))]).collect();
+    let triangles = [
+        [0, 4, 6],
+        [0, 6, 2],
+        [1, 3, 7],
+        [1, 7, 5],
+        [0, 1, 5],
+        [0, 5, 4],
+        [2, 6, 7],
+        [2, 7, 3],
+        [0, 2, 3],
+        [0, 3, 1],
+        [4, 5, 7],
+        [4, 7, 6],
+    ];
+    Some(Hull { vertices: (0..8).map(corner).collect(), faces, triangles: triangles.to_vec() })
+}
+
+/// Least corner and diagonal of the bounding box; `None` for no points, a single place, or numbers that are not finite.
+fn bounds(points: &[DVec3]) -> Option<(DVec3, f64)> {
+    if points.iter().any(|p| !p.is_finite()) {
+        return None;
+    }
+    let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let diagonal = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max).distance(low);
+    (diagonal.is_finite() && diagonal > 0.0).then_some((low, diagonal))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::{layer, sphere};
+
+    /// Every corner within its own planes, in a hull of size about 1.
+    const INSIDE: f64 = 1e-12;
+
+    fn check(hull: &Hull) {
+        assert!(hull.vertices.len() <= MAX_HULL_VERTICES && hull.faces.len() >= 4);
+        assert!(hull.volume() > 0.0);
+        assert!(hull.vertices.iter().all(|&v| hull.height(v).abs() < INSIDE));
+    }
+
+    #[test]
+    fn a_box_has_six_faces_and_eight_corners_however_it_is_cut() {
+        let (points, ..) = layer::boundary(&layer::kuhn_box(DVec3::splat(5.0), DVec3::new(6.0, 7.0, 5.5), [5, 4, 3]));
+        let hull = reduced(&points).unwrap();
+        check(&hull);
+        assert_eq!(hull.faces.len(), 6);
+        assert!((hull.volume() - 1.0).abs() < 1e-12);
+        assert!(hull.height(DVec3::new(6.5, 6.0, 5.2)) - 0.5 < INSIDE);
+    }
+
+    #[test]
+    fn a_sphere_is_reduced_to_64_corners_with_a_small_margin() {
+        let (points, _) = sphere::icosphere(1.0);
+        assert_eq!(convex(&points).unwrap().vertices.len(), points.len());
+        let hull = reduced(&points).unwrap();
+        check(&hull);
+        let margin = points.iter().map(|&p| hull.height(p)).fold(0.0, f64::max);
+        // 64 caps that cover a sphere stand about 1 - cos(0.27) = 0.04 off it at best; greedily up to twice that.
+        assert!(margin > 0.02 && margin < 0.1, "{margin}");
+    }
+
+    #[test]
+    fn flat_and_thin_points_still_give_a_hull() {
+        let plate = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.5], [0., 1., 0.5]].map(DVec3::from_array);
+        let line = [DVec3::ZERO, DVec3::ONE, DVec3::splat(0.3)];
+        let crowd: Vec<DVec3> = (0..500).map(|i| DVec3::new((i as f64).sin(), 0.0, (i as f64).cos())).collect();
+        for points in [&plate[..], &plate[..3], &line, &crowd] {
+            let hull = reduced(points).unwrap();
+            check(&hull);
+            assert!(points.iter().all(|&p| hull.height(p) < 0.05));
+        }
+        assert!(reduced(&[DVec3::ONE, DVec3::ONE]).is_none());
+        assert!(reduced(&[DVec3::ONE, DVec3::NAN]).is_none());
+    }
+}

@@ -1,0 +1,242 @@
+//! Proxies: convex hulls that cover the skin, for culling and for a first penetration direction.
+//!
+//! Approximate convex decomposition (K. Mamou's V-HACD, from parry) cuts the voxels of the solid into parts. Each skin
+//! triangle goes to the part of its centroid's voxel, and a part's hull is that of its triangles and its inner voxels'
+//! centres: tight on the skin, solid behind it.
+
+use glam::DVec3;
+use parry3d_f64::math::Vector;
+use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
+use parry3d_f64::transformation::voxelization::{FillMode, VoxelSet};
+
+use super::{NONE, Proxy, Skin, hull, mass};
+
+/// A skin that fills this share of its hull is convex for our purpose: one proxy.
+const CONVEX: f64 = 0.99;
+/// Voxels along the longest side: finer changes the cut little and costs its cube.
+const RESOLUTION: u32 = 64;
+/// Volume a part may lack to its hull, as a share of the whole hull: 20 to 30 parts for a head, gear or pumpkin.
+const CONCAVITY: f64 = 0.0025;
+/// Parts at most: all pairs of two bodies stay within a thousand.
+const MAX_PROXIES: u32 = 32;
+
+/// Convex hulls that cover the skin: each triangle and each vertex has one owner, and sticks out of its owner's hull by
+/// at most that hull's margin. Nothing depends on thread timing or hash order. Errors: no triangles, or positions that
+/// are not finite.
+pub fn proxies(skin: &Skin) -> Result<Vec<Proxy>, String> {
+    if skin.triangles.is_empty() {
+        return Err("the skin has no triangles".into());
+    }
+    if skin.vertices.iter().any(|v| !v.is_finite()) {
+        return Err("the skin has a vertex that is not finite".into());
+    }
+    let whole = hull::convex(&skin.vertices);
+    let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
+    let parts = match whole {
+        Some(whole) if volume < CONVEX * whole.volume() => decompose(skin),
+        _ => Parts { count: 1, owner: vec![0; skin.triangles.len()], inner: vec![Vec::new()] },
+    };
+    cover(skin, &parts)
+}
+
+/// A cut of the solid.
+struct Parts {
+    count: usize,
+    /// Part of each skin triangle.
+    owner: Vec<u32>,
+    /// Points inside the solid, per part.
+    inner: Vec<Vec<DVec3>>,
+}
+
+/// Cuts the solid into nearly convex parts.
+fn decompose(skin: &Skin) -> Parts {
+    let points: Vec<Vector> = skin.vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+    let fill = FillMode::FloodFill { detect_cavities: false };
+    let voxels = VoxelSet::voxelize(&points, &skin.triangles, RESOLUTION, fill, false);
+    let grid = VoxelGrid::new(&voxels);
+    let parameters = VHACDParameters {
+        concavity: CONCAVITY,
+        resolution: RESOLUTION,
+        max_convex_hulls: MAX_PROXIES,
+        ..VHACDParameters::default()
+    };
+    let cut = VHACD::from_voxels(&parameters, voxels);
+    let mut part_of = vec![NONE; grid.surface.len()];
+    let mut inner = vec![Vec::new(); cut.voxel_parts().len()];
+    for (part, set) in cut.voxel_parts().iter().enumerate() {
+        for voxel in set.voxels() {
+            let at = grid.index(voxel.coords.to_array().map(i64::from));
+            if let Some(at) = at {
+                part_of[at] = part as u32;
+                if !grid.surface[at] {
+                    let p = set.get_voxel_point(voxel);
+                    inner[part].push(DVec3::new(p.x, p.y, p.z));
+                }
+            }
+        }
+    }
+    let owner = skin.triangles.iter().map(|t| {
+        let [a, b, c] = t.map(|i| skin.vertices[i as usize]);
+        grid.nearest_part(&part_of, (a + b + c) / 3.0)
+    });
+    Parts { owner: owner.collect(), count: inner.len(), inner }
+}
+
+/// Where voxels lie, and which the skin passes through.
+struct VoxelGrid {
+    origin: DVec3,
+    edge: f64,
+    size: [i64; 3],
+    surface: Vec<bool>,
+}
+
+impl VoxelGrid {
+    fn new(voxels: &VoxelSet) -> Self {
+        let most = |k: usize| voxels.voxels().iter().map(|v| i64::from(v.coords[k])).max().unwrap_or(0);
+        let size = [0, 1, 2].map(|k| most(k) + 1);
+        let origin = DVec3::new(voxels.origin.x, voxels.origin.y, voxels.origin.z);
+        let surface = vec![false; size.iter().product::<i64>() as usize];
+        let mut grid = VoxelGrid { origin, edge: voxels.scale, size, surface };
+        for voxel in voxels.voxels() {
+            if let Some(at) = grid.index(voxel.coords.to_array().map(i64::from)) {
+                grid.surface[at] = voxel.is_on_surface;
+            }
+        }
+        grid
+    }
+
+    fn index(&self, c: [i64; 3]) -> Option<usize> {
+        let within = (0..3).all(|k| (0..self.size[k]).contains(&c[k]));
+        within.then(|| (c[0] + self.size[0] * (c[1] + self.size[1] * c[2])) as usize)
+    }
+
+    /// The part of the voxel at a point; where that has none (rounding at voxel faces), of the nearest that has one.
+    fn nearest_part(&self, part_of: &[u32], point: DVec3) -> u32 {
+        let local = (point - self.origin) / self.edge;
+        let centre = local.to_array().map(|c| c.round() as i64);
+        for reach in 0..=2i64 {
+            let mut best = (f64::INFINITY, NONE);
+            for code in 0..(2 * reach + 1).pow(3) {
+                let side = 2 * reach + 1;
+                let step = [code % side, code / side % side, code / side / side];
+                let c = [0, 1, 2].map(|k| centre[k] + step[k] - reach);
+                let Some(part) = self.index(c).map(|at| part_of[at]).filter(|&p| p != NONE) else { continue };
+                let distance = local.distance_squared(DVec3::from_array(c.map(|x| x as f64)));
+                if distance < best.0 {
+                    best = (distance, part);
+                }
+            }
+            if best.1 != NONE {
+                return best.1;
+            }
+        }
+        0
+    }
+}
+
+/// A hull, owners and a margin for every part that owns triangles, in order of part.
+fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
+    let mut proxies = vec![Proxy::default(); parts.count];
+    for (t, &part) in parts.owner.iter().enumerate() {
+        proxies[part as usize].triangles.push(t as u32);
+    }
+    // A vertex belongs to the first of its triangles; one without triangles to the first part that has any.
+    let first = parts.owner[0];
+    let mut vertex_owner = vec![NONE; skin.vertices.len()];
+    for (triangle, &part) in skin.triangles.iter().zip(&parts.owner) {
+        for &i in triangle {
+            let owner = &mut vertex_owner[i as usize];
+            *owner = if *owner == NONE { part } else { *owner };
+        }
+    }
+    for (v, &owner) in vertex_owner.iter().enumerate() {
+        proxies[if owner == NONE { first } else { owner } as usize].vertices.push(v as u32);
+    }
+    for (proxy, inner) in proxies.iter_mut().zip(&parts.inner) {
+        if proxy.triangles.is_empty() {
+            continue;
+        }
+        let mut covered: Vec<u32> = proxy.triangles.iter().flat_map(|&t| skin.triangles[t as usize]).collect();
+        covered.extend(&proxy.vertices);
+        covered.sort_unstable();
+        covered.dedup();
+        let mut points: Vec<DVec3> = covered.iter().map(|&v| skin.vertices[v as usize]).collect();
+        points.extend(inner);
+        let hull = hull::reduced(&points).ok_or("a part of the skin is a single point")?;
+        let height = |&v: &u32| hull.height(skin.vertices[v as usize]);
+        proxy.margin = covered.iter().map(height).fold(0.0, f64::max);
+        (proxy.hull, proxy.faces) = (hull.vertices, hull.faces);
+    }
+    proxies.retain(|p| !p.triangles.is_empty());
+    Ok(proxies)
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::prepare::{MAX_HULL_VERTICES, layer, skin, sphere};
+
+    pub(crate) fn check(skin: &Skin, proxies: &[Proxy]) {
+        let mut triangles = vec![0; skin.triangles.len()];
+        let mut vertices = vec![0; skin.vertices.len()];
+        for p in proxies {
+            assert!(!p.triangles.is_empty() && p.hull.len() <= MAX_HULL_VERTICES && p.faces.len() >= 4);
+            assert!(p.faces.iter().all(|(n, _)| (n.length() - 1.0).abs() < 1e-12));
+            let height = |x: DVec3| p.faces.iter().map(|(n, d)| n.dot(x) - d).fold(f64::NEG_INFINITY, f64::max);
+            let owned = p.triangles.iter().flat_map(|&t| skin.triangles[t as usize]).chain(p.vertices.iter().copied());
+            let margin = owned.map(|v| height(skin.vertices[v as usize])).fold(0.0, f64::max);
+            assert_eq!(margin, p.margin);
+            p.triangles.iter().for_each(|&t| triangles[t as usize] += 1);
+            p.vertices.iter().for_each(|&v| vertices[v as usize] += 1);
+        }
+        assert!(triangles.iter().chain(&vertices).all(|&owners| owners == 1));
+    }
+
+    #[test]
+    fn a_convex_skin_has_one_proxy() {
+        let (v, t) = sphere::icosphere(0.01);
+        let ball = skin::build(v, t);
+        let proxies = super::proxies(&ball).unwrap();
+        check(&ball, &proxies);
+        assert_eq!(proxies.len(), 1);
+        assert!(proxies[0].margin < 0.001, "{}", proxies[0].margin);
+        let (v, t, _) = layer::boundary(&layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]));
+        let cube = skin::build(v, t);
+        let proxies = super::proxies(&cube).unwrap();
+        check(&cube, &proxies);
+        assert_eq!((proxies.len(), proxies[0].hull.len(), proxies[0].faces.len()), (1, 8, 6));
+        assert!(proxies[0].margin < 1e-15);
+    }
+
+    #[test]
+    fn an_l_of_two_boxes_gets_tight_proxies() {
+        let mut l = layer::kuhn_box(DVec3::ZERO, DVec3::new(1.0, 1.0, 0.2), [10, 10, 2]);
+        let centre =
+            |l: &super::super::Layer, t: &[u32; 4]| t.iter().map(|&i| l.nodes[i as usize]).sum::<DVec3>() / 4.0;
+        let kept: Vec<_> =
+            l.tetrahedra.iter().filter(|t| centre(&l, t).x < 0.3 || centre(&l, t).y < 0.3).copied().collect();
+        l.tetrahedra = kept;
+        let (v, t, _) = layer::boundary(&l);
+        let skin = skin::build(v, t);
+        let proxies = super::proxies(&skin).unwrap();
+        check(&skin, &proxies);
+        assert!((2..=12).contains(&proxies.len()), "{}", proxies.len());
+        // The open corner is in no hull: the cut follows the concavity.
+        let open = DVec3::new(0.5, 0.5, 0.1);
+        let inside = |p: &Proxy| p.faces.iter().all(|(n, d)| n.dot(open) <= *d);
+        assert!(!proxies.iter().any(inside));
+    }
+
+    #[test]
+    fn a_plate_of_two_triangles_and_scattered_triangles_do_not_panic() {
+        let v = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]].map(DVec3::from_array);
+        let plate = skin::build(v.to_vec(), vec![[0, 1, 2], [0, 2, 3]]);
+        check(&plate, &super::proxies(&plate).unwrap());
+        let scattered: Vec<DVec3> = (1..301)
+            .map(|i| DVec3::new(i as f64 * 0.137, i as f64 * 0.319, i as f64 * 0.531).map(f64::fract))
+            .collect();
+        let soup = skin::build(scattered, (0..100).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect());
+        check(&soup, &super::proxies(&soup).unwrap());
+        assert!(super::proxies(&Skin::default()).is_err());
+    }
+}

@@ -1,0 +1,130 @@
+//! The skin's topology and areas. Made once a body; the walk over triangles and the contact law read it every step.
+
+use glam::DVec3;
+
+use super::{NONE, Skin};
+
+/// A skin from positions (m, rest frame) and counter-clockwise triangles.
+///
+/// Two triangles are neighbours where they alone share an edge and run along it in opposite directions; a boundary,
+/// an edge of three or more triangles, or a flipped neighbour gives [`NONE`]. Every index must be below the number of
+/// vertices (readers check it).
+pub fn build(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Skin {
+    let neighbours = neighbours(&triangles);
+    let mut areas = vec![0.0; vertices.len()];
+    for triangle in &triangles {
+        let [a, b, c] = triangle.map(|i| vertices[i as usize]);
+        let third = (b - a).cross(c - a).length() / 6.0;
+        for &i in triangle {
+            areas[i as usize] += third;
+        }
+    }
+    Skin { vertices, triangles, neighbours, areas }
+}
+
+/// Neighbour across each edge. Sorted edge records, so nothing depends on hashing.
+fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+    let mut edges: Vec<(u32, u32, u32, u8, bool)> = Vec::with_capacity(3 * triangles.len());
+    for (t, triangle) in triangles.iter().enumerate() {
+        for k in 0..3 {
+            let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
+            edges.push((a.min(b), a.max(b), t as u32, k as u8, a < b));
+        }
+    }
+    edges.sort_unstable();
+    let mut neighbours = vec![[NONE; 3]; triangles.len()];
+    for group in edges.chunk_by(|e, f| (e.0, e.1) == (f.0, f.1)) {
+        if let [e, f] = group
+            && e.4 != f.4
+            && e.2 != f.2
+        {
+            neighbours[e.2 as usize][e.3 as usize] = f.2;
+            neighbours[f.2 as usize][f.3 as usize] = e.2;
+        }
+    }
+    neighbours
+}
+
+/// Parts of a triangle mesh connected through shared vertices: the part of each vertex, and the number of parts.
+/// Parts are numbered by their least vertex; a vertex of no triangle is a part of its own.
+pub fn parts(vertex_count: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
+    let mut sets = Sets::new(vertex_count);
+    for t in triangles {
+        sets.join(t[0], t[1]);
+        sets.join(t[1], t[2]);
+    }
+    sets.labels()
+}
+
+/// Disjoint sets of indices; the representative is always the least member, so labels do not depend on joining order.
+pub struct Sets(Vec<u32>);
+
+impl Sets {
+    /// `count` sets of one.
+    pub fn new(count: usize) -> Self {
+        Sets((0..count as u32).collect())
+    }
+
+    /// The least member of the set of `i`.
+    pub fn find(&mut self, mut i: u32) -> u32 {
+        while self.0[i as usize] != i {
+            self.0[i as usize] = self.0[self.0[i as usize] as usize];
+            i = self.0[i as usize];
+        }
+        i
+    }
+
+    /// Makes one set of those of `i` and `j`.
+    pub fn join(&mut self, i: u32, j: u32) {
+        let (a, b) = (self.find(i), self.find(j));
+        let (low, high) = (a.min(b), a.max(b));
+        self.0[high as usize] = low;
+    }
+
+    /// A label per index, consecutive from 0 in order of least member, and their number.
+    pub fn labels(mut self) -> (Vec<u32>, usize) {
+        let mut labels = vec![0; self.0.len()];
+        let mut count = 0;
+        for i in 0..self.0.len() as u32 {
+            let root = self.find(i);
+            if root == i {
+                labels[i as usize] = count;
+                count += 1;
+            } else {
+                labels[i as usize] = labels[root as usize];
+            }
+        }
+        (labels, count as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_triangles_know_each_other_across_the_shared_edge_only() {
+        let v = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]].map(DVec3::from_array);
+        let skin = build(v.to_vec(), vec![[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(skin.neighbours, [[NONE, NONE, 1], [0, NONE, NONE]]);
+        let expected = [1.0 / 3.0, 1.0 / 6.0, 1.0 / 3.0, 1.0 / 6.0];
+        for (area, want) in skin.areas.iter().zip(expected) {
+            assert!((area - want).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_flipped_neighbour_and_a_third_triangle_are_no_neighbours() {
+        let v: Vec<DVec3> = (0..5).map(|i| DVec3::new(i as f64, (i * i) as f64, 0.0)).collect();
+        let flipped = build(v.clone(), vec![[0, 1, 2], [0, 1, 3]]);
+        assert_eq!(flipped.neighbours, [[NONE; 3]; 2]);
+        let three = build(v, vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]);
+        assert_eq!(three.neighbours, [[NONE; 3]; 3]);
+    }
+
+    #[test]
+    fn parts_are_numbered_by_their_least_vertex() {
+        let (labels, count) = parts(7, &[[5, 6, 1], [0, 4, 2]]);
+        assert_eq!((labels, count), (vec![0, 1, 0, 2, 0, 1, 1], 3));
+    }
+}
