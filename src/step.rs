@@ -338,7 +338,7 @@ impl Stages {
                 contact: Contact::new(context, model)?,
             })
         };
-        let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch), &common)?;
+        let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;
         let wrench = match (&model.tool_frame, &touch) {
             (Some(_), Some(_)) => Some(Wrench::new(context)?),
             _ => None,

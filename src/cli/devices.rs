@@ -1,12 +1,24 @@
 //! `palpate devices`: one line a device, its index first, as `--device` takes it.
 
-use palpate::Result;
+use palpate::{Error, Result};
 
 use crate::{engine, print};
 
-/// Lists the devices that can be used.
+/// Lists all devices, and of those that cannot be used says why.
 pub fn devices() -> Result<()> {
-    let lines: Vec<String> =
-        engine::devices()?.iter().enumerate().map(|(index, name)| format!("{index}  {name}\n")).collect();
-    print(&lines.concat())
+    let devices = engine::devices()?;
+    let mut lines = String::new();
+    for device in &devices {
+        let kind = format!("{:?}", device.kind).to_lowercase();
+        lines += &format!("{}  {} ({kind}, {}, Vulkan {})", device.index, device.name, device.driver, device.api_version);
+        if let Err(reason) = &device.usable {
+            lines += &format!("  not usable: {reason}");
+        }
+        lines.push('\n');
+    }
+    print(&lines)?;
+    match devices.iter().any(|device| device.usable.is_ok()) {
+        true => Ok(()),
+        false => Err(Error::NoDevice("none of these devices can be used; see above what each lacks".into())),
+    }
 }

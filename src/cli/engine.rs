@@ -1,13 +1,19 @@
-//! The seam between the program and the engine: everything the program asks of it, and nothing else.
+//! The seam between the program and the engine: a run's samples, and what is left of it at the end.
 
 use glam::DVec3;
-use palpate::report::{Facts, Row};
+use palpate::gpu::{Context, DeviceInfo, Options};
+use palpate::prepare::{Embedding, Shape};
+use palpate::report::{Facts, Plan, Row, StageSamples};
 use palpate::scene::Scene;
+use palpate::step::Simulation;
 use palpate::{Error, Result};
 
-/// A simulation under way.
+/// A simulation under way, and the times of its stages.
 pub struct Engine {
-    never: std::convert::Infallible,
+    simulation: Simulation,
+    stages: Vec<StageSamples>,
+    iterations: u64,
+    steps: u64,
 }
 
 /// What is left when a run is over.
@@ -44,27 +50,77 @@ pub struct SkinResult {
 
 impl Engine {
     /// Prepares the scene, opens the device (a name, an index, or the best one) and records the step.
-    pub fn open(scene: &Scene, _device: Option<&str>) -> Result<Self> {
-        scene.check_meshes()?;
-        Err(no_engine())
+    pub fn open(scene: &Scene, device: Option<&str>) -> Result<Self> {
+        let options = Options { device: device.map(String::from), validation: false };
+        let simulation = Simulation::new(scene, &options, None)?;
+        Ok(Engine { simulation, stages: Vec::new(), iterations: 0, steps: 0 })
     }
 
     /// One step.
     pub fn step(&mut self) -> Result<Row> {
-        match self.never {}
+        let row = self.simulation.step()?;
+        self.steps += 1;
+        self.iterations += u64::from(row.iterations);
+        for (stage, us) in self.simulation.stage_times().unwrap_or_default() {
+            match self.stages.iter_mut().find(|samples| samples.stage == *stage) {
+                Some(samples) => samples.us.push(*us),
+                None => self.stages.push(StageSamples { stage: stage.clone(), passes: 0, us: vec![*us] }),
+            }
+        }
+        Ok(row)
     }
 
     /// Reads back what is left.
-    pub fn finish(self) -> Result<Outcome> {
-        match self.never {}
+    pub fn finish(mut self) -> Result<Outcome> {
+        let mean_iterations = self.iterations.div_ceil(self.steps.max(1)) as u32;
+        let (passes, _) = self.simulation.passes(mean_iterations);
+        for samples in &mut self.stages {
+            samples.passes = passes.iter().find(|(stage, _)| *stage == samples.stage).map_or(0, |(_, n)| *n);
+        }
+        let (mut layers, mut skins) = (Vec::new(), Vec::new());
+        for (index, body) in self.simulation.bodies().iter().enumerate() {
+            let Shape::Soft { layer, embedding, skin, .. } = &body.shape else { continue };
+            let Some((moved, _)) = self.simulation.nodes(index)? else { continue };
+            let place = |rest: DVec3| body.position + body.orientation * rest;
+            let nodes: Vec<DVec3> = layer.nodes.iter().zip(&moved).map(|(r, d)| place(*r + *d)).collect();
+            let vertices = skin.vertices.iter().zip(embedding);
+            let vertices = vertices.map(|(rest, e)| place(*rest + embedded(e, &layer.tetrahedra, &moved))).collect();
+            skins.push(SkinResult { name: body.name.clone(), vertices, triangles: skin.triangles.clone() });
+            layers.push(LayerResult {
+                name: body.name.clone(),
+                nodes,
+                tetrahedra: layer.tetrahedra.clone(),
+                displacement: moved.iter().map(|d| body.orientation * *d).collect(),
+            });
+        }
+        let context = self.simulation.context();
+        let plan = self.simulation.plan().entries.iter();
+        let facts = Facts {
+            device: context.device_name().into(),
+            driver: context.driver().into(),
+            plan: plan
+                .map(|e| Plan { stage: e.stage.into(), recorded: e.recorded, reason: e.reason.clone() })
+                .collect(),
+            passes_per_step: passes.iter().map(|(_, n)| n).sum(),
+            bytes_device: context.bytes_allocated(),
+            stages: self.stages,
+        };
+        Ok(Outcome { facts, layers, skins })
     }
 }
 
-/// Names of the devices that can be used, by index.
-pub fn devices() -> Result<Vec<String>> {
-    Err(no_engine())
+
+/// Displacement of an embedded skin vertex.
+fn embedded(e: &Embedding, tetrahedra: &[[u32; 4]], moved: &[DVec3]) -> DVec3 {
+    let nodes = tetrahedra[e.tetrahedron as usize];
+    nodes.iter().zip(e.weights).map(|(n, w)| w * moved[*n as usize]).sum()
 }
 
-fn no_engine() -> Error {
-    Error::NoDevice("no device can be used: this build has no engine; build a later version".into())
+/// The devices of this machine, usable or not.
+pub fn devices() -> Result<Vec<DeviceInfo>> {
+    let devices = Context::list()?;
+    if devices.is_empty() {
+        return Err(Error::NoDevice("no Vulkan device".into()));
+    }
+    Ok(devices)
 }

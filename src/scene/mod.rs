@@ -8,7 +8,6 @@ mod drive;
 pub mod gmsh;
 mod keys;
 mod load;
-mod meshes;
 pub mod obj;
 pub mod solid;
 mod supported;

@@ -16,7 +16,7 @@ const CAPACITY: usize = 16_384;
 /// Nodes a contact acts on at most: a vertex and a triangle, four nodes each corner.
 const ENTRIES: usize = 16;
 
-/// What the solver reads of contacts. Scenes where nothing can touch bind something else in their place, unread.
+/// What the solver reads of contacts. See [`Touch::nothing`] for scenes where nothing can touch.
 #[derive(Clone)]
 pub struct Touch {
     /// A [`types::Contact`] a colliding vertex.
@@ -34,17 +34,18 @@ pub struct Touch {
 }
 
 impl Touch {
-    /// Where nothing can touch.
-    pub fn nothing(common: &Common) -> Touch {
-        let unread = || common.counts.clone();
-        Touch {
-            contacts: unread(),
-            entry_nodes: unread(),
-            entry_weights: unread(),
-            node_entries: unread(),
-            sorted: unread(),
-            contact_forces: unread(),
-        }
+    /// Where nothing can touch: two placeholders of one element, for what kernels declare but never reach.
+    pub fn nothing(context: &Arc<Context>) -> Result<Touch> {
+        let read = zeros::<[f32; 4]>(context, "no contact, read", 1)?;
+        let written = || zeros::<[f32; 4]>(context, "no contact, written", 1);
+        Ok(Touch {
+            contacts: written()?,
+            entry_nodes: read.clone(),
+            entry_weights: read.clone(),
+            node_entries: read.clone(),
+            sorted: read,
+            contact_forces: written()?,
+        })
     }
 }
 

@@ -49,7 +49,7 @@ pub struct Solve {
 
 impl Solve {
     /// Kernels and arrays for a model; `touch` is what it reads of contacts, if there can be any.
-    pub fn new(context: &Arc<Context>, model: &Model, touch: Option<&Touch>, common: &Common) -> Result<Solve> {
+    pub fn new(context: &Arc<Context>, model: &Model, touch: Option<&Touch>) -> Result<Solve> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
         let groups = nodes.div_ceil(context.reduce_size() as usize);
         let nodes_c = ("NODES", count(nodes));
@@ -74,7 +74,7 @@ impl Solve {
             update: by_node("solve/update")?,
             conclude: reduce("solve/conclude", &[nodes_c, contact, tool, partials, group])?,
             commit: by_node("solve/commit")?,
-            touch: touch.cloned().unwrap_or_else(|| Touch::nothing(common)),
+            touch: touch.cloned().map_or_else(|| Touch::nothing(context), Ok)?,
             has_contact: touch.is_some(),
             state: zeros::<types::Solve>(context, "solver state", 1)?,
             rhs: vector("right-hand side")?,
@@ -248,8 +248,7 @@ impl Solve {
             &touch.entry_weights,
             &self.state,
             &elastic.element_forces,
-            // Where nothing can touch this is written by nobody, but a name of its own keeps hazards apart.
-            if self.has_contact { &touch.contact_forces } else { &self.partials },
+            &touch.contact_forces,
         ];
         let push = bytemuck::bytes_of(&of_tool);
         if self.has_contact || slot != args::APPLY {
