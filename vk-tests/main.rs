@@ -4,3 +4,4 @@
 mod gpu;
 mod harness;
 mod harness_self_test;
+mod whole_step;

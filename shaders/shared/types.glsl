@@ -129,6 +129,7 @@ struct Solve {
     float tool_u[6];
     float tool_p[6];
     float tool_s[6];
+    float tool_leftover[6];     // b - A x of the last accepted step
 };
 
 const uint STATUS_RUNNING = 0;      // not converged yet

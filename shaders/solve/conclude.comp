@@ -62,11 +62,12 @@ void main() {
             }
         }
     }
+    float rest[6];
     if (TOOL) {
         float forces[6];
         tool_contact_sum(contact_count, forces);
         if (lane == 0) {
-            float base[36], inverse[36], x[6], rest[6];
+            float base[36], inverse[36], x[6];
             for (int k = 0; k < 36; k++) {
                 base[k] = params.tool_matrix[k];
                 inverse[k] = solve.tool_inverse[k];
@@ -97,6 +98,7 @@ void main() {
         // A solution that is not finite is not committed: the state stays as it was, and the flag says so.
         bool finite = !isnan(sums.x) && !isinf(sums.x);
         if (!finite) flags |= FLAG_NON_FINITE;
+        if (TOOL && finite) solve.tool_leftover = rest;
         args[3 * ARGS_COMMIT] = finite ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = finite ? 1 : 0;
     }

@@ -251,6 +251,8 @@ pub struct Solve {
     pub tool_p: [f32; 6],
     /// Its image.
     pub tool_s: [f32; 6],
+    /// b - A x of the last accepted step.
+    pub tool_leftover: [f32; 6],
 }
 
 /// What the host reads back.
