@@ -4,7 +4,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{Body, Layer, NONE, Shape, Skin, embed, layer, mass, proxies, skin};
+use super::model::{VERTICES, head};
+use super::{Body, Layer, Shape, embed, layer, mass, proxies, skin};
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Motion, Scene, Surface, ToolShape, gmsh, obj};
 use crate::{Error, Result};
@@ -20,7 +21,7 @@ pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
         scene::Shape::Soft { surface, layer } => soft(&Keys { scene, body }, surface.as_ref(), layer)?,
         scene::Shape::Rigid { surface } => {
             let keys = Keys { scene, body };
-            let mesh = scaled(surface_mesh(surface)?, body.scale);
+            let mesh = scaled(keys.surface_mesh(surface)?, body.scale);
             rigid(mesh).map_err(|problem| keys.error("surface", problem, "give a closed surface with volume"))?
         }
         scene::Shape::Plane { normal, offset } => Shape::Plane { normal: *normal, offset: *offset },
@@ -68,6 +69,21 @@ impl Keys<'_> {
     fn error(&self, key: &str, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::key(&self.scene.file, format!("body.{}.{key}", self.body.name), problem, remedy)
     }
+
+    /// Triangles of a surface in file coordinates.
+    fn surface_mesh(&self, surface: &Surface) -> Result<TriangleMesh> {
+        match surface {
+            Surface::File(path) => read_solid(path),
+            Surface::Head { vertices } if !VERTICES.contains(vertices) => {
+                let remedy = format!("give {} to {}", VERTICES.start(), VERTICES.end());
+                Err(self.error("surface.vertices", format!("a head of {vertices} vertices is not made"), remedy))
+            }
+            Surface::Head { vertices } => {
+                let (vertices, triangles) = head(*vertices);
+                Ok(TriangleMesh { vertices, triangles })
+            }
+        }
+    }
 }
 
 /// A skin that rides on one frame; the problem where it has no volume.
@@ -88,7 +104,7 @@ fn rigid(mesh: TriangleMesh) -> std::result::Result<Shape, String> {
 fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result<Shape> {
     let material =
         keys.body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
-    let mesh = surface.map(surface_mesh).transpose()?;
+    let mesh = surface.map(|s| keys.surface_mesh(s)).transpose()?;
     let mut layer = file_layer(keys, mesh.as_ref(), source)?;
     let mesh = mesh.unwrap_or_else(|| {
         let (vertices, triangles, _) = layer::boundary(&layer);
@@ -99,7 +115,7 @@ fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result
     layer.nodes.iter_mut().for_each(|n| *n *= keys.body.scale);
     let embedding = embed(&mesh.vertices, &layer)
         .map_err(|problem| keys.error("layer", problem, "give a layer that surrounds the skin, in the same units"))?;
-    let skin: Skin = skin::build(mesh.vertices, mesh.triangles);
+    let skin = skin::build(mesh.vertices, mesh.triangles);
     let proxies = proxies(&skin).map_err(|p| keys.error("surface", p, "give a closed surface with volume"))?;
     Ok(Shape::Soft { layer, material, embedding, skin, proxies })
 }
@@ -181,22 +197,10 @@ fn bind_cores(keys: &Keys, layer: &mut Layer, mesh: &TriangleMesh) -> Result<()>
     }
 }
 
-/// Triangles of a surface in file coordinates.
-fn surface_mesh(surface: &Surface) -> Result<TriangleMesh> {
-    match surface {
-        Surface::File(path) => read_solid(path),
-        Surface::Head { vertices } => {
-            let (vertices, triangles) = super::model::head(*vertices);
-            Ok(TriangleMesh { vertices, triangles })
-        }
-    }
-}
-
 /// A closed surface from a file; the loader has made the path complete.
 fn read_solid(path: &Path) -> Result<TriangleMesh> {
     let mesh = obj::read(path)?;
     obj::check_solid(&mesh, path)?;
-    debug_assert!(mesh.triangles.iter().flatten().all(|&i| i != NONE));
     Ok(mesh)
 }
 
