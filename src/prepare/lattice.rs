@@ -199,11 +199,9 @@ impl Lattice {
                 }
             }
         });
-        for node in 0..number.len() {
-            if number[node] != NONE {
-                number[node] = layer.nodes.len() as u32;
-                layer.nodes.push(self.position(node as u32));
-            }
+        for (node, number) in number.iter_mut().enumerate().filter(|(_, n)| **n != NONE) {
+            *number = layer.nodes.len() as u32;
+            layer.nodes.push(self.position(node as u32));
         }
         for t in &mut layer.tetrahedra {
             *t = t.map(|n| number[n as usize]);
