@@ -169,7 +169,9 @@ impl Simulation {
         let (length, iterate) = &self.plain.iterate[0];
         let mut stages: Vec<(String, u32)> = Vec::new();
         let mut dependent = 0;
-        for (recording, share) in [(&self.plain.begin, 1.0), (iterate, f64::from(iterations) / f64::from(*length)), (&self.plain.end, 1.0)] {
+        for (recording, share) in
+            [(&self.plain.begin, 1.0), (iterate, f64::from(iterations) / f64::from(*length)), (&self.plain.end, 1.0)]
+        {
             for part in recording.passes() {
                 let passes = (f64::from(part.dispatches) * share).round() as u32;
                 dependent += (f64::from(part.dependent) * share).round() as u32;
@@ -343,11 +345,8 @@ impl Stages {
             (Some(_), Some(_)) => Some(Wrench::new(context)?),
             _ => None,
         };
-        let probes = if probe_nodes.is_empty() {
-            None
-        } else {
-            Some(Probes::new(context, probe_nodes, probe_weights)?)
-        };
+        let probes =
+            if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes, probe_weights)?) };
         Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes })
     }
 }

@@ -121,7 +121,7 @@ struct Solve {
     float floor_norm2;          // what f32 rounding leaves of it
     uint iterations;
     uint status;                // STATUS_*
-    uint retried;               // 1: solved again without the contacts that pulled
+    uint retries;               // how often it was solved again without the contacts that pulled
     float tool_inverse[36];     // of the tool's diagonal block
     float tool_b[6];
     float tool_x[6];

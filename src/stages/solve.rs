@@ -95,7 +95,7 @@ impl Solve {
     /// A new step: contacts that pulled last time say nothing about this one.
     pub fn record_reset(&self, recorder: &mut Recorder) {
         recorder.stage("solve");
-        recorder.fill_range(&self.state, offset_of!(types::Solve, retried) as u64, 4, 0);
+        recorder.fill_range(&self.state, offset_of!(types::Solve, retries) as u64, 4, 0);
     }
 
     /// Right-hand side, preconditioner, warm start, first residual.
