@@ -17,8 +17,8 @@ const FLAT: f64 = 1e-14;
 /// Embeds every point in the layer (both in the same frame, m).
 ///
 /// A point inside the layer gets the tetrahedron in which its least weight is largest (the lowest index of equals); a
-/// point outside gets, of the tetrahedra around the nearest boundary face, the one that extrapolates to it least. A point exactly on
-/// a node gets weight exactly 1 there. Errors: an empty or flat layer, or a point far outside it.
+/// point outside gets, of the tetrahedra around the nearest boundary face, the one that extrapolates to it least. A
+/// point exactly on a node gets weight exactly 1 there. Errors: an empty or flat layer, or a point far outside it.
 pub fn embed(points: &[DVec3], layer: &Layer) -> Result<Vec<Embedding>, String> {
     let grid = Grid::build(layer)?;
     let mut outside: Option<Outside> = None;
