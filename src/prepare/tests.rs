@@ -203,3 +203,23 @@ fn the_real_head_is_prepared_with_a_core() {
     assert_eq!(embedding.len(), skin.vertices.len());
     assert!(embed::extrapolation(&embedding) < 1e-8);
 }
+
+#[test]
+fn the_real_human_sticks_out_of_its_file_layer_a_little() {
+    let Some(folder) = meshes("the real human") else { return };
+    let surface = Some(Surface::File(folder.join("surf/human.obj")));
+    let shape = scene::Shape::Soft { surface, layer: scene::Layer::File(folder.join("tet/human.v22.msh")) };
+    let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
+    let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("not soft") };
+    assert_eq!((layer.nodes.len(), layer.tetrahedra.len(), skin.vertices.len()), (3128, 10204, 13380));
+    // fTetWild keeps within a tolerance of the surface, so some vertices lie outside; a weight below -1 would mean that
+    // a sliver was chosen.
+    let worst = embed::extrapolation(&embedding);
+    assert!(worst > 0.0 && worst < 1.0, "{worst}");
+    for (e, &v) in embedding.iter().zip(&skin.vertices) {
+        let nodes = layer.tetrahedra[e.tetrahedron as usize].map(|i| layer.nodes[i as usize]);
+        let back: DVec3 = nodes.iter().zip(e.weights).map(|(&n, w)| n * w).sum();
+        assert!(back.distance(v) < 1e-10);
+    }
+    super::proxy::tests::check(&skin, &proxies);
+}
