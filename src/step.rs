@@ -21,7 +21,7 @@ use crate::stages::skin::{Probes, Skin};
 use crate::stages::solve::Solve;
 use crate::stages::types::{Frame, Pair, Report, StepParams, verdict};
 use crate::stages::wrench::Wrench;
-use crate::stages::{Common, pose};
+use crate::stages::{Common, depth, pose};
 use crate::{Error, Result};
 
 /// Iterations of the shortest recorded plan; each further one is twice as long.
@@ -100,7 +100,7 @@ impl Simulation {
 
         let context = Context::new(options)?;
         let path = path.unwrap_or_else(|| Path::of(context.kind()));
-        let stages = Stages::new(&context, &model, path, &probe_nodes, &probe_weights)?;
+        let stages = Stages::new(&context, &model, (path, depth::tile_of(scene)), &probe_nodes, &probe_weights)?;
         // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
         Recordings::new(&stages, 0, || Recorder::warm_up(&context))?.submit_once()?;
         let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(&context))?;
@@ -326,7 +326,7 @@ impl Stages {
     fn new(
         context: &Arc<Context>,
         model: &Model,
-        path: Path,
+        (path, tile): (Path, u32),
         probe_nodes: &[[u32; 4]],
         probe_weights: &[[f32; 4]],
     ) -> Result<Stages> {
@@ -337,9 +337,9 @@ impl Stages {
             Some(TouchStages {
                 pose: pose::Pose::new(context, model)?,
                 skin: Skin::new(context, model)?,
-                cull: Cull::new(context, model)?,
-                depth: if model.needs_depth() { Some(Depth::new(context, model, path)?) } else { None },
-                contact: Contact::new(context, model)?,
+                cull: Cull::new(context, model, tile)?,
+                depth: if model.needs_depth() { Some(Depth::new(context, model, path, tile)?) } else { None },
+                contact: Contact::new(context, model, tile)?,
             })
         };
         let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;

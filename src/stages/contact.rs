@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::cull::Cull;
-use super::depth::{Depth, TILE};
+use super::depth::Depth;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::skin::Skin;
@@ -73,8 +73,8 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Kernels and arrays for a model.
-    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Contact> {
+    /// Kernels and arrays for a model; `tile`: see [`super::depth::tile_of`].
+    pub fn new(context: &Arc<Context>, model: &Model, tile: u32) -> Result<Contact> {
         let (nodes, capacity) = (model.node_rest.len(), CAPACITY.min(model.candidates));
         let compact = [
             ("CAPACITY", count(capacity)),
@@ -84,7 +84,7 @@ impl Contact {
         ];
         let group = |name: &str| Kernel::new(context, name, Size::Group, &[]);
         Ok(Contact {
-            candidates: Kernel::new(context, "contact/candidates", Size::Group, &[("TILE", TILE.into())])?,
+            candidates: Kernel::new(context, "contact/candidates", Size::Group, &[("TILE", tile.into())])?,
             compact: Kernel::new(context, "contact/compact", Size::Reduce, &compact)?,
             response: group("contact/response")?,
             place: Kernel::new(context, "contact/place", Size::Group, &[("NODES", count(nodes))])?,

@@ -6,7 +6,7 @@ use super::model::Model;
 use super::pose::Pose;
 use super::skin::Skin;
 use super::types::{ActiveProxy, Pair, Region};
-use super::{Common, args, array, count, depth, upload, zeros};
+use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
 
@@ -30,11 +30,11 @@ pub struct Cull {
 }
 
 impl Cull {
-    /// Kernels and arrays for a model.
-    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Cull> {
+    /// Kernels and arrays for a model; `tile`: see [`super::depth::tile_of`].
+    pub fn new(context: &Arc<Context>, model: &Model, tile: u32) -> Result<Cull> {
         let proxy_pairs = model.proxy_pairs.len();
         let constants =
-            [("PAIRS", count(model.pairs.len())), ("TILE", depth::TILE.into()), ("GROUP", context.group_size().into())];
+            [("PAIRS", count(model.pairs.len())), ("TILE", tile.into()), ("GROUP", context.group_size().into())];
         let pairs = (model.pairs.len() * size_of::<Pair>()) as u64;
         Ok(Cull {
             test: Kernel::new(context, "cull/pairs", Size::Group, &[("PROXY_PAIRS", count(proxy_pairs))])?,
