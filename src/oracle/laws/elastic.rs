@@ -4,8 +4,9 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::material;
 use crate::oracle::elastic::{Elements, polar_rotation, strain};
-use crate::oracle::testing::{Random, kuhn_box};
+use crate::oracle::testing::Random;
 use crate::prepare::Layer;
+use crate::prepare::layer::kuhn_box;
 
 /// Rounding of f64 sums of a few hundred terms, relative.
 const ROUNDING: f64 = 1e-12;

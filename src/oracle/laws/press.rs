@@ -7,8 +7,9 @@ use super::material;
 use crate::oracle::contact::{Contact, Law, Support, Surface, gather};
 use crate::oracle::skin;
 use crate::oracle::step::{Simulation, SoftBody, auto_stiffness};
-use crate::oracle::testing::{boundary, kuhn_box};
+use crate::oracle::testing::boundary;
 use crate::oracle::tool::{Device, Tool};
+use crate::prepare::layer::kuhn_box;
 use crate::scene::Coupling;
 
 /// Rounding of a direct solve of a few thousand unknowns, relative.

@@ -4,8 +4,9 @@ use glam::{DMat3, DVec3};
 
 use super::material;
 use crate::oracle::elastic::Elements;
-use crate::oracle::testing::{boundary, kuhn_box};
+use crate::oracle::testing::boundary;
 use crate::oracle::{skin, statics};
+use crate::prepare::layer::kuhn_box;
 
 /// Worst error of the mean height of a section of a column between roller sides, relative to the top's settlement,
 /// under its own weight and `pressure` on its top. sigma(y) = rho g (y - H) - p = M u' with M = lambda + 2 mu.

@@ -6,8 +6,9 @@ use super::material;
 use crate::oracle::contact::{Carrier, Contact, Law, Point, Support, Surface, gather_plane};
 use crate::oracle::skin;
 use crate::oracle::step::{ADHESIVE_TWICE, Simulation, SoftBody, auto_stiffness, mean_edge};
-use crate::oracle::testing::{Random, boundary, kuhn_box};
+use crate::oracle::testing::{Random, boundary};
 use crate::oracle::tool::{Device, Tool, point_inertia, rotation_vector};
+use crate::prepare::layer::kuhn_box;
 use crate::scene::{Coupling, Material};
 
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);

@@ -1,0 +1,33 @@
+//! Our OBJ reader against the tobj crate, on real meshes: the same corners, in the same order. (It is our own because
+//! tobj drops unused vertices, orders the others by first use and reports no lines; see src/scene/obj.rs.)
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use palpate::scene::obj;
+
+fn corners_by_tobj(file: &Path) -> Vec<DVec3> {
+    let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
+    let (models, _) = tobj::load_obj(file, &options).unwrap();
+    let corner = |mesh: &tobj::Mesh, i: u32| DVec3::from_slice(&mesh.positions[3 * i as usize..][..3]);
+    models
+        .iter()
+        .flat_map(|model| model.mesh.indices.iter().map(|i| corner(&model.mesh, *i)).collect::<Vec<_>>())
+        .collect()
+}
+
+#[test]
+fn the_reader_agrees_with_tobj_on_real_meshes() {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");
+    let meshes = std::env::var_os("PALPATE_MESHES").map_or(default, PathBuf::from);
+    if !meshes.is_dir() {
+        println!("skipped: the reader against tobj: no meshes at {} (set PALPATE_MESHES)", meshes.display());
+        return;
+    }
+    for name in ["surf/head.obj", "surf/gear.obj", "surf/human.obj", "surf/pumpkin.obj", "surf/human_3000.obj"] {
+        let file = meshes.join(name);
+        let mesh = obj::read(&file).unwrap();
+        let ours: Vec<DVec3> = mesh.triangles.iter().flatten().map(|v| mesh.vertices[*v as usize]).collect();
+        assert_eq!(ours, corners_by_tobj(&file), "{name}");
+    }
+}
