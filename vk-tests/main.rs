@@ -1,6 +1,10 @@
 //! Kernels on a real device, held against expectations. Validation and synchronisation validation are on; no device is
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
+mod bodies;
+mod flow;
 mod gpu;
 mod harness;
 mod harness_self_test;
+mod layouts;
+mod spheres;
