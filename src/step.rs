@@ -101,8 +101,10 @@ impl Simulation {
         let context = Context::new(options)?;
         let path = path.unwrap_or_else(|| Path::of(context.kind()));
         let stages = Stages::new(&context, &model, path, &probe_nodes, &probe_weights)?;
-        let plain = Recordings::new(&context, &stages, scene.solver.max_iterations, false)?;
-        let timed = Recordings::new(&context, &stages, scene.solver.max_iterations, true)?;
+        // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
+        Recordings::new(&stages, 0, || Recorder::warm_up(&context))?.submit_once()?;
+        let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(&context))?;
+        let timed = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::new(&context))?;
         let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
         let plan = Plan::new(scene, &model, path);
         Ok(Simulation {
@@ -169,7 +171,9 @@ impl Simulation {
         let (length, iterate) = &self.plain.iterate[0];
         let mut stages: Vec<(String, u32)> = Vec::new();
         let mut dependent = 0;
-        for (recording, share) in [(&self.plain.begin, 1.0), (iterate, f64::from(iterations) / f64::from(*length)), (&self.plain.end, 1.0)] {
+        for (recording, share) in
+            [(&self.plain.begin, 1.0), (iterate, f64::from(iterations) / f64::from(*length)), (&self.plain.end, 1.0)]
+        {
             for part in recording.passes() {
                 let passes = (f64::from(part.dispatches) * share).round() as u32;
                 dependent += (f64::from(part.dependent) * share).round() as u32;
@@ -343,18 +347,14 @@ impl Stages {
             (Some(_), Some(_)) => Some(Wrench::new(context)?),
             _ => None,
         };
-        let probes = if probe_nodes.is_empty() {
-            None
-        } else {
-            Some(Probes::new(context, probe_nodes, probe_weights)?)
-        };
+        let probes =
+            if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes, probe_weights)?) };
         Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes })
     }
 }
 
 impl Recordings {
-    fn new(context: &Arc<Context>, stages: &Stages, max_iterations: u32, timed: bool) -> Result<Recordings> {
-        let recorder = || if timed { Recorder::new(context) } else { Recorder::untimed(context) };
+    fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
         let Stages { common, elastic, solve, touch, wrench, probes } = stages;
 
         let mut begin = recorder()?;
@@ -398,6 +398,14 @@ impl Recordings {
             probes.record(&mut end, elastic);
         }
         Ok(Recordings { begin: begin.finish()?, again: again.finish()?, iterate, end: end.finish()? })
+    }
+
+    /// Every part once.
+    fn submit_once(&self) -> Result<()> {
+        let mut parts = vec![&self.begin, &self.again];
+        parts.extend(self.iterate.iter().map(|(_, plan)| plan));
+        parts.push(&self.end);
+        Recording::submit_all(&parts)
     }
 
     /// The shortest plan of at least so many iterations, or the longest.

@@ -8,3 +8,4 @@ mod harness;
 mod harness_self_test;
 mod layouts;
 mod spheres;
+mod whole_step;

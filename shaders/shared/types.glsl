@@ -121,7 +121,7 @@ struct Solve {
     float floor_norm2;          // what f32 rounding leaves of it
     uint iterations;
     uint status;                // STATUS_*
-    uint retried;               // 1: solved again without the contacts that pulled
+    uint retries;               // how often it was solved again without the contacts that pulled
     float tool_inverse[36];     // of the tool's diagonal block
     float tool_b[6];
     float tool_x[6];
@@ -129,6 +129,7 @@ struct Solve {
     float tool_u[6];
     float tool_p[6];
     float tool_s[6];
+    float tool_leftover[6];     // b - A x of the last accepted step
 };
 
 const uint STATUS_RUNNING = 0;      // not converged yet

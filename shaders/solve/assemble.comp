@@ -4,7 +4,9 @@
 #include "shared/types.glsl"
 
 // Solve: right-hand side b = h m g - h alpha m v + sum (h f - (h^2 + h beta) K v) - sum w (h a k delta + (h^2 k + h d) a delta') n
-// of each node, the inverse of its 3x3 diagonal block of A, and their sums b . M^-1 b and (e . M^-1 e) eps^2, e the sum of
+// of each node, plus
+// what the last solve left undone (its b - A x: impulse that would be lost, step by step in the same smooth shapes, since a
+// warm start leaves those to the end); the inverse of its 3x3 diagonal block of A, and their sums b . M^-1 b and (e . M^-1 e) eps^2, e the sum of
 // the magnitudes that b is made of: what rounding leaves of b at rest. Nodes bound to a core keep zero blocks, so the
 // solver never moves them. One invocation a node; a sum a workgroup. Oracle: oracle::step.
 
@@ -24,10 +26,11 @@ layout(binding = 7) uniform samplerBuffer gradients;
 layout(scalar, binding = 8) readonly buffer NodeEntries { uvec2 node_entries[]; };
 layout(scalar, binding = 9) readonly buffer Sorted { uvec2 sorted[]; };
 layout(scalar, binding = 10) readonly buffer Contacts { Contact contacts[]; };
-layout(scalar, binding = 11) writeonly buffer Rhs { vec4 rhs[]; };
-layout(scalar, binding = 12) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // M^-1 b
-layout(scalar, binding = 13) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
-layout(scalar, binding = 14) writeonly buffer Partials { vec2 partials[]; };
+layout(binding = 11) uniform samplerBuffer leftover;        // b - A x of the last step
+layout(scalar, binding = 12) writeonly buffer Rhs { vec4 rhs[]; };
+layout(scalar, binding = 13) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // M^-1 b
+layout(scalar, binding = 14) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
+layout(scalar, binding = 15) writeonly buffer Partials { vec2 partials[]; };
 
 #include "shared/sum.glsl"
 
@@ -43,7 +46,7 @@ void main() {
         if (info.w == 0) {
             float h = params.dt, mass = texelFetch(node_rest, int(i)).w, alpha = materials[info.z].z;
             vec3 v = texelFetch(velocity, int(i)).xyz;
-            b = h * mass * (params.gravity - alpha * v);
+            b = h * mass * (params.gravity - alpha * v) + texelFetch(leftover, int(i)).xyz;
             vec3 e = abs(h * mass * params.gravity) + abs(h * mass * alpha * v);
             // The block: xx yy zz in `a`, xy xz yz in `c`.
             vec3 a = vec3((1.0 + h * alpha) * mass), c = vec3(0.0);

@@ -4,7 +4,7 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: the new state, v += x, d += h R^T v (frames at rest: R of the frame does not change over the step).
+// Solve: the new state, v += x, d += h R^T v, and b - A x for the next step to make good (frames at rest: R of the frame does not change over the step).
 // One invocation a node. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
@@ -14,8 +14,11 @@ layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
 layout(binding = 2) uniform usamplerBuffer node_info;
 layout(binding = 3) uniform samplerBuffer solution;
-layout(scalar, binding = 4) buffer Velocity { vec4 velocity[]; };
-layout(scalar, binding = 5) buffer Displacement { vec4 displacement[]; };
+layout(binding = 4) uniform samplerBuffer rhs;
+layout(binding = 5) uniform samplerBuffer image;            // A x
+layout(scalar, binding = 6) buffer Velocity { vec4 velocity[]; };
+layout(scalar, binding = 7) buffer Displacement { vec4 displacement[]; };
+layout(scalar, binding = 8) writeonly buffer Leftover { vec4 leftover[]; };
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -23,6 +26,7 @@ void main() {
     uvec4 info = texelFetch(node_info, int(i));
     if (info.w != 0) return;
     vec3 v = velocity[i].xyz + texelFetch(solution, int(i)).xyz;
+    leftover[i] = texelFetch(rhs, int(i)) - texelFetch(image, int(i));
     velocity[i] = vec4(v, 0.0);
     displacement[i] = vec4(displacement[i].xyz + params.dt * rotate_back(frames[info.z].rotation, v), 0.0);
 }

@@ -6,7 +6,8 @@
 
 // Solve: the verdict. The residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed, not the recurrence's. A
 // contact pulls when k delta + (h k + d) delta' at the end < 0: contacts never adhere, so those are dropped and the host
-// has the step solved once more; if some pull even then they count as zero and a flag says so. One workgroup.
+// has the step solved again, MAX_RETRIES times at most (each starts at the last solution and is short); those that pull even
+// then count as zero and a flag says so. One workgroup.
 // Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
@@ -24,6 +25,8 @@ layout(binding = 4) uniform samplerBuffer contact_forces;       // of the soluti
 layout(scalar, binding = 5) buffer SolveInOut { Solve solve; };
 layout(scalar, binding = 6) writeonly buffer Args { uint args[]; };
 layout(scalar, binding = 7) writeonly buffer ReportOut { Report report; };
+
+const uint MAX_RETRIES = 4;
 
 shared float deepest[SIZE];
 
@@ -49,7 +52,7 @@ void main() {
     }
     deepest[lane] = depth;
     sums = workgroup_sum(sums);
-    bool again = solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retried == 0;
+    bool again = solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retries < MAX_RETRIES;
     if (again) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
@@ -62,11 +65,12 @@ void main() {
             }
         }
     }
+    float rest[6];
     if (TOOL) {
         float forces[6];
         tool_contact_sum(contact_count, forces);
         if (lane == 0) {
-            float base[36], inverse[36], x[6], rest[6];
+            float base[36], inverse[36], x[6];
             for (int k = 0; k < 36; k++) {
                 base[k] = params.tool_matrix[k];
                 inverse[k] = solve.tool_inverse[k];
@@ -86,7 +90,7 @@ void main() {
     if (solve.status == STATUS_RUNNING) verdict = VERDICT_CONTINUE;
     else if (again) verdict = VERDICT_RETRY;
     if (again) {
-        solve.retried = 1;
+        solve.retries += 1;
         counts.pulling = uint(sums.z);
     }
     uint flags = counts.flags;
@@ -97,6 +101,7 @@ void main() {
         // A solution that is not finite is not committed: the state stays as it was, and the flag says so.
         bool finite = !isnan(sums.x) && !isinf(sums.x);
         if (!finite) flags |= FLAG_NON_FINITE;
+        if (TOOL && finite) solve.tool_leftover = rest;
         args[3 * ARGS_COMMIT] = finite ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = finite ? 1 : 0;
     }

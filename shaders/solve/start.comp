@@ -109,7 +109,7 @@ void main() {
             for (int k = 0; k < 36; k++) base[k] = params.tool_matrix[k];
             float e2 = 0.0;
             for (int i = 0; i < 6; i++) {
-                b[i] = params.tool_rhs[i] + block[at + i];
+                b[i] = params.tool_rhs[i] + block[at + i] + solve.tool_leftover[i];
                 x[i] = solve.tool_x[i];
             }
             if (!invert(matrix, inverse)) {

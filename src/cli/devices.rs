@@ -10,7 +10,8 @@ pub fn devices() -> Result<()> {
     let mut lines = String::new();
     for device in &devices {
         let kind = format!("{:?}", device.kind).to_lowercase();
-        lines += &format!("{}  {} ({kind}, {}, Vulkan {})", device.index, device.name, device.driver, device.api_version);
+        lines +=
+            &format!("{}  {} ({kind}, {}, Vulkan {})", device.index, device.name, device.driver, device.api_version);
         if let Err(reason) = &device.usable {
             lines += &format!("  not usable: {reason}");
         }

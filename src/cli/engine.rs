@@ -109,7 +109,6 @@ impl Engine {
     }
 }
 
-
 /// Displacement of an embedded skin vertex.
 fn embedded(e: &Embedding, tetrahedra: &[[u32; 4]], moved: &[DVec3]) -> DVec3 {
     let nodes = tetrahedra[e.tetrahedron as usize];

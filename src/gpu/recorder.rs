@@ -31,6 +31,8 @@ pub struct Recorder {
     stage: String,
     labelled: bool,
     timed: bool,
+    /// Dispatches run no group.
+    empty: bool,
     error: Option<Error>,
 }
 
@@ -53,10 +55,17 @@ impl Recorder {
             stage: "set-up".into(),
             labelled: false,
             timed: false,
+            empty: false,
             error: None,
         };
         recorder.barrier(Hazards::opening());
         Ok(recorder)
+    }
+
+    /// Begins a recording whose dispatches run no group: submitted once, it has drivers that compile at first use do so
+    /// before the first step.
+    pub fn warm_up(context: &Arc<Context>) -> Result<Recorder> {
+        Ok(Recorder { empty: true, ..Self::untimed(context)? })
     }
 
     /// Begins a stage: until the next, its name is debug label, timer and error context.
@@ -88,6 +97,7 @@ impl Recorder {
         let ready = fits.and_then(|()| self.prepare_compute(kernel, buffers, push, None, groups == 0));
         if self.note(ready) && groups > 0 {
             // SAFETY: the command buffer is recording; pipeline, set and push constants were bound just now and kept.
+            let groups = if self.empty { 0 } else { groups };
             unsafe { self.commands.context.device.cmd_dispatch(self.commands.buffer, groups, 1, 1) };
         }
     }
@@ -100,8 +110,13 @@ impl Recorder {
             .and_then(|()| self.prepare_compute(kernel, buffers, push, Some(args), false));
         if self.note(ready) {
             // SAFETY: as for `dispatch_groups`; the arguments lie within their buffer.
+            let (device, commands) = (&self.commands.context.device, self.commands.buffer);
             unsafe {
-                self.commands.context.device.cmd_dispatch_indirect(self.commands.buffer, args.0.handle, offset);
+                if self.empty {
+                    device.cmd_dispatch(commands, 0, 1, 1);
+                } else {
+                    device.cmd_dispatch_indirect(commands, args.0.handle, offset);
+                }
             }
         }
     }

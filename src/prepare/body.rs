@@ -4,7 +4,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{Body, Layer, NONE, Shape, Skin, embed, layer, mass, proxies, skin};
+use super::model::{VERTICES, head};
+use super::{Body, Layer, Shape, embed, layer, mass, proxies, skin};
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Motion, Scene, Surface, ToolShape, gmsh, obj};
 use crate::{Error, Result};
@@ -20,7 +21,7 @@ pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
         scene::Shape::Soft { surface, layer } => soft(&Keys { scene, body }, surface.as_ref(), layer)?,
         scene::Shape::Rigid { surface } => {
             let keys = Keys { scene, body };
-            let mesh = scaled(surface_mesh(surface)?, body.scale);
+            let mesh = scaled(keys.surface_mesh(surface)?, body.scale);
             rigid(mesh).map_err(|problem| keys.error("surface", problem, "give a closed surface with volume"))?
         }
         scene::Shape::Plane { normal, offset } => Shape::Plane { normal: *normal, offset: *offset },
@@ -68,6 +69,21 @@ impl Keys<'_> {
     fn error(&self, key: &str, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::key(&self.scene.file, format!("body.{}.{key}", self.body.name), problem, remedy)
     }
+
+    /// Triangles of a surface in file coordinates.
+    fn surface_mesh(&self, surface: &Surface) -> Result<TriangleMesh> {
+        match surface {
+            Surface::File(path) => read_solid(path),
+            Surface::Head { vertices } if !VERTICES.contains(vertices) => {
+                let remedy = format!("give {} to {}", VERTICES.start(), VERTICES.end());
+                Err(self.error("surface.vertices", format!("a head of {vertices} vertices is not made"), remedy))
+            }
+            Surface::Head { vertices } => {
+                let (vertices, triangles) = head(*vertices);
+                Ok(TriangleMesh { vertices, triangles })
+            }
+        }
+    }
 }
 
 /// A skin that rides on one frame; the problem where it has no volume.
@@ -88,7 +104,7 @@ fn rigid(mesh: TriangleMesh) -> std::result::Result<Shape, String> {
 fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result<Shape> {
     let material =
         keys.body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
-    let mesh = surface.map(surface_mesh).transpose()?;
+    let mesh = surface.map(|s| keys.surface_mesh(s)).transpose()?;
     let mut layer = file_layer(keys, mesh.as_ref(), source)?;
     let mesh = mesh.unwrap_or_else(|| {
         let (vertices, triangles, _) = layer::boundary(&layer);
@@ -99,7 +115,7 @@ fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result
     layer.nodes.iter_mut().for_each(|n| *n *= keys.body.scale);
     let embedding = embed(&mesh.vertices, &layer)
         .map_err(|problem| keys.error("layer", problem, "give a layer that surrounds the skin, in the same units"))?;
-    let skin: Skin = skin::build(mesh.vertices, mesh.triangles);
+    let skin = skin::build(mesh.vertices, mesh.triangles);
     let proxies = proxies(&skin).map_err(|p| keys.error("surface", p, "give a closed surface with volume"))?;
     Ok(Shape::Soft { layer, material, embedding, skin, proxies })
 }
@@ -181,22 +197,10 @@ fn bind_cores(keys: &Keys, layer: &mut Layer, mesh: &TriangleMesh) -> Result<()>
     }
 }
 
-/// Triangles of a surface in file coordinates.
-fn surface_mesh(surface: &Surface) -> Result<TriangleMesh> {
-    match surface {
-        Surface::File(path) => read_solid(path),
-        Surface::Head { vertices } => {
-            let (vertices, triangles) = super::model::head(*vertices);
-            Ok(TriangleMesh { vertices, triangles })
-        }
-    }
-}
-
 /// A closed surface from a file; the loader has made the path complete.
 fn read_solid(path: &Path) -> Result<TriangleMesh> {
     let mesh = obj::read(path)?;
     obj::check_solid(&mesh, path)?;
-    debug_assert!(mesh.triangles.iter().flatten().all(|&i| i != NONE));
     Ok(mesh)
 }
 
@@ -208,152 +212,11 @@ fn scaled(mut mesh: TriangleMesh, scale: f64) -> TriangleMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prepare::{embed, tests::meshes};
-    use crate::scene::{Bind, Contact, Core, Haptics, Material, Preconditioner, Solver, Step, Tool};
-    use glam::DQuat;
-
-    fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
-        let core = |(i, bind): (usize, &Bind)| Core {
-            name: format!("core{i}"),
-            motion: Motion::Fixed,
-            bind: Some(bind.clone()),
-            mass: None,
-        };
-        let body = scene::Body {
-            name: "thing".into(),
-            shape,
-            scale: 2.0,
-            position: DVec3::X,
-            orientation: DQuat::IDENTITY,
-            velocity: DVec3::ZERO,
-            material: Some(Material {
-                young: 2e4,
-                poisson: 0.45,
-                density: 1000.0,
-                damping_mass: 0.0,
-                damping_stiffness: 0.0,
-            }),
-            collides: None,
-            cores: cores.iter().enumerate().map(core).collect(),
-        };
-        Scene {
-            file: "scene.toml".into(),
-            step: Step { dt: 0.001, gravity: DVec3::ZERO, newton: 1 },
-            solver: Solver { tolerance: 1e-5, max_iterations: 200, preconditioner: Preconditioner::Auto },
-            contact: Contact {
-                stiffness: None,
-                damping: None,
-                friction: 0.0,
-                friction_speed: 0.001,
-                texel: None,
-                depth_limit: 0.02,
-            },
-            bodies: vec![body],
-            tool: None,
-            coupling: None,
-            drive: Vec::new(),
-            haptics: Haptics { device: "scripted".into(), rate: 1000.0, max_force: None },
-            probes: Vec::new(),
-        }
-    }
-
-    fn cube() -> scene::Shape {
-        let layer = scene::Layer::Box { low: DVec3::ZERO, high: DVec3::ONE, cells: [2, 2, 2] };
-        scene::Shape::Soft { surface: None, layer }
-    }
-
-    fn prepared(scene: &Scene) -> Result<Body> {
-        body(&scene.bodies[0], scene)
-    }
-
-    #[test]
-    fn a_box_is_bound_in_file_coordinates_and_scaled() {
-        let face = Bind::Box { low: DVec3::ZERO, high: DVec3::new(0.0, 1.0, 1.0) };
-        let body = prepared(&scene(cube(), &[face])).unwrap();
-        let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("not soft") };
-        assert_eq!(layer.nodes[26], DVec3::splat(2.0));
-        assert_eq!(layer.bound.iter().filter(|&&b| b).count(), 9);
-        assert!((0..27).all(|n| layer.bound[n] == (layer.nodes[n].x == 0.0)));
-        assert_eq!((skin.vertices.len(), proxies.len()), (26, 1));
-        assert!(embedding.iter().all(|e| e.weights.contains(&1.0)));
-        assert_eq!(body.position, DVec3::X);
-    }
-
-    #[test]
-    fn cores_that_hold_nothing_and_bad_nodes_are_refused_by_name() {
-        let nowhere = Bind::Sphere { centre: DVec3::splat(9.0), radius: 0.1 };
-        let error = prepared(&scene(cube(), &[Bind::All, nowhere])).unwrap_err().to_string();
-        assert!(error.contains("`body.thing.core.core1.bind`") && error.contains("nothing would hold"), "{error}");
-        let error = prepared(&scene(cube(), &[Bind::Nodes(vec![27])])).unwrap_err().to_string();
-        assert!(error.contains("node 27 does not exist, the layer has 27"), "{error}");
-        assert!(prepared(&scene(cube(), &[])).is_ok());
-    }
-
-    #[test]
-    fn cells_out_of_range_are_refused_by_name() {
-        let layer = scene::Layer::Box { low: DVec3::ZERO, high: DVec3::ONE, cells: [200, 200, 200] };
-        let error = prepared(&scene(scene::Shape::Soft { surface: None, layer }, &[])).unwrap_err().to_string();
-        assert!(error.contains("`body.thing.layer.cells`") && error.contains("48000000"), "{error}");
-        let layer = scene::Layer::Cell(3.0);
-        let surface = Some(Surface::Head { vertices: 3000 });
-        let error = prepared(&scene(scene::Shape::Soft { surface, layer }, &[])).unwrap_err().to_string();
-        assert!(error.contains("`body.thing.layer.cell`") && error.contains("smaller than one cell"), "{error}");
-    }
-
-    #[test]
-    fn parts_with_nothing_to_hold_them_are_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("two.msh");
-        let nodes = "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 9 0 0\n6 10 0 0\n7 9 1 0\n8 9 0 1\n";
-        let elements = "1 4 2 0 0 1 2 3 4\n2 4 2 0 0 5 6 7 8\n";
-        let text = format!(
-            "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n{nodes}$EndNodes\n$Elements\n2\n{elements}$EndElements\n"
-        );
-        std::fs::write(&path, text).unwrap();
-        let shape = scene::Shape::Soft { surface: None, layer: scene::Layer::File(path) };
-        let error = prepared(&scene(shape.clone(), &[Bind::Nodes(vec![1])])).unwrap_err().to_string();
-        assert!(error.contains("4 nodes with nothing to hold them") && error.contains("node 4"), "{error}");
-        assert!(prepared(&scene(shape, &[Bind::Nodes(vec![1, 7])])).is_ok());
-    }
-
-    #[test]
-    fn the_sphere_tool_is_a_ball_and_a_tool_body_is_not_made_here() {
-        let scene = scene(cube(), &[]);
-        let mut tool = Tool {
-            shape: ToolShape::Sphere(0.01),
-            mass: 0.05,
-            position: DVec3::Y,
-            orientation: DQuat::IDENTITY,
-            velocity: DVec3::ZERO,
-            scale: 1.0,
-        };
-        let Shape::Rigid { skin, proxies, centroid, .. } = super::tool(&tool, &scene).unwrap().shape else {
-            panic!("not rigid")
-        };
-        assert!(skin.vertices.len() >= 2500 && proxies.len() == 1 && centroid.length() < 1e-15);
-        tool.shape = ToolShape::Body("thing".into());
-        assert!(super::tool(&tool, &scene).unwrap_err().to_string().contains("`tool.body`"));
-    }
 
     #[test]
     fn a_surface_without_volume_is_refused() {
         let (vertices, mut triangles) = crate::prepare::sphere::icosphere(1.0);
         triangles.iter_mut().for_each(|t| t.swap(0, 1));
         assert!(rigid(TriangleMesh { vertices, triangles }).unwrap_err().contains("encloses a volume of -"));
-    }
-
-    #[test]
-    fn the_real_head_is_prepared_with_a_core() {
-        let Some(folder) = meshes("the real head") else { return };
-        let surface = Some(Surface::File(folder.join("surf/head.obj")));
-        let shape = scene::Shape::Soft { surface, layer: scene::Layer::Cell(0.012) };
-        let start = std::time::Instant::now();
-        let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
-        println!("head in {:.1?}", start.elapsed());
-        let Shape::Soft { layer, embedding, skin, .. } = body.shape else { panic!("not soft") };
-        let bound = layer.bound.iter().filter(|&&b| b).count();
-        assert!(bound > layer.nodes.len() / 10 && bound < layer.nodes.len() / 2, "{bound} of {}", layer.nodes.len());
-        assert_eq!(embedding.len(), skin.vertices.len());
-        assert!(embed::extrapolation(&embedding) < 1e-8);
     }
 }

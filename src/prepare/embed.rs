@@ -17,8 +17,8 @@ const FLAT: f64 = 1e-14;
 /// Embeds every point in the layer (both in the same frame, m).
 ///
 /// A point inside the layer gets the tetrahedron in which its least weight is largest (the lowest index of equals); a
-/// point outside gets the tetrahedron behind the nearest boundary face, with extrapolated weights. A point exactly on
-/// a node gets weight exactly 1 there. Errors: an empty or flat layer, or a point far outside it.
+/// point outside gets, of the tetrahedra around the nearest boundary face, the one that extrapolates to it least. A
+/// point exactly on a node gets weight exactly 1 there. Errors: an empty or flat layer, or a point far outside it.
 pub fn embed(points: &[DVec3], layer: &Layer) -> Result<Vec<Embedding>, String> {
     let grid = Grid::build(layer)?;
     let mut outside: Option<Outside> = None;
@@ -38,7 +38,7 @@ pub fn embed(points: &[DVec3], layer: &Layer) -> Result<Vec<Embedding>, String> 
                         grid.diagonal
                     ));
                 }
-                (t, grid.weights(layer, t, point))
+                surface.steadiest(layer, &grid, t, point)
             }
         };
         embeddings.push(Embedding { tetrahedron: t, weights });
@@ -177,6 +177,8 @@ fn inverses(layer: &Layer) -> Result<Vec<DMat3>, String> {
 struct Outside {
     surface: TriMesh,
     tetrahedra: Vec<u32>,
+    /// Tetrahedra around each node, ascending.
+    around: Vec<Vec<u32>>,
 }
 
 impl Outside {
@@ -185,7 +187,25 @@ impl Outside {
         let tetrahedra = layer::boundary_faces(&layer.tetrahedra).into_iter().map(|(_, t)| t).collect();
         let vertices = vertices.into_iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
         let surface = TriMesh::new(vertices, triangles).map_err(|e| format!("the layer has no boundary: {e}"))?;
-        Ok(Outside { surface, tetrahedra })
+        let mut around = vec![Vec::new(); layer.nodes.len()];
+        for (t, tetrahedron) in layer.tetrahedra.iter().enumerate() {
+            tetrahedron.iter().for_each(|&n| around[n as usize].push(t as u32));
+        }
+        Ok(Outside { surface, tetrahedra, around })
+    }
+
+    /// Of the tetrahedra that share a node with `t`, the one that extrapolates to the point least, and its weights:
+    /// behind the nearest face there may be a sliver, and weights of 3 would treble every motion of its nodes.
+    fn steadiest(&self, layer: &Layer, grid: &Grid, t: u32, point: DVec3) -> (u32, [f64; 4]) {
+        let least = |w: &[f64; 4]| w.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut best = (t, grid.weights(layer, t, point));
+        for &other in layer.tetrahedra[t as usize].iter().flat_map(|&n| &self.around[n as usize]) {
+            let weights = grid.weights(layer, other, point);
+            if least(&weights) > least(&best.1) {
+                best = (other, weights);
+            }
+        }
+        best
     }
 
     /// The tetrahedron behind the nearest boundary face, and the distance to that face.

@@ -49,7 +49,7 @@ pub fn lattice(vertices: &[DVec3], triangles: &[[u32; 3]], cell: f64) -> Result<
 }
 
 /// The background lattice: `size` cells from `origin`, coordinates in cells.
-struct Lattice {
+pub(super) struct Lattice {
     origin: DVec3,
     cell: f64,
     size: [usize; 3],
@@ -57,7 +57,7 @@ struct Lattice {
 
 impl Lattice {
     /// A lattice with more than a cell to spare on each side: its outermost pyramids have no partner and are missing.
-    fn around(low: DVec3, extent: DVec3, cell: f64) -> Self {
+    pub(super) fn around(low: DVec3, extent: DVec3, cell: f64) -> Self {
         let (mut origin, mut size) = (low, [0; 3]);
         for k in 0..3 {
             let cells = extent[k] / cell;
@@ -70,6 +70,21 @@ impl Lattice {
             origin[k] = low[k] - overhang * cell;
         }
         Lattice { origin, cell, size }
+    }
+
+    /// Nodes, used or not.
+    pub(super) fn node_count(&self) -> usize {
+        2 * self.size.iter().product::<usize>()
+    }
+
+    /// The last cell.
+    pub(super) fn last(&self) -> [usize; 3] {
+        self.size.map(|s| s - 1)
+    }
+
+    /// Position of a node, m.
+    pub(super) fn position(&self, node: u32) -> DVec3 {
+        self.origin + self.cell * self.local(node)
     }
 
     fn cell_index(&self, c: [usize; 3]) -> usize {
@@ -108,7 +123,7 @@ impl Lattice {
 
     /// Calls `f` with the index and the nodes of every tetrahedron of the cells in a box, ends included. Tetrahedron
     /// indices are 12 x cell + 4 x axis + edge.
-    fn each(&self, from: [usize; 3], to: [usize; 3], mut f: impl FnMut(usize, [u32; 4])) {
+    pub(super) fn each(&self, from: [usize; 3], to: [usize; 3], mut f: impl FnMut(usize, [u32; 4])) {
         for z in from[2]..=to[2] {
             for y in from[1]..=to[1] {
                 for x in from[0]..=to[0] {
@@ -145,8 +160,8 @@ impl Lattice {
 
     /// Touched tetrahedra, and those of regions that the surface winds around.
     fn kept(&self, touched: &[bool], vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<bool> {
-        let node_count = 2 * self.size.iter().product::<usize>();
-        let all = self.size.map(|s| s - 1);
+        let node_count = self.node_count();
+        let all = self.last();
         // Nodes of an untouched tetrahedron all lie on one side of the surface.
         let mut sets = Sets::new(node_count);
         let mut clear = vec![false; node_count];
@@ -162,7 +177,7 @@ impl Lattice {
         let mut inside: Vec<Option<bool>> = vec![None; count];
         for node in (0..node_count).filter(|&n| clear[n]) {
             inside[labels[node] as usize].get_or_insert_with(|| {
-                let point = self.origin + self.cell * self.local(node as u32);
+                let point = self.position(node as u32);
                 winding_number(vertices, triangles, point) > 0.5
             });
         }
@@ -173,8 +188,8 @@ impl Lattice {
 
     /// The kept tetrahedra as a layer, nodes in lattice order.
     fn layer(&self, kept: &[bool]) -> Layer {
-        let all = self.size.map(|s| s - 1);
-        let mut number = vec![NONE; 2 * self.size.iter().product::<usize>()];
+        let all = self.last();
+        let mut number = vec![NONE; self.node_count()];
         let mut layer = Layer::default();
         self.each([0; 3], all, |index, nodes| {
             if kept[index] {
@@ -184,11 +199,9 @@ impl Lattice {
                 }
             }
         });
-        for node in 0..number.len() {
-            if number[node] != NONE {
-                number[node] = layer.nodes.len() as u32;
-                layer.nodes.push(self.origin + self.cell * self.local(node as u32));
-            }
+        for (node, number) in number.iter_mut().enumerate().filter(|(_, n)| **n != NONE) {
+            *number = layer.nodes.len() as u32;
+            layer.nodes.push(self.position(node as u32));
         }
         for t in &mut layer.tetrahedra {
             *t = t.map(|n| number[n as usize]);

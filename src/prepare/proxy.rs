@@ -65,7 +65,7 @@ fn decompose(skin: &Skin) -> Parts {
     let mut inner = vec![Vec::new(); cut.voxel_parts().len()];
     for (part, set) in cut.voxel_parts().iter().enumerate() {
         for voxel in set.voxels() {
-            let at = grid.index(voxel.coords.to_array().map(i64::from));
+            let at = grid.index(voxel.coords.to_array());
             if let Some(at) = at {
                 part_of[at] = part as u32;
                 if !grid.surface[at] {
@@ -92,13 +92,13 @@ struct VoxelGrid {
 
 impl VoxelGrid {
     fn new(voxels: &VoxelSet) -> Self {
-        let most = |k: usize| voxels.voxels().iter().map(|v| i64::from(v.coords[k])).max().unwrap_or(0);
+        let most = |k: usize| voxels.voxels().iter().map(|v| v.coords[k]).max().unwrap_or(0);
         let size = [0, 1, 2].map(|k| most(k) + 1);
         let origin = DVec3::new(voxels.origin.x, voxels.origin.y, voxels.origin.z);
         let surface = vec![false; size.iter().product::<i64>() as usize];
         let mut grid = VoxelGrid { origin, edge: voxels.scale, size, surface };
         for voxel in voxels.voxels() {
-            if let Some(at) = grid.index(voxel.coords.to_array().map(i64::from)) {
+            if let Some(at) = grid.index(voxel.coords.to_array()) {
                 grid.surface[at] = voxel.is_on_surface;
             }
         }

@@ -1,10 +1,17 @@
-//! The whole preparation on real meshes, where they are at hand: `../shared/meshes`, or the folder PALPATE_MESHES.
+//! The whole preparation: bodies and tools of a scene, and real meshes where they are at hand: `../shared/meshes`, or
+//! the folder PALPATE_MESHES.
 
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::{Layer, NONE, embed, lattice, layer, mass, proxies, skin};
-use crate::scene::obj;
+use glam::{DQuat, DVec3};
+
+use super::{Body, Layer, NONE, Shape, body, embed, lattice, layer, mass, proxies, skin, tool};
+use crate::Result;
+use crate::scene::{
+    self, Bind, Contact, Core, Haptics, Material, Motion, Preconditioner, Scene, Solver, Step, Surface,
+};
+use crate::scene::{Tool, ToolShape, obj};
 
 /// The folder of meshes, or one visible line and nothing.
 pub fn meshes(test: &str) -> Option<PathBuf> {
@@ -22,8 +29,8 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
     let Some(folder) = meshes("real surfaces") else { return };
     for name in ["head", "pumpkin", "gear", "human", "human_3000"] {
         let mesh = obj::read(&folder.join(format!("surf/{name}.obj"))).unwrap();
-        let low = mesh.vertices.iter().copied().fold(glam::DVec3::INFINITY, glam::DVec3::min);
-        let high = mesh.vertices.iter().copied().fold(glam::DVec3::NEG_INFINITY, glam::DVec3::max);
+        let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         let cell = (high - low).max_element() / 25.0;
         let start = Instant::now();
         let layer = lattice::lattice(&mesh.vertices, &mesh.triangles, cell).unwrap();
@@ -59,4 +66,160 @@ fn check_layer(layer: &Layer, volume: f64) {
     assert!(volumes.clone().all(|v| v > 0.0));
     assert!(volumes.sum::<f64>() > volume);
     assert_eq!(layer::parts(layer).1, 1);
+}
+
+fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
+    let core = |(i, bind): (usize, &Bind)| Core {
+        name: format!("core{i}"),
+        motion: Motion::Fixed,
+        bind: Some(bind.clone()),
+        mass: None,
+    };
+    let body = scene::Body {
+        name: "thing".into(),
+        shape,
+        scale: 2.0,
+        position: DVec3::X,
+        orientation: DQuat::IDENTITY,
+        velocity: DVec3::ZERO,
+        material: Some(Material {
+            young: 2e4,
+            poisson: 0.45,
+            density: 1000.0,
+            damping_mass: 0.0,
+            damping_stiffness: 0.0,
+        }),
+        collides: None,
+        cores: cores.iter().enumerate().map(core).collect(),
+    };
+    Scene {
+        file: "scene.toml".into(),
+        step: Step { dt: 0.001, gravity: DVec3::ZERO, newton: 1 },
+        solver: Solver { tolerance: 1e-5, max_iterations: 200, preconditioner: Preconditioner::Auto },
+        contact: Contact {
+            stiffness: None,
+            damping: None,
+            friction: 0.0,
+            friction_speed: 0.001,
+            texel: None,
+            depth_limit: 0.02,
+        },
+        bodies: vec![body],
+        tool: None,
+        coupling: None,
+        drive: Vec::new(),
+        haptics: Haptics { device: "scripted".into(), rate: 1000.0, max_force: None },
+        probes: Vec::new(),
+    }
+}
+
+fn cube() -> scene::Shape {
+    let layer = scene::Layer::Box { low: DVec3::ZERO, high: DVec3::ONE, cells: [2, 2, 2] };
+    scene::Shape::Soft { surface: None, layer }
+}
+
+fn prepared(scene: &Scene) -> Result<Body> {
+    body(&scene.bodies[0], scene)
+}
+
+#[test]
+fn a_box_is_bound_in_file_coordinates_and_scaled() {
+    let face = Bind::Box { low: DVec3::ZERO, high: DVec3::new(0.0, 1.0, 1.0) };
+    let body = prepared(&scene(cube(), &[face])).unwrap();
+    let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("not soft") };
+    assert_eq!(layer.nodes[26], DVec3::splat(2.0));
+    assert_eq!(layer.bound.iter().filter(|&&b| b).count(), 9);
+    assert!((0..27).all(|n| layer.bound[n] == (layer.nodes[n].x == 0.0)));
+    assert_eq!((skin.vertices.len(), proxies.len()), (26, 1));
+    assert!(embedding.iter().all(|e| e.weights.contains(&1.0)));
+    assert_eq!(body.position, DVec3::X);
+}
+
+#[test]
+fn cores_that_hold_nothing_and_bad_nodes_are_refused_by_name() {
+    let nowhere = Bind::Sphere { centre: DVec3::splat(9.0), radius: 0.1 };
+    let error = prepared(&scene(cube(), &[Bind::All, nowhere])).unwrap_err().to_string();
+    assert!(error.contains("`body.thing.core.core1.bind`") && error.contains("nothing would hold"), "{error}");
+    let error = prepared(&scene(cube(), &[Bind::Nodes(vec![27])])).unwrap_err().to_string();
+    assert!(error.contains("node 27 does not exist, the layer has 27"), "{error}");
+    assert!(prepared(&scene(cube(), &[])).is_ok());
+}
+
+#[test]
+fn cells_out_of_range_are_refused_by_name() {
+    let layer = scene::Layer::Box { low: DVec3::ZERO, high: DVec3::ONE, cells: [200, 200, 200] };
+    let error = prepared(&scene(scene::Shape::Soft { surface: None, layer }, &[])).unwrap_err().to_string();
+    assert!(error.contains("`body.thing.layer.cells`") && error.contains("48000000"), "{error}");
+    let layer = scene::Layer::Cell(3.0);
+    let surface = Some(Surface::Head { vertices: 3000 });
+    let error = prepared(&scene(scene::Shape::Soft { surface, layer }, &[])).unwrap_err().to_string();
+    assert!(error.contains("`body.thing.layer.cell`") && error.contains("smaller than one cell"), "{error}");
+}
+
+#[test]
+fn parts_with_nothing_to_hold_them_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.msh");
+    let nodes = "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 9 0 0\n6 10 0 0\n7 9 1 0\n8 9 0 1\n";
+    let elements = "1 4 2 0 0 1 2 3 4\n2 4 2 0 0 5 6 7 8\n";
+    let text = format!(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n{nodes}$EndNodes\n$Elements\n2\n{elements}$EndElements\n"
+    );
+    std::fs::write(&path, text).unwrap();
+    let shape = scene::Shape::Soft { surface: None, layer: scene::Layer::File(path) };
+    let error = prepared(&scene(shape.clone(), &[Bind::Nodes(vec![1])])).unwrap_err().to_string();
+    assert!(error.contains("4 nodes with nothing to hold them") && error.contains("node 4"), "{error}");
+    assert!(prepared(&scene(shape, &[Bind::Nodes(vec![1, 7])])).is_ok());
+}
+
+#[test]
+fn the_sphere_tool_is_a_ball_and_a_tool_body_is_not_made_here() {
+    let scene = scene(cube(), &[]);
+    let mut ball = Tool {
+        shape: ToolShape::Sphere(0.01),
+        mass: 0.05,
+        position: DVec3::Y,
+        orientation: DQuat::IDENTITY,
+        velocity: DVec3::ZERO,
+        scale: 1.0,
+    };
+    let Shape::Rigid { skin, proxies, centroid, .. } = tool(&ball, &scene).unwrap().shape else { panic!("not rigid") };
+    assert!(skin.vertices.len() >= 2500 && proxies.len() == 1 && centroid.length() < 1e-15);
+    ball.shape = ToolShape::Body("thing".into());
+    assert!(tool(&ball, &scene).unwrap_err().to_string().contains("`tool.body`"));
+}
+
+#[test]
+fn the_real_head_is_prepared_with_a_core() {
+    let Some(folder) = meshes("the real head") else { return };
+    let surface = Some(Surface::File(folder.join("surf/head.obj")));
+    let shape = scene::Shape::Soft { surface, layer: scene::Layer::Cell(0.012) };
+    let start = std::time::Instant::now();
+    let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
+    println!("head in {:.1?}", start.elapsed());
+    let Shape::Soft { layer, embedding, skin, .. } = body.shape else { panic!("not soft") };
+    let bound = layer.bound.iter().filter(|&&b| b).count();
+    assert!(bound > layer.nodes.len() / 10 && bound < layer.nodes.len() / 2, "{bound} of {}", layer.nodes.len());
+    assert_eq!(embedding.len(), skin.vertices.len());
+    assert!(embed::extrapolation(&embedding) < 1e-8);
+}
+
+#[test]
+fn the_real_human_sticks_out_of_its_file_layer_a_little() {
+    let Some(folder) = meshes("the real human") else { return };
+    let surface = Some(Surface::File(folder.join("surf/human.obj")));
+    let shape = scene::Shape::Soft { surface, layer: scene::Layer::File(folder.join("tet/human.v22.msh")) };
+    let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
+    let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("not soft") };
+    assert_eq!((layer.nodes.len(), layer.tetrahedra.len(), skin.vertices.len()), (3128, 10204, 13380));
+    // fTetWild keeps within a tolerance of the surface, so some vertices lie outside; a weight below -1 would mean that
+    // a sliver was chosen.
+    let worst = embed::extrapolation(&embedding);
+    assert!(worst > 0.0 && worst < 1.0, "{worst}");
+    for (e, &v) in embedding.iter().zip(&skin.vertices) {
+        let nodes = layer.tetrahedra[e.tetrahedron as usize].map(|i| layer.nodes[i as usize]);
+        let back: DVec3 = nodes.iter().zip(e.weights).map(|(&n, w)| n * w).sum();
+        assert!(back.distance(v) < 1e-10);
+    }
+    super::proxy::tests::check(&skin, &proxies);
 }

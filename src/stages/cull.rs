@@ -33,11 +33,8 @@ impl Cull {
     /// Kernels and arrays for a model.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Cull> {
         let proxy_pairs = model.proxy_pairs.len();
-        let constants = [
-            ("PAIRS", count(model.pairs.len())),
-            ("TILE", depth::TILE.into()),
-            ("GROUP", context.group_size().into()),
-        ];
+        let constants =
+            [("PAIRS", count(model.pairs.len())), ("TILE", depth::TILE.into()), ("GROUP", context.group_size().into())];
         let pairs = (model.pairs.len() * size_of::<Pair>()) as u64;
         Ok(Cull {
             test: Kernel::new(context, "cull/pairs", Size::Group, &[("PROXY_PAIRS", count(proxy_pairs))])?,

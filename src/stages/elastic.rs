@@ -80,5 +80,4 @@ impl Elastic {
             self.tetrahedron_count as u32,
         );
     }
-
 }

@@ -6,7 +6,7 @@ use super::cull::Cull;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
-use super::{Common, array, args, count, upload, zeros};
+use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
 

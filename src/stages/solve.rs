@@ -35,6 +35,7 @@ pub struct Solve {
     /// One [`types::Solve`].
     pub state: Buffer,
     rhs: Buffer,
+    leftover: Buffer,
     inverse: Buffer,
     /// Change of velocity; the next step's first guess.
     pub solution: Buffer,
@@ -78,6 +79,7 @@ impl Solve {
             has_contact: touch.is_some(),
             state: zeros::<types::Solve>(context, "solver state", 1)?,
             rhs: vector("right-hand side")?,
+            leftover: vector("leftover")?,
             inverse: zeros::<[f32; 4]>(context, "inverse blocks", 2 * nodes)?,
             solution: vector("solution")?,
             residual: vector("residual")?,
@@ -93,7 +95,7 @@ impl Solve {
     /// A new step: contacts that pulled last time say nothing about this one.
     pub fn record_reset(&self, recorder: &mut Recorder) {
         recorder.stage("solve");
-        recorder.fill_range(&self.state, offset_of!(types::Solve, retried) as u64, 4, 0);
+        recorder.fill_range(&self.state, offset_of!(types::Solve, retries) as u64, 4, 0);
     }
 
     /// Right-hand side, preconditioner, warm start, first residual.
@@ -115,6 +117,7 @@ impl Solve {
                 &touch.node_entries,
                 &touch.sorted,
                 &touch.contacts,
+                &self.leftover,
                 &self.rhs,
                 &self.preconditioned,
                 &self.inverse,
@@ -225,8 +228,11 @@ impl Solve {
             &common.frames,
             &elastic.node_info,
             &self.solution,
+            &self.rhs,
+            &self.image,
             &elastic.velocity,
             &elastic.displacement,
+            &self.leftover,
         ];
         recorder.dispatch_indirect(&self.commit, &buffers, &[], &common.args, args::COMMIT);
     }

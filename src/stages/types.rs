@@ -235,8 +235,8 @@ pub struct Solve {
     pub iterations: u32,
     /// 0 running, 1 converged, 2 stopped.
     pub status: u32,
-    /// Solved again without pulling contacts.
-    pub retried: u32,
+    /// How often it was solved again without pulling contacts.
+    pub retries: u32,
     /// Inverse of the tool's block.
     pub tool_inverse: [f32; 36],
     /// The tool's rows of b, x, r, u, p, s.
@@ -251,6 +251,8 @@ pub struct Solve {
     pub tool_p: [f32; 6],
     /// Its image.
     pub tool_s: [f32; 6],
+    /// b - A x of the last accepted step.
+    pub tool_leftover: [f32; 6],
 }
 
 /// What the host reads back.

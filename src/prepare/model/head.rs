@@ -1,0 +1,170 @@
+//! A human head for scenes without files: 0.25 m tall, y up, the face towards +z, the neck cut off flat.
+
+use glam::DVec3;
+
+use super::solid::{carve, ellipsoid, join, meet, stick};
+use super::{collapse, extract};
+
+/// Half the height, m: the head reaches from the cut neck at -HALF to the crown at HALF.
+const HALF: f64 = 0.125;
+/// Box that holds the head, m (half extents).
+const BOX: DVec3 = DVec3::new(0.105, 0.13, 0.12);
+/// Vertices extracted for each one wanted: collapsing then removes the slivers of marching tetrahedra.
+const SURPLUS: f64 = 2.0;
+/// Vertices that marching tetrahedra give per (1 m / cell)^2 of this head.
+const VERTICES_PER_CELL: f64 = 0.93;
+/// Coarsest lattice, m: ears and lips are about this thick, and a coarser one could pierce them.
+const COARSEST: f64 = 0.004;
+/// Half width of the blend at the plane of symmetry, m.
+const MIRROR: f64 = 0.002;
+
+/// Numbers of vertices that make sense: fewer lose the face, more take minutes and gigabytes.
+pub const VERTICES: std::ops::RangeInclusive<usize> = 500..=400_000;
+
+/// A head with exactly `vertex_count` vertices (within [`VERTICES`]), 2 `vertex_count` - 4 triangles: closed, outward, genus 0.
+pub fn head(vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let mut cell = (VERTICES_PER_CELL / (SURPLUS * vertex_count as f64)).sqrt().min(COARSEST);
+    loop {
+        let (mut vertices, triangles) = extract::surface(&solid, -BOX, BOX, cell);
+        if vertices.len() > vertex_count {
+            extract::smooth(&solid, &mut vertices, &triangles, 2);
+            let (mut vertices, triangles) = collapse::to_count(vertices, triangles, vertex_count);
+            extract::smooth(&solid, &mut vertices, &triangles, 6);
+            return (vertices, triangles);
+        }
+        cell *= 0.8;
+    }
+}
+
+/// The head's solid: negative inside.
+fn solid(point: DVec3) -> f64 {
+    // Both halves at once; the blend keeps the surface smooth where they meet.
+    let p = DVec3::new((point.x * point.x + MIRROR * MIRROR).sqrt(), point.y, point.z);
+    let head = mouth(p, nose(p, eyes(p, skull(p))));
+    let neck = stick(p * DVec3::new(0.95, 1.0, 1.0), (at(0.0, -0.04, -0.028), 0.05), (at(0.0, -0.2, -0.04), 0.054));
+    let whole = ears(p, join(head, neck, 0.025));
+    meet(whole, -HALF - point.y, 0.008)
+}
+
+fn at(x: f64, y: f64, z: f64) -> DVec3 {
+    DVec3::new(x, y, z)
+}
+
+/// Cranium, forehead, face, jaw, chin, cheeks and brow.
+fn skull(p: DVec3) -> f64 {
+    let cranium = ellipsoid(p, at(0.0, 0.045, -0.016), at(0.075, 0.081, 0.094));
+    let forehead = ellipsoid(p, at(0.0, 0.055, 0.034), at(0.060, 0.050, 0.046));
+    let face = ellipsoid(p, at(0.0, -0.008, 0.026), at(0.060, 0.078, 0.056));
+    let jaw = ellipsoid(p, at(0.0, -0.056, 0.034), at(0.046, 0.032, 0.042));
+    let corner = ellipsoid(p, at(0.040, -0.042, 0.004), at(0.018, 0.030, 0.030));
+    let chin = ellipsoid(p, at(0.0, -0.075, 0.067), at(0.018, 0.013, 0.014));
+    let cheek = ellipsoid(p, at(0.038, -0.004, 0.055), at(0.022, 0.018, 0.018));
+    let brow = ellipsoid(p, at(0.026, 0.037, 0.072), at(0.028, 0.009, 0.013));
+    let upper = join(cranium, forehead, 0.03);
+    let lower = join(join(join(face, jaw, 0.025), corner, 0.025), chin, 0.014);
+    join(join(join(upper, lower, 0.03), cheek, 0.03), brow, 0.018)
+}
+
+/// Sockets, then eyeballs in them.
+fn eyes(p: DVec3, head: f64) -> f64 {
+    let socket = ellipsoid(p, at(0.031, 0.019, 0.092), at(0.019, 0.013, 0.018));
+    let ball = ellipsoid(p, at(0.031, 0.018, 0.068), DVec3::splat(0.0135));
+    let slit = ellipsoid(p, at(0.031, 0.0160, 0.0835), at(0.014, 0.0030, 0.0050));
+    carve(join(carve(head, socket, 0.014), ball, 0.005), slit, 0.004)
+}
+
+/// Bridge, tip, wings and nostrils.
+fn nose(p: DVec3, head: f64) -> f64 {
+    let bridge = stick(p, (at(0.0, 0.032, 0.080), 0.0065), (at(0.0, -0.010, 0.103), 0.0095));
+    let wing = ellipsoid(p, at(0.0105, -0.014, 0.089), at(0.0080, 0.0075, 0.013));
+    let nostril = ellipsoid(p, at(0.0065, -0.0225, 0.096), at(0.0035, 0.005, 0.005));
+    carve(join(join(head, bridge, 0.012), wing, 0.010), nostril, 0.003)
+}
+
+/// The swell of the teeth, two lips and the line between them.
+fn mouth(p: DVec3, head: f64) -> f64 {
+    let swell = ellipsoid(p, at(0.0, -0.043, 0.068), at(0.030, 0.024, 0.018));
+    let upper = ellipsoid(p, at(0.0, -0.0395, 0.084), at(0.021, 0.0055, 0.008));
+    let lower = ellipsoid(p, at(0.0, -0.0495, 0.082), at(0.018, 0.0060, 0.009));
+    let line = ellipsoid(p, at(0.0, -0.0445, 0.094), at(0.024, 0.0032, 0.0085));
+    let lips = join(upper, lower, 0.003);
+    carve(join(join(head, swell, 0.02), lips, 0.006), line, 0.004)
+}
+
+/// A shell that stands off to the back, hollowed at its front.
+fn ears(p: DVec3, head: f64) -> f64 {
+    // Coordinates of the ear: turned by 3-4-5 triangles' angles, so that no trigonometry is rounded.
+    let local = p - at(0.078, 0.008, -0.014);
+    let (c, s) = (0.8, 0.6);
+    let turned = at(c * local.x + s * local.z, local.y, c * local.z - s * local.x);
+    let (c, s) = (24.0 / 25.0, 7.0 / 25.0);
+    let tilted = at(turned.x, c * turned.y + s * turned.z, c * turned.z - s * turned.y);
+    let shell = ellipsoid(tilted, DVec3::ZERO, at(0.0075, 0.032, 0.020));
+    let hollow = ellipsoid(tilted, at(0.0085, 0.004, 0.001), at(0.006, 0.021, 0.012));
+    carve(join(head, shell, 0.008), hollow, 0.004)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::{NONE, Skin, mass, skin};
+
+    /// Closed, manifold, genus 0, outward, and where a head should be.
+    fn check(skin: &Skin, count: usize) {
+        assert_eq!((skin.vertices.len(), skin.triangles.len()), (count, 2 * count - 4));
+        assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
+        assert_eq!(skin::parts(count, &skin.triangles).1, 1);
+        // One ring of triangles around each vertex: no two sheets meet in a point.
+        let mut degree = vec![0; count];
+        skin.triangles.iter().flatten().for_each(|&v| degree[v as usize] += 1);
+        for (t, triangle) in skin.triangles.iter().enumerate() {
+            for k in 0..3 {
+                assert_eq!(ring(skin, t as u32, k), degree[triangle[k] as usize]);
+            }
+        }
+        let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
+        assert!((0.003..0.006).contains(&volume), "{volume}");
+        let low = skin.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = skin.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        // Coarse heads lose about an edge of their nose, ears and rims.
+        let edge = 0.4 / (count as f64).sqrt();
+        let near = |a: DVec3, b: DVec3| (a - b).abs().max_element() < 0.004 + edge;
+        assert!(
+            near(low, DVec3::new(-0.092, -HALF, -0.110)) && near(high, DVec3::new(0.092, HALF, 0.112)),
+            "{low} {high}"
+        );
+    }
+
+    /// Triangles met when walking once around corner `k` of a triangle.
+    fn ring(skin: &Skin, start: u32, k: usize) -> usize {
+        let vertex = skin.triangles[start as usize][k];
+        let (mut t, mut count) = (start, 0);
+        loop {
+            let at = skin.triangles[t as usize].iter().position(|&v| v == vertex).unwrap();
+            t = skin.neighbours[t as usize][at];
+            count += 1;
+            if t == start || count > 1000 {
+                return count;
+            }
+        }
+    }
+
+    #[test]
+    fn heads_of_any_count_are_closed_and_of_genus_zero() {
+        for count in [500, 3000, 10_001, 44_000] {
+            let start = std::time::Instant::now();
+            let (vertices, triangles) = head(count);
+            println!("head of {count}: {:.2?}", start.elapsed());
+            let skin = skin::build(vertices, triangles);
+            check(&skin, count);
+            let off = skin.vertices.iter().map(|&v| solid(v).abs()).fold(0.0, f64::max);
+            // On the solid's surface, but for creases, where one Newton step may fall short.
+            assert!(off < 5e-4, "{count}: {off}");
+        }
+    }
+
+    #[test]
+    fn a_head_is_the_same_every_time() {
+        assert_eq!(head(2000), head(2000));
+    }
+}

@@ -1,0 +1,93 @@
+//! The whole step against the f64 oracle: scenes as a user writes them, run by the engine on the device.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use palpate::gpu::Options;
+use palpate::oracle;
+use palpate::prepare::Shape;
+use palpate::report::Row;
+use palpate::scene::Scene;
+use palpate::stages::depth;
+use palpate::step::Simulation;
+
+/// The folder of meshes that are not part of the project; `None`, with a line that says so, where it is missing.
+pub fn meshes(test: &str) -> Option<PathBuf> {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");
+    let folder = std::env::var_os("PALPATE_MESHES").map_or(default, PathBuf::from);
+    if !folder.is_dir() {
+        println!("skipped: {test}: no meshes at {} (set PALPATE_MESHES)", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+/// A scene written to a file of its own and loaded.
+pub fn scene(text: &str) -> Scene {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.toml");
+    std::fs::write(&file, text).unwrap();
+    Scene::load(&file).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+/// The engine on a scene, with validation on.
+pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: true };
+    Simulation::new(scene, &options, path).unwrap()
+}
+
+/// Runs steps; any validation message fails.
+pub fn run(simulation: &mut Simulation, steps: usize) -> Vec<Row> {
+    let rows = (0..steps).map(|_| simulation.step().unwrap()).collect();
+    let messages = simulation.context().validation_messages();
+    assert!(messages.is_empty(), "{messages:#?}");
+    rows
+}
+
+/// The oracle's twin of a soft body.
+pub fn soft_twin(simulation: &Simulation, body: usize) -> oracle::step::SoftBody {
+    let body = &simulation.bodies()[body];
+    let Shape::Soft { layer, material, .. } = &body.shape else { panic!("{} is not soft", body.name) };
+    oracle::step::SoftBody::new(layer.clone(), *material, body.position, body.orientation, body.velocity)
+}
+
+/// Largest difference over largest value.
+pub fn relative_error(got: &[DVec3], want: &[DVec3]) -> f64 {
+    let largest = want.iter().map(|x| x.length()).fold(0.0, f64::max);
+    got.iter().zip(want).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / largest
+}
+
+/// Displacements after 20 steps, of the largest. The state is f32 displacements, the solver stops at 1e-6.
+const FREE_FALL: f64 = 2.0e-5;
+
+#[test]
+fn free_fall_of_a_bound_human_agrees_with_the_oracle() {
+    let Some(meshes) = meshes("free fall of the human") else { return };
+    let file = meshes.join("tet/human.v41.msh");
+    let layer = palpate::scene::gmsh::read(&file).unwrap();
+    let centroid = layer.nodes.iter().sum::<DVec3>() / layer.nodes.len() as f64;
+    for young in [2.0e4, 2.0e6] {
+        let text = format!(
+            "[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \"human\"\nlayer = {file:?}\n\
+             material = {{ young = {young:e}, poisson = 0.45, density = 1000.0 }}\n\
+             [[body.core]]\nname = \"core\"\nmotion = \"fixed\"\n\
+             bind = {{ sphere = [{}, {}, {}, 0.15] }}\n",
+            centroid.x, centroid.y, centroid.z
+        );
+        let scene = scene(&text);
+        let mut simulation = open(&scene, None);
+        let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
+        twin.bodies.push(soft_twin(&simulation, 0));
+        let rows = run(&mut simulation, 20);
+        for _ in 0..20 {
+            twin.step(None, &[]).unwrap();
+        }
+        let (moved, _) = simulation.nodes(0).unwrap().unwrap();
+        let error = relative_error(&moved, &twin.bodies[0].displacement);
+        let iterations: Vec<u32> = rows.iter().map(|row| row.iterations).collect();
+        println!("free fall at {young:e} Pa: error {error:.2e} of the largest, iterations {iterations:?}");
+        assert!(rows.iter().all(|row| row.flags.0 == 0), "flags at {young:e} Pa");
+        assert!(error < FREE_FALL, "{young:e} Pa: {error:e}");
+    }
+}
