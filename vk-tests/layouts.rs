@@ -137,7 +137,7 @@ fn contacts_solver_and_report() {
             floor_norm2,
             iterations,
             status,
-            retried,
+            retries,
             tool_inverse,
             tool_b,
             tool_x,
@@ -145,6 +145,7 @@ fn contacts_solver_and_report() {
             tool_u,
             tool_p,
             tool_s,
+            tool_leftover,
         }
     );
     same_layout!(

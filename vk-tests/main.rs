@@ -2,10 +2,14 @@
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
 mod bodies;
+mod cull;
 mod flow;
 mod gpu;
 mod harness;
 mod harness_self_test;
 mod layouts;
+mod pose;
+mod regions;
+mod skin;
 mod spheres;
 mod whole_step;
