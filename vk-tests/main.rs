@@ -2,7 +2,9 @@
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
 mod bodies;
+mod contact;
 mod cull;
+mod depth;
 mod flow;
 mod gpu;
 mod harness;
@@ -12,4 +14,5 @@ mod pose;
 mod regions;
 mod skin;
 mod spheres;
+mod transpose;
 mod whole_step;
