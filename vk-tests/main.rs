@@ -1,7 +1,18 @@
 //! Kernels on a real device, held against expectations. Validation and synchronisation validation are on; no device is
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
+mod bodies;
+mod contact;
+mod cull;
+mod depth;
+mod flow;
 mod gpu;
 mod harness;
 mod harness_self_test;
+mod layouts;
+mod pose;
+mod regions;
+mod skin;
+mod spheres;
+mod transpose;
 mod whole_step;
