@@ -4,4 +4,5 @@
 mod gpu;
 mod harness;
 mod harness_self_test;
+mod touch;
 mod whole_step;
