@@ -4,5 +4,6 @@
 mod gpu;
 mod harness;
 mod harness_self_test;
+mod laws;
 mod touch;
 mod whole_step;
