@@ -19,7 +19,7 @@ use crate::stages::elastic::Elastic;
 use crate::stages::model::Model;
 use crate::stages::skin::{Probes, Skin};
 use crate::stages::solve::Solve;
-use crate::stages::types::{Frame, Pair, Report, StepParams, verdict};
+use crate::stages::types::{self, Counts, Frame, Pair, Region, Report, StepParams, verdict};
 use crate::stages::wrench::Wrench;
 use crate::stages::{Common, depth, pose};
 use crate::{Error, Result};
@@ -207,6 +207,17 @@ impl Simulation {
             Ok(own.iter().map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect())
         };
         Ok(Some((read(&self.stages.elastic.displacement)?, read(&self.stages.elastic.velocity)?)))
+    }
+
+    /// The region of each pair of bodies and the contacts of the last step, as the device left them (a dropped contact has
+    /// stiffness 0); empty where nothing can touch. Positions are relative to the origin of that step. Costs transfers of
+    /// its own: for tests and export.
+    pub fn touch(&self) -> Result<(Vec<Region>, Vec<types::Contact>)> {
+        let Some(touch) = &self.stages.touch else { return Ok((Vec::new(), Vec::new())) };
+        let count = self.stages.common.counts.read::<Counts>()?[0].contacts as usize;
+        let mut contacts = touch.contact.touch.contacts.read::<types::Contact>()?;
+        contacts.truncate(count);
+        Ok((touch.cull.regions.read::<Region>()?, contacts))
     }
 
     /// Where f32 positions are measured from: the tool, or the first body; contact needs digits there.
