@@ -3,6 +3,7 @@
 
 mod bodies;
 mod contact;
+mod contact_sizes;
 mod cull;
 mod depth;
 mod flow;
