@@ -4,6 +4,7 @@
 mod gpu;
 mod harness;
 mod harness_self_test;
+mod heads;
 mod laws;
 mod touch;
 mod whole_step;

@@ -1,6 +1,5 @@
 //! The whole step against the f64 oracle: scenes as a user writes them, run by the engine on the device.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
