@@ -1,8 +1,9 @@
 //! Laws that whole steps keep, whatever the oracle says: balance of momentum, energy, the same answer everywhere and every
 //! time, no work that a scene does not need, no step that blows up.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use glam::{DQuat, DVec3};
-use palpate::gpu::Options;
 use palpate::oracle;
 use palpate::report::{Flags, Row};
 use palpate::scene::Scene;
@@ -11,7 +12,7 @@ use palpate::stages::types::Contact;
 use palpate::step::Simulation;
 
 use crate::touch::{Place, press};
-use crate::whole_step::{open, run, scene, soft_twin};
+use crate::whole_step::{open, relative_error, run, scene, soft_twin};
 
 /// Nodes, their velocities and the tool at one moment.
 struct State {
@@ -72,6 +73,12 @@ fn collision(young: f64) -> String {
     )
 }
 
+/// Momentum's change, per step and over all, of the block's: f32 velocities (6e-8), and what the solver leaves undone (1e-6
+/// of a step's impulse), which the next step makes good.
+const MOMENTUM: f64 = 5.0e-7;
+/// Angular momentum's change in a step, of the linear momentum times the block's half edge; the same reasons.
+const SPIN: f64 = 5.0e-7;
+
 #[test]
 fn a_free_block_and_a_free_tool_keep_their_momentum() {
     for young in [2.0e4, 5.0e5] {
@@ -88,7 +95,8 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
             let ((p0, l0), (p1, l1)) = (before.momentum(), after.momentum());
             worst = worst.max(p1.distance(p0));
             drift = drift.max(p1.distance(start));
-            // The stiffness term of the step acts with the rotations of its start: its own, known torque.
+            // Implicit stiffness with the rotations of the step's start has a torque of its own, of second order in the
+            // strain; the law holds beside it. Everything else acts in pairs on one line.
             let body = &before.twin;
             let stiff = body.elements.apply_stiffness(&after.twin.velocity, &body.rotations());
             let turn: DVec3 = body.world_nodes().iter().zip(&stiff).map(|(x, f)| x.cross(*f)).sum();
@@ -99,59 +107,67 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
             force = force.max(row.tool.unwrap().force.length());
             before = after;
         }
-        let (end, end_spin) = before.momentum();
-        let tool = before.tool.unwrap().velocity;
+        let (size, arm) = (start.length(), 0.05);
         println!(
-            "momentum at {young:e} Pa: {:.3} kg m/s; per step {worst:.1e}, over all {drift:.1e} (end {:.1e}); angular {:.1e}: \
-             per step {twist:.1e} beside the method's {method:.1e}, from start to end {:.1e}; {contacts} contacts, {force:.1} N, \
-             tool leaves at {tool:.2}",
-            start.length(),
-            end.distance(start),
-            spin.length(),
-            end_spin.distance(spin)
+            "momentum at {young:e} Pa: of {size:.3} kg m/s lost {:.1e} a step, {:.1e} over all; angular {:.1e} a step beside \
+             the method's {:.1e}, {:.1e} over all (of 0.05 m times the linear); up to {contacts} contacts, {force:.1} N",
+            worst / size,
+            drift / size,
+            twist / (size * arm),
+            method / (size * arm),
+            before.momentum().1.distance(spin) / (size * arm),
         );
+        assert!(contacts > 10 && force > 1.0 && before.tool.unwrap().velocity.length() > 0.1, "nothing was hit");
+        assert!(worst < MOMENTUM * size && drift < MOMENTUM * size && twist < SPIN * size * arm);
     }
 }
 
-/// Penalty energy of contacts that stand, J.
-fn penalty(contacts: &[Contact]) -> f64 {
-    contacts.iter().map(|c| 0.5 * f64::from(c.stiffness) * f64::from(c.area) * f64::from(c.depth).powi(2)).sum()
+/// Energy gained, of what is turned over: the state is f32, the solver stops at 1e-6.
+const GAIN: f64 = 1.0e-5;
+
+/// Penalty energy of the contacts of a step, J, by side and vertex; those dropped in the step count too.
+fn penalties(contacts: &[Contact]) -> BTreeMap<(u32, u32), f64> {
+    let stiffness = contacts.iter().map(|c| c.stiffness).fold(0.0, f32::max);
+    let energy = |c: &Contact| 0.5 * f64::from(stiffness * c.area) * f64::from(c.depth).powi(2);
+    contacts.iter().map(|c| ((c.side, c.vertex), energy(c))).collect()
 }
 
-/// A run's energies at the start of each step (with the contacts gathered there), and heights.
-fn energies(text: &str, steps: usize, height: impl Fn(&State) -> f64) -> (Vec<(f64, f64)>, Vec<f64>, Vec<Row>) {
+/// Runs a drop and holds its energy against the law, at the start of each step with the contacts gathered there. Kinetic,
+/// elastic and gravity's energy together never exceed the start's. With the contacts' the sum may only rise by that of
+/// contacts that entered since the last step: they are met where they are, up to one step's way inside.
+fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
     let scene = scene(text);
     let mut simulation = open(&scene, None);
-    let (mut all, mut heights, mut rows) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut energies, mut heights) = (Vec::new(), Vec::new());
+    let (mut last, mut sum, mut rise, mut most) = (BTreeMap::new(), f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
     for _ in 0..steps {
         let state = State::of(&simulation);
-        rows.extend(run(&mut simulation, 1));
-        all.push((state.energy(scene.step.gravity), penalty(&simulation.touch().unwrap().1)));
+        let row = run(&mut simulation, 1).remove(0);
+        assert_eq!(row.flags, Flags::default(), "{name}, step {}", row.step);
+        let energy = state.energy(scene.step.gravity);
+        let stored = penalties(&simulation.touch().unwrap().1);
+        let entered: f64 = stored.iter().filter(|(key, _)| !last.contains_key(*key)).map(|(_, e)| e).sum();
+        let total = energy + stored.values().sum::<f64>();
+        rise = rise.max(total - entered - sum);
+        most = most.max(stored.values().sum());
+        (last, sum) = (stored, total);
+        energies.push(energy);
         heights.push(height(&state));
     }
-    (all, heights, rows)
-}
-
-fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
-    let (all, heights, rows) = energies(text, steps, height);
-    let start = all[0].0 + all[0].1;
-    let lowest_height = heights.iter().copied().fold(f64::INFINITY, f64::min);
-    let at = heights.iter().position(|h| *h == lowest_height).unwrap();
+    let lowest = heights.iter().copied().fold(f64::INFINITY, f64::min);
+    let at = heights.iter().position(|h| *h == lowest).unwrap();
     let rebound = heights[at..].iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let scale = all.iter().map(|(e, _)| (e - start).abs()).fold(0.0, f64::max);
-    let plain = all.iter().map(|(e, _)| e - start).fold(f64::NEG_INFINITY, f64::max);
-    let total = all.iter().map(|(e, c)| e + c - start).fold(f64::NEG_INFINITY, f64::max);
-    let most = all.iter().map(|e| e.1).fold(0.0, f64::max);
-    let flags: Vec<u32> = rows.iter().map(|r| r.flags.0).filter(|f| *f != 0).collect();
+    let scale = energies.iter().map(|e| (e - energies[0]).abs()).fold(0.0, f64::max);
+    let gain = energies[1..].iter().map(|e| e - energies[0]).fold(f64::NEG_INFINITY, f64::max);
     println!(
-        "{name}: rises {:.1e} without, {:.1e} with the contacts' (to {most:.2e}), of {scale:.2e} J turned over; \
-         fell to {:.4} at step {at}, back to {:.4} of {:.4} m; flags {flags:?}",
-        plain / scale,
-        total / scale,
-        lowest_height,
-        rebound,
+        "{name}: of {scale:.2e} J turned over gained {:.1e}; with contacts (to {most:.1e} J) a step gains {:.1e} beside those \
+         that enter; fell to {lowest:.4} at step {at}, back to {rebound:.4} of {:.4} m",
+        gain / scale,
+        rise / scale,
         heights[0]
     );
+    assert!(gain < GAIN * scale && rise < GAIN * scale, "{name}");
+    assert!(most > 0.0 && rebound > lowest && rebound < heights[0], "{name}");
 }
 
 #[test]
@@ -183,5 +199,107 @@ fn a_dropped_block_never_gains_energy() {
         );
         let height = |s: &State| s.nodes().map(|(m, x, _)| m * x.y).sum::<f64>() / s.nodes().map(|n| n.0).sum::<f64>();
         judge(&format!("block of {young:e} Pa from {drop} m, tilt {tilt}"), &text, 250, height);
+    }
+}
+
+/// A row without its wall time, to the last bit: f64's debug form is the shortest that reads back as the same number.
+fn bits(rows: &[Row]) -> Vec<String> {
+    rows.iter().map(|row| format!("{:?}", Row { step_us: 0.0, ..row.clone() })).collect()
+}
+
+#[test]
+fn a_run_repeats_to_the_last_bit() {
+    let slide = DVec3::new(0.012, 0.0, -0.007);
+    let place = Place { turn: DQuat::from_rotation_z(0.5), slide, ..Place::default() };
+    let scene = scene(&press(2.0e4, 0.001, place, ""));
+    for path in [depth::Path::Compute, depth::Path::Graphics] {
+        let [(a, shape_a), (b, shape_b)] = [(), ()].map(|()| {
+            let mut simulation = open(&scene, Some(path));
+            let rows = run(&mut simulation, 45);
+            (rows, format!("{:?}", simulation.nodes(0).unwrap()))
+        });
+        assert!(a[44].tool.unwrap().force.length() > 0.1, "nothing was touched");
+        assert!(bits(&a) == bits(&b) && shape_a == shape_b, "{} path", path.name());
+    }
+}
+
+/// Recorded stages, stages with passes, and bytes on the device.
+fn needs(text: &str) -> (Vec<&'static str>, Vec<String>, u64) {
+    let simulation = open(&scene(text), None);
+    let planned = simulation.plan().entries.iter().filter(|e| e.recorded).map(|e| e.stage).collect();
+    let passes = simulation.passes(8).0.into_iter().filter(|(_, count)| *count > 0).map(|(name, _)| name).collect();
+    (planned, passes, simulation.context().bytes_allocated())
+}
+
+/// Bytes at least that the stages of touch alone allocate: room for 16 entries (node, weight, sorted, unsorted: 20 bytes) of
+/// every vertex of the sphere.
+const TOUCH_BYTES: u64 = 2562 * 16 * 20;
+
+#[test]
+fn a_scene_records_and_allocates_only_what_it_needs() {
+    let body = format!(
+        "[[body]]\nname = \"block\"\nlayer = {{ {BLOCK}, cells = [5, 5, 5] }}\n\
+         material = {{ young = 2e4, poisson = 0.4, density = 1000.0 }}\n"
+    );
+    let alone = needs(&body);
+    let floor = needs(&format!("{body}[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, -0.05]\n"));
+    let tool = needs(&format!("{body}[tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.08, 0.0]\n"));
+    println!("bytes: {} alone, {} on a floor, {} with a tool", alone.2, floor.2, tool.2);
+    assert_eq!(alone.0, ["elastic", "solve"]);
+    assert_eq!(floor.0, ["pose", "skin", "cull", "contact", "elastic", "solve"]);
+    assert_eq!(tool.0, ["pose", "skin", "cull", "depth", "contact", "elastic", "solve", "wrench"]);
+    for (planned, passes, _) in [&alone, &floor, &tool] {
+        let with_passes: BTreeSet<&str> = passes.iter().map(String::as_str).collect();
+        assert_eq!(with_passes, planned.iter().copied().collect());
+    }
+    assert!(alone.2 + TOUCH_BYTES < tool.2 && alone.2 < floor.2 && floor.2 + TOUCH_BYTES < tool.2);
+}
+
+/// Force one kilometre away, of the largest. Positions are f64 on the host and relative to the tool on the device; what is
+/// left is the rounding of a kilometre, 1e-13 m of a depth of millimetres, and f32's where it tips a last bit.
+const FAR: f64 = 1.0e-5;
+
+#[test]
+fn a_kilometre_away_the_forces_are_the_same() {
+    let slide = DVec3::new(0.012, 0.0, -0.007);
+    let here = Place { turn: DQuat::from_rotation_z(0.5), slide, ..Place::default() };
+    let there = Place { shift: DVec3::new(1000.0, -1000.0, 1000.0), ..here };
+    let [near, far] = [here, there].map(|place| {
+        let rows = run(&mut open(&scene(&press(2.0e4, 0.001, place, "")), None), 60);
+        rows.iter().flat_map(|r| r.tool.map(|t| [t.force, t.torque / 0.02])).flatten().collect::<Vec<_>>()
+    });
+    let error = relative_error(&far, &near);
+    println!("a kilometre away: force {error:.1e} of the largest");
+    assert!(error < FAR);
+}
+
+/// The drive goes 4.5 mm: neither the tool nor a node has a reason to be farther off, m.
+const BOUND: f64 = 0.005;
+
+#[test]
+fn a_press_stays_finite_for_all_stiffnesses_and_steps() {
+    for young in [1.0e3, 1.0e4, 1.0e5, 1.0e6, 1.0e7] {
+        for dt in [2.5e-4, 1.0e-3, 3.0e-3, 1.0e-2] {
+            let scene: Scene = scene(&press(young, dt, Place::default(), ""));
+            let mut simulation = open(&scene, None);
+            let rows = run(&mut simulation, ((0.06 / dt) as usize).clamp(30, 60));
+            let (moved, _) = simulation.nodes(0).unwrap().unwrap();
+            let largest = moved.iter().map(|d| d.length()).fold(0.0, f64::max);
+            let force: Vec<f64> = rows.iter().map(|r| r.tool.unwrap().force.length()).collect();
+            let peak = force.iter().copied().fold(0.0, f64::max);
+            let tool = rows.last().unwrap().tool.unwrap();
+            let iterations = rows.iter().map(|r| r.iterations).max().unwrap();
+            let off = tool.tool.position.distance(tool.device.position);
+            println!(
+                "{young:.0e} Pa, {:5.2} ms: force to {peak:.3} N, tool {:.2} mm off the device, nodes moved {:.2} mm, up to \
+                 {iterations} iterations",
+                dt * 1e3,
+                off * 1e3,
+                largest * 1e3,
+            );
+            assert!(rows.iter().all(|row| row.flags == Flags::default()), "flags at {young:e} Pa, {dt} s");
+            assert!(moved.iter().all(|d| d.is_finite()) && force.iter().all(|f| f.is_finite()));
+            assert!(peak > 0.0 && off < BOUND && largest < BOUND, "{young:e} Pa, {dt} s");
+        }
     }
 }

@@ -10,6 +10,7 @@ mod flow;
 mod gpu;
 mod harness;
 mod harness_self_test;
+mod heads;
 mod laws;
 mod layouts;
 mod pose;
