@@ -33,6 +33,7 @@ enum Role {
     Input,
     InOut,
     Output,
+    Partial,
 }
 
 struct Given {
@@ -99,6 +100,12 @@ impl Case {
     pub fn output<T: Pod>(self, name: &str, len: usize) -> Self {
         let canaries = vec![CANARY; len * size_of::<T>() / 4];
         self.with(name, Role::Output, bytemuck::cast_slice(&canaries))
+    }
+
+    /// An array the kernel writes where it has something to say; the rest must stay as `data` has it, which the case
+    /// itself has to look at.
+    pub fn partial<T: Pod>(self, name: &str, data: &[T]) -> Self {
+        self.with(name, Role::Partial, bytemuck::cast_slice(data))
     }
 
     /// Push constants.
@@ -170,7 +177,7 @@ impl Case {
             match given.role {
                 Role::Input => {}
                 Role::InOut => assert!(reads && writes, "{}: {name} is not both read and written", self.kernel),
-                Role::Output => assert!(writes, "{}: {name} is never written", self.kernel),
+                Role::Output | Role::Partial => assert!(writes, "{}: {name} is never written", self.kernel),
             }
         }
     }
