@@ -32,6 +32,11 @@ impl Entries {
         }
     }
 
+    /// Row, column and value of what was added, in that order; the lower triangle, places may repeat.
+    pub fn lower(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.places.iter().zip(&self.values).map(|(&(row, column), &value)| (row, column, value))
+    }
+
     /// y = A x, for residuals.
     pub fn multiply(&self, x: &[f64]) -> Vec<f64> {
         let mut y = vec![0.0; x.len()];

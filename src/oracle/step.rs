@@ -124,10 +124,13 @@ pub struct Simulation {
 }
 
 /// Where each free node and the tool sit among the unknowns.
-struct Unknowns {
-    nodes: Vec<Vec<Option<usize>>>,
-    tool: usize,
-    count: usize,
+pub struct Unknowns {
+    /// First of the three unknowns of each node of each body; `None` where it is bound.
+    pub nodes: Vec<Vec<Option<usize>>>,
+    /// First of the tool's six.
+    pub tool: usize,
+    /// All of them.
+    pub count: usize,
 }
 
 impl Simulation {
@@ -174,7 +177,8 @@ impl Simulation {
         Ok(Report { contacts, wrench, flags })
     }
 
-    fn unknowns(&self) -> Unknowns {
+    /// Numbers the unknowns: nodes by body, then the tool.
+    pub fn unknowns(&self) -> Unknowns {
         let mut count = 0;
         let mut number = |bound: &bool| {
             let first = count;
@@ -183,6 +187,17 @@ impl Simulation {
         };
         let nodes = self.bodies.iter().map(|b| b.layer.bound.iter().map(&mut number).collect()).collect();
         Unknowns { nodes, tool: count, count: count + if self.tool.is_some() { 6 } else { 0 } }
+    }
+
+    /// A and b of the next step with all of these contacts in it.
+    pub fn assemble(&self, device: Option<&Device>, contacts: &[Contact]) -> (Entries, Vec<f64>) {
+        let unknowns = self.unknowns();
+        let (mut a, mut b) = self.system(&unknowns, device);
+        let start = self.velocities(&unknowns);
+        for contact in contacts {
+            add_contact(&mut a, &mut b, &self.row(&unknowns, contact), contact, &start, self.dt);
+        }
+        (a, b)
     }
 
     /// A and b without contacts.
@@ -227,7 +242,7 @@ impl Simulation {
     }
 
     /// The row c with depth rate = c . velocities.
-    fn row(&self, unknowns: &Unknowns, contact: &Contact) -> Vec<(usize, f64)> {
+    pub fn row(&self, unknowns: &Unknowns, contact: &Contact) -> Vec<(usize, f64)> {
         let mut row = Vec::new();
         self.add_point(&mut row, unknowns, &contact.first, contact.normal);
         self.add_point(&mut row, unknowns, &contact.second, -contact.normal);

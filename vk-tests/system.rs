@@ -1,0 +1,407 @@
+//! What the solver's kernels are given: layers in a deformed state, contacts, a tool; and the oracle in the same state.
+
+use std::collections::BTreeMap;
+
+use glam::{DMat3, DQuat, DVec3};
+use palpate::oracle::contact::{Carrier, Contact as Twin, Point};
+use palpate::oracle::linear::Entries;
+use palpate::oracle::step::{Simulation, SoftBody};
+use palpate::oracle::tool::{Device, Tool};
+use palpate::prepare::layer::kuhn_box;
+use palpate::prepare::{Body, Layer, Shape, Skin};
+use palpate::scene::{self, Coupling, Material, Scene};
+use palpate::stages::model::Model;
+use palpate::stages::types::{Contact, Counts, Frame, NONE, StepParams};
+
+use crate::elastic;
+
+/// s; a power of two, so that both precisions mean the same; long, so that stiffness outweighs mass.
+pub const DT: f32 = 1.0 / 128.0;
+
+/// Numbers in [-1, 1), the same every time.
+pub struct Random(pub u64);
+
+impl Random {
+    /// The next number.
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// A vector of three.
+    pub fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.next(), self.next(), self.next())
+    }
+
+    /// A rotation, of up to nearly half a turn or more.
+    pub fn rotation(&mut self) -> DQuat {
+        DQuat::from_scaled_axis(2.5 * self.vector())
+    }
+
+    /// An index below `n`.
+    pub fn below(&mut self, n: usize) -> usize {
+        ((self.next() * 0.5 + 0.5) * n as f64) as usize
+    }
+}
+
+/// Inputs of the solver's kernels, and the oracle's simulation in the same state.
+pub struct System {
+    pub model: Model,
+    pub params: StepParams,
+    pub frames: Vec<Frame>,
+    pub node_elements: Vec<[u32; 4]>,
+    pub displacement: Vec<[f32; 4]>,
+    pub velocity: Vec<[f32; 4]>,
+    /// As elastic/rotate leaves them; with the zeros that pad node lists.
+    pub rotations: Vec<[f32; 4]>,
+    pub gradients: Vec<[f32; 4]>,
+    pub element_forces: Vec<[f32; 4]>,
+    pub counts: Counts,
+    pub contacts: Vec<Contact>,
+    pub entry_nodes: Vec<[u32; 4]>,
+    pub entry_weights: Vec<[f32; 4]>,
+    pub node_entries: Vec<[u32; 2]>,
+    pub sorted: Vec<[u32; 2]>,
+    pub twin: Simulation,
+    pub twin_contacts: Vec<Twin>,
+    pub device: Option<Device>,
+}
+
+/// A scene of which nothing matters to a layer.
+fn scene() -> Scene {
+    Scene {
+        file: "none".into(),
+        step: scene::Step { dt: f64::from(DT), gravity: DVec3::ZERO, newton: 1 },
+        solver: scene::Solver { tolerance: 1e-5, max_iterations: 10, preconditioner: scene::Preconditioner::Auto },
+        contact: scene::Contact {
+            stiffness: Some(1e6),
+            damping: Some(1e3),
+            friction: 0.0,
+            friction_speed: 1e-3,
+            texel: None,
+            depth_limit: 0.02,
+        },
+        bodies: vec![],
+        tool: None,
+        coupling: None,
+        drive: vec![],
+        haptics: scene::Haptics { device: "scripted".into(), rate: 1000.0, max_force: None },
+        probes: vec![],
+    }
+}
+
+/// A body that is a layer and nothing else.
+pub fn layered(layer: Layer, material: Material, orientation: DQuat) -> Body {
+    let (skin, proxies) = (Skin::default(), vec![]);
+    let shape = Shape::Soft { layer, material, embedding: vec![], skin, proxies };
+    Body { name: "layer".into(), shape, position: DVec3::new(0.3, -0.1, 0.2), orientation, velocity: DVec3::ZERO }
+}
+
+/// The first `nodes` nodes of a box of 20 mm cells and the tetrahedra among them; a node of none is bound, as the
+/// engine has it.
+pub fn layer(nodes: usize) -> Layer {
+    let side = (1..).find(|side| (side + 1usize).pow(3) >= nodes).unwrap_or(1);
+    let half = DVec3::splat(0.01 * side as f64);
+    let mut layer = kuhn_box(-half, half, [side as u32; 3]);
+    layer.nodes.truncate(nodes);
+    layer.tetrahedra.retain(|t| t.iter().all(|i| (*i as usize) < nodes));
+    layer.bound = vec![true; nodes];
+    layer.tetrahedra.iter().flatten().for_each(|i| layer.bound[*i as usize] = false);
+    layer
+}
+
+/// Soft, damped.
+pub fn material(young: f64) -> Material {
+    Material { young, poisson: 0.45, density: 1e3, damping_mass: 0.5, damping_stiffness: 2e-3 }
+}
+
+fn narrow(x: DVec3) -> [f32; 4] {
+    [x.x as f32, x.y as f32, x.z as f32, 0.0]
+}
+
+fn wide(x: &[f32; 4]) -> DVec3 {
+    DVec3::new(x[0].into(), x[1].into(), x[2].into())
+}
+
+fn generic_tool() -> Tool {
+    let coupling = Coupling { stiffness: 500.0, damping: 2.0, angular_stiffness: 0.5, angular_damping: 1e-3 };
+    Tool {
+        mass: 0.3,
+        inertia: DMat3::from_diagonal(DVec3::new(2e-4, 3e-4, 4e-4)),
+        centre: DVec3::new(0.02, 0.03, -0.01),
+        orientation: DQuat::from_scaled_axis(DVec3::new(0.3, -0.7, 0.4)),
+        velocity: DVec3::new(0.1, -0.2, 0.05),
+        angular_velocity: DVec3::new(1.0, 0.5, -2.0),
+        coupling: Some(coupling),
+    }
+}
+
+impl System {
+    /// Layers whose nodes are displaced at random by up to `amplitude` (m); velocities of 0.1 m/s. Rotations and what
+    /// follows from them come from elastic/rotate, and the oracle is given the same rotations.
+    pub fn new(bodies: &[Body], amplitude: f64, seed: u64) -> System {
+        let mut random = Random(seed);
+        let model = Model::new(&scene(), bodies, None);
+        let nodes = model.node_rest.len();
+        let field = |scale: f64, random: &mut Random| -> Vec<[f32; 4]> {
+            let free = |info: &[u32; 4]| if info[3] == 0 { 1.0 } else { 0.0 };
+            model.node_info.iter().map(|info| narrow(scale * free(info) * random.vector())).collect()
+        };
+        let (displacement, velocity) = (field(amplitude, &mut random), field(0.1, &mut random));
+        let gravity = DVec3::new(1.5, -9.75, 0.5);
+        let mut twin = Simulation::new(f64::from(DT), gravity);
+        for (body, range) in bodies.iter().zip(&model.soft) {
+            let Shape::Soft { layer, material, .. } = &body.shape else { panic!("{} is not soft", body.name) };
+            let mut soft = SoftBody::new(layer.clone(), *material, body.position, body.orientation, DVec3::ZERO);
+            let own = range.node_first..range.node_first + layer.nodes.len();
+            soft.displacement = displacement[own.clone()].iter().map(wide).collect();
+            soft.velocity = velocity[own].iter().map(wide).collect();
+            twin.bodies.push(soft);
+        }
+        let frame = |place: &palpate::stages::model::FramePlace| Frame {
+            rotation: place.rotation.as_quat().to_array(),
+            ..Frame::default()
+        };
+        let mut params: StepParams = bytemuck::Zeroable::zeroed();
+        params.dt = DT;
+        params.gravity = gravity.as_vec3().to_array();
+        params.max_iterations = 1000;
+        let mut system = System {
+            frames: model.frames.iter().map(frame).collect(),
+            node_elements: model.padded_node_elements(),
+            rotations: vec![[0.0, 0.0, 0.0, 1.0]; model.tetrahedra.len()],
+            gradients: vec![],
+            element_forces: vec![],
+            counts: Counts::default(),
+            contacts: vec![],
+            entry_nodes: vec![],
+            entry_weights: vec![],
+            node_entries: vec![[0; 2]; nodes],
+            sorted: vec![],
+            twin_contacts: vec![],
+            device: None,
+            model,
+            params,
+            displacement,
+            velocity,
+            twin,
+        };
+        system.rotate();
+        system
+    }
+
+    /// Runs elastic/rotate and gives the oracle its rotations.
+    pub fn rotate(&mut self) {
+        let outcome = elastic::rotate(self);
+        self.rotations = outcome.get("rotations");
+        self.gradients = outcome.get("gradients");
+        self.gradients.extend([[0.0; 4]; 3]);
+        self.element_forces = outcome.get("element_forces");
+        self.element_forces.extend([[0.0; 4]; 4]);
+        let mut rotations = self.rotations.iter().map(|q| DQuat::from_array(q.map(f64::from)).normalize());
+        for body in &mut self.twin.bodies {
+            body.given_rotations = Some(rotations.by_ref().take(body.layer.tetrahedra.len()).collect());
+        }
+    }
+
+    /// Adds a tool held by a device.
+    pub fn with_tool(mut self) -> System {
+        let tool = generic_tool();
+        let device = Device {
+            position: tool.centre + DVec3::new(0.01, 0.0, -0.02),
+            orientation: tool.orientation,
+            velocity: DVec3::X,
+            angular_velocity: DVec3::Y,
+        };
+        let (mut a, mut b) = (Entries::default(), vec![0.0; 6]);
+        tool.add_terms(&mut a, &mut b, 0, self.twin.dt, self.twin.gravity, Some(&device));
+        for column in 0..6 {
+            let unit: Vec<f64> = (0..6).map(|k| f64::from(u8::from(k == column))).collect();
+            for (row, value) in a.multiply(&unit).iter().enumerate() {
+                self.params.tool_matrix[6 * row + column] = *value as f32;
+            }
+        }
+        self.params.tool_rhs = std::array::from_fn(|k| b[k] as f32);
+        let twist: Vec<f64> = [tool.velocity.to_array(), tool.angular_velocity.to_array()].concat();
+        self.params.tool_twist = std::array::from_fn(|k| twist[k] as f32);
+        self.params.tool_centre = tool.centre.as_vec3().to_array();
+        self.twin.tool = Some(tool);
+        self.device = Some(device);
+        self
+    }
+
+    /// Adds contacts of every kind: one skin vertex of a layer, the three of an opposing triangle (whose tetrahedra
+    /// share nodes), the tool on either side, nothing that moves; some dropped.
+    pub fn with_contacts(mut self, count: usize, seed: u64) -> System {
+        let mut random = Random(seed);
+        let (near, far) = (0, self.twin.bodies.len() - 1);
+        let tool = || if self.twin.tool.is_some() { Side::Tool } else { Side::Fixed };
+        let kinds = [
+            [Side::Soft(near, 1), Side::Fixed],
+            [Side::Soft(near, 1), Side::Soft(far, 3)],
+            [Side::Soft(near, 1), tool()],
+            [Side::Soft(far, 3), tool()],
+            [tool(), Side::Fixed],
+            [tool(), Side::Soft(far, 1)],
+            [Side::Soft(near, 3), Side::Soft(far, 1)],
+        ];
+        for c in 0..count {
+            self.add_contact(kinds[c % kinds.len()], c % 11 == 10, &mut random);
+        }
+        self.counts.contacts = count as u32;
+        self.transpose();
+        self
+    }
+
+    fn add_contact(&mut self, sides: [Side; 2], dropped: bool, random: &mut Random) {
+        let normal = wide(&narrow((random.vector() + DVec3::Y).normalize()));
+        let position = 0.1 * random.vector();
+        let first_quad = self.entry_nodes.len();
+        let [first, second] = [0, 1].map(|k| {
+            let sign = if k == 0 { 1.0 } else { -1.0 };
+            let carrier = match sides[k] {
+                Side::Soft(body, quads) => Carrier::Nodes(body, self.add_entries(body, quads, sign, random)),
+                Side::Tool => Carrier::Tool,
+                Side::Fixed => Carrier::Fixed,
+            };
+            Point { position, carrier }
+        });
+        let quads = (self.entry_nodes.len() - first_quad) as u32;
+        self.entry_nodes.resize(first_quad + 4, [NONE; 4]);
+        self.entry_weights.resize(first_quad + 4, [f32::NAN; 4]);
+        let on = if dropped { 0.0 } else { 1.0 };
+        let positive = |random: &mut Random| f64::from((1.5 + random.next()) as f32);
+        let twin = Twin {
+            normal,
+            area: f64::from(1e-4f32) * positive(random),
+            depth: f64::from(1e-3f32) * positive(random),
+            stiffness: on * 5e6,
+            damping: on * 5e3,
+            first,
+            second,
+            of_first: true,
+            vertex: 0,
+            hit: None,
+        };
+        let row = self.twin.row(&self.twin.unknowns(), &twin);
+        let start = self.start();
+        let sign = match sides {
+            [Side::Tool, _] => 1.0,
+            [_, Side::Tool] => -1.0,
+            _ => 0.0,
+        };
+        let centre = self.twin.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.centre);
+        self.contacts.push(Contact {
+            normal: normal.as_vec3().to_array(),
+            area: twin.area as f32,
+            lever: (sign * (position - centre).cross(normal)).as_vec3().to_array(),
+            tool_sign: sign as f32,
+            depth: twin.depth as f32,
+            rate: row.iter().map(|(i, w)| w * start[*i]).sum::<f64>() as f32,
+            stiffness: twin.stiffness as f32,
+            damping: twin.damping as f32,
+            quads,
+            ..Contact::default()
+        });
+        self.twin_contacts.push(twin);
+    }
+
+    /// Entries on neighbouring tetrahedra, whose weights sum to `sign`; the weights of each node without the sign.
+    fn add_entries(&mut self, body: usize, quads: usize, sign: f64, random: &mut Random) -> Vec<(u32, f64)> {
+        let (tetrahedra, first) = (&self.twin.bodies[body].layer.tetrahedra, self.model.soft[body].node_first as u32);
+        let start = random.below(tetrahedra.len());
+        let mut sums = BTreeMap::new();
+        for k in 0..quads {
+            let nodes = tetrahedra[(start + k) % tetrahedra.len()];
+            let mut weights: [f64; 4] = std::array::from_fn(|_| 0.7 + 0.6 * random.next());
+            // Now and then a skin vertex on a face of the layer.
+            if random.next() > 0.5 {
+                weights[k] = 0.0;
+            }
+            let total: f64 = weights.iter().sum::<f64>() * quads as f64;
+            let weights = weights.map(|w| (sign * w / total) as f32);
+            nodes.iter().zip(weights).for_each(|(n, w)| *sums.entry(*n).or_insert(0.0) += sign * f64::from(w));
+            self.entry_nodes.push(nodes.map(|n| n + first));
+            self.entry_weights.push(weights);
+        }
+        sums.into_iter().collect()
+    }
+
+    /// The entries by node, runs in no order of nodes, within a run by entry.
+    fn transpose(&mut self) {
+        let mut runs = vec![Vec::new(); self.node_entries.len()];
+        for (c, contact) in self.contacts.iter().enumerate() {
+            for quad in 4 * c..4 * c + contact.quads as usize {
+                for (node, weight) in self.entry_nodes[quad].iter().zip(self.entry_weights[quad]) {
+                    if weight != 0.0 {
+                        runs[*node as usize].push([c as u32, weight.to_bits()]);
+                    }
+                }
+            }
+        }
+        for (i, run) in runs.iter().enumerate().rev() {
+            self.node_entries[i] = [self.sorted.len() as u32, run.len() as u32];
+            self.sorted.extend(run);
+        }
+    }
+
+    /// Velocities of the oracle's unknowns at the start.
+    pub fn start(&self) -> Vec<f64> {
+        let twist =
+            self.twin.tool.as_ref().map(|tool| [tool.velocity.to_array(), tool.angular_velocity.to_array()].concat());
+        let twist = twist.unwrap_or_default();
+        self.unknowns(&self.velocity, &std::array::from_fn(|k| twist.get(k).copied().unwrap_or_default() as f32))
+    }
+
+    /// Node vectors and the tool's six as the oracle's unknowns.
+    pub fn unknowns(&self, nodes: &[[f32; 4]], tool: &[f32; 6]) -> Vec<f64> {
+        let unknowns = self.twin.unknowns();
+        let mut all = vec![0.0; unknowns.count];
+        for (x, first) in nodes.iter().zip(unknowns.nodes.iter().flatten()) {
+            if let Some(first) = first {
+                all[*first..first + 3].copy_from_slice(&wide(x).to_array());
+            }
+        }
+        for (value, x) in all[unknowns.tool..].iter_mut().zip(tool) {
+            *value = f64::from(*x);
+        }
+        all
+    }
+
+    /// The oracle's unknowns by body, three numbers a node, zero where bound; and the tool's.
+    pub fn rows(&self, unknowns: &[f64]) -> (Vec<Vec<f64>>, Vec<f64>) {
+        let places = self.twin.unknowns();
+        let row = |first: &Option<usize>| first.map_or([0.0; 3], |i| std::array::from_fn(|k| unknowns[i + k]));
+        let bodies = places.nodes.iter().map(|nodes| nodes.iter().flat_map(row).collect()).collect();
+        (bodies, unknowns[places.tool..].to_vec())
+    }
+
+    /// Random node vectors, zero where bound.
+    pub fn random_field(&self, random: &mut Random) -> Vec<[f32; 4]> {
+        let free = |info: &[u32; 4]| if info[3] == 0 { 1.0 } else { 0.0 };
+        self.model.node_info.iter().map(|info| narrow(free(info) * random.vector())).collect()
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Side {
+    /// Index of the body, skin vertices.
+    Soft(usize, usize),
+    Tool,
+    Fixed,
+}
+
+/// Two layers, of 100 and 60 nodes and different stiffness, turned; part of the second bound.
+pub fn two_layers() -> Vec<Body> {
+    let mut second = layer(60);
+    second.bound[..9].fill(true);
+    vec![
+        layered(layer(100), material(2e4), DQuat::from_scaled_axis(DVec3::new(0.4, 1.0, -0.3))),
+        layered(second, material(2e5), DQuat::from_scaled_axis(DVec3::new(-2.0, 0.3, 0.8))),
+    ]
+}
+
+/// The first three of each four.
+pub fn triples(nodes: &[[f32; 4]]) -> Vec<f32> {
+    nodes.iter().flat_map(|x| [x[0], x[1], x[2]]).collect()
+}
