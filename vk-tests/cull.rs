@@ -71,6 +71,26 @@ impl Hulls {
         self.hull.extend(points);
         self.faces.extend(faces);
     }
+
+    /// Moves a hull, rounding again.
+    fn shift(&mut self, i: usize, by: DVec3) {
+        let first = self.proxies[i].hull_first as usize;
+        for (k, point) in self.points[i].iter_mut().enumerate() {
+            self.hull[first + k] = texel(*point + by, 0.0);
+            *point = f64s(&self.hull[first + k]);
+        }
+        let bounds = proximity::bounds(&self.points[i], 0.0, 0.0, &[]);
+        self.bounds[i].low = bounds.low.as_vec3().to_array();
+        self.bounds[i].high = bounds.high.as_vec3().to_array();
+    }
+
+    /// Makes another hull the first.
+    fn swap_first(&mut self, i: usize) {
+        self.points.swap(0, i);
+        self.planes.swap(0, i);
+        self.proxies.swap(0, i);
+        self.bounds.swap(0, i);
+    }
 }
 
 /// A cube of unit edge about the origin.
@@ -178,6 +198,35 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
         assert_eq!(out.get::<u32>("proxy_active"), active, "both proxies of a kept pair, and no others");
     }
     assert!(near > 100 && far > 100, "{near} within reach, {far} beyond");
+}
+
+/// A thousandth of the reach to either side of it: the promise is a bound that misses nothing and keeps little.
+#[test]
+fn gaps_next_to_the_reach_are_told_apart() {
+    let mut random = Random(32);
+    for round in 0..4 {
+        // One hull against two hundred, each moved along the line of nearest points to the wanted gap.
+        let mut hulls = mixed(&mut random, 201, 2.0);
+        let mut wanted = vec![];
+        hulls.swap_first(round);
+        for b in 1..hulls.points.len() {
+            let (normal, distance) = exact::exact_distance(&hulls.points[0], &hulls.points[b]).unwrap();
+            let near = b % 2 == 0;
+            let target = REACH * if near { 1.0 - 1e-3 } else { 1.0 + 1e-3 };
+            hulls.shift(b, (target - distance) * normal);
+            wanted.push(near);
+        }
+        let (out, pairs) = test_pairs(&hulls, 1, 200);
+        let kept: Vec<u32> = out.get("active_pairs");
+        for (i, [_, b, ..]) in pairs.iter().enumerate() {
+            let (_, gap) = exact::exact_distance(&hulls.points[0], &hulls.points[*b as usize]).unwrap();
+            // An overlap that was pulled apart may not end at the wanted gap.
+            let is_near = wanted[*b as usize - 1];
+            if (gap < REACH - GAP) == is_near && (gap > REACH + GAP) != is_near {
+                assert_eq!(kept.contains(&(i as u32)), is_near, "pair {i}, a gap of {gap}");
+            }
+        }
+    }
 }
 
 #[test]

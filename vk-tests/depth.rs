@@ -207,7 +207,7 @@ fn any_number_of_triangles() {
 /// What a triangle is given once is the same whichever order the proxies are listed in.
 #[test]
 fn compute_names_do_not_depend_on_order() {
-    let mut flow = squares(&[(1.0, true), (1.0, true), (2.0, false), (2.0, true)], 2);
+    let mut flow = squares(&[(2.0, true), (2.0, true), (1.0, false), (1.0, false), (1.5, true)], 2);
     flow.raster();
     let (names, heights) = (flow.names.clone(), flow.heights.clone());
     flow.model.proxy_triangles.reverse();

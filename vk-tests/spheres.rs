@@ -17,6 +17,8 @@ const DEPTH: f64 = 1e-5 * RADIUS;
 /// Error of the depth field on a mesh with half the edge length: a quarter, a little more where the worst vertex is
 /// not at the same place in its triangle.
 const SECOND_ORDER: f64 = 0.35;
+/// As the engine has it.
+const TILE: u32 = palpate::stages::depth::TILE;
 const PATHS: [Path; 2] = [Path::Compute, Path::Graphics];
 
 /// World positions of a rigid skin and its triangles.
@@ -71,13 +73,14 @@ fn same(what: &str, got: &Depths, want: &Depths) -> usize {
 }
 
 /// Runs the query on both paths and compares; returns the flow of the last path and its depths.
-fn both_paths(what: &str, a: &Body, tool: &Body, least: usize) -> (Flow, Depths) {
+fn both_paths(what: &str, a: &Body, tool: &Body, tile: u32, least: usize) -> (Flow, Depths) {
     let Shape::Rigid { skin, .. } = &a.shape else { panic!("not rigid") };
     let first = [0, skin.vertices.len() as u32];
     let first_triangle = [0, skin.triangles.len() as u32];
     let mut last = None;
     for path in PATHS {
         let mut flow = Flow::new(std::slice::from_ref(a), Some(tool), tool.position);
+        flow.tile = tile;
         flow.query(path);
         assert_eq!(flow.counts.flags, 0, "{what}, {}", path.name());
         let depths = got(&flow, first, first_triangle);
@@ -93,7 +96,7 @@ fn both_paths(what: &str, a: &Body, tool: &Body, least: usize) -> (Flow, Depths)
 fn a_sphere_on_a_plane_of_two_triangles() {
     let tool = rigid("tool", sphere(RADIUS, 4), whole, DVec3::new(1e-3, 0.9 * RADIUS, -2e-3), DQuat::IDENTITY);
     let plane = rigid("plane", sheet(0.05, 1), whole, DVec3::ZERO, DQuat::IDENTITY);
-    let (flow, depths) = both_paths("two triangles", &plane, &tool, 20);
+    let (flow, depths) = both_paths("two triangles", &plane, &tool, TILE, 20);
     // By hand: the lowest vertex is a tenth of the radius below the plane.
     let deepest = depths.values().fold(0.0f64, |most, d| most.max(d.0));
     let normal_y = f64::from(flow.regions[0].normal[1]);
@@ -109,7 +112,7 @@ fn a_turned_sphere_on_a_turned_grid_far_from_the_origin() {
         let up = turn * DVec3::Y;
         let tool = rigid("tool", sphere(RADIUS, 4), cut, place + 0.8 * RADIUS * up, random.rotation());
         let plane = rigid("plane", sheet(0.03, 24), whole, place, turn);
-        let (_, depths) = both_paths("grid", &plane, &tool, 60);
+        let (_, depths) = both_paths("grid", &plane, &tool, TILE, 60);
         assert!(depths.keys().any(|k| k.0 == 0) && depths.keys().any(|k| k.0 == 1), "both sides collide");
     }
 }
@@ -122,9 +125,22 @@ fn two_spheres_in_general_position() {
             let towards = random.vector().normalize();
             let a = rigid("a", sphere(RADIUS, 4), cut, DVec3::ZERO, random.rotation());
             let tool = rigid("tool", sphere(RADIUS, 4), cut, gap * RADIUS * towards, random.rotation());
-            both_paths(&format!("spheres {gap} radii apart"), &a, &tool, 10);
+            both_paths(&format!("spheres {gap} radii apart"), &a, &tool, TILE, 10);
         }
     }
+}
+
+/// A texel names a triangle some way off; the walk finds the right one all the same.
+#[test]
+fn a_coarse_tile_changes_no_depth() {
+    let mut random = Random(12);
+    let a = rigid("a", sphere(RADIUS, 5), whole, DVec3::ZERO, random.rotation());
+    let place = 1.7 * RADIUS * random.vector().normalize();
+    let tool = rigid("tool", sphere(RADIUS, 5), octants, place, random.rotation());
+    let fine = both_paths("fine", &a, &tool, TILE, 300).1;
+    let coarse = both_paths("coarse", &a, &tool, 12, 300).1;
+    // The same triangles, not only the same depths: but for rays along an edge, none of which is here.
+    assert_eq!(fine, coarse);
 }
 
 #[test]
