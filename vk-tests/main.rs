@@ -7,6 +7,7 @@ mod contact_sizes;
 mod cull;
 mod depth;
 mod elastic;
+mod energy;
 mod flow;
 mod gpu;
 mod harness;
