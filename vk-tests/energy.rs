@@ -12,8 +12,8 @@ use crate::whole_step::{open, run, scene};
 /// Energy gained, of what is turned over: the state is f32, the solver stops at 1e-6.
 const GAIN: f64 = 1.0e-5;
 
-/// The dropped sphere's radius, m, and the greatest slope of its facets against the sphere: 0.075 rad from vertex to vertex,
-/// a facet's corner lies 1/sqrt(3) of that off its middle.
+/// The dropped sphere's radius, m, and the greatest slope of its facets against the sphere: 0.075 rad from vertex to
+/// vertex, a facet's corner lies 1/sqrt(3) of that off its middle.
 const RADIUS: f64 = 0.02;
 const FACET: f64 = 0.044;
 
@@ -24,11 +24,12 @@ fn penalties(contacts: &[Contact]) -> BTreeMap<(u32, u32), f64> {
     contacts.iter().map(|c| ((c.side, c.vertex), energy(c))).collect()
 }
 
-/// Runs a drop and holds its energy against the law, at the start of each step with the contacts gathered there. Kinetic,
-/// elastic and gravity's energy together never exceed the start's. With the contacts' the sum may only rise by that of
-/// contacts that entered since the last step (they are met where they are, up to one step's way inside), and by the work of
-/// a spinning sphere's facets that slide under the contacts: depth is taken and force acts along the region's normal, not
-/// the facet's, so that sliding on a slope changes the depth and meets no resistance. On a plane there is no such work.
+/// Runs a drop and holds its energy against the law, at the start of each step with the contacts gathered there.
+/// Kinetic, elastic and gravity's energy together never exceed the start's. With the contacts' the sum may only rise by
+/// that of contacts that entered since the last step (they are met where they are, up to one step's way inside), and by
+/// the work of a spinning sphere's facets that slide under the contacts: depth is taken and force acts along the
+/// region's normal, not the facet's, so that sliding on a slope changes the depth and meets no resistance. On a plane
+/// there is no such work.
 fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
     let scene = scene(text);
     let mut simulation = open(&scene, None);
@@ -57,7 +58,8 @@ fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
     let scale = energies.iter().map(|e| (e - energies[0]).abs()).fold(0.0, f64::max);
     let gain = energies[1..].iter().map(|e| e - energies[0]).fold(f64::NEG_INFINITY, f64::max);
     println!(
-        "{name}: of {scale:.2e} J turned over gained {:.1e}; with contacts (to {most:.1e} J) a step gains {:.1e} beside \
+        "{name}: of {scale:.2e} J turned over gained {:.1e}; with contacts (to {most:.1e} J) a step gains \
+         {:.1e} beside \
          entry and sliding; fell to {lowest:.4} at step {at}, back to {rebound:.4} of {:.4} m",
         gain / scale,
         rise / scale,

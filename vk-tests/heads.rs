@@ -30,7 +30,8 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
     let mean: Vec<f64> = pressing.windows(WINDOW).map(|w| w.iter().sum::<f64>() / WINDOW as f64).collect();
     let slope = mean.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
     println!(
-        "{name}: touches at step {touch}, {:.3} N and {} contacts at the end; change a step: median {median:.1e}, largest \
+        "{name}: touches at step {touch}, {:.3} N and {} contacts at the end; change a step: median \
+         {median:.1e}, largest \
          {:.2} of it, least smoothed {:.2} of it; up to {} iterations",
         force[steps - 1],
         rows[steps - 1].contacts.unwrap(),

@@ -66,15 +66,16 @@ pub const BLOCK: &str = "box = [[-0.05, -0.05, -0.05], [0.05, 0.05, 0.05]]";
 /// A free block that flies into a resting sphere off its centre, both free.
 fn collision(young: f64) -> String {
     format!(
-        "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \"block\"\n\
+        "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \
+         \"block\"\n\
          layer = {{ {BLOCK}, cells = [5, 5, 5] }}\nvelocity = [0.1, 0.5, 0.0]\n\
          material = {{ young = {young:e}, poisson = 0.4, density = 1000.0 }}\n\
          [tool]\nsphere = 0.02\nmass = 0.3\nposition = [0.015, 0.072, -0.01]\n"
     )
 }
 
-/// Momentum's change, per step and over all, of the block's: f32 velocities (6e-8), and what the solver leaves undone (1e-6
-/// of a step's impulse), which the next step makes good.
+/// Momentum's change, per step and over all, of the block's: f32 velocities (6e-8), and what the solver leaves undone
+/// (1e-6 of a step's impulse), which the next step makes good.
 const MOMENTUM: f64 = 5.0e-7;
 /// Angular momentum's change in a step, of the linear momentum times the block's half edge; the same reasons.
 const SPIN: f64 = 5.0e-7;
@@ -109,8 +110,10 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
         }
         let (size, arm) = (start.length(), 0.05);
         println!(
-            "momentum at {young:e} Pa: of {size:.3} kg m/s lost {:.1e} a step, {:.1e} over all; angular {:.1e} a step beside \
-             the method's {:.1e}, {:.1e} over all (of 0.05 m times the linear); up to {contacts} contacts, {force:.1} N",
+            "momentum at {young:e} Pa: of {size:.3} kg m/s lost {:.1e} a step, {:.1e} over all; angular {:.1e} \
+             a step beside \
+             the method's {:.1e}, {:.1e} over all (of 0.05 m times the linear); up to {contacts} contacts, \
+             {force:.1} N",
             worst / size,
             drift / size,
             twist / (size * arm),
@@ -151,8 +154,8 @@ fn needs(text: &str) -> (Vec<&'static str>, Vec<String>, u64) {
     (planned, passes, simulation.context().bytes_allocated())
 }
 
-/// Bytes at least that the stages of touch alone allocate: room for 16 entries (node, weight, sorted, unsorted: 20 bytes) of
-/// every vertex of the sphere.
+/// Bytes at least that the stages of touch alone allocate: room for 16 entries (node, weight, sorted, unsorted: 20
+/// bytes) of every vertex of the sphere.
 const TOUCH_BYTES: u64 = 2562 * 16 * 20;
 
 #[test]
@@ -175,8 +178,8 @@ fn a_scene_records_and_allocates_only_what_it_needs() {
     assert!(alone.2 + TOUCH_BYTES < tool.2 && alone.2 < floor.2 && floor.2 + TOUCH_BYTES < tool.2);
 }
 
-/// Force one kilometre away, of the largest. Positions are f64 on the host and relative to the tool on the device; what is
-/// left is the rounding of a kilometre, 1e-13 m of a depth of millimetres, and f32's where it tips a last bit.
+/// Force one kilometre away, of the largest. Positions are f64 on the host and relative to the tool on the device; what
+/// is left is the rounding of a kilometre, 1e-13 m of a depth of millimetres, and f32's where it tips a last bit.
 const FAR: f64 = 1.0e-5;
 
 #[test]
@@ -211,7 +214,8 @@ fn a_press_stays_finite_for_all_stiffnesses_and_steps() {
             let iterations = rows.iter().map(|r| r.iterations).max().unwrap();
             let off = tool.tool.position.distance(tool.device.position);
             println!(
-                "{young:.0e} Pa, {:5.2} ms: force to {peak:.3} N, tool {:.2} mm off the device, nodes moved {:.2} mm, up to \
+                "{young:.0e} Pa, {:5.2} ms: force to {peak:.3} N, tool {:.2} mm off the device, nodes moved \
+                 {:.2} mm, up to \
                  {iterations} iterations",
                 dt * 1e3,
                 off * 1e3,

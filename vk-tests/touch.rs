@@ -21,7 +21,8 @@ pub struct Place {
     pub slide: DVec3,
 }
 
-/// A sphere of 20 mm pressed into a block with a fixed bottom: from 0.5 mm above it to 4 mm deep in 40 ms, then at rest.
+/// A sphere of 20 mm pressed into a block with a fixed bottom: from 0.5 mm above it to 4 mm deep in 40 ms, then at
+/// rest.
 pub fn press(young: f64, dt: f64, place: Place, solver: &str) -> String {
     let world = |local: DVec3| (place.shift + place.turn * local).to_array().map(|x| format!("{x:?}")).join(", ");
     let (origin, start) = (world(DVec3::ZERO), world(DVec3::Y * 0.0505));
@@ -40,8 +41,8 @@ pub fn press(young: f64, dt: f64, place: Place, solver: &str) -> String {
     )
 }
 
-/// The oracle's twin of a scene with one soft body and a rigid tool. Its contacts are its own; only the direction of each
-/// region is the device's.
+/// The oracle's twin of a scene with one soft body and a rigid tool. Its contacts are its own; only the direction of
+/// each region is the device's.
 pub struct Twin {
     pub oracle: step::Simulation,
     skin: (prepare::Skin, Vec<prepare::Embedding>),
@@ -175,7 +176,8 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Row>
     let (force, pose) = (relative_error(&forces.0, &forces.1), relative_error(&poses.0, &poses.1));
     let peak = forces.1.iter().map(|f| f.length()).fold(0.0, f64::max);
     println!(
-        "touch at {young:e} Pa, {}: force {force:.1e} of {peak:.2} N, pose {pose:.1e}, shape {shapes:.1e}; up to {} contacts, \
+        "touch at {young:e} Pa, {}: force {force:.1e} of {peak:.2} N, pose {pose:.1e}, shape {shapes:.1e}; up \
+         to {} contacts, \
          {} of all on one side only (to {:.1e} m); n off the block's top by {tilt:.1e}; iterations to {}",
         path.name(),
         found.iter().map(Vec::len).max().unwrap(),
