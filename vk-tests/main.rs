@@ -5,5 +5,6 @@ mod elastic;
 mod gpu;
 mod harness;
 mod harness_self_test;
+mod solve;
 mod system;
 mod whole_step;
