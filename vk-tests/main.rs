@@ -8,3 +8,4 @@ mod harness_self_test;
 mod solve;
 mod system;
 mod whole_step;
+mod wrench;
