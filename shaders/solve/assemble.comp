@@ -68,10 +68,13 @@ void main() {
             }
             if (CONTACT) {
                 uvec2 run = node_entries[i];
-                for (uint k = run.x; k < run.x + run.y; k++) {
-                    uvec2 entry = sorted[k];
-                    Contact contact = contacts[entry.x];
-                    float w = uintBitsToFloat(entry.y);
+                for (uint k = run.x; k < run.x + run.y;) {
+                    uint touching = sorted[k].x;
+                    Contact contact = contacts[touching];
+                    // The tetrahedra behind a triangle's corners share nodes: a contact's entries at a node, which stand
+                    // together, are one weight, and the block holds its square.
+                    float w = 0.0;
+                    for (; k < run.x + run.y && sorted[k].x == touching; k++) w += uintBitsToFloat(sorted[k].y);
                     float g = h * (h * contact.stiffness + contact.damping) * contact.area;
                     float f = w * (h * contact.area * contact.stiffness * contact.depth + g * contact.rate);
                     vec3 n = contact.normal;

@@ -84,7 +84,8 @@ void main() {
     }
     if (lane != 0) return;
     float norm2 = max(solve.rhs_norm2, 1.0e-38);
-    float residual = solve.rhs_norm2 > solve.floor_norm2 ? sqrt(max(sums.x, 0.0) / norm2) : 0.0;
+    // Not max(sums.x, 0), which may take the zero of what is no number.
+    float residual = solve.rhs_norm2 <= solve.floor_norm2 || sums.x < 0.0 ? 0.0 : sqrt(sums.x / norm2);
     float residual_floor = sqrt(solve.floor_norm2 / norm2);
     uint verdict = VERDICT_DONE;
     if (solve.status == STATUS_RUNNING) verdict = VERDICT_CONTINUE;

@@ -66,6 +66,12 @@ bool invert(float a[36], out float inverse[36]) {
     return true;
 }
 
+// y.M^-1 b over y.M^-1 y; zero at rest, and where the last solution is none or has overflowed.
+float warm_factor(vec4 sums) {
+    float factor = sums.z / sums.w;
+    return sums.x > sums.y && sums.w > 0.0 && !isnan(factor) && !isinf(factor) ? factor : 0.0;
+}
+
 void main() {
     uint lane = gl_LocalInvocationID.x;
     uint contact_count = CONTACT ? counts.contacts : 0;
@@ -126,7 +132,7 @@ void main() {
             sums.y += ROUNDING * ROUNDING * e2;
             sums.z += inner(image, z);
             sums.w += inner(image, times(inverse, image));
-            float warm = sums.w > 0.0 && sums.x > sums.y ? sums.z / sums.w : 0.0;
+            float warm = warm_factor(sums);
             float r[6];
             for (int i = 0; i < 6; i++) r[i] = b[i] - (warm != 0.0 ? warm * image[i] : 0.0);
             float u[6] = times(inverse, r);
@@ -143,7 +149,7 @@ void main() {
     }
     if (lane != 0) return;
     bool at_rest = !(sums.x > sums.y);
-    solve.warm = !at_rest && sums.w > 0.0 ? sums.z / sums.w : 0.0;
+    solve.warm = warm_factor(sums);
     solve.rhs_norm2 = sums.x;
     solve.floor_norm2 = sums.y;
     solve.gamma = 0.0;

@@ -1,0 +1,9 @@
+//! Solve: the operator, the system, the iteration, the verdict; and all of it on small systems.
+
+mod assemble;
+mod end;
+mod iteration;
+mod operator;
+pub mod passes;
+mod start;
+mod whole;
