@@ -1,74 +1,33 @@
 //! The step: which stages a scene needs, in which order they run, and the host's part of it, pose in and wrench out.
 
+mod probes;
+mod recordings;
+
 use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 
-use crate::gpu::{Context, Options, Recorder, Recording};
+use crate::gpu::{Buffer, Context, Options, Recorder, Recording};
 use crate::haptics::drive::{Device, Drive};
 use crate::haptics::tool::Tool;
 use crate::plan::Plan;
 use crate::prepare::{self, Body, Shape};
 use crate::report::{Flags, Pose, Row, ToolRow};
 use crate::scene::{Key, Scene};
-use crate::stages::contact::Contact;
-use crate::stages::cull::Cull;
-use crate::stages::depth::{Depth, Path};
-use crate::stages::elastic::Elastic;
-use crate::stages::model::Model;
-use crate::stages::skin::{Probes, Skin};
-use crate::stages::solve::Solve;
-use crate::stages::types::{Frame, Pair, Report, StepParams, verdict};
-use crate::stages::wrench::Wrench;
-use crate::stages::{Common, depth, pose};
+use crate::stages::depth::{self, Path};
+use crate::stages::model::{self, Model};
+use crate::stages::types::{self, Counts, Frame, Pair, Region, Report, StepParams, verdict};
 use crate::{Error, Result};
+use probes::{ProbePlace, probes_of};
+use recordings::{Recordings, Stages};
 
-/// Iterations of the shortest recorded plan; each further one is twice as long.
-const SHORTEST_PLAN: u32 = 16;
 /// Iterations a plan has over the last step's count, so that most steps need one submit.
 const SPARE_ITERATIONS: u32 = 4;
 /// Submits of one step at most; beyond, the device does not keep its word.
 const MOST_SUBMITS: u32 = 64;
 /// Every so many steps the stages are timed: timestamps split the work and cost up to a millisecond on some drivers.
 pub const TIMED_EVERY: u64 = 16;
-
-/// The stages that a scene needs; what it does not need is neither recorded nor allocated.
-struct Stages {
-    common: Common,
-    elastic: Elastic,
-    solve: Solve,
-    touch: Option<TouchStages>,
-    wrench: Option<Wrench>,
-    probes: Option<Probes>,
-}
-
-/// The stages of scenes where something can touch.
-struct TouchStages {
-    pose: pose::Pose,
-    skin: Skin,
-    cull: Cull,
-    depth: Option<Depth>,
-    contact: Contact,
-}
-
-/// One step, recorded in parts that are submitted together.
-struct Recordings {
-    /// Everything before the solver's loop.
-    begin: Recording,
-    /// The solver's set-up once more, after contacts were dropped.
-    again: Recording,
-    /// Iterations, in plans of graded length.
-    iterate: Vec<(u32, Recording)>,
-    /// The verdict, the new state, the wrench.
-    end: Recording,
-}
-
-/// A probe's rest position and frame, on the host.
-struct ProbePlace {
-    rest: DVec3,
-    frame: usize,
-}
 
 /// A scene under way.
 pub struct Simulation {
@@ -201,12 +160,23 @@ impl Simulation {
     pub fn nodes(&self, body: usize) -> Result<Option<(Vec<DVec3>, Vec<DVec3>)>> {
         let Some(range) = self.model.soft.iter().find(|soft| soft.body == body) else { return Ok(None) };
         let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(None) };
-        let read = |buffer: &crate::gpu::Buffer| -> Result<Vec<DVec3>> {
+        let read = |buffer: &Buffer| -> Result<Vec<DVec3>> {
             let all = buffer.read::<[f32; 4]>()?;
             let own = &all[range.node_first..range.node_first + layer.nodes.len()];
             Ok(own.iter().map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect())
         };
         Ok(Some((read(&self.stages.elastic.displacement)?, read(&self.stages.elastic.velocity)?)))
+    }
+
+    /// The region of each pair of bodies and the contacts of the last step, as the device left them (a dropped contact has
+    /// stiffness 0); empty where nothing can touch. Positions are relative to the origin of that step. Costs transfers of
+    /// its own: for tests and export.
+    pub fn touch(&self) -> Result<(Vec<Region>, Vec<types::Contact>)> {
+        let Some(touch) = &self.stages.touch else { return Ok((Vec::new(), Vec::new())) };
+        let count = self.stages.common.counts.read::<Counts>()?[0].contacts as usize;
+        let mut contacts = touch.contact.touch.contacts.read::<types::Contact>()?;
+        contacts.truncate(count);
+        Ok((touch.cull.regions.read::<Region>()?, contacts))
     }
 
     /// Where f32 positions are measured from: the tool, or the first body; contact needs digits there.
@@ -255,7 +225,7 @@ impl Simulation {
                 pairs[i] = *pair;
                 if let Some(plane) = plane {
                     let offset = plane.offset - plane.normal.dot(origin);
-                    pairs[i].plane = crate::stages::model::texel(plane.normal, offset);
+                    pairs[i].plane = model::texel(plane.normal, offset);
                 }
             }
         }
@@ -322,99 +292,6 @@ impl Simulation {
     }
 }
 
-impl Stages {
-    fn new(
-        context: &Arc<Context>,
-        model: &Model,
-        (path, tile): (Path, u32),
-        probe_nodes: &[[u32; 4]],
-        probe_weights: &[[f32; 4]],
-    ) -> Result<Stages> {
-        let common = Common::new(context, model)?;
-        let touch = if model.pairs.is_empty() {
-            None
-        } else {
-            Some(TouchStages {
-                pose: pose::Pose::new(context, model)?,
-                skin: Skin::new(context, model)?,
-                cull: Cull::new(context, model, tile)?,
-                depth: if model.needs_depth() { Some(Depth::new(context, model, path, tile)?) } else { None },
-                contact: Contact::new(context, model, tile)?,
-            })
-        };
-        let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;
-        let wrench = match (&model.tool_frame, &touch) {
-            (Some(_), Some(_)) => Some(Wrench::new(context)?),
-            _ => None,
-        };
-        let probes =
-            if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes, probe_weights)?) };
-        Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes })
-    }
-}
-
-impl Recordings {
-    fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
-        let Stages { common, elastic, solve, touch, wrench, probes } = stages;
-
-        let mut begin = recorder()?;
-        if let Some(TouchStages { pose, skin, cull, depth, contact }) = touch {
-            pose.record(&mut begin, common);
-            skin.record_bounds(&mut begin, pose, elastic);
-            cull.record(&mut begin, common, pose, skin);
-            skin.record_embedding(&mut begin, common, cull, elastic);
-            if let Some(depth) = depth {
-                depth.record(&mut begin, common, cull, skin);
-            }
-            contact.record(&mut begin, common, cull, skin, depth.as_ref(), elastic);
-        }
-        solve.record_reset(&mut begin);
-        elastic.record(&mut begin, common);
-        solve.record_start(&mut begin, common, elastic);
-
-        let mut again = recorder()?;
-        elastic.record(&mut again, common);
-        solve.record_start(&mut again, common, elastic);
-
-        let mut iterate = Vec::new();
-        let mut length = SHORTEST_PLAN;
-        loop {
-            let mut plan = recorder()?;
-            // One more than the cap, so that the pass that notices it is there.
-            solve.record_iterations(&mut plan, common, elastic, length.min(max_iterations + 1));
-            iterate.push((length.min(max_iterations + 1), plan.finish()?));
-            if length > max_iterations {
-                break;
-            }
-            length *= 2;
-        }
-
-        let mut end = recorder()?;
-        solve.record_end(&mut end, common, elastic);
-        if let (Some(wrench), Some(touch)) = (wrench, touch) {
-            wrench.record(&mut end, common, &touch.contact.touch);
-        }
-        if let Some(probes) = probes {
-            probes.record(&mut end, elastic);
-        }
-        Ok(Recordings { begin: begin.finish()?, again: again.finish()?, iterate, end: end.finish()? })
-    }
-
-    /// Every part once.
-    fn submit_once(&self) -> Result<()> {
-        let mut parts = vec![&self.begin, &self.again];
-        parts.extend(self.iterate.iter().map(|(_, plan)| plan));
-        parts.push(&self.end);
-        Recording::submit_all(&parts)
-    }
-
-    /// The shortest plan of at least so many iterations, or the longest.
-    fn plan(&self, iterations: u32) -> &Recording {
-        let fits = self.iterate.iter().find(|(length, _)| *length >= iterations);
-        &fits.unwrap_or(&self.iterate[self.iterate.len() - 1]).1
-    }
-}
-
 fn add_times(sums: &mut Vec<(String, f64)>, times: Vec<(String, f64)>) {
     for (name, us) in times {
         match sums.iter_mut().find(|(known, _)| *known == name) {
@@ -439,44 +316,4 @@ fn tool_of(scene: &Scene, mass: f64, body: &Body) -> Tool {
         velocity: body.velocity,
         angular_velocity: DVec3::ZERO,
     }
-}
-
-/// Probes on the host, and their nodes and weights for the device.
-type ProbeArrays = (Vec<ProbePlace>, Vec<[u32; 4]>, Vec<[f32; 4]>);
-
-/// The skin vertices nearest to the scene's probes.
-fn probes_of(scene: &Scene, bodies: &[Body], model: &Model) -> Result<ProbeArrays> {
-    let (mut places, mut nodes, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-    for probe in &scene.probes {
-        let key = format!("probe.{}.body", probe.name);
-        let refuse = |problem: &str, remedy: &str| Error::key(&scene.file, &key, problem, remedy);
-        let index = bodies.iter().position(|body| body.name == probe.body);
-        let index = index.ok_or_else(|| refuse("no body has this name", "name a body of the scene"))?;
-        let scale = scene.bodies[index].scale;
-        let frame = model.body_frames[index] as usize;
-        let (skin, embedding) = match &bodies[index].shape {
-            Shape::Soft { skin, embedding, layer, .. } => (skin, Some((embedding, layer))),
-            Shape::Rigid { skin, .. } => (skin, None),
-            Shape::Plane { .. } => return Err(refuse("a plane has no skin", "probe a body with a skin")),
-        };
-        let target = probe.nearest * scale;
-        let distance = |i: &usize| skin.vertices[*i].distance_squared(target);
-        let nearest = (0..skin.vertices.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        let nearest = nearest.ok_or_else(|| refuse("its skin has no vertex", "give it a surface"))?;
-        let centre = model.frames[frame].rest_centre;
-        let first = model.soft.iter().find(|soft| soft.body == index).map_or(0, |soft| soft.node_first as u32);
-        let (rest, four, w) = match embedding {
-            Some((embedding, layer)) => {
-                let e = &embedding[nearest];
-                let four = layer.tetrahedra[e.tetrahedron as usize];
-                let rest: DVec3 = four.iter().zip(e.weights).map(|(n, w)| w * layer.nodes[*n as usize]).sum();
-                (rest, four.map(|n| n + first), e.weights.map(|w| w as f32))
-            }
-            None => (skin.vertices[nearest], [0; 4], [0.0; 4]),
-        };
-        places.push(ProbePlace { rest: rest - centre, frame });
-        nodes.push(four);
-        weights.push(w);
-    }
-    Ok((places, nodes, weights))
 }

@@ -1,11 +1,27 @@
 //! Kernels on a real device, held against expectations. Validation and synchronisation validation are on; no device is
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
+mod bodies;
+mod contact;
+mod contact_sizes;
+mod cull;
+mod depth;
 mod elastic;
+mod energy;
+mod flow;
 mod gpu;
 mod harness;
 mod harness_self_test;
+mod heads;
+mod laws;
+mod layouts;
+mod pose;
+mod regions;
+mod skin;
+mod spheres;
 mod solve;
 mod system;
+mod touch;
+mod transpose;
 mod whole_step;
 mod wrench;

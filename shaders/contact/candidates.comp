@@ -8,7 +8,7 @@
 // one) names an opposing triangle, the walk finds the one its ray along n meets, and depth = n.(s1 - s2) is exact for that
 // triangle. A half-space needs no texel: depth = offset - N.x. Only vertices that face the other body take part; the area
 // is the rest area projected along n, half of it where both bodies gather. One invocation a vertex.
-// Oracle: oracle::contact::candidates.
+// Oracle: oracle::contact::ray_depths.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 2) const uint TILE = 128;

@@ -5,7 +5,7 @@
 #include "shared/args.glsl"
 
 // Contact: colliding candidates into a dense list that keeps their order, whatever the device; more than CAPACITY raise
-// the contact overflow flag. One workgroup; each lane takes a contiguous run. Oracle: oracle::contact::candidates.
+// the contact overflow flag. One workgroup; each lane takes a contiguous run. Oracle: the list filtered by its test.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

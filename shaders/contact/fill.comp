@@ -4,7 +4,7 @@
 #include "shared/types.glsl"
 
 // Contact: entries into their node's run, in no particular order yet. One invocation an entry (16 a contact).
-// Oracle: oracle::contact::transpose.
+// Oracle: the index sorted by its test.
 
 layout(local_size_x_id = 0) in;
 

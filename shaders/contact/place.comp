@@ -4,7 +4,7 @@
 #include "shared/types.glsl"
 
 // Contact: room for each touched node's entries in the transposed index. Where a node's run lies depends on the order of
-// the appends, what is in it does not. One invocation a node. Oracle: oracle::contact::transpose.
+// the appends, what is in it does not. One invocation a node. Oracle: the index sorted by its test.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;

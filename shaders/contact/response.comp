@@ -6,7 +6,7 @@
 // Contact: what the solver needs to know of each colliding vertex. J v = n.(v(s1) - v(s2)) as at most sixteen weighted
 // nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: three times four) and the tool's
 // twist; the rate J v at the start. Counts the entries of each node for the transposed index. One invocation a contact.
-// Oracle: oracle::contact::responses.
+// Oracle: oracle::contact::gather.
 
 layout(local_size_x_id = 0) in;
 

@@ -4,7 +4,7 @@
 #include "shared/types.glsl"
 
 // Contact: entries within their node's run by rank, so that sums over a run have one order. One invocation an entry.
-// Oracle: oracle::contact::transpose.
+// Oracle: the index sorted by its test.
 
 layout(local_size_x_id = 0) in;
 

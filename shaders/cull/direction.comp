@@ -61,18 +61,25 @@ void main() {
     greatest = partial[0].x;
     barrier();
     float blend = BLEND * min(bounds[which.x].radius, bounds[which.y].radius);
-    vec3 sum = vec3(0.0);
+    vec4 sum = vec4(0.0);
     for (uint f = lane; f < face_count; f += SIZE) {
         float w = max(0.0, 1.0 - (greatest - separation[f]) / blend);
-        sum += w * w * normal_of(a, b, f);
+        sum += w * w * vec4(normal_of(a, b, f), 1.0);
     }
-    partial[lane] = vec4(sum, 0.0);
+    partial[lane] = sum;
     for (uint width = SIZE / 2; width > 0; width /= 2) {
         barrier();
         if (lane < width) partial[lane] += partial[lane + width];
     }
     if (lane == 0) {
         float weight = max(0.0, reach_of[i] - greatest);
-        directions[i] = vec4(normalize(partial[0].xyz), weight * weight);
+        sum = partial[0];
+        // Normals that cancel (a thin plate half way through another): fall back to the first of the best.
+        if (dot(sum.xyz, sum.xyz) <= 0.01 * sum.w * sum.w) {
+            uint best = 0;
+            while (best + 1 < face_count && separation[best] < greatest) best += 1;
+            sum.xyz = normal_of(a, b, best);
+        }
+        directions[i] = vec4(normalize(sum.xyz), weight * weight);
     }
 }

@@ -6,7 +6,7 @@
 
 // Cull: one region a pair of bodies. Its normal is the weighted mean of its active proxies' directions, its tile what both
 // sides' active hulls cover in common along the tangents; then the list of active proxies in fixed order, and the indirect
-// arguments of everything downstream. One workgroup. Oracle: oracle::proximity::regions.
+// arguments of everything downstream. One workgroup. Oracle: oracle::proximity::mean_direction and side_box.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

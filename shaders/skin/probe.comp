@@ -3,7 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 // Skin: the displacement sum w_i d_i of the probed skin vertices, frame axes; the host adds it to the rest position in f64.
-// One invocation a probe. Oracle: oracle::proximity::embed.
+// One invocation a probe. Oracle: oracle::proximity::embed, in its frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PROBES = 0;

@@ -8,6 +8,7 @@
 //! | [`elastic`] | element rotations, elastic forces, the stiffness operator |
 //! | [`skin`] | skin positions and velocities from nodes |
 //! | [`cull`] | separation and penetration of convex hulls |
+//! | [`proximity`] | placement, bounds, directions, regions, the depth field |
 //! | [`contact`] | depth by exact rays, gathered contacts |
 //! | [`linear`], [`step`] | the implicit step, solved directly |
 //! | [`wrench`] | net force, torque, stiffness and damping on the tool |
@@ -17,6 +18,7 @@ pub mod contact;
 pub mod cull;
 pub mod elastic;
 pub mod linear;
+pub mod proximity;
 pub mod skin;
 pub mod statics;
 pub mod step;

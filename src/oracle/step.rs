@@ -12,8 +12,10 @@ use crate::oracle::wrench::{self, Wrench};
 use crate::prepare::{Embedding, Layer, Skin};
 use crate::scene::Material;
 
-/// Flag: contacts were adhesive after the repeated solve too; they count zero.
+/// Flag: contacts were adhesive after the last repeated solve too; they count zero.
 pub const ADHESIVE_TWICE: u32 = 256;
+/// Solves again without the contacts that pull, at most; as many as the device's.
+pub const MAX_RETRIES: usize = 4;
 
 /// A soft body and its state.
 #[derive(Debug, Clone)]
@@ -148,7 +150,7 @@ impl Simulation {
         let mut change = Vec::new();
         let mut pressures = Vec::new();
         let mut flags = 0;
-        for attempt in 0..2 {
+        for attempt in 0..=MAX_RETRIES {
             let (mut a, mut b) = (base.clone(), load.clone());
             for (row, contact) in rows.iter().zip(contacts).zip(&active).filter_map(|(c, on)| on.then_some(c)) {
                 add_contact(&mut a, &mut b, row, contact, &start, self.dt);
@@ -161,7 +163,7 @@ impl Simulation {
                 break;
             }
             pulling.iter().for_each(|&j| active[j] = false);
-            flags |= if attempt == 1 { ADHESIVE_TWICE } else { 0 };
+            flags |= if attempt == MAX_RETRIES { ADHESIVE_TWICE } else { 0 };
         }
         let resolve = |((contact, on), pressure): ((&Contact, &bool), &f64)| Resolved {
             contact: contact.clone(),

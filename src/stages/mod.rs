@@ -8,6 +8,7 @@ pub mod cull;
 pub mod depth;
 pub mod elastic;
 pub mod model;
+mod pairs;
 pub mod pose;
 pub mod skin;
 pub mod solve;

@@ -107,9 +107,6 @@ pub struct Model {
     pub candidates: usize,
 }
 
-/// Stiffness (N/m^3) where nothing soft is near to take it from: that of 20 kPa, nu 0.45, at a cell of 10 mm.
-const RIGID_STIFFNESS: f64 = 5.0e7;
-
 impl Model {
     /// The arrays of a scene's bodies; the tool, if any, comes last.
     pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
@@ -295,108 +292,11 @@ impl Model {
         }
     }
 
-    fn add_pairs(&mut self, scene: &Scene, all: &[&Body], has_tool: bool, ranges: &[std::ops::Range<usize>]) {
-        let tool = if has_tool { all.len() - 1 } else { all.len() };
-        let listed = |i: usize, j: usize| {
-            let name = if j == tool { "tool" } else { all[j].name.as_str() };
-            let list = scene.bodies.get(i).and_then(|body| body.collides.as_ref());
-            list.is_none_or(|names| names.iter().any(|n| n == name))
-        };
-        let moves = |i: usize| i == tool || matches!(all[i].shape, Shape::Soft { .. });
-        let is_plane = |i: usize| matches!(all[i].shape, Shape::Plane { .. });
-        for i in 0..all.len() {
-            for j in i + 1..all.len() {
-                if !(listed(i, j) && listed(j, i)) || !(moves(i) || moves(j)) {
-                    continue;
-                }
-                let (a, b) = if is_plane(i) { (j, i) } else { (i, j) };
-                self.add_pair(scene, all, a, b, tool, ranges);
-            }
-        }
-    }
-
-    fn add_pair(
-        &mut self,
-        scene: &Scene,
-        all: &[&Body],
-        a: usize,
-        b: usize,
-        tool: usize,
-        ranges: &[std::ops::Range<usize>],
-    ) {
-        let plane = match all[b].shape {
-            Shape::Plane { normal, offset } => Some(Plane { normal, offset }),
-            _ => None,
-        };
-        let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&[all[a], all[b]], all));
-        let pair = self.pairs.len() as u32;
-        let (a_proxies, b_proxies) = (ranges[a].clone(), ranges[b].clone());
-        let first_proxy_pair = self.proxy_pairs.len() as u32;
-        for (k, p) in a_proxies.clone().enumerate() {
-            let slot = (self.active_slots + k) as u32;
-            if plane.is_some() {
-                self.proxy_pairs.push([p as u32, NONE, pair, slot]);
-            }
-            self.proxy_pairs.extend(b_proxies.clone().map(|q| [p as u32, q as u32, pair, slot]));
-        }
-        self.active_slots += a_proxies.len() + b_proxies.len();
-        let owned = |range: &std::ops::Range<usize>| -> usize {
-            self.proxies[range.clone()].iter().map(|p| p.vertex_count as usize).sum()
-        };
-        self.candidates += owned(&a_proxies) + owned(&b_proxies);
-        self.pairs.push(Pair {
-            first_proxy_pair,
-            proxy_pair_count: self.proxy_pairs.len() as u32 - first_proxy_pair,
-            first_proxy: [a_proxies.start as u32, b_proxies.start as u32],
-            proxy_count: [a_proxies.len() as u32, b_proxies.len() as u32],
-            stiffness: stiffness as f32,
-            // As if the penalty relaxed over one step.
-            damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt) as f32,
-            tool_sign: if a == tool { 1.0 } else { -f32::from(u8::from(b == tool)) },
-            is_plane: u32::from(plane.is_some()),
-            plane: [0.0; 4],
-        });
-        self.pair_planes.push(plane);
-    }
-
     /// Replaces the padding of node lists by the entry that reads as nothing; called once all bodies are in.
     pub fn padded_node_elements(&self) -> Vec<[u32; 4]> {
         let nothing = 4 * self.tetrahedra.len() as u32;
         self.node_elements.iter().map(|quad| quad.map(|e| if e == NONE { nothing } else { e })).collect()
     }
-
-    /// Whether any pair needs the depth field.
-    pub fn needs_depth(&self) -> bool {
-        self.pairs.iter().any(|pair| pair.is_plane == 0)
-    }
-}
-
-/// 20 E / (1 - nu^2) / (mean layer edge) of the softer body, N/m^3; of the softest of the scene where neither is soft.
-fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
-    let of = |bodies: &[&Body]| {
-        let soft = bodies.iter().filter_map(|body| match &body.shape {
-            Shape::Soft { layer, material, .. } => {
-                Some(20.0 * material.young / (1.0 - material.poisson.powi(2)) / mean_edge(layer))
-            }
-            _ => None,
-        });
-        soft.reduce(f64::min)
-    };
-    of(pair).or_else(|| of(all)).unwrap_or(RIGID_STIFFNESS)
-}
-
-/// Mean length of a layer's edges, each counted once, m.
-fn mean_edge(layer: &Layer) -> f64 {
-    let mut edges: Vec<[u32; 2]> = Vec::with_capacity(6 * layer.tetrahedra.len());
-    for t in &layer.tetrahedra {
-        for (i, k) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
-            edges.push([t[i].min(t[k]), t[i].max(t[k])]);
-        }
-    }
-    edges.sort_unstable();
-    edges.dedup();
-    let length = |e: &[u32; 2]| layer.nodes[e[0] as usize].distance(layer.nodes[e[1] as usize]);
-    edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64
 }
 
 /// Lame's mu and lambda, Pa.

@@ -16,7 +16,7 @@ use crate::scene::Coupling;
 const SOLVE: f64 = 1e-9;
 
 /// A block whose skin vertices are its nodes.
-fn block(half: f64, cells: usize, centre: DVec3, velocity: DVec3) -> SoftBody {
+fn block(half: f64, cells: u32, centre: DVec3, velocity: DVec3) -> SoftBody {
     let layer = kuhn_box(DVec3::splat(-half), DVec3::splat(half), [cells; 3]);
     SoftBody::new(layer, material(2e4, 0.4), centre, DQuat::IDENTITY, velocity)
 }

@@ -10,7 +10,7 @@ use crate::prepare::layer::kuhn_box;
 
 /// Worst error of the mean height of a section of a column between roller sides, relative to the top's settlement,
 /// under its own weight and `pressure` on its top. sigma(y) = rho g (y - H) - p = M u' with M = lambda + 2 mu.
-fn column(cells: usize, gravity: f64, pressure: f64) -> f64 {
+fn column(cells: u32, gravity: f64, pressure: f64) -> f64 {
     let (height, side) = (0.4, 0.1);
     let layer = kuhn_box(DVec3::ZERO, DVec3::new(side, height, side), [cells / 4, cells, cells / 4]);
     let elements = Elements::new(&layer, &material(1e5, 0.3), DMat3::IDENTITY);
@@ -23,7 +23,7 @@ fn column(cells: usize, gravity: f64, pressure: f64) -> f64 {
     let u = statics::solve(&elements, &fixed, &loads).unwrap();
     let modulus = elements.lambda + 2.0 * elements.mu;
     let exact = |y: f64| -(1000.0 * gravity * (height * y - 0.5 * y * y) + pressure * y) / modulus;
-    let section = |level: usize| {
+    let section = |level: u32| {
         let y = height * level as f64 / cells as f64;
         let nodes = layer.nodes.iter().zip(&u).filter(|(x, _)| (x.y - y).abs() < 1e-9);
         let heights: Vec<f64> = nodes.map(|(_, u)| u.y).collect();
@@ -45,7 +45,7 @@ fn column_between_rollers_settles_as_in_the_closed_solution() {
 
 /// Compliance (deflection weighted with the load) of a 1 x 0.2 x 0.2 m cantilever at nu = 0 under a parabolic shear
 /// load at its tip, `n` cells a side, relative to Timoshenko's P L^3 / 3 E I + 6/5 P L / G A.
-fn cantilever(n: usize) -> f64 {
+fn cantilever(n: u32) -> f64 {
     let (length, side, young) = (1.0, 0.2, 1e6);
     let layer = kuhn_box(DVec3::ZERO, DVec3::new(length, side, side), [5 * n, n, n]);
     let elements = Elements::new(&layer, &material(young, 0.0), DMat3::IDENTITY);

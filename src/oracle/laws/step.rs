@@ -15,7 +15,7 @@ const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 /// Rounding of a direct solve of a few hundred unknowns of mild condition, relative.
 const SOLVE: f64 = 1e-10;
 
-fn block(material: Material, position: DVec3, cells: usize) -> SoftBody {
+fn block(material: Material, position: DVec3, cells: u32) -> SoftBody {
     let layer = kuhn_box(DVec3::splat(-0.05), DVec3::splat(0.05), [cells; 3]);
     SoftBody::new(layer, material, position, DQuat::from_rotation_z(0.3), DVec3::new(0.1, 0.2, 0.3))
 }

@@ -1,0 +1,180 @@
+//! Placement, bounds and embedding of proxies and skin, the direction and region of a pair, and the depth field, in f64.
+//! Twin of the pose, skin, cull and depth stages; contacts are in [`super::contact`].
+
+use glam::{DQuat, DVec2, DVec3};
+
+use super::cull::{exact_distance, separation_along};
+
+/// A face plane: unit normal and offset.
+pub type Face = (DVec3, f64);
+
+/// A rest point on a frame, in the world.
+pub fn place(centre: DVec3, rotation: DQuat, rest: DVec3) -> DVec3 {
+    centre + rotation * rest
+}
+
+/// A rest face plane on a frame, in the world.
+pub fn place_face(centre: DVec3, rotation: DQuat, rest: Face) -> Face {
+    let normal = rotation * rest.0;
+    (normal, rest.1 + normal.dot(centre))
+}
+
+/// A skin vertex from the positions of its four nodes in their frame.
+pub fn embed(centre: DVec3, rotation: DQuat, nodes: [DVec3; 4], weights: [f64; 4]) -> DVec3 {
+    place(centre, rotation, nodes.iter().zip(weights).map(|(x, w)| *x * w).sum())
+}
+
+/// A proxy's bounds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// Least corner of the hull's box, m.
+    pub low: DVec3,
+    /// Greatest corner, m.
+    pub high: DVec3,
+    /// How far the skin may have left the hull, m.
+    pub inflation: f64,
+}
+
+/// Box of a hull, and margin + (greatest sum of absolute weights) x (greatest displacement).
+pub fn bounds(hull: &[DVec3], margin: f64, weight_bound: f64, displacements: &[DVec3]) -> Bounds {
+    let low = hull.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = hull.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let largest = displacements.iter().map(|d| d.length()).fold(0.0, f64::max);
+    Bounds { low, high, inflation: margin + weight_bound * largest }
+}
+
+/// Whether two hulls are within reach of each other, by parry3d; `None` where it has no answer.
+pub fn pairs(a: &[DVec3], b: &[DVec3], reach: f64) -> Option<bool> {
+    Some(exact_distance(a, b)?.1 <= reach)
+}
+
+/// The blended direction from a to b and the greatest separation along any face normal: a normal n with separation s
+/// counts max(0, 1 - (s_max - s) / blend)^2. `None` without faces; where the normals cancel, the first of the best.
+pub fn direction(a: &[DVec3], a_faces: &[Face], b: &[DVec3], b_faces: &[Face], blend: f64) -> Option<(DVec3, f64)> {
+    let (sum, weights, best, greatest) = blended(a, a_faces, b, b_faces, blend)?;
+    Some((if sum.length() > CANCELLED * weights { sum.normalize() } else { best }, greatest))
+}
+
+/// Whether rounding may decide between the mean and the best of the normals in [`direction`].
+pub fn nearly_cancels(a: &[DVec3], a_faces: &[Face], b: &[DVec3], b_faces: &[Face], blend: f64) -> bool {
+    blended(a, a_faces, b, b_faces, blend).is_none_or(|(sum, weights, ..)| sum.length() < 1.01 * CANCELLED * weights)
+}
+
+/// Weighted sum of normals, sum of weights, first of the best normals, greatest separation.
+fn blended(
+    a: &[DVec3],
+    a_faces: &[Face],
+    b: &[DVec3],
+    b_faces: &[Face],
+    blend: f64,
+) -> Option<(DVec3, f64, DVec3, f64)> {
+    let normals: Vec<DVec3> = a_faces.iter().map(|f| f.0).chain(b_faces.iter().map(|f| -f.0)).collect();
+    let separations: Vec<f64> = normals.iter().map(|n| separation_along(*n, a, b)).collect();
+    let greatest = separations.iter().copied().reduce(f64::max)?;
+    let weight = |s: &f64| (1.0 - (greatest - s) / blend).max(0.0).powi(2);
+    let sum = normals.iter().zip(&separations).map(|(n, s)| *n * weight(s)).sum();
+    let best = separations.iter().position(|s| *s == greatest)?;
+    Some((sum, separations.iter().map(weight).sum(), normals[best], greatest))
+}
+
+/// Directions whose weighted mean is shorter than this have no mean.
+pub const CANCELLED: f64 = 0.1;
+
+/// The weighted mean of directions; the heaviest where they cancel; `None` where none has weight.
+pub fn mean_direction(directions: &[(DVec3, f64)]) -> Option<DVec3> {
+    let sum: DVec3 = directions.iter().map(|(n, w)| *n * *w).sum();
+    let weights: f64 = directions.iter().map(|d| d.1).sum();
+    let heaviest = directions.iter().max_by(|x, y| x.1.total_cmp(&y.1)).filter(|d| d.1 > 0.0)?;
+    Some(if sum.length() > CANCELLED * weights { sum.normalize() } else { heaviest.0 })
+}
+
+/// Box of inflated hulls along three axes: least and greatest corner.
+pub fn side_box(axes: [DVec3; 3], hulls: &[(&[DVec3], f64)]) -> (DVec3, DVec3) {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for (hull, inflation) in hulls {
+        for x in *hull {
+            let along = DVec3::from_array(axes.map(|axis| axis.dot(*x)));
+            low = low.min(along - *inflation);
+            high = high.max(along + *inflation);
+        }
+    }
+    (low, high)
+}
+
+/// A ray along a region's normal through a texel's centre, or any point: what it meets of a skin that faces along
+/// `sign` x normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sheet {
+    /// Height along the normal, m.
+    pub height: f64,
+    /// The triangle.
+    pub triangle: usize,
+    /// Distance of the ray from the triangle's nearest edge, as a share of the corner's height over it; negative outside.
+    pub inside: f64,
+}
+
+/// Every triangle that faces along `sign` x normal and whose outline, grown by `slack` (a share), holds the ray at
+/// `at` along the tangents.
+pub fn raster(
+    axes: [DVec3; 3],
+    sign: f64,
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+    at: DVec2,
+    slack: f64,
+) -> Vec<Sheet> {
+    let [tangent, bitangent, normal] = axes;
+    let project = |x: DVec3| DVec2::new(tangent.dot(x), bitangent.dot(x));
+    let sheet = |(triangle, corners): (usize, &[u32; 3])| {
+        let x = corners.map(|i| positions[i as usize]);
+        let [p, q, r] = x.map(|x| project(x) - at);
+        let area = (q - p).perp_dot(r - p);
+        let weights = [q.perp_dot(r) / area, r.perp_dot(p) / area, p.perp_dot(q) / area];
+        let inside = weights.into_iter().fold(f64::INFINITY, f64::min);
+        let height = (0..3).map(|k| weights[k] * normal.dot(x[k])).sum();
+        (area * sign > 0.0 && inside >= -slack).then_some(Sheet { height, triangle, inside })
+    };
+    triangles.iter().enumerate().filter_map(sheet).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CUBE_FACES: [DVec3; 6] = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
+
+    fn cube(centre: DVec3) -> (Vec<DVec3>, Vec<Face>) {
+        let corner = |k: usize| DVec3::from_array([k & 1, k >> 1 & 1, k >> 2].map(|bit| bit as f64 - 0.5)) + centre;
+        ((0..8).map(corner).collect(), CUBE_FACES.map(|n| (n, 0.5 + n.dot(centre))).to_vec())
+    }
+
+    #[test]
+    fn cubes_part_along_the_axis_between_them() {
+        let ((a, a_faces), (b, b_faces)) = (cube(DVec3::ZERO), cube(DVec3::X * 0.9));
+        let (n, s) = direction(&a, &a_faces, &b, &b_faces, 0.2).unwrap();
+        assert!((n - DVec3::X).length() < 1e-12 && (s + 0.1).abs() < 1e-12);
+        // Where they coincide all normals are equally good and cancel: the first stands.
+        assert_eq!(direction(&a, &a_faces, &a, &a_faces, 0.2).unwrap().0, DVec3::X);
+        assert_eq!(pairs(&a, &b, 0.0), Some(true));
+        assert_eq!(pairs(&a, &cube(DVec3::X * 1.3).0, 0.29), Some(false));
+    }
+
+    #[test]
+    fn directions_that_cancel_leave_the_heaviest() {
+        let (x, y) = (DVec3::X, DVec3::Y);
+        assert_eq!(mean_direction(&[(x, 1.0), (-x, 1.01)]), Some(-x));
+        assert!((mean_direction(&[(x, 1.0), (y, 1.0)]).unwrap() - (x + y).normalize()).length() < 1e-15);
+        assert_eq!(mean_direction(&[(x, 0.0)]), None);
+    }
+
+    #[test]
+    fn a_ray_meets_the_sheet_that_faces_it() {
+        let positions = [DVec3::ZERO, DVec3::X, DVec3::Y].map(|x| x + DVec3::Z * 2.0);
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        let at = DVec2::new(0.25, 0.25);
+        let up = raster(axes, 1.0, &positions, &[[0, 1, 2], [0, 2, 1]], at, 0.0);
+        assert_eq!(up, [Sheet { height: 2.0, triangle: 0, inside: 0.25 }]);
+        assert_eq!(raster(axes, -1.0, &positions, &[[0, 1, 2], [0, 2, 1]], at, 0.0)[0].triangle, 1);
+        assert!(raster(axes, 1.0, &positions, &[[0, 1, 2]], DVec2::splat(0.51), 0.0).is_empty());
+    }
+}

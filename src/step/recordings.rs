@@ -1,0 +1,143 @@
+//! What is recorded of a step: the stages that a scene needs, and the command buffers that replay them.
+
+use std::sync::Arc;
+
+use crate::Result;
+use crate::gpu::{Context, Recorder, Recording};
+use crate::stages::contact::Contact;
+use crate::stages::cull::Cull;
+use crate::stages::depth::{Depth, Path};
+use crate::stages::elastic::Elastic;
+use crate::stages::model::Model;
+use crate::stages::skin::{Probes, Skin};
+use crate::stages::solve::Solve;
+use crate::stages::wrench::Wrench;
+use crate::stages::{Common, pose};
+
+/// Iterations of the shortest recorded plan; each further one is twice as long.
+const SHORTEST_PLAN: u32 = 16;
+
+/// The stages that a scene needs; what it does not need is neither recorded nor allocated.
+pub struct Stages {
+    pub common: Common,
+    pub elastic: Elastic,
+    pub solve: Solve,
+    pub touch: Option<TouchStages>,
+    pub wrench: Option<Wrench>,
+    pub probes: Option<Probes>,
+}
+
+/// The stages of scenes where something can touch.
+pub struct TouchStages {
+    pub pose: pose::Pose,
+    pub skin: Skin,
+    pub cull: Cull,
+    pub depth: Option<Depth>,
+    pub contact: Contact,
+}
+
+/// One step, recorded in parts that are submitted together.
+pub struct Recordings {
+    /// Everything before the solver's loop.
+    pub begin: Recording,
+    /// The solver's set-up once more, after contacts were dropped.
+    pub again: Recording,
+    /// Iterations, in plans of graded length.
+    pub iterate: Vec<(u32, Recording)>,
+    /// The verdict, the new state, the wrench.
+    pub end: Recording,
+}
+
+impl Stages {
+    /// Kernels and arrays of the stages that the model needs; `tile`: see [`crate::stages::depth::tile_of`].
+    pub fn new(
+        context: &Arc<Context>,
+        model: &Model,
+        (path, tile): (Path, u32),
+        probe_nodes: &[[u32; 4]],
+        probe_weights: &[[f32; 4]],
+    ) -> Result<Stages> {
+        let common = Common::new(context, model)?;
+        let touch = if model.pairs.is_empty() {
+            None
+        } else {
+            Some(TouchStages {
+                pose: pose::Pose::new(context, model)?,
+                skin: Skin::new(context, model)?,
+                cull: Cull::new(context, model, tile)?,
+                depth: if model.needs_depth() { Some(Depth::new(context, model, path, tile)?) } else { None },
+                contact: Contact::new(context, model, tile)?,
+            })
+        };
+        let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;
+        let wrench = match (&model.tool_frame, &touch) {
+            (Some(_), Some(_)) => Some(Wrench::new(context)?),
+            _ => None,
+        };
+        let probes =
+            if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes, probe_weights)?) };
+        Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes })
+    }
+}
+
+impl Recordings {
+    /// Records every part, with iterations up to one more than the cap, so that the pass that notices it is there.
+    pub fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
+        let Stages { common, elastic, solve, touch, wrench, probes } = stages;
+
+        let mut begin = recorder()?;
+        if let Some(TouchStages { pose, skin, cull, depth, contact }) = touch {
+            pose.record(&mut begin, common);
+            skin.record_bounds(&mut begin, pose, elastic);
+            cull.record(&mut begin, common, pose, skin);
+            skin.record_embedding(&mut begin, common, cull, elastic);
+            if let Some(depth) = depth {
+                depth.record(&mut begin, common, cull, skin);
+            }
+            contact.record(&mut begin, common, cull, skin, depth.as_ref(), elastic);
+        }
+        solve.record_reset(&mut begin);
+        elastic.record(&mut begin, common);
+        solve.record_start(&mut begin, common, elastic);
+
+        let mut again = recorder()?;
+        elastic.record(&mut again, common);
+        solve.record_start(&mut again, common, elastic);
+
+        let mut iterate = Vec::new();
+        let mut length = SHORTEST_PLAN;
+        loop {
+            let mut plan = recorder()?;
+            solve.record_iterations(&mut plan, common, elastic, length.min(max_iterations + 1));
+            iterate.push((length.min(max_iterations + 1), plan.finish()?));
+            if length > max_iterations {
+                break;
+            }
+            length *= 2;
+        }
+
+        let mut end = recorder()?;
+        solve.record_end(&mut end, common, elastic);
+        if let (Some(wrench), Some(touch)) = (wrench, touch) {
+            wrench.record(&mut end, common, &touch.contact.touch);
+        }
+        if let Some(probes) = probes {
+            probes.record(&mut end, elastic);
+        }
+        Ok(Recordings { begin: begin.finish()?, again: again.finish()?, iterate, end: end.finish()? })
+    }
+
+    /// Every part once.
+    pub fn submit_once(&self) -> Result<()> {
+        let mut parts = vec![&self.begin, &self.again];
+        parts.extend(self.iterate.iter().map(|(_, plan)| plan));
+        parts.push(&self.end);
+        Recording::submit_all(&parts)
+    }
+
+    /// The shortest plan of at least so many iterations, or the longest.
+    pub fn plan(&self, iterations: u32) -> &Recording {
+        let fits = self.iterate.iter().find(|(length, _)| *length >= iterations);
+        &fits.unwrap_or(&self.iterate[self.iterate.len() - 1]).1
+    }
+}

@@ -1,0 +1,270 @@
+//! contact/candidates, contact/compact and contact/response: soft balls, a tool and a floor against the oracle, the
+//! flags, and lists of any length.
+
+use std::collections::BTreeMap;
+
+use glam::{DQuat, DVec3};
+use palpate::gpu::Size;
+use palpate::oracle::contact::{self as oracle, Carrier, Law, Support, Surface};
+use palpate::oracle::skin as embedded;
+use palpate::prepare::{Body, Shape};
+use palpate::stages::args;
+use palpate::stages::depth::Path;
+use palpate::stages::types::{Contact, Counts, NONE};
+
+use crate::bodies::{Random, half_space, octants, rigid, soft, sphere, whole};
+use crate::flow::Flow;
+use crate::harness::{Tolerance, case, context, expect_close};
+
+const RADIUS: f64 = 0.01;
+/// As in the law of the sphere meshes.
+const DEPTH: f64 = 1e-5 * RADIUS;
+/// Areas, weights and rates are products of a few f32 numbers; normals of fans of six triangles lose a digit.
+const RELATIVE: f64 = 1e-5;
+/// Barycentric weights: positions to 1e-7 of the radius, triangles of some 0.1 radii.
+const WEIGHT: f64 = 2e-5;
+const CONTACT_OVERFLOW: u32 = 4;
+const DEPTH_LIMIT: u32 = 8;
+const NOT_HEIGHT_FIELD: u32 = 16;
+
+/// Two soft balls side by side, deformed and moving, on a floor, and a tool that presses on both.
+pub fn crowd(path: Path) -> (Vec<Body>, Body, Flow) {
+    let mut random = Random(52);
+    let ball = |name: &str, x: f64, random: &mut Random| {
+        soft(name, sphere(RADIUS, 3), octants, DVec3::new(x, 0.92 * RADIUS, 0.0), random.rotation())
+    };
+    let bodies =
+        vec![ball("a", -0.9 * RADIUS, &mut random), ball("b", 0.95 * RADIUS, &mut random), half_space(DVec3::Y, 0.0)];
+    let place = DVec3::new(0.1 * RADIUS, 2.3 * RADIUS, 0.2 * RADIUS);
+    let tool = rigid("tool", sphere(RADIUS, 3), whole, place, random.rotation());
+    let mut flow = Flow::new(&bodies, Some(&tool), place);
+    for (d, v) in flow.displacement.iter_mut().zip(&mut flow.velocity) {
+        *d = (0.02 * RADIUS * random.vector()).as_vec3().extend(0.0).to_array();
+        *v = (0.1 * random.vector()).as_vec3().extend(0.0).to_array();
+    }
+    flow.params.tool_twist = [0.1, -0.2, 0.05, 3.0, -2.0, 1.0];
+    flow.query(path);
+    flow.gather();
+    (bodies, tool, flow)
+}
+
+fn vector(x: &[f32]) -> DVec3 {
+    DVec3::new(x[0].into(), x[1].into(), x[2].into())
+}
+
+/// World positions of a body's skin, relative to the flow's origin.
+fn positions(flow: &Flow, body: &Body, index: usize, origin: DVec3) -> Vec<DVec3> {
+    let place = |x: DVec3| body.position - origin + body.orientation * x;
+    match &body.shape {
+        Shape::Soft { layer, embedding, .. } => {
+            let first = flow.model.soft.iter().find(|s| s.body == index).unwrap().node_first;
+            let moved: Vec<DVec3> =
+                layer.nodes.iter().enumerate().map(|(i, x)| *x + vector(&flow.displacement[first + i])).collect();
+            embedded::embed(embedding, layer, &moved).into_iter().map(place).collect()
+        }
+        Shape::Rigid { skin, .. } => skin.vertices.iter().map(|x| place(*x)).collect(),
+        Shape::Plane { .. } => vec![],
+    }
+}
+
+fn surface<'a>(flow: &Flow, body: &'a Body, index: usize, origin: DVec3) -> Surface<'a> {
+    let (skin, support) = match &body.shape {
+        Shape::Soft { layer, embedding, skin, .. } => (skin, Support::Soft(index, layer, embedding)),
+        Shape::Rigid { skin, .. } => (skin, Support::Tool),
+        Shape::Plane { .. } => unreachable!(),
+    };
+    Surface { positions: positions(flow, body, index, origin), triangles: &skin.triangles, areas: &skin.areas, support }
+}
+
+/// The oracle's contacts of every pair, by side and vertex of the device's numbering.
+fn wanted(bodies: &[Body], tool: &Body, flow: &Flow) -> BTreeMap<(u32, u32), oracle::Contact> {
+    let all: Vec<&Body> = bodies.iter().chain([tool]).collect();
+    let law = Law { stiffness: 1e6, damping: 1e3, depth_limit: 1.0 };
+    let mut firsts = vec![0];
+    for body in &all {
+        let count = match &body.shape {
+            Shape::Soft { skin, .. } | Shape::Rigid { skin, .. } => skin.vertices.len() as u32,
+            Shape::Plane { .. } => 0,
+        };
+        firsts.push(firsts[firsts.len() - 1] + count);
+    }
+    // Bodies a, b, floor, tool make these pairs, in this order; the half-space is always second.
+    let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (3, 2)];
+    assert_eq!(flow.pairs.len(), pairs.len());
+    let mut contacts = BTreeMap::new();
+    for (r, (a, b)) in pairs.into_iter().enumerate() {
+        let first = surface(flow, all[a], a, tool.position);
+        let found = match &all[b].shape {
+            Shape::Plane { normal, offset } => {
+                oracle::gather_plane(&first, *normal, offset - normal.dot(tool.position), &law)
+            }
+            _ => {
+                let normal = vector(&flow.regions[r].normal).normalize();
+                oracle::gather(normal, &first, &surface(flow, all[b], b, tool.position), &law)
+            }
+        };
+        for contact in found {
+            let body = if contact.of_first { a } else { b };
+            let side = 2 * r as u32 + u32::from(!contact.of_first);
+            contacts.insert((side, firsts[body] + contact.vertex), contact);
+        }
+    }
+    contacts
+}
+
+/// Weight of each node in J v = n . (v(s1) - v(s2)), and of the tool.
+fn jacobian(contact: &oracle::Contact, flow: &Flow) -> (BTreeMap<u32, f64>, f64) {
+    let (mut nodes, mut tool) = (BTreeMap::new(), 0.0);
+    for (point, sign) in [(&contact.first, 1.0), (&contact.second, -1.0)] {
+        match &point.carrier {
+            Carrier::Tool => tool += sign,
+            Carrier::Fixed => {}
+            Carrier::Nodes(body, weights) => {
+                let first = flow.model.soft.iter().find(|s| s.body == *body).unwrap().node_first as u32;
+                for (node, w) in weights {
+                    *nodes.entry(first + node).or_insert(0.0) += sign * w;
+                }
+            }
+        }
+    }
+    (nodes, tool)
+}
+
+/// One contact's record and entries against the oracle's.
+fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
+    let got = &flow.contacts[c];
+    let what = format!("contact {c}, side {}, vertex {}", got.side, got.vertex);
+    let relative = Tolerance { abs: 0.0, rel: RELATIVE };
+    expect_close(&what, &got.normal, &want.normal.to_array(), Tolerance { abs: 1e-6, rel: 0.0 });
+    expect_close(&what, &[got.depth], &[want.depth], Tolerance { abs: DEPTH, rel: 0.0 });
+    // A vertex nearly edge-on has an area of nearly nothing.
+    expect_close(&what, &[got.area], &[want.area], Tolerance { abs: 1e-5 * RADIUS * RADIUS, rel: 1e-4 });
+    expect_close(&what, &[got.stiffness, got.damping], &[want.stiffness, want.damping], relative);
+    let (nodes, tool) = jacobian(want, flow);
+    assert_eq!(f64::from(got.tool_sign), tool, "{what}");
+    let mut entries = BTreeMap::new();
+    for quad in 4 * c..4 * c + got.quads as usize {
+        for (node, w) in flow.entry_nodes[quad].iter().zip(flow.entry_weights[quad]) {
+            *entries.entry(*node).or_insert(0.0) += f64::from(w);
+        }
+    }
+    for node in nodes.keys().chain(entries.keys()) {
+        let (g, w) = (entries.get(node).copied().unwrap_or(0.0), nodes.get(node).copied().unwrap_or(0.0));
+        assert!((g - w).abs() < WEIGHT, "{what}: node {node} weighs {g}, not {w}");
+    }
+    // Lever and rate at the gathered vertex: the force acts on the line through both points.
+    let vertex = vector(&flow.skin[got.vertex as usize]) - vector(&flow.params.tool_centre);
+    let lever = tool * vertex.cross(want.normal);
+    expect_close(&what, &got.lever, &lever.to_array(), Tolerance { abs: DEPTH, rel: RELATIVE });
+    let speed = |(node, w): (&u32, &f64)| w * want.normal.dot(vector(&flow.velocity[*node as usize]));
+    let twist = (vector(&flow.params.tool_twist[..3]), vector(&flow.params.tool_twist[3..]));
+    let rate = nodes.iter().map(speed).sum::<f64>() + tool * want.normal.dot(twist.0) + lever.dot(twist.1);
+    expect_close(&what, &[got.rate], &[rate], Tolerance { abs: 0.1 * WEIGHT, rel: RELATIVE });
+}
+
+#[test]
+fn a_crowd_of_soft_and_rigid_bodies_against_the_oracle() {
+    for path in [Path::Compute, Path::Graphics] {
+        let (bodies, tool, flow) = crowd(path);
+        let want = wanted(&bodies, &tool, &flow);
+        assert_eq!(flow.counts.flags & !NOT_HEIGHT_FIELD, 0, "{}", path.name());
+        let got: BTreeMap<_, _> = flow.contacts.iter().enumerate().map(|(c, x)| ((x.side, x.vertex), c)).collect();
+        assert_eq!(got.len(), flow.counts.contacts as usize, "each vertex at most once a side");
+        for (key, contact) in &want {
+            match got.get(key) {
+                Some(c) => check(&flow, *c, contact),
+                None => assert!(contact.depth < DEPTH, "{}: {key:?} {} deep is missed", path.name(), contact.depth),
+            }
+        }
+        for (key, c) in &got {
+            assert!(want.contains_key(key) || f64::from(flow.contacts[*c].depth) < DEPTH, "{key:?} is no contact");
+        }
+        let sides: Vec<usize> = (0..12).map(|s| got.keys().filter(|k| k.0 == s).count()).collect();
+        // All but the tool and the floor touch; a half-space gathers nothing.
+        assert!([0, 1, 2, 4, 5, 6, 8, 9].iter().all(|s| sides[*s] > 2) && sides[10] == 0, "{sides:?}");
+    }
+}
+
+#[test]
+fn a_depth_beyond_the_limit_is_flagged_and_counts() {
+    let floor = half_space(DVec3::Y, 0.0);
+    let tool = rigid("tool", sphere(RADIUS, 2), whole, DVec3::Y * 0.5 * RADIUS, DQuat::IDENTITY);
+    for (limit, flags) in [(0.6 * RADIUS, 0), (0.4 * RADIUS, DEPTH_LIMIT)] {
+        let mut flow = Flow::new(std::slice::from_ref(&floor), Some(&tool), DVec3::ZERO);
+        flow.params.depth_limit = limit as f32;
+        flow.query(Path::Compute);
+        assert_eq!(flow.counts.flags, flags);
+        let deepest = flow.hits.iter().map(|h| h[0]).fold(0.0, f32::max);
+        assert!((f64::from(deepest) - 0.5 * RADIUS).abs() < DEPTH, "it counts all the same: {deepest}");
+    }
+}
+
+/// The dense list of every third candidate among `n`.
+fn compact(n: usize, capacity: usize) -> (Vec<u32>, Counts, Vec<u32>) {
+    let hits: Vec<[f32; 4]> =
+        (0..n.max(1)).map(|i| [if i % 3 == 1 { 1e-6 } else { -0.5 * (i % 2) as f32 }, 0.0, 0.0, 0.0]).collect();
+    let out = case("contact/compact")
+        .size(Size::Reduce)
+        .constant("CAPACITY", capacity as u32)
+        .constant("NODES", 1000u32)
+        .constant("TETRAHEDRA", 500u32)
+        .constant("GROUP", context().group_size())
+        .input("candidate_hits", &hits)
+        .inout("counts", &[Counts { vertices: n as u32, ..Counts::default() }])
+        .partial("contact_source", &vec![NONE; capacity])
+        .partial("args", &vec![7u32; args::WORDS])
+        .groups(1)
+        .run();
+    (out.get("contact_source"), out.get::<Counts>("counts")[0], out.get("args"))
+}
+
+#[test]
+fn lists_of_any_length_keep_the_order_of_candidates() {
+    let (width, group) = (context().reduce_size() as usize, context().group_size());
+    for n in [0, 1, 2, width - 1, width, width + 1, 1234] {
+        let want: Vec<u32> = (0..n as u32).filter(|i| i % 3 == 1).collect();
+        for capacity in [1, 5, 500] {
+            let (source, counts, words) = compact(n, capacity);
+            let kept = want.len().min(capacity);
+            assert_eq!(source[..kept], want[..kept]);
+            assert!(source[kept..].iter().all(|s| *s == NONE));
+            let flags = if want.len() > capacity { CONTACT_OVERFLOW } else { 0 };
+            assert_eq!((counts.contacts, counts.flags), (kept as u32, flags), "{n} candidates, {capacity} fit");
+            let groups = |slot: u32| words[3 * slot as usize];
+            let of = |elements: usize| (elements as u32).div_ceil(group);
+            assert_eq!(groups(args::CONTACTS), of(kept));
+            assert_eq!(groups(args::CONTACT_NODES), if kept > 0 { of(1000) } else { 0 });
+            assert_eq!(groups(args::ENTRIES), of(16 * kept));
+            assert_eq!(groups(args::APPLY), of(500 + kept));
+            let written =
+                [args::CONTACTS, args::CONTACT_NODES, args::ENTRIES, args::APPLY].map(|slot| 3 * slot as usize);
+            assert!(words.iter().enumerate().all(|(k, w)| written.contains(&k) || *w == 7), "{words:?}");
+        }
+    }
+}
+
+#[test]
+fn one_vertex_against_a_half_space_by_hand() {
+    // A regular octahedron of unit radius, its lowest corner 0.25 deep: a sole contact. Facing it exactly, its area is
+    // its rest area, a third of four triangles of edge sqrt(2).
+    let floor = half_space(DVec3::Y, 0.0);
+    let tool = rigid("tool", sphere(1.0, 0), whole, DVec3::new(2.0, 0.75, 0.0), DQuat::IDENTITY);
+    let mut flow = Flow::new(&[floor], Some(&tool), DVec3::ZERO);
+    flow.params.tool_centre = [1.5, 0.75, 0.0];
+    flow.params.tool_twist = [0.0, -2.0, 0.0, 0.0, 0.0, 1.0];
+    flow.query(Path::Compute);
+    flow.gather();
+    assert_eq!((flow.counts.contacts, flow.counts.entries, flow.contacts.len()), (1, 0, 1));
+    let got: &Contact = &flow.contacts[0];
+    let close = Tolerance { abs: 1e-6, rel: 1e-6 };
+    expect_close("normal", &got.normal, &[0.0, -1.0, 0.0], close);
+    expect_close("area", &[got.area], &[4.0 / 3.0 * 3f64.sqrt() / 2.0], close);
+    expect_close("depth", &[got.depth], &[0.25], close);
+    // s - centre = (0.5, -1, 0); crossed with the normal: -0.5 about z.
+    expect_close("lever", &got.lever, &[0.0, 0.0, -0.5], close);
+    expect_close("rate", &[got.rate], &[2.0 - 0.5], close);
+    assert_eq!((got.vertex, got.side, got.triangle, got.quads), (4, 0, NONE, 0));
+    assert_eq!((got.tool_sign, got.stiffness, got.damping), (1.0, 1e6, 1e3));
+    assert_eq!(got.barycentric, [0.0; 2]);
+    assert_eq!(flow.what[4], [4, 0, NONE, 0]);
+}

@@ -1,0 +1,151 @@
+//! contact/candidates and contact/response over any number of elements, and the flag of a patch that is no height field.
+
+use bytemuck::Zeroable;
+use glam::{DQuat, DVec3};
+use palpate::stages::args;
+use palpate::stages::depth::Path;
+use palpate::stages::types::{ActiveProxy, Contact, Counts, NONE, Proxy, Region};
+
+use crate::bodies::{Random, half_space, rigid, sheet, sphere, whole};
+use crate::flow::Flow;
+use crate::harness::{Tolerance, context, expect_close};
+
+/// Sums and products of a few f32 numbers of order one.
+const CLOSE: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };
+const NOT_HEIGHT_FIELD: u32 = 16;
+
+fn sizes() -> [usize; 6] {
+    let width = context().group_size() as usize;
+    [0, 1, width - 1, width, width + 1, 1234]
+}
+
+/// A skin of `n` downward triangles of their own over a half-space, as two proxies list their first corners.
+fn loose(n: usize, random: &mut Random) -> Flow {
+    let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
+    let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
+    let model = &mut flow.model;
+    (flow.skin, model.triangles, model.neighbours, model.fan_first, model.fans) =
+        (vec![], vec![], vec![], vec![0], vec![]);
+    for i in 0..n.max(1) as u32 {
+        let place = random.vector();
+        for corner in [DVec3::ZERO, DVec3::X, DVec3::Z] {
+            flow.skin.push((place + 0.1 * corner).as_vec3().extend(7.0).to_array());
+            model.fans.push(i);
+            model.fan_first.push(model.fans.len() as u32);
+        }
+        model.triangles.push([3 * i, 3 * i + 1, 3 * i + 2, 0]);
+        model.neighbours.push([NONE, NONE, NONE, 0]);
+    }
+    model.skin_areas = (0..flow.skin.len()).map(|i| 0.5 + (i % 7) as f32).collect();
+    model.proxy_vertices = (0..n as u32).map(|i| 3 * i).collect();
+    let first = n as u32 / 3;
+    model.proxies = vec![
+        Proxy { vertex_count: first, ..Proxy::zeroed() },
+        Proxy { vertex_first: first, vertex_count: n as u32 - first, ..Proxy::zeroed() },
+    ];
+    // The first proxy is empty for small n: then the list has the second alone.
+    let entry = |proxy: u32, vertex_first: u32| ActiveProxy { proxy, vertex_first, ..ActiveProxy::default() };
+    flow.active_list = if first > 0 { vec![entry(0, 0), entry(1, first)] } else { vec![entry(1, 0)] };
+    flow.regions = vec![Region { normal: [0.0, -1.0, 0.0], ..Region::default() }];
+    let active_proxies = flow.active_list.len() as u32;
+    flow.counts = Counts { active_proxies, vertices: n as u32, ..Counts::default() };
+    flow.args[3 * args::CANDIDATES as usize] = (n as u32).div_ceil(context().group_size());
+    flow.args[3 * args::COMPACT as usize] = 1;
+    flow.capacity = n;
+    flow
+}
+
+#[test]
+fn candidates_of_any_number() {
+    let mut random = Random(19);
+    for n in sizes() {
+        let mut flow = loose(n, &mut random);
+        flow.candidates();
+        for (i, (hit, what)) in flow.hits.iter().zip(&flow.what).enumerate() {
+            let depth = -f64::from(flow.skin[3 * i][1]);
+            assert_eq!(what, &[3 * i as u32, 0, NONE, 0]);
+            let area = f64::from(flow.model.skin_areas[3 * i]);
+            let want = if depth > 0.0 { [depth, 0.0, 0.0, area] } else { [0.0; 4] };
+            expect_close("hit", hit, &want, CLOSE);
+        }
+        // Turned over, none faces the half-space.
+        flow.model.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        flow.candidates();
+        assert!(flow.hits.iter().all(|hit| *hit == [0.0; 4]));
+    }
+}
+
+#[test]
+fn responses_of_any_number() {
+    let mut random = Random(20);
+    for n in sizes() {
+        let mut flow = loose(3 * n, &mut random);
+        let nodes = 50;
+        flow.velocity = (0..nodes).map(|_| random.vector().as_vec3().extend(0.0).to_array()).collect();
+        let vertices = flow.skin.len();
+        flow.model.skin_nodes = (0..vertices as u32).map(|i| [0, 1, 2, 3].map(|k| (i * 7 + k * 13) % 50)).collect();
+        flow.model.skin_weights = (0..vertices).map(|i| [0.25, 0.5, 0.25 + (i % 4) as f32 * 0.125, 0.0]).collect();
+        // Every third candidate is a contact; every other of these met a triangle.
+        let hit = |i: usize| if i % 3 == 2 { [0.1 + i as f32, 0.25, 0.5, 2.0] } else { [0.0; 4] };
+        flow.hits = (0..3 * n).map(hit).collect();
+        let met = |i: usize| if i % 2 == 0 { i as u32 / 2 } else { NONE };
+        flow.what = (0..3 * n).map(|i| [3 * i as u32, (i as u32 / 3) % 2, met(i), 0]).collect();
+        flow.node_count = vec![0; nodes];
+        flow.compact();
+        assert_eq!(flow.counts.contacts as usize, n);
+        flow.respond();
+        let mut counts = vec![0u32; nodes];
+        for c in 0..n {
+            check_response(&flow, c, &mut counts);
+        }
+        assert_eq!(flow.node_count, counts);
+    }
+}
+
+/// Contact `c` came from candidate 3 c + 2; adds its entries to `counts`.
+fn check_response(flow: &Flow, c: usize, counts: &mut [u32]) {
+    let i = 3 * c + 2;
+    let got: &Contact = &flow.contacts[c];
+    let sign = if c % 2 == 1 { -1.0 } else { 1.0 };
+    let mut points = vec![(3 * i, sign)];
+    if flow.what[i][2] != NONE {
+        let corners = flow.model.triangles[flow.what[i][2] as usize];
+        points.extend([(corners[0] as usize, -0.25 * sign), (corners[1] as usize, -0.25 * sign)]);
+        points.push((corners[2] as usize, -0.5 * sign));
+    }
+    assert_eq!((got.quads as usize, got.vertex as usize, got.side as usize), (points.len(), 3 * i, c % 2));
+    let mut rate = 0.0;
+    for (quad, (vertex, share)) in points.into_iter().enumerate() {
+        let nodes = flow.model.skin_nodes[vertex];
+        assert_eq!(flow.entry_nodes[4 * c + quad], nodes);
+        let weights = flow.model.skin_weights[vertex].map(|w| share * f64::from(w));
+        expect_close("weights", &flow.entry_weights[4 * c + quad], &weights, CLOSE);
+        for (node, w) in nodes.iter().zip(weights) {
+            // The normal is -y.
+            rate -= w * f64::from(flow.velocity[*node as usize][1]);
+            counts[*node as usize] += u32::from(w != 0.0);
+        }
+    }
+    expect_close("rate", &[got.rate], &[rate], CLOSE);
+    let untouched = &flow.entry_nodes[4 * c + got.quads as usize..4 * c + 4];
+    assert!(untouched.iter().all(|quad| *quad == [NONE; 4]), "quads not in use stay as they were");
+}
+
+#[test]
+fn a_ray_that_leaves_the_patch_deep_behind_it_is_flagged() {
+    let plane = rigid("plane", sheet(0.01, 4), whole, DVec3::ZERO, DQuat::IDENTITY);
+    // A small ball pressed in over the middle of the sheet, and one half over its edge.
+    for (x, flags) in [(0.0, 0), (0.0105, NOT_HEIGHT_FIELD)] {
+        let place = DVec3::new(x, 0.0015, 0.0);
+        let tool = rigid("tool", sphere(0.005, 3), whole, place, DQuat::IDENTITY);
+        let mut flow = Flow::new(std::slice::from_ref(&plane), Some(&tool), DVec3::ZERO);
+        // Texels so coarse that vertices beside the sheet share one with it.
+        (flow.tile, flow.params.depth_limit) = (8, 1.0);
+        flow.query(Path::Compute);
+        assert_eq!(flow.counts.flags, flags, "a ball at {x}");
+        let found = flow.hits.iter().zip(&flow.what).filter(|(hit, what)| what[1] == 1 && hit[0] > 0.0);
+        let found: Vec<u32> = found.map(|(_, what)| what[0]).collect();
+        // Directions lean by less than a fifth, depths are below 4 mm.
+        assert!(found.len() > 20 && found.iter().all(|v| flow.skin[*v as usize][0] < 0.01 + 0.2 * 0.004));
+    }
+}

@@ -1,0 +1,168 @@
+//! Every structure that shaders share has the offsets of its Rust twin, as the SPIR-V of a kernel that uses it says.
+
+use std::mem::offset_of;
+
+use palpate::gpu::{Kernel, Size};
+use palpate::stages::types::*;
+
+use crate::harness::context;
+
+/// Compares a struct of a kernel with its twin, member by member.
+macro_rules! same_layout {
+    ($kernel:literal, $name:ident { $($member:ident),+ $(,)? }) => {{
+        let kernel = Kernel::new(context(), $kernel, Size::Group, &[]).unwrap();
+        let want = vec![$((stringify!($member).to_string(), offset_of!($name, $member) as u32)),+];
+        assert_eq!(kernel.struct_offsets(stringify!($name)), want, "{} of {}", stringify!($name), $kernel);
+        assert_eq!(kernel.struct_bytes(stringify!($name)), Some(size_of::<$name>() as u32));
+    }};
+}
+
+#[test]
+fn step_params_and_frame() {
+    same_layout!(
+        "solve/start",
+        StepParams {
+            dt,
+            step,
+            tolerance,
+            max_iterations,
+            gravity,
+            depth_limit,
+            texel,
+            tool_matrix,
+            tool_rhs,
+            tool_twist,
+            tool_centre,
+        }
+    );
+    same_layout!(
+        "skin/embed",
+        StepParams {
+            dt,
+            step,
+            tolerance,
+            max_iterations,
+            gravity,
+            depth_limit,
+            texel,
+            tool_matrix,
+            tool_rhs,
+            tool_twist,
+            tool_centre,
+        }
+    );
+    same_layout!("pose/place", Frame { rotation, centre, linear, angular });
+}
+
+#[test]
+fn pairs_proxies_and_bounds() {
+    same_layout!(
+        "cull/pairs",
+        Pair {
+            first_proxy_pair,
+            proxy_pair_count,
+            first_proxy,
+            proxy_count,
+            stiffness,
+            damping,
+            tool_sign,
+            is_plane,
+            plane,
+        }
+    );
+    same_layout!(
+        "cull/regions",
+        Proxy {
+            frame,
+            hull_first,
+            hull_count,
+            face_first,
+            face_count,
+            vertex_first,
+            vertex_count,
+            triangle_first,
+            triangle_count,
+            embed_first,
+            embed_count,
+            node_first,
+            node_count,
+            margin,
+            weight_bound,
+        }
+    );
+    same_layout!("skin/bound", ProxyBounds { low, inflation, high, radius });
+}
+
+#[test]
+fn regions_lists_and_counters() {
+    same_layout!(
+        "cull/regions",
+        Region { normal, tangent, bitangent, low, texel, width, height, height_low, height_high }
+    );
+    same_layout!("cull/regions", ActiveProxy { proxy, side, vertex_first, triangle_first, embed_first });
+    same_layout!(
+        "pose/place",
+        Counts { active_proxies, vertices, triangles, embeds, contacts, entries, pulling, flags }
+    );
+}
+
+#[test]
+fn contacts_solver_and_report() {
+    same_layout!(
+        "contact/response",
+        Contact {
+            normal,
+            area,
+            lever,
+            tool_sign,
+            depth,
+            rate,
+            stiffness,
+            damping,
+            quads,
+            vertex,
+            side,
+            triangle,
+            barycentric,
+        }
+    );
+    same_layout!(
+        "solve/start",
+        Solve {
+            gamma,
+            alpha,
+            beta,
+            warm,
+            rhs_norm2,
+            floor_norm2,
+            iterations,
+            status,
+            retries,
+            tool_inverse,
+            tool_b,
+            tool_x,
+            tool_r,
+            tool_u,
+            tool_p,
+            tool_s,
+            tool_leftover,
+        }
+    );
+    same_layout!(
+        "wrench/reduce",
+        Report {
+            verdict,
+            iterations,
+            residual,
+            residual_floor,
+            contacts,
+            max_depth,
+            flags,
+            force,
+            torque,
+            tool_change,
+            stiffness,
+            damping,
+        }
+    );
+}

@@ -1,0 +1,140 @@
+//! contact/place, contact/fill and contact/sort: from the entries of each contact to those of each node, in one order.
+
+use std::collections::BTreeMap;
+
+use bytemuck::Zeroable;
+use palpate::stages::args;
+use palpate::stages::depth::Path;
+use palpate::stages::types::{Contact, Counts, NONE};
+
+use crate::bodies::{Random, half_space, rigid, sphere, whole};
+use crate::contact::crowd;
+use crate::flow::Flow;
+use crate::harness::context;
+
+/// What the index must hold: contact and weight of each node's entries, ascending by entry.
+fn wanted(flow: &Flow) -> BTreeMap<usize, Vec<[u32; 2]>> {
+    let mut runs: BTreeMap<usize, Vec<[u32; 2]>> = BTreeMap::new();
+    for (c, contact) in flow.contacts[..flow.counts.contacts as usize].iter().enumerate() {
+        for quad in 4 * c..4 * c + contact.quads as usize {
+            for (node, weight) in flow.entry_nodes[quad].iter().zip(flow.entry_weights[quad]) {
+                if weight != 0.0 {
+                    runs.entry(*node as usize).or_default().push([c as u32, weight.to_bits()]);
+                }
+            }
+        }
+    }
+    runs
+}
+
+/// Every node's run holds exactly its entries in ascending order; runs tile the index without a gap. The number of entries.
+fn check(flow: &Flow) -> usize {
+    let want = wanted(flow);
+    let mut covered = vec![false; flow.sorted.len()];
+    for (node, [first, count]) in flow.node_entries.iter().enumerate() {
+        let (first, count) = (*first as usize, *count as usize);
+        let run = &flow.sorted[first..first + count];
+        assert_eq!(run, want.get(&node).map_or(&[][..], |run| run), "node {node}");
+        if count > 0 {
+            covered[first..first + count].iter_mut().for_each(|c| {
+                assert!(!*c, "node {node}'s run overlaps another");
+                *c = true;
+            });
+            assert_eq!(flow.cursor[node] as usize, first + count, "the run is full");
+        }
+    }
+    assert!(covered.iter().all(|c| *c) && flow.counts.entries as usize == covered.len());
+    covered.len()
+}
+
+/// Contacts made up: `n` of them with random nodes among `nodes`; some entries weigh nothing.
+fn made_up(n: usize, nodes: u32, random: &mut Random) -> Flow {
+    let tool = rigid("tool", sphere(1.0, 0), whole, glam::DVec3::ZERO, glam::DQuat::IDENTITY);
+    let mut flow = Flow::new(&[half_space(glam::DVec3::Y, 0.0)], Some(&tool), glam::DVec3::ZERO);
+    let mut pick = |below: u32| ((random.next() + 1.0) * 0.5 * f64::from(below)) as u32;
+    flow.contacts = (0..n).map(|_| Contact { quads: pick(5), ..Contact::zeroed() }).collect();
+    flow.entry_nodes = (0..4 * n).map(|_| [(); 4].map(|()| pick(nodes))).collect();
+    flow.entry_weights = (0..4 * n).map(|_| [(); 4].map(|()| pick(5) as f32 * 0.25)).collect();
+    // Behind the last quad lies what an earlier step left.
+    for (c, contact) in flow.contacts.iter().enumerate() {
+        for quad in 4 * c + contact.quads as usize..4 * c + 4 {
+            (flow.entry_nodes[quad], flow.entry_weights[quad]) = ([NONE; 4], [9.0; 4]);
+        }
+    }
+    flow.counts = Counts { contacts: n as u32, ..Counts::default() };
+    flow.node_count = vec![0; nodes as usize];
+    for (node, run) in wanted(&flow) {
+        flow.node_count[node] = run.len() as u32;
+    }
+    flow.node_entries = vec![[0; 2]; nodes as usize];
+    let group = context().group_size();
+    flow.args[3 * args::CONTACT_NODES as usize] = if n > 0 { nodes.div_ceil(group) } else { 0 };
+    flow.args[3 * args::ENTRIES as usize] = (16 * n as u32).div_ceil(group);
+    flow
+}
+
+fn index(flow: &mut Flow) {
+    flow.place_entries();
+    flow.fill();
+    flow.sort();
+}
+
+#[test]
+fn two_contacts_by_hand() {
+    let mut flow = made_up(2, 3, &mut Random(1));
+    flow.contacts = vec![Contact { quads: 1, ..Contact::zeroed() }, Contact { quads: 2, ..Contact::zeroed() }];
+    flow.entry_nodes = vec![[2, 0, 0, 1]; 8];
+    flow.entry_weights = vec![[0.0; 4]; 8];
+    flow.entry_weights[0] = [0.5, 0.0, 0.25, 0.0];
+    flow.entry_weights[4] = [-1.0, 0.0, 0.0, 0.0];
+    flow.entry_weights[5] = [0.0, 0.125, 2.0, 0.0];
+    flow.node_count = vec![3, 0, 2];
+    index(&mut flow);
+    let [first, count] = flow.node_entries[0];
+    assert_eq!((count, flow.node_entries[1], flow.node_entries[2][1]), (3, [0, 0], 2));
+    let bits = |c: u32, w: f32| [c, w.to_bits()];
+    assert_eq!(flow.sorted[first as usize..][..3], [bits(0, 0.25), bits(1, 0.125), bits(1, 2.0)]);
+    let first = flow.node_entries[2][0] as usize;
+    assert_eq!(flow.sorted[first..first + 2], [bits(0, 0.5), bits(1, -1.0)]);
+    assert_eq!(check(&flow), 5);
+}
+
+#[test]
+fn any_number_of_contacts_and_nodes() {
+    let width = context().group_size();
+    let mut random = Random(71);
+    for n in [0, 1, width - 1, width, width + 1, 1234] {
+        for nodes in [1, width - 1, width + 1, 1234] {
+            // A run's entries are ranked against each other: keep the longest at some thousand.
+            if u64::from(n) * 8 / u64::from(nodes) < 5000 {
+                let mut flow = made_up(n as usize, nodes, &mut random);
+                index(&mut flow);
+                assert_eq!(check(&flow), flow.node_count.iter().sum::<u32>() as usize);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_crowd_s_contacts_are_indexed_whole() {
+    let (_, _, flow) = crowd(Path::Compute);
+    assert!(check(&flow) > 1000, "{} entries", flow.counts.entries);
+    // What contact/response counted is what the index holds.
+    let runs = wanted(&flow);
+    for (node, count) in flow.node_count.iter().enumerate() {
+        assert_eq!(*count as usize, runs.get(&node).map_or(0, Vec::len), "node {node}");
+    }
+}
+
+#[test]
+fn the_same_contacts_give_the_same_runs_again() {
+    let mut flow = made_up(300, 40, &mut Random(72));
+    let mut again = made_up(300, 40, &mut Random(72));
+    index(&mut flow);
+    index(&mut again);
+    let run = |flow: &Flow, node: usize| {
+        let [first, count] = flow.node_entries[node];
+        flow.sorted[first as usize..(first + count) as usize].to_vec()
+    };
+    (0..40).for_each(|node| assert_eq!(run(&flow, node), run(&again, node)));
+}
