@@ -1,6 +1,7 @@
 //! The shader test harness: given, kernel, run, expect, untouched. Outputs start as canaries and have guard words
 //! behind their end, inputs are compared after the run, and any validation message fails the case.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use bytemuck::Pod;
@@ -144,7 +145,14 @@ impl Case {
         let context = context();
         let _running = RUNNING.lock().unwrap_or_else(|e| e.into_inner());
         let constants: Vec<_> = self.constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-        let kernel = Kernel::new(context, &self.kernel, self.size, &constants).unwrap_or_else(|e| panic!("{e}"));
+        // Drivers take longer to compile a kernel than to run it, and an iteration runs the same ones again and again.
+        static KERNELS: Mutex<BTreeMap<String, Arc<Kernel>>> = Mutex::new(BTreeMap::new());
+        let make =
+            || Arc::new(Kernel::new(context, &self.kernel, self.size, &constants).unwrap_or_else(|e| panic!("{e}")));
+        let key = format!("{} {:?} {constants:?}", self.kernel, self.size);
+        let mut kernels = KERNELS.lock().unwrap_or_else(|e| e.into_inner());
+        let kernel = kernels.entry(key).or_insert_with(make).clone();
+        drop(kernels);
         self.check_bindings(&kernel);
         let buffers: Vec<Buffer> = self
             .given
