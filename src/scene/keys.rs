@@ -180,7 +180,9 @@ impl<'a> Value<'a> {
     pub fn positive(&self) -> Result<f64> {
         match self.number()? {
             x if x >= SMALLEST => Ok(x),
-            x => Err(self.error(format!("is {x:?}"), "give a number greater than zero")),
+            x => {
+                Err(self.error(format!("is {x:?}"), format!("give a number greater than zero, {SMALLEST:e} at least")))
+            }
         }
     }
 
