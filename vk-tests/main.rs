@@ -8,6 +8,7 @@ mod cull;
 mod depth;
 mod elastic;
 mod energy;
+mod extremes;
 mod flow;
 mod gpu;
 mod harness;
