@@ -176,7 +176,7 @@ fn rotations_and_forces_agree_with_the_oracle_at_every_size() {
 #[test]
 fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
     // elastic/rotate from the identity, up to just below half a turn; the third of a turn where tr F = 0 too.
-    let turns = [0.1, 1.0, 1.5, 2.0, 2.0 * std::f64::consts::FRAC_PI_3, 2.5, 3.0, 3.1, 3.14];
+    let turns = [0.1, 1.0, 1.5, 2.0, 2.0 * std::f64::consts::FRAC_PI_3, 2.5, 3.0, 3.1, 3.13];
     let mut k = 0;
     let mut system = deformed(40 * turns.len(), 11, |random| {
         k += 1;

@@ -25,7 +25,6 @@ layout(scalar, binding = 7) writeonly buffer Directions { vec4 directions[]; }; 
 // Faces of both hulls at most, each a fan of a hull with 64 vertices.
 const uint MAX_FACES = 256;
 const float BLEND = 0.25;       // of the smaller hull's radius
-const float CANCELLED = 1.0e-6; // squared length of a sum of unit normals, the greatest with weight one
 
 shared float separation[MAX_FACES];
 shared vec4 partial[SIZE];
@@ -73,15 +72,9 @@ void main() {
         if (lane < width) partial[lane] += partial[lane + width];
     }
     if (lane == 0) {
-        // Directions that cancel (two boxes in the same place): the first of the greatest separation.
-        if (dot(partial[0].xyz, partial[0].xyz) < CANCELLED) {
-            uint f = 0;
-            while (f + 1 < face_count && separation[f] < greatest) f++;
-            partial[0] = vec4(normal_of(a, b, f), 0.0);
-        }
         float weight = max(0.0, reach_of[i] - greatest);
         sum = partial[0];
-        // Normals that cancel (a thin plate half way through another): fall back to the first of the best.
+        // Normals that cancel (a thin plate half way through another, two boxes in one place): fall back to the first of the best.
         if (dot(sum.xyz, sum.xyz) <= 0.01 * sum.w * sum.w) {
             uint best = 0;
             while (best + 1 < face_count && separation[best] < greatest) best += 1;
