@@ -42,14 +42,11 @@ fn bodies_in_the_same_place_are_seen_to_overlap() {
 
 #[test]
 fn what_overflows_is_flagged_and_moves_nothing() {
-    for line in ["stiffness = 1e30", "damping = 1e30"] {
-        let mut simulation = press(SPHERE, &format!("[contact]\n{line}\n"));
-        let rows = run(&mut simulation, 3);
-        for row in rows.iter().filter(|row| row.flags.contains(Flags::NON_FINITE)) {
-            let tool = row.tool.unwrap();
-            assert_eq!((tool.force.length(), tool.torque.length(), row.residual), (0.0, 0.0, 1.0), "{line}");
-        }
-        assert!(rows[0].flags.contains(Flags::NON_FINITE), "{line}: {:?}", rows[0]);
-        assert_eq!(simulation.tool().unwrap().centre.y, 0.009, "{line}");
+    let mut simulation = press(SPHERE, "[step]\ngravity = [0.0, -1e30, 0.0]\n");
+    for row in run(&mut simulation, 3) {
+        assert!(row.flags.contains(Flags::NON_FINITE), "{row:?}");
+        let tool = row.tool.unwrap();
+        assert_eq!((tool.force.length(), tool.torque.length(), row.residual), (0.0, 0.0, 1.0));
     }
+    assert_eq!(simulation.tool().unwrap().centre.y, 0.009);
 }

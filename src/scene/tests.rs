@@ -231,7 +231,7 @@ fn values_out_of_range_are_refused_by_key_and_line() {
         ("{ cell = 0.01 }", "{ box = [[0, 0, 0], [1, 1, 1]], cells = [9999, 9999, 9999] }", "too many tetrahedra"),
         ("{ cell = 0.01 }", "{ cell = 1, box = [[0, 0, 0], [1, 1, 1]] }", "given beside `cell`"),
         ("plane = [0.0, 2.0,", "plane = [0.0, 0.0,", "`body.floor.plane`: the normal is zero"),
-        ("[0.3, 0.0, 0.2, 0.10]", "[0.0, 0.0, 0.2, 0.10]", "`drive.keys[1]`: time 0 does not come after 0"),
+        ("[0.3, 0.0, 0.2, 0.10]", "[0.0, 0.0, 0.2, 0.10]", "`drive.keys[1]`: time 0.0 does not come after 0.0"),
         ("[0.3, 0.0, 0.2, 0.10]", "[0.3, 0.0, 0.2]", "`drive.keys[1]`: has 3 numbers"),
         ("{ inset = 0.03 }", "{ sphere = [0, 0, 0, 0] }", "has radius 0"),
         ("[tool]", "[tool", "not TOML"),
