@@ -30,7 +30,7 @@ pub enum Error {
         remedy: String,
     },
     /// A file could not be written.
-    #[error("cannot write {}: {source}", .file.display())]
+    #[error("cannot write {}: {source}; make room, or choose another place", .file.display())]
     Output {
         /// The file or directory.
         file: PathBuf,

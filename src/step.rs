@@ -96,7 +96,7 @@ impl Simulation {
         self.write_inputs(origin, &device)?;
         let report = self.submit()?;
         if let Some(tool) = &mut self.tool
-            && report.tool_change.iter().all(|x| x.is_finite())
+            && !Flags(report.flags).contains(Flags::NON_FINITE)
         {
             tool.advance(h, report.tool_change);
         }

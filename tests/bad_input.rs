@@ -69,6 +69,13 @@ fn mistakes_in_a_scene() {
         (format!("{body}[contact]\nfriction = 0.5\n"), "`contact.friction`: this version does not do that yet"),
         ("[step\n".into(), "not TOML"),
         ("\u{0}\u{1}".into(), "not TOML"),
+        (String::new(), "neither a body nor a tool"),
+        (
+            body.replace("2e4", "1e-300"),
+            "`body.a.material.young`: is 1e-300; give a number greater than zero, 1e-30 at least",
+        ),
+        (body.replace("\"a\"", &format!("\"{}\"", "a".repeat(300))), "a name of 300 characters"),
+        (format!("{body}[solver]\nmax_iterations = 10001\n"), "give a whole number from 1 to 10000"),
     ] {
         let message = refusal(folder.path(), &scene);
         assert!(message.contains(words), "{words}: {message}");
@@ -89,13 +96,25 @@ fn mistakes_on_the_command_line() {
         &["run"][..],
         &["run", "x", "--steps", "0"],
         &["run", "x", "--steps", "-1"],
+        &["run", "x", "--steps", "1e99"],
+        &["run", "x", "--steps", "100000001"],
+        &["run", "x", "--device", ""],
         &["run", "x", "--seconds", "nan"],
         &["run", "x", "--seconds", "0"],
         &["run", "x", "--steps", "1", "--seconds", "1"],
         &["walk"],
     ] {
-        assert_eq!(palpate(arguments).status.code(), Some(2), "{arguments:?}");
+        let output = palpate(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(message.starts_with("error: ") && message.lines().count() == 1, "{message}");
     }
+    let file = folder.path().join("good.toml");
+    fs::write(&file, soft("surface = \"cube.obj\"", "{ cell = 0.5 }")).unwrap();
+    let output = palpate(&["run", file.to_str().unwrap(), "--seconds", "1e300"]);
+    assert_eq!(output.status.code(), Some(2));
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(message.contains("1e300 s are more than 100000000 steps"), "{message}");
 }
 
 /// The shared meshes, or `None` and a visible line where they are not there.

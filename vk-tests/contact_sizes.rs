@@ -88,7 +88,7 @@ fn responses_of_any_number() {
         // Every third candidate is a contact; every other of these met a triangle.
         let hit = |i: usize| if i % 3 == 2 { [0.1 + i as f32, 0.25, 0.5, 2.0] } else { [0.0; 4] };
         flow.hits = (0..3 * n).map(hit).collect();
-        let met = |i: usize| if i % 2 == 0 { i as u32 / 2 } else { NONE };
+        let met = |i: usize| if i.is_multiple_of(2) { i as u32 / 2 } else { NONE };
         flow.what = (0..3 * n).map(|i| [3 * i as u32, (i as u32 / 3) % 2, met(i), 0]).collect();
         flow.node_count = vec![0; nodes];
         flow.compact();

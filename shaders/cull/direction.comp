@@ -74,7 +74,7 @@ void main() {
     if (lane == 0) {
         float weight = max(0.0, reach_of[i] - greatest);
         sum = partial[0];
-        // Normals that cancel (a thin plate half way through another): fall back to the first of the best.
+        // Normals that cancel (a thin plate half way through another, two boxes in one place): fall back to the first of the best.
         if (dot(sum.xyz, sum.xyz) <= 0.01 * sum.w * sum.w) {
             uint best = 0;
             while (best + 1 < face_count && separation[best] < greatest) best += 1;

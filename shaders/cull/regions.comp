@@ -25,6 +25,9 @@ layout(scalar, binding = 8) writeonly buffer ActiveList { ActiveProxy active_lis
 layout(scalar, binding = 9) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 10) buffer Args { uint args[]; };
 
+// Texels along the longer side at least, however coarse the scene asks for: with fewer, triangles slip between centres.
+const float LEAST_TEXELS = 32.0;
+
 shared vec4 partial[SIZE];
 shared vec3 low[SIZE];
 shared vec3 high[SIZE];
@@ -56,7 +59,9 @@ vec3 mean_direction(Pair pair, uint slot) {
     partial[lane] = sum;
     sum = total();
     // Directions that cancel: fall back to the strongest of them.
-    if (dot(sum.xyz, sum.xyz) > 0.01 * sum.w * sum.w) return normalize(sum.xyz);
+    // Divided first, so that no weight is large enough to overflow.
+    vec3 mean = sum.xyz / sum.w;
+    if (dot(mean, mean) > 0.01) return normalize(mean);
     partial[lane] = strongest;
     for (uint width = SIZE / 2; width > 0; width /= 2) {
         barrier();
@@ -131,7 +136,7 @@ void main() {
             float texel = max(max(extent.x, extent.y) / float(TILE - 2), 1.0e-9);
             if (touches && pair.is_plane == 0 && params.texel > 0.0) {
                 if (params.texel < texel) counts.flags |= FLAG_REGION_OVERFLOW;
-                texel = max(texel, params.texel);
+                texel = clamp(params.texel, texel, max(texel, max(extent.x, extent.y) / LEAST_TEXELS));
             }
             // A texel of border all round, so that a ray at the rim still has four neighbours.
             uvec2 size = touches ? min(uvec2(extent / texel) + 3, uvec2(TILE)) : uvec2(0);

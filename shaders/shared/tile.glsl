@@ -2,8 +2,10 @@
 // seen from b (its greatest height wins), side b from a (its least height wins); both become "least key wins".
 
 vec3 to_tile(Region region, vec3 x) {
-    vec2 uv = (vec2(dot(x, region.tangent), dot(x, region.bitangent)) - region.low) / region.texel;
-    return vec3(uv, dot(x, region.normal));
+    // `precise`: two pipelines compare what comes of it bit for bit.
+    precise vec3 at = vec3(dot(x, region.tangent), dot(x, region.bitangent), dot(x, region.normal));
+    precise vec2 uv = (at.xy - region.low) / region.texel;
+    return vec3(uv, at.z);
 }
 
 uint height_key(float height, bool side_b) {
@@ -12,4 +14,7 @@ uint height_key(float height, bool side_b) {
 }
 
 // Twice the signed area of the triangle p, q, x in the tile.
-float edge(vec2 p, vec2 q, vec2 x) { return (q.x - p.x) * (x.y - p.y) - (q.y - p.y) * (x.x - p.x); }
+float edge(vec2 p, vec2 q, vec2 x) {
+    precise float area = (q.x - p.x) * (x.y - p.y) - (q.y - p.y) * (x.x - p.x);
+    return area;
+}

@@ -91,7 +91,7 @@ void main() {
             off = vec3(co.y, co.z, c.x * c.y - a.x * c.z) / determinant;
             z = vec3(diagonal.x * b.x + off.x * b.y + off.y * b.z, off.x * b.x + diagonal.y * b.y + off.z * b.z,
                 off.y * b.x + off.z * b.y + diagonal.z * b.z);
-            sums = vec2(dot(b, z), ROUNDING * ROUNDING * dot(e * e, diagonal));
+            sums = vec2(dot(b, z), ROUNDING * dot(e, ROUNDING * e * diagonal));
         }
         rhs[i] = vec4(b, 0.0);
         preconditioned[i] = vec4(z, 0.0);

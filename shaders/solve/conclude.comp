@@ -100,8 +100,15 @@ void main() {
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
         if (sums.z > 0.0) flags |= FLAG_PULLING;
         // A solution that is not finite is not committed: the state stays as it was, and the flag says so.
-        bool finite = !isnan(sums.x) && !isinf(sums.x);
-        if (!finite) flags |= FLAG_NON_FINITE;
+        // Nor is one whose right-hand side or its rounding overflow: then nothing can be said of the residual.
+        float all = sums.x + solve.rhs_norm2 + solve.floor_norm2;
+        bool finite = !isnan(all) && !isinf(all);
+        if (!finite) {
+            flags |= FLAG_NON_FINITE;
+            // Nothing was solved, nothing applied.
+            residual = 1.0;
+            for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
+        }
         if (TOOL && finite) solve.tool_leftover = rest;
         args[3 * ARGS_COMMIT] = finite ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = finite ? 1 : 0;

@@ -118,12 +118,11 @@ void main() {
                 b[i] = params.tool_rhs[i] + block[at + i] + solve.tool_leftover[i];
                 x[i] = solve.tool_x[i];
             }
-            if (!invert(matrix, inverse)) {
-                for (int k = 0; k < 36; k++) inverse[k] = 0.0;
-            }
+            // Singular in f32: not a number, so that the step is not accepted and its flag says so.
+            if (!invert(matrix, inverse)) inverse[0] = uintBitsToFloat(0x7fc00000u);
             for (int i = 0; i < 6; i++) {
                 float e = abs(params.tool_rhs[i]) + abs(block[at + i]);
-                e2 += e * e * inverse[7 * i];
+                e2 += e * (e * inverse[7 * i]);
             }
             float image[6] = times(base, x);
             for (int i = 0; i < 6; i++) image[i] += forces[i];

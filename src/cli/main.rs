@@ -8,6 +8,7 @@ mod run;
 use std::io::Write;
 use std::process::ExitCode;
 
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 /// Feel soft bodies: deformable contact and haptic forces on any Vulkan 1.3 device.
@@ -27,7 +28,11 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let result = match Arguments::parse().command {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return usage(&error),
+    };
+    let result = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Devices => devices::devices(),
     };
@@ -40,6 +45,19 @@ fn main() -> ExitCode {
             ExitCode::from(error.exit_status())
         }
     }
+}
+
+/// Help and version as they are; a mistake on the command line as one line, like every other error.
+fn usage(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        let _ = error.print();
+        return ExitCode::from(error.exit_code() as u8);
+    }
+    let text = error.to_string();
+    let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    // A closed stderr leaves the exit status to speak.
+    let _ = writeln!(std::io::stderr(), "{}", lines.join("; "));
+    ExitCode::from(error.exit_code() as u8)
 }
 
 /// Prints to standard output. Whoever closed the other end has read enough: that is not an error.

@@ -1,8 +1,8 @@
 //! `palpate run`: a scene from the first step to the last, a trace of it, and its state at the end.
 
-use std::num::NonZeroU64;
 use std::path::PathBuf;
 
+use clap::builder::NonEmptyStringValueParser;
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::Result;
 use palpate::report::summary::ClosingTable;
@@ -14,6 +14,8 @@ use crate::print;
 
 const TRACE: &str = "trace.csv";
 const SUMMARY: &str = "summary.json";
+/// A day at one kilohertz, and some; the times of all steps are kept for the closing table.
+const MOST_STEPS: u64 = 100_000_000;
 
 /// Options of `palpate run`.
 #[derive(clap::Args)]
@@ -21,13 +23,13 @@ pub struct Arguments {
     /// The scene, a TOML file
     scene: PathBuf,
     /// Steps to do [default: to the device's last key, else one second]
-    #[arg(long, value_name = "N", conflicts_with = "seconds")]
-    steps: Option<NonZeroU64>,
+    #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = steps, allow_negative_numbers = true)]
+    steps: Option<u64>,
     /// Time to simulate, s
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     seconds: Option<f64>,
     /// Vulkan device, by name or by index in `palpate devices`
-    #[arg(long, value_name = "NAME-OR-INDEX")]
+    #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
     /// Directory to write results into; without it nothing is written
     #[arg(long, value_name = "DIR")]
@@ -41,13 +43,26 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
+fn steps(text: &str) -> std::result::Result<u64, String> {
+    let steps = text.parse().ok().filter(|steps| (1..=MOST_STEPS).contains(steps));
+    steps.ok_or_else(|| format!("give a whole number from 1 to {MOST_STEPS}"))
+}
+
+/// How many steps to do; refuses more than anyone waits for.
+fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<u64> {
+    let seconds = arguments.seconds.unwrap_or(scene.duration());
+    let steps = arguments.steps.unwrap_or_else(|| (seconds / scene.step.dt).round().max(1.0) as u64);
+    if steps <= MOST_STEPS {
+        return Ok(steps);
+    }
+    let problem = format!("{seconds:?} s are more than {MOST_STEPS} steps of {:?} s", scene.step.dt);
+    Err(palpate::Error::key(&scene.file, "step.dt", problem, "give a longer step, or fewer by --steps or --seconds"))
+}
+
 /// Runs a scene. Input is read and prepared before the device is opened, and output is made after.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(&arguments.scene)?;
-    let steps = arguments.steps.map(NonZeroU64::get).unwrap_or_else(|| {
-        let steps = arguments.seconds.unwrap_or(scene.duration()) / scene.step.dt;
-        steps.round().max(1.0) as u64
-    });
+    let steps = steps_of(arguments, &scene)?;
     let engine = Engine::open(&scene, arguments.device.as_deref())?;
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let (tally, outcome) = simulate(engine, &scene, steps, output.as_mut())?;
@@ -83,6 +98,11 @@ fn simulate(
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if tally.raised().any(|(name, count)| name == "non_finite" && count == steps) {
+        let problem = format!("none of the {steps} steps had a finite solution, and nothing moved");
+        let remedy = "bring the scene's numbers (sizes, masses, stiffnesses, the time step) closer to one another";
+        return Err(palpate::Error::Simulation(format!("{}: {problem}; {remedy}", scene.file.display())));
+    }
     if let Some(trace) = trace {
         trace.finish().map_err(failed)?;
     }

@@ -35,6 +35,10 @@ impl Output {
     /// A new file that will be called `name`.
     pub fn file(&mut self, name: &str) -> Result<BufWriter<File>> {
         let failed = |source| Error::Output { file: self.path(name), source };
+        // Found here and not at the commit: by then other files would have their names.
+        if self.path(name).is_dir() {
+            return Err(failed(std::io::ErrorKind::IsADirectory.into()));
+        }
         let file = File::create(self.hidden.join(name)).map_err(failed)?;
         self.names.push(name.into());
         Ok(BufWriter::new(file))
@@ -116,6 +120,17 @@ mod tests {
         fs::write(root.path().join("mine"), "").unwrap();
         drop(Output::create(root.path()).unwrap());
         assert_eq!(names(root.path()), ["mine"]);
+    }
+
+    #[test]
+    fn a_folder_in_a_files_place_is_an_error_before_anything_is_written() {
+        let root = tempfile::tempdir().unwrap();
+        fs::create_dir(root.path().join("y.csv")).unwrap();
+        let mut output = Output::create(root.path()).unwrap();
+        output.write("x.csv", |w| writeln!(w, "x")).unwrap();
+        assert!(output.write("y.csv", |w| writeln!(w, "y")).unwrap_err().to_string().contains("y.csv"));
+        drop(output);
+        assert_eq!(names(root.path()), ["y.csv"]);
     }
 
     #[test]

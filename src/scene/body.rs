@@ -187,7 +187,7 @@ fn material(value: &Value) -> Result<Material> {
         young: table.need("young")?.positive()?,
         poisson: match poisson.number()? {
             x if (0.0..0.5).contains(&x) => x,
-            x => return Err(poisson.error(format!("is {x}"), "give a number from 0 to below 0.5")),
+            x => return Err(poisson.error(format!("is {x:?}"), "give a number from 0 to below 0.5")),
         },
         density: table.need("density")?.positive()?,
         damping_mass: table.or("damping_mass", 0.0, Value::not_negative)?,
@@ -253,7 +253,7 @@ fn bind(value: &Value) -> Result<Bind> {
         "sphere" => {
             let [x, y, z, radius] = value.array_of(Value::number)?;
             if radius <= 0.0 {
-                return Err(value.error(format!("has radius {radius}"), "give x, y, z and a radius above zero"));
+                return Err(value.error(format!("has radius {radius:?}"), "give x, y, z and a radius above zero"));
             }
             Ok(Bind::Sphere { centre: DVec3::new(x, y, z), radius })
         }

@@ -1,14 +1,14 @@
 //! Poses over time: `[drive]` for the device, the keys file of a driven core. Called by `load.rs` and `body.rs`.
 //!
 //! A key is time, position, and optionally a quaternion: 4 or 8 numbers. A file is CSV with the same columns; a first
-//! row that is not a number is its heading.
+//! row without any number is its heading.
 
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
 use super::Key;
-use super::keys::{Value, unit_quaternion};
+use super::keys::{LARGEST, Value, unit_quaternion};
 use crate::{Error, Result};
 
 /// `[drive]`: `keys = [[..], ..]` or `path = "file.csv"`.
@@ -35,11 +35,12 @@ pub(super) fn core_keys(value: &Value) -> Result<Vec<Key>> {
     read_csv(&value.file()?)
 }
 
-const KEY_REMEDY: &str = "a key is t,x,y,z or t,x,y,z,qx,qy,qz,qw: finite, unit quaternion, times increasing";
+const KEY_REMEDY: &str =
+    "a key is t,x,y,z or t,x,y,z,qx,qy,qz,qw: numbers below 1e30, unit quaternion, times increasing";
 
 fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String> {
-    if let Some(bad) = numbers.iter().find(|x| !x.is_finite()) {
-        return Err(format!("holds {bad}"));
+    if let Some(bad) = numbers.iter().find(|x| !x.is_finite() || x.abs() > LARGEST) {
+        return Err(format!("holds {bad:?}"));
     }
     let (time, position, orientation) = match *numbers {
         [t, x, y, z] => (t, DVec3::new(x, y, z), DQuat::IDENTITY),
@@ -50,7 +51,7 @@ fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String
         _ => return Err(format!("has {} numbers", numbers.len())),
     };
     match before {
-        Some(before) if before.time >= time => Err(format!("time {time} does not come after {}", before.time)),
+        Some(before) if before.time >= time => Err(format!("time {time:?} does not come after {:?}", before.time)),
         _ => Ok(Key { time, position, orientation }),
     }
 }
@@ -71,7 +72,7 @@ fn read_csv(path: &Path) -> Result<Vec<Key>> {
     let mut keys: Vec<Key> = Vec::new();
     for (row, record) in reader.records().enumerate() {
         let record = record.map_err(unreadable)?;
-        if row == 0 && record.get(0).is_some_and(|field| field.parse::<f64>().is_err()) {
+        if row == 0 && record.iter().all(|field| field.parse::<f64>().is_err()) {
             continue;
         }
         let line = record.position().map(|position| position.line() as usize);

@@ -13,9 +13,11 @@ use toml::de::{DeTable, DeValue};
 use crate::{Error, Result};
 
 /// Greatest magnitude of a number: it must fit in single precision with room for a product.
-const LARGEST: f64 = 1e30;
+pub(super) const LARGEST: f64 = 1e30;
 /// Least magnitude of a number that must be greater than zero, for the same reason.
 const SMALLEST: f64 = 1e-30;
+/// Characters of a name at most: with an extension it must be a file name everywhere.
+const LONGEST_NAME: usize = 100;
 /// How far from one the length of a quaternion may be: more is a typing error, less is rounding.
 const UNIT_TOLERANCE: f64 = 1e-3;
 /// Likeness (Jaro-Winkler, 0 to 1) above which a known key is offered in place of an unknown one.
@@ -169,7 +171,7 @@ impl<'a> Value<'a> {
         };
         match parsed {
             Some(x) if x.is_finite() && x.abs() <= LARGEST => Ok(x),
-            Some(x) => Err(self.error(format!("is {x}"), "give a finite number below 1e30 in magnitude")),
+            Some(x) => Err(self.error(format!("is {x:?}"), "give a finite number below 1e30 in magnitude")),
             None => Err(self.error("is not a number that fits", "give a finite number")),
         }
     }
@@ -178,7 +180,9 @@ impl<'a> Value<'a> {
     pub fn positive(&self) -> Result<f64> {
         match self.number()? {
             x if x >= SMALLEST => Ok(x),
-            x => Err(self.error(format!("is {x}"), "give a number greater than zero")),
+            x => {
+                Err(self.error(format!("is {x:?}"), format!("give a number greater than zero, {SMALLEST:e} at least")))
+            }
         }
     }
 
@@ -186,7 +190,7 @@ impl<'a> Value<'a> {
     pub fn not_negative(&self) -> Result<f64> {
         match self.number()? {
             x if x >= 0.0 => Ok(x),
-            x => Err(self.error(format!("is {x}"), "give zero or a number greater than zero")),
+            x => Err(self.error(format!("is {x:?}"), "give zero or a number greater than zero")),
         }
     }
 
@@ -244,6 +248,10 @@ impl<'a> Value<'a> {
         if text.is_empty() || text.starts_with('.') || !text.chars().all(allowed) {
             let remedy = "use letters, digits, '_', '-' and '.', and do not start with '.'";
             return Err(self.error(format!("\"{}\" cannot be a name", text.escape_debug()), remedy));
+        }
+        if text.len() > LONGEST_NAME {
+            let problem = format!("a name of {} characters", text.len());
+            return Err(self.error(problem, format!("use at most {LONGEST_NAME}: it becomes part of file names")));
         }
         Ok(text.into())
     }
@@ -313,6 +321,6 @@ pub fn unit_quaternion(q: [f64; 4]) -> std::result::Result<DQuat, (String, &'sta
     if (length - 1.0).abs() <= UNIT_TOLERANCE {
         Ok(quaternion.normalize())
     } else {
-        Err((format!("quaternion has length {length}"), "give a unit quaternion x y z w"))
+        Err((format!("quaternion has length {length:.4e}"), "give a unit quaternion x y z w"))
     }
 }

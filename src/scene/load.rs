@@ -18,6 +18,8 @@ use crate::{Error, Result};
 pub(super) const TOOL: &str = "tool";
 /// Length of a run whose device has no keys, s.
 const DEFAULT_DURATION: f64 = 1.0;
+/// Iterations at most: they are recorded beforehand, four passes each.
+const MOST_ITERATIONS: u32 = 10_000;
 /// Column prefixes of the trace that a probe must not take.
 const RESERVED_PROBES: [&str; 4] = ["tool", "device", "force", "torque"];
 
@@ -44,6 +46,10 @@ impl Scene {
             haptics: haptics(&root)?,
             probes: probes(&root)?,
         };
+        if scene.bodies.is_empty() && scene.tool.is_none() {
+            let problem = "the scene has neither a body nor a tool";
+            return Err(Error::input(path, None, problem, "add a [[body]] or a [tool]"));
+        }
         check_names(&root, &scene)?;
         supported::check(&root, &scene)?;
         Ok(scene)
@@ -83,7 +89,7 @@ fn solver(root: &Table) -> Result<Solver> {
     };
     let solver = Solver {
         tolerance: table.or("tolerance", 1e-5, Value::positive)?,
-        max_iterations: table.or("max_iterations", 200, |value| value.whole(1, 100_000))?,
+        max_iterations: table.or("max_iterations", 200, |value| value.whole(1, MOST_ITERATIONS))?,
         preconditioner: table.or("preconditioner", Preconditioner::Auto, |value| match value.text()? {
             "auto" => Ok(Preconditioner::Auto),
             "jacobi" => Ok(Preconditioner::Jacobi),
@@ -92,7 +98,7 @@ fn solver(root: &Table) -> Result<Solver> {
         })?,
     };
     if solver.tolerance >= 1.0 {
-        return Err(table.error("tolerance", format!("is {}", solver.tolerance), "give a number below one"));
+        return Err(table.error("tolerance", format!("is {:?}", solver.tolerance), "give a number below one"));
     }
     Ok(solver)
 }

@@ -12,7 +12,7 @@ use crate::{Error, Result};
 
 /// Texels a side of a region's tile. Depth is exact by walking triangles, so the tile only has to name a triangle near the
 /// right one; finer costs more (a tile of 128 took 2.7 times as long on lavapipe) and finds nothing more.
-const TILE: u32 = 64;
+pub const TILE: u32 = 64;
 /// The same where the scene asks for a texel of its own.
 const FINE_TILE: u32 = 256;
 
