@@ -7,10 +7,11 @@ use palpate::prepare::Layer;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 use crate::system::{DT, Random, System, layered, material};
 
-/// Angle between rotations, rad. F is known to 1e-7 in f32, the polar rotation magnifies that by one over the sum of its
+/// Angle between rotations, rad. F is known to 1e-7 in f32, the polar rotation magnifies that by one over the sum of
+/// its
 /// two least singular values (above 0.2 here), and the iteration ends within 1e-7 of where it contracts to.
 const ANGLE: f64 = 2.0e-6;
-/// rad; 40 rounds that contract by up to 0.85, of which those that start next to half a turn off spend some on leaving.
+/// rad; 40 rounds that contract by up to 0.85; those that start next to half a turn off spend some on leaving.
 const INVERTED_FROM_AFAR: f64 = 5.0e-2;
 /// Of the largest value: gradients are a dozen roundings away from the input.
 const GRADIENT: f64 = 1.0e-6;

@@ -86,7 +86,8 @@ impl Wide for Vec<f32> {
 
 #[test]
 fn a_tetrahedron_at_rest_by_hand() {
-    // solve/assemble: b = h m g; block (1 + h alpha) m I + (h^2 + h beta) V (mu (|g|^2 I + g g^T) + lambda g g^T), which
+    // solve/assemble: b = h m g; block (1 + h alpha) m I + (h^2 + h beta) V (mu (|g|^2 I + g g^T) + lambda g g^T),
+    // which
     // for the gradient e_x of node 1 is diagonal; node 2 is bound.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false, false, true, false] };

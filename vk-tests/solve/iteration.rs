@@ -20,7 +20,8 @@ fn bare() -> Passes {
 
 #[test]
 fn two_iterations_by_hand() {
-    // solve/scalars: gamma = 6, delta = 12: alpha = 1/2; then gamma = 3, delta = 5: beta = 1/2, alpha = 3 / (5 - 3) = 3/2.
+    // solve/scalars: gamma = 6, delta = 12: alpha = 1/2; then gamma = 3, delta = 5: beta = 1/2, alpha = 3 / (5 - 3) =
+    // 3/2.
     let mut passes = bare();
     passes.dots = vec![[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]];
     passes.scalars();

@@ -101,7 +101,8 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
             Passes::new(System::new(&two_layers(), 0.004, seed).with_tool().with_contacts(contacts, 70 + seed));
         let mut random = Random(80 + seed);
         let x = passes.system.random_field(&mut random);
-        let tool_x: [f32; 6] = std::array::from_fn(|_| random.next() as f32);
+        // Large, so that the tool has its say in the factor.
+        let tool_x: [f32; 6] = std::array::from_fn(|_| 20.0 * random.next() as f32);
         passes.solution = x.clone();
         passes.state.tool_x = tool_x;
         passes.state.tool_leftover = std::array::from_fn(|_| 1e-3 * random.next() as f32);

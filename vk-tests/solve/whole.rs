@@ -71,7 +71,8 @@ fn a_solution_found_is_found_again_at_once() {
 
 #[test]
 fn a_step_with_pulling_contacts_ends_as_the_oracles() {
-    // Solve, drop what pulls, solve again, until the verdict is done; then solve/commit. The oracle drops twice at most,
+    // Solve, drop what pulls, solve again, until the verdict is done; then solve/commit. The oracle drops twice at
+    // most,
     // the kernels four times: systems where that makes a difference are left out, and not all may be.
     let mut compared = 0;
     for seed in [0, 2, 5] {
