@@ -104,24 +104,3 @@ pub fn half_space(normal: DVec3, offset: f64) -> Body {
     let shape = Shape::Plane { normal, offset };
     Body { name: "floor".into(), shape, position, orientation, velocity: DVec3::ZERO }
 }
-
-/// Numbers in [-1, 1), the same every time.
-pub struct Random(pub u64);
-
-impl Random {
-    /// The next number.
-    pub fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    /// A vector of three.
-    pub fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.next(), self.next(), self.next())
-    }
-
-    /// A rotation.
-    pub fn rotation(&mut self) -> DQuat {
-        DQuat::from_scaled_axis(3.0 * self.vector())
-    }
-}

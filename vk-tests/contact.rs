@@ -12,9 +12,10 @@ use palpate::stages::args;
 use palpate::stages::depth::Path;
 use palpate::stages::types::{Contact, Counts, NONE};
 
-use crate::bodies::{Random, half_space, octants, rigid, soft, sphere, whole};
+use crate::bodies::{half_space, octants, rigid, soft, sphere, whole};
 use crate::flow::Flow;
 use crate::harness::{Tolerance, case, context, expect_close};
+use crate::random::Random;
 
 const RADIUS: f64 = 0.01;
 /// As in the law of the sphere meshes.
@@ -31,12 +32,12 @@ const NOT_HEIGHT_FIELD: u32 = 16;
 pub fn crowd(path: Path) -> (Vec<Body>, Body, Flow) {
     let mut random = Random(52);
     let ball = |name: &str, x: f64, random: &mut Random| {
-        soft(name, sphere(RADIUS, 3), octants, DVec3::new(x, 0.92 * RADIUS, 0.0), random.rotation())
+        soft(name, sphere(RADIUS, 3), octants, DVec3::new(x, 0.92 * RADIUS, 0.0), random.turn(3.0))
     };
     let bodies =
         vec![ball("a", -0.9 * RADIUS, &mut random), ball("b", 0.95 * RADIUS, &mut random), half_space(DVec3::Y, 0.0)];
     let place = DVec3::new(0.1 * RADIUS, 2.3 * RADIUS, 0.2 * RADIUS);
-    let tool = rigid("tool", sphere(RADIUS, 3), whole, place, random.rotation());
+    let tool = rigid("tool", sphere(RADIUS, 3), whole, place, random.turn(3.0));
     let mut flow = Flow::new(&bodies, Some(&tool), place);
     for (d, v) in flow.displacement.iter_mut().zip(&mut flow.velocity) {
         *d = (0.02 * RADIUS * random.vector()).as_vec3().extend(0.0).to_array();

@@ -6,9 +6,10 @@ use palpate::stages::args;
 use palpate::stages::depth::Path;
 use palpate::stages::types::{ActiveProxy, Contact, Counts, NONE, Proxy, Region};
 
-use crate::bodies::{Random, half_space, rigid, sheet, sphere, whole};
+use crate::bodies::{half_space, rigid, sheet, sphere, whole};
 use crate::flow::Flow;
 use crate::harness::{Tolerance, context, expect_close};
+use crate::random::Random;
 
 /// Sums and products of a few f32 numbers of order one.
 const CLOSE: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };

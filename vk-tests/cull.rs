@@ -7,8 +7,9 @@ use palpate::prepare::hull::{self, Hull};
 use palpate::stages::args;
 use palpate::stages::types::{NONE, Pair, Proxy, ProxyBounds, StepParams};
 
-use crate::bodies::{Random, sphere};
+use crate::bodies::sphere;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
+use crate::random::Random;
 
 /// f32 positions of order one hold 1e-7; a gap is a difference of two, after a few rounds of the iteration.
 const GAP: f64 = 2e-6;
@@ -111,7 +112,7 @@ fn mixed(random: &mut Random, count: usize, spread: f64) -> Hulls {
         };
         let points: Vec<DVec3> = points.iter().map(|x| *x * squash).collect();
         let hull = hull::reduced(&points).unwrap();
-        let (turn, place) = (random.rotation(), spread * random.vector());
+        let (turn, place) = (random.turn(3.0), spread * random.vector());
         hulls.add(&hull, turn, place);
     }
     hulls

@@ -6,9 +6,10 @@ use palpate::oracle::proximity::{self, Sheet};
 use palpate::stages::depth::Path;
 use palpate::stages::types::{ActiveProxy, Counts, NONE, Proxy, Region};
 
-use crate::bodies::{Random, octants, rigid, sphere, whole};
+use crate::bodies::{octants, rigid, sphere, whole};
 use crate::flow::Flow;
 use crate::harness::context;
+use crate::random::Random;
 
 /// A texel's centre is known to f32 in texels (1e-5 of 128), and the graphics pipeline snaps corners to 1/256 of a
 /// texel: a triangle may reach this much farther, as a share of its own height; beyond it there is no doubt.
@@ -96,9 +97,9 @@ fn every_texel_names_the_nearest_facing_triangle() {
     let mut random = Random(41);
     for path in PATHS {
         for cut in [whole, octants] {
-            let a = rigid("a", sphere(0.01, 2), cut, DVec3::ZERO, random.rotation());
+            let a = rigid("a", sphere(0.01, 2), cut, DVec3::ZERO, random.turn(3.0));
             let place = 0.015 * random.vector().normalize();
-            let tool = rigid("tool", sphere(0.012, 2), cut, place, random.rotation());
+            let tool = rigid("tool", sphere(0.012, 2), cut, place, random.turn(3.0));
             let mut flow = Flow::new(std::slice::from_ref(&a), Some(&tool), place);
             flow.tile = 48;
             flow.query(path);

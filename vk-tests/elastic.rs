@@ -5,7 +5,8 @@ use palpate::oracle::elastic::{lame, outer, polar_rotation};
 use palpate::prepare::Layer;
 
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
-use crate::system::{DT, Random, System, layered, material};
+use crate::random::Random;
+use crate::system::{DT, System, layered, material};
 
 /// Angle between rotations, rad. F is known to 1e-7 in f32, the polar rotation magnifies that by one over the sum of
 /// its
@@ -57,7 +58,7 @@ fn deformed(count: usize, seed: u64, mut deform: impl FnMut(&mut Random) -> DMat
     let mut random = Random(seed);
     let layer = scattered(count, &mut random);
     let nodes = layer.nodes.clone();
-    let bodies = if count == 0 { vec![] } else { vec![layered(layer, material(2e4), random.rotation())] };
+    let bodies = if count == 0 { vec![] } else { vec![layered(layer, material(2e4), random.turn(2.5))] };
     let mut system = System::new(&bodies, 0.0, seed);
     system.velocity.fill([0.0; 4]);
     for (x, d) in nodes.chunks(4).zip(system.displacement.chunks_mut(4)) {
@@ -82,7 +83,7 @@ fn sync(system: &mut System) {
 
 /// R S with singular values from `least` to 1.4 along random axes.
 fn stretched(rotation: DQuat, least: f64, random: &mut Random) -> DMat3 {
-    let axes = DMat3::from_quat(random.rotation());
+    let axes = DMat3::from_quat(random.turn(2.5));
     let middle = 1.0 + 0.15 * random.next();
     let stretch = DMat3::from_diagonal(DVec3::new(1.3 + 0.1 * random.next(), middle, least));
     DMat3::from_quat(rotation) * axes * stretch * axes.transpose()
@@ -203,7 +204,7 @@ fn inverted_tetrahedra_keep_proper_rotations() {
     // elastic/rotate, det F < 0: the proper rotation that flips the least direction. The iteration contracts by
     // s1 / (s1 + s2 + s3) a round, here up to 0.85: one step comes near from afar, a few steps arrive.
     let mut system = deformed(500, 13, |random| {
-        let turn = random.rotation();
+        let turn = random.turn(2.5);
         stretched(turn, -0.35 + 0.25 * random.next(), random)
     });
     let body = &system.twin.bodies[0];
@@ -234,7 +235,7 @@ fn rigid_motions_give_no_force_and_forces_balance() {
     // elastic/rotate: a rotated element pushes no more than rounding of its strain does; forces sum to zero; a twist
     // of the whole (v = w x x) is not resisted.
     let spin = DVec3::new(3.0, -2.0, 1.0);
-    let mut system = deformed(300, 19, |random| DMat3::from_quat(random.rotation()));
+    let mut system = deformed(300, 19, |random| DMat3::from_quat(random.turn(2.5)));
     let body = &system.twin.bodies[0];
     let place = |(x, d): (&DVec3, &DVec3)| spin.cross(body.elements.frame * (*x + *d)).as_vec3();
     let twist = body.layer.nodes.iter().zip(&body.displacement).map(place);
@@ -265,7 +266,7 @@ fn the_oracles_polar_rotation_is_one() {
     let mut random = Random(23);
     for _ in 0..100 {
         let least = random.next();
-        let f = stretched(random.rotation(), least, &mut random);
+        let f = stretched(random.turn(2.5), least, &mut random);
         let rest = DMat3::from_quat(polar_rotation(f)).transpose() * f;
         let skew = rest - rest.transpose();
         assert!(skew.to_cols_array().iter().all(|x| x.abs() < 1e-12), "{skew}");

@@ -17,6 +17,7 @@ mod heads;
 mod laws;
 mod layouts;
 mod pose;
+mod random;
 mod regions;
 mod skin;
 mod solve;

@@ -6,8 +6,8 @@ use palpate::oracle::proximity;
 use palpate::stages::args;
 use palpate::stages::types::{Counts, Frame};
 
-use crate::bodies::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
+use crate::random::Random;
 
 /// Positions of order one through some twenty f32 operations.
 const PLACED: Tolerance = Tolerance { abs: 2e-6, rel: 1e-6 };
@@ -76,7 +76,7 @@ fn a_quarter_turn_by_hand() {
 fn any_number_of_hull_vertices_and_faces_against_the_oracle() {
     let width = context().group_size() as usize;
     let mut random = Random(1);
-    let places: Vec<_> = (0..5).map(|_| (random.vector(), random.rotation())).collect();
+    let places: Vec<_> = (0..5).map(|_| (random.vector(), random.turn(3.0))).collect();
     let frames: Vec<Frame> = places.iter().map(|(c, q)| frame(*q, *c)).collect();
     for n in [1, width - 1, width, width + 1, 1234] {
         let count = n / 3;
@@ -111,7 +111,7 @@ fn any_number_of_hull_vertices_and_faces_against_the_oracle() {
 #[test]
 fn a_point_keeps_its_height_over_a_face_wherever_both_go() {
     let mut random = Random(9);
-    let frames = vec![frame(random.rotation(), random.vector() * 3.0)];
+    let frames = vec![frame(random.turn(3.0), random.vector() * 3.0)];
     let x = random.vector();
     let normal = random.vector().normalize();
     let given = Given {

@@ -7,8 +7,8 @@ use palpate::oracle::proximity;
 use palpate::stages::args;
 use palpate::stages::types::{ActiveProxy, Counts, NONE, Pair, Proxy, ProxyBounds, Region, StepParams};
 
-use crate::bodies::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
+use crate::random::Random;
 
 /// Dot products of order one in f32.
 const PLACED: Tolerance = Tolerance { abs: 1e-6, rel: 1e-6 };

@@ -6,9 +6,10 @@ use palpate::oracle::{proximity, skin as oracle};
 use palpate::prepare::{Body, Shape};
 use palpate::stages::types::{ActiveProxy, Counts, Frame, Proxy, ProxyBounds, StepParams};
 
-use crate::bodies::{Random, octants, soft, sphere};
+use crate::bodies::{octants, soft, sphere};
 use crate::flow::Flow;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
+use crate::random::Random;
 
 /// Positions of order one, a few f32 operations.
 const PLACED: Tolerance = Tolerance { abs: 1e-6, rel: 1e-6 };
@@ -74,7 +75,7 @@ fn bounds_by_hand_and_against_the_oracle() {
 fn shaken(size: f64) -> (Body, Flow) {
     let mut random = Random(21);
     let place = DVec3::new(0.3, -0.2, 0.1);
-    let ball = soft("ball", sphere(0.1, 3), octants, place, random.rotation());
+    let ball = soft("ball", sphere(0.1, 3), octants, place, random.turn(3.0));
     let mut flow = Flow::new(std::slice::from_ref(&ball), None, DVec3::ZERO);
     for d in &mut flow.displacement {
         *d = (size * random.vector()).as_vec3().extend(0.0).to_array();
@@ -139,7 +140,7 @@ fn embedded_skin_is_where_the_oracle_has_it_and_carries_the_step() {
 /// One proxy that lists `n` vertices of a rigid skin backwards; twice as many are there.
 fn rigid_skin(n: usize) -> (Outcome, Vec<[f32; 4]>, Frame) {
     let mut random = Random(4);
-    let rotation = random.rotation().as_quat().to_array();
+    let rotation = random.turn(3.0).as_quat().to_array();
     let frame = Frame { rotation, centre: [1.0, 2.0, 3.0], ..Frame::zeroed() };
     let weights = texels(&mut random, 2 * n.max(1));
     let embeds: Vec<u32> = (0..n.max(1) as u32).rev().collect();

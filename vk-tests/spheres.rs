@@ -8,8 +8,9 @@ use palpate::oracle::contact::{Hit, ray_depths};
 use palpate::prepare::{Body, Shape};
 use palpate::stages::depth::Path;
 
-use crate::bodies::{Random, half_space, octants, rigid, sheet, sphere, whole};
+use crate::bodies::{half_space, octants, rigid, sheet, sphere, whole};
 use crate::flow::Flow;
+use crate::random::Random;
 
 const RADIUS: f64 = 0.01;
 /// The promise: f32 holds positions near the tool to 1e-7 of the radius, slopes at a rim multiply that by a few.
@@ -107,10 +108,10 @@ fn a_sphere_on_a_plane_of_two_triangles() {
 #[test]
 fn a_turned_sphere_on_a_turned_grid_far_from_the_origin() {
     let mut random = Random(5);
-    let (turn, place) = (random.rotation(), DVec3::new(300.0, -20.0, 1000.0));
+    let (turn, place) = (random.turn(3.0), DVec3::new(300.0, -20.0, 1000.0));
     for cut in [whole, octants] {
         let up = turn * DVec3::Y;
-        let tool = rigid("tool", sphere(RADIUS, 4), cut, place + 0.8 * RADIUS * up, random.rotation());
+        let tool = rigid("tool", sphere(RADIUS, 4), cut, place + 0.8 * RADIUS * up, random.turn(3.0));
         let plane = rigid("plane", sheet(0.03, 24), whole, place, turn);
         let (_, depths) = both_paths("grid", &plane, &tool, TILE, 60);
         assert!(depths.keys().any(|k| k.0 == 0) && depths.keys().any(|k| k.0 == 1), "both sides collide");
@@ -123,8 +124,8 @@ fn two_spheres_in_general_position() {
     for cut in [whole, octants] {
         for gap in [1.95, 1.8, 1.5] {
             let towards = random.vector().normalize();
-            let a = rigid("a", sphere(RADIUS, 4), cut, DVec3::ZERO, random.rotation());
-            let tool = rigid("tool", sphere(RADIUS, 4), cut, gap * RADIUS * towards, random.rotation());
+            let a = rigid("a", sphere(RADIUS, 4), cut, DVec3::ZERO, random.turn(3.0));
+            let tool = rigid("tool", sphere(RADIUS, 4), cut, gap * RADIUS * towards, random.turn(3.0));
             both_paths(&format!("spheres {gap} radii apart"), &a, &tool, TILE, 10);
         }
     }
@@ -134,9 +135,9 @@ fn two_spheres_in_general_position() {
 #[test]
 fn a_coarse_tile_changes_no_depth() {
     let mut random = Random(12);
-    let a = rigid("a", sphere(RADIUS, 5), whole, DVec3::ZERO, random.rotation());
+    let a = rigid("a", sphere(RADIUS, 5), whole, DVec3::ZERO, random.turn(3.0));
     let place = 1.7 * RADIUS * random.vector().normalize();
-    let tool = rigid("tool", sphere(RADIUS, 5), octants, place, random.rotation());
+    let tool = rigid("tool", sphere(RADIUS, 5), octants, place, random.turn(3.0));
     let fine = both_paths("fine", &a, &tool, TILE, 300).1;
     let coarse = both_paths("coarse", &a, &tool, 12, 300).1;
     // The same triangles, not only the same depths: but for rays along an edge, none of which is here.
@@ -185,7 +186,7 @@ fn worst(a: &Body, halvings: u32, turn: DQuat, place: DVec3, path: Path) -> (f64
 
 #[test]
 fn depth_tends_to_the_true_sphere_as_edge_length_squared() {
-    let turn = Random(3).rotation();
+    let turn = Random(3).turn(3.0);
     let plane = rigid("plane", sheet(0.012, 60), whole, DVec3::ZERO, DQuat::IDENTITY);
     let ball = rigid("ball", sphere(RADIUS, 5), whole, DVec3::ZERO, turn.inverse());
     for path in PATHS {

@@ -14,35 +14,10 @@ use palpate::stages::model::Model;
 use palpate::stages::types::{Contact, Counts, Frame, NONE, StepParams};
 
 use crate::elastic;
+use crate::random::Random;
 
 /// s; a power of two, so that both precisions mean the same; long, so that stiffness outweighs mass.
 pub const DT: f32 = 1.0 / 128.0;
-
-/// Numbers in [-1, 1), the same every time.
-pub struct Random(pub u64);
-
-impl Random {
-    /// The next number.
-    pub fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    /// A vector of three.
-    pub fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.next(), self.next(), self.next())
-    }
-
-    /// A rotation, of up to nearly half a turn or more.
-    pub fn rotation(&mut self) -> DQuat {
-        DQuat::from_scaled_axis(2.5 * self.vector())
-    }
-
-    /// An index below `n`.
-    pub fn below(&mut self, n: usize) -> usize {
-        ((self.next() * 0.5 + 0.5) * n as f64) as usize
-    }
-}
 
 /// Inputs of the solver's kernels, and the oracle's simulation in the same state.
 pub struct System {

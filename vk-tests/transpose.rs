@@ -7,10 +7,11 @@ use palpate::stages::args;
 use palpate::stages::depth::Path;
 use palpate::stages::types::{Contact, Counts, NONE};
 
-use crate::bodies::{Random, half_space, rigid, sphere, whole};
+use crate::bodies::{half_space, rigid, sphere, whole};
 use crate::contact::crowd;
 use crate::flow::Flow;
 use crate::harness::context;
+use crate::random::Random;
 
 /// What the index must hold: contact and weight of each node's entries, ascending by entry.
 fn wanted(flow: &Flow) -> BTreeMap<usize, Vec<[u32; 2]>> {

@@ -6,7 +6,8 @@ use palpate::oracle::wrench;
 use palpate::stages::types::{Contact, Report};
 
 use crate::harness::{Tolerance, case, context, expect_close};
-use crate::system::{Random, System, two_layers};
+use crate::random::Random;
+use crate::system::{System, two_layers};
 
 /// Sums over contacts of terms of both signs, each a dozen roundings of 6e-8 away from the input; of the sum of
 /// magnitudes, which for a matrix's entry is at most the root of its diagonal's product.

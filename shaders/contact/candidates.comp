@@ -69,7 +69,7 @@ Hit find(Region region, uint opposing, vec3 x, float stamp) {
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= counts.vertices) return;
-    ActiveProxy entry = active_list[active_by_vertex(counts.active_proxies, i)];
+    ActiveProxy entry = active_list[active_with(OF_VERTICES, i, counts.active_proxies)];
     uint vertex = proxy_vertices[proxies[entry.proxy].vertex_first + i - entry.vertex_first];
     Pair pair = pairs[entry.side / 2];
     Region region = regions[entry.side / 2];

@@ -26,7 +26,7 @@ layout(location = 2) flat out vec2 tile_size;
 
 void main() {
     uint i = gl_VertexIndex / 3;
-    ActiveProxy entry = active_list[active_by_triangle(counts.active_proxies, i)];
+    ActiveProxy entry = active_list[active_with(OF_TRIANGLES, i, counts.active_proxies)];
     uint triangle = proxy_triangles[proxies[entry.proxy].triangle_first + i - entry.triangle_first];
     Region region = regions[entry.side / 2];
     bool side_b = (entry.side & 1) != 0;

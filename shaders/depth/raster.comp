@@ -27,7 +27,7 @@ layout(scalar, binding = 8) buffer Names { uint names[]; };         // triangles
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= counts.triangles) return;
-    ActiveProxy entry = active_list[active_by_triangle(counts.active_proxies, i)];
+    ActiveProxy entry = active_list[active_with(OF_TRIANGLES, i, counts.active_proxies)];
     uint triangle = proxy_triangles[proxies[entry.proxy].triangle_first + i - entry.triangle_first];
     Region region = regions[entry.side / 2];
     if (region.width == 0) return;

@@ -30,7 +30,7 @@ vec3 node_position(uint node) { return texelFetch(node_rest, int(node)).xyz + te
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= counts.embeds) return;
-    ActiveProxy entry = active_list[active_by_embed(counts.active_proxies, i)];
+    ActiveProxy entry = active_list[active_with(OF_EMBEDS, i, counts.active_proxies)];
     uint vertex = proxy_embeds[proxies[entry.proxy].embed_first + i - entry.embed_first];
     Frame frame = frames[proxies[entry.proxy].frame];
     uvec4 nodes = texelFetch(skin_nodes, int(vertex));

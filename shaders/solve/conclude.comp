@@ -32,6 +32,7 @@ shared float deepest[SIZE];
 
 #include "shared/sum.glsl"
 #include "shared/tool.glsl"
+#include "shared/pressure.glsl"
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
@@ -43,9 +44,7 @@ void main() {
     for (uint c = lane; c < contact_count; c += SIZE) {
         Contact contact = contacts[c];
         if (contact.stiffness == 0.0) continue;
-        float g = params.dt * (params.dt * contact.stiffness + contact.damping) * contact.area;
-        float rate = contact.rate + texelFetch(contact_forces, int(c)).w / g;
-        bool pulls = contact.stiffness * contact.depth + (params.dt * contact.stiffness + contact.damping) * rate < 0.0;
+        bool pulls = end_pressure(contact, texelFetch(contact_forces, int(c)).w, params.dt) < 0.0;
         sums.y += 1.0;
         depth = max(depth, contact.depth);
         sums.z += pulls ? 1.0 : 0.0;
@@ -57,9 +56,7 @@ void main() {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
             if (contact.stiffness == 0.0) continue;
-            float g = params.dt * (params.dt * contact.stiffness + contact.damping) * contact.area;
-            float rate = contact.rate + texelFetch(contact_forces, int(c)).w / g;
-            if (contact.stiffness * contact.depth + (params.dt * contact.stiffness + contact.damping) * rate < 0.0) {
+            if (end_pressure(contact, texelFetch(contact_forces, int(c)).w, params.dt) < 0.0) {
                 contacts[c].stiffness = 0.0;
                 contacts[c].damping = 0.0;
             }

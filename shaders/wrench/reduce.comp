@@ -17,6 +17,7 @@ layout(binding = 3) uniform samplerBuffer contact_forces;
 layout(scalar, binding = 4) writeonly buffer ReportOut { Report report; };
 
 #include "shared/sum.glsl"
+#include "shared/pressure.glsl"
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
@@ -26,9 +27,7 @@ void main() {
     for (uint c = lane; c < counts.contacts; c += SIZE) {
         Contact contact = contacts[c];
         if (contact.stiffness == 0.0 || contact.tool_sign == 0.0) continue;
-        float slope = params.dt * contact.stiffness + contact.damping;
-        float rate = contact.rate + texelFetch(contact_forces, int(c)).w / (params.dt * slope * contact.area);
-        float force = contact.area * (contact.stiffness * contact.depth + slope * rate);
+        float force = contact.area * end_pressure(contact, texelFetch(contact_forces, int(c)).w, params.dt);
         if (force <= 0.0) continue;
         float column[6];
         for (int k = 0; k < 3; k++) {

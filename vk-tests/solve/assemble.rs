@@ -8,7 +8,8 @@ use palpate::prepare::Layer;
 use super::passes::Passes;
 use crate::elastic::expect_of_largest;
 use crate::harness::{Tolerance, context, expect_close};
-use crate::system::{DT, Random, System, layer, layered, material, triples, two_layers};
+use crate::random::Random;
+use crate::system::{DT, System, layer, layered, material, triples, two_layers};
 
 /// Of the largest value of a body's rows: elastic terms of strains of order one, known to 1e-7, a few dozen each.
 const RHS: f64 = 4.0e-6;

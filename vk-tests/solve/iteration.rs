@@ -4,7 +4,8 @@ use palpate::stages::args;
 
 use super::passes::{Passes, UNTOUCHED};
 use crate::harness::{Tolerance, context, expect_close};
-use crate::system::{Random, System, layer, layered, material, triples};
+use crate::random::Random;
+use crate::system::{System, layer, layered, material, triples};
 
 /// A few roundings of numbers of order one.
 const ROUNDING: Tolerance = Tolerance { abs: 2e-6, rel: 2e-6 };

@@ -5,7 +5,8 @@ use glam::{DMat3, DQuat, DVec3};
 use super::passes::{Change, Passes};
 use crate::elastic::expect_of_largest;
 use crate::harness::{Tolerance, context, expect_close};
-use crate::system::{DT, Random, System, layer, layered, material, triples, two_layers};
+use crate::random::Random;
+use crate::system::{DT, System, layer, layered, material, triples, two_layers};
 
 /// Of the largest value of a body's rows: a few dozen terms, each a dozen roundings of 6e-8 away from the input.
 const PRODUCT: f64 = 2.0e-6;

@@ -6,7 +6,8 @@ use palpate::stages::args;
 use super::passes::{Change, Passes, UNTOUCHED};
 use crate::elastic::expect_of_largest;
 use crate::harness::{Tolerance, context, expect_close};
-use crate::system::{Random, System, layer, layered, material, triples, two_layers};
+use crate::random::Random;
+use crate::system::{System, layer, layered, material, triples, two_layers};
 
 /// A few roundings.
 const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };

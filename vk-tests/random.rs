@@ -1,0 +1,29 @@
+//! Numbers for test cases, the same every time.
+
+use glam::{DQuat, DVec3};
+
+/// A linear congruential generator (Knuth's MMIX constants); its field is the seed.
+pub struct Random(pub u64);
+
+impl Random {
+    /// The next number, in [-1, 1).
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// A vector of three.
+    pub fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.next(), self.next(), self.next())
+    }
+
+    /// A rotation by a vector of up to `reach` rad along each axis.
+    pub fn turn(&mut self, reach: f64) -> DQuat {
+        DQuat::from_scaled_axis(reach * self.vector())
+    }
+
+    /// An index below `n`.
+    pub fn below(&mut self, n: usize) -> usize {
+        ((self.next() * 0.5 + 0.5) * n as f64) as usize
+    }
+}
