@@ -22,7 +22,7 @@ const FORCE: f64 = 5.0e-5;
 /// A bar bound at both ends, of which the second is taken along `keys`.
 fn bar(young: f64, keys: &str) -> String {
     format!(
-        "[step]\ngravity = [0.0, -9.81, 0.0]\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\n\
+        "[step]\ngravity = [0.0, -9.81, 0.0]\n[solver]\ntolerance = 5e-6\nmax_iterations = 1000\n[[body]]\n\
          name = \"bar\"\nlayer = {{ box = [[-0.1, -0.02, -0.02], [0.1, 0.02, 0.02]], cells = [12, 3, 3] }}\n\
          position = [0.4, 0.1, -0.2]\norientation = [0.1, 0.2, 0.3, 0.9273618495495703]\n\
          material = {{ young = {young:e}, poisson = 0.4, density = 1000.0, damping_stiffness = 0.002 }}\n\
