@@ -18,6 +18,7 @@ mod harness;
 mod harness_self_test;
 mod heads;
 mod laws;
+mod layers;
 mod layouts;
 mod pose;
 mod random;
