@@ -38,13 +38,13 @@ impl Plan {
         let mut add = |stage, recorded, yes: String, no: &str| {
             entries.push(Entry { stage, recorded, reason: if recorded { yes } else { no.into() } });
         };
-        let (driven, floating) = (model.driven_nodes.len(), model.floating.len());
-        let pose = match (touches, driven, floating) {
+        let (carried, floating) = (model.carried_nodes.len(), model.floating.len());
+        let pose = match (touches, carried, floating) {
             (true, ..) => pairs.clone(),
             (false, 0, _) => format!("{floating} floating frames"),
-            (false, ..) => format!("{driven} driven nodes"),
+            (false, ..) => format!("{carried} nodes carried"),
         };
-        add("pose", touches || driven + floating > 0, pose, nothing);
+        add("pose", touches || carried + floating > 0, pose, nothing);
         let probes = !scene.probes.is_empty();
         let skin = if touches { pairs.clone() } else { "probes are recorded".into() };
         add("skin", touches || probes, skin, nothing);
@@ -54,7 +54,11 @@ impl Plan {
         add("contact", touches, pairs, nothing);
         let soft = !model.tetrahedra.is_empty();
         add("elastic", soft, format!("{} tetrahedra", model.tetrahedra.len()), "no soft body");
-        add("solve", true, format!("{} nodes", model.node_rest.len()), "");
+        let solve = match model.cores.len() {
+            0 => format!("{} nodes", model.node_rest.len()),
+            cores => format!("{} nodes, {cores} dynamic cores", model.node_rest.len()),
+        };
+        add("solve", true, solve, "");
         let wrench = touches && scene.tool.is_some();
         add("wrench", wrench, "the tool's".into(), if scene.tool.is_some() { nothing } else { "no tool" });
         Plan { entries }

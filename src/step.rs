@@ -178,7 +178,16 @@ impl Simulation {
             let local = *rest - self.model.frames[frame].rest_centre + *d;
             *d = orientation.conjugate() * (self.frames.world(frame, local) - position) - *rest;
         }
-        Ok(Some((displacements, read(&self.stages.elastic.velocity)?)))
+        let mut velocities = read(&self.stages.elastic.velocity)?;
+        for ((v, rest), node) in velocities.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
+            let frame = self.model.node_info[node][2] as usize;
+            // The device writes what a dynamic core carries at the start of the next step.
+            if let Some((linear, angular)) = self.frames.twist(frame).filter(|_| self.model.is_carried(node)) {
+                let arm = *rest - self.model.frames[frame].rest_centre;
+                *v = linear + angular.cross(self.frames.place(frame).rotation * arm);
+            }
+        }
+        Ok(Some((displacements, velocities)))
     }
 
     /// Where the frames of a body are now: one a core, or one that floats or carries a rigid skin; empty for a half-space.
@@ -273,13 +282,16 @@ impl Simulation {
         Err(Error::Simulation(format!("step {}: the solver reached no verdict", self.step)))
     }
 
-    /// Frames to the end of the step; those that float, to where their nodes are.
+    /// Frames to the end of the step; those that float to where their nodes are, those that are dynamic as they were pushed.
     fn arrive(&mut self, accepted: bool) -> Result<()> {
-        let fits = match &self.stages.floating {
-            Some(floating) if accepted => Some(floating.fits.mapped::<Fit>()?.to_vec()),
-            _ => None,
-        };
-        self.frames.arrive(fits.as_deref());
+        let (mut fits, mut changes) = (Vec::new(), Vec::new());
+        if accepted && let Some(floating) = &self.stages.floating {
+            fits = floating.fits.mapped::<Fit>()?.to_vec();
+        }
+        if accepted && !self.model.cores.is_empty() {
+            changes = self.stages.solve.core_changes.mapped::<[f32; 6]>()?.to_vec();
+        }
+        self.frames.arrive(self.scene.step.dt, &fits, &changes);
         Ok(())
     }
 

@@ -1,6 +1,7 @@
 //! Kernels that know frames: tetrahedra, skin and proxies that span two, nodes that driven frames carry, the state seen
 //! from where a frame is at the end of a step, and the sums a floating frame is fitted from.
 
+use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::{Const, Size};
 use palpate::prepare::layer::kuhn_box;
@@ -220,6 +221,7 @@ fn moving(random: &mut Random, h: f64, angle: f64) -> (Frame, Placed, Placed) {
         centre: start.centre.as_vec3().to_array(),
         linear: ((end.centre - start.centre) / h).as_vec3().to_array(),
         turn: turn.as_quat().to_array(),
+        core: palpate::stages::types::NONE,
         ..Frame::default()
     };
     (frame, start, end)
@@ -245,6 +247,7 @@ fn the_new_state_is_the_same_place_seen_from_the_frames_end() {
             .input("rhs", &vec![[0.0f32; 4]; some])
             .input("image", &vec![[0.0f32; 4]; some])
             .input("node_rest", &rest)
+            .input("cores", &[palpate::stages::types::Core::zeroed()])
             .inout("velocity", &v)
             .inout("displacement", &d)
             .output::<[f32; 4]>("leftover", count)
@@ -266,11 +269,11 @@ fn driven_nodes_go_where_their_frame_takes_them() {
         let (frame, start, end) = moving(&mut random, h, angle);
         let rest: Vec<[f32; 4]> = (0..2 * count).map(|_| narrow(0.2 * random.vector())).collect();
         let driven: Vec<u32> = (0..count as u32).map(|i| 2 * i + 1).collect();
-        let out = case("pose/drive")
-            .constant("DRIVEN", count as u32)
+        let out = case("pose/carry")
+            .constant("CARRIED_NODES", count as u32)
             .input("params", &[StepParams { dt: h as f32, ..bytemuck::Zeroable::zeroed() }])
             .input("frames", &[frame])
-            .input("driven_nodes", &driven)
+            .input("carried_nodes", &driven)
             .input("node_info", &vec![[0u32; 4]; 2 * count])
             .input("node_rest", &rest)
             .partial("velocity", &vec![[-7.0f32; 4]; 2 * count])

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
 use palpate::oracle::contact::{Carrier, Contact as Twin, Point};
 use palpate::oracle::linear::Entries;
@@ -11,7 +12,7 @@ use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{self, Body, FrameMotion, Layer, Shape, Skin};
 use palpate::scene::{self, Coupling, Material, Scene};
 use palpate::stages::model::Model;
-use palpate::stages::types::{Contact, Counts, Frame, Link, NONE, StepParams};
+use palpate::stages::types::{Contact, Core, Counts, Frame, Link, NONE, StepParams};
 
 use crate::elastic;
 use crate::random::Random;
@@ -25,6 +26,8 @@ pub struct System {
     pub params: StepParams,
     pub frames: Vec<Frame>,
     pub links: Vec<Link>,
+    pub cores: Vec<Core>,
+    pub core_nodes: Vec<u32>,
     pub node_elements: Vec<[u32; 4]>,
     pub displacement: Vec<[f32; 4]>,
     pub velocity: Vec<[f32; 4]>,
@@ -144,6 +147,7 @@ impl System {
         }
         let frame = |place: &palpate::stages::model::FramePlace| Frame {
             rotation: place.orientation.as_quat().to_array(),
+            core: NONE,
             ..Frame::default()
         };
         let mut params: StepParams = bytemuck::Zeroable::zeroed();
@@ -153,6 +157,8 @@ impl System {
         let mut system = System {
             frames: model.frames.iter().map(frame).collect(),
             links: vec![Link::default(); model.links.len()],
+            cores: vec![Core::zeroed()],
+            core_nodes: vec![NONE],
             node_elements: model.padded_node_elements(),
             rotations: vec![[0.0, 0.0, 0.0, 1.0]; model.tetrahedra.len()],
             gradients: vec![],
@@ -171,8 +177,40 @@ impl System {
             velocity,
             twin,
         };
+        system.start_cores();
         system.rotate();
         system
+    }
+
+    /// Dynamic cores under way: twists, and the velocities of what they carry.
+    fn start_cores(&mut self) {
+        let mut first = 0;
+        for (index, core) in self.model.cores.iter().enumerate() {
+            let place = self.model.frames[core.frame].clone();
+            let centre = place.position + place.orientation * place.rest_centre;
+            let (velocity, spin) = (DVec3::new(0.05, -0.1, 0.2), DVec3::new(1.5, -0.5, 2.0));
+            let frame = &mut self.frames[core.frame];
+            (frame.core, frame.centre) = (index as u32, centre.as_vec3().to_array());
+            (frame.linear, frame.angular) = (velocity.as_vec3().to_array(), spin.as_vec3().to_array());
+            let body = self.model.soft.iter().position(|soft| soft.nodes.contains(&(core.nodes[0] as usize))).unwrap();
+            let node_first = self.model.soft[body].nodes.start;
+            for node in &core.nodes {
+                let arm = place.orientation * wide(&self.model.node_rest[*node as usize]);
+                let local = *node as usize - node_first;
+                self.twin.bodies[body].velocity[local] = velocity + spin.cross(arm);
+                self.velocity[*node as usize] = narrow(velocity + spin.cross(arm));
+            }
+            let local = core.nodes.iter().map(|n| (body, n - node_first as u32)).collect();
+            self.twin.cores.push(palpate::oracle::step::Core { nodes: local, centre, velocity, spin });
+            let node_count = core.nodes.len() as u32;
+            let core_state = Core { frame: core.frame as u32, node_first: first, node_count, ..Core::zeroed() };
+            if index == 0 {
+                (self.cores, self.core_nodes) = (vec![], vec![]);
+            }
+            self.cores.push(core_state);
+            self.core_nodes.extend(&core.nodes);
+            first += node_count;
+        }
     }
 
     /// Runs elastic/rotate and gives the oracle its rotations.
@@ -343,9 +381,13 @@ impl System {
         let unknowns = self.twin.unknowns();
         let mut all = vec![0.0; unknowns.count];
         for (x, first) in nodes.iter().zip(unknowns.nodes.iter().flatten()) {
-            if let Some(first) = first {
-                all[*first..first + 3].copy_from_slice(&wide(x).to_array());
+            if let [(first, _)] = first[..] {
+                all[first..first + 3].copy_from_slice(&wide(x).to_array());
             }
+        }
+        for (core, first) in self.twin.cores.iter().zip(&unknowns.cores) {
+            let twist = [core.velocity, core.spin].map(|x| x.to_array()).concat();
+            all[*first..first + 6].copy_from_slice(&twist);
         }
         for (value, x) in all[unknowns.tool..].iter_mut().zip(tool) {
             *value = f64::from(*x);
@@ -353,10 +395,13 @@ impl System {
         all
     }
 
-    /// The oracle's unknowns by body, three numbers a node, zero where bound; and the tool's.
+    /// The oracle's unknowns by body, three numbers a node: zero where held, of its core where carried; and the tool's.
     pub fn rows(&self, unknowns: &[f64]) -> (Vec<Vec<f64>>, Vec<f64>) {
         let places = self.twin.unknowns();
-        let row = |first: &Option<usize>| first.map_or([0.0; 3], |i| std::array::from_fn(|k| unknowns[i + k]));
+        let row = |map: &palpate::oracle::step::Map| {
+            let part = |(first, matrix): &(usize, DMat3)| *matrix * DVec3::from_slice(&unknowns[*first..first + 3]);
+            map.iter().map(part).sum::<DVec3>().to_array()
+        };
         let bodies = places.nodes.iter().map(|nodes| nodes.iter().flat_map(row).collect()).collect();
         (bodies, unknowns[places.tool..].to_vec())
     }
@@ -389,4 +434,16 @@ pub fn two_layers() -> Vec<Body> {
 /// The first three of each four.
 pub fn triples(nodes: &[[f32; 4]]) -> Vec<f32> {
     nodes.iter().flat_map(|x| [x[0], x[1], x[2]]).collect()
+}
+
+/// The same, the second's bound nodes on a dynamic core.
+pub fn two_layers_one_on_a_core() -> Vec<Body> {
+    let mut bodies = two_layers();
+    if let Shape::Soft { layer, frames, material, .. } = &mut bodies[1].shape {
+        let masses = palpate::oracle::elastic::Elements::new(layer, material, DMat3::IDENTITY).masses;
+        let bound = (0..masses.len()).filter(|n| layer.bound[*n]);
+        let (sum, mass) = bound.fold((DVec3::ZERO, 0.0), |(s, m), n| (s + masses[n] * layer.nodes[n], m + masses[n]));
+        frames[0] = prepare::Frame { centre: sum / mass, motion: FrameMotion::Dynamic { mass: None } };
+    }
+    bodies
 }

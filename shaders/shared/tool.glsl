@@ -21,18 +21,3 @@ void tool_contact_sum(uint contact_count, out float rows[6]) {
     high = workgroup_sum(high);
     rows = float[6](low.x, low.y, low.z, low.w, high.x, high.y);
 }
-
-float[6] times(float matrix[36], float x[6]) {
-    float y[6];
-    for (int i = 0; i < 6; i++) {
-        y[i] = 0.0;
-        for (int k = 0; k < 6; k++) y[i] += matrix[6 * i + k] * x[k];
-    }
-    return y;
-}
-
-float inner(float x[6], float y[6]) {
-    float sum = 0.0;
-    for (int k = 0; k < 6; k++) sum += x[k] * y[k];
-    return sum;
-}

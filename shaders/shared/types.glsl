@@ -26,6 +26,23 @@ struct Frame {
     vec3 linear;                // (c1 - c0) / h, m/s
     vec3 angular;               // rad/s
     vec4 turn;                  // quaternion of R1^T R0: how the start lies in the frame at the end
+    uint core;                  // the dynamic core that it is, whose motion the solver finds, or NONE; then linear and angular
+                                // are its twist at the start, and turn means nothing
+};
+
+// A dynamic core: six unknowns, the change of its twist (linear, then angular), on which the nodes it carries hang.
+struct Core {
+    uint frame;
+    uint node_first, node_count;
+    float inverse[36];          // of its block of the preconditioner
+    float b[6];
+    float x[6];
+    float r[6];
+    float u[6];
+    float p[6];
+    float s[6];
+    float image[6];             // P^T A u of this iteration
+    float leftover[6];          // b - A x of the last accepted step
 };
 
 // Where a point of one frame is in another, x_to = r + offset + (Q - I) r + Q d, r relative to the centres at rest, so that

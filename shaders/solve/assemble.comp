@@ -7,8 +7,8 @@
 // of each node, plus
 // what the last solve left undone (its b - A x: impulse that would be lost, step by step in the same smooth shapes, since a
 // warm start leaves those to the end); the inverse of its 3x3 diagonal block of A, and their sums b . M^-1 b and (e . M^-1 e) eps^2, e the sum of
-// the magnitudes that b is made of: what rounding leaves of b at rest. Nodes bound to a core keep zero blocks, so the
-// solver never moves them. One invocation a node; a sum a workgroup. Oracle: oracle::step.
+// the magnitudes that b is made of: what rounding leaves of b at rest. Nodes on a core whose motion is known keep zero
+// blocks, so the solver never moves them; those that dynamic cores carry keep their blocks as they are, for the core's. One invocation a node; a sum a workgroup. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -33,6 +33,7 @@ layout(scalar, binding = 14) writeonly buffer Inverse { vec4 inverse[]; };      
 layout(scalar, binding = 15) writeonly buffer Partials { vec2 partials[]; };
 
 #include "shared/sum.glsl"
+#include "shared/held.glsl"
 
 // Half a unit in the last place of f32, for each of a handful of roundings on the way to b.
 const float ROUNDING = 1.0e-7;
@@ -43,7 +44,7 @@ void main() {
     if (i < NODES) {
         uvec4 info = texelFetch(node_info, int(i));
         vec3 b = vec3(0.0), z = vec3(0.0), diagonal = vec3(0.0), off = vec3(0.0);
-        if (info.w == 0) {
+        if (info.w != HELD) {
             float h = params.dt, mass = texelFetch(node_rest, int(i)).w, alpha = materials[info.z].z;
             vec3 v = texelFetch(velocity, int(i)).xyz;
             b = h * mass * (params.gravity - alpha * v) + texelFetch(leftover, int(i)).xyz;
@@ -84,6 +85,10 @@ void main() {
                     c += g * w * w * n.xxy * n.yzz;
                 }
             }
+            if (info.w == CARRIED) {
+                diagonal = a;
+                off = c;
+            } else {
             // Inverse of a symmetric 3x3 matrix by cofactors.
             vec3 co = vec3(a.y * a.z - c.z * c.z, c.y * c.z - c.x * a.z, c.x * c.z - c.y * a.y);
             float determinant = a.x * co.x + c.x * co.y + c.y * co.z;
@@ -92,6 +97,7 @@ void main() {
             z = vec3(diagonal.x * b.x + off.x * b.y + off.y * b.z, off.x * b.x + diagonal.y * b.y + off.z * b.z,
                 off.y * b.x + off.z * b.y + diagonal.z * b.z);
             sums = vec2(dot(b, z), ROUNDING * dot(e, ROUNDING * e * diagonal));
+            }
         }
         rhs[i] = vec4(b, 0.0);
         preconditioned[i] = vec4(z, 0.0);

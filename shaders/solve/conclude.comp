@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 #include "shared/args.glsl"
+#include "shared/rotation.glsl"
 
 // Solve: the verdict. The residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed, not the recurrence's. A
 // contact pulls when k delta + (h k + d) delta' at the end < 0: contacts never adhere, so those are dropped and the host
@@ -16,22 +17,32 @@ layout(constant_id = 1) const uint NODES = 0;
 layout(constant_id = 3) const bool CONTACT = false;
 layout(constant_id = 4) const bool TOOL = false;
 layout(constant_id = 5) const uint PARTIALS = 1;
+layout(constant_id = 6) const uint CORES = 0;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Dots { vec2 dots[]; };
 layout(scalar, binding = 2) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 3) buffer Contacts { Contact contacts[]; };
 layout(binding = 4) uniform samplerBuffer contact_forces;       // of the solution
-layout(scalar, binding = 5) buffer SolveInOut { Solve solve; };
-layout(scalar, binding = 6) writeonly buffer Args { uint args[]; };
-layout(scalar, binding = 7) writeonly buffer ReportOut { Report report; };
+layout(scalar, binding = 5) readonly buffer Frames { Frame frames[]; };
+layout(binding = 6) uniform samplerBuffer node_rest;
+layout(scalar, binding = 7) readonly buffer CoreNodes { uint core_nodes[]; };
+layout(binding = 8) uniform samplerBuffer image;
+layout(scalar, binding = 9) buffer SolveInOut { Solve solve; };
+layout(scalar, binding = 10) buffer Cores { Core cores[]; };
+layout(scalar, binding = 11) writeonly buffer Args { uint args[]; };
+layout(scalar, binding = 12) writeonly buffer ReportOut { Report report; };
+layout(scalar, binding = 13) writeonly buffer CoreChanges { float core_changes[]; };     // six a core, for the host
 
 const uint MAX_RETRIES = 4;
 
 shared float deepest[SIZE];
 
+#include "shared/six.glsl"
 #include "shared/sum.glsl"
 #include "shared/tool.glsl"
+#include "shared/core.glsl"
+#include "shared/core_rows.glsl"
 #include "shared/pressure.glsl"
 
 void main() {
@@ -73,10 +84,22 @@ void main() {
                 inverse[k] = solve.tool_inverse[k];
             }
             for (int k = 0; k < 6; k++) x[k] = solve.tool_x[k];
-            float image[6] = times(base, x);
-            for (int k = 0; k < 6; k++) rest[k] = solve.tool_b[k] - image[k] - forces[k];
+            float own[6] = times(base, x);
+            for (int k = 0; k < 6; k++) rest[k] = solve.tool_b[k] - own[k] - forces[k];
             sums.x += inner(rest, times(inverse, rest));
             for (int k = 0; k < 6; k++) report.tool_change[k] = x[k];
+        }
+    }
+    for (uint c = 0; c < CORES; c++) {
+        float core_y[6] = core_image(c);
+        if (lane == 0) {
+            float undone[6], inverse[36] = cores[c].inverse;
+            for (int k = 0; k < 6; k++) {
+                undone[k] = cores[c].b[k] - core_y[k];
+                core_changes[6 * c + k] = cores[c].x[k];
+            }
+            sums.x += inner(undone, times(inverse, undone));
+            cores[c].image = undone;
         }
     }
     if (lane != 0) return;
@@ -107,6 +130,7 @@ void main() {
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
         }
         if (TOOL && finite) solve.tool_leftover = rest;
+        for (uint c = 0; c < CORES && finite; c++) cores[c].leftover = cores[c].image;
         args[3 * ARGS_COMMIT] = finite ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = finite ? 1 : 0;
     }

@@ -7,7 +7,7 @@
 //   MODE 0, warm start: w . M^-1 b, w . M^-1 w     (first = M^-1 b)
 //   MODE 1, iteration:  r . u, w . u               (first = u, second = r)
 //   MODE 2, at the end: (b - w) . M^-1 (b - w), 0  (second = b)
-// Rows of bound nodes count for nothing. One invocation a node; a sum a workgroup. Oracle: oracle::step.
+// Rows of bound nodes count for nothing; those that dynamic cores carry are summed to their core's by what follows. One invocation a node; a sum a workgroup. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -33,6 +33,7 @@ layout(scalar, binding = 14) writeonly buffer Dots { vec2 dots[]; };
 
 #include "shared/sum.glsl"
 #include "shared/gather.glsl"
+#include "shared/held.glsl"
 
 vec3 precondition(uint i, vec3 b) {
     vec3 d = texelFetch(inverse, int(2 * i)).xyz, o = texelFetch(inverse, int(2 * i + 1)).xyz;
@@ -45,7 +46,7 @@ void main() {
     if (i < NODES) {
         uvec4 info = texelFetch(node_info, int(i));
         vec3 w = vec3(0.0);
-        if (info.w == 0) {
+        if (info.w != HELD) {
             float mass = texelFetch(node_rest, int(i)).w;
             w = (1.0 + params.dt * materials[info.z].z) * mass * texelFetch(change, int(i)).xyz
                 + gather_elements(info.x, info.y);
@@ -56,7 +57,10 @@ void main() {
                     w += uintBitsToFloat(entry.y) * texelFetch(contact_forces, int(entry.x)).xyz;
                 }
             }
-            if (MODE == 0) {
+            // A carried node's row counts with its core's.
+            if (info.w != FREE) {
+                sums = vec2(0.0);
+            } else if (MODE == 0) {
                 sums = vec2(dot(w, texelFetch(first, int(i)).xyz), dot(w, precondition(i, w)));
             } else if (MODE == 1) {
                 vec3 u = texelFetch(first, int(i)).xyz;

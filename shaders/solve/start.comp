@@ -3,8 +3,10 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 #include "shared/args.glsl"
+#include "shared/rotation.glsl"
 
-// Solve: before the first iteration. Sums over workgroups; the tool's 6x6 block, its inverse and right-hand side; the
+// Solve: before the first iteration. Sums over workgroups; the 6x6 blocks of the tool and of dynamic cores, their inverses and
+// right-hand sides; the
 // factor on the last step's solution that leaves the least residual, w = (y . M^-1 b) / (y . M^-1 y) with y = A x (so a warm
 // start never begins worse than none); the loop's indirect arguments. A body at rest (b within rounding) stops at once.
 // One workgroup. Oracle: oracle::step.
@@ -16,6 +18,7 @@ layout(constant_id = 2) const uint TETRAHEDRA = 0;
 layout(constant_id = 3) const bool CONTACT = false;
 layout(constant_id = 4) const bool TOOL = false;
 layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups of assemble and gather
+layout(constant_id = 6) const uint CORES = 0;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Partials { vec2 partials[]; };
@@ -23,53 +26,83 @@ layout(scalar, binding = 2) readonly buffer Dots { vec2 dots[]; };
 layout(scalar, binding = 3) readonly buffer CountsIn { Counts counts; };
 layout(scalar, binding = 4) readonly buffer Contacts { Contact contacts[]; };
 layout(binding = 5) uniform samplerBuffer contact_forces;       // of the last solution
-layout(scalar, binding = 6) buffer SolveInOut { Solve solve; };
-layout(scalar, binding = 7) writeonly buffer Args { uint args[]; };
+layout(scalar, binding = 6) readonly buffer Frames { Frame frames[]; };
+layout(binding = 7) uniform samplerBuffer node_rest;            // w: mass, kg
+layout(scalar, binding = 8) readonly buffer CoreNodes { uint core_nodes[]; };
+layout(binding = 9) uniform samplerBuffer rhs;
+layout(binding = 10) uniform samplerBuffer inverse;             // of carried nodes: their diagonal blocks as they are
+layout(binding = 11) uniform samplerBuffer image;
+layout(scalar, binding = 12) buffer SolveInOut { Solve solve; };
+layout(scalar, binding = 13) buffer Cores { Core cores[]; };
+layout(scalar, binding = 14) writeonly buffer Args { uint args[]; };
 
+#include "shared/six.glsl"
 #include "shared/sum.glsl"
 #include "shared/tool.glsl"
+#include "shared/core.glsl"
+#include "shared/core_rows.glsl"
 
 const float ROUNDING = 1.0e-7;
-
-// Inverse of a symmetric positive definite matrix by Cholesky; false where it is not.
-bool invert(float a[36], out float inverse[36]) {
-    float l[36];
-    for (int k = 0; k < 36; k++) {
-        l[k] = 0.0;
-        inverse[k] = 0.0;
-    }
-    for (int j = 0; j < 6; j++) {
-        for (int i = j; i < 6; i++) {
-            float sum = a[6 * i + j];
-            for (int k = 0; k < j; k++) sum -= l[6 * i + k] * l[6 * j + k];
-            if (i == j) {
-                if (!(sum > 0.0)) return false;
-                l[7 * j] = sqrt(sum);
-            } else {
-                l[6 * i + j] = sum / l[7 * j];
-            }
-        }
-    }
-    for (int c = 0; c < 6; c++) {
-        float y[6];
-        for (int i = 0; i < 6; i++) {
-            float sum = i == c ? 1.0 : 0.0;
-            for (int k = 0; k < i; k++) sum -= l[6 * i + k] * y[k];
-            y[i] = sum / l[7 * i];
-        }
-        for (int i = 5; i >= 0; i--) {
-            float sum = y[i];
-            for (int k = i + 1; k < 6; k++) sum -= l[6 * k + i] * inverse[6 * k + c];
-            inverse[6 * i + c] = sum / l[7 * i];
-        }
-    }
-    return true;
-}
 
 // y.M^-1 b over y.M^-1 y; zero at rest, and where the last solution is none or has overflowed.
 float warm_factor(vec4 sums) {
     float factor = sums.z / sums.w;
     return sums.x > sums.y && sums.w > 0.0 && !isnan(factor) && !isinf(factor) ? factor : 0.0;
+}
+
+// D of a carried node times a vector.
+vec3 block_times(uint node, vec3 v) {
+    vec3 d = texelFetch(inverse, int(2 * node)).xyz, o = texelFetch(inverse, int(2 * node + 1)).xyz;
+    return vec3(d.x * v.x + o.x * v.y + o.y * v.z, o.x * v.x + d.y * v.y + o.z * v.z, o.y * v.x + o.z * v.y + d.z * v.z);
+}
+
+// A core's block of the preconditioner, sum P_i^T D_i P_i over the nodes it carries, inverted; its right-hand side, P^T b, the
+// gyroscopic torque -h w x (I w), and what the last step left undone; e^2 of the rounding of b.
+float assemble_core(uint c) {
+    Frame frame = frames[cores[c].frame];
+    float block[36], b[6];
+    for (int k = 0; k < 36; k++) block[k] = 0.0;
+    vec3 force = vec3(0.0), torque = vec3(0.0), momentum = vec3(0.0), force_size = vec3(0.0), torque_size = vec3(0.0);
+    for (uint k = gl_LocalInvocationID.x; k < cores[c].node_count; k += SIZE) {
+        uint node = core_nodes[cores[c].node_first + k];
+        vec3 arm = arm_of(node, cores[c].frame);
+        float mass = texelFetch(node_rest, int(node)).w;
+        vec3 f = texelFetch(rhs, int(node)).xyz;
+        force += f;
+        torque += cross(arm, f);
+        force_size += abs(f);
+        torque_size += abs(cross(arm, f));
+        momentum += mass * cross(arm, cross(frame.angular, arm));
+        for (int j = 0; j < 6; j++) {
+            vec3 axis = vec3(j % 3 == 0, j % 3 == 1, j % 3 == 2);
+            vec3 moved = block_times(node, j < 3 ? axis : cross(axis, arm));
+            vec3 turned = cross(arm, moved);
+            for (int i = 0; i < 3; i++) {
+                block[6 * i + j] += moved[i];
+                block[6 * (3 + i) + j] += turned[i];
+            }
+        }
+    }
+    for (int k = 0; k < 36; k += 4) {
+        vec4 part = workgroup_sum(vec4(block[k], block[k + 1], block[k + 2], block[k + 3]));
+        for (int l = 0; l < 4; l++) block[k + l] = part[l];
+    }
+    force = workgroup_sum(vec4(force, 0.0)).xyz;
+    torque = workgroup_sum(vec4(torque, 0.0)).xyz - params.dt * cross(frame.angular, workgroup_sum(vec4(momentum, 0.0)).xyz);
+    force_size = workgroup_sum(vec4(force_size, 0.0)).xyz;
+    torque_size = workgroup_sum(vec4(torque_size, 0.0)).xyz;
+    float e2 = 0.0;
+    if (gl_LocalInvocationID.x == 0) {
+        float inverse_block[36];
+        if (!invert(block, inverse_block)) inverse_block[0] = uintBitsToFloat(0x7fc00000u);
+        for (int k = 0; k < 36; k++) cores[c].inverse[k] = inverse_block[k];
+        for (int k = 0; k < 6; k++) {
+            cores[c].b[k] = (k < 3 ? force[k] : torque[k - 3]) + cores[c].leftover[k];
+            float e = k < 3 ? force_size[k] : torque_size[k - 3];
+            e2 += e * (e * inverse_block[7 * k]);
+        }
+    }
+    return e2;
 }
 
 void main() {
@@ -131,24 +164,51 @@ void main() {
             sums.y += ROUNDING * ROUNDING * e2;
             sums.z += inner(image, z);
             sums.w += inner(image, times(inverse, image));
-            float warm = warm_factor(sums);
-            float r[6];
-            for (int i = 0; i < 6; i++) r[i] = b[i] - (warm != 0.0 ? warm * image[i] : 0.0);
-            float u[6] = times(inverse, r);
             for (int k = 0; k < 36; k++) solve.tool_inverse[k] = inverse[k];
             for (int i = 0; i < 6; i++) {
                 solve.tool_b[i] = b[i];
-                solve.tool_x[i] = warm != 0.0 ? warm * x[i] : 0.0;
-                solve.tool_r[i] = r[i];
-                solve.tool_u[i] = u[i];
+                // For now the image of the last solution; the residual once the factor is known.
+                solve.tool_r[i] = image[i];
                 solve.tool_p[i] = 0.0;
                 solve.tool_s[i] = 0.0;
             }
         }
     }
+    for (uint c = 0; c < CORES; c++) {
+        float e2 = assemble_core(c);
+        float core_y[6] = core_image(c);
+        if (lane == 0) {
+            float core_b[6] = cores[c].b, core_inverse[36] = cores[c].inverse;
+            float z[6] = times(core_inverse, core_b);
+            sums.x += inner(core_b, z);
+            sums.y += ROUNDING * ROUNDING * e2;
+            sums.z += inner(core_y, z);
+            sums.w += inner(core_y, times(core_inverse, core_y));
+            for (int i = 0; i < 6; i++) {
+                cores[c].r[i] = core_y[i];
+                cores[c].p[i] = 0.0;
+                cores[c].s[i] = 0.0;
+            }
+        }
+    }
     if (lane != 0) return;
+    float warm = warm_factor(sums);
+    if (TOOL) {
+        float inverse[36] = solve.tool_inverse, r[6];
+        for (int i = 0; i < 6; i++) r[i] = solve.tool_b[i] - (warm != 0.0 ? warm * solve.tool_r[i] : 0.0);
+        solve.tool_u = times(inverse, r);
+        solve.tool_r = r;
+        for (int i = 0; i < 6; i++) solve.tool_x[i] = warm != 0.0 ? warm * solve.tool_x[i] : 0.0;
+    }
+    for (uint c = 0; c < CORES; c++) {
+        float inverse[36] = cores[c].inverse, r[6];
+        for (int i = 0; i < 6; i++) r[i] = cores[c].b[i] - (warm != 0.0 ? warm * cores[c].r[i] : 0.0);
+        cores[c].u = times(inverse, r);
+        cores[c].r = r;
+        for (int i = 0; i < 6; i++) cores[c].x[i] = warm != 0.0 ? warm * cores[c].x[i] : 0.0;
+    }
     bool at_rest = !(sums.x > sums.y);
-    solve.warm = warm_factor(sums);
+    solve.warm = warm;
     solve.rhs_norm2 = sums.x;
     solve.floor_norm2 = sums.y;
     solve.gamma = 0.0;

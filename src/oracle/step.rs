@@ -64,6 +64,12 @@ impl SoftBody {
         self.layer.nodes.iter().zip(&self.displacement).map(place).collect()
     }
 
+    /// World position of a node, m.
+    pub fn world_node(&self, node: u32) -> DVec3 {
+        let node = node as usize;
+        self.elements.frame * (self.layer.nodes[node] + self.displacement[node]) + self.position
+    }
+
     /// The deformed skin in the world, for gathering contacts. `body`: this body's index in the simulation.
     pub fn surface<'a>(&'a self, body: usize, skin: &'a Skin, embedding: &'a [Embedding]) -> Surface<'a> {
         Surface {
@@ -85,6 +91,20 @@ impl SoftBody {
             self.velocity.iter().zip(&self.elements.masses).map(|(v, m)| 0.5 * m * v.length_squared()).sum();
         kinetic + self.elements.energy(&self.displacement, &self.elements.rotations(&self.displacement))
     }
+}
+
+/// A rigid core that moves by the forces on the nodes it carries; those are bound in their body's layer. Its inertia is
+/// theirs, and its centre must be the centre of their masses.
+#[derive(Debug, Clone)]
+pub struct Core {
+    /// Body and node of each.
+    pub nodes: Vec<(usize, u32)>,
+    /// World, m.
+    pub centre: DVec3,
+    /// World, m/s.
+    pub velocity: DVec3,
+    /// World, rad/s.
+    pub spin: DVec3,
 }
 
 /// A contact and what the solver did with it.
@@ -120,14 +140,22 @@ pub struct Simulation {
     pub bodies: Vec<SoftBody>,
     /// The tool.
     pub tool: Option<Tool>,
+    /// Dynamic cores.
+    pub cores: Vec<Core>,
     /// Direct solver; keeps its symbolic factorisation.
     pub solver: Solver,
 }
 
-/// Where each free node and the tool sit among the unknowns.
+/// How a node's velocity follows from unknowns: sum of 3x3 matrices times three unknowns from an index on; none where
+/// its motion is known.
+pub type Map = Vec<(usize, DMat3)>;
+
+/// Where each node, core and the tool sit among the unknowns.
 pub struct Unknowns {
-    /// First of the three unknowns of each node of each body; `None` where it is bound.
-    pub nodes: Vec<Vec<Option<usize>>>,
+    /// Of each node of each body: a free node's own three, a carried node's core's six.
+    pub nodes: Vec<Vec<Map>>,
+    /// First of the six of each core.
+    pub cores: Vec<usize>,
     /// First of the tool's six.
     pub tool: usize,
     /// All of them.
@@ -147,7 +175,7 @@ impl Simulation {
         let (base, load) = self.system(&unknowns, device);
         let rows: Vec<_> = contacts.iter().map(|c| self.row(&unknowns, c)).collect();
         let start = self.velocities(&unknowns);
-        let carried: Vec<f64> = contacts.iter().map(|c| self.carried_rate(c)).collect();
+        let known: Vec<f64> = contacts.iter().map(|c| self.known_rate(&unknowns, c)).collect();
         let mut active = vec![true; contacts.len()];
         let mut change = Vec::new();
         let mut pressures = Vec::new();
@@ -155,12 +183,12 @@ impl Simulation {
         for attempt in 0..=MAX_RETRIES {
             let (mut a, mut b) = (base.clone(), load.clone());
             for j in (0..contacts.len()).filter(|&j| active[j]) {
-                let rate = carried[j] + dot(&rows[j], &start);
+                let rate = known[j] + dot(&rows[j], &start);
                 add_contact(&mut a, &mut b, &rows[j], &contacts[j], rate, self.dt);
             }
             change = self.solver.solve(&a, &b)?;
             let end: Vec<f64> = start.iter().zip(&change).map(|(v, dv)| v + dv).collect();
-            let rate = |j: usize| carried[j] + dot(&rows[j], &end);
+            let rate = |j: usize| known[j] + dot(&rows[j], &end);
             pressures = contacts.iter().enumerate().map(|(j, c)| self.pressure(c, rate(j))).collect();
             let pulling = (0..contacts.len()).filter(|&j| active[j] && pressures[j] < 0.0).collect::<Vec<_>>();
             if pulling.is_empty() {
@@ -187,10 +215,19 @@ impl Simulation {
         let mut number = |bound: &bool| {
             let first = count;
             count += if *bound { 0 } else { 3 };
-            (!bound).then_some(first)
+            if *bound { vec![] } else { vec![(first, DMat3::IDENTITY)] }
         };
-        let nodes = self.bodies.iter().map(|b| b.layer.bound.iter().map(&mut number).collect()).collect();
-        Unknowns { nodes, tool: count, count: count + if self.tool.is_some() { 6 } else { 0 } }
+        let mut nodes: Vec<Vec<Map>> =
+            self.bodies.iter().map(|b| b.layer.bound.iter().map(&mut number).collect()).collect();
+        let cores: Vec<usize> = (0..self.cores.len()).map(|k| count + 6 * k).collect();
+        for (core, first) in self.cores.iter().zip(&cores) {
+            for (body, node) in &core.nodes {
+                let arm = self.bodies[*body].world_node(*node) - core.centre;
+                nodes[*body][*node as usize] = vec![(*first, DMat3::IDENTITY), (*first + 3, cross_matrix(-arm))];
+            }
+        }
+        let tool = count + 6 * cores.len();
+        Unknowns { nodes, cores, tool, count: tool + if self.tool.is_some() { 6 } else { 0 } }
     }
 
     /// A and b of the next step with all of these contacts in it.
@@ -200,7 +237,7 @@ impl Simulation {
         let start = self.velocities(&unknowns);
         for contact in contacts {
             let row = self.row(&unknowns, contact);
-            let rate = self.carried_rate(contact) + dot(&row, &start);
+            let rate = self.known_rate(&unknowns, contact) + dot(&row, &start);
             add_contact(&mut a, &mut b, &row, contact, rate, self.dt);
         }
         (a, b)
@@ -212,6 +249,15 @@ impl Simulation {
         for (body, nodes) in self.bodies.iter().zip(&unknowns.nodes) {
             self.add_body(&mut a, &mut b, body, nodes);
         }
+        for (core, first) in self.cores.iter().zip(&unknowns.cores) {
+            let momentum: DVec3 = core.nodes.iter().map(|(body, node)| {
+                let body = &self.bodies[*body];
+                let arm = body.world_node(*node) - core.centre;
+                body.elements.masses[*node as usize] * arm.cross(core.spin.cross(arm))
+            }).sum();
+            let gyroscopic = -self.dt * core.spin.cross(momentum);
+            (0..3).for_each(|axis| b[first + 3 + axis] += gyroscopic[axis]);
+        }
         if let Some(tool) = &self.tool {
             tool.add_terms(&mut a, &mut b, unknowns.tool, self.dt, self.gravity, device);
         }
@@ -219,7 +265,7 @@ impl Simulation {
     }
 
     /// (1 + h alpha) M + (h^2 + h beta) K, and h [M g + f_el - alpha M v - (beta + h) K v].
-    fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, unknowns: &[Option<usize>]) {
+    fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, unknowns: &[Map]) {
         let (h, elements) = (self.dt, &body.elements);
         let (alpha, beta) = (body.material.damping_mass, body.material.damping_stiffness);
         let rotations = body.rotations();
@@ -227,22 +273,21 @@ impl Simulation {
             let blocks = elements.stiffness_blocks(e, rotations[e]);
             for (k, i) in nodes.iter().enumerate() {
                 for (l, j) in nodes.iter().enumerate() {
-                    if let (Some(i), Some(j)) = (unknowns[*i as usize], unknowns[*j as usize]) {
-                        add_block(a, i, j, &(blocks[k][l] * (h * h + h * beta)));
-                    }
+                    let block = blocks[k][l] * (h * h + h * beta);
+                    add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &block);
                 }
             }
         }
         let elastic = elements.forces(&body.displacement, &rotations);
         let stiff = elements.apply_stiffness(&body.velocity, &rotations);
-        for (i, first) in unknowns.iter().enumerate() {
-            let Some(first) = first else { continue };
+        for (i, map) in unknowns.iter().enumerate() {
             let mass = elements.masses[i];
             let inertial = mass * (self.gravity - alpha * body.velocity[i]);
             let load = h * (inertial + elastic[i] - (beta + h) * stiff[i]);
-            for axis in 0..3 {
-                a.add(first + axis, first + axis, (1.0 + h * alpha) * mass);
-                b[first + axis] += load[axis];
+            add_mapped(a, map, map, &DMat3::from_diagonal(DVec3::splat((1.0 + h * alpha) * mass)));
+            for (first, matrix) in map {
+                let mapped = matrix.transpose() * load;
+                (0..3).for_each(|axis| b[first + axis] += mapped[axis]);
             }
         }
     }
@@ -259,8 +304,9 @@ impl Simulation {
         match (&point.carrier, &self.tool) {
             (Carrier::Nodes(body, weights), _) => {
                 for (node, weight) in weights {
-                    if let Some(first) = unknowns.nodes[*body][*node as usize] {
-                        row.extend((0..3).map(|axis| (first + axis, weight * direction[axis])));
+                    for (first, matrix) in &unknowns.nodes[*body][*node as usize] {
+                        let mapped = *weight * (matrix.transpose() * direction);
+                        row.extend((0..3).map(|axis| (first + axis, mapped[axis])));
                     }
                 }
             }
@@ -276,11 +322,15 @@ impl Simulation {
     fn velocities(&self, unknowns: &Unknowns) -> Vec<f64> {
         let mut all = vec![0.0; unknowns.count];
         for (body, nodes) in self.bodies.iter().zip(&unknowns.nodes) {
-            for (v, first) in body.velocity.iter().zip(nodes) {
-                if let Some(first) = first {
-                    all[*first..first + 3].copy_from_slice(&v.to_array());
+            for (v, map) in body.velocity.iter().zip(nodes) {
+                if let [(first, _)] = map[..] {
+                    all[first..first + 3].copy_from_slice(&v.to_array());
                 }
             }
+        }
+        for (core, first) in self.cores.iter().zip(&unknowns.cores) {
+            all[*first..first + 3].copy_from_slice(&core.velocity.to_array());
+            all[first + 3..first + 6].copy_from_slice(&core.spin.to_array());
         }
         if let Some(tool) = &self.tool {
             all[unknowns.tool..unknowns.tool + 3].copy_from_slice(&tool.velocity.to_array());
@@ -289,13 +339,13 @@ impl Simulation {
         all
     }
 
-    /// What bound nodes, whose velocities are known, give to the depth rate, m/s.
-    fn carried_rate(&self, contact: &Contact) -> f64 {
+    /// What nodes whose velocities are known give to the depth rate, m/s.
+    fn known_rate(&self, unknowns: &Unknowns, contact: &Contact) -> f64 {
         let of = |point: &Point, direction: DVec3| match &point.carrier {
-            Carrier::Nodes(body, weights) => {
-                let body = &self.bodies[*body];
-                let carried = weights.iter().filter(|(node, _)| body.layer.bound[*node as usize]);
-                carried.map(|(node, weight)| weight * direction.dot(body.velocity[*node as usize])).sum()
+            Carrier::Nodes(index, weights) => {
+                let (index, body) = (*index, &self.bodies[*index]);
+                let known = weights.iter().filter(|(node, _)| unknowns.nodes[index][*node as usize].is_empty());
+                known.map(|(node, weight)| weight * direction.dot(body.velocity[*node as usize])).sum()
             }
             Carrier::Tool | Carrier::Fixed => 0.0,
         };
@@ -311,11 +361,27 @@ impl Simulation {
     fn commit(&mut self, unknowns: &Unknowns, change: &[f64]) {
         for (body, nodes) in self.bodies.iter_mut().zip(&unknowns.nodes) {
             let to_rest = body.elements.frame.transpose();
-            for (i, first) in nodes.iter().enumerate() {
-                if let Some(first) = first {
-                    body.velocity[i] += DVec3::from_slice(&change[*first..first + 3]);
+            for (i, map) in nodes.iter().enumerate() {
+                if let [(first, _)] = map[..] {
+                    body.velocity[i] += DVec3::from_slice(&change[first..first + 3]);
                 }
-                body.displacement[i] += self.dt * (to_rest * body.velocity[i]);
+                if map.len() < 2 {
+                    body.displacement[i] += self.dt * (to_rest * body.velocity[i]);
+                }
+            }
+        }
+        for (core, first) in self.cores.iter_mut().zip(&unknowns.cores) {
+            core.velocity += DVec3::from_slice(&change[*first..first + 3]);
+            core.spin += DVec3::from_slice(&change[first + 3..first + 6]);
+            let (from, turn) = (core.centre, DQuat::from_scaled_axis(self.dt * core.spin));
+            core.centre += self.dt * core.velocity;
+            for (body, node) in &core.nodes {
+                let body = &mut self.bodies[*body];
+                let arm = turn * (body.world_node(*node) - from);
+                let node = *node as usize;
+                let rest = body.elements.frame.transpose() * (core.centre + arm - body.position);
+                body.displacement[node] = rest - body.layer.nodes[node];
+                body.velocity[node] = core.velocity + core.spin.cross(arm);
             }
         }
         if let Some(tool) = &mut self.tool {
@@ -333,6 +399,20 @@ fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &C
     for (i, x) in row {
         b[*i] += impulse * x;
     }
+}
+
+/// The block between two nodes as the unknowns behind them feel it, P_i^T B P_j.
+fn add_mapped(a: &mut Entries, rows: &Map, columns: &Map, block: &DMat3) {
+    for (row, left) in rows {
+        for (column, right) in columns {
+            add_block(a, *row, *column, &(left.transpose() * *block * *right));
+        }
+    }
+}
+
+/// [v]x with [v]x p = v x p.
+fn cross_matrix(v: DVec3) -> DMat3 {
+    DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0))
 }
 
 fn add_block(a: &mut Entries, row: usize, column: usize, block: &DMat3) {

@@ -104,6 +104,7 @@ fn rigid(mesh: TriangleMesh, motion: FrameMotion) -> std::result::Result<Shape, 
 fn motion(cores: &[scene::Core]) -> FrameMotion {
     match cores.first().map(|core| &core.motion) {
         Some(Motion::Driven(keys)) => FrameMotion::Driven(keys.clone()),
+        Some(Motion::Dynamic) => FrameMotion::Dynamic { mass: cores[0].mass },
         _ => FrameMotion::Fixed,
     }
 }

@@ -89,32 +89,30 @@ fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
     holders
 }
 
-/// The frames of a soft body: one a core, centred at the mean of what it carries; without cores one floating frame at the
+/// The frames of a soft body: one a core, centred at the centre of the mass it carries; without cores one floating frame at the
 /// centre of mass. `layer` is in the rest frame (m), `holders` what [`bind`] returned.
 pub fn frames(body: &Body, layer: &Layer, holders: &[u32], material: &Material) -> Vec<Frame> {
     if body.cores.is_empty() {
         return vec![floating(layer, material)];
     }
+    let masses = masses(layer, material);
     let frame = |(index, core): (usize, &crate::scene::Core)| {
         let carried = (0..holders.len()).filter(|&n| layer.bound[n] && holders[n] == index as u32);
-        let (sum, count) = carried.fold((DVec3::ZERO, 0.0), |(sum, count), n| (sum + layer.nodes[n], count + 1.0));
+        let add = |(sum, mass): (DVec3, f64), n: usize| (sum + masses[n] * layer.nodes[n], mass + masses[n]);
+        let (sum, mass) = carried.fold((DVec3::ZERO, 0.0), add);
         let motion = match &core.motion {
+            Motion::Fixed => FrameMotion::Fixed,
             Motion::Driven(keys) => FrameMotion::Driven(keys.clone()),
-            Motion::Fixed | Motion::Dynamic => FrameMotion::Fixed,
+            Motion::Dynamic => FrameMotion::Dynamic { mass: core.mass },
         };
-        Frame { centre: sum / f64::max(count, 1.0), motion }
+        Frame { centre: sum / f64::max(mass, f64::MIN_POSITIVE), motion }
     };
     body.cores.iter().enumerate().map(frame).collect()
 }
 
 /// A frame that follows the nodes: mass, centre and inertia of the lumped layer.
 pub fn floating(layer: &Layer, material: &Material) -> Frame {
-    let mut masses = vec![0.0; layer.nodes.len()];
-    for t in &layer.tetrahedra {
-        let [a, b, c, d] = t.map(|n| layer.nodes[n as usize]);
-        let quarter = material.density * DMat3::from_cols(b - a, c - a, d - a).determinant() / 24.0;
-        t.iter().for_each(|&n| masses[n as usize] += quarter);
-    }
+    let masses = masses(layer, material);
     let weighted = || masses.iter().zip(&layer.nodes);
     let mass: f64 = masses.iter().sum();
     let centre = weighted().map(|(m, x)| *m * *x).sum::<DVec3>() / mass;
@@ -124,6 +122,17 @@ pub fn floating(layer: &Layer, material: &Material) -> Frame {
         inertia += *m * (DMat3::from_diagonal(DVec3::splat(r.length_squared())) - outer(r));
     }
     Frame { centre, motion: FrameMotion::Floating { mass, inertia } }
+}
+
+/// Lumped masses of the nodes, kg.
+fn masses(layer: &Layer, material: &Material) -> Vec<f64> {
+    let mut masses = vec![0.0; layer.nodes.len()];
+    for t in &layer.tetrahedra {
+        let [a, b, c, d] = t.map(|n| layer.nodes[n as usize]);
+        let quarter = material.density * DMat3::from_cols(b - a, c - a, d - a).determinant() / 24.0;
+        t.iter().for_each(|&n| masses[n as usize] += quarter);
+    }
+    masses
 }
 
 /// v v^T.

@@ -107,6 +107,11 @@ pub enum FrameMotion {
     /// Along poses that it gives to the body's rest frame (world): at the body's own `position` and `orientation` the
     /// frame is where it was at rest.
     Driven(Vec<Key>),
+    /// By forces; its centre is that of the mass it carries.
+    Dynamic {
+        /// kg; `None`: that of the nodes it carries.
+        mass: Option<f64>,
+    },
     /// It follows the free nodes of a body without cores (shape matching, M. Mueller and others 2005).
     Floating {
         /// Of all nodes, kg.

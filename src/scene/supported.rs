@@ -2,7 +2,7 @@
 //! whoever adds it deletes lines here.
 
 use super::keys::{Table, Value};
-use super::{Motion, Preconditioner, Scene, ToolShape};
+use super::{Preconditioner, Scene, ToolShape};
 use crate::{Error, Result};
 
 /// Refuses a valid scene that asks for more than the engine does, naming the key.
@@ -25,22 +25,7 @@ pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
     {
         return Err(refuse(&of("tool", "body")?, "use `sphere` or `surface`"));
     }
-    for (index, body) in scene.bodies.iter().enumerate() {
-        let table = || Ok::<_, Error>(root.need("body")?.array()?[index].unchecked_table()?.renamed(path(&body.name)));
-        if let Some(at) = body.cores.iter().position(|core| matches!(core.motion, Motion::Dynamic)) {
-            let path = format!("{}.core.{}", path(&body.name), body.cores[at].name);
-            let table = match table()?.get("core") {
-                Some(cores) => cores.array()?[at].unchecked_table()?.renamed(path),
-                None => table()?,
-            };
-            return Err(refuse(&table.need("motion")?, "use \"fixed\" or \"driven\""));
-        }
-    }
     Ok(())
-}
-
-fn path(body: &str) -> String {
-    format!("body.{body}")
 }
 
 fn refuse(value: &Value, remedy: &str) -> Error {

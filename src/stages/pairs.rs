@@ -19,7 +19,10 @@ impl Model {
             let list = scene.bodies.get(i).and_then(|body| body.collides.as_ref());
             list.is_none_or(|names| names.iter().any(|n| n == name))
         };
-        let moves = |i: usize| i == tool || matches!(all[i].shape, Shape::Soft { .. });
+        let moves = |i: usize| match &all[i].shape {
+            Shape::Soft { .. } | Shape::Rigid { motion: FrameMotion::Dynamic { .. }, .. } => true,
+            _ => i == tool,
+        };
         let is_plane = |i: usize| matches!(all[i].shape, Shape::Plane { .. });
         for i in 0..all.len() {
             for j in i + 1..all.len() {

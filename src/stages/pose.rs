@@ -1,4 +1,4 @@
-//! Pose: proxies into the world, and the step's counters to zero; nodes that driven frames carry, floating frames fitted.
+//! Pose: proxies into the world, and the step's counters to zero; nodes that moving frames carry, floating frames fitted.
 
 use std::sync::Arc;
 
@@ -64,24 +64,24 @@ impl Pose {
     }
 }
 
-/// Nodes that driven frames carry.
-pub struct Driven {
-    drive: Kernel,
+/// Nodes that moving frames carry.
+pub struct Carried {
+    carry: Kernel,
     count: u32,
     nodes: Buffer,
 }
 
-impl Driven {
-    /// Kernel and nodes; `None` where no frame with nodes is driven.
-    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Option<Driven>> {
-        if model.driven_nodes.is_empty() {
+impl Carried {
+    /// Kernel and nodes; `None` where no frame with nodes moves.
+    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Option<Carried>> {
+        if model.carried_nodes.is_empty() {
             return Ok(None);
         }
-        let nodes = count(model.driven_nodes.len());
-        Ok(Some(Driven {
-            drive: Kernel::new(context, "pose/drive", Size::Group, &[("DRIVEN", nodes)])?,
-            count: model.driven_nodes.len() as u32,
-            nodes: upload(context, "driven nodes", &model.driven_nodes)?,
+        let nodes = count(model.carried_nodes.len());
+        Ok(Some(Carried {
+            carry: Kernel::new(context, "pose/carry", Size::Group, &[("CARRIED_NODES", nodes)])?,
+            count: model.carried_nodes.len() as u32,
+            nodes: upload(context, "carried nodes", &model.carried_nodes)?,
         }))
     }
 
@@ -90,7 +90,7 @@ impl Driven {
         recorder.stage("pose");
         let buffers =
             [&common.params, &common.frames, &self.nodes, &elastic.node_info, &elastic.node_rest, &elastic.velocity];
-        recorder.dispatch(&self.drive, &buffers, &[], self.count);
+        recorder.dispatch(&self.carry, &buffers, &[], self.count);
     }
 }
 

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use super::contact::Touch;
 use super::elastic::Elastic;
 use super::model::Model;
-use super::{Common, args, array, count, types, zeros};
+use super::{Common, args, array, count, types, upload, zeros};
 use crate::Result;
-use crate::gpu::{Buffer, Const, Context, Kernel, Recorder, Size};
+use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 
 /// The change of velocity that solve/apply takes: the solution, or the preconditioned residual.
 #[derive(Clone, Copy)]
@@ -32,6 +32,10 @@ pub struct Solve {
     commit: Kernel,
     touch: Touch,
     has_contact: bool,
+    cores: Buffer,
+    core_nodes: Buffer,
+    /// Six numbers a dynamic core: the change of its twist, for the host.
+    pub core_changes: Buffer,
     /// One [`types::Solve`].
     pub state: Buffer,
     rhs: Buffer,
@@ -59,24 +63,31 @@ impl Solve {
         let tool = ("TOOL", Const::Bool(model.tool_frame.is_some()));
         let partials = ("PARTIALS", count(groups));
         let group = ("GROUP", context.group_size().into());
+        let cores = ("CORES", count(model.cores.len()));
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
         let gather = |mode: u32| reduce("solve/gather", &[nodes_c, contact, ("MODE", mode.into())]);
-        let by_node = |name: &str| Kernel::new(context, name, Size::Group, &[nodes_c]);
+        let by_node = |name: &str| Kernel::new(context, name, Size::Group, &[nodes_c, cores]);
         let vector = |name: &str| zeros::<[f32; 4]>(context, name, nodes);
+        let core_count = model.cores.len().max(1);
+        let mut core_nodes: Vec<u32> = model.cores.iter().flat_map(|core| core.nodes.clone()).collect();
+        core_nodes.resize(core_nodes.len().max(1), types::NONE);
         Ok(Solve {
             assemble: reduce("solve/assemble", &[nodes_c, contact])?,
             apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c, contact])?,
             gather_warm: gather(0)?,
             gather_loop: gather(1)?,
             gather_final: gather(2)?,
-            start: reduce("solve/start", &[nodes_c, tetrahedra_c, contact, tool, partials, group])?,
+            start: reduce("solve/start", &[nodes_c, tetrahedra_c, contact, tool, partials, cores, group])?,
             begin: by_node("solve/begin")?,
-            scalars: reduce("solve/scalars", &[contact, tool, partials])?,
+            scalars: reduce("solve/scalars", &[contact, tool, partials, cores])?,
             update: by_node("solve/update")?,
-            conclude: reduce("solve/conclude", &[nodes_c, contact, tool, partials, group])?,
+            conclude: reduce("solve/conclude", &[nodes_c, contact, tool, partials, cores, group])?,
             commit: by_node("solve/commit")?,
             touch: touch.cloned().map_or_else(|| Touch::nothing(context), Ok)?,
             has_contact: touch.is_some(),
+            cores: upload(context, "cores", &cores_of(model))?,
+            core_nodes: upload(context, "nodes of cores", &core_nodes)?,
+            core_changes: Buffer::new(context, "changes of cores", (24 * core_count) as u64, Memory::Readback)?,
             state: zeros::<types::Solve>(context, "solver state", 1)?,
             rhs: vector("right-hand side")?,
             leftover: vector("leftover")?,
@@ -137,7 +148,14 @@ impl Solve {
                 &common.counts,
                 &touch.contacts,
                 &touch.contact_forces,
+                &common.frames,
+                &elastic.node_rest,
+                &self.core_nodes,
+                &self.rhs,
+                &self.inverse,
+                &self.image,
                 &self.state,
+                &self.cores,
                 &common.args,
             ],
             &[],
@@ -150,6 +168,10 @@ impl Solve {
                 &self.rhs,
                 &self.image,
                 &self.inverse,
+                &common.frames,
+                &self.cores,
+                &elastic.node_info,
+                &elastic.node_rest,
                 &self.solution,
                 &self.residual,
                 &self.preconditioned,
@@ -176,7 +198,12 @@ impl Solve {
                     &common.counts,
                     &touch.contacts,
                     &touch.contact_forces,
+                    &common.frames,
+                    &elastic.node_rest,
+                    &self.core_nodes,
+                    &self.image,
                     &self.state,
+                    &self.cores,
                     &common.args,
                 ],
                 &[],
@@ -189,6 +216,10 @@ impl Solve {
                     &self.state,
                     &self.image,
                     &self.inverse,
+                    &common.frames,
+                    &self.cores,
+                    &elastic.node_info,
+                    &elastic.node_rest,
                     &self.solution,
                     &self.residual,
                     &self.preconditioned,
@@ -216,9 +247,15 @@ impl Solve {
                 &common.counts,
                 &touch.contacts,
                 &touch.contact_forces,
+                &common.frames,
+                &elastic.node_rest,
+                &self.core_nodes,
+                &self.image,
                 &self.state,
+                &self.cores,
                 &common.args,
                 &common.report,
+                &self.core_changes,
             ],
             &[],
             1,
@@ -231,6 +268,7 @@ impl Solve {
             &self.rhs,
             &self.image,
             &elastic.node_rest,
+            &self.cores,
             &elastic.velocity,
             &elastic.displacement,
             &self.leftover,
@@ -302,4 +340,18 @@ impl Solve {
             None => recorder.dispatch(kernel, &buffers, &[], elastic.node_count as u32),
         }
     }
+}
+
+/// Dynamic cores at rest; one that is none where there are none.
+fn cores_of(model: &Model) -> Vec<types::Core> {
+    let mut first = 0;
+    let mut cores: Vec<types::Core> = Vec::new();
+    for core in &model.cores {
+        let node_count = core.nodes.len() as u32;
+        let nothing = <types::Core as bytemuck::Zeroable>::zeroed();
+        cores.push(types::Core { frame: core.frame as u32, node_first: first, node_count, ..nothing });
+        first += node_count;
+    }
+    cores.resize(cores.len().max(1), bytemuck::Zeroable::zeroed());
+    cores
 }

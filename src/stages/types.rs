@@ -47,6 +47,38 @@ pub struct Frame {
     pub angular: [f32; 3],
     /// Quaternion of R1^T R0: how the start lies in the frame at the end of the step.
     pub turn: [f32; 4],
+    /// The dynamic core that it is, or [`NONE`].
+    pub core: u32,
+}
+
+/// A dynamic core: its nodes, and its six rows of the system.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Core {
+    /// Among the frames.
+    pub frame: u32,
+    /// Into the nodes of cores.
+    pub node_first: u32,
+    /// Nodes it carries.
+    pub node_count: u32,
+    /// Inverse of its block of the preconditioner.
+    pub inverse: [f32; 36],
+    /// Right-hand side.
+    pub b: [f32; 6],
+    /// Change of its twist.
+    pub x: [f32; 6],
+    /// Residual.
+    pub r: [f32; 6],
+    /// Preconditioned residual.
+    pub u: [f32; 6],
+    /// Direction.
+    pub p: [f32; 6],
+    /// Its image.
+    pub s: [f32; 6],
+    /// P^T A u of this iteration.
+    pub image: [f32; 6],
+    /// b - A x of the last accepted step.
+    pub leftover: [f32; 6],
 }
 
 /// Where points of one frame are in another.

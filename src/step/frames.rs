@@ -9,7 +9,7 @@ use crate::haptics::tool::Tool;
 use crate::prepare::FrameMotion;
 use crate::scene::Key;
 use crate::stages::model::{FramePlace, Model, Motion};
-use crate::stages::types::{Fit, Frame, Link};
+use crate::stages::types::{Fit, Frame, Link, NONE};
 
 /// Where a frame is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +26,8 @@ pub struct Frames {
     links: Vec<[usize; 2]>,
     /// The states that are fitted, in the model's order.
     floating: Vec<usize>,
+    /// The states that the solver moves, in the model's order.
+    dynamic: Vec<usize>,
 }
 
 struct State {
@@ -40,6 +42,8 @@ enum Mover {
     Driven(Drive),
     Tool,
     Floating(Box<Floating>),
+    /// World twist.
+    Dynamic { velocity: DVec3, spin: DVec3 },
 }
 
 /// What was fitted to the nodes at the end of the last step.
@@ -62,12 +66,21 @@ impl Frames {
         let states: Vec<State> =
             model.frames.iter().enumerate().map(|(i, place)| State::new(place, velocity(i))).collect();
         let links = model.links.iter().map(|link| link.map(|frame| frame as usize)).collect();
-        Frames { states, links, floating: model.floating.iter().map(|f| f.frame).collect() }
+        let floating = model.floating.iter().map(|f| f.frame).collect();
+        Frames { states, links, floating, dynamic: model.cores.iter().map(|core| core.frame).collect() }
     }
 
     /// Where a frame is at the start of the step.
     pub fn place(&self, frame: usize) -> Place {
         self.states[frame].start
+    }
+
+    /// The twist (linear, angular) of a dynamic core, world; `None` for any other frame.
+    pub fn twist(&self, frame: usize) -> Option<(DVec3, DVec3)> {
+        match &self.states[frame].mover {
+            Mover::Dynamic { velocity, spin } => Some((*velocity, *spin)),
+            _ => None,
+        }
     }
 
     /// A point of the rest frame's coordinates relative to the frame's centre, in the world.
@@ -88,6 +101,9 @@ impl Frames {
         for (frame, state) in frames.iter_mut().zip(&self.states) {
             *frame = state.frame(origin, h);
         }
+        for (core, frame) in self.dynamic.iter().enumerate() {
+            frames[*frame].core = core as u32;
+        }
         for (link, [to, from]) in links.iter_mut().zip(&self.links) {
             let (to, from) = (&self.states[*to], &self.states[*from]);
             let back = to.start.rotation.conjugate();
@@ -100,13 +116,17 @@ impl Frames {
         }
     }
 
-    /// The step is over. `fits`: what the device summed, where it accepted the step; a frame that floats stays with its
-    /// nodes where it did not.
-    pub fn arrive(&mut self, fits: Option<&[Fit]>) {
-        for state in self.states.iter_mut().filter(|state| !matches!(state.mover, Mover::Floating(_))) {
+    /// The step of `h` seconds is over. `fits`: what the device summed, `changes`: of the twists of dynamic cores; empty where
+    /// it did not accept the step: then frames that float or are dynamic stay as they were.
+    pub fn arrive(&mut self, h: f64, fits: &[Fit], changes: &[[f32; 6]]) {
+        for (frame, change) in self.dynamic.iter().zip(changes) {
+            self.states[*frame].push(h, change.map(f64::from));
+        }
+        let known = |state: &&mut State| !matches!(state.mover, Mover::Floating(_) | Mover::Dynamic { .. });
+        for state in self.states.iter_mut().filter(known) {
             state.start = state.end;
         }
-        for (frame, fit) in self.floating.iter().zip(fits.unwrap_or_default()) {
+        for (frame, fit) in self.floating.iter().zip(fits) {
             let state = &mut self.states[*frame];
             state.start = state.end;
             if let Mover::Floating(floating) = &mut state.mover {
@@ -126,6 +146,7 @@ impl State {
                 keys,
                 Key { time: 0.0, position: place.position, orientation: place.orientation },
             )),
+            Motion::Prepared(FrameMotion::Dynamic { .. }) => Mover::Dynamic { velocity, spin: DVec3::ZERO },
             Motion::Prepared(FrameMotion::Floating { mass, inertia }) => Mover::Floating(Box::new(Floating {
                 mass: *mass,
                 inertia: *inertia,
@@ -162,12 +183,32 @@ impl State {
                 let turned = DQuat::from_scaled_axis(h * tool.angular_velocity) * tool.orientation;
                 self.end = Place { centre: tool.centre + h * tool.velocity, rotation: turned.normalize() };
             }
-            (Mover::Fixed, _) | (Mover::Tool, None) => {}
+            (Mover::Fixed | Mover::Dynamic { .. }, _) | (Mover::Tool, None) => {}
+        }
+    }
+
+    /// A dynamic core's new twist and pose.
+    fn push(&mut self, h: f64, change: [f64; 6]) {
+        if let Mover::Dynamic { velocity, spin } = &mut self.mover {
+            *velocity += DVec3::from_slice(&change[..3]);
+            *spin += DVec3::from_slice(&change[3..]);
+            self.start.centre += h * *velocity;
+            self.start.rotation = (DQuat::from_scaled_axis(h * *spin) * self.start.rotation).normalize();
         }
     }
 
     fn frame(&self, origin: DVec3, h: f64) -> Frame {
         let Place { centre, rotation } = self.start;
+        if let Mover::Dynamic { velocity, spin } = &self.mover {
+            return Frame {
+                rotation: rotation.as_quat().to_array(),
+                centre: (centre - origin).as_vec3().to_array(),
+                linear: velocity.as_vec3().to_array(),
+                angular: spin.as_vec3().to_array(),
+                turn: [0.0, 0.0, 0.0, 1.0],
+                core: NONE,
+            };
+        }
         let turned = unwound(self.end.rotation * rotation.conjugate());
         Frame {
             rotation: rotation.as_quat().to_array(),
@@ -175,6 +216,7 @@ impl State {
             linear: ((self.end.centre - centre) / h).as_vec3().to_array(),
             angular: (rotation_vector(turned) / h).as_vec3().to_array(),
             turn: unwound(self.end.rotation.conjugate() * rotation).as_quat().to_array(),
+            core: NONE,
         }
     }
 }

@@ -25,7 +25,7 @@ pub struct Stages {
     pub touch: Option<TouchStages>,
     pub wrench: Option<Wrench>,
     pub probes: Option<Probes>,
-    pub driven: Option<pose::Driven>,
+    pub carried: Option<pose::Carried>,
     pub floating: Option<pose::Floating>,
 }
 
@@ -76,19 +76,19 @@ impl Stages {
             _ => None,
         };
         let probes = if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes)?) };
-        let (driven, floating) = (pose::Driven::new(context, model)?, pose::Floating::new(context, model)?);
-        Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes, driven, floating })
+        let (carried, floating) = (pose::Carried::new(context, model)?, pose::Floating::new(context, model)?);
+        Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes, carried, floating })
     }
 }
 
 impl Recordings {
     /// Records every part, with iterations up to one more than the cap, so that the pass that notices it is there.
     pub fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
-        let Stages { common, elastic, solve, touch, wrench, probes, driven, floating } = stages;
+        let Stages { common, elastic, solve, touch, wrench, probes, carried, floating } = stages;
 
         let mut begin = recorder()?;
-        if let Some(driven) = driven {
-            driven.record(&mut begin, common, elastic);
+        if let Some(carried) = carried {
+            carried.record(&mut begin, common, elastic);
         }
         if let Some(TouchStages { pose, skin, cull, depth, contact }) = touch {
             pose.record(&mut begin, common);

@@ -30,7 +30,8 @@ fn true_blocks(system: &System) -> Vec<Option<DMat3>> {
         }
     }
     let block = |first: usize| DMat3::from_cols_array(&std::array::from_fn(|k| sums[&(first + k % 3, first + k / 3)]));
-    system.twin.unknowns().nodes.iter().flatten().map(|first| first.map(block)).collect()
+    let own = |map: &palpate::oracle::step::Map| if let [(first, _)] = map[..] { Some(block(first)) } else { None };
+    system.twin.unknowns().nodes.iter().flatten().map(own).collect()
 }
 
 /// Right-hand side, blocks, M^-1 b and sums against the oracle.

@@ -114,7 +114,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         let places = s.twin.unknowns();
         let mut norm2 = 0.0;
         for (i, first) in places.nodes.iter().flatten().enumerate() {
-            let Some(first) = first else { continue };
+            let [(first, _)] = &first[..] else { continue };
             let r: [f64; 3] = std::array::from_fn(|k| left[first + k]);
             norm2 += passes.precondition(i, r).iter().zip(r).map(|(z, r)| z * r).sum::<f64>();
         }

@@ -37,6 +37,7 @@ pub struct Passes {
     pub state: Solve,
     pub args: Vec<u32>,
     pub report: Report,
+    pub core_changes: Vec<f32>,
 }
 
 /// What no pass writes by chance; what is still there was not written.
@@ -66,8 +67,14 @@ impl Passes {
             state: Solve::zeroed(),
             args: vec![UNTOUCHED; args::WORDS],
             report: Report::zeroed(),
+            core_changes: vec![],
             system,
         }
+    }
+
+    /// Dynamic cores.
+    fn cores(&self) -> u32 {
+        self.system.model.cores.len() as u32
     }
 
     pub fn nodes(&self) -> usize {
@@ -185,6 +192,7 @@ impl Passes {
             .constant("CONTACT", self.contact)
             .constant("TOOL", self.tool)
             .constant("PARTIALS", self.partials.len() as u32)
+            .constant("CORES", self.cores())
             .constant("GROUP", context().group_size())
             .input("params", &[s.params])
             .input("partials", &self.partials)
@@ -192,11 +200,19 @@ impl Passes {
             .input("counts", &[s.counts])
             .input("contacts", &s.contacts)
             .input("contact_forces", &self.contact_forces)
+            .input("frames", &s.frames)
+            .input("node_rest", &s.model.node_rest)
+            .input("core_nodes", &s.core_nodes)
+            .input("rhs", &self.rhs)
+            .input("inverse", &self.inverse)
+            .input("image", &self.image)
             .inout("solve", &[self.state])
+            .inout("cores", &s.cores)
             .partial("args", &self.args)
             .groups(1)
             .run();
         self.state = outcome.get("solve")[0];
+        self.system.cores = outcome.get("cores");
         self.args = outcome.get("args");
     }
 
@@ -204,10 +220,15 @@ impl Passes {
         let nodes = self.nodes();
         let outcome = self
             .kernel("solve/begin")
+            .constant("CORES", self.cores())
             .input("solve", &[self.state])
             .input("rhs", &self.rhs)
             .input("image", &self.image)
             .input("inverse", &self.inverse)
+            .input("frames", &self.system.frames)
+            .input("cores", &self.system.cores)
+            .input("node_info", &self.system.model.node_info)
+            .input("node_rest", &self.system.model.node_rest)
             .inout("solution", &self.solution)
             .output::<[f32; 4]>("residual", nodes)
             .output::<[f32; 4]>("preconditioned", nodes)
@@ -229,25 +250,37 @@ impl Passes {
             .constant("CONTACT", self.contact)
             .constant("TOOL", self.tool)
             .constant("PARTIALS", self.dots.len() as u32)
+            .constant("CORES", self.cores())
             .input("params", &[s.params])
             .input("dots", &self.dots)
             .input("counts", &[s.counts])
             .input("contacts", &s.contacts)
             .input("contact_forces", &self.contact_forces)
+            .input("frames", &s.frames)
+            .input("node_rest", &s.model.node_rest)
+            .input("core_nodes", &s.core_nodes)
+            .input("image", &self.image)
             .inout("solve", &[self.state])
+            .inout("cores", &s.cores)
             .partial("args", &self.args)
             .groups(1)
             .run();
         self.state = outcome.get("solve")[0];
+        self.system.cores = outcome.get("cores");
         self.args = outcome.get("args");
     }
 
     pub fn update(&mut self) {
         let outcome = self
             .kernel("solve/update")
+            .constant("CORES", self.cores())
             .input("solve", &[self.state])
             .input("image", &self.image)
             .input("inverse", &self.inverse)
+            .input("frames", &self.system.frames)
+            .input("cores", &self.system.cores)
+            .input("node_info", &self.system.model.node_info)
+            .input("node_rest", &self.system.model.node_rest)
             .inout("solution", &self.solution)
             .inout("residual", &self.residual)
             .inout("preconditioned", &self.preconditioned)
@@ -270,18 +303,27 @@ impl Passes {
             .constant("CONTACT", self.contact)
             .constant("TOOL", self.tool)
             .constant("PARTIALS", self.dots.len() as u32)
+            .constant("CORES", self.cores())
             .constant("GROUP", context().group_size())
             .input("params", &[s.params])
             .input("dots", &self.dots)
             .inout("counts", &[s.counts])
             .inout("contacts", &s.contacts)
             .input("contact_forces", &self.contact_forces)
+            .input("frames", &s.frames)
+            .input("node_rest", &s.model.node_rest)
+            .input("core_nodes", &s.core_nodes)
+            .input("image", &self.image)
             .inout("solve", &[self.state])
+            .inout("cores", &s.cores)
             .partial("args", &self.args)
             .partial("report", &[self.report])
+            .partial("core_changes", &vec![0.0f32; 6 * s.cores.len()])
             .groups(1)
             .run();
         self.state = outcome.get("solve")[0];
+        self.system.cores = outcome.get("cores");
+        self.core_changes = outcome.get("core_changes");
         self.args = outcome.get("args");
         self.report = outcome.get("report")[0];
         self.system.counts = outcome.get("counts")[0];
@@ -292,6 +334,7 @@ impl Passes {
         let s = &self.system;
         let outcome = self
             .kernel("solve/commit")
+            .constant("CORES", self.cores())
             .input("params", &[s.params])
             .input("frames", &s.frames)
             .input("node_info", &s.model.node_info)
@@ -299,6 +342,7 @@ impl Passes {
             .input("rhs", &self.rhs)
             .input("image", &self.image)
             .input("node_rest", &s.model.node_rest)
+            .input("cores", &s.cores)
             .inout("velocity", &s.velocity)
             .inout("displacement", &s.displacement)
             .partial("leftover", &self.leftover)

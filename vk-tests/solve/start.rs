@@ -84,7 +84,7 @@ fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f6
     let places = passes.system.twin.unknowns();
     let mut z = vec![0.0; r.len()];
     for (i, first) in places.nodes.iter().flatten().enumerate() {
-        if let Some(first) = first {
+        if let [(first, _)] = &first[..] {
             z[*first..first + 3].copy_from_slice(&passes.precondition(i, std::array::from_fn(|k| r[first + k])));
         }
     }
