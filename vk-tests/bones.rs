@@ -16,6 +16,8 @@ use crate::whole_step::{open, relative_error, run, scene, soft_twin};
 
 /// Displacements, of the largest; as for resting cores.
 const SHAPE: f64 = 2.0e-5;
+/// Velocities, of the largest: a change of velocity is solved to the tolerance of the whole right-hand side.
+const SPEED: f64 = 1.0e-4;
 /// Tool force, of the run's largest.
 const FORCE: f64 = 5.0e-5;
 
@@ -125,6 +127,112 @@ fn a_block_whose_core_is_driven_into_the_tool_pushes_as_the_oracles() {
     let (peak, force, shape) = pressed(&scene, 50);
     println!("driven block: force {force:.1e} of {peak:.2} N, shape {shape:.1e}");
     assert!(peak > 0.1 && force < FORCE && shape < SHAPE, "{force:e} {shape:e}");
+}
+
+/// The twin's dynamic cores, as the scene starts them.
+fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Core> {
+    let place = &simulation.bodies()[body];
+    let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
+    let core = |(index, frame): (usize, &palpate::prepare::Frame)| {
+        let FrameMotion::Dynamic { .. } = frame.motion else { return None };
+        let carried = (0..layer.nodes.len()).filter(|n| layer.bound[*n] && node_frames[*n] == index as u32);
+        Some(oracle::step::Core {
+            nodes: carried.map(|n| (body, n as u32)).collect(),
+            centre: place.position + place.orientation * frame.centre,
+            velocity: place.velocity,
+            spin: DVec3::ZERO,
+        })
+    };
+    frames.iter().enumerate().filter_map(core).collect()
+}
+
+#[test]
+fn dynamic_cores_and_the_bar_between_them_move_as_the_oracles() {
+    // One end fixed and a stone in the other; then a stone in each, flying.
+    for (name, left, velocity) in
+        [("hanging", "", ""), ("flying", "motion = \"dynamic\"", "velocity = [0.3, 1.0, -0.2]")]
+    {
+        for young in [2e4, 1e6] {
+            let text = bar(young, "[]")
+                .replace("motion = \"driven\"\nkeys = []", "motion = \"dynamic\"")
+                .replace("name = \"left\"", &format!("name = \"left\"\n{left}"))
+                .replace("position = [0.4", &format!("{velocity}\nposition = [0.4"));
+            let scene = scene(&text);
+            let mut simulation = open(&scene, None);
+            let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
+            twin.bodies.push(soft_twin(&simulation, 0));
+            twin.cores = twin_cores(&simulation, 0);
+            for core in &twin.cores {
+                core.nodes.iter().for_each(|(_, n)| twin.bodies[0].velocity[*n as usize] = core.velocity);
+            }
+            let rows = run(&mut simulation, 80);
+            (0..80).for_each(|_| drop(twin.step(None, &[]).unwrap()));
+            let (moved, velocities) = simulation.nodes(0).unwrap().unwrap();
+            let shape = relative_error(&moved, &twin.bodies[0].displacement);
+            let speed = relative_error(&velocities, &twin.bodies[0].velocity);
+            let place = simulation.frames(0)[1];
+            let centre = place.centre.distance(twin.cores[twin.cores.len() - 1].centre);
+            println!(
+                "{name} bar at {young:e} Pa: shape {shape:.1e}, speed {speed:.1e}, core off by {centre:.1e} m, up to {} iterations",
+                rows.iter().map(|r| r.iterations).max().unwrap()
+            );
+            assert!(rows.iter().all(|row| row.flags == Flags::default()));
+            assert!(
+                shape < SHAPE && speed < SPEED && centre < 1e-6,
+                "{name} {young:e}: {shape:e} {speed:e} {centre:e}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("ball.obj");
+    let (vertices, triangles) = palpate::prepare::sphere::icosphere(0.02);
+    palpate::scene::obj::write(&mut std::fs::File::create(&file).unwrap(), &vertices, &triangles).unwrap();
+    let block = "[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \"block\"\n\
+        layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [8, 5, 8] }\n\
+        material = { young = 2e4, poisson = 0.4, density = 1000.0 }\n\
+        [[body.core]]\nname = \"bottom\"\nbind = { box = [[-1.0, -1.0, -1.0], [1.0, -0.029, 1.0]] }\n";
+    let start = "position = [0.02, 0.052, -0.01]\nvelocity = [0.1, -0.4, 0.0]";
+    let tool = scene(&format!("{block}[tool]\nsphere = 0.02\nmass = 0.05\n{start}\n"));
+    let body = scene(&format!(
+        "{block}[[body]]\nname = \"ball\"\nsurface = {file:?}\nmotion = \"dynamic\"\nmass = 0.05\n{start}\n"
+    ));
+    let (mut one, mut other) = (open(&tool, None), open(&body, None));
+    for k in 0..60 {
+        let (x, y) = (run(&mut one, 2), run(&mut other, 2));
+        let (t, p) = (one.tool().unwrap(), other.frames(1)[0]);
+        println!(
+            "{k} {:e} turned {:e} diff {:e} contacts {:?} {:?} depth {:?} {:?}",
+            t.centre.distance(p.centre),
+            t.orientation.angle_between(DQuat::IDENTITY),
+            p.rotation.angle_between(t.orientation),
+            x[1].contacts,
+            y[1].contacts,
+            x[1].max_depth,
+            y[1].max_depth
+        );
+    }
+    let (a, b) = (run(&mut one, 120), run(&mut other, 120));
+    for rows in [&a, &b] {
+        let raised: Vec<_> = rows
+            .iter()
+            .filter(|r| r.flags != Flags::default())
+            .map(|r| (r.step, r.flags.0, r.residual, r.iterations))
+            .collect();
+        println!("{raised:?}");
+    }
+    let touched = a.iter().filter(|row| row.contacts.unwrap() > 0).count();
+    let held = one.tool().unwrap();
+    let place = other.frames(1)[0];
+    let (away, turned) = (place.centre.distance(held.centre), place.rotation.angle_between(held.orientation));
+    let error = relative_error(&other.nodes(0).unwrap().unwrap().0, &one.nodes(0).unwrap().unwrap().0);
+    println!(
+        "ball: {touched} steps in contact, then {away:.1e} m and {turned:.1e} rad from the tool, block {error:.1e}"
+    );
+    assert!(touched > 30 && away < 1e-6 && turned < 1e-4 && error < 1e-4, "{away:e} {turned:e} {error:e}");
 }
 
 /// The surface of a cube with this half edge, as an OBJ.

@@ -7,7 +7,7 @@ use palpate::gpu::{Const, Size};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
 use palpate::stages::model::FramePlace;
-use palpate::stages::types::{ActiveProxy, Counts, Fit, Frame, Link, Proxy, ProxyBounds, StepParams};
+use palpate::stages::types::{ActiveProxy, Core, Counts, Fit, Frame, Link, Proxy, ProxyBounds, StepParams};
 
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::random::Random;
@@ -247,7 +247,7 @@ fn the_new_state_is_the_same_place_seen_from_the_frames_end() {
             .input("rhs", &vec![[0.0f32; 4]; some])
             .input("image", &vec![[0.0f32; 4]; some])
             .input("node_rest", &rest)
-            .input("cores", &[palpate::stages::types::Core::zeroed()])
+            .input("cores", &[Core::zeroed()])
             .inout("velocity", &v)
             .inout("displacement", &d)
             .output::<[f32; 4]>("leftover", count)
@@ -276,7 +276,9 @@ fn driven_nodes_go_where_their_frame_takes_them() {
             .input("carried_nodes", &driven)
             .input("node_info", &vec![[0u32; 4]; 2 * count])
             .input("node_rest", &rest)
+            .input("cores", &[Core::zeroed()])
             .partial("velocity", &vec![[-7.0f32; 4]; 2 * count])
+            .partial("solution", &vec![[-8.0f32; 4]; 2 * count])
             .elements(count)
             .run();
         let got: Vec<[f32; 4]> = out.get("velocity");
@@ -287,6 +289,37 @@ fn driven_nodes_go_where_their_frame_takes_them() {
             // f32 knows the turn's vector part to 6e-8 of itself, and so its arc.
             let tolerance = VELOCITY.abs + VELOCITY.rel * (want.length() + angle * r.length() / h);
             assert!(wide(&got[2 * i + 1]).distance(want) < tolerance, "{:?} for {want}", got[2 * i + 1]);
+        }
+    }
+}
+
+#[test]
+fn what_dynamic_cores_carry_has_their_twist_and_its_first_guess() {
+    let (h, width) = (1e-3, context().group_size() as usize);
+    for count in [1, width - 1, width, width + 1, 1234] {
+        let mut random = Random(61 + count as u64);
+        let (frame, start, _) = moving(&mut random, h, 0.1);
+        let (linear, angular) = (random.vector(), random.vector());
+        let frame = Frame { core: 1, linear: linear.as_vec3().into(), angular: angular.as_vec3().into(), ..frame };
+        let x: [f32; 6] = std::array::from_fn(|_| random.next() as f32);
+        let rest: Vec<[f32; 4]> = (0..count).map(|_| narrow(0.2 * random.vector())).collect();
+        let out = case("pose/carry")
+            .constant("CARRIED_NODES", count as u32)
+            .input("params", &[StepParams { dt: h as f32, ..bytemuck::Zeroable::zeroed() }])
+            .input("frames", &[frame])
+            .input("carried_nodes", &(0..count as u32).collect::<Vec<_>>())
+            .input("node_info", &vec![[0u32; 4]; count])
+            .input("node_rest", &rest)
+            .input("cores", &[Core::zeroed(), Core { x, ..Core::zeroed() }])
+            .output::<[f32; 4]>("velocity", count)
+            .output::<[f32; 4]>("solution", count)
+            .elements(count)
+            .run();
+        let (velocity, solution): (Vec<[f32; 4]>, Vec<[f32; 4]>) = (out.get("velocity"), out.get("solution"));
+        for i in 0..count {
+            let arm = start.rotation * wide(&rest[i]);
+            assert!(wide(&velocity[i]).distance(linear + angular.cross(arm)) < VELOCITY.abs);
+            assert!(wide(&solution[i]).distance(wide(&x[..3]) + wide(&x[3..]).cross(arm)) < VELOCITY.abs);
         }
     }
 }

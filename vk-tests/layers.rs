@@ -54,7 +54,8 @@ fn options() -> Options {
 
 /// The block's surface, cut as finely as `cells`.
 fn block(folder: &Path, cells: u32) -> std::path::PathBuf {
-    let (vertices, triangles, _) = layer::boundary(&layer::kuhn_box(DVec3::splat(-HALF), DVec3::splat(HALF), [cells; 3]));
+    let (vertices, triangles, _) =
+        layer::boundary(&layer::kuhn_box(DVec3::splat(-HALF), DVec3::splat(HALF), [cells; 3]));
     let file = folder.join("block.obj");
     let mut out = std::fs::File::create(&file).unwrap();
     obj::write(&mut out, &vertices, &triangles).unwrap();
@@ -65,7 +66,11 @@ fn block(folder: &Path, cells: u32) -> std::path::PathBuf {
 fn a_layer_made_for_a_surface_is_as_stiff_as_one_that_conforms() {
     let folder = tempfile::tempdir().unwrap();
     let skin = block(folder.path(), 40);
-    let kuhn = |cells: u32| format!("{{ box = [[-{HALF}, -{HALF}, -{HALF}], [{HALF}, {HALF}, {HALF}]], cells = [{cells}, {cells}, {cells}] }}");
+    let kuhn = |cells: u32| {
+        format!(
+            "{{ box = [[-{HALF}, -{HALF}, -{HALF}], [{HALF}, {HALF}, {HALF}]], cells = [{cells}, {cells}, {cells}] }}"
+        )
+    };
     let (reference, fine) = pressed(&kuhn(32), Some(&skin));
     for cells in [10, 16] {
         let cell = 2.0 * HALF / f64::from(cells);

@@ -5,7 +5,8 @@
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
 
-// Pose: velocities of the nodes that moving frames carry. On a dynamic core, at the start: v = u + w x arm. On a driven frame,
+// Pose: velocities of the nodes that moving frames carry. On a dynamic core, at the start: v = u + w x arm,
+// and the first guess of its change, P x with the arms of this step (A x is taken of it). On a driven frame,
 // over the whole step, v = (x1 - x0) / h
 // = v_centre + R0 (R0^T R1 - I) r / h. The right-hand side, h f - (h^2 + h beta) K v, then holds what these known velocities
 // give to the unknown ones, and contacts feel them. One invocation a carried node. Oracle: oracle::step, whose bound nodes
@@ -19,7 +20,11 @@ layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
 layout(scalar, binding = 2) readonly buffer CarriedNodes { uint carried_nodes[]; };
 layout(binding = 3) uniform usamplerBuffer node_info;       // frame in z
 layout(binding = 4) uniform samplerBuffer node_rest;
-layout(scalar, binding = 5) writeonly buffer Velocity { vec4 velocity[]; };
+layout(scalar, binding = 5) readonly buffer Cores { Core cores[]; };
+layout(scalar, binding = 6) writeonly buffer Velocity { vec4 velocity[]; };
+layout(scalar, binding = 7) writeonly buffer Solution { vec4 solution[]; };     // of dynamic cores only
+
+#include "shared/core.glsl"
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -30,7 +35,9 @@ void main() {
     vec4 on = vec4(-frame.turn.xyz, frame.turn.w);
     vec3 r = texelFetch(node_rest, int(node)).xyz;
     if (frame.core != NONE) {
-        velocity[node] = vec4(frame.linear + cross(frame.angular, rotate(frame.rotation, r)), 0.0);
+        vec3 arm = rotate(frame.rotation, r);
+        velocity[node] = vec4(frame.linear + cross(frame.angular, arm), 0.0);
+        solution[node] = vec4(carry(cores[frame.core].x, arm), 0.0);
         return;
     }
     velocity[node] = vec4(frame.linear + rotate(frame.rotation, turned(on, r)) / params.dt, 0.0);

@@ -250,11 +250,15 @@ impl Simulation {
             self.add_body(&mut a, &mut b, body, nodes);
         }
         for (core, first) in self.cores.iter().zip(&unknowns.cores) {
-            let momentum: DVec3 = core.nodes.iter().map(|(body, node)| {
-                let body = &self.bodies[*body];
-                let arm = body.world_node(*node) - core.centre;
-                body.elements.masses[*node as usize] * arm.cross(core.spin.cross(arm))
-            }).sum();
+            let momentum: DVec3 = core
+                .nodes
+                .iter()
+                .map(|(body, node)| {
+                    let body = &self.bodies[*body];
+                    let arm = body.world_node(*node) - core.centre;
+                    body.elements.masses[*node as usize] * arm.cross(core.spin.cross(arm))
+                })
+                .sum();
             let gyroscopic = -self.dt * core.spin.cross(momentum);
             (0..3).for_each(|axis| b[first + 3 + axis] += gyroscopic[axis]);
         }

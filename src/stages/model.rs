@@ -308,9 +308,8 @@ impl Model {
             Motion::Prepared(FrameMotion::Dynamic { mass }) => Some(mass),
             _ => None,
         };
-        let carries: Vec<Option<Option<f64>>> = (0..layer.nodes.len())
-            .map(|n| if layer.bound[n] { dynamic(frame_of(n as u32)) } else { None })
-            .collect();
+        let carries: Vec<Option<Option<f64>>> =
+            (0..layer.nodes.len()).map(|n| if layer.bound[n] { dynamic(frame_of(n as u32)) } else { None }).collect();
         let mut mass = vec![0.0; layer.nodes.len()];
         let mut entries = vec![Vec::new(); layer.nodes.len()];
         for (t, nodes) in layer.tetrahedra.iter().enumerate() {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::elastic::Elastic;
 use super::model::Model;
+use super::solve::Solve;
 use super::types::Fit;
 use super::{Common, array, count, upload};
 use crate::Result;
@@ -86,10 +87,18 @@ impl Carried {
     }
 
     /// At the start of the step: one pass over carried nodes.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, solve: &Solve) {
         recorder.stage("pose");
-        let buffers =
-            [&common.params, &common.frames, &self.nodes, &elastic.node_info, &elastic.node_rest, &elastic.velocity];
+        let buffers = [
+            &common.params,
+            &common.frames,
+            &self.nodes,
+            &elastic.node_info,
+            &elastic.node_rest,
+            &solve.cores,
+            &elastic.velocity,
+            &solve.solution,
+        ];
         recorder.dispatch(&self.carry, &buffers, &[], self.count);
     }
 }

@@ -32,7 +32,8 @@ pub struct Solve {
     commit: Kernel,
     touch: Touch,
     has_contact: bool,
-    cores: Buffer,
+    /// A [`types::Core`] a dynamic core.
+    pub cores: Buffer,
     core_nodes: Buffer,
     /// Six numbers a dynamic core: the change of its twist, for the host.
     pub core_changes: Buffer,

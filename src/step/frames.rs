@@ -43,7 +43,10 @@ enum Mover {
     Tool,
     Floating(Box<Floating>),
     /// World twist.
-    Dynamic { velocity: DVec3, spin: DVec3 },
+    Dynamic {
+        velocity: DVec3,
+        spin: DVec3,
+    },
 }
 
 /// What was fitted to the nodes at the end of the last step.

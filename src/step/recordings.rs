@@ -88,7 +88,7 @@ impl Recordings {
 
         let mut begin = recorder()?;
         if let Some(carried) = carried {
-            carried.record(&mut begin, common, elastic);
+            carried.record(&mut begin, common, elastic, solve);
         }
         if let Some(TouchStages { pose, skin, cull, depth, contact }) = touch {
             pose.record(&mut begin, common);
