@@ -201,38 +201,20 @@ fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
         "{block}[[body]]\nname = \"ball\"\nsurface = {file:?}\nmotion = \"dynamic\"\nmass = 0.05\n{start}\n"
     ));
     let (mut one, mut other) = (open(&tool, None), open(&body, None));
-    for k in 0..60 {
-        let (x, y) = (run(&mut one, 2), run(&mut other, 2));
-        let (t, p) = (one.tool().unwrap(), other.frames(1)[0]);
-        println!(
-            "{k} {:e} turned {:e} diff {:e} contacts {:?} {:?} depth {:?} {:?}",
-            t.centre.distance(p.centre),
-            t.orientation.angle_between(DQuat::IDENTITY),
-            p.rotation.angle_between(t.orientation),
-            x[1].contacts,
-            y[1].contacts,
-            x[1].max_depth,
-            y[1].max_depth
-        );
-    }
-    let (a, b) = (run(&mut one, 120), run(&mut other, 120));
-    for rows in [&a, &b] {
-        let raised: Vec<_> = rows
-            .iter()
-            .filter(|r| r.flags != Flags::default())
-            .map(|r| (r.step, r.flags.0, r.residual, r.iterations))
-            .collect();
-        println!("{raised:?}");
-    }
+    let (mut a, mut b) = (run(&mut one, 40), run(&mut other, 40));
+    // In the midst of the contact; its second bounce, after the hundredth step, tells roundings apart.
+    let error = relative_error(&other.nodes(0).unwrap().unwrap().0, &one.nodes(0).unwrap().unwrap().0);
+    a.extend(run(&mut one, 60));
+    b.extend(run(&mut other, 60));
+    assert!(a.iter().chain(&b).all(|row| row.flags == Flags::default()));
     let touched = a.iter().filter(|row| row.contacts.unwrap() > 0).count();
     let held = one.tool().unwrap();
     let place = other.frames(1)[0];
     let (away, turned) = (place.centre.distance(held.centre), place.rotation.angle_between(held.orientation));
-    let error = relative_error(&other.nodes(0).unwrap().unwrap().0, &one.nodes(0).unwrap().unwrap().0);
     println!(
         "ball: {touched} steps in contact, then {away:.1e} m and {turned:.1e} rad from the tool, block {error:.1e}"
     );
-    assert!(touched > 30 && away < 1e-6 && turned < 1e-4 && error < 1e-4, "{away:e} {turned:e} {error:e}");
+    assert!(touched > 30 && away < 1e-7 && turned < 1e-5 && error < SHAPE, "{away:e} {turned:e} {error:e}");
 }
 
 /// The surface of a cube with this half edge, as an OBJ.

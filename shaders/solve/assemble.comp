@@ -38,6 +38,14 @@ layout(scalar, binding = 15) writeonly buffer Partials { vec2 partials[]; };
 // Half a unit in the last place of f32, for each of a handful of roundings on the way to b.
 const float ROUNDING = 1.0e-7;
 
+// Inverse of a symmetric 3x3 matrix, xx yy zz and xy xz yz, by cofactors.
+void invert(vec3 a, vec3 c, out vec3 diagonal, out vec3 off) {
+    vec3 co = vec3(a.y * a.z - c.z * c.z, c.y * c.z - c.x * a.z, c.x * c.z - c.y * a.y);
+    float determinant = a.x * co.x + c.x * co.y + c.y * co.z;
+    diagonal = vec3(co.x, a.x * a.z - c.y * c.y, a.x * a.y - c.x * c.x) / determinant;
+    off = vec3(co.y, co.z, c.x * c.y - a.x * c.z) / determinant;
+}
+
 void main() {
     uint i = gl_GlobalInvocationID.x;
     vec2 sums = vec2(0.0);
@@ -89,14 +97,10 @@ void main() {
                 diagonal = a;
                 off = c;
             } else {
-            // Inverse of a symmetric 3x3 matrix by cofactors.
-            vec3 co = vec3(a.y * a.z - c.z * c.z, c.y * c.z - c.x * a.z, c.x * c.z - c.y * a.y);
-            float determinant = a.x * co.x + c.x * co.y + c.y * co.z;
-            diagonal = vec3(co.x, a.x * a.z - c.y * c.y, a.x * a.y - c.x * c.x) / determinant;
-            off = vec3(co.y, co.z, c.x * c.y - a.x * c.z) / determinant;
-            z = vec3(diagonal.x * b.x + off.x * b.y + off.y * b.z, off.x * b.x + diagonal.y * b.y + off.z * b.z,
-                off.y * b.x + off.z * b.y + diagonal.z * b.z);
-            sums = vec2(dot(b, z), ROUNDING * dot(e, ROUNDING * e * diagonal));
+                invert(a, c, diagonal, off);
+                z = vec3(diagonal.x * b.x + off.x * b.y + off.y * b.z, off.x * b.x + diagonal.y * b.y + off.z * b.z,
+                    off.y * b.x + off.z * b.y + diagonal.z * b.z);
+                sums = vec2(dot(b, z), ROUNDING * dot(e, ROUNDING * e * diagonal));
             }
         }
         rhs[i] = vec4(b, 0.0);
