@@ -5,23 +5,31 @@
 
 pub mod bind;
 mod body;
+pub mod cache;
+pub mod coverage;
 pub mod embed;
 pub mod hull;
 pub mod lattice;
 pub mod layer;
 pub mod mass;
 pub mod model;
+pub mod prepared;
 pub mod proxy;
+pub mod report;
 pub mod skin;
+mod sources;
 pub mod sphere;
 #[cfg(test)]
 pub(crate) mod tests;
 
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
-pub use body::{body, tool};
+pub use body::{body, body_and_report, tool};
+pub use cache::Cache;
 pub use embed::embed;
 pub use proxy::proxies;
+pub use report::{Report, Stage};
 
 use crate::scene::Material;
 
@@ -84,7 +92,7 @@ pub enum Shape {
 }
 
 /// The tetrahedral mesh.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Layer {
     /// Rest positions, in file order.
     pub nodes: Vec<DVec3>,
@@ -108,7 +116,7 @@ pub struct Skin {
 }
 
 /// A skin vertex as a weighted sum of the nodes of one tetrahedron.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Embedding {
     /// Tetrahedron.
     pub tetrahedron: u32,
@@ -117,7 +125,7 @@ pub struct Embedding {
 }
 
 /// A convex hull that covers part of the skin.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Proxy {
     /// Hull vertices, rest frame, at most [`MAX_HULL_VERTICES`].
     pub hull: Vec<DVec3>,

@@ -78,6 +78,8 @@ fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
     let body = scene::Body {
         name: "thing".into(),
         shape,
+        hulls: None,
+        repair: true,
         scale: 2.0,
         position: DVec3::X,
         orientation: DQuat::IDENTITY,

@@ -9,11 +9,13 @@ use super::load::TOOL;
 use super::{Bind, Body, Core, Layer, Material, Motion, Shape, Surface, drive};
 use crate::Result;
 
-const BODY_KEYS: [&str; 14] = [
+const BODY_KEYS: [&str; 16] = [
     "name",
     "surface",
     "layer",
     "plane",
+    "hulls",
+    "repair",
     "scale",
     "position",
     "orientation",
@@ -31,6 +33,8 @@ const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
 const RIGID_KEYS: [&str; 3] = ["motion", "keys", "mass"];
 /// Tetrahedra of a box layer at most: elements of a texel buffer that every Vulkan device with large buffers has.
 const MAX_BOX_TETRAHEDRA: u64 = 1 << 27;
+/// Proxies of a body at most: culling looks at all pairs of two bodies.
+pub(crate) const MOST_HULLS: u32 = 256;
 /// Vertices of a generated head.
 const HEAD_VERTICES: (u32, u32) = (100, 4_000_000);
 /// Least length of a plane's normal before it is normalised.
@@ -66,6 +70,8 @@ fn body(value: &Value) -> Result<Body> {
     Ok(Body {
         name,
         shape,
+        hulls: table.option("hulls", |value| value.whole(1, MOST_HULLS))?,
+        repair: table.or("repair", true, Value::truth)?,
         scale: table.or("scale", 1.0, Value::positive)?,
         position: table.or("position", DVec3::ZERO, Value::vector)?,
         orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,

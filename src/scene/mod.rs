@@ -103,6 +103,10 @@ pub struct Body {
     pub name: String,
     /// What it is made of.
     pub shape: Shape,
+    /// Proxies at most; `None`: the usual number.
+    pub hulls: Option<u32>,
+    /// Whether defects of the surface are mended; if not, they are refused.
+    pub repair: bool,
     /// Uniform scale of file coordinates.
     pub scale: f64,
     /// World position of the file's origin, m.

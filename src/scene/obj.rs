@@ -8,6 +8,7 @@ use std::io::Write;
 use std::path::Path;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 pub use super::solid::check_solid;
 use super::triangulate::triangulate;
@@ -17,7 +18,7 @@ use crate::{Error, Result};
 const LARGEST: f64 = 1e30;
 
 /// Triangles as a file gives them.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct TriangleMesh {
     /// Every `v` line, used or not, in file order and file coordinates.
     pub vertices: Vec<DVec3>,

@@ -1,0 +1,202 @@
+//! The costly parts of a body, in file coordinates: repaired skin, layer, embedding, proxies. Made once, then cached;
+//! binding, scale, material and placement are cheap and done by `body.rs` each time.
+
+use std::fmt;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::body::Keys;
+use super::cache::{Cache, Entry, Key, KeyMaker};
+use super::report::{CacheUse, Log, Stage};
+use super::{Embedding, Layer, Proxy, Skin, embed, lattice, layer, model, proxies, proxy, skin};
+use crate::scene::obj::TriangleMesh;
+use crate::scene::{self, Surface, gmsh, obj};
+use crate::{Error, Result};
+
+/// All that the costly parts depend on.
+#[derive(Debug, Clone)]
+pub struct Recipe<'a> {
+    /// The skin; without it the layer's boundary.
+    pub surface: Option<&'a Surface>,
+    /// The layer; without it the body is rigid.
+    pub layer: Option<&'a scene::Layer>,
+    /// Proxies at most; `None` for the usual number.
+    pub hulls: Option<u32>,
+}
+
+/// The costly parts of a body, in file coordinates.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Prepared {
+    /// Triangles of the skin.
+    pub mesh: TriangleMesh,
+    /// The layer of a soft body, nothing bound.
+    pub layer: Option<Layer>,
+    /// Embedding of each skin vertex of a soft body.
+    pub embedding: Vec<Embedding>,
+    /// Convex cover of the skin.
+    pub proxies: Vec<Proxy>,
+    /// What was mended.
+    pub repairs: Repairs,
+}
+
+/// What was found wrong with a surface, and mended.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Repairs {}
+
+impl fmt::Display for Repairs {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "none")
+    }
+}
+
+impl Recipe<'_> {
+    /// The parts, from the cache where it has them.
+    pub(super) fn prepared(&self, keys: &Keys, cache: &Cache, log: &mut Log) -> Result<Prepared> {
+        if !cache.is_on() {
+            return self.make(keys, log);
+        }
+        let key = log.stage(Stage::Cache, || self.key(keys))?;
+        match log.stage(Stage::Cache, || cache.load(&key)) {
+            Entry::Found(prepared) => {
+                log.cache = CacheUse::Found;
+                return Ok(prepared);
+            }
+            Entry::Damaged(file) => log.notes.push(format!("{} is damaged and is made again", file.display())),
+            Entry::Missing => {}
+        }
+        let prepared = self.make(keys, log)?;
+        log.cache = CacheUse::Made;
+        // A file that was changed while it was read must not lie under the key of what it was before.
+        let kept = log.stage(Stage::Cache, || match self.key(keys) {
+            Ok(now) if now == key => cache.store(&key, &prepared),
+            _ => Ok(()),
+        });
+        log.notes.extend(kept.err());
+        Ok(prepared)
+    }
+
+    /// Digest of the algorithms, of the contents of files, and of every number.
+    fn key(&self, keys: &Keys) -> Result<Key> {
+        let mut maker = KeyMaker::new();
+        match self.surface {
+            Some(Surface::File(path)) => add_file(&mut maker, path)?,
+            other => maker.add(format!("{other:?}").as_bytes()),
+        }
+        match self.layer {
+            Some(scene::Layer::File(path)) => add_file(&mut maker, path)?,
+            other => maker.add(format!("{other:?}").as_bytes()),
+        }
+        maker.add(format!("{:?} {:?}", self.hulls, keys.repair).as_bytes());
+        Ok(maker.finish())
+    }
+
+    /// Read, repair, layer, embed, proxies.
+    fn make(&self, keys: &Keys, log: &mut Log) -> Result<Prepared> {
+        let surface = self.surface.map(|surface| log.stage(Stage::Read, || read(keys, surface))).transpose()?;
+        let (surface, repairs) = match surface {
+            Some(mesh) => log.stage(Stage::Repair, || repaired(keys, mesh))?,
+            None => (None, Repairs::default()),
+        };
+        let layer = self.layer.map(|source| log.stage(Stage::Layer, || make_layer(keys, surface.as_ref(), source)));
+        let layer = layer.transpose()?;
+        let mesh = match (surface, &layer) {
+            (Some(mesh), _) => mesh,
+            (None, Some(layer)) => {
+                let (vertices, triangles, _) = layer::boundary(layer);
+                TriangleMesh { vertices, triangles }
+            }
+            (None, None) => return Err(keys.error("surface", "missing", "give `surface` or `layer`")),
+        };
+        let embedding = match &layer {
+            Some(layer) => log.stage(Stage::Embed, || embed(&mesh.vertices, layer)).map_err(|problem| {
+                keys.error("layer", problem, "give a layer that surrounds the skin, in the same units")
+            })?,
+            None => Vec::new(),
+        };
+        let (mesh, proxies) = log.stage(Stage::Proxies, || cover(keys, mesh, self.hulls))?;
+        Ok(Prepared { mesh, layer, embedding, proxies, repairs })
+    }
+}
+
+/// Name ending (it chooses the reader) and contents of a file.
+fn add_file(maker: &mut KeyMaker, path: &Path) -> Result<()> {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let bytes = std::fs::read(path)
+        .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give a file that exists"))?;
+    maker.add(ending.as_bytes());
+    maker.add(&bytes);
+    Ok(())
+}
+
+/// Triangles of a surface in file coordinates.
+fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
+    match surface {
+        Surface::File(path) => obj::read(path),
+        Surface::Head { vertices } if !model::VERTICES.contains(vertices) => {
+            let remedy = format!("give {} to {}", model::VERTICES.start(), model::VERTICES.end());
+            Err(keys.error("surface.vertices", format!("a head of {vertices} vertices is not made"), remedy))
+        }
+        Surface::Head { vertices } => {
+            let (vertices, triangles) = model::head(*vertices);
+            Ok(TriangleMesh { vertices, triangles })
+        }
+    }
+}
+
+/// The surface as a solid, and what that took.
+fn repaired(keys: &Keys, mesh: TriangleMesh) -> Result<(Option<TriangleMesh>, Repairs)> {
+    if let Some(path) = keys.surface_file() {
+        obj::check_solid(&mesh, path)?;
+    }
+    Ok((Some(mesh), Repairs::default()))
+}
+
+/// The layer in file coordinates, nothing bound.
+fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -> Result<Layer> {
+    let layer = match (source, mesh) {
+        (scene::Layer::Cell(cell), Some(mesh)) => lattice::lattice(&mesh.vertices, &mesh.triangles, *cell)
+            .map_err(|p| keys.error("layer.cell", p, "cells are in the file's coordinates, before scale"))?,
+        (scene::Layer::Cell(_), None) => {
+            return Err(keys.error("layer.cell", "there is no surface to fill", "give `surface` too"));
+        }
+        (scene::Layer::File(path), _) => {
+            let mesh = gmsh::read(path)?;
+            let bound = vec![false; mesh.nodes.len()];
+            Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound }
+        }
+        (scene::Layer::Box { low, high, cells }, _) => {
+            let count = cells.iter().map(|&c| f64::from(c)).product::<f64>() * 6.0;
+            if !(1.0..=lattice::MAX_TETRAHEDRA).contains(&count) {
+                let problem = format!("{count:.0} tetrahedra; there are at least 6 and at most 4 million");
+                return Err(keys.error("layer.cells", problem, "give other numbers of cells"));
+            }
+            layer::kuhn_box(*low, *high, *cells)
+        }
+    };
+    used_nodes(keys, &layer)?;
+    Ok(layer)
+}
+
+/// Every node belongs to a tetrahedron: one that does not has no mass, and its motion no meaning.
+fn used_nodes(keys: &Keys, layer: &Layer) -> Result<()> {
+    let mut used = vec![false; layer.nodes.len()];
+    layer.tetrahedra.iter().flatten().for_each(|&n| used[n as usize] = true);
+    match used.iter().position(|&u| !u) {
+        None => Ok(()),
+        Some(node) => {
+            let count = used.iter().filter(|&&u| !u).count();
+            let problem = format!("{count} nodes belong to no tetrahedron, the first is {node} (from 0)");
+            Err(keys.error("layer", problem, "remove them from the file"))
+        }
+    }
+}
+
+/// Proxies of a skin, and the skin back.
+fn cover(keys: &Keys, mesh: TriangleMesh, hulls: Option<u32>) -> Result<(TriangleMesh, Vec<Proxy>)> {
+    let skin = skin::build(mesh.vertices, mesh.triangles);
+    let made = hulls.map_or_else(|| proxies(&skin), |hulls| proxy::at_most(&skin, hulls));
+    let proxies = made.map_err(|p| keys.error("surface", p, "give a closed surface with volume"))?;
+    let Skin { vertices, triangles, .. } = skin;
+    Ok((TriangleMesh { vertices, triangles }, proxies))
+}

@@ -1,0 +1,60 @@
+//! The version of the algorithms that make bodies: their sources, and the versions of the libraries they call. A body
+//! in the cache was made by exactly these, or it is made again; nobody has to remember to raise a number.
+
+/// Contents of every file that a body's costly parts depend on.
+pub(super) const SOURCES: &[&str] = &[
+    include_str!("../../Cargo.lock"),
+    include_str!("embed.rs"),
+    include_str!("hull.rs"),
+    include_str!("lattice.rs"),
+    include_str!("layer.rs"),
+    include_str!("mass.rs"),
+    include_str!("mod.rs"),
+    include_str!("model/collapse.rs"),
+    include_str!("model/extract.rs"),
+    include_str!("model/head.rs"),
+    include_str!("model/mod.rs"),
+    include_str!("model/solid.rs"),
+    include_str!("proxy.rs"),
+    include_str!("skin.rs"),
+    include_str!("sphere.rs"),
+    include_str!("../scene/gmsh.rs"),
+    include_str!("../scene/obj.rs"),
+    include_str!("../scene/solid.rs"),
+    include_str!("../scene/tetrahedra.rs"),
+    include_str!("../scene/triangulate.rs"),
+];
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
+    /// Files of this folder that the cached parts do not depend on.
+    const OTHERS: [&str; 7] =
+        ["bind.rs", "body.rs", "cache.rs", "coverage.rs", "report.rs", "sources.rs", "tests.rs"];
+
+    fn files(folder: &Path, found: &mut Vec<PathBuf>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                files(&path, found);
+            } else {
+                found.push(path);
+            }
+        }
+    }
+
+    #[test]
+    fn every_source_of_preparation_is_listed() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/prepare");
+        let mut found = Vec::new();
+        files(&folder, &mut found);
+        for path in found {
+            let name = path.strip_prefix(&folder).unwrap().to_str().unwrap();
+            let text = fs::read_to_string(&path).unwrap();
+            let listed = super::SOURCES.contains(&text.as_str());
+            assert_ne!(listed, OTHERS.contains(&name), "{name} is to be in SOURCES, or in OTHERS, and not in both");
+        }
+    }
+}
