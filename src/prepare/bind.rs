@@ -47,11 +47,7 @@ fn inset(
     (vertices, triangles): (&[DVec3], &[[u32; 3]]),
     depth: f64,
 ) -> Result<Vec<bool>, (String, &'static str)> {
-    let points = vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
-    let surface = TriMesh::new(points, triangles.to_vec())
-        .map_err(|e| (format!("the skin cannot be searched: {e}"), "give a closed surface"))?;
-    let distance = |n: &DVec3| surface.distance_to_local_point(Vector::new(n.x, n.y, n.z), false);
-    let distances: Vec<f64> = layer.nodes.iter().map(distance).collect();
+    let distances = depths(layer, (vertices, triangles)).map_err(|problem| (problem, "give a closed surface"))?;
     let mut sides = Sets::new(layer.nodes.len());
     for t in &layer.tetrahedra {
         for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
@@ -69,6 +65,15 @@ fn inset(
                 .get_or_insert_with(|| winding_number(vertices, triangles, layer.nodes[n]) > 0.5)
     };
     Ok((0..layer.nodes.len()).map(&mut deep).collect())
+}
+
+/// Distance of each node from the skin, m, inside or outside. Errors: a skin that cannot be searched.
+pub fn depths(layer: &Layer, (vertices, triangles): (&[DVec3], &[[u32; 3]])) -> Result<Vec<f64>, String> {
+    let points = vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+    let surface =
+        TriMesh::new(points, triangles.to_vec()).map_err(|e| format!("the skin cannot be searched: {e}"))?;
+    let distance = |n: &DVec3| surface.distance_to_local_point(Vector::new(n.x, n.y, n.z), false);
+    Ok(layer.nodes.iter().map(distance).collect())
 }
 
 /// Nodes that nothing would hold: parts of the layer without a bound node. Returns the number of such nodes and one.

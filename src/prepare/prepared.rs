@@ -4,6 +4,7 @@
 use std::fmt;
 use std::path::Path;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::body::Keys;
@@ -157,8 +158,13 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
     let layer = match (source, mesh) {
         (scene::Layer::Cell(cell), Some(mesh)) => lattice::lattice(&mesh.vertices, &mesh.triangles, *cell)
             .map_err(|p| keys.error("layer.cell", p, "cells are in the file's coordinates, before scale"))?,
-        (scene::Layer::Cell(_), None) => {
-            return Err(keys.error("layer.cell", "there is no surface to fill", "give `surface` too"));
+        (scene::Layer::Across(cells), Some(mesh)) => {
+            let cell = largest_extent(mesh) / f64::from(*cells);
+            lattice::lattice(&mesh.vertices, &mesh.triangles, cell)
+                .map_err(|p| keys.error("layer.across", p, "give another number of cells"))?
+        }
+        (scene::Layer::Cell(_) | scene::Layer::Across(_), None) => {
+            return Err(keys.error("layer", "there is no surface to fill", "give `surface` too"));
         }
         (scene::Layer::File(path), _) => {
             let mesh = gmsh::read(path)?;
@@ -176,6 +182,11 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
     };
     used_nodes(keys, &layer)?;
     Ok(layer)
+}
+
+fn largest_extent(mesh: &TriangleMesh) -> f64 {
+    let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    (mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low).max_element()
 }
 
 /// Every node belongs to a tetrahedron: one that does not has no mass, and its motion no meaning.

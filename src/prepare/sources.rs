@@ -15,6 +15,7 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("model/head.rs"),
     include_str!("model/mod.rs"),
     include_str!("model/solid.rs"),
+    include_str!("prepared.rs"),
     include_str!("proxy.rs"),
     include_str!("skin.rs"),
     include_str!("sphere.rs"),

@@ -68,7 +68,7 @@ fn check_layer(layer: &Layer, volume: f64) {
     assert_eq!(layer::parts(layer).1, 1);
 }
 
-fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
+pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
     let core = |(i, bind): (usize, &Bind)| Core {
         name: format!("core{i}"),
         motion: Motion::Fixed,

@@ -33,8 +33,10 @@ const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
 const RIGID_KEYS: [&str; 3] = ["motion", "keys", "mass"];
 /// Tetrahedra of a box layer at most: elements of a texel buffer that every Vulkan device with large buffers has.
 const MAX_BOX_TETRAHEDRA: u64 = 1 << 27;
+/// Cells along a surface at most.
+const MOST_ACROSS: u32 = 1000;
 /// Proxies of a body at most: culling looks at all pairs of two bodies.
-pub(crate) const MOST_HULLS: u32 = 256;
+pub const MOST_HULLS: u32 = 256;
 /// Vertices of a generated head.
 const HEAD_VERTICES: (u32, u32) = (100, 4_000_000);
 /// Least length of a plane's normal before it is normalised.
@@ -106,7 +108,7 @@ fn shape(table: &Table) -> Result<Shape> {
     let layer = table.option("layer", layer)?;
     match (surface, layer) {
         (surface, Some(layer)) => {
-            if surface.is_none() && matches!(layer, Layer::Cell(_)) {
+            if surface.is_none() && matches!(layer, Layer::Cell(_) | Layer::Across(_)) {
                 return Err(table.error("surface", "missing", "a layer of cells is made around a `surface`: add one"));
             }
             if !table.has("material") {
@@ -161,10 +163,15 @@ fn layer(value: &Value) -> Result<Layer> {
     if value.is_text() {
         return mesh_file(value, &["msh"]).map(Layer::File);
     }
-    let table = value.table(&["cell", "box", "cells"])?;
-    if table.exactly_one(&["cell", "box"])? == "cell" {
+    let table = value.table(&["cell", "across", "box", "cells"])?;
+    let kind = table.exactly_one(&["cell", "across", "box"])?;
+    if kind != "box" {
         refuse(&table, &["cells"], "belongs to a box")?;
-        return table.need("cell")?.positive().map(Layer::Cell);
+        let value = table.need(kind)?;
+        return match kind {
+            "cell" => value.positive().map(Layer::Cell),
+            _ => value.whole(1, MOST_ACROSS).map(Layer::Across),
+        };
     }
     let (low, high) = corners(&table.need("box")?)?;
     let counts = table.need("cells")?;

@@ -8,6 +8,7 @@ mod drive;
 pub mod gmsh;
 mod keys;
 mod load;
+pub mod msh;
 pub mod obj;
 pub mod solid;
 mod supported;
@@ -20,6 +21,8 @@ pub mod vtk;
 use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
+
+pub use body::MOST_HULLS;
 
 /// A whole scene, as written.
 #[derive(Debug, Clone)]
@@ -164,6 +167,8 @@ pub enum Surface {
 pub enum Layer {
     /// Made around the surface, from lattice cells with this edge (file coordinates, before scale).
     Cell(f64),
+    /// The same, with this many cells along the surface's largest extent.
+    Across(u32),
     /// A tetrahedral mesh file.
     File(PathBuf),
     /// A box of Kuhn cells, each cut along (0,0,0)-(1,1,1).
