@@ -1,10 +1,11 @@
 //! `palpate prepare`: from a surface to a layered body, with a report, pictures, and a scene that presses into it.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use palpate::prepare::report::peak_memory;
 use palpate::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
 use palpate::report::picture::Picture;
 use palpate::report::{Output, figure};
@@ -61,9 +62,9 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     let mut output = Output::create(&arguments.out)?;
     let bar = progress();
     let cache = if arguments.no_cache { Cache::off() } else { Cache::of_user() };
-    let (body, report) = prepare::body_and_report(&scene.bodies[0], &scene, &cache, &mut |stage| show(&bar, stage))
+    let (body, mut report) = prepare::body_and_report(&scene.bodies[0], &scene, &cache, &mut |stage| show(&bar, stage))
         .map_err(|error| in_options(error, &arguments.surface))?;
-    let (Shape::Soft { layer, skin, .. }, Some(report)) = (&body.shape, &report) else {
+    let (Shape::Soft { layer, skin, .. }, Some(report)) = (&body.shape, &mut report) else {
         return Err(Error::Simulation("a surface was not prepared as a soft body".into()));
     };
     let depths = bind::depths(layer, (&skin.vertices, &skin.triangles))
@@ -71,9 +72,12 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     let inset = press::inset(layer, &depths);
     if !arguments.no_pictures {
         bar.set_message("pictures");
+        let begun = Instant::now();
         let mut shown = layer.clone();
         shown.bound = depths.iter().map(|&depth| depth >= inset).collect();
         write_pictures(&mut output, &body, &shown, skin)?;
+        report.seconds.insert("pictures".into(), begun.elapsed().as_secs_f64().into());
+        report.peak_memory_bytes = peak_memory();
     }
     bar.inc(1);
     bar.set_message("files");
@@ -176,7 +180,9 @@ fn progress() -> ProgressBar {
 
 fn show(bar: &ProgressBar, stage: Stage) {
     bar.set_message(stage.name());
-    bar.set_position(Stage::ALL.iter().position(|&s| s == stage).unwrap_or(0) as u64);
+    // The cache is asked first and told last.
+    let reached = Stage::ALL.iter().position(|&s| s == stage).unwrap_or(0) as u64;
+    bar.set_position(reached.max(bar.position()));
 }
 
 /// Proxies, the layer cut open, the skin; and the three beside each other.

@@ -8,15 +8,13 @@ use glam::DVec3;
 use super::cache::Cache;
 use super::prepared::{Prepared, Recipe, Repairs};
 use super::report::{Log, Stage};
-use super::{Body, Layer, Proxy, Report, Shape, mass, proxies, skin};
+use super::{Body, FrameMotion, Proxy, Report, Shape, cores, mass, proxies, ride, skin};
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
 
 /// A closed skin fills at least this share of its bounding box's diagonal cubed; less is rounding.
 const LEAST_VOLUME: f64 = 1e-12;
-/// What to do about a core that holds nothing.
-const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
 
 /// Prepares a body of the scene, with the user's cache. Errors name the scene's key, or the file.
 pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
@@ -51,7 +49,7 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     let repairs = prepared.repairs.clone();
     let shape = log.stage(Stage::Bind, || match layer {
         Some(_) => soft(&keys, body, prepared),
-        None => rigid(prepared, body.scale)
+        None => rigid(prepared, body.scale, motion(&body.cores))
             .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume")),
     })?;
     Ok((placed(body, shape), repairs))
@@ -87,7 +85,7 @@ pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
         }
     };
     let shape =
-        rigid(prepared, tool.scale).map_err(|p| keys.error(key, p, "give a closed surface with volume"))?;
+        rigid(prepared, tool.scale, FrameMotion::Fixed).map_err(|p| keys.error(key, p, "give a closed surface with volume"))?;
     Ok(Body {
         name: "tool".into(),
         shape,
@@ -141,7 +139,7 @@ impl<'a> Keys<'a> {
 }
 
 /// A skin that rides on one frame; the problem where it has no volume.
-fn rigid(prepared: Prepared, scale: f64) -> std::result::Result<Shape, String> {
+fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Result<Shape, String> {
     let mesh = scaled(prepared.mesh, scale);
     let p = mass::properties(&mesh.vertices, &mesh.triangles);
     let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -152,53 +150,30 @@ fn rigid(prepared: Prepared, scale: f64) -> std::result::Result<Shape, String> {
     }
     let skin = skin::build(mesh.vertices, mesh.triangles);
     let proxies = scaled_proxies(prepared.proxies, scale);
-    Ok(Shape::Rigid { skin, proxies, volume: p.volume, centroid: p.centroid, inertia: p.inertia })
+    Ok(Shape::Rigid { skin, proxies, volume: p.volume, centroid: p.centroid, inertia: p.inertia, motion })
 }
 
 /// A layer that deforms and its skin.
 fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let material = body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
     let mut layer = prepared.layer.unwrap_or_default();
-    bind_cores(keys, body, &mut layer, &prepared.mesh)?;
+    let node_frames =
+        cores::bind(body, &mut layer, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
     let mesh = scaled(prepared.mesh, body.scale);
     let skin = skin::build(mesh.vertices, mesh.triangles);
+    let embedding = prepared.embedding;
     let proxies = scaled_proxies(prepared.proxies, body.scale);
-    Ok(Shape::Soft { layer, material, embedding: prepared.embedding, skin, proxies })
+    let proxies = ride::on_frames(proxies, &skin, &layer, &embedding, &node_frames);
+    let frames = cores::frames(body, &layer, &node_frames, &material);
+    Ok(Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies })
 }
 
-/// Binds the nodes of each core, and checks that every core holds some and, with a core that holds the body in place,
-/// that no part of the layer is left loose.
-fn bind_cores(keys: &Keys, body: &scene::Body, layer: &mut Layer, mesh: &TriangleMesh) -> Result<()> {
-    for core in &body.cores {
-        let key = format!("core.{}.bind", core.name);
-        let Some(bind) = &core.bind else {
-            return Err(keys.error(&key, "missing", "say which nodes the core carries"));
-        };
-        let count = super::bind::bind(layer, (&mesh.vertices, &mesh.triangles), bind)
-            .map_err(|(problem, remedy)| keys.error(&key, problem, remedy))?;
-        if count == 0 {
-            let held = match core.motion {
-                Motion::Dynamic => "no node lies in the region: the core would hold nothing",
-                _ => "no node lies in the region: nothing would hold the body",
-            };
-            return Err(keys.error(&key, held, ENLARGE));
-        }
-    }
-    if body.cores.iter().all(|c| matches!(c.motion, Motion::Dynamic)) {
-        return Ok(());
-    }
-    match super::bind::unheld(layer) {
-        None => Ok(()),
-        Some((count, node)) => {
-            let p = layer.nodes[node as usize];
-            let problem = format!(
-                "{count} nodes with nothing to hold them: the layer has a part without bound nodes, with node {node} at \
-                 [{:.4}, {:.4}, {:.4}]",
-                p.x, p.y, p.z
-            );
-            Err(keys.error("layer", problem, "join the parts, bind a node of each, or make them bodies of their own"))
-        }
+/// How the one core of a rigid body moves.
+fn motion(cores: &[scene::Core]) -> FrameMotion {
+    match cores.first().map(|core| &core.motion) {
+        Some(Motion::Driven(keys)) => FrameMotion::Driven(keys.clone()),
+        _ => FrameMotion::Fixed,
     }
 }
 
@@ -227,6 +202,6 @@ mod tests {
         let mesh = TriangleMesh { vertices, triangles };
         let prepared =
             Prepared { mesh, layer: None, embedding: Vec::new(), proxies: Vec::new(), repairs: Repairs::default() };
-        assert!(rigid(prepared, 1.0).unwrap_err().contains("encloses a volume of -"));
+        assert!(rigid(prepared, 1.0, FrameMotion::Fixed).unwrap_err().contains("encloses a volume of -"));
     }
 }

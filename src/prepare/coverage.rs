@@ -92,7 +92,7 @@ mod tests {
         let mut covered = vec![false; skin.vertices.len()];
         for (proxy, on_device) in proxies.iter().zip(&model.proxies) {
             let nodes = &model.proxy_nodes[on_device.node_first as usize..][..on_device.node_count as usize];
-            let farthest = nodes.iter().map(|&n| d[n as usize].length()).fold(0.0, f64::max);
+            let farthest = nodes.iter().map(|&[n, _]| d[n as usize].length()).fold(0.0, f64::max);
             let weight = weight.unwrap_or(f64::from(on_device.weight_bound));
             let inflation = f64::from(on_device.margin) + weight * farthest;
             let drawn = proxy.triangles.iter().flat_map(|&t| skin.triangles[t as usize]);

@@ -83,7 +83,11 @@ impl<'a> Log<'a> {
         (self.watch)(stage);
         let begun = Instant::now();
         let result = work();
-        self.seconds.push((stage, begun.elapsed().as_secs_f64()));
+        let spent = begun.elapsed().as_secs_f64();
+        match self.seconds.iter_mut().find(|(known, _)| *known == stage) {
+            Some((_, seconds)) => *seconds += spent,
+            None => self.seconds.push((stage, spent)),
+        }
         result
     }
 }
