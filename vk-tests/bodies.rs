@@ -78,7 +78,7 @@ pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVe
     let skin = skin::build(mesh.0, mesh.1);
     let proxies = cut(&skin);
     let shape = Shape::Rigid { skin, proxies, volume: 1.0, centroid: DVec3::ZERO, inertia: DMat3::IDENTITY };
-    Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO }
+    Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 
 /// One hull, or as many as the skin's shape asks for.
@@ -95,12 +95,12 @@ pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec
     let skin = skin::build(mesh.0, mesh.1);
     let proxies = cut(&skin);
     let shape = Shape::Soft { layer, material, embedding, skin, proxies };
-    Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO }
+    Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 
 /// The half-space below a plane.
 pub fn half_space(normal: DVec3, offset: f64) -> Body {
     let (position, orientation) = (DVec3::ZERO, DQuat::IDENTITY);
     let shape = Shape::Plane { normal, offset };
-    Body { name: "floor".into(), shape, position, orientation, velocity: DVec3::ZERO }
+    Body { name: "floor".into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }

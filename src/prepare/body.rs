@@ -1,13 +1,14 @@
 //! From a scene's body or tool to a prepared [`Body`]: files read, scale applied, nodes bound, everything checked.
 
+use std::cell::RefCell;
 use std::path::Path;
 
 use glam::DVec3;
 
 use super::model::{VERTICES, head};
-use super::{Body, Layer, Shape, embed, layer, mass, proxies, skin};
+use super::{Body, BodyReport, Layer, Shape, embed, layer, mass, proxies, repair, skin};
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Motion, Scene, Surface, ToolShape, gmsh, obj};
+use crate::scene::{self, Motion, Scene, Surface, ToolShape, gmsh};
 use crate::{Error, Result};
 
 /// A closed skin fills at least this share of its bounding box's diagonal cubed; less is rounding.
@@ -17,10 +18,10 @@ const ENLARGE: &str = "enlarge the region, or leave the core out for a free body
 
 /// Prepares a body of the scene. Errors name the scene's key, or the file.
 pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
+    let keys = Keys { scene, body, report: RefCell::default() };
     let shape = match &body.shape {
-        scene::Shape::Soft { surface, layer } => soft(&Keys { scene, body }, surface.as_ref(), layer)?,
+        scene::Shape::Soft { surface, layer } => soft(&keys, surface.as_ref(), layer)?,
         scene::Shape::Rigid { surface } => {
-            let keys = Keys { scene, body };
             let mesh = scaled(keys.surface_mesh(surface)?, body.scale);
             rigid(mesh).map_err(|problem| keys.error("surface", problem, "give a closed surface with volume"))?
         }
@@ -32,18 +33,20 @@ pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
         position: body.position,
         orientation: body.orientation,
         velocity: body.velocity,
+        report: keys.report.into_inner(),
     })
 }
 
 /// Prepares the tool as a rigid body named "tool", in its own coordinates: a sphere's centre is the origin, a surface
 /// keeps its file's coordinates (its centroid is in [`Shape::Rigid`]).
 pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
+    let report = RefCell::default();
     let (key, mesh) = match &tool.shape {
         ToolShape::Sphere(radius) => {
             let (vertices, triangles) = super::sphere::icosphere(*radius);
             ("tool.sphere", TriangleMesh { vertices, triangles })
         }
-        ToolShape::Surface(path) => ("tool.surface", scaled(read_solid(path)?, tool.scale)),
+        ToolShape::Surface(path) => ("tool.surface", scaled(read_surface(path, tool.repair, &report)?, tool.scale)),
         ToolShape::Body(name) => {
             let problem = format!("body `{name}` as a tool is prepared as a body");
             return Err(Error::key(&scene.file, "tool.body", problem, "give `sphere` or `surface`"));
@@ -56,6 +59,7 @@ pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
         position: tool.position,
         orientation: tool.orientation,
         velocity: tool.velocity,
+        report: report.into_inner(),
     })
 }
 
@@ -63,6 +67,7 @@ pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
 struct Keys<'a> {
     scene: &'a Scene,
     body: &'a scene::Body,
+    report: RefCell<BodyReport>,
 }
 
 impl Keys<'_> {
@@ -73,7 +78,7 @@ impl Keys<'_> {
     /// Triangles of a surface in file coordinates.
     fn surface_mesh(&self, surface: &Surface) -> Result<TriangleMesh> {
         match surface {
-            Surface::File(path) => read_solid(path),
+            Surface::File(path) => read_surface(path, self.body.repair, &self.report),
             Surface::Head { vertices } if !VERTICES.contains(vertices) => {
                 let remedy = format!("give {} to {}", VERTICES.start(), VERTICES.end());
                 Err(self.error("surface.vertices", format!("a head of {vertices} vertices is not made"), remedy))
@@ -88,7 +93,9 @@ impl Keys<'_> {
 
 /// A skin that rides on one frame; the problem where it has no volume.
 fn rigid(mesh: TriangleMesh) -> std::result::Result<Shape, String> {
-    let p = mass::properties(&mesh.vertices, &mesh.triangles);
+    // What fills the holes has mass, and is never touched.
+    let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
+    let p = mass::properties(&vertices, &triangles);
     let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let diagonal = mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max).distance(low);
     // Written so that a NaN is refused too.
@@ -197,10 +204,12 @@ fn bind_cores(keys: &Keys, layer: &mut Layer, mesh: &TriangleMesh) -> Result<()>
     }
 }
 
-/// A closed surface from a file; the loader has made the path complete.
-fn read_solid(path: &Path) -> Result<TriangleMesh> {
-    let mesh = obj::read(path)?;
-    obj::check_solid(&mesh, path)?;
+/// A surface from a file, fit to be a skin; the loader has made the path complete. Adds to the report.
+fn read_surface(path: &Path, mends: bool, report: &RefCell<BodyReport>) -> Result<TriangleMesh> {
+    let (mesh, found) = repair::read(path, mends)?;
+    let mut report = report.borrow_mut();
+    report.notes.extend(repair::notes(&found, path));
+    report.repair = Some(found);
     Ok(mesh)
 }
 

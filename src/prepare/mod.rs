@@ -12,6 +12,7 @@ pub mod layer;
 pub mod mass;
 pub mod model;
 pub mod proxy;
+pub mod repair;
 pub mod skin;
 pub mod sphere;
 #[cfg(test)]
@@ -43,6 +44,17 @@ pub struct Body {
     pub orientation: DQuat,
     /// Initial velocity, world, m/s.
     pub velocity: DVec3,
+    /// What was found in its files, and done about it.
+    pub report: BodyReport,
+}
+
+/// What was found in a body's files, and done about it.
+#[derive(Debug, Clone, Default)]
+pub struct BodyReport {
+    /// The surface's repair; `None` where the surface is not from a file.
+    pub repair: Option<repair::RepairReport>,
+    /// Everything that was done to the files, a line each, beginning with the file's name.
+    pub notes: Vec<String>,
 }
 
 /// What a body is made of, prepared.

@@ -9,7 +9,7 @@ use super::load::TOOL;
 use super::{Bind, Body, Core, Layer, Material, Motion, Shape, Surface, drive};
 use crate::Result;
 
-const BODY_KEYS: [&str; 14] = [
+const BODY_KEYS: [&str; 15] = [
     "name",
     "surface",
     "layer",
@@ -24,6 +24,7 @@ const BODY_KEYS: [&str; 14] = [
     "motion",
     "keys",
     "mass",
+    "repair",
 ];
 /// What a plane may have.
 const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
@@ -63,6 +64,12 @@ fn body(value: &Value) -> Result<Body> {
         Shape::Rigid { .. } => vec![rigid_core(&table, &name)?],
         Shape::Plane { .. } => Vec::new(),
     };
+    if !matches!(
+        shape,
+        Shape::Soft { surface: Some(Surface::File(_)), .. } | Shape::Rigid { surface: Surface::File(_) }
+    ) {
+        refuse(&table, &["repair"], "has no meaning without a surface from a file")?;
+    }
     Ok(Body {
         name,
         shape,
@@ -73,6 +80,7 @@ fn body(value: &Value) -> Result<Body> {
         material: table.option("material", material)?,
         collides: table.option("collides", |value| value.array()?.iter().map(Value::name).collect())?,
         cores,
+        repair: table.or("repair", true, Value::truth)?,
     })
 }
 

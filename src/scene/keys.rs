@@ -231,6 +231,11 @@ impl<'a> Value<'a> {
         }
     }
 
+    /// A boolean.
+    pub fn truth(&self) -> Result<bool> {
+        self.value.get_ref().as_bool().ok_or_else(|| self.wrong_type("true or false"))
+    }
+
     /// Whether the value is a string.
     pub fn is_text(&self) -> bool {
         self.value.get_ref().is_str()

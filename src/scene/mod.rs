@@ -9,7 +9,6 @@ pub mod gmsh;
 mod keys;
 mod load;
 pub mod obj;
-pub mod solid;
 mod supported;
 #[cfg(test)]
 mod tests;
@@ -117,6 +116,8 @@ pub struct Body {
     pub collides: Option<Vec<String>>,
     /// Rigid cores.
     pub cores: Vec<Core>,
+    /// Whether the surface's file is repaired where it needs it; else it is refused.
+    pub repair: bool,
 }
 
 /// What a body is made of.
@@ -263,6 +264,8 @@ pub struct Tool {
     pub velocity: DVec3,
     /// Uniform scale of file coordinates.
     pub scale: f64,
+    /// Whether the surface's file is repaired where it needs it; else it is refused.
+    pub repair: bool,
 }
 
 /// Shape of the tool.
