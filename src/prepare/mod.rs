@@ -49,7 +49,7 @@ pub struct Body {
 }
 
 /// What was found in a body's files, and done about it.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct BodyReport {
     /// The surface's repair; `None` where the surface is not from a file.
     pub repair: Option<repair::RepairReport>,

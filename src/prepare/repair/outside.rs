@@ -139,7 +139,7 @@ fn turn_outwards(faces: &mut Faces, pieces: &mut [Piece], report: &mut RepairRep
 fn judge(faces: &Faces, report: &mut RepairReport) -> Result<(), Refusal> {
     let (vertices, triangles) = closed(faces.vertices, &faces.corners);
     let (own, fans) = triangles.split_at(faces.corners.len());
-    let area = |triangles: &[[u32; 3]]| triangles.iter().map(|&t| area(points(&vertices, t))).fold(0.0, |sum, area| sum + area);
+    let area = |triangles: &[[u32; 3]]| triangles.iter().fold(0.0, |sum, &t| sum + area(points(&vertices, t)));
     report.holes = vertices.len() - faces.vertices.len();
     report.hole_area_share = if own.is_empty() { 0.0 } else { area(fans) / area(own) };
     report.volume = volume(faces.vertices, &faces.corners);
