@@ -5,7 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use palpate::scene::{gmsh, obj};
+use palpate::prepare::repair;
+use palpate::scene::gmsh;
 use tempfile::TempDir;
 
 /// A unit cube, closed and wound outwards.
@@ -172,7 +173,7 @@ fn every_bad_mesh_has_its_answer() {
         let is_surface = name.ends_with(".obj");
         if words.is_empty() {
             if is_surface {
-                obj::read_solid(&path).unwrap();
+                repair::read(&path, true).unwrap();
             } else {
                 gmsh::read(&path).unwrap();
             }
@@ -198,7 +199,8 @@ fn every_good_mesh_is_read() {
         ("human", 13_380, 26_756),
         ("human_3000", 3_000, 5_996),
     ] {
-        let mesh = obj::read_solid(&meshes.join(format!("surf/{name}.obj"))).unwrap();
+        let (mesh, report) = repair::read(&meshes.join(format!("surf/{name}.obj")), true).unwrap();
+        println!("{name}: {report:?}");
         assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (vertices, triangles), "{name}");
     }
     for (name, nodes, tetrahedra) in [
@@ -223,4 +225,18 @@ fn both_versions_of_a_mesh_file_are_the_same_mesh() {
     let [old, new] = ["22", "41"].map(|v| gmsh::read(&meshes.join(format!("tet/human.v{v}.msh"))).unwrap());
     assert_eq!(old.tetrahedra, new.tetrahedra);
     assert!(old.nodes.iter().zip(&new.nodes).all(|(a, b)| a.distance(*b) < 1e-12));
+}
+
+#[test]
+fn zz() {
+    let Some(meshes) = meshes() else { return };
+    for (name, _) in ANSWERS {
+        if !name.ends_with("obj") { continue; }
+        let path = meshes.join("bad").join(name);
+        for m in [true, false] {
+        match repair::read(&path, m) {
+            Err(e) => println!("{name}: REFUSED {e}"),
+            Ok((_, r)) => { println!("{name}: {}", serde_json::to_string(&r).unwrap()); for n in repair::notes(&r, &path) { println!("   {n}"); } }
+        }}
+    }
 }

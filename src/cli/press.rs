@@ -36,6 +36,8 @@ impl Press {
         let nearest = |a: &DVec3, b: &DVec3| a.distance_squared(middle).total_cmp(&b.distance_squared(middle));
         let touched = front.iter().copied().min_by(nearest).unwrap_or(high);
         let radius = RADIUS * extent;
+        // Adding zero turns a negative zero into one that reads well.
+        let touched = touched + DVec3::ZERO;
         let start = DVec3::new(touched.x, touched.y, high.z + (1.0 + GAP) * radius);
         Press { radius, start, end: touched + (1.0 - TRAVEL) * radius * DVec3::Z }
     }

@@ -6,9 +6,10 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::cache::Cache;
-use super::prepared::{Prepared, Recipe, Repairs};
+use super::prepared::{Prepared, Recipe};
 use super::report::{Log, Stage};
-use super::{Body, FrameMotion, Proxy, Report, Shape, cores, mass, proxies, ride, skin};
+use super::repair::{self, RepairReport};
+use super::{Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, proxies, ride, skin};
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
@@ -18,7 +19,7 @@ const LEAST_VOLUME: f64 = 1e-12;
 
 /// Prepares a body of the scene, with the user's cache. Errors name the scene's key, or the file.
 pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
-    Ok(make(body, scene, &Cache::of_user(), &mut Log::new(&mut |_| {}))?.0)
+    make(body, scene, &Cache::of_user(), &mut Log::new(&mut |_| {}))
 }
 
 /// Prepares a body of the scene and reports on it; `watch` is told each stage as it begins. A half-space has no report.
@@ -29,39 +30,47 @@ pub fn body_and_report(
     watch: &mut dyn FnMut(Stage),
 ) -> Result<(Body, Option<Report>)> {
     let mut log = Log::new(watch);
-    let (body, repairs) = make(body, scene, cache, &mut log)?;
-    let report = Report::of(&body, repairs, log);
+    let body = make(body, scene, cache, &mut log)?;
+    let report = Report::of(&body, log);
     Ok((body, report))
 }
 
-fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Result<(Body, Repairs)> {
+fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Result<Body> {
     let keys = Keys::of_body(scene, body);
     let (surface, layer) = match &body.shape {
         scene::Shape::Soft { surface, layer } => (surface.as_ref(), Some(layer)),
         scene::Shape::Rigid { surface } => (Some(surface), None),
         scene::Shape::Plane { normal, offset } => {
             let shape = Shape::Plane { normal: *normal, offset: *offset };
-            return Ok((placed(body, shape), Repairs::default()));
+            return Ok(placed(body, shape, BodyReport::default()));
         }
     };
     let recipe = Recipe { surface, layer, hulls: body.hulls };
     let prepared = recipe.prepared(&keys, cache, log)?;
-    let repairs = prepared.repairs.clone();
+    let repair = prepared.repair.clone();
     let shape = log.stage(Stage::Bind, || match layer {
         Some(_) => soft(&keys, body, prepared),
         None => rigid(prepared, body.scale, motion(&body.cores))
             .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume")),
     })?;
-    Ok((placed(body, shape), repairs))
+    Ok(placed(body, shape, report_of(&keys, repair, log)))
 }
 
-fn placed(body: &scene::Body, shape: Shape) -> Body {
+/// What was found in the body's files; notes of the log after those of the files.
+fn report_of(keys: &Keys, repair: Option<RepairReport>, log: &Log) -> BodyReport {
+    let of_file = repair.as_ref().zip(keys.surface_file()).map(|(found, path)| repair::notes(found, path));
+    let notes = of_file.into_iter().flatten().chain(log.notes.iter().cloned()).collect();
+    BodyReport { repair, notes }
+}
+
+fn placed(body: &scene::Body, shape: Shape, report: BodyReport) -> Body {
     Body {
         name: body.name.clone(),
         shape,
         position: body.position,
         orientation: body.orientation,
         velocity: body.velocity,
+        report,
     }
 }
 
@@ -76,14 +85,17 @@ pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
             return Err(Error::key(&scene.file, "tool.body", problem, "give `sphere` or `surface`"));
         }
     };
-    let keys = Keys { scene, prefix: "tool".into(), surface: surface.as_ref(), repair: true };
+    let keys = Keys { scene, prefix: "tool".into(), surface: surface.as_ref(), repair: tool.repair };
+    let watch = &mut |_| {};
+    let mut log = Log::new(watch);
     let (key, prepared) = match tool.shape {
         ToolShape::Sphere(radius) => ("sphere", ball(&keys, radius)?),
         _ => {
             let recipe = Recipe { surface: surface.as_ref(), layer: None, hulls: None };
-            ("surface", recipe.prepared(&keys, &Cache::of_user(), &mut Log::new(&mut |_| {}))?)
+            ("surface", recipe.prepared(&keys, &Cache::of_user(), &mut log)?)
         }
     };
+    let report = report_of(&keys, prepared.repair.clone(), &log);
     let shape =
         rigid(prepared, tool.scale, FrameMotion::Fixed).map_err(|p| keys.error(key, p, "give a closed surface with volume"))?;
     Ok(Body {
@@ -92,6 +104,7 @@ pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
         position: tool.position,
         orientation: tool.orientation,
         velocity: tool.velocity,
+        report,
     })
 }
 
@@ -101,7 +114,7 @@ fn ball(keys: &Keys, radius: f64) -> Result<Prepared> {
     let skin = skin::build(vertices, triangles);
     let proxies = proxies(&skin).map_err(|p| keys.error("sphere", p, "give a radius above zero"))?;
     let mesh = TriangleMesh { vertices: skin.vertices, triangles: skin.triangles };
-    Ok(Prepared { mesh, layer: None, embedding: Vec::new(), proxies, repairs: Repairs::default() })
+    Ok(Prepared { mesh, layer: None, embedding: Vec::new(), proxies, repair: None })
 }
 
 /// Errors about keys of one body, or of the tool.
@@ -141,7 +154,9 @@ impl<'a> Keys<'a> {
 /// A skin that rides on one frame; the problem where it has no volume.
 fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Result<Shape, String> {
     let mesh = scaled(prepared.mesh, scale);
-    let p = mass::properties(&mesh.vertices, &mesh.triangles);
+    // What fills the holes has mass, and is never touched.
+    let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
+    let p = mass::properties(&vertices, &triangles);
     let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let diagonal = mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max).distance(low);
     // Written so that a NaN is refused too.
@@ -201,7 +216,7 @@ mod tests {
         triangles.iter_mut().for_each(|t| t.swap(0, 1));
         let mesh = TriangleMesh { vertices, triangles };
         let prepared =
-            Prepared { mesh, layer: None, embedding: Vec::new(), proxies: Vec::new(), repairs: Repairs::default() };
+            Prepared { mesh, layer: None, embedding: Vec::new(), proxies: Vec::new(), repair: None };
         assert!(rigid(prepared, 1.0, FrameMotion::Fixed).unwrap_err().contains("encloses a volume of -"));
     }
 }

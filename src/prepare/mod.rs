@@ -16,6 +16,7 @@ pub mod mass;
 pub mod model;
 pub mod prepared;
 pub mod proxy;
+pub mod repair;
 pub mod report;
 mod ride;
 pub mod skin;
@@ -53,6 +54,17 @@ pub struct Body {
     pub orientation: DQuat,
     /// Initial velocity, world, m/s.
     pub velocity: DVec3,
+    /// What was found in its files, and done about it.
+    pub report: BodyReport,
+}
+
+/// What was found in a body's files, and done about it.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
+pub struct BodyReport {
+    /// The surface's repair; `None` where the surface is not from a file.
+    pub repair: Option<repair::RepairReport>,
+    /// Everything that was done to the files, a line each, beginning with the file's name.
+    pub notes: Vec<String>,
 }
 
 /// What a body is made of, prepared.

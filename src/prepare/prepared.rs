@@ -1,7 +1,6 @@
 //! The costly parts of a body, in file coordinates: repaired skin, layer, embedding, proxies. Made once, then cached;
 //! binding, scale, material and placement are cheap and done by `body.rs` each time.
 
-use std::fmt;
 use std::path::Path;
 
 use glam::DVec3;
@@ -9,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::body::Keys;
 use super::cache::{Cache, Entry, Key, KeyMaker};
+use super::repair::{self, RepairReport};
 use super::report::{CacheUse, Log, Stage};
 use super::{Embedding, Layer, Proxy, Skin, embed, lattice, layer, model, proxies, proxy, skin};
 use crate::scene::obj::TriangleMesh;
@@ -37,18 +37,8 @@ pub struct Prepared {
     pub embedding: Vec<Embedding>,
     /// Convex cover of the skin.
     pub proxies: Vec<Proxy>,
-    /// What was mended.
-    pub repairs: Repairs,
-}
-
-/// What was found wrong with a surface, and mended.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Repairs {}
-
-impl fmt::Display for Repairs {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        write!(f, "none")
-    }
+    /// What was found in the surface's file and mended; `None` where it is not from a file.
+    pub repair: Option<RepairReport>,
 }
 
 impl Recipe<'_> {
@@ -95,9 +85,14 @@ impl Recipe<'_> {
     /// Read, repair, layer, embed, proxies.
     fn make(&self, keys: &Keys, log: &mut Log) -> Result<Prepared> {
         let surface = self.surface.map(|surface| log.stage(Stage::Read, || read(keys, surface))).transpose()?;
-        let (surface, repairs) = match surface {
-            Some(mesh) => log.stage(Stage::Repair, || repaired(keys, mesh))?,
-            None => (None, Repairs::default()),
+        let (surface, repair) = match (surface, keys.surface_file()) {
+            (Some(mesh), Some(path)) => {
+                let mend = if keys.repair { repair::repair } else { repair::strict };
+                let made = log.stage(Stage::Repair, || mend(mesh));
+                let (mesh, found) = made.map_err(|refusal| refusal.error(path))?;
+                (Some(mesh), Some(found))
+            }
+            (surface, _) => (surface, None),
         };
         let layer = self.layer.map(|source| log.stage(Stage::Layer, || make_layer(keys, surface.as_ref(), source)));
         let layer = layer.transpose()?;
@@ -116,7 +111,7 @@ impl Recipe<'_> {
             None => Vec::new(),
         };
         let (mesh, proxies) = log.stage(Stage::Proxies, || cover(keys, mesh, self.hulls))?;
-        Ok(Prepared { mesh, layer, embedding, proxies, repairs })
+        Ok(Prepared { mesh, layer, embedding, proxies, repair })
     }
 }
 
@@ -143,14 +138,6 @@ fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
             Ok(TriangleMesh { vertices, triangles })
         }
     }
-}
-
-/// The surface as a solid, and what that took.
-fn repaired(keys: &Keys, mesh: TriangleMesh) -> Result<(Option<TriangleMesh>, Repairs)> {
-    if let Some(path) = keys.surface_file() {
-        obj::check_solid(&mesh, path)?;
-    }
-    Ok((Some(mesh), Repairs::default()))
 }
 
 /// The layer in file coordinates, nothing bound.

@@ -11,7 +11,7 @@ use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 use parry3d_f64::transformation::voxelization::{FillMode, VoxelSet};
 
 use super::hull::{self, Growing};
-use super::{NONE, Proxy, Skin, mass};
+use super::{NONE, Proxy, Skin, mass, repair};
 
 /// A skin that fills this share of its hull is convex for our purpose: one proxy.
 const CONVEX: f64 = 0.99;
@@ -46,14 +46,16 @@ pub fn at_most(skin: &Skin, hulls: u32) -> Result<Vec<Proxy>, String> {
         return Err("the skin has a vertex that is not finite".into());
     }
     let whole = hull::convex(&hull::thinned(&skin.vertices));
-    let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
+    // Voxels are filled behind holes too: a leak would leave a shell, and hulls of a shell have no depth.
+    let (vertices, triangles) = repair::closed(&skin.vertices, &skin.triangles);
+    let volume = mass::properties(&vertices, &triangles).volume;
     let parts = match whole {
         Some(whole) if hulls > 1 && volume < CONVEX * whole.volume() => {
-            let mut parts = decompose(skin, hulls);
+            let mut parts = decompose(skin, (&vertices, &triangles), hulls);
             split_busy(skin, &mut parts, hulls as usize);
             parts
         }
-        _ => Parts { count: 1, owner: vec![0; skin.triangles.len()], inner: vec![Vec::new()] },
+        _ => Parts { count: 1, owner: vec![0; skin.triangles.len()], place: Vec::new(), inner: vec![Vec::new()] },
     };
     cover(skin, &parts)
 }
@@ -63,15 +65,17 @@ struct Parts {
     count: usize,
     /// Part of each skin triangle.
     owner: Vec<u32>,
+    /// Part at the place of each skin vertex; empty where there is one part.
+    place: Vec<u32>,
     /// Points inside the solid, per part.
     inner: Vec<Vec<DVec3>>,
 }
 
-/// Cuts the solid into nearly convex parts.
-fn decompose(skin: &Skin, hulls: u32) -> Parts {
-    let points: Vec<Vector> = skin.vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+/// Cuts the solid, the skin with its holes closed, into nearly convex parts.
+fn decompose(skin: &Skin, (vertices, triangles): (&[DVec3], &[[u32; 3]]), hulls: u32) -> Parts {
+    let points: Vec<Vector> = vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
     let fill = FillMode::FloodFill { detect_cavities: false };
-    let voxels = VoxelSet::voxelize(&points, &skin.triangles, RESOLUTION, fill, false);
+    let voxels = VoxelSet::voxelize(&points, triangles, RESOLUTION, fill, false);
     let grid = VoxelGrid::new(&voxels);
     let parameters = VHACDParameters {
         concavity: CONCAVITY,
@@ -98,7 +102,8 @@ fn decompose(skin: &Skin, hulls: u32) -> Parts {
         let [a, b, c] = t.map(|i| skin.vertices[i as usize]);
         grid.nearest_part(&part_of, (a + b + c) / 3.0)
     });
-    Parts { owner: owner.collect(), count: inner.len(), inner }
+    let place = skin.vertices.iter().map(|&p| grid.nearest_part(&part_of, p)).collect();
+    Parts { owner: owner.collect(), place, count: inner.len(), inner }
 }
 
 /// Halves the part with most triangles, across the longest side of its box, until each has about its even share or there
@@ -198,7 +203,8 @@ fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
     for (t, &part) in parts.owner.iter().enumerate() {
         proxies[part as usize].triangles.push(t as u32);
     }
-    // A vertex belongs to the first of its triangles; one without triangles to the first part that has any.
+    // A vertex belongs to the first of its triangles. One without (a repair may have joined it with another) belongs to
+    // the part at its place, so that it stretches no distant hull, or to the first where that part has no triangles.
     let first = parts.owner[0];
     let mut vertex_owner = vec![NONE; skin.vertices.len()];
     for (triangle, &part) in skin.triangles.iter().zip(&parts.owner) {
@@ -208,7 +214,9 @@ fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
         }
     }
     for (v, &owner) in vertex_owner.iter().enumerate() {
-        proxies[if owner == NONE { first } else { owner } as usize].vertices.push(v as u32);
+        let at_place = || parts.place.get(v).copied().filter(|&part| !proxies[part as usize].triangles.is_empty());
+        let owner = if owner == NONE { at_place().unwrap_or(first) } else { owner };
+        proxies[owner as usize].vertices.push(v as u32);
     }
     let mut covers = Vec::with_capacity(parts.count);
     for (proxy, inner) in proxies.iter().zip(&parts.inner).filter(|(p, _)| !p.triangles.is_empty()) {

@@ -6,8 +6,8 @@ use std::time::Instant;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::prepared::Repairs;
-use super::{Layer, Proxy, Shape, Skin, coverage, embed, layer, mass, skin};
+use super::repair::RepairReport;
+use super::{Layer, Proxy, Shape, Skin, coverage, embed, layer, mass, repair, skin};
 
 /// A stage of preparation, in the order in which they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -99,8 +99,8 @@ pub struct Report {
     pub name: String,
     /// The skin, as repaired.
     pub skin: SkinFacts,
-    /// What was mended, and what was found and left.
-    pub repairs: Repairs,
+    /// What was found in the surface's file, mended, and left; null where it is not from a file.
+    pub repair: Option<RepairReport>,
     /// The layer of a soft body.
     pub layer: Option<LayerFacts>,
     /// Proxies.
@@ -130,7 +130,7 @@ pub struct SkinFacts {
     pub boundary_edges: usize,
     /// Edges of three or more triangles, or of two that run the same way.
     pub non_manifold_edges: usize,
-    /// Enclosed volume, m^3.
+    /// Enclosed volume, holes closed by fans, m^3.
     pub volume_m3: f64,
     /// Box, m.
     pub extent_m: [f64; 3],
@@ -178,7 +178,7 @@ pub struct ProxyFacts {
 
 impl Report {
     /// Measures a prepared body; `None` for a half-space, which has nothing to measure.
-    pub fn of(body: &super::Body, repairs: Repairs, log: Log) -> Option<Report> {
+    pub fn of(body: &super::Body, log: Log) -> Option<Report> {
         let (skin, proxies, layer) = match &body.shape {
             Shape::Soft { layer, embedding, skin, proxies, .. } => (skin, proxies, Some((layer, embedding))),
             Shape::Rigid { skin, proxies, .. } => (skin, proxies, None),
@@ -190,13 +190,13 @@ impl Report {
         Some(Report {
             name: body.name.clone(),
             skin: facts,
-            repairs,
+            repair: body.report.repair.clone(),
             layer,
             proxies: proxy_facts(skin, proxies),
             cache: log.cache,
             seconds: log.seconds.iter().map(|(stage, s)| (stage.name().to_string(), (*s).into())).collect(),
             peak_memory_bytes: peak_memory(),
-            notes: log.notes,
+            notes: body.report.notes.clone(),
             version: env!("CARGO_PKG_VERSION"),
         })
     }
@@ -204,6 +204,7 @@ impl Report {
 
 fn skin_facts(skin: &Skin) -> SkinFacts {
     let (boundary_edges, non_manifold_edges) = skin::defects(&skin.triangles);
+    let (vertices, triangles) = repair::closed(&skin.vertices, &skin.triangles);
     let used = |label: &[u32], count: usize| {
         let mut has = vec![false; count];
         skin.triangles.iter().flatten().for_each(|&v| has[label[v as usize] as usize] = true);
@@ -218,7 +219,7 @@ fn skin_facts(skin: &Skin) -> SkinFacts {
         components: used(&labels, count),
         boundary_edges,
         non_manifold_edges,
-        volume_m3: mass::properties(&skin.vertices, &skin.triangles).volume,
+        volume_m3: mass::properties(&vertices, &triangles).volume,
         extent_m: (high - low).to_array(),
     }
 }
@@ -288,7 +289,10 @@ impl fmt::Display for Report {
             skin.non_manifold_edges,
             skin.volume_m3
         )?;
-        writeln!(f, "repairs: {}", self.repairs)?;
+        if let Some(repair) = &self.repair {
+            let state = if repair.is_clean() { "sound" } else { "mended, see the notes" };
+            writeln!(f, "surface: {state}, {} pairs of triangles cross", repair.self_intersections.count)?;
+        }
         if let Some(layer) = &self.layer {
             writeln!(
                 f,

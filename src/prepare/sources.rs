@@ -17,11 +17,16 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("model/solid.rs"),
     include_str!("prepared.rs"),
     include_str!("proxy.rs"),
+    include_str!("repair/crossings.rs"),
+    include_str!("repair/faces.rs"),
+    include_str!("repair/mod.rs"),
+    include_str!("repair/outside.rs"),
+    include_str!("repair/report.rs"),
+    include_str!("repair/topology.rs"),
     include_str!("skin.rs"),
     include_str!("sphere.rs"),
     include_str!("../scene/gmsh.rs"),
     include_str!("../scene/obj.rs"),
-    include_str!("../scene/solid.rs"),
     include_str!("../scene/tetrahedra.rs"),
     include_str!("../scene/triangulate.rs"),
 ];
@@ -32,13 +37,14 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     /// Files of this folder that the cached parts do not depend on.
-    const OTHERS: [&str; 9] = [
+    const OTHERS: [&str; 10] = [
         "bind.rs",
         "body.rs",
         "cache.rs",
         "cores.rs",
         "coverage.rs",
         "report.rs",
+        "repair/tests.rs",
         "ride.rs",
         "sources.rs",
         "tests.rs",

@@ -79,7 +79,6 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         name: "thing".into(),
         shape,
         hulls: None,
-        repair: true,
         scale: 2.0,
         position: DVec3::X,
         orientation: DQuat::IDENTITY,
@@ -93,6 +92,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         }),
         collides: None,
         cores: cores.iter().enumerate().map(core).collect(),
+        repair: true,
     };
     Scene {
         file: "scene.toml".into(),
@@ -184,6 +184,7 @@ fn the_sphere_tool_is_a_ball_and_a_tool_body_is_not_made_here() {
         orientation: DQuat::IDENTITY,
         velocity: DVec3::ZERO,
         scale: 1.0,
+        repair: true,
     };
     let Shape::Rigid { skin, proxies, centroid, .. } = tool(&ball, &scene).unwrap().shape else { panic!("not rigid") };
     assert!(skin.vertices.len() >= 2500 && proxies.len() == 1 && centroid.length() < 1e-15);

@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::picture::{Colour, Face, Picture, View, draw};
 use crate::prepare::{Layer, Proxy, Skin, hull, layer};
 
-/// Pixels a side of each picture.
+/// Pixels along the longer side of each picture.
 pub const SIDE: usize = 900;
 /// From the body to the viewer: a little from the right and from above its front.
 const TOWARDS: DVec3 = DVec3::new(0.5, 0.35, 1.0);

@@ -52,12 +52,12 @@ pub struct View {
     /// Centre of what is shown.
     centre: DVec3,
     /// Half width and half height shown, m.
-    half: f64,
+    half: [f64; 2],
 }
 
 impl View {
-    /// A view of the box around points from the side that `towards` points to, up along `up` as far as can be. The
-    /// square shown holds all of the points.
+    /// A view of the box around points from the side that `towards` points to, up along `up` as far as can be; it shows
+    /// all of the points and a border.
     pub fn of(points: impl Iterator<Item = DVec3> + Clone, towards: DVec3, up: DVec3) -> View {
         let towards = towards.normalize_or(DVec3::Z);
         let right = up.cross(towards).try_normalize().unwrap_or_else(|| towards.any_orthonormal_vector());
@@ -68,8 +68,11 @@ impl View {
         };
         let spans = axes.map(reach);
         let centre = (0..3).map(|k| axes[k] * (0.5 * (spans[k].0 + spans[k].1))).sum();
-        let half = spans[..2].iter().map(|s| 0.5 * (s.1 - s.0)).fold(0.0, f64::max) * (1.0 + 2.0 * BORDER);
-        View { axes, centre, half: if half > 0.0 { half } else { 1.0 } }
+        let half = [0, 1].map(|k| 0.5 * (spans[k].1 - spans[k].0));
+        let border = 2.0 * BORDER * half[0].max(half[1]);
+        // Nothing, or a single point, is shown as an empty square.
+        let half = if border > 0.0 { half.map(|h| h + border) } else { [1.0; 2] };
+        View { axes, centre, half }
     }
 
     /// Unit vectors to the right of the picture, up, and towards the viewer.
@@ -89,36 +92,41 @@ pub struct Picture {
     pub pixels: Vec<[u8; 3]>,
 }
 
-/// A square picture of faces, `side` pixels wide, on white.
-pub fn draw(faces: &[Face], view: &View, side: usize) -> Picture {
-    let mut canvas = Canvas::new(view, side * SAMPLES);
+/// A picture of faces on white, its longer side `longest` pixels.
+pub fn draw(faces: &[Face], view: &View, longest: usize) -> Picture {
+    let mut canvas = Canvas::new(view, longest);
     faces.iter().for_each(|face| canvas.add(face));
     canvas.relief();
-    canvas.finish(side)
+    canvas.finish()
 }
 
 struct Canvas<'a> {
     view: &'a View,
-    /// Samples a side.
-    side: usize,
+    /// Samples a row, and rows of samples.
+    size: [usize; 2],
+    /// Samples per metre.
+    scale: f64,
     /// Height towards the viewer of what is seen, m.
     depth: Vec<f32>,
     colour: Vec<[f32; 3]>,
 }
 
 impl<'a> Canvas<'a> {
-    fn new(view: &'a View, side: usize) -> Self {
-        let depth = vec![f32::NEG_INFINITY; side * side];
-        Canvas { view, side, depth, colour: vec![[1.0; 3]; side * side] }
+    fn new(view: &'a View, longest: usize) -> Self {
+        let scale = longest as f64 / (2.0 * view.half[0].max(view.half[1]));
+        let size = view.half.map(|half| SAMPLES * ((2.0 * half * scale).round() as usize).max(1));
+        let count = size[0] * size[1];
+        let depth = vec![f32::NEG_INFINITY; count];
+        Canvas { view, size, scale: SAMPLES as f64 * scale, depth, colour: vec![[1.0; 3]; count] }
     }
 
     /// Samples from the left, from the top, and the height towards the viewer.
     fn project(&self, point: DVec3) -> DVec3 {
         let [right, up, towards] = self.view.axes;
         let from = point - self.view.centre;
-        let scale = self.side as f64 / (2.0 * self.view.half);
-        let middle = self.side as f64 / 2.0;
-        DVec3::new(middle + scale * from.dot(right), middle - scale * from.dot(up), from.dot(towards))
+        let middle = self.size.map(|samples| samples as f64 / 2.0);
+        let (x, y) = (self.scale * from.dot(right), self.scale * from.dot(up));
+        DVec3::new(middle[0] + x, middle[1] - y, from.dot(towards))
     }
 
     fn add(&mut self, face: &Face) {
@@ -130,10 +138,12 @@ impl<'a> Canvas<'a> {
             return;
         }
         let lengths = [0, 1, 2].map(|k| (p[(k + 2) % 3] - p[(k + 1) % 3]).truncate().length());
-        let last = self.side as f64 - 1.0;
-        let span = |low: f64, high: f64| (low.floor().clamp(0.0, last) as usize, high.ceil().clamp(0.0, last) as usize);
-        let (x0, x1) = span(p[0].x.min(p[1].x).min(p[2].x), p[0].x.max(p[1].x).max(p[2].x));
-        let (y0, y1) = span(p[0].y.min(p[1].y).min(p[2].y), p[0].y.max(p[1].y).max(p[2].y));
+        let span = |axis: usize| {
+            let last = self.size[axis] as f64 - 1.0;
+            let (low, high) = p.iter().fold((last, 0.0), |(l, h): (f64, f64), q| (l.min(q[axis]), h.max(q[axis])));
+            (low.floor().max(0.0) as usize, high.ceil().min(last) as usize)
+        };
+        let ((x0, x1), (y0, y1)) = (span(0), span(1));
         for row in y0..=y1 {
             for column in x0..=x1 {
                 let (x, y) = (column as f64 + 0.5, row as f64 + 0.5);
@@ -142,7 +152,7 @@ impl<'a> Canvas<'a> {
                     continue;
                 }
                 let height = (w[0] * p[0].z + w[1] * p[1].z + w[2] * p[2].z) as f32;
-                let at = row * self.side + column;
+                let at = row * self.size[0] + column;
                 if height > self.depth[at] {
                     let inward = [0, 1, 2].map(|k| w[k] * area.abs() / lengths[k]);
                     let is_edge = face.has_edges && inward.iter().any(|&d| d < EDGE);
@@ -171,19 +181,19 @@ impl<'a> Canvas<'a> {
     /// Darkens what lies behind its neighbours, so that folds and outlines show (after C. Boucheny 2009, eye-dome
     /// lighting).
     fn relief(&mut self) {
-        let side = self.side as i64;
-        let width = 2.0 * self.view.half;
-        for row in 0..side {
-            for column in 0..side {
-                let at = (row * side + column) as usize;
+        let [columns, rows] = self.size.map(|samples| samples as i64);
+        let width = 2.0 * self.view.half[0].max(self.view.half[1]);
+        for row in 0..rows {
+            for column in 0..columns {
+                let at = (row * columns + column) as usize;
                 if self.depth[at] == f32::NEG_INFINITY {
                     continue;
                 }
                 let mut step = 0.0;
                 for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)] {
                     let (x, y) = (column + RELIEF_REACH * dx, row + RELIEF_REACH * dy);
-                    if (0..side).contains(&x) && (0..side).contains(&y) {
-                        let other = self.depth[(y * side + x) as usize];
+                    if (0..columns).contains(&x) && (0..rows).contains(&y) {
+                        let other = self.depth[(y * columns + x) as usize];
                         step += f64::from((other - self.depth[at]).max(0.0)).min(0.05 * width);
                     }
                 }
@@ -194,20 +204,21 @@ impl<'a> Canvas<'a> {
     }
 
     /// The mean of each pixel's samples, as sRGB.
-    fn finish(self, side: usize) -> Picture {
-        let mut pixels = Vec::with_capacity(side * side);
-        for row in 0..side {
-            for column in 0..side {
+    fn finish(self) -> Picture {
+        let [width, height] = self.size.map(|samples| samples / SAMPLES);
+        let mut pixels = Vec::with_capacity(width * height);
+        for row in 0..height {
+            for column in 0..width {
                 let mut sum = [0.0; 3];
                 for sample in 0..SAMPLES * SAMPLES {
                     let (x, y) = (column * SAMPLES + sample % SAMPLES, row * SAMPLES + sample / SAMPLES);
-                    let colour = self.colour[y * self.side + x];
+                    let colour = self.colour[y * self.size[0] + x];
                     (0..3).for_each(|k| sum[k] += f64::from(colour[k]));
                 }
                 pixels.push(sum.map(|total| srgb(total / (SAMPLES * SAMPLES) as f64)));
             }
         }
-        Picture { width: side, height: side, pixels }
+        Picture { width, height, pixels }
     }
 }
 
@@ -308,6 +319,8 @@ mod tests {
     fn nothing_and_flat_things_are_drawn_without_harm() {
         assert!(front(&[], 5).pixels.iter().all(|&p| p == WHITE));
         let line = Face::flat([DVec3::ZERO, DVec3::X, DVec3::X], [0.0; 3], true);
-        assert_eq!(front(&[line], 5).pixels.len(), 25);
+        let picture = front(&[line], 50);
+        assert_eq!((picture.width, picture.pixels.len()), (50, 50 * picture.height));
+        assert!(picture.height < 10 && picture.pixels.iter().all(|&p| p == WHITE));
     }
 }

@@ -15,7 +15,6 @@ const BODY_KEYS: [&str; 16] = [
     "layer",
     "plane",
     "hulls",
-    "repair",
     "scale",
     "position",
     "orientation",
@@ -26,6 +25,7 @@ const BODY_KEYS: [&str; 16] = [
     "motion",
     "keys",
     "mass",
+    "repair",
 ];
 /// What a plane may have.
 const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
@@ -69,11 +69,16 @@ fn body(value: &Value) -> Result<Body> {
         Shape::Rigid { .. } => vec![rigid_core(&table, &name)?],
         Shape::Plane { .. } => Vec::new(),
     };
+    if !matches!(
+        shape,
+        Shape::Soft { surface: Some(Surface::File(_)), .. } | Shape::Rigid { surface: Surface::File(_) }
+    ) {
+        refuse(&table, &["repair"], "has no meaning without a surface from a file")?;
+    }
     Ok(Body {
         name,
         shape,
         hulls: table.option("hulls", |value| value.whole(1, MOST_HULLS))?,
-        repair: table.or("repair", true, Value::truth)?,
         scale: table.or("scale", 1.0, Value::positive)?,
         position: table.or("position", DVec3::ZERO, Value::vector)?,
         orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
@@ -81,6 +86,7 @@ fn body(value: &Value) -> Result<Body> {
         material: table.option("material", material)?,
         collides: table.option("collides", |value| value.array()?.iter().map(Value::name).collect())?,
         cores,
+        repair: table.or("repair", true, Value::truth)?,
     })
 }
 

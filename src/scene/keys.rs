@@ -231,7 +231,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// True or false.
+    /// A boolean.
     pub fn truth(&self) -> Result<bool> {
         self.value.get_ref().as_bool().ok_or_else(|| self.wrong_type("true or false"))
     }

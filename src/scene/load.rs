@@ -139,7 +139,7 @@ fn contact(root: &Table) -> Result<Contact> {
 }
 
 fn tool(value: &Value) -> Result<Tool> {
-    let known = ["sphere", "surface", "body", "mass", "position", "orientation", "velocity", "scale"];
+    let known = ["sphere", "surface", "body", "mass", "position", "orientation", "velocity", "scale", "repair"];
     let table = value.table(&known)?;
     let shape_key = table.exactly_one(&["sphere", "surface", "body"])?;
     let shape_value = table.need(shape_key)?;
@@ -149,9 +149,9 @@ fn tool(value: &Value) -> Result<Tool> {
         _ => ToolShape::Body(shape_value.name()?),
     };
     let meaningless: &[&str] = match shape {
-        ToolShape::Sphere(_) => &["scale"],
+        ToolShape::Sphere(_) => &["scale", "repair"],
         ToolShape::Surface(_) => &[],
-        ToolShape::Body(_) => &["mass", "position", "orientation", "velocity", "scale"],
+        ToolShape::Body(_) => &["mass", "position", "orientation", "velocity", "scale", "repair"],
     };
     if let Some(key) = meaningless.iter().find(|key| table.has(key)) {
         return Err(table.error(key, format!("has no meaning beside `{shape_key}`"), "remove it"));
@@ -165,6 +165,7 @@ fn tool(value: &Value) -> Result<Tool> {
         orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
         velocity: table.or("velocity", DVec3::ZERO, Value::vector)?,
         scale: table.or("scale", 1.0, Value::positive)?,
+        repair: table.or("repair", true, Value::truth)?,
     })
 }
 

@@ -10,7 +10,6 @@ mod keys;
 mod load;
 pub mod msh;
 pub mod obj;
-pub mod solid;
 mod supported;
 #[cfg(test)]
 mod tests;
@@ -108,8 +107,6 @@ pub struct Body {
     pub shape: Shape,
     /// Proxies at most; `None`: the usual number.
     pub hulls: Option<u32>,
-    /// Whether defects of the surface are mended; if not, they are refused.
-    pub repair: bool,
     /// Uniform scale of file coordinates.
     pub scale: f64,
     /// World position of the file's origin, m.
@@ -124,6 +121,8 @@ pub struct Body {
     pub collides: Option<Vec<String>>,
     /// Rigid cores.
     pub cores: Vec<Core>,
+    /// Whether the surface's file is repaired where it needs it; else it is refused.
+    pub repair: bool,
 }
 
 /// What a body is made of.
@@ -272,6 +271,8 @@ pub struct Tool {
     pub velocity: DVec3,
     /// Uniform scale of file coordinates.
     pub scale: f64,
+    /// Whether the surface's file is repaired where it needs it; else it is refused.
+    pub repair: bool,
 }
 
 /// Shape of the tool.
