@@ -8,7 +8,7 @@ use parry3d_f64::shape::TriMesh;
 use super::lattice::winding_number;
 use super::skin::Sets;
 use super::{Layer, layer};
-use crate::scene::Bind;
+use crate::scene::{Bind, Capsule};
 
 /// Marks the nodes that `bind` names as bound; returns how many it names. `skin` and the layer are in file coordinates.
 /// Errors: the problem, and the remedy.
@@ -18,6 +18,7 @@ pub fn bind(layer: &mut Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Re
         Bind::Box { low, high } => layer.nodes.iter().map(|n| n.cmpge(*low).all() && n.cmple(*high).all()).collect(),
         Bind::Sphere { centre, radius } => layer.nodes.iter().map(|n| n.distance(*centre) <= *radius).collect(),
         Bind::Inset(depth) => inset(layer, skin, *depth)?,
+        Bind::Capsule(capsule) => layer.nodes.iter().map(|&n| capsule_depth(n, capsule) <= 1.0).collect(),
         Bind::Nodes(list) => {
             let mut named = vec![false; layer.nodes.len()];
             for &node in list {
@@ -71,6 +72,22 @@ fn inset(
     Ok((0..layer.nodes.len()).map(&mut deep).collect())
 }
 
+/// Distance of a point from a capsule's axis over the radius there: up to 1 inside.
+pub fn capsule_depth(point: DVec3, capsule: &Capsule) -> f64 {
+    let [a, b] = capsule.ends;
+    let along = b - a;
+    let t = if along == DVec3::ZERO { 0.0 } else { ((point - a).dot(along) / along.length_squared()).clamp(0.0, 1.0) };
+    (point - a - t * along).length() / (capsule.radii[0] + t * (capsule.radii[1] - capsule.radii[0]))
+}
+
+/// Which capsule has a point: of those that hold it the one whose axis is nearest relative to the radius there, the
+/// first of equals. `None` outside all.
+pub fn nearest_capsule<'a>(point: DVec3, capsules: impl IntoIterator<Item = &'a Capsule>) -> Option<usize> {
+    let depths = capsules.into_iter().map(|capsule| capsule_depth(point, capsule)).enumerate();
+    let nearest = depths.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (nearest.1 <= 1.0).then_some(nearest.0)
+}
+
 /// Nodes that nothing would hold: parts of the layer without a bound node. Returns the number of such nodes and one.
 pub fn unheld(layer: &Layer) -> Option<(usize, u32)> {
     let (labels, count) = layer::parts(layer);
@@ -107,6 +124,18 @@ mod tests {
         assert_eq!(bound(Bind::Inset(0.2)).unwrap().len(), 27);
         assert_eq!(bound(Bind::Inset(0.3)).unwrap(), [62]);
         assert!(bound(Bind::Inset(0.6)).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_capsule_binds_its_nodes_and_the_nearest_has_the_shared_ones() {
+        let rod = |radii| Capsule { ends: [DVec3::ZERO, DVec3::new(0.5, 0.0, 0.0)], radii };
+        // The axis has three nodes; a round end of radius a quarter reaches one more, and so do the sides.
+        assert_eq!(bound(Bind::Capsule(rod([0.1, 0.1]))).unwrap(), [0, 1, 2]);
+        assert_eq!(bound(Bind::Capsule(rod([0.26, 0.26]))).unwrap(), [0, 1, 2, 3, 5, 6, 7, 25, 26, 27]);
+        assert_eq!(bound(Bind::Capsule(rod([0.05, 0.26]))).unwrap(), [0, 1, 2, 3, 7, 27]);
+        let ball = Capsule { ends: [DVec3::X; 2], radii: [0.6; 2] };
+        let at = |x| nearest_capsule(DVec3::new(x, 0.1, 0.0), [&rod([0.2, 0.2]), &ball, &ball]);
+        assert_eq!([at(0.3), at(0.45), at(0.55), at(0.65), at(1.7)], [Some(0), Some(0), Some(0), Some(1), None]);
     }
 
     #[test]

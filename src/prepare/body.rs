@@ -4,7 +4,6 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::model::{VERTICES, head};
 use super::{Body, Layer, Shape, embed, layer, mass, proxies, skin};
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Motion, Scene, Surface, ToolShape, gmsh, obj};
@@ -74,12 +73,8 @@ impl Keys<'_> {
     fn surface_mesh(&self, surface: &Surface) -> Result<TriangleMesh> {
         match surface {
             Surface::File(path) => read_solid(path),
-            Surface::Head { vertices } if !VERTICES.contains(vertices) => {
-                let remedy = format!("give {} to {}", VERTICES.start(), VERTICES.end());
-                Err(self.error("surface.vertices", format!("a head of {vertices} vertices is not made"), remedy))
-            }
-            Surface::Head { vertices } => {
-                let (vertices, triangles) = head(*vertices);
+            Surface::Model { model, vertices } => {
+                let (vertices, triangles) = model.surface(*vertices);
                 Ok(TriangleMesh { vertices, triangles })
             }
         }

@@ -136,7 +136,7 @@ fn other_ways_to_say_it() {
     assert!(matches!(soft(cube), Shape::Soft { layer: Layer::Box { cells: [12, 12, 3], high: DVec3::ONE, .. }, .. }));
     let model = with("\"head.obj\"  ", "{ model = \"head\", vertices = 44000 }");
     let Shape::Soft { surface, .. } = &folder.load(&model).unwrap().bodies[0].shape else { panic!("soft") };
-    assert_eq!(*surface, Some(Surface::Head { vertices: 44_000 }));
+    assert_eq!(*surface, Some(Surface::Model { model: Model::Head, vertices: 44_000 }));
 
     let bind = |text: &str| {
         let scene = folder.load(&with("{ inset = 0.03 }", text)).unwrap();

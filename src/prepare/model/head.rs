@@ -2,48 +2,34 @@
 
 use glam::DVec3;
 
+use super::Blank;
 use super::solid::{carve, ellipsoid, join, meet, stick};
-use super::{collapse, extract};
 
 /// Half the height, m: the head reaches from the cut neck at -HALF to the crown at HALF.
 const HALF: f64 = 0.125;
 /// Box that holds the head, m (half extents).
 const BOX: DVec3 = DVec3::new(0.105, 0.13, 0.12);
-/// Vertices extracted for each one wanted: collapsing then removes the slivers of marching tetrahedra.
-const SURPLUS: f64 = 2.0;
-/// Vertices that marching tetrahedra give per (1 m / cell)^2 of this head.
-const VERTICES_PER_CELL: f64 = 0.93;
-/// Coarsest lattice, m: ears and lips are about this thick, and a coarser one could pierce them.
-const COARSEST: f64 = 0.004;
 /// Half width of the blend at the plane of symmetry, m.
 const MIRROR: f64 = 0.002;
 
-/// Numbers of vertices that make sense: fewer lose the face, more take minutes and gigabytes.
-pub const VERTICES: std::ops::RangeInclusive<usize> = 500..=400_000;
-
-/// A head with exactly `vertex_count` vertices (within [`VERTICES`]), 2 `vertex_count` - 4 triangles: closed, outward, genus 0.
+/// A head with exactly `vertex_count` vertices.
 pub fn head(vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    let mut cell = (VERTICES_PER_CELL / (SURPLUS * vertex_count as f64)).sqrt().min(COARSEST);
-    loop {
-        let (mut vertices, triangles) = extract::surface(&solid, -BOX, BOX, cell);
-        if vertices.len() > vertex_count {
-            extract::smooth(&solid, &mut vertices, &triangles, 2);
-            let (mut vertices, triangles) = collapse::to_count(vertices, triangles, vertex_count);
-            extract::smooth(&solid, &mut vertices, &triangles, 6);
-            return (vertices, triangles);
-        }
-        cell *= 0.8;
-    }
+    let blank = Blank { solid, bounds: [-BOX, BOX], inside: DVec3::ZERO, vertices_per_cell: 0.93, coarsest: 0.004 };
+    blank.surface(vertex_count)
 }
 
 /// The head's solid: negative inside.
 fn solid(point: DVec3) -> f64 {
+    meet(with_neck(point), -HALF - point.y, 0.008)
+}
+
+/// Head and a neck that goes on downwards, to where a body's chest would be.
+pub(super) fn with_neck(point: DVec3) -> f64 {
     // Both halves at once; the blend keeps the surface smooth where they meet.
     let p = DVec3::new((point.x * point.x + MIRROR * MIRROR).sqrt(), point.y, point.z);
     let head = mouth(p, nose(p, eyes(p, skull(p))));
     let neck = stick(p * DVec3::new(0.95, 1.0, 1.0), (at(0.0, -0.04, -0.028), 0.05), (at(0.0, -0.2, -0.04), 0.054));
-    let whole = ears(p, join(head, neck, 0.025));
-    meet(whole, -HALF - point.y, 0.008)
+    ears(p, join(head, neck, 0.025))
 }
 
 fn at(x: f64, y: f64, z: f64) -> DVec3 {
