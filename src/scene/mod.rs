@@ -240,7 +240,7 @@ pub enum Bind {
         radius: f64,
     },
     /// Nodes in a capsule: a bone. Where capsules overlap the nearest bone has the node (see
-    /// [`crate::prepare::bind::nearest_capsule`]).
+    /// [`crate::prepare::bind::nearer_bones`]).
     Capsule(Capsule),
     /// These nodes, zero-based in file order.
     Nodes(Vec<u32>),

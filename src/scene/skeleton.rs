@@ -74,3 +74,116 @@ fn bone(value: &Value, before: &[Bone]) -> Result<Bone> {
     let joint = table.need("joint")?.vector()?;
     Ok(Bone { name, parent, joint, capsule: Capsule { ends, radii } })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::prepare::lattice::{lattice, winding_number};
+    use crate::prepare::{Layer, bind};
+    use crate::scene::{Bind, Core, Model, Motion};
+
+    /// Axes of bones keep at least this far from the skin, m.
+    const DEEP: f64 = 0.008;
+    /// Nodes that a bone holds at least: three hold a rigid body.
+    const HELD: usize = 3;
+    /// Cell of the human's layer (m), which gives about 10,340 tetrahedra.
+    const CELL: f64 = 0.04;
+
+    fn skeleton(text: &str) -> Result<Skeleton> {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("bones.toml"), text).unwrap();
+        load(&folder.path().join("scene.toml"), "bones.toml")
+    }
+
+    fn load(scene: &Path, path: &str) -> Result<Skeleton> {
+        let source = Source { file: scene, text: &format!("skeleton = {path:?}") };
+        let document = source.parse()?;
+        read(&Table::root(&source, &document, &["skeleton"])?.need("skeleton")?)
+    }
+
+    fn human() -> Vec<Bone> {
+        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes");
+        load(&scenes.join("touch-human.toml"), "../human-skeleton.toml").unwrap().bones
+    }
+
+    #[test]
+    fn bones_of_the_human_lie_within_its_skin() {
+        let bones = human();
+        assert!(bones.len() >= 15);
+        assert_eq!(bones.iter().filter(|bone| bone.parent.is_none()).count(), 1);
+        let (vertices, triangles) = Model::Human.surface(Model::Human.default_vertices());
+        for bone in &bones {
+            let [a, b] = bone.capsule.ends;
+            for p in (0..=10).map(|k| a.lerp(b, f64::from(k) / 10.0)) {
+                assert!(winding_number(&vertices, &triangles, p) > 0.5, "{} at {p}", bone.name);
+                let near = vertices.iter().map(|v| v.distance(p)).fold(f64::INFINITY, f64::min);
+                assert!(near > DEEP, "{} at {p}: {near}", bone.name);
+            }
+            let inside = winding_number(&vertices, &triangles, bone.joint) > 0.5;
+            assert!(inside, "{}'s joint", bone.name);
+            // Left and right mirror each other.
+            if let Some(other) = bone.name.strip_prefix("left_") {
+                let other = bones.iter().find(|b| b.name == format!("right_{other}")).unwrap();
+                let mirror = |p: DVec3| DVec3::new(-p.x, p.y, p.z);
+                assert_eq!((bone.capsule.ends.map(mirror), mirror(bone.joint)), (other.capsule.ends, other.joint));
+            }
+        }
+    }
+
+    #[test]
+    fn every_bone_of_the_human_holds_nodes_of_a_coarse_layer() {
+        let (vertices, triangles) = Model::Human.surface(Model::Human.default_vertices());
+        let layer: Layer = lattice(&vertices, &triangles, CELL).unwrap();
+        println!("{} nodes, {} tetrahedra", layer.nodes.len(), layer.tetrahedra.len());
+        let core = |bone: &Bone| Core {
+            name: bone.name.clone(),
+            motion: Motion::Fixed,
+            bind: Some(Bind::Capsule(bone.capsule)),
+            mass: None,
+        };
+        let cores: Vec<Core> = human().iter().map(core).collect();
+        let mut least = usize::MAX;
+        for (index, bone) in human().iter().enumerate() {
+            let depths = layer.nodes.iter().map(|&n| bind::capsule_depth(n, &bone.capsule));
+            let mut named: Vec<bool> = depths.map(|depth| depth <= 1.0).collect();
+            bind::nearer_bones(&layer, &cores, index, &mut named);
+            let count = named.iter().filter(|&&n| n).count();
+            println!("{}: {count} nodes", bone.name);
+            least = least.min(count);
+        }
+        assert!(least >= HELD, "{least}");
+    }
+
+    const TWO: &str = "[[bone]]\nname = \"hip\"\njoint = [0, 0, 0]\nends = [[0, 0, 0], [1, 0, 0]]\nradius = 0.1\n\n\
+                       [[bone]]\nname = \"shin\"\nparent = \"hip\"\njoint = [1, 0, 0]\nends = [[1, 0, 0], [2, 0, 0]]\n\
+                       radii = [0.1, 0.2]\n";
+
+    #[test]
+    fn a_skeleton_is_read_and_its_mistakes_are_named() {
+        let bones = skeleton(TWO).unwrap().bones;
+        assert_eq!((bones[0].parent, bones[1].parent, bones[1].joint), (None, Some(0), DVec3::X));
+        assert_eq!((bones[0].capsule.radii, bones[1].capsule.radii), ([0.1; 2], [0.1, 0.2]));
+        for (old, new, words) in [
+            ("parent = \"hip\"", "parent = \"hop\"", "bones.toml:9: `bone.shin.parent`: no bone \"hop\""),
+            ("parent = \"hip\"", "parent = \"hop\"", "did you mean \"hip\"?"),
+            ("parent = \"hip\"", "parent = \"shin\"", "parents come first"),
+            ("parent", "parnt", "bones.toml:9: unknown key `bone[1].parnt`; did you mean `parent`?"),
+            ("\"shin\"", "\"hip\"", "\"hip\" is taken by another bone"),
+            ("radius = 0.1", "radius = 0", "bones.toml:5: `bone.hip.radius`: is 0"),
+            ("radii = [0.1, 0.2]", "radii = [0.1]", "`bone.shin.radii`: has 1 elements"),
+            ("radius = 0.1", "radius = 0.1\nradii = [1, 1]", "`bone.hip.radii`: given beside `radius`"),
+            ("joint = [0, 0, 0]", "", "`bone.hip.joint`: missing"),
+            ("joint = [0, 0, 0]", "joint = [0, nan, 0]", "`bone.hip.joint[1]`: is NaN"),
+            ("[[bone]]", "[[bones]]", "unknown key `bones`"),
+            ("[[bone]]", "[[bone]", "bones.toml:1: not TOML"),
+        ] {
+            assert!(TWO.contains(old));
+            let message = skeleton(&TWO.replacen(old, new, 1)).unwrap_err().to_string();
+            assert!(message.contains(words), "`{new}`: {message}");
+        }
+        assert!(skeleton("").unwrap_err().to_string().contains("`bone`: missing"));
+        assert!(skeleton("bone = []").unwrap_err().to_string().contains("there is none"));
+    }
+}

@@ -93,64 +93,13 @@ fn ears(p: DVec3, head: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prepare::{NONE, Skin, mass, skin};
-
-    /// Closed, manifold, genus 0, outward, and where a head should be.
-    fn check(skin: &Skin, count: usize) {
-        assert_eq!((skin.vertices.len(), skin.triangles.len()), (count, 2 * count - 4));
-        assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
-        assert_eq!(skin::parts(count, &skin.triangles).1, 1);
-        // One ring of triangles around each vertex: no two sheets meet in a point.
-        let mut degree = vec![0; count];
-        skin.triangles.iter().flatten().for_each(|&v| degree[v as usize] += 1);
-        for (t, triangle) in skin.triangles.iter().enumerate() {
-            for k in 0..3 {
-                assert_eq!(ring(skin, t as u32, k), degree[triangle[k] as usize]);
-            }
-        }
-        let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
-        assert!((0.003..0.006).contains(&volume), "{volume}");
-        let low = skin.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-        let high = skin.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-        // Coarse heads lose about an edge of their nose, ears and rims.
-        let edge = 0.4 / (count as f64).sqrt();
-        let near = |a: DVec3, b: DVec3| (a - b).abs().max_element() < 0.004 + edge;
-        assert!(
-            near(low, DVec3::new(-0.092, -HALF, -0.110)) && near(high, DVec3::new(0.092, HALF, 0.112)),
-            "{low} {high}"
-        );
-    }
-
-    /// Triangles met when walking once around corner `k` of a triangle.
-    fn ring(skin: &Skin, start: u32, k: usize) -> usize {
-        let vertex = skin.triangles[start as usize][k];
-        let (mut t, mut count) = (start, 0);
-        loop {
-            let at = skin.triangles[t as usize].iter().position(|&v| v == vertex).unwrap();
-            t = skin.neighbours[t as usize][at];
-            count += 1;
-            if t == start || count > 1000 {
-                return count;
-            }
-        }
-    }
 
     #[test]
-    fn heads_of_any_count_are_closed_and_of_genus_zero() {
-        for count in [500, 3000, 10_001, 44_000] {
-            let start = std::time::Instant::now();
-            let (vertices, triangles) = head(count);
-            println!("head of {count}: {:.2?}", start.elapsed());
-            let skin = skin::build(vertices, triangles);
-            check(&skin, count);
-            let off = skin.vertices.iter().map(|&v| solid(v).abs()).fold(0.0, f64::max);
-            // On the solid's surface, but for creases, where one Newton step may fall short.
+    fn heads_lie_on_their_solid() {
+        for count in [500, 10_001] {
+            let off = head(count).0.iter().map(|&v| solid(v).abs()).fold(0.0, f64::max);
+            // But for creases, where one Newton step may fall short.
             assert!(off < 5e-4, "{count}: {off}");
         }
-    }
-
-    #[test]
-    fn a_head_is_the_same_every_time() {
-        assert_eq!(head(2000), head(2000));
     }
 }
