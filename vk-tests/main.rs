@@ -2,6 +2,7 @@
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
 mod bodies;
+mod bones;
 mod contact;
 mod contact_sizes;
 mod cull;
@@ -10,6 +11,7 @@ mod elastic;
 mod energy;
 mod extremes;
 mod flow;
+mod frames;
 mod gpu;
 mod harness;
 mod harness_self_test;

@@ -300,6 +300,7 @@ impl Passes {
             .input("image", &self.image)
             .inout("velocity", &s.velocity)
             .inout("displacement", &s.displacement)
+            .input("node_rest", &s.model.node_rest)
             .partial("leftover", &self.leftover)
             .elements(self.nodes())
             .run();

@@ -58,7 +58,7 @@ const EXTENT: f64 = 0.003;
 fn models_of_any_count_are_closed_outward_and_whole() {
     for model in Model::ALL {
         let least = *model.vertices().start();
-        for count in [least, least + 1, 3_333, 10_001, model.default_vertices()] {
+        for count in [least, 3_333, model.default_vertices()] {
             let start = std::time::Instant::now();
             let (vertices, triangles) = model.surface(count);
             println!("{} of {count}: {:.2?}", model.name(), start.elapsed());
