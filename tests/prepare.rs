@@ -137,10 +137,10 @@ fn what_cannot_be_prepared_is_refused_in_one_line_and_leaves_nothing() {
     let stl = folder.path().join("a.stl");
     let cases: [(&[&str], &str); 9] = [
         (&[missing.to_str().unwrap()], "missing.obj: cannot be read"),
-        (&[stl.to_str().unwrap()], "surfaces of type `.stl` are not read"),
+        (&[stl.to_str().unwrap()], "neither an OBJ file nor a model"),
         (&[flat.to_str().unwrap()], "flat.obj"),
-        (&["heart:1000"], "there is no model `heart`"),
-        (&["head:12"], "vertices"),
+        (&["heart:1000"], "or a model: head, pumpkin, gear, human"),
+        (&["head:12"], "give 500 to 400000"),
         (&["head:1500", "--cell", "5"], "`--cell`"),
         (&["head:1500", "--cell", "0"], "--cell"),
         (&["head:1500", "--hulls", "0"], "--hulls"),

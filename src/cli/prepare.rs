@@ -9,7 +9,7 @@ use palpate::prepare::report::peak_memory;
 use palpate::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
 use palpate::report::picture::Picture;
 use palpate::report::{Output, figure};
-use palpate::scene::{self, Material, Scene, Surface, msh, obj};
+use palpate::scene::{self, Material, Model, Scene, Surface, msh, obj};
 use palpate::{Error, Result};
 
 use crate::press::{self, Press};
@@ -21,7 +21,7 @@ const AFTER: u64 = 2;
 /// Options of `palpate prepare`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The surface: an OBJ file, or a model of palpate's own with its number of vertices, as head:44000
+    /// The surface: an OBJ file, or a model of palpate's own, as head or head:44000 (vertices)
     surface: String,
     /// Directory to write the body, its report and pictures into
     #[arg(long, value_name = "DIR")]
@@ -124,6 +124,7 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
         }),
         collides: None,
         cores: Vec::new(),
+        skeleton: None,
     };
     Ok(Scene::of_body(&arguments.surface, body))
 }
@@ -133,25 +134,25 @@ fn is_plain(c: char) -> bool {
     c.is_ascii_alphanumeric() || c == '_' || c == '-'
 }
 
-/// A file, or `head:44000`.
+/// A file, or a model's name, with its number of vertices after a colon where it is not the usual one.
 fn surface_of(text: &str) -> Result<Surface> {
-    if let Some((model, count)) = text.split_once(':')
-        && !Path::new(text).exists()
-        && let Ok(vertices) = count.parse()
-    {
-        return match model {
-            "head" => Ok(Surface::Head { vertices }),
-            _ => {
-                let problem = format!("there is no model `{model}`");
-                Err(Error::input(Path::new(text), None, problem, "known models: head"))
-            }
-        };
+    let (name, count) = text.split_once(':').map_or((text, None), |(name, count)| (name, Some(count)));
+    let model = Model::ALL.into_iter().find(|model| model.name() == name);
+    if let Some(model) = model.filter(|_| !Path::new(text).exists()) {
+        let range = model.vertices();
+        let vertices = count.map_or(Ok(model.default_vertices()), str::parse).ok().filter(|n| range.contains(n));
+        let vertices = vertices.ok_or_else(|| {
+            let problem = format!("`{}` is no number of vertices for it", count.unwrap_or_default());
+            Error::input(Path::new(text), None, problem, format!("give {} to {}", range.start(), range.end()))
+        })?;
+        return Ok(Surface::Model { model, vertices });
     }
     let path = PathBuf::from(text);
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if extension != "obj" {
-        let remedy = "give an .obj file, or a model as head:44000";
-        return Err(Error::input(&path, None, format!("surfaces of type `.{extension}` are not read"), remedy));
+        let models = Model::ALL.map(Model::name).join(", ");
+        let remedy = format!("give an .obj file, or a model: {models}, as head or head:44000");
+        return Err(Error::input(&path, None, "neither an OBJ file nor a model", remedy));
     }
     Ok(Surface::File(path))
 }

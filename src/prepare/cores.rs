@@ -30,8 +30,9 @@ pub fn bind(
     for (index, core) in body.cores.iter().enumerate() {
         let key = format!("core.{}.bind", core.name);
         let region = core.bind.as_ref().ok_or_else(|| error(&key, "missing", "say which nodes the core carries"))?;
-        let named = bind::named(layer, (&skin.vertices, &skin.triangles), region)
+        let mut named = bind::named(layer, (&skin.vertices, &skin.triangles), region)
             .map_err(|(problem, remedy)| error(&key, &problem, remedy))?;
+        bind::nearer_bones(layer, &body.cores, index, &mut named);
         for (holder, _) in holders.iter_mut().zip(&named).filter(|(holder, named)| **named && **holder == NONE) {
             *holder = index as u32;
         }

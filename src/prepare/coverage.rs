@@ -32,7 +32,7 @@ mod tests {
 
     use super::*;
     use crate::prepare::tests::scene;
-    use crate::prepare::{Body, Embedding, Layer, Shape, body_and_report, cache::Cache, embed, model, proxies, skin};
+    use crate::prepare::{Body, Embedding, Layer, Shape, body_and_report, cache::Cache, embed, proxies, skin};
     use crate::scene;
     use crate::stages::model::Model;
 
@@ -41,7 +41,7 @@ mod tests {
 
     /// A head whose skin stands off its layer in places, so that weights extrapolate; with its arrays for the device.
     fn head(stand_off: f64) -> (Body, Model) {
-        let surface = Some(scene::Surface::Head { vertices: 3000 });
+        let surface = Some(scene::Surface::Model { model: scene::Model::Head, vertices: 3000 });
         let scene = scene(scene::Shape::Soft { surface, layer: scene::Layer::Cell(0.02) }, &[]);
         let (mut body, _) = body_and_report(&scene.bodies[0], &scene, &Cache::off(), &mut |_| {}).unwrap();
         if let Shape::Soft { layer, embedding, skin, proxies, .. } = &mut body.shape {
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_margin_too_small_shows_in_the_coverage() {
-        let (vertices, triangles) = model::head(3000);
+        let (vertices, triangles) = scene::Model::Head.surface(3000);
         let skin = skin::build(vertices, triangles);
         let mut proxies = proxies(&skin).unwrap();
         assert_eq!(share(&skin, &proxies), 1.0);

@@ -77,6 +77,11 @@ impl Lattice {
         2 * self.size.iter().product::<usize>()
     }
 
+    /// The cell that holds a point well within the lattice.
+    pub(super) fn cell_at(&self, point: DVec3) -> [usize; 3] {
+        ((point - self.origin) / self.cell).to_array().map(|c| c as usize)
+    }
+
     /// The last cell.
     pub(super) fn last(&self) -> [usize; 3] {
         self.size.map(|s| s - 1)

@@ -10,7 +10,7 @@ use super::body::Keys;
 use super::cache::{Cache, Entry, Key, KeyMaker};
 use super::repair::{self, RepairReport};
 use super::report::{CacheUse, Log, Stage};
-use super::{Embedding, Layer, Proxy, Skin, embed, lattice, layer, model, proxies, proxy, skin};
+use super::{Embedding, Layer, Proxy, Skin, embed, lattice, layer, proxies, proxy, skin};
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Surface, gmsh, obj};
 use crate::{Error, Result};
@@ -129,12 +129,13 @@ fn add_file(maker: &mut KeyMaker, path: &Path) -> Result<()> {
 fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
     match surface {
         Surface::File(path) => obj::read(path),
-        Surface::Head { vertices } if !model::VERTICES.contains(vertices) => {
-            let remedy = format!("give {} to {}", model::VERTICES.start(), model::VERTICES.end());
-            Err(keys.error("surface.vertices", format!("a head of {vertices} vertices is not made"), remedy))
+        Surface::Model { model, vertices } if !model.vertices().contains(vertices) => {
+            let range = model.vertices();
+            let problem = format!("a {} of {vertices} vertices is not made", model.name());
+            Err(keys.error("surface.vertices", problem, format!("give {} to {}", range.start(), range.end())))
         }
-        Surface::Head { vertices } => {
-            let (vertices, triangles) = model::head(*vertices);
+        Surface::Model { model, vertices } => {
+            let (vertices, triangles) = model.surface(*vertices);
             Ok(TriangleMesh { vertices, triangles })
         }
     }

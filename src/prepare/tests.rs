@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 use super::{Body, Layer, NONE, Shape, body, embed, lattice, layer, mass, proxies, skin, tool};
 use crate::Result;
 use crate::scene::{
-    self, Bind, Contact, Core, Haptics, Material, Motion, Preconditioner, Scene, Solver, Step, Surface,
+    self, Bind, Contact, Core, Haptics, Material, Model, Motion, Preconditioner, Scene, Solver, Step, Surface,
 };
 use crate::scene::{Tool, ToolShape, obj};
 
@@ -93,6 +93,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         collides: None,
         cores: cores.iter().enumerate().map(core).collect(),
         repair: true,
+        skeleton: None,
     };
     Scene {
         file: "scene.toml".into(),
@@ -153,7 +154,7 @@ fn cells_out_of_range_are_refused_by_name() {
     let error = prepared(&scene(scene::Shape::Soft { surface: None, layer }, &[])).unwrap_err().to_string();
     assert!(error.contains("`body.thing.layer.cells`") && error.contains("48000000"), "{error}");
     let layer = scene::Layer::Cell(3.0);
-    let surface = Some(Surface::Head { vertices: 3000 });
+    let surface = Some(Surface::Model { model: Model::Head, vertices: 3000 });
     let error = prepared(&scene(scene::Shape::Soft { surface, layer }, &[])).unwrap_err().to_string();
     assert!(error.contains("`body.thing.layer.cell`") && error.contains("smaller than one cell"), "{error}");
 }

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
 
-use super::keys::{Table, Value};
+use super::keys::{Table, Value, suggest};
 use super::load::TOOL;
-use super::{Bind, Body, Core, Layer, Material, Motion, Shape, Surface, drive};
+use super::{Bind, Body, Core, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
 use crate::Result;
 
-const BODY_KEYS: [&str; 16] = [
+const BODY_KEYS: [&str; 17] = [
     "name",
     "surface",
     "layer",
@@ -22,6 +22,7 @@ const BODY_KEYS: [&str; 16] = [
     "material",
     "collides",
     "core",
+    "skeleton",
     "motion",
     "keys",
     "mass",
@@ -37,8 +38,6 @@ const MAX_BOX_TETRAHEDRA: u64 = 1 << 27;
 const MOST_ACROSS: u32 = 1000;
 /// Proxies of a body at most: culling looks at all pairs of two bodies.
 pub const MOST_HULLS: u32 = 256;
-/// Vertices of a generated head.
-const HEAD_VERTICES: (u32, u32) = (100, 4_000_000);
 /// Least length of a plane's normal before it is normalised.
 const SHORTEST_NORMAL: f64 = 1e-9;
 
@@ -64,8 +63,9 @@ fn body(value: &Value) -> Result<Body> {
     let name = unnamed.need("name")?.name()?;
     let table = unnamed.renamed(format!("body.{name}"));
     let shape = shape(&table)?;
+    let skeleton = table.option("skeleton", skeleton::read)?;
     let cores = match shape {
-        Shape::Soft { .. } => soft_cores(&table)?,
+        Shape::Soft { .. } => soft_cores(&table, skeleton.as_ref())?,
         Shape::Rigid { .. } => vec![rigid_core(&table, &name)?],
         Shape::Plane { .. } => Vec::new(),
     };
@@ -87,6 +87,7 @@ fn body(value: &Value) -> Result<Body> {
         collides: table.option("collides", |value| value.array()?.iter().map(Value::name).collect())?,
         cores,
         repair: table.or("repair", true, Value::truth)?,
+        skeleton,
     })
 }
 
@@ -129,7 +130,7 @@ fn shape(table: &Table) -> Result<Shape> {
                 return Err(table.error("material", "a rigid body has none", remedy));
             }
             let why = "a rigid body has no [[body.core]]; its own keys are motion and mass";
-            refuse(table, &["core"], why)?;
+            refuse(table, &["core", "skeleton"], why)?;
             Ok(Shape::Rigid { surface })
         }
         (None, None) => {
@@ -155,14 +156,10 @@ fn surface(value: &Value) -> Result<Surface> {
         return mesh_file(value, &["obj"]).map(Surface::File);
     }
     let table = value.table(&["model", "vertices"])?;
-    let model = table.need("model")?;
-    match model.text()? {
-        "head" => {
-            let vertices = table.need("vertices")?.whole(HEAD_VERTICES.0, HEAD_VERTICES.1)?;
-            Ok(Surface::Head { vertices: vertices as usize })
-        }
-        other => Err(model.error(format!("there is no model \"{other}\""), "known models: head")),
-    }
+    let model = table.need("model")?.one_of("model", &Model::ALL.map(|model| (model.name(), model)))?;
+    let (least, most) = (*model.vertices().start() as u32, *model.vertices().end() as u32);
+    let vertices = table.or("vertices", model.default_vertices() as u32, |value| value.whole(least, most))?;
+    Ok(Surface::Model { model, vertices: vertices as usize })
 }
 
 fn layer(value: &Value) -> Result<Layer> {
@@ -214,18 +211,37 @@ fn material(value: &Value) -> Result<Material> {
     })
 }
 
-fn soft_cores(table: &Table) -> Result<Vec<Core>> {
-    let mut cores: Vec<Core> = Vec::new();
+/// One core a bone, fixed where `[[body.core]]` of the same name does not say more; then the other cores.
+fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
+    let bones = skeleton.map_or(&[][..], |skeleton| &skeleton.bones);
+    let bone_core = |bone: &skeleton::Bone| {
+        let bind = Some(Bind::Capsule(bone.capsule));
+        Core { name: bone.name.clone(), motion: Motion::Fixed, bind, mass: None }
+    };
+    let mut cores: Vec<Core> = bones.iter().map(bone_core).collect();
+    let mut named: Vec<String> = Vec::new();
     let Some(array) = table.get("core") else { return Ok(cores) };
     for element in array.array()? {
         let unnamed = element.table(&["name", "motion", "keys", "mass", "bind"])?;
         let name = unnamed.need("name")?.name()?;
         let core = unnamed.renamed(table.dotted(&format!("core.{name}")));
-        if cores.iter().any(|other| other.name == name) {
+        if named.contains(&name) {
             return Err(core.error("name", format!("\"{name}\" is taken by another core"), "choose another name"));
         }
+        named.push(name.clone());
+        let (motion, mass) = (motion(&core)?, core.option("mass", Value::positive)?);
+        if let Some(bone) = cores[..bones.len()].iter_mut().find(|bone| bone.name == name) {
+            refuse(&core, &["bind"], "the core is a bone, and the skeleton says which nodes it carries")?;
+            (bone.motion, bone.mass) = (motion, mass);
+            continue;
+        }
+        if !bones.is_empty() && !core.has("bind") {
+            let names: Vec<&str> = bones.iter().map(|bone| bone.name.as_str()).collect();
+            let problem = format!("\"{name}\" is neither a bone nor has it a `bind`");
+            return Err(core.error("name", problem, format!("{}, or add `bind`", suggest(&name, &names))));
+        }
         let bind = Some(bind(&core.need("bind")?)?);
-        cores.push(Core { name, motion: motion(&core)?, bind, mass: core.option("mass", Value::positive)? });
+        cores.push(Core { name, motion, bind, mass });
     }
     Ok(cores)
 }

@@ -10,6 +10,7 @@ mod keys;
 mod load;
 pub mod msh;
 pub mod obj;
+mod skeleton;
 mod supported;
 #[cfg(test)]
 mod tests;
@@ -21,7 +22,9 @@ use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
 
+pub use crate::prepare::model::Model;
 pub use body::MOST_HULLS;
+pub use skeleton::{Bone, Skeleton};
 
 /// A whole scene, as written.
 #[derive(Debug, Clone)]
@@ -119,10 +122,12 @@ pub struct Body {
     pub material: Option<Material>,
     /// Names of bodies it collides with ("tool" is the tool); `None`: every other.
     pub collides: Option<Vec<String>>,
-    /// Rigid cores.
+    /// Rigid cores; first one a bone where there is a skeleton, in its order.
     pub cores: Vec<Core>,
     /// Whether the surface's file is repaired where it needs it; else it is refused.
     pub repair: bool,
+    /// Bones, and how they hang together.
+    pub skeleton: Option<Skeleton>,
 }
 
 /// What a body is made of.
@@ -154,9 +159,11 @@ pub enum Shape {
 pub enum Surface {
     /// An OBJ file.
     File(PathBuf),
-    /// The engine's own model of a head.
-    Head {
-        /// Number of skin vertices, roughly.
+    /// A model that the engine makes by itself.
+    Model {
+        /// Which.
+        model: Model,
+        /// Number of skin vertices, within [`Model::vertices`].
         vertices: usize,
     },
 }
@@ -239,10 +246,22 @@ pub enum Bind {
         /// Radius.
         radius: f64,
     },
+    /// Nodes in a capsule: a bone. Where capsules overlap the nearest bone has the node (see
+    /// [`crate::prepare::bind::nearer_bones`]).
+    Capsule(Capsule),
     /// These nodes, zero-based in file order.
     Nodes(Vec<u32>),
     /// Every node.
     All,
+}
+
+/// A rod with round ends whose radius runs evenly from one end to the other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Capsule {
+    /// Middles of the two ends; they may coincide.
+    pub ends: [DVec3; 2],
+    /// Radius at each end.
+    pub radii: [f64; 2],
 }
 
 /// A pose at a time.

@@ -27,16 +27,24 @@ pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
     }
     for (index, body) in scene.bodies.iter().enumerate() {
         let table = || Ok::<_, Error>(root.need("body")?.array()?[index].unchecked_table()?.renamed(path(&body.name)));
-        if let Some(at) = body.cores.iter().position(|core| matches!(core.motion, Motion::Dynamic)) {
-            let path = format!("{}.core.{}", path(&body.name), body.cores[at].name);
-            let table = match table()?.get("core") {
-                Some(cores) => cores.array()?[at].unchecked_table()?.renamed(path),
-                None => table()?,
-            };
-            return Err(refuse(&table.need("motion")?, "use \"fixed\" or \"driven\""));
+        if body.cores.iter().any(|core| matches!(core.motion, Motion::Dynamic)) {
+            return Err(refuse(&dynamic(&table()?)?, "use \"fixed\" or \"driven\""));
         }
     }
     Ok(())
+}
+
+/// The first `motion = "dynamic"` of a body's table. Bones are cores without a table here, so places do not tell.
+fn dynamic<'a>(table: &Table<'a>) -> Result<Value<'a>> {
+    for element in table.option("core", Value::array)?.unwrap_or_default() {
+        let core = element.unchecked_table()?;
+        let name = core.need("name")?.name()?;
+        let core = core.renamed(table.dotted(&format!("core.{name}")));
+        if core.option("motion", |motion| motion.text())? == Some("dynamic") {
+            return core.need("motion");
+        }
+    }
+    table.need("motion")
 }
 
 fn path(body: &str) -> String {
