@@ -22,7 +22,7 @@ const CONCAVITY: f64 = 0.0025;
 /// Parts where nobody says: all pairs of two bodies stay within a thousand.
 const HULLS: u32 = 32;
 /// One in this many proxies at most comes of the cut along concavities; the others are to halve busy ones with.
-const CUT: u32 = 2;
+const CUT: u32 = 3;
 /// A part is halved while it has more than this many times its even share of the triangles, and parts are to be had.
 const BUSY: f64 = 1.25;
 /// A part of fewer triangles is never halved: drawing them costs less than another proxy.
