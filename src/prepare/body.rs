@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::model::{VERTICES, head};
 use super::{Body, BodyReport, Layer, Shape, embed, layer, mass, proxies, repair, skin};
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Motion, Scene, Surface, ToolShape, gmsh};
+use crate::scene::{self, Bind, Motion, Scene, Surface, ToolShape, tetrahedra};
 use crate::{Error, Result};
 
 /// A closed skin fills at least this share of its bounding box's diagonal cubed; less is rounding.
@@ -117,7 +117,8 @@ fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result
         let (vertices, triangles, _) = layer::boundary(&layer);
         TriangleMesh { vertices, triangles }
     });
-    bind_cores(keys, &mut layer, &mesh)?;
+    let numbers = drop_unused(keys, &mut layer, source);
+    bind_cores(keys, &mut layer, &numbers, &mesh)?;
     let mesh = scaled(mesh, keys.body.scale);
     layer.nodes.iter_mut().for_each(|n| *n *= keys.body.scale);
     let embedding = embed(&mesh.vertices, &layer)
@@ -130,15 +131,19 @@ fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result
 /// The layer in file coordinates, nothing bound.
 fn file_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -> Result<Layer> {
     let layer = match (source, mesh) {
-        (scene::Layer::Cell(cell), Some(mesh)) => super::lattice::lattice(&mesh.vertices, &mesh.triangles, *cell)
-            .map_err(|problem| {
+        (scene::Layer::Cell(cell), Some(mesh)) => {
+            // The inside must not run out through a hole.
+            let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
+            super::lattice::lattice(&vertices, &triangles, *cell).map_err(|problem| {
                 keys.error("layer.cell", problem, "cells are in the file's coordinates, before scale")
-            })?,
+            })?
+        }
         (scene::Layer::Cell(_), None) => {
             return Err(keys.error("layer.cell", "there is no surface to fill", "give `surface` too"));
         }
         (scene::Layer::File(path), _) => {
-            let mesh = gmsh::read(path)?;
+            let mesh = tetrahedra::read(path)?;
+            keys.report.borrow_mut().notes.extend(mesh.notes.iter().map(|note| format!("{}: {note}", path.display())));
             let bound = vec![false; mesh.nodes.len()];
             Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound }
         }
@@ -151,33 +156,49 @@ fn file_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
             layer::kuhn_box(*low, *high, *cells)
         }
     };
-    used_nodes(keys, &layer)?;
     Ok(layer)
 }
 
-/// Every node belongs to a tetrahedron: one that does not has no mass, and its motion no meaning.
-fn used_nodes(keys: &Keys, layer: &Layer) -> Result<()> {
-    let mut used = vec![false; layer.nodes.len()];
-    layer.tetrahedra.iter().flatten().for_each(|&n| used[n as usize] = true);
-    match used.iter().position(|&u| !u) {
-        None => Ok(()),
-        Some(node) => {
-            let count = used.iter().filter(|&&u| !u).count();
-            let problem = format!("{count} nodes belong to no tetrahedron, the first is {node} (from 0)");
-            Err(keys.error("layer", problem, "remove them from the file"))
-        }
+/// A region whose nodes, if it lists any, are those of the layer and not of its file.
+fn renumbered(bind: &Bind, numbers: &[u32]) -> std::result::Result<Bind, (String, &'static str)> {
+    let Bind::Nodes(list) = bind else { return Ok(bind.clone()) };
+    let place = |node: &u32| match numbers.binary_search(node) {
+        Ok(place) => Ok(place as u32),
+        // Beyond the file's last node: the binding itself says so.
+        Err(place) if place == numbers.len() => Ok(*node),
+        Err(_) => Err((format!("node {node} belongs to no tetrahedron"), "name nodes of tetrahedra")),
+    };
+    list.iter().map(place).collect::<std::result::Result<_, _>>().map(Bind::Nodes)
+}
+
+/// Leaves out nodes of no tetrahedron, which have no mass and whose motion has no meaning; returns the number in the
+/// file of each that stays. The others keep their order, in the step and in what is written.
+fn drop_unused(keys: &Keys, layer: &mut Layer, source: &scene::Layer) -> Vec<u32> {
+    let before = layer.nodes.len();
+    let numbers = layer::drop_unused(layer);
+    let dropped = before - numbers.len();
+    if let scene::Layer::File(path) = source
+        && dropped > 0
+    {
+        let note = format!(
+            "{}: {dropped} nodes of no tetrahedron left out; `nodes` of a core keep the file's numbers",
+            path.display()
+        );
+        keys.report.borrow_mut().notes.push(note);
     }
+    numbers
 }
 
 /// Binds the nodes of each core, and checks that every core holds some and, with a core that holds the body in place,
 /// that no part of the layer is left loose.
-fn bind_cores(keys: &Keys, layer: &mut Layer, mesh: &TriangleMesh) -> Result<()> {
+fn bind_cores(keys: &Keys, layer: &mut Layer, numbers: &[u32], mesh: &TriangleMesh) -> Result<()> {
     for core in &keys.body.cores {
         let key = format!("core.{}.bind", core.name);
         let Some(bind) = &core.bind else {
             return Err(keys.error(&key, "missing", "say which nodes the core carries"));
         };
-        let count = super::bind::bind(layer, (&mesh.vertices, &mesh.triangles), bind)
+        let count = renumbered(bind, numbers)
+            .and_then(|bind| super::bind::bind(layer, (&mesh.vertices, &mesh.triangles), &bind))
             .map_err(|(problem, remedy)| keys.error(&key, problem, remedy))?;
         if count == 0 {
             let held = match core.motion {

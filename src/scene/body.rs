@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 
 use super::keys::{Table, Value};
 use super::load::TOOL;
+use super::tetrahedra::EXTENSIONS;
 use super::{Bind, Body, Core, Layer, Material, Motion, Shape, Surface, drive};
 use crate::Result;
 
@@ -161,7 +162,7 @@ fn surface(value: &Value) -> Result<Surface> {
 
 fn layer(value: &Value) -> Result<Layer> {
     if value.is_text() {
-        return mesh_file(value, &["msh"]).map(Layer::File);
+        return mesh_file(value, &EXTENSIONS).map(Layer::File);
     }
     let table = value.table(&["cell", "box", "cells"])?;
     if table.exactly_one(&["cell", "box"])? == "cell" {

@@ -4,6 +4,7 @@
 //! every number is finite and in range, every name resolves. Units are SI; quaternions are x y z w.
 
 mod body;
+mod cursor;
 mod drive;
 pub mod gmsh;
 mod keys;
@@ -12,7 +13,8 @@ pub mod obj;
 mod supported;
 #[cfg(test)]
 mod tests;
-mod tetrahedra;
+pub mod tetgen;
+pub mod tetrahedra;
 mod triangulate;
 pub mod vtk;
 
