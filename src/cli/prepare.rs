@@ -9,7 +9,7 @@ use palpate::prepare::report::peak_memory;
 use palpate::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
 use palpate::report::picture::Picture;
 use palpate::report::{Output, figure};
-use palpate::scene::{self, Material, Model, Scene, Surface, msh, obj};
+use palpate::scene::{self, Material, Model, Scene, Surface, gmsh, obj};
 use palpate::{Error, Result};
 
 use crate::press::{self, Press};
@@ -202,6 +202,6 @@ fn write_pictures(output: &mut Output, body: &Body, layer: &Layer, skin: &Skin) 
 /// The body, in metres, and the scene.
 fn write_body(output: &mut Output, name: &str, layer: &Layer, skin: &Skin, inset: f64) -> Result<()> {
     output.write("skin.obj", |w| obj::write(w, &skin.vertices, &skin.triangles))?;
-    output.write("layer.msh", |w| msh::write(w, &layer.nodes, &layer.tetrahedra))?;
+    output.write("layer.msh", |w| gmsh::write(w, &layer.nodes, &layer.tetrahedra))?;
     output.write("scene.toml", |w| Press::into(skin).write(w, name, inset))
 }

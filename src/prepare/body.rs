@@ -8,10 +8,9 @@ use glam::DVec3;
 use super::cache::Cache;
 use super::prepared::{Prepared, Recipe};
 use super::report::{Log, Stage};
-use super::repair::{self, RepairReport};
-use super::{Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, proxies, ride, skin};
+use super::{Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, proxies, repair, ride, skin};
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Motion, Scene, Surface, ToolShape};
+use crate::scene::{self, Bind, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
 
 /// A closed skin fills at least this share of its bounding box's diagonal cubed; less is rounding.
@@ -47,20 +46,24 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     };
     let recipe = Recipe { surface, layer, hulls: body.hulls };
     let prepared = recipe.prepared(&keys, cache, log)?;
-    let repair = prepared.repair.clone();
+    let report = report_of(&keys, layer, &prepared, log);
     let shape = log.stage(Stage::Bind, || match layer {
         Some(_) => soft(&keys, body, prepared),
         None => rigid(prepared, body.scale, motion(&body.cores))
             .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume")),
     })?;
-    Ok(placed(body, shape, report_of(&keys, repair, log)))
+    Ok(placed(body, shape, report))
 }
 
-/// What was found in the body's files; notes of the log after those of the files.
-fn report_of(keys: &Keys, repair: Option<RepairReport>, log: &Log) -> BodyReport {
-    let of_file = repair.as_ref().zip(keys.surface_file()).map(|(found, path)| repair::notes(found, path));
-    let notes = of_file.into_iter().flatten().chain(log.notes.iter().cloned()).collect();
-    BodyReport { repair, notes }
+/// What was found in the body's files, and what the log has to say.
+fn report_of(keys: &Keys, layer: Option<&scene::Layer>, prepared: &Prepared, log: &Log) -> BodyReport {
+    let of_surface = prepared.repair.as_ref().zip(keys.surface_file()).map(|(found, path)| repair::notes(found, path));
+    let mut notes = of_surface.unwrap_or_default();
+    if let Some(scene::Layer::File(path)) = layer {
+        notes.extend(prepared.layer_notes.iter().map(|note| format!("{}: {note}", path.display())));
+    }
+    notes.extend(log.notes.iter().cloned());
+    BodyReport { repair: prepared.repair.clone(), notes }
 }
 
 fn placed(body: &scene::Body, shape: Shape, report: BodyReport) -> Body {
@@ -95,7 +98,7 @@ pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
             ("surface", recipe.prepared(&keys, &Cache::of_user(), &mut log)?)
         }
     };
-    let report = report_of(&keys, prepared.repair.clone(), &log);
+    let report = report_of(&keys, None, &prepared, &log);
     let shape =
         rigid(prepared, tool.scale, FrameMotion::Fixed).map_err(|p| keys.error(key, p, "give a closed surface with volume"))?;
     Ok(Body {
@@ -114,7 +117,7 @@ fn ball(keys: &Keys, radius: f64) -> Result<Prepared> {
     let skin = skin::build(vertices, triangles);
     let proxies = proxies(&skin).map_err(|p| keys.error("sphere", p, "give a radius above zero"))?;
     let mesh = TriangleMesh { vertices: skin.vertices, triangles: skin.triangles };
-    Ok(Prepared { mesh, layer: None, embedding: Vec::new(), proxies, repair: None })
+    Ok(Prepared { mesh, proxies, ..Prepared::default() })
 }
 
 /// Errors about keys of one body, or of the tool.
@@ -172,6 +175,8 @@ fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Re
 fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let material = body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
     let mut layer = prepared.layer.unwrap_or_default();
+    let cores = renumbered(keys, &body.cores, &prepared.node_numbers)?;
+    let body = &scene::Body { cores, ..body.clone() };
     let node_frames =
         cores::bind(body, &mut layer, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
@@ -182,6 +187,27 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let proxies = ride::on_frames(proxies, &skin, &layer, &embedding, &node_frames);
     let frames = cores::frames(body, &layer, &node_frames, &material);
     Ok(Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies })
+}
+
+/// Cores whose nodes, if they list any, are those of the layer and not of its file.
+fn renumbered(keys: &Keys, cores: &[scene::Core], numbers: &[u32]) -> Result<Vec<scene::Core>> {
+    let mut cores = cores.to_vec();
+    for core in &mut cores {
+        let Some(Bind::Nodes(list)) = &mut core.bind else { continue };
+        for node in list {
+            match numbers.binary_search(node) {
+                Ok(place) => *node = place as u32,
+                // Beyond the file's last node: the binding itself says so.
+                Err(place) if place == numbers.len() => {}
+                Err(_) => {
+                    let key = format!("core.{}.bind", core.name);
+                    let problem = format!("node {node} belongs to no tetrahedron");
+                    return Err(keys.error(&key, problem, "name nodes of tetrahedra"));
+                }
+            }
+        }
+    }
+    Ok(cores)
 }
 
 /// How the one core of a rigid body moves.
@@ -215,8 +241,7 @@ mod tests {
         let (vertices, mut triangles) = crate::prepare::sphere::icosphere(1.0);
         triangles.iter_mut().for_each(|t| t.swap(0, 1));
         let mesh = TriangleMesh { vertices, triangles };
-        let prepared =
-            Prepared { mesh, layer: None, embedding: Vec::new(), proxies: Vec::new(), repair: None };
+        let prepared = Prepared { mesh, ..Prepared::default() };
         assert!(rigid(prepared, 1.0, FrameMotion::Fixed).unwrap_err().contains("encloses a volume of -"));
     }
 }

@@ -12,8 +12,8 @@ use super::repair::{self, RepairReport};
 use super::report::{CacheUse, Log, Stage};
 use super::{Embedding, Layer, Proxy, Skin, embed, lattice, layer, proxies, proxy, skin};
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Surface, gmsh, obj};
-use crate::{Error, Result};
+use crate::scene::{self, Surface, obj, tetrahedra};
+use crate::Result;
 
 /// All that the costly parts depend on.
 #[derive(Debug, Clone)]
@@ -27,12 +27,16 @@ pub struct Recipe<'a> {
 }
 
 /// The costly parts of a body, in file coordinates.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Prepared {
     /// Triangles of the skin.
     pub mesh: TriangleMesh,
     /// The layer of a soft body, nothing bound.
     pub layer: Option<Layer>,
+    /// The number that each node has in the layer's file, ascending: nodes of no tetrahedron are left out.
+    pub node_numbers: Vec<u32>,
+    /// What of the layer's file was left out or changed, a sentence each.
+    pub layer_notes: Vec<String>,
     /// Embedding of each skin vertex of a soft body.
     pub embedding: Vec<Embedding>,
     /// Convex cover of the skin.
@@ -44,10 +48,9 @@ pub struct Prepared {
 impl Recipe<'_> {
     /// The parts, from the cache where it has them.
     pub(super) fn prepared(&self, keys: &Keys, cache: &Cache, log: &mut Log) -> Result<Prepared> {
-        if !cache.is_on() {
-            return self.make(keys, log);
-        }
-        let key = log.stage(Stage::Cache, || self.key(keys))?;
+        // Files that cannot be read are for their readers to complain about.
+        let key = if cache.is_on() { log.stage(Stage::Cache, || self.key(keys)).ok() } else { None };
+        let Some(key) = key else { return self.make(keys, log) };
         match log.stage(Stage::Cache, || cache.load(&key)) {
             Entry::Found(prepared) => {
                 log.cache = CacheUse::Found;
@@ -68,14 +71,14 @@ impl Recipe<'_> {
     }
 
     /// Digest of the algorithms, of the contents of files, and of every number.
-    fn key(&self, keys: &Keys) -> Result<Key> {
+    fn key(&self, keys: &Keys) -> std::io::Result<Key> {
         let mut maker = KeyMaker::new();
         match self.surface {
             Some(Surface::File(path)) => add_file(&mut maker, path)?,
             other => maker.add(format!("{other:?}").as_bytes()),
         }
         match self.layer {
-            Some(scene::Layer::File(path)) => add_file(&mut maker, path)?,
+            Some(scene::Layer::File(path)) => tetrahedra::files(path).iter().try_for_each(|f| add_file(&mut maker, f))?,
             other => maker.add(format!("{other:?}").as_bytes()),
         }
         maker.add(format!("{:?} {:?}", self.hulls, keys.repair).as_bytes());
@@ -94,8 +97,10 @@ impl Recipe<'_> {
             }
             (surface, _) => (surface, None),
         };
-        let layer = self.layer.map(|source| log.stage(Stage::Layer, || make_layer(keys, surface.as_ref(), source)));
-        let layer = layer.transpose()?;
+        let made = self.layer.map(|source| log.stage(Stage::Layer, || make_layer(keys, surface.as_ref(), source)));
+        let (mut layer, mut layer_notes) = made.transpose()?.unzip();
+        let (node_numbers, dropped) = layer.as_mut().map(drop_unused).unwrap_or_default();
+        layer_notes.iter_mut().for_each(|notes: &mut Vec<String>| notes.extend(dropped.clone()));
         let mesh = match (surface, &layer) {
             (Some(mesh), _) => mesh,
             (None, Some(layer)) => {
@@ -111,17 +116,16 @@ impl Recipe<'_> {
             None => Vec::new(),
         };
         let (mesh, proxies) = log.stage(Stage::Proxies, || cover(keys, mesh, self.hulls))?;
-        Ok(Prepared { mesh, layer, embedding, proxies, repair })
+        let layer_notes = layer_notes.unwrap_or_default();
+        Ok(Prepared { mesh, layer, node_numbers, layer_notes, embedding, proxies, repair })
     }
 }
 
 /// Name ending (it chooses the reader) and contents of a file.
-fn add_file(maker: &mut KeyMaker, path: &Path) -> Result<()> {
+fn add_file(maker: &mut KeyMaker, path: &Path) -> std::io::Result<()> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let bytes = std::fs::read(path)
-        .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give a file that exists"))?;
     maker.add(ending.as_bytes());
-    maker.add(&bytes);
+    maker.add(&std::fs::read(path)?);
     Ok(())
 }
 
@@ -141,23 +145,29 @@ fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
     }
 }
 
-/// The layer in file coordinates, nothing bound.
-fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -> Result<Layer> {
+/// The layer in file coordinates, nothing bound, and what was left out of its file.
+fn make_layer(
+    keys: &Keys,
+    mesh: Option<&TriangleMesh>,
+    source: &scene::Layer,
+) -> Result<(Layer, Vec<String>)> {
+    let around = |cell: f64, mesh: &TriangleMesh| {
+        // The inside must not run out through a hole.
+        let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
+        lattice::lattice(&vertices, &triangles, cell)
+    };
     let layer = match (source, mesh) {
-        (scene::Layer::Cell(cell), Some(mesh)) => lattice::lattice(&mesh.vertices, &mesh.triangles, *cell)
+        (scene::Layer::Cell(cell), Some(mesh)) => around(*cell, mesh)
             .map_err(|p| keys.error("layer.cell", p, "cells are in the file's coordinates, before scale"))?,
-        (scene::Layer::Across(cells), Some(mesh)) => {
-            let cell = largest_extent(mesh) / f64::from(*cells);
-            lattice::lattice(&mesh.vertices, &mesh.triangles, cell)
-                .map_err(|p| keys.error("layer.across", p, "give another number of cells"))?
-        }
+        (scene::Layer::Across(cells), Some(mesh)) => around(largest_extent(mesh) / f64::from(*cells), mesh)
+            .map_err(|p| keys.error("layer.across", p, "give another number of cells"))?,
         (scene::Layer::Cell(_) | scene::Layer::Across(_), None) => {
             return Err(keys.error("layer", "there is no surface to fill", "give `surface` too"));
         }
         (scene::Layer::File(path), _) => {
-            let mesh = gmsh::read(path)?;
+            let mesh = tetrahedra::read(path)?;
             let bound = vec![false; mesh.nodes.len()];
-            Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound }
+            return Ok((Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound }, mesh.notes));
         }
         (scene::Layer::Box { low, high, cells }, _) => {
             let count = cells.iter().map(|&c| f64::from(c)).product::<f64>() * 6.0;
@@ -168,27 +178,22 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
             layer::kuhn_box(*low, *high, *cells)
         }
     };
-    used_nodes(keys, &layer)?;
-    Ok(layer)
+    Ok((layer, Vec::new()))
+}
+
+/// Leaves out nodes of no tetrahedron, which have no mass and whose motion has no meaning; the number in the file of each
+/// that stays, and a note. The others keep their order, in the step and in what is written.
+fn drop_unused(layer: &mut Layer) -> (Vec<u32>, Option<String>) {
+    let before = layer.nodes.len();
+    let numbers = layer::drop_unused(layer);
+    let dropped = before - numbers.len();
+    let note = format!("{dropped} nodes of no tetrahedron left out; `nodes` of a core keep the file's numbers");
+    (numbers, (dropped > 0).then_some(note))
 }
 
 fn largest_extent(mesh: &TriangleMesh) -> f64 {
     let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     (mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low).max_element()
-}
-
-/// Every node belongs to a tetrahedron: one that does not has no mass, and its motion no meaning.
-fn used_nodes(keys: &Keys, layer: &Layer) -> Result<()> {
-    let mut used = vec![false; layer.nodes.len()];
-    layer.tetrahedra.iter().flatten().for_each(|&n| used[n as usize] = true);
-    match used.iter().position(|&u| !u) {
-        None => Ok(()),
-        Some(node) => {
-            let count = used.iter().filter(|&&u| !u).count();
-            let problem = format!("{count} nodes belong to no tetrahedron, the first is {node} (from 0)");
-            Err(keys.error("layer", problem, "remove them from the file"))
-        }
-    }
 }
 
 /// Proxies of a skin, and the skin back.

@@ -29,10 +29,13 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("repair/topology.rs"),
     include_str!("skin.rs"),
     include_str!("sphere.rs"),
+    include_str!("../scene/cursor.rs"),
     include_str!("../scene/gmsh.rs"),
     include_str!("../scene/obj.rs"),
+    include_str!("../scene/tetgen.rs"),
     include_str!("../scene/tetrahedra.rs"),
     include_str!("../scene/triangulate.rs"),
+    include_str!("../scene/vtk.rs"),
 ];
 
 #[cfg(test)]
@@ -41,7 +44,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     /// Files that the cached parts do not depend on.
-    const OTHERS: [&str; 20] = [
+    const OTHERS: [&str; 19] = [
         "prepare/bind.rs",
         "prepare/body.rs",
         "prepare/cache.rs",
@@ -58,7 +61,6 @@ mod tests {
         "scene/keys.rs",
         "scene/load.rs",
         "scene/mod.rs",
-        "scene/msh.rs",
         "scene/skeleton.rs",
         "scene/supported.rs",
         "scene/tests.rs",

@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 
 use super::keys::{Table, Value, suggest};
 use super::load::TOOL;
+use super::tetrahedra::EXTENSIONS;
 use super::{Bind, Body, Core, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
 use crate::Result;
 
@@ -164,7 +165,7 @@ fn surface(value: &Value) -> Result<Surface> {
 
 fn layer(value: &Value) -> Result<Layer> {
     if value.is_text() {
-        return mesh_file(value, &["msh"]).map(Layer::File);
+        return mesh_file(value, &EXTENSIONS).map(Layer::File);
     }
     let table = value.table(&["cell", "across", "box", "cells"])?;
     let kind = table.exactly_one(&["cell", "across", "box"])?;

@@ -4,17 +4,18 @@
 //! every number is finite and in range, every name resolves. Units are SI; quaternions are x y z w.
 
 mod body;
+mod cursor;
 mod drive;
 pub mod gmsh;
 mod keys;
 mod load;
-pub mod msh;
 pub mod obj;
 mod skeleton;
 mod supported;
 #[cfg(test)]
 mod tests;
-mod tetrahedra;
+pub mod tetgen;
+pub mod tetrahedra;
 mod triangulate;
 pub mod vtk;
 
