@@ -1,11 +1,8 @@
 //! Binding: which nodes of a layer ride on the body's core. Regions are in file coordinates, before scale.
 
 use glam::DVec3;
-use parry3d_f64::math::Vector;
-use parry3d_f64::query::PointQuery;
-use parry3d_f64::shape::TriMesh;
 
-use super::lattice::winding_number;
+use super::distance::{HALF, Solid};
 use super::skin::Sets;
 use super::{Layer, layer};
 use crate::scene::Bind;
@@ -47,11 +44,9 @@ fn inset(
     (vertices, triangles): (&[DVec3], &[[u32; 3]]),
     depth: f64,
 ) -> Result<Vec<bool>, (String, &'static str)> {
-    let points = vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
-    let surface = TriMesh::new(points, triangles.to_vec())
+    let surface = Solid::new(vertices, triangles)
         .map_err(|e| (format!("the skin cannot be searched: {e}"), "give a closed surface"))?;
-    let distance = |n: &DVec3| surface.distance_to_local_point(Vector::new(n.x, n.y, n.z), false);
-    let distances: Vec<f64> = layer.nodes.iter().map(distance).collect();
+    let distances: Vec<f64> = layer.nodes.iter().map(|&n| surface.distance(n)).collect();
     let mut sides = Sets::new(layer.nodes.len());
     for t in &layer.tetrahedra {
         for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
@@ -65,8 +60,7 @@ fn inset(
     let mut inside: Vec<Option<bool>> = vec![None; count];
     let mut deep = |n: usize| {
         distances[n] >= depth
-            && *inside[labels[n] as usize]
-                .get_or_insert_with(|| winding_number(vertices, triangles, layer.nodes[n]) > 0.5)
+            && *inside[labels[n] as usize].get_or_insert_with(|| surface.winding(layer.nodes[n]) > HALF)
     };
     Ok((0..layer.nodes.len()).map(&mut deep).collect())
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::model::{VERTICES, head};
+use super::stuffing::{Options, stuff};
 use super::{Body, Layer, Shape, embed, layer, mass, proxies, skin};
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Motion, Scene, Surface, ToolShape, gmsh, obj};
@@ -123,10 +124,11 @@ fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result
 /// The layer in file coordinates, nothing bound.
 fn file_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -> Result<Layer> {
     let layer = match (source, mesh) {
-        (scene::Layer::Cell(cell), Some(mesh)) => super::lattice::lattice(&mesh.vertices, &mesh.triangles, *cell)
-            .map_err(|problem| {
+        (scene::Layer::Cell(cell), Some(mesh)) => {
+            stuff(&mesh.vertices, &mesh.triangles, &Options::uniform(*cell)).map(|made| made.0).map_err(|problem| {
                 keys.error("layer.cell", problem, "cells are in the file's coordinates, before scale")
-            })?,
+            })?
+        }
         (scene::Layer::Cell(_), None) => {
             return Err(keys.error("layer.cell", "there is no surface to fill", "give `surface` too"));
         }
@@ -137,7 +139,7 @@ fn file_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
         }
         (scene::Layer::Box { low, high, cells }, _) => {
             let count = cells.iter().map(|&c| f64::from(c)).product::<f64>() * 6.0;
-            if !(1.0..=super::lattice::MAX_TETRAHEDRA).contains(&count) {
+            if !(1.0..=super::stuffing::MAX_TETRAHEDRA).contains(&count) {
                 let problem = format!("{count:.0} tetrahedra; there are at least 6 and at most 4 million");
                 return Err(keys.error("layer.cells", problem, "give other numbers of cells"));
             }

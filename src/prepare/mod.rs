@@ -5,15 +5,18 @@
 
 pub mod bind;
 mod body;
+pub mod distance;
 pub mod embed;
 pub mod hull;
-pub mod lattice;
+mod lattice;
 pub mod layer;
 pub mod mass;
 pub mod model;
 pub mod proxy;
+pub mod quality;
 pub mod skin;
 pub mod sphere;
+pub mod stuffing;
 #[cfg(test)]
 pub(crate) mod tests;
 

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 
-use super::{Body, Layer, NONE, Shape, body, embed, lattice, layer, mass, proxies, skin, tool};
+use super::{Body, Layer, NONE, Shape, body, embed, layer, mass, proxies, skin, stuffing, tool};
 use crate::Result;
 use crate::scene::{
     self, Bind, Contact, Core, Haptics, Material, Motion, Preconditioner, Scene, Solver, Step, Surface,
@@ -33,13 +33,13 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
         let high = mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         let cell = (high - low).max_element() / 25.0;
         let start = Instant::now();
-        let layer = lattice::lattice(&mesh.vertices, &mesh.triangles, cell).unwrap();
-        let lattice_time = start.elapsed();
+        let layer = stuffing::stuff(&mesh.vertices, &mesh.triangles, &stuffing::Options::uniform(cell)).unwrap().0;
+        let layer_time = start.elapsed();
         check_layer(&layer, mass::properties(&mesh.vertices, &mesh.triangles).volume);
         let embeddings = embed(&mesh.vertices, &layer).unwrap();
         let worst = embed::extrapolation(&embeddings);
         assert!(worst < 1e-8, "{name}: {worst}, cell {cell}");
-        let embed_time = start.elapsed() - lattice_time;
+        let embed_time = start.elapsed() - layer_time;
         let skin = skin::build(mesh.vertices, mesh.triangles);
         assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
         let start = Instant::now();
@@ -50,7 +50,7 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
         let margin = proxies.iter().map(|p| p.margin).fold(0.0, f64::max);
         let most = proxies.iter().map(|p| p.triangles.len()).max().unwrap();
         println!(
-            "{name}: {} tetrahedra {lattice_time:.0?}, embedding {embed_time:.0?}, {} proxies {proxy_time:.0?}, \
+            "{name}: {} tetrahedra {layer_time:.0?}, embedding {embed_time:.0?}, {} proxies {proxy_time:.0?}, \
              margin {margin:.2e}, most triangles {most}",
             layer.tetrahedra.len(),
             proxies.len()

@@ -28,7 +28,7 @@ pub fn surface(solid: &impl Fn(DVec3) -> f64, low: DVec3, high: DVec3, cell: f64
     // Only looked up, never walked: the numbering does not depend on hashing.
     let mut numbers: HashMap<(u32, u32), u32> = HashMap::new();
     let mut triangles = Vec::new();
-    lattice.each([0; 3], lattice.last(), |_, nodes| {
+    lattice.each(|nodes| {
         let inside = nodes.map(|n| values[n as usize] < 0.0);
         let mut cross = |i: usize, j: usize| {
             let (a, b) = (nodes[i].min(nodes[j]), nodes[i].max(nodes[j]));
