@@ -36,6 +36,8 @@ pub(super) enum Side {
 pub(super) struct Cuts {
     /// Each node's side of the surface.
     pub side: Vec<Side>,
+    /// Outside nodes taken in for thin features; never warped.
+    taken: HashSet<u32>,
     /// New positions of nodes on the surface, m.
     pub warped: HashMap<u32, DVec3>,
     /// Where the edge from an inside node to another leaves the solid, as a share of the edge.
@@ -65,11 +67,12 @@ fn threshold(a: u32, b: u32) -> f64 {
     if Lattice::is_long(a, b) { LONG } else { SHORT }
 }
 
-/// Cuts and warps the lattice for the surface moved outwards by `level` (m).
-pub(super) fn cut(solid: &Solid, lattice: &Lattice, field: &Field, edges: &[Edge], level: f64) -> Cuts {
+/// Cuts and warps the lattice for the surface moved outwards by `level` (m); the outside nodes `taken` count as inside.
+pub(super) fn cut(solid: &Solid, lattice: &Lattice, field: &Field, edges: &[Edge], level: f64, taken: &[u32]) -> Cuts {
     let side = |v: &f64| if *v < 0.0 { Side::Inside } else { Side::Outside };
     let mut cuts = Cuts {
         side: field.value.iter().map(side).collect(),
+        taken: taken.iter().copied().collect(),
         warped: HashMap::new(),
         leave: HashMap::new(),
         apart: HashSet::new(),
@@ -82,6 +85,8 @@ pub(super) fn cut(solid: &Solid, lattice: &Lattice, field: &Field, edges: &[Edge
             *leave = Leave::of(solid, lattice, edge, level);
         }
     });
+    taken.iter().for_each(|&n| cuts.side[n as usize] = Side::Inside);
+    cuts.leave_taken(lattice, edges, &mut leaves, taken);
     for (edge, leave) in edges.iter().zip(&leaves) {
         let [a, b] = edge.nodes;
         if let Some(t) = leave.forth {
@@ -196,6 +201,31 @@ impl Search<'_> {
 }
 
 impl Cuts {
+    /// Edges of nodes taken in: whole between two inside ends; otherwise cut past the last crossing, and no nearer to
+    /// the node than the angles can bear.
+    fn leave_taken(&mut self, lattice: &Lattice, edges: &[Edge], leaves: &mut [Leave], taken: &[u32]) {
+        for &n in taken {
+            for m in lattice.neighbours(n) {
+                let key = [n.min(m), n.max(m)];
+                let known = edges.binary_search_by_key(&key, |e| e.nodes).ok();
+                let both = self.side[m as usize] == Side::Inside;
+                let mut leave = Leave::default();
+                if !both {
+                    let hits = known.map(|i| &edges[i].hits);
+                    let first = hits.and_then(|h| h.first()).copied();
+                    let last = hits.and_then(|h| h.last()).copied();
+                    let past = if n < m { last } else { first.map(|t| 1.0 - t) };
+                    let share = past.unwrap_or(0.0).max(threshold(n, m));
+                    (leave.forth, leave.back) = if n < m { (Some(share), None) } else { (None, Some(share)) };
+                    self.leave.insert((n, m), share);
+                }
+                if let Some(i) = known {
+                    leaves[i] = leave;
+                }
+            }
+        }
+    }
+
     /// Moves every node with a cut too near onto the nearest of these, in node order. A warped node takes the cuts of
     /// its edges away from their other ends.
     fn warp(&mut self, lattice: &Lattice, edges: &[Edge], leaves: &[Leave]) {
@@ -211,6 +241,7 @@ impl Cuts {
             near.extend(forth.filter(|&t| t < threshold(a, b)).map(|t| (a, t, b)));
             near.extend(back.filter(|&t| t < threshold(a, b)).map(|t| (b, t, a)));
         }
+        near.retain(|n| !self.taken.contains(&n.0));
         near.sort_by_key(|n| n.0);
         for group in near.chunk_by(|m, n| m.0 == n.0) {
             let node = group[0].0;

@@ -16,6 +16,7 @@ mod sample;
 mod stencil;
 #[cfg(test)]
 mod tests;
+mod thin;
 mod volume;
 
 use std::time::Instant;
@@ -78,6 +79,15 @@ pub struct Crossings {
     pub widest: Vec<Crossing>,
 }
 
+/// Nodes taken in.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Thickened {
+    /// How many.
+    pub nodes: usize,
+    /// The first of them, in lattice order, m.
+    pub places: Vec<[f64; 3]>,
+}
+
 /// Loose bits of the filling, left out of the layer: parts that are not the largest of any connected surface they touch.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Dropped {
@@ -124,6 +134,8 @@ pub struct LayerReport {
     pub doubled: usize,
     /// Lattice edges across a gap that is filled: both sides hang together within a cell.
     pub welded: Crossings,
+    /// Lattice nodes outside the surface that were taken in, so that features thinner than a cell hang together.
+    pub thickened: Thickened,
     /// Lattice edges through material that the layer lacks: features thinner than a cell, and sharp edges.
     pub lost: Crossings,
     /// Wall-clock seconds.
@@ -149,7 +161,9 @@ pub fn stuff(vertices: &[DVec3], triangles: &[[u32; 3]], options: &Options) -> R
     let octants = grade::Octants::new(&solid, &lattice, &field, options.grade);
     let (surface_volume, clean) = volume::target(&solid, &lattice, &field, vertices, triangles);
     let area: f64 = triangles.iter().map(|t| triangle_area(t.map(|i| vertices[i as usize]))).sum();
-    let surface = Surface { vertices, triangles, solid, lattice, field, edges, octants, options };
+    let plain = cut::cut(&solid, &lattice, &field, &edges, 0.0, &[]);
+    let taken = thin::taken_in(&solid, (vertices, triangles), &lattice, &field, &plain);
+    let surface = Surface { vertices, triangles, solid, lattice, field, edges, taken, octants, options };
     let filled = surface.fill_to(surface_volume, area);
     if filled.layer.tetrahedra.is_empty() {
         return Err(format!(
@@ -157,7 +171,11 @@ pub fn stuff(vertices: &[DVec3], triangles: &[[u32; 3]], options: &Options) -> R
              is turned inside out; choose a smaller cell, or turn the surface"
         ));
     }
-    let report = filled.report(surface_volume, clean, &surface.lattice, start.elapsed().as_secs_f64())?;
+    let mut report = filled.report(surface_volume, clean, &surface.lattice, start.elapsed().as_secs_f64())?;
+    report.thickened = Thickened {
+        nodes: surface.taken.len(),
+        places: surface.taken.iter().take(PLACES).map(|&n| surface.lattice.position(n).to_array()).collect(),
+    };
     Ok((filled.layer, report))
 }
 
@@ -195,6 +213,7 @@ struct Surface<'a> {
     lattice: Lattice,
     field: sample::Field,
     edges: Vec<sample::Edge>,
+    taken: Vec<u32>,
     octants: grade::Octants,
     options: &'a Options,
 }
@@ -238,7 +257,7 @@ impl Surface<'_> {
     }
 
     fn fill(&self, shift: f64) -> Filled {
-        let cuts = cut::cut(&self.solid, &self.lattice, &self.field, &self.edges, shift);
+        let cuts = cut::cut(&self.solid, &self.lattice, &self.field, &self.edges, shift, &self.taken);
         let mut filling = fill::fill(&self.lattice, &self.octants, &cuts);
         let mut core = 0.0;
         if let Some(thickness) = self.options.thickness {
@@ -310,6 +329,7 @@ impl Filled {
             separated: self.separated,
             doubled: self.doubled,
             welded: crossings(self.welded.clone(), lattice),
+            thickened: Thickened::default(),
             lost: crossings(self.lost.clone(), lattice),
             seconds,
         })

@@ -95,7 +95,26 @@ fn the_real_meshes_keep_their_volume_and_their_angles() {
         let cell = share * largest_extent(&mesh);
         let (layer, report) = uniform(&mesh, cell);
         let out = embed::extrapolation(&embed(&mesh.0, &layer).unwrap());
-        println!("{name} cell {cell:.4}: {report:.3?} extrapolation {out:.2}");
+        println!(
+            "{name} cell {cell:.4}: {} nodes {} tetrahedra, dihedral {:.2} {:.2} {:.2}, volume {:+.2e}, shift {:.3} \
+             cells, parts {} dropped {} separated {} doubled {} welded {} lost {} thickened {}, extrapolation {out:.2}, \
+             {:.2} s",
+            report.nodes,
+            report.tetrahedra,
+            report.worst_dihedral,
+            report.first_percentile_dihedral,
+            report.largest_dihedral,
+            report.volume_difference,
+            report.shift / cell,
+            report.parts,
+            report.dropped.parts,
+            report.separated,
+            report.doubled,
+            report.welded.count,
+            report.lost.count,
+            report.thickened.nodes,
+            report.seconds,
+        );
         assert!(report.volume_difference.abs() < 0.02);
     }
 }
