@@ -9,7 +9,7 @@ use palpate::prepare::report::peak_memory;
 use palpate::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
 use palpate::report::picture::Picture;
 use palpate::report::{Output, figure};
-use palpate::scene::{self, Material, Model, Scene, Surface, gmsh, obj};
+use palpate::scene::{self, CellSize, Material, Model, Scene, Surface, gmsh, obj};
 use palpate::{Error, Result};
 
 use crate::press::{self, Press};
@@ -32,6 +32,12 @@ pub struct Arguments {
     /// Cells along the surface's largest extent
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=1000))]
     cells: u32,
+    /// Largest cell deep inside, as a multiple of the edge: 1, 2, 4 or 8
+    #[arg(long, value_name = "G", default_value_t = 1, value_parser = grade)]
+    grade: u32,
+    /// Fill only a shell of this depth, in the surface's units [default: everything]
+    #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
+    thickness: Option<f64>,
     /// Convex hulls at most
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(scene::MOST_HULLS)))]
     hulls: Option<u32>,
@@ -54,6 +60,11 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
         Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
         _ => Err("give a number greater than zero".into()),
     }
+}
+
+fn grade(text: &str) -> std::result::Result<u32, String> {
+    let grade = text.parse().ok().filter(|grade| [1, 2, 4, 8].contains(grade));
+    grade.ok_or_else(|| "give 1, 2, 4 or 8".into())
 }
 
 /// Prepares a surface. Nothing is written unless everything is.
@@ -100,10 +111,8 @@ fn run_path(arguments: &Arguments) -> String {
 /// A scene of one soft body, made of the options.
 fn scene_of(arguments: &Arguments) -> Result<Scene> {
     let surface = surface_of(&arguments.surface)?;
-    let layer = match arguments.cell {
-        Some(cell) => scene::Layer::Cell(cell),
-        None => scene::Layer::Across(arguments.cells),
-    };
+    let size = arguments.cell.map_or(CellSize::Across(arguments.cells), CellSize::Edge);
+    let layer = scene::Layer::Cells { size, grade: arguments.grade, thickness: arguments.thickness };
     let stem = arguments.surface.split(':').next().map(Path::new).and_then(Path::file_stem);
     let name: String = stem.unwrap_or_default().to_string_lossy().chars().filter(|c| is_plain(*c)).collect();
     let body = scene::Body {

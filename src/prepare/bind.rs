@@ -1,11 +1,8 @@
 //! Binding: which nodes of a layer lie in the region that a core carries. Regions are in file coordinates, before scale.
 
 use glam::DVec3;
-use parry3d_f64::math::Vector;
-use parry3d_f64::query::PointQuery;
-use parry3d_f64::shape::TriMesh;
 
-use super::lattice::winding_number;
+use super::distance::{HALF, Solid};
 use super::skin::Sets;
 use super::{Layer, layer};
 use crate::scene::{Bind, Capsule, Core};
@@ -44,7 +41,9 @@ fn inset(
     (vertices, triangles): (&[DVec3], &[[u32; 3]]),
     depth: f64,
 ) -> Result<Vec<bool>, (String, &'static str)> {
-    let distances = depths(layer, (vertices, triangles)).map_err(|problem| (problem, "give a closed surface"))?;
+    let surface = Solid::new(vertices, triangles)
+        .map_err(|e| (format!("the skin cannot be searched: {e}"), "give a closed surface"))?;
+    let distances: Vec<f64> = layer.nodes.iter().map(|&n| surface.distance(n)).collect();
     let mut sides = Sets::new(layer.nodes.len());
     for t in &layer.tetrahedra {
         for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
@@ -58,19 +57,15 @@ fn inset(
     let mut inside: Vec<Option<bool>> = vec![None; count];
     let mut deep = |n: usize| {
         distances[n] >= depth
-            && *inside[labels[n] as usize]
-                .get_or_insert_with(|| winding_number(vertices, triangles, layer.nodes[n]) > 0.5)
+            && *inside[labels[n] as usize].get_or_insert_with(|| surface.winding(layer.nodes[n]) > HALF)
     };
     Ok((0..layer.nodes.len()).map(&mut deep).collect())
 }
 
 /// Distance of each node from the skin, m, inside or outside. Errors: a skin that cannot be searched.
 pub fn depths(layer: &Layer, (vertices, triangles): (&[DVec3], &[[u32; 3]])) -> Result<Vec<f64>, String> {
-    let points = vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
-    let surface =
-        TriMesh::new(points, triangles.to_vec()).map_err(|e| format!("the skin cannot be searched: {e}"))?;
-    let distance = |n: &DVec3| surface.distance_to_local_point(Vector::new(n.x, n.y, n.z), false);
-    Ok(layer.nodes.iter().map(distance).collect())
+    let surface = Solid::new(vertices, triangles).map_err(|e| format!("the skin cannot be searched: {e}"))?;
+    Ok(layer.nodes.iter().map(|&n| surface.distance(n)).collect())
 }
 
 /// Distance of a point from a capsule's axis over the radius there: up to 1 inside.

@@ -47,6 +47,7 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     let recipe = Recipe { surface, layer, hulls: body.hulls };
     let prepared = recipe.prepared(&keys, cache, log)?;
     let report = report_of(&keys, layer, &prepared, log);
+    log.filling = prepared.filling.clone();
     let shape = log.stage(Stage::Bind, || match layer {
         Some(_) => soft(&keys, body, prepared),
         None => rigid(prepared, body.scale, motion(&body.cores))
@@ -59,9 +60,11 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
 fn report_of(keys: &Keys, layer: Option<&scene::Layer>, prepared: &Prepared, log: &Log) -> BodyReport {
     let of_surface = prepared.repair.as_ref().zip(keys.surface_file()).map(|(found, path)| repair::notes(found, path));
     let mut notes = of_surface.unwrap_or_default();
-    if let Some(scene::Layer::File(path)) = layer {
-        notes.extend(prepared.layer_notes.iter().map(|note| format!("{}: {note}", path.display())));
-    }
+    let place = match layer {
+        Some(scene::Layer::File(path)) => path.display().to_string(),
+        _ => format!("`{}.layer`", keys.prefix),
+    };
+    notes.extend(prepared.layer_notes.iter().map(|note| format!("{place}: {note}")));
     notes.extend(log.notes.iter().cloned());
     BodyReport { repair: prepared.repair.clone(), notes }
 }

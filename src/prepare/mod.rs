@@ -8,20 +8,23 @@ mod body;
 pub mod cache;
 pub mod cores;
 pub mod coverage;
+pub mod distance;
 pub mod embed;
 pub mod hull;
-pub mod lattice;
+mod lattice;
 pub mod layer;
 pub mod mass;
 pub mod model;
 pub mod prepared;
 pub mod proxy;
+pub mod quality;
 pub mod repair;
 pub mod report;
 mod ride;
 pub mod skin;
 mod sources;
 pub mod sphere;
+pub mod stuffing;
 #[cfg(test)]
 pub(crate) mod tests;
 

@@ -10,9 +10,10 @@ use super::body::Keys;
 use super::cache::{Cache, Entry, Key, KeyMaker};
 use super::repair::{self, RepairReport};
 use super::report::{CacheUse, Log, Stage};
-use super::{Embedding, Layer, Proxy, Skin, embed, lattice, layer, proxies, proxy, skin};
+use super::stuffing::{self, LayerReport, Options, stuff};
+use super::{Embedding, Layer, Proxy, Skin, embed, layer, proxies, proxy, skin};
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Surface, obj, tetrahedra};
+use crate::scene::{self, CellSize, Surface, obj, tetrahedra};
 use crate::Result;
 
 /// All that the costly parts depend on.
@@ -33,9 +34,11 @@ pub struct Prepared {
     pub mesh: TriangleMesh,
     /// The layer of a soft body, nothing bound.
     pub layer: Option<Layer>,
+    /// What came of filling the surface with cells.
+    pub filling: Option<LayerReport>,
     /// The number that each node has in the layer's file, ascending: nodes of no tetrahedron are left out.
     pub node_numbers: Vec<u32>,
-    /// What of the layer's file was left out or changed, a sentence each.
+    /// What of the layer's file or of the surface's shape was left out or changed, a sentence each.
     pub layer_notes: Vec<String>,
     /// Embedding of each skin vertex of a soft body.
     pub embedding: Vec<Embedding>,
@@ -98,9 +101,10 @@ impl Recipe<'_> {
             (surface, _) => (surface, None),
         };
         let made = self.layer.map(|source| log.stage(Stage::Layer, || make_layer(keys, surface.as_ref(), source)));
-        let (mut layer, mut layer_notes) = made.transpose()?.unzip();
-        let (node_numbers, dropped) = layer.as_mut().map(drop_unused).unwrap_or_default();
-        layer_notes.iter_mut().for_each(|notes: &mut Vec<String>| notes.extend(dropped.clone()));
+        let Filled { mut layer, notes: mut layer_notes, report: filling } = made.transpose()?.unwrap_or_default();
+        let (node_numbers, dropped) = drop_unused(&mut layer);
+        layer_notes.extend(dropped);
+        let layer = self.layer.map(|_| layer);
         let mesh = match (surface, &layer) {
             (Some(mesh), _) => mesh,
             (None, Some(layer)) => {
@@ -116,8 +120,7 @@ impl Recipe<'_> {
             None => Vec::new(),
         };
         let (mesh, proxies) = log.stage(Stage::Proxies, || cover(keys, mesh, self.hulls))?;
-        let layer_notes = layer_notes.unwrap_or_default();
-        Ok(Prepared { mesh, layer, node_numbers, layer_notes, embedding, proxies, repair })
+        Ok(Prepared { mesh, layer, filling, node_numbers, layer_notes, embedding, proxies, repair })
     }
 }
 
@@ -145,40 +148,48 @@ fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
     }
 }
 
-/// The layer in file coordinates, nothing bound, and what was left out of its file.
-fn make_layer(
-    keys: &Keys,
-    mesh: Option<&TriangleMesh>,
-    source: &scene::Layer,
-) -> Result<(Layer, Vec<String>)> {
-    let around = |cell: f64, mesh: &TriangleMesh| {
-        // The inside must not run out through a hole.
-        let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
-        lattice::lattice(&vertices, &triangles, cell)
-    };
+/// A layer, and what came of making it.
+#[derive(Default)]
+struct Filled {
+    layer: Layer,
+    notes: Vec<String>,
+    report: Option<LayerReport>,
+}
+
+/// The layer in file coordinates, nothing bound.
+fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -> Result<Filled> {
     let layer = match (source, mesh) {
-        (scene::Layer::Cell(cell), Some(mesh)) => around(*cell, mesh)
-            .map_err(|p| keys.error("layer.cell", p, "cells are in the file's coordinates, before scale"))?,
-        (scene::Layer::Across(cells), Some(mesh)) => around(largest_extent(mesh) / f64::from(*cells), mesh)
-            .map_err(|p| keys.error("layer.across", p, "give another number of cells"))?,
-        (scene::Layer::Cell(_) | scene::Layer::Across(_), None) => {
+        (scene::Layer::Cells { size, grade, thickness }, Some(mesh)) => {
+            let (key, cell) = match *size {
+                CellSize::Edge(edge) => ("layer.cell", edge),
+                CellSize::Across(cells) => ("layer.across", largest_extent(mesh) / f64::from(cells)),
+            };
+            // Holes are closed, so that volumes are compared with those of the same solid.
+            let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
+            let options = Options { cell, grade: *grade, thickness: *thickness };
+            let made = stuff(&vertices, &triangles, &options)
+                .map_err(|p| keys.error(key, p, "cells are in the file's coordinates, before scale"))?;
+            return Ok(Filled { layer: made.0, notes: notes_of(&made.1), report: Some(made.1) });
+        }
+        (scene::Layer::Cells { .. }, None) => {
             return Err(keys.error("layer", "there is no surface to fill", "give `surface` too"));
         }
         (scene::Layer::File(path), _) => {
             let mesh = tetrahedra::read(path)?;
             let bound = vec![false; mesh.nodes.len()];
-            return Ok((Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound }, mesh.notes));
+            let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound };
+            return Ok(Filled { layer, notes: mesh.notes, report: None });
         }
         (scene::Layer::Box { low, high, cells }, _) => {
             let count = cells.iter().map(|&c| f64::from(c)).product::<f64>() * 6.0;
-            if !(1.0..=lattice::MAX_TETRAHEDRA).contains(&count) {
+            if !(1.0..=stuffing::MAX_TETRAHEDRA).contains(&count) {
                 let problem = format!("{count:.0} tetrahedra; there are at least 6 and at most 4 million");
                 return Err(keys.error("layer.cells", problem, "give other numbers of cells"));
             }
             layer::kuhn_box(*low, *high, *cells)
         }
     };
-    Ok((layer, Vec::new()))
+    Ok(Filled { layer, notes: Vec::new(), report: None })
 }
 
 /// Leaves out nodes of no tetrahedron, which have no mass and whose motion has no meaning; the number in the file of each
@@ -189,6 +200,28 @@ fn drop_unused(layer: &mut Layer) -> (Vec<u32>, Option<String>) {
     let dropped = before - numbers.len();
     let note = format!("{dropped} nodes of no tetrahedron left out; `nodes` of a core keep the file's numbers");
     (numbers, (dropped > 0).then_some(note))
+}
+
+/// What of the surface a filling could not follow, a sentence each.
+fn notes_of(made: &LayerReport) -> Vec<String> {
+    let at = |places: &[[f64; 3]]| match places.first() {
+        Some([x, y, z]) => format!(", first near [{x:.4}, {y:.4}, {z:.4}]"),
+        None => String::new(),
+    };
+    let mut notes = Vec::new();
+    if made.welded.count > 0 {
+        let widest: Vec<[f64; 3]> = made.welded.widest.iter().map(|crossing| crossing.place).collect();
+        let place = at(&widest);
+        notes.push(format!(
+            "{} gaps narrower than a cell are filled, and their sides hang together{place}; smaller cells part them",
+            made.welded.count
+        ));
+    }
+    if made.dropped.parts > 0 {
+        let place = at(&made.dropped.places);
+        notes.push(format!("{} bits thinner than a cell are left out{place}; smaller cells hold them", made.dropped.parts));
+    }
+    notes
 }
 
 fn largest_extent(mesh: &TriangleMesh) -> f64 {

@@ -7,7 +7,8 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::repair::RepairReport;
-use super::{Layer, Proxy, Shape, Skin, coverage, embed, layer, mass, repair, skin};
+use super::stuffing::LayerReport;
+use super::{Layer, Proxy, Shape, Skin, coverage, embed, layer, mass, quality, repair, skin};
 
 /// A stage of preparation, in the order in which they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -70,12 +71,14 @@ pub struct Log<'a> {
     pub cache: CacheUse,
     /// What the user should know and need not act on.
     pub notes: Vec<String>,
+    /// What came of filling the surface with cells.
+    pub filling: Option<LayerReport>,
 }
 
 impl<'a> Log<'a> {
     /// A log that calls `watch` as each stage begins.
     pub fn new(watch: &'a mut dyn FnMut(Stage)) -> Self {
-        Log { watch, seconds: Vec::new(), cache: CacheUse::Off, notes: Vec::new() }
+        Log { watch, seconds: Vec::new(), cache: CacheUse::Off, notes: Vec::new(), filling: None }
     }
 
     /// Runs a stage.
@@ -155,6 +158,8 @@ pub struct LayerFacts {
     pub largest_extrapolation: f64,
     /// Nodes bound to cores.
     pub bound_nodes: usize,
+    /// What came of filling the surface with cells, in file coordinates; null for a layer from a file.
+    pub filling: Option<LayerReport>,
 }
 
 /// Facts about proxies.
@@ -185,8 +190,11 @@ impl Report {
             Shape::Plane { .. } => return None,
         };
         let facts = skin_facts(skin);
-        let layer =
-            layer.map(|(layer, embedding)| layer_facts(layer, embed::extrapolation(embedding), facts.volume_m3));
+        let measure = |(layer, embedding)| LayerFacts {
+            filling: log.filling,
+            ..layer_facts(layer, embed::extrapolation(embedding), facts.volume_m3)
+        };
+        let layer = layer.map(measure);
         Some(Report {
             name: body.name.clone(),
             skin: facts,
@@ -226,32 +234,18 @@ fn skin_facts(skin: &Skin) -> SkinFacts {
 
 fn layer_facts(layer: &Layer, largest_extrapolation: f64, skin_volume: f64) -> LayerFacts {
     let volume = layer.tetrahedra.iter().map(|t| layer::volume6(&layer.nodes, t) / 6.0).sum::<f64>();
-    let angles = dihedrals(layer);
-    let angle = |share: f64| angles.get((share * angles.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+    let angles = quality::quality(layer);
     LayerFacts {
         nodes: layer.nodes.len(),
         tetrahedra: layer.tetrahedra.len(),
         volume_m3: volume,
         volume_difference: volume / skin_volume - 1.0,
-        worst_dihedral_deg: angle(0.0),
-        first_percentile_dihedral_deg: angle(0.01),
+        worst_dihedral_deg: angles.map_or(f64::NAN, |a| a.worst),
+        first_percentile_dihedral_deg: angles.map_or(f64::NAN, |a| a.first_percentile),
         largest_extrapolation,
+        filling: None,
         bound_nodes: layer.bound.iter().filter(|&&bound| bound).count(),
     }
-}
-
-/// All dihedral angles of a layer, degrees, ascending.
-fn dihedrals(layer: &Layer) -> Vec<f64> {
-    let mut angles = Vec::with_capacity(6 * layer.tetrahedra.len());
-    for t in &layer.tetrahedra {
-        let x = t.map(|i| layer.nodes[i as usize]);
-        let outward = layer::FACES.map(|f| (x[f[1]] - x[f[0]]).cross(x[f[2]] - x[f[0]]).normalize_or_zero());
-        for i in 0..4 {
-            angles.extend((0..i).map(|j| (-outward[i].dot(outward[j])).clamp(-1.0, 1.0).acos().to_degrees()));
-        }
-    }
-    angles.sort_unstable_by(f64::total_cmp);
-    angles
 }
 
 fn proxy_facts(skin: &Skin, proxies: &[Proxy]) -> ProxyFacts {

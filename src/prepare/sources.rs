@@ -4,6 +4,7 @@
 /// Contents of every file that a body's costly parts depend on.
 pub(super) const SOURCES: &[&str] = &[
     include_str!("../../Cargo.lock"),
+    include_str!("distance.rs"),
     include_str!("embed.rs"),
     include_str!("hull.rs"),
     include_str!("lattice.rs"),
@@ -21,6 +22,7 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("model/split.rs"),
     include_str!("prepared.rs"),
     include_str!("proxy.rs"),
+    include_str!("quality.rs"),
     include_str!("repair/crossings.rs"),
     include_str!("repair/faces.rs"),
     include_str!("repair/mod.rs"),
@@ -29,6 +31,15 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("repair/topology.rs"),
     include_str!("skin.rs"),
     include_str!("sphere.rs"),
+    include_str!("stuffing/cut.rs"),
+    include_str!("stuffing/fill.rs"),
+    include_str!("stuffing/grade.rs"),
+    include_str!("stuffing/mod.rs"),
+    include_str!("stuffing/parts.rs"),
+    include_str!("stuffing/sample.rs"),
+    include_str!("stuffing/stencil.rs"),
+    include_str!("stuffing/thin.rs"),
+    include_str!("stuffing/volume.rs"),
     include_str!("../scene/cursor.rs"),
     include_str!("../scene/gmsh.rs"),
     include_str!("../scene/obj.rs"),
@@ -44,7 +55,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     /// Files that the cached parts do not depend on.
-    const OTHERS: [&str; 19] = [
+    const OTHERS: [&str; 20] = [
         "prepare/bind.rs",
         "prepare/body.rs",
         "prepare/cache.rs",
@@ -55,6 +66,7 @@ mod tests {
         "prepare/report.rs",
         "prepare/ride.rs",
         "prepare/sources.rs",
+        "prepare/stuffing/tests.rs",
         "prepare/tests.rs",
         "scene/body.rs",
         "scene/drive.rs",

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 
-use super::{Body, Layer, NONE, Shape, body, embed, lattice, layer, mass, proxies, skin, tool};
+use super::{Body, Layer, NONE, Shape, body, embed, layer, mass, proxies, skin, stuffing, tool};
 use crate::Result;
 use crate::scene::{
     self, Bind, Contact, Core, Haptics, Material, Model, Motion, Preconditioner, Scene, Solver, Step, Surface,
@@ -33,13 +33,13 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
         let high = mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         let cell = (high - low).max_element() / 25.0;
         let start = Instant::now();
-        let layer = lattice::lattice(&mesh.vertices, &mesh.triangles, cell).unwrap();
-        let lattice_time = start.elapsed();
+        let layer = stuffing::stuff(&mesh.vertices, &mesh.triangles, &stuffing::Options::uniform(cell)).unwrap().0;
+        let layer_time = start.elapsed();
         check_layer(&layer, mass::properties(&mesh.vertices, &mesh.triangles).volume);
         let embeddings = embed(&mesh.vertices, &layer).unwrap();
         let worst = embed::extrapolation(&embeddings);
         assert!(worst < 1e-8, "{name}: {worst}, cell {cell}");
-        let embed_time = start.elapsed() - lattice_time;
+        let embed_time = start.elapsed() - layer_time;
         let skin = skin::build(mesh.vertices, mesh.triangles);
         assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
         let start = Instant::now();
@@ -50,7 +50,7 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
         let margin = proxies.iter().map(|p| p.margin).fold(0.0, f64::max);
         let most = proxies.iter().map(|p| p.triangles.len()).max().unwrap();
         println!(
-            "{name}: {} tetrahedra {lattice_time:.0?}, embedding {embed_time:.0?}, {} proxies {proxy_time:.0?}, \
+            "{name}: {} tetrahedra {layer_time:.0?}, embedding {embed_time:.0?}, {} proxies {proxy_time:.0?}, \
              margin {margin:.2e}, most triangles {most}",
             layer.tetrahedra.len(),
             proxies.len()
@@ -153,7 +153,7 @@ fn cells_out_of_range_are_refused_by_name() {
     let layer = scene::Layer::Box { low: DVec3::ZERO, high: DVec3::ONE, cells: [200, 200, 200] };
     let error = prepared(&scene(scene::Shape::Soft { surface: None, layer }, &[])).unwrap_err().to_string();
     assert!(error.contains("`body.thing.layer.cells`") && error.contains("48000000"), "{error}");
-    let layer = scene::Layer::Cell(3.0);
+    let layer = scene::Layer::of_cells(3.0);
     let surface = Some(Surface::Model { model: Model::Head, vertices: 3000 });
     let error = prepared(&scene(scene::Shape::Soft { surface, layer }, &[])).unwrap_err().to_string();
     assert!(error.contains("`body.thing.layer.cell`") && error.contains("smaller than one cell"), "{error}");
@@ -197,7 +197,7 @@ fn the_sphere_tool_is_a_ball_and_a_tool_body_is_not_made_here() {
 fn the_real_head_is_prepared_with_a_core() {
     let Some(folder) = meshes("the real head") else { return };
     let surface = Some(Surface::File(folder.join("surf/head.obj")));
-    let shape = scene::Shape::Soft { surface, layer: scene::Layer::Cell(0.012) };
+    let shape = scene::Shape::Soft { surface, layer: scene::Layer::of_cells(0.012) };
     let start = std::time::Instant::now();
     let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
     println!("head in {:.1?}", start.elapsed());

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use super::keys::{Table, Value, suggest};
 use super::load::TOOL;
 use super::tetrahedra::EXTENSIONS;
-use super::{Bind, Body, Core, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
+use super::{Bind, Body, CellSize, Core, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
 use crate::Result;
 
 const BODY_KEYS: [&str; 17] = [
@@ -116,7 +116,7 @@ fn shape(table: &Table) -> Result<Shape> {
     let layer = table.option("layer", layer)?;
     match (surface, layer) {
         (surface, Some(layer)) => {
-            if surface.is_none() && matches!(layer, Layer::Cell(_) | Layer::Across(_)) {
+            if surface.is_none() && matches!(layer, Layer::Cells { .. }) {
                 return Err(table.error("surface", "missing", "a layer of cells is made around a `surface`: add one"));
             }
             if !table.has("material") {
@@ -167,16 +167,19 @@ fn layer(value: &Value) -> Result<Layer> {
     if value.is_text() {
         return mesh_file(value, &EXTENSIONS).map(Layer::File);
     }
-    let table = value.table(&["cell", "across", "box", "cells"])?;
+    let table = value.table(&["cell", "across", "grade", "thickness", "box", "cells"])?;
     let kind = table.exactly_one(&["cell", "across", "box"])?;
     if kind != "box" {
         refuse(&table, &["cells"], "belongs to a box")?;
         let value = table.need(kind)?;
-        return match kind {
-            "cell" => value.positive().map(Layer::Cell),
-            _ => value.whole(1, MOST_ACROSS).map(Layer::Across),
+        let size = match kind {
+            "cell" => CellSize::Edge(value.positive()?),
+            _ => CellSize::Across(value.whole(1, MOST_ACROSS)?),
         };
+        let thickness = table.option("thickness", Value::positive)?;
+        return Ok(Layer::Cells { size, grade: table.or("grade", 1, grade)?, thickness });
     }
+    refuse(&table, &["grade", "thickness"], "belongs to cells that fill a surface")?;
     let (low, high) = corners(&table.need("box")?)?;
     let counts = table.need("cells")?;
     let cells: [u32; 3] = counts.array_of(|value| value.whole(1, 1 << 20))?;
@@ -185,6 +188,12 @@ fn layer(value: &Value) -> Result<Layer> {
         return Err(counts.error("makes too many tetrahedra", format!("stay below {MAX_BOX_TETRAHEDRA} (6 a cell)")));
     }
     Ok(Layer::Box { low, high, cells })
+}
+
+/// How much larger cells may be deep inside.
+fn grade(value: &Value) -> Result<u32> {
+    let grade = value.whole(1, 8)?;
+    if grade.is_power_of_two() { Ok(grade) } else { Err(value.error(format!("is {grade}"), "give 1, 2, 4 or 8")) }
 }
 
 /// `[[x, y, z], [x, y, z]]`, the first below the second on every axis.

@@ -172,10 +172,15 @@ pub enum Surface {
 /// Where the layer comes from.
 #[derive(Debug, Clone)]
 pub enum Layer {
-    /// Made around the surface, from lattice cells with this edge (file coordinates, before scale).
-    Cell(f64),
-    /// The same, with this many cells along the surface's largest extent.
-    Across(u32),
+    /// Made to fill the surface, from lattice cells.
+    Cells {
+        /// Their edge.
+        size: CellSize,
+        /// Largest cell deep inside, as a multiple of the edge: 1 (all equal), 2, 4 or 8.
+        grade: u32,
+        /// Depth of the shell that is filled, m in file coordinates; `None`: everything.
+        thickness: Option<f64>,
+    },
     /// A tetrahedral mesh file.
     File(PathBuf),
     /// A box of Kuhn cells, each cut along (0,0,0)-(1,1,1).
@@ -187,6 +192,22 @@ pub enum Layer {
         /// Cells per axis.
         cells: [u32; 3],
     },
+}
+
+impl Layer {
+    /// Equal cells of an edge (file coordinates, before scale) throughout.
+    pub fn of_cells(edge: f64) -> Layer {
+        Layer::Cells { size: CellSize::Edge(edge), grade: 1, thickness: None }
+    }
+}
+
+/// Edge of the cells that a layer is made from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CellSize {
+    /// This edge, m in file coordinates, before scale.
+    Edge(f64),
+    /// So many along the surface's largest extent.
+    Across(u32),
 }
 
 /// Linear elastic material.

@@ -81,7 +81,7 @@ impl<S: Fn(DVec3) -> f64> Field<'_, S> {
 
     fn tetrahedra(&self, cell: [usize; 3]) -> Vec<[u32; 4]> {
         let mut tetrahedra = Vec::with_capacity(12);
-        self.lattice.each(cell, cell, |_, nodes| tetrahedra.push(nodes));
+        (0..3).for_each(|axis| tetrahedra.extend(self.lattice.on_face(cell, axis)));
         tetrahedra
     }
 
@@ -95,7 +95,7 @@ impl<S: Fn(DVec3) -> f64> Field<'_, S> {
     /// The cells of one piece of surface, in lattice order.
     fn crossed(&mut self, inside: DVec3) -> Vec<[usize; 3]> {
         let [x, y, z] = self.lattice.cell_at(inside);
-        let last = self.lattice.last();
+        let last = self.lattice.size().map(|s| s - 1);
         let mut queue: Vec<_> = (x..=last[0]).map(|x| [x, y, z]).find(|&c| self.crosses(c)).into_iter().collect();
         let mut seen: HashSet<[usize; 3]> = queue.iter().copied().collect();
         let mut found = Vec::new();
