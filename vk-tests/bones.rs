@@ -6,7 +6,7 @@ use std::fmt::Write;
 use glam::{DQuat, DVec3};
 use palpate::haptics::drive::{Device, Drive};
 use palpate::oracle;
-use palpate::prepare::{FrameMotion, Shape};
+use palpate::prepare::{FrameMotion, Shape, layer};
 use palpate::report::Flags;
 use palpate::scene::{Key, Scene};
 use palpate::step::Simulation;
@@ -125,6 +125,49 @@ fn a_block_whose_core_is_driven_into_the_tool_pushes_as_the_oracles() {
     let (peak, force, shape) = pressed(&scene, 50);
     println!("driven block: force {force:.1e} of {peak:.2} N, shape {shape:.1e}");
     assert!(peak > 0.1 && force < FORCE && shape < SHAPE, "{force:e} {shape:e}");
+}
+
+/// The surface of a cube with this half edge, as an OBJ.
+fn cube(half: f64) -> String {
+    let (vertices, triangles, _) = layer::boundary(&layer::kuhn_box(DVec3::splat(-half), DVec3::splat(half), [3; 3]));
+    let v = vertices.iter().map(|x| format!("v {:?} {:?} {:?}\n", x.x, x.y, x.z));
+    let f = triangles.iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1));
+    v.chain(f).collect()
+}
+
+#[test]
+fn a_driven_body_presses_as_if_the_other_came_to_it() {
+    // A rigid cube comes down on a block; or rests, while the block's core goes up: the same, seen from elsewhere.
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("cube.obj");
+    std::fs::write(&file, cube(0.02)).unwrap();
+    let run_with = |block: &str, core: &str, body: &str| {
+        let text = format!(
+            "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\n{TIGHT}\n[[body]]\nname = \"block\"\n{block}\n\
+             layer = {{ box = [[-0.04, -0.04, -0.04], [0.04, 0.0, 0.04]], cells = [8, 4, 8] }}\n\
+             material = {{ young = 2e4, poisson = 0.4, density = 1000.0 }}\n\
+             [[body.core]]\nname = \"bottom\"\n{core}\nbind = {{ box = [[-1.0, -1.0, -1.0], [1.0, -0.039, 1.0]] }}\n\
+             [[body]]\nname = \"cube\"\nsurface = {file:?}\n{body}\n"
+        );
+        let mut simulation = open(&scene(&text), None);
+        let rows = run(&mut simulation, 80);
+        assert!(rows.iter().all(|row| row.flags == Flags::default()));
+        assert!(rows[79].contacts.unwrap() > 8, "{:?}", rows[79].contacts);
+        (simulation.nodes(0).unwrap().unwrap().0, simulation.frames(0)[0].centre)
+    };
+    let down = "motion = \"driven\"\nkeys = [[0.0, 0.003, 0.0205, 0.0, 0.1, 0.0, 0.0, 0.99498743710662], \
+                [0.08, 0.003, 0.0125, 0.0, 0.1, 0.0, 0.0, 0.99498743710662]]";
+    let (pressed, start) = run_with("", "", down);
+    let rest = "position = [0.003, 0.0205, 0.0]\norientation = [0.1, 0.0, 0.0, 0.99498743710662]";
+    let up = "motion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0], [0.08, 0.0, 0.008, 0.0]]";
+    let (lifted, end) = run_with("velocity = [0.0, 0.1, 0.0]", up, rest);
+    let lift = end - start;
+    assert!((lift - DVec3::Y * 0.008).length() < 1e-12, "{lift}");
+    let relative: Vec<DVec3> = lifted.iter().map(|d| *d - lift).collect();
+    let error = relative_error(&relative, &pressed);
+    let largest = pressed.iter().map(|d| d.length()).fold(0.0, f64::max);
+    println!("driven cube: shapes differ by {error:.1e} of {largest:.4} m");
+    assert!(largest > 0.005 && error < SHAPE, "{error:e}");
 }
 
 #[test]

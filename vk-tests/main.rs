@@ -6,6 +6,7 @@ mod bones;
 mod contact;
 mod contact_sizes;
 mod cull;
+mod deep;
 mod depth;
 mod elastic;
 mod energy;

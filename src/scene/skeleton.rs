@@ -89,7 +89,7 @@ mod tests {
     /// Nodes that a bone holds at least: three hold a rigid body.
     const HELD: usize = 3;
     /// Cell of the human's layer (m), which gives about 10,340 tetrahedra.
-    const CELL: f64 = 0.04;
+    const CELL: f64 = 0.05;
 
     fn skeleton(text: &str) -> Result<Skeleton> {
         let folder = tempfile::tempdir().unwrap();

@@ -298,9 +298,9 @@ impl Passes {
             .input("solution", &self.solution)
             .input("rhs", &self.rhs)
             .input("image", &self.image)
+            .input("node_rest", &s.model.node_rest)
             .inout("velocity", &s.velocity)
             .inout("displacement", &s.displacement)
-            .input("node_rest", &s.model.node_rest)
             .partial("leftover", &self.leftover)
             .elements(self.nodes())
             .run();

@@ -31,7 +31,7 @@ pub fn human(vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         bounds: [DVec3::new(-1.7, -0.5, -0.40), DVec3::new(1.7, 2.2, 0.50)],
         inside: DVec3::new(0.0, 1.2, 0.0),
         vertices_per_cell: 13.0,
-        coarsest: 0.010,
+        coarsest: 0.014,
     };
     let (mut vertices, triangles) = blank.surface(vertex_count);
     vertices.iter_mut().for_each(|v| *v = from_mesher(*v));

@@ -34,7 +34,8 @@ const STEM_GROOVE: f64 = 0.16;
 /// A pumpkin with exactly `vertex_count` vertices.
 pub fn pumpkin(vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let directions = std::array::from_fn(|k| {
-        let (sine, cosine) = libm::sincos(std::f64::consts::TAU * k as f64 / RIBS as f64);
+        // A rib faces +z.
+        let (sine, cosine) = libm::sincos(std::f64::consts::TAU * (k as f64 + 0.5) / RIBS as f64);
         DVec3::new(cosine, 0.0, sine)
     });
     let blank = Blank {
