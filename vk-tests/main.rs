@@ -6,6 +6,7 @@ mod contact;
 mod contact_sizes;
 mod cull;
 mod depth;
+mod dirty;
 mod elastic;
 mod energy;
 mod extremes;
