@@ -22,7 +22,8 @@ pub fn read(path: &Path) -> Result<TetMesh> {
     parse(&cursor::bytes(path)?, path)
 }
 
-fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
+/// [`read`] of a file's bytes; the path names it in messages.
+pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     let mut cursor = Cursor::new(path, bytes, REMEDY);
     header(&mut cursor)?;
     let (mut file, mut cells, mut types) = (Contents::default(), Cells::default(), Vec::new());
