@@ -143,6 +143,12 @@ fn cluster(corners: &mut [[DVec3; 3]], first: usize, end: usize, clusters: &mut 
     }
 }
 
+/// How often triangles wind around a point, each of them looked at: for few points, or few triangles.
+pub fn winding_number(vertices: &[DVec3], triangles: &[[u32; 3]], point: DVec3) -> f64 {
+    let corners = |t: &[u32; 3]| [t.map(|i| vertices[i as usize])];
+    triangles.iter().map(|t| solid_angle(&corners(t), point)).sum::<f64>() / (4.0 * PI)
+}
+
 /// Sum of the solid angles of triangles seen from a point.
 fn solid_angle(triangles: &[[DVec3; 3]], point: DVec3) -> f64 {
     let mut angle = 0.0;

@@ -133,6 +133,7 @@ impl Lattice {
     }
 
     /// Calls `f` with the nodes of every tetrahedron, each of positive volume.
+    #[cfg(test)]
     pub(super) fn each(&self, mut f: impl FnMut([u32; 4])) {
         self.each_cell(|cell| (0..3).for_each(|axis| self.on_face(cell, axis).for_each(&mut f)));
     }

@@ -190,11 +190,10 @@ impl Report {
             Shape::Plane { .. } => return None,
         };
         let facts = skin_facts(skin);
-        let measure = |(layer, embedding)| LayerFacts {
+        let layer = layer.map(|(layer, embedding)| LayerFacts {
             filling: log.filling,
             ..layer_facts(layer, embed::extrapolation(embedding), facts.volume_m3)
-        };
-        let layer = layer.map(measure);
+        });
         Some(Report {
             name: body.name.clone(),
             skin: facts,

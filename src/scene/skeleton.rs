@@ -80,8 +80,9 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::prepare::lattice::{lattice, winding_number};
-    use crate::prepare::{Layer, bind};
+    use crate::prepare::distance::winding_number;
+    use crate::prepare::stuffing::{Options, stuff};
+    use crate::prepare::bind;
     use crate::scene::{Bind, Core, Model, Motion};
 
     /// Axes of bones keep at least this far from the skin, m.
@@ -135,7 +136,7 @@ mod tests {
     #[test]
     fn every_bone_of_the_human_holds_nodes_of_a_coarse_layer() {
         let (vertices, triangles) = Model::Human.surface(Model::Human.default_vertices());
-        let layer: Layer = lattice(&vertices, &triangles, CELL).unwrap();
+        let (layer, _) = stuff(&vertices, &triangles, &Options::uniform(CELL)).unwrap();
         println!("{} nodes, {} tetrahedra", layer.nodes.len(), layer.tetrahedra.len());
         let core = |bone: &Bone| Core {
             name: bone.name.clone(),

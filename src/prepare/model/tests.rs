@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::gear::TIP;
 use super::*;
-use crate::prepare::lattice::winding_number;
+use crate::prepare::distance::winding_number;
 use crate::prepare::{NONE, Skin, mass, skin};
 
 /// Triangles met when walking once around corner `k` of a triangle.

@@ -6,7 +6,7 @@ use super::faces::Faces;
 use super::report::{Count, RepairReport};
 use super::topology::Edges;
 use super::{Refusal, points};
-use crate::prepare::lattice::winding_number;
+use crate::prepare::distance::winding_number;
 use crate::prepare::skin::Sets;
 
 /// A piece's volume against the cube of its box's diagonal: less is a sheet folded on itself, not a solid.

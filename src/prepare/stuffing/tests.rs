@@ -4,7 +4,6 @@ use glam::DVec3;
 
 use super::*;
 use crate::prepare::layer::{self, FACES};
-use crate::prepare::model::head;
 use crate::prepare::tests::meshes;
 use crate::prepare::{embed, sphere};
 use crate::scene::obj;
