@@ -39,8 +39,17 @@ fn a_model_becomes_a_body_that_a_scene_can_use() {
     let folder = tempfile::tempdir().unwrap();
     let (cache, out) = (folder.path().join("cache"), folder.path().join("new/out"));
     let report = prepared(&cache, &out, &["head:1500", "--cells", "15", "--scale", "2"]);
-    let expected =
-        ["figure.png", "layer.msh", "layer.png", "proxies.png", "report.json", "report.txt", "scene.toml", "skin.obj", "skin.png"];
+    let expected = [
+        "figure.png",
+        "layer.msh",
+        "layer.png",
+        "proxies.png",
+        "report.json",
+        "report.txt",
+        "scene.toml",
+        "skin.obj",
+        "skin.png",
+    ];
     assert_eq!(names(&out), expected);
     assert_eq!((&report["skin"]["vertices"], &report["skin"]["triangles"]), (&1500.into(), &2996.into()));
     assert_eq!((&report["skin"]["components"], &report["skin"]["boundary_edges"]), (&1.into(), &0.into()));

@@ -199,8 +199,7 @@ fn show(bar: &ProgressBar, stage: Stage) {
 fn write_pictures(output: &mut Output, body: &Body, layer: &Layer, skin: &Skin) -> Result<()> {
     let (Shape::Soft { proxies, .. } | Shape::Rigid { proxies, .. }) = &body.shape else { return Ok(()) };
     let view = figure::view(skin);
-    let pictures =
-        [figure::proxies(proxies, &view), figure::layer(layer, &view), figure::skin(skin, &view)];
+    let pictures = [figure::proxies(proxies, &view), figure::layer(layer, &view), figure::skin(skin, &view)];
     for (name, picture) in ["proxies.png", "layer.png", "skin.png"].into_iter().zip(&pictures) {
         output.write(name, |w| picture.write_png(w))?;
     }

@@ -46,7 +46,10 @@ impl Press {
     /// the sphere, so that a body of any size is pressed in the same time.
     pub fn write(&self, w: &mut impl Write, name: &str, inset: f64) -> std::io::Result<()> {
         let (r, s, e) = (self.radius, self.start, self.end);
-        writeln!(w, "# A sphere presses into {name}. Written by palpate prepare; run it with: palpate run scene.toml\n")?;
+        writeln!(
+            w,
+            "# A sphere presses into {name}. Written by palpate prepare; run it with: palpate run scene.toml\n"
+        )?;
         writeln!(w, "[step]\ngravity = [0.0, 0.0, 0.0]       # a soft body at rest keeps its shape\n")?;
         writeln!(w, "[contact]\ndepth_limit = {r:?}\n")?;
         writeln!(w, "[[body]]\nname = \"{name}\"\nsurface = \"skin.obj\"\nlayer = \"layer.msh\"")?;

@@ -102,8 +102,8 @@ pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
         }
     };
     let report = report_of(&keys, None, &prepared, &log);
-    let shape =
-        rigid(prepared, tool.scale, FrameMotion::Fixed).map_err(|p| keys.error(key, p, "give a closed surface with volume"))?;
+    let shape = rigid(prepared, tool.scale, FrameMotion::Fixed)
+        .map_err(|p| keys.error(key, p, "give a closed surface with volume"))?;
     Ok(Body {
         name: "tool".into(),
         shape,

@@ -69,7 +69,8 @@ mod tests {
         let mut state = 7;
         let turn = glam::DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, 2.0);
         let size = nodes.iter().map(|n| n.length()).fold(0.0, f64::max);
-        let mut field = |of: &mut dyn FnMut(DVec3, &mut u64) -> DVec3| nodes.iter().map(|n| of(*n, &mut state)).collect();
+        let mut field =
+            |of: &mut dyn FnMut(DVec3, &mut u64) -> DVec3| nodes.iter().map(|n| of(*n, &mut state)).collect();
         vec![
             field(&mut |n, _| 0.2 * size * DVec3::new((20.0 * n.y).sin(), (15.0 * n.z).cos(), (n.x * 30.0).sin())),
             field(&mut |_, s| 0.1 * size * random_vector(s)),

@@ -12,9 +12,9 @@ use super::repair::{self, RepairReport};
 use super::report::{CacheUse, Log, Stage};
 use super::stuffing::{self, LayerReport, Options, stuff};
 use super::{Embedding, Layer, Proxy, Skin, embed, layer, proxies, proxy, skin};
+use crate::Result;
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, CellSize, Surface, obj, tetrahedra};
-use crate::Result;
 
 /// All that the costly parts depend on.
 #[derive(Debug, Clone)]
@@ -81,7 +81,9 @@ impl Recipe<'_> {
             other => maker.add(format!("{other:?}").as_bytes()),
         }
         match self.layer {
-            Some(scene::Layer::File(path)) => tetrahedra::files(path).iter().try_for_each(|f| add_file(&mut maker, f))?,
+            Some(scene::Layer::File(path)) => {
+                tetrahedra::files(path).iter().try_for_each(|f| add_file(&mut maker, f))?
+            }
             other => maker.add(format!("{other:?}").as_bytes()),
         }
         maker.add(format!("{:?} {:?}", self.hulls, keys.repair).as_bytes());
@@ -219,7 +221,10 @@ fn notes_of(made: &LayerReport) -> Vec<String> {
     }
     if made.dropped.parts > 0 {
         let place = at(&made.dropped.places);
-        notes.push(format!("{} bits thinner than a cell are left out{place}; smaller cells hold them", made.dropped.parts));
+        notes.push(format!(
+            "{} bits thinner than a cell are left out{place}; smaller cells hold them",
+            made.dropped.parts
+        ));
     }
     notes
 }

@@ -34,7 +34,8 @@ pub(super) fn on_frames(
         // The first of the largest.
         let most = groups.iter().rev().max_by_key(|(_, list)| list.len()).map_or(0, |(frame, _)| *frame);
         let least = (FEW * proxy.triangles.len() as f64) as usize;
-        let few: Vec<u32> = groups.iter().filter(|(f, list)| **f != most && list.len() <= least).map(|g| *g.0).collect();
+        let few: Vec<u32> =
+            groups.iter().filter(|(f, list)| **f != most && list.len() <= least).map(|g| *g.0).collect();
         for frame in few {
             let list = groups.remove(&frame).unwrap_or_default();
             groups.entry(most).or_default().extend(list);
