@@ -9,7 +9,7 @@ use palpate::prepare::report::peak_memory;
 use palpate::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
 use palpate::report::picture::Picture;
 use palpate::report::{Output, figure};
-use palpate::scene::{self, CellSize, Material, Model, Scene, Surface, gmsh, obj};
+use palpate::scene::{self, Material, Model, Scene, Surface, gmsh, obj};
 use palpate::{Error, Result};
 
 use crate::press::{self, Press};
@@ -111,8 +111,11 @@ fn run_path(arguments: &Arguments) -> String {
 /// A scene of one soft body, made of the options.
 fn scene_of(arguments: &Arguments) -> Result<Scene> {
     let surface = surface_of(&arguments.surface)?;
-    let size = arguments.cell.map_or(CellSize::Across(arguments.cells), CellSize::Edge);
-    let layer = scene::Layer::Cells { size, grade: arguments.grade, thickness: arguments.thickness };
+    let (cells, grade, thickness) = (arguments.cells, arguments.grade, arguments.thickness);
+    let layer = match arguments.cell {
+        Some(cell) => scene::Layer::Cell { cell, grade, thickness },
+        None => scene::Layer::Across { cells, grade, thickness },
+    };
     let stem = arguments.surface.split(':').next().map(Path::new).and_then(Path::file_stem);
     let name: String = stem.unwrap_or_default().to_string_lossy().chars().filter(|c| is_plain(*c)).collect();
     let body = scene::Body {

@@ -14,7 +14,10 @@ use super::stuffing::{self, LayerReport, Options, stuff};
 use super::{Embedding, Layer, Proxy, Skin, embed, layer, proxies, proxy, skin};
 use crate::Result;
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, CellSize, Surface, obj, tetrahedra};
+use crate::scene::{self, Surface, obj, tetrahedra};
+
+/// What to know about a cell that does not do.
+const UNITS: &str = "cells are in the file's coordinates, before scale";
 
 /// All that the costly parts depend on.
 #[derive(Debug, Clone)]
@@ -160,27 +163,22 @@ struct Filled {
 
 /// The layer in file coordinates, nothing bound.
 fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -> Result<Filled> {
-    let layer = match (source, mesh) {
-        (scene::Layer::Cells { size, grade, thickness }, Some(mesh)) => {
-            let (key, cell) = match *size {
-                CellSize::Edge(edge) => ("layer.cell", edge),
-                CellSize::Across(cells) => ("layer.across", largest_extent(mesh) / f64::from(cells)),
-            };
-            // Holes are closed, so that volumes are compared with those of the same solid.
-            let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
-            let options = Options { cell, grade: *grade, thickness: *thickness };
-            let made = stuff(&vertices, &triangles, &options)
-                .map_err(|p| keys.error(key, p, "cells are in the file's coordinates, before scale"))?;
-            return Ok(Filled { layer: made.0, notes: notes_of(&made.1), report: Some(made.1) });
+    match (source, mesh) {
+        (&scene::Layer::Cell { cell, grade, thickness }, Some(mesh)) => {
+            fill(mesh, Options { cell, grade, thickness }).map_err(|p| keys.error("layer.cell", p, UNITS))
         }
-        (scene::Layer::Cells { .. }, None) => {
-            return Err(keys.error("layer", "there is no surface to fill", "give `surface` too"));
+        (&scene::Layer::Across { cells, grade, thickness }, Some(mesh)) => {
+            let cell = largest_extent(mesh) / f64::from(cells);
+            fill(mesh, Options { cell, grade, thickness }).map_err(|p| keys.error("layer.across", p, UNITS))
+        }
+        (scene::Layer::Cell { .. } | scene::Layer::Across { .. }, None) => {
+            Err(keys.error("layer", "there is no surface to fill", "give `surface` too"))
         }
         (scene::Layer::File(path), _) => {
             let mesh = tetrahedra::read(path)?;
             let bound = vec![false; mesh.nodes.len()];
             let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound };
-            return Ok(Filled { layer, notes: mesh.notes, report: None });
+            Ok(Filled { layer, notes: mesh.notes, report: None })
         }
         (scene::Layer::Box { low, high, cells }, _) => {
             let count = cells.iter().map(|&c| f64::from(c)).product::<f64>() * 6.0;
@@ -188,10 +186,17 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
                 let problem = format!("{count:.0} tetrahedra; there are at least 6 and at most 4 million");
                 return Err(keys.error("layer.cells", problem, "give other numbers of cells"));
             }
-            layer::kuhn_box(*low, *high, *cells)
+            Ok(Filled { layer: layer::kuhn_box(*low, *high, *cells), ..Filled::default() })
         }
-    };
-    Ok(Filled { layer, notes: Vec::new(), report: None })
+    }
+}
+
+/// The surface filled with cells.
+fn fill(mesh: &TriangleMesh, options: Options) -> std::result::Result<Filled, String> {
+    // Holes are closed, so that volumes are compared with those of the same solid.
+    let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
+    let (layer, report) = stuff(&vertices, &triangles, &options)?;
+    Ok(Filled { layer, notes: notes_of(&report), report: Some(report) })
 }
 
 /// Leaves out nodes of no tetrahedron, which have no mass and whose motion has no meaning; the number in the file of each

@@ -111,7 +111,7 @@ mod tests {
             assert!(p.hull.iter().all(|v| v.x >= low && v.x <= high), "{:?}", p.hull);
         }
         // Few triangles of another frame stay, and one frame changes nothing.
-        let few: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.9)).collect();
+        let few: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.6)).collect();
         assert_eq!(on_frames(whole.clone(), &skin, &bar, &embedding, &few).len(), 2);
         let fewer: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.9 && n.y > 0.6)).collect();
         assert_eq!(on_frames(whole.clone(), &skin, &bar, &embedding, &fewer), whole);

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use super::keys::{Table, Value, suggest};
 use super::load::TOOL;
 use super::tetrahedra::EXTENSIONS;
-use super::{Bind, Body, CellSize, Core, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
+use super::{Bind, Body, Core, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
 use crate::Result;
 
 const BODY_KEYS: [&str; 17] = [
@@ -116,7 +116,7 @@ fn shape(table: &Table) -> Result<Shape> {
     let layer = table.option("layer", layer)?;
     match (surface, layer) {
         (surface, Some(layer)) => {
-            if surface.is_none() && matches!(layer, Layer::Cells { .. }) {
+            if surface.is_none() && matches!(layer, Layer::Cell { .. } | Layer::Across { .. }) {
                 return Err(table.error("surface", "missing", "a layer of cells is made around a `surface`: add one"));
             }
             if !table.has("material") {
@@ -172,12 +172,11 @@ fn layer(value: &Value) -> Result<Layer> {
     if kind != "box" {
         refuse(&table, &["cells"], "belongs to a box")?;
         let value = table.need(kind)?;
-        let size = match kind {
-            "cell" => CellSize::Edge(value.positive()?),
-            _ => CellSize::Across(value.whole(1, MOST_ACROSS)?),
-        };
-        let thickness = table.option("thickness", Value::positive)?;
-        return Ok(Layer::Cells { size, grade: table.or("grade", 1, grade)?, thickness });
+        let (grade, thickness) = (table.or("grade", 1, grade)?, table.option("thickness", Value::positive)?);
+        return Ok(match kind {
+            "cell" => Layer::Cell { cell: value.positive()?, grade, thickness },
+            _ => Layer::Across { cells: value.whole(1, MOST_ACROSS)?, grade, thickness },
+        });
     }
     refuse(&table, &["grade", "thickness"], "belongs to cells that fill a surface")?;
     let (low, high) = corners(&table.need("box")?)?;

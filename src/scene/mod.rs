@@ -173,12 +173,21 @@ pub enum Surface {
 #[derive(Debug, Clone)]
 pub enum Layer {
     /// Made to fill the surface, from lattice cells.
-    Cells {
-        /// Their edge.
-        size: CellSize,
-        /// Largest cell deep inside, as a multiple of the edge: 1 (all equal), 2, 4 or 8.
+    Cell {
+        /// Edge of the cells (file coordinates, before scale).
+        cell: f64,
+        /// Largest cell deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
         grade: u32,
         /// Depth of the shell that is filled, m in file coordinates; `None`: everything.
+        thickness: Option<f64>,
+    },
+    /// The same, with so many cells along the surface's largest extent.
+    Across {
+        /// How many.
+        cells: u32,
+        /// As above.
+        grade: u32,
+        /// As above.
         thickness: Option<f64>,
     },
     /// A tetrahedral mesh file.
@@ -192,22 +201,6 @@ pub enum Layer {
         /// Cells per axis.
         cells: [u32; 3],
     },
-}
-
-impl Layer {
-    /// Equal cells of an edge (file coordinates, before scale) throughout.
-    pub fn of_cells(edge: f64) -> Layer {
-        Layer::Cells { size: CellSize::Edge(edge), grade: 1, thickness: None }
-    }
-}
-
-/// Edge of the cells that a layer is made from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum CellSize {
-    /// This edge, m in file coordinates, before scale.
-    Edge(f64),
-    /// So many along the surface's largest extent.
-    Across(u32),
 }
 
 /// Linear elastic material.

@@ -124,10 +124,10 @@ fn the_example_is_read_in_full() {
     assert_eq!((scene.solver.tolerance, scene.solver.max_iterations), (1e-5, 200));
     assert_eq!((scene.contact.stiffness, scene.contact.texel, scene.contact.depth_limit), (None, None, 0.02));
     let head = &scene.bodies[0];
-    let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cells { size, grade: 1, thickness: None } } = &head.shape else {
+    let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cell { cell, grade: 1, thickness: None } } = &head.shape else {
         panic!("{:?}", head.shape)
     };
-    assert!(path.ends_with("head.obj") && *size == CellSize::Edge(0.01));
+    assert!(path.ends_with("head.obj") && *cell == 0.01);
     assert_eq!(head.material.unwrap().young, 2e4);
     assert_eq!(head.collides.as_deref(), Some(&["tool".to_string()][..]));
     assert!(matches!((&head.cores[0].motion, &head.cores[0].bind), (Motion::Fixed, Some(Bind::Inset(0.03)))));
