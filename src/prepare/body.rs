@@ -214,7 +214,7 @@ fn bind_cores(keys: &Keys, layer: &mut Layer, numbers: &[u32], mesh: &TriangleMe
     match super::bind::unheld(layer) {
         None => Ok(()),
         Some((count, node)) => {
-            let p = layer.nodes[node as usize];
+            let (p, node) = (layer.nodes[node as usize], numbers[node as usize]);
             let problem = format!(
                 "{count} nodes with nothing to hold them: the layer has a part without bound nodes, with node {node} at \
                  [{:.4}, {:.4}, {:.4}]",

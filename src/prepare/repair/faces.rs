@@ -28,11 +28,18 @@ pub(super) struct Faces<'a> {
     pub origin: Vec<usize>,
 }
 
-/// Refuses coordinates of used vertices that single precision cannot hold.
-pub(super) fn fits_single_precision(mesh: &TriangleMesh) -> Result<(), Refusal> {
+/// Refuses faces that are not there or name no vertex, and coordinates of used vertices that single precision cannot
+/// hold.
+pub(super) fn check(mesh: &TriangleMesh) -> Result<(), Refusal> {
     let refuse = |problem, remedy| Err(Refusal { problem, triangle: None, remedy });
     if mesh.triangles.is_empty() {
         return refuse("has no faces".into(), "export the surface with its faces");
+    }
+    let count = mesh.vertices.len();
+    let wrong = |triangle: &[u32; 3]| triangle.iter().any(|&vertex| vertex as usize >= count);
+    if let Some(triangle) = mesh.triangles.iter().position(wrong) {
+        let problem = format!("a face names a vertex beyond the last, and there are {count}");
+        return Err(Refusal { problem, triangle: Some(triangle), remedy: "correct the index, or export again" });
     }
     let greatest = |&vertex: &u32| mesh.vertices[vertex as usize].abs().to_array().into_iter().fold(0.0, f64::max);
     let is_finite = |&vertex: &u32| mesh.vertices[vertex as usize].is_finite();
