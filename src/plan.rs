@@ -38,7 +38,13 @@ impl Plan {
         let mut add = |stage, recorded, yes: String, no: &str| {
             entries.push(Entry { stage, recorded, reason: if recorded { yes } else { no.into() } });
         };
-        add("pose", touches, pairs.clone(), nothing);
+        let (driven, floating) = (model.driven_nodes.len(), model.floating.len());
+        let pose = match (touches, driven, floating) {
+            (true, ..) => pairs.clone(),
+            (false, 0, _) => format!("{floating} floating frames"),
+            (false, ..) => format!("{driven} driven nodes"),
+        };
+        add("pose", touches || driven + floating > 0, pose, nothing);
         let probes = !scene.probes.is_empty();
         let skin = if touches { pairs.clone() } else { "probes are recorded".into() };
         add("skin", touches || probes, skin, nothing);

@@ -1,5 +1,6 @@
 //! The step: which stages a scene needs, in which order they run, and the host's part of it, pose in and wrench out.
 
+pub mod frames;
 mod probes;
 mod recordings;
 
@@ -17,8 +18,9 @@ use crate::report::{Flags, Pose, Row, ToolRow};
 use crate::scene::{Key, Scene};
 use crate::stages::depth::{self, Path};
 use crate::stages::model::{self, Model};
-use crate::stages::types::{self, Counts, Frame, Pair, Region, Report, StepParams, verdict};
+use crate::stages::types::{self, Counts, Fit, Frame, Link, Pair, Region, Report, StepParams, verdict};
 use crate::{Error, Result};
+use frames::Frames;
 use probes::{ProbePlace, probes_of};
 use recordings::{Recordings, Stages};
 
@@ -40,6 +42,7 @@ pub struct Simulation {
     plain: Recordings,
     timed: Recordings,
     tool: Option<Tool>,
+    frames: Frames,
     drive: Drive,
     probes: Vec<ProbePlace>,
     plan: Plan,
@@ -56,17 +59,18 @@ impl Simulation {
         let tool_body = scene.tool.as_ref().map(|tool| prepare::tool(tool, scene)).transpose()?;
         let model = Model::new(scene, &bodies, tool_body.as_ref());
         let tool = scene.tool.as_ref().zip(tool_body.as_ref()).map(|(spec, body)| tool_of(scene, spec.mass, body));
-        let (probes, probe_nodes, probe_weights) = probes_of(scene, &bodies, &model)?;
+        let (probes, probe_nodes) = probes_of(scene, &bodies, &model)?;
 
         let context = Context::new(options)?;
         let path = path.unwrap_or_else(|| Path::of(context.kind()));
-        let stages = Stages::new(&context, &model, (path, depth::tile_of(scene)), &probe_nodes, &probe_weights)?;
+        let stages = Stages::new(&context, &model, (path, depth::tile_of(scene)), &probe_nodes)?;
         // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
         Recordings::new(&stages, 0, || Recorder::warm_up(&context))?.submit_once()?;
         let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(&context))?;
         let timed = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::new(&context))?;
         let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
         let plan = Plan::new(scene, &model, path);
+        let frames = Frames::new(&model, |frame| velocity_of(&bodies, &model, frame));
         Ok(Simulation {
             drive: Drive::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
             scene: scene.clone(),
@@ -78,6 +82,7 @@ impl Simulation {
             plain,
             timed,
             tool,
+            frames,
             probes,
             plan,
             path,
@@ -95,13 +100,14 @@ impl Simulation {
         let time = self.step as f64 * h;
         let device = self.drive.device(time, h);
         let origin = self.origin();
+        self.frames.set_out(time, h, self.tool.as_ref());
         self.write_inputs(origin, &device)?;
         let report = self.submit()?;
-        if let Some(tool) = &mut self.tool
-            && !Flags(report.flags).contains(Flags::NON_FINITE)
-        {
+        let accepted = !Flags(report.flags).contains(Flags::NON_FINITE);
+        if accepted && let Some(tool) = &mut self.tool {
             tool.advance(h, report.tool_change);
         }
+        self.arrive(accepted)?;
         let probes = self.read_probes()?;
         Ok(self.row(&report, time, &device, probes, begun))
     }
@@ -163,17 +169,35 @@ impl Simulation {
         self.tool.as_ref()
     }
 
-    /// Displacements (rest axes of the body, m) and velocities (world, m/s) of a soft body's nodes, in input order;
-    /// `None` for any other body.
+    /// Displacements from rest as placed (rest axes of the body, m) and velocities (world, m/s) of a soft body's nodes, in
+    /// input order; `None` for any other body.
     pub fn nodes(&self, body: usize) -> Result<Option<(Vec<DVec3>, Vec<DVec3>)>> {
         let Some(range) = self.model.soft.iter().find(|soft| soft.body == body) else { return Ok(None) };
         let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(None) };
         let read = |buffer: &Buffer| -> Result<Vec<DVec3>> {
             let all = buffer.read::<[f32; 4]>()?;
-            let own = &all[range.node_first..range.node_first + layer.nodes.len()];
+            let own = &all[range.nodes.clone()];
             Ok(own.iter().map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect())
         };
-        Ok(Some((read(&self.stages.elastic.displacement)?, read(&self.stages.elastic.velocity)?)))
+        let Body { position, orientation, .. } = self.bodies[body];
+        let mut displacements = read(&self.stages.elastic.displacement)?;
+        for ((d, rest), node) in displacements.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
+            let frame = self.model.node_info[node][2] as usize;
+            let local = *rest - self.model.frames[frame].rest_centre + *d;
+            *d = orientation.conjugate() * (self.frames.world(frame, local) - position) - *rest;
+        }
+        Ok(Some((displacements, read(&self.stages.elastic.velocity)?)))
+    }
+
+    /// Where the frames of a body are now: one a core, or one that floats or carries a rigid skin; empty for a half-space.
+    pub fn frames(&self, body: usize) -> Vec<frames::Place> {
+        let first = self.model.body_frames[body];
+        let count = match &self.bodies[body].shape {
+            Shape::Soft { frames, .. } => frames.len(),
+            Shape::Rigid { .. } => 1,
+            Shape::Plane { .. } => 0,
+        };
+        (0..count).map(|k| self.frames.place(first as usize + k)).collect()
     }
 
     /// The region of each pair of bodies and the contacts of the last step, as the device left them (a dropped contact has
@@ -189,7 +213,7 @@ impl Simulation {
 
     /// Where f32 positions are measured from: the tool, or the first body; contact needs digits there.
     fn origin(&self) -> DVec3 {
-        let first = self.model.frames.first().map_or(DVec3::ZERO, |frame| frame.centre);
+        let first = self.model.frames.first().map_or(DVec3::ZERO, |_| self.frames.place(0).centre);
         self.tool.as_ref().map_or(first, |tool| tool.centre)
     }
 
@@ -216,17 +240,8 @@ impl Simulation {
         self.stages.common.params.mapped_mut::<StepParams>()?[0] = params;
 
         let mut frames = self.stages.common.frames.mapped_mut::<Frame>()?;
-        for (i, place) in self.model.frames.iter().enumerate() {
-            let tool = self.tool.as_ref().filter(|_| self.model.tool_frame == Some(i));
-            let (centre, rotation) = tool.map_or((place.centre, place.rotation), |t| (t.centre, t.orientation));
-            let (linear, angular) = tool.map_or((DVec3::ZERO, DVec3::ZERO), |t| (t.velocity, t.angular_velocity));
-            frames[i] = Frame {
-                rotation: rotation.as_quat().to_array(),
-                centre: (centre - origin).as_vec3().to_array(),
-                linear: linear.as_vec3().to_array(),
-                angular: angular.as_vec3().to_array(),
-            };
-        }
+        let mut links = self.stages.common.links.mapped_mut::<Link>()?;
+        self.frames.write(origin, step.dt, &mut frames, &mut links);
         if let Some(touch) = &self.stages.touch {
             let mut pairs = touch.cull.pairs.mapped_mut::<Pair>()?;
             for (i, (pair, plane)) in self.model.pairs.iter().zip(&self.model.pair_planes).enumerate() {
@@ -266,15 +281,27 @@ impl Simulation {
         Err(Error::Simulation(format!("step {}: the solver reached no verdict", self.step)))
     }
 
+    /// Frames to the end of the step; those that float, to where their nodes are.
+    fn arrive(&mut self, accepted: bool) -> Result<()> {
+        let fits = match &self.stages.floating {
+            Some(floating) if accepted => Some(floating.fits.mapped::<Fit>()?.to_vec()),
+            _ => None,
+        };
+        self.frames.arrive(fits.as_deref());
+        Ok(())
+    }
+
     fn read_probes(&self) -> Result<Vec<DVec3>> {
         let Some(probes) = &self.stages.probes else { return Ok(Vec::new()) };
         let moved = probes.displacement.mapped::<[f32; 4]>()?;
-        let place = |(probe, d): (&ProbePlace, &[f32; 4])| {
-            let frame = &self.model.frames[probe.frame];
-            let local = probe.rest + DVec3::new(d[0].into(), d[1].into(), d[2].into());
-            frame.centre + frame.rotation * local
+        let place = |(probe, d): (&ProbePlace, &[[f32; 4]])| {
+            let point = |((rest, weight, frame), d): (&(DVec3, f64, usize), &[f32; 4])| {
+                let local = *rest + DVec3::new(d[0].into(), d[1].into(), d[2].into());
+                *weight * self.frames.world(*frame, local)
+            };
+            probe.points.iter().zip(d).map(point).sum()
         };
-        Ok(self.probes.iter().zip(moved.iter()).map(place).collect())
+        Ok(self.probes.iter().zip(moved.chunks(4)).map(place).collect())
     }
 
     fn row(&self, report: &Report, time: f64, device: &Device, probes: Vec<DVec3>, begun: Instant) -> Row {
@@ -307,6 +334,12 @@ fn add_times(sums: &mut Vec<(String, f64)>, times: Vec<(String, f64)>) {
             None => sums.push((name, us)),
         }
     }
+}
+
+/// The initial velocity of a frame's body.
+fn velocity_of(bodies: &[Body], model: &Model, frame: usize) -> DVec3 {
+    let owner = model.body_frames.iter().rposition(|&first| first != types::NONE && first as usize <= frame);
+    owner.and_then(|body| bodies.get(body)).map_or(DVec3::ZERO, |body| body.velocity)
 }
 
 /// The tool as the scene starts it, its inertia that of its surface filled evenly.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::{self, Body, Proxy, Shape, Skin, hull, layer, skin};
+use palpate::prepare::{self, Body, FrameMotion, Proxy, Shape, Skin, hull, layer, skin};
 use palpate::scene::Material;
 
 /// A triangle mesh.
@@ -77,7 +77,8 @@ pub fn octants(skin: &Skin) -> Vec<Proxy> {
 pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec3, orientation: DQuat) -> Body {
     let skin = skin::build(mesh.0, mesh.1);
     let proxies = cut(&skin);
-    let shape = Shape::Rigid { skin, proxies, volume: 1.0, centroid: DVec3::ZERO, inertia: DMat3::IDENTITY };
+    let (volume, centroid, inertia, motion) = (1.0, DVec3::ZERO, DMat3::IDENTITY, FrameMotion::Fixed);
+    let shape = Shape::Rigid { skin, proxies, volume, centroid, inertia, motion };
     Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 
@@ -94,7 +95,8 @@ pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec
     let material = Material { young: 2e4, poisson: 0.45, density: 1e3, damping_mass: 0.0, damping_stiffness: 0.0 };
     let skin = skin::build(mesh.0, mesh.1);
     let proxies = cut(&skin);
-    let shape = Shape::Soft { layer, material, embedding, skin, proxies };
+    let (frames, node_frames) = (vec![crate::system::middle(&layer)], vec![0; layer.nodes.len()]);
+    let shape = Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies };
     Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 

@@ -58,7 +58,7 @@ fn positions(flow: &Flow, body: &Body, index: usize, origin: DVec3) -> Vec<DVec3
     let place = |x: DVec3| body.position - origin + body.orientation * x;
     match &body.shape {
         Shape::Soft { layer, embedding, .. } => {
-            let first = flow.model.soft.iter().find(|s| s.body == index).unwrap().node_first;
+            let first = flow.model.soft.iter().find(|s| s.body == index).unwrap().nodes.start;
             let moved: Vec<DVec3> =
                 layer.nodes.iter().enumerate().map(|(i, x)| *x + vector(&flow.displacement[first + i])).collect();
             embedded::embed(embedding, layer, &moved).into_iter().map(place).collect()
@@ -121,7 +121,7 @@ fn jacobian(contact: &oracle::Contact, flow: &Flow) -> (BTreeMap<u32, f64>, f64)
             Carrier::Tool => tool += sign,
             Carrier::Fixed => {}
             Carrier::Nodes(body, weights) => {
-                let first = flow.model.soft.iter().find(|s| s.body == *body).unwrap().node_first as u32;
+                let first = flow.model.soft.iter().find(|s| s.body == *body).unwrap().nodes.start as u32;
                 for (node, w) in weights {
                     *nodes.entry(first + node).or_insert(0.0) += sign * w;
                 }

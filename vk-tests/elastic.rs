@@ -1,6 +1,7 @@
 //! Elastic: rotations, rotated gradients and the elements' right-hand side.
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::gpu::Const;
 use palpate::oracle::elastic::{lame, outer, polar_rotation};
 use palpate::prepare::Layer;
 
@@ -26,6 +27,7 @@ pub fn rotate(system: &System) -> Outcome {
     let tetrahedra = system.model.tetrahedra.len();
     case("elastic/rotate")
         .constant("TETRAHEDRA", tetrahedra as u32)
+        .constant("SPANS", Const::Bool(system.model.spans_frames()))
         .input("params", &[system.params])
         .input("frames", &system.frames)
         .input("materials", &system.model.materials)
@@ -33,6 +35,9 @@ pub fn rotate(system: &System) -> Outcome {
         .input("rest_gradients", &system.model.rest_gradients)
         .input("displacement", &system.displacement)
         .input("velocity", &system.velocity)
+        .input("tetrahedron_links", &system.model.tetrahedron_links)
+        .input("node_rest", &system.model.node_rest)
+        .input("links", &system.links)
         .inout("rotations", &system.rotations)
         .output::<[f32; 4]>("gradients", 3 * tetrahedra)
         .output::<[f32; 4]>("element_forces", 4 * tetrahedra)

@@ -9,7 +9,7 @@ use palpate::scene::{self, Scene};
 use palpate::stages::args;
 use palpate::stages::depth::Path;
 use palpate::stages::model::{Model, texel};
-use palpate::stages::types::{ActiveProxy, Contact, Counts, Frame, NONE, Pair, ProxyBounds, Region, StepParams};
+use palpate::stages::types::{ActiveProxy, Contact, Counts, Frame, Link, NONE, Pair, ProxyBounds, Region, StepParams};
 
 use crate::harness::{assert_clean, case, context};
 
@@ -85,10 +85,10 @@ impl Flow {
         let frame = |(centre, rotation): (DVec3, DQuat)| Frame {
             rotation: rotation.as_quat().to_array(),
             centre: (centre - origin).as_vec3().to_array(),
-            linear: [0.0; 3],
-            angular: [0.0; 3],
+            ..Frame::default()
         };
-        let frames = model.frames.iter().map(|f| frame((f.centre, f.rotation))).collect();
+        let frames =
+            model.frames.iter().map(|f| frame((f.position + f.orientation * f.rest_centre, f.orientation))).collect();
         let mut pairs = model.pairs.clone();
         for (pair, plane) in pairs.iter_mut().zip(&model.pair_planes) {
             if let Some(p) = plane {
@@ -193,6 +193,8 @@ impl Flow {
             .input("hull", &some(&self.hull))
             .input("proxy_nodes", &some(&self.model.proxy_nodes))
             .input("displacement", &some(&self.displacement))
+            .input("node_rest", &some(&self.model.node_rest))
+            .input("links", &vec![Link::default(); self.model.links.len()])
             .output::<ProxyBounds>("bounds", self.model.proxies.len())
             .groups(self.model.proxies.len())
             .run();
@@ -274,6 +276,7 @@ impl Flow {
             .input("skin_weights", &some(&self.model.skin_weights))
             .input("node_rest", &some(&self.model.node_rest))
             .input("displacement", &some(&self.displacement))
+            .input("node_info", &some(&self.model.node_info))
             .partial("skin", &self.skin)
             .groups(self.groups(args::EMBED))
             .run();
@@ -400,6 +403,7 @@ impl Flow {
             .input("skin_weights", &some(&model.skin_weights))
             .input("skin", &some(&self.skin))
             .input("velocity", &some(&self.velocity))
+            .input("frames", &self.frames)
             .output::<Contact>("contacts", contacts)
             .partial("entry_nodes", &vec![[NONE; 4]; 4 * contacts])
             .partial("entry_weights", &vec![[0.0f32; 4]; 4 * contacts])

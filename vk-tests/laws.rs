@@ -160,10 +160,13 @@ const TOUCH_BYTES: u64 = 2562 * 16 * 20;
 
 #[test]
 fn a_scene_records_and_allocates_only_what_it_needs() {
-    let body = format!(
+    let free = format!(
         "[[body]]\nname = \"block\"\nlayer = {{ {BLOCK}, cells = [5, 5, 5] }}\n\
          material = {{ young = 2e4, poisson = 0.4, density = 1000.0 }}\n"
     );
+    let body = format!("{free}[[body.core]]\nname = \"core\"\nbind = {{ nodes = [0, 1, 2] }}\n");
+    // What floats has its frame fitted.
+    assert_eq!(needs(&free).0, ["pose", "elastic", "solve"]);
     let alone = needs(&body);
     let floor = needs(&format!("{body}[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, -0.05]\n"));
     let tool = needs(&format!("{body}[tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.08, 0.0]\n"));

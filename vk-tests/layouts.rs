@@ -51,7 +51,9 @@ fn step_params_and_frame() {
             tool_centre,
         }
     );
-    same_layout!("pose/place", Frame { rotation, centre, linear, angular });
+    same_layout!("pose/place", Frame { rotation, centre, linear, angular, turn });
+    same_layout!("elastic/rotate", Link { turn, offset });
+    same_layout!("pose/fit", Fit { shift, twist, momentum, spin });
 }
 
 #[test]
@@ -67,6 +69,7 @@ fn pairs_proxies_and_bounds() {
             damping,
             tool_sign,
             is_plane,
+            driven_frame,
             plane,
         }
     );

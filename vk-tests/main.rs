@@ -2,15 +2,18 @@
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
 mod bodies;
+mod bones;
 mod contact;
 mod contact_sizes;
 mod cull;
+mod deep;
 mod depth;
 mod dirty;
 mod elastic;
 mod energy;
 mod extremes;
 mod flow;
+mod frames;
 mod gpu;
 mod harness;
 mod harness_self_test;

@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::oracle::{proximity, skin as oracle};
 use palpate::prepare::{Body, Shape};
-use palpate::stages::types::{ActiveProxy, Counts, Frame, Proxy, ProxyBounds, StepParams};
+use palpate::stages::types::{ActiveProxy, Counts, Frame, Link, Proxy, ProxyBounds, StepParams};
 
 use crate::bodies::{octants, soft, sphere};
 use crate::flow::Flow;
@@ -32,7 +32,7 @@ fn bounds_by_hand_and_against_the_oracle() {
     let (mut proxies, mut want) = (vec![], vec![]);
     let hull = texels(&mut random, sizes.iter().map(|s| s.0).sum());
     let displacement = texels(&mut random, 2000);
-    let proxy_nodes: Vec<u32> = (0..sizes.iter().map(|s| s.1 as u32).sum()).map(|i| i * 37 % 2000).collect();
+    let proxy_nodes: Vec<[u32; 2]> = (0..sizes.iter().map(|s| s.1 as u32).sum()).map(|i| [i * 37 % 2000, 0]).collect();
     let (mut hulls, mut nodes) = (0, 0);
     for (hull_count, node_count) in sizes {
         let (margin, weight_bound) = (0.01, 1.5);
@@ -46,7 +46,7 @@ fn bounds_by_hand_and_against_the_oracle() {
             ..Proxy::zeroed()
         });
         let points: Vec<DVec3> = hull[hulls..hulls + hull_count].iter().map(vector).collect();
-        let moved = proxy_nodes[nodes..nodes + node_count].iter().map(|n| vector(&displacement[*n as usize]));
+        let moved = proxy_nodes[nodes..nodes + node_count].iter().map(|n| vector(&displacement[n[0] as usize]));
         want.push(proximity::bounds(&points, margin, weight_bound, &moved.collect::<Vec<_>>()));
         (hulls, nodes) = (hulls + hull_count, nodes + node_count);
     }
@@ -58,6 +58,8 @@ fn bounds_by_hand_and_against_the_oracle() {
         .input("hull", &hull)
         .input("proxy_nodes", &proxy_nodes)
         .input("displacement", &displacement)
+        .input("node_rest", &[[0.0f32; 4]])
+        .input("links", &[Link::default()])
         .output::<ProxyBounds>("bounds", proxies.len())
         .groups(proxies.len())
         .run();
@@ -155,6 +157,7 @@ fn rigid_skin(n: usize) -> (Outcome, Vec<[f32; 4]>, Frame) {
         .input("skin_weights", &weights)
         .input("node_rest", &[[0.0f32; 4]])
         .input("displacement", &[[0.0f32; 4]])
+        .input("node_info", &[[0u32; 4]])
         .partial("skin", &vec![[-5.0f32; 4]; weights.len()])
         .elements(n)
         .run();
@@ -178,35 +181,22 @@ fn rigid_skin_of_any_size_and_only_what_is_listed() {
 }
 
 #[test]
-fn probes_of_any_number_move_by_the_weighted_displacement() {
+fn probes_of_any_number_are_the_displacements_of_their_nodes() {
     let width = context().group_size() as usize;
     let mut random = Random(6);
-    let mut displacement = texels(&mut random, 50);
-    // By hand: the first probe takes a quarter of each of four known nodes.
-    for (k, d) in displacement[..4].iter_mut().enumerate() {
-        *d = [k as f32, 1.0, -4.0, 0.0];
-    }
+    let displacement = texels(&mut random, 50);
     for n in [0, 1, width - 1, width, width + 1, 1234] {
-        let mut nodes: Vec<[u32; 4]> =
-            (0..n.max(1) as u32).map(|i| [0, 1, 2, 3].map(|k| (7 * i + 11 * k) % 50)).collect();
-        let mut weights: Vec<[f32; 4]> = nodes.iter().map(|_| [(); 4].map(|()| random.next() as f32)).collect();
-        (nodes[0], weights[0]) = ([0, 1, 2, 3], [0.25; 4]);
+        let mut nodes: Vec<u32> = (0..n.max(1) as u32).map(|i| 7 * i % 50).collect();
+        // One of a rigid skin, which nothing displaces.
+        nodes[n / 2] = palpate::stages::types::NONE;
         let out = case("skin/probe")
-            .constant("PROBES", n as u32)
+            .constant("PROBE_NODES", n as u32)
             .input("probe_nodes", &nodes)
-            .input("probe_weights", &weights)
             .input("displacement", &displacement)
             .output::<[f32; 4]>("probes", n)
             .elements(n)
             .run();
-        let sum = |(nodes, weights): (&[u32; 4], &[f32; 4])| {
-            let at = nodes.map(|i| vector(&displacement[i as usize]));
-            proximity::embed(DVec3::ZERO, DQuat::IDENTITY, at, weights.map(f64::from)).extend(0.0).to_array()
-        };
-        let mut want: Vec<f64> = nodes.iter().zip(&weights).take(n).flat_map(sum).collect();
-        if n > 0 {
-            want[..4].copy_from_slice(&[1.5, 1.0, -4.0, 0.0]);
-        }
-        expect_close("probes", &out.get("probes"), &want, PLACED);
+        let want = nodes.iter().take(n).map(|&i| displacement.get(i as usize).map_or([0.0; 4], |d| *d));
+        assert_eq!(out.get::<[f32; 4]>("probes"), want.collect::<Vec<_>>());
     }
 }

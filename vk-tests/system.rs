@@ -8,10 +8,10 @@ use palpate::oracle::linear::Entries;
 use palpate::oracle::step::{Simulation, SoftBody};
 use palpate::oracle::tool::{Device, Tool};
 use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::{Body, Layer, Shape, Skin};
+use palpate::prepare::{self, Body, FrameMotion, Layer, Shape, Skin};
 use palpate::scene::{self, Coupling, Material, Scene};
 use palpate::stages::model::Model;
-use palpate::stages::types::{Contact, Counts, Frame, NONE, StepParams};
+use palpate::stages::types::{Contact, Counts, Frame, Link, NONE, StepParams};
 
 use crate::elastic;
 use crate::random::Random;
@@ -24,6 +24,7 @@ pub struct System {
     pub model: Model,
     pub params: StepParams,
     pub frames: Vec<Frame>,
+    pub links: Vec<Link>,
     pub node_elements: Vec<[u32; 4]>,
     pub displacement: Vec<[f32; 4]>,
     pub velocity: Vec<[f32; 4]>,
@@ -65,10 +66,18 @@ fn scene() -> Scene {
     }
 }
 
+/// A resting frame in the middle of a layer.
+pub fn middle(layer: &Layer) -> prepare::Frame {
+    let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = layer.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    prepare::Frame { centre: 0.5 * (low + high), motion: FrameMotion::Fixed }
+}
+
 /// A body that is a layer and nothing else.
 pub fn layered(layer: Layer, material: Material, orientation: DQuat) -> Body {
     let (skin, proxies) = (Skin::default(), vec![]);
-    let shape = Shape::Soft { layer, material, embedding: vec![], skin, proxies };
+    let (frames, node_frames) = (vec![middle(&layer)], vec![0; layer.nodes.len()]);
+    let shape = Shape::Soft { layer, frames, node_frames, material, embedding: vec![], skin, proxies };
     Body {
         name: "layer".into(),
         shape,
@@ -135,13 +144,13 @@ impl System {
         for (body, range) in bodies.iter().zip(&model.soft) {
             let Shape::Soft { layer, material, .. } = &body.shape else { panic!("{} is not soft", body.name) };
             let mut soft = SoftBody::new(layer.clone(), *material, body.position, body.orientation, DVec3::ZERO);
-            let own = range.node_first..range.node_first + layer.nodes.len();
+            let own = range.nodes.clone();
             soft.displacement = displacement[own.clone()].iter().map(wide).collect();
             soft.velocity = velocity[own].iter().map(wide).collect();
             twin.bodies.push(soft);
         }
         let frame = |place: &palpate::stages::model::FramePlace| Frame {
-            rotation: place.rotation.as_quat().to_array(),
+            rotation: place.orientation.as_quat().to_array(),
             ..Frame::default()
         };
         let mut params: StepParams = bytemuck::Zeroable::zeroed();
@@ -150,6 +159,7 @@ impl System {
         params.max_iterations = 1000;
         let mut system = System {
             frames: model.frames.iter().map(frame).collect(),
+            links: vec![Link::default(); model.links.len()],
             node_elements: model.padded_node_elements(),
             rotations: vec![[0.0, 0.0, 0.0, 1.0]; model.tetrahedra.len()],
             gradients: vec![],
@@ -290,7 +300,7 @@ impl System {
 
     /// Entries on neighbouring tetrahedra, whose weights sum to `sign`; the weights of each node without the sign.
     fn add_entries(&mut self, body: usize, quads: usize, sign: f64, random: &mut Random) -> Vec<(u32, f64)> {
-        let (tetrahedra, first) = (&self.twin.bodies[body].layer.tetrahedra, self.model.soft[body].node_first as u32);
+        let (tetrahedra, first) = (&self.twin.bodies[body].layer.tetrahedra, self.model.soft[body].nodes.start as u32);
         let start = random.below(tetrahedra.len());
         let mut sums = BTreeMap::new();
         for k in 0..quads {

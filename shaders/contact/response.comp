@@ -22,10 +22,11 @@ layout(binding = 8) uniform usamplerBuffer skin_nodes;
 layout(binding = 9) uniform samplerBuffer skin_weights;
 layout(binding = 10) uniform samplerBuffer skin;
 layout(binding = 11) uniform samplerBuffer velocity;
-layout(scalar, binding = 12) writeonly buffer Contacts { Contact contacts[]; };
-layout(scalar, binding = 13) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads a contact
-layout(scalar, binding = 14) writeonly buffer EntryWeights { vec4 entry_weights[]; };
-layout(scalar, binding = 15) buffer NodeCount { uint node_count[]; };                   // cleared
+layout(scalar, binding = 12) readonly buffer Frames { Frame frames[]; };
+layout(scalar, binding = 13) writeonly buffer Contacts { Contact contacts[]; };
+layout(scalar, binding = 14) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads a contact
+layout(scalar, binding = 15) writeonly buffer EntryWeights { vec4 entry_weights[]; };
+layout(scalar, binding = 16) buffer NodeCount { uint node_count[]; };                   // cleared
 
 uint quads = 0;
 float rate = 0.0;
@@ -65,6 +66,13 @@ void main() {
     vec3 linear = vec3(params.tool_twist[0], params.tool_twist[1], params.tool_twist[2]);
     vec3 angular = vec3(params.tool_twist[3], params.tool_twist[4], params.tool_twist[5]);
     if (pair.tool_sign != 0.0) rate += pair.tool_sign * dot(n, linear) + dot(lever, angular);
+    for (uint k = 0; k < 2; k++) {
+        // A rigid skin on a driven frame; s1 and s2 are on one line along n, so either will do.
+        if (pair.driven_frame[k] == NONE) continue;
+        Frame frame = frames[pair.driven_frame[k]];
+        vec3 arm = texelFetch(skin, int(vertex)).xyz - frame.centre;
+        rate += (k == 0 ? 1.0 : -1.0) * dot(n, frame.linear + cross(frame.angular, arm));
+    }
     contacts[c] = Contact(n, found.w, lever, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping, quads, vertex, side,
         triangle, found.yz);
 }

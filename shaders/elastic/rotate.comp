@@ -8,10 +8,12 @@
 // Method to Extract the Rotational Part of Deformations", warm-started: proper, and steady under inversion); gradients
 // rotated into the world, g' = sqrt(V) R_frame R g; and what the element gives to the right-hand side,
 // h f - (h^2 + h beta) K v, f_i = -V P g_i, P = R (2 mu sym(E) + lambda tr(E) I), E = R^T G + (R^T - I).
-// One invocation a tetrahedron. Oracle: oracle::elastic.
+// A tetrahedron whose nodes ride on several frames is evaluated in the first node's. One invocation a tetrahedron.
+// Oracle: oracle::elastic.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
+layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron may have nodes in several frames
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
@@ -20,9 +22,12 @@ layout(binding = 3) uniform usamplerBuffer tetrahedra;
 layout(binding = 4) uniform samplerBuffer rest_gradients;       // three a tetrahedron: g of its last three nodes (1/m); w: sqrt(V), -, frame
 layout(binding = 5) uniform samplerBuffer displacement;
 layout(binding = 6) uniform samplerBuffer velocity;
-layout(scalar, binding = 7) buffer Rotations { vec4 rotations[]; };
-layout(scalar, binding = 8) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, lambda
-layout(scalar, binding = 9) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
+layout(binding = 7) uniform usamplerBuffer tetrahedron_links;   // from the first node's frame to each node's; 0: the same
+layout(binding = 8) uniform samplerBuffer node_rest;
+layout(scalar, binding = 9) readonly buffer Links { Link links[]; };
+layout(scalar, binding = 10) buffer Rotations { vec4 rotations[]; };
+layout(scalar, binding = 11) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, lambda
+layout(scalar, binding = 12) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
 
 const uint POLAR_ROUNDS = 40;
 const float POLAR_DONE = 1.0e-7;        // rad; f32 resolves no less
@@ -50,6 +55,14 @@ mat3 stress(mat3 e, float mu, float lambda) {
     return mu * (e + transpose(e)) + mat3(pressure, 0, 0, 0, pressure, 0, 0, 0, pressure);
 }
 
+#include "shared/link.glsl"
+
+// A node's displacement in the tetrahedron's frame.
+vec3 displacement_in(uint node, uint link) {
+    vec3 d = texelFetch(displacement, int(node)).xyz;
+    return SPANS && link != 0 ? across(links[link], texelFetch(node_rest, int(node)).xyz, d) : d;
+}
+
 void main() {
     uint t = gl_GlobalInvocationID.x;
     if (t >= TETRAHEDRA) return;
@@ -59,10 +72,11 @@ void main() {
     uint frame = uint(g3.w);
     vec4 material = materials[frame];
     float mu = material.x, lambda = material.y, root = g1.w;
+    uvec4 link = SPANS ? texelFetch(tetrahedron_links, int(t)) : uvec4(0);
     vec3 d0 = texelFetch(displacement, int(nodes.x)).xyz;
-    vec3 d1 = texelFetch(displacement, int(nodes.y)).xyz - d0;
-    vec3 d2 = texelFetch(displacement, int(nodes.z)).xyz - d0;
-    vec3 d3 = texelFetch(displacement, int(nodes.w)).xyz - d0;
+    vec3 d1 = displacement_in(nodes.y, link.y) - d0;
+    vec3 d2 = displacement_in(nodes.z, link.z) - d0;
+    vec3 d3 = displacement_in(nodes.w, link.w) - d0;
     mat3 g = outerProduct(d1, g1.xyz) + outerProduct(d2, g2.xyz) + outerProduct(d3, g3.xyz);
     vec4 q = polar(mat3(1.0) + g, rotations[t]);
     rotations[t] = q;

@@ -19,12 +19,28 @@ struct StepParams {
     vec3 tool_centre;           // m, relative to the origin
 };
 
-// Placement of a body's frame, written by the host each step.
+// Placement of a frame at the start of the step, R0 and c0, and its motion over it; written by the host each step.
 struct Frame {
     vec4 rotation;              // quaternion x y z w, frame to world
     vec3 centre;                // m, relative to the origin
-    vec3 linear;                // m/s
+    vec3 linear;                // (c1 - c0) / h, m/s
     vec3 angular;               // rad/s
+    vec4 turn;                  // quaternion of R1^T R0: how the start lies in the frame at the end
+};
+
+// Where a point of one frame is in another, x_to = r + offset + (Q - I) r + Q d, r relative to the centres at rest, so that
+// nothing cancels; written by the host each step.
+struct Link {
+    vec4 turn;                  // Q, quaternion x y z w
+    vec3 offset;                // m; zero while both are as placed
+};
+
+// What the host fits a floating frame from: sums over its nodes.
+struct Fit {
+    vec3 shift;                 // m d, frame axes
+    vec3 twist;                 // m r x d, frame axes
+    vec3 momentum;              // m v, world axes
+    vec3 spin;                  // m (x - centre) x v, world axes
 };
 
 // Two bodies that may touch; b may be a half-space. Written by the host each step (the plane is relative to the origin).
@@ -37,6 +53,7 @@ struct Pair {
     float damping;              // N s/m^3
     float tool_sign;            // 1: a is the tool, -1: b is, 0: neither
     uint is_plane;
+    uint driven_frame[2];       // of a and b where their skins are rigid, or NONE
     vec4 plane;                 // unit normal, offset
 };
 

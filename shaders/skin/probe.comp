@@ -2,23 +2,22 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 
-// Skin: the displacement sum w_i d_i of the probed skin vertices, frame axes; the host adds it to the rest position in f64.
-// One invocation a probe. Oracle: oracle::proximity::embed, in its frame.
+// Skin: the displacements of the nodes of the probed skin vertices, each in its frame; the host weighs them and places them
+// in the world in f64. Nodes of a rigid skin are NONE and read as zero. One invocation a node of a probe.
+// Oracle: the displacements themselves.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint PROBES = 0;
+layout(constant_id = 1) const uint PROBE_NODES = 0;
 
-layout(binding = 0) uniform usamplerBuffer probe_nodes;
-layout(binding = 1) uniform samplerBuffer probe_weights;
-layout(binding = 2) uniform samplerBuffer displacement;
-layout(scalar, binding = 3) writeonly buffer Probes { vec4 probes[]; };
+layout(scalar, binding = 0) readonly buffer ProbeNodes { uint probe_nodes[]; };
+layout(binding = 1) uniform samplerBuffer displacement;
+layout(scalar, binding = 2) writeonly buffer Probes { vec4 probes[]; };
+
+const uint NONE = 0xffffffffu;
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
-    if (i >= PROBES) return;
-    uvec4 nodes = texelFetch(probe_nodes, int(i));
-    vec4 weights = texelFetch(probe_weights, int(i));
-    vec3 sum = vec3(0.0);
-    for (uint k = 0; k < 4; k++) sum += weights[k] * texelFetch(displacement, int(nodes[k])).xyz;
-    probes[i] = vec4(sum, 0.0);
+    if (i >= PROBE_NODES) return;
+    uint node = probe_nodes[i];
+    probes[i] = node == NONE ? vec4(0.0) : vec4(texelFetch(displacement, int(node)).xyz, 0.0);
 }

@@ -3,8 +3,10 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
+#include "shared/link.glsl"
 
-// Solve: the new state, v += x, d += h R^T v, and b - A x for the next step to make good (frames at rest: R of the frame does not change over the step).
+// Solve: the new state, v += x, d += (dR - I)(r + d) + h R1^T (v - v_centre) with dR = R1^T R0 (the same place in the world,
+// seen from where the frame is at the end), and b - A x for the next step to make good. A bound node keeps d = 0.
 // One invocation a node. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
@@ -16,9 +18,10 @@ layout(binding = 2) uniform usamplerBuffer node_info;
 layout(binding = 3) uniform samplerBuffer solution;
 layout(binding = 4) uniform samplerBuffer rhs;
 layout(binding = 5) uniform samplerBuffer image;            // A x
-layout(scalar, binding = 6) buffer Velocity { vec4 velocity[]; };
-layout(scalar, binding = 7) buffer Displacement { vec4 displacement[]; };
-layout(scalar, binding = 8) writeonly buffer Leftover { vec4 leftover[]; };
+layout(binding = 6) uniform samplerBuffer node_rest;
+layout(scalar, binding = 7) buffer Velocity { vec4 velocity[]; };
+layout(scalar, binding = 8) buffer Displacement { vec4 displacement[]; };
+layout(scalar, binding = 9) writeonly buffer Leftover { vec4 leftover[]; };
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -28,5 +31,9 @@ void main() {
     vec3 v = velocity[i].xyz + texelFetch(solution, int(i)).xyz;
     leftover[i] = texelFetch(rhs, int(i)) - texelFetch(image, int(i));
     velocity[i] = vec4(v, 0.0);
-    displacement[i] = vec4(displacement[i].xyz + params.dt * rotate_back(frames[info.z].rotation, v), 0.0);
+    Frame frame = frames[info.z];
+    vec3 d = displacement[i].xyz;
+    // R1^T = dR R0^T.
+    vec3 step = rotate(frame.turn, rotate_back(frame.rotation, params.dt * (v - frame.linear)));
+    displacement[i] = vec4(d + turned(frame.turn, texelFetch(node_rest, int(i)).xyz + d) + step, 0.0);
 }

@@ -30,7 +30,8 @@ pub struct SoftBody {
     pub position: DVec3,
     /// Displacement of each node from rest, rest axes, m.
     pub displacement: Vec<DVec3>,
-    /// Velocity of each node, world axes, m/s; zero for bound nodes.
+    /// Velocity of each node, world axes, m/s; of a bound node what its core gives it over the next step, which the caller
+    /// sets (zero where the core rests).
     pub velocity: Vec<DVec3>,
     /// Element rotations for the next steps; `None`: the exact polar rotations of the displacements.
     pub given_rotations: Option<Vec<DQuat>>,
@@ -146,18 +147,21 @@ impl Simulation {
         let (base, load) = self.system(&unknowns, device);
         let rows: Vec<_> = contacts.iter().map(|c| self.row(&unknowns, c)).collect();
         let start = self.velocities(&unknowns);
+        let carried: Vec<f64> = contacts.iter().map(|c| self.carried_rate(c)).collect();
         let mut active = vec![true; contacts.len()];
         let mut change = Vec::new();
         let mut pressures = Vec::new();
         let mut flags = 0;
         for attempt in 0..=MAX_RETRIES {
             let (mut a, mut b) = (base.clone(), load.clone());
-            for (row, contact) in rows.iter().zip(contacts).zip(&active).filter_map(|(c, on)| on.then_some(c)) {
-                add_contact(&mut a, &mut b, row, contact, &start, self.dt);
+            for j in (0..contacts.len()).filter(|&j| active[j]) {
+                let rate = carried[j] + dot(&rows[j], &start);
+                add_contact(&mut a, &mut b, &rows[j], &contacts[j], rate, self.dt);
             }
             change = self.solver.solve(&a, &b)?;
             let end: Vec<f64> = start.iter().zip(&change).map(|(v, dv)| v + dv).collect();
-            pressures = rows.iter().zip(contacts).map(|(row, c)| self.pressure(row, c, &end)).collect();
+            let rate = |j: usize| carried[j] + dot(&rows[j], &end);
+            pressures = contacts.iter().enumerate().map(|(j, c)| self.pressure(c, rate(j))).collect();
             let pulling = (0..contacts.len()).filter(|&j| active[j] && pressures[j] < 0.0).collect::<Vec<_>>();
             if pulling.is_empty() {
                 break;
@@ -195,7 +199,9 @@ impl Simulation {
         let (mut a, mut b) = self.system(&unknowns, device);
         let start = self.velocities(&unknowns);
         for contact in contacts {
-            add_contact(&mut a, &mut b, &self.row(&unknowns, contact), contact, &start, self.dt);
+            let row = self.row(&unknowns, contact);
+            let rate = self.carried_rate(contact) + dot(&row, &start);
+            add_contact(&mut a, &mut b, &row, contact, rate, self.dt);
         }
         (a, b)
     }
@@ -283,19 +289,32 @@ impl Simulation {
         all
     }
 
-    /// k depth + (h k + d) depth' at these velocities, N/m^2.
-    fn pressure(&self, row: &[(usize, f64)], contact: &Contact, velocities: &[f64]) -> f64 {
-        let slope = self.dt * contact.stiffness + contact.damping;
-        contact.stiffness * contact.depth + slope * dot(row, velocities)
+    /// What bound nodes, whose velocities are known, give to the depth rate, m/s.
+    fn carried_rate(&self, contact: &Contact) -> f64 {
+        let of = |point: &Point, direction: DVec3| match &point.carrier {
+            Carrier::Nodes(body, weights) => {
+                let body = &self.bodies[*body];
+                let carried = weights.iter().filter(|(node, _)| body.layer.bound[*node as usize]);
+                carried.map(|(node, weight)| weight * direction.dot(body.velocity[*node as usize])).sum()
+            }
+            Carrier::Tool | Carrier::Fixed => 0.0,
+        };
+        of(&contact.first, contact.normal) + of(&contact.second, -contact.normal)
     }
 
-    /// v1 = v0 + dv, d1 = d0 + h R^T v1; the tool moves with its new twist.
+    /// k depth + (h k + d) depth' at this rate, N/m^2.
+    fn pressure(&self, contact: &Contact, rate: f64) -> f64 {
+        contact.stiffness * contact.depth + (self.dt * contact.stiffness + contact.damping) * rate
+    }
+
+    /// v1 = v0 + dv, d1 = d0 + h R^T v1; bound nodes keep the velocity they were given; the tool moves with its new twist.
     fn commit(&mut self, unknowns: &Unknowns, change: &[f64]) {
         for (body, nodes) in self.bodies.iter_mut().zip(&unknowns.nodes) {
             let to_rest = body.elements.frame.transpose();
             for (i, first) in nodes.iter().enumerate() {
-                let Some(first) = first else { continue };
-                body.velocity[i] += DVec3::from_slice(&change[*first..first + 3]);
+                if let Some(first) = first {
+                    body.velocity[i] += DVec3::from_slice(&change[*first..first + 3]);
+                }
                 body.displacement[i] += self.dt * (to_rest * body.velocity[i]);
             }
         }
@@ -306,11 +325,11 @@ impl Simulation {
     }
 }
 
-/// (h^2 k + h d) a c c^T, and -h a (k depth + (d + h k) c . v0) c.
-fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &Contact, start: &[f64], h: f64) {
+/// (h^2 k + h d) a c c^T, and -h a (k depth + (d + h k) depth') c; `rate`: depth' at the start, m/s.
+fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &Contact, rate: f64, h: f64) {
     let slope = contact.damping + h * contact.stiffness;
     a.add_outer(row, h * slope * contact.area);
-    let impulse = -h * contact.area * (contact.stiffness * contact.depth + slope * dot(row, start));
+    let impulse = -h * contact.area * (contact.stiffness * contact.depth + slope * rate);
     for (i, x) in row {
         b[*i] += impulse * x;
     }

@@ -1,4 +1,4 @@
-//! Binding: which nodes of a layer ride on the body's core. Regions are in file coordinates, before scale.
+//! Binding: which nodes of a layer lie in the region that a core carries. Regions are in file coordinates, before scale.
 
 use glam::DVec3;
 use parry3d_f64::math::Vector;
@@ -10,10 +10,10 @@ use super::skin::Sets;
 use super::{Layer, layer};
 use crate::scene::Bind;
 
-/// Marks the nodes that `bind` names as bound; returns how many it names. `skin` and the layer are in file coordinates.
-/// Errors: the problem, and the remedy.
-pub fn bind(layer: &mut Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Result<usize, (String, &'static str)> {
-    let named: Vec<bool> = match bind {
+/// Whether each node lies in the region `bind`. `skin` and the layer are in file coordinates. Errors: the problem, and the
+/// remedy.
+pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Result<Vec<bool>, (String, &'static str)> {
+    Ok(match bind {
         Bind::All => vec![true; layer.nodes.len()],
         Bind::Box { low, high } => layer.nodes.iter().map(|n| n.cmpge(*low).all() && n.cmple(*high).all()).collect(),
         Bind::Sphere { centre, radius } => layer.nodes.iter().map(|n| n.distance(*centre) <= *radius).collect(),
@@ -31,11 +31,7 @@ pub fn bind(layer: &mut Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Re
             }
             named
         }
-    };
-    for (bound, &named) in layer.bound.iter_mut().zip(&named) {
-        *bound |= named;
-    }
-    Ok(named.iter().filter(|&&n| n).count())
+    })
 }
 
 /// Nodes inside the skin and at least `depth` from it.
@@ -88,12 +84,10 @@ mod tests {
     use super::*;
 
     fn bound(region: Bind) -> Result<Vec<u32>, (String, &'static str)> {
-        let mut layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]);
+        let layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]);
         let (v, t, _) = layer::boundary(&layer);
-        let count = bind(&mut layer, (&v, &t), &region)?;
-        let nodes: Vec<u32> = (0..125).filter(|&n| layer.bound[n as usize]).collect();
-        assert_eq!(nodes.len(), count);
-        Ok(nodes)
+        let named = named(&layer, (&v, &t), &region)?;
+        Ok((0..125).filter(|&n| named[n as usize]).collect())
     }
 
     #[test]
@@ -111,11 +105,11 @@ mod tests {
 
     #[test]
     fn inset_leaves_out_nodes_beyond_the_skin() {
-        let mut layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]);
+        let layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]);
         let (v, t, _) = layer::boundary(&layer::kuhn_box(DVec3::ZERO, DVec3::new(0.3, 1.0, 1.0), [1, 1, 1]));
-        bind(&mut layer, (&v, &t), &Bind::Inset(0.04)).unwrap();
-        assert!((0..125).all(|n| !layer.bound[n] || layer.nodes[n].x == 0.25));
-        assert!(layer.bound.contains(&true));
+        let named = named(&layer, (&v, &t), &Bind::Inset(0.04)).unwrap();
+        assert!((0..125).all(|n| !named[n] || layer.nodes[n].x == 0.25));
+        assert!(named.contains(&true));
     }
 
     #[test]

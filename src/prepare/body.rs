@@ -6,15 +6,13 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::model::{VERTICES, head};
-use super::{Body, BodyReport, Layer, Shape, embed, layer, mass, proxies, repair, skin};
+use super::{Body, BodyReport, FrameMotion, Layer, Shape, embed, layer, mass, proxies, repair, skin};
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Bind, Motion, Scene, Surface, ToolShape, tetrahedra};
+use crate::scene::{self, Motion, Scene, Surface, ToolShape, tetrahedra};
 use crate::{Error, Result};
 
 /// A closed skin fills at least this share of its bounding box's diagonal cubed; less is rounding.
 const LEAST_VOLUME: f64 = 1e-12;
-/// What to do about a core that holds nothing.
-const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
 
 /// Prepares a body of the scene. Errors name the scene's key, or the file.
 pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
@@ -23,7 +21,8 @@ pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
         scene::Shape::Soft { surface, layer } => soft(&keys, surface.as_ref(), layer)?,
         scene::Shape::Rigid { surface } => {
             let mesh = scaled(keys.surface_mesh(surface)?, body.scale);
-            rigid(mesh).map_err(|problem| keys.error("surface", problem, "give a closed surface with volume"))?
+            rigid(mesh, motion(&body.cores))
+                .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume"))?
         }
         scene::Shape::Plane { normal, offset } => Shape::Plane { normal: *normal, offset: *offset },
     };
@@ -52,7 +51,8 @@ pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
             return Err(Error::key(&scene.file, "tool.body", problem, "give `sphere` or `surface`"));
         }
     };
-    let shape = rigid(mesh).map_err(|p| Error::key(&scene.file, key, p, "give a closed surface with volume"))?;
+    let shape = rigid(mesh, FrameMotion::Fixed)
+        .map_err(|p| Error::key(&scene.file, key, p, "give a closed surface with volume"))?;
     Ok(Body {
         name: "tool".into(),
         shape,
@@ -92,7 +92,7 @@ impl Keys<'_> {
 }
 
 /// A skin that rides on one frame; the problem where it has no volume.
-fn rigid(mesh: TriangleMesh) -> std::result::Result<Shape, String> {
+fn rigid(mesh: TriangleMesh, motion: FrameMotion) -> std::result::Result<Shape, String> {
     // What fills the holes has mass, and is never touched.
     let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
     let p = mass::properties(&vertices, &triangles);
@@ -104,7 +104,15 @@ fn rigid(mesh: TriangleMesh) -> std::result::Result<Shape, String> {
     }
     let skin = skin::build(mesh.vertices, mesh.triangles);
     let proxies = proxies(&skin)?;
-    Ok(Shape::Rigid { skin, proxies, volume: p.volume, centroid: p.centroid, inertia: p.inertia })
+    Ok(Shape::Rigid { skin, proxies, volume: p.volume, centroid: p.centroid, inertia: p.inertia, motion })
+}
+
+/// How the one core of a rigid body moves.
+fn motion(cores: &[scene::Core]) -> FrameMotion {
+    match cores.first().map(|core| &core.motion) {
+        Some(Motion::Driven(keys)) => FrameMotion::Driven(keys.clone()),
+        _ => FrameMotion::Fixed,
+    }
 }
 
 /// A layer that deforms and its skin.
@@ -118,14 +126,17 @@ fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result
         TriangleMesh { vertices, triangles }
     });
     let numbers = drop_unused(keys, &mut layer, source);
-    bind_cores(keys, &mut layer, &numbers, &mesh)?;
+    let node_frames = super::cores::bind(keys.body, &mut layer, &numbers, &mesh, |key, problem, remedy| {
+        keys.error(key, problem, remedy)
+    })?;
     let mesh = scaled(mesh, keys.body.scale);
     layer.nodes.iter_mut().for_each(|n| *n *= keys.body.scale);
     let embedding = embed(&mesh.vertices, &layer)
         .map_err(|problem| keys.error("layer", problem, "give a layer that surrounds the skin, in the same units"))?;
     let skin = skin::build(mesh.vertices, mesh.triangles);
     let proxies = proxies(&skin).map_err(|p| keys.error("surface", p, "give a closed surface with volume"))?;
-    Ok(Shape::Soft { layer, material, embedding, skin, proxies })
+    let frames = super::cores::frames(keys.body, &layer, &node_frames, &material);
+    Ok(Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies })
 }
 
 /// The layer in file coordinates, nothing bound.
@@ -159,18 +170,6 @@ fn file_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
     Ok(layer)
 }
 
-/// A region whose nodes, if it lists any, are those of the layer and not of its file.
-fn renumbered(bind: &Bind, numbers: &[u32]) -> std::result::Result<Bind, (String, &'static str)> {
-    let Bind::Nodes(list) = bind else { return Ok(bind.clone()) };
-    let place = |node: &u32| match numbers.binary_search(node) {
-        Ok(place) => Ok(place as u32),
-        // Beyond the file's last node: the binding itself says so.
-        Err(place) if place == numbers.len() => Ok(*node),
-        Err(_) => Err((format!("node {node} belongs to no tetrahedron"), "name nodes of tetrahedra")),
-    };
-    list.iter().map(place).collect::<std::result::Result<_, _>>().map(Bind::Nodes)
-}
-
 /// Leaves out nodes of no tetrahedron, which have no mass and whose motion has no meaning; returns the number in the
 /// file of each that stays. The others keep their order, in the step and in what is written.
 fn drop_unused(keys: &Keys, layer: &mut Layer, source: &scene::Layer) -> Vec<u32> {
@@ -187,42 +186,6 @@ fn drop_unused(keys: &Keys, layer: &mut Layer, source: &scene::Layer) -> Vec<u32
         keys.report.borrow_mut().notes.push(note);
     }
     numbers
-}
-
-/// Binds the nodes of each core, and checks that every core holds some and, with a core that holds the body in place,
-/// that no part of the layer is left loose.
-fn bind_cores(keys: &Keys, layer: &mut Layer, numbers: &[u32], mesh: &TriangleMesh) -> Result<()> {
-    for core in &keys.body.cores {
-        let key = format!("core.{}.bind", core.name);
-        let Some(bind) = &core.bind else {
-            return Err(keys.error(&key, "missing", "say which nodes the core carries"));
-        };
-        let count = renumbered(bind, numbers)
-            .and_then(|bind| super::bind::bind(layer, (&mesh.vertices, &mesh.triangles), &bind))
-            .map_err(|(problem, remedy)| keys.error(&key, problem, remedy))?;
-        if count == 0 {
-            let held = match core.motion {
-                Motion::Dynamic => "no node lies in the region: the core would hold nothing",
-                _ => "no node lies in the region: nothing would hold the body",
-            };
-            return Err(keys.error(&key, held, ENLARGE));
-        }
-    }
-    if keys.body.cores.iter().all(|c| matches!(c.motion, Motion::Dynamic)) {
-        return Ok(());
-    }
-    match super::bind::unheld(layer) {
-        None => Ok(()),
-        Some((count, node)) => {
-            let (p, node) = (layer.nodes[node as usize], numbers[node as usize]);
-            let problem = format!(
-                "{count} nodes with nothing to hold them: the layer has a part without bound nodes, with node {node} at \
-                 [{:.4}, {:.4}, {:.4}]",
-                p.x, p.y, p.z
-            );
-            Err(keys.error("layer", problem, "join the parts, bind a node of each, or make them bodies of their own"))
-        }
-    }
 }
 
 /// A surface from a file, fit to be a skin; the loader has made the path complete. Adds to the report.
@@ -247,6 +210,10 @@ mod tests {
     fn a_surface_without_volume_is_refused() {
         let (vertices, mut triangles) = crate::prepare::sphere::icosphere(1.0);
         triangles.iter_mut().for_each(|t| t.swap(0, 1));
-        assert!(rigid(TriangleMesh { vertices, triangles }).unwrap_err().contains("encloses a volume of -"));
+        assert!(
+            rigid(TriangleMesh { vertices, triangles }, FrameMotion::Fixed)
+                .unwrap_err()
+                .contains("encloses a volume of -")
+        );
     }
 }

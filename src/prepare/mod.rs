@@ -5,6 +5,7 @@
 
 pub mod bind;
 mod body;
+pub mod cores;
 pub mod embed;
 pub mod hull;
 pub mod lattice;
@@ -18,13 +19,13 @@ pub mod sphere;
 #[cfg(test)]
 pub(crate) mod tests;
 
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 
 pub use body::{body, tool};
 pub use embed::embed;
 pub use proxy::proxies;
 
-use crate::scene::Material;
+use crate::scene::{Key, Material};
 
 /// No element: the index that points nowhere.
 pub const NONE: u32 = u32::MAX;
@@ -64,6 +65,10 @@ pub enum Shape {
     Soft {
         /// Tetrahedra.
         layer: Layer,
+        /// The frames that nodes ride on: one a core, or a floating one.
+        frames: Vec<Frame>,
+        /// Frame of each node.
+        node_frames: Vec<u32>,
         /// Elastic material.
         material: Material,
         /// Embedding of each skin vertex.
@@ -84,7 +89,9 @@ pub enum Shape {
         /// Centroid, rest frame.
         centroid: DVec3,
         /// Inertia tensor about the centroid for unit density, kg m^2 per kg/m^3, rest-frame axes, columns.
-        inertia: glam::DMat3,
+        inertia: DMat3,
+        /// How it moves; the tool's is the host's business.
+        motion: FrameMotion,
     },
     /// Half-space `normal . x <= offset` in world axes; skinless.
     Plane {
@@ -95,6 +102,32 @@ pub enum Shape {
     },
 }
 
+/// A rigid frame of a body.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// Its centre at rest, rest frame of the body, m.
+    pub centre: DVec3,
+    /// How it moves.
+    pub motion: FrameMotion,
+}
+
+/// How a frame moves.
+#[derive(Debug, Clone)]
+pub enum FrameMotion {
+    /// It stays where the body was placed.
+    Fixed,
+    /// Along poses that it gives to the body's rest frame (world): at the body's own `position` and `orientation` the
+    /// frame is where it was at rest.
+    Driven(Vec<Key>),
+    /// It follows the free nodes of a body without cores (shape matching, M. Mueller and others 2005).
+    Floating {
+        /// Of all nodes, kg.
+        mass: f64,
+        /// Of the lumped nodes about the centre, rest axes, kg m^2.
+        inertia: DMat3,
+    },
+}
+
 /// The tetrahedral mesh.
 #[derive(Debug, Clone, Default)]
 pub struct Layer {
@@ -102,7 +135,7 @@ pub struct Layer {
     pub nodes: Vec<DVec3>,
     /// Four node indices each, positive volume.
     pub tetrahedra: Vec<[u32; 4]>,
-    /// Whether each node rides on the body's (fixed) core.
+    /// Whether each node rides on one of the body's cores.
     pub bound: Vec<bool>,
 }
 
@@ -131,6 +164,8 @@ pub struct Embedding {
 /// A convex hull that covers part of the skin.
 #[derive(Debug, Clone, Default)]
 pub struct Proxy {
+    /// The body's frame that it rides on.
+    pub frame: u32,
     /// Hull vertices, rest frame, at most [`MAX_HULL_VERTICES`].
     pub hull: Vec<DVec3>,
     /// Unit outward normal and offset (n . x <= offset inside) of each distinct hull face.

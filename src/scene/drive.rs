@@ -17,7 +17,11 @@ pub(super) fn read(value: &Value) -> Result<Vec<Key>> {
     if table.exactly_one(&["keys", "path"])? == "path" {
         return core_keys(&table.need("path")?);
     }
-    let keys = table.need("keys")?;
+    listed(&table.need("keys")?)
+}
+
+/// Keys written out: `[[t, x, y, z, ..], ..]`.
+fn listed(keys: &Value) -> Result<Vec<Key>> {
     let mut result: Vec<Key> = Vec::new();
     for element in keys.array()? {
         let numbers: Vec<f64> = element.array()?.iter().map(Value::number).collect::<Result<_>>()?;
@@ -25,14 +29,14 @@ pub(super) fn read(value: &Value) -> Result<Vec<Key>> {
         result.push(key);
     }
     if result.is_empty() {
-        return Err(keys.error("is empty", "give at least one key, or leave [drive] out"));
+        return Err(keys.error("is empty", "give at least one key"));
     }
     Ok(result)
 }
 
-/// The keys of a CSV file.
+/// The keys of a driven core: written out, or the name of a CSV file.
 pub(super) fn core_keys(value: &Value) -> Result<Vec<Key>> {
-    read_csv(&value.file()?)
+    if value.is_text() { read_csv(&value.file()?) } else { listed(value) }
 }
 
 const KEY_REMEDY: &str =

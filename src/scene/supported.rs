@@ -27,19 +27,13 @@ pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
     }
     for (index, body) in scene.bodies.iter().enumerate() {
         let table = || Ok::<_, Error>(root.need("body")?.array()?[index].unchecked_table()?.renamed(path(&body.name)));
-        if body.cores.len() > 1 {
-            return Err(refuse(&table()?.need("core")?, "give one core"));
-        }
-        if let Some(core) = body.cores.first()
-            && !matches!(core.motion, Motion::Fixed)
-        {
+        if let Some(at) = body.cores.iter().position(|core| matches!(core.motion, Motion::Dynamic)) {
+            let path = format!("{}.core.{}", path(&body.name), body.cores[at].name);
             let table = match table()?.get("core") {
-                Some(cores) => {
-                    cores.array()?[0].unchecked_table()?.renamed(format!("{}.core.{}", path(&body.name), core.name))
-                }
+                Some(cores) => cores.array()?[at].unchecked_table()?.renamed(path),
                 None => table()?,
             };
-            return Err(refuse(&table.need("motion")?, "use \"fixed\""));
+            return Err(refuse(&table.need("motion")?, "use \"fixed\" or \"driven\""));
         }
     }
     Ok(())

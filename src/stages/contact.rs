@@ -167,6 +167,7 @@ impl Contact {
                 &skin.skin_weights,
                 &skin.skin,
                 &elastic.velocity,
+                &common.frames,
                 &touch.contacts,
                 &touch.entry_nodes,
                 &touch.entry_weights,

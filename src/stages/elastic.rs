@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::model::Model;
 use super::{Common, count, upload, zeros};
 use crate::Result;
-use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
+use crate::gpu::{Buffer, Const, Context, Kernel, Recorder, Size};
 
 /// Nodes, tetrahedra and their state.
 pub struct Elastic {
@@ -18,6 +18,7 @@ pub struct Elastic {
     pub materials: Buffer,
     /// Four nodes a tetrahedron.
     pub tetrahedra: Buffer,
+    tetrahedron_links: Buffer,
     rest_gradients: Buffer,
     /// Position in the frame, mass.
     pub node_rest: Buffer,
@@ -41,12 +42,14 @@ impl Elastic {
     /// Kernels and arrays for a model, at rest.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Elastic> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
+        let constants = [("TETRAHEDRA", count(tetrahedra)), ("SPANS", Const::Bool(model.spans_frames()))];
         Ok(Elastic {
-            rotate: Kernel::new(context, "elastic/rotate", Size::Group, &[("TETRAHEDRA", count(tetrahedra))])?,
+            rotate: Kernel::new(context, "elastic/rotate", Size::Group, &constants)?,
             tetrahedron_count: tetrahedra,
             node_count: nodes,
             materials: upload(context, "materials", &model.materials)?,
             tetrahedra: upload(context, "tetrahedra", &model.tetrahedra)?,
+            tetrahedron_links: upload(context, "links of tetrahedra", &model.tetrahedron_links)?,
             rest_gradients: upload(context, "gradients at rest", &model.rest_gradients)?,
             node_rest: upload(context, "nodes at rest", &model.node_rest)?,
             node_info: upload(context, "node info", &model.node_info)?,
@@ -72,6 +75,9 @@ impl Elastic {
                 &self.rest_gradients,
                 &self.displacement,
                 &self.velocity,
+                &self.tetrahedron_links,
+                &self.node_rest,
+                &common.links,
                 &self.rotations,
                 &self.gradients,
                 &self.element_forces,

@@ -22,14 +22,16 @@ use bytemuck::Pod;
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Memory};
 use model::Model;
-use types::{Counts, Frame, Report, StepParams};
+use types::{Counts, Frame, Link, Report, StepParams};
 
 /// What every stage shares: the host's inputs and outputs, counters, indirect arguments.
 pub struct Common {
     /// One [`StepParams`].
     pub params: Buffer,
-    /// A [`Frame`] a body that is not a half-space.
+    /// A [`Frame`] a frame of the model.
     pub frames: Buffer,
+    /// A [`Link`] a pair of frames that something spans.
+    pub links: Buffer,
     /// One [`Counts`].
     pub counts: Buffer,
     /// Slots of [`args`].
@@ -45,6 +47,7 @@ impl Common {
         Ok(Common {
             params: Buffer::new(context, "params", size_of::<StepParams>() as u64, Memory::Upload)?,
             frames: Buffer::new(context, "frames", frames as u64, Memory::Upload)?,
+            links: Buffer::new(context, "links", (model.links.len() * size_of::<Link>()) as u64, Memory::Upload)?,
             counts: zeros::<Counts>(context, "counts", 1)?,
             args: zeros::<u32>(context, "args", args::WORDS)?,
             report: Buffer::new(context, "report", size_of::<Report>() as u64, Memory::Readback)?,

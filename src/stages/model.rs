@@ -1,21 +1,34 @@
 //! From prepared bodies to the arrays that the kernels read: all bodies one after another, indices made global,
 //! positions relative to their frame's centre in f32. Made once; what changes from step to step is not here.
 
+use std::ops::Range;
+
 use glam::{DQuat, DVec3};
 
 use super::types::{NONE, Pair, Proxy};
-use crate::prepare::{self, Body, Embedding, Layer, Shape, Skin};
+use crate::prepare::{self, Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Material, Scene};
 
-/// Where a body's frame is.
-#[derive(Debug, Clone, Copy)]
+/// A frame of a body, as placed.
+#[derive(Debug, Clone)]
 pub struct FramePlace {
-    /// World position of the frame's centre, m.
-    pub centre: DVec3,
-    /// Frame to world.
-    pub rotation: DQuat,
-    /// The centre in the body's rest frame, m.
+    /// World position of the body's rest frame, m.
+    pub position: DVec3,
+    /// Rest frame to world.
+    pub orientation: DQuat,
+    /// The frame's centre in the body's rest frame, m.
     pub rest_centre: DVec3,
+    /// How it moves.
+    pub motion: Motion,
+}
+
+/// How a frame moves.
+#[derive(Debug, Clone)]
+pub enum Motion {
+    /// As prepared.
+    Prepared(FrameMotion),
+    /// It is the tool's.
+    Tool,
 }
 
 /// A half-space in world coordinates.
@@ -32,19 +45,41 @@ pub struct Plane {
 pub struct SoftRange {
     /// Index among the bodies.
     pub body: usize,
-    /// First node.
-    pub node_first: usize,
+    /// Its nodes.
+    pub nodes: Range<usize>,
+}
+
+/// What the skin of a soft body rides on.
+struct Carrier<'a> {
+    layer: &'a Layer,
+    embedding: &'a [Embedding],
+    node_first: usize,
+}
+
+/// A floating frame, and the nodes that it follows.
+#[derive(Debug, Clone)]
+pub struct Floating {
+    /// Among the frames.
+    pub frame: usize,
+    /// Among the nodes.
+    pub nodes: Range<usize>,
 }
 
 /// All static arrays.
 #[derive(Debug, Default)]
 pub struct Model {
-    /// A frame a body that is not a half-space.
+    /// The frames of all bodies.
     pub frames: Vec<FramePlace>,
     /// mu, lambda (Pa), alpha (1/s), beta (s); a frame.
     pub materials: Vec<[f32; 4]>,
-    /// Frame of each body; `NONE` for a half-space.
+    /// First frame of each body; `NONE` for a half-space.
     pub body_frames: Vec<u32>,
+    /// Pairs of frames (to, from) that something spans; the first is of a frame with itself.
+    pub links: Vec<[u32; 2]>,
+    /// Nodes that driven frames carry.
+    pub driven_nodes: Vec<u32>,
+    /// Floating frames.
+    pub floating: Vec<Floating>,
     /// Frame of the tool.
     pub tool_frame: Option<usize>,
     /// Soft bodies.
@@ -60,6 +95,8 @@ pub struct Model {
     pub velocity: Vec<[f32; 4]>,
     /// Four nodes.
     pub tetrahedra: Vec<[u32; 4]>,
+    /// Links from the frame of a tetrahedron (its first node's) to those of its nodes.
+    pub tetrahedron_links: Vec<[u32; 4]>,
     /// Three a tetrahedron, and three zeros: gradients of its last three nodes; w: sqrt(V), -, frame.
     pub rest_gradients: Vec<[f32; 4]>,
 
@@ -92,8 +129,8 @@ pub struct Model {
     pub proxy_triangles: Vec<u32>,
     /// Skin vertices to place, by proxy.
     pub proxy_embeds: Vec<u32>,
-    /// Nodes that move them, by proxy.
-    pub proxy_nodes: Vec<u32>,
+    /// Nodes that move them, by proxy, each with the link from the proxy's frame to its own.
+    pub proxy_nodes: Vec<[u32; 2]>,
 
     /// Pairs of bodies; planes still zero.
     pub pairs: Vec<Pair>,
@@ -110,8 +147,7 @@ pub struct Model {
 impl Model {
     /// The arrays of a scene's bodies; the tool, if any, comes last.
     pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
-        let mut model = Model::default();
-        model.fan_first.push(0);
+        let mut model = Model { links: vec![[0, 0]], fan_first: vec![0], ..Model::default() };
         let all: Vec<&Body> = bodies.iter().chain(tool).collect();
         let mut proxy_ranges = Vec::new();
         for (index, body) in all.iter().enumerate() {
@@ -129,13 +165,19 @@ impl Model {
     fn add_body(&mut self, index: usize, body: &Body, is_tool: bool) {
         match &body.shape {
             Shape::Plane { .. } => self.body_frames.push(NONE),
-            Shape::Soft { layer, material, embedding, skin, proxies } => {
-                let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-                let high = layer.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-                let frame = self.add_frame(body, 0.5 * (low + high), false, Some(material));
+            Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies } => {
+                let frame_first = self.frames.len();
+                self.body_frames.push(frame_first as u32);
+                for frame in frames {
+                    self.add_frame(body, frame.centre, Motion::Prepared(frame.motion.clone()), Some(material));
+                }
                 let node_first = self.node_rest.len();
-                self.soft.push(SoftRange { body: index, node_first });
-                self.add_layer(layer, material, frame, body.velocity);
+                self.add_layer(layer, node_frames, material, frame_first, body.velocity);
+                let nodes = node_first..self.node_rest.len();
+                if let FrameMotion::Floating { .. } = frames[0].motion {
+                    self.floating.push(Floating { frame: frame_first, nodes: nodes.clone() });
+                }
+                self.soft.push(SoftRange { body: index, nodes });
                 let vertex_first = self.skin_nodes.len();
                 for e in embedding {
                     let nodes = layer.tetrahedra[e.tetrahedron as usize].map(|n| n + node_first as u32);
@@ -143,10 +185,15 @@ impl Model {
                     self.skin_weights.push(e.weights.map(|w| w as f32));
                 }
                 self.add_skin(skin, vertex_first);
-                self.add_proxies(skin, proxies, frame, vertex_first, Some((layer, embedding, node_first)));
+                let carrier = Carrier { layer, embedding, node_first };
+                self.add_proxies(skin, proxies, frame_first, vertex_first, Some(carrier));
             }
-            Shape::Rigid { skin, proxies, centroid, .. } => {
-                let frame = self.add_frame(body, *centroid, is_tool, None);
+            Shape::Rigid { skin, proxies, centroid, motion, .. } => {
+                let frame = self.frames.len();
+                self.body_frames.push(frame as u32);
+                let motion = if is_tool { Motion::Tool } else { Motion::Prepared(motion.clone()) };
+                self.add_frame(body, *centroid, motion, None);
+                self.tool_frame = if is_tool { Some(frame) } else { self.tool_frame };
                 let vertex_first = self.skin_nodes.len();
                 for x in &skin.vertices {
                     self.skin_nodes.push([NONE, 0, 0, 0]);
@@ -158,26 +205,46 @@ impl Model {
         }
     }
 
-    /// The tool's `position` is its centre's; any other body's that of its file's origin.
-    fn add_frame(&mut self, body: &Body, rest_centre: DVec3, is_tool: bool, material: Option<&Material>) -> usize {
-        let frame = self.frames.len();
-        let offset = if is_tool { DVec3::ZERO } else { body.orientation * rest_centre };
-        self.frames.push(FramePlace { centre: body.position + offset, rotation: body.orientation, rest_centre });
+    fn add_frame(&mut self, body: &Body, rest_centre: DVec3, motion: Motion, material: Option<&Material>) {
+        let Body { position, orientation, .. } = *body;
+        self.frames.push(FramePlace { position, orientation, rest_centre, motion });
         self.materials.push(material.map_or([0.0; 4], |m| {
             let (mu, lambda) = lame(m);
             [mu as f32, lambda as f32, m.damping_mass as f32, m.damping_stiffness as f32]
         }));
-        self.body_frames.push(frame as u32);
-        if is_tool {
-            self.tool_frame = Some(frame);
-        }
-        frame
     }
 
-    fn add_layer(&mut self, layer: &Layer, material: &Material, frame: usize, velocity: DVec3) {
+    /// The link from frame `to` to frame `from`: where a point that rides on `from` is in `to`.
+    fn link(&mut self, to: u32, from: u32) -> u32 {
+        if to == from {
+            return 0;
+        }
+        let known = self.links.iter().skip(1).position(|link| *link == [to, from]);
+        known.map_or_else(
+            || {
+                self.links.push([to, from]);
+                self.links.len() as u32 - 1
+            },
+            |at| at as u32 + 1,
+        )
+    }
+
+    /// Whether anything spans two frames.
+    pub fn spans_frames(&self) -> bool {
+        self.links.len() > 1
+    }
+
+    fn add_layer(
+        &mut self,
+        layer: &Layer,
+        node_frames: &[u32],
+        material: &Material,
+        frame_first: usize,
+        velocity: DVec3,
+    ) {
         let node_first = self.node_rest.len();
         let tetrahedron_first = self.tetrahedra.len();
-        let centre = self.frames[frame].rest_centre;
+        let frame_of = |n: u32| frame_first as u32 + node_frames[n as usize];
         let mut mass = vec![0.0; layer.nodes.len()];
         let mut entries = vec![Vec::new(); layer.nodes.len()];
         for (t, nodes) in layer.tetrahedra.iter().enumerate() {
@@ -185,30 +252,34 @@ impl Model {
             let edges = glam::DMat3::from_cols(x[1] - x[0], x[2] - x[0], x[3] - x[0]);
             let volume = edges.determinant() / 6.0;
             let gradients = edges.inverse().transpose();
+            let frame = frame_of(nodes[0]);
+            let links = nodes.map(|n| self.link(frame, frame_of(n)));
             self.tetrahedra.push(nodes.map(|n| n + node_first as u32));
+            self.tetrahedron_links.push(links);
             self.rest_gradients.push(texel(gradients.x_axis, volume.sqrt()));
             self.rest_gradients.push(texel(gradients.y_axis, 0.0));
-            self.rest_gradients.push(texel(gradients.z_axis, frame as f64));
+            self.rest_gradients.push(texel(gradients.z_axis, f64::from(frame)));
             for (corner, n) in nodes.iter().enumerate() {
                 mass[*n as usize] += 0.25 * material.density * volume;
                 entries[*n as usize].push((4 * (tetrahedron_first + t) + corner) as u32);
             }
         }
         for (i, rest) in layer.nodes.iter().enumerate() {
-            let bound = layer.bound[i];
+            let frame = frame_of(i as u32);
+            let place = &self.frames[frame as usize];
+            // A node of no tetrahedron has no mass: it stays where it is in its frame.
+            let bound = layer.bound[i] || mass[i] == 0.0;
+            if bound && matches!(place.motion, Motion::Prepared(FrameMotion::Driven(_))) {
+                self.driven_nodes.push((node_first + i) as u32);
+            }
             // Entries of whole quads; the padding is replaced once the number of all tetrahedra is known.
             let quads = entries[i].len().div_ceil(4);
-            self.node_info.push([self.node_elements.len() as u32, quads as u32, frame as u32, u32::from(bound)]);
+            self.node_info.push([self.node_elements.len() as u32, quads as u32, frame, u32::from(bound)]);
             for quad in entries[i].chunks(4) {
                 self.node_elements.push(std::array::from_fn(|k| quad.get(k).copied().unwrap_or(NONE)));
             }
-            // A node of no tetrahedron has no mass: it stays where it is.
-            if mass[i] == 0.0 {
-                self.node_info[node_first + i][3] = 1;
-            }
-            self.node_rest.push(texel(*rest - centre, mass[i]));
-            let velocity = if bound || mass[i] == 0.0 { DVec3::ZERO } else { velocity };
-            self.velocity.push(texel(velocity, 0.0));
+            self.node_rest.push(texel(*rest - place.rest_centre, mass[i]));
+            self.velocity.push(texel(if bound { DVec3::ZERO } else { velocity }, 0.0));
         }
     }
 
@@ -234,13 +305,14 @@ impl Model {
         &mut self,
         skin: &Skin,
         proxies: &[prepare::Proxy],
-        frame: usize,
+        frame_first: usize,
         vertex_first: usize,
-        soft: Option<(&Layer, &[Embedding], usize)>,
+        carrier: Option<Carrier>,
     ) {
-        let centre = self.frames[frame].rest_centre;
         let triangle_first = (self.triangles.len() - skin.triangles.len()) as u32;
         for proxy in proxies {
+            let frame = frame_first as u32 + proxy.frame;
+            let centre = self.frames[frame as usize].rest_centre;
             // The skin it covers, and what the normals there need: the triangles around its vertices.
             let mut covered: Vec<u32> = proxy.vertices.clone();
             covered.extend(proxy.triangles.iter().flat_map(|t| skin.triangles[*t as usize]));
@@ -256,17 +328,17 @@ impl Model {
             embeds.sort_unstable();
             embeds.dedup();
             let (mut nodes, mut weight_bound) = (Vec::new(), 0.0f64);
-            if let Some((layer, embedding, node_first)) = soft {
+            if let Some(Carrier { layer, embedding, node_first }) = &carrier {
                 for v in &covered {
                     let e = &embedding[*v as usize];
-                    nodes.extend(layer.tetrahedra[e.tetrahedron as usize].map(|n| n + node_first as u32));
+                    nodes.extend(layer.tetrahedra[e.tetrahedron as usize].map(|n| n + *node_first as u32));
                     weight_bound = weight_bound.max(e.weights.iter().map(|w| w.abs()).sum());
                 }
                 nodes.sort_unstable();
                 nodes.dedup();
             }
             self.proxies.push(Proxy {
-                frame: frame as u32,
+                frame,
                 hull_first: self.hull.len() as u32,
                 hull_count: proxy.hull.len() as u32,
                 face_first: self.faces.len() as u32,
@@ -282,13 +354,16 @@ impl Model {
                 margin: proxy.margin as f32,
                 weight_bound: weight_bound as f32,
             });
-            self.hull.extend(proxy.hull.iter().map(|x| texel(*x - centre, frame as f64)));
+            self.hull.extend(proxy.hull.iter().map(|x| texel(*x - centre, f64::from(frame))));
             self.faces.extend(proxy.faces.iter().map(|(n, d)| texel(*n, d - n.dot(centre))));
-            self.face_frames.extend(proxy.faces.iter().map(|_| [frame as u32, 0, 0, 0]));
+            self.face_frames.extend(proxy.faces.iter().map(|_| [frame, 0, 0, 0]));
             self.proxy_vertices.extend(proxy.vertices.iter().map(|v| v + vertex_first as u32));
             self.proxy_triangles.extend(proxy.triangles.iter().map(|t| t + triangle_first));
             self.proxy_embeds.extend(embeds.iter().map(|v| v + vertex_first as u32));
-            self.proxy_nodes.extend(nodes);
+            for node in nodes {
+                let link = self.link(frame, self.node_info[node as usize][2]);
+                self.proxy_nodes.push([node, link]);
+            }
         }
     }
 

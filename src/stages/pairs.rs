@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::model::{Model, Plane};
 use super::types::{NONE, Pair};
-use crate::prepare::{Body, Layer, Shape};
+use crate::prepare::{Body, FrameMotion, Layer, Shape};
 use crate::scene::Scene;
 
 /// Stiffness (N/m^3) where nothing soft is near to take it from: that of 20 kPa, nu 0.45, at a cell of 10 mm.
@@ -49,6 +49,10 @@ impl Model {
             self.proxy_pairs.extend(b_proxies.clone().map(|q| [p as u32, q as u32, pair, slot]));
         }
         self.active_slots += a_proxies.len() + b_proxies.len();
+        let driven_frame = |index: usize| match &all[index].shape {
+            Shape::Rigid { motion: FrameMotion::Driven(_), .. } => self.body_frames[index],
+            _ => NONE,
+        };
         let owned = |range: &Range<usize>| -> usize {
             self.proxies[range.clone()].iter().map(|p| p.vertex_count as usize).sum()
         };
@@ -63,6 +67,7 @@ impl Model {
             damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt) as f32,
             tool_sign: if a == tool { 1.0 } else { -f32::from(u8::from(b == tool)) },
             is_plane: u32::from(plane.is_some()),
+            driven_frame: [driven_frame(a), driven_frame(b)],
             plane: [0.0; 4],
         });
         self.pair_planes.push(plane);

@@ -8,7 +8,7 @@ use super::model::Model;
 use super::pose::Pose;
 use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
-use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
+use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 
 /// Topology and embedding of all skins, and their positions this step.
 pub struct Skin {
@@ -34,9 +34,10 @@ pub struct Skin {
 impl Skin {
     /// Kernels and arrays for a model.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Skin> {
+        let spans = ("SPANS", Const::Bool(model.spans_frames()));
         Ok(Skin {
-            bound: Kernel::new(context, "skin/bound", Size::Reduce, &[])?,
-            embed: Kernel::new(context, "skin/embed", Size::Group, &[])?,
+            bound: Kernel::new(context, "skin/bound", Size::Reduce, &[spans])?,
+            embed: Kernel::new(context, "skin/embed", Size::Group, &[spans])?,
             proxy_count: model.proxies.len() as u32,
             proxies: upload(context, "proxies", &model.proxies)?,
             proxy_nodes: upload(context, "nodes of proxies", &model.proxy_nodes)?,
@@ -50,9 +51,17 @@ impl Skin {
     }
 
     /// Before culling: a workgroup a proxy.
-    pub fn record_bounds(&self, recorder: &mut Recorder, pose: &Pose, elastic: &Elastic) {
+    pub fn record_bounds(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, elastic: &Elastic) {
         recorder.stage("skin");
-        let buffers = [&self.proxies, &pose.hull, &self.proxy_nodes, &elastic.displacement, &self.bounds];
+        let buffers = [
+            &self.proxies,
+            &pose.hull,
+            &self.proxy_nodes,
+            &elastic.displacement,
+            &elastic.node_rest,
+            &common.links,
+            &self.bounds,
+        ];
         recorder.dispatch_groups(&self.bound, &buffers, &[], self.proxy_count);
     }
 
@@ -72,6 +81,7 @@ impl Skin {
                 &self.skin_weights,
                 &elastic.node_rest,
                 &elastic.displacement,
+                &elastic.node_info,
                 &self.skin,
             ],
             &[],
@@ -81,32 +91,29 @@ impl Skin {
     }
 }
 
-/// Skin vertices whose displacement the host reads after each step.
+/// Skin vertices that the host follows: their nodes' displacements, read after each step.
 pub struct Probes {
     probe: Kernel,
     count: u32,
     nodes: Buffer,
-    weights: Buffer,
-    /// A vec4 a probe: displacement in its frame, m.
+    /// Four vec4 a probe: displacements of its nodes, each in its frame, m.
     pub displacement: Buffer,
 }
 
 impl Probes {
-    /// Probes with their four nodes and weights.
-    pub fn new(context: &Arc<Context>, nodes: &[[u32; 4]], weights: &[[f32; 4]]) -> Result<Probes> {
+    /// Probes with their four nodes each.
+    pub fn new(context: &Arc<Context>, nodes: &[[u32; 4]]) -> Result<Probes> {
         Ok(Probes {
-            probe: Kernel::new(context, "skin/probe", Size::Group, &[("PROBES", count(nodes.len()))])?,
-            count: nodes.len() as u32,
+            probe: Kernel::new(context, "skin/probe", Size::Group, &[("PROBE_NODES", count(4 * nodes.len()))])?,
+            count: 4 * nodes.len() as u32,
             nodes: upload(context, "nodes of probes", nodes)?,
-            weights: upload(context, "weights of probes", weights)?,
-            displacement: Buffer::new(context, "probes", (16 * nodes.len()) as u64, Memory::Readback)?,
+            displacement: Buffer::new(context, "probes", (64 * nodes.len()) as u64, Memory::Readback)?,
         })
     }
 
-    /// One pass over the probes.
+    /// One pass over the nodes of probes.
     pub fn record(&self, recorder: &mut Recorder, elastic: &Elastic) {
         recorder.stage("skin");
-        let buffers = [&self.nodes, &self.weights, &elastic.displacement, &self.displacement];
-        recorder.dispatch(&self.probe, &buffers, &[], self.count);
+        recorder.dispatch(&self.probe, &[&self.nodes, &elastic.displacement, &self.displacement], &[], self.count);
     }
 }

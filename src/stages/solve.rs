@@ -230,6 +230,7 @@ impl Solve {
             &self.solution,
             &self.rhs,
             &self.image,
+            &elastic.node_rest,
             &elastic.velocity,
             &elastic.displacement,
             &self.leftover,

@@ -45,6 +45,32 @@ pub struct Frame {
     pub linear: [f32; 3],
     /// rad/s.
     pub angular: [f32; 3],
+    /// Quaternion of R1^T R0: how the start lies in the frame at the end of the step.
+    pub turn: [f32; 4],
+}
+
+/// Where points of one frame are in another.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub struct Link {
+    /// Quaternion x y z w.
+    pub turn: [f32; 4],
+    /// m; zero while both are as placed.
+    pub offset: [f32; 3],
+}
+
+/// What the host fits a floating frame from: sums over its nodes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Fit {
+    /// m d, frame axes, kg m.
+    pub shift: [f32; 3],
+    /// m r x d, frame axes, kg m^2.
+    pub twist: [f32; 3],
+    /// m v, world axes, kg m/s.
+    pub momentum: [f32; 3],
+    /// m (x - centre) x v, world axes, kg m^2/s.
+    pub spin: [f32; 3],
 }
 
 /// Two bodies that may touch.
@@ -67,6 +93,8 @@ pub struct Pair {
     pub tool_sign: f32,
     /// b is a half-space.
     pub is_plane: u32,
+    /// The driven frame of a and b where their skins are rigid, or [`NONE`].
+    pub driven_frame: [u32; 2],
     /// Unit normal, offset relative to the origin.
     pub plane: [f32; 4],
 }

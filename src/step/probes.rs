@@ -1,56 +1,58 @@
-//! Probes: skin vertices that a scene follows. The device gives their displacement, the host the rest in f64.
+//! Probes: skin vertices that a scene follows. The device gives their nodes' displacements, the host the rest in f64.
 
 use glam::DVec3;
 
 use crate::prepare::{Body, Shape};
 use crate::scene::Scene;
 use crate::stages::model::Model;
+use crate::stages::types::NONE;
 use crate::{Error, Result};
 
-/// A probe's rest position and frame, on the host.
+/// A probe's place, on the host: a weighted sum of points that ride on frames.
 pub struct ProbePlace {
-    /// In its frame, m.
-    pub rest: DVec3,
-    /// The frame it rides on.
-    pub frame: usize,
+    /// Rest position in its frame (m), weight, frame.
+    pub points: [(DVec3, f64, usize); 4],
 }
 
-/// Probes on the host, and their nodes and weights for the device.
-pub type ProbeArrays = (Vec<ProbePlace>, Vec<[u32; 4]>, Vec<[f32; 4]>);
+/// Probes on the host, and their nodes for the device.
+pub type ProbeArrays = (Vec<ProbePlace>, Vec<[u32; 4]>);
 
 /// The skin vertices nearest to the scene's probes.
 pub fn probes_of(scene: &Scene, bodies: &[Body], model: &Model) -> Result<ProbeArrays> {
-    let (mut places, mut nodes, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut places, mut nodes) = (Vec::new(), Vec::new());
     for probe in &scene.probes {
         let key = format!("probe.{}.body", probe.name);
         let refuse = |problem: &str, remedy: &str| Error::key(&scene.file, &key, problem, remedy);
         let index = bodies.iter().position(|body| body.name == probe.body);
         let index = index.ok_or_else(|| refuse("no body has this name", "name a body of the scene"))?;
-        let scale = scene.bodies[index].scale;
-        let frame = model.body_frames[index] as usize;
-        let (skin, embedding) = match &bodies[index].shape {
-            Shape::Soft { skin, embedding, layer, .. } => (skin, Some((embedding, layer))),
-            Shape::Rigid { skin, .. } => (skin, None),
+        let target = probe.nearest * scene.bodies[index].scale;
+        let frame_first = model.body_frames[index] as usize;
+        let skin = match &bodies[index].shape {
+            Shape::Soft { skin, .. } | Shape::Rigid { skin, .. } => skin,
             Shape::Plane { .. } => return Err(refuse("a plane has no skin", "probe a body with a skin")),
         };
-        let target = probe.nearest * scale;
         let distance = |i: &usize| skin.vertices[*i].distance_squared(target);
         let nearest = (0..skin.vertices.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
         let nearest = nearest.ok_or_else(|| refuse("its skin has no vertex", "give it a surface"))?;
-        let centre = model.frames[frame].rest_centre;
-        let first = model.soft.iter().find(|soft| soft.body == index).map_or(0, |soft| soft.node_first as u32);
-        let (rest, four, w) = match embedding {
-            Some((embedding, layer)) => {
+        let first = model.soft.iter().find(|soft| soft.body == index).map_or(0, |soft| soft.nodes.start as u32);
+        let centre = |frame: usize| model.frames[frame].rest_centre;
+        let (points, four) = match &bodies[index].shape {
+            Shape::Soft { layer, embedding, node_frames, .. } => {
                 let e = &embedding[nearest];
                 let four = layer.tetrahedra[e.tetrahedron as usize];
-                let rest: DVec3 = four.iter().zip(e.weights).map(|(n, w)| w * layer.nodes[*n as usize]).sum();
-                (rest, four.map(|n| n + first), e.weights.map(|w| w as f32))
+                let point = |k: usize| {
+                    let frame = frame_first + node_frames[four[k] as usize] as usize;
+                    (layer.nodes[four[k] as usize] - centre(frame), e.weights[k], frame)
+                };
+                ([0, 1, 2, 3].map(point), four.map(|n| n + first))
             }
-            None => (skin.vertices[nearest], [0; 4], [0.0; 4]),
+            _ => {
+                let rest = skin.vertices[nearest] - centre(frame_first);
+                ([0, 1, 2, 3].map(|k| (rest, f64::from(u8::from(k == 0)), frame_first)), [NONE; 4])
+            }
         };
-        places.push(ProbePlace { rest: rest - centre, frame });
+        places.push(ProbePlace { points });
         nodes.push(four);
-        weights.push(w);
     }
-    Ok((places, nodes, weights))
+    Ok((places, nodes))
 }

@@ -25,6 +25,8 @@ pub struct Stages {
     pub touch: Option<TouchStages>,
     pub wrench: Option<Wrench>,
     pub probes: Option<Probes>,
+    pub driven: Option<pose::Driven>,
+    pub floating: Option<pose::Floating>,
 }
 
 /// The stages of scenes where something can touch.
@@ -55,7 +57,6 @@ impl Stages {
         model: &Model,
         (path, tile): (Path, u32),
         probe_nodes: &[[u32; 4]],
-        probe_weights: &[[f32; 4]],
     ) -> Result<Stages> {
         let common = Common::new(context, model)?;
         let touch = if model.pairs.is_empty() {
@@ -74,21 +75,24 @@ impl Stages {
             (Some(_), Some(_)) => Some(Wrench::new(context)?),
             _ => None,
         };
-        let probes =
-            if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes, probe_weights)?) };
-        Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes })
+        let probes = if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes)?) };
+        let (driven, floating) = (pose::Driven::new(context, model)?, pose::Floating::new(context, model)?);
+        Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes, driven, floating })
     }
 }
 
 impl Recordings {
     /// Records every part, with iterations up to one more than the cap, so that the pass that notices it is there.
     pub fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
-        let Stages { common, elastic, solve, touch, wrench, probes } = stages;
+        let Stages { common, elastic, solve, touch, wrench, probes, driven, floating } = stages;
 
         let mut begin = recorder()?;
+        if let Some(driven) = driven {
+            driven.record(&mut begin, common, elastic);
+        }
         if let Some(TouchStages { pose, skin, cull, depth, contact }) = touch {
             pose.record(&mut begin, common);
-            skin.record_bounds(&mut begin, pose, elastic);
+            skin.record_bounds(&mut begin, common, pose, elastic);
             cull.record(&mut begin, common, pose, skin);
             skin.record_embedding(&mut begin, common, cull, elastic);
             if let Some(depth) = depth {
@@ -120,6 +124,9 @@ impl Recordings {
         solve.record_end(&mut end, common, elastic);
         if let (Some(wrench), Some(touch)) = (wrench, touch) {
             wrench.record(&mut end, common, &touch.contact.touch);
+        }
+        if let Some(floating) = floating {
+            floating.record(&mut end, common, elastic);
         }
         if let Some(probes) = probes {
             probes.record(&mut end, elastic);

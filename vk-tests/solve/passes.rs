@@ -298,6 +298,7 @@ impl Passes {
             .input("solution", &self.solution)
             .input("rhs", &self.rhs)
             .input("image", &self.image)
+            .input("node_rest", &s.model.node_rest)
             .inout("velocity", &s.velocity)
             .inout("displacement", &s.displacement)
             .partial("leftover", &self.leftover)

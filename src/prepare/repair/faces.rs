@@ -139,7 +139,7 @@ impl<'a> Faces<'a> {
     /// For each vertex the vertex to use instead: at open edges the first within [`SAME_PLACE`], else itself. Vertices
     /// of sound edges are left alone, so that closed pieces that touch stay apart.
     fn first_at_place(&self) -> Vec<u32> {
-        let mut open: Vec<u32> = Edges::new(&self.corners).open().flat_map(|[a, b]| [a, b]).collect();
+        let mut open: Vec<u32> = Edges::new(&self.corners).open().flatten().collect();
         open.sort_unstable();
         open.dedup();
         let mut first: Vec<u32> = (0..self.vertices.len() as u32).collect();

@@ -1,0 +1,32 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+#include "shared/rotation.glsl"
+#include "shared/link.glsl"
+
+// Pose: velocities of the nodes that driven frames carry, over the whole step, v = (x1 - x0) / h
+// = v_centre + R0 (R0^T R1 - I) r / h. The right-hand side, h f - (h^2 + h beta) K v, then holds what these known velocities
+// give to the unknown ones, and contacts feel them. One invocation a carried node. Oracle: oracle::step, whose bound nodes
+// take any velocity.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const uint DRIVEN = 0;
+
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(scalar, binding = 2) readonly buffer DrivenNodes { uint driven_nodes[]; };
+layout(binding = 3) uniform usamplerBuffer node_info;       // frame in z
+layout(binding = 4) uniform samplerBuffer node_rest;
+layout(scalar, binding = 5) writeonly buffer Velocity { vec4 velocity[]; };
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i >= DRIVEN) return;
+    uint node = driven_nodes[i];
+    Frame frame = frames[texelFetch(node_info, int(node)).z];
+    // R0^T R1 is the inverse of dR = R1^T R0.
+    vec4 on = vec4(-frame.turn.xyz, frame.turn.w);
+    vec3 r = texelFetch(node_rest, int(node)).xyz;
+    velocity[node] = vec4(frame.linear + rotate(frame.rotation, turned(on, r)) / params.dt, 0.0);
+}

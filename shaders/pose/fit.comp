@@ -1,0 +1,43 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+#include "shared/rotation.glsl"
+
+// Pose: the sums from which the host fits a floating frame to its nodes, at the end of the step: sum m d, sum m r x d (where
+// both vanish, the frame is the best fit: M. Mueller and others 2005, "Meshless Deformations Based on Shape Matching"),
+// sum m v and sum m (x - centre) x v. One workgroup a frame. Oracle: the sums in f64.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
+
+layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };
+layout(scalar, binding = 1) readonly buffer Floating { uvec4 floating[]; };      // frame, first node, nodes
+layout(binding = 2) uniform samplerBuffer node_rest;        // w: mass, kg
+layout(binding = 3) uniform samplerBuffer displacement;
+layout(binding = 4) uniform samplerBuffer velocity;
+layout(scalar, binding = 5) writeonly buffer Fits { Fit fits[]; };
+
+#include "shared/sum.glsl"
+
+void main() {
+    uvec4 which = floating[gl_WorkGroupID.x];
+    Frame frame = frames[which.x];
+    // R1 = R0 (R1^T R0)^T.
+    vec4 rotation = compose(frame.rotation, vec4(-frame.turn.xyz, frame.turn.w));
+    vec3 shift = vec3(0.0), twist = vec3(0.0), momentum = vec3(0.0), spin = vec3(0.0);
+    for (uint i = which.y + gl_LocalInvocationID.x; i < which.y + which.z; i += SIZE) {
+        vec4 rest = texelFetch(node_rest, int(i));
+        vec3 d = texelFetch(displacement, int(i)).xyz;
+        vec3 v = texelFetch(velocity, int(i)).xyz;
+        shift += rest.w * d;
+        twist += rest.w * cross(rest.xyz, d);
+        momentum += rest.w * v;
+        spin += rest.w * cross(rotate(rotation, rest.xyz + d), v);
+    }
+    shift = workgroup_sum(vec4(shift, 0.0)).xyz;
+    twist = workgroup_sum(vec4(twist, 0.0)).xyz;
+    momentum = workgroup_sum(vec4(momentum, 0.0)).xyz;
+    spin = workgroup_sum(vec4(spin, 0.0)).xyz;
+    if (gl_LocalInvocationID.x == 0) fits[gl_WorkGroupID.x] = Fit(shift, twist, momentum, spin);
+}

@@ -1,0 +1,181 @@
+//! Cores: which nodes each rigid core of a body carries, and the frames that nodes, skin and proxies ride on.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::{DMat3, DVec3};
+
+use super::{Frame, FrameMotion, Layer, NONE, bind};
+use crate::Result;
+use crate::scene::obj::TriangleMesh;
+use crate::scene::{Bind, Body, Material, Motion};
+
+/// What to do about a core that holds nothing.
+const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
+
+/// Marks the nodes that the body's cores carry as bound, and returns the core of each node: of a bound node the first in
+/// the body's list that names it (of bones whose capsules overlap, see [`bind::nearer_bones`]), of a free node the
+/// nearest along the edges of the layer (so that a hand beside a thigh follows the arm); 0 everywhere in a body without
+/// cores. `skin` and `layer` are in file coordinates, `numbers` those of the layer's nodes in their file (ascending). `error` makes an error of a key (`core.NAME.bind`, `layer`), a
+/// problem and a remedy.
+///
+/// Refused: a core that carries no node, and a part of the layer that no core holds.
+pub fn bind(
+    body: &Body,
+    layer: &mut Layer,
+    numbers: &[u32],
+    skin: &TriangleMesh,
+    error: impl Fn(&str, &str, &str) -> crate::Error,
+) -> Result<Vec<u32>> {
+    let mut holders = vec![NONE; layer.nodes.len()];
+    for (index, core) in body.cores.iter().enumerate() {
+        let key = format!("core.{}.bind", core.name);
+        let region = core.bind.as_ref().ok_or_else(|| error(&key, "missing", "say which nodes the core carries"))?;
+        let named = renumbered(region, numbers)
+            .and_then(|region| bind::named(layer, (&skin.vertices, &skin.triangles), &region))
+            .map_err(|(problem, remedy)| error(&key, &problem, remedy))?;
+        for (holder, _) in holders.iter_mut().zip(&named).filter(|(holder, named)| **named && **holder == NONE) {
+            *holder = index as u32;
+        }
+        if !holders.contains(&(index as u32)) {
+            let problem = if named.contains(&true) {
+                "all nodes in the region are carried by cores before it: this one would hold nothing"
+            } else {
+                "no node lies in the region: the core would hold nothing"
+            };
+            return Err(error(&key, problem, ENLARGE));
+        }
+    }
+    layer.bound = holders.iter().map(|&holder| holder != NONE).collect();
+    if body.cores.is_empty() {
+        return Ok(vec![0; holders.len()]);
+    }
+    if let Some((count, node)) = bind::unheld(layer) {
+        let (p, node) = (layer.nodes[node as usize], numbers[node as usize]);
+        let problem = format!(
+            "{count} nodes with nothing to hold them: the layer has a part without bound nodes, with node {node} at \
+             [{:.4}, {:.4}, {:.4}]",
+            p.x, p.y, p.z
+        );
+        return Err(error("layer", &problem, "join the parts, bind a node of each, or make them bodies of their own"));
+    }
+    Ok(nearest(layer, holders))
+}
+
+/// A region whose nodes, if it lists any, are those of the layer and not of its file.
+fn renumbered(bind: &Bind, numbers: &[u32]) -> std::result::Result<Bind, (String, &'static str)> {
+    let Bind::Nodes(list) = bind else { return Ok(bind.clone()) };
+    let place = |node: &u32| match numbers.binary_search(node) {
+        Ok(place) => Ok(place as u32),
+        // Beyond the file's last node: the binding itself says so.
+        Err(place) if place == numbers.len() => Ok(*node),
+        Err(_) => Err((format!("node {node} belongs to no tetrahedron"), "name nodes of tetrahedra")),
+    };
+    list.iter().map(place).collect::<std::result::Result<_, _>>().map(Bind::Nodes)
+}
+
+/// Gives every node without a holder that of the node it reaches first along edges (E. Dijkstra 1959); equally far, the
+/// lower core's.
+fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
+    if holders.iter().all(|&holder| holder == 0 || holder == NONE) {
+        return vec![0; holders.len()];
+    }
+    let mut around = vec![Vec::new(); layer.nodes.len()];
+    for t in &layer.tetrahedra {
+        for (i, j) in (0..4).flat_map(|i| (0..4).map(move |j| (i, j))).filter(|(i, j)| i != j) {
+            around[t[i] as usize].push(t[j]);
+        }
+    }
+    // Distances are non-negative, and the order of their bits is theirs.
+    let start = |(node, &holder): (usize, &u32)| (holder != NONE).then_some(Reverse((0u64, holder, node as u32)));
+    let mut queue: BinaryHeap<_> = holders.iter().enumerate().filter_map(start).collect();
+    let mut done = vec![false; holders.len()];
+    while let Some(Reverse((bits, holder, node))) = queue.pop() {
+        if std::mem::replace(&mut done[node as usize], true) {
+            continue;
+        }
+        holders[node as usize] = holder;
+        for &next in around[node as usize].iter().filter(|&&next| !done[next as usize]) {
+            let step = layer.nodes[node as usize].distance(layer.nodes[next as usize]);
+            queue.push(Reverse(((f64::from_bits(bits) + step).to_bits(), holder, next)));
+        }
+    }
+    holders
+}
+
+/// The frames of a soft body: one a core, centred at the mean of what it carries; without cores one floating frame at the
+/// centre of mass. `layer` is in the rest frame (m), `holders` what [`bind`] returned.
+pub fn frames(body: &Body, layer: &Layer, holders: &[u32], material: &Material) -> Vec<Frame> {
+    if body.cores.is_empty() {
+        return vec![floating(layer, material)];
+    }
+    let frame = |(index, core): (usize, &crate::scene::Core)| {
+        let carried = (0..holders.len()).filter(|&n| layer.bound[n] && holders[n] == index as u32);
+        let (sum, count) = carried.fold((DVec3::ZERO, 0.0), |(sum, count), n| (sum + layer.nodes[n], count + 1.0));
+        let motion = match &core.motion {
+            Motion::Driven(keys) => FrameMotion::Driven(keys.clone()),
+            Motion::Fixed | Motion::Dynamic => FrameMotion::Fixed,
+        };
+        Frame { centre: sum / f64::max(count, 1.0), motion }
+    };
+    body.cores.iter().enumerate().map(frame).collect()
+}
+
+/// A frame that follows the nodes: mass, centre and inertia of the lumped layer.
+pub fn floating(layer: &Layer, material: &Material) -> Frame {
+    let mut masses = vec![0.0; layer.nodes.len()];
+    for t in &layer.tetrahedra {
+        let [a, b, c, d] = t.map(|n| layer.nodes[n as usize]);
+        let quarter = material.density * DMat3::from_cols(b - a, c - a, d - a).determinant() / 24.0;
+        t.iter().for_each(|&n| masses[n as usize] += quarter);
+    }
+    let weighted = || masses.iter().zip(&layer.nodes);
+    let mass: f64 = masses.iter().sum();
+    let centre = weighted().map(|(m, x)| *m * *x).sum::<DVec3>() / mass;
+    let mut inertia = DMat3::ZERO;
+    for (m, x) in weighted() {
+        let r = *x - centre;
+        inertia += *m * (DMat3::from_diagonal(DVec3::splat(r.length_squared())) - outer(r));
+    }
+    Frame { centre, motion: FrameMotion::Floating { mass, inertia } }
+}
+
+/// v v^T.
+fn outer(v: DVec3) -> DMat3 {
+    DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::layer;
+
+    #[test]
+    fn a_free_node_follows_the_core_it_reaches_first_along_the_layer() {
+        // Two prongs on a base, the first bound at its tip, the second in the base: a node at the second's tip is
+        // nearer to the first's in space and not along the layer.
+        let mut fork = layer::kuhn_box(DVec3::ZERO, DVec3::new(0.5, 1.0, 0.1), [5, 10, 1]);
+        let middle = |t: &[u32; 4]| t.iter().map(|&n| fork.nodes[n as usize]).sum::<DVec3>() / 4.0;
+        let kept = fork.tetrahedra.iter().filter(|t| middle(t).y < 0.2 || !(0.2..0.3).contains(&middle(t).x));
+        fork.tetrahedra = kept.copied().collect();
+        let at = |x: f64, y: f64| fork.nodes.iter().position(|n| n.distance(DVec3::new(x, y, 0.0)) < 1e-9).unwrap();
+        let (left, right, base) = (at(0.0, 1.0), at(0.3, 1.0), at(0.5, 0.0));
+        let mut holders = vec![NONE; fork.nodes.len()];
+        (holders[left], holders[base]) = (0, 1);
+        let found = nearest(&fork, holders);
+        assert_eq!((found[left], found[base], found[right]), (0, 1, 1));
+        assert_eq!(found[at(0.2, 1.0)], 0);
+    }
+
+    #[test]
+    fn a_floating_frame_has_the_mass_and_inertia_of_a_block() {
+        let block = layer::kuhn_box(DVec3::ZERO, DVec3::new(0.2, 0.4, 0.6), [16, 16, 16]);
+        let material = Material { young: 1.0, poisson: 0.3, density: 500.0, damping_mass: 0.0, damping_stiffness: 0.0 };
+        let frame = floating(&block, &material);
+        let FrameMotion::Floating { mass, inertia } = frame.motion else { panic!("not floating") };
+        assert!((mass - 24.0).abs() < 1e-9 && frame.centre.distance(DVec3::new(0.1, 0.2, 0.3)) < 0.002);
+        let want = mass / 12.0 * (0.16 + 0.36);
+        // Lumping moves mass outwards by a share of the cell squared.
+        assert!((inertia.x_axis.x / want - 1.0).abs() < 0.01, "{} {want}", inertia.x_axis.x);
+    }
+}

@@ -1,0 +1,200 @@
+//! Frames on the host, in f64: where each is at the start of the step and at its end, and how points of one lie in
+//! another. What the device does is the same wherever a frame is put, up to rounding; a good frame keeps displacements
+//! small.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::haptics::drive::{Drive, rotation_vector};
+use crate::haptics::tool::Tool;
+use crate::prepare::FrameMotion;
+use crate::scene::Key;
+use crate::stages::model::{FramePlace, Model, Motion};
+use crate::stages::types::{Fit, Frame, Link};
+
+/// Where a frame is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// World position of its centre, m.
+    pub centre: DVec3,
+    /// Frame to world.
+    pub rotation: DQuat,
+}
+
+/// All frames of a model, over one step.
+pub struct Frames {
+    states: Vec<State>,
+    links: Vec<[usize; 2]>,
+    /// The states that are fitted, in the model's order.
+    floating: Vec<usize>,
+}
+
+struct State {
+    rest_centre: DVec3,
+    mover: Mover,
+    start: Place,
+    end: Place,
+}
+
+enum Mover {
+    Fixed,
+    Driven(Drive),
+    Tool,
+    Floating(Box<Floating>),
+}
+
+/// What was fitted to the nodes at the end of the last step.
+struct Floating {
+    mass: f64,
+    /// About the centre at rest, frame axes, kg m^2.
+    inertia: DMat3,
+    /// From the frame to the fit, frame axes, m.
+    shift: DVec3,
+    /// From the frame to the fit, a rotation vector, frame axes.
+    turn: DVec3,
+    /// Of the nodes, world, m/s and rad/s.
+    velocity: DVec3,
+    spin: DVec3,
+}
+
+impl Frames {
+    /// Frames as placed; driven ones where their keys put them at time zero. `velocity`: initial, of each frame's body.
+    pub fn new(model: &Model, velocity: impl Fn(usize) -> DVec3) -> Frames {
+        let states: Vec<State> =
+            model.frames.iter().enumerate().map(|(i, place)| State::new(place, velocity(i))).collect();
+        let links = model.links.iter().map(|link| link.map(|frame| frame as usize)).collect();
+        Frames { states, links, floating: model.floating.iter().map(|f| f.frame).collect() }
+    }
+
+    /// Where a frame is at the start of the step.
+    pub fn place(&self, frame: usize) -> Place {
+        self.states[frame].start
+    }
+
+    /// A point of the rest frame's coordinates relative to the frame's centre, in the world.
+    pub fn world(&self, frame: usize, local: DVec3) -> DVec3 {
+        let Place { centre, rotation } = self.states[frame].start;
+        centre + rotation * local
+    }
+
+    /// Sets out for the end of the step at `time`, `h` seconds long.
+    pub fn set_out(&mut self, time: f64, h: f64, tool: Option<&Tool>) {
+        for state in &mut self.states {
+            state.set_out(time, h, tool);
+        }
+    }
+
+    /// Writes the device's frames and links; positions relative to `origin`.
+    pub fn write(&self, origin: DVec3, h: f64, frames: &mut [Frame], links: &mut [Link]) {
+        for (frame, state) in frames.iter_mut().zip(&self.states) {
+            *frame = state.frame(origin, h);
+        }
+        for (link, [to, from]) in links.iter_mut().zip(&self.links) {
+            let (to, from) = (&self.states[*to], &self.states[*from]);
+            let back = to.start.rotation.conjugate();
+            let rest = from.rest_centre - to.rest_centre;
+            let offset = back * (from.start.centre - to.start.centre) - rest;
+            *link = Link {
+                turn: unwound(back * from.start.rotation).as_quat().to_array(),
+                offset: offset.as_vec3().to_array(),
+            };
+        }
+    }
+
+    /// The step is over. `fits`: what the device summed, where it accepted the step; a frame that floats stays with its
+    /// nodes where it did not.
+    pub fn arrive(&mut self, fits: Option<&[Fit]>) {
+        for state in self.states.iter_mut().filter(|state| !matches!(state.mover, Mover::Floating(_))) {
+            state.start = state.end;
+        }
+        for (frame, fit) in self.floating.iter().zip(fits.unwrap_or_default()) {
+            let state = &mut self.states[*frame];
+            state.start = state.end;
+            if let Mover::Floating(floating) = &mut state.mover {
+                floating.fit(fit, state.start.rotation);
+            }
+        }
+    }
+}
+
+impl State {
+    fn new(place: &FramePlace, velocity: DVec3) -> State {
+        let rest_centre = place.rest_centre;
+        let mover = match &place.motion {
+            Motion::Tool => Mover::Tool,
+            Motion::Prepared(FrameMotion::Fixed) => Mover::Fixed,
+            Motion::Prepared(FrameMotion::Driven(keys)) => Mover::Driven(Drive::new(
+                keys,
+                Key { time: 0.0, position: place.position, orientation: place.orientation },
+            )),
+            Motion::Prepared(FrameMotion::Floating { mass, inertia }) => Mover::Floating(Box::new(Floating {
+                mass: *mass,
+                inertia: *inertia,
+                shift: DVec3::ZERO,
+                turn: DVec3::ZERO,
+                velocity,
+                spin: DVec3::ZERO,
+            })),
+        };
+        let (position, orientation) = match &mover {
+            Mover::Driven(drive) => drive.pose(0.0),
+            _ => (place.position, place.orientation),
+        };
+        let start = Place { centre: position + orientation * rest_centre, rotation: orientation };
+        State { rest_centre, mover, start, end: start }
+    }
+
+    fn set_out(&mut self, time: f64, h: f64, tool: Option<&Tool>) {
+        match (&self.mover, tool) {
+            (Mover::Driven(drive), _) => {
+                let (position, orientation) = drive.pose(time);
+                self.end = Place { centre: position + orientation * self.rest_centre, rotation: orientation };
+            }
+            (Mover::Floating(floating), _) => {
+                let Place { centre, rotation } = self.start;
+                let turned = DQuat::from_scaled_axis(h * floating.spin) * rotation;
+                self.end = Place {
+                    centre: centre + rotation * floating.shift + h * floating.velocity,
+                    rotation: (turned * DQuat::from_scaled_axis(floating.turn)).normalize(),
+                };
+            }
+            (Mover::Tool, Some(tool)) => {
+                self.start = Place { centre: tool.centre, rotation: tool.orientation };
+                let turned = DQuat::from_scaled_axis(h * tool.angular_velocity) * tool.orientation;
+                self.end = Place { centre: tool.centre + h * tool.velocity, rotation: turned.normalize() };
+            }
+            (Mover::Fixed, _) | (Mover::Tool, None) => {}
+        }
+    }
+
+    fn frame(&self, origin: DVec3, h: f64) -> Frame {
+        let Place { centre, rotation } = self.start;
+        let turned = unwound(self.end.rotation * rotation.conjugate());
+        Frame {
+            rotation: rotation.as_quat().to_array(),
+            centre: (centre - origin).as_vec3().to_array(),
+            linear: ((self.end.centre - centre) / h).as_vec3().to_array(),
+            angular: (rotation_vector(turned) / h).as_vec3().to_array(),
+            turn: unwound(self.end.rotation.conjugate() * rotation).as_quat().to_array(),
+        }
+    }
+}
+
+impl Floating {
+    /// Shape matching, one round a step: the shift to the centre of mass, and the small turn that takes the antisymmetric
+    /// part of sum m (r + d) r^T away; where both vanish the frame is the best fit (M. Mueller and others 2005).
+    fn fit(&mut self, fit: &Fit, rotation: DQuat) {
+        let wide = |x: [f32; 3]| DVec3::from(x.map(f64::from));
+        let turn = DMat3::from_quat(rotation);
+        let momentum = wide(fit.momentum);
+        self.shift = wide(fit.shift) / self.mass;
+        self.turn = self.inertia.inverse() * wide(fit.twist);
+        self.velocity = momentum / self.mass;
+        let about_centre_of_mass = wide(fit.spin) - (turn * self.shift).cross(momentum);
+        self.spin = turn * (self.inertia.inverse() * (turn.transpose() * about_centre_of_mass));
+    }
+}
+
+/// The same rotation with w not negative, so that it is near the identity where the rotation is.
+fn unwound(q: DQuat) -> DQuat {
+    if q.w < 0.0 { -q } else { q }
+}

@@ -1,0 +1,332 @@
+//! Kernels that know frames: tetrahedra, skin and proxies that span two, nodes that driven frames carry, the state seen
+//! from where a frame is at the end of a step, and the sums a floating frame is fitted from.
+
+use glam::{DMat3, DQuat, DVec3};
+use palpate::gpu::{Const, Size};
+use palpate::prepare::layer::kuhn_box;
+use palpate::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
+use palpate::stages::model::FramePlace;
+use palpate::stages::types::{ActiveProxy, Counts, Fit, Frame, Link, Proxy, ProxyBounds, StepParams};
+
+use crate::harness::{Tolerance, case, context, expect_close};
+use crate::random::Random;
+use crate::system::{System, layered, material};
+
+/// Positions of some tenths of a metre after a dozen f32 operations, m.
+const PLACED: Tolerance = Tolerance { abs: 2e-7, rel: 1e-6 };
+/// Of the largest force: strains of a tenth from positions known to 1e-7.
+const FORCE: f64 = 1.0e-5;
+/// Velocities of about 1 m/s.
+const VELOCITY: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };
+/// Sums over up to 1234 nodes, of the largest of the same kind.
+const SUM: f64 = 2.0e-6;
+
+/// A frame in the world.
+#[derive(Clone, Copy)]
+struct Placed {
+    centre: DVec3,
+    rotation: DQuat,
+}
+
+fn wide(x: &[f32]) -> DVec3 {
+    DVec3::new(x[0].into(), x[1].into(), x[2].into())
+}
+
+fn narrow(x: DVec3) -> [f32; 4] {
+    x.as_vec3().extend(0.0).to_array()
+}
+
+/// A bar whose halves ride on two frames.
+fn two_frames() -> Body {
+    let mut body = layered(
+        kuhn_box(DVec3::new(-0.06, -0.02, -0.02), DVec3::new(0.06, 0.02, 0.02), [6, 2, 2]),
+        material(2e4),
+        Random(3).turn(2.0),
+    );
+    if let Shape::Soft { layer, frames, node_frames, .. } = &mut body.shape {
+        let frame = |x: f64| BodyFrame { centre: DVec3::X * x, motion: FrameMotion::Fixed };
+        *frames = vec![frame(-0.03), frame(0.03)];
+        *node_frames = layer.nodes.iter().map(|x| u32::from(x.x > 0.001)).collect();
+    }
+    body
+}
+
+/// The bar somewhere, and bent: its frames turned by up to `angle` (rad) against one another, nodes displaced in their
+/// frames. Links and frames as the host writes them; the twin has the same shape in rest axes.
+fn bent(angle: f64, seed: u64) -> (System, Vec<Placed>) {
+    let body = two_frames();
+    let mut random = Random(seed);
+    let mut system = System::new(std::slice::from_ref(&body), 0.003, seed);
+    let common = random.turn(3.0);
+    let mut placed = |place: &FramePlace| Placed {
+        centre: common * (place.orientation * place.rest_centre + 0.01 * angle * random.vector()),
+        rotation: common * place.orientation * random.turn(angle),
+    };
+    let places: Vec<Placed> = system.model.frames.iter().map(&mut placed).collect();
+    for (frame, place) in system.frames.iter_mut().zip(&places) {
+        *frame = Frame {
+            rotation: place.rotation.as_quat().to_array(),
+            centre: place.centre.as_vec3().to_array(),
+            ..Frame::default()
+        };
+    }
+    // Both ways, whichever the tetrahedra need.
+    for link in [[0, 1], [1, 0]].into_iter().filter(|link| !system.model.links.contains(link)).collect::<Vec<_>>() {
+        system.model.links.push(link);
+    }
+    system.links.resize(system.model.links.len(), Link::default());
+    for (link, [to, from]) in system.links.iter_mut().zip(&system.model.links) {
+        let (a, b) = (places[*to as usize], places[*from as usize]);
+        let rest = |frame: &u32| system.model.frames[*frame as usize].rest_centre;
+        let back = a.rotation.conjugate();
+        *link = Link {
+            turn: (back * b.rotation).as_quat().to_array(),
+            offset: (back * (b.centre - a.centre) - (rest(from) - rest(to))).as_vec3().to_array(),
+        };
+    }
+    let Shape::Soft { layer, .. } = &body.shape else { unreachable!() };
+    let moved = world(&system, &places);
+    for (i, x) in moved.iter().enumerate() {
+        system.twin.bodies[0].displacement[i] = body.orientation.conjugate() * (*x - body.position) - layer.nodes[i];
+    }
+    (system, places)
+}
+
+/// World positions of the nodes.
+fn world(system: &System, places: &[Placed]) -> Vec<DVec3> {
+    let node = |((rest, d), info): ((&[f32; 4], &[f32; 4]), &[u32; 4])| {
+        let place = places[info[2] as usize];
+        place.centre + place.rotation * (wide(rest) + wide(d))
+    };
+    system.model.node_rest.iter().zip(&system.displacement).zip(&system.model.node_info).map(node).collect()
+}
+
+#[test]
+fn tetrahedra_that_span_two_frames_have_the_oracles_forces() {
+    for (angle, seed) in [(0.0, 5), (1e-3, 6), (0.1, 7), (0.3, 8)] {
+        let (mut system, _) = bent(angle, seed);
+        let spanning = system.model.tetrahedron_links.iter().filter(|links| **links != [0; 4]).count();
+        assert!(spanning > 10, "{spanning} tetrahedra span the frames");
+        system.rotate();
+        let body = &system.twin.bodies[0];
+        // The twin's rotations are its own: of the whole deformation, from rest axes.
+        let rotations = body.elements.rotations(&body.displacement);
+        let elastic = body.elements.forces(&body.displacement, &rotations);
+        let viscous = body.elements.apply_stiffness(&body.velocity, &rotations);
+        let (h, beta) = (system.twin.dt, body.material.damping_stiffness);
+        let mut got = vec![DVec3::ZERO; elastic.len()];
+        for (t, nodes) in system.model.tetrahedra.iter().enumerate() {
+            for (corner, node) in nodes.iter().enumerate() {
+                got[*node as usize] += wide(&system.element_forces[4 * t + corner]);
+            }
+        }
+        let want: Vec<DVec3> = elastic.iter().zip(&viscous).map(|(f, kv)| h * *f - (h * h + h * beta) * *kv).collect();
+        let largest = want.iter().map(|f| f.length()).fold(0.0, f64::max);
+        let error = got.iter().zip(&want).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / largest;
+        assert!(error < FORCE, "frames {angle} rad apart: {error:e}");
+    }
+}
+
+#[test]
+fn frames_moved_as_one_give_no_force() {
+    let (mut system, _) = bent(0.0, 9);
+    system.displacement.fill([0.0; 4]);
+    system.velocity.fill([0.0; 4]);
+    system.rotate();
+    // Links in f64 leave 1e-16 m at most, and f32 keeps such small things small.
+    let largest = system.element_forces.iter().map(|f| wide(f).length()).fold(0.0, f64::max);
+    assert!(largest < 1e-14, "{largest:e} N s");
+}
+
+#[test]
+fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
+    let (system, places) = bent(0.9, 11);
+    let moved = world(&system, &places);
+    let nodes = system.model.node_rest.len();
+    // Each tetrahedron's middle, and a point outside it.
+    let weights = [[0.25f32; 4], [1.5, -0.3, -0.4, 0.2]];
+    let skin_nodes: Vec<[u32; 4]> = system.model.tetrahedra.iter().flat_map(|t| [*t; 2]).collect();
+    let skin_weights: Vec<[f32; 4]> = system.model.tetrahedra.iter().flat_map(|_| weights).collect();
+    let count = skin_nodes.len();
+    let out = case("skin/embed")
+        .constant("SPANS", Const::Bool(true))
+        .input("params", &[StepParams { step: 9, ..bytemuck::Zeroable::zeroed() }])
+        .input("frames", &system.frames)
+        .input("counts", &[Counts { active_proxies: 1, embeds: count as u32, ..Default::default() }])
+        .input("active_list", &[ActiveProxy::default()])
+        .input("proxies", &[Proxy { embed_count: count as u32, ..Default::default() }])
+        .input("proxy_embeds", &(0..count as u32).collect::<Vec<_>>())
+        .input("skin_nodes", &skin_nodes)
+        .input("skin_weights", &skin_weights)
+        .input("node_rest", &system.model.node_rest)
+        .input("displacement", &system.displacement)
+        .input("node_info", &system.model.node_info)
+        .output::<[f32; 4]>("skin", count)
+        .elements(count)
+        .run();
+    let place = |(nodes, weights): (&[u32; 4], &[f32; 4])| {
+        let x: DVec3 = nodes.iter().zip(weights).map(|(n, w)| f64::from(*w) * moved[*n as usize]).sum();
+        x.extend(9.0).to_array()
+    };
+    let want: Vec<f64> = skin_nodes.iter().zip(&skin_weights).flat_map(place).collect();
+    expect_close("skin", out.get::<[f32; 4]>("skin").as_flattened(), &want, PLACED);
+
+    // A proxy on each frame that holds all nodes: the farthest of them, seen from its frame.
+    let proxy = |frame: u32| Proxy {
+        frame,
+        hull_count: 4,
+        node_first: frame * nodes as u32,
+        node_count: nodes as u32,
+        weight_bound: 2.0,
+        ..Default::default()
+    };
+    let link =
+        |to: u32, from: u32| system.model.links.iter().position(|l| *l == [to, from] || (to == from && *l == [0, 0]));
+    let listed: Vec<[u32; 2]> = (0..2u32)
+        .flat_map(|to| system.model.node_info.iter().enumerate().map(move |(n, info)| (to, n, info[2])))
+        .map(|(to, n, from)| [n as u32, if to == from { 0 } else { link(to, from).unwrap() as u32 }])
+        .collect();
+    let out = case("skin/bound")
+        .size(Size::Reduce)
+        .constant("SPANS", Const::Bool(true))
+        .input("proxies", &[proxy(0), proxy(1)])
+        .input("hull", &[[0.0f32; 4]; 4])
+        .input("proxy_nodes", &listed)
+        .input("displacement", &system.displacement)
+        .input("node_rest", &system.model.node_rest)
+        .input("links", &system.links)
+        .output::<ProxyBounds>("bounds", 2)
+        .groups(2)
+        .run();
+    let body = two_frames();
+    let Shape::Soft { layer, frames, .. } = &body.shape else { unreachable!() };
+    for (bounds, (place, frame)) in out.get::<ProxyBounds>("bounds").iter().zip(places.iter().zip(frames)) {
+        let away = |(x, rest): (&DVec3, &DVec3)| {
+            (place.rotation.conjugate() * (*x - place.centre) - (*rest - frame.centre)).length()
+        };
+        let want = 2.0 * moved.iter().zip(&layer.nodes).map(away).fold(0.0, f64::max);
+        let got = f64::from(bounds.inflation);
+        assert!(got > want && got < 1.0011 * want + 1.1e-6, "{got} for {want}");
+    }
+}
+
+/// A frame that moves over the step, and where it is at its end.
+fn moving(random: &mut Random, h: f64, angle: f64) -> (Frame, Placed, Placed) {
+    let start = Placed { centre: random.vector(), rotation: random.turn(3.0) };
+    let end = Placed { centre: start.centre + 0.01 * random.vector(), rotation: random.turn(angle) * start.rotation };
+    let turn = end.rotation.conjugate() * start.rotation;
+    let frame = Frame {
+        rotation: start.rotation.as_quat().to_array(),
+        centre: start.centre.as_vec3().to_array(),
+        linear: ((end.centre - start.centre) / h).as_vec3().to_array(),
+        turn: turn.as_quat().to_array(),
+        ..Frame::default()
+    };
+    (frame, start, end)
+}
+
+#[test]
+fn the_new_state_is_the_same_place_seen_from_the_frames_end() {
+    let (h, width) = (1.0 / 128.0, context().group_size() as usize);
+    for (count, angle) in [(0, 0.1), (1, 0.1), (width - 1, 1e-4), (width, 0.3), (width + 1, 2.0), (1234, 0.05)] {
+        let mut random = Random(31 + count as u64);
+        let (frame, start, end) = moving(&mut random, h, angle);
+        let some = count.max(1);
+        let field = |scale: f64, random: &mut Random| -> Vec<[f32; 4]> {
+            (0..some).map(|_| narrow(scale * random.vector())).collect()
+        };
+        let (rest, d, v) = (field(0.2, &mut random), field(0.02, &mut random), field(1.0, &mut random));
+        let out = case("solve/commit")
+            .constant("NODES", count as u32)
+            .input("params", &[StepParams { dt: h as f32, ..bytemuck::Zeroable::zeroed() }])
+            .input("frames", &[frame])
+            .input("node_info", &vec![[0u32; 4]; some])
+            .input("solution", &vec![[0.0f32; 4]; some])
+            .input("rhs", &vec![[0.0f32; 4]; some])
+            .input("image", &vec![[0.0f32; 4]; some])
+            .input("node_rest", &rest)
+            .inout("velocity", &v)
+            .inout("displacement", &d)
+            .output::<[f32; 4]>("leftover", count)
+            .elements(count)
+            .run();
+        for (i, got) in out.get::<[f32; 4]>("displacement").iter().enumerate().take(count) {
+            let x = start.centre + start.rotation * (wide(&rest[i]) + wide(&d[i])) + h * wide(&v[i]);
+            let want = end.rotation.conjugate() * (x - end.centre) - wide(&rest[i]);
+            assert!(wide(got).distance(want) < PLACED.abs, "{got:?} for {want}");
+        }
+    }
+}
+
+#[test]
+fn driven_nodes_go_where_their_frame_takes_them() {
+    let (h, width) = (1e-3, context().group_size() as usize);
+    for (count, angle) in [(1, 0.0), (width - 1, 1e-4), (width, 1e-3), (width + 1, 0.5), (1234, 0.01)] {
+        let mut random = Random(41 + count as u64);
+        let (frame, start, end) = moving(&mut random, h, angle);
+        let rest: Vec<[f32; 4]> = (0..2 * count).map(|_| narrow(0.2 * random.vector())).collect();
+        let driven: Vec<u32> = (0..count as u32).map(|i| 2 * i + 1).collect();
+        let out = case("pose/drive")
+            .constant("DRIVEN", count as u32)
+            .input("params", &[StepParams { dt: h as f32, ..bytemuck::Zeroable::zeroed() }])
+            .input("frames", &[frame])
+            .input("driven_nodes", &driven)
+            .input("node_info", &vec![[0u32; 4]; 2 * count])
+            .input("node_rest", &rest)
+            .partial("velocity", &vec![[-7.0f32; 4]; 2 * count])
+            .elements(count)
+            .run();
+        let got: Vec<[f32; 4]> = out.get("velocity");
+        for i in 0..count {
+            assert_eq!(got[2 * i], [-7.0; 4], "free nodes stay");
+            let r = wide(&rest[2 * i + 1]);
+            let want = (end.centre + end.rotation * r - start.centre - start.rotation * r) / h;
+            // f32 knows the turn's vector part to 6e-8 of itself, and so its arc.
+            let tolerance = VELOCITY.abs + VELOCITY.rel * (want.length() + angle * r.length() / h);
+            assert!(wide(&got[2 * i + 1]).distance(want) < tolerance, "{:?} for {want}", got[2 * i + 1]);
+        }
+    }
+}
+
+#[test]
+fn floating_frames_are_fitted_from_the_sums_of_their_nodes() {
+    let width = context().reduce_size() as usize;
+    let mut random = Random(51);
+    let sizes = [1, width - 1, width, width + 1, 1234];
+    let h = 1e-3;
+    let total: usize = sizes.iter().sum();
+    let field = |scale: f64, random: &mut Random| -> Vec<[f32; 4]> {
+        (0..total).map(|_| narrow(scale * random.vector())).collect()
+    };
+    let mut rest = field(0.2, &mut random);
+    rest.iter_mut().for_each(|r| r[3] = (0.01 + 0.005 * random.next()) as f32);
+    let (d, v) = (field(0.02, &mut random), field(1.0, &mut random));
+    let moves: Vec<_> = sizes.iter().map(|_| moving(&mut random, h, 0.2)).collect();
+    let firsts: Vec<usize> = sizes.iter().scan(0, |sum, n| Some(std::mem::replace(sum, *sum + n))).collect();
+    let floating: Vec<[u32; 4]> = (0..sizes.len()).map(|i| [i as u32, firsts[i] as u32, sizes[i] as u32, 0]).collect();
+    let out = case("pose/fit")
+        .size(Size::Reduce)
+        .input("frames", &moves.iter().map(|m| m.0).collect::<Vec<_>>())
+        .input("floating", &floating)
+        .input("node_rest", &rest)
+        .input("displacement", &d)
+        .input("velocity", &v)
+        .output::<Fit>("fits", sizes.len())
+        .groups(sizes.len())
+        .run();
+    for (i, fit) in out.get::<Fit>("fits").iter().enumerate() {
+        let end = DMat3::from_quat(moves[i].2.rotation);
+        let (mut want, mut size) = ([DVec3::ZERO; 4], [0.0; 4]);
+        for n in firsts[i]..firsts[i] + sizes[i] {
+            let (m, r, d, v) = (f64::from(rest[n][3]), wide(&rest[n]), wide(&d[n]), wide(&v[n]));
+            for (k, term) in [m * d, m * r.cross(d), m * v, m * (end * (r + d)).cross(v)].into_iter().enumerate() {
+                want[k] += term;
+                size[k] += term.length();
+            }
+        }
+        for (k, got) in [fit.shift, fit.twist, fit.momentum, fit.spin].iter().enumerate() {
+            let error = wide(got).distance(want[k]) / size[k];
+            assert!(error < SUM, "sum {k} of {} nodes: {error:e}", sizes[i]);
+        }
+    }
+}
