@@ -307,3 +307,41 @@ fn every_good_mesh_is_read() {
         assert_eq!((mesh.nodes.len(), mesh.tetrahedra.len()), (nodes, tetrahedra), "{name}");
     }
 }
+
+#[test]
+fn layers_with_slivers_are_prepared_and_name_the_worst() {
+    let Some(meshes) = meshes() else { return };
+    let folder = folder();
+    for (name, words) in [("human_tetgen_sliver.v41.msh", "786 tetrahedra"), ("bad_slivers.v41.msh", "524 tetrahedra")]
+    {
+        let path = meshes.join("tet").join(name);
+        let body = prepared(folder.path(), &soft("", &format!("{path:?}"))).unwrap();
+        println!("{}", body.report.notes.join("\n"));
+        let notes: Vec<&str> = body.report.notes.iter().map(|note| note.split_once(": ").unwrap().1).collect();
+        assert!(notes.iter().any(|note| note.starts_with(words) && note.contains("the worst is")), "{notes:?}");
+        assert_prepared(name, &path, &body, &notes);
+    }
+}
+
+#[test]
+fn a_run_says_what_was_repaired() {
+    let folder = folder();
+    let inside_out = CUBE.replace("f 4 3 2 1", "f 1 2 3 4");
+    fs::write(folder.path().join("cube.obj"), inside_out).unwrap();
+    let (file, out) = (folder.path().join("mended.toml"), folder.path().join("out"));
+    fs::write(&file, soft("surface = \"cube.obj\"", "{ cell = 0.5 }")).unwrap();
+    let output = palpate(&["run", file.to_str().unwrap(), "--steps", "1", "--out", out.to_str().unwrap()]);
+    if output.status.code() == Some(3) {
+        println!("skipped: a run says what was repaired: no device");
+        return;
+    }
+    let (said, note) = (String::from_utf8(output.stderr).unwrap(), "4 edges between triangles wound opposite ways");
+    assert!(said.starts_with("note: ") && said.contains("cube.obj:9: ") && said.contains(note), "{said}");
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    let told = &summary["files"]["a"];
+    assert_eq!(
+        (&told["repair"]["turned_triangles"], &told["repair"]["clashing_edges"]["count"]),
+        (&2.into(), &4.into())
+    );
+    assert!(told["notes"][0].as_str().unwrap().contains(note), "{told}");
+}

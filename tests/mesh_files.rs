@@ -1,7 +1,6 @@
 //! Tetrahedral mesh files: the same layer from every format, binary files of both byte orders, and no panic whatever the
 //! bytes.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;

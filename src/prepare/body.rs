@@ -10,7 +10,7 @@ use super::prepared::{Prepared, Recipe};
 use super::report::{Log, Stage};
 use super::{Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, proxies, repair, ride, skin};
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Bind, Motion, Scene, Surface, ToolShape};
+use crate::scene::{self, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
 
 /// A closed skin fills at least this share of its bounding box's diagonal cubed; less is rounding.
@@ -178,10 +178,10 @@ fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Re
 fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let material = body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
     let mut layer = prepared.layer.unwrap_or_default();
-    let cores = renumbered(keys, &body.cores, &prepared.node_numbers)?;
-    let body = &scene::Body { cores, ..body.clone() };
-    let node_frames =
-        cores::bind(body, &mut layer, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
+    let numbers = &prepared.node_numbers;
+    let node_frames = cores::bind(body, &mut layer, numbers, &prepared.mesh, |key, problem, remedy| {
+        keys.error(key, problem, remedy)
+    })?;
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
     let mesh = scaled(prepared.mesh, body.scale);
     let skin = skin::build(mesh.vertices, mesh.triangles);
@@ -190,27 +190,6 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let proxies = ride::on_frames(proxies, &skin, &layer, &embedding, &node_frames);
     let frames = cores::frames(body, &layer, &node_frames, &material);
     Ok(Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies })
-}
-
-/// Cores whose nodes, if they list any, are those of the layer and not of its file.
-fn renumbered(keys: &Keys, cores: &[scene::Core], numbers: &[u32]) -> Result<Vec<scene::Core>> {
-    let mut cores = cores.to_vec();
-    for core in &mut cores {
-        let Some(Bind::Nodes(list)) = &mut core.bind else { continue };
-        for node in list {
-            match numbers.binary_search(node) {
-                Ok(place) => *node = place as u32,
-                // Beyond the file's last node: the binding itself says so.
-                Err(place) if place == numbers.len() => {}
-                Err(_) => {
-                    let key = format!("core.{}.bind", core.name);
-                    let problem = format!("node {node} belongs to no tetrahedron");
-                    return Err(keys.error(&key, problem, "name nodes of tetrahedra"));
-                }
-            }
-        }
-    }
-    Ok(cores)
 }
 
 /// How the one core of a rigid body moves.

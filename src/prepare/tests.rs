@@ -179,6 +179,24 @@ fn parts_with_nothing_to_hold_them_are_refused() {
 }
 
 #[test]
+fn nodes_of_no_tetrahedron_are_left_out_and_cores_count_as_the_file_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("spare.node");
+    std::fs::write(&path, "6 3 0 0\n0 9 9 9\n1 0 0 0\n2 1 0 0\n3 5 5 5\n4 0 1 0\n5 0 0 1\n").unwrap();
+    std::fs::write(folder.path().join("spare.ele"), "1 4 0\n0 1 2 4 5\n").unwrap();
+    let shape = scene::Shape::Soft { surface: None, layer: scene::Layer::File(path) };
+    let body = prepared(&scene(shape.clone(), &[Bind::Nodes(vec![2, 5])])).unwrap();
+    let Shape::Soft { layer, .. } = &body.shape else { panic!("not soft") };
+    assert_eq!(layer.nodes, [DVec3::ZERO, 2.0 * DVec3::X, 2.0 * DVec3::Y, 2.0 * DVec3::Z]);
+    assert_eq!((&layer.tetrahedra[..], &layer.bound[..]), (&[[0, 1, 2, 3]][..], &[false, true, false, true][..]));
+    assert!(body.report.notes[0].contains("spare.node: 2 nodes of no tetrahedron left out"), "{:?}", body.report);
+    for (node, words) in [(3, "node 3 belongs to no tetrahedron"), (6, "node 6 does not exist")] {
+        let error = prepared(&scene(shape.clone(), &[Bind::Nodes(vec![node])])).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
 fn the_sphere_tool_is_a_ball_and_a_tool_body_is_not_made_here() {
     let scene = scene(cube(), &[]);
     let mut ball = Tool {

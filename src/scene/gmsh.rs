@@ -195,7 +195,7 @@ fn binary_elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<u64> {
     const WHAT: &str = "a run of elements (type, count, number of tags)";
     let head = whole(cursor, WHAT, 3, 0)?;
     let kind = cursor.natural(head[0], WHAT)?;
-    let count = cursor.natural(head[1], WHAT)?.max(1);
+    let count = cursor.natural(head[1], WHAT)?;
     let tags = cursor.natural(head[2], WHAT)? as usize;
     let nodes = nodes_of(cursor, kind)?;
     for _ in 0..count {

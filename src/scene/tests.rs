@@ -92,7 +92,7 @@ struct Folder(TempDir);
 impl Folder {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["head.obj", "head.msh", "head.vtk"] {
+        for name in ["head.obj", "head.msh", "head.vtk", "head.vtu", "head.node"] {
             fs::write(folder.path().join(name), "").unwrap();
         }
         fs::write(folder.path().join("bones.toml"), BONES).unwrap();
@@ -146,7 +146,9 @@ fn the_example_is_read_in_full() {
 fn other_ways_to_say_it() {
     let folder = Folder::new();
     let soft = |line: &str| folder.load(&with("layer = { cell = 0.01 }", line)).unwrap().bodies[0].shape.clone();
-    assert!(matches!(soft("layer = \"head.msh\""), Shape::Soft { layer: Layer::File(_), .. }));
+    for file in ["head.msh", "head.vtk", "head.node"] {
+        assert!(matches!(soft(&format!("layer = \"{file}\"")), Shape::Soft { layer: Layer::File(_), .. }));
+    }
     let cube = "layer = { box = [[0, 0, 0], [1.0, 1, 1]], cells = [12, 12, 3] }";
     assert!(matches!(soft(cube), Shape::Soft { layer: Layer::Box { cells: [12, 12, 3], high: DVec3::ONE, .. }, .. }));
     let model = with("\"head.obj\"  ", "{ model = \"head\", vertices = 44000 }");
@@ -262,7 +264,7 @@ fn what_does_not_fit_together_is_refused() {
     let folder = Folder::new();
     for (old, new, words) in [
         ("surface = \"head.obj\"", "surface = \"nose.obj\"", "`body.head.surface`: there is no file"),
-        ("{ cell = 0.01 }", "\"head.vtk\"", "files of type .vtk"),
+        ("{ cell = 0.01 }", "\"head.vtu\"", "files of type .vtu"),
         ("name = \"floor\"", "name = \"head\"", "\"head\" is taken"),
         ("name = \"floor\"", "name = \"tool\"", "\"tool\" is taken"),
         ("name = \"floor\"", "name = \"../floor\"", "cannot be a name"),

@@ -16,6 +16,8 @@ pub const EXTENSIONS: [&str; 4] = ["msh", "node", "ele", "vtk"];
 /// Volume against the cube of the longest edge below which a tetrahedron is flat: a rest gradient in single precision
 /// means nothing well before. Slivers above it are kept: the step is implicit, and bears them.
 const FLATTEST: f64 = 1e-12;
+/// A tetrahedron with a dihedral angle below this is told as a sliver, degrees.
+const SLIVER: f64 = 5.0;
 
 /// Tetrahedra as a file gives them.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -126,11 +128,11 @@ pub(super) fn settle(file: Contents, cursor: &Cursor) -> Result<TetMesh> {
         }
         tetrahedra.push(nodes);
     }
-    let notes = notes(&file, turned);
+    let notes = notes(&file, turned, &tetrahedra);
     Ok(TetMesh { nodes: file.nodes, tetrahedra, notes })
 }
 
-fn notes(file: &Contents, turned: usize) -> Vec<String> {
+fn notes(file: &Contents, turned: usize, tetrahedra: &[[u32; 4]]) -> Vec<String> {
     let mut notes = Vec::new();
     if !file.skipped.is_empty() {
         let kinds: Vec<String> = file.skipped.iter().map(|(what, count)| format!("{count} {what}")).collect();
@@ -140,7 +142,26 @@ fn notes(file: &Contents, turned: usize) -> Vec<String> {
     if turned > 0 && turned < file.elements.len() {
         notes.push(format!("{turned} tetrahedra had negative volume, and were turned"));
     }
+    let angles: Vec<f64> = tetrahedra.iter().map(|&t| least_dihedral(&file.nodes, t)).collect();
+    let slivers = angles.iter().filter(|&&angle| angle < SLIVER).count();
+    let worst = file.elements.iter().zip(&angles).min_by(|a, b| a.1.total_cmp(b.1));
+    if let Some((element, angle)) = worst.filter(|_| slivers > 0) {
+        notes.push(format!(
+            "{slivers} tetrahedra have a dihedral angle under {SLIVER} degrees, kept; the worst is {} with {angle:.1e}",
+            element.id
+        ));
+    }
     notes
+}
+
+/// The least angle between two faces of a tetrahedron of positive volume, degrees.
+fn least_dihedral(nodes: &[DVec3], tetrahedron: [u32; 4]) -> f64 {
+    let [a, b, c, d] = tetrahedron.map(|node| nodes[node as usize]);
+    // Outward; of length twice the area.
+    let normals = [(b, d, c), (a, c, d), (a, d, b), (a, b, c)].map(|(p, q, r)| (r - p).cross(q - p));
+    let angle = |i: usize, j: usize| normals[i].cross(normals[j]).length().atan2(-normals[i].dot(normals[j]));
+    let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
+    pairs.iter().map(|&(i, j)| angle(i, j)).fold(f64::INFINITY, f64::min).to_degrees()
 }
 
 fn volume(nodes: &[DVec3], tetrahedron: [u32; 4]) -> f64 {
@@ -151,4 +172,24 @@ fn volume(nodes: &[DVec3], tetrahedron: [u32; 4]) -> f64 {
 fn longest_edge(nodes: &[DVec3], tetrahedron: [u32; 4]) -> f64 {
     let points = tetrahedron.map(|node| nodes[node as usize]);
     points.iter().flat_map(|a| points.iter().map(|b| a.distance(*b))).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dihedral_angles_of_known_tetrahedra() {
+        let corner = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        // Between the slanted face and the others: the angle whose cosine is one over the root of three.
+        assert!((least_dihedral(&corner, [0, 1, 2, 3]) - (1.0 / 3f64.sqrt()).acos().to_degrees()).abs() < 1e-12);
+        let regular = [(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)];
+        let regular = regular.map(|(x, y, z)| DVec3::new(x, y, z));
+        for t in [[0, 1, 2, 3], [0, 1, 3, 2]] {
+            assert!((least_dihedral(&regular, t) - (1.0_f64 / 3.0).acos().to_degrees()).abs() < 1e-12);
+        }
+        let mut flat = corner;
+        flat[3] = DVec3::new(0.3, 0.3, 1e-3);
+        assert!(least_dihedral(&flat, [0, 1, 2, 3]) < 0.3);
+    }
 }

@@ -28,11 +28,18 @@ pub(super) struct Faces<'a> {
     pub origin: Vec<usize>,
 }
 
-/// Refuses coordinates of used vertices that single precision cannot hold.
-pub(super) fn fits_single_precision(mesh: &TriangleMesh) -> Result<(), Refusal> {
+/// Refuses faces that are not there or name no vertex, and coordinates of used vertices that single precision cannot
+/// hold.
+pub(super) fn check(mesh: &TriangleMesh) -> Result<(), Refusal> {
     let refuse = |problem, remedy| Err(Refusal { problem, triangle: None, remedy });
     if mesh.triangles.is_empty() {
         return refuse("has no faces".into(), "export the surface with its faces");
+    }
+    let count = mesh.vertices.len();
+    let wrong = |triangle: &[u32; 3]| triangle.iter().any(|&vertex| vertex as usize >= count);
+    if let Some(triangle) = mesh.triangles.iter().position(wrong) {
+        let problem = format!("a face names a vertex beyond the last, and there are {count}");
+        return Err(Refusal { problem, triangle: Some(triangle), remedy: "correct the index, or export again" });
     }
     let greatest = |&vertex: &u32| mesh.vertices[vertex as usize].abs().to_array().into_iter().fold(0.0, f64::max);
     let is_finite = |&vertex: &u32| mesh.vertices[vertex as usize].is_finite();
@@ -132,7 +139,7 @@ impl<'a> Faces<'a> {
     /// For each vertex the vertex to use instead: at open edges the first within [`SAME_PLACE`], else itself. Vertices
     /// of sound edges are left alone, so that closed pieces that touch stay apart.
     fn first_at_place(&self) -> Vec<u32> {
-        let mut open: Vec<u32> = Edges::new(&self.corners).open().flat_map(|[a, b]| [a, b]).collect();
+        let mut open: Vec<u32> = Edges::new(&self.corners).open().flatten().collect();
         open.sort_unstable();
         open.dedup();
         let mut first: Vec<u32> = (0..self.vertices.len() as u32).collect();

@@ -50,7 +50,7 @@ fn line_of(path: &Path, triangle: usize) -> Option<usize> {
 
 /// Makes a skin of a mesh in file coordinates. In order:
 ///
-/// 1. coordinates that single precision cannot hold are refused;
+/// 1. faces that name no vertex and coordinates that single precision cannot hold are refused;
 /// 2. triangles without area and triangles given again (either way round) are dropped, and vertices at open edges that
 ///    coincide are joined (faces go to the first of them), until nothing changes;
 /// 3. triangles are turned so that neighbours over an edge of two agree, the smaller number giving way; a surface with
@@ -77,7 +77,7 @@ pub fn strict(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairRe
 }
 
 fn mend(mesh: TriangleMesh, report: &mut RepairReport) -> std::result::Result<TriangleMesh, Refusal> {
-    faces::fits_single_precision(&mesh)?;
+    faces::check(&mesh)?;
     let TriangleMesh { vertices, triangles } = mesh;
     let mut faces = Faces::new(&vertices, triangles);
     faces.clean(report);

@@ -162,40 +162,63 @@ fn area([a, b, c]: [DVec3; 3]) -> f64 {
     (b - a).cross(c - a).length() / 2.0
 }
 
-fn volume(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
-    let (vertices, triangles) = closed(vertices, triangles);
-    // About a vertex of the surface itself, so that a far one keeps its digits.
-    let origin = triangles.first().map_or(DVec3::ZERO, |t| vertices[t[0] as usize]);
-    let signed = |&t: &[u32; 3]| {
-        let [a, b, c] = points(&vertices, t).map(|corner| corner - origin);
-        a.dot(b.cross(c)) / 6.0
-    };
-    triangles.iter().map(signed).sum()
+/// Six times the signed volume under a triangle, seen from a point.
+fn under(origin: DVec3, corners: [DVec3; 3]) -> f64 {
+    let [a, b, c] = corners.map(|corner| corner - origin);
+    a.dot(b.cross(c))
 }
 
-/// The surface with every hole closed by a fan from the mean of its rim's edges: for integrals over the inside (volume,
-/// mass) and for filling voxels, never for contact. The given vertices and triangles come first, unchanged; a closed
-/// surface gets none. Any chain of unmatched edges bounds its cone, so no rim needs to be a simple loop.
-pub fn closed(vertices: &[DVec3], triangles: &[[u32; 3]]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    let (mut vertices, mut triangles) = (vertices.to_vec(), triangles.to_vec());
-    let edges = Edges::new(&triangles).unmatched();
-    let mut ends: Vec<u32> = edges.iter().flatten().copied().collect();
-    ends.sort_unstable();
-    ends.dedup();
-    let place = |vertex: u32| ends.partition_point(|&end| end < vertex) as u32;
-    let mut rims = Sets::new(ends.len());
-    edges.iter().for_each(|&[a, b]| rims.join(place(a), place(b)));
-    let (rim_of, count) = rims.labels();
-    let mut centres = vec![(DVec3::ZERO, 0.0); count];
-    for &[a, b] in &edges {
-        let (from, to) = (vertices[a as usize], vertices[b as usize]);
-        let centre = &mut centres[rim_of[place(a) as usize] as usize];
-        // A trifle more than the length, so that a rim without any still has a centre.
-        let weight = from.distance(to).max(f64::MIN_POSITIVE);
-        *centre = (centre.0 + weight * (from + to) / 2.0, centre.1 + weight);
+/// Volume of what triangles and the fans over their holes enclose.
+fn volume(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
+    // About a vertex of the surface itself, so that a far one keeps its digits.
+    let origin = triangles.first().map_or(DVec3::ZERO, |t| vertices[t[0] as usize]);
+    let fans = Fans::new(vertices, triangles);
+    let own: f64 = triangles.iter().map(|&t| under(origin, points(vertices, t))).sum();
+    let of_fan = |&([a, b], rim): &([u32; 2], u32)| {
+        under(origin, [vertices[b as usize], vertices[a as usize], fans.centres[rim as usize]])
+    };
+    (own + fans.edges.iter().map(of_fan).sum::<f64>()) / 6.0
+}
+
+/// What closes a surface: a centre for each rim, and the edges (as the surface runs) that its fan joins to it.
+struct Fans {
+    centres: Vec<DVec3>,
+    /// Edges, each with its rim.
+    edges: Vec<([u32; 2], u32)>,
+}
+
+impl Fans {
+    /// Rims are unmatched edges joined at their vertices; the centre is the mean of the rim, by length. Any chain of
+    /// unmatched edges bounds its cone, so no rim needs to be a simple loop.
+    fn new(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Fans {
+        let edges = Edges::new(triangles).unmatched();
+        let mut ends: Vec<u32> = edges.iter().flatten().copied().collect();
+        ends.sort_unstable();
+        ends.dedup();
+        let place = |vertex: u32| ends.partition_point(|&end| end < vertex);
+        let mut rims = Sets::new(ends.len());
+        edges.iter().for_each(|&[a, b]| rims.join(place(a) as u32, place(b) as u32));
+        let (rim_of, count) = rims.labels();
+        let edges: Vec<([u32; 2], u32)> = edges.into_iter().map(|edge| (edge, rim_of[place(edge[0])])).collect();
+        let mut sums = vec![(DVec3::ZERO, 0.0); count];
+        for &([a, b], rim) in &edges {
+            let (from, to) = (vertices[a as usize], vertices[b as usize]);
+            // A trifle more than the length, so that a rim without any still has a centre.
+            let weight = from.distance(to).max(f64::MIN_POSITIVE);
+            let sum = &mut sums[rim as usize];
+            *sum = (sum.0 + weight * (from + to) / 2.0, sum.1 + weight);
+        }
+        Fans { centres: sums.iter().map(|(sum, weight)| *sum / *weight).collect(), edges }
     }
+}
+
+/// The surface with every hole closed by a fan from the mean of its rim: for integrals over the inside (volume, mass)
+/// and for filling cells and voxels, never for contact. The given vertices and triangles come first, unchanged; a closed
+/// surface gets none.
+pub fn closed(vertices: &[DVec3], triangles: &[[u32; 3]]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let fans = Fans::new(vertices, triangles);
     let first = vertices.len() as u32;
-    vertices.extend(centres.iter().map(|(sum, weight)| *sum / *weight));
-    triangles.extend(edges.iter().map(|&[a, b]| [b, a, first + rim_of[place(a) as usize]]));
-    (vertices, triangles)
+    let of_fan = fans.edges.iter().map(|&([a, b], rim)| [b, a, first + rim]);
+    let triangles = triangles.iter().copied().chain(of_fan).collect();
+    ([vertices, &fans.centres].concat(), triangles)
 }

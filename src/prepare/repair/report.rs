@@ -78,7 +78,10 @@ impl RepairReport {
     /// What is known before anything is done.
     pub(super) fn of(mesh: &TriangleMesh) -> Self {
         let mut used = vec![false; mesh.vertices.len()];
-        mesh.triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
+        for &vertex in mesh.triangles.iter().flatten() {
+            // One out of range is refused in a moment.
+            used.get_mut(vertex as usize).into_iter().for_each(|used| *used = true);
+        }
         RepairReport {
             vertices: mesh.vertices.len(),
             triangles: mesh.triangles.len(),

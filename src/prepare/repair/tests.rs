@@ -173,14 +173,14 @@ fn an_edge_of_four_triangles_is_kept() {
 fn crossings_are_counted_and_touching_is_not() {
     let sphere = ball(1.0);
     assert_eq!(repair(sphere).unwrap().1.self_intersections, Crossings::default());
-    let mut mesh = tetrahedra(&[(DVec3::ZERO, 1.0), (DVec3::splat(0.1), 0.3)]);
+    let mut mesh = tetrahedra(&[(DVec3::ZERO, 1.0), (DVec3::splat(0.125), 0.25)]);
     assert_eq!(repair(mesh.clone()).unwrap().1.self_intersections, Crossings::default());
     // A corner of the inner one drawn out through the outer one's slanted face: each of the three faces there crosses it.
     mesh.vertices[5].x = 2.0;
     let found = repair(mesh.clone()).unwrap().1.self_intersections;
     assert_eq!((found.count, &found.first_pairs[..]), (3, &[[3, 4], [3, 5], [3, 7]][..]));
-    // Drawn only to that face, it touches.
-    mesh.vertices[5].x = 0.8;
+    // Drawn only to that face, exactly, it touches.
+    mesh.vertices[5].x = 0.75;
     assert_eq!(repair(mesh).unwrap().1.self_intersections.count, 0);
 }
 
@@ -188,8 +188,9 @@ fn crossings_are_counted_and_touching_is_not() {
 fn what_has_no_inside_is_refused() {
     let sphere = ball(1.0);
     type Spoil = fn(&mut TriangleMesh);
-    let cases: [(Spoil, &str); 6] = [
+    let cases: [(Spoil, &str); 7] = [
         (|mesh| mesh.triangles.clear(), "no faces"),
+        (|mesh| mesh.triangles[7][1] = 1 << 20, "names a vertex beyond the last"),
         (|mesh| mesh.vertices.iter_mut().for_each(|v| v.x += 1e5), "single precision steps by"),
         (|mesh| mesh.vertices.iter_mut().for_each(|v| *v *= 1e10), "coordinates reach"),
         (|mesh| mesh.vertices[3].y = f64::NAN, "not a finite number"),
