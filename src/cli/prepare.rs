@@ -1,5 +1,7 @@
 //! `palpate prepare`: from a surface to a layered body, with a report, pictures, and a scene that presses into it.
 
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -92,7 +94,7 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     }
     bar.inc(1);
     bar.set_message("files");
-    write_body(&mut output, &body.name, layer, skin, inset)?;
+    write_body(&mut output, layer, skin, |w| Press::into(skin, layer, &depths).write(w, &body.name, inset))?;
     output.write("report.json", |w| serde_json::to_writer_pretty(w, report).map_err(Into::into))?;
     output.write("report.txt", |w| write_text(w, report))?;
     output.commit()?;
@@ -211,8 +213,13 @@ fn write_pictures(output: &mut Output, body: &Body, layer: &Layer, skin: &Skin) 
 }
 
 /// The body, in metres, and the scene.
-fn write_body(output: &mut Output, name: &str, layer: &Layer, skin: &Skin, inset: f64) -> Result<()> {
+fn write_body(
+    output: &mut Output,
+    layer: &Layer,
+    skin: &Skin,
+    scene: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<()> {
     output.write("skin.obj", |w| obj::write(w, &skin.vertices, &skin.triangles))?;
     output.write("layer.msh", |w| gmsh::write(w, &layer.nodes, &layer.tetrahedra))?;
-    output.write("scene.toml", |w| Press::into(skin).write(w, name, inset))
+    output.write("scene.toml", scene)
 }

@@ -1,4 +1,4 @@
-//! The scene that `palpate prepare` writes beside a body: a sphere presses into its front and is held there.
+//! The scene that `palpate prepare` writes beside a body: a sphere presses into it from the front and is held there.
 
 use std::io::Write;
 
@@ -7,12 +7,10 @@ use palpate::prepare::{Layer, Skin, layer};
 
 /// Radius of the sphere, as a share of the body's largest extent.
 const RADIUS: f64 = 0.04;
-/// How far the device goes below the skin, in radii.
+/// How far the device goes beyond the first touch, in radii.
 const TRAVEL: f64 = 0.5;
 /// Gap before the sphere touches, in radii.
 const GAP: f64 = 0.05;
-/// Skin this near to the frontmost point counts as the front, as a share of the extent.
-const FRONT: f64 = 0.02;
 /// Nodes deeper than this share of the deepest are held.
 const HELD: f64 = 0.5;
 
@@ -25,21 +23,23 @@ pub struct Press {
 }
 
 impl Press {
-    /// Into the middle of what lies farthest along z.
-    pub fn into(skin: &Skin) -> Press {
+    /// Along z towards the deepest node, where there is most body behind the skin; `depths` are those of the nodes.
+    pub fn into(skin: &Skin, layer: &Layer, depths: &[f64]) -> Press {
         let points = || skin.vertices.iter().copied();
         let low = points().fold(DVec3::INFINITY, DVec3::min);
         let high = points().fold(DVec3::NEG_INFINITY, DVec3::max);
-        let extent = (high - low).max_element();
-        let front: Vec<DVec3> = points().filter(|p| p.z >= high.z - FRONT * extent).collect();
-        let middle = front.iter().sum::<DVec3>() / front.len().max(1) as f64;
-        let nearest = |a: &DVec3, b: &DVec3| a.distance_squared(middle).total_cmp(&b.distance_squared(middle));
-        let touched = front.iter().copied().min_by(nearest).unwrap_or(high);
-        let radius = RADIUS * extent;
-        // Adding zero turns a negative zero into one that reads well.
-        let touched = touched + DVec3::ZERO;
-        let start = DVec3::new(touched.x, touched.y, high.z + (1.0 + GAP) * radius);
-        Press { radius, start, end: touched + (1.0 - TRAVEL) * radius * DVec3::Z }
+        let radius = RADIUS * (high - low).max_element();
+        // The first of the deepest. Adding zero turns a negative zero into one that reads well.
+        let deepest = (0..depths.len()).rev().max_by(|&i, &j| depths[i].total_cmp(&depths[j]));
+        let target = deepest.map_or(0.5 * (low + high), |node| layer.nodes[node]) + DVec3::ZERO;
+        // Where the sphere's centre is when it first meets a vertex on its way down.
+        let met = |p: DVec3| {
+            let room = radius * radius - (p - target).truncate().length_squared();
+            (room > 0.0).then(|| p.z + room.sqrt())
+        };
+        let touching = points().filter_map(met).fold(target.z, f64::max);
+        let at = |radii: f64| DVec3::new(target.x, target.y, touching + radii * radius);
+        Press { radius, start: at(GAP), end: at(-TRAVEL) }
     }
 
     /// Writes the scene; `inset` is the depth from which nodes are held, in m. Stiffness and mass of the hand grow with

@@ -148,7 +148,7 @@ pub struct LayerFacts {
     pub tetrahedra: usize,
     /// Volume, m^3.
     pub volume_m3: f64,
-    /// Volume less the skin's, as a share of the skin's.
+    /// Volume less the skin's, as a share of the skin's; of a layer made here, of what the skin winds around.
     pub volume_difference: f64,
     /// Least dihedral angle, degrees.
     pub worst_dihedral_deg: f64,
@@ -190,9 +190,13 @@ impl Report {
             Shape::Plane { .. } => return None,
         };
         let facts = skin_facts(skin);
-        let layer = layer.map(|(layer, embedding)| LayerFacts {
-            filling: log.filling,
-            ..layer_facts(layer, embed::extrapolation(embedding), facts.volume_m3)
+        let layer = layer.map(|(layer, embedding)| {
+            let mut measured = layer_facts(layer, embed::extrapolation(embedding), facts.volume_m3);
+            // It counts what several sheets enclose once, and the inside that a shell leaves out.
+            if let Some(filling) = &log.filling {
+                measured.volume_difference = filling.volume_difference;
+            }
+            LayerFacts { filling: log.filling, ..measured }
         });
         Some(Report {
             name: body.name.clone(),
