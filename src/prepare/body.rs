@@ -124,12 +124,14 @@ fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result
 /// The layer in file coordinates, nothing bound.
 fn file_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -> Result<Layer> {
     let layer = match (source, mesh) {
-        (scene::Layer::Cell(cell), Some(mesh)) => {
-            stuff(&mesh.vertices, &mesh.triangles, &Options::uniform(*cell)).map(|made| made.0).map_err(|problem| {
+        (&scene::Layer::Cell { cell, grade, thickness }, Some(mesh)) => {
+            let options = Options { cell, grade, thickness };
+            let (layer, _) = stuff(&mesh.vertices, &mesh.triangles, &options).map_err(|problem| {
                 keys.error("layer.cell", problem, "cells are in the file's coordinates, before scale")
-            })?
+            })?;
+            layer
         }
-        (scene::Layer::Cell(_), None) => {
+        (scene::Layer::Cell { .. }, None) => {
             return Err(keys.error("layer.cell", "there is no surface to fill", "give `surface` too"));
         }
         (scene::Layer::File(path), _) => {

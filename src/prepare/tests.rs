@@ -38,7 +38,7 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
         check_layer(&layer, mass::properties(&mesh.vertices, &mesh.triangles).volume);
         let embeddings = embed(&mesh.vertices, &layer).unwrap();
         let worst = embed::extrapolation(&embeddings);
-        assert!(worst < 1e-8, "{name}: {worst}, cell {cell}");
+        assert!(worst < EXTRAPOLATION, "{name}: {worst}, cell {cell}");
         let embed_time = start.elapsed() - layer_time;
         let skin = skin::build(mesh.vertices, mesh.triangles);
         assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
@@ -60,11 +60,14 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
     }
 }
 
-/// Positive volumes, and not less than the surface encloses.
+/// A skin vertex lies within a cell of the layer, and no height of its tetrahedra is much below half a cell.
+const EXTRAPOLATION: f64 = 1.5;
+
+/// Positive volumes, one part, and the volume that the surface encloses.
 fn check_layer(layer: &Layer, volume: f64) {
     let volumes = layer.tetrahedra.iter().map(|t| layer::volume6(&layer.nodes, t) / 6.0);
     assert!(volumes.clone().all(|v| v > 0.0));
-    assert!(volumes.sum::<f64>() > volume);
+    assert!((volumes.sum::<f64>() / volume - 1.0).abs() < 0.02);
     assert_eq!(layer::parts(layer).1, 1);
 }
 
@@ -150,7 +153,7 @@ fn cells_out_of_range_are_refused_by_name() {
     let layer = scene::Layer::Box { low: DVec3::ZERO, high: DVec3::ONE, cells: [200, 200, 200] };
     let error = prepared(&scene(scene::Shape::Soft { surface: None, layer }, &[])).unwrap_err().to_string();
     assert!(error.contains("`body.thing.layer.cells`") && error.contains("48000000"), "{error}");
-    let layer = scene::Layer::Cell(3.0);
+    let layer = scene::Layer::Cell { cell: 3.0, grade: 1, thickness: None };
     let surface = Some(Surface::Head { vertices: 3000 });
     let error = prepared(&scene(scene::Shape::Soft { surface, layer }, &[])).unwrap_err().to_string();
     assert!(error.contains("`body.thing.layer.cell`") && error.contains("smaller than one cell"), "{error}");
@@ -193,7 +196,7 @@ fn the_sphere_tool_is_a_ball_and_a_tool_body_is_not_made_here() {
 fn the_real_head_is_prepared_with_a_core() {
     let Some(folder) = meshes("the real head") else { return };
     let surface = Some(Surface::File(folder.join("surf/head.obj")));
-    let shape = scene::Shape::Soft { surface, layer: scene::Layer::Cell(0.012) };
+    let shape = scene::Shape::Soft { surface, layer: scene::Layer::Cell { cell: 0.012, grade: 1, thickness: None } };
     let start = std::time::Instant::now();
     let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
     println!("head in {:.1?}", start.elapsed());
@@ -201,7 +204,7 @@ fn the_real_head_is_prepared_with_a_core() {
     let bound = layer.bound.iter().filter(|&&b| b).count();
     assert!(bound > layer.nodes.len() / 10 && bound < layer.nodes.len() / 2, "{bound} of {}", layer.nodes.len());
     assert_eq!(embedding.len(), skin.vertices.len());
-    assert!(embed::extrapolation(&embedding) < 1e-8);
+    assert!(embed::extrapolation(&embedding) < EXTRAPOLATION);
 }
 
 #[test]

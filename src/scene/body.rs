@@ -100,7 +100,7 @@ fn shape(table: &Table) -> Result<Shape> {
     let layer = table.option("layer", layer)?;
     match (surface, layer) {
         (surface, Some(layer)) => {
-            if surface.is_none() && matches!(layer, Layer::Cell(_)) {
+            if surface.is_none() && matches!(layer, Layer::Cell { .. }) {
                 return Err(table.error("surface", "missing", "a layer of cells is made around a `surface`: add one"));
             }
             if !table.has("material") {
@@ -155,11 +155,17 @@ fn layer(value: &Value) -> Result<Layer> {
     if value.is_text() {
         return mesh_file(value, &["msh"]).map(Layer::File);
     }
-    let table = value.table(&["cell", "box", "cells"])?;
+    let table = value.table(&["cell", "grade", "thickness", "box", "cells"])?;
     if table.exactly_one(&["cell", "box"])? == "cell" {
         refuse(&table, &["cells"], "belongs to a box")?;
-        return table.need("cell")?.positive().map(Layer::Cell);
+        let cell = table.need("cell")?.positive()?;
+        return Ok(Layer::Cell {
+            cell,
+            grade: table.or("grade", 1, grade)?,
+            thickness: table.option("thickness", Value::positive)?,
+        });
     }
+    refuse(&table, &["grade", "thickness"], "belongs to a layer of cells around a surface")?;
     let (low, high) = corners(&table.need("box")?)?;
     let counts = table.need("cells")?;
     let cells: [u32; 3] = counts.array_of(|value| value.whole(1, 1 << 20))?;
@@ -168,6 +174,14 @@ fn layer(value: &Value) -> Result<Layer> {
         return Err(counts.error("makes too many tetrahedra", format!("stay below {MAX_BOX_TETRAHEDRA} (6 a cell)")));
     }
     Ok(Layer::Box { low, high, cells })
+}
+
+/// A multiple of the cell that halving leads back to the cell.
+fn grade(value: &Value) -> Result<u32> {
+    match value.whole(1, 8)? {
+        grade if grade.is_power_of_two() => Ok(grade),
+        grade => Err(value.error(format!("is {grade}"), "give 1, 2, 4 or 8 times the cell")),
+    }
 }
 
 /// `[[x, y, z], [x, y, z]]`, the first below the second on every axis.

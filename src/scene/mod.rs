@@ -158,8 +158,15 @@ pub enum Surface {
 /// Where the layer comes from.
 #[derive(Debug, Clone)]
 pub enum Layer {
-    /// Made around the surface, from lattice cells with this edge (file coordinates, before scale).
-    Cell(f64),
+    /// Made around the surface, from lattice cells (file coordinates, before scale).
+    Cell {
+        /// Edge of a cell.
+        cell: f64,
+        /// Largest cell deep inside, as a multiple: 1, 2, 4 or 8.
+        grade: u32,
+        /// Only what is less deep than this is kept.
+        thickness: Option<f64>,
+    },
     /// A tetrahedral mesh file.
     File(PathBuf),
     /// A box of Kuhn cells, each cut along (0,0,0)-(1,1,1).

@@ -109,7 +109,9 @@ fn the_example_is_read_in_full() {
     assert_eq!((scene.solver.tolerance, scene.solver.max_iterations), (1e-5, 200));
     assert_eq!((scene.contact.stiffness, scene.contact.texel, scene.contact.depth_limit), (None, None, 0.02));
     let head = &scene.bodies[0];
-    let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cell(cell) } = &head.shape else {
+    let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cell { cell, grade: 1, thickness: None } } =
+        &head.shape
+    else {
         panic!("{:?}", head.shape)
     };
     assert!(path.ends_with("head.obj") && *cell == 0.01);
@@ -132,6 +134,12 @@ fn other_ways_to_say_it() {
     let folder = Folder::new();
     let soft = |line: &str| folder.load(&with("layer = { cell = 0.01 }", line)).unwrap().bodies[0].shape.clone();
     assert!(matches!(soft("layer = \"head.msh\""), Shape::Soft { layer: Layer::File(_), .. }));
+    let shell = soft("layer = { cell = 0.01, grade = 4, thickness = 0.05 }");
+    let Shape::Soft { layer: Layer::Cell { grade: 4, thickness: Some(0.05), .. }, .. } = shell else {
+        panic!("{shell:?}")
+    };
+    let error = folder.load(&with("layer = { cell = 0.01 }", "layer = { cell = 0.01, grade = 3 }")).unwrap_err();
+    assert!(error.to_string().contains("grade") && error.to_string().contains("1, 2, 4 or 8"), "{error}");
     let cube = "layer = { box = [[0, 0, 0], [1.0, 1, 1]], cells = [12, 12, 3] }";
     assert!(matches!(soft(cube), Shape::Soft { layer: Layer::Box { cells: [12, 12, 3], high: DVec3::ONE, .. }, .. }));
     let model = with("\"head.obj\"  ", "{ model = \"head\", vertices = 44000 }");
