@@ -11,7 +11,7 @@ use parry3d_f64::math::Vector;
 use parry3d_f64::query::{PointQuery, PointQueryWithLocation};
 use parry3d_f64::shape::TriMesh;
 
-/// A cluster farther than this many of its radii is one dipole: the error of its share of 4 pi is then below 0.003.
+/// A cluster farther than this many of its radii is one dipole: the error of its share of 4 pi is then a few thousandths.
 const FAR: f64 = 3.0;
 /// Triangles of a leaf at most.
 const LEAF: usize = 8;
@@ -178,8 +178,8 @@ mod tests {
     use super::*;
     use crate::prepare::sphere;
 
-    /// Dipoles of clusters at three radii and more, all of one sphere.
-    const DIPOLES: f64 = 0.01;
+    /// Dipoles of clusters at three radii and more, all of one coarse sphere; the sign needs far less.
+    const DIPOLES: f64 = 0.02;
 
     #[test]
     fn a_sphere_has_its_distance_its_winding_and_its_crossings() {

@@ -36,6 +36,7 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("stuffing/grade.rs"),
     include_str!("stuffing/mod.rs"),
     include_str!("stuffing/parts.rs"),
+    include_str!("stuffing/report.rs"),
     include_str!("stuffing/sample.rs"),
     include_str!("stuffing/stencil.rs"),
     include_str!("stuffing/thin.rs"),
@@ -55,7 +56,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     /// Files that the cached parts do not depend on.
-    const OTHERS: [&str; 20] = [
+    const OTHERS: [&str; 22] = [
         "prepare/bind.rs",
         "prepare/body.rs",
         "prepare/cache.rs",
@@ -66,7 +67,9 @@ mod tests {
         "prepare/report.rs",
         "prepare/ride.rs",
         "prepare/sources.rs",
-        "prepare/stuffing/tests.rs",
+        "prepare/stuffing/tests/mod.rs",
+        "prepare/stuffing/tests/random.rs",
+        "prepare/stuffing/tests/real.rs",
         "prepare/tests.rs",
         "scene/body.rs",
         "scene/drive.rs",

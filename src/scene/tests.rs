@@ -149,6 +149,14 @@ fn other_ways_to_say_it() {
     for file in ["head.msh", "head.vtk", "head.node"] {
         assert!(matches!(soft(&format!("layer = \"{file}\"")), Shape::Soft { layer: Layer::File(_), .. }));
     }
+    let shell = soft("layer = { cell = 0.01, grade = 4, thickness = 0.05 }");
+    let Shape::Soft { layer: Layer::Cell { grade: 4, thickness: Some(0.05), .. }, .. } = shell else {
+        panic!("{shell:?}")
+    };
+    let across = soft("layer = { across = 40, grade = 2 }\nhulls = 7");
+    assert!(matches!(across, Shape::Soft { layer: Layer::Across { cells: 40, grade: 2, thickness: None }, .. }));
+    let error = folder.load(&with("layer = { cell = 0.01 }", "layer = { cell = 0.01, grade = 3 }")).unwrap_err();
+    assert!(error.to_string().contains("grade") && error.to_string().contains("1, 2, 4 or 8"), "{error}");
     let cube = "layer = { box = [[0, 0, 0], [1.0, 1, 1]], cells = [12, 12, 3] }";
     assert!(matches!(soft(cube), Shape::Soft { layer: Layer::Box { cells: [12, 12, 3], high: DVec3::ONE, .. }, .. }));
     let model = with("\"head.obj\"  ", "{ model = \"head\", vertices = 44000 }");

@@ -15,7 +15,7 @@ use crate::prepare::distance::{HALF, Solid};
 use crate::prepare::lattice::Lattice;
 
 /// A cut within this share of a long edge of its end warps that node. With [`SHORT`]: the largest bound on the angles
-/// found by sampling all stencils, warps and cuts, 10.3 degrees; the paper's 0.25 and 0.41 give 9.2 in the same trial.
+/// found by sampling all stencils, warps and cuts, 10.5 degrees; the paper's 0.25 and 0.41 give 9.2 in the same trial.
 pub(super) const LONG: f64 = 0.28;
 /// The same for short edges.
 pub(super) const SHORT: f64 = 0.40;
@@ -37,11 +37,11 @@ pub(super) struct Cuts {
     /// Each node's side of the surface.
     pub side: Vec<Side>,
     /// Outside nodes taken in for thin features; never warped.
-    taken: HashSet<u32>,
+    pub taken: HashSet<u32>,
     /// New positions of nodes on the surface, m.
     pub warped: HashMap<u32, DVec3>,
     /// Where the edge from an inside node to another leaves the solid, as a share of the edge.
-    leave: HashMap<(u32, u32), f64>,
+    pub leave: HashMap<(u32, u32), f64>,
     /// Edges (lesser node first) that leave the solid between inside or warped ends, and join nothing.
     pub apart: HashSet<(u32, u32)>,
     /// Edges that leave the solid but whose ends are joined by a triangle: welded, nodes lesser first.
@@ -257,7 +257,7 @@ impl Cuts {
 
     /// Joins the ends of edges that a triangle with two joining edges, at an inside node, joins anyway: without this two
     /// tetrahedra could see a face they share in different ways.
-    fn join(&mut self, lattice: &Lattice) {
+    pub(super) fn join(&mut self, lattice: &Lattice) {
         let side = &self.side;
         // Other edges have a cut, or lie in the surface.
         self.apart.retain(|&(a, b)| {

@@ -12,6 +12,7 @@ mod cut;
 mod fill;
 mod grade;
 mod parts;
+mod report;
 mod sample;
 mod stencil;
 #[cfg(test)]
@@ -22,26 +23,27 @@ mod volume;
 use std::time::Instant;
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
 use super::distance::Solid;
 use super::lattice::Lattice;
-use super::quality::quality;
 use super::{Layer, layer, mass};
+pub use report::{Crossing, Crossings, Dropped, LayerReport, Thickened};
 use stencil::Corner;
 
 /// A layer has at most this many tetrahedra; more would not fit the step, whatever the device.
 pub const MAX_TETRAHEDRA: f64 = 4e6;
 /// The lattice around the skin, kept or not, has at most this many tetrahedra (a sixth of that many distances).
 const MAX_LATTICE: f64 = 48e6;
+/// A solid fills at least this share of its largest extent cubed.
+const LEAST_VOLUME: f64 = 1e-9;
 /// The level is shifted by at most this share of a cell.
 const MAX_SHIFT: f64 = 0.1;
 /// The shift is good enough when the volume agrees to this.
 const AGREEMENT: f64 = 1e-3;
 /// Shifts tried at most.
 const TRIALS: usize = 4;
-/// Places listed in a report at most, worst first.
-const PLACES: usize = 10;
+/// Largest grade.
+const MAX_GRADE: u32 = 8;
 
 /// What layer to make.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,88 +61,6 @@ impl Options {
     pub fn uniform(cell: f64) -> Self {
         Options { cell, grade: 1, thickness: None }
     }
-}
-
-/// A lattice edge that the solid crosses in a way the layer cannot follow.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Crossing {
-    /// Middle of the edge, m.
-    pub place: [f64; 3],
-    /// Length of the gap, or of the material, on the edge, m.
-    pub width: f64,
-}
-
-/// Crossings of one kind.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Crossings {
-    /// How many lattice edges.
-    pub count: usize,
-    /// The widest, widest first.
-    pub widest: Vec<Crossing>,
-}
-
-/// Nodes taken in.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Thickened {
-    /// How many.
-    pub nodes: usize,
-    /// The first of them, in lattice order, m.
-    pub places: Vec<[f64; 3]>,
-}
-
-/// Loose bits of the filling, left out of the layer: parts that are not the largest of any connected surface they touch.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Dropped {
-    /// How many.
-    pub parts: usize,
-    /// Their tetrahedra.
-    pub tetrahedra: usize,
-    /// Their volume, m^3.
-    pub volume: f64,
-    /// A node of each of the largest, largest first, m.
-    pub places: Vec<[f64; 3]>,
-}
-
-/// What was made, and what was not.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct LayerReport {
-    /// Nodes.
-    pub nodes: usize,
-    /// Tetrahedra.
-    pub tetrahedra: usize,
-    /// Volume of the layer, m^3.
-    pub volume: f64,
-    /// Volume inside the surface, m^3; where it is not closed and clean, by winding numbers.
-    pub surface_volume: f64,
-    /// Whether the surface is closed and winds once around its inside.
-    pub clean: bool,
-    /// Volume of the layer, with the inside that a shell leaves out, over that of the surface, less one.
-    pub volume_difference: f64,
-    /// Outward shift of the surface that made the volumes agree, m.
-    pub shift: f64,
-    /// Smallest dihedral angle, degrees.
-    pub worst_dihedral: f64,
-    /// Smallest dihedral angle that 99 in 100 tetrahedra exceed, degrees.
-    pub first_percentile_dihedral: f64,
-    /// Largest dihedral angle, degrees.
-    pub largest_dihedral: f64,
-    /// Parts of the layer that share no node.
-    pub parts: usize,
-    /// Bits left out.
-    pub dropped: Dropped,
-    /// Lattice edges across a gap whose sides were kept apart.
-    pub separated: usize,
-    /// Nodes doubled where limbs only touched.
-    pub doubled: usize,
-    /// Lattice edges across a gap that is filled: both sides hang together within a cell.
-    pub welded: Crossings,
-    /// Lattice nodes outside the surface that were taken in, so that features thinner than a cell hang together.
-    pub thickened: Thickened,
-    /// Lattice edges through material that the layer lacks: features thinner than a cell, and sharp edges.
-    pub lost: Crossings,
-    /// Wall-clock seconds; left out where the report is kept, which is to be the same every time.
-    #[serde(skip)]
-    pub seconds: f64,
 }
 
 /// Fills a surface (vertices in m, triangles counter-clockwise seen from outside) with tetrahedra, no node bound.
@@ -161,22 +81,23 @@ pub fn stuff(vertices: &[DVec3], triangles: &[[u32; 3]], options: &Options) -> R
     let edges = sample::edges(&solid, &lattice, &field.value);
     let octants = grade::Octants::new(&solid, &lattice, &field, options.grade);
     let (surface_volume, clean) = volume::target(&solid, &lattice, &field, vertices, triangles);
+    // Written so that a NaN is refused too.
+    if surface_volume.is_nan() || surface_volume <= LEAST_VOLUME * (high - low).max_element().powi(3) {
+        return Err("the surface encloses nothing: it is turned inside out, flat, or too open; turn or close it".into());
+    }
     let area: f64 = triangles.iter().map(|t| triangle_area(t.map(|i| vertices[i as usize]))).sum();
     let plain = cut::cut(&solid, &lattice, &field, &edges, 0.0, &[]);
     let taken = thin::taken_in(&solid, (vertices, triangles), &lattice, &field, &plain);
     let surface = Surface { vertices, triangles, solid, lattice, field, edges, taken, octants, options };
     let filled = surface.fill_to(surface_volume, area);
-    if filled.layer.tetrahedra.is_empty() {
+    if filled.layer.tetrahedra.len() as f64 > MAX_TETRAHEDRA {
         return Err(format!(
-            "no part of the surface is thick enough to hold a lattice node with cells of {cell:.3e} m, or the surface \
-             is turned inside out; choose a smaller cell, or turn the surface"
+            "a cell of {cell:.3e} m gives {} tetrahedra, more than 4 million; choose a larger one",
+            filled.layer.tetrahedra.len()
         ));
     }
-    let mut report = filled.report(surface_volume, clean, &surface.lattice, start.elapsed().as_secs_f64())?;
-    report.thickened = Thickened {
-        nodes: surface.taken.len(),
-        places: surface.taken.iter().take(PLACES).map(|&n| surface.lattice.position(n).to_array()).collect(),
-    };
+    let seconds = start.elapsed().as_secs_f64();
+    let report = filled.report(surface_volume, clean, &surface.lattice, &surface.taken, seconds)?;
     Ok((filled.layer, report))
 }
 
@@ -187,6 +108,9 @@ fn triangle_area([a, b, c]: [DVec3; 3]) -> f64 {
 /// Refuses cells that are too coarse or too fine.
 fn check(vertices: &[DVec3], triangles: &[[u32; 3]], extent: DVec3, options: &Options) -> Result<(), String> {
     let cell = options.cell;
+    if !options.grade.is_power_of_two() || options.grade > MAX_GRADE {
+        return Err(format!("a grade of {}; give 1, 2, 4 or 8 times the cell", options.grade));
+    }
     if extent.max_element().is_nan() || extent.max_element() < cell {
         return Err(format!(
             "the surface is {:.3e} m across, smaller than one cell of {cell:.3e} m; choose a smaller cell",
@@ -294,45 +218,4 @@ impl Surface<'_> {
 /// Volume of all tetrahedra, m^3.
 fn total(nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> f64 {
     tetrahedra.iter().map(|t| layer::volume6(nodes, t) / 6.0).sum()
-}
-
-/// The report's view of some crossed lattice edges.
-fn crossings(mut edges: Vec<([u32; 2], f64)>, lattice: &Lattice) -> Crossings {
-    edges.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    let place = |nodes: [u32; 2]| (lattice.position(nodes[0]) + lattice.position(nodes[1])) / 2.0;
-    let crossing = |&(nodes, width): &([u32; 2], f64)| Crossing { place: place(nodes).to_array(), width };
-    Crossings { count: edges.len(), widest: edges.iter().take(PLACES).map(crossing).collect() }
-}
-
-impl Filled {
-    fn report(&self, surface_volume: f64, clean: bool, lattice: &Lattice, seconds: f64) -> Result<LayerReport, String> {
-        let angles = quality(&self.layer).ok_or("the layer has no tetrahedra")?;
-        let mut bits: Vec<&parts::Dropped> = self.dropped.iter().collect();
-        bits.sort_by(|a, b| b.volume.total_cmp(&a.volume));
-        Ok(LayerReport {
-            nodes: self.layer.nodes.len(),
-            tetrahedra: self.layer.tetrahedra.len(),
-            volume: total(&self.layer.nodes, &self.layer.tetrahedra),
-            surface_volume,
-            clean,
-            volume_difference: self.volume / surface_volume - 1.0,
-            shift: self.shift,
-            worst_dihedral: angles.worst,
-            first_percentile_dihedral: angles.first_percentile,
-            largest_dihedral: angles.largest,
-            parts: self.parts,
-            dropped: Dropped {
-                parts: bits.len(),
-                tetrahedra: bits.iter().map(|b| b.tetrahedra).sum(),
-                volume: bits.iter().map(|b| b.volume).sum(),
-                places: bits.iter().take(PLACES).map(|b| b.place.to_array()).collect(),
-            },
-            separated: self.separated,
-            doubled: self.doubled,
-            welded: crossings(self.welded.clone(), lattice),
-            thickened: Thickened::default(),
-            lost: crossings(self.lost.clone(), lattice),
-            seconds,
-        })
-    }
 }

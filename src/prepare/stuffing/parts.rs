@@ -1,11 +1,14 @@
 //! What holds together: nodes where only corners or edges touch are doubled, and bits that no feature of the surface
 //! needs are dropped.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 
 use super::cut::{Cuts, Side};
 use super::fill::Filling;
 use super::stencil::Corner;
+use crate::prepare::NONE;
 use crate::prepare::distance::Solid;
 use crate::prepare::layer::FACES;
 use crate::prepare::skin::{self, Sets};
@@ -25,6 +28,32 @@ pub(super) fn split(solid: &Solid, cuts: &Cuts, filling: &mut Filling) -> usize 
     let near: Vec<u32> = (0..filling.tetrahedra.len() as u32)
         .filter(|&t| filling.tetrahedra[t as usize].iter().any(|&n| surface[n as usize]))
         .collect();
+    let mut wedges = joined_wedges(solid, filling, &surface, &near);
+    let before = filling.nodes.len();
+    let mut first = vec![NONE; before];
+    let mut copies = BTreeMap::new();
+    for wedge in 0..4 * near.len() as u32 {
+        let (t, k) = (near[wedge as usize / 4] as usize, wedge as usize % 4);
+        let n = filling.tetrahedra[t][k] as usize;
+        let group = wedges.find(wedge);
+        if !surface[n] || first[n] == group {
+            continue;
+        }
+        if first[n] == NONE {
+            first[n] = group;
+            continue;
+        }
+        filling.tetrahedra[t][k] = *copies.entry(group).or_insert_with(|| {
+            filling.nodes.push(filling.nodes[n]);
+            filling.corners.push(filling.corners[n]);
+            filling.nodes.len() as u32 - 1
+        });
+    }
+    filling.nodes.len() - before
+}
+
+/// Wedges, which are the tetrahedra `near` the surface at one of their corners, joined across the faces they share.
+fn joined_wedges(solid: &Solid, filling: &Filling, surface: &[bool], near: &[u32]) -> Sets {
     let mut faces: Vec<([u32; 3], u32, u8)> = Vec::with_capacity(4 * near.len());
     for (local, &t) in near.iter().enumerate() {
         for (opposite, face) in FACES.iter().enumerate() {
@@ -34,14 +63,14 @@ pub(super) fn split(solid: &Solid, cuts: &Cuts, filling: &mut Filling) -> usize 
         }
     }
     faces.sort_unstable();
-    // A wedge is a tetrahedron at one of its corners.
     let mut wedges = Sets::new(4 * near.len());
     for pair in faces.chunk_by(|a, b| a.0 == b.0).filter(|g| g.len() == 2) {
         let [(face, s, opposite_s), (_, t, opposite_t)] = [pair[0], pair[1]];
         let [p, q] = [s, t].map(|local| filling.tetrahedra[near[local as usize] as usize]);
-        let whole = face.iter().all(|&n| surface[n as usize]);
+        // Two limbs that were warped onto the same nodes in the gap between them share a face, but no material.
+        let in_surface = face.iter().all(|&n| surface[n as usize]);
         let ends = [p[opposite_s as usize], q[opposite_t as usize]].map(|n| filling.nodes[n as usize]);
-        if whole && leaves(solid, ends[0], ends[1]) {
+        if in_surface && leaves(solid, ends[0], ends[1]) {
             continue;
         }
         for n in face {
@@ -51,27 +80,7 @@ pub(super) fn split(solid: &Solid, cuts: &Cuts, filling: &mut Filling) -> usize 
             }
         }
     }
-    let before = filling.nodes.len();
-    let mut first = vec![u32::MAX; before];
-    let mut copies = std::collections::BTreeMap::new();
-    for wedge in 0..4 * near.len() as u32 {
-        let (t, k) = (near[wedge as usize / 4] as usize, wedge as usize % 4);
-        let n = filling.tetrahedra[t][k];
-        let group = wedges.find(wedge);
-        if !surface[n as usize] || first[n as usize] == group {
-            continue;
-        }
-        if first[n as usize] == u32::MAX {
-            first[n as usize] = group;
-            continue;
-        }
-        filling.tetrahedra[t][k] = *copies.entry(group).or_insert_with(|| {
-            filling.nodes.push(filling.nodes[n as usize]);
-            filling.corners.push(filling.corners[n as usize]);
-            filling.nodes.len() as u32 - 1
-        });
-    }
-    filling.nodes.len() - before
+    wedges
 }
 
 /// Whether the segment between two inside nodes leaves the solid.
@@ -113,8 +122,15 @@ pub(super) fn drop_bits(
     }
     let (pieces, piece_count) = skin::parts(vertices.len(), triangles);
     let mut largest: Vec<Option<u32>> = vec![None; piece_count];
-    for (n, &label) in labels.iter().enumerate().filter(|&(n, _)| on_surface(cuts, filling.corners[n])) {
-        let best = &mut largest[pieces[solid.nearest_vertex(filling.nodes[n]) as usize] as usize];
+    // From an inside node the nearest surface is its own part's; a node on the surface may be on a neighbour's.
+    let mut asked = vec![false; filling.nodes.len()];
+    let touches = |t: &&[u32; 4]| t.iter().any(|&n| on_surface(cuts, filling.corners[n as usize]));
+    for &n in filling.tetrahedra.iter().filter(touches).flatten() {
+        if on_surface(cuts, filling.corners[n as usize]) || std::mem::replace(&mut asked[n as usize], true) {
+            continue;
+        }
+        let label = labels[n as usize];
+        let best = &mut largest[pieces[solid.nearest_vertex(filling.nodes[n as usize]) as usize] as usize];
         if best.is_none_or(|b| bits[label as usize].volume > bits[b as usize].volume) {
             *best = Some(label);
         }
@@ -129,14 +145,12 @@ pub(super) fn drop_bits(
 
 /// Removes nodes of no tetrahedron.
 pub(super) fn compact(filling: &mut Filling) {
-    let mut number = vec![u32::MAX; filling.nodes.len()];
+    let mut number = vec![NONE; filling.nodes.len()];
     filling.tetrahedra.iter().flatten().for_each(|&n| number[n as usize] = 0);
-    let mut next = 0;
-    for slot in number.iter_mut().filter(|slot| **slot == 0) {
-        *slot = next;
-        next += 1;
+    for (next, slot) in number.iter_mut().filter(|slot| **slot == 0).enumerate() {
+        *slot = next as u32;
     }
-    let used = |n: usize| number[n] != u32::MAX;
+    let used = |n: usize| number[n] != NONE;
     let mut n = 0;
     filling.nodes.retain(|_| (used(n), n += 1).0);
     let mut n = 0;

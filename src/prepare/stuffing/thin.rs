@@ -36,7 +36,7 @@ struct Limbs<'a> {
     kept: Vec<bool>,
 }
 
-/// Outside nodes to be taken in, ascending.
+/// Outside nodes to be taken in, the farthest from the surface first.
 pub(super) fn taken_in(
     solid: &Solid,
     (vertices, triangles): (&[DVec3], &[[u32; 3]]),
@@ -52,17 +52,15 @@ pub(super) fn taken_in(
     // A piece without any inside node starts from the node nearest to its first vertex.
     let mut filled = vec![false; piece_count];
     limbs.pieces_filled(solid, &pieces, &mut filled);
-    let mut seeds = Vec::new();
     for v in (0..vertices.len()).filter(|&v| used[v]) {
         if !std::mem::replace(&mut filled[pieces[v] as usize], true) {
-            seeds.extend(limbs.nearest(vertices[v]));
+            limbs.nearest(vertices[v]).into_iter().for_each(|n| taken[n as usize] = true);
         }
     }
-    seeds.iter().for_each(|&n| taken[n as usize] = true);
     let lost: Vec<usize> = (0..vertices.len()).filter(|&v| used[v] && !limbs.covers(vertices[v], &taken)).collect();
     let loose = limbs.loose();
     if !lost.is_empty() || !loose.is_empty() {
-        let (way, from) = limbs.ways(&seeds);
+        let (way, from) = limbs.ways(&taken);
         for node in loose {
             take(node, &from, &mut taken);
         }
@@ -78,7 +76,9 @@ pub(super) fn taken_in(
         }
     }
     let outside = |n: &u32| taken[*n as usize] && cuts.side[*n as usize] != Side::Inside;
-    (0..taken.len() as u32).filter(outside).collect()
+    let mut nodes: Vec<u32> = (0..taken.len() as u32).filter(outside).collect();
+    nodes.sort_by(|&a, &b| field.value[b as usize].total_cmp(&field.value[a as usize]));
+    nodes
 }
 
 /// Takes in a chain, from its end to where it starts.
@@ -154,11 +154,13 @@ impl<'a> Limbs<'a> {
 
     /// Whether a filled node of a kept part, or one taken in, is near a point.
     fn covers(&self, point: DVec3, taken: &[bool]) -> bool {
-        self.around(point, LOST).any(|(n, _)| {
+        let holds = |(n, _): (u32, f64)| {
             let on = || self.cuts.side[n as usize] == Side::On;
             let held = || self.lattice.neighbours(n).any(|m| self.is_kept(m) && self.cuts.joined(n, m));
             taken[n as usize] || self.is_kept(n) || (on() && held())
-        })
+        };
+        // Most vertices have one close by.
+        self.around(point, 0.5).any(holds) || self.around(point, LOST).any(holds)
     }
 
     /// A node of each part that is not kept.
@@ -172,12 +174,12 @@ impl<'a> Limbs<'a> {
     }
 
     /// Length of the cheapest chain from a kept part or a seed to each node, and the node before it.
-    fn ways(&self, seeds: &[u32]) -> (Vec<f64>, Vec<u32>) {
+    fn ways(&self, seeds: &[bool]) -> (Vec<f64>, Vec<u32>) {
         let count = self.field.value.len();
         let (mut way, mut from) = (vec![f64::INFINITY; count], vec![NONE; count]);
         let mut heap = BinaryHeap::new();
         let cell = self.lattice.cell();
-        for n in (0..count as u32).filter(|&n| self.is_kept(n) || seeds.contains(&n)) {
+        for n in (0..count as u32).filter(|&n| self.is_kept(n) || seeds[n as usize]) {
             way[n as usize] = 0.0;
             if self.field.value[n as usize].abs() < 2.0 * cell {
                 heap.push(Reverse((0u64, n)));
