@@ -85,7 +85,7 @@ mod tests {
     use crate::prepare::bind;
     use crate::scene::{Bind, Core, Model, Motion};
 
-    /// Axes of bones keep at least this far from the skin, m.
+    /// Axes of bones keep at least this far from the skin's vertices, m.
     const DEEP: f64 = 0.008;
     /// Nodes that a bone holds at least: three hold a rigid body.
     const HELD: usize = 3;

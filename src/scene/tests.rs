@@ -361,13 +361,11 @@ fn a_skeleton_gives_a_core_a_bone() {
 #[test]
 fn what_the_engine_does_not_do_yet_is_refused_by_key() {
     let folder = Folder::new();
-    let second = "bind = { all = true }\n[[body.core]]\nname = \"jaw\"\nbind = { inset = 0.03 }";
     for (old, new, key) in [
         ("friction = 0.0", "friction = 0.3", "`contact.friction`"),
         ("newton = 1", "newton = 2", "`step.newton`"),
         ("preconditioner = \"auto\"", "preconditioner = \"coarse\"", "`solver.preconditioner`"),
         ("motion = \"fixed\"", "motion = \"dynamic\"", "`body.head.core.skull.motion`"),
-        ("bind = { inset = 0.03 }", second, "`body.head.core`"),
         ("device = \"scripted\"", "device = \"phantom\"", "`haptics.device`"),
     ] {
         let message = folder.message(&with(old, new));

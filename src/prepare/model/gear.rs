@@ -30,7 +30,7 @@ pub(super) const HALF_WIDTH: f64 = 0.01;
 /// Half the web's thickness, m.
 const HALF_WEB: f64 = 0.0045;
 /// Radius of the bore, m.
-pub(super) const BORE: f64 = 0.0125;
+const BORE: f64 = 0.0125;
 /// Section from the root circle inwards to the bore: radius and height, m.
 const SECTION: [(f64, f64); 6] = [
     (ROOT, HALF_WIDTH),

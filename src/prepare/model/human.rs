@@ -21,7 +21,7 @@ const FAR: f64 = 1.0;
 
 /// How much larger the mesher sees hands, head and feet, and where along x and y that sets in: start, length, m.
 const HAND: Lens = Lens { start: 0.46, length: 0.35, scale: 1.0 / 2.5 };
-const FACE: Lens = Lens { start: 1.43, length: 0.12, scale: 1.0 / 2.2 };
+const FACE: Lens = Lens { start: 1.43, length: 0.12, scale: 1.0 / 2.7 };
 const FOOT: Lens = Lens { start: -0.24, length: 0.18, scale: 1.0 / 2.2 };
 
 /// A human with exactly `vertex_count` vertices.
