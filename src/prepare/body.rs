@@ -121,10 +121,10 @@ fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result
         keys.body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
     let mesh = surface.map(|s| keys.surface_mesh(s)).transpose()?;
     let mut layer = file_layer(keys, mesh.as_ref(), source)?;
-    let mesh = mesh.unwrap_or_else(|| {
-        let (vertices, triangles, _) = layer::boundary(&layer);
-        TriangleMesh { vertices, triangles }
-    });
+    let mesh = match mesh {
+        Some(mesh) => mesh,
+        None => boundary(keys, &layer, source)?,
+    };
     let numbers = drop_unused(keys, &mut layer, source);
     let node_frames = super::cores::bind(keys.body, &mut layer, &numbers, &mesh, |key, problem, remedy| {
         keys.error(key, problem, remedy)
@@ -137,6 +137,20 @@ fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result
     let proxies = proxies(&skin).map_err(|p| keys.error("surface", p, "give a closed surface with volume"))?;
     let frames = super::cores::frames(keys.body, &layer, &node_frames, &material);
     Ok(Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies })
+}
+
+/// The layer's boundary as a surface. That of a file is repaired like any other: elements may overlap or be missing.
+fn boundary(keys: &Keys, layer: &Layer, source: &scene::Layer) -> Result<TriangleMesh> {
+    let (vertices, triangles, _) = layer::boundary(layer);
+    let mesh = TriangleMesh { vertices, triangles };
+    let scene::Layer::File(path) = source else { return Ok(mesh) };
+    let (mesh, found) = repair::repair(mesh)
+        .map_err(|refusal| keys.error("layer", format!("of its boundary, {}", refusal.problem), refusal.remedy))?;
+    let mut report = keys.report.borrow_mut();
+    let said = found.sentences().into_iter();
+    report.notes.extend(said.map(|(_, text)| format!("{}: of the boundary, {text}", path.display())));
+    report.repair = Some(found);
+    Ok(mesh)
 }
 
 /// The layer in file coordinates, nothing bound.

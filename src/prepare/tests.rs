@@ -140,7 +140,7 @@ fn a_box_is_bound_in_file_coordinates_and_scaled() {
 fn cores_that_hold_nothing_and_bad_nodes_are_refused_by_name() {
     let nowhere = Bind::Sphere { centre: DVec3::splat(9.0), radius: 0.1 };
     let error = prepared(&scene(cube(), &[Bind::All, nowhere])).unwrap_err().to_string();
-    assert!(error.contains("`body.thing.core.core1.bind`") && error.contains("nothing would hold"), "{error}");
+    assert!(error.contains("`body.thing.core.core1.bind`") && error.contains("would hold nothing"), "{error}");
     let error = prepared(&scene(cube(), &[Bind::Nodes(vec![27])])).unwrap_err().to_string();
     assert!(error.contains("node 27 does not exist, the layer has 27"), "{error}");
     assert!(prepared(&scene(cube(), &[])).is_ok());

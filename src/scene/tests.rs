@@ -275,13 +275,11 @@ fn what_does_not_fit_together_is_refused() {
 #[test]
 fn what_the_engine_does_not_do_yet_is_refused_by_key() {
     let folder = Folder::new();
-    let second = "bind = { all = true }\n[[body.core]]\nname = \"jaw\"\nbind = { inset = 0.03 }";
     for (old, new, key) in [
         ("friction = 0.0", "friction = 0.3", "`contact.friction`"),
         ("newton = 1", "newton = 2", "`step.newton`"),
         ("preconditioner = \"auto\"", "preconditioner = \"coarse\"", "`solver.preconditioner`"),
         ("motion = \"fixed\"", "motion = \"dynamic\"", "`body.head.core.skull.motion`"),
-        ("bind = { inset = 0.03 }", second, "`body.head.core`"),
         ("device = \"scripted\"", "device = \"phantom\"", "`haptics.device`"),
     ] {
         let message = folder.message(&with(old, new));
