@@ -308,6 +308,27 @@ fn every_good_mesh_is_read() {
     }
 }
 
+/// Hulls of a soup against those of the sound surface, by the sum of their boxes' diagonals: vertices that were joined lie
+/// in hulls at their place. One in a distant hull would draw that out over the body.
+const SAME_HULLS: f64 = 1.05;
+
+#[test]
+fn joined_vertices_do_not_stretch_proxies() {
+    let Some(meshes) = meshes() else { return };
+    let [sound, soup] = ["surf/human_3000.obj", "bad/triangle_soup.obj"].map(|file| {
+        let (mesh, _) = repair::read(&meshes.join(file), true).unwrap();
+        let proxies = prepare::proxies(&prepare::skin::build(mesh.vertices, mesh.triangles)).unwrap();
+        let diagonal = |hull: &[glam::DVec3]| {
+            let low = hull.iter().copied().reduce(glam::DVec3::min).unwrap();
+            low.distance(hull.iter().copied().reduce(glam::DVec3::max).unwrap())
+        };
+        (proxies.len(), proxies.iter().map(|proxy| diagonal(&proxy.hull)).sum::<f64>())
+    });
+    println!("proxies and their diagonals: {sound:?} of the surface, {soup:?} of its soup");
+    assert_eq!(soup.0, sound.0);
+    assert!(soup.1 < SAME_HULLS * sound.1, "{soup:?} {sound:?}");
+}
+
 #[test]
 fn layers_with_slivers_are_prepared_and_name_the_worst() {
     let Some(meshes) = meshes() else { return };

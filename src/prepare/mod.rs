@@ -64,7 +64,7 @@ pub struct Body {
 /// What was found in a body's files, and done about it.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct BodyReport {
-    /// The surface's repair; `None` where the surface is not from a file.
+    /// The repair of the surface, or of the layer's boundary where that is the skin; `None` where it is from no file.
     pub repair: Option<repair::RepairReport>,
     /// Everything that was done to the files, a line each, beginning with the file's name.
     pub notes: Vec<String>,

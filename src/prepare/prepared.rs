@@ -96,7 +96,7 @@ impl Recipe<'_> {
     /// Read, repair, layer, embed, proxies.
     fn make(&self, keys: &Keys, log: &mut Log) -> Result<Prepared> {
         let surface = self.surface.map(|surface| log.stage(Stage::Read, || read(keys, surface))).transpose()?;
-        let (surface, repair) = match (surface, keys.surface_file()) {
+        let (surface, mut repair) = match (surface, keys.surface_file()) {
             (Some(mesh), Some(path)) => {
                 let mend = if keys.repair { repair::repair } else { repair::strict };
                 let made = log.stage(Stage::Repair, || mend(mesh));
@@ -113,8 +113,11 @@ impl Recipe<'_> {
         let mesh = match (surface, &layer) {
             (Some(mesh), _) => mesh,
             (None, Some(layer)) => {
-                let (vertices, triangles, _) = layer::boundary(layer);
-                TriangleMesh { vertices, triangles }
+                let (mesh, found) = log.stage(Stage::Repair, || boundary(keys, layer, self.layer))?;
+                let said = found.iter().flat_map(RepairReport::sentences);
+                layer_notes.extend(said.map(|(_, text)| format!("of the boundary, {text}")));
+                repair = found;
+                mesh
             }
             (None, None) => return Err(keys.error("surface", "missing", "give `surface` or `layer`")),
         };
@@ -151,6 +154,18 @@ fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
             Ok(TriangleMesh { vertices, triangles })
         }
     }
+}
+
+/// The layer's boundary as a surface. That of a file is repaired like any other: elements may overlap or be missing.
+fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result<(TriangleMesh, Option<RepairReport>)> {
+    let (vertices, triangles, _) = layer::boundary(layer);
+    let mesh = TriangleMesh { vertices, triangles };
+    if !matches!(source, Some(scene::Layer::File(_))) {
+        return Ok((mesh, None));
+    }
+    let (mesh, found) = repair::repair(mesh)
+        .map_err(|refusal| keys.error("layer", format!("of its boundary, {}", refusal.problem), refusal.remedy))?;
+    Ok((mesh, Some(found)))
 }
 
 /// A layer, and what came of making it.

@@ -124,7 +124,9 @@ fn the_example_is_read_in_full() {
     assert_eq!((scene.solver.tolerance, scene.solver.max_iterations), (1e-5, 200));
     assert_eq!((scene.contact.stiffness, scene.contact.texel, scene.contact.depth_limit), (None, None, 0.02));
     let head = &scene.bodies[0];
-    let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cell { cell, grade: 1, thickness: None } } = &head.shape else {
+    let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cell { cell, grade: 1, thickness: None } } =
+        &head.shape
+    else {
         panic!("{:?}", head.shape)
     };
     assert!(path.ends_with("head.obj") && *cell == 0.01);

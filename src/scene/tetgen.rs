@@ -125,6 +125,18 @@ mod tests {
     }
 
     #[test]
+    fn no_bytes_make_it_panic() {
+        for place in 0..NODES.len() {
+            let _ = mesh(&NODES[..place], ELEMENTS);
+            let _ = mesh(&NODES.replacen(&NODES[place..=place], "99999999999", 1), ELEMENTS);
+        }
+        for place in 0..ELEMENTS.len() {
+            let _ = mesh(NODES, &ELEMENTS[..place]);
+            let _ = mesh(NODES, &ELEMENTS.replacen(&ELEMENTS[place..=place], "-", 1));
+        }
+    }
+
+    #[test]
     fn errors_name_the_file_and_the_line() {
         let cases = [
             (NODES, "1 4 0\n0 0 1 2 4\n", "a.ele:2: tetrahedron 0 names node 4"),

@@ -120,7 +120,7 @@ impl RepairReport {
     }
 
     /// What was found and done, a sentence each, with the first triangle; empty for a sound surface.
-    pub(super) fn sentences(&self) -> Vec<(Option<usize>, String)> {
+    pub(in crate::prepare) fn sentences(&self) -> Vec<(Option<usize>, String)> {
         let mut said = Vec::new();
         let mut say = |found: Count, text: String| {
             if found.count > 0 {
