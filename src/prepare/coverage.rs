@@ -42,7 +42,10 @@ mod tests {
     /// A head whose skin stands off its layer in places, so that weights extrapolate; with its arrays for the device.
     fn head(stand_off: f64) -> (Body, Model) {
         let surface = Some(scene::Surface::Model { model: scene::Model::Head, vertices: 3000 });
-        let scene = scene(scene::Shape::Soft { surface, layer: scene::Layer::Cell { cell: 0.02, grade: 1, thickness: None } }, &[]);
+        let scene = scene(
+            scene::Shape::Soft { surface, layer: scene::Layer::Cell { cell: 0.02, grade: 1, thickness: None } },
+            &[],
+        );
         let (mut body, _) = body_and_report(&scene.bodies[0], &scene, &Cache::off(), &mut |_| {}).unwrap();
         if let Shape::Soft { layer, embedding, skin, proxies, .. } = &mut body.shape {
             let lifted = skin.vertices.iter().map(|v| *v * (1.0 + stand_off)).collect();

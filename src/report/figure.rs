@@ -94,6 +94,6 @@ fn sorted(mut triangle: [u32; 3]) -> [u32; 3] {
 fn hue(index: usize) -> Colour {
     let at = (index as f64 * 0.618_033_988_749_895 + 0.05).fract() * 6.0;
     let ramp = |shift: f64| (((at + shift) % 6.0 - 3.0).abs() - 1.0).clamp(0.0, 1.0);
-    let (light, deep) = if index % 2 == 0 { (0.85, 0.25) } else { (0.65, 0.12) };
+    let (light, deep) = if index.is_multiple_of(2) { (0.85, 0.25) } else { (0.65, 0.12) };
     [ramp(0.0), ramp(4.0), ramp(2.0)].map(|c| deep + (light - deep) * c)
 }

@@ -80,9 +80,9 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::prepare::bind;
     use crate::prepare::distance::winding_number;
     use crate::prepare::stuffing::{Options, stuff};
-    use crate::prepare::bind;
     use crate::scene::{Bind, Core, Model, Motion};
 
     /// Axes of bones keep at least this far from the skin's vertices, m.

@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::super::*;
 use super::{Mesh, check, uniform};
 use crate::prepare::embed;
-use crate::scene::Model;
 use crate::prepare::tests::meshes;
+use crate::scene::Model;
 use crate::scene::obj;
 
 fn real(folder: &std::path::Path, name: &str) -> Mesh {
