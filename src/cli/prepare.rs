@@ -175,7 +175,7 @@ fn surface_of(text: &str) -> Result<Surface> {
 fn in_options(error: Error, surface: &str) -> Error {
     let Error::Key { key, problem, remedy, .. } = error else { return error };
     let option = match key.rsplit('.').next().unwrap_or_default() {
-        "cell" => "--cell",
+        "cell" | "layer" => "--cell",
         "across" => "--cells",
         "hulls" => "--hulls",
         _ => "SURFACE",

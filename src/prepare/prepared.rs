@@ -76,6 +76,16 @@ impl Recipe<'_> {
         Ok(prepared)
     }
 
+    /// What to do about a layer that leaves skin far outside.
+    fn surrounding(&self) -> &'static str {
+        match self.layer {
+            Some(scene::Layer::File(_) | scene::Layer::Box { .. }) => {
+                "give a layer that surrounds the skin, in the same units"
+            }
+            _ => "give smaller cells: a part of the skin is too thin for these",
+        }
+    }
+
     /// Digest of the algorithms, of the contents of files, and of every number.
     fn key(&self, keys: &Keys) -> std::io::Result<Key> {
         let mut maker = KeyMaker::new();
@@ -122,9 +132,9 @@ impl Recipe<'_> {
             (None, None) => return Err(keys.error("surface", "missing", "give `surface` or `layer`")),
         };
         let embedding = match &layer {
-            Some(layer) => log.stage(Stage::Embed, || embed(&mesh.vertices, layer)).map_err(|problem| {
-                keys.error("layer", problem, "give a layer that surrounds the skin, in the same units")
-            })?,
+            Some(layer) => log
+                .stage(Stage::Embed, || embed(&mesh.vertices, layer))
+                .map_err(|problem| keys.error("layer", problem, self.surrounding()))?,
             None => Vec::new(),
         };
         let (mesh, proxies) = log.stage(Stage::Proxies, || cover(keys, mesh, self.hulls))?;

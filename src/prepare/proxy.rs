@@ -321,7 +321,7 @@ pub(crate) mod tests {
             let (count, busiest) = (proxies.len(), proxies.iter().map(|p| p.triangles.len()).max().unwrap());
             assert!(count <= hulls as usize, "{count} of {hulls}");
             assert!(count == hulls as usize || busiest <= FEW, "{count} of {hulls}: {busiest}");
-            assert!(busiest <= 11_996 / count * 2 + FEW, "{count} of {hulls}: {busiest}");
+            assert!(busiest <= 3 * 11_996 / count + FEW, "{count} of {hulls}: {busiest}");
             let triangles: usize = proxies.iter().map(|p| 2 * p.hull.len() - 4).sum();
             assert!(triangles <= HULL_TRIANGLES + 2, "{triangles}");
         }
