@@ -13,7 +13,7 @@ use crate::gpu::{Buffer, Context, Options, Recorder, Recording};
 use crate::haptics::drive::{Device, Drive};
 use crate::haptics::tool::Tool;
 use crate::plan::Plan;
-use crate::prepare::{self, Body, Shape};
+use crate::prepare::{self, Body, BodyReport, Shape};
 use crate::report::{Flags, Pose, Row, ToolRow};
 use crate::scene::{Key, Scene};
 use crate::stages::depth::{self, Path};
@@ -36,6 +36,7 @@ pub struct Simulation {
     context: Arc<Context>,
     scene: Scene,
     bodies: Vec<Body>,
+    tool_report: Option<BodyReport>,
     model: Model,
     stages: Stages,
     plain: Recordings,
@@ -75,6 +76,7 @@ impl Simulation {
             scene: scene.clone(),
             context,
             bodies,
+            tool_report: tool_body.map(|body| body.report),
             model,
             stages,
             plain,
@@ -154,6 +156,12 @@ impl Simulation {
     /// The bodies as prepared.
     pub fn bodies(&self) -> &[Body] {
         &self.bodies
+    }
+
+    /// What was found in the files of each body, and of the tool, and done about it.
+    pub fn reports(&self) -> impl Iterator<Item = (&str, &BodyReport)> {
+        let bodies = self.bodies.iter().map(|body| (body.name.as_str(), &body.report));
+        bodies.chain(self.tool_report.iter().map(|report| ("tool", report)))
     }
 
     /// The tool, if the scene has one.

@@ -79,7 +79,7 @@ pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVe
     let proxies = cut(&skin);
     let (volume, centroid, inertia, motion) = (1.0, DVec3::ZERO, DMat3::IDENTITY, FrameMotion::Fixed);
     let shape = Shape::Rigid { skin, proxies, volume, centroid, inertia, motion };
-    Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO }
+    Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 
 /// One hull, or as many as the skin's shape asks for.
@@ -97,12 +97,12 @@ pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec
     let proxies = cut(&skin);
     let (frames, node_frames) = (vec![crate::system::middle(&layer)], vec![0; layer.nodes.len()]);
     let shape = Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies };
-    Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO }
+    Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 
 /// The half-space below a plane.
 pub fn half_space(normal: DVec3, offset: f64) -> Body {
     let (position, orientation) = (DVec3::ZERO, DQuat::IDENTITY);
     let shape = Shape::Plane { normal, offset };
-    Body { name: "floor".into(), shape, position, orientation, velocity: DVec3::ZERO }
+    Body { name: "floor".into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }

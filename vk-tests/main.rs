@@ -8,6 +8,7 @@ mod contact_sizes;
 mod cull;
 mod deep;
 mod depth;
+mod dirty;
 mod elastic;
 mod energy;
 mod extremes;

@@ -81,7 +81,14 @@ pub fn layered(layer: Layer, material: Material, orientation: DQuat) -> Body {
     let (skin, proxies) = (Skin::default(), vec![]);
     let (frames, node_frames) = (vec![middle(&layer)], vec![0; layer.nodes.len()]);
     let shape = Shape::Soft { layer, frames, node_frames, material, embedding: vec![], skin, proxies };
-    Body { name: "layer".into(), shape, position: DVec3::new(0.3, -0.1, 0.2), orientation, velocity: DVec3::ZERO }
+    Body {
+        name: "layer".into(),
+        shape,
+        position: DVec3::new(0.3, -0.1, 0.2),
+        orientation,
+        velocity: DVec3::ZERO,
+        report: Default::default(),
+    }
 }
 
 /// The first `nodes` nodes of a box of 20 mm cells and the tetrahedra among them; a node of none is bound, as the

@@ -56,6 +56,11 @@ impl Engine {
         Ok(Engine { simulation, stages: Vec::new(), iterations: 0, steps: 0 })
     }
 
+    /// What was done to the scene's files, a line each.
+    pub fn notes(&self) -> impl Iterator<Item = &str> {
+        self.simulation.reports().flat_map(|(_, report)| report.notes.iter().map(String::as_str))
+    }
+
     /// One step.
     pub fn step(&mut self) -> Result<Row> {
         let row = self.simulation.step()?;
@@ -104,6 +109,7 @@ impl Engine {
             passes_per_step: passes.iter().map(|(_, n)| n).sum(),
             bytes_device: context.bytes_allocated(),
             stages: self.stages,
+            files: self.simulation.reports().map(|(name, report)| (name.into(), report.clone())).collect(),
         };
         Ok(Outcome { facts, layers, skins })
     }

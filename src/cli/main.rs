@@ -3,6 +3,8 @@
 
 mod devices;
 mod engine;
+mod prepare;
+mod press;
 mod run;
 
 use std::io::Write;
@@ -23,6 +25,8 @@ struct Arguments {
 enum Command {
     /// Simulate a scene and record what the tool feels
     Run(run::Arguments),
+    /// Make a layered body of a surface, with a report, pictures and a scene
+    Prepare(prepare::Arguments),
     /// List the Vulkan devices that can be used
     Devices,
 }
@@ -34,6 +38,7 @@ fn main() -> ExitCode {
     };
     let result = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Prepare(arguments) => prepare::prepare(&arguments),
         Command::Devices => devices::devices(),
     };
     match result {

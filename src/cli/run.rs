@@ -1,5 +1,6 @@
 //! `palpate run`: a scene from the first step to the last, a trace of it, and its state at the end.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::builder::NonEmptyStringValueParser;
@@ -64,6 +65,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(&arguments.scene)?;
     let steps = steps_of(arguments, &scene)?;
     let engine = Engine::open(&scene, arguments.device.as_deref())?;
+    // A closed stderr does not stop a run; the summary carries the notes too.
+    engine.notes().for_each(|note| drop(writeln!(std::io::stderr(), "note: {note}")));
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let (tally, outcome) = simulate(engine, &scene, steps, output.as_mut())?;
     if let Some(mut output) = output {

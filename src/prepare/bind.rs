@@ -1,14 +1,11 @@
 //! Binding: which nodes of a layer lie in the region that a core carries. Regions are in file coordinates, before scale.
 
 use glam::DVec3;
-use parry3d_f64::math::Vector;
-use parry3d_f64::query::PointQuery;
-use parry3d_f64::shape::TriMesh;
 
-use super::lattice::winding_number;
+use super::distance::{HALF, Solid};
 use super::skin::Sets;
 use super::{Layer, layer};
-use crate::scene::Bind;
+use crate::scene::{Bind, Capsule, Core};
 
 /// Whether each node lies in the region `bind`. `skin` and the layer are in file coordinates. Errors: the problem, and the
 /// remedy.
@@ -18,6 +15,7 @@ pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Resul
         Bind::Box { low, high } => layer.nodes.iter().map(|n| n.cmpge(*low).all() && n.cmple(*high).all()).collect(),
         Bind::Sphere { centre, radius } => layer.nodes.iter().map(|n| n.distance(*centre) <= *radius).collect(),
         Bind::Inset(depth) => inset(layer, skin, *depth)?,
+        Bind::Capsule(capsule) => layer.nodes.iter().map(|&n| capsule_depth(n, capsule) <= 1.0).collect(),
         Bind::Nodes(list) => {
             let mut named = vec![false; layer.nodes.len()];
             for &node in list {
@@ -43,11 +41,9 @@ fn inset(
     (vertices, triangles): (&[DVec3], &[[u32; 3]]),
     depth: f64,
 ) -> Result<Vec<bool>, (String, &'static str)> {
-    let points = vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
-    let surface = TriMesh::new(points, triangles.to_vec())
+    let surface = Solid::new(vertices, triangles)
         .map_err(|e| (format!("the skin cannot be searched: {e}"), "give a closed surface"))?;
-    let distance = |n: &DVec3| surface.distance_to_local_point(Vector::new(n.x, n.y, n.z), false);
-    let distances: Vec<f64> = layer.nodes.iter().map(distance).collect();
+    let distances: Vec<f64> = layer.nodes.iter().map(|&n| surface.distance(n)).collect();
     let mut sides = Sets::new(layer.nodes.len());
     for t in &layer.tetrahedra {
         for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
@@ -61,10 +57,40 @@ fn inset(
     let mut inside: Vec<Option<bool>> = vec![None; count];
     let mut deep = |n: usize| {
         distances[n] >= depth
-            && *inside[labels[n] as usize]
-                .get_or_insert_with(|| winding_number(vertices, triangles, layer.nodes[n]) > 0.5)
+            && *inside[labels[n] as usize].get_or_insert_with(|| surface.winding(layer.nodes[n]) > HALF)
     };
     Ok((0..layer.nodes.len()).map(&mut deep).collect())
+}
+
+/// Distance of each node from the skin, m, inside or outside. Errors: a skin that cannot be searched.
+pub fn depths(layer: &Layer, (vertices, triangles): (&[DVec3], &[[u32; 3]])) -> Result<Vec<f64>, String> {
+    let surface = Solid::new(vertices, triangles).map_err(|e| format!("the skin cannot be searched: {e}"))?;
+    Ok(layer.nodes.iter().map(|&n| surface.distance(n)).collect())
+}
+
+/// Distance of a point from a capsule's axis over the radius there: up to 1 inside.
+pub fn capsule_depth(point: DVec3, capsule: &Capsule) -> f64 {
+    let [a, b] = capsule.ends;
+    let along = b - a;
+    let t = if along == DVec3::ZERO { 0.0 } else { ((point - a).dot(along) / along.length_squared()).clamp(0.0, 1.0) };
+    (point - a - t * along).length() / (capsule.radii[0] + t * (capsule.radii[1] - capsule.radii[0]))
+}
+
+/// Takes out of `named`, the nodes of core `index`, those that another bone is nearer to: of capsules that overlap the
+/// one whose axis is nearest relative to the radius there has a node, the first of equals. Changes nothing for a core
+/// that is no bone.
+pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bool]) {
+    let bone = |core: &Core| if let Some(Bind::Capsule(capsule)) = core.bind { Some(capsule) } else { None };
+    let Some(own) = bone(&cores[index]) else { return };
+    for (node, named) in layer.nodes.iter().zip(named).filter(|(_, named)| **named) {
+        let depth = capsule_depth(*node, &own);
+        let nearer = |(other, core): (usize, &Core)| {
+            bone(core)
+                .map(|capsule| capsule_depth(*node, &capsule))
+                .is_some_and(|d| d < depth || d == depth && other < index)
+        };
+        *named = !cores.iter().enumerate().any(nearer);
+    }
 }
 
 /// Nodes that nothing would hold: parts of the layer without a bound node. Returns the number of such nodes and one.
@@ -82,6 +108,7 @@ pub fn unheld(layer: &Layer) -> Option<(usize, u32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Motion;
 
     fn bound(region: Bind) -> Result<Vec<u32>, (String, &'static str)> {
         let layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]);
@@ -101,6 +128,37 @@ mod tests {
         assert_eq!(bound(Bind::Inset(0.2)).unwrap().len(), 27);
         assert_eq!(bound(Bind::Inset(0.3)).unwrap(), [62]);
         assert!(bound(Bind::Inset(0.6)).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_capsule_binds_its_nodes() {
+        let rod = |radii| Capsule { ends: [DVec3::ZERO, DVec3::new(0.5, 0.0, 0.0)], radii };
+        // The axis has three nodes; a round end of radius a quarter reaches one more, and so do the sides.
+        assert_eq!(bound(Bind::Capsule(rod([0.1, 0.1]))).unwrap(), [0, 1, 2]);
+        assert_eq!(bound(Bind::Capsule(rod([0.26, 0.26]))).unwrap(), [0, 1, 2, 3, 5, 6, 7, 25, 26, 27]);
+        assert_eq!(bound(Bind::Capsule(rod([0.05, 0.26]))).unwrap(), [0, 1, 2, 3, 7, 27]);
+    }
+
+    #[test]
+    fn of_overlapping_bones_the_nearest_has_a_node() {
+        let layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]);
+        let core = |low: f64, high: f64, radius: f64| {
+            let ends = [low, high].map(|x| DVec3::new(x, 0.0, 0.0));
+            let bind = Some(Bind::Capsule(Capsule { ends, radii: [radius; 2] }));
+            Core { name: String::new(), motion: Motion::Fixed, bind, mass: None }
+        };
+        // The last bone is the second again: equals go to the first. A sphere is no bone and takes nothing from one.
+        let mut cores = vec![core(0.0, 0.5, 0.3), core(1.0, 1.0, 0.6), core(1.0, 1.0, 0.6)];
+        cores.push(Core { bind: Some(Bind::Sphere { centre: DVec3::ZERO, radius: 0.1 }), ..cores[0].clone() });
+        let held = |index| {
+            let mut named: Vec<bool> = layer.nodes.iter().map(|n| n.y == 0.0 && n.z == 0.0).collect();
+            nearer_bones(&layer, &cores, index, &mut named);
+            (0..5).filter(|&n| named[n]).collect::<Vec<_>>()
+        };
+        assert_eq!(held(0), [0, 1, 2]);
+        assert_eq!(held(1), [3, 4]);
+        assert!(held(2).is_empty());
+        assert_eq!(held(3), [0, 1, 2, 3, 4]);
     }
 
     #[test]

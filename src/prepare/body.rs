@@ -1,94 +1,168 @@
-//! From a scene's body or tool to a prepared [`Body`]: files read, scale applied, nodes bound, everything checked.
+//! From a scene's body or tool to a prepared [`Body`]: read, repair, layer, embed, proxies (`prepared.rs`, cached), then
+//! bind, scale and place, everything checked.
 
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::model::{VERTICES, head};
-use super::{Body, FrameMotion, Layer, Shape, embed, layer, mass, proxies, skin};
+use super::cache::Cache;
+use super::prepared::{Prepared, Recipe};
+use super::report::{Log, Stage};
+use super::{Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, proxies, repair, ride, skin};
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Motion, Scene, Surface, ToolShape, gmsh, obj};
+use crate::scene::{self, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
 
 /// A closed skin fills at least this share of its bounding box's diagonal cubed; less is rounding.
 const LEAST_VOLUME: f64 = 1e-12;
 
-/// Prepares a body of the scene. Errors name the scene's key, or the file.
+/// Prepares a body of the scene, with the user's cache. Errors name the scene's key, or the file.
 pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
-    let shape = match &body.shape {
-        scene::Shape::Soft { surface, layer } => soft(&Keys { scene, body }, surface.as_ref(), layer)?,
-        scene::Shape::Rigid { surface } => {
-            let keys = Keys { scene, body };
-            let mesh = scaled(keys.surface_mesh(surface)?, body.scale);
-            rigid(mesh, motion(&body.cores))
-                .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume"))?
+    make(body, scene, &Cache::of_user(), &mut Log::new(&mut |_| {}))
+}
+
+/// Prepares a body of the scene and reports on it; `watch` is told each stage as it begins. A half-space has no report.
+pub fn body_and_report(
+    body: &scene::Body,
+    scene: &Scene,
+    cache: &Cache,
+    watch: &mut dyn FnMut(Stage),
+) -> Result<(Body, Option<Report>)> {
+    let mut log = Log::new(watch);
+    let body = make(body, scene, cache, &mut log)?;
+    let report = Report::of(&body, log);
+    Ok((body, report))
+}
+
+fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Result<Body> {
+    let keys = Keys::of_body(scene, body);
+    let (surface, layer) = match &body.shape {
+        scene::Shape::Soft { surface, layer } => (surface.as_ref(), Some(layer)),
+        scene::Shape::Rigid { surface } => (Some(surface), None),
+        scene::Shape::Plane { normal, offset } => {
+            let shape = Shape::Plane { normal: *normal, offset: *offset };
+            return Ok(placed(body, shape, BodyReport::default()));
         }
-        scene::Shape::Plane { normal, offset } => Shape::Plane { normal: *normal, offset: *offset },
     };
-    Ok(Body {
+    let recipe = Recipe { surface, layer, hulls: body.hulls };
+    let prepared = recipe.prepared(&keys, cache, log)?;
+    let report = report_of(&keys, layer, &prepared, log);
+    log.filling = prepared.filling.clone();
+    let shape = log.stage(Stage::Bind, || match layer {
+        Some(_) => soft(&keys, body, prepared),
+        None => rigid(prepared, body.scale, motion(&body.cores))
+            .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume")),
+    })?;
+    Ok(placed(body, shape, report))
+}
+
+/// What was found in the body's files, and what the log has to say.
+fn report_of(keys: &Keys, layer: Option<&scene::Layer>, prepared: &Prepared, log: &Log) -> BodyReport {
+    let of_surface = prepared.repair.as_ref().zip(keys.surface_file()).map(|(found, path)| repair::notes(found, path));
+    let mut notes = of_surface.unwrap_or_default();
+    let place = match layer {
+        Some(scene::Layer::File(path)) => path.display().to_string(),
+        _ => format!("`{}.layer`", keys.prefix),
+    };
+    notes.extend(prepared.layer_notes.iter().map(|note| format!("{place}: {note}")));
+    notes.extend(log.notes.iter().cloned());
+    BodyReport { repair: prepared.repair.clone(), notes }
+}
+
+fn placed(body: &scene::Body, shape: Shape, report: BodyReport) -> Body {
+    Body {
         name: body.name.clone(),
         shape,
         position: body.position,
         orientation: body.orientation,
         velocity: body.velocity,
-    })
+        report,
+    }
 }
 
 /// Prepares the tool as a rigid body named "tool", in its own coordinates: a sphere's centre is the origin, a surface
 /// keeps its file's coordinates (its centroid is in [`Shape::Rigid`]).
 pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
-    let (key, mesh) = match &tool.shape {
-        ToolShape::Sphere(radius) => {
-            let (vertices, triangles) = super::sphere::icosphere(*radius);
-            ("tool.sphere", TriangleMesh { vertices, triangles })
-        }
-        ToolShape::Surface(path) => ("tool.surface", scaled(read_solid(path)?, tool.scale)),
+    let surface = match &tool.shape {
+        ToolShape::Sphere(_) => None,
+        ToolShape::Surface(path) => Some(Surface::File(path.clone())),
         ToolShape::Body(name) => {
             let problem = format!("body `{name}` as a tool is prepared as a body");
             return Err(Error::key(&scene.file, "tool.body", problem, "give `sphere` or `surface`"));
         }
     };
-    let shape = rigid(mesh, FrameMotion::Fixed)
-        .map_err(|p| Error::key(&scene.file, key, p, "give a closed surface with volume"))?;
+    let keys = Keys { scene, prefix: "tool".into(), surface: surface.as_ref(), repair: tool.repair };
+    let watch = &mut |_| {};
+    let mut log = Log::new(watch);
+    let (key, prepared) = match tool.shape {
+        ToolShape::Sphere(radius) => ("sphere", ball(&keys, radius)?),
+        _ => {
+            let recipe = Recipe { surface: surface.as_ref(), layer: None, hulls: None };
+            ("surface", recipe.prepared(&keys, &Cache::of_user(), &mut log)?)
+        }
+    };
+    let report = report_of(&keys, None, &prepared, &log);
+    let shape = rigid(prepared, tool.scale, FrameMotion::Fixed)
+        .map_err(|p| keys.error(key, p, "give a closed surface with volume"))?;
     Ok(Body {
         name: "tool".into(),
         shape,
         position: tool.position,
         orientation: tool.orientation,
         velocity: tool.velocity,
+        report,
     })
 }
 
-/// Errors about keys of one body.
-struct Keys<'a> {
-    scene: &'a Scene,
-    body: &'a scene::Body,
+/// The parts of a sphere about the origin.
+fn ball(keys: &Keys, radius: f64) -> Result<Prepared> {
+    let (vertices, triangles) = super::sphere::icosphere(radius);
+    let skin = skin::build(vertices, triangles);
+    let proxies = proxies(&skin).map_err(|p| keys.error("sphere", p, "give a radius above zero"))?;
+    let mesh = TriangleMesh { vertices: skin.vertices, triangles: skin.triangles };
+    Ok(Prepared { mesh, proxies, ..Prepared::default() })
 }
 
-impl Keys<'_> {
-    fn error(&self, key: &str, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
-        Error::key(&self.scene.file, format!("body.{}.{key}", self.body.name), problem, remedy)
+/// Errors about keys of one body, or of the tool.
+pub(super) struct Keys<'a> {
+    scene: &'a Scene,
+    /// Dotted path of the table.
+    prefix: String,
+    surface: Option<&'a Surface>,
+    /// Whether defects of the surface are mended.
+    pub repair: bool,
+}
+
+impl<'a> Keys<'a> {
+    fn of_body(scene: &'a Scene, body: &'a scene::Body) -> Self {
+        let surface = match &body.shape {
+            scene::Shape::Soft { surface, .. } => surface.as_ref(),
+            scene::Shape::Rigid { surface } => Some(surface),
+            scene::Shape::Plane { .. } => None,
+        };
+        Keys { scene, prefix: format!("body.{}", body.name), surface, repair: body.repair }
     }
 
-    /// Triangles of a surface in file coordinates.
-    fn surface_mesh(&self, surface: &Surface) -> Result<TriangleMesh> {
-        match surface {
-            Surface::File(path) => read_solid(path),
-            Surface::Head { vertices } if !VERTICES.contains(vertices) => {
-                let remedy = format!("give {} to {}", VERTICES.start(), VERTICES.end());
-                Err(self.error("surface.vertices", format!("a head of {vertices} vertices is not made"), remedy))
-            }
-            Surface::Head { vertices } => {
-                let (vertices, triangles) = head(*vertices);
-                Ok(TriangleMesh { vertices, triangles })
-            }
+    /// An error about a key of the table.
+    pub fn error(&self, key: &str, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
+        Error::key(&self.scene.file, format!("{}.{key}", self.prefix), problem, remedy)
+    }
+
+    /// The file of the surface, where it comes from one.
+    pub fn surface_file(&self) -> Option<&'a Path> {
+        match self.surface {
+            Some(Surface::File(path)) => Some(path),
+            _ => None,
         }
     }
 }
 
 /// A skin that rides on one frame; the problem where it has no volume.
-fn rigid(mesh: TriangleMesh, motion: FrameMotion) -> std::result::Result<Shape, String> {
-    let p = mass::properties(&mesh.vertices, &mesh.triangles);
+fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Result<Shape, String> {
+    let mesh = scaled(prepared.mesh, scale);
+    // What fills the holes has mass, and is never touched.
+    let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
+    let p = mass::properties(&vertices, &triangles);
     let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let diagonal = mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max).distance(low);
     // Written so that a NaN is refused too.
@@ -96,8 +170,26 @@ fn rigid(mesh: TriangleMesh, motion: FrameMotion) -> std::result::Result<Shape, 
         return Err(format!("the surface encloses a volume of {:.3e} m^3", p.volume));
     }
     let skin = skin::build(mesh.vertices, mesh.triangles);
-    let proxies = proxies(&skin)?;
+    let proxies = scaled_proxies(prepared.proxies, scale);
     Ok(Shape::Rigid { skin, proxies, volume: p.volume, centroid: p.centroid, inertia: p.inertia, motion })
+}
+
+/// A layer that deforms and its skin.
+fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
+    let material = body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
+    let mut layer = prepared.layer.unwrap_or_default();
+    let numbers = &prepared.node_numbers;
+    let node_frames = cores::bind(body, &mut layer, numbers, &prepared.mesh, |key, problem, remedy| {
+        keys.error(key, problem, remedy)
+    })?;
+    layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
+    let mesh = scaled(prepared.mesh, body.scale);
+    let skin = skin::build(mesh.vertices, mesh.triangles);
+    let embedding = prepared.embedding;
+    let proxies = scaled_proxies(prepared.proxies, body.scale);
+    let proxies = ride::on_frames(proxies, &skin, &layer, &embedding, &node_frames);
+    let frames = cores::frames(body, &layer, &node_frames, &material);
+    Ok(Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies })
 }
 
 /// How the one core of a rigid body moves.
@@ -109,80 +201,18 @@ fn motion(cores: &[scene::Core]) -> FrameMotion {
     }
 }
 
-/// A layer that deforms and its skin.
-fn soft(keys: &Keys, surface: Option<&Surface>, source: &scene::Layer) -> Result<Shape> {
-    let material =
-        keys.body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
-    let mesh = surface.map(|s| keys.surface_mesh(s)).transpose()?;
-    let mut layer = file_layer(keys, mesh.as_ref(), source)?;
-    let mesh = mesh.unwrap_or_else(|| {
-        let (vertices, triangles, _) = layer::boundary(&layer);
-        TriangleMesh { vertices, triangles }
-    });
-    let node_frames =
-        super::cores::bind(keys.body, &mut layer, &mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
-    let mesh = scaled(mesh, keys.body.scale);
-    layer.nodes.iter_mut().for_each(|n| *n *= keys.body.scale);
-    let embedding = embed(&mesh.vertices, &layer)
-        .map_err(|problem| keys.error("layer", problem, "give a layer that surrounds the skin, in the same units"))?;
-    let skin = skin::build(mesh.vertices, mesh.triangles);
-    let proxies = proxies(&skin).map_err(|p| keys.error("surface", p, "give a closed surface with volume"))?;
-    let frames = super::cores::frames(keys.body, &layer, &node_frames, &material);
-    Ok(Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies })
-}
-
-/// The layer in file coordinates, nothing bound.
-fn file_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -> Result<Layer> {
-    let layer = match (source, mesh) {
-        (scene::Layer::Cell(cell), Some(mesh)) => super::lattice::lattice(&mesh.vertices, &mesh.triangles, *cell)
-            .map_err(|problem| {
-                keys.error("layer.cell", problem, "cells are in the file's coordinates, before scale")
-            })?,
-        (scene::Layer::Cell(_), None) => {
-            return Err(keys.error("layer.cell", "there is no surface to fill", "give `surface` too"));
-        }
-        (scene::Layer::File(path), _) => {
-            let mesh = gmsh::read(path)?;
-            let bound = vec![false; mesh.nodes.len()];
-            Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound }
-        }
-        (scene::Layer::Box { low, high, cells }, _) => {
-            let count = cells.iter().map(|&c| f64::from(c)).product::<f64>() * 6.0;
-            if !(1.0..=super::lattice::MAX_TETRAHEDRA).contains(&count) {
-                let problem = format!("{count:.0} tetrahedra; there are at least 6 and at most 4 million");
-                return Err(keys.error("layer.cells", problem, "give other numbers of cells"));
-            }
-            layer::kuhn_box(*low, *high, *cells)
-        }
-    };
-    used_nodes(keys, &layer)?;
-    Ok(layer)
-}
-
-/// Every node belongs to a tetrahedron: one that does not has no mass, and its motion no meaning.
-fn used_nodes(keys: &Keys, layer: &Layer) -> Result<()> {
-    let mut used = vec![false; layer.nodes.len()];
-    layer.tetrahedra.iter().flatten().for_each(|&n| used[n as usize] = true);
-    match used.iter().position(|&u| !u) {
-        None => Ok(()),
-        Some(node) => {
-            let count = used.iter().filter(|&&u| !u).count();
-            let problem = format!("{count} nodes belong to no tetrahedron, the first is {node} (from 0)");
-            Err(keys.error("layer", problem, "remove them from the file"))
-        }
-    }
-}
-
-/// A closed surface from a file; the loader has made the path complete.
-fn read_solid(path: &Path) -> Result<TriangleMesh> {
-    let mesh = obj::read(path)?;
-    obj::check_solid(&mesh, path)?;
-    Ok(mesh)
-}
-
 fn scaled(mut mesh: TriangleMesh, scale: f64) -> TriangleMesh {
     mesh.vertices.iter_mut().for_each(|v| *v *= scale);
     mesh
+}
+
+fn scaled_proxies(mut proxies: Vec<Proxy>, scale: f64) -> Vec<Proxy> {
+    for proxy in &mut proxies {
+        proxy.hull.iter_mut().for_each(|v| *v *= scale);
+        proxy.faces.iter_mut().for_each(|(_, offset)| *offset *= scale);
+        proxy.margin *= scale;
+    }
+    proxies
 }
 
 #[cfg(test)]
@@ -193,10 +223,8 @@ mod tests {
     fn a_surface_without_volume_is_refused() {
         let (vertices, mut triangles) = crate::prepare::sphere::icosphere(1.0);
         triangles.iter_mut().for_each(|t| t.swap(0, 1));
-        assert!(
-            rigid(TriangleMesh { vertices, triangles }, FrameMotion::Fixed)
-                .unwrap_err()
-                .contains("encloses a volume of -")
-        );
+        let mesh = TriangleMesh { vertices, triangles };
+        let prepared = Prepared { mesh, ..Prepared::default() };
+        assert!(rigid(prepared, 1.0, FrameMotion::Fixed).unwrap_err().contains("encloses a volume of -"));
     }
 }

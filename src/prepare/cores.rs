@@ -8,7 +8,7 @@ use glam::{DMat3, DVec3};
 use super::{Frame, FrameMotion, Layer, NONE, bind};
 use crate::Result;
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{Body, Material, Motion};
+use crate::scene::{Bind, Body, Material, Motion};
 
 /// What to do about a core that holds nothing.
 const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
@@ -16,13 +16,14 @@ const ENLARGE: &str = "enlarge the region, or leave the core out for a free body
 /// Marks the nodes that the body's cores carry as bound, and returns the core of each node: of a bound node the first in
 /// the body's list that names it (of bones whose capsules overlap, see [`bind::nearer_bones`]), of a free node the
 /// nearest along the edges of the layer (so that a hand beside a thigh follows the arm); 0 everywhere in a body without
-/// cores. `skin` and `layer` are in file coordinates. `error` makes an error of a key (`core.NAME.bind`, `layer`), a
+/// cores. `skin` and `layer` are in file coordinates, `numbers` those of the layer's nodes in their file (ascending). `error` makes an error of a key (`core.NAME.bind`, `layer`), a
 /// problem and a remedy.
 ///
 /// Refused: a core that carries no node, and a part of the layer that no core holds.
 pub fn bind(
     body: &Body,
     layer: &mut Layer,
+    numbers: &[u32],
     skin: &TriangleMesh,
     error: impl Fn(&str, &str, &str) -> crate::Error,
 ) -> Result<Vec<u32>> {
@@ -30,8 +31,10 @@ pub fn bind(
     for (index, core) in body.cores.iter().enumerate() {
         let key = format!("core.{}.bind", core.name);
         let region = core.bind.as_ref().ok_or_else(|| error(&key, "missing", "say which nodes the core carries"))?;
-        let named = bind::named(layer, (&skin.vertices, &skin.triangles), region)
+        let mut named = renumbered(region, numbers)
+            .and_then(|region| bind::named(layer, (&skin.vertices, &skin.triangles), &region))
             .map_err(|(problem, remedy)| error(&key, &problem, remedy))?;
+        bind::nearer_bones(layer, &body.cores, index, &mut named);
         for (holder, _) in holders.iter_mut().zip(&named).filter(|(holder, named)| **named && **holder == NONE) {
             *holder = index as u32;
         }
@@ -49,7 +52,7 @@ pub fn bind(
         return Ok(vec![0; holders.len()]);
     }
     if let Some((count, node)) = bind::unheld(layer) {
-        let p = layer.nodes[node as usize];
+        let (p, node) = (layer.nodes[node as usize], numbers[node as usize]);
         let problem = format!(
             "{count} nodes with nothing to hold them: the layer has a part without bound nodes, with node {node} at \
              [{:.4}, {:.4}, {:.4}]",
@@ -58,6 +61,18 @@ pub fn bind(
         return Err(error("layer", &problem, "join the parts, bind a node of each, or make them bodies of their own"));
     }
     Ok(nearest(layer, holders))
+}
+
+/// A region whose nodes, if it lists any, are those of the layer and not of its file.
+fn renumbered(bind: &Bind, numbers: &[u32]) -> std::result::Result<Bind, (String, &'static str)> {
+    let Bind::Nodes(list) = bind else { return Ok(bind.clone()) };
+    let place = |node: &u32| match numbers.binary_search(node) {
+        Ok(place) => Ok(place as u32),
+        // Beyond the file's last node: the binding itself says so.
+        Err(place) if place == numbers.len() => Ok(*node),
+        Err(_) => Err((format!("node {node} belongs to no tetrahedron"), "name nodes of tetrahedra")),
+    };
+    list.iter().map(place).collect::<std::result::Result<_, _>>().map(Bind::Nodes)
 }
 
 /// Gives every node without a holder that of the node it reaches first along edges (E. Dijkstra 1959); equally far, the

@@ -13,6 +13,11 @@ const FLAT: f64 = 1e-6;
 /// Faces are one plane where their normals' sine and their offsets (as a share of the diagonal) differ by less.
 const COPLANAR: f64 = 1e-7;
 
+/// More points than this are thinned before their hull is looked for.
+const MANY: usize = 1500;
+/// Directions a side of each cube face when thinning: 12 degrees apart at most, which a hull of 64 corners cannot see.
+const DIRECTIONS: usize = 10;
+
 /// A convex hull with volume.
 #[derive(Debug, Clone, Default)]
 pub struct Hull {
@@ -66,60 +71,115 @@ pub fn convex(points: &[DVec3]) -> Option<Hull> {
     Some(Hull { vertices, faces, triangles })
 }
 
-/// A hull of at most [`MAX_HULL_VERTICES`] corners, all among the points; what was cut sticks out.
-///
-/// Corners are added greedily, each time the one that sticks out farthest (the lowest index of equals), which keeps the
-/// margin small. Flat points are thickened; if even that fails, the bounding box takes their place.
+/// A hull of at most [`MAX_HULL_VERTICES`] corners, all among the points; what was cut sticks out. `None` for points that
+/// are a single place, or not finite.
 pub fn reduced(points: &[DVec3]) -> Option<Hull> {
-    let Some(full) = convex(points) else { return thickened(points) };
-    if full.vertices.len() <= MAX_HULL_VERTICES {
-        return Some(full);
-    }
-    let mut chosen = seed(&full.vertices);
-    let mut hull = Hull::default();
-    loop {
-        let corners: Vec<DVec3> = chosen.iter().map(|&i| full.vertices[i]).collect();
-        match convex(&corners) {
-            Some(next) => hull = next,
-            // A corner that defeats the algorithm: stay with the last good hull.
-            None if hull.faces.is_empty() => return boxed(points),
-            None => return Some(hull),
-        }
-        if chosen.len() == MAX_HULL_VERTICES {
-            return Some(hull);
-        }
-        let mut farthest = (0.0, None);
-        for (i, &p) in full.vertices.iter().enumerate() {
-            let height = hull.height(p);
-            if height > farthest.0 && !chosen.contains(&i) {
-                farthest = (height, Some(i));
+    let mut growing = Growing::new(points)?;
+    while growing.grow() {}
+    Some(growing.hull)
+}
+
+/// A hull that takes in one corner after the other, each time the one that sticks out farthest (the lowest index of
+/// equals), which keeps what sticks out small.
+pub struct Growing {
+    /// Corners of the full hull.
+    corners: Vec<DVec3>,
+    chosen: Vec<usize>,
+    /// The hull so far, with volume.
+    pub hull: Hull,
+    farthest: Option<(f64, usize)>,
+}
+
+impl Growing {
+    /// Starts with extreme points. Flat points are thickened; if even that fails, the bounding box takes their place.
+    pub fn new(points: &[DVec3]) -> Option<Growing> {
+        let thinned = thinned(points);
+        let Some(full) = convex(&thinned).or_else(|| thickened(&thinned)) else {
+            let hull = boxed(points)?;
+            return Some(Growing { corners: Vec::new(), chosen: Vec::new(), hull, farthest: None });
+        };
+        // Few extremes may lie in a plane; more do not where the full hull has volume, or all of it is taken.
+        let all: Vec<usize> = (0..full.vertices.len()).collect();
+        let seeds = [seed(&full.vertices, 1), seed(&full.vertices, 3), all];
+        for chosen in seeds {
+            let corners: Vec<DVec3> = chosen.iter().map(|&i| full.vertices[i]).collect();
+            if let Some(hull) = convex(&corners) {
+                let mut growing = Growing { corners: full.vertices, chosen, hull, farthest: None };
+                growing.look();
+                return Some(growing);
             }
         }
-        match farthest.1 {
-            Some(i) => chosen.push(i),
-            None => return Some(hull),
+        None
+    }
+
+    /// How far the farthest corner outside sticks out, m; 0 where none does, or the hull can take no more.
+    pub fn excess(&self) -> f64 {
+        self.farthest.map_or(0.0, |(height, _)| height)
+    }
+
+    /// Takes in the corner that sticks out farthest; false where there is none, or the hull can take no more.
+    pub fn grow(&mut self) -> bool {
+        let Some((_, next)) = self.farthest else { return false };
+        self.chosen.push(next);
+        let corners: Vec<DVec3> = self.chosen.iter().map(|&i| self.corners[i]).collect();
+        match convex(&corners) {
+            Some(hull) => self.hull = hull,
+            // A corner that defeats the algorithm: stay with the last good hull.
+            None => {
+                self.farthest = None;
+                return false;
+            }
         }
+        self.look();
+        true
+    }
+
+    fn look(&mut self) {
+        self.farthest = None;
+        if self.hull.vertices.len() >= MAX_HULL_VERTICES {
+            return;
+        }
+        let mut best = (0.0, None);
+        for (i, &p) in self.corners.iter().enumerate() {
+            let height = self.hull.height(p);
+            if height > best.0 && !self.chosen.contains(&i) {
+                best = (height, Some(i));
+            }
+        }
+        self.farthest = best.1.map(|i| (best.0, i));
     }
 }
 
-/// Extreme points along the axes and the diagonals of a cube, without repetition: a hull with volume to start from.
-fn seed(points: &[DVec3]) -> Vec<usize> {
+/// The extremes of many points along [`DIRECTIONS`] directions in each of a cube's faces, the lowest index of equals;
+/// few points as they are. A hull of all would cost the square of its corners where all lie on it.
+pub fn thinned(points: &[DVec3]) -> Vec<DVec3> {
+    if points.len() <= MANY {
+        return points.to_vec();
+    }
+    seed(points, DIRECTIONS).into_iter().map(|i| points[i]).collect()
+}
+
+/// Extreme points along the directions from a cube's centre to a lattice of `side` points a side on its surface (1: its
+/// faces' centres), without repetition, ascending.
+fn seed(points: &[DVec3], side: usize) -> Vec<usize> {
+    let at = |i: usize| if side == 1 { 0.0 } else { 2.0 * i as f64 / (side - 1) as f64 - 1.0 };
     let mut chosen = Vec::new();
-    for code in 0..27 {
-        let direction = DVec3::new((code % 3) as f64, (code / 3 % 3) as f64, (code / 9) as f64) - 1.0;
-        if direction == DVec3::ZERO {
-            continue;
-        }
-        let mut best = 0;
-        for i in 1..points.len() {
-            if direction.dot(points[i]) > direction.dot(points[best]) {
-                best = i;
+    for code in 0..6 * side * side {
+        let (face, u, v) = (code % 6, at(code / 6 % side), at(code / 6 / side));
+        let mut d = [u, v, if face < 3 { 1.0 } else { -1.0 }];
+        d.rotate_right(face % 3);
+        let direction = DVec3::from_array(d);
+        let mut best = (f64::NEG_INFINITY, 0);
+        for (i, p) in points.iter().enumerate() {
+            let reach = direction.dot(*p);
+            if reach > best.0 {
+                best = (reach, i);
             }
         }
-        if !chosen.contains(&best) {
-            chosen.push(best);
-        }
+        chosen.push(best.1);
     }
+    chosen.sort_unstable();
+    chosen.dedup();
     chosen
 }
 
@@ -129,10 +189,7 @@ fn thickened(points: &[DVec3]) -> Option<Hull> {
     let step = THICKNESS * diagonal;
     let offsets = DVec3::AXES.into_iter().flat_map(|axis| [axis * step, -axis * step]);
     let thick: Vec<DVec3> = offsets.flat_map(|o| points.iter().map(move |&p| p + o)).collect();
-    match convex(&thick) {
-        Some(_) => reduced(&thick),
-        None => boxed(points),
-    }
+    convex(&thick)
 }
 
 /// The bounding box, with some thickness on every axis.

@@ -57,6 +57,18 @@ fn kuhn_tetrahedron(cell: [u32; 3], order: [usize; 3], even: bool, node: impl Fn
     path
 }
 
+/// Removes nodes of no tetrahedron; the others keep their order. Returns the number that each had.
+pub fn drop_unused(layer: &mut Layer) -> Vec<u32> {
+    let mut place = vec![super::NONE; layer.nodes.len()];
+    layer.tetrahedra.iter().flatten().for_each(|&node| place[node as usize] = 0);
+    let kept: Vec<u32> = (0..layer.nodes.len() as u32).filter(|&node| place[node as usize] == 0).collect();
+    kept.iter().zip(0..).for_each(|(&node, new)| place[node as usize] = new);
+    layer.nodes = kept.iter().map(|&node| layer.nodes[node as usize]).collect();
+    layer.bound = kept.iter().map(|&node| layer.bound[node as usize]).collect();
+    layer.tetrahedra.iter_mut().flatten().for_each(|node| *node = place[*node as usize]);
+    kept
+}
+
 /// Six times the signed volume of a tetrahedron, m^3.
 pub fn volume6(nodes: &[DVec3], tetrahedron: &[u32; 4]) -> f64 {
     let [a, b, c, d] = tetrahedron.map(|i| nodes[i as usize]);

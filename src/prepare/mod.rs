@@ -5,24 +5,37 @@
 
 pub mod bind;
 mod body;
+pub mod cache;
 pub mod cores;
+pub mod coverage;
+pub mod distance;
 pub mod embed;
 pub mod hull;
-pub mod lattice;
+mod lattice;
 pub mod layer;
 pub mod mass;
 pub mod model;
+pub mod prepared;
 pub mod proxy;
+pub mod quality;
+pub mod repair;
+pub mod report;
+mod ride;
 pub mod skin;
+mod sources;
 pub mod sphere;
+pub mod stuffing;
 #[cfg(test)]
 pub(crate) mod tests;
 
 use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
-pub use body::{body, tool};
+pub use body::{body, body_and_report, tool};
+pub use cache::Cache;
 pub use embed::embed;
 pub use proxy::proxies;
+pub use report::{Report, Stage};
 
 use crate::scene::{Key, Material};
 
@@ -44,6 +57,17 @@ pub struct Body {
     pub orientation: DQuat,
     /// Initial velocity, world, m/s.
     pub velocity: DVec3,
+    /// What was found in its files, and done about it.
+    pub report: BodyReport,
+}
+
+/// What was found in a body's files, and done about it.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
+pub struct BodyReport {
+    /// The repair of the surface, or of the layer's boundary where that is the skin; `None` where it is from no file.
+    pub repair: Option<repair::RepairReport>,
+    /// Everything that was done to the files, a line each, beginning with the file's name.
+    pub notes: Vec<String>,
 }
 
 /// What a body is made of, prepared.
@@ -122,7 +146,7 @@ pub enum FrameMotion {
 }
 
 /// The tetrahedral mesh.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Layer {
     /// Rest positions, in file order.
     pub nodes: Vec<DVec3>,
@@ -146,7 +170,7 @@ pub struct Skin {
 }
 
 /// A skin vertex as a weighted sum of the nodes of one tetrahedron.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Embedding {
     /// Tetrahedron.
     pub tetrahedron: u32,
@@ -155,7 +179,7 @@ pub struct Embedding {
 }
 
 /// A convex hull that covers part of the skin.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Proxy {
     /// The body's frame that it rides on.
     pub frame: u32,

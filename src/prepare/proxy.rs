@@ -1,15 +1,17 @@
 //! Proxies: convex hulls that cover the skin, for culling and for a first penetration direction.
 //!
-//! Approximate convex decomposition (K. Mamou's V-HACD, from parry) cuts the voxels of the solid into parts. Each skin
-//! triangle goes to the part of its centroid's voxel, and a part's hull is that of its triangles and its inner voxels'
-//! centres: tight on the skin, solid behind it.
+//! Approximate convex decomposition (K. Mamou's V-HACD, from parry) cuts the voxels of the solid into parts; parts that
+//! would draw too many triangles are halved. Each skin triangle goes to the part of its centroid's voxel, and a part's
+//! hull is that of its triangles and its inner voxels' centres: tight on the skin, solid behind it. All hulls share one
+//! budget of corners, spent where the skin sticks out most.
 
 use glam::DVec3;
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 use parry3d_f64::transformation::voxelization::{FillMode, VoxelSet};
 
-use super::{NONE, Proxy, Skin, hull, mass};
+use super::hull::{self, Growing};
+use super::{NONE, Proxy, Skin, mass, repair};
 
 /// A skin that fills this share of its hull is convex for our purpose: one proxy.
 const CONVEX: f64 = 0.99;
@@ -17,24 +19,44 @@ const CONVEX: f64 = 0.99;
 const RESOLUTION: u32 = 64;
 /// Volume a part may lack to its hull, as a share of the whole hull: 20 to 30 parts for a head, gear or pumpkin.
 const CONCAVITY: f64 = 0.0025;
-/// Parts at most: all pairs of two bodies stay within a thousand.
-const MAX_PROXIES: u32 = 32;
+/// Parts where nobody says: with fewer one of a head of 88,000 triangles has over 5,000, and a region draws whole parts;
+/// all pairs of two bodies stay below two thousand.
+const HULLS: u32 = 40;
+/// One in this many proxies at most comes of the cut along concavities; the others are to halve busy ones with.
+const CUT: u32 = 3;
+/// A part is halved while it has more than this many times its even share of the triangles, and parts are to be had.
+const BUSY: f64 = 1.25;
+/// A part of fewer triangles is never halved: drawing them costs less than another proxy.
+const FEW: usize = 1000;
+/// Triangles of all hulls of a body, about.
+const HULL_TRIANGLES: usize = 800;
 
-/// Convex hulls that cover the skin: each triangle and each vertex has one owner, and sticks out of its owner's hull by
-/// at most that hull's margin. Nothing depends on thread timing or hash order. Errors: no triangles, or positions that
-/// are not finite.
+/// [`at_most`] the usual number of proxies.
 pub fn proxies(skin: &Skin) -> Result<Vec<Proxy>, String> {
+    at_most(skin, HULLS)
+}
+
+/// At most `hulls` (and at least one) convex hulls that cover the skin: each triangle and each vertex has one owner, and
+/// sticks out of its owner's hull by at most that hull's margin. A convex skin has one. Nothing depends on thread timing
+/// or hash order. Errors: no triangles, or positions that are not finite.
+pub fn at_most(skin: &Skin, hulls: u32) -> Result<Vec<Proxy>, String> {
     if skin.triangles.is_empty() {
         return Err("the skin has no triangles".into());
     }
     if skin.vertices.iter().any(|v| !v.is_finite()) {
         return Err("the skin has a vertex that is not finite".into());
     }
-    let whole = hull::convex(&skin.vertices);
-    let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
+    let whole = hull::convex(&hull::thinned(&skin.vertices));
+    // Voxels are filled behind holes too: a leak would leave a shell, and hulls of a shell have no depth.
+    let (vertices, triangles) = repair::closed(&skin.vertices, &skin.triangles);
+    let volume = mass::properties(&vertices, &triangles).volume;
     let parts = match whole {
-        Some(whole) if volume < CONVEX * whole.volume() => decompose(skin),
-        _ => Parts { count: 1, owner: vec![0; skin.triangles.len()], inner: vec![Vec::new()] },
+        Some(whole) if hulls > 1 && volume < CONVEX * whole.volume() => {
+            let mut parts = decompose(skin, (&vertices, &triangles), hulls);
+            split_busy(skin, &mut parts, hulls as usize);
+            parts
+        }
+        _ => Parts { count: 1, owner: vec![0; skin.triangles.len()], place: Vec::new(), inner: vec![Vec::new()] },
     };
     cover(skin, &parts)
 }
@@ -44,20 +66,22 @@ struct Parts {
     count: usize,
     /// Part of each skin triangle.
     owner: Vec<u32>,
+    /// Part at the place of each skin vertex; empty where there is one part.
+    place: Vec<u32>,
     /// Points inside the solid, per part.
     inner: Vec<Vec<DVec3>>,
 }
 
-/// Cuts the solid into nearly convex parts.
-fn decompose(skin: &Skin) -> Parts {
-    let points: Vec<Vector> = skin.vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+/// Cuts the solid, the skin with its holes closed, into nearly convex parts.
+fn decompose(skin: &Skin, (vertices, triangles): (&[DVec3], &[[u32; 3]]), hulls: u32) -> Parts {
+    let points: Vec<Vector> = vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
     let fill = FillMode::FloodFill { detect_cavities: false };
-    let voxels = VoxelSet::voxelize(&points, &skin.triangles, RESOLUTION, fill, false);
+    let voxels = VoxelSet::voxelize(&points, triangles, RESOLUTION, fill, false);
     let grid = VoxelGrid::new(&voxels);
     let parameters = VHACDParameters {
         concavity: CONCAVITY,
         resolution: RESOLUTION,
-        max_convex_hulls: MAX_PROXIES,
+        max_convex_hulls: (hulls / CUT).max(1),
         ..VHACDParameters::default()
     };
     let cut = VHACD::from_voxels(&parameters, voxels);
@@ -79,7 +103,47 @@ fn decompose(skin: &Skin) -> Parts {
         let [a, b, c] = t.map(|i| skin.vertices[i as usize]);
         grid.nearest_part(&part_of, (a + b + c) / 3.0)
     });
-    Parts { owner: owner.collect(), count: inner.len(), inner }
+    let place = skin.vertices.iter().map(|&p| grid.nearest_part(&part_of, p)).collect();
+    Parts { owner: owner.collect(), place, count: inner.len(), inner }
+}
+
+/// Halves the part with most triangles, across the longest side of its box, until each has about its even share or there
+/// are `hulls` parts: a region draws whole parts, and one of many triangles would draw far beyond its contact.
+fn split_busy(skin: &Skin, parts: &mut Parts, hulls: usize) {
+    let centroid = |t: u32| skin.triangles[t as usize].map(|i| skin.vertices[i as usize]).iter().sum::<DVec3>() / 3.0;
+    let mut owned = vec![Vec::new(); parts.count];
+    for (t, &part) in parts.owner.iter().enumerate() {
+        owned[part as usize].push(t as u32);
+    }
+    let share = (BUSY * skin.triangles.len() as f64 / hulls as f64).max(FEW as f64) as usize;
+    // Parts that own nothing are dropped later and leave room for others.
+    let mut used = owned.iter().filter(|list| !list.is_empty()).count();
+    while used < hulls {
+        // The first of the busiest.
+        let Some(busiest) = (0..owned.len()).rev().max_by_key(|&p| owned[p].len()) else { break };
+        if owned[busiest].len() <= share {
+            break;
+        }
+        let mut list: Vec<(f64, u32)> = Vec::with_capacity(owned[busiest].len());
+        let centroids = || owned[busiest].iter().map(|&t| centroid(t));
+        let low = centroids().fold(DVec3::INFINITY, DVec3::min);
+        let extent = centroids().fold(DVec3::NEG_INFINITY, DVec3::max) - low;
+        let axis = (0..3).rev().max_by(|&i, &j| extent[i].total_cmp(&extent[j])).unwrap_or(0);
+        list.extend(owned[busiest].iter().map(|&t| (centroid(t)[axis], t)));
+        list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let middle = list.len() / 2;
+        let cut = list[middle].0;
+        owned[busiest] = list[..middle].iter().map(|&(_, t)| t).collect();
+        owned.push(list[middle..].iter().map(|&(_, t)| t).collect());
+        let (beyond, within) = parts.inner[busiest].iter().partition(|p| p[axis] >= cut);
+        parts.inner[busiest] = within;
+        parts.inner.push(beyond);
+        used += 1;
+    }
+    for (part, list) in owned.iter().enumerate() {
+        list.iter().for_each(|&t| parts.owner[t as usize] = part as u32);
+    }
+    parts.count = owned.len();
 }
 
 /// Where voxels lie, and which the skin passes through.
@@ -140,7 +204,8 @@ fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
     for (t, &part) in parts.owner.iter().enumerate() {
         proxies[part as usize].triangles.push(t as u32);
     }
-    // A vertex belongs to the first of its triangles; one without triangles to the first part that has any.
+    // A vertex belongs to the first of its triangles. One without (a repair may have joined it with another) belongs to
+    // the part at its place, so that it stretches no distant hull, or to the first where that part has no triangles.
     let first = parts.owner[0];
     let mut vertex_owner = vec![NONE; skin.vertices.len()];
     for (triangle, &part) in skin.triangles.iter().zip(&parts.owner) {
@@ -150,25 +215,44 @@ fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
         }
     }
     for (v, &owner) in vertex_owner.iter().enumerate() {
-        proxies[if owner == NONE { first } else { owner } as usize].vertices.push(v as u32);
+        let at_place = || parts.place.get(v).copied().filter(|&part| !proxies[part as usize].triangles.is_empty());
+        let owner = if owner == NONE { at_place().unwrap_or(first) } else { owner };
+        proxies[owner as usize].vertices.push(v as u32);
     }
-    for (proxy, inner) in proxies.iter_mut().zip(&parts.inner) {
-        if proxy.triangles.is_empty() {
-            continue;
-        }
+    let mut covers = Vec::with_capacity(parts.count);
+    for (proxy, inner) in proxies.iter().zip(&parts.inner).filter(|(p, _)| !p.triangles.is_empty()) {
         let mut covered: Vec<u32> = proxy.triangles.iter().flat_map(|&t| skin.triangles[t as usize]).collect();
         covered.extend(&proxy.vertices);
         covered.sort_unstable();
         covered.dedup();
         let mut points: Vec<DVec3> = covered.iter().map(|&v| skin.vertices[v as usize]).collect();
         points.extend(inner);
-        let hull = hull::reduced(&points).ok_or("a part of the skin is a single point")?;
+        covers.push((covered, Growing::new(&points).ok_or("a part of the skin is a single point")?));
+    }
+    proxies.retain(|p| !p.triangles.is_empty());
+    spend(&mut covers);
+    for (proxy, (covered, growing)) in proxies.iter_mut().zip(covers) {
+        let hull = growing.hull;
         let height = |&v: &u32| hull.height(skin.vertices[v as usize]);
         proxy.margin = covered.iter().map(height).fold(0.0, f64::max);
         (proxy.hull, proxy.faces) = (hull.vertices, hull.faces);
     }
-    proxies.retain(|p| !p.triangles.is_empty());
     Ok(proxies)
+}
+
+/// Grows the hull whose part sticks out most (the first of equals), until the budget of triangles is spent.
+fn spend(covers: &mut [(Vec<u32>, Growing)]) {
+    // Euler: n corners make 2 n - 4 triangles.
+    let mut left = HULL_TRIANGLES as i64;
+    covers.iter().for_each(|(_, g)| left -= 2 * g.hull.vertices.len() as i64 - 4);
+    while left > 0 {
+        let worst = covers.iter_mut().map(|(_, g)| g).rev().max_by(|a, b| a.excess().total_cmp(&b.excess()));
+        let Some(growing) = worst.filter(|g| g.excess() > 0.0) else { return };
+        let before = growing.hull.vertices.len() as i64;
+        growing.grow();
+        // A new corner may hide old ones.
+        left -= 2 * (growing.hull.vertices.len() as i64 - before);
+    }
 }
 
 #[cfg(test)]
@@ -225,6 +309,22 @@ pub(crate) mod tests {
         let open = DVec3::new(0.5, 0.5, 0.1);
         let inside = |p: &Proxy| p.faces.iter().all(|(n, d)| n.dot(open) <= *d);
         assert!(!proxies.iter().any(inside));
+    }
+
+    #[test]
+    fn busy_parts_are_halved_and_the_number_asked_for_is_kept() {
+        let (v, t) = crate::prepare::model::Model::Head.surface(6000);
+        let head = skin::build(v, t);
+        for hulls in [1, 4, 16, 24, 48] {
+            let proxies = at_most(&head, hulls).unwrap();
+            check(&head, &proxies);
+            let (count, busiest) = (proxies.len(), proxies.iter().map(|p| p.triangles.len()).max().unwrap());
+            assert!(count <= hulls as usize, "{count} of {hulls}");
+            assert!(count == hulls as usize || busiest <= FEW, "{count} of {hulls}: {busiest}");
+            assert!(busiest <= 3 * 11_996 / count + FEW, "{count} of {hulls}: {busiest}");
+            let triangles: usize = proxies.iter().map(|p| 2 * p.hull.len() - 4).sum();
+            assert!(triangles <= HULL_TRIANGLES + 2, "{triangles}");
+        }
     }
 
     #[test]

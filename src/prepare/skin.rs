@@ -45,6 +45,24 @@ fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     neighbours
 }
 
+/// Edges of one triangle, and edges of three or more triangles or of two that run the same way.
+pub fn defects(triangles: &[[u32; 3]]) -> (usize, usize) {
+    let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * triangles.len());
+    for &[a, b, c] in triangles {
+        edges.extend([(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b), a < b)));
+    }
+    edges.sort_unstable();
+    let mut counts = (0, 0);
+    for group in edges.chunk_by(|e, f| (e.0, e.1) == (f.0, f.1)) {
+        match group {
+            [_] => counts.0 += 1,
+            [e, f] if e.2 != f.2 => {}
+            _ => counts.1 += 1,
+        }
+    }
+    counts
+}
+
 /// Parts of a triangle mesh connected through shared vertices: the part of each vertex, and the number of parts.
 /// Parts are numbered by their least vertex; a vertex of no triangle is a part of its own.
 pub fn parts(vertex_count: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
@@ -118,8 +136,10 @@ mod tests {
         let v: Vec<DVec3> = (0..5).map(|i| DVec3::new(i as f64, (i * i) as f64, 0.0)).collect();
         let flipped = build(v.clone(), vec![[0, 1, 2], [0, 1, 3]]);
         assert_eq!(flipped.neighbours, [[NONE; 3]; 2]);
+        assert_eq!(defects(&flipped.triangles), (4, 1));
         let three = build(v, vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]);
         assert_eq!(three.neighbours, [[NONE; 3]; 3]);
+        assert_eq!(defects(&three.triangles), (6, 1));
     }
 
     #[test]

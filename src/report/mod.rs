@@ -1,7 +1,9 @@
 //! What a run leaves behind: a trace row a step, a summary, and a directory that appears whole or not at all.
 
+pub mod figure;
 pub mod flags;
 pub mod output;
+pub mod picture;
 pub mod summary;
 pub mod trace;
 

@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::{Flags, Row};
+use crate::prepare::BodyReport;
 
 /// What the engine knows of itself at the end of a run.
 #[derive(Debug, Clone, Default)]
@@ -22,6 +23,8 @@ pub struct Facts {
     pub bytes_device: u64,
     /// Times of the stages.
     pub stages: Vec<StageSamples>,
+    /// What was found in the files of each body and the tool, by name.
+    pub files: Vec<(String, BodyReport)>,
 }
 
 /// One stage in the step plan.
@@ -124,6 +127,8 @@ pub struct Summary {
     pub peak_force_n: Option<f64>,
     /// How many steps raised each flag; every flag is listed.
     pub flags: Map<String, Value>,
+    /// By body: what was found in its files (`repair`, `notes`); bodies without files, or nothing to say, are left out.
+    pub files: Map<String, Value>,
     /// Version of palpate.
     pub version: &'static str,
 }
@@ -138,6 +143,7 @@ impl Summary {
         let part = |recorded: bool| facts.plan.iter().filter(move |plan| plan.recorded == recorded);
         let names: Vec<&str> = part(true).map(|plan| plan.stage.as_str()).collect();
         let out: Vec<Value> = part(false).map(|p| json!({ "stage": p.stage, "reason": p.reason })).collect();
+        let told = facts.files.iter().filter(|(_, report)| *report != BodyReport::default());
         Summary {
             device: facts.device.clone(),
             driver: facts.driver.clone(),
@@ -150,6 +156,7 @@ impl Summary {
             bytes_device: facts.bytes_device,
             peak_force_n: tally.peak_force,
             flags: Flags::ALL.iter().zip(tally.flags).map(|((_, name), n)| (name.to_string(), n.into())).collect(),
+            files: told.map(|(name, report)| (name.clone(), json!(report))).collect(),
             version: env!("CARGO_PKG_VERSION"),
         }
     }
@@ -205,6 +212,10 @@ mod tests {
             passes_per_step: 3,
             bytes_device: 4096,
             stages: vec![StageSamples { stage: "pose".into(), passes: 3, us: (1..=200).map(f64::from).collect() }],
+            files: vec![
+                ("head".into(), BodyReport { repair: None, notes: vec!["head.obj: mended".into()] }),
+                ("floor".into(), BodyReport::default()),
+            ],
         };
         let mut tally = Tally::default();
         for (force, flags) in [(3.0, Flags(0)), (5.0, Flags::FROZEN), (4.0, Flags::FROZEN)] {
@@ -231,6 +242,7 @@ mod tests {
             "bytes_device",
             "peak_force_n",
             "flags",
+            "files",
             "version",
         ];
         assert_eq!(keys, expected);
@@ -238,6 +250,7 @@ mod tests {
         assert_eq!(value["stage_us"]["pose"], json!({ "median": 100.0, "p99": 198.0 }));
         assert_eq!(value["stage_us"]["step"], json!({ "median": 4.0, "p99": 5.0 }));
         assert_eq!((&value["flags"]["frozen"], &value["flags"]["not_converged"]), (&json!(2), &json!(0)));
+        assert_eq!(value["files"], json!({ "head": { "repair": null, "notes": ["head.obj: mended"] } }));
         assert_eq!(value["plan"]["recorded"], json!(["pose"]));
         assert_eq!(value["plan"]["left_out"], json!([{ "stage": "cull", "reason": "nothing collides" }]));
     }

@@ -4,16 +4,18 @@ use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
 
-use super::keys::{Table, Value};
+use super::keys::{Table, Value, suggest};
 use super::load::TOOL;
-use super::{Bind, Body, Core, Layer, Material, Motion, Shape, Surface, drive};
+use super::tetrahedra::EXTENSIONS;
+use super::{Bind, Body, Core, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
 use crate::Result;
 
-const BODY_KEYS: [&str; 14] = [
+const BODY_KEYS: [&str; 17] = [
     "name",
     "surface",
     "layer",
     "plane",
+    "hulls",
     "scale",
     "position",
     "orientation",
@@ -21,9 +23,11 @@ const BODY_KEYS: [&str; 14] = [
     "material",
     "collides",
     "core",
+    "skeleton",
     "motion",
     "keys",
     "mass",
+    "repair",
 ];
 /// What a plane may have.
 const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
@@ -31,8 +35,10 @@ const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
 const RIGID_KEYS: [&str; 3] = ["motion", "keys", "mass"];
 /// Tetrahedra of a box layer at most: elements of a texel buffer that every Vulkan device with large buffers has.
 const MAX_BOX_TETRAHEDRA: u64 = 1 << 27;
-/// Vertices of a generated head.
-const HEAD_VERTICES: (u32, u32) = (100, 4_000_000);
+/// Cells along a surface at most.
+const MOST_ACROSS: u32 = 1000;
+/// Proxies of a body at most: culling looks at all pairs of two bodies.
+pub const MOST_HULLS: u32 = 256;
 /// Least length of a plane's normal before it is normalised.
 const SHORTEST_NORMAL: f64 = 1e-9;
 
@@ -58,14 +64,22 @@ fn body(value: &Value) -> Result<Body> {
     let name = unnamed.need("name")?.name()?;
     let table = unnamed.renamed(format!("body.{name}"));
     let shape = shape(&table)?;
+    let skeleton = table.option("skeleton", skeleton::read)?;
     let cores = match shape {
-        Shape::Soft { .. } => soft_cores(&table)?,
+        Shape::Soft { .. } => soft_cores(&table, skeleton.as_ref())?,
         Shape::Rigid { .. } => vec![rigid_core(&table, &name)?],
         Shape::Plane { .. } => Vec::new(),
     };
+    if !matches!(
+        shape,
+        Shape::Soft { surface: Some(Surface::File(_)), .. } | Shape::Rigid { surface: Surface::File(_) }
+    ) {
+        refuse(&table, &["repair"], "has no meaning without a surface from a file")?;
+    }
     Ok(Body {
         name,
         shape,
+        hulls: table.option("hulls", |value| value.whole(1, MOST_HULLS))?,
         scale: table.or("scale", 1.0, Value::positive)?,
         position: table.or("position", DVec3::ZERO, Value::vector)?,
         orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
@@ -73,6 +87,8 @@ fn body(value: &Value) -> Result<Body> {
         material: table.option("material", material)?,
         collides: table.option("collides", |value| value.array()?.iter().map(Value::name).collect())?,
         cores,
+        repair: table.or("repair", true, Value::truth)?,
+        skeleton,
     })
 }
 
@@ -100,7 +116,7 @@ fn shape(table: &Table) -> Result<Shape> {
     let layer = table.option("layer", layer)?;
     match (surface, layer) {
         (surface, Some(layer)) => {
-            if surface.is_none() && matches!(layer, Layer::Cell(_)) {
+            if surface.is_none() && matches!(layer, Layer::Cell { .. } | Layer::Across { .. }) {
                 return Err(table.error("surface", "missing", "a layer of cells is made around a `surface`: add one"));
             }
             if !table.has("material") {
@@ -115,7 +131,7 @@ fn shape(table: &Table) -> Result<Shape> {
                 return Err(table.error("material", "a rigid body has none", remedy));
             }
             let why = "a rigid body has no [[body.core]]; its own keys are motion and mass";
-            refuse(table, &["core"], why)?;
+            refuse(table, &["core", "skeleton"], why)?;
             Ok(Shape::Rigid { surface })
         }
         (None, None) => {
@@ -141,25 +157,28 @@ fn surface(value: &Value) -> Result<Surface> {
         return mesh_file(value, &["obj"]).map(Surface::File);
     }
     let table = value.table(&["model", "vertices"])?;
-    let model = table.need("model")?;
-    match model.text()? {
-        "head" => {
-            let vertices = table.need("vertices")?.whole(HEAD_VERTICES.0, HEAD_VERTICES.1)?;
-            Ok(Surface::Head { vertices: vertices as usize })
-        }
-        other => Err(model.error(format!("there is no model \"{other}\""), "known models: head")),
-    }
+    let model = table.need("model")?.one_of("model", &Model::ALL.map(|model| (model.name(), model)))?;
+    let (least, most) = (*model.vertices().start() as u32, *model.vertices().end() as u32);
+    let vertices = table.or("vertices", model.default_vertices() as u32, |value| value.whole(least, most))?;
+    Ok(Surface::Model { model, vertices: vertices as usize })
 }
 
 fn layer(value: &Value) -> Result<Layer> {
     if value.is_text() {
-        return mesh_file(value, &["msh"]).map(Layer::File);
+        return mesh_file(value, &EXTENSIONS).map(Layer::File);
     }
-    let table = value.table(&["cell", "box", "cells"])?;
-    if table.exactly_one(&["cell", "box"])? == "cell" {
+    let table = value.table(&["cell", "across", "grade", "thickness", "box", "cells"])?;
+    let kind = table.exactly_one(&["cell", "across", "box"])?;
+    if kind != "box" {
         refuse(&table, &["cells"], "belongs to a box")?;
-        return table.need("cell")?.positive().map(Layer::Cell);
+        let value = table.need(kind)?;
+        let (grade, thickness) = (table.or("grade", 1, grade)?, table.option("thickness", Value::positive)?);
+        return Ok(match kind {
+            "cell" => Layer::Cell { cell: value.positive()?, grade, thickness },
+            _ => Layer::Across { cells: value.whole(1, MOST_ACROSS)?, grade, thickness },
+        });
     }
+    refuse(&table, &["grade", "thickness"], "belongs to cells that fill a surface")?;
     let (low, high) = corners(&table.need("box")?)?;
     let counts = table.need("cells")?;
     let cells: [u32; 3] = counts.array_of(|value| value.whole(1, 1 << 20))?;
@@ -168,6 +187,12 @@ fn layer(value: &Value) -> Result<Layer> {
         return Err(counts.error("makes too many tetrahedra", format!("stay below {MAX_BOX_TETRAHEDRA} (6 a cell)")));
     }
     Ok(Layer::Box { low, high, cells })
+}
+
+/// How much larger cells may be deep inside.
+fn grade(value: &Value) -> Result<u32> {
+    let grade = value.whole(1, 8)?;
+    if grade.is_power_of_two() { Ok(grade) } else { Err(value.error(format!("is {grade}"), "give 1, 2, 4 or 8")) }
 }
 
 /// `[[x, y, z], [x, y, z]]`, the first below the second on every axis.
@@ -195,18 +220,37 @@ fn material(value: &Value) -> Result<Material> {
     })
 }
 
-fn soft_cores(table: &Table) -> Result<Vec<Core>> {
-    let mut cores: Vec<Core> = Vec::new();
+/// One core a bone, fixed where `[[body.core]]` of the same name does not say more; then the other cores.
+fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
+    let bones = skeleton.map_or(&[][..], |skeleton| &skeleton.bones);
+    let bone_core = |bone: &skeleton::Bone| {
+        let bind = Some(Bind::Capsule(bone.capsule));
+        Core { name: bone.name.clone(), motion: Motion::Fixed, bind, mass: None }
+    };
+    let mut cores: Vec<Core> = bones.iter().map(bone_core).collect();
+    let mut named: Vec<String> = Vec::new();
     let Some(array) = table.get("core") else { return Ok(cores) };
     for element in array.array()? {
         let unnamed = element.table(&["name", "motion", "keys", "mass", "bind"])?;
         let name = unnamed.need("name")?.name()?;
         let core = unnamed.renamed(table.dotted(&format!("core.{name}")));
-        if cores.iter().any(|other| other.name == name) {
+        if named.contains(&name) {
             return Err(core.error("name", format!("\"{name}\" is taken by another core"), "choose another name"));
         }
+        named.push(name.clone());
+        let (motion, mass) = (motion(&core)?, core.option("mass", Value::positive)?);
+        if let Some(bone) = cores[..bones.len()].iter_mut().find(|bone| bone.name == name) {
+            refuse(&core, &["bind"], "the core is a bone, and the skeleton says which nodes it carries")?;
+            (bone.motion, bone.mass) = (motion, mass);
+            continue;
+        }
+        if !bones.is_empty() && !core.has("bind") {
+            let names: Vec<&str> = bones.iter().map(|bone| bone.name.as_str()).collect();
+            let problem = format!("\"{name}\" is neither a bone nor has it a `bind`");
+            return Err(core.error("name", problem, format!("{}, or add `bind`", suggest(&name, &names))));
+        }
         let bind = Some(bind(&core.need("bind")?)?);
-        cores.push(Core { name, motion: motion(&core)?, bind, mass: core.option("mass", Value::positive)? });
+        cores.push(Core { name, motion, bind, mass });
     }
     Ok(cores)
 }

@@ -74,13 +74,9 @@ impl<'a> Table<'a> {
         let Some((key, _)) = self.table.iter().find(|(key, _)| !known.contains(&key.get_ref().as_ref())) else {
             return Ok(());
         };
-        let nearest = known
-            .iter()
-            .map(|candidate| (strsim::jaro_winkler(key.get_ref(), candidate), *candidate))
-            .max_by(|a, b| a.0.total_cmp(&b.0));
-        let remedy = match nearest {
-            Some((likeness, name)) if likeness > LIKENESS => format!("did you mean `{name}`?"),
-            Some((_, name)) => format!("the nearest known key is `{name}`; known here: {}", known.join(", ")),
+        let remedy = match nearest(key.get_ref(), known) {
+            Some((name, true)) => format!("did you mean `{name}`?"),
+            Some((name, false)) => format!("the nearest known key is `{name}`; known here: {}", known.join(", ")),
             None => "remove it".into(),
         };
         let line = self.source.line(key.span().start);
@@ -231,6 +227,11 @@ impl<'a> Value<'a> {
         }
     }
 
+    /// A boolean.
+    pub fn truth(&self) -> Result<bool> {
+        self.value.get_ref().as_bool().ok_or_else(|| self.wrong_type("true or false"))
+    }
+
     /// Whether the value is a string.
     pub fn is_text(&self) -> bool {
         self.value.get_ref().is_str()
@@ -239,6 +240,16 @@ impl<'a> Value<'a> {
     /// A string.
     pub fn text(&self) -> Result<&'a str> {
         self.value.get_ref().as_str().ok_or_else(|| self.wrong_type("a string in quotes"))
+    }
+
+    /// What one of `choices` stands for; `what` names their kind in errors.
+    pub fn one_of<T: Copy>(&self, what: &str, choices: &[(&str, T)]) -> Result<T> {
+        let text = self.text()?;
+        let found = choices.iter().find(|(name, _)| *name == text);
+        found.map(|&(_, choice)| choice).ok_or_else(|| {
+            let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
+            self.error(format!("there is no {what} \"{}\"", text.escape_debug()), suggest(text, &names))
+        })
     }
 
     /// A name: letters, digits, `_`, `-` and `.`, for it becomes part of file names and column heads.
@@ -311,6 +322,22 @@ impl<'a> Value<'a> {
     pub fn unchecked_table(&self) -> Result<Table<'a>> {
         let table = self.value.get_ref().as_table().ok_or_else(|| self.wrong_type("a table"))?;
         Ok(Table { source: self.source, path: self.key.clone(), table, offset: self.value.span().start })
+    }
+}
+
+/// The known name most like a text, the first of equals, and whether it is so like that it was probably meant.
+fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<(&'a str, bool)> {
+    let likeness = |name: &&'a str| (strsim::jaro_winkler(text, name), *name);
+    let (likeness, name) = known.iter().rev().map(likeness).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some((name, likeness > LIKENESS))
+}
+
+/// A remedy for a text that is none of the known names: lists them, and offers the nearest.
+pub fn suggest(text: &str, known: &[&str]) -> String {
+    let all = if known.is_empty() { "none".into() } else { known.join(", ") };
+    match nearest(text, known) {
+        Some((name, true)) => format!("did you mean \"{name}\"? known: {all}"),
+        _ => format!("known: {all}"),
     }
 }
 

@@ -3,13 +3,13 @@
 //! Bodies are read in `body.rs`, device poses in `drive.rs`; what the format knows and the engine does not yet do is
 //! refused in `supported.rs`. Meshes are looked for here, not read.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 
 use super::keys::{Source, Table, Value};
 use super::{
-    Contact, Coupling, Haptics, Preconditioner, Probe, Scene, Shape, Solver, Step, Tool, ToolShape, body, drive,
+    Body, Contact, Coupling, Haptics, Preconditioner, Probe, Scene, Shape, Solver, Step, Tool, ToolShape, body, drive,
     supported,
 };
 use crate::{Error, Result};
@@ -18,6 +18,11 @@ use crate::{Error, Result};
 pub(super) const TOOL: &str = "tool";
 /// Length of a run whose device has no keys, s.
 const DEFAULT_DURATION: f64 = 1.0;
+/// What a scene has that does not say.
+const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
+const SOLVER: Solver = Solver { tolerance: 1e-5, max_iterations: 200, preconditioner: Preconditioner::Auto };
+const CONTACT: Contact =
+    Contact { stiffness: None, damping: None, friction: 0.0, friction_speed: 0.001, texel: None, depth_limit: 0.02 };
 /// Iterations at most: they are recorded beforehand, four passes each.
 const MOST_ITERATIONS: u32 = 10_000;
 /// Column prefixes of the trace that a probe must not take.
@@ -55,6 +60,22 @@ impl Scene {
         Ok(scene)
     }
 
+    /// A scene of one body and nothing else, as a file without any other table would give it; `file` is what errors name.
+    pub fn of_body(file: impl Into<PathBuf>, body: Body) -> Scene {
+        Scene {
+            file: file.into(),
+            step: Step { dt: 0.001, gravity: GRAVITY, newton: 1 },
+            solver: SOLVER,
+            contact: CONTACT,
+            bodies: vec![body],
+            tool: None,
+            coupling: None,
+            drive: Vec::new(),
+            haptics: Haptics { device: "scripted".into(), rate: 1000.0, max_force: None },
+            probes: Vec::new(),
+        }
+    }
+
     /// The scene's name: its file's stem.
     pub fn name(&self) -> String {
         self.file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
@@ -72,20 +93,19 @@ fn section<'a>(root: &Table<'a>, key: &str, known: &[&str]) -> Result<Option<Tab
 }
 
 fn step(root: &Table) -> Result<Step> {
-    let gravity = DVec3::new(0.0, -9.81, 0.0);
     let Some(table) = section(root, "step", &["dt", "gravity", "newton"])? else {
-        return Ok(Step { dt: 0.001, gravity, newton: 1 });
+        return Ok(Step { dt: 0.001, gravity: GRAVITY, newton: 1 });
     };
     Ok(Step {
         dt: table.or("dt", 0.001, Value::positive)?,
-        gravity: table.or("gravity", gravity, Value::vector)?,
+        gravity: table.or("gravity", GRAVITY, Value::vector)?,
         newton: table.or("newton", 1, |value| value.whole(1, 100))?,
     })
 }
 
 fn solver(root: &Table) -> Result<Solver> {
     let Some(table) = section(root, "solver", &["tolerance", "max_iterations", "preconditioner"])? else {
-        return Ok(Solver { tolerance: 1e-5, max_iterations: 200, preconditioner: Preconditioner::Auto });
+        return Ok(SOLVER);
     };
     let solver = Solver {
         tolerance: table.or("tolerance", 1e-5, Value::positive)?,
@@ -106,14 +126,7 @@ fn solver(root: &Table) -> Result<Solver> {
 fn contact(root: &Table) -> Result<Contact> {
     let known = ["stiffness", "damping", "friction", "friction_speed", "texel", "depth_limit"];
     let Some(table) = section(root, "contact", &known)? else {
-        return Ok(Contact {
-            stiffness: None,
-            damping: None,
-            friction: 0.0,
-            friction_speed: 0.001,
-            texel: None,
-            depth_limit: 0.02,
-        });
+        return Ok(CONTACT);
     };
     Ok(Contact {
         stiffness: table.or("stiffness", None, Value::auto_or_positive)?,
@@ -126,7 +139,7 @@ fn contact(root: &Table) -> Result<Contact> {
 }
 
 fn tool(value: &Value) -> Result<Tool> {
-    let known = ["sphere", "surface", "body", "mass", "position", "orientation", "velocity", "scale"];
+    let known = ["sphere", "surface", "body", "mass", "position", "orientation", "velocity", "scale", "repair"];
     let table = value.table(&known)?;
     let shape_key = table.exactly_one(&["sphere", "surface", "body"])?;
     let shape_value = table.need(shape_key)?;
@@ -136,9 +149,9 @@ fn tool(value: &Value) -> Result<Tool> {
         _ => ToolShape::Body(shape_value.name()?),
     };
     let meaningless: &[&str] = match shape {
-        ToolShape::Sphere(_) => &["scale"],
+        ToolShape::Sphere(_) => &["scale", "repair"],
         ToolShape::Surface(_) => &[],
-        ToolShape::Body(_) => &["mass", "position", "orientation", "velocity", "scale"],
+        ToolShape::Body(_) => &["mass", "position", "orientation", "velocity", "scale", "repair"],
     };
     if let Some(key) = meaningless.iter().find(|key| table.has(key)) {
         return Err(table.error(key, format!("has no meaning beside `{shape_key}`"), "remove it"));
@@ -152,6 +165,7 @@ fn tool(value: &Value) -> Result<Tool> {
         orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
         velocity: table.or("velocity", DVec3::ZERO, Value::vector)?,
         scale: table.or("scale", 1.0, Value::positive)?,
+        repair: table.or("repair", true, Value::truth)?,
     })
 }
 

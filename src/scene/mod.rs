@@ -4,22 +4,28 @@
 //! every number is finite and in range, every name resolves. Units are SI; quaternions are x y z w.
 
 mod body;
+mod cursor;
 mod drive;
 pub mod gmsh;
 mod keys;
 mod load;
 pub mod obj;
-pub mod solid;
+mod skeleton;
 mod supported;
 #[cfg(test)]
 mod tests;
-mod tetrahedra;
+pub mod tetgen;
+pub mod tetrahedra;
 mod triangulate;
 pub mod vtk;
 
 use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
+
+pub use crate::prepare::model::Model;
+pub use body::MOST_HULLS;
+pub use skeleton::{Bone, Skeleton};
 
 /// A whole scene, as written.
 #[derive(Debug, Clone)]
@@ -103,6 +109,8 @@ pub struct Body {
     pub name: String,
     /// What it is made of.
     pub shape: Shape,
+    /// Proxies at most; `None`: the usual number.
+    pub hulls: Option<u32>,
     /// Uniform scale of file coordinates.
     pub scale: f64,
     /// World position of the file's origin, m.
@@ -115,8 +123,12 @@ pub struct Body {
     pub material: Option<Material>,
     /// Names of bodies it collides with ("tool" is the tool); `None`: every other.
     pub collides: Option<Vec<String>>,
-    /// Rigid cores.
+    /// Rigid cores; first one a bone where there is a skeleton, in its order.
     pub cores: Vec<Core>,
+    /// Whether the surface's file is repaired where it needs it; else it is refused.
+    pub repair: bool,
+    /// Bones, and how they hang together.
+    pub skeleton: Option<Skeleton>,
 }
 
 /// What a body is made of.
@@ -148,9 +160,11 @@ pub enum Shape {
 pub enum Surface {
     /// An OBJ file.
     File(PathBuf),
-    /// The engine's own model of a head.
-    Head {
-        /// Number of skin vertices, roughly.
+    /// A model that the engine makes by itself.
+    Model {
+        /// Which.
+        model: Model,
+        /// Number of skin vertices, within [`Model::vertices`].
         vertices: usize,
     },
 }
@@ -158,8 +172,24 @@ pub enum Surface {
 /// Where the layer comes from.
 #[derive(Debug, Clone)]
 pub enum Layer {
-    /// Made around the surface, from lattice cells with this edge (file coordinates, before scale).
-    Cell(f64),
+    /// Made to fill the surface, from lattice cells.
+    Cell {
+        /// Edge of the cells (file coordinates, before scale).
+        cell: f64,
+        /// Largest cell deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
+        grade: u32,
+        /// Depth of the shell that is filled, m in file coordinates; `None`: everything.
+        thickness: Option<f64>,
+    },
+    /// The same, with so many cells along the surface's largest extent.
+    Across {
+        /// How many.
+        cells: u32,
+        /// As above.
+        grade: u32,
+        /// As above.
+        thickness: Option<f64>,
+    },
     /// A tetrahedral mesh file.
     File(PathBuf),
     /// A box of Kuhn cells, each cut along (0,0,0)-(1,1,1).
@@ -231,10 +261,22 @@ pub enum Bind {
         /// Radius.
         radius: f64,
     },
+    /// Nodes in a capsule: a bone. Where capsules overlap the nearest bone has the node (see
+    /// [`crate::prepare::bind::nearer_bones`]).
+    Capsule(Capsule),
     /// These nodes, zero-based in file order.
     Nodes(Vec<u32>),
     /// Every node.
     All,
+}
+
+/// A rod with round ends whose radius runs evenly from one end to the other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Capsule {
+    /// Middles of the two ends; they may coincide.
+    pub ends: [DVec3; 2],
+    /// Radius at each end.
+    pub radii: [f64; 2],
 }
 
 /// A pose at a time.
@@ -263,6 +305,8 @@ pub struct Tool {
     pub velocity: DVec3,
     /// Uniform scale of file coordinates.
     pub scale: f64,
+    /// Whether the surface's file is repaired where it needs it; else it is refused.
+    pub repair: bool,
 }
 
 /// Shape of the tool.

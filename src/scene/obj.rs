@@ -8,8 +8,8 @@ use std::io::Write;
 use std::path::Path;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
-pub use super::solid::check_solid;
 use super::triangulate::triangulate;
 use crate::{Error, Result};
 
@@ -17,7 +17,7 @@ use crate::{Error, Result};
 const LARGEST: f64 = 1e30;
 
 /// Triangles as a file gives them.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct TriangleMesh {
     /// Every `v` line, used or not, in file order and file coordinates.
     pub vertices: Vec<DVec3>,
@@ -28,7 +28,7 @@ pub struct TriangleMesh {
 /// Reads an OBJ file: polygons are cut into triangles, groups and objects joined, vertices kept in file order.
 ///
 /// Reading promises sound numbers and indices, at least one face and some area. Whether the surface can be a skin is
-/// another question: see [`check_solid`].
+/// another question: see [`crate::prepare::repair`].
 pub fn read(path: &Path) -> Result<TriangleMesh> {
     let bytes = std::fs::read(path)
         .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give an OBJ file"))?;
@@ -44,15 +44,8 @@ pub fn read(path: &Path) -> Result<TriangleMesh> {
     }
 }
 
-/// [`read`], then [`check_solid`]: a surface that can be a skin.
-pub fn read_solid(path: &Path) -> Result<TriangleMesh> {
-    let mesh = read(path)?;
-    check_solid(&mesh, path)?;
-    Ok(mesh)
-}
-
 /// The one-based line that each triangle came from.
-pub(super) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
+pub(crate) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
     let bytes = std::fs::read(path).map_err(|error| Error::input(path, None, error.to_string(), "give an OBJ file"))?;
     Ok(parse(&String::from_utf8_lossy(&bytes), path)?.lines)
 }

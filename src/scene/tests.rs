@@ -72,15 +72,30 @@ body = "head"
 nearest = [0.0, 0.05, 0.1]
 "#;
 
+/// A skeleton of two bones.
+const BONES: &str = r#"[[bone]]
+name = "upper"
+joint = [0, 0, 0]
+ends = [[0, 0, 0], [1, 0, 0]]
+radius = 0.1
+[[bone]]
+name = "fore"
+parent = "upper"
+joint = [1, 0, 0]
+ends = [[1, 0, 0], [2, 0, 0]]
+radii = [0.1, 0.2]
+"#;
+
 /// A folder with the files that scenes here name, and a way to load a scene in it.
 struct Folder(TempDir);
 
 impl Folder {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["head.obj", "head.msh", "head.vtk"] {
+        for name in ["head.obj", "head.msh", "head.vtk", "head.vtu", "head.node"] {
             fs::write(folder.path().join(name), "").unwrap();
         }
+        fs::write(folder.path().join("bones.toml"), BONES).unwrap();
         Folder(folder)
     }
 
@@ -109,7 +124,9 @@ fn the_example_is_read_in_full() {
     assert_eq!((scene.solver.tolerance, scene.solver.max_iterations), (1e-5, 200));
     assert_eq!((scene.contact.stiffness, scene.contact.texel, scene.contact.depth_limit), (None, None, 0.02));
     let head = &scene.bodies[0];
-    let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cell(cell) } = &head.shape else {
+    let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cell { cell, grade: 1, thickness: None } } =
+        &head.shape
+    else {
         panic!("{:?}", head.shape)
     };
     assert!(path.ends_with("head.obj") && *cell == 0.01);
@@ -131,12 +148,22 @@ fn the_example_is_read_in_full() {
 fn other_ways_to_say_it() {
     let folder = Folder::new();
     let soft = |line: &str| folder.load(&with("layer = { cell = 0.01 }", line)).unwrap().bodies[0].shape.clone();
-    assert!(matches!(soft("layer = \"head.msh\""), Shape::Soft { layer: Layer::File(_), .. }));
+    for file in ["head.msh", "head.vtk", "head.node"] {
+        assert!(matches!(soft(&format!("layer = \"{file}\"")), Shape::Soft { layer: Layer::File(_), .. }));
+    }
+    let shell = soft("layer = { cell = 0.01, grade = 4, thickness = 0.05 }");
+    let Shape::Soft { layer: Layer::Cell { grade: 4, thickness: Some(0.05), .. }, .. } = shell else {
+        panic!("{shell:?}")
+    };
+    let across = soft("layer = { across = 40, grade = 2 }\nhulls = 7");
+    assert!(matches!(across, Shape::Soft { layer: Layer::Across { cells: 40, grade: 2, thickness: None }, .. }));
+    let error = folder.load(&with("layer = { cell = 0.01 }", "layer = { cell = 0.01, grade = 3 }")).unwrap_err();
+    assert!(error.to_string().contains("grade") && error.to_string().contains("1, 2, 4 or 8"), "{error}");
     let cube = "layer = { box = [[0, 0, 0], [1.0, 1, 1]], cells = [12, 12, 3] }";
     assert!(matches!(soft(cube), Shape::Soft { layer: Layer::Box { cells: [12, 12, 3], high: DVec3::ONE, .. }, .. }));
     let model = with("\"head.obj\"  ", "{ model = \"head\", vertices = 44000 }");
     let Shape::Soft { surface, .. } = &folder.load(&model).unwrap().bodies[0].shape else { panic!("soft") };
-    assert_eq!(*surface, Some(Surface::Head { vertices: 44_000 }));
+    assert_eq!(*surface, Some(Surface::Model { model: Model::Head, vertices: 44_000 }));
 
     let bind = |text: &str| {
         let scene = folder.load(&with("{ inset = 0.03 }", text)).unwrap();
@@ -247,7 +274,7 @@ fn what_does_not_fit_together_is_refused() {
     let folder = Folder::new();
     for (old, new, words) in [
         ("surface = \"head.obj\"", "surface = \"nose.obj\"", "`body.head.surface`: there is no file"),
-        ("{ cell = 0.01 }", "\"head.vtk\"", "files of type .vtk"),
+        ("{ cell = 0.01 }", "\"head.vtu\"", "files of type .vtu"),
         ("name = \"floor\"", "name = \"head\"", "\"head\" is taken"),
         ("name = \"floor\"", "name = \"tool\"", "\"tool\" is taken"),
         ("name = \"floor\"", "name = \"../floor\"", "cannot be a name"),
@@ -271,15 +298,76 @@ fn what_does_not_fit_together_is_refused() {
 }
 
 #[test]
+fn models_have_defaults_and_ranges() {
+    let folder = Folder::new();
+    let surface = |table: &str| {
+        let scene = folder.load(&with("\"head.obj\"  ", table))?;
+        let Shape::Soft { surface: Some(surface), .. } = &scene.bodies[0].shape else { panic!("soft") };
+        Ok::<_, crate::Error>(surface.clone())
+    };
+    for (name, model, vertices) in [
+        ("head", Model::Head, 44_000),
+        ("pumpkin", Model::Pumpkin, 30_000),
+        ("gear", Model::Gear, 29_000),
+        ("human", Model::Human, 13_000),
+    ] {
+        assert_eq!(surface(&format!("{{ model = {name:?} }}")).unwrap(), Surface::Model { model, vertices });
+        let asked = surface(&format!("{{ model = {name:?}, vertices = 5000 }}")).unwrap();
+        assert_eq!(asked, Surface::Model { model, vertices: 5000 });
+        let (least, most) = model.vertices().into_inner();
+        let few = surface(&format!("{{ model = {name:?}, vertices = {} }}", least - 1)).unwrap_err().to_string();
+        let words =
+            format!("`body.head.surface.vertices`: is {}; give a whole number from {least} to {most}", least - 1);
+        assert!(few.contains(&words), "{few}");
+    }
+    let message = surface("{ model = \"pumkin\" }").unwrap_err().to_string();
+    assert!(message.contains("`body.head.surface.model`: there is no model \"pumkin\""), "{message}");
+    assert!(message.contains("did you mean \"pumpkin\"? known: head, pumpkin, gear, human"), "{message}");
+}
+
+#[test]
+fn a_skeleton_gives_a_core_a_bone() {
+    let folder = Folder::new();
+    let cores = "[[body.core]]\nname = \"skull\"\nmotion = \"fixed\"                # \"driven\", \"dynamic\"\n\
+                 bind = { inset = 0.03 }\n";
+    let text = |cores_text: &str| with(cores, &format!("skeleton = \"bones.toml\"\n{cores_text}"));
+    let core = |text_of_core: &str| text(&format!("[[body.core]]\n{text_of_core}\n"));
+    fs::write(folder.0.path().join("keys.csv"), "0,0,0,0\n").unwrap();
+    for (said, words) in [
+        ("name = \"fore\"\nbind = { all = true }", "`body.head.core.fore.bind`: the core is a bone"),
+        ("name = \"four\"", "`body.head.core.four.name`: \"four\" is neither a bone"),
+        ("name = \"four\"", "did you mean \"fore\"? known: upper, fore, or add `bind`"),
+        ("name = \"fore\"\n[[body.core]]\nname = \"fore\"", "\"fore\" is taken by another core"),
+        ("name = \"fore\"\nmotion = \"driven\"", "`body.head.core.fore.keys`: missing"),
+        ("name = \"fore\"\nmotion = \"dynamic\"", "`body.head.core.fore.motion`: this version"),
+    ] {
+        let message = folder.message(&core(said));
+        assert!(message.contains(words), "{said}: {message}");
+    }
+    // Bones first, in the skeleton's order; a core of the same name says how its bone moves.
+    let said = "name = \"ball\"\nbind = { all = true }\n[[body.core]]\nname = \"fore\"\nmotion = \"driven\"\n\
+                keys = \"keys.csv\"\nmass = 2";
+    let body = folder.load(&core(said)).unwrap().bodies[0].clone();
+    let [upper, fore, ball] = &body.cores[..] else { panic!("{:?}", body.cores) };
+    assert_eq!([&upper.name, &fore.name, &ball.name], ["upper", "fore", "ball"]);
+    assert!(matches!((&upper.motion, &upper.bind), (Motion::Fixed, Some(Bind::Capsule(c))) if c.radii == [0.1; 2]));
+    assert!(matches!((&fore.motion, &fore.bind), (Motion::Driven(_), Some(Bind::Capsule(c))) if c.ends[1].x == 2.0));
+    assert!(fore.mass == Some(2.0) && matches!(ball.bind, Some(Bind::All)));
+    assert_eq!(body.skeleton.unwrap().bones[1].parent, Some(0));
+    assert_eq!(folder.load(&text("")).unwrap().bodies[0].cores.len(), 2);
+
+    let rigid = "[[body]]\nname = \"a\"\nsurface = \"head.obj\"\nskeleton = \"bones.toml\"";
+    assert!(folder.message(rigid).contains("`body.a.skeleton`: a rigid body has no"));
+}
+
+#[test]
 fn what_the_engine_does_not_do_yet_is_refused_by_key() {
     let folder = Folder::new();
-    let second = "bind = { all = true }\n[[body.core]]\nname = \"jaw\"\nbind = { inset = 0.03 }";
     for (old, new, key) in [
         ("friction = 0.0", "friction = 0.3", "`contact.friction`"),
         ("newton = 1", "newton = 2", "`step.newton`"),
         ("preconditioner = \"auto\"", "preconditioner = \"coarse\"", "`solver.preconditioner`"),
         ("motion = \"fixed\"", "motion = \"dynamic\"", "`body.head.core.skull.motion`"),
-        ("bind = { inset = 0.03 }", second, "`body.head.core`"),
         ("device = \"scripted\"", "device = \"phantom\"", "`haptics.device`"),
     ] {
         let message = folder.message(&with(old, new));

@@ -1,42 +1,112 @@
-//! The last step of reading a tetrahedral mesh: ids to places, winding made positive, defects refused.
+//! Tetrahedral meshes in, whatever their format, and the last step of reading one: ids to places, winding made
+//! positive, defects refused.
 
-use std::collections::HashMap;
-use std::path::Path;
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::gmsh::{Contents, TetMesh};
+use super::cursor::Cursor;
+use super::{gmsh, tetgen, vtk};
 use crate::{Error, Result};
 
+/// Extensions of files that [`read`] reads.
+pub const EXTENSIONS: [&str; 4] = ["msh", "node", "ele", "vtk"];
+
 /// Volume against the cube of the longest edge below which a tetrahedron is flat: a rest gradient in single precision
-/// means nothing well before.
+/// means nothing well before. Slivers above it are kept: the step is implicit, and bears them.
 const FLATTEST: f64 = 1e-12;
+/// A tetrahedron with a dihedral angle below this is told as a sliver, degrees.
+const SLIVER: f64 = 5.0;
+
+/// Tetrahedra as a file gives them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TetMesh {
+    /// Every node, used or not, in file order and file coordinates.
+    pub nodes: Vec<DVec3>,
+    /// Zero-based nodes of each tetrahedron, positive volume (two nodes are swapped where the file's is negative).
+    pub tetrahedra: Vec<[u32; 4]>,
+    /// What of the file was left out or changed, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// The files that [`read`] reads: one, or a TetGen pair.
+pub fn files(path: &Path) -> Vec<PathBuf> {
+    match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
+        Some("node" | "ele") => ["node", "ele"].map(|extension| path.with_extension(extension)).to_vec(),
+        _ => vec![path.to_path_buf()],
+    }
+}
+
+/// Reads a mesh by its extension: Gmsh `.msh`, TetGen `.node` and `.ele` (either names both), legacy VTK `.vtk`.
+///
+/// Refused, with element and line or byte: flat or repeated tetrahedra, nodes that are not there, numbers that are not
+/// finite, files that end early.
+pub fn read(path: &Path) -> Result<TetMesh> {
+    match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
+        Some("msh") => gmsh::read(path),
+        Some("node" | "ele") => tetgen::read(path),
+        Some("vtk") => vtk::read(path),
+        _ => {
+            let remedy = format!("give .{}", EXTENSIONS.join(", ."));
+            Err(Error::input(path, None, "is no tetrahedral mesh that is read here, by its extension", remedy))
+        }
+    }
+}
+
+/// What a file holds, ids not yet resolved.
+#[derive(Default)]
+pub(super) struct Contents {
+    pub nodes: Vec<DVec3>,
+    /// Place of a node by its id.
+    pub index: HashMap<u64, u32>,
+    pub elements: Vec<Element>,
+    /// Elements that are no four-node tetrahedra, by what they are.
+    pub skipped: BTreeMap<String, usize>,
+}
 
 /// A tetrahedron as the file names it.
 pub(super) struct Element {
     pub id: u64,
-    pub line: usize,
+    /// Where it stands in the file.
+    pub mark: usize,
     pub nodes: [u64; 4],
 }
 
-pub(super) fn settle(file: Contents, path: &Path) -> Result<TetMesh> {
+impl Contents {
+    /// Adds the node that was read last.
+    pub(super) fn add_node(&mut self, cursor: &Cursor, id: u64, point: DVec3) -> Result<()> {
+        if self.index.insert(id, self.nodes.len() as u32).is_some() {
+            return Err(cursor.error(format!("node {id} is given twice")));
+        }
+        self.nodes.push(point);
+        Ok(())
+    }
+
+    /// Counts an element that is left out.
+    pub(super) fn skip(&mut self, what: &str) {
+        *self.skipped.entry(what.into()).or_default() += 1;
+    }
+}
+
+pub(super) fn settle(file: Contents, cursor: &Cursor) -> Result<TetMesh> {
     if file.nodes.is_empty() {
-        return Err(Error::input(path, None, "has no nodes", "export the mesh with its nodes"));
+        return Err(cursor.error_of_file("has no nodes", "export the mesh with its nodes"));
     }
     if file.elements.is_empty() {
-        let problem = "has no tetrahedra of four nodes";
-        let remedy = if file.has_second_order {
+        let remedy = if file.skipped.keys().any(|what| what.contains("tetrahedra")) {
             "its second-order tetrahedra are not read: export first-order ones"
         } else {
             "export the volume mesh, not its surface alone"
         };
-        return Err(Error::input(path, None, problem, remedy));
+        return Err(cursor.error_of_file("has no tetrahedra of four nodes", remedy));
     }
     let mut seen: HashMap<[u32; 4], u64> = HashMap::with_capacity(file.elements.len());
     let mut tetrahedra = Vec::with_capacity(file.elements.len());
+    let mut turned = 0;
     for element in &file.elements {
         let refuse = |problem: String, remedy: &str| {
-            Error::input(path, Some(element.line), format!("tetrahedron {} {problem}", element.id), remedy)
+            cursor.error_at(element.mark, format!("tetrahedron {} {problem}", element.id), remedy)
         };
         let mut nodes = [0; 4];
         for (node, id) in nodes.iter_mut().zip(element.nodes) {
@@ -49,6 +119,7 @@ pub(super) fn settle(file: Contents, path: &Path) -> Result<TetMesh> {
         }
         if volume < 0.0 {
             nodes.swap(2, 3);
+            turned += 1;
         }
         let mut key = nodes;
         key.sort_unstable();
@@ -57,7 +128,40 @@ pub(super) fn settle(file: Contents, path: &Path) -> Result<TetMesh> {
         }
         tetrahedra.push(nodes);
     }
-    Ok(TetMesh { nodes: file.nodes, tetrahedra })
+    let notes = notes(&file, turned, &tetrahedra);
+    Ok(TetMesh { nodes: file.nodes, tetrahedra, notes })
+}
+
+fn notes(file: &Contents, turned: usize, tetrahedra: &[[u32; 4]]) -> Vec<String> {
+    let mut notes = Vec::new();
+    if !file.skipped.is_empty() {
+        let kinds: Vec<String> = file.skipped.iter().map(|(what, count)| format!("{count} {what}")).collect();
+        notes.push(format!("elements that are no four-node tetrahedra left out: {}", kinds.join(", ")));
+    }
+    // A file that winds all of them inwards has another convention (TetGen's), and no fault.
+    if turned > 0 && turned < file.elements.len() {
+        notes.push(format!("{turned} tetrahedra had negative volume, and were turned"));
+    }
+    let angles: Vec<f64> = tetrahedra.iter().map(|&t| least_dihedral(&file.nodes, t)).collect();
+    let slivers = angles.iter().filter(|&&angle| angle < SLIVER).count();
+    let worst = file.elements.iter().zip(&angles).min_by(|a, b| a.1.total_cmp(b.1));
+    if let Some((element, angle)) = worst.filter(|_| slivers > 0) {
+        notes.push(format!(
+            "{slivers} tetrahedra have a dihedral angle under {SLIVER} degrees, kept; the worst is {} with {angle:.1e}",
+            element.id
+        ));
+    }
+    notes
+}
+
+/// The least angle between two faces of a tetrahedron of positive volume, degrees.
+fn least_dihedral(nodes: &[DVec3], tetrahedron: [u32; 4]) -> f64 {
+    let [a, b, c, d] = tetrahedron.map(|node| nodes[node as usize]);
+    // Outward; of length twice the area.
+    let normals = [(b, d, c), (a, c, d), (a, d, b), (a, b, c)].map(|(p, q, r)| (r - p).cross(q - p));
+    let angle = |i: usize, j: usize| normals[i].cross(normals[j]).length().atan2(-normals[i].dot(normals[j]));
+    let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
+    pairs.iter().map(|&(i, j)| angle(i, j)).fold(f64::INFINITY, f64::min).to_degrees()
 }
 
 fn volume(nodes: &[DVec3], tetrahedron: [u32; 4]) -> f64 {
@@ -68,4 +172,24 @@ fn volume(nodes: &[DVec3], tetrahedron: [u32; 4]) -> f64 {
 fn longest_edge(nodes: &[DVec3], tetrahedron: [u32; 4]) -> f64 {
     let points = tetrahedron.map(|node| nodes[node as usize]);
     points.iter().flat_map(|a| points.iter().map(|b| a.distance(*b))).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dihedral_angles_of_known_tetrahedra() {
+        let corner = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        // Between the slanted face and the others: the angle whose cosine is one over the root of three.
+        assert!((least_dihedral(&corner, [0, 1, 2, 3]) - (1.0 / 3f64.sqrt()).acos().to_degrees()).abs() < 1e-12);
+        let regular = [(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)];
+        let regular = regular.map(|(x, y, z)| DVec3::new(x, y, z));
+        for t in [[0, 1, 2, 3], [0, 1, 3, 2]] {
+            assert!((least_dihedral(&regular, t) - (1.0_f64 / 3.0).acos().to_degrees()).abs() < 1e-12);
+        }
+        let mut flat = corner;
+        flat[3] = DVec3::new(0.3, 0.3, 1e-3);
+        assert!(least_dihedral(&flat, [0, 1, 2, 3]) < 0.3);
+    }
 }

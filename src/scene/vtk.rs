@@ -1,13 +1,262 @@
-//! Layers out: the tetrahedra of a soft body at the end of a run, for ParaView and its like.
+//! Legacy VTK unstructured grids in and out: a layer to prepare, and a layer at the end of a run, for ParaView and its
+//! like.
+//!
+//! Format: "VTK File Formats", simple legacy formats, versions 1 to 4 and 5.1; ASCII, and binary (big-endian always).
 
 use std::io::Write;
+use std::path::Path;
 
 use glam::DVec3;
 
-/// VTK's cell type of a four-node tetrahedron.
-const TETRAHEDRON: u32 = 10;
+use super::cursor::{self, Cursor, Order, short};
+use super::tetrahedra::{Contents, Element, TetMesh, settle};
+use crate::Result;
 
-/// Writes a layer as a legacy VTK ASCII unstructured grid.
+const REMEDY: &str = "export the mesh again as a legacy VTK unstructured grid";
+/// VTK's cell type of a four-node tetrahedron.
+const TETRAHEDRON: u64 = 10;
+
+/// Reads the points and the four-node tetrahedra of an unstructured grid; other cells are left out and counted in the
+/// notes. Data on points and cells is passed over.
+pub fn read(path: &Path) -> Result<TetMesh> {
+    parse(&cursor::bytes(path)?, path)
+}
+
+/// [`read`] of a file's bytes; the path names it in messages.
+pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
+    let mut cursor = Cursor::new(path, bytes, REMEDY);
+    header(&mut cursor)?;
+    let (mut file, mut cells, mut types) = (Contents::default(), Cells::default(), Vec::new());
+    while let Some(line) = cursor.next_filled() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[0].to_uppercase().as_str() {
+            "DATASET" if words.get(1).is_some_and(|kind| kind.eq_ignore_ascii_case("UNSTRUCTURED_GRID")) => {}
+            "DATASET" => return Err(cursor.error(format!("a dataset of type {}", short(words.get(1).unwrap_or(&""))))),
+            "POINTS" => points(&mut cursor, &words, &mut file)?,
+            "CELLS" => cells = Cells::read(&mut cursor, &words)?,
+            "CELL_TYPES" => {
+                for _ in 0..count(&cursor, &words, 1)? {
+                    types.push(natural(&mut cursor, 4, "a cell's type")?);
+                }
+            }
+            "FIELD" => field(&mut cursor, &words)?,
+            "METADATA" => while cursor.next_line().is_some_and(|line| !line.is_empty()) {},
+            // Nothing that follows is a mesh.
+            "POINT_DATA" | "CELL_DATA" => break,
+            other => return Err(cursor.error(format!("unknown keyword \"{}\"", short(other)))),
+        }
+    }
+    cells.elements(&cursor, &types, &mut file)?;
+    settle(file, &cursor)
+}
+
+fn header(cursor: &mut Cursor) -> Result<()> {
+    let magic = cursor.next_line().unwrap_or_default();
+    if !magic.to_lowercase().starts_with("# vtk datafile version") {
+        return Err(cursor.error(format!("\"{}\" stands where \"# vtk DataFile Version\" should", short(magic))));
+    }
+    // The title, any text.
+    cursor.next_line();
+    match cursor.need("ASCII or BINARY")?.to_uppercase().as_str() {
+        "ASCII" => {}
+        "BINARY" => cursor.order = Some(Order::Big),
+        other => return Err(cursor.error(format!("\"{}\" stands where ASCII or BINARY should", short(other)))),
+    }
+    Ok(())
+}
+
+/// The count at this place of a keyword's line.
+fn count(cursor: &Cursor, words: &[&str], place: usize) -> Result<u64> {
+    let word = words.get(place).ok_or_else(|| cursor.error(format!("{} without its counts", short(words[0]))))?;
+    cursor.parse(word, "a count")
+}
+
+/// A word, or a binary integer of so many bytes; not negative.
+fn natural(cursor: &mut Cursor, bytes: usize, what: &str) -> Result<u64> {
+    let number = match (cursor.order, bytes) {
+        (None, _) => {
+            let word = cursor.word(what)?;
+            cursor.parse(word, what)?
+        }
+        (Some(_), 8) => cursor.i64(what)?,
+        (Some(_), _) => cursor.i32(what)?.into(),
+    };
+    cursor.natural(number, what)
+}
+
+/// Bytes of a binary number of a type.
+fn size_of(cursor: &Cursor, kind: Option<&&str>) -> Result<usize> {
+    match kind.map(|kind| kind.to_lowercase()).as_deref() {
+        Some("char" | "unsigned_char") => Ok(1),
+        Some("short" | "unsigned_short") => Ok(2),
+        Some("int" | "unsigned_int" | "float" | "vtkidtype" | "vtktypeint32") => Ok(4),
+        Some("long" | "unsigned_long" | "double" | "vtktypeint64") => Ok(8),
+        other => Err(cursor.error(format!("numbers of type \"{}\"", short(other.unwrap_or_default())))),
+    }
+}
+
+fn points(cursor: &mut Cursor, words: &[&str], file: &mut Contents) -> Result<()> {
+    const WHAT: &str = "a point (x, y, z)";
+    let kind = words.get(2).map(|kind| kind.to_lowercase());
+    let is_double = match kind.as_deref() {
+        Some("double") => true,
+        Some("float") => false,
+        other => return Err(cursor.error(format!("points of type \"{}\"", short(other.unwrap_or_default())))),
+    };
+    for id in 0..count(cursor, words, 1)? {
+        let mut point = [0.0; 3];
+        for coordinate in &mut point {
+            *coordinate = match (cursor.order, is_double) {
+                (None, _) => {
+                    let word = cursor.word(WHAT)?;
+                    cursor.parse(word, WHAT)?
+                }
+                (Some(_), true) => cursor.f64(WHAT)?,
+                (Some(_), false) => cursor.f32(WHAT)?,
+            };
+        }
+        let point = cursor.point(&point)?;
+        file.add_node(cursor, id, point)?;
+    }
+    Ok(())
+}
+
+/// Passes over arrays of data about the whole grid.
+fn field(cursor: &mut Cursor, words: &[&str]) -> Result<()> {
+    for _ in 0..count(cursor, words, 2)? {
+        let line = cursor.need("an array of a FIELD")?;
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let numbers = count(cursor, &words, 1)?.saturating_mul(count(cursor, &words, 2)?);
+        if cursor.order.is_some() {
+            let bytes = numbers.saturating_mul(size_of(cursor, words.get(3))? as u64);
+            cursor.take(usize::try_from(bytes).unwrap_or(usize::MAX), "an array of a FIELD")?;
+            continue;
+        }
+        for _ in 0..numbers {
+            cursor.word("an array of a FIELD")?;
+        }
+    }
+    Ok(())
+}
+
+/// The corners of all cells.
+#[derive(Default)]
+struct Cells {
+    /// Points, and where each stands in the file.
+    corners: Vec<(u64, usize)>,
+    /// Where each cell's corners begin, and where the last one's end.
+    offsets: Vec<u64>,
+}
+
+impl Cells {
+    fn read(cursor: &mut Cursor, words: &[&str]) -> Result<Cells> {
+        let (cells, size) = (count(cursor, words, 1)?, count(cursor, words, 2)?);
+        if cursor.peek_word().eq_ignore_ascii_case("OFFSETS") {
+            return Cells::read_5(cursor, cells, size);
+        }
+        let mut read = Cells { corners: Vec::new(), offsets: vec![0] };
+        let mut numbers = 0_u64;
+        for cell in 0..cells {
+            let length = natural(cursor, 4, "the number of a cell's points")?;
+            numbers = numbers.saturating_add(length).saturating_add(1);
+            if numbers > size {
+                return Err(cursor.error(format!("cell {cell} goes beyond the {size} numbers of CELLS")));
+            }
+            for _ in 0..length {
+                read.corners.push((natural(cursor, 4, "a cell's point")?, cursor.mark()));
+            }
+            read.offsets.push(read.corners.len() as u64);
+        }
+        Ok(read)
+    }
+
+    /// Since version 5.1: one more offset than cells, then the corners.
+    fn read_5(cursor: &mut Cursor, offsets: u64, corners: u64) -> Result<Cells> {
+        let mut read = Cells::default();
+        for (keyword, count) in [("OFFSETS", offsets), ("CONNECTIVITY", corners)] {
+            let line = cursor.need(keyword)?;
+            let words: Vec<&str> = line.split_whitespace().collect();
+            if !words[0].eq_ignore_ascii_case(keyword) {
+                return Err(cursor.error(format!("\"{}\" stands where {keyword} should", short(words[0]))));
+            }
+            let bytes = size_of(cursor, words.get(1))?;
+            for _ in 0..count {
+                let number = natural(cursor, bytes, keyword)?;
+                match keyword {
+                    "OFFSETS" => read.offsets.push(number),
+                    _ => read.corners.push((number, cursor.mark())),
+                }
+            }
+        }
+        Ok(read)
+    }
+
+    /// Resolves cells and their types to tetrahedra.
+    fn elements(&self, cursor: &Cursor, types: &[u64], file: &mut Contents) -> Result<()> {
+        let cells = self.offsets.len().saturating_sub(1);
+        if types.len() != cells {
+            return Err(cursor.error(format!("{cells} cells, and {} types", types.len())));
+        }
+        for (id, (range, &kind)) in self.offsets.windows(2).zip(types).enumerate() {
+            let corners = self.corners.get(range[0] as usize..range[1] as usize);
+            let Some(corners) = corners else {
+                return Err(cursor.error(format!("cell {id} lies beyond the corners that are given")));
+            };
+            let (name, length) = kind_of(kind);
+            if length.is_some_and(|length| corners.len() != length) {
+                return Err(cursor.error(format!("cell {id} is one of the {name}, and has {} points", corners.len())));
+            }
+            match (kind, corners) {
+                (TETRAHEDRON, &[a, b, c, d]) => {
+                    let nodes = [a.0, b.0, c.0, d.0];
+                    file.elements.push(Element { id: id as u64, mark: a.1, nodes });
+                }
+                _ => file.skip(&name),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What cells of a VTK type are, and how many points each has.
+fn kind_of(kind: u64) -> (String, Option<usize>) {
+    let (name, length) = match kind {
+        1 => ("points", 1),
+        3 => ("lines", 2),
+        5 => ("triangles", 3),
+        9 => ("quadrangles", 4),
+        TETRAHEDRON => ("tetrahedra", 4),
+        12 => ("hexahedra", 8),
+        13 => ("prisms", 6),
+        14 => ("pyramids", 5),
+        24 => ("second-order tetrahedra", 10),
+        _ => return (format!("of VTK's type {kind}"), None),
+    };
+    (name.into(), Some(length))
+}
+
+/// Writes tetrahedra as a legacy VTK ASCII unstructured grid, coordinates with as many digits as it takes to read the
+/// same bits back.
+pub fn write(w: &mut impl Write, nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> std::io::Result<()> {
+    head(w, nodes.len())?;
+    nodes.iter().try_for_each(|p| writeln!(w, "{:e} {:e} {:e}", p.x, p.y, p.z))?;
+    write_cells(w, tetrahedra)
+}
+
+fn head(w: &mut impl Write, nodes: usize) -> std::io::Result<()> {
+    writeln!(w, "# vtk DataFile Version 3.0\npalpate layer\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS {nodes} double")
+}
+
+fn write_cells(w: &mut impl Write, tetrahedra: &[[u32; 4]]) -> std::io::Result<()> {
+    writeln!(w, "CELLS {} {}", tetrahedra.len(), 5 * tetrahedra.len())?;
+    for [a, b, c, d] in tetrahedra {
+        writeln!(w, "4 {a} {b} {c} {d}")?;
+    }
+    writeln!(w, "CELL_TYPES {}", tetrahedra.len())?;
+    tetrahedra.iter().try_for_each(|_| writeln!(w, "{TETRAHEDRON}"))
+}
+
+/// Writes a layer at the end of a run as a legacy VTK ASCII unstructured grid.
 ///
 /// `nodes` are deformed world positions (m) in input order, `displacement` the way each went from rest as placed
 /// (world axes, m), one a node; both with nine significant digits.
@@ -17,17 +266,9 @@ pub fn write_layer(
     tetrahedra: &[[u32; 4]],
     displacement: &[DVec3],
 ) -> std::io::Result<()> {
-    writeln!(w, "# vtk DataFile Version 3.0\npalpate layer\nASCII\nDATASET UNSTRUCTURED_GRID")?;
-    writeln!(w, "POINTS {} double", nodes.len())?;
+    head(w, nodes.len())?;
     write_vectors(w, nodes)?;
-    writeln!(w, "CELLS {} {}", tetrahedra.len(), 5 * tetrahedra.len())?;
-    for [a, b, c, d] in tetrahedra {
-        writeln!(w, "4 {a} {b} {c} {d}")?;
-    }
-    writeln!(w, "CELL_TYPES {}", tetrahedra.len())?;
-    for _ in tetrahedra {
-        writeln!(w, "{TETRAHEDRON}")?;
-    }
+    write_cells(w, tetrahedra)?;
     writeln!(w, "POINT_DATA {}\nVECTORS displacement double", displacement.len())?;
     write_vectors(w, displacement)
 }

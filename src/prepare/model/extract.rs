@@ -3,7 +3,7 @@
 //! Marching tetrahedra (A. Doi and A. Koide 1991) always gives a closed manifold, whatever the values, because the
 //! linear interpolant in a tetrahedron has no ambiguous case.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
 
@@ -19,23 +19,31 @@ const NEWTON_STEPS: usize = 3;
 /// The pairs of local nodes (inside, inside, outside, outside), each an even permutation of a tetrahedron's nodes.
 const PAIRS: [[usize; 4]; 6] = [[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]];
 
-/// The closed outward surface of a solid within a box, from lattice cubes with edge `cell` (all in m). Vertices are
-/// numbered in lattice order.
-pub fn surface(solid: &impl Fn(DVec3) -> f64, low: DVec3, high: DVec3, cell: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    let lattice = Lattice::around(low, high - low, cell);
-    let values: Vec<f64> = (0..lattice.node_count() as u32).map(|n| solid(lattice.position(n))).collect();
+/// The closed outward surface of a solid within a box, from lattice cubes with edge `cell` (all in m): the piece met
+/// first from the point `inside`, along x. Vertices are numbered in lattice order.
+///
+/// Only cells at the surface are visited, from neighbour to neighbour (B. Wyvill and others 1986).
+pub fn surface(
+    solid: &impl Fn(DVec3) -> f64,
+    [low, high]: [DVec3; 2],
+    inside: DVec3,
+    cell: f64,
+) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let mut field = Field { solid, lattice: Lattice::around(low, high - low, cell), values: HashMap::new() };
+    let cells = field.crossed(inside);
+    let tetrahedra: Vec<[u32; 4]> = cells.into_iter().flat_map(|cell| field.tetrahedra(cell)).collect();
     let mut vertices = Vec::new();
     // Only looked up, never walked: the numbering does not depend on hashing.
     let mut numbers: HashMap<(u32, u32), u32> = HashMap::new();
     let mut triangles = Vec::new();
-    lattice.each([0; 3], lattice.last(), |_, nodes| {
-        let inside = nodes.map(|n| values[n as usize] < 0.0);
+    for nodes in tetrahedra {
+        let values = nodes.map(|n| field.value(n));
+        let inside = values.map(|v| v < 0.0);
         let mut cross = |i: usize, j: usize| {
-            let (a, b) = (nodes[i].min(nodes[j]), nodes[i].max(nodes[j]));
-            *numbers.entry((a, b)).or_insert_with(|| {
-                let (fa, fb) = (values[a as usize], values[b as usize]);
-                let t = fa / (fa - fb);
-                vertices.push(lattice.position(a) * (1.0 - t) + lattice.position(b) * t);
+            let (i, j) = if nodes[i] < nodes[j] { (i, j) } else { (j, i) };
+            *numbers.entry((nodes[i], nodes[j])).or_insert_with(|| {
+                let t = values[i] / (values[i] - values[j]);
+                vertices.push(field.lattice.position(nodes[i]) * (1.0 - t) + field.lattice.position(nodes[j]) * t);
                 vertices.len() as u32 - 1
             })
         };
@@ -53,8 +61,59 @@ pub fn surface(solid: &impl Fn(DVec3) -> f64, low: DVec3, high: DVec3, cell: f64
             }
             _ => {}
         }
-    });
+    }
     (vertices, triangles)
+}
+
+/// A solid on a lattice: its values at nodes, found when asked for.
+struct Field<'a, S> {
+    solid: &'a S,
+    lattice: Lattice,
+    /// Only looked up, never walked.
+    values: HashMap<u32, f64>,
+}
+
+impl<S: Fn(DVec3) -> f64> Field<'_, S> {
+    fn value(&mut self, node: u32) -> f64 {
+        let at = || (self.solid)(self.lattice.position(node));
+        *self.values.entry(node).or_insert_with(at)
+    }
+
+    fn tetrahedra(&self, cell: [usize; 3]) -> Vec<[u32; 4]> {
+        let mut tetrahedra = Vec::with_capacity(12);
+        (0..3).for_each(|axis| tetrahedra.extend(self.lattice.on_face(cell, axis)));
+        tetrahedra
+    }
+
+    fn crosses(&mut self, cell: [usize; 3]) -> bool {
+        self.tetrahedra(cell).into_iter().any(|nodes| {
+            let first = self.value(nodes[0]) < 0.0;
+            nodes[1..].iter().any(|&n| (self.value(n) < 0.0) != first)
+        })
+    }
+
+    /// The cells of one piece of surface, in lattice order.
+    fn crossed(&mut self, inside: DVec3) -> Vec<[usize; 3]> {
+        let [x, y, z] = self.lattice.cell_at(inside);
+        let last = self.lattice.size().map(|s| s - 1);
+        let mut queue: Vec<_> = (x..=last[0]).map(|x| [x, y, z]).find(|&c| self.crosses(c)).into_iter().collect();
+        let mut seen: HashSet<[usize; 3]> = queue.iter().copied().collect();
+        let mut found = Vec::new();
+        while let Some(cell) = queue.pop() {
+            if !self.crosses(cell) {
+                continue;
+            }
+            found.push(cell);
+            let [xs, ys, zs] = [0, 1, 2].map(|k| cell[k].saturating_sub(1)..=(cell[k] + 1).min(last[k]));
+            for z in zs {
+                for y in ys.clone() {
+                    queue.extend(xs.clone().map(|x| [x, y, z]).filter(|&near| seen.insert(near)));
+                }
+            }
+        }
+        found.sort_unstable_by_key(|&[x, y, z]| [z, y, x]);
+        found
+    }
 }
 
 /// Moves every vertex towards the mean of its neighbours, along the surface, and back onto it; `rounds` times.
@@ -97,7 +156,7 @@ mod tests {
     #[test]
     fn a_ball_is_extracted_closed_outward_and_projected() {
         let ball = |p: DVec3| p.length() - 0.1;
-        let (mut vertices, triangles) = surface(&ball, DVec3::splat(-0.1), DVec3::splat(0.1), 0.02);
+        let (mut vertices, triangles) = surface(&ball, [DVec3::splat(-0.1), DVec3::splat(0.1)], DVec3::ZERO, 0.02);
         smooth(&ball, &mut vertices, &triangles, 3);
         assert_eq!(vertices.len() + triangles.len() - 3 * triangles.len() / 2, 2);
         assert!(vertices.iter().all(|v| (v.length() - 0.1).abs() < 1e-5));

@@ -1,0 +1,320 @@
+//! The cache of prepared bodies: one file a body, named after a key of everything the body depends on.
+//!
+//! Only a help. An entry holds its own key and a checksum: what is damaged, cut short, of another version or under
+//! another's name is made again. Entries are written beside and renamed, so that readers and other writers never see
+//! half of one.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::SystemTime;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
+
+use super::sources::SOURCES;
+
+/// Opens an entry.
+const MAGIC: &[u8; 8] = b"palpbody";
+/// Bytes of a SHA-256.
+const DIGEST: usize = 32;
+/// Magic, key, length of the payload, checksum of the payload.
+const HEADER: usize = MAGIC.len() + DIGEST + 8 + DIGEST;
+/// Ending of an entry's name.
+const ENDING: &str = "body";
+/// Entries beyond this many bytes in all make the oldest ones go.
+const MOST_BYTES: u64 = 2 << 30;
+
+/// Everything that a cached value depends on, digested.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Key([u8; DIGEST]);
+
+/// Digests what a value depends on. Fields are framed by their lengths, so that no two lists of fields read the same.
+pub struct KeyMaker(Sha256);
+
+impl KeyMaker {
+    /// Starts with the version of the algorithms: the sources themselves.
+    pub fn new() -> Self {
+        let mut maker = KeyMaker(Sha256::new());
+        SOURCES.iter().for_each(|source| maker.add(source.as_bytes()));
+        maker
+    }
+
+    /// Adds a field.
+    pub fn add(&mut self, field: &[u8]) {
+        self.0.update((field.len() as u64).to_le_bytes());
+        self.0.update(field);
+    }
+
+    /// The key of all fields.
+    pub fn finish(self) -> Key {
+        Key(self.0.finalize().into())
+    }
+}
+
+impl Default for KeyMaker {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What was found under a key.
+#[derive(Debug, PartialEq)]
+pub enum Entry<T> {
+    /// A sound entry.
+    Found(T),
+    /// No entry, or no cache.
+    Missing,
+    /// An entry that cannot be trusted; the file.
+    Damaged(PathBuf),
+}
+
+/// A folder of entries, or none.
+#[derive(Debug, Clone)]
+pub struct Cache {
+    folder: Option<PathBuf>,
+}
+
+impl Cache {
+    /// The user's cache: `PALPATE_CACHE`, else `palpate` in `XDG_CACHE_HOME` (or the system's like), else in `~/.cache`.
+    pub fn of_user() -> Self {
+        let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+        let home = || set("HOME").map(|h| h.join(if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" }));
+        let general = || set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")).or_else(home);
+        Cache { folder: set("PALPATE_CACHE").or_else(|| general().map(|folder| folder.join("palpate"))) }
+    }
+
+    /// A cache in a folder, which is made when the first entry is.
+    pub fn at(folder: &Path) -> Self {
+        Cache { folder: Some(folder.into()) }
+    }
+
+    /// No cache: nothing is found, nothing is kept.
+    pub fn off() -> Self {
+        Cache { folder: None }
+    }
+
+    /// Whether there is a folder to look in.
+    pub fn is_on(&self) -> bool {
+        self.folder.is_some()
+    }
+
+    /// Where the value of a key is, or would be.
+    pub fn path(&self, key: &Key) -> Option<PathBuf> {
+        let name: String = key.0.iter().map(|byte| format!("{byte:02x}")).collect();
+        self.folder.as_ref().map(|folder| folder.join(name).with_extension(ENDING))
+    }
+
+    /// The value kept under a key.
+    pub fn load<T: DeserializeOwned>(&self, key: &Key) -> Entry<T> {
+        let Some(path) = self.path(key) else { return Entry::Missing };
+        match fs::read(&path) {
+            Ok(bytes) => {
+                let value = unpack(key, &bytes).and_then(|payload| postcard::from_bytes(payload).ok());
+                value.map_or(Entry::Damaged(path), Entry::Found)
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Entry::Missing,
+            Err(_) => Entry::Damaged(path),
+        }
+    }
+
+    /// Keeps a value; the reason where it cannot be kept, which is no failure.
+    pub fn store<T: Serialize>(&self, key: &Key, value: &T) -> Result<(), String> {
+        let (Some(path), Some(folder)) = (self.path(key), &self.folder) else { return Ok(()) };
+        let failed = |error: std::io::Error| format!("the cache in {} cannot be written: {error}", folder.display());
+        let payload = postcard::to_stdvec(value).map_err(|error| format!("the body cannot be cached: {error}"))?;
+        fs::create_dir_all(folder).map_err(failed)?;
+        // Of this process and this call: two threads may make the same body at once.
+        static CALLS: AtomicU64 = AtomicU64::new(0);
+        let call = CALLS.fetch_add(1, Ordering::Relaxed);
+        let partial = path.with_extension(format!("{}-{call}.partial", std::process::id()));
+        let written = fs::write(&partial, pack(key, &payload)).and_then(|()| fs::rename(&partial, &path));
+        if written.is_err() {
+            // What cannot be removed either stays: there is nobody to tell.
+            let _ = fs::remove_file(&partial);
+        }
+        written.map_err(failed)?;
+        trim(folder, &path, MOST_BYTES);
+        Ok(())
+    }
+}
+
+fn pack(key: &Key, payload: &[u8]) -> Vec<u8> {
+    let length = (payload.len() as u64).to_le_bytes();
+    [MAGIC.as_slice(), &key.0, &length, Sha256::digest(payload).as_slice(), payload].concat()
+}
+
+/// The payload of a sound entry of this key.
+fn unpack<'a>(key: &Key, bytes: &'a [u8]) -> Option<&'a [u8]> {
+    let (header, payload) = bytes.split_at_checked(HEADER)?;
+    let expected = pack(key, payload);
+    (header == &expected[..HEADER]).then_some(payload)
+}
+
+/// Removes the oldest entries, never the one just written, until the folder holds at most `most` bytes. Failures are
+/// passed over: a cache too large is no harm to this run.
+fn trim(folder: &Path, newest: &Path, most: u64) {
+    let Ok(listing) = fs::read_dir(folder) else { return };
+    let mut entries: Vec<(SystemTime, PathBuf, u64)> = Vec::new();
+    for entry in listing.flatten() {
+        if entry.path().extension().is_some_and(|ending| ending == ENDING)
+            && let Ok(facts) = entry.metadata()
+        {
+            entries.push((facts.modified().unwrap_or(SystemTime::UNIX_EPOCH), entry.path(), facts.len()));
+        }
+    }
+    entries.sort();
+    let mut total: u64 = entries.iter().map(|entry| entry.2).sum();
+    for (_, path, bytes) in entries.iter().filter(|entry| entry.1 != newest) {
+        if total <= most {
+            return;
+        }
+        if fs::remove_file(path).is_ok() {
+            total -= bytes;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Value = (Vec<f64>, String);
+
+    fn value(seed: f64) -> Value {
+        ((0..100).map(|i| seed + f64::from(i)).collect(), "a body".into())
+    }
+
+    fn key(text: &str) -> Key {
+        let mut maker = KeyMaker::new();
+        maker.add(text.as_bytes());
+        maker.finish()
+    }
+
+    fn stored(folder: &Path, names: &[&str]) -> Cache {
+        let cache = Cache::at(folder);
+        for (i, name) in names.iter().enumerate() {
+            cache.store(&key(name), &value(i as f64)).unwrap();
+        }
+        cache
+    }
+
+    #[test]
+    fn what_is_kept_is_found_bit_for_bit_and_under_its_key_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = stored(&folder.path().join("made/for/it"), &["a", "b"]);
+        assert_eq!(cache.load(&key("a")), Entry::Found(value(0.0)));
+        assert_eq!(cache.load(&key("b")), Entry::Found(value(1.0)));
+        assert_eq!(cache.load::<Value>(&key("c")), Entry::Missing);
+        assert_eq!(Cache::off().load::<Value>(&key("a")), Entry::Missing);
+        assert!(Cache::off().store(&key("a"), &value(0.0)).is_ok());
+    }
+
+    #[test]
+    fn fields_are_framed() {
+        let of = |fields: &[&str]| {
+            let mut maker = KeyMaker::new();
+            fields.iter().for_each(|field| maker.add(field.as_bytes()));
+            maker.finish()
+        };
+        assert_ne!(of(&["ab", "c"]), of(&["a", "bc"]));
+        assert_ne!(of(&["ab"]), of(&["ab", ""]));
+        assert_eq!(of(&["ab"]), of(&["ab"]));
+    }
+
+    #[test]
+    fn an_entry_with_any_byte_flipped_is_not_trusted() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = stored(folder.path(), &["a"]);
+        let path = cache.path(&key("a")).unwrap();
+        let sound = fs::read(&path).unwrap();
+        for at in 0..sound.len() {
+            let mut bytes = sound.clone();
+            bytes[at] ^= 1 << (at % 8);
+            fs::write(&path, &bytes).unwrap();
+            assert_eq!(cache.load::<Value>(&key("a")), Entry::Damaged(path.clone()), "byte {at}");
+        }
+        fs::write(&path, &sound).unwrap();
+        assert_eq!(cache.load(&key("a")), Entry::Found(value(0.0)));
+    }
+
+    #[test]
+    fn an_entry_cut_short_or_drawn_out_is_not_trusted() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = stored(folder.path(), &["a"]);
+        let path = cache.path(&key("a")).unwrap();
+        let sound = fs::read(&path).unwrap();
+        for length in [0, 1, HEADER - 1, HEADER, HEADER + 1, sound.len() - 1] {
+            fs::write(&path, &sound[..length]).unwrap();
+            assert_eq!(cache.load::<Value>(&key("a")), Entry::Damaged(path.clone()), "{length} bytes");
+        }
+        fs::write(&path, [sound.as_slice(), b"x"].concat()).unwrap();
+        assert_eq!(cache.load::<Value>(&key("a")), Entry::Damaged(path));
+    }
+
+    #[test]
+    fn entries_under_each_others_names_are_not_trusted() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = stored(folder.path(), &["a", "b"]);
+        let (a, b) = (cache.path(&key("a")).unwrap(), cache.path(&key("b")).unwrap());
+        let kept = fs::read(&a).unwrap();
+        fs::rename(&b, &a).unwrap();
+        fs::write(&b, kept).unwrap();
+        assert_eq!(cache.load::<Value>(&key("a")), Entry::Damaged(a));
+        assert_eq!(cache.load::<Value>(&key("b")), Entry::Damaged(b));
+    }
+
+    #[test]
+    fn a_sound_entry_of_another_type_is_not_trusted() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(folder.path());
+        cache.store(&key("a"), &7u8).unwrap();
+        assert!(matches!(cache.load::<Value>(&key("a")), Entry::Damaged(_)));
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_is_a_note() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("file"), "").unwrap();
+        let cache = Cache::at(&folder.path().join("file/under"));
+        let note = cache.store(&key("a"), &value(0.0)).unwrap_err();
+        assert!(note.contains("file/under") && note.contains("cannot be written"), "{note}");
+        assert_ne!(cache.load(&key("a")), Entry::Found(value(0.0)));
+    }
+
+    #[test]
+    fn many_writers_and_readers_of_one_key_see_whole_entries_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(folder.path());
+        let big: Value = (vec![0.5; 100_000], "large".into());
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| (0..10).for_each(|_| cache.store(&key("a"), &big).unwrap()));
+                scope.spawn(|| {
+                    for _ in 0..50 {
+                        assert!(!matches!(cache.load::<Value>(&key("a")), Entry::Damaged(_)));
+                    }
+                });
+            }
+        });
+        assert_eq!(cache.load(&key("a")), Entry::Found(big));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn the_oldest_entries_go_first_and_the_newest_never() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = stored(folder.path(), &["a", "b", "c"]);
+        let path = |name: &str| cache.path(&key(name)).unwrap();
+        for (age, name) in ["c", "a", "b"].iter().enumerate() {
+            let time = SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(1000 + age as u64);
+            fs::File::options().write(true).open(path(name)).unwrap().set_modified(time).unwrap();
+        }
+        let one = fs::metadata(path("a")).unwrap().len();
+        trim(folder.path(), &path("c"), 2 * one);
+        assert_eq!([path("a"), path("b"), path("c")].map(|p| p.exists()), [false, true, true]);
+        trim(folder.path(), &path("c"), 0);
+        assert!(path("c").exists() && !path("b").exists());
+    }
+}

@@ -1,0 +1,177 @@
+//! Coverage: which skin vertices lie inside proxies. Apart from ownership: a vertex has one owner, and may lie in many.
+
+use super::{Proxy, Skin};
+
+/// A point on an inflated face counts as inside; rounding of a plane's distance, as a share of the skin's size.
+const ROUNDING: f64 = 1e-12;
+
+/// Share of skin vertices inside at least one proxy inflated by its margin. 1 is promised by construction; this looks
+/// at the hulls themselves. Vertices are tried against their owner first, so that it costs vertices times faces.
+pub fn share(skin: &Skin, proxies: &[Proxy]) -> f64 {
+    if skin.vertices.is_empty() {
+        return 1.0;
+    }
+    let size = skin.vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+    let inside = |proxy: &Proxy, v: u32| {
+        let x = skin.vertices[v as usize];
+        proxy.faces.iter().all(|(n, d)| n.dot(x) - d <= proxy.margin + ROUNDING * size)
+    };
+    let mut covered = vec![false; skin.vertices.len()];
+    for proxy in proxies {
+        proxy.vertices.iter().for_each(|&v| covered[v as usize] = inside(proxy, v));
+    }
+    for (v, covered) in covered.iter_mut().enumerate().filter(|(_, covered)| !**covered) {
+        *covered = proxies.iter().any(|proxy| inside(proxy, v as u32));
+    }
+    covered.iter().filter(|&&c| c).count() as f64 / covered.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::prepare::tests::scene;
+    use crate::prepare::{Body, Embedding, Layer, Shape, body_and_report, cache::Cache, embed, proxies, skin};
+    use crate::scene;
+    use crate::stages::model::Model;
+
+    /// The device's margins and weights are f32; as a share of the bound and of the body.
+    const SINGLE: f64 = 1e-6;
+
+    /// A head whose skin stands off its layer in places, so that weights extrapolate; with its arrays for the device.
+    fn head(stand_off: f64) -> (Body, Model) {
+        let surface = Some(scene::Surface::Model { model: scene::Model::Head, vertices: 3000 });
+        let scene = scene(
+            scene::Shape::Soft { surface, layer: scene::Layer::Cell { cell: 0.02, grade: 1, thickness: None } },
+            &[],
+        );
+        let (mut body, _) = body_and_report(&scene.bodies[0], &scene, &Cache::off(), &mut |_| {}).unwrap();
+        if let Shape::Soft { layer, embedding, skin, proxies, .. } = &mut body.shape {
+            let lifted = skin.vertices.iter().map(|v| *v * (1.0 + stand_off)).collect();
+            *skin = skin::build(lifted, skin.triangles.clone());
+            *embedding = embed(&skin.vertices, layer).unwrap();
+            *proxies = super::super::proxies(skin).unwrap();
+        }
+        let model = Model::new(&scene, std::slice::from_ref(&body), None);
+        (body, model)
+    }
+
+    /// Numbers from 0 to 1, the same every time.
+    fn random(state: &mut u64) -> f64 {
+        *state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (*state >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn random_vector(state: &mut u64) -> DVec3 {
+        2.0 * DVec3::new(random(state), random(state), random(state)) - 1.0
+    }
+
+    /// Displacements of all nodes: smooth, rough, of one node in fifty, far beyond the body, and a turn of all.
+    fn fields(nodes: &[DVec3]) -> Vec<Vec<DVec3>> {
+        let mut state = 7;
+        let turn = glam::DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, 2.0);
+        let size = nodes.iter().map(|n| n.length()).fold(0.0, f64::max);
+        let mut field =
+            |of: &mut dyn FnMut(DVec3, &mut u64) -> DVec3| nodes.iter().map(|n| of(*n, &mut state)).collect();
+        vec![
+            field(&mut |n, _| 0.2 * size * DVec3::new((20.0 * n.y).sin(), (15.0 * n.z).cos(), (n.x * 30.0).sin())),
+            field(&mut |_, s| 0.1 * size * random_vector(s)),
+            field(&mut |_, s| if random(s) < 0.02 { 0.3 * size * random_vector(s) } else { DVec3::ZERO }),
+            field(&mut |_, s| 20.0 * size * random_vector(s)),
+            field(&mut |n, _| turn * n - n),
+        ]
+    }
+
+    fn moved(e: &Embedding, layer: &Layer, d: &[DVec3]) -> DVec3 {
+        let nodes = layer.tetrahedra[e.tetrahedron as usize];
+        (0..4).map(|k| d[nodes[k] as usize] * e.weights[k]).sum()
+    }
+
+    /// Largest share of its inflation that any skin of any proxy uses under a field; the skin must be covered where
+    /// this is at most 1. `weight` replaces the bound of the weights.
+    fn used(body: &Body, model: &Model, d: &[DVec3], weight: Option<f64>) -> f64 {
+        let Shape::Soft { layer, embedding, skin, proxies, .. } = &body.shape else { panic!("not soft") };
+        let mut worst = 0.0f64;
+        let mut covered = vec![false; skin.vertices.len()];
+        for (proxy, on_device) in proxies.iter().zip(&model.proxies) {
+            let nodes = &model.proxy_nodes[on_device.node_first as usize..][..on_device.node_count as usize];
+            let farthest = nodes.iter().map(|&[n, _]| d[n as usize].length()).fold(0.0, f64::max);
+            let weight = weight.unwrap_or(f64::from(on_device.weight_bound));
+            let inflation = f64::from(on_device.margin) + weight * farthest;
+            let drawn = proxy.triangles.iter().flat_map(|&t| skin.triangles[t as usize]);
+            for v in drawn.chain(proxy.vertices.iter().copied()) {
+                let x = skin.vertices[v as usize] + moved(&embedding[v as usize], layer, d);
+                let height = proxy.faces.iter().map(|(n, o)| n.dot(x) - o).fold(f64::NEG_INFINITY, f64::max);
+                worst = worst.max((height - SINGLE) / inflation.max(SINGLE));
+                covered[v as usize] = true;
+            }
+        }
+        assert!(covered.into_iter().all(|c| c));
+        worst
+    }
+
+    #[test]
+    fn skin_stays_within_inflated_proxies_under_any_deformation() {
+        for stand_off in [0.0, 0.06] {
+            let (body, model) = head(stand_off);
+            let Shape::Soft { layer, embedding, .. } = &body.shape else { panic!("not soft") };
+            assert!(stand_off == 0.0 || embed::extrapolation(embedding) > 0.1);
+            assert!(used(&body, &model, &vec![DVec3::ZERO; layer.nodes.len()], None) <= 1.0 + SINGLE);
+            for (i, field) in fields(&layer.nodes).iter().enumerate() {
+                let share = used(&body, &model, field, None);
+                println!("stand-off {stand_off}, field {i}: {share:.3} of the inflation");
+                assert!(share > 0.05 && share <= 1.0 + SINGLE, "field {i}: {share}");
+            }
+        }
+    }
+
+    /// Nodes pulled each as its weight says, so that extrapolation adds up: the bound is reached, and one that left the
+    /// weights out would be passed.
+    #[test]
+    fn the_weights_of_extrapolated_skin_are_needed() {
+        let (body, model) = head(0.06);
+        let Shape::Soft { layer, embedding, proxies, .. } = &body.shape else { panic!("not soft") };
+        let sum = |e: &Embedding| e.weights.iter().map(|w| w.abs()).sum::<f64>();
+        let most = (0..embedding.len()).max_by(|&a, &b| sum(&embedding[a]).total_cmp(&sum(&embedding[b]))).unwrap();
+        let owner = proxies.iter().find(|p| p.vertices.contains(&(most as u32))).unwrap();
+        let mut field = vec![DVec3::ZERO; layer.nodes.len()];
+        for (n, w) in layer.tetrahedra[embedding[most].tetrahedron as usize].iter().zip(embedding[most].weights) {
+            field[*n as usize] = owner.faces[0].0 * (10.0 * w.signum());
+        }
+        let share = used(&body, &model, &field, None);
+        assert!(share > 0.9 && share <= 1.0 + SINGLE, "{share}");
+        assert!(used(&body, &model, &field, Some(1.0)) > 1.1);
+    }
+
+    #[test]
+    fn each_proxy_draws_one_contiguous_range_and_each_triangle_has_one_owner() {
+        let (body, model) = head(0.0);
+        let Shape::Soft { skin, .. } = &body.shape else { panic!("not soft") };
+        let (mut triangles, mut vertices) = (0, 0);
+        for proxy in &model.proxies {
+            assert_eq!((proxy.triangle_first, proxy.vertex_first), (triangles, vertices));
+            triangles += proxy.triangle_count;
+            vertices += proxy.vertex_count;
+        }
+        let permutation = |list: &[u32], count: usize| {
+            let mut sorted = list.to_vec();
+            sorted.sort_unstable();
+            sorted == (0..count as u32).collect::<Vec<_>>()
+        };
+        assert!(permutation(&model.proxy_triangles, skin.triangles.len()));
+        assert!(permutation(&model.proxy_vertices, skin.vertices.len()));
+        assert_eq!((triangles as usize, vertices as usize), (skin.triangles.len(), skin.vertices.len()));
+    }
+
+    #[test]
+    fn a_margin_too_small_shows_in_the_coverage() {
+        let (vertices, triangles) = scene::Model::Head.surface(3000);
+        let skin = skin::build(vertices, triangles);
+        let mut proxies = proxies(&skin).unwrap();
+        assert_eq!(share(&skin, &proxies), 1.0);
+        proxies.iter_mut().for_each(|p| p.margin = 0.0);
+        let less = share(&skin, &proxies);
+        assert!(less > 0.1 && less < 0.9, "{less}");
+    }
+}

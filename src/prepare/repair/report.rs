@@ -1,0 +1,159 @@
+//! What a repair found and did: counts, the first place of each, the words for people.
+
+use serde::{Deserialize, Serialize};
+
+use super::Refusal;
+use crate::scene::obj::TriangleMesh;
+
+/// How often something was found, and the first triangle (of the file, from 0) it was found at.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Count {
+    /// How often.
+    pub count: usize,
+    /// The first triangle, where there is one.
+    pub first_triangle: Option<usize>,
+}
+
+impl Count {
+    /// Adds one, at this triangle of the file.
+    pub(super) fn add(&mut self, triangle: usize) {
+        self.count += 1;
+        self.first_triangle = Some(self.first_triangle.map_or(triangle, |first| first.min(triangle)));
+    }
+}
+
+/// Pairs of triangles that pass through each other.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Crossings {
+    /// How many pairs.
+    pub count: usize,
+    /// The first pairs (triangles of the file, from 0), in order.
+    pub first_pairs: Vec<[usize; 2]>,
+}
+
+/// What a surface is, what was wrong with it, and what was done. Lengths are in file coordinates.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct RepairReport {
+    /// Vertices of the file, used or not.
+    pub vertices: usize,
+    /// Triangles of the file, polygons cut.
+    pub triangles: usize,
+    /// Triangles of the skin.
+    pub triangles_kept: usize,
+    /// Vertices that no triangle of the file uses.
+    pub unused_vertices: usize,
+    /// Vertices at open edges that coincide with an earlier one; faces use that one instead.
+    pub welded_vertices: Count,
+    /// Triangles without area, dropped.
+    pub zero_area: Count,
+    /// Triangles given before, either way round, dropped.
+    pub duplicates: Count,
+    /// Edges of two triangles that were wound opposite ways.
+    pub clashing_edges: Count,
+    /// Triangles turned over so that neighbours agree.
+    pub turned_triangles: usize,
+    /// Pieces: parts connected over edges of two triangles.
+    pub pieces: usize,
+    /// Pieces that were inside out, turned.
+    pub turned_pieces: Count,
+    /// Pieces inside another, wound inwards.
+    pub cavities: usize,
+    /// Pieces without volume, kept as they are.
+    pub sheets: Count,
+    /// Edges of one triangle, left open.
+    pub boundary_edges: Count,
+    /// Rims of holes: boundary edges joined at their vertices.
+    pub holes: usize,
+    /// Area of the fans that close the holes for volume and mass, as a share of the surface's.
+    pub hole_area_share: f64,
+    /// Edges of more than two triangles, across which no triangle has a neighbour.
+    pub non_manifold_edges: Count,
+    /// Pairs of triangles that cross; those that only touch are not counted.
+    pub self_intersections: Crossings,
+    /// Volume, holes closed by fans.
+    pub volume: f64,
+}
+
+impl RepairReport {
+    /// What is known before anything is done.
+    pub(super) fn of(mesh: &TriangleMesh) -> Self {
+        let mut used = vec![false; mesh.vertices.len()];
+        for &vertex in mesh.triangles.iter().flatten() {
+            // One out of range is refused in a moment.
+            used.get_mut(vertex as usize).into_iter().for_each(|used| *used = true);
+        }
+        RepairReport {
+            vertices: mesh.vertices.len(),
+            triangles: mesh.triangles.len(),
+            unused_vertices: used.iter().filter(|&&used| !used).count(),
+            ..Default::default()
+        }
+    }
+
+    /// Whether there is nothing to say.
+    pub fn is_clean(&self) -> bool {
+        self.sentences().is_empty()
+    }
+
+    /// The first reason to refuse the surface as it stands in the file, if any.
+    pub(super) fn defect(&self) -> Option<Refusal> {
+        let open = format!("the surface is open: {} edges with one triangle", self.boundary_edges.count);
+        let sheets = format!("{} pieces of the surface enclose no volume", self.sheets.count);
+        let clashing = format!("{} edges between triangles wound opposite ways", self.clashing_edges.count);
+        let crowded = format!("{} edges with more than two triangles", self.non_manifold_edges.count);
+        self.dropped()
+            .or(refuse(self.non_manifold_edges, crowded, "make the surface manifold: part the pieces at them"))
+            .or(refuse(self.clashing_edges, clashing, "make all faces point outwards (\"recalculate normals\")"))
+            .or(refuse(self.boundary_edges, open, "close the holes"))
+            .or(refuse(self.sheets, sheets, "remove them, or give them thickness"))
+            .or(refuse(self.turned_pieces, "the surface is inside out".into(), "reverse its faces (\"flip normals\")"))
+    }
+
+    /// The first reason among those that cost faces or vertices.
+    pub(super) fn dropped(&self) -> Option<Refusal> {
+        let flat = format!("{} triangles without area", self.zero_area.count);
+        let copies = format!("{} triangles given more than once", self.duplicates.count);
+        let apart = format!("{} vertices at open edges coincide with others", self.welded_vertices.count);
+        refuse(self.zero_area, flat, "collapse or remove them (\"merge by distance\")")
+            .or(refuse(self.duplicates, copies, "remove the copies"))
+            .or(refuse(self.welded_vertices, apart, "weld vertices that coincide (\"merge by distance\")"))
+    }
+
+    /// What was found and done, a sentence each, with the first triangle; empty for a sound surface.
+    pub(in crate::prepare) fn sentences(&self) -> Vec<(Option<usize>, String)> {
+        let mut said = Vec::new();
+        let mut say = |found: Count, text: String| {
+            if found.count > 0 {
+                said.push((found.first_triangle, format!("{} {text}", found.count)));
+            }
+        };
+        say(self.zero_area, "triangles without area dropped".into());
+        say(self.duplicates, "triangles given more than once dropped".into());
+        say(self.welded_vertices, "vertices joined with others at the same place, where edges were open".into());
+        let turned = format!("edges between triangles wound opposite ways; {} triangles turned", self.turned_triangles);
+        say(self.clashing_edges, turned);
+        say(self.turned_pieces, "pieces were inside out, and turned".into());
+        say(self.sheets, "pieces enclose no volume, and are kept as sheets".into());
+        let share = 100.0 * self.hole_area_share;
+        let open = format!(
+            "edges of one triangle around {} holes, left open; for volume and mass fans close them ({share:.2} % of the \
+             surface)",
+            self.holes
+        );
+        say(self.boundary_edges, open);
+        say(
+            self.non_manifold_edges,
+            "edges of more than two triangles, kept; contact is not followed across them".into(),
+        );
+        let crossings = &self.self_intersections;
+        if let Some(&[a, b]) = crossings.first_pairs.first() {
+            let text = format!("{} pairs of triangles cross, first {a} and {b} (from 0), kept", crossings.count);
+            said.push((Some(a), text));
+        }
+        said
+    }
+}
+
+fn refuse(found: Count, problem: String, remedy: &'static str) -> Option<Refusal> {
+    (found.count > 0).then_some(Refusal { problem, triangle: found.first_triangle, remedy })
+}

@@ -1,0 +1,121 @@
+//! Which frame each proxy rides on. A proxy whose skin follows several cores is parted between them: one hull over a
+//! joint would be inflated by the whole swing of the other bone.
+
+use std::collections::BTreeMap;
+
+use super::hull::Growing;
+use super::{Embedding, Layer, NONE, Proxy, Skin};
+
+/// Triangles of another frame stay with a proxy where they are fewer than this share of its own.
+const FEW: f64 = 0.1;
+/// Corners of a parted hull, at least as many as this where the skin has them.
+const LEAST_CORNERS: usize = 8;
+
+/// Proxies that ride each on the frame that most of their skin follows; parted where much of it follows another. All
+/// arrays in the rest frame; `node_frames` names the frame of each node. With one frame nothing changes.
+pub(super) fn on_frames(
+    proxies: Vec<Proxy>,
+    skin: &Skin,
+    layer: &Layer,
+    embedding: &[Embedding],
+    node_frames: &[u32],
+) -> Vec<Proxy> {
+    if node_frames.iter().all(|&frame| frame == 0) {
+        return proxies;
+    }
+    let followed: Vec<u32> = embedding.iter().map(|e| frame_of(e, layer, node_frames)).collect();
+    let mut parted = Vec::with_capacity(proxies.len());
+    for proxy in proxies {
+        let mut groups: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for &t in &proxy.triangles {
+            let [a, b, c] = skin.triangles[t as usize].map(|v| followed[v as usize]);
+            groups.entry(if b == c { b } else { a }).or_default().push(t);
+        }
+        // The first of the largest.
+        let most = groups.iter().rev().max_by_key(|(_, list)| list.len()).map_or(0, |(frame, _)| *frame);
+        let least = (FEW * proxy.triangles.len() as f64) as usize;
+        let few: Vec<u32> =
+            groups.iter().filter(|(f, list)| **f != most && list.len() <= least).map(|g| *g.0).collect();
+        for frame in few {
+            let list = groups.remove(&frame).unwrap_or_default();
+            groups.entry(most).or_default().extend(list);
+        }
+        if groups.len() == 1 {
+            parted.push(Proxy { frame: most, ..proxy });
+        } else {
+            parted.extend(part(&proxy, skin, groups, most));
+        }
+    }
+    parted
+}
+
+/// The frame of the node that moves a skin vertex most.
+fn frame_of(e: &Embedding, layer: &Layer, node_frames: &[u32]) -> u32 {
+    let strongest = (0..4).rev().max_by(|&i, &j| e.weights[i].total_cmp(&e.weights[j])).unwrap_or(0);
+    node_frames[layer.tetrahedra[e.tetrahedron as usize][strongest] as usize]
+}
+
+/// A proxy for each group of triangles.
+fn part(proxy: &Proxy, skin: &Skin, groups: BTreeMap<u32, Vec<u32>>, most: u32) -> Vec<Proxy> {
+    let mut owner: BTreeMap<u32, u32> = proxy.vertices.iter().map(|&v| (v, NONE)).collect();
+    for (frame, list) in &groups {
+        for v in list.iter().flat_map(|&t| skin.triangles[t as usize]) {
+            owner.entry(v).and_modify(|f| *f = if *f == NONE { *frame } else { *f });
+        }
+    }
+    let make = |(frame, mut triangles): (u32, Vec<u32>)| {
+        triangles.sort_unstable();
+        let is_own = |f: u32| f == frame || (f == NONE && frame == most);
+        let vertices: Vec<u32> = proxy.vertices.iter().copied().filter(|v| is_own(owner[v])).collect();
+        let covered = || triangles.iter().flat_map(|&t| skin.triangles[t as usize]).chain(vertices.iter().copied());
+        let points: Vec<_> = covered().map(|v| skin.vertices[v as usize]).collect();
+        let (hull, faces) = match Growing::new(&points) {
+            Some(mut growing) => {
+                while growing.hull.vertices.len() < proxy.hull.len().max(LEAST_CORNERS) && growing.grow() {}
+                (growing.hull.vertices, growing.hull.faces)
+            }
+            // A group in a single place: the old hull holds it too.
+            None => (proxy.hull.clone(), proxy.faces.clone()),
+        };
+        let height = |v: u32| {
+            let x = skin.vertices[v as usize];
+            faces.iter().map(|(n, d)| n.dot(x) - d).fold(f64::NEG_INFINITY, f64::max)
+        };
+        let margin = covered().map(height).fold(0.0, f64::max);
+        Proxy { frame, hull, faces, vertices, triangles, margin }
+    };
+    groups.into_iter().map(make).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::prepare::{embed, layer, proxies, proxy, skin};
+
+    #[test]
+    fn a_bar_between_two_cores_is_parted_between_them() {
+        let bar = layer::kuhn_box(DVec3::ZERO, DVec3::new(4.0, 1.0, 1.0), [16, 4, 4]);
+        let (vertices, triangles, _) = layer::boundary(&bar);
+        let skin = skin::build(vertices, triangles);
+        let embedding = embed(&skin.vertices, &bar).unwrap();
+        let whole = proxies(&skin).unwrap();
+        assert_eq!(whole.len(), 1);
+        let frames: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 2.6)).collect();
+        let parted = on_frames(whole.clone(), &skin, &bar, &embedding, &frames);
+        proxy::tests::check(&skin, &parted);
+        assert_eq!(parted.iter().map(|p| p.frame).collect::<Vec<_>>(), [0, 1]);
+        for p in &parted {
+            let (low, high) = if p.frame == 0 { (0.0, 2.8) } else { (2.4, 4.0) };
+            assert!(p.hull.iter().all(|v| v.x >= low && v.x <= high), "{:?}", p.hull);
+        }
+        // Few triangles of another frame stay, and one frame changes nothing.
+        let few: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.6)).collect();
+        assert_eq!(on_frames(whole.clone(), &skin, &bar, &embedding, &few).len(), 2);
+        let fewer: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.9 && n.y > 0.6)).collect();
+        assert_eq!(on_frames(whole.clone(), &skin, &bar, &embedding, &fewer), whole);
+        let none = vec![0; bar.nodes.len()];
+        assert_eq!(on_frames(whole.clone(), &skin, &bar, &embedding, &none), whole);
+    }
+}

@@ -1,0 +1,108 @@
+//! The version of the algorithms that make bodies: their sources, and the versions of the libraries they call. A body
+//! in the cache was made by exactly these, or it is made again; nobody has to remember to raise a number.
+
+/// Contents of every file that a body's costly parts depend on.
+pub(super) const SOURCES: &[&str] = &[
+    include_str!("../../Cargo.lock"),
+    include_str!("distance.rs"),
+    include_str!("embed.rs"),
+    include_str!("hull.rs"),
+    include_str!("lattice.rs"),
+    include_str!("layer.rs"),
+    include_str!("mass.rs"),
+    include_str!("mod.rs"),
+    include_str!("model/collapse.rs"),
+    include_str!("model/extract.rs"),
+    include_str!("model/gear.rs"),
+    include_str!("model/head.rs"),
+    include_str!("model/human.rs"),
+    include_str!("model/mod.rs"),
+    include_str!("model/pumpkin.rs"),
+    include_str!("model/solid.rs"),
+    include_str!("model/split.rs"),
+    include_str!("prepared.rs"),
+    include_str!("proxy.rs"),
+    include_str!("quality.rs"),
+    include_str!("repair/crossings.rs"),
+    include_str!("repair/faces.rs"),
+    include_str!("repair/mod.rs"),
+    include_str!("repair/outside.rs"),
+    include_str!("repair/report.rs"),
+    include_str!("repair/topology.rs"),
+    include_str!("skin.rs"),
+    include_str!("sphere.rs"),
+    include_str!("stuffing/cut.rs"),
+    include_str!("stuffing/fill.rs"),
+    include_str!("stuffing/grade.rs"),
+    include_str!("stuffing/mod.rs"),
+    include_str!("stuffing/parts.rs"),
+    include_str!("stuffing/report.rs"),
+    include_str!("stuffing/sample.rs"),
+    include_str!("stuffing/stencil.rs"),
+    include_str!("stuffing/thin.rs"),
+    include_str!("stuffing/volume.rs"),
+    include_str!("../scene/cursor.rs"),
+    include_str!("../scene/gmsh.rs"),
+    include_str!("../scene/obj.rs"),
+    include_str!("../scene/tetgen.rs"),
+    include_str!("../scene/tetrahedra.rs"),
+    include_str!("../scene/triangulate.rs"),
+    include_str!("../scene/vtk.rs"),
+];
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
+    /// Files that the cached parts do not depend on.
+    const OTHERS: [&str; 22] = [
+        "prepare/bind.rs",
+        "prepare/body.rs",
+        "prepare/cache.rs",
+        "prepare/cores.rs",
+        "prepare/coverage.rs",
+        "prepare/model/tests.rs",
+        "prepare/repair/tests.rs",
+        "prepare/report.rs",
+        "prepare/ride.rs",
+        "prepare/sources.rs",
+        "prepare/stuffing/tests/mod.rs",
+        "prepare/stuffing/tests/random.rs",
+        "prepare/stuffing/tests/real.rs",
+        "prepare/tests.rs",
+        "scene/body.rs",
+        "scene/drive.rs",
+        "scene/keys.rs",
+        "scene/load.rs",
+        "scene/mod.rs",
+        "scene/skeleton.rs",
+        "scene/supported.rs",
+        "scene/tests.rs",
+    ];
+
+    fn files(folder: &Path, found: &mut Vec<PathBuf>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                files(&path, found);
+            } else {
+                found.push(path);
+            }
+        }
+    }
+
+    #[test]
+    fn every_source_of_preparation_is_listed() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+        let mut found = Vec::new();
+        ["prepare", "scene"].iter().for_each(|folder| files(&root.join(folder), &mut found));
+        assert!(found.len() > OTHERS.len());
+        for path in found {
+            let name = path.strip_prefix(&root).unwrap().to_str().unwrap();
+            let text = fs::read_to_string(&path).unwrap();
+            let listed = super::SOURCES.contains(&text.as_str());
+            assert_ne!(listed, OTHERS.contains(&name), "{name} is to be in SOURCES, or in OTHERS, and not in both");
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! Layers made around any surface: isosurface stuffing (F. Labelle and J. Shewchuk 2007), limb by limb.
+//!
+//! The signed distance is sampled at a body-centred lattice (`sample`), the lattice cut and warped (`cut`), and every
+//! tetrahedron's inside filled by a stencil (`stencil`, `fill`); deep inside, octants make larger tetrahedra (`grade`).
+//! All dihedral angles are above 10 degrees whatever the surface, as the bound rests on the lattice alone.
+//!
+//! Beyond the paper: the level is shifted by a small share of a cell so that the volume agrees, as chords of a convex
+//! surface lose some; lattice edges that leave the solid between two inside ends join nothing, so limbs closer than a
+//! cell stay apart; what could not be kept apart, or is too thin for the lattice, is counted and placed in the report.
+
+mod cut;
+mod fill;
+mod grade;
+mod parts;
+mod report;
+mod sample;
+mod stencil;
+#[cfg(test)]
+mod tests;
+mod thin;
+mod volume;
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::distance::Solid;
+use super::lattice::Lattice;
+use super::{Layer, layer, mass};
+pub use report::{Crossing, Crossings, Dropped, LayerReport, Thickened};
+use stencil::Corner;
+
+/// A layer has at most this many tetrahedra; more would not fit the step, whatever the device.
+pub const MAX_TETRAHEDRA: f64 = 4e6;
+/// The lattice around the skin, kept or not, has at most this many tetrahedra (a sixth of that many distances).
+const MAX_LATTICE: f64 = 48e6;
+/// A solid fills at least this share of its largest extent cubed.
+const LEAST_VOLUME: f64 = 1e-9;
+/// The level is shifted by at most this share of a cell.
+const MAX_SHIFT: f64 = 0.1;
+/// The shift is good enough when the volume agrees to this.
+const AGREEMENT: f64 = 1e-3;
+/// Shifts tried at most.
+const TRIALS: usize = 4;
+/// Largest grade.
+const MAX_GRADE: u32 = 8;
+
+/// What layer to make.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Edge of the lattice's cubes, m.
+    pub cell: f64,
+    /// Largest cell deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
+    pub grade: u32,
+    /// Only tetrahedra with a node less deep than this (m) are kept: a shell.
+    pub thickness: Option<f64>,
+}
+
+impl Options {
+    /// Equal cells throughout.
+    pub fn uniform(cell: f64) -> Self {
+        Options { cell, grade: 1, thickness: None }
+    }
+}
+
+/// Fills a surface (vertices in m, triangles counter-clockwise seen from outside) with tetrahedra, no node bound.
+///
+/// The surface may be open, folded over or partly turned: inside is where it winds around a point by more than one half.
+/// Errors, each with its remedy: a surface smaller than a cell, more than [`MAX_TETRAHEDRA`], nothing inside, a
+/// coordinate that is not finite.
+pub fn stuff(vertices: &[DVec3], triangles: &[[u32; 3]], options: &Options) -> Result<(Layer, LayerReport), String> {
+    let start = Instant::now();
+    let low = vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    check(vertices, triangles, high - low, options)?;
+    let solid = Solid::new(vertices, triangles)?;
+    let cell = options.cell;
+    let lattice = Lattice::around(low, high - low, cell);
+    let reach = (1.2 * cell).max(options.thickness.unwrap_or(0.0));
+    let field = sample::field(&solid, &lattice, (low, high), reach);
+    let edges = sample::edges(&solid, &lattice, &field.value);
+    let octants = grade::Octants::new(&solid, &lattice, &field, options.grade);
+    let (surface_volume, clean) = volume::target(&solid, &lattice, &field, vertices, triangles);
+    // Written so that a NaN is refused too.
+    if surface_volume.is_nan() || surface_volume <= LEAST_VOLUME * (high - low).max_element().powi(3) {
+        return Err("the surface encloses nothing: it is turned inside out, flat, or too open; turn or close it".into());
+    }
+    let area: f64 = triangles.iter().map(|t| triangle_area(t.map(|i| vertices[i as usize]))).sum();
+    let plain = cut::cut(&solid, &lattice, &field, &edges, 0.0, &[]);
+    let taken = thin::taken_in(&solid, (vertices, triangles), &lattice, &field, &plain);
+    let surface = Surface { vertices, triangles, solid, lattice, field, edges, taken, octants, options };
+    let filled = surface.fill_to(surface_volume, area);
+    if filled.layer.tetrahedra.len() as f64 > MAX_TETRAHEDRA {
+        return Err(format!(
+            "a cell of {cell:.3e} m gives {} tetrahedra, more than 4 million; choose a larger one",
+            filled.layer.tetrahedra.len()
+        ));
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    let report = filled.report(surface_volume, clean, &surface.lattice, &surface.taken, seconds)?;
+    Ok((filled.layer, report))
+}
+
+fn triangle_area([a, b, c]: [DVec3; 3]) -> f64 {
+    (b - a).cross(c - a).length() / 2.0
+}
+
+/// Refuses cells that are too coarse or too fine.
+fn check(vertices: &[DVec3], triangles: &[[u32; 3]], extent: DVec3, options: &Options) -> Result<(), String> {
+    let cell = options.cell;
+    if !options.grade.is_power_of_two() || options.grade > MAX_GRADE {
+        return Err(format!("a grade of {}; give 1, 2, 4 or 8 times the cell", options.grade));
+    }
+    if extent.max_element().is_nan() || extent.max_element() < cell {
+        return Err(format!(
+            "the surface is {:.3e} m across, smaller than one cell of {cell:.3e} m; choose a smaller cell",
+            extent.max_element()
+        ));
+    }
+    let volume = mass::properties(vertices, triangles).volume;
+    let box_cells = (extent / cell + 4.0).to_array().iter().product::<f64>();
+    let whole = options.grade == 1 && options.thickness.is_none();
+    if (whole && 12.0 * volume / cell.powi(3) > MAX_TETRAHEDRA) || 12.0 * box_cells > MAX_LATTICE {
+        let least = (12.0 * volume / MAX_TETRAHEDRA).cbrt().max(cell * (12.0 * box_cells / MAX_LATTICE).cbrt());
+        return Err(format!(
+            "a cell of {cell:.3e} m would give more than 4 million tetrahedra; choose one above {:.1e} m",
+            1.1 * least
+        ));
+    }
+    Ok(())
+}
+
+/// All that stays the same while the level is shifted.
+struct Surface<'a> {
+    vertices: &'a [DVec3],
+    triangles: &'a [[u32; 3]],
+    solid: Solid,
+    lattice: Lattice,
+    field: sample::Field,
+    edges: Vec<sample::Edge>,
+    taken: Vec<u32>,
+    octants: grade::Octants,
+    options: &'a Options,
+}
+
+/// One filling.
+struct Filled {
+    layer: Layer,
+    shift: f64,
+    /// Volume of the layer and of what a shell leaves out, m^3.
+    volume: f64,
+    parts: usize,
+    dropped: Vec<parts::Dropped>,
+    doubled: usize,
+    separated: usize,
+    welded: Vec<([u32; 2], f64)>,
+    lost: Vec<([u32; 2], f64)>,
+}
+
+impl Surface<'_> {
+    /// The filling whose volume is nearest to the wanted one, by secants from the level 0; shifts beyond
+    /// [`MAX_SHIFT`] cells are not made.
+    fn fill_to(&self, volume: f64, area: f64) -> Filled {
+        let most = MAX_SHIFT * self.options.cell;
+        let mut best = self.fill(0.0);
+        let (mut rate, mut last) = (area, (0.0, best.volume));
+        for _ in 1..TRIALS {
+            let shift = last.0 + (volume - last.1) / rate;
+            if (best.volume - volume).abs() <= AGREEMENT * volume || shift.is_nan() || shift.abs() > most {
+                break;
+            }
+            let next = self.fill(shift);
+            if next.volume != last.1 && shift != last.0 {
+                rate = ((next.volume - last.1) / (shift - last.0)).max(0.1 * area);
+            }
+            last = (shift, next.volume);
+            if (next.volume - volume).abs() < (best.volume - volume).abs() {
+                best = next;
+            }
+        }
+        best
+    }
+
+    fn fill(&self, shift: f64) -> Filled {
+        let cuts = cut::cut(&self.solid, &self.lattice, &self.field, &self.edges, shift, &self.taken);
+        let mut filling = fill::fill(&self.lattice, &self.octants, &cuts);
+        let mut core = 0.0;
+        if let Some(thickness) = self.options.thickness {
+            let deep = |corner: Corner| match corner {
+                Corner::Node(n) => self.field.value[n as usize] <= -thickness,
+                Corner::Cut(..) => false,
+            };
+            let deep: Vec<bool> = filling.corners.iter().map(|&c| deep(c)).collect();
+            let all: f64 = total(&filling.nodes, &filling.tetrahedra);
+            filling.tetrahedra.retain(|t| !t.iter().all(|&n| deep[n as usize]));
+            core = all - total(&filling.nodes, &filling.tetrahedra);
+            parts::compact(&mut filling);
+        }
+        let doubled = parts::split(&self.solid, &cuts, &mut filling);
+        let (parts, dropped) = parts::drop_bits(&self.solid, (self.vertices, self.triangles), &cuts, &mut filling);
+        let volume = core + total(&filling.nodes, &filling.tetrahedra);
+        let bound = vec![false; filling.nodes.len()];
+        let layer = Layer { nodes: filling.nodes, tetrahedra: filling.tetrahedra, bound };
+        Filled {
+            layer,
+            shift,
+            volume,
+            parts,
+            dropped,
+            doubled,
+            separated: cuts.apart.len(),
+            welded: cuts.welded,
+            lost: cuts.lost,
+        }
+    }
+}
+
+/// Volume of all tetrahedra, m^3.
+fn total(nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> f64 {
+    tetrahedra.iter().map(|t| layer::volume6(nodes, t) / 6.0).sum()
+}

@@ -1,0 +1,159 @@
+//! What holds together: nodes where only corners or edges touch are doubled, and bits that no feature of the surface
+//! needs are dropped.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use super::cut::{Cuts, Side};
+use super::fill::Filling;
+use super::stencil::Corner;
+use crate::prepare::NONE;
+use crate::prepare::distance::Solid;
+use crate::prepare::layer::FACES;
+use crate::prepare::skin::{self, Sets};
+
+/// A node on the surface.
+fn on_surface(cuts: &Cuts, corner: Corner) -> bool {
+    match corner {
+        Corner::Node(n) => cuts.side[n as usize] == Side::On,
+        Corner::Cut(..) => true,
+    }
+}
+
+/// Doubles every surface node whose tetrahedra do not hang together by faces that the solid passes through; returns how
+/// many nodes were added.
+pub(super) fn split(solid: &Solid, cuts: &Cuts, filling: &mut Filling) -> usize {
+    let surface: Vec<bool> = filling.corners.iter().map(|&c| on_surface(cuts, c)).collect();
+    let near: Vec<u32> = (0..filling.tetrahedra.len() as u32)
+        .filter(|&t| filling.tetrahedra[t as usize].iter().any(|&n| surface[n as usize]))
+        .collect();
+    let mut wedges = joined_wedges(solid, filling, &surface, &near);
+    let before = filling.nodes.len();
+    let mut first = vec![NONE; before];
+    let mut copies = BTreeMap::new();
+    for wedge in 0..4 * near.len() as u32 {
+        let (t, k) = (near[wedge as usize / 4] as usize, wedge as usize % 4);
+        let n = filling.tetrahedra[t][k] as usize;
+        let group = wedges.find(wedge);
+        if !surface[n] || first[n] == group {
+            continue;
+        }
+        if first[n] == NONE {
+            first[n] = group;
+            continue;
+        }
+        filling.tetrahedra[t][k] = *copies.entry(group).or_insert_with(|| {
+            filling.nodes.push(filling.nodes[n]);
+            filling.corners.push(filling.corners[n]);
+            filling.nodes.len() as u32 - 1
+        });
+    }
+    filling.nodes.len() - before
+}
+
+/// Wedges, which are the tetrahedra `near` the surface at one of their corners, joined across the faces they share.
+fn joined_wedges(solid: &Solid, filling: &Filling, surface: &[bool], near: &[u32]) -> Sets {
+    let mut faces: Vec<([u32; 3], u32, u8)> = Vec::with_capacity(4 * near.len());
+    for (local, &t) in near.iter().enumerate() {
+        for (opposite, face) in FACES.iter().enumerate() {
+            let mut key = face.map(|k| filling.tetrahedra[t as usize][k]);
+            key.sort_unstable();
+            faces.push((key, local as u32, opposite as u8));
+        }
+    }
+    faces.sort_unstable();
+    let mut wedges = Sets::new(4 * near.len());
+    for pair in faces.chunk_by(|a, b| a.0 == b.0).filter(|g| g.len() == 2) {
+        let [(face, s, opposite_s), (_, t, opposite_t)] = [pair[0], pair[1]];
+        let [p, q] = [s, t].map(|local| filling.tetrahedra[near[local as usize] as usize]);
+        // Two limbs that were warped onto the same nodes in the gap between them share a face, but no material.
+        let in_surface = face.iter().all(|&n| surface[n as usize]);
+        let ends = [p[opposite_s as usize], q[opposite_t as usize]].map(|n| filling.nodes[n as usize]);
+        if in_surface && leaves(solid, ends[0], ends[1]) {
+            continue;
+        }
+        for n in face {
+            let wedge = |t: [u32; 4], local: u32| t.iter().position(|&m| m == n).map(|k| 4 * local + k as u32);
+            if let (Some(a), Some(b)) = (wedge(p, s), wedge(q, t)) {
+                wedges.join(a, b);
+            }
+        }
+    }
+    wedges
+}
+
+/// Whether the segment between two inside nodes leaves the solid.
+fn leaves(solid: &Solid, a: DVec3, b: DVec3) -> bool {
+    let hits = solid.crossings(a, b);
+    hits.windows(2).any(|pair| solid.signed(a.lerp(b, (pair[0] + pair[1]) / 2.0)) > 0.0)
+}
+
+/// A bit that was dropped: its tetrahedra, volume (m^3) and one of its nodes.
+pub(super) struct Dropped {
+    pub tetrahedra: usize,
+    pub volume: f64,
+    pub place: DVec3,
+}
+
+/// Drops the parts that are not the largest (in volume) of any connected part of the surface that they touch; returns
+/// how many parts stay, and what went.
+pub(super) fn drop_bits(
+    solid: &Solid,
+    (vertices, triangles): (&[DVec3], &[[u32; 3]]),
+    cuts: &Cuts,
+    filling: &mut Filling,
+) -> (usize, Vec<Dropped>) {
+    let mut sets = Sets::new(filling.nodes.len());
+    for t in &filling.tetrahedra {
+        (1..4).for_each(|k| sets.join(t[0], t[k]));
+    }
+    let (labels, count) = sets.labels();
+    if count < 2 {
+        return (count, Vec::new());
+    }
+    let mut bits: Vec<Dropped> =
+        (0..count).map(|_| Dropped { tetrahedra: 0, volume: 0.0, place: DVec3::ZERO }).collect();
+    for t in &filling.tetrahedra {
+        let bit = &mut bits[labels[t[0] as usize] as usize];
+        bit.tetrahedra += 1;
+        bit.volume += crate::prepare::layer::volume6(&filling.nodes, t) / 6.0;
+        bit.place = filling.nodes[t[0] as usize];
+    }
+    let (pieces, piece_count) = skin::parts(vertices.len(), triangles);
+    let mut largest: Vec<Option<u32>> = vec![None; piece_count];
+    // From an inside node the nearest surface is its own part's; a node on the surface may be on a neighbour's.
+    let mut asked = vec![false; filling.nodes.len()];
+    let touches = |t: &&[u32; 4]| t.iter().any(|&n| on_surface(cuts, filling.corners[n as usize]));
+    for &n in filling.tetrahedra.iter().filter(touches).flatten() {
+        if on_surface(cuts, filling.corners[n as usize]) || std::mem::replace(&mut asked[n as usize], true) {
+            continue;
+        }
+        let label = labels[n as usize];
+        let best = &mut largest[pieces[solid.nearest_vertex(filling.nodes[n as usize]) as usize] as usize];
+        if best.is_none_or(|b| bits[label as usize].volume > bits[b as usize].volume) {
+            *best = Some(label);
+        }
+    }
+    let mut kept = vec![false; count];
+    largest.into_iter().flatten().for_each(|label| kept[label as usize] = true);
+    filling.tetrahedra.retain(|t| kept[labels[t[0] as usize] as usize]);
+    compact(filling);
+    let stay = kept.iter().filter(|&&k| k).count();
+    (stay, bits.into_iter().zip(kept).filter(|b| !b.1).map(|b| b.0).collect())
+}
+
+/// Removes nodes of no tetrahedron.
+pub(super) fn compact(filling: &mut Filling) {
+    let mut number = vec![NONE; filling.nodes.len()];
+    filling.tetrahedra.iter().flatten().for_each(|&n| number[n as usize] = 0);
+    for (next, slot) in number.iter_mut().filter(|slot| **slot == 0).enumerate() {
+        *slot = next as u32;
+    }
+    let used = |n: usize| number[n] != NONE;
+    let mut n = 0;
+    filling.nodes.retain(|_| (used(n), n += 1).0);
+    let mut n = 0;
+    filling.corners.retain(|_| (used(n), n += 1).0);
+    filling.tetrahedra.iter_mut().for_each(|t| *t = t.map(|n| number[n as usize]));
+}

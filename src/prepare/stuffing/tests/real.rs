@@ -1,0 +1,126 @@
+//! Stuffing the real meshes, and those with defects.
+
+use glam::DVec3;
+
+use super::super::*;
+use super::{Mesh, check, uniform};
+use crate::prepare::embed;
+use crate::prepare::tests::meshes;
+use crate::scene::Model;
+use crate::scene::obj;
+
+fn real(folder: &std::path::Path, name: &str) -> Mesh {
+    let mesh = obj::read(&folder.join(format!("surf/{name}.obj"))).unwrap();
+    (mesh.vertices, mesh.triangles)
+}
+
+fn largest_extent(mesh: &Mesh) -> f64 {
+    let low = mesh.0.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    (mesh.0.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low).max_element()
+}
+
+#[test]
+fn files_with_defects_are_filled_soundly_or_refused() {
+    let Some(folder) = meshes("stuffing defects") else { return };
+    let mut files: Vec<_> = std::fs::read_dir(folder.join("bad")).unwrap().map(|f| f.unwrap().path()).collect();
+    files.sort();
+    let mut filled = 0;
+    for path in files.iter().filter(|p| p.extension().is_some_and(|e| e == "obj")) {
+        let name = path.file_name().unwrap().to_string_lossy();
+        let mesh = match obj::read(path) {
+            Ok(mesh) => (mesh.vertices, mesh.triangles),
+            Err(error) => {
+                println!("{name}: unreadable: {error}");
+                continue;
+            }
+        };
+        let cell = largest_extent(&mesh) / 30.0;
+        match stuff(&mesh.0, &mesh.1, &Options { cell, grade: 2, thickness: None }) {
+            Err(error) => println!("{name}: {error}"),
+            Ok((layer, report)) => {
+                println!(
+                    "{name}: {} tetrahedra, dihedral {:.1}, volume {:+.2e}, parts {}, dropped {}, thickened {}, {:.2} s",
+                    report.tetrahedra,
+                    report.worst_dihedral,
+                    report.volume_difference,
+                    report.parts,
+                    report.dropped.parts,
+                    report.thickened.nodes,
+                    report.seconds
+                );
+                check(&layer, &report);
+                filled += 1;
+            }
+        }
+    }
+    assert!(filled >= 5);
+}
+
+#[test]
+#[ignore = "figures, not a test: seconds against vertices, about a minute"]
+fn seconds_against_vertices() {
+    for count in [10_000, 44_000, 100_000, 400_000] {
+        let mesh = Model::Head.surface(count);
+        let (layer, report) = stuff(&mesh.0, &mesh.1, &Options::uniform(0.00625)).unwrap();
+        let start = Instant::now();
+        let out = embed::extrapolation(&embed(&mesh.0, &layer).unwrap());
+        let embedding = start.elapsed().as_secs_f64();
+        println!(
+            "{count} vertices: {:.2} s, {} tetrahedra, embedding {embedding:.2} s, extrapolation {out:.2}",
+            report.seconds, report.tetrahedra
+        );
+    }
+}
+
+/// A tetrahedron whose middle is farther outside than this, in cells, fills what is not there.
+const OUTSIDE: f64 = 0.2;
+
+/// Whatever fills a gap or thickens a feature is near a place that the report names.
+fn what_lies_outside_is_reported(mesh: &Mesh, layer: &Layer, report: &LayerReport, cell: f64) {
+    let solid = Solid::new(&mesh.0, &mesh.1).unwrap();
+    let welded = report.welded.widest.iter().map(|w| w.place);
+    let places: Vec<DVec3> = report.thickened.places.iter().copied().chain(welded).map(DVec3::from_array).collect();
+    assert_eq!(places.len(), report.thickened.nodes + report.welded.count);
+    for t in &layer.tetrahedra {
+        let middle: DVec3 = t.iter().map(|&n| layer.nodes[n as usize] / 4.0).sum();
+        let named = || places.iter().any(|p| p.distance(middle) < cell);
+        assert!(solid.signed(middle) < OUTSIDE * cell || named(), "{middle}");
+    }
+}
+
+#[test]
+fn the_real_meshes_keep_their_volume_and_their_angles() {
+    let Some(folder) = meshes("stuffing the real meshes") else { return };
+    let cases = ["head", "pumpkin", "gear", "human"].map(|name| (name, 1.0 / 40.0));
+    for (name, share) in cases.into_iter().chain([("human", 0.02 / 1.67)]) {
+        let mesh = real(&folder, name);
+        let cell = share * largest_extent(&mesh);
+        let (layer, report) = uniform(&mesh, cell);
+        let out = embed::extrapolation(&embed(&mesh.0, &layer).unwrap());
+        println!(
+            "{name} cell {cell:.4}: {} nodes {} tetrahedra, dihedral {:.2} {:.2} {:.2}, volume {:+.2e}, shift {:.3} \
+             cells, parts {} dropped {} separated {} doubled {} welded {} lost {} thickened {}, extrapolation {out:.2}, \
+             {:.2} s",
+            report.nodes,
+            report.tetrahedra,
+            report.worst_dihedral,
+            report.first_percentile_dihedral,
+            report.largest_dihedral,
+            report.volume_difference,
+            report.shift / cell,
+            report.parts,
+            report.dropped.parts,
+            report.separated,
+            report.doubled,
+            report.welded.count,
+            report.lost.count,
+            report.thickened.nodes,
+            report.seconds,
+        );
+        assert!(report.volume_difference.abs() < 0.02);
+        assert_eq!((report.parts, report.dropped.parts), (1, 0));
+        // A skin vertex has a filled node within a cell.
+        assert!(out < 1.5, "{out}");
+        what_lies_outside_is_reported(&mesh, &layer, &report, cell);
+    }
+}

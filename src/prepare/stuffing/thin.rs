@@ -1,0 +1,206 @@
+//! Features thinner than the lattice: outside nodes taken in, so that nothing falls off and no part of the skin is left
+//! without a tetrahedron near it.
+//!
+//! The cells of the lattice's nodes (truncated octahedra) that a feature's axis passes are neighbours one after another,
+//! and none of their nodes is farther from it than 0.56 cells; so a chain of nodes follows every feature. The cheapest
+//! chains from what is filled to what is not, by E. Dijkstra 1959 with a price on the way outside, are taken in.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::DVec3;
+
+use super::cut::{Cuts, Side};
+use super::sample::Field;
+use crate::prepare::NONE;
+use crate::prepare::distance::Solid;
+use crate::prepare::lattice::Lattice;
+use crate::prepare::skin::{self, Sets};
+
+/// A vertex of the surface with no filled node within this many cells lies on a lost feature. A flat surface has one
+/// within 0.9, wherever it lies.
+const LOST: f64 = 1.0;
+/// Nodes farther outside than this, in cells, are in no chain.
+const FAR: f64 = 0.8;
+/// A cell's way at a distance of one cell outside costs as much as so many inside.
+const PRICE: f64 = 16.0;
+
+/// What holds together, node by node.
+struct Limbs<'a> {
+    lattice: &'a Lattice,
+    field: &'a Field,
+    cuts: &'a Cuts,
+    /// Part of each inside node.
+    label: Vec<u32>,
+    /// Parts that stay: the largest of each connected part of the surface.
+    kept: Vec<bool>,
+}
+
+/// Outside nodes to be taken in, the farthest from the surface first.
+pub(super) fn taken_in(
+    solid: &Solid,
+    (vertices, triangles): (&[DVec3], &[[u32; 3]]),
+    lattice: &Lattice,
+    field: &Field,
+    cuts: &Cuts,
+) -> Vec<u32> {
+    let (pieces, piece_count) = skin::parts(vertices.len(), triangles);
+    let limbs = Limbs::new(solid, lattice, field, cuts, &pieces, piece_count);
+    let mut taken = vec![false; field.value.len()];
+    let mut used = vec![false; vertices.len()];
+    triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
+    // A piece without any inside node starts from the node nearest to its first vertex.
+    let mut filled = vec![false; piece_count];
+    limbs.pieces_filled(solid, &pieces, &mut filled);
+    for v in (0..vertices.len()).filter(|&v| used[v]) {
+        if !std::mem::replace(&mut filled[pieces[v] as usize], true) {
+            limbs.nearest(vertices[v]).into_iter().for_each(|n| taken[n as usize] = true);
+        }
+    }
+    let lost: Vec<usize> = (0..vertices.len()).filter(|&v| used[v] && !limbs.covers(vertices[v], &taken)).collect();
+    let loose = limbs.loose();
+    if !lost.is_empty() || !loose.is_empty() {
+        let (way, from) = limbs.ways(&taken);
+        for node in loose {
+            take(node, &from, &mut taken);
+        }
+        let end = |v: &usize| limbs.nearest(vertices[*v]);
+        let mut ends: Vec<(f64, usize, u32)> =
+            lost.iter().filter_map(|v| end(v).map(|n| (way[n as usize], *v, n))).collect();
+        // The farthest first: their chains serve the nearer ones.
+        ends.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        for (_, v, node) in ends {
+            if !limbs.covers(vertices[v], &taken) {
+                take(node, &from, &mut taken);
+            }
+        }
+    }
+    let outside = |n: &u32| taken[*n as usize] && cuts.side[*n as usize] != Side::Inside;
+    let mut nodes: Vec<u32> = (0..taken.len() as u32).filter(outside).collect();
+    nodes.sort_by(|&a, &b| field.value[b as usize].total_cmp(&field.value[a as usize]));
+    nodes
+}
+
+/// Takes in a chain, from its end to where it starts.
+fn take(mut node: u32, from: &[u32], taken: &mut [bool]) {
+    while node != NONE && !std::mem::replace(&mut taken[node as usize], true) {
+        node = from[node as usize];
+    }
+}
+
+impl<'a> Limbs<'a> {
+    fn new(
+        solid: &Solid,
+        lattice: &'a Lattice,
+        field: &'a Field,
+        cuts: &'a Cuts,
+        pieces: &[u32],
+        piece_count: usize,
+    ) -> Self {
+        let inside = |n: u32| cuts.side[n as usize] == Side::Inside;
+        let nodes = 0..field.value.len() as u32;
+        let mut sets = Sets::new(field.value.len());
+        for n in nodes.clone().filter(|&n| inside(n)) {
+            for m in lattice.neighbours(n).filter(|&m| m > n && inside(m) && cuts.joined(n, m)) {
+                sets.join(n, m);
+            }
+        }
+        let (label, count) = sets.labels();
+        let mut size = vec![0u32; count];
+        nodes.clone().filter(|&n| inside(n)).for_each(|n| size[label[n as usize] as usize] += 1);
+        let mut largest: Vec<Option<u32>> = vec![None; piece_count];
+        let near = |n: &u32| inside(*n) && field.value[*n as usize].abs() < 1.5 * lattice.cell();
+        for n in nodes.filter(near) {
+            let piece = pieces[solid.nearest_vertex(lattice.position(n)) as usize] as usize;
+            let mine = label[n as usize];
+            if largest[piece].is_none_or(|b| size[mine as usize] > size[b as usize]) {
+                largest[piece] = Some(mine);
+            }
+        }
+        let mut kept = vec![false; count];
+        largest.into_iter().flatten().for_each(|l| kept[l as usize] = true);
+        Limbs { lattice, field, cuts, label, kept }
+    }
+
+    fn is_kept(&self, n: u32) -> bool {
+        self.cuts.side[n as usize] == Side::Inside && self.kept[self.label[n as usize] as usize]
+    }
+
+    /// Marks the pieces of the surface that a kept part touches.
+    fn pieces_filled(&self, solid: &Solid, pieces: &[u32], filled: &mut [bool]) {
+        let near = |n: &u32| self.is_kept(*n) && self.field.value[*n as usize].abs() < 1.5 * self.lattice.cell();
+        for n in (0..self.field.value.len() as u32).filter(near) {
+            filled[pieces[solid.nearest_vertex(self.lattice.position(n)) as usize] as usize] = true;
+        }
+    }
+
+    /// Nodes within some cells of a point, and their distances, m.
+    fn around(&self, point: DVec3, cells: f64) -> impl Iterator<Item = (u32, f64)> {
+        let centre = ((point - self.lattice.at([0; 3])) * (2.0 / self.lattice.cell())).round();
+        let reach = (2.0 * cells).ceil() as i32;
+        let [x, y, z] = centre.to_array().map(|c| c as i32);
+        let offsets = move || -reach..=reach;
+        let all =
+            offsets().flat_map(move |i| offsets().flat_map(move |j| offsets().map(move |k| [x + i, y + j, z + k])));
+        let even = all.filter(|[i, j, k]| (i & 1) == (j & 1) && (j & 1) == (k & 1));
+        let found = even.filter_map(|halves| self.lattice.node(halves));
+        let farthest = cells * self.lattice.cell();
+        found.map(move |n| (n, self.lattice.position(n).distance(point))).filter(move |f| f.1 <= farthest)
+    }
+
+    fn nearest(&self, point: DVec3) -> Option<u32> {
+        self.around(point, 1.0).min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0))).map(|f| f.0)
+    }
+
+    /// Whether a filled node of a kept part, or one taken in, is near a point.
+    fn covers(&self, point: DVec3, taken: &[bool]) -> bool {
+        let holds = |(n, _): (u32, f64)| {
+            let on = || self.cuts.side[n as usize] == Side::On;
+            let held = || self.lattice.neighbours(n).any(|m| self.is_kept(m) && self.cuts.joined(n, m));
+            taken[n as usize] || self.is_kept(n) || (on() && held())
+        };
+        // Most vertices have one close by.
+        self.around(point, 0.5).any(holds) || self.around(point, LOST).any(holds)
+    }
+
+    /// A node of each part that is not kept.
+    fn loose(&self) -> Vec<u32> {
+        let mut seen = self.kept.clone();
+        let inside = |n: &u32| self.cuts.side[*n as usize] == Side::Inside;
+        (0..self.label.len() as u32)
+            .filter(inside)
+            .filter(|&n| !std::mem::replace(&mut seen[self.label[n as usize] as usize], true))
+            .collect()
+    }
+
+    /// Length of the cheapest chain from a kept part or a seed to each node, and the node before it.
+    fn ways(&self, seeds: &[bool]) -> (Vec<f64>, Vec<u32>) {
+        let count = self.field.value.len();
+        let (mut way, mut from) = (vec![f64::INFINITY; count], vec![NONE; count]);
+        let mut heap = BinaryHeap::new();
+        let cell = self.lattice.cell();
+        for n in (0..count as u32).filter(|&n| self.is_kept(n) || seeds[n as usize]) {
+            way[n as usize] = 0.0;
+            if self.field.value[n as usize].abs() < 2.0 * cell {
+                heap.push(Reverse((0u64, n)));
+            }
+        }
+        while let Some(Reverse((bits, n))) = heap.pop() {
+            let at = f64::from_bits(bits);
+            if at > way[n as usize] {
+                continue;
+            }
+            for m in self.lattice.neighbours(n).filter(|&m| self.cuts.joined(n, m)) {
+                let outside = self.field.value[m as usize].max(0.0) / cell;
+                let length = if Lattice::is_long(n, m) { 1.0 } else { 0.75f64.sqrt() };
+                let there = at + length * (1.0 + PRICE * outside);
+                if outside < FAR && there < way[m as usize] {
+                    (way[m as usize], from[m as usize]) = (there, n);
+                    // Positive floats compare as their bits.
+                    heap.push(Reverse((there.to_bits(), m)));
+                }
+            }
+        }
+        (way, from)
+    }
+}

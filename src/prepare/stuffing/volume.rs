@@ -1,0 +1,59 @@
+//! The volume that a layer should have.
+
+use glam::DVec3;
+
+use super::sample::{Field, in_parallel};
+use crate::prepare::distance::{HALF, Solid};
+use crate::prepare::lattice::Lattice;
+use crate::prepare::mass;
+
+/// Points at which an unclean solid is asked whether it is inside, about: the volume is then good to two thousandths.
+const POINTS: usize = 60_000;
+
+/// Volume inside the surface, m^3, and whether that is the closed surface's own. Of surfaces that are open, turned or
+/// folded over, it is where the winding number is above one half, counted at points of the cells near the surface.
+pub(super) fn target(
+    solid: &Solid,
+    lattice: &Lattice,
+    field: &Field,
+    vertices: &[DVec3],
+    triangles: &[[u32; 3]],
+) -> (f64, bool) {
+    if field.clean && is_closed(triangles) {
+        return (mass::properties(vertices, triangles).volume, true);
+    }
+    let cell = lattice.cell();
+    let (mut whole, mut near) = (0usize, Vec::new());
+    lattice.each_cell(|c| {
+        let value = field.value[2 * lattice.place(c) + 1];
+        if value.abs() < cell * 0.75f64.sqrt() {
+            near.push((c, 0.0));
+        } else if value < 0.0 {
+            whole += 1;
+        }
+    });
+    let points = (POINTS as f64 / near.len().max(1) as f64).cbrt().round().clamp(1.0, 6.0) as usize;
+    in_parallel(&mut near, 64, |_, cells| {
+        for (c, share) in cells {
+            let low = lattice.at(c.map(|x| 2 * x as i32));
+            let inside = |&k: &usize| {
+                let step = [k % points, k / points % points, k / points / points];
+                let offset = DVec3::from_array(step.map(|s| (s as f64 + 0.5) / points as f64));
+                solid.winding(low + cell * offset) > HALF
+            };
+            *share = (0..points.pow(3)).filter(inside).count() as f64 / points.pow(3) as f64;
+        }
+    });
+    let cells = whole as f64 + near.iter().map(|n| n.1).sum::<f64>();
+    (cells * cell.powi(3), false)
+}
+
+/// Whether every edge is passed once in either direction.
+fn is_closed(triangles: &[[u32; 3]]) -> bool {
+    let ends = |t: &[u32; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
+    let mut forth: Vec<(u32, u32)> = triangles.iter().flat_map(ends).collect();
+    let mut back: Vec<(u32, u32)> = forth.iter().map(|&(a, b)| (b, a)).collect();
+    forth.sort_unstable();
+    back.sort_unstable();
+    forth == back && forth.windows(2).all(|w| w[0] != w[1])
+}

@@ -1,0 +1,223 @@
+//! A place in a mesh file, text or binary: lines, words and numbers read one by one, errors that say where.
+//!
+//! The parsers above it are our own because errors name the file and the line and no header's count is trusted with
+//! memory: the mshio crate reads Gmsh 4.1 alone, vtkio is between releases, and neither has lines.
+
+use std::path::Path;
+use std::str::FromStr;
+
+use glam::DVec3;
+
+use crate::{Error, Result};
+
+/// Greatest magnitude of a coordinate: more does not fit in single precision with room for a product.
+const LARGEST: f64 = 1e30;
+
+/// Order of the bytes of a binary number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Order {
+    Little,
+    Big,
+}
+
+/// A file and how far it has been read.
+pub(super) struct Cursor<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    at: usize,
+    /// Where what was read last begins.
+    mark: usize,
+    /// What to do about any damage.
+    remedy: &'static str,
+    /// Of the numbers, where they are binary.
+    pub order: Option<Order>,
+}
+
+/// The bytes of a mesh file.
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path)
+        .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give a mesh file"))
+}
+
+/// A word fit for a message.
+pub(super) fn short(word: &str) -> String {
+    word.chars().take(40).collect::<String>().escape_debug().to_string()
+}
+
+impl<'a> Cursor<'a> {
+    pub(super) fn new(path: &'a Path, bytes: &'a [u8], remedy: &'static str) -> Self {
+        Cursor { path, bytes, at: 0, mark: 0, remedy, order: None }
+    }
+
+    /// Where what was read last begins, for [`Cursor::error_at`].
+    pub(super) fn mark(&self) -> usize {
+        self.mark
+    }
+
+    pub(super) fn error(&self, problem: impl Into<String>) -> Error {
+        self.error_at(self.mark, problem, self.remedy)
+    }
+
+    /// An error at a byte of the file: its line in a text, itself among binary numbers.
+    pub(super) fn error_at(&self, mark: usize, problem: impl Into<String>, remedy: &str) -> Error {
+        match self.order {
+            Some(_) => Error::input(self.path, None, format!("{}, at byte {mark}", problem.into()), remedy),
+            None => {
+                let line = 1 + self.bytes[..mark].iter().filter(|&&byte| byte == b'\n').count();
+                Error::input(self.path, Some(line), problem, remedy)
+            }
+        }
+    }
+
+    /// An error about the file as a whole.
+    pub(super) fn error_of_file(&self, problem: &str, remedy: &str) -> Error {
+        Error::input(self.path, None, problem, remedy)
+    }
+
+    pub(super) fn ended(&self) -> bool {
+        self.at >= self.bytes.len()
+    }
+
+    /// The rest of the line.
+    pub(super) fn next_line(&mut self) -> Option<&'a str> {
+        self.mark = self.at;
+        if self.ended() {
+            return None;
+        }
+        let rest = &self.bytes[self.at..];
+        let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
+        self.at = (self.at + length + 1).min(self.bytes.len());
+        // What is no text is no word either: the parser refuses it by line.
+        Some(std::str::from_utf8(&rest[..length]).unwrap_or("\u{fffd}").trim())
+    }
+
+    /// The next line that is not empty, trimmed.
+    pub(super) fn next_filled(&mut self) -> Option<&'a str> {
+        loop {
+            let line = self.next_line()?;
+            if !line.is_empty() {
+                return Some(line);
+            }
+        }
+    }
+
+    /// The next line that is not empty; `what` is said where the file ends instead.
+    pub(super) fn need(&mut self, what: &str) -> Result<&'a str> {
+        self.next_filled().ok_or_else(|| self.error(format!("the file ends early, before {what}")))
+    }
+
+    /// This line and no other.
+    pub(super) fn expect(&mut self, marker: &str) -> Result<()> {
+        match self.need(marker)? {
+            line if line == marker => Ok(()),
+            line => Err(self.error(format!("\"{}\" stands where {marker} should", short(line)))),
+        }
+    }
+
+    /// Goes on behind the next occurrence of a marker, wherever it stands.
+    pub(super) fn skip_past(&mut self, marker: &str) -> Result<()> {
+        let rest = &self.bytes[self.at..];
+        match rest.windows(marker.len()).position(|window| window == marker.as_bytes()) {
+            Some(place) => {
+                self.at += place + marker.len();
+                Ok(())
+            }
+            None => {
+                self.mark = self.bytes.len();
+                Err(self.error(format!("the file ends early, before {marker}")))
+            }
+        }
+    }
+
+    /// A number of the line read last.
+    pub(super) fn parse<T: FromStr>(&self, word: &str, what: &str) -> Result<T> {
+        word.parse().map_err(|_| self.error(format!("\"{}\" in {what}", short(word))))
+    }
+
+    /// All numbers of the next line, at least `least` of them.
+    pub(super) fn numbers<T: FromStr>(&mut self, what: &str, least: usize) -> Result<Vec<T>> {
+        let line = self.need(what)?;
+        let numbers: Vec<T> = line.split_whitespace().map(|word| self.parse(word, what)).collect::<Result<_>>()?;
+        if numbers.len() < least && self.ended() {
+            return Err(self.error(format!("the file ends early, within {what}")));
+        }
+        if numbers.len() < least {
+            return Err(self.error(format!("{} numbers in {what}, which has {least}", numbers.len())));
+        }
+        Ok(numbers)
+    }
+
+    /// The next word, across lines.
+    pub(super) fn word(&mut self, what: &str) -> Result<&'a str> {
+        let rest = &self.bytes[self.at..];
+        let blank = rest.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(rest.len());
+        let length = rest[blank..].iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len() - blank);
+        self.mark = self.at + blank;
+        self.at = self.mark + length;
+        match std::str::from_utf8(&rest[blank..blank + length]) {
+            Ok("") => Err(self.error(format!("the file ends early, within {what}"))),
+            word => Ok(word.unwrap_or("\u{fffd}")),
+        }
+    }
+
+    /// The next word, not read yet; empty where there is none or it is no text.
+    pub(super) fn peek_word(&self) -> &'a str {
+        let rest = self.bytes[self.at..].trim_ascii_start();
+        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+        std::str::from_utf8(&rest[..length]).unwrap_or_default()
+    }
+
+    /// So many raw bytes.
+    pub(super) fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8]> {
+        self.mark = self.at;
+        let taken = self.at.checked_add(count).and_then(|end| self.bytes.get(self.at..end));
+        let taken = taken.ok_or_else(|| self.error(format!("the file ends early, within {what}")))?;
+        self.at += count;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
+        let mut array = [0; N];
+        array.copy_from_slice(self.take(N, what)?);
+        if self.order == Some(Order::Big) {
+            array.reverse();
+        }
+        Ok(array)
+    }
+
+    /// A binary integer of four bytes.
+    pub(super) fn i32(&mut self, what: &str) -> Result<i32> {
+        self.array(what).map(i32::from_le_bytes)
+    }
+
+    /// A binary integer of eight bytes.
+    pub(super) fn i64(&mut self, what: &str) -> Result<i64> {
+        self.array(what).map(i64::from_le_bytes)
+    }
+
+    /// A binary number of four bytes.
+    pub(super) fn f32(&mut self, what: &str) -> Result<f64> {
+        self.array(what).map(f32::from_le_bytes).map(f64::from)
+    }
+
+    /// A binary number of eight bytes.
+    pub(super) fn f64(&mut self, what: &str) -> Result<f64> {
+        self.array(what).map(f64::from_le_bytes)
+    }
+
+    /// The first three of these as a node.
+    pub(super) fn point(&self, words: &[f64]) -> Result<DVec3> {
+        match words {
+            [x, y, z, ..] if words[..3].iter().all(|c| c.is_finite() && c.abs() <= LARGEST) => {
+                Ok(DVec3::new(*x, *y, *z))
+            }
+            [_, _, _, ..] => Err(self.error("a node's coordinate is not a finite number in range")),
+            _ => Err(self.error("a node has three coordinates")),
+        }
+    }
+
+    /// A count or an index.
+    pub(super) fn natural(&self, number: i64, what: &str) -> Result<u64> {
+        u64::try_from(number).map_err(|_| self.error(format!("{number} as {what}")))
+    }
+}

@@ -1,0 +1,190 @@
+//! `skeleton = "human-skeleton.toml"` of a body: bones as capsules, each a core. Called by `body.rs`.
+//!
+//! A bone's nodes are those within its capsule; a node within several belongs to the bone whose axis is nearest relative
+//! to the radius there, the first of equals. Coordinates are the body's file coordinates, before scale and pose.
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+
+use super::Capsule;
+use super::keys::{Source, Table, Value, suggest};
+use crate::{Error, Result};
+
+/// A skeleton file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Skeleton {
+    /// Where it was read from.
+    pub file: PathBuf,
+    /// Parents come before their children.
+    pub bones: Vec<Bone>,
+}
+
+/// `[[bone]]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bone {
+    /// Unique name: that of its core.
+    pub name: String,
+    /// The bone it hangs on, an index; `None` for a root.
+    pub parent: Option<usize>,
+    /// Where it turns about its parent.
+    pub joint: DVec3,
+    /// Its nodes are within.
+    pub capsule: Capsule,
+}
+
+/// The skeleton of a file named in a scene. Errors name the skeleton file, its line and key.
+pub(super) fn read(value: &Value) -> Result<Skeleton> {
+    let file = value.file()?;
+    let text = std::fs::read_to_string(&file)
+        .map_err(|error| Error::input(&file, None, format!("cannot be read: {error}"), "give a skeleton file"))?;
+    let source = Source { file: &file, text: &text };
+    let document = source.parse()?;
+    let root = Table::root(&source, &document, &["bone"])?;
+    let mut bones: Vec<Bone> = Vec::new();
+    for element in root.need("bone")?.array()? {
+        bones.push(bone(&element, &bones)?);
+    }
+    if bones.is_empty() {
+        return Err(root.error("bone", "there is none", "give at least one [[bone]]"));
+    }
+    Ok(Skeleton { file, bones })
+}
+
+fn bone(value: &Value, before: &[Bone]) -> Result<Bone> {
+    let unnamed = value.table(&["name", "parent", "joint", "ends", "radius", "radii"])?;
+    let name = unnamed.need("name")?.name()?;
+    let table = unnamed.renamed(format!("bone.{name}"));
+    if before.iter().any(|other| other.name == name) {
+        return Err(table.error("name", format!("\"{name}\" is taken by another bone"), "choose another name"));
+    }
+    let parent = table.option("parent", |value| {
+        let parent = value.text()?;
+        before.iter().position(|other| other.name == parent).ok_or_else(|| {
+            let names: Vec<&str> = before.iter().map(|other| other.name.as_str()).collect();
+            let problem = format!("no bone \"{}\" comes before this one", parent.escape_debug());
+            value.error(problem, format!("parents come first; {}", suggest(parent, &names)))
+        })
+    })?;
+    let ends = table.need("ends")?.array_of(Value::vector)?;
+    let radii = match table.exactly_one(&["radius", "radii"])? {
+        "radius" => [table.need("radius")?.positive()?; 2],
+        _ => table.need("radii")?.array_of(Value::positive)?,
+    };
+    let joint = table.need("joint")?.vector()?;
+    Ok(Bone { name, parent, joint, capsule: Capsule { ends, radii } })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::prepare::bind;
+    use crate::prepare::distance::winding_number;
+    use crate::prepare::stuffing::{Options, stuff};
+    use crate::scene::{Bind, Core, Model, Motion};
+
+    /// Axes of bones keep at least this far from the skin's vertices, m.
+    const DEEP: f64 = 0.008;
+    /// Nodes that a bone holds at least: three hold a rigid body.
+    const HELD: usize = 3;
+    /// Cell of the human's layer (m), which gives about 10,340 tetrahedra.
+    const CELL: f64 = 0.05;
+
+    fn skeleton(text: &str) -> Result<Skeleton> {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("bones.toml"), text).unwrap();
+        load(&folder.path().join("scene.toml"), "bones.toml")
+    }
+
+    fn load(scene: &Path, path: &str) -> Result<Skeleton> {
+        let source = Source { file: scene, text: &format!("skeleton = {path:?}") };
+        let document = source.parse()?;
+        read(&Table::root(&source, &document, &["skeleton"])?.need("skeleton")?)
+    }
+
+    fn human() -> Vec<Bone> {
+        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes");
+        load(&scenes.join("touch-human.toml"), "../human-skeleton.toml").unwrap().bones
+    }
+
+    #[test]
+    fn bones_of_the_human_lie_within_its_skin() {
+        let bones = human();
+        assert!(bones.len() >= 15);
+        assert_eq!(bones.iter().filter(|bone| bone.parent.is_none()).count(), 1);
+        let (vertices, triangles) = Model::Human.surface(Model::Human.default_vertices());
+        for bone in &bones {
+            let [a, b] = bone.capsule.ends;
+            for p in (0..=10).map(|k| a.lerp(b, f64::from(k) / 10.0)) {
+                assert!(winding_number(&vertices, &triangles, p) > 0.5, "{} at {p}", bone.name);
+                let near = vertices.iter().map(|v| v.distance(p)).fold(f64::INFINITY, f64::min);
+                assert!(near > DEEP, "{} at {p}: {near}", bone.name);
+            }
+            let inside = winding_number(&vertices, &triangles, bone.joint) > 0.5;
+            assert!(inside, "{}'s joint", bone.name);
+            // Left and right mirror each other.
+            if let Some(other) = bone.name.strip_prefix("left_") {
+                let other = bones.iter().find(|b| b.name == format!("right_{other}")).unwrap();
+                let mirror = |p: DVec3| DVec3::new(-p.x, p.y, p.z);
+                assert_eq!((bone.capsule.ends.map(mirror), mirror(bone.joint)), (other.capsule.ends, other.joint));
+            }
+        }
+    }
+
+    #[test]
+    fn every_bone_of_the_human_holds_nodes_of_a_coarse_layer() {
+        let (vertices, triangles) = Model::Human.surface(Model::Human.default_vertices());
+        let (layer, _) = stuff(&vertices, &triangles, &Options::uniform(CELL)).unwrap();
+        println!("{} nodes, {} tetrahedra", layer.nodes.len(), layer.tetrahedra.len());
+        let core = |bone: &Bone| Core {
+            name: bone.name.clone(),
+            motion: Motion::Fixed,
+            bind: Some(Bind::Capsule(bone.capsule)),
+            mass: None,
+        };
+        let cores: Vec<Core> = human().iter().map(core).collect();
+        let mut least = usize::MAX;
+        for (index, bone) in human().iter().enumerate() {
+            let depths = layer.nodes.iter().map(|&n| bind::capsule_depth(n, &bone.capsule));
+            let mut named: Vec<bool> = depths.map(|depth| depth <= 1.0).collect();
+            bind::nearer_bones(&layer, &cores, index, &mut named);
+            let count = named.iter().filter(|&&n| n).count();
+            println!("{}: {count} nodes", bone.name);
+            least = least.min(count);
+        }
+        assert!(least >= HELD, "{least}");
+    }
+
+    const TWO: &str = "[[bone]]\nname = \"hip\"\njoint = [0, 0, 0]\nends = [[0, 0, 0], [1, 0, 0]]\nradius = 0.1\n\n\
+                       [[bone]]\nname = \"shin\"\nparent = \"hip\"\njoint = [1, 0, 0]\nends = [[1, 0, 0], [2, 0, 0]]\n\
+                       radii = [0.1, 0.2]\n";
+
+    #[test]
+    fn a_skeleton_is_read_and_its_mistakes_are_named() {
+        let bones = skeleton(TWO).unwrap().bones;
+        assert_eq!((bones[0].parent, bones[1].parent, bones[1].joint), (None, Some(0), DVec3::X));
+        assert_eq!((bones[0].capsule.radii, bones[1].capsule.radii), ([0.1; 2], [0.1, 0.2]));
+        for (old, new, words) in [
+            ("parent = \"hip\"", "parent = \"hop\"", "bones.toml:9: `bone.shin.parent`: no bone \"hop\""),
+            ("parent = \"hip\"", "parent = \"hop\"", "did you mean \"hip\"?"),
+            ("parent = \"hip\"", "parent = \"shin\"", "parents come first"),
+            ("parent", "parnt", "bones.toml:9: unknown key `bone[1].parnt`; did you mean `parent`?"),
+            ("\"shin\"", "\"hip\"", "\"hip\" is taken by another bone"),
+            ("radius = 0.1", "radius = 0", "bones.toml:5: `bone.hip.radius`: is 0"),
+            ("radii = [0.1, 0.2]", "radii = [0.1]", "`bone.shin.radii`: has 1 elements"),
+            ("radius = 0.1", "radius = 0.1\nradii = [1, 1]", "`bone.hip.radii`: given beside `radius`"),
+            ("joint = [0, 0, 0]", "", "`bone.hip.joint`: missing"),
+            ("joint = [0, 0, 0]", "joint = [0, nan, 0]", "`bone.hip.joint[1]`: is NaN"),
+            ("[[bone]]", "[[bones]]", "unknown key `bones`"),
+            ("[[bone]]", "[[bone]", "bones.toml:1: not TOML"),
+        ] {
+            assert!(TWO.contains(old));
+            let message = skeleton(&TWO.replacen(old, new, 1)).unwrap_err().to_string();
+            assert!(message.contains(words), "`{new}`: {message}");
+        }
+        assert!(skeleton("").unwrap_err().to_string().contains("`bone`: missing"));
+        assert!(skeleton("bone = []").unwrap_err().to_string().contains("there is none"));
+    }
+}

@@ -1,0 +1,162 @@
+//! TetGen meshes in: `.node` and `.ele`, zero- or one-based, with attributes, markers and comments.
+//!
+//! Format: TetGen manual, "File formats". Ids are taken as they stand, so either base is right.
+
+use std::path::Path;
+
+use super::cursor::{self, Cursor};
+use super::tetrahedra::{Contents, Element, TetMesh, settle};
+use crate::{Error, Result};
+
+const REMEDY: &str = "export the mesh again with TetGen";
+
+/// Reads a pair of files, of which either may be named.
+pub fn read(path: &Path) -> Result<TetMesh> {
+    let (nodes, elements) = (path.with_extension("node"), path.with_extension("ele"));
+    if let Some(missing) = [&nodes, &elements].into_iter().find(|path| !path.is_file()) {
+        let problem = format!("its partner {} is not there", missing.display());
+        return Err(Error::input(path, None, problem, "put the .node and the .ele file side by side"));
+    }
+    let (node_bytes, element_bytes) = (cursor::bytes(&nodes)?, cursor::bytes(&elements)?);
+    let mut contents = Contents::default();
+    read_nodes(&mut Cursor::new(&nodes, &node_bytes, REMEDY), &mut contents)?;
+    let mut elements = Cursor::new(&elements, &element_bytes, REMEDY);
+    read_elements(&mut elements, &mut contents)?;
+    settle(contents, &elements)
+}
+
+/// The numbers of the next line that holds any; `None` at the end of the file.
+fn row(cursor: &mut Cursor, what: &str) -> Result<Option<Vec<f64>>> {
+    while let Some(line) = cursor.next_filled() {
+        let data = line.split('#').next().unwrap_or_default();
+        let row: Vec<f64> = data.split_whitespace().map(|word| cursor.parse(word, what)).collect::<Result<_>>()?;
+        if !row.is_empty() {
+            return Ok(Some(row));
+        }
+    }
+    Ok(None)
+}
+
+/// A whole number at this place of a row.
+fn natural(cursor: &Cursor, row: &[f64], place: usize, what: &str) -> Result<u64> {
+    match row.get(place) {
+        // An id written in a float is exact up to 2^53, far above any mesh.
+        Some(&number) if number >= 0.0 && number.fract() == 0.0 && number < 2f64.powi(53) => Ok(number as u64),
+        Some(number) => Err(cursor.error(format!("{number} as {what}"))),
+        None => Err(cursor.error(format!("{} numbers in a line, and {what} is missing", row.len()))),
+    }
+}
+
+fn header(cursor: &mut Cursor, what: &str) -> Result<Vec<f64>> {
+    row(cursor, what)?.ok_or_else(|| cursor.error(format!("the file ends early, before {what}")))
+}
+
+/// As many rows as the header says, and none after.
+fn rows(cursor: &mut Cursor, count: u64, what: &str, mut add: impl FnMut(&Cursor, &[f64]) -> Result<()>) -> Result<()> {
+    for done in 0..count {
+        let Some(row) = row(cursor, what)? else {
+            return Err(cursor.error(format!("the file ends early, after {done} of {count} rows")));
+        };
+        add(cursor, &row)?;
+    }
+    match row(cursor, what)? {
+        None => Ok(()),
+        Some(_) => Err(cursor.error(format!("there is more than the {count} rows of its first line"))),
+    }
+}
+
+fn read_nodes(cursor: &mut Cursor, contents: &mut Contents) -> Result<()> {
+    let head = header(cursor, "the first line (number of nodes, dimension, attributes, markers)")?;
+    let count = natural(cursor, &head, 0, "the number of nodes")?;
+    if natural(cursor, &head, 1, "the dimension")? != 3 {
+        return Err(cursor.error(format!("the mesh has {} dimensions, not 3", head[1])));
+    }
+    rows(cursor, count, "a node (id, x, y, z)", |cursor, row| {
+        let id = natural(cursor, row, 0, "a node's id")?;
+        contents.add_node(cursor, id, cursor.point(&row[1..])?)
+    })
+}
+
+fn read_elements(cursor: &mut Cursor, contents: &mut Contents) -> Result<()> {
+    let head = header(cursor, "the first line (number of tetrahedra, nodes of each, attributes)")?;
+    let count = natural(cursor, &head, 0, "the number of tetrahedra")?;
+    let corners = natural(cursor, &head, 1, "the number of nodes of a tetrahedron")?;
+    if corners != 4 {
+        let problem = format!("tetrahedra of {corners} nodes are not read");
+        return Err(cursor.error_at(cursor.mark(), problem, "export first-order tetrahedra, of 4 nodes"));
+    }
+    rows(cursor, count, "a tetrahedron (id, four nodes)", |cursor, row| {
+        let id = natural(cursor, row, 0, "a tetrahedron's id")?;
+        let mut nodes = [0; 4];
+        for (k, node) in nodes.iter_mut().enumerate() {
+            *node = natural(cursor, row, 1 + k, "a node of a tetrahedron")?;
+        }
+        contents.elements.push(Element { id, mark: cursor.mark(), nodes });
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    const NODES: &str =
+        "# made by hand\n4 3 1 1\n0 0 0 0 7 1\n1 1 0 0 7 1 # a remark\n\n2 0 1 0 7 1\n3 0 0 1 7 1\n# end\n";
+    const ELEMENTS: &str = "1 4 1\n0 0 1 2 3 5\n";
+
+    fn mesh(nodes: &str, elements: &str) -> Result<TetMesh> {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("a.node"), nodes).unwrap();
+        fs::write(folder.path().join("a.ele"), elements).unwrap();
+        let read = read(&folder.path().join("a.ele"));
+        assert_eq!(read.as_ref().ok(), super::read(&folder.path().join("a.node")).as_ref().ok());
+        read
+    }
+
+    #[test]
+    fn either_base_attributes_markers_and_comments() {
+        let zero = mesh(NODES, ELEMENTS).unwrap();
+        assert_eq!((zero.nodes.len(), &zero.tetrahedra[..], zero.notes.len()), (4, &[[0, 1, 2, 3]][..], 0));
+        let nodes = "4 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n";
+        assert_eq!(mesh(nodes, "1 4 0\n1 1 2 3 4\n").unwrap(), zero);
+        assert_eq!(mesh(nodes, "1 4 0\n1 1 2 4 3\n").unwrap(), zero, "turned");
+    }
+
+    #[test]
+    fn no_bytes_make_it_panic() {
+        for place in 0..NODES.len() {
+            let _ = mesh(&NODES[..place], ELEMENTS);
+            let _ = mesh(&NODES.replacen(&NODES[place..=place], "99999999999", 1), ELEMENTS);
+        }
+        for place in 0..ELEMENTS.len() {
+            let _ = mesh(NODES, &ELEMENTS[..place]);
+            let _ = mesh(NODES, &ELEMENTS.replacen(&ELEMENTS[place..=place], "-", 1));
+        }
+    }
+
+    #[test]
+    fn errors_name_the_file_and_the_line() {
+        let cases = [
+            (NODES, "1 4 0\n0 0 1 2 4\n", "a.ele:2: tetrahedron 0 names node 4"),
+            (NODES, "1 4 0\n0 0 1 2\n", "a.ele:2: 4 numbers in a line"),
+            (NODES, "2 4 0\n0 0 1 2 3\n", "a.ele:3: the file ends early, after 1 of 2"),
+            (NODES, "1 4 0\n0 0 1 2 3\n1 0 1 2 3\n", "a.ele:3: there is more than the 1 rows"),
+            (NODES, "18446744073709551615 4 0\n0 0 1 2 3\n", "a.ele:1: 18446744073709552000 as the number"),
+            (NODES, "1 10 0\n0 0 1 2 3 0 0 0 0 0 0\n", "a.ele:1: tetrahedra of 10 nodes"),
+            (NODES, "1 4 0\n0 0 1 2.5 3\n", "a.ele:2: 2.5 as a node"),
+            ("4 3 0 0\n0 0 0 nan\n", ELEMENTS, "a.node:2: a node's coordinate is not a finite"),
+            ("4 2 0 0\n", ELEMENTS, "a.node:1: the mesh has 2 dimensions"),
+            ("4 3 0 0\n0 0 0 0\n0 1 1 1\n", ELEMENTS, "a.node:3: node 0 is given twice"),
+            ("4 3 0 0\n0 0 x 0\n", ELEMENTS, "a.node:2: \"x\" in a node"),
+            ("", ELEMENTS, "a.node:1: the file ends early"),
+            ("9007199254740991 3 0 0\n0 0 0 0\n", ELEMENTS, "a.node:3: the file ends early"),
+        ];
+        for (nodes, elements, words) in cases {
+            let message = mesh(nodes, elements).unwrap_err().to_string();
+            assert!(message.contains(words), "{words}: {message}");
+        }
+        assert!(read(Path::new("nowhere/a.node")).unwrap_err().to_string().contains("its partner"));
+    }
+}

@@ -1,0 +1,166 @@
+//! `palpate prepare` through the built program: what it writes, what it keeps in its cache, and what it refuses. No
+//! device is opened.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use palpate::prepare::{self, Cache};
+use palpate::scene::{self, Scene};
+use serde_json::Value;
+
+fn prepare(cache: &Path, out: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    command.arg("prepare").args(arguments).arg("--out").arg(out).env("PALPATE_CACHE", cache);
+    command.output().unwrap()
+}
+
+fn prepared(cache: &Path, out: &Path, arguments: &[&str]) -> Value {
+    let output = prepare(cache, out, arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
+    let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+fn body_files(folder: &Path) -> [Vec<u8>; 3] {
+    ["skin.obj", "layer.msh", "scene.toml"].map(|name| fs::read(folder.join(name)).unwrap())
+}
+
+const SMALL: [&str; 4] = ["head:1500", "--cells", "15", "--no-pictures"];
+
+#[test]
+fn a_model_becomes_a_body_that_a_scene_can_use() {
+    let folder = tempfile::tempdir().unwrap();
+    let (cache, out) = (folder.path().join("cache"), folder.path().join("new/out"));
+    let report = prepared(&cache, &out, &["head:1500", "--cells", "15", "--scale", "2"]);
+    let expected = [
+        "figure.png",
+        "layer.msh",
+        "layer.png",
+        "proxies.png",
+        "report.json",
+        "report.txt",
+        "scene.toml",
+        "skin.obj",
+        "skin.png",
+    ];
+    assert_eq!(names(&out), expected);
+    assert_eq!((&report["skin"]["vertices"], &report["skin"]["triangles"]), (&1500.into(), &2996.into()));
+    assert_eq!((&report["skin"]["components"], &report["skin"]["boundary_edges"]), (&1.into(), &0.into()));
+    assert_eq!(report["proxies"]["coverage"], 1.0);
+    let extent = report["skin"]["extent_m"][1].as_f64().unwrap();
+    assert!((extent - 0.5).abs() < 0.02, "{extent}");
+    assert!(report["layer"]["tetrahedra"].as_u64().unwrap() > 1000);
+    assert!(report["seconds"].as_object().unwrap().contains_key("proxies"));
+
+    let scene = Scene::load(&out.join("scene.toml")).unwrap();
+    let (body, _) = prepare::body_and_report(&scene.bodies[0], &scene, &Cache::off(), &mut |_| {}).unwrap();
+    let prepare::Shape::Soft { layer, skin, .. } = &body.shape else { panic!("not soft") };
+    assert_eq!(layer.tetrahedra.len() as u64, report["layer"]["tetrahedra"].as_u64().unwrap());
+    let bound = layer.bound.iter().filter(|&&b| b).count();
+    assert!(bound > 0 && bound < layer.nodes.len() / 2, "{bound} of {}", layer.nodes.len());
+    // The sphere starts clear of the skin and ends inside.
+    let scene::ToolShape::Sphere(radius) = scene.tool.as_ref().unwrap().shape else { panic!("no sphere") };
+    let gap = |p: glam::DVec3| skin.vertices.iter().map(|v| v.distance(p)).fold(f64::INFINITY, f64::min) - radius;
+    assert!(gap(scene.drive[0].position) > 0.0 && gap(scene.drive[1].position) < -0.2 * radius);
+}
+
+#[test]
+fn a_body_from_the_cache_is_the_same_to_the_last_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = folder.path().join("cache");
+    let out = |name: &str| folder.path().join(name);
+    assert_eq!(prepared(&cache, &out("a"), &SMALL)["cache"], "made");
+    assert_eq!(prepared(&cache, &out("b"), &SMALL)["cache"], "found");
+    let uncached = prepared(&cache, &out("c"), &[&SMALL[..], &["--no-cache"]].concat());
+    assert_eq!(uncached["cache"], "off");
+    assert_eq!(body_files(&out("a")), body_files(&out("b")));
+    assert_eq!(body_files(&out("a")), body_files(&out("c")));
+    let mut entries = names(&cache);
+    entries.retain(|name| name.ends_with(".body"));
+    assert_eq!(entries.len(), 1);
+    // Other options, another body; scale is applied afterwards.
+    assert_eq!(prepared(&cache, &out("d"), &[&SMALL[..], &["--scale", "3"]].concat())["cache"], "found");
+    assert_eq!(prepared(&cache, &out("e"), &[&SMALL[..], &["--hulls", "7"]].concat())["cache"], "made");
+}
+
+#[test]
+fn a_damaged_entry_is_made_again_and_said_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = folder.path().join("cache");
+    prepared(&cache, &folder.path().join("a"), &SMALL);
+    let entry: PathBuf = cache.join(names(&cache).into_iter().find(|name| name.ends_with(".body")).unwrap());
+    let sound = fs::read(&entry).unwrap();
+    for spoiled in [sound[..sound.len() / 2].to_vec(), Vec::new(), flipped(&sound, sound.len() / 3)] {
+        fs::write(&entry, spoiled).unwrap();
+        let report = prepared(&cache, &folder.path().join("b"), &SMALL);
+        assert_eq!(report["cache"], "made");
+        assert!(report["notes"][0].as_str().unwrap().contains("is damaged and is made again"), "{}", report["notes"]);
+        assert_eq!(body_files(&folder.path().join("a")), body_files(&folder.path().join("b")));
+        assert_eq!(fs::read(&entry).unwrap(), sound);
+    }
+}
+
+fn flipped(bytes: &[u8], at: usize) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    bytes[at] ^= 0x10;
+    bytes
+}
+
+#[test]
+fn a_changed_file_is_another_body() {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = folder.path().join("cache");
+    prepared(&cache, &folder.path().join("a"), &SMALL);
+    let file = folder.path().join("mine.obj");
+    fs::copy(folder.path().join("a/skin.obj"), &file).unwrap();
+    let arguments = [file.to_str().unwrap(), "--cells", "15", "--no-pictures"];
+    assert_eq!(prepared(&cache, &folder.path().join("b"), &arguments)["cache"], "made");
+    assert_eq!(prepared(&cache, &folder.path().join("b"), &arguments)["cache"], "found");
+    fs::write(&file, fs::read_to_string(&file).unwrap() + "# changed\n").unwrap();
+    assert_eq!(prepared(&cache, &folder.path().join("b"), &arguments)["cache"], "made");
+}
+
+#[test]
+fn a_cache_that_cannot_be_written_is_a_note() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("file"), "").unwrap();
+    let report = prepared(&folder.path().join("file/under"), &folder.path().join("a"), &SMALL);
+    let notes = report["notes"].to_string();
+    assert!(notes.contains("cannot be written") && notes.contains("file/under"), "{notes}");
+}
+
+#[test]
+fn what_cannot_be_prepared_is_refused_in_one_line_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let flat = folder.path().join("flat.obj");
+    fs::write(&flat, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 3 2 1\n").unwrap();
+    fs::write(folder.path().join("a.stl"), "solid").unwrap();
+    let missing = folder.path().join("missing.obj");
+    let stl = folder.path().join("a.stl");
+    let cases: [(&[&str], &str); 9] = [
+        (&[missing.to_str().unwrap()], "missing.obj: cannot be read"),
+        (&[stl.to_str().unwrap()], "neither an OBJ file nor a model"),
+        (&[flat.to_str().unwrap()], "flat.obj"),
+        (&["heart:1000"], "or a model: head, pumpkin, gear, human"),
+        (&["head:12"], "give 500 to 400000"),
+        (&["head:1500", "--cell", "5"], "`--cell`"),
+        (&["head:1500", "--cell", "0"], "--cell"),
+        (&["head:1500", "--hulls", "0"], "--hulls"),
+        (&["head:1500", "--cell", "0.01", "--cells", "10"], "cannot be used with"),
+    ];
+    for (arguments, words) in cases {
+        let out = folder.path().join("out");
+        let output = prepare(&folder.path().join("cache"), &out, arguments);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
+        assert!(error.contains(words) && error.lines().count() == 1, "{arguments:?}: {error}");
+        assert!(!out.exists(), "{arguments:?}");
+    }
+}
