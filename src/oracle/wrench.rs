@@ -34,8 +34,8 @@ pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
         let row: Vec<f64> = direction.to_array().into_iter().chain(moment.to_array()).collect();
         for i in 0..6 {
             for j in 0..6 {
-                sum.stiffness[i][j] += contact.stiffness * contact.area * row[i] * row[j];
-                sum.damping[i][j] += contact.damping * contact.area * row[i] * row[j];
+                sum.stiffness[i][j] += contact.stiffness * contact.area * (row[i] * row[j]);
+                sum.damping[i][j] += contact.damping * contact.area * (row[i] * row[j]);
             }
         }
     }

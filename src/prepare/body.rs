@@ -188,7 +188,8 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let embedding = prepared.embedding;
     let proxies = scaled_proxies(prepared.proxies, body.scale);
     let proxies = ride::on_frames(proxies, &skin, &layer, &embedding, &node_frames);
-    let frames = cores::frames(body, &layer, &node_frames, &material);
+    let frames = cores::frames(body, &layer, &node_frames, &material)
+        .map_err(|(key, problem, remedy)| keys.error(&key, problem, remedy))?;
     Ok(Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies })
 }
 

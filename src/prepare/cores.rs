@@ -10,6 +10,8 @@ use crate::Result;
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{Bind, Body, Material, Motion};
 
+/// Determinant of a dynamic core's inertia against the cube of its mean, at least: less is a line of nodes.
+const THINNEST: f64 = 1e-6;
 /// What to do about a core that holds nothing.
 const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
 
@@ -105,10 +107,16 @@ fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
 }
 
 /// The frames of a soft body: one a core, centred at the centre of the mass it carries; without cores one floating frame at the
-/// centre of mass. `layer` is in the rest frame (m), `holders` what [`bind`] returned.
-pub fn frames(body: &Body, layer: &Layer, holders: &[u32], material: &Material) -> Vec<Frame> {
+/// centre of mass. `layer` is in the rest frame (m), `holders` what [`bind`] returned. Refused (key, problem, remedy): a
+/// dynamic core whose nodes lie on one line, about which it would have no inertia.
+pub fn frames(
+    body: &Body,
+    layer: &Layer,
+    holders: &[u32],
+    material: &Material,
+) -> std::result::Result<Vec<Frame>, (String, &'static str, &'static str)> {
     if body.cores.is_empty() {
-        return vec![floating(layer, material)];
+        return Ok(vec![floating(layer, material)]);
     }
     let masses = masses(layer, material);
     let frame = |(index, core): (usize, &crate::scene::Core)| {
@@ -120,7 +128,18 @@ pub fn frames(body: &Body, layer: &Layer, holders: &[u32], material: &Material) 
             Motion::Driven(keys) => FrameMotion::Driven(keys.clone()),
             Motion::Dynamic => FrameMotion::Dynamic { mass: core.mass },
         };
-        Frame { centre: sum / f64::max(mass, f64::MIN_POSITIVE), motion }
+        let centre = sum / f64::max(mass, f64::MIN_POSITIVE);
+        if let Motion::Dynamic = core.motion {
+            let carried = (0..holders.len()).filter(|&n| layer.bound[n] && holders[n] == index as u32);
+            let inertia = carried.fold(DMat3::ZERO, |sum, n| sum + point_inertia(masses[n], layer.nodes[n] - centre));
+            let size = (inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z) / 3.0;
+            // Written so that a NaN is refused too.
+            if !(inertia.determinant() > THINNEST * size.powi(3)) {
+                let problem = "a dynamic core's nodes lie on one line, about which it has no inertia";
+                return Err((format!("core.{}.bind", core.name), problem, "enlarge the region"));
+            }
+        }
+        Ok(Frame { centre, motion })
     };
     body.cores.iter().enumerate().map(frame).collect()
 }
@@ -133,8 +152,7 @@ pub fn floating(layer: &Layer, material: &Material) -> Frame {
     let centre = weighted().map(|(m, x)| *m * *x).sum::<DVec3>() / mass;
     let mut inertia = DMat3::ZERO;
     for (m, x) in weighted() {
-        let r = *x - centre;
-        inertia += *m * (DMat3::from_diagonal(DVec3::splat(r.length_squared())) - outer(r));
+        inertia += point_inertia(*m, *x - centre);
     }
     Frame { centre, motion: FrameMotion::Floating { mass, inertia } }
 }
@@ -150,9 +168,9 @@ fn masses(layer: &Layer, material: &Material) -> Vec<f64> {
     masses
 }
 
-/// v v^T.
-fn outer(v: DVec3) -> DMat3 {
-    DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+/// Inertia of a point mass (kg) at `r` (m) from the centre, kg m^2.
+fn point_inertia(mass: f64, r: DVec3) -> DMat3 {
+    mass * (DMat3::from_diagonal(DVec3::splat(r.length_squared())) - DMat3::from_cols(r * r.x, r * r.y, r * r.z))
 }
 
 #[cfg(test)]

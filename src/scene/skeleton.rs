@@ -90,7 +90,7 @@ mod tests {
     /// Nodes that a bone holds at least: three hold a rigid body.
     const HELD: usize = 3;
     /// Cell of the human's layer (m), which gives about 10,340 tetrahedra.
-    const CELL: f64 = 0.05;
+    const CELL: f64 = 0.0459;
 
     fn skeleton(text: &str) -> Result<Skeleton> {
         let folder = tempfile::tempdir().unwrap();

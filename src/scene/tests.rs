@@ -339,7 +339,6 @@ fn a_skeleton_gives_a_core_a_bone() {
         ("name = \"four\"", "did you mean \"fore\"? known: upper, fore, or add `bind`"),
         ("name = \"fore\"\n[[body.core]]\nname = \"fore\"", "\"fore\" is taken by another core"),
         ("name = \"fore\"\nmotion = \"driven\"", "`body.head.core.fore.keys`: missing"),
-        ("name = \"fore\"\nmotion = \"dynamic\"", "`body.head.core.fore.motion`: this version"),
     ] {
         let message = folder.message(&core(said));
         assert!(message.contains(words), "{said}: {message}");
@@ -367,7 +366,6 @@ fn what_the_engine_does_not_do_yet_is_refused_by_key() {
         ("friction = 0.0", "friction = 0.3", "`contact.friction`"),
         ("newton = 1", "newton = 2", "`step.newton`"),
         ("preconditioner = \"auto\"", "preconditioner = \"coarse\"", "`solver.preconditioner`"),
-        ("motion = \"fixed\"", "motion = \"dynamic\"", "`body.head.core.skull.motion`"),
         ("device = \"scripted\"", "device = \"phantom\"", "`haptics.device`"),
     ] {
         let message = folder.message(&with(old, new));
@@ -375,6 +373,4 @@ fn what_the_engine_does_not_do_yet_is_refused_by_key() {
     }
     let held = "[[body]]\nname = \"a\"\nsurface = \"head.obj\"\n[tool]\nbody = \"a\"";
     assert!(folder.message(held).contains("`tool.body`: this version"));
-    let falls = "[[body]]\nname = \"a\"\nsurface = \"head.obj\"\nmotion = \"dynamic\"\nmass = 1";
-    assert!(folder.message(falls).contains("`body.a.motion`: this version"));
 }
