@@ -56,12 +56,13 @@ fn a_press_into_the_default_head_is_smooth() {
 fn a_press_into_a_scanned_head_is_smooth() {
     let Some(meshes) = meshes("press into a scanned head") else { return };
     let text = format!(
+        // The forehead: between the eyes lids fold over eyeballs, and flag 16 says so.
         "[[body]]\nname = \"head\"\nsurface = {:?}\nlayer = {{ cell = 0.015 }}\n\
          material = {{ young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }}\n\
          [[body.core]]\nname = \"skull\"\nmotion = \"fixed\"\nbind = {{ inset = 0.03 }}\n\
-         [tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.0, 0.05, 0.12]\n\
+         [tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.0, 0.08, 0.13]\n\
          [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n\
-         [drive]\nkeys = [[0.0, 0.0, 0.05, 0.12], [0.3, 0.0, 0.05, 0.10]]\n",
+         [drive]\nkeys = [[0.0, 0.0, 0.08, 0.13], [0.3, 0.0, 0.08, 0.10]]\n",
         meshes.join("surf/head.obj")
     );
     judge("scanned head", &crate::whole_step::scene(&text), 300);
