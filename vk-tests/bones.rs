@@ -4,6 +4,7 @@
 use std::fmt::Write;
 
 use glam::{DQuat, DVec3};
+use palpate::gpu::Options;
 use palpate::haptics::drive::{Device, Drive};
 use palpate::oracle;
 use palpate::prepare::{FrameMotion, Shape, layer};
@@ -258,6 +259,55 @@ fn a_driven_body_presses_as_if_the_other_came_to_it() {
     let largest = pressed.iter().map(|d| d.length()).fold(0.0, f64::max);
     println!("driven cube: shapes differ by {error:.1e} of {largest:.4} m");
     assert!(largest > 0.005 && error < SHAPE, "{error:e}");
+}
+
+#[test]
+fn a_human_bends_its_arm() {
+    // The scene that comes with the program, and a forearm turned about its elbow by half a radian in 60 ms.
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-human.toml");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let skeleton = file.with_file_name("../human-skeleton.toml");
+    let folder = tempfile::tempdir().unwrap();
+    let copy = folder.path().join("scene.toml");
+    let elbow = DVec3::new(0.457, 1.395, -0.012);
+    let turn = DQuat::from_rotation_y(-0.5);
+    let shift = elbow - turn * elbow;
+    let core = |bone: &str| {
+        format!(
+            "[[body.core]]\nname = \"{bone}\"\nmotion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0], [0.06, {:?}, {:?}, {:?}, \
+         {:?}, {:?}, {:?}, {:?}]]\n",
+            shift.x, shift.y, shift.z, turn.x, turn.y, turn.z, turn.w
+        )
+    };
+    let text = text.replace("../human-skeleton.toml", skeleton.to_str().unwrap()).replacen(
+        "[tool]",
+        &(core("left_forearm") + &core("left_hand") + "[tool]"),
+        1,
+    );
+    std::fs::write(&copy, text).unwrap();
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false };
+    let mut simulation = Simulation::new(&Scene::load(&copy).unwrap(), &options, None).unwrap();
+    let rows: Vec<_> = (0..100).map(|_| simulation.step().unwrap()).collect();
+    assert!(rows.iter().all(|row| row.flags == Flags::default()));
+    let Shape::Soft { layer, frames, node_frames, proxies, .. } = &simulation.bodies()[0].shape else { panic!("soft") };
+    let driven = |frame: u32| matches!(frames[frame as usize].motion, FrameMotion::Driven(_));
+    assert!(proxies.iter().any(|proxy| driven(proxy.frame)), "the arm has proxies of its own");
+    let (moved, _) = simulation.nodes(0).unwrap().unwrap();
+    // What the bone carries is where the bone took it; what other bones carry is where it was; between them it is bent.
+    let (mut carried, mut free) = (0, 0.0f64);
+    for (n, d) in moved.iter().enumerate() {
+        let taken = turn * (layer.nodes[n] - elbow) + elbow - layer.nodes[n];
+        match (layer.bound[n], driven(node_frames[n])) {
+            (true, true) => {
+                carried += 1;
+                assert!(d.distance(taken) < 1e-9, "{d} {taken}");
+            }
+            (true, false) => assert!(d.length() < 1e-9),
+            (false, _) => free = free.max(d.length()),
+        }
+    }
+    println!("human: {carried} nodes on the forearm, others moved by up to {free:.3} m");
+    assert!(carried > 3 && free > 0.05 && free < 0.5);
 }
 
 #[test]

@@ -124,13 +124,5 @@ fn a_deep_press_into_a_head() {
     // The crown.
     let from = DVec3::new(0.0, 0.19, -0.01);
     let to = from - DVec3::Y * 0.056;
-    press(&Deep {
-        name: "head",
-        cell: 0.02,
-        core: [0.0, 0.0, -0.01, 0.05],
-        from,
-        to,
-        sphere: 0.04,
-        body_radius: 0.12,
-    });
+    press(&Deep { name: "head", cell: 0.02, core: [0.0, 0.0, -0.01, 0.05], from, to, sphere: 0.04, body_radius: 0.12 });
 }

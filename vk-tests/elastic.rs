@@ -115,7 +115,7 @@ fn expect_oracle(what: &str, system: &System, force: f64) {
     expect_gradients(what, system);
     let (h, beta) = (system.twin.dt, body.material.damping_stiffness);
     let elastic = body.elements.forces(&body.displacement, &found);
-    let viscous = body.elements.apply_stiffness(&body.velocity, &found);
+    let viscous = body.elements.squeezed(&body.displacement, &found).apply_stiffness(&body.velocity, &found);
     let want = elastic.iter().zip(&viscous).flat_map(|(f, kv)| (h * *f - (h * h + h * beta) * *kv).to_array());
     let got = &system.element_forces[..system.element_forces.len() - 4];
     expect_of_largest(&format!("{what}: forces"), &crate::system::triples(got), &want.collect::<Vec<_>>(), force);
@@ -126,12 +126,13 @@ fn expect_gradients(what: &str, system: &System) {
     let (h, beta) = (system.twin.dt, body.material.damping_stiffness);
     let (mu, lambda) = lame(&body.material);
     let (mut got, mut want) = (vec![], vec![]);
+    let squeezed = body.elements.squeezed(&body.displacement, &quaternions(system));
     for (t, q) in quaternions(system).iter().enumerate() {
         let turn = body.elements.frame * DMat3::from_quat(q.normalize()) * body.elements.volumes[t].sqrt();
         let [h1, h2, h3] = &system.gradients[3 * t..3 * t + 3] else { panic!("three a tetrahedron") };
         got.extend([h1, h2, h3].iter().flat_map(|g| [g[0], g[1], g[2]]));
         want.extend(body.elements.gradients[t][1..].iter().flat_map(|g| (turn * *g).to_array()));
-        let moduli = [h * (h + beta) * mu, h * (h + beta) * lambda, 0.0];
+        let moduli = [h * (h + beta) * (mu + squeezed.stiffer[t]), h * (h + beta) * lambda, 0.0];
         expect_close("moduli", &[h1[3], h2[3], h3[3]], &moduli, Tolerance { abs: 0.0, rel: GRADIENT });
     }
     expect_of_largest(&format!("{what}: gradients"), &got, &want, GRADIENT);

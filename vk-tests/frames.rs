@@ -113,7 +113,8 @@ fn tetrahedra_that_span_two_frames_have_the_oracles_forces() {
         // The twin's rotations are its own: of the whole deformation, from rest axes.
         let rotations = body.elements.rotations(&body.displacement);
         let elastic = body.elements.forces(&body.displacement, &rotations);
-        let viscous = body.elements.apply_stiffness(&body.velocity, &rotations);
+        let viscous =
+            body.elements.squeezed(&body.displacement, &rotations).apply_stiffness(&body.velocity, &rotations);
         let (h, beta) = (system.twin.dt, body.material.damping_stiffness);
         let mut got = vec![DVec3::ZERO; elastic.len()];
         for (t, nodes) in system.model.tetrahedra.iter().enumerate() {

@@ -7,10 +7,10 @@ use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::prepare::{Shape, layer};
 use palpate::report::Row;
-use palpate::scene::{Scene, obj};
+use palpate::scene::obj;
 use palpate::step::Simulation;
 
-use crate::whole_step::{meshes, scene};
+use crate::whole_step::scene;
 
 /// Of the reference's force; what the scene's user is promised of either layer.
 const PROMISED: f64 = 0.10;
@@ -19,7 +19,7 @@ const HALF: f64 = 0.05;
 /// Radius of the sphere, m; the patch it presses is a few cells wide.
 const SPHERE: f64 = 0.05;
 /// Of 20 ms: ten to press, and until it rests.
-const STEPS: usize = 30;
+const STEPS: usize = 22;
 
 /// Force at the end of a press by a tenth of the block's height, held until it rests, N; and the number of tetrahedra.
 fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
@@ -71,8 +71,8 @@ fn a_layer_made_for_a_surface_is_as_stiff_as_one_that_conforms() {
             "{{ box = [[-{HALF}, -{HALF}, -{HALF}], [{HALF}, {HALF}, {HALF}]], cells = [{cells}, {cells}, {cells}] }}"
         )
     };
-    let (reference, fine) = pressed(&kuhn(32), Some(&skin));
-    for cells in [10, 16] {
+    let (reference, fine) = pressed(&kuhn(28), Some(&skin));
+    for cells in [12, 16] {
         let cell = 2.0 * HALF / f64::from(cells);
         let (conforming, coarse) = pressed(&kuhn(cells), Some(&skin));
         let (made, stuffed) = pressed(&format!("{{ cell = {cell:?} }}"), Some(&skin));

@@ -8,7 +8,9 @@
 // Method to Extract the Rotational Part of Deformations", warm-started: proper, and steady under inversion); gradients
 // rotated into the world, g' = sqrt(V) R_frame R g; and what the element gives to the right-hand side,
 // h f - (h^2 + h beta) K v, f_i = -V P g_i, P = R (2 mu sym(E) + lambda tr(E) I), E = R^T G + (R^T - I).
-// A tetrahedron whose nodes ride on several frames is evaluated in the first node's. One invocation a tetrahedron.
+// A principal stretch s below LEAST adds STIFFENING (lambda + 2 mu) (s - LEAST) along its axis, since corotational elasticity
+// alone lets a tetrahedron be pressed flat and turn inside out; the operator gets half of it as shear modulus, isotropic
+// and at least as stiff. A tetrahedron whose nodes ride on several frames is evaluated in the first node's. One invocation a tetrahedron.
 // Oracle: oracle::elastic.
 
 layout(local_size_x_id = 0) in;
@@ -29,6 +31,9 @@ layout(scalar, binding = 10) buffer Rotations { vec4 rotations[]; };
 layout(scalar, binding = 11) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, lambda
 layout(scalar, binding = 12) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
 
+const float LEAST = 0.3;
+const float STIFFENING = 10.0;
+const uint JACOBI_SWEEPS = 5;
 const uint POLAR_ROUNDS = 40;
 const float POLAR_DONE = 1.0e-7;        // rad; f32 resolves no less
 
@@ -63,6 +68,32 @@ vec3 displacement_in(uint node, uint link) {
     return SPANS && link != 0 ? across(links[link], texelFetch(node_rest, int(node)).xyz, d) : d;
 }
 
+// sum min(0, 1 + e_k - LEAST) n_k n_k^T over the eigenvalues and axes of the symmetric part of E, by Jacobi's rotations.
+mat3 squeeze(mat3 strain) {
+    mat3 a = 0.5 * (strain + transpose(strain));
+    // Gershgorin's circles: nothing is squeezed, as nearly everywhere.
+    vec3 reach = vec3(abs(a[1][0]) + abs(a[2][0]), abs(a[1][0]) + abs(a[2][1]), abs(a[2][0]) + abs(a[2][1]));
+    if (all(greaterThan(vec3(1.0 + a[0][0], 1.0 + a[1][1], 1.0 + a[2][2]) - reach, vec3(LEAST)))) return mat3(0.0);
+    mat3 axes = mat3(1.0);
+    for (uint k = 0; k < 3 * JACOBI_SWEEPS; k++) {
+        uint p = k % 3 == 2 ? 1 : 0, q = k % 3 == 0 ? 1 : 2;
+        if (a[p][q] == 0.0) continue;
+        float theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+        float t = (theta < 0.0 ? -1.0 : 1.0) / (abs(theta) + sqrt(theta * theta + 1.0));
+        float c = inversesqrt(t * t + 1.0), s = t * c;
+        mat3 turn = mat3(1.0);
+        turn[p][p] = c;
+        turn[q][q] = c;
+        turn[q][p] = s;
+        turn[p][q] = -s;
+        a = transpose(turn) * a * turn;
+        axes = axes * turn;
+    }
+    mat3 sum = mat3(0.0);
+    for (uint k = 0; k < 3; k++) sum += min(0.0, 1.0 + a[k][k] - LEAST) * outerProduct(axes[k], axes[k]);
+    return sum;
+}
+
 void main() {
     uint t = gl_GlobalInvocationID.x;
     if (t >= TETRAHEDRA) return;
@@ -88,20 +119,23 @@ void main() {
         vec3 turned = cross(q.xyz, axis);
         e[k] = rotate_back(q, g[k]) + 2.0 * (cross(q.xyz, turned) - q.w * turned);
     }
+    mat3 squeezed = squeeze(e);
+    float stiffening = STIFFENING * (lambda + 2.0 * mu);
+    float operator_mu = squeezed == mat3(0.0) ? mu : mu + 0.5 * stiffening;
     vec4 world = compose(frames[frame].rotation, q);
     vec3 h1 = root * rotate(world, g1.xyz), h2 = root * rotate(world, g2.xyz), h3 = root * rotate(world, g3.xyz);
     float scale = params.dt * (params.dt + material.w);
-    gradients[3 * t] = vec4(h1, scale * mu);
+    gradients[3 * t] = vec4(h1, scale * operator_mu);
     gradients[3 * t + 1] = vec4(h2, scale * lambda);
     gradients[3 * t + 2] = vec4(h3, 0.0);
 
-    mat3 p = stress(e, mu, lambda);
+    mat3 p = stress(e, mu, lambda) + stiffening * squeezed;
     float impulse = -params.dt * root * root;
     vec3 v0 = texelFetch(velocity, int(nodes.x)).xyz;
     mat3 w = outerProduct(texelFetch(velocity, int(nodes.y)).xyz - v0, h1)
         + outerProduct(texelFetch(velocity, int(nodes.z)).xyz - v0, h2)
         + outerProduct(texelFetch(velocity, int(nodes.w)).xyz - v0, h3);
-    mat3 damping = stress(w, scale * mu, scale * lambda);
+    mat3 damping = stress(w, scale * operator_mu, scale * lambda);
     vec3 f1 = impulse * rotate(world, p * g1.xyz) - damping * h1;
     vec3 f2 = impulse * rotate(world, p * g2.xyz) - damping * h2;
     vec3 f3 = impulse * rotate(world, p * g3.xyz) - damping * h3;

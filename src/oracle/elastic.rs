@@ -3,11 +3,17 @@
 //! Müller and Gross, "Interactive Virtual Materials" (2004); the polar rotation by singular value decomposition with
 //! the sign convention of Irving, Teran and Fedkiw, "Invertible Finite Elements" (2004).
 
-use faer::Mat;
+use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::prepare::Layer;
 use crate::scene::Material;
+
+/// A principal stretch below which a tetrahedron stiffens: corotational elasticity by itself offers no more to a
+/// tetrahedron pressed flat than to one half way there, and turns it inside out.
+pub const LEAST_STRETCH: f64 = 0.3;
+/// How much stiffer it is there along that axis, of lambda + 2 mu.
+pub const STIFFENING: f64 = 10.0;
 
 /// A layer's tetrahedra, ready for evaluation. Lengths of arrays are in nodes or tetrahedra.
 #[derive(Debug, Clone)]
@@ -26,6 +32,8 @@ pub struct Elements {
     pub mu: f64,
     /// Lamé's first parameter, Pa.
     pub lambda: f64,
+    /// What the operator adds to the shear modulus of each tetrahedron, Pa; see [`Elements::squeezed`].
+    pub stiffer: Vec<f64>,
 }
 
 impl Elements {
@@ -47,7 +55,8 @@ impl Elements {
             }
         }
         let (mu, lambda) = lame(material);
-        Self { tetrahedra: layer.tetrahedra.clone(), gradients, volumes, masses, frame, mu, lambda }
+        let stiffer = vec![0.0; layer.tetrahedra.len()];
+        Self { tetrahedra: layer.tetrahedra.clone(), gradients, volumes, masses, frame, mu, lambda, stiffer }
     }
 
     /// Number of nodes.
@@ -75,7 +84,8 @@ impl Elements {
         let mut forces = vec![DVec3::ZERO; self.node_count()];
         for (e, nodes) in self.tetrahedra.iter().enumerate() {
             let q = rotations[e].normalize();
-            let stress = DMat3::from_quat(q) * self.stress(strain(q, self.gradient(e, d)));
+            let strain = strain(q, self.gradient(e, d));
+            let stress = DMat3::from_quat(q) * (self.stress(strain, 0.0) + self.squeeze(strain) * self.stiffening());
             for (i, g) in nodes.iter().zip(&self.gradients[e]) {
                 forces[*i as usize] -= self.frame * (stress * *g) * self.volumes[e];
             }
@@ -90,7 +100,7 @@ impl Elements {
         let mut product = vec![DVec3::ZERO; self.node_count()];
         for (e, nodes) in self.tetrahedra.iter().enumerate() {
             let r = DMat3::from_quat(rotations[e].normalize());
-            let stress = r * self.stress(r.transpose() * self.gradient(e, &local));
+            let stress = r * self.stress(r.transpose() * self.gradient(e, &local), self.stiffer[e]);
             for (i, g) in nodes.iter().zip(&self.gradients[e]) {
                 product[*i as usize] += self.frame * (stress * *g) * self.volumes[e];
             }
@@ -105,24 +115,51 @@ impl Elements {
         let g = self.gradients[element].map(|g| r * g);
         let block = |i: usize, j: usize| {
             let shear = DMat3::from_diagonal(DVec3::splat(g[i].dot(g[j]))) + outer(g[j], g[i]);
-            (shear * self.mu + outer(g[i], g[j]) * self.lambda) * self.volumes[element]
+            (shear * (self.mu + self.stiffer[element]) + outer(g[i], g[j]) * self.lambda) * self.volumes[element]
         };
         std::array::from_fn(|i| std::array::from_fn(|j| block(i, j)))
     }
 
-    /// Elastic energy sum V (mu |E|^2 + lambda/2 tr(E)^2), J, with E = sym(R^T F) - I.
+    /// Elastic energy sum V (mu |E|^2 + lambda/2 tr(E)^2), J, with E = sym(R^T F) - I, and that of squeezed axes.
     pub fn energy(&self, d: &[DVec3], rotations: &[DQuat]) -> f64 {
         let density = |e: usize| {
             let strain = symmetric(strain(rotations[e].normalize(), self.gradient(e, d)));
             let trace = trace(strain);
-            self.mu * strain.to_cols_array().iter().map(|x| x * x).sum::<f64>() + 0.5 * self.lambda * trace * trace
+            let square = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
+            let squeezed = 0.5 * self.stiffening() * square(self.squeeze(strain));
+            self.mu * square(strain) + 0.5 * self.lambda * trace * trace + squeezed
         };
         (0..self.tetrahedra.len()).map(|e| self.volumes[e] * density(e)).sum()
     }
 
-    /// 2 mu sym(E) + lambda tr(E) I.
-    fn stress(&self, strain: DMat3) -> DMat3 {
-        symmetric(strain) * (2.0 * self.mu) + DMat3::from_diagonal(DVec3::splat(self.lambda * trace(strain)))
+    /// These elements with the operator of a state: half the stiffening more shear modulus where a tetrahedron is squeezed,
+    /// which is at least as stiff in every direction as the stiffening, and isotropic.
+    pub fn squeezed(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
+        let more = |e: usize| {
+            let squeezed = self.squeeze(strain(rotations[e].normalize(), self.gradient(e, d))) != DMat3::ZERO;
+            if squeezed { 0.5 * self.stiffening() } else { 0.0 }
+        };
+        Self { stiffer: (0..self.tetrahedra.len()).map(more).collect(), ..self.clone() }
+    }
+
+    /// Stiffness along a squeezed axis, Pa.
+    fn stiffening(&self) -> f64 {
+        STIFFENING * (self.lambda + 2.0 * self.mu)
+    }
+
+    /// sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over the principal stretches s_k and axes n_k of I + sym(E).
+    fn squeeze(&self, strain: DMat3) -> DMat3 {
+        let stretch = symmetric(strain);
+        let matrix = Mat::from_fn(3, 3, |i, j| stretch.col(j)[i]);
+        let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };
+        let (values, vectors) = (eigen.S(), eigen.U());
+        let axis = |k: usize| DVec3::new(vectors[(0, k)], vectors[(1, k)], vectors[(2, k)]);
+        (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(axis(k), axis(k)) * (1.0 + values[k] - LEAST_STRETCH).min(0.0))
+    }
+
+    /// 2 (mu + more) sym(E) + lambda tr(E) I.
+    fn stress(&self, strain: DMat3, more: f64) -> DMat3 {
+        symmetric(strain) * (2.0 * (self.mu + more)) + DMat3::from_diagonal(DVec3::splat(self.lambda * trace(strain)))
     }
 }
 

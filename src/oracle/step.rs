@@ -270,9 +270,9 @@ impl Simulation {
 
     /// (1 + h alpha) M + (h^2 + h beta) K, and h [M g + f_el - alpha M v - (beta + h) K v].
     fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, unknowns: &[Map]) {
-        let (h, elements) = (self.dt, &body.elements);
         let (alpha, beta) = (body.material.damping_mass, body.material.damping_stiffness);
         let rotations = body.rotations();
+        let (h, elements) = (self.dt, &body.elements.squeezed(&body.displacement, &rotations));
         for (e, nodes) in elements.tetrahedra.iter().enumerate() {
             let blocks = elements.stiffness_blocks(e, rotations[e]);
             for (k, i) in nodes.iter().enumerate() {

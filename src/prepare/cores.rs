@@ -133,8 +133,8 @@ pub fn frames(
             let carried = (0..holders.len()).filter(|&n| layer.bound[n] && holders[n] == index as u32);
             let inertia = carried.fold(DMat3::ZERO, |sum, n| sum + point_inertia(masses[n], layer.nodes[n] - centre));
             let size = (inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z) / 3.0;
-            // Written so that a NaN is refused too.
-            if !(inertia.determinant() > THINNEST * size.powi(3)) {
+            let spread = inertia.determinant();
+            if spread.is_nan() || spread <= THINNEST * size.powi(3) {
                 let problem = "a dynamic core's nodes lie on one line, about which it has no inertia";
                 return Err((format!("core.{}.bind", core.name), problem, "enlarge the region"));
             }

@@ -116,7 +116,10 @@ fn stiffness_is_symmetric_positive_and_agrees_with_its_blocks() {
 #[test]
 fn forces_are_the_gradient_of_the_energy() {
     let (layer, elements, d) = bent_box(6);
+    // So that nothing is squeezed.
+    let d: Vec<DVec3> = d.iter().map(|d| 0.3 * *d).collect();
     let rotations = elements.rotations(&d);
+    assert_eq!(elements.squeezed(&d, &rotations).stiffer, elements.stiffer);
     let mut random = Random(7);
     let p: Vec<_> = layer.nodes.iter().map(|_| 0.01 * random.vector()).collect();
     let world: Vec<_> = p.iter().map(|p| elements.frame * *p).collect();
@@ -132,6 +135,32 @@ fn forces_are_the_gradient_of_the_energy() {
     let product = elements.apply_stiffness(&world, &rotations);
     let error: Vec<_> = difference.iter().zip(&product).map(|(a, b)| *a - *b).collect();
     assert!(greatest(&error) < DIFFERENCE * greatest(&product));
+}
+
+/// Pressed to a tenth of its height and shaken, a box is squeezed nearly everywhere: the force is still the gradient of the
+/// energy, and the operator is at least as stiff as the force's true slope.
+#[test]
+fn a_squeezed_box_pushes_back_by_its_energy() {
+    let (layer, elements, noise) = bent_box(16);
+    let flat = |(r, n): (&DVec3, &DVec3)| DVec3::new(0.0, -0.9 * r.y, 0.0) + 0.02 * *n;
+    let d: Vec<DVec3> = layer.nodes.iter().zip(&noise).map(flat).collect();
+    let rotations = elements.rotations(&d);
+    let operator = elements.squeezed(&d, &rotations);
+    assert!(operator.stiffer.iter().filter(|more| **more > 0.0).count() > elements.tetrahedra.len() / 2);
+    let mut random = Random(17);
+    let p: Vec<_> = layer.nodes.iter().map(|_| 0.01 * random.vector()).collect();
+    let world: Vec<_> = p.iter().map(|p| elements.frame * *p).collect();
+    let moved = |t: f64| d.iter().zip(&p).map(|(d, p)| *d + t * *p).collect::<Vec<_>>();
+    let step = 1e-5;
+    let energy = |t: f64| elements.energy(&moved(t), &elements.rotations(&moved(t)));
+    let slope = (energy(step) - energy(-step)) / (2.0 * step);
+    let work = -dot(&elements.forces(&d, &rotations), &world);
+    assert!((slope - work).abs() < 1e-5 * work.abs(), "{slope} {work}");
+    let (up, down) = (elements.forces(&moved(step), &rotations), elements.forces(&moved(-step), &rotations));
+    let true_slope = -(dot(&up, &world) - dot(&down, &world)) / (2.0 * step);
+    let product = dot(&operator.apply_stiffness(&world, &rotations), &world);
+    assert!(true_slope > 1.5 * dot(&elements.apply_stiffness(&world, &rotations), &world), "it stiffens");
+    assert!(product >= true_slope, "{product} {true_slope}");
 }
 
 #[test]

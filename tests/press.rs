@@ -1,0 +1,59 @@
+//! From a surface to a touch with two commands: `palpate prepare`, then `palpate run` of the scene it wrote.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Cells along the largest extent: coarser than the default, so that the test is short.
+const CELLS: &str = "20";
+/// Greatest change of force in a step, of the greatest force: a contact that pops in or out would change more.
+const JUMP: f64 = 0.1;
+
+fn palpate(arguments: &[&str], cache: &Path) {
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_palpate")).args(arguments).env("PALPATE_CACHE", cache).output().unwrap();
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Prepares a surface, presses the sphere of its scene into it for 200 steps, and judges the trace.
+fn press(name: &str, surface: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    let (body, out) = (path("body"), path("out"));
+    palpate(&["prepare", surface, "--out", &body, "--cells", CELLS, "--no-pictures"], &folder.path().join("cache"));
+    palpate(&["run", &format!("{body}/scene.toml"), "--steps", "200", "--out", &out], &folder.path().join("cache"));
+    let mut trace = csv::Reader::from_path(folder.path().join("out/trace.csv")).unwrap();
+    let headers = trace.headers().unwrap().clone();
+    let column = |name: &str| headers.iter().position(|header| header == name).unwrap();
+    let axes = ["force_x", "force_y", "force_z"].map(column);
+    let mut force = Vec::new();
+    for row in trace.records() {
+        let row = row.unwrap();
+        let f = axes.map(|axis| row[axis].parse::<f64>().unwrap());
+        force.push((f[0] * f[0] + f[1] * f[1] + f[2] * f[2]).sqrt());
+    }
+    let peak = force.iter().copied().fold(0.0, f64::max);
+    let jump = force.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+    println!("{name}: {peak:.3} N at most, {:.1} % more or less from step to step", 100.0 * jump / peak);
+    assert!(force.len() == 200 && force.iter().all(|f| f.is_finite()));
+    assert!(peak > 0.01 && jump < JUMP * peak, "{name}: {peak} N, {jump} N");
+}
+
+#[test]
+fn real_meshes_are_prepared_and_pressed() {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");
+    let folder = std::env::var_os("PALPATE_MESHES").map_or(default, PathBuf::from).join("surf");
+    if !folder.is_dir() {
+        println!("skipped: real meshes are pressed: no meshes at {} (set PALPATE_MESHES)", folder.display());
+        return;
+    }
+    for name in ["head", "pumpkin", "gear", "human"] {
+        press(name, folder.join(format!("{name}.obj")).to_str().unwrap());
+    }
+}
+
+#[test]
+fn the_models_are_prepared_and_pressed() {
+    for name in ["pumpkin:8000", "gear:8000"] {
+        press(name, name);
+    }
+}
