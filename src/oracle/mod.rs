@@ -5,6 +5,7 @@
 //!
 //! | twin | stage |
 //! | --- | --- |
+//! | [`body`] | state of soft bodies and dynamic cores |
 //! | [`elastic`] | element rotations, elastic forces, the stiffness operator |
 //! | [`skin`] | skin positions and velocities from nodes |
 //! | [`cull`] | separation and penetration of convex hulls |
@@ -14,6 +15,7 @@
 //! | [`wrench`] | net force, torque, stiffness and damping on the tool |
 //! | [`statics`] | linear static equilibrium, for laws only |
 
+pub mod body;
 pub mod contact;
 pub mod cull;
 pub mod elastic;

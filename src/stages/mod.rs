@@ -7,6 +7,7 @@ pub mod contact;
 pub mod cull;
 pub mod depth;
 pub mod elastic;
+mod layers;
 pub mod model;
 mod pairs;
 pub mod pose;

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 
 use super::types::{NONE, Pair, Proxy};
 use crate::prepare::{self, Body, Embedding, FrameMotion, Layer, Shape, Skin};
@@ -72,16 +72,6 @@ pub struct Core {
     pub frame: usize,
     /// Nodes it carries.
     pub nodes: Vec<u32>,
-}
-
-/// Who decides a node's motion, as in shaders/shared/held.glsl.
-mod held {
-    /// The solver.
-    pub const FREE: u32 = 0;
-    /// A frame whose motion is known.
-    pub const HELD: u32 = 1;
-    /// A dynamic core.
-    pub const CARRIED: u32 = 2;
 }
 
 /// All static arrays.
@@ -234,31 +224,6 @@ impl Model {
         }
     }
 
-    /// A dynamic rigid body: four masses with its centre and inertia, which a core carries, and its skin embedded in the
-    /// tetrahedron between them; so that it is to the solver what any core is. `inertia`: about the centre, kg m^2.
-    fn add_masses(&mut self, frame: usize, mass: f64, inertia: DMat3, velocity: DVec3, skin: &Skin) {
-        // Corners of a regular tetrahedron have the identity as mean square; A of them A A^T, here inertia's own.
-        let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from_array);
-        let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
-        let square = (DMat3::from_diagonal(DVec3::splat(0.5 * trace)) - inertia) * (1.0 / mass);
-        let shape = lower_root(square);
-        let node_first = self.node_rest.len() as u32;
-        for corner in corners {
-            self.carried_nodes.push(self.node_rest.len() as u32);
-            self.node_info.push([self.node_elements.len() as u32, 0, frame as u32, held::CARRIED]);
-            self.node_rest.push(texel(shape * corner, 0.25 * mass));
-            self.velocity.push(texel(velocity, 0.0));
-        }
-        let centre = self.frames[frame].rest_centre;
-        let back = shape.inverse();
-        for x in &skin.vertices {
-            let at = back * (*x - centre);
-            self.skin_nodes.push([0, 1, 2, 3].map(|k| node_first + k));
-            self.skin_weights.push(corners.map(|corner| (0.25 * (1.0 + corner.dot(at))) as f32));
-        }
-        self.cores.push(Core { frame, nodes: (node_first..node_first + 4).collect() });
-    }
-
     fn add_frame(&mut self, body: &Body, rest_centre: DVec3, motion: Motion, material: Option<&Material>) {
         let Body { position, orientation, .. } = *body;
         self.frames.push(FramePlace { position, orientation, rest_centre, motion });
@@ -269,7 +234,7 @@ impl Model {
     }
 
     /// The link from frame `to` to frame `from`: where a point that rides on `from` is in `to`.
-    fn link(&mut self, to: u32, from: u32) -> u32 {
+    pub(super) fn link(&mut self, to: u32, from: u32) -> u32 {
         if to == from {
             return 0;
         }
@@ -285,86 +250,12 @@ impl Model {
 
     /// Whether a dynamic core carries a node.
     pub fn is_carried(&self, node: usize) -> bool {
-        self.node_info[node][3] == held::CARRIED
+        self.node_info[node][3] == super::layers::held::CARRIED
     }
 
     /// Whether anything spans two frames.
     pub fn spans_frames(&self) -> bool {
         self.links.len() > 1
-    }
-
-    fn add_layer(
-        &mut self,
-        layer: &Layer,
-        node_frames: &[u32],
-        material: &Material,
-        frame_first: usize,
-        velocity: DVec3,
-    ) {
-        let node_first = self.node_rest.len();
-        let tetrahedron_first = self.tetrahedra.len();
-        let frame_of = |n: u32| frame_first as u32 + node_frames[n as usize];
-        let dynamic = |frame: u32| match self.frames[frame as usize].motion {
-            Motion::Prepared(FrameMotion::Dynamic { mass }) => Some(mass),
-            _ => None,
-        };
-        let carries: Vec<Option<Option<f64>>> =
-            (0..layer.nodes.len()).map(|n| if layer.bound[n] { dynamic(frame_of(n as u32)) } else { None }).collect();
-        let mut mass = vec![0.0; layer.nodes.len()];
-        let mut entries = vec![Vec::new(); layer.nodes.len()];
-        for (t, nodes) in layer.tetrahedra.iter().enumerate() {
-            let x = nodes.map(|n| layer.nodes[n as usize]);
-            let edges = glam::DMat3::from_cols(x[1] - x[0], x[2] - x[0], x[3] - x[0]);
-            let volume = edges.determinant() / 6.0;
-            let gradients = edges.inverse().transpose();
-            let frame = frame_of(nodes[0]);
-            let links = nodes.map(|n| self.link(frame, frame_of(n)));
-            self.tetrahedra.push(nodes.map(|n| n + node_first as u32));
-            self.tetrahedron_links.push(links);
-            self.rest_gradients.push(texel(gradients.x_axis, volume.sqrt()));
-            self.rest_gradients.push(texel(gradients.y_axis, 0.0));
-            self.rest_gradients.push(texel(gradients.z_axis, f64::from(frame)));
-            for (corner, n) in nodes.iter().enumerate() {
-                mass[*n as usize] += 0.25 * material.density * volume;
-                // Within a core nothing deforms: there a core feels no element.
-                let within = nodes.iter().all(|n| layer.bound[*n as usize] && frame_of(*n) == frame);
-                if !(within && carries[*n as usize].is_some()) {
-                    entries[*n as usize].push((4 * (tetrahedron_first + t) + corner) as u32);
-                }
-            }
-        }
-        for (i, rest) in layer.nodes.iter().enumerate() {
-            let frame = frame_of(i as u32);
-            let place = &self.frames[frame as usize];
-            // A node of no tetrahedron has no mass: it stays where it is in its frame.
-            let bound = layer.bound[i] || mass[i] == 0.0;
-            let holder = match carries[i] {
-                Some(_) => held::CARRIED,
-                None if bound => held::HELD,
-                None => held::FREE,
-            };
-            if bound && matches!(place.motion, Motion::Prepared(FrameMotion::Driven(_) | FrameMotion::Dynamic { .. })) {
-                self.carried_nodes.push((node_first + i) as u32);
-            }
-            // Entries of whole quads; the padding is replaced once the number of all tetrahedra is known.
-            let quads = entries[i].len().div_ceil(4);
-            self.node_info.push([self.node_elements.len() as u32, quads as u32, frame, holder]);
-            for quad in entries[i].chunks(4) {
-                self.node_elements.push(std::array::from_fn(|k| quad.get(k).copied().unwrap_or(NONE)));
-            }
-            self.node_rest.push(texel(*rest - place.rest_centre, mass[i]));
-            self.velocity.push(texel(if holder == held::HELD { DVec3::ZERO } else { velocity }, 0.0));
-        }
-        for frame in frame_first..self.frames.len() {
-            if let Motion::Prepared(FrameMotion::Dynamic { mass: wanted }) = self.frames[frame].motion {
-                let own = |n: &usize| layer.bound[*n] && frame_of(*n as u32) == frame as u32;
-                let nodes: Vec<u32> = (0..layer.nodes.len()).filter(own).map(|n| (node_first + n) as u32).collect();
-                let own_mass: f64 = nodes.iter().map(|n| mass[*n as usize - node_first]).sum();
-                let factor = wanted.map_or(1.0, |wanted| wanted / own_mass);
-                nodes.iter().for_each(|n| self.node_rest[*n as usize][3] *= factor as f32);
-                self.cores.push(Core { frame, nodes });
-            }
-        }
     }
 
     fn add_skin(&mut self, skin: &Skin, vertex_first: usize) {
@@ -462,16 +353,6 @@ impl Model {
 fn lame(material: &Material) -> (f64, f64) {
     let mu = material.young / (2.0 * (1.0 + material.poisson));
     (mu, 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson))
-}
-
-/// L with L L^T = a symmetric positive definite matrix (Cholesky).
-fn lower_root(a: DMat3) -> DMat3 {
-    let l00 = a.x_axis.x.sqrt();
-    let (l10, l20) = (a.x_axis.y / l00, a.x_axis.z / l00);
-    let l11 = (a.y_axis.y - l10 * l10).sqrt();
-    let l21 = (a.y_axis.z - l10 * l20) / l11;
-    let l22 = (a.z_axis.z - l20 * l20 - l21 * l21).sqrt();
-    DMat3::from_cols(DVec3::new(l00, l10, l20), DVec3::new(0.0, l11, l21), DVec3::new(0.0, 0.0, l22))
 }
 
 /// A vec4 of the device.
