@@ -168,7 +168,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         .run();
     let place = |(nodes, weights): (&[u32; 4], &[f32; 4])| {
         let x: DVec3 = nodes.iter().zip(weights).map(|(n, w)| f64::from(*w) * moved[*n as usize]).sum();
-        x.extend(9.0).to_array()
+        x.extend(10.0).to_array()
     };
     let want: Vec<f64> = skin_nodes.iter().zip(&skin_weights).flat_map(place).collect();
     expect_close("skin", out.get::<[f32; 4]>("skin").as_flattened(), &want, PLACED);

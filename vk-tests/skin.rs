@@ -133,8 +133,9 @@ fn embedded_skin_is_where_the_oracle_has_it_and_carries_the_step() {
     let Shape::Soft { layer, embedding, .. } = &ball.shape else { unreachable!() };
     let moved: Vec<DVec3> = layer.nodes.iter().zip(&flow.displacement).map(|(x, d)| *x + vector(d)).collect();
     let local = oracle::embed(embedding, layer, &moved);
-    let want =
-        local.iter().flat_map(|x| (ball.position + ball.orientation * *x).extend(f64::from(0x2_3456)).to_array());
+    let want = local
+        .iter()
+        .flat_map(|x| (ball.position + ball.orientation * *x).extend(f64::from(1 + 0x12_3456 % 0xf_ffff)).to_array());
     let got: Vec<f32> = flow.skin.as_flattened().to_vec();
     expect_close("skin", &got, &want.collect::<Vec<_>>(), PLACED);
 }
@@ -173,7 +174,7 @@ fn rigid_skin_of_any_size_and_only_what_is_listed() {
         let rotation = DQuat::from_array(frame.rotation.map(f64::from));
         let want = weights[..n].iter().flat_map(|x| {
             let at = proximity::embed(DVec3::new(1.0, 2.0, 3.0), rotation, [vector(x); 4], [0.25; 4]);
-            at.extend(9.0).to_array()
+            at.extend(10.0).to_array()
         });
         expect_close("skin", skin[..n].as_flattened(), &want.collect::<Vec<_>>(), PLACED);
         assert!(skin[n..].iter().all(|x| *x == [-5.0; 4]), "what no proxy lists stays");

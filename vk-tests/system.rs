@@ -199,6 +199,9 @@ impl System {
             let frame = &mut self.frames[core.frame];
             (frame.core, frame.centre) = (index as u32, centre.as_vec3().to_array());
             (frame.linear, frame.angular) = (velocity.as_vec3().to_array(), spin.as_vec3().to_array());
+            let turn = DMat3::from_quat(place.orientation);
+            let inertia = turn * self.model.inertia_of(core) * turn.transpose();
+            frame.gyroscopic = palpate::oracle::tool::gyroscopic(inertia, spin, self.twin.dt).as_vec3().to_array();
             let body = self.model.soft.iter().position(|soft| soft.nodes.contains(&(core.nodes[0] as usize))).unwrap();
             let node_first = self.model.soft[body].nodes.start;
             for node in &core.nodes {

@@ -26,6 +26,7 @@ struct Frame {
     vec3 linear;                // (c1 - c0) / h, m/s
     vec3 angular;               // rad/s
     vec4 turn;                  // quaternion of R1^T R0: how the start lies in the frame at the end
+    vec3 gyroscopic;            // of a dynamic core: what its spin gives to its momentum over the step, N m s
     uint core;                  // the dynamic core that it is, whose motion the solver finds, or NONE; then linear and angular
                                 // are its twist at the start, and turn means nothing
 };

@@ -41,7 +41,7 @@ void main() {
     uint vertex = proxy_embeds[proxies[entry.proxy].embed_first + i - entry.embed_first];
     uvec4 nodes = texelFetch(skin_nodes, int(vertex));
     vec4 weights = texelFetch(skin_weights, int(vertex));
-    float stamp = float(params.step & 0xfffff);
+    float stamp = float(1 + params.step % 0xfffff);
     if (SPANS && nodes.x != NONE) {
         vec3 x = weights.x * world(nodes.x) + weights.y * world(nodes.y) + weights.z * world(nodes.z)
             + weights.w * world(nodes.w);

@@ -17,7 +17,7 @@ layout(constant_id = 2) const bool CONTACT = false;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Materials { vec4 materials[]; };
-layout(binding = 2) uniform usamplerBuffer node_info;       // first quad of elements, quads, frame, 1 where bound
+layout(binding = 2) uniform usamplerBuffer node_info;       // first quad of elements, quads, frame, and who holds it (shared/held.glsl)
 layout(binding = 3) uniform samplerBuffer node_rest;        // w: mass, kg
 layout(binding = 4) uniform samplerBuffer velocity;
 layout(binding = 5) uniform usamplerBuffer node_elements;

@@ -4,6 +4,7 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
+#include "shared/held.glsl"
 
 // Solve: the new state, v += x, d += (dR - I)(r + d) + h R1^T (v - v_centre) with dR = R1^T R0 (the same place in the world,
 // seen from where the frame is at the end), and b - A x for the next step to make good. A bound node keeps d = 0.
@@ -29,7 +30,7 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= NODES) return;
     uvec4 info = texelFetch(node_info, int(i));
-    if (info.w != 0) return;
+    if (info.w != FREE) return;
     vec3 v = velocity[i].xyz + texelFetch(solution, int(i)).xyz;
     leftover[i] = texelFetch(rhs, int(i)) - texelFetch(image, int(i));
     velocity[i] = vec4(v, 0.0);

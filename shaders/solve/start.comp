@@ -27,7 +27,7 @@ layout(scalar, binding = 3) readonly buffer CountsIn { Counts counts; };
 layout(scalar, binding = 4) readonly buffer Contacts { Contact contacts[]; };
 layout(binding = 5) uniform samplerBuffer contact_forces;       // of the last solution
 layout(scalar, binding = 6) readonly buffer Frames { Frame frames[]; };
-layout(binding = 7) uniform samplerBuffer node_rest;            // w: mass, kg
+layout(binding = 7) uniform samplerBuffer node_rest;
 layout(scalar, binding = 8) readonly buffer CoreNodes { uint core_nodes[]; };
 layout(binding = 9) uniform samplerBuffer rhs;
 layout(binding = 10) uniform samplerBuffer inverse;             // of carried nodes: their diagonal blocks as they are
@@ -57,22 +57,20 @@ vec3 block_times(uint node, vec3 v) {
 }
 
 // A core's block of the preconditioner, sum P_i^T D_i P_i over the nodes it carries, inverted; its right-hand side, P^T b, the
-// gyroscopic torque -h w x (I w), and what the last step left undone; e^2 of the rounding of b.
+// gyroscopic impulse, and what the last step left undone; e^2 of the rounding of b.
 float assemble_core(uint c) {
     Frame frame = frames[cores[c].frame];
     float block[36], b[6];
     for (int k = 0; k < 36; k++) block[k] = 0.0;
-    vec3 force = vec3(0.0), torque = vec3(0.0), momentum = vec3(0.0), force_size = vec3(0.0), torque_size = vec3(0.0);
+    vec3 force = vec3(0.0), torque = vec3(0.0), force_size = vec3(0.0), torque_size = vec3(0.0);
     for (uint k = gl_LocalInvocationID.x; k < cores[c].node_count; k += SIZE) {
         uint node = core_nodes[cores[c].node_first + k];
         vec3 arm = arm_of(node, cores[c].frame);
-        float mass = texelFetch(node_rest, int(node)).w;
         vec3 f = texelFetch(rhs, int(node)).xyz;
         force += f;
         torque += cross(arm, f);
         force_size += abs(f);
         torque_size += abs(cross(arm, f));
-        momentum += mass * cross(arm, cross(frame.angular, arm));
         for (int j = 0; j < 6; j++) {
             vec3 axis = vec3(j % 3 == 0, j % 3 == 1, j % 3 == 2);
             vec3 moved = block_times(node, j < 3 ? axis : cross(axis, arm));
@@ -88,7 +86,7 @@ float assemble_core(uint c) {
         for (int l = 0; l < 4; l++) block[k + l] = part[l];
     }
     force = workgroup_sum(vec4(force, 0.0)).xyz;
-    torque = workgroup_sum(vec4(torque, 0.0)).xyz - params.dt * cross(frame.angular, workgroup_sum(vec4(momentum, 0.0)).xyz);
+    torque = workgroup_sum(vec4(torque, 0.0)).xyz + frame.gyroscopic;
     force_size = workgroup_sum(vec4(force_size, 0.0)).xyz;
     torque_size = workgroup_sum(vec4(torque_size, 0.0)).xyz;
     float e2 = 0.0;

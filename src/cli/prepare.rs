@@ -82,19 +82,19 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     };
     let depths = bind::depths(layer, (&skin.vertices, &skin.triangles))
         .map_err(|problem| Error::input(Path::new(&arguments.surface), None, problem, "give a closed surface"))?;
-    let inset = press::inset(layer, &depths);
+    let (cores, held) = press::cores(layer, &depths);
     if !arguments.no_pictures {
         bar.set_message("pictures");
         let begun = Instant::now();
         let mut shown = layer.clone();
-        shown.bound = depths.iter().map(|&depth| depth >= inset).collect();
+        shown.bound = held;
         write_pictures(&mut output, &body, &shown, skin)?;
         report.seconds.insert("pictures".into(), begun.elapsed().as_secs_f64().into());
         report.peak_memory_bytes = peak_memory();
     }
     bar.inc(1);
     bar.set_message("files");
-    write_body(&mut output, layer, skin, |w| Press::into(skin, layer, &depths).write(w, &body.name, inset))?;
+    write_body(&mut output, layer, skin, |w| Press::into(skin, layer, &depths).write(w, &body.name, &cores))?;
     output.write("report.json", |w| serde_json::to_writer_pretty(w, report).map_err(Into::into))?;
     output.write("report.txt", |w| write_text(w, report))?;
     output.commit()?;

@@ -3,6 +3,7 @@
 use std::io::Write;
 
 use glam::DVec3;
+use palpate::prepare::distance::Solid;
 use palpate::prepare::{Layer, Skin, layer};
 
 /// Radius of the sphere, as a share of the body's largest extent.
@@ -11,7 +12,9 @@ const RADIUS: f64 = 0.04;
 const TRAVEL: f64 = 0.5;
 /// Gap before the sphere touches, in radii.
 const GAP: f64 = 0.05;
-/// Nodes deeper than this share of the deepest are held.
+/// The sphere has met the skin when it is within this share of its radius.
+const NEAR: f64 = 1e-3;
+/// Nodes deeper than this share of the deepest of their part are held.
 const HELD: f64 = 0.5;
 
 /// Where and how hard to press.
@@ -32,19 +35,15 @@ impl Press {
         // The first of the deepest. Adding zero turns a negative zero into one that reads well.
         let deepest = (0..depths.len()).rev().max_by(|&i, &j| depths[i].total_cmp(&depths[j]));
         let target = deepest.map_or(0.5 * (low + high), |node| layer.nodes[node]) + DVec3::ZERO;
-        // Where the sphere's centre is when it first meets a vertex on its way down.
-        let met = |p: DVec3| {
-            let room = radius * radius - (p - target).truncate().length_squared();
-            (room > 0.0).then(|| p.z + room.sqrt())
-        };
-        let touching = points().filter_map(met).fold(target.z, f64::max);
+        let touching =
+            met(skin, DVec3::new(target.x, target.y, high.z + 2.0 * radius), radius, low.z).unwrap_or(target.z);
         let at = |radii: f64| DVec3::new(target.x, target.y, touching + radii * radius);
         Press { radius, start: at(GAP), end: at(-TRAVEL) }
     }
 
-    /// Writes the scene; `inset` is the depth from which nodes are held, in m. Stiffness and mass of the hand grow with
+    /// Writes the scene; `cores`: see [`cores`]. Stiffness and mass of the hand grow with
     /// the sphere, so that a body of any size is pressed in the same time.
-    pub fn write(&self, w: &mut impl Write, name: &str, inset: f64) -> std::io::Result<()> {
+    pub fn write(&self, w: &mut impl Write, name: &str, cores: &[String]) -> std::io::Result<()> {
         let (r, s, e) = (self.radius, self.start, self.end);
         writeln!(
             w,
@@ -54,7 +53,9 @@ impl Press {
         writeln!(w, "[contact]\ndepth_limit = {r:?}\n")?;
         writeln!(w, "[[body]]\nname = \"{name}\"\nsurface = \"skin.obj\"\nlayer = \"layer.msh\"")?;
         writeln!(w, "material = {{ young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }}\n")?;
-        writeln!(w, "[[body.core]]\nname = \"core\"\nmotion = \"fixed\"\nbind = {{ inset = {inset:?} }}\n")?;
+        for (part, bind) in cores.iter().enumerate() {
+            writeln!(w, "[[body.core]]\nname = \"core{part}\"\nmotion = \"fixed\"\nbind = {bind}\n")?;
+        }
         writeln!(w, "[tool]\nsphere = {r:?}\nmass = {:?}\nposition = [{:?}, {:?}, {:?}]\n", 5.0 * r, s.x, s.y, s.z)?;
         writeln!(w, "[coupling]\nstiffness = {:?}\ndamping = {:?}", 5e4 * r, 500.0 * r)?;
         writeln!(w, "angular_stiffness = {:?}\nangular_damping = {:?}\n", 5e5 * r.powi(3), 2e3 * r.powi(3))?;
@@ -63,12 +64,37 @@ impl Press {
     }
 }
 
-/// Depth from which nodes are to be held so that every part of the layer has some, m, from the depth of each node.
-pub fn inset(layer: &Layer, depths: &[f64]) -> f64 {
+/// Height at which a sphere that comes down from `from` meets the skin, m: sphere tracing (J. Hart 1996); `None` where it
+/// passes by, below `lowest`, or where the skin cannot be searched.
+fn met(skin: &Skin, from: DVec3, radius: f64, lowest: f64) -> Option<f64> {
+    let solid = Solid::new(&skin.vertices, &skin.triangles).ok()?;
+    let mut centre = from;
+    while centre.z > lowest - radius {
+        let room = solid.distance(centre) - radius;
+        if room < NEAR * radius {
+            return Some(centre.z);
+        }
+        centre.z -= room;
+    }
+    None
+}
+
+/// What holds the body, from the depth of each node (m): values of `bind`, a core for each part of the layer, and which
+/// nodes those hold. One part is held from an inset, several each by its own deepest nodes.
+pub fn cores(layer: &Layer, depths: &[f64]) -> (Vec<String>, Vec<bool>) {
     let (labels, count) = layer::parts(layer);
-    let mut deepest = vec![0.0f64; count];
+    let mut deepest = vec![f64::NEG_INFINITY; count];
     for (&label, &depth) in labels.iter().zip(depths) {
         deepest[label as usize] = deepest[label as usize].max(depth);
     }
-    HELD * deepest.into_iter().fold(f64::INFINITY, f64::min)
+    let least: Vec<f64> = deepest.iter().map(|&deepest| if deepest > 0.0 { HELD * deepest } else { deepest }).collect();
+    let held: Vec<bool> = labels.iter().zip(depths).map(|(&label, &depth)| depth >= least[label as usize]).collect();
+    if count == 1 && deepest[0] > 0.0 {
+        return (vec![format!("{{ inset = {:?} }}", least[0])], held);
+    }
+    let nodes = |part: usize| {
+        let own = (0..depths.len()).filter(|&n| labels[n] as usize == part && held[n]);
+        format!("{{ nodes = {:?} }}", own.collect::<Vec<_>>())
+    };
+    ((0..count).map(nodes).collect(), held)
 }

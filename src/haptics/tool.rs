@@ -6,6 +6,9 @@ use glam::{DMat3, DQuat, DVec3};
 use super::drive::{Device, rotation_vector};
 use crate::scene::Coupling;
 
+/// Newton's rounds for the gyroscopic term; it converges quadratically from the start's spin.
+const GYROSCOPIC_ROUNDS: usize = 4;
+
 /// The tool's state and constants.
 #[derive(Debug, Clone)]
 pub struct Tool {
@@ -35,7 +38,7 @@ pub struct Rows {
 }
 
 impl Tool {
-    /// Implicit Euler over `h` seconds, linearised about the start: gravity, gyroscopic torque (explicit), and the
+    /// Implicit Euler over `h` seconds, linearised about the start: gravity, gyroscopic torque, and the
     /// coupling towards the device's pose and twist at the end of the step.
     pub fn rows(&self, h: f64, gravity: DVec3, device: &Device) -> Rows {
         let turn = DMat3::from_quat(self.orientation);
@@ -43,7 +46,8 @@ impl Tool {
         let (v, w) = (self.velocity, self.angular_velocity);
         let mut linear = self.mass;
         let mut force = self.mass * gravity;
-        let mut torque = -w.cross(angular * w);
+        let gyroscopic = gyroscopic_impulse(angular, w, h);
+        let mut torque = DVec3::ZERO;
         if let Some(c) = &self.coupling {
             linear += h * (h * c.stiffness + c.damping);
             angular += DMat3::from_diagonal(DVec3::splat(h * (h * c.angular_stiffness + c.angular_damping)));
@@ -55,7 +59,7 @@ impl Tool {
         for i in 0..3 {
             rows.matrix[i][i] = linear;
             rows.rhs[i] = h * force[i];
-            rows.rhs[3 + i] = h * torque[i];
+            rows.rhs[3 + i] = h * torque[i] + gyroscopic[i];
             for k in 0..3 {
                 rows.matrix[3 + i][3 + k] = angular.col(k)[i];
             }
@@ -71,4 +75,23 @@ impl Tool {
         self.centre += h * self.velocity;
         self.orientation = (DQuat::from_scaled_axis(h * self.angular_velocity) * self.orientation).normalize();
     }
+}
+
+/// What a rigid body's spin gives to its angular momentum over `h` seconds, N m s: I (w1 - w0) with
+/// I (w1 - w0) + h w1 x I w1 = 0, the inertia (world axes) held as at the start (E. Catto 2015, "Physics for game
+/// programmers: numerical methods"). Taken at the start instead, the torque would feed the spin of any body that is not
+/// round. `w`: at the start, rad/s.
+pub fn gyroscopic_impulse(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
+    let cross =
+        |v: DVec3| DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0));
+    let mut end = w;
+    for _ in 0..GYROSCOPIC_ROUNDS {
+        let momentum = inertia * end;
+        let residual = inertia * (end - w) + h * end.cross(momentum);
+        let slope = inertia + h * (cross(end) * inertia - cross(momentum));
+        end -= slope.inverse() * residual;
+    }
+    let impulse = inertia * (end - w);
+    // Of no use where it cannot be solved: a body without extent has no such torque.
+    if impulse.is_finite() { impulse } else { DVec3::ZERO }
 }

@@ -6,7 +6,7 @@ use crate::Result;
 pub use crate::oracle::body::{Core, SoftBody};
 use crate::oracle::contact::{Carrier, Contact, Point};
 use crate::oracle::linear::{Entries, Solver};
-use crate::oracle::tool::{Device, Tool};
+use crate::oracle::tool::{self, Device, Tool};
 use crate::oracle::wrench::{self, Wrench};
 use crate::prepare::Layer;
 use crate::scene::Material;
@@ -159,16 +159,11 @@ impl Simulation {
             self.add_body(&mut a, &mut b, body, nodes);
         }
         for (core, first) in self.cores.iter().zip(&unknowns.cores) {
-            let momentum: DVec3 = core
-                .nodes
-                .iter()
-                .map(|(body, node)| {
-                    let body = &self.bodies[*body];
-                    let arm = body.world_node(*node) - core.centre;
-                    body.elements.masses[*node as usize] * arm.cross(core.spin.cross(arm))
-                })
-                .sum();
-            let gyroscopic = -self.dt * core.spin.cross(momentum);
+            let inertia = core.nodes.iter().fold(DMat3::ZERO, |sum, (body, node)| {
+                let body = &self.bodies[*body];
+                sum + tool::point_inertia(body.elements.masses[*node as usize], body.world_node(*node) - core.centre)
+            });
+            let gyroscopic = tool::gyroscopic(inertia, core.spin, self.dt);
             (0..3).for_each(|axis| b[first + 3 + axis] += gyroscopic[axis]);
         }
         if let Some(tool) = &self.tool {

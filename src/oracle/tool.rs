@@ -57,7 +57,7 @@ impl Tool {
         self.centre + self.orientation * local
     }
 
-    /// Adds the tool's terms to A and to b, from unknown `first` on: inertia, gravity, the gyroscopic torque (explicit)
+    /// Adds the tool's terms to A and to b, from unknown `first` on: inertia, gravity, the gyroscopic torque
     /// and the virtual coupling to the device's pose and twist at the end of the step of `h` seconds.
     pub fn add_terms(
         &self,
@@ -73,7 +73,7 @@ impl Tool {
         let mut linear = DMat3::from_diagonal(DVec3::splat(self.mass));
         let mut angular = inertia;
         let mut impulse = gravity * self.mass * h;
-        let mut twist = -w.cross(inertia * w) * h;
+        let mut twist = gyroscopic(inertia, w, h);
         if let (Some(spring), Some(device)) = (&self.coupling, device) {
             let identity = |x: f64| DMat3::from_diagonal(DVec3::splat(x));
             let turn = rotation_vector(device.orientation * self.orientation.conjugate());
@@ -126,6 +126,24 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
     let sine = axis.length();
     // Below this sine the angle is twice the sine to the last digit.
     if sine < 1e-9 { axis * 2.0 } else { axis * (2.0 * sine.atan2(q.w) / sine) }
+}
+
+/// The gyroscopic impulse I (w1 - w0) of implicit Euler, I (w1 - w0) = -h w1 x I w1, by Newton's method along a growing
+/// step; N m s.
+pub fn gyroscopic(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
+    // Each share of the step starts from the last one's end; Newton's matrix by differences, exact for a quadratic.
+    let residual = |x: DVec3, h: f64| inertia * (x - w) + h * x.cross(inertia * x);
+    let mut end = w;
+    for share in 1..=8 {
+        let h = h * f64::from(share) / 8.0;
+        for _ in 0..20 {
+            let size = 1e-3 * (1.0 + end.length());
+            let column = |axis: DVec3| (residual(end + size * axis, h) - residual(end - size * axis, h)) / (2.0 * size);
+            let slope = DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z));
+            end -= slope.inverse() * residual(end, h);
+        }
+    }
+    inertia * (end - w)
 }
 
 /// Inertia tensor of a point mass at `r` from the centre, kg m^2.

@@ -3,9 +3,11 @@
 use glam::DVec3;
 
 use super::distance::{HALF, Solid};
-use super::skin::Sets;
-use super::{Layer, layer};
+use super::{Layer, layer, repair};
 use crate::scene::{Bind, Capsule, Core};
+
+/// A node this near to the skin, as a share of its diagonal, lies on it.
+const ON_SKIN: f64 = 1e-9;
 
 /// Whether each node lies in the region `bind`. `skin` and the layer are in file coordinates. Errors: the problem, and the
 /// remedy.
@@ -14,7 +16,10 @@ pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Resul
         Bind::All => vec![true; layer.nodes.len()],
         Bind::Box { low, high } => layer.nodes.iter().map(|n| n.cmpge(*low).all() && n.cmple(*high).all()).collect(),
         Bind::Sphere { centre, radius } => layer.nodes.iter().map(|n| n.distance(*centre) <= *radius).collect(),
-        Bind::Inset(depth) => inset(layer, skin, *depth)?,
+        Bind::Inset(least) => {
+            let depths = depths(layer, skin).map_err(|problem| (problem, "give a closed surface"))?;
+            depths.iter().map(|depth| depth >= least).collect()
+        }
         Bind::Capsule(capsule) => layer.nodes.iter().map(|&n| capsule_depth(n, capsule) <= 1.0).collect(),
         Bind::Nodes(list) => {
             let mut named = vec![false; layer.nodes.len()];
@@ -32,40 +37,19 @@ pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Resul
     })
 }
 
-/// Nodes inside the skin and at least `depth` from it.
-///
-/// A node's distance clears a ball around it, so that the ends of an edge shorter than either end's distance lie on the
-/// same side: one winding number serves a whole group of nodes.
-fn inset(
-    layer: &Layer,
-    (vertices, triangles): (&[DVec3], &[[u32; 3]]),
-    depth: f64,
-) -> Result<Vec<bool>, (String, &'static str)> {
-    let surface = Solid::new(vertices, triangles)
-        .map_err(|e| (format!("the skin cannot be searched: {e}"), "give a closed surface"))?;
-    let distances: Vec<f64> = layer.nodes.iter().map(|&n| surface.distance(n)).collect();
-    let mut sides = Sets::new(layer.nodes.len());
-    for t in &layer.tetrahedra {
-        for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
-            let (a, b) = (t[i] as usize, t[j] as usize);
-            if layer.nodes[a].distance(layer.nodes[b]) < distances[a].max(distances[b]) {
-                sides.join(t[i], t[j]);
-            }
-        }
-    }
-    let (labels, count) = sides.labels();
-    let mut inside: Vec<Option<bool>> = vec![None; count];
-    let mut deep = |n: usize| {
-        distances[n] >= depth
-            && *inside[labels[n] as usize].get_or_insert_with(|| surface.winding(layer.nodes[n]) > HALF)
-    };
-    Ok((0..layer.nodes.len()).map(&mut deep).collect())
-}
-
-/// Distance of each node from the skin, m, inside or outside. Errors: a skin that cannot be searched.
+/// How deep each node lies below the skin, m; negative outside. Holes of the skin count as closed by fans. Errors: a skin
+/// that cannot be searched.
 pub fn depths(layer: &Layer, (vertices, triangles): (&[DVec3], &[[u32; 3]])) -> Result<Vec<f64>, String> {
-    let surface = Solid::new(vertices, triangles).map_err(|e| format!("the skin cannot be searched: {e}"))?;
-    Ok(layer.nodes.iter().map(|&n| surface.distance(n)).collect())
+    let (vertices, triangles) = repair::closed(vertices, triangles);
+    let surface = Solid::new(&vertices, &triangles).map_err(|e| format!("the skin cannot be searched: {e}"))?;
+    let low = vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let size = vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max).distance(low);
+    let depth = |&node: &DVec3| {
+        let distance = surface.distance(node);
+        // On the skin the winding number is one half, more or less.
+        if distance <= ON_SKIN * size || surface.winding(node) > HALF { distance } else { -distance }
+    };
+    Ok(layer.nodes.iter().map(depth).collect())
 }
 
 /// Distance of a point from a capsule's axis over the radius there: up to 1 inside.

@@ -256,6 +256,10 @@ fn notes_of(made: &LayerReport) -> Vec<String> {
             made.dropped.parts
         ));
     }
+    if made.volume_difference.abs() > VOLUME {
+        let percent = 100.0 * made.volume_difference;
+        notes.push(format!("the layer's volume is {percent:+.1} % off the skin's; choose a smaller cell"));
+    }
     notes
 }
 
@@ -263,6 +267,9 @@ fn largest_extent(mesh: &TriangleMesh) -> f64 {
     let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     (mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low).max_element()
 }
+
+/// A layer's volume may differ from the skin's by this much without a word.
+const VOLUME: f64 = 0.02;
 
 /// Proxies of a skin, and the skin back.
 fn cover(keys: &Keys, mesh: TriangleMesh, hulls: Option<u32>) -> Result<(TriangleMesh, Vec<Proxy>)> {

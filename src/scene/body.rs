@@ -239,6 +239,7 @@ fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
         }
         named.push(name.clone());
         let (motion, mass) = (motion(&core)?, core.option("mass", Value::positive)?);
+        mass_moves(&core, &motion)?;
         if let Some(bone) = cores[..bones.len()].iter_mut().find(|bone| bone.name == name) {
             refuse(&core, &["bind"], "the core is a bone, and the skeleton says which nodes it carries")?;
             (bone.motion, bone.mass) = (motion, mass);
@@ -255,10 +256,19 @@ fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
     Ok(cores)
 }
 
+/// Refuses a mass where nothing moves by it.
+fn mass_moves(table: &Table, motion: &Motion) -> Result<()> {
+    match motion {
+        Motion::Dynamic => Ok(()),
+        _ => refuse(table, &["mass"], "belongs to motion = \"dynamic\""),
+    }
+}
+
 /// The one core of a rigid body, named after it.
 fn rigid_core(table: &Table, name: &str) -> Result<Core> {
     let motion = motion(table)?;
     let mass = table.option("mass", Value::positive)?;
+    mass_moves(table, &motion)?;
     if matches!(motion, Motion::Dynamic) && mass.is_none() {
         return Err(table.error("mass", "missing", "a dynamic rigid body needs a mass"));
     }

@@ -345,13 +345,17 @@ fn a_skeleton_gives_a_core_a_bone() {
     }
     // Bones first, in the skeleton's order; a core of the same name says how its bone moves.
     let said = "name = \"ball\"\nbind = { all = true }\n[[body.core]]\nname = \"fore\"\nmotion = \"driven\"\n\
-                keys = \"keys.csv\"\nmass = 2";
+                keys = \"keys.csv\"";
     let body = folder.load(&core(said)).unwrap().bodies[0].clone();
     let [upper, fore, ball] = &body.cores[..] else { panic!("{:?}", body.cores) };
     assert_eq!([&upper.name, &fore.name, &ball.name], ["upper", "fore", "ball"]);
     assert!(matches!((&upper.motion, &upper.bind), (Motion::Fixed, Some(Bind::Capsule(c))) if c.radii == [0.1; 2]));
     assert!(matches!((&fore.motion, &fore.bind), (Motion::Driven(_), Some(Bind::Capsule(c))) if c.ends[1].x == 2.0));
-    assert!(fore.mass == Some(2.0) && matches!(ball.bind, Some(Bind::All)));
+    assert!(matches!(ball.bind, Some(Bind::All)));
+    let mass = |said: &str| folder.load(&core(said)).unwrap().bodies[0].cores[1].mass;
+    assert_eq!(mass("name = \"fore\"\nmotion = \"dynamic\"\nmass = 2"), Some(2.0));
+    let idle = folder.message(&core("name = \"fore\"\nmass = 2"));
+    assert!(idle.contains("`body.head.core.fore.mass`: belongs to motion"), "{idle}");
     assert_eq!(body.skeleton.unwrap().bones[1].parent, Some(0));
     assert_eq!(folder.load(&text("")).unwrap().bodies[0].cores.len(), 2);
 

@@ -22,7 +22,7 @@ pub struct Elastic {
     rest_gradients: Buffer,
     /// Position in the frame, mass.
     pub node_rest: Buffer,
-    /// First quad of elements, quads, frame, 1 where bound.
+    /// First quad of elements, quads, frame, and who holds it, as in shaders/shared/held.glsl.
     pub node_info: Buffer,
     /// Entries into element forces, four a texel.
     pub node_elements: Buffer,

@@ -18,6 +18,17 @@ pub(super) mod held {
 }
 
 impl Model {
+    /// Inertia of what a dynamic core carries about its frame's centre, frame axes, kg m^2.
+    pub fn inertia_of(&self, core: &Core) -> DMat3 {
+        let point = |node: &u32| {
+            let [x, y, z, mass] = self.node_rest[*node as usize].map(f64::from);
+            let r = DVec3::new(x, y, z);
+            mass * (DMat3::from_diagonal(DVec3::splat(r.length_squared()))
+                - DMat3::from_cols(r * r.x, r * r.y, r * r.z))
+        };
+        core.nodes.iter().map(point).fold(DMat3::ZERO, |sum, part| sum + part)
+    }
+
     /// A dynamic rigid body: four masses with its centre and inertia, which a core carries, and its skin embedded in the
     /// tetrahedron between them; so that it is to the solver what any core is. `inertia`: about the centre, kg m^2.
     pub(super) fn add_masses(&mut self, frame: usize, mass: f64, inertia: DMat3, velocity: DVec3, skin: &Skin) {

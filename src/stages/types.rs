@@ -47,6 +47,8 @@ pub struct Frame {
     pub angular: [f32; 3],
     /// Quaternion of R1^T R0: how the start lies in the frame at the end of the step.
     pub turn: [f32; 4],
+    /// Of a dynamic core: what its spin gives to its momentum over the step, N m s.
+    pub gyroscopic: [f32; 3],
     /// The dynamic core that it is, or [`NONE`].
     pub core: u32,
 }

@@ -5,7 +5,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::haptics::drive::{Drive, rotation_vector};
-use crate::haptics::tool::Tool;
+use crate::haptics::tool::{Tool, gyroscopic_impulse};
 use crate::prepare::FrameMotion;
 use crate::scene::Key;
 use crate::stages::model::{FramePlace, Model, Motion};
@@ -42,10 +42,11 @@ enum Mover {
     Driven(Drive),
     Tool,
     Floating(Box<Floating>),
-    /// World twist.
+    /// World twist; inertia about the centre, frame axes, kg m^2.
     Dynamic {
         velocity: DVec3,
         spin: DVec3,
+        inertia: DMat3,
     },
 }
 
@@ -66,8 +67,13 @@ struct Floating {
 impl Frames {
     /// Frames as placed; driven ones where their keys put them at time zero. `velocity`: initial, of each frame's body.
     pub fn new(model: &Model, velocity: impl Fn(usize) -> DVec3) -> Frames {
-        let states: Vec<State> =
+        let mut states: Vec<State> =
             model.frames.iter().enumerate().map(|(i, place)| State::new(place, velocity(i))).collect();
+        for core in &model.cores {
+            if let Mover::Dynamic { inertia, .. } = &mut states[core.frame].mover {
+                *inertia = model.inertia_of(core);
+            }
+        }
         let links = model.links.iter().map(|link| link.map(|frame| frame as usize)).collect();
         let floating = model.floating.iter().map(|f| f.frame).collect();
         Frames { states, links, floating, dynamic: model.cores.iter().map(|core| core.frame).collect() }
@@ -81,7 +87,7 @@ impl Frames {
     /// The twist (linear, angular) of a dynamic core, world; `None` for any other frame.
     pub fn twist(&self, frame: usize) -> Option<(DVec3, DVec3)> {
         match &self.states[frame].mover {
-            Mover::Dynamic { velocity, spin } => Some((*velocity, *spin)),
+            Mover::Dynamic { velocity, spin, .. } => Some((*velocity, *spin)),
             _ => None,
         }
     }
@@ -149,7 +155,9 @@ impl State {
                 keys,
                 Key { time: 0.0, position: place.position, orientation: place.orientation },
             )),
-            Motion::Prepared(FrameMotion::Dynamic { .. }) => Mover::Dynamic { velocity, spin: DVec3::ZERO },
+            Motion::Prepared(FrameMotion::Dynamic { .. }) => {
+                Mover::Dynamic { velocity, spin: DVec3::ZERO, inertia: DMat3::ZERO }
+            }
             Motion::Prepared(FrameMotion::Floating { mass, inertia }) => Mover::Floating(Box::new(Floating {
                 mass: *mass,
                 inertia: *inertia,
@@ -192,7 +200,7 @@ impl State {
 
     /// A dynamic core's new twist and pose.
     fn push(&mut self, h: f64, change: [f64; 6]) {
-        if let Mover::Dynamic { velocity, spin } = &mut self.mover {
+        if let Mover::Dynamic { velocity, spin, .. } = &mut self.mover {
             *velocity += DVec3::from_slice(&change[..3]);
             *spin += DVec3::from_slice(&change[3..]);
             self.start.centre += h * *velocity;
@@ -202,13 +210,16 @@ impl State {
 
     fn frame(&self, origin: DVec3, h: f64) -> Frame {
         let Place { centre, rotation } = self.start;
-        if let Mover::Dynamic { velocity, spin } = &self.mover {
+        if let Mover::Dynamic { velocity, spin, inertia } = &self.mover {
+            let turn = DMat3::from_quat(rotation);
+            let gyroscopic = gyroscopic_impulse(turn * *inertia * turn.transpose(), *spin, h);
             return Frame {
                 rotation: rotation.as_quat().to_array(),
                 centre: (centre - origin).as_vec3().to_array(),
                 linear: velocity.as_vec3().to_array(),
                 angular: spin.as_vec3().to_array(),
                 turn: [0.0, 0.0, 0.0, 1.0],
+                gyroscopic: gyroscopic.as_vec3().to_array(),
                 core: NONE,
             };
         }
@@ -219,6 +230,7 @@ impl State {
             linear: ((self.end.centre - centre) / h).as_vec3().to_array(),
             angular: (rotation_vector(turned) / h).as_vec3().to_array(),
             turn: unwound(self.end.rotation.conjugate() * rotation).as_quat().to_array(),
+            gyroscopic: [0.0; 3],
             core: NONE,
         }
     }

@@ -93,7 +93,8 @@ fn a_step_with_pulling_contacts_ends_as_the_oracles() {
     for seed in [0, 2, 5] {
         let system = System::new(&two_layers(), 0.004, seed).with_tool().with_contacts(12, 30 + seed);
         let mut passes = Passes::new(system);
-        passes.system.params.tolerance = 1e-6;
+        // Tighter than the step's: displacements carry what is left over a long step.
+        passes.system.params.tolerance = 5e-7;
         let mut solves = 0;
         loop {
             passes.record_start();
