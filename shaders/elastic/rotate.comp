@@ -71,11 +71,13 @@ vec3 displacement_in(uint node, uint link) {
 // sum min(0, 1 + e_k - LEAST) n_k n_k^T over the eigenvalues and axes of the symmetric part of E, by Jacobi's rotations.
 mat3 squeeze(mat3 strain) {
     mat3 a = 0.5 * (strain + transpose(strain));
-    // Gershgorin's circles: nothing is squeezed, as nearly everywhere.
+    // Gershgorin's circles: nothing is squeezed, as nearly everywhere. A loop of no rounds, since some devices run untaken
+    // branches masked.
     vec3 reach = vec3(abs(a[1][0]) + abs(a[2][0]), abs(a[1][0]) + abs(a[2][1]), abs(a[2][0]) + abs(a[2][1]));
-    if (all(greaterThan(vec3(1.0 + a[0][0], 1.0 + a[1][1], 1.0 + a[2][2]) - reach, vec3(LEAST)))) return mat3(0.0);
+    bool clear = all(greaterThan(vec3(1.0 + a[0][0], 1.0 + a[1][1], 1.0 + a[2][2]) - reach, vec3(LEAST)));
+    uint rounds = clear ? 0 : 3 * JACOBI_SWEEPS;
     mat3 axes = mat3(1.0);
-    for (uint k = 0; k < 3 * JACOBI_SWEEPS; k++) {
+    for (uint k = 0; k < rounds; k++) {
         uint p = k % 3 == 2 ? 1 : 0, q = k % 3 == 0 ? 1 : 2;
         if (a[p][q] == 0.0) continue;
         float theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
@@ -90,7 +92,7 @@ mat3 squeeze(mat3 strain) {
         axes = axes * turn;
     }
     mat3 sum = mat3(0.0);
-    for (uint k = 0; k < 3; k++) sum += min(0.0, 1.0 + a[k][k] - LEAST) * outerProduct(axes[k], axes[k]);
+    for (uint k = 0; k < min(rounds, 3); k++) sum += min(0.0, 1.0 + a[k][k] - LEAST) * outerProduct(axes[k], axes[k]);
     return sum;
 }
 
