@@ -1,7 +1,7 @@
 //! The step plan: which stages a scene needs, and why the others are left out. Said in `summary.json`.
 
 use crate::scene::Scene;
-use crate::stages::depth::{Path, tile_of};
+use crate::stages::depth::Path;
 use crate::stages::model::Model;
 
 /// A stage, recorded or not.
@@ -49,7 +49,7 @@ impl Plan {
         let skin = if touches { pairs.clone() } else { "probes are recorded".into() };
         add("skin", touches || probes, skin, nothing);
         add("cull", touches, pairs.clone(), nothing);
-        let path = format!("{} path, tiles of {} texels a side", path.name(), tile_of(scene));
+        let path = format!("{} path", path.name());
         add("depth", depth, path, if touches { planes } else { nothing });
         add("contact", touches, pairs, nothing);
         let soft = !model.tetrahedra.is_empty();

@@ -16,7 +16,7 @@ use crate::plan::Plan;
 use crate::prepare::{self, Body, BodyReport, Shape};
 use crate::report::{Flags, Pose, Row, ToolRow};
 use crate::scene::{Key, Scene};
-use crate::stages::depth::{self, Path};
+use crate::stages::depth::Path;
 use crate::stages::model::{self, Model};
 use crate::stages::types::{self, Counts, Fit, Frame, Link, Pair, Region, Report, StepParams, verdict};
 use crate::{Error, Result};
@@ -63,7 +63,7 @@ impl Simulation {
 
         let context = Context::new(options)?;
         let path = path.unwrap_or_else(|| Path::of(context.kind()));
-        let stages = Stages::new(&context, &model, (path, depth::tile_of(scene)), &probe_nodes)?;
+        let stages = Stages::new(&context, &model, path, &probe_nodes)?;
         // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
         Recordings::new(&stages, 0, || Recorder::warm_up(&context))?.submit_once()?;
         let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(&context))?;

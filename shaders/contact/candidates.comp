@@ -2,40 +2,34 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
-#include "shared/tile.glsl"
 
-// Contact: the depth of every skin vertex of the active proxies. The texel under the vertex (or, at a rim, a neighbouring
-// one) names an opposing triangle, the walk finds the one its ray along n meets, and depth = n.(s1 - s2) is exact for that
-// triangle. A half-space needs no texel: depth = offset - N.x. Only vertices that face the other body take part; the area
-// is the rest area projected along n, half of it where both bodies gather. One invocation a vertex.
-// Oracle: oracle::contact::ray_depths.
+// Contact: the depth of every skin vertex of an active chunk. In each region that sees it, the nearest of the crossings on its
+// ray decides: through the front of a triangle it lies within the other body, through the back it does not. It is one contact,
+// however many regions see it: depths d_r with shares w_r become sum(w / d) / sum(w / d^2), the normal the mean by
+// w / d^2, so that the smallest counts most and a region that appears changes nothing at first. A half-space needs no
+// crossing: depth = offset - N.x. Only vertices that face the other body take part; the area is the rest area projected
+// along the normal, half of it where both bodies gather. One workgroup an active chunk. Oracle: oracle::contact::ray_depths.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 2) const uint TILE = 128;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 2) readonly buffer ActiveList { ActiveProxy active_list[]; };
-layout(scalar, binding = 3) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar, binding = 4) readonly buffer ProxyVertices { uint proxy_vertices[]; };
+layout(scalar, binding = 2) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
+layout(scalar, binding = 3) readonly buffer Chunks { Chunk chunks[]; };
+layout(scalar, binding = 4) readonly buffer ChunkVertices { uint chunk_vertices[]; };
 layout(scalar, binding = 5) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar, binding = 6) readonly buffer Regions { Region regions[]; };
-layout(scalar, binding = 7) readonly buffer Names { uint names[]; };
+layout(scalar, binding = 7) readonly buffer Shares { float shares[]; };
 layout(binding = 8) uniform usamplerBuffer triangles;           // three skin vertices
-layout(binding = 9) uniform usamplerBuffer neighbours;          // across the edges from corner k to k + 1
-layout(binding = 10) uniform samplerBuffer skin;
-layout(scalar, binding = 11) readonly buffer FanFirst { uint fan_first[]; };     // triangles around a vertex: running totals
-layout(scalar, binding = 12) readonly buffer Fans { uint fans[]; };
-layout(scalar, binding = 13) readonly buffer Areas { float areas[]; };          // rest, m^2
-layout(scalar, binding = 14) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (0: none), barycentric, area
-layout(scalar, binding = 15) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
-
-#include "shared/active.glsl"
-#include "shared/walk.glsl"
-
-const int NEIGHBOURS = 9;
-const ivec2 AROUND[NEIGHBOURS] = ivec2[](ivec2(0, 0), ivec2(-1, 0), ivec2(1, 0), ivec2(0, -1), ivec2(0, 1),
-    ivec2(-1, -1), ivec2(1, -1), ivec2(-1, 1), ivec2(1, 1));
+layout(binding = 9) uniform samplerBuffer skin;
+layout(scalar, binding = 10) readonly buffer FanFirst { uint fan_first[]; };     // triangles around a vertex: running totals
+layout(scalar, binding = 11) readonly buffer Fans { uint fans[]; };
+layout(scalar, binding = 12) readonly buffer Areas { float areas[]; };          // rest, m^2
+layout(scalar, binding = 13) readonly buffer BinHits { uint bin_hits[]; };
+layout(binding = 14) uniform usamplerBuffer hits;               // triangle, next, bits of the depth, front
+layout(scalar, binding = 15) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (0: none), barycentric, area
+layout(scalar, binding = 16) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
+layout(scalar, binding = 17) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // from a to b
 
 vec3 outward_normal(uint vertex) {
     vec3 sum = vec3(0.0);
@@ -48,58 +42,97 @@ vec3 outward_normal(uint vertex) {
     return length2 > 0.0 ? sum * inversesqrt(length2) : vec3(0.0);
 }
 
-// Walks from the texel's triangle, then from those of the texels around it, until one finds the ray's triangle.
-Hit find(Region region, uint opposing, vec3 x, float stamp) {
-    ivec2 texel = ivec2(floor(to_tile(region, x).xy));
-    Hit first = Hit(NONE, vec3(0.0), vec3(0.0), 0.0, false);
-    uint tried = NONE;
-    for (int k = 0; k < NEIGHBOURS; k++) {
-        ivec2 at = texel + AROUND[k];
-        if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, ivec2(region.width, region.height)))) continue;
-        uint start = names[opposing * TILE * TILE + uint(at.y) * TILE + uint(at.x)];
-        if (start == NONE || start == tried) continue;
-        tried = start;
-        Hit hit = walk(region, (opposing & 1) != 0, start, x, stamp);
-        if (!hit.lost) return hit;
-        if (!first.lost) first = hit;
+// The nearest crossing, the lowest triangle of equals: triangle, front, depth; NONE where there is none. `through`: a back
+// lies within depth_limit beyond it.
+uvec3 nearest_crossing(uint bin, out bool through) {
+    uvec3 best = uvec3(NONE, 0, 0);
+    float depth = 3.0e38, back = 3.0e38;
+    for (uint hit = bin_hits[bin]; hit != NONE;) {
+        uvec4 found = texelFetch(hits, int(hit));
+        float d = uintBitsToFloat(found.z);
+        if (d < depth || (d == depth && found.x < best.x)) {
+            depth = d;
+            best = found.xwz;
+        }
+        if (found.w == 0) back = min(back, d);
+        hit = found.y;
     }
-    return first;
+    through = back < params.depth_limit;
+    return best;
+}
+
+// Where the ray along n through x crosses a triangle: depth and barycentrics, from differences so that they keep their digits.
+vec3 crossing(Region region, vec3 x, uint triangle, float towards) {
+    uvec3 corners = texelFetch(triangles, int(triangle)).xyz;
+    vec3 p = texelFetch(skin, int(corners.x)).xyz - x, q = texelFetch(skin, int(corners.y)).xyz - x,
+         r = texelFetch(skin, int(corners.z)).xyz - x;
+    mat3 axes = mat3(region.tangent, region.bitangent, region.normal);
+    vec3 a = p * axes, b = q * axes, c = r * axes;
+    vec3 w = vec3(b.x * c.y - b.y * c.x, c.x * a.y - c.y * a.x, a.x * b.y - a.y * b.x);
+    w /= w.x + w.y + w.z;
+    return vec3(towards * (w.x * a.z + w.y * b.z + w.z * c.z), w.yz);
 }
 
 void main() {
-    uint i = gl_GlobalInvocationID.x;
-    if (i >= counts.vertices) return;
-    ActiveProxy entry = active_list[active_with(OF_VERTICES, i, counts.active_proxies)];
-    uint vertex = proxy_vertices[proxies[entry.proxy].vertex_first + i - entry.vertex_first];
+    ActiveChunk entry = active_chunks[gl_WorkGroupID.x];
+    Chunk chunk = chunks[entry.chunk];
     Pair pair = pairs[entry.side / 2];
-    Region region = regions[entry.side / 2];
     bool side_b = (entry.side & 1) != 0;
-    vec4 x = texelFetch(skin, int(vertex));
-    candidate_hits[i] = vec4(0.0);
-    candidate_what[i] = uvec4(vertex, entry.side, NONE, 0);
-    float depth = 0.0;
-    Hit hit = Hit(NONE, vec3(0.0), vec3(0.0), 0.0, false);
-    float half_weight = 1.0;
-    if (pair.is_plane != 0) {
-        depth = pair.plane.w - dot(pair.plane.xyz, x.xyz);
-    } else if (region.width != 0) {
-        half_weight = 0.5;
-        hit = find(region, entry.side ^ 1, x.xyz, x.w);
-        float towards = side_b ? 1.0 : -1.0;
-        if (hit.triangle != NONE) depth = towards * dot(region.normal, hit.point);
-        else if (hit.lost && towards * hit.guess > region.texel) depth = -1.0;
+    for (uint l = gl_LocalInvocationID.x; l < CHUNK_VERTICES; l += gl_WorkGroupSize.x) {
+        uint at = gl_WorkGroupID.x * CHUNK_VERTICES + l;
+        candidate_hits[at] = vec4(0.0);
+        if (l >= chunk.vertex_count) continue;
+        uint vertex = chunk_vertices[chunk.vertex_first + l];
+        float weights = 0.0, weighted_depths = 0.0, strongest = 0.0;
+        vec3 normal = vec3(0.0), hit = vec3(0.0);
+        uint triangle = NONE;
+        bool folded = false;
+        if (pair.is_plane != 0) {
+            hit.x = pair.plane.w - dot(pair.plane.xyz, texelFetch(skin, int(vertex)).xyz);
+            if (hit.x <= 0.0) continue;
+            weights = 1.0 / (hit.x * hit.x);
+            weighted_depths = 1.0 / hit.x;
+            normal = -pair.plane.xyz;
+        } else {
+            uint item = entry.first_item;
+            for (uint r = 0; r < PAIR_REGIONS; r++) {
+                if ((entry.regions & (1u << r)) == 0) continue;
+                uint bin = item * CHUNK_VERTICES + l;
+                item += 1;
+                bool through;
+                uvec3 nearest = nearest_crossing(bin, through);
+                if (nearest.x == NONE || nearest.y == 0) continue;
+                Region region = regions[(entry.side / 2) * PAIR_REGIONS + r];
+                vec3 found = crossing(region, texelFetch(skin, int(vertex)).xyz, nearest.x, side_b ? 1.0 : -1.0);
+                if (!(found.x > 0.0)) continue;
+                float share = shares[entry.slot * PAIR_REGIONS + r];
+                float weight = share / (found.x * found.x);
+                weights += weight;
+                weighted_depths += weight * found.x;
+                normal += weight * region.normal;
+                folded = folded || through;
+                if (weight > strongest) {
+                    strongest = weight;
+                    hit = found;
+                    triangle = nearest.x;
+                }
+            }
+            if (strongest == 0.0) continue;
+        }
+        // Normals that cancel, of a vertex between two opposite regions: no direction is right.
+        if (dot(normal, normal) <= 1.0e-6 * weights * weights) {
+            atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
+            continue;
+        }
+        normal = normalize(normal);
+        float facing = dot(outward_normal(vertex), normal) * (side_b ? -1.0 : 1.0);
+        float depth = weighted_depths / weights;
+        float area = (pair.is_plane != 0 ? 1.0 : 0.5) * facing * areas[vertex];
+        if (area <= 0.0) continue;
+        if (folded) atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
+        if (depth > params.depth_limit) atomicOr(counts.flags, FLAG_DEPTH_LIMIT);
+        candidate_hits[at] = vec4(depth, hit.yz, area);
+        candidate_what[at] = uvec4(vertex, entry.side, triangle, 0);
+        candidate_normals[at] = vec4(normal, 0.0);
     }
-    if (depth == 0.0 || (depth < 0.0 && hit.triangle != NONE) || (depth < 0.0 && pair.is_plane != 0)) return;
-    float facing = dot(outward_normal(vertex), region.normal) * (side_b ? -1.0 : 1.0);
-    if (facing <= 0.0) return;
-    if (depth < 0.0) {
-        // It lies behind the opposing skin, but no triangle of the patch is on its ray.
-        atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
-        return;
-    }
-    if (depth > params.depth_limit) atomicOr(counts.flags, FLAG_DEPTH_LIMIT);
-    float area = half_weight * facing * areas[vertex];
-    if (area <= 0.0) return;
-    candidate_hits[i] = vec4(depth, hit.barycentric.yz, area);
-    candidate_what[i] = uvec4(vertex, entry.side, hit.triangle, 0);
 }

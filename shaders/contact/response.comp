@@ -13,7 +13,7 @@ layout(local_size_x_id = 0) in;
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
 layout(scalar, binding = 2) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar, binding = 3) readonly buffer Regions { Region regions[]; };
+layout(binding = 3) uniform samplerBuffer candidate_normals;
 layout(scalar, binding = 4) readonly buffer ContactSource { uint contact_source[]; };
 layout(binding = 5) uniform samplerBuffer candidate_hits;
 layout(binding = 6) uniform usamplerBuffer candidate_what;
@@ -53,7 +53,7 @@ void main() {
     uvec4 what = texelFetch(candidate_what, int(source));
     uint vertex = what.x, side = what.y, triangle = what.z;
     Pair pair = pairs[side / 2];
-    vec3 n = regions[side / 2].normal;
+    vec3 n = texelFetch(candidate_normals, int(source)).xyz;
     float sign = (side & 1) != 0 ? -1.0 : 1.0;
     add(c, vertex, sign, n);
     if (triangle != NONE) {

@@ -4,91 +4,173 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Cull: one region a pair of bodies. Its normal is the weighted mean of its active proxies' directions, its tile what both
-// sides' active hulls cover in common along the tangents; then the list of active proxies in fixed order, and the indirect
-// arguments of everything downstream. One workgroup. Oracle: oracle::proximity::mean_direction and side_box.
+// Cull: the regions of a pair of bodies. Directions of its pairs of proxies are gathered into at most PAIR_REGIONS groups of
+// like ones (mean shift from the strongest that is left: Fukunaga and Hostetler 1975), a region each, whose normal is their
+// weighted mean. Memberships are smooth in the directions and in the weights, and a region's strength grows from zero, so
+// nothing jumps when one appears. A proxy shares its vertices out between regions as its pairs belong to them. Then, of all
+// proxies of both bodies, those in the column that both sides cover in common, whose skin may lie beyond the other's.
+// One workgroup a pair of bodies. Oracle: oracle::regions.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const uint PAIRS = 1;
-layout(constant_id = 2) const uint TILE = 128;              // texels a side at most
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar, binding = 2) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar, binding = 3) readonly buffer Bounds { ProxyBounds bounds[]; };
 layout(binding = 4) uniform samplerBuffer hull;
-layout(scalar, binding = 5) readonly buffer ProxyActive { uint proxy_active[]; };
-layout(binding = 6) uniform samplerBuffer directions;
-layout(scalar, binding = 7) writeonly buffer Regions { Region regions[]; };
-layout(scalar, binding = 8) writeonly buffer ActiveList { ActiveProxy active_list[]; };
-layout(scalar, binding = 9) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 10) buffer Args { uint args[]; };
+layout(binding = 5) uniform samplerBuffer directions;
+layout(scalar, binding = 6) buffer Regions { Region regions[]; };
+layout(scalar, binding = 7) writeonly buffer Shares { float shares[]; };        // PAIR_REGIONS a slot
+layout(scalar, binding = 8) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_REGIONS a slot
+layout(scalar, binding = 9) coherent buffer SlotRegions { uint slot_regions[]; };        // a bit each region whose column it is in
+layout(scalar, binding = 10) writeonly buffer SlotCounts { uvec2 slot_counts[]; };
+layout(scalar, binding = 11) writeonly buffer ActiveSlots { uint active_slots[]; };
+layout(scalar, binding = 12) buffer CountsInOut { Counts counts; };
+layout(scalar, binding = 13) buffer Args { uint args[]; };
 
-// Texels along the longer side at least, however coarse the scene asks for: with fewer, triangles slip between centres.
-const float LEAST_TEXELS = 32.0;
+#include "shared/sum.glsl"
 
-shared vec4 partial[SIZE];
+// Cosines of the angles up to which directions are alike, and from which they are not.
+const float ALIKE = 0.7071;
+const float UNLIKE = 0.2588;
+const uint SHIFTS = 4;
+// What a region needs of the whole strength to exist, and of a proxy's to see its vertices.
+const float LEAST_STRENGTH = 1.0e-3;
+const float LEAST_SHARE = 0.01;
+// Squares of a column along a side at most.
+const float MOST_CELLS = 1024.0;
+
 shared vec3 low[SIZE];
 shared vec3 high[SIZE];
+shared vec4 strongest[SIZE];
 
-// Sums the partials in a fixed order; every lane gets the total.
-vec4 total() {
-    for (uint width = SIZE / 2; width > 0; width /= 2) {
-        barrier();
-        if (gl_LocalInvocationID.x < width) partial[gl_LocalInvocationID.x] += partial[gl_LocalInvocationID.x + width];
-    }
-    barrier();
-    vec4 sum = partial[0];
-    barrier();
-    return sum;
+vec3 normals[PAIR_REGIONS];
+float strength[PAIR_REGIONS];
+uint region_count = 0;
+vec4 before[PAIR_REGIONS];      // last step's normals and weights
+
+float alike(vec3 n, vec3 m) { return smoothstep(UNLIKE, ALIKE, dot(n, m)); }
+
+// How much of a direction the first `count` regions have left.
+float remainder(vec3 n, uint count) {
+    float left = 1.0;
+    for (uint r = 0; r < count; r++) left *= 1.0 - alike(n, normals[r]);
+    return left;
 }
 
-vec3 mean_direction(Pair pair, uint slot) {
-    if (pair.is_plane != 0) return -pair.plane.xyz;
+// How much of a direction region r has.
+float part(vec3 n, uint r) {
+    float all = 0.0;
+    for (uint q = 0; q < region_count; q++) all += strength[q] * alike(n, normals[q]);
+    return all > 0.0 ? strength[r] * alike(n, normals[r]) / all : 0.0;
+}
+
+vec4 strongest_remainder(Pair pair, uint count) {
     uint lane = gl_LocalInvocationID.x;
-    uint a_count = pair.proxy_count[0], b_count = pair.proxy_count[1];
-    vec4 sum = vec4(0.0);
-    vec4 strongest = vec4(0.0, 1.0, 0.0, -1.0);
+    vec4 best = vec4(0.0, 1.0, 0.0, 0.0);
     for (uint k = lane; k < pair.proxy_pair_count; k += SIZE) {
         vec4 direction = texelFetch(directions, int(pair.first_proxy_pair + k));
         if (direction.w <= 0.0) continue;
-        sum += vec4(direction.w * direction.xyz, direction.w);
-        if (direction.w > strongest.w) strongest = direction;
+        direction.w *= remainder(direction.xyz, count);
+        if (direction.w > best.w) best = direction;
     }
-    partial[lane] = sum;
-    sum = total();
-    // Directions that cancel: fall back to the strongest of them.
-    // Divided first, so that no weight is large enough to overflow.
-    vec3 mean = sum.xyz / sum.w;
-    if (dot(mean, mean) > 0.01) return normalize(mean);
-    partial[lane] = strongest;
+    strongest[lane] = best;
     for (uint width = SIZE / 2; width > 0; width /= 2) {
         barrier();
-        if (lane < width && partial[lane + width].w > partial[lane].w) partial[lane] = partial[lane + width];
+        if (lane < width && strongest[lane + width].w > strongest[lane].w) strongest[lane] = strongest[lane + width];
     }
     barrier();
-    strongest = partial[0];
+    best = strongest[0];
     barrier();
-    return strongest.xyz;
+    return best;
 }
 
-// Box of the active hulls of one side along the region's axes, inflated.
-void side_box(Pair pair, uint side, uint first_slot, mat3 axes, out vec3 least, out vec3 greatest) {
-    uint lane = gl_LocalInvocationID.x;
+void find_normals(Pair pair, float total) {
+    for (uint r = 0; r < PAIR_REGIONS; r++) {
+        vec4 seed = strongest_remainder(pair, r);
+        if (seed.w <= 0.0) return;
+        vec3 n = seed.xyz;
+        float found = 0.0;
+        for (uint round = 0; round < SHIFTS; round++) {
+            vec4 sum = vec4(0.0);
+            for (uint k = gl_LocalInvocationID.x; k < pair.proxy_pair_count; k += SIZE) {
+                vec4 direction = texelFetch(directions, int(pair.first_proxy_pair + k));
+                if (direction.w <= 0.0) continue;
+                // Divided first, so that no weight is large enough to overflow.
+                float weight = direction.w / total * remainder(direction.xyz, r) * alike(direction.xyz, n);
+                sum += weight * vec4(direction.xyz, 1.0);
+            }
+            sum = workgroup_sum(sum);
+            found = sum.w;
+            if (dot(sum.xyz, sum.xyz) > 0.0) n = normalize(sum.xyz);
+        }
+        strength[r] = max(0.0, found - LEAST_STRENGTH);
+        if (strength[r] == 0.0) return;
+        normals[r] = n;
+        region_count = r + 1;
+    }
+    float left = 0.0;
+    for (uint k = gl_LocalInvocationID.x; k < pair.proxy_pair_count; k += SIZE) {
+        vec4 direction = texelFetch(directions, int(pair.first_proxy_pair + k));
+        if (direction.w > 0.0) left += direction.w / total * remainder(direction.xyz, region_count);
+    }
+    left = workgroup_sum(vec4(left)).x;
+    if (left > LEAST_STRENGTH && gl_LocalInvocationID.x == 0) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
+}
+
+// Each slot's shares of the regions; bits of those above zero into slot_regions.
+void share_out(Pair pair) {
+    uint a_count = pair.proxy_count[0], b_count = pair.proxy_count[1];
+    for (uint s = gl_LocalInvocationID.x; s < a_count + b_count; s += SIZE) {
+        float share[PAIR_REGIONS];
+        for (uint r = 0; r < PAIR_REGIONS; r++) share[r] = 0.0;
+        bool of_a = s < a_count;
+        uint first = pair.first_proxy_pair + (of_a ? s * b_count : s - a_count);
+        uint count = of_a ? b_count : a_count, stride = of_a ? 1 : b_count;
+        for (uint k = 0; k < count; k++) {
+            vec4 direction = texelFetch(directions, int(first + k * stride));
+            if (direction.w <= 0.0) continue;
+            for (uint r = 0; r < region_count; r++) share[r] += direction.w * part(direction.xyz, r);
+        }
+        float sum = 0.0;
+        for (uint r = 0; r < region_count; r++) sum += share[r];
+        uint bits = 0;
+        for (uint r = 0; r < PAIR_REGIONS; r++) {
+            float normalised = sum > 0.0 ? max(0.0, share[r] / sum - LEAST_SHARE) / (1.0 - LEAST_SHARE) : 0.0;
+            shares[(pair.first_slot + s) * PAIR_REGIONS + r] = normalised;
+            if (normalised > 0.0) bits |= 1u << r;
+        }
+        slot_regions[pair.first_slot + s] = bits;
+        slot_counts[pair.first_slot + s] = uvec2(0);
+    }
+    memoryBarrierBuffer();
+    barrier();
+}
+
+// Box of a proxy's inflated hull along the region's axes; of its bounds alone where that will do.
+void hull_box(uint id, mat3 axes, bool exact, out vec3 least, out vec3 greatest) {
+    Proxy proxy = proxies[id];
+    float inflation = bounds[id].inflation;
+    if (!exact) {
+        vec3 centre = 0.5 * (bounds[id].low + bounds[id].high), half_extent = 0.5 * (bounds[id].high - bounds[id].low);
+        mat3 absolute = mat3(abs(axes[0]), abs(axes[1]), abs(axes[2]));
+        least = centre * axes - half_extent * absolute - inflation;
+        greatest = centre * axes + half_extent * absolute + inflation;
+        return;
+    }
     least = vec3(3.0e38);
     greatest = vec3(-3.0e38);
-    for (uint p = 0; p < pair.proxy_count[side]; p++) {
-        if (proxy_active[first_slot + p] == 0) continue;
-        uint id = pair.first_proxy[side] + p;
-        float inflation = bounds[id].inflation;
-        uint first = proxies[id].hull_first, count = proxies[id].hull_count;
-        for (uint k = lane; k < count; k += SIZE) {
-            vec3 x = texelFetch(hull, int(first + k)).xyz * axes;
-            least = min(least, x - inflation);
-            greatest = max(greatest, x + inflation);
-        }
+    for (uint k = 0; k < proxy.hull_count; k++) {
+        vec3 x = texelFetch(hull, int(proxy.hull_first + k)).xyz * axes;
+        least = min(least, x - inflation);
+        greatest = max(greatest, x + inflation);
     }
+}
+
+// What all lanes' boxes cover.
+void cover(inout vec3 least, inout vec3 greatest) {
+    uint lane = gl_LocalInvocationID.x;
     low[lane] = least;
     high[lane] = greatest;
     for (uint width = SIZE / 2; width > 0; width /= 2) {
@@ -112,66 +194,124 @@ mat3 axes_of(vec3 n) {
     return mat3(vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3(b, s + n.y * n.y * a, -n.y), n);
 }
 
-void main() {
+// Region r: boxes of its slots, the column, and which slots are in it.
+void open_region(Pair pair, uint r, uint first_region) {
     uint lane = gl_LocalInvocationID.x;
-    uint slot = 0;
-    for (uint r = 0; r < PAIRS; r++) {
-        Pair pair = pairs[r];
-        vec3 n = mean_direction(pair, slot);
-        mat3 axes = axes_of(n);
-        vec3 a_low, a_high, b_low, b_high;
-        side_box(pair, 0, slot, axes, a_low, a_high);
-        slot += pair.proxy_count[0];
-        if (pair.is_plane == 0) {
-            side_box(pair, 1, slot, axes, b_low, b_high);
-            slot += pair.proxy_count[1];
-        } else {
-            b_low = a_low;
-            b_high = a_high;
+    mat3 axes = axes_of(normals[r]);
+    vec3 side_low[2], side_high[2];
+    float edge[2];
+    uint begin = pair.first_slot;
+    for (uint side = 0; side < 2; side++) {
+        vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
+        vec4 edges = vec4(0.0);
+        for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
+            if ((slot_regions[begin + p] & (1u << r)) == 0) continue;
+            vec3 box_low, box_high;
+            hull_box(pair.first_proxy[side] + p, axes, true, box_low, box_high);
+            boxes[2 * ((begin + p) * PAIR_REGIONS + r)] = box_low;
+            boxes[2 * ((begin + p) * PAIR_REGIONS + r) + 1] = box_high;
+            least = min(least, box_low);
+            greatest = max(greatest, box_high);
+            edges.xy += vec2(proxies[pair.first_proxy[side] + p].edge, 1.0);
         }
-        if (lane == 0) {
-            vec3 least = max(a_low, b_low), greatest = min(a_high, b_high);
-            vec2 extent = greatest.xy - least.xy;
-            bool touches = all(greaterThanEqual(extent, vec2(0.0)));
-            float texel = max(max(extent.x, extent.y) / float(TILE - 2), 1.0e-9);
-            if (touches && pair.is_plane == 0 && params.texel > 0.0) {
-                if (params.texel < texel) counts.flags |= FLAG_REGION_OVERFLOW;
-                texel = clamp(params.texel, texel, max(texel, max(extent.x, extent.y) / LEAST_TEXELS));
+        cover(least, greatest);
+        edges = workgroup_sum(edges);
+        side_low[side] = least;
+        side_high[side] = greatest;
+        edge[side] = edges.x / max(edges.y, 1.0);
+        begin += pair.proxy_count[side];
+    }
+    vec2 column_low = max(side_low[0].xy, side_low[1].xy), column_high = min(side_high[0].xy, side_high[1].xy);
+    bool touches = all(lessThanEqual(column_low, column_high)) && side_high[0].z >= side_low[1].z;
+    begin = pair.first_slot;
+    for (uint side = 0; side < 2; side++) {
+        for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
+            uint slot = begin + p;
+            bool sees = (slot_regions[slot] & (1u << r)) != 0;
+            vec3 box_low = boxes[2 * (slot * PAIR_REGIONS + r)], box_high = boxes[2 * (slot * PAIR_REGIONS + r) + 1];
+            if (!sees) hull_box(pair.first_proxy[side] + p, axes, false, box_low, box_high);
+            bool within = touches && all(lessThanEqual(box_low.xy, column_high))
+                && all(greaterThanEqual(box_high.xy, column_low))
+                && (side == 0 ? box_high.z >= side_low[1].z : box_low.z <= side_high[0].z);
+            slot_regions[slot] = within ? slot_regions[slot] | (1u << r) : slot_regions[slot] & ~(1u << r);
+            if (within && !sees) {
+                boxes[2 * (slot * PAIR_REGIONS + r)] = box_low;
+                boxes[2 * (slot * PAIR_REGIONS + r) + 1] = box_high;
             }
-            // A texel of border all round, so that a ray at the rim still has four neighbours.
-            uvec2 size = touches ? min(uvec2(extent / texel) + 3, uvec2(TILE)) : uvec2(0);
-            regions[r] = Region(n, axes[0], axes[1], least.xy - texel, texel, size.x, size.y,
-                min(a_low.z, b_low.z), max(a_high.z, b_high.z));
         }
+        begin += pair.proxy_count[side];
     }
     if (lane != 0) return;
-    // The list, and its running totals.
-    uint vertices = 0, triangles = 0, embeds = 0, listed = 0;
-    slot = 0;
-    for (uint r = 0; r < PAIRS; r++) {
-        Pair pair = pairs[r];
-        uint sides = pair.is_plane != 0 ? 1 : 2;
-        for (uint side = 0; side < sides; side++) {
-            for (uint p = 0; p < pair.proxy_count[side]; p++, slot++) {
-                if (proxy_active[slot] == 0) continue;
-                uint id = pair.first_proxy[side] + p;
-                active_list[listed++] = ActiveProxy(id, 2 * r + side, vertices, triangles, embeds);
-                vertices += proxies[id].vertex_count;
-                if (pair.is_plane == 0) triangles += proxies[id].triangle_count;
-                embeds += proxies[id].embed_count;
-            }
+    vec2 extent = column_high - column_low;
+    float finest = max(max(extent.x, extent.y) / MOST_CELLS, 1.0e-9);
+    float cell[2];
+    for (uint side = 0; side < 2; side++) {
+        // A square or so a vertex, unless that makes many squares of an opposing triangle.
+        float wanted = params.texel > 0.0 ? params.texel : max(1.2 * edge[side], edge[1 - side] / 6.0);
+        cell[side] = max(wanted, finest);
+    }
+    // Since the last step, against the nearest of its regions: their order may change.
+    float turn = 0.0, cosine = -1.0;
+    for (uint q = 0; q < PAIR_REGIONS; q++) {
+        if (before[q].w > 0.0) cosine = max(cosine, dot(before[q].xyz, normals[r]));
+    }
+    if (cosine > -1.0) turn = acos(min(cosine, 1.0));
+    atomicMax(counts.turn, floatBitsToUint(touches ? turn : 0.0));
+    regions[first_region + r] =
+        Region(normals[r], axes[0], axes[1], column_low, column_high, cell, touches ? strength[r] : 0.0, turn);
+}
+
+// The slots of the skin that may lie below a half-space.
+void open_plane(Pair pair, uint first_region) {
+    uint lane = gl_LocalInvocationID.x;
+    mat3 axes = axes_of(-pair.plane.xyz);
+    for (uint p = lane; p < pair.proxy_count[0]; p += SIZE) {
+        uint slot = pair.first_slot + p;
+        vec3 box_low, box_high;
+        hull_box(pair.first_proxy[0] + p, axes, true, box_low, box_high);
+        bool within = box_high.z >= -pair.plane.w;
+        for (uint r = 0; r < PAIR_REGIONS; r++) shares[slot * PAIR_REGIONS + r] = within && r == 0 ? 1.0 : 0.0;
+        slot_regions[slot] = within ? 1 : 0;
+        slot_counts[slot] = uvec2(0);
+    }
+    if (lane == 0) {
+        regions[first_region] =
+            Region(axes[2], axes[0], axes[1], vec2(0.0), vec2(0.0), float[2](1.0, 1.0), 1.0, 0.0);
+    }
+}
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    Pair pair = pairs[gl_WorkGroupID.x];
+    uint first_region = gl_WorkGroupID.x * PAIR_REGIONS;
+    for (uint r = 0; r < PAIR_REGIONS; r++) before[r] = vec4(regions[first_region + r].normal, regions[first_region + r].weight);
+    barrier();
+    if (pair.is_plane != 0) {
+        region_count = 1;
+        open_plane(pair, first_region);
+    } else {
+        float total = 0.0;
+        for (uint k = lane; k < pair.proxy_pair_count; k += SIZE) {
+            total += texelFetch(directions, int(pair.first_proxy_pair + k)).w;
+        }
+        total = workgroup_sum(vec4(total)).x;
+        if (total > 0.0 && pair.direction.w != 0.0) {
+            normals[0] = pair.direction.xyz;
+            strength[0] = 1.0;
+            region_count = 1;
+        } else if (total > 0.0) {
+            find_normals(pair, total);
+        }
+        share_out(pair);
+        for (uint r = 0; r < region_count; r++) open_region(pair, r, first_region);
+    }
+    for (uint r = region_count + lane; r < PAIR_REGIONS; r += SIZE) regions[first_region + r].weight = 0.0;
+    memoryBarrierBuffer();
+    barrier();
+    uint slots = pair.proxy_count[0] + (pair.is_plane != 0 ? 0 : pair.proxy_count[1]);
+    for (uint s = lane; s < slots; s += SIZE) {
+        if (slot_regions[pair.first_slot + s] != 0) {
+            active_slots[atomicAdd(args[3 * ARGS_CHUNKS], 1)] = pair.first_slot + s;
         }
     }
-    counts.active_proxies = listed;
-    counts.vertices = vertices;
-    counts.triangles = triangles;
-    counts.embeds = embeds;
-    args[3 * ARGS_EMBED] = groups_of(embeds);
-    args[3 * ARGS_RASTER] = groups_of(triangles);
-    args[3 * ARGS_CANDIDATES] = groups_of(vertices);
-    args[3 * ARGS_COMPACT] = vertices > 0 ? 1 : 0;
-    args[3 * ARGS_DRAW] = 3 * triangles;
-    args[3 * ARGS_DRAW + 1] = 1;
-    args[3 * ARGS_DRAW + 2] = 0;
-    args[3 * ARGS_DRAW + 3] = 0;
 }

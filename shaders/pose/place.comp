@@ -4,28 +4,39 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
+#include "shared/link.glsl"
 
-// Pose: hull vertices and face planes of all proxies into the world, x = c + R r, n = R n_rest, offset = n_rest . r + n . c.
-// One invocation a hull vertex, then one a face; the first also clears the step's counters and indirect arguments.
-// Oracle: oracle::proximity::place.
+// Pose: hull vertices and face planes of a proxy into the world, x = c + R r, n = R n_rest, offset = n_rest . r + n . c; the
+// box of its hull, and how far its skin may have left it: margin + (sum |w|) max |d| over the nodes that move it, d in the
+// proxy's frame. The first workgroup also clears the step's counters and indirect arguments. One workgroup a proxy.
+// Oracle: oracle::proximity::place and bounds.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint HULL_VERTICES = 1;
-layout(constant_id = 2) const uint FACES = 1;
+layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 2) const bool SPANS = false;       // whether a proxy may have nodes in other frames
 layout(constant_id = 3) const uint TETRAHEDRA = 0;
 
 layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };
-layout(binding = 1) uniform samplerBuffer hull_rest;        // xyz, frame in w
-layout(binding = 2) uniform samplerBuffer face_rest;        // unit normal, offset
-layout(binding = 3) uniform usamplerBuffer face_frame;      // frame in x
-layout(scalar, binding = 4) writeonly buffer Hull { vec4 hull[]; };
-layout(scalar, binding = 5) writeonly buffer Faces { vec4 faces[]; };
-layout(scalar, binding = 6) writeonly buffer CountsOut { Counts counts; };
-layout(scalar, binding = 7) writeonly buffer Args { uint args[]; };
+layout(scalar, binding = 1) readonly buffer Proxies { Proxy proxies[]; };
+layout(binding = 2) uniform samplerBuffer hull_rest;
+layout(binding = 3) uniform samplerBuffer face_rest;        // unit normal, offset
+layout(scalar, binding = 4) readonly buffer ProxyNodes { uvec2 proxy_nodes[]; };      // node, link from the proxy's frame to its own
+layout(binding = 5) uniform samplerBuffer displacement;
+layout(binding = 6) uniform samplerBuffer node_rest;
+layout(scalar, binding = 7) readonly buffer Links { Link links[]; };
+layout(scalar, binding = 8) writeonly buffer Hull { vec4 hull[]; };
+layout(scalar, binding = 9) writeonly buffer Faces { vec4 faces[]; };
+layout(scalar, binding = 10) writeonly buffer Bounds { ProxyBounds bounds[]; };
+layout(scalar, binding = 11) writeonly buffer CountsOut { Counts counts; };
+layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
+
+shared vec3 low[SIZE];
+shared vec3 high[SIZE];
+shared float reach2[SIZE];
 
 void main() {
-    uint i = gl_GlobalInvocationID.x;
-    if (i == 0) {
+    uint lane = gl_LocalInvocationID.x;
+    if (gl_GlobalInvocationID.x == 0) {
         counts = Counts(0, 0, 0, 0, 0, 0, 0, 0);
         for (uint k = 0; k < ARGS_LOOP_APPLY; k++) {
             args[3 * k] = 0;
@@ -34,15 +45,41 @@ void main() {
         }
         args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA);
     }
-    if (i < HULL_VERTICES) {
-        vec4 rest = texelFetch(hull_rest, int(i));
-        Frame frame = frames[uint(rest.w)];
-        hull[i] = vec4(frame.centre + rotate(frame.rotation, rest.xyz), 0.0);
-    } else if (i < HULL_VERTICES + FACES) {
-        uint f = i - HULL_VERTICES;
+    Proxy proxy = proxies[gl_WorkGroupID.x];
+    Frame frame = frames[proxy.frame];
+    vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
+    for (uint i = proxy.hull_first + lane; i < proxy.hull_first + proxy.hull_count; i += SIZE) {
+        vec3 x = frame.centre + rotate(frame.rotation, texelFetch(hull_rest, int(i)).xyz);
+        hull[i] = vec4(x, 0.0);
+        least = min(least, x);
+        greatest = max(greatest, x);
+    }
+    for (uint f = proxy.face_first + lane; f < proxy.face_first + proxy.face_count; f += SIZE) {
         vec4 rest = texelFetch(face_rest, int(f));
-        Frame frame = frames[texelFetch(face_frame, int(f)).x];
         vec3 n = rotate(frame.rotation, rest.xyz);
         faces[f] = vec4(n, rest.w + dot(n, frame.centre));
+    }
+    float largest = 0.0;
+    for (uint i = lane; i < proxy.node_count; i += SIZE) {
+        uvec2 node = proxy_nodes[proxy.node_first + i];
+        vec3 d = texelFetch(displacement, int(node.x)).xyz;
+        if (SPANS && node.y != 0) d = across(links[node.y], texelFetch(node_rest, int(node.x)).xyz, d);
+        largest = max(largest, dot(d, d));
+    }
+    low[lane] = least;
+    high[lane] = greatest;
+    reach2[lane] = largest;
+    for (uint width = SIZE / 2; width > 0; width /= 2) {
+        barrier();
+        if (lane < width) {
+            low[lane] = min(low[lane], low[lane + width]);
+            high[lane] = max(high[lane], high[lane + width]);
+            reach2[lane] = max(reach2[lane], reach2[lane + width]);
+        }
+    }
+    if (lane == 0) {
+        // A thousandth more than the bound covers its own rounding.
+        float inflation = 1.001 * (proxy.margin + proxy.weight_bound * sqrt(reach2[0])) + 1.0e-6;
+        bounds[gl_WorkGroupID.x] = ProxyBounds(low[0], inflation, high[0], 0.5 * length(high[0] - low[0]));
     }
 }

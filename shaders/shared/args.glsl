@@ -1,13 +1,13 @@
 // Indirect arguments: one VkDispatchIndirectCommand a slot, three words each; the slots are src/stages/args.rs's.
 
 const uint ARGS_DIRECTION = 0;      // a workgroup an active proxy pair
-const uint ARGS_EMBED = 1;
-const uint ARGS_RASTER = 2;
-const uint ARGS_CANDIDATES = 3;
-const uint ARGS_COMPACT = 4;
+const uint ARGS_CHUNKS = 1;         // a workgroup an active slot
+const uint ARGS_ACTIVE = 2;         // a workgroup an active chunk
+const uint ARGS_ITEMS = 3;          // a workgroup an active chunk and region
+const uint ARGS_COMPACT = 4;        // one, or none where nothing is near
 const uint ARGS_CONTACTS = 5;
-const uint ARGS_CONTACT_NODES = 6;  // every node, or none where nothing touches
-const uint ARGS_ENTRIES = 7;        // 16 a contact
+const uint ARGS_ENTRIES = 6;        // 16 a contact
+const uint ARGS_NODES = 7;          // a workgroup a touched node
 const uint ARGS_APPLY = 8;          // tetrahedra and contacts
 const uint ARGS_LOOP_APPLY = 9;     // the same inside the solver's loop: zero once converged
 const uint ARGS_LOOP_GATHER = 10;

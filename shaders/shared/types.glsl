@@ -12,7 +12,7 @@ struct StepParams {
     uint max_iterations;
     vec3 gravity;               // m/s^2
     float depth_limit;          // m
-    float texel;                // edge of a texel, m; 0: the region's extent / tile_size
+    float texel;                // edge of the squares of the depth stage, m; 0: from the skins
     float tool_matrix[36];      // operator of the tool's twist without contact: inertia and virtual coupling
     float tool_rhs[6];          // right-hand side of the same
     float tool_twist[6];        // linear (m/s) and angular (rad/s) velocity at the start
@@ -63,15 +63,17 @@ struct Fit {
 
 // Two bodies that may touch; b may be a half-space. Written by the host each step (the plane is relative to the origin).
 struct Pair {
-    uint first_proxy_pair;
+    uint first_proxy_pair;      // b's proxies fastest
     uint proxy_pair_count;
     uint first_proxy[2];        // proxies of a and b
     uint proxy_count[2];
+    uint first_slot;            // a slot each proxy of a, then of b
     float stiffness;            // N/m^3
     float damping;              // N s/m^3
     float tool_sign;            // 1: a is the tool, -1: b is, 0: neither
     uint is_plane;
     uint driven_frame[2];       // of a and b where their skins are rigid, or NONE
+    vec4 direction;             // w != 0: the normal to use, whatever culling finds
     vec4 plane;                 // unit normal, offset
 };
 
@@ -80,12 +82,11 @@ struct Proxy {
     uint frame;
     uint hull_first, hull_count;
     uint face_first, face_count;
-    uint vertex_first, vertex_count;        // owned skin vertices
-    uint triangle_first, triangle_count;    // owned skin triangles
-    uint embed_first, embed_count;          // skin vertices to place when it is active: the above and their neighbours
-    uint node_first, node_count;            // nodes that move them
+    uint chunk_first, chunk_count;          // of the skin it owns
+    uint node_first, node_count;            // nodes that move it
     float margin;                           // how far the skin sticks out of the hull at rest, m
     float weight_bound;                     // greatest sum of absolute weights of an embedding
+    float edge;                             // mean length of its triangles' edges at rest, m
 };
 
 // A proxy's bounds this step.
@@ -96,36 +97,59 @@ struct ProxyBounds {
     float radius;               // half the diagonal of the hull's box, m
 };
 
-// What culling returns for a pair of bodies that may touch.
+// At most 64 skin vertices of a proxy with their triangles.
+struct Chunk {
+    vec3 centre;                // of the rest box in the proxy's frame
+    vec3 half_extent;
+    float weight_bound;         // greatest sum of absolute weights
+    uint vertex_first;          // first those it owns, then what their triangles and normals need besides
+    uint vertex_count, embed_count;
+    uint triangle_first, triangle_count;
+    uint node_first, node_count;
+};
+
+const uint CHUNK_VERTICES = 64;
+const uint CHUNK_TRIANGLES = 128;
+// Regions that a pair of bodies can have.
+const uint PAIR_REGIONS = 4;
+
+// A proxy's part in a pair of bodies.
+struct Slot {
+    uint pair;
+    uint side;                  // 0: of a, 1: of b
+    uint proxy;
+    uint chunk_first;           // room for its active chunks
+};
+
+// Where, and in which direction, a pair of bodies may touch.
 struct Region {
     vec3 normal;                // unit, from a to b
     vec3 tangent;
     vec3 bitangent;
-    vec2 low;                   // corner of the tile along the tangents, m
-    float texel;                // m
-    uint width, height;         // texels; 0: nothing may touch
-    float height_low;           // heights along the normal lie within, m
-    float height_high;
+    vec2 low, high;             // what both sides cover in common along the tangents, m
+    float cell[2];              // edge of the squares in which vertices of a and of b are binned, m
+    float weight;               // 0: nothing may touch
+    float turn;                 // how far the normal turned since the last step, rad
 };
 
-// A proxy that takes part in a region; the *_first are running totals over the list.
-struct ActiveProxy {
-    uint proxy;
+// A chunk that may touch, in the order of slots.
+struct ActiveChunk {
+    uint chunk;
+    uint slot;
     uint side;                  // 2 * pair + (0: a, 1: b)
-    uint vertex_first;
-    uint triangle_first;
-    uint embed_first;
+    uint regions;               // a bit each of the pair's
+    uint first_item;            // a work item each bit
 };
 
 // Counters of the step; flags as in the trace.
 struct Counts {
-    uint active_proxies;
-    uint vertices;              // candidate vertices
-    uint triangles;             // triangles to rasterize
-    uint embeds;                // skin vertices to place
+    uint chunks;                // active
+    uint items;                 // chunks times their regions
+    uint hits;                  // crossings found
     uint contacts;
     uint entries;               // of the transposed contact index
     uint pulling;               // contacts dropped because they would pull
+    uint turn;                  // bits of the largest turn of a region's normal, rad
     uint flags;
 };
 
@@ -141,7 +165,7 @@ struct Contact {
     float damping;              // N s/m^3; a dropped contact has stiffness = damping = 0
     uint quads;                 // groups of four entries in use: 1 to 4
     uint vertex;                // skin vertex
-    uint side;                  // as in ActiveProxy
+    uint side;                  // as in ActiveChunk
     uint triangle;              // opposing, NONE: a plane
     vec2 barycentric;           // of the opposing point: weights of its second and third corner
 };

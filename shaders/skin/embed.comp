@@ -4,28 +4,36 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Skin: positions of the skin of active proxies, x = sum w_i (c_i + R_i (r_i + d_i)) (or c + R r on a rigid body), and of the
-// neighbours that their normals need. One invocation an embedded vertex; a vertex that several proxies list is written by
-// each of them with the same value. w is the step's number: a position that is not of this step is not looked at.
-// Oracle: oracle::proximity::embed.
+// Skin: positions of the skin of an active chunk, x = sum w_i (c_i + R_i (r_i + d_i)) (or c + R r on a rigid body), and of the
+// neighbours that its normals need; a vertex that several chunks list is written by each of them with the same value. Its
+// own vertices go into the squares of its regions, where triangles will find them. One workgroup an active chunk.
+// Oracle: oracle::proximity::embed; the bins' contents listed by its test.
 
 layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const bool SPANS = false;       // whether a skin vertex may have nodes in several frames
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 2) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 3) readonly buffer ActiveList { ActiveProxy active_list[]; };
+layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };
+layout(scalar, binding = 1) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
+layout(scalar, binding = 2) readonly buffer Pairs { Pair pairs[]; };
+layout(scalar, binding = 3) readonly buffer Slots { Slot slots[]; };
 layout(scalar, binding = 4) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar, binding = 5) readonly buffer ProxyEmbeds { uint proxy_embeds[]; };
-layout(binding = 6) uniform usamplerBuffer skin_nodes;      // four nodes; NONE first: rigid
-layout(binding = 7) uniform samplerBuffer skin_weights;     // four weights; of a rigid skin: position in the frame
-layout(binding = 8) uniform samplerBuffer node_rest;
-layout(binding = 9) uniform samplerBuffer displacement;
-layout(binding = 10) uniform usamplerBuffer node_info;       // frame in z
-layout(scalar, binding = 11) writeonly buffer Skin { vec4 skin[]; };
+layout(scalar, binding = 5) readonly buffer Chunks { Chunk chunks[]; };
+layout(scalar, binding = 6) readonly buffer ChunkVertices { uint chunk_vertices[]; };
+layout(binding = 7) uniform usamplerBuffer skin_nodes;      // four nodes; NONE first: rigid
+layout(binding = 8) uniform samplerBuffer skin_weights;     // four weights; of a rigid skin: position in the frame
+layout(binding = 9) uniform samplerBuffer node_rest;
+layout(binding = 10) uniform samplerBuffer displacement;
+layout(binding = 11) uniform usamplerBuffer node_info;       // frame in z
+layout(scalar, binding = 12) readonly buffer Regions { Region regions[]; };
+layout(scalar, binding = 13) readonly buffer Shares { float shares[]; };
+layout(scalar, binding = 14) writeonly buffer Skin { vec4 skin[]; };
+layout(scalar, binding = 15) buffer Buckets { uint buckets[]; };            // cleared to NONE
+layout(scalar, binding = 16) writeonly buffer Bins { uvec4 bins[]; };       // CHUNK_VERTICES an item
+layout(scalar, binding = 17) writeonly buffer BinHits { uint bin_hits[]; };     // first crossing found: none yet
+layout(scalar, binding = 18) writeonly buffer BinSides { uint bin_sides[]; };   // 2 * region + side
 
-#include "shared/active.glsl"
+#include "shared/bins.glsl"
 
 vec3 node_position(uint node) { return texelFetch(node_rest, int(node)).xyz + texelFetch(displacement, int(node)).xyz; }
 
@@ -34,25 +42,46 @@ vec3 world(uint node) {
     return frame.centre + rotate(frame.rotation, node_position(node));
 }
 
-void main() {
-    uint i = gl_GlobalInvocationID.x;
-    if (i >= counts.embeds) return;
-    ActiveProxy entry = active_list[active_with(OF_EMBEDS, i, counts.active_proxies)];
-    uint vertex = proxy_embeds[proxies[entry.proxy].embed_first + i - entry.embed_first];
+vec3 position(Frame frame, uint vertex) {
     uvec4 nodes = texelFetch(skin_nodes, int(vertex));
     vec4 weights = texelFetch(skin_weights, int(vertex));
-    float stamp = float(1 + params.step % 0xfffff);
     if (SPANS && nodes.x != NONE) {
-        vec3 x = weights.x * world(nodes.x) + weights.y * world(nodes.y) + weights.z * world(nodes.z)
+        return weights.x * world(nodes.x) + weights.y * world(nodes.y) + weights.z * world(nodes.z)
             + weights.w * world(nodes.w);
-        skin[vertex] = vec4(x, stamp);
-        return;
     }
-    Frame frame = frames[proxies[entry.proxy].frame];
     vec3 local = weights.xyz;
     if (nodes.x != NONE) {
         local = weights.x * node_position(nodes.x) + weights.y * node_position(nodes.y)
             + weights.z * node_position(nodes.z) + weights.w * node_position(nodes.w);
     }
-    skin[vertex] = vec4(frame.centre + rotate(frame.rotation, local), stamp);
+    return frame.centre + rotate(frame.rotation, local);
+}
+
+void main() {
+    ActiveChunk entry = active_chunks[gl_WorkGroupID.x];
+    Chunk chunk = chunks[entry.chunk];
+    Frame frame = frames[proxies[slots[entry.slot].proxy].frame];
+    bool is_plane = pairs[entry.side / 2].is_plane != 0;
+    for (uint l = gl_LocalInvocationID.x; l < chunk.embed_count; l += gl_WorkGroupSize.x) {
+        uint vertex = chunk_vertices[chunk.vertex_first + l];
+        vec3 x = position(frame, vertex);
+        skin[vertex] = vec4(x, 1.0);
+        if (l >= chunk.vertex_count || is_plane) continue;
+        uint item = entry.first_item;
+        for (uint r = 0; r < PAIR_REGIONS; r++) {
+            if ((entry.regions & (1u << r)) == 0) continue;
+            uint bin = item * CHUNK_VERTICES + l;
+            item += 1;
+            bin_hits[bin] = NONE;
+            if (shares[entry.slot * PAIR_REGIONS + r] <= 0.0) continue;
+            uint region_index = (entry.side / 2) * PAIR_REGIONS + r;
+            Region region = regions[region_index];
+            vec3 at = along(region, x);
+            if (any(lessThan(at.xy, region.low)) || any(greaterThan(at.xy, region.high))) continue;
+            uint region_side = 2 * region_index + (entry.side & 1);
+            uint next = atomicExchange(buckets[bucket_of(cell_of(region, entry.side & 1, at.xy), region_side)], bin);
+            bins[bin] = uvec4(floatBitsToUint(at), next);
+            bin_sides[bin] = region_side;
+        }
+    }
 }

@@ -2,20 +2,20 @@
 
 /// A workgroup an active pair of proxies.
 pub const DIRECTION: u32 = 0;
-/// Skin vertices to place.
-pub const EMBED: u32 = 1;
-/// Triangles to rasterize.
-pub const RASTER: u32 = 2;
-/// Candidate vertices.
-pub const CANDIDATES: u32 = 3;
-/// One, where there are candidates.
+/// A workgroup an active slot.
+pub const CHUNKS: u32 = 1;
+/// A workgroup an active chunk.
+pub const ACTIVE: u32 = 2;
+/// A workgroup an active chunk and region.
+pub const ITEMS: u32 = 3;
+/// One, where a chunk is active.
 pub const COMPACT: u32 = 4;
 /// Contacts.
 pub const CONTACTS: u32 = 5;
-/// Every node, where there are contacts.
-pub const CONTACT_NODES: u32 = 6;
 /// 16 a contact.
-pub const ENTRIES: u32 = 7;
+pub const ENTRIES: u32 = 6;
+/// A workgroup a touched node.
+pub const NODES: u32 = 7;
 /// Tetrahedra and contacts.
 pub const APPLY: u32 = 8;
 /// The same in the solver's loop.

@@ -7,12 +7,13 @@ use super::depth::Depth;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::skin::Skin;
+use super::types::CHUNK_VERTICES;
 use super::{Common, args, array, count, types, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
 
 /// Contacts a step at most; more raise the contact overflow flag.
-const CAPACITY: usize = 16_384;
+const CAPACITY: usize = 32_768;
 /// Nodes a contact acts on at most: a vertex and a triangle, four nodes each corner.
 const ENTRIES: usize = 16;
 
@@ -55,41 +56,44 @@ pub struct Contact {
     compact: Kernel,
     response: Kernel,
     place: Kernel,
+    nodes: u32,
     fill: Kernel,
     sort: Kernel,
     /// What the solver reads.
     pub touch: Touch,
-    proxy_vertices: Buffer,
-    neighbours: Buffer,
     fan_first: Buffer,
     fans: Buffer,
     areas: Buffer,
     candidate_hits: Buffer,
     candidate_what: Buffer,
+    candidate_normals: Buffer,
     source: Buffer,
     node_count: Buffer,
     cursor: Buffer,
+    touched_nodes: Buffer,
     unsorted: Buffer,
 }
 
 impl Contact {
-    /// Kernels and arrays for a model; `tile`: see [`super::depth::tile_of`].
-    pub fn new(context: &Arc<Context>, model: &Model, tile: u32) -> Result<Contact> {
-        let (nodes, capacity) = (model.node_rest.len(), CAPACITY.min(model.candidates));
+    /// Kernels and arrays for a model.
+    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Contact> {
+        let nodes = model.node_rest.len();
+        let candidates = CHUNK_VERTICES * model.most_chunks();
+        let capacity = CAPACITY.min(candidates);
         let compact = [
             ("CAPACITY", count(capacity)),
-            ("NODES", count(nodes)),
             ("TETRAHEDRA", count(model.tetrahedra.len())),
             ("GROUP", context.group_size().into()),
         ];
         let group = |name: &str| Kernel::new(context, name, Size::Group, &[]);
         Ok(Contact {
-            candidates: Kernel::new(context, "contact/candidates", Size::Group, &[("TILE", tile.into())])?,
+            candidates: group("contact/candidates")?,
             compact: Kernel::new(context, "contact/compact", Size::Reduce, &compact)?,
             response: group("contact/response")?,
             place: Kernel::new(context, "contact/place", Size::Group, &[("NODES", count(nodes))])?,
+            nodes: nodes as u32,
             fill: group("contact/fill")?,
-            sort: group("contact/sort")?,
+            sort: Kernel::new(context, "contact/sort", Size::Reduce, &[])?,
             touch: Touch {
                 contacts: zeros::<types::Contact>(context, "contacts", capacity)?,
                 entry_nodes: zeros::<[u32; 4]>(context, "nodes of contacts", 4 * capacity)?,
@@ -98,21 +102,21 @@ impl Contact {
                 sorted: zeros::<[u32; 2]>(context, "sorted entries", ENTRIES * capacity)?,
                 contact_forces: zeros::<[f32; 4]>(context, "contact forces", capacity)?,
             },
-            proxy_vertices: upload(context, "vertices of proxies", &model.proxy_vertices)?,
-            neighbours: upload(context, "neighbours", &model.neighbours)?,
             fan_first: upload(context, "first triangles around vertices", &model.fan_first)?,
             fans: upload(context, "triangles around vertices", &model.fans)?,
             areas: upload(context, "skin areas", &model.skin_areas)?,
-            candidate_hits: zeros::<[f32; 4]>(context, "candidate hits", model.candidates)?,
-            candidate_what: zeros::<[u32; 4]>(context, "candidates", model.candidates)?,
+            candidate_hits: zeros::<[f32; 4]>(context, "candidate hits", candidates)?,
+            candidate_what: zeros::<[u32; 4]>(context, "candidates", candidates)?,
+            candidate_normals: zeros::<[f32; 4]>(context, "normals of candidates", candidates)?,
             source: array::<u32>(context, "sources of contacts", capacity)?,
             node_count: zeros::<u32>(context, "entries of nodes", nodes)?,
             cursor: array::<u32>(context, "cursors", nodes)?,
+            touched_nodes: array::<u32>(context, "touched nodes", nodes)?,
             unsorted: array::<u32>(context, "unsorted entries", ENTRIES * capacity)?,
         })
     }
 
-    /// Six passes, each over no more than there is. Without a depth field only half-spaces are met.
+    /// Six passes, each over no more than there is. Without a depth stage only half-spaces are met.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -124,31 +128,31 @@ impl Contact {
     ) {
         recorder.stage("contact");
         let touch = &self.touch;
-        recorder.fill(&self.node_count, 0);
-        recorder.fill(&touch.node_entries, 0);
         recorder.dispatch_indirect(
             &self.candidates,
             &[
                 &common.params,
                 &common.counts,
-                &cull.active_list,
-                &skin.proxies,
-                &self.proxy_vertices,
+                &cull.active_chunks,
+                &cull.chunks,
+                &skin.chunk_vertices,
                 &cull.pairs,
                 &cull.regions,
-                depth.map_or(&self.proxy_vertices, |depth| &depth.names),
+                &cull.shares,
                 &skin.triangles,
-                &self.neighbours,
                 &skin.skin,
                 &self.fan_first,
                 &self.fans,
                 &self.areas,
+                &skin.bin_hits,
+                depth.map_or(&skin.bins, |depth| &depth.hits),
                 &self.candidate_hits,
                 &self.candidate_what,
+                &self.candidate_normals,
             ],
             &[],
             &common.args,
-            args::CANDIDATES,
+            args::ACTIVE,
         );
         let buffers = [&self.candidate_hits, &common.counts, &self.source, &common.args];
         recorder.dispatch_indirect(&self.compact, &buffers, &[], &common.args, args::COMPACT);
@@ -158,7 +162,7 @@ impl Contact {
                 &common.params,
                 &common.counts,
                 &cull.pairs,
-                &cull.regions,
+                &self.candidate_normals,
                 &self.source,
                 &self.candidate_hits,
                 &self.candidate_what,
@@ -177,14 +181,25 @@ impl Contact {
             &common.args,
             args::CONTACTS,
         );
-        let buffers = [&self.node_count, &common.counts, &touch.node_entries, &self.cursor];
-        recorder.dispatch_indirect(&self.place, &buffers, &[], &common.args, args::CONTACT_NODES);
-        let entries = [&common.counts, &touch.contacts, &touch.entry_nodes, &touch.entry_weights];
-        let mut buffers = entries.to_vec();
+        if self.nodes == 0 {
+            return;
+        }
+        let buffers = [
+            &self.node_count,
+            &common.counts,
+            &touch.node_entries,
+            &self.cursor,
+            &self.touched_nodes,
+            &common.args,
+        ];
+        recorder.dispatch(&self.place, &buffers, &[], self.nodes);
+        let entries = [&touch.contacts, &touch.entry_nodes, &touch.entry_weights];
+        let mut buffers = vec![&common.counts];
+        buffers.extend(entries);
         buffers.extend([&self.cursor, &self.unsorted]);
         recorder.dispatch_indirect(&self.fill, &buffers, &[], &common.args, args::ENTRIES);
-        let mut buffers = entries.to_vec();
-        buffers.extend([&touch.node_entries, &self.unsorted, &touch.sorted]);
-        recorder.dispatch_indirect(&self.sort, &buffers, &[], &common.args, args::ENTRIES);
+        let buffers =
+            [&self.touched_nodes, &touch.node_entries, &self.unsorted, &touch.entry_weights, &touch.sorted];
+        recorder.dispatch_indirect(&self.sort, &buffers, &[], &common.args, args::NODES);
     }
 }

@@ -1,112 +1,162 @@
-//! Cull: which proxies may touch, in which direction, and the regions and work that follow.
+//! Cull: which proxies may touch, in which directions, and the regions, chunks and work that follow.
 
 use std::sync::Arc;
 
+use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
-use super::skin::Skin;
-use super::types::{ActiveProxy, Pair, Region};
+use super::types::{ActiveChunk, PAIR_REGIONS, Pair, Region};
 use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
-use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
+use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 
-/// Pairs of bodies and of proxies, regions, active proxies.
+/// Pairs of bodies and of proxies, regions, active chunks.
 pub struct Cull {
     test: Kernel,
     direction: Kernel,
     regions_kernel: Kernel,
+    chunks_kernel: Kernel,
+    list: Kernel,
+    pair_count: u32,
     proxy_pair_count: u32,
     /// A [`Pair`] a pair of bodies, written by the host.
     pub pairs: Buffer,
     proxy_pairs: Buffer,
-    proxy_active: Buffer,
     active_pairs: Buffer,
     reach: Buffer,
     directions: Buffer,
-    /// A [`Region`] a pair of bodies.
+    /// [`PAIR_REGIONS`] [`Region`]s a pair of bodies.
     pub regions: Buffer,
-    /// Active proxies of all regions.
-    pub active_list: Buffer,
+    /// A [`super::types::Slot`] a proxy and pair.
+    pub slots: Buffer,
+    /// How each slot's vertices are shared out between the pair's regions.
+    pub shares: Buffer,
+    boxes: Buffer,
+    slot_regions: Buffer,
+    slot_counts: Buffer,
+    active_slots: Buffer,
+    /// A [`super::types::Chunk`] each.
+    pub chunks: Buffer,
+    chunk_nodes: Buffer,
+    slot_chunks: Buffer,
+    /// An [`ActiveChunk`] each.
+    pub active_chunks: Buffer,
+    /// Active chunk and region.
+    pub items: Buffer,
 }
 
 impl Cull {
-    /// Kernels and arrays for a model; `tile`: see [`super::depth::tile_of`].
-    pub fn new(context: &Arc<Context>, model: &Model, tile: u32) -> Result<Cull> {
-        let proxy_pairs = model.proxy_pairs.len();
-        let constants =
-            [("PAIRS", count(model.pairs.len())), ("TILE", tile.into()), ("GROUP", context.group_size().into())];
+    /// Kernels and arrays for a model.
+    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Cull> {
+        let (proxy_pairs, slots, items) = (model.proxy_pairs.len(), model.slots.len(), model.most_items());
+        let spans = ("SPANS", Const::Bool(model.spans_frames()));
+        let list = [("SLOTS", count(slots)), ("MOST_ITEMS", count(items))];
+        let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
         let pairs = (model.pairs.len() * size_of::<Pair>()) as u64;
         Ok(Cull {
             test: Kernel::new(context, "cull/pairs", Size::Group, &[("PROXY_PAIRS", count(proxy_pairs))])?,
-            direction: Kernel::new(context, "cull/direction", Size::Reduce, &[])?,
-            regions_kernel: Kernel::new(context, "cull/regions", Size::Reduce, &constants)?,
+            direction: reduce("cull/direction", &[])?,
+            regions_kernel: reduce("cull/regions", &[])?,
+            chunks_kernel: reduce("cull/chunks", &[spans])?,
+            list: reduce("cull/list", &list)?,
+            pair_count: model.pairs.len() as u32,
             proxy_pair_count: proxy_pairs as u32,
             pairs: Buffer::new(context, "pairs", pairs, Memory::Upload)?,
             proxy_pairs: upload(context, "pairs of proxies", &model.proxy_pairs)?,
-            proxy_active: zeros::<u32>(context, "active proxies", model.active_slots)?,
             active_pairs: array::<u32>(context, "active pairs of proxies", proxy_pairs)?,
             reach: array::<f32>(context, "reach", proxy_pairs)?,
-            directions: array::<[f32; 4]>(context, "directions", proxy_pairs)?,
-            regions: array::<Region>(context, "regions", model.pairs.len())?,
-            active_list: array::<ActiveProxy>(context, "list of active proxies", model.active_slots)?,
+            directions: zeros::<[f32; 4]>(context, "directions", proxy_pairs)?,
+            regions: zeros::<Region>(context, "regions", PAIR_REGIONS * model.pairs.len())?,
+            slots: upload(context, "slots", &model.slots)?,
+            shares: array::<f32>(context, "shares", PAIR_REGIONS * slots)?,
+            boxes: array::<[f32; 6]>(context, "boxes of slots", PAIR_REGIONS * slots)?,
+            slot_regions: array::<u32>(context, "regions of slots", slots)?,
+            slot_counts: zeros::<[u32; 2]>(context, "counts of slots", slots)?,
+            active_slots: array::<u32>(context, "active slots", slots)?,
+            chunks: upload(context, "chunks", &model.chunks)?,
+            chunk_nodes: upload(context, "nodes of chunks", &model.chunk_nodes)?,
+            slot_chunks: array::<[u32; 2]>(context, "chunks of slots", model.slot_chunks)?,
+            active_chunks: array::<ActiveChunk>(context, "active chunks", items)?,
+            items: array::<[u32; 2]>(context, "work items", items)?,
         })
     }
 
-    /// Three passes: pairs, directions, regions.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, skin: &Skin) {
+    /// Five passes: pairs, directions, regions, chunks, their list.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, elastic: &Elastic) {
         recorder.stage("cull");
-        recorder.fill(&self.proxy_active, 0);
-        recorder.fill(&self.directions, 0);
-        recorder.dispatch(
-            &self.test,
-            &[
-                &common.params,
-                &self.pairs,
-                &skin.proxies,
-                &skin.bounds,
-                &self.proxy_pairs,
-                &pose.hull,
-                &self.proxy_active,
-                &self.active_pairs,
-                &self.reach,
-                &common.args,
-            ],
-            &[],
-            self.proxy_pair_count,
-        );
-        recorder.dispatch_indirect(
-            &self.direction,
-            &[
-                &skin.proxies,
-                &skin.bounds,
-                &self.proxy_pairs,
-                &pose.hull,
-                &pose.faces,
-                &self.active_pairs,
-                &self.reach,
-                &self.directions,
-            ],
-            &[],
+        if self.proxy_pair_count > 0 {
+            self.record_directions(recorder, common, pose);
+        }
+        let buffers = [
+            &common.params,
+            &self.pairs,
+            &pose.proxies,
+            &pose.bounds,
+            &pose.hull,
+            &self.directions,
+            &self.regions,
+            &self.shares,
+            &self.boxes,
+            &self.slot_regions,
+            &self.slot_counts,
+            &self.active_slots,
+            &common.counts,
             &common.args,
-            args::DIRECTION,
-        );
-        recorder.dispatch_groups(
-            &self.regions_kernel,
-            &[
-                &common.params,
-                &self.pairs,
-                &skin.proxies,
-                &skin.bounds,
-                &pose.hull,
-                &self.proxy_active,
-                &self.directions,
-                &self.regions,
-                &self.active_list,
-                &common.counts,
-                &common.args,
-            ],
-            &[],
-            1,
-        );
+        ];
+        recorder.dispatch_groups(&self.regions_kernel, &buffers, &[], self.pair_count);
+        let buffers = [
+            &self.pairs,
+            &self.slots,
+            &self.active_slots,
+            &common.frames,
+            &pose.proxies,
+            &self.chunks,
+            &self.chunk_nodes,
+            &elastic.displacement,
+            &elastic.node_rest,
+            &common.links,
+            &self.regions,
+            &self.boxes,
+            &self.slot_regions,
+            &self.slot_chunks,
+            &self.slot_counts,
+        ];
+        recorder.dispatch_indirect(&self.chunks_kernel, &buffers, &[], &common.args, args::CHUNKS);
+        let buffers = [
+            &self.slots,
+            &self.slot_chunks,
+            &self.slot_counts,
+            &self.active_chunks,
+            &self.items,
+            &common.counts,
+            &common.args,
+        ];
+        recorder.dispatch_groups(&self.list, &buffers, &[], 1);
+    }
+
+    fn record_directions(&self, recorder: &mut Recorder, common: &Common, pose: &Pose) {
+        let buffers = [
+            &common.params,
+            &pose.proxies,
+            &pose.bounds,
+            &self.proxy_pairs,
+            &pose.hull,
+            &self.active_pairs,
+            &self.reach,
+            &self.directions,
+            &common.args,
+        ];
+        recorder.dispatch(&self.test, &buffers, &[], self.proxy_pair_count);
+        let buffers = [
+            &pose.proxies,
+            &pose.bounds,
+            &self.proxy_pairs,
+            &pose.hull,
+            &pose.faces,
+            &self.active_pairs,
+            &self.reach,
+            &self.directions,
+        ];
+        recorder.dispatch_indirect(&self.direction, &buffers, &[], &common.args, args::DIRECTION);
     }
 }

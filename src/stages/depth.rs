@@ -1,35 +1,21 @@
-//! Depth: which triangle of the other body lies over each texel of a region's tile. Two interchangeable paths.
+//! Depth: where triangles of one side cross the rays of the other side's vertices. Two interchangeable paths.
 
 use std::sync::Arc;
 
 use super::cull::Cull;
 use super::model::Model;
-use super::skin::Skin;
+use super::skin::{BUCKETS, Skin};
+use super::types::CHUNK_VERTICES;
 use super::{Common, args, array, count, upload};
-use crate::gpu::{Buffer, Context, DepthTest, DeviceKind, Kernel, Pass, RasterPipeline, RasterTarget, Recorder, Size};
-use crate::scene::Scene;
-use crate::{Error, Result};
+use crate::Result;
+use crate::gpu::{Buffer, Context, DeviceKind, Kernel, Recorder, Size};
 
-/// Texels a side of a region's tile. Depth is exact by walking triangles, so the tile only has to name a triangle near the
-/// right one; finer costs more (a tile of 128 took 2.7 times as long on lavapipe) and finds nothing more.
-pub const TILE: u32 = 64;
-/// The same where the scene asks for a texel of its own.
-const FINE_TILE: u32 = 256;
-
-/// Texels a side of a region's tile at most.
-pub fn tile_of(scene: &Scene) -> u32 {
-    if scene.contact.texel.is_some() { FINE_TILE } else { TILE }
-}
-
-/// Greatest side of an image that every device offers.
-const MAX_IMAGE: u32 = 4096;
-
-/// How triangles get into the tile.
+/// How triangles find the vertices that they lie over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Path {
-    /// The graphics pipeline's depth passes, as in the paper.
+    /// The graphics pipeline's rasterizer.
     Graphics,
-    /// Integer atomics in compute.
+    /// Loops in compute.
     Compute,
 }
 
@@ -48,82 +34,48 @@ impl Path {
     }
 }
 
-enum Raster {
-    Graphics { pipeline: RasterPipeline, target: RasterTarget },
-    Compute { heights: Kernel, names: Kernel },
-}
+/// Crossings at least; more where the scene has more vertices.
+const LEAST_HITS: usize = 1 << 16;
+const MOST_HITS: usize = 1 << 20;
 
-/// Tiles of all regions.
+/// Crossings of all regions.
 pub struct Depth {
-    raster: Raster,
-    proxy_triangles: Buffer,
-    heights: Buffer,
-    /// Triangle over each texel; a tile a side, two a region.
-    pub names: Buffer,
+    cross: Kernel,
+    chunk_triangles: Buffer,
+    /// Triangle, next on the same ray, bits of the depth, whether it is a front.
+    pub hits: Buffer,
 }
 
 impl Depth {
-    /// Kernels and arrays for a model; see [`tile_of`].
-    pub fn new(context: &Arc<Context>, model: &Model, path: Path, tile: u32) -> Result<Depth> {
-        let tiles = 2 * model.pairs.len();
-        let texels = tiles * (tile * tile) as usize;
-        let raster = match path {
-            Path::Graphics => {
-                let height = tile * tiles as u32;
-                if height > MAX_IMAGE {
-                    let most = MAX_IMAGE / (2 * tile);
-                    return Err(Error::Simulation(format!(
-                        "{} pairs of bodies may touch, but the depth image holds {most}; list fewer in `collides`",
-                        model.pairs.len()
-                    )));
-                }
-                let constants = [("TILE", tile.into()), ("TILES", count(tiles))];
-                Raster::Graphics {
-                    pipeline: RasterPipeline::new(context, "depth/depth", DepthTest::Less, &constants)?,
-                    target: RasterTarget::new(context, "depth field", tile, height)?,
-                }
-            }
-            Path::Compute => {
-                let kernel = |names: bool| {
-                    let constants = [("TILE", tile.into()), ("NAMES", names.into())];
-                    Kernel::new(context, "depth/raster", Size::Group, &constants)
-                };
-                Raster::Compute { heights: kernel(false)?, names: kernel(true)? }
-            }
-        };
+    /// Kernels and arrays for a model.
+    pub fn new(context: &Arc<Context>, model: &Model, _path: Path) -> Result<Depth> {
+        let hits = (2 * CHUNK_VERTICES * model.most_items()).clamp(LEAST_HITS, MOST_HITS);
+        let constants = [("BUCKETS", BUCKETS.into()), ("MOST_HITS", count(hits))];
         Ok(Depth {
-            raster,
-            proxy_triangles: upload(context, "triangles of proxies", &model.proxy_triangles)?,
-            heights: array::<u32>(context, "heights", texels)?,
-            names: array::<u32>(context, "names", texels)?,
+            cross: Kernel::new(context, "depth/cross", Size::Group, &constants)?,
+            chunk_triangles: upload(context, "triangles of chunks", &model.chunk_triangles)?,
+            hits: array::<[u32; 4]>(context, "crossings", hits)?,
         })
     }
 
-    /// Graphics: a draw and a copy. Compute: least height, then least triangle of that height.
+    /// One pass: a workgroup an active chunk and region.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, cull: &Cull, skin: &Skin) {
         recorder.stage("depth");
-        let mut buffers = vec![
+        let buffers = [
             &common.counts,
-            &cull.active_list,
-            &skin.proxies,
-            &self.proxy_triangles,
+            &cull.items,
+            &cull.active_chunks,
+            &cull.chunks,
+            &self.chunk_triangles,
             &cull.regions,
             &skin.triangles,
             &skin.skin,
+            &skin.buckets,
+            &skin.bins,
+            &skin.bin_sides,
+            &skin.bin_hits,
+            &self.hits,
         ];
-        match &self.raster {
-            Raster::Graphics { pipeline, target } => {
-                let pass = Pass::cleared(super::types::NONE, 1.0);
-                recorder.draw_indirect(pipeline, target, &buffers, &[], &common.args, args::DRAW, pass);
-                recorder.copy_target(target, &self.names, &self.heights);
-            }
-            Raster::Compute { heights, names } => {
-                recorder.fill(&self.heights, u32::MAX);
-                recorder.fill(&self.names, super::types::NONE);
-                buffers.extend([&self.heights, &self.names]);
-                recorder.dispatch_indirect(heights, &buffers, &[], &common.args, args::RASTER);
-                recorder.dispatch_indirect(names, &buffers, &[], &common.args, args::RASTER);
-            }
-        }
+        recorder.dispatch_indirect(&self.cross, &buffers, &[], &common.args, args::ITEMS);
     }
 }

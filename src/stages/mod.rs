@@ -3,6 +3,7 @@
 //! Sizes are in elements; `texels` arrays are read through texel buffer views, `words` through storage buffers.
 
 pub mod args;
+mod chunks;
 pub mod contact;
 pub mod cull;
 pub mod depth;

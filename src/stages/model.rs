@@ -5,9 +5,12 @@ use std::ops::Range;
 
 use glam::{DQuat, DVec3};
 
-use super::types::{NONE, Pair, Proxy};
-use crate::prepare::{self, Body, Embedding, FrameMotion, Layer, Shape, Skin};
+use super::types::{Chunk, NONE, PAIR_REGIONS, Pair, Proxy, Slot};
+use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Material, Scene};
+
+/// Active chunks times their regions at most: a million vertices; more raise the region overflow flag.
+const MOST_ITEMS: usize = 1 << 14;
 
 /// A frame of a body, as placed.
 #[derive(Debug, Clone)]
@@ -50,10 +53,10 @@ pub struct SoftRange {
 }
 
 /// What the skin of a soft body rides on.
-struct Carrier<'a> {
-    layer: &'a Layer,
-    embedding: &'a [Embedding],
-    node_first: usize,
+pub(super) struct Carrier<'a> {
+    pub layer: &'a Layer,
+    pub embedding: &'a [Embedding],
+    pub node_first: usize,
 }
 
 /// A floating frame, and the nodes that it follows.
@@ -119,8 +122,6 @@ pub struct Model {
     pub skin_areas: Vec<f32>,
     /// Three skin vertices.
     pub triangles: Vec<[u32; 4]>,
-    /// Triangles across the edges.
-    pub neighbours: Vec<[u32; 4]>,
     /// Running totals of the triangles around each vertex.
     pub fan_first: Vec<u32>,
     /// Triangles around each vertex.
@@ -128,31 +129,31 @@ pub struct Model {
 
     /// Proxies of all bodies.
     pub proxies: Vec<Proxy>,
-    /// Hull vertices in the frame; w: frame.
+    /// Hull vertices in the frame.
     pub hull: Vec<[f32; 4]>,
     /// Face planes in the frame.
     pub faces: Vec<[f32; 4]>,
-    /// Frame of each face.
-    pub face_frames: Vec<[u32; 4]>,
-    /// Owned skin vertices, by proxy.
-    pub proxy_vertices: Vec<u32>,
-    /// Owned triangles, by proxy.
-    pub proxy_triangles: Vec<u32>,
-    /// Skin vertices to place, by proxy.
-    pub proxy_embeds: Vec<u32>,
-    /// Nodes that move them, by proxy, each with the link from the proxy's frame to its own.
+    /// Nodes that move a proxy, by proxy, each with the link from the proxy's frame to its own.
     pub proxy_nodes: Vec<[u32; 2]>,
+    /// Chunks of all proxies.
+    pub chunks: Vec<Chunk>,
+    /// Skin vertices, by chunk.
+    pub chunk_vertices: Vec<u32>,
+    /// Triangles, by chunk.
+    pub chunk_triangles: Vec<u32>,
+    /// Nodes that move a chunk, by chunk, as for proxies.
+    pub chunk_nodes: Vec<[u32; 2]>,
 
     /// Pairs of bodies; planes still zero.
     pub pairs: Vec<Pair>,
     /// The half-space of each pair that has one.
     pub pair_planes: Vec<Option<Plane>>,
-    /// Proxy of a, proxy of b or `NONE`, pair, slot of a's proxy in the pair's list of active ones.
+    /// Proxy of a, proxy of b.
     pub proxy_pairs: Vec<[u32; 4]>,
-    /// Slots of active proxies over all pairs.
-    pub active_slots: usize,
-    /// Skin vertices that can collide, over all pairs and sides.
-    pub candidates: usize,
+    /// Proxies of all pairs of bodies.
+    pub slots: Vec<Slot>,
+    /// Chunks of all slots.
+    pub slot_chunks: usize,
 }
 
 impl Model {
@@ -197,7 +198,7 @@ impl Model {
                 }
                 self.add_skin(skin, vertex_first);
                 let carrier = Carrier { layer, embedding, node_first };
-                self.add_proxies(skin, proxies, frame_first, vertex_first, Some(carrier));
+                self.add_proxies(skin, proxies, frame_first, vertex_first, Some(&carrier));
             }
             Shape::Rigid { skin, proxies, centroid, motion, volume, inertia } => {
                 let frame = self.frames.len();
@@ -258,87 +259,28 @@ impl Model {
         self.links.len() > 1
     }
 
+    /// Chunks of all slots, as many as can be active at once.
+    pub fn most_chunks(&self) -> usize {
+        self.slot_chunks.min(MOST_ITEMS)
+    }
+
+    /// Chunks times regions that can be active at once.
+    pub fn most_items(&self) -> usize {
+        (PAIR_REGIONS * self.slot_chunks).min(MOST_ITEMS)
+    }
+
     fn add_skin(&mut self, skin: &Skin, vertex_first: usize) {
         let triangle_first = self.triangles.len() as u32;
-        let shift = |i: u32| if i == prepare::NONE { NONE } else { i + triangle_first };
         let mut fans = vec![Vec::new(); skin.vertices.len()];
         for (t, corners) in skin.triangles.iter().enumerate() {
             let [a, b, c] = corners.map(|v| v + vertex_first as u32);
             self.triangles.push([a, b, c, 0]);
-            let [a, b, c] = skin.neighbours[t].map(shift);
-            self.neighbours.push([a, b, c, 0]);
             corners.iter().for_each(|v| fans[*v as usize].push(triangle_first + t as u32));
         }
         for (fan, area) in fans.iter().zip(&skin.areas) {
             self.fans.extend(fan);
             self.fan_first.push(self.fans.len() as u32);
             self.skin_areas.push(*area as f32);
-        }
-    }
-
-    fn add_proxies(
-        &mut self,
-        skin: &Skin,
-        proxies: &[prepare::Proxy],
-        frame_first: usize,
-        vertex_first: usize,
-        carrier: Option<Carrier>,
-    ) {
-        let triangle_first = (self.triangles.len() - skin.triangles.len()) as u32;
-        for proxy in proxies {
-            let frame = frame_first as u32 + proxy.frame;
-            let centre = self.frames[frame as usize].rest_centre;
-            // The skin it covers, and what the normals there need: the triangles around its vertices.
-            let mut covered: Vec<u32> = proxy.vertices.clone();
-            covered.extend(proxy.triangles.iter().flat_map(|t| skin.triangles[*t as usize]));
-            covered.sort_unstable();
-            covered.dedup();
-            let mut embeds = covered.clone();
-            for v in &covered {
-                let v = vertex_first + *v as usize;
-                for t in &self.fans[self.fan_first[v] as usize..self.fan_first[v + 1] as usize] {
-                    embeds.extend(&skin.triangles[(t - triangle_first) as usize]);
-                }
-            }
-            embeds.sort_unstable();
-            embeds.dedup();
-            let (mut nodes, mut weight_bound) = (Vec::new(), 0.0f64);
-            if let Some(Carrier { layer, embedding, node_first }) = &carrier {
-                for v in &covered {
-                    let e = &embedding[*v as usize];
-                    nodes.extend(layer.tetrahedra[e.tetrahedron as usize].map(|n| n + *node_first as u32));
-                    weight_bound = weight_bound.max(e.weights.iter().map(|w| w.abs()).sum());
-                }
-                nodes.sort_unstable();
-                nodes.dedup();
-            }
-            self.proxies.push(Proxy {
-                frame,
-                hull_first: self.hull.len() as u32,
-                hull_count: proxy.hull.len() as u32,
-                face_first: self.faces.len() as u32,
-                face_count: proxy.faces.len() as u32,
-                vertex_first: self.proxy_vertices.len() as u32,
-                vertex_count: proxy.vertices.len() as u32,
-                triangle_first: self.proxy_triangles.len() as u32,
-                triangle_count: proxy.triangles.len() as u32,
-                embed_first: self.proxy_embeds.len() as u32,
-                embed_count: embeds.len() as u32,
-                node_first: self.proxy_nodes.len() as u32,
-                node_count: nodes.len() as u32,
-                margin: proxy.margin as f32,
-                weight_bound: weight_bound as f32,
-            });
-            self.hull.extend(proxy.hull.iter().map(|x| texel(*x - centre, f64::from(frame))));
-            self.faces.extend(proxy.faces.iter().map(|(n, d)| texel(*n, d - n.dot(centre))));
-            self.face_frames.extend(proxy.faces.iter().map(|_| [frame, 0, 0, 0]));
-            self.proxy_vertices.extend(proxy.vertices.iter().map(|v| v + vertex_first as u32));
-            self.proxy_triangles.extend(proxy.triangles.iter().map(|t| t + triangle_first));
-            self.proxy_embeds.extend(embeds.iter().map(|v| v + vertex_first as u32));
-            for node in nodes {
-                let link = self.link(frame, self.node_info[node as usize][2]);
-                self.proxy_nodes.push([node, link]);
-            }
         }
     }
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::model::{Model, Plane};
-use super::types::{NONE, Pair};
+use super::types::{NONE, Pair, Slot};
 use crate::prepare::{Body, FrameMotion, Layer, Shape};
 use crate::scene::Scene;
 
@@ -44,33 +44,32 @@ impl Model {
         let pair = self.pairs.len() as u32;
         let (a_proxies, b_proxies) = (ranges[a].clone(), ranges[b].clone());
         let first_proxy_pair = self.proxy_pairs.len() as u32;
-        for (k, p) in a_proxies.clone().enumerate() {
-            let slot = (self.active_slots + k) as u32;
-            if plane.is_some() {
-                self.proxy_pairs.push([p as u32, NONE, pair, slot]);
-            }
-            self.proxy_pairs.extend(b_proxies.clone().map(|q| [p as u32, q as u32, pair, slot]));
+        for p in a_proxies.clone() {
+            self.proxy_pairs.extend(b_proxies.clone().map(|q| [p as u32, q as u32, 0, 0]));
         }
-        self.active_slots += a_proxies.len() + b_proxies.len();
+        let first_slot = self.slots.len() as u32;
+        for (side, proxy) in a_proxies.clone().map(|p| (0, p)).chain(b_proxies.clone().map(|q| (1, q))) {
+            let chunk_first = self.slot_chunks as u32;
+            self.slots.push(Slot { pair, side, proxy: proxy as u32, chunk_first });
+            self.slot_chunks += self.proxies[proxy].chunk_count as usize;
+        }
         let driven_frame = |index: usize| match &all[index].shape {
             Shape::Rigid { motion: FrameMotion::Driven(_), .. } => self.body_frames[index],
             _ => NONE,
         };
-        let owned = |range: &Range<usize>| -> usize {
-            self.proxies[range.clone()].iter().map(|p| p.vertex_count as usize).sum()
-        };
-        self.candidates += owned(&a_proxies) + owned(&b_proxies);
         self.pairs.push(Pair {
             first_proxy_pair,
             proxy_pair_count: self.proxy_pairs.len() as u32 - first_proxy_pair,
             first_proxy: [a_proxies.start as u32, b_proxies.start as u32],
             proxy_count: [a_proxies.len() as u32, b_proxies.len() as u32],
+            first_slot,
             stiffness: stiffness as f32,
             // As if the penalty relaxed over one step.
             damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt) as f32,
             tool_sign: if a == tool { 1.0 } else { -f32::from(u8::from(b == tool)) },
             is_plane: u32::from(plane.is_some()),
             driven_frame: [driven_frame(a), driven_frame(b)],
+            direction: [0.0; 4],
             plane: [0.0; 4],
         });
         self.pair_planes.push(plane);

@@ -1,67 +1,72 @@
-//! Pose: proxies into the world, and the step's counters to zero; nodes that moving frames carry, floating frames fitted.
+//! Pose: proxies into the world with their bounds, and the step's counters to zero; nodes that moving frames carry, floating frames fitted.
 
 use std::sync::Arc;
 
 use super::elastic::Elastic;
 use super::model::Model;
 use super::solve::Solve;
-use super::types::Fit;
+use super::types::{Fit, ProxyBounds};
 use super::{Common, array, count, upload};
 use crate::Result;
-use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
+use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 
-/// Hulls and faces at rest and in the world.
+/// Proxies at rest and in the world.
 pub struct Pose {
     place: Kernel,
-    items: u32,
+    proxy_count: u32,
     hull_rest: Buffer,
     face_rest: Buffer,
-    face_frame: Buffer,
+    proxy_nodes: Buffer,
+    /// Proxies of all bodies.
+    pub proxies: Buffer,
     /// Hull vertices of all proxies, relative to the origin.
     pub hull: Buffer,
     /// Face planes of all proxies.
     pub faces: Buffer,
+    /// A [`ProxyBounds`] a proxy.
+    pub bounds: Buffer,
 }
 
 impl Pose {
     /// Kernels and arrays for a model.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Pose> {
-        let (hull, faces) = (model.hull.len(), model.faces.len());
         let constants = [
-            ("HULL_VERTICES", count(hull)),
-            ("FACES", count(faces)),
+            ("SPANS", Const::Bool(model.spans_frames())),
             ("TETRAHEDRA", count(model.tetrahedra.len())),
             ("GROUP", context.group_size().into()),
         ];
         Ok(Pose {
-            place: Kernel::new(context, "pose/place", Size::Group, &constants)?,
-            items: (hull + faces) as u32,
+            place: Kernel::new(context, "pose/place", Size::Reduce, &constants)?,
+            proxy_count: model.proxies.len() as u32,
             hull_rest: upload(context, "hull at rest", &model.hull)?,
             face_rest: upload(context, "faces at rest", &model.faces)?,
-            face_frame: upload(context, "frames of faces", &model.face_frames)?,
-            hull: array::<[f32; 4]>(context, "hull", hull)?,
-            faces: array::<[f32; 4]>(context, "faces", faces)?,
+            proxy_nodes: upload(context, "nodes of proxies", &model.proxy_nodes)?,
+            proxies: upload(context, "proxies", &model.proxies)?,
+            hull: array::<[f32; 4]>(context, "hull", model.hull.len())?,
+            faces: array::<[f32; 4]>(context, "faces", model.faces.len())?,
+            bounds: array::<ProxyBounds>(context, "bounds", model.proxies.len())?,
         })
     }
 
-    /// One pass over hull vertices and faces.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common) {
+    /// One pass: a workgroup a proxy.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("pose");
-        recorder.dispatch(
-            &self.place,
-            &[
-                &common.frames,
-                &self.hull_rest,
-                &self.face_rest,
-                &self.face_frame,
-                &self.hull,
-                &self.faces,
-                &common.counts,
-                &common.args,
-            ],
-            &[],
-            self.items,
-        );
+        let buffers = [
+            &common.frames,
+            &self.proxies,
+            &self.hull_rest,
+            &self.face_rest,
+            &self.proxy_nodes,
+            &elastic.displacement,
+            &elastic.node_rest,
+            &common.links,
+            &self.hull,
+            &self.faces,
+            &self.bounds,
+            &common.counts,
+            &common.args,
+        ];
+        recorder.dispatch_groups(&self.place, &buffers, &[], self.proxy_count);
     }
 }
 

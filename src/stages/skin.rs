@@ -1,4 +1,4 @@
-//! Skin: how far it may have moved (before culling), where it is (after), and the probed vertices.
+//! Skin: where the skin of active chunks is, binned for the depth stage; and the probed vertices.
 
 use std::sync::Arc;
 
@@ -6,88 +6,82 @@ use super::cull::Cull;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
+use super::types::CHUNK_VERTICES;
 use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 
+/// Heads of the hash table that holds binned vertices: some per vertex of a busy step, few enough to clear in microseconds.
+pub const BUCKETS: u32 = 1 << 15;
+
 /// Topology and embedding of all skins, and their positions this step.
 pub struct Skin {
-    bound: Kernel,
     embed: Kernel,
-    proxy_count: u32,
-    /// Proxies of all bodies.
-    pub proxies: Buffer,
-    proxy_nodes: Buffer,
-    proxy_embeds: Buffer,
-    /// Bounds of each proxy this step.
-    pub bounds: Buffer,
+    /// Skin vertices, by chunk.
+    pub chunk_vertices: Buffer,
     /// Four nodes a skin vertex.
     pub skin_nodes: Buffer,
     /// Four weights, or the position on a rigid body.
     pub skin_weights: Buffer,
-    /// Positions, and the step they are of.
+    /// Positions; of active chunks only.
     pub skin: Buffer,
     /// Three skin vertices a triangle.
     pub triangles: Buffer,
+    /// First vertex of each bucket.
+    pub buckets: Buffer,
+    /// A vertex in a region: position along its axes, the next of its bucket.
+    pub bins: Buffer,
+    /// First crossing found on the ray of each.
+    pub bin_hits: Buffer,
+    /// 2 * region + side of each.
+    pub bin_sides: Buffer,
 }
 
 impl Skin {
     /// Kernels and arrays for a model.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Skin> {
-        let spans = ("SPANS", Const::Bool(model.spans_frames()));
+        let constants = [("SPANS", Const::Bool(model.spans_frames())), ("BUCKETS", BUCKETS.into())];
+        let bins = CHUNK_VERTICES * model.most_items();
         Ok(Skin {
-            bound: Kernel::new(context, "skin/bound", Size::Reduce, &[spans])?,
-            embed: Kernel::new(context, "skin/embed", Size::Group, &[spans])?,
-            proxy_count: model.proxies.len() as u32,
-            proxies: upload(context, "proxies", &model.proxies)?,
-            proxy_nodes: upload(context, "nodes of proxies", &model.proxy_nodes)?,
-            proxy_embeds: upload(context, "skin of proxies", &model.proxy_embeds)?,
-            bounds: array::<super::types::ProxyBounds>(context, "bounds", model.proxies.len())?,
+            embed: Kernel::new(context, "skin/embed", Size::Group, &constants)?,
+            chunk_vertices: upload(context, "vertices of chunks", &model.chunk_vertices)?,
             skin_nodes: upload(context, "nodes of the skin", &model.skin_nodes)?,
             skin_weights: upload(context, "weights of the skin", &model.skin_weights)?,
             skin: zeros::<[f32; 4]>(context, "skin", model.skin_nodes.len())?,
             triangles: upload(context, "triangles", &model.triangles)?,
+            buckets: array::<u32>(context, "buckets", BUCKETS as usize)?,
+            bins: array::<[u32; 4]>(context, "bins", bins)?,
+            bin_hits: array::<u32>(context, "crossings of bins", bins)?,
+            bin_sides: array::<u32>(context, "sides of bins", bins)?,
         })
     }
 
-    /// Before culling: a workgroup a proxy.
-    pub fn record_bounds(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, elastic: &Elastic) {
+    /// The skin of active chunks: a workgroup each.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, cull: &Cull, elastic: &Elastic) {
         recorder.stage("skin");
+        recorder.fill(&self.buckets, super::types::NONE);
         let buffers = [
-            &self.proxies,
-            &pose.hull,
-            &self.proxy_nodes,
-            &elastic.displacement,
+            &common.frames,
+            &cull.active_chunks,
+            &cull.pairs,
+            &cull.slots,
+            &pose.proxies,
+            &cull.chunks,
+            &self.chunk_vertices,
+            &self.skin_nodes,
+            &self.skin_weights,
             &elastic.node_rest,
-            &common.links,
-            &self.bounds,
+            &elastic.displacement,
+            &elastic.node_info,
+            &cull.regions,
+            &cull.shares,
+            &self.skin,
+            &self.buckets,
+            &self.bins,
+            &self.bin_hits,
+            &self.bin_sides,
         ];
-        recorder.dispatch_groups(&self.bound, &buffers, &[], self.proxy_count);
-    }
-
-    /// After culling: the skin of active proxies.
-    pub fn record_embedding(&self, recorder: &mut Recorder, common: &Common, cull: &Cull, elastic: &Elastic) {
-        recorder.stage("skin");
-        recorder.dispatch_indirect(
-            &self.embed,
-            &[
-                &common.params,
-                &common.frames,
-                &common.counts,
-                &cull.active_list,
-                &self.proxies,
-                &self.proxy_embeds,
-                &self.skin_nodes,
-                &self.skin_weights,
-                &elastic.node_rest,
-                &elastic.displacement,
-                &elastic.node_info,
-                &self.skin,
-            ],
-            &[],
-            &common.args,
-            args::EMBED,
-        );
+        recorder.dispatch_indirect(&self.embed, &buffers, &[], &common.args, args::ACTIVE);
     }
 }
 

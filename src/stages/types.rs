@@ -21,7 +21,7 @@ pub struct StepParams {
     pub gravity: [f32; 3],
     /// m.
     pub depth_limit: f32,
-    /// m; 0: as fine as the tile allows.
+    /// Edge of the squares of the depth stage, m; 0: from the skins.
     pub texel: f32,
     /// Operator of the tool's twist without contact.
     pub tool_matrix: [f32; 36],
@@ -119,6 +119,8 @@ pub struct Pair {
     pub first_proxy: [u32; 2],
     /// Of a and b.
     pub proxy_count: [u32; 2],
+    /// A [`Slot`] each proxy of a, then of b.
+    pub first_slot: u32,
     /// N/m^3.
     pub stiffness: f32,
     /// N s/m^3.
@@ -129,6 +131,8 @@ pub struct Pair {
     pub is_plane: u32,
     /// The driven frame of a and b where their skins are rigid, or [`NONE`].
     pub driven_frame: [u32; 2],
+    /// w not 0: the normal to use, whatever culling finds.
+    pub direction: [f32; 4],
     /// Unit normal, offset relative to the origin.
     pub plane: [f32; 4],
 }
@@ -147,26 +151,20 @@ pub struct Proxy {
     pub face_first: u32,
     /// Face planes.
     pub face_count: u32,
-    /// Owned skin vertices.
-    pub vertex_first: u32,
-    /// Owned skin vertices.
-    pub vertex_count: u32,
-    /// Owned skin triangles.
-    pub triangle_first: u32,
-    /// Owned skin triangles.
-    pub triangle_count: u32,
-    /// Skin vertices to place.
-    pub embed_first: u32,
-    /// Skin vertices to place.
-    pub embed_count: u32,
-    /// Nodes that move them.
+    /// Chunks of the skin it owns.
+    pub chunk_first: u32,
+    /// Chunks of the skin it owns.
+    pub chunk_count: u32,
+    /// Nodes that move it.
     pub node_first: u32,
-    /// Nodes that move them.
+    /// Nodes that move it.
     pub node_count: u32,
     /// m.
     pub margin: f32,
     /// Greatest sum of absolute weights.
     pub weight_bound: f32,
+    /// Mean length of its triangles' edges at rest, m.
+    pub edge: f32,
 }
 
 /// A proxy's bounds this step.
@@ -183,7 +181,54 @@ pub struct ProxyBounds {
     pub radius: f32,
 }
 
-/// Where a pair of bodies may touch.
+/// At most [`CHUNK_VERTICES`] skin vertices of a proxy with their triangles.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Chunk {
+    /// Of the rest box in the proxy's frame, m.
+    pub centre: [f32; 3],
+    /// m.
+    pub half_extent: [f32; 3],
+    /// Greatest sum of absolute weights.
+    pub weight_bound: f32,
+    /// Skin vertices: first those it owns, then what their triangles and normals need besides.
+    pub vertex_first: u32,
+    /// Vertices it owns.
+    pub vertex_count: u32,
+    /// All of them.
+    pub embed_count: u32,
+    /// Triangles it owns.
+    pub triangle_first: u32,
+    /// Triangles it owns.
+    pub triangle_count: u32,
+    /// Nodes that move it.
+    pub node_first: u32,
+    /// Nodes that move it.
+    pub node_count: u32,
+}
+
+/// Vertices of a chunk at most.
+pub const CHUNK_VERTICES: usize = 64;
+/// Triangles of a chunk at most.
+pub const CHUNK_TRIANGLES: usize = 128;
+/// Regions that a pair of bodies can have.
+pub const PAIR_REGIONS: usize = 4;
+
+/// A proxy's part in a pair of bodies.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Slot {
+    /// The pair.
+    pub pair: u32,
+    /// 0: of a, 1: of b.
+    pub side: u32,
+    /// The proxy.
+    pub proxy: u32,
+    /// Room for its active chunks.
+    pub chunk_first: u32,
+}
+
+/// Where, and in which direction, a pair of bodies may touch.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Region {
@@ -193,54 +238,52 @@ pub struct Region {
     pub tangent: [f32; 3],
     /// Second tangent.
     pub bitangent: [f32; 3],
-    /// Corner of the tile along the tangents, m.
+    /// Least corner of what both sides cover in common along the tangents, m.
     pub low: [f32; 2],
-    /// m.
-    pub texel: f32,
-    /// Texels; 0: nothing may touch.
-    pub width: u32,
-    /// Texels.
-    pub height: u32,
-    /// Heights lie above, m.
-    pub height_low: f32,
-    /// Heights lie below, m.
-    pub height_high: f32,
+    /// Greatest corner, m.
+    pub high: [f32; 2],
+    /// Edge of the squares in which vertices of a and of b are binned, m.
+    pub cell: [f32; 2],
+    /// 0: nothing may touch.
+    pub weight: f32,
+    /// How far the normal turned since the last step, rad.
+    pub turn: f32,
 }
 
-/// A proxy that takes part in a region, with running totals.
+/// A chunk that may touch.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-pub struct ActiveProxy {
-    /// The proxy.
-    pub proxy: u32,
+pub struct ActiveChunk {
+    /// The chunk.
+    pub chunk: u32,
+    /// Its proxy's slot.
+    pub slot: u32,
     /// 2 * pair + side.
     pub side: u32,
-    /// Vertices before it.
-    pub vertex_first: u32,
-    /// Triangles before it.
-    pub triangle_first: u32,
-    /// Embedded vertices before it.
-    pub embed_first: u32,
+    /// A bit each of the pair's regions.
+    pub regions: u32,
+    /// A work item each bit.
+    pub first_item: u32,
 }
 
 /// Counters of the step.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Counts {
-    /// Active proxies.
-    pub active_proxies: u32,
-    /// Candidate vertices.
-    pub vertices: u32,
-    /// Triangles to rasterize.
-    pub triangles: u32,
-    /// Skin vertices to place.
-    pub embeds: u32,
+    /// Active chunks.
+    pub chunks: u32,
+    /// Chunks times their regions.
+    pub items: u32,
+    /// Crossings found.
+    pub hits: u32,
     /// Contacts.
     pub contacts: u32,
     /// Entries of the transposed contact index.
     pub entries: u32,
     /// Contacts dropped because they would pull.
     pub pulling: u32,
+    /// Bits of the largest turn of a region's normal, rad.
+    pub turn: u32,
     /// Flags as in the trace.
     pub flags: u32,
 }
@@ -269,7 +312,7 @@ pub struct Contact {
     pub quads: u32,
     /// Skin vertex.
     pub vertex: u32,
-    /// As in [`ActiveProxy`].
+    /// As in [`ActiveChunk`].
     pub side: u32,
     /// Opposing triangle or [`NONE`].
     pub triangle: u32,

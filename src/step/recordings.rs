@@ -51,11 +51,11 @@ pub struct Recordings {
 }
 
 impl Stages {
-    /// Kernels and arrays of the stages that the model needs; `tile`: see [`crate::stages::depth::tile_of`].
+    /// Kernels and arrays of the stages that the model needs.
     pub fn new(
         context: &Arc<Context>,
         model: &Model,
-        (path, tile): (Path, u32),
+        path: Path,
         probe_nodes: &[[u32; 4]],
     ) -> Result<Stages> {
         let common = Common::new(context, model)?;
@@ -65,9 +65,9 @@ impl Stages {
             Some(TouchStages {
                 pose: pose::Pose::new(context, model)?,
                 skin: Skin::new(context, model)?,
-                cull: Cull::new(context, model, tile)?,
-                depth: if model.needs_depth() { Some(Depth::new(context, model, path, tile)?) } else { None },
-                contact: Contact::new(context, model, tile)?,
+                cull: Cull::new(context, model)?,
+                depth: if model.needs_depth() { Some(Depth::new(context, model, path)?) } else { None },
+                contact: Contact::new(context, model)?,
             })
         };
         let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;
@@ -91,10 +91,9 @@ impl Recordings {
             carried.record(&mut begin, common, elastic, solve);
         }
         if let Some(TouchStages { pose, skin, cull, depth, contact }) = touch {
-            pose.record(&mut begin, common);
-            skin.record_bounds(&mut begin, common, pose, elastic);
-            cull.record(&mut begin, common, pose, skin);
-            skin.record_embedding(&mut begin, common, cull, elastic);
+            pose.record(&mut begin, common, elastic);
+            cull.record(&mut begin, common, pose, elastic);
+            skin.record(&mut begin, common, pose, cull, elastic);
             if let Some(depth) = depth {
                 depth.record(&mut begin, common, cull, skin);
             }

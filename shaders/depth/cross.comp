@@ -1,0 +1,52 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+
+// Depth, compute path: triangles of an active chunk, front and back, over the squares of their region that they cover; in
+// each, the vertices of the other side whose rays they cross. One workgroup an active chunk and region.
+// Oracle: oracle::contact::crossings.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const uint BUCKETS = 1;
+layout(constant_id = 2) const uint MOST_HITS = 1;
+
+layout(scalar, binding = 0) buffer CountsInOut { Counts counts; };
+layout(scalar, binding = 1) readonly buffer Items { uvec2 items[]; };
+layout(scalar, binding = 2) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
+layout(scalar, binding = 3) readonly buffer Chunks { Chunk chunks[]; };
+layout(scalar, binding = 4) readonly buffer ChunkTriangles { uint chunk_triangles[]; };
+layout(scalar, binding = 5) readonly buffer Regions { Region regions[]; };
+layout(binding = 6) uniform usamplerBuffer triangles;       // three skin vertices
+layout(binding = 7) uniform samplerBuffer skin;
+layout(scalar, binding = 8) readonly buffer Buckets { uint buckets[]; };
+layout(binding = 9) uniform usamplerBuffer bins;
+layout(scalar, binding = 10) readonly buffer BinSides { uint bin_sides[]; };
+layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
+layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, front
+
+#include "shared/bins.glsl"
+#include "shared/crossing.glsl"
+
+void main() {
+    uvec2 item = items[gl_WorkGroupID.x];
+    ActiveChunk entry = active_chunks[item.x];
+    Chunk chunk = chunks[entry.chunk];
+    Region region = regions[item.y];
+    uint side = entry.side & 1, other = 1 - side;
+    for (uint t = gl_LocalInvocationID.x; t < chunk.triangle_count; t += gl_WorkGroupSize.x) {
+        uint triangle = chunk_triangles[chunk.triangle_first + t];
+        uvec3 vertices = texelFetch(triangles, int(triangle)).xyz;
+        vec3 corners[3] = vec3[](along(region, texelFetch(skin, int(vertices.x)).xyz),
+            along(region, texelFetch(skin, int(vertices.y)).xyz), along(region, texelFetch(skin, int(vertices.z)).xyz));
+        vec2 least = max(min(min(corners[0].xy, corners[1].xy), corners[2].xy), region.low);
+        vec2 greatest = min(max(max(corners[0].xy, corners[1].xy), corners[2].xy), region.high);
+        if (any(greaterThan(least, greatest))) continue;
+        ivec2 first = cell_of(region, other, least), last = cell_of(region, other, greatest);
+        for (int y = first.y; y <= last.y; y++) {
+            for (int x = first.x; x <= last.x; x++) {
+                cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle);
+            }
+        }
+    }
+}

@@ -1,0 +1,16 @@
+// Vertices of a region's side in squares of its plane: a hash table of linked lists. Needs BUCKETS, a power of two.
+
+// A vertex as an item sees it: u, v, h along the region's axes; the next of its bucket (NONE: the last), bit for bit.
+
+uint bucket_of(ivec2 cell, uint region_side) {
+    uint key = uint(cell.x) * 73856093u ^ uint(cell.y) * 19349663u ^ region_side * 83492791u;
+    return (key ^ key >> 15) & (BUCKETS - 1);
+}
+
+ivec2 cell_of(Region region, uint side, vec2 at) { return ivec2(floor((at - region.low) / region.cell[side])); }
+
+// `precise`: the same point projects to the same bits wherever it is looked at.
+vec3 along(Region region, vec3 x) {
+    precise vec3 at = vec3(dot(x, region.tangent), dot(x, region.bitangent), dot(x, region.normal));
+    return at;
+}

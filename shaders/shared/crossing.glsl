@@ -1,0 +1,32 @@
+// A triangle of one side against the vertices of the other that are binned in one square: where a vertex's ray along the
+// region's normal, away from its own body's inside, crosses the triangle, the crossing is put on the vertex's list. Needs
+// shared/bins.glsl, `buckets`, `bins`, `bin_sides`, `bin_hits`, `hits`, `counts`, MOST_HITS.
+
+// `corners` along the region's axes; `side` is the triangle's.
+void cross_square(ivec2 cell, uint region_side, vec3 corners[3], uint side, uint triangle) {
+    uint bin = buckets[bucket_of(cell, region_side)];
+    while (bin != NONE) {
+        uvec4 found = texelFetch(bins, int(bin));
+        vec3 x = uintBitsToFloat(found.xyz);
+        // `precise` keeps an edge's product exactly opposite in both its triangles: no ray slips between them.
+        precise vec2 p = corners[0].xy - x.xy, q = corners[1].xy - x.xy, r = corners[2].xy - x.xy;
+        precise vec3 b = vec3(q.x * r.y - q.y * r.x, r.x * p.y - r.y * p.x, p.x * q.y - p.y * q.x);
+        if (all(greaterThanEqual(b, vec3(0.0))) || all(lessThanEqual(b, vec3(0.0)))) {
+            float sum = b.x + b.y + b.z;
+            precise float height = (b.x * (corners[0].z - x.z) + b.y * (corners[1].z - x.z) + b.z * (corners[2].z - x.z)) / sum;
+            // A vertex of a looks back along the normal for b's skin, a vertex of b along it for a's.
+            float depth = side == 1 ? -height : height;
+            if (sum != 0.0 && depth > 0.0 && bin_sides[bin] == region_side) {
+                bool front = side == 1 ? sum < 0.0 : sum > 0.0;
+                uint hit = atomicAdd(counts.hits, 1);
+                if (hit < MOST_HITS) {
+                    uint next = atomicExchange(bin_hits[bin], hit);
+                    hits[hit] = uvec4(triangle, next, floatBitsToUint(depth), front ? 1 : 0);
+                } else {
+                    atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
+                }
+            }
+        }
+        bin = found.w;
+    }
+}

@@ -1,0 +1,231 @@
+//! Proxies and the chunks that their skin is cut into: the proxies' part of the model.
+
+use std::collections::HashSet;
+
+use glam::DVec3;
+
+use super::model::{Carrier, Model, texel};
+use super::types::{CHUNK_TRIANGLES, CHUNK_VERTICES, Chunk, Proxy};
+use crate::prepare::{self, Skin};
+
+/// Triangles of a chunk and the vertices it owns, numbers of the skin.
+#[derive(Debug, Default, PartialEq)]
+struct Part {
+    triangles: Vec<u32>,
+    vertices: Vec<u32>,
+}
+
+/// What moves a set of skin vertices: nodes, each once, and the greatest sum of absolute weights.
+#[derive(Default)]
+struct Movers {
+    nodes: Vec<u32>,
+    weight_bound: f64,
+}
+
+impl Model {
+    /// Adds the proxies of a skin that [`Model::add_skin`] just added.
+    pub(super) fn add_proxies(
+        &mut self,
+        skin: &Skin,
+        proxies: &[prepare::Proxy],
+        frame_first: usize,
+        vertex_first: usize,
+        carrier: Option<&Carrier>,
+    ) {
+        let triangle_first = self.triangles.len() - skin.triangles.len();
+        for proxy in proxies {
+            let frame = frame_first as u32 + proxy.frame;
+            let centre = self.frames[frame as usize].rest_centre;
+            let chunk_first = self.chunks.len();
+            for part in cut(skin, proxy) {
+                self.add_chunk(skin, &part, frame, (vertex_first, triangle_first), carrier);
+            }
+            let covered = covered(skin, &proxy.triangles, &proxy.vertices);
+            let movers = movers(&covered, carrier);
+            let (node_first, node_count) = (self.proxy_nodes.len(), movers.nodes.len());
+            for node in movers.nodes {
+                let link = self.link(frame, self.node_info[node as usize][2]);
+                self.proxy_nodes.push([node, link]);
+            }
+            self.proxies.push(Proxy {
+                frame,
+                hull_first: self.hull.len() as u32,
+                hull_count: proxy.hull.len() as u32,
+                face_first: self.faces.len() as u32,
+                face_count: proxy.faces.len() as u32,
+                chunk_first: chunk_first as u32,
+                chunk_count: (self.chunks.len() - chunk_first) as u32,
+                node_first: node_first as u32,
+                node_count: node_count as u32,
+                margin: proxy.margin as f32,
+                weight_bound: movers.weight_bound as f32,
+                edge: mean_edge(skin, &proxy.triangles) as f32,
+            });
+            self.hull.extend(proxy.hull.iter().map(|x| texel(*x - centre, 0.0)));
+            self.faces.extend(proxy.faces.iter().map(|(n, d)| texel(*n, d - n.dot(centre))));
+        }
+    }
+
+    fn add_chunk(
+        &mut self,
+        skin: &Skin,
+        part: &Part,
+        frame: u32,
+        (vertex_first, triangle_first): (usize, usize),
+        carrier: Option<&Carrier>,
+    ) {
+        let centre = self.frames[frame as usize].rest_centre;
+        let covered = covered(skin, &part.triangles, &part.vertices);
+        // Its own vertices, the other corners of its triangles, and what its own vertices' normals need.
+        let mut besides = covered.clone();
+        for v in &part.vertices {
+            let v = vertex_first + *v as usize;
+            for t in &self.fans[self.fan_first[v] as usize..self.fan_first[v + 1] as usize] {
+                besides.extend(&skin.triangles[*t as usize - triangle_first]);
+            }
+        }
+        besides.sort_unstable();
+        besides.dedup();
+        let own: HashSet<u32> = part.vertices.iter().copied().collect();
+        besides.retain(|v| !own.contains(v));
+
+        let movers = movers(&covered, carrier);
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for x in covered.iter().map(|v| skin.vertices[*v as usize] - centre) {
+            low = low.min(x);
+            high = high.max(x);
+        }
+        // Rounding of the f32 that the device holds.
+        let half_extent = (high - low) * 0.5 + DVec3::splat(1e-6 * low.abs().max(high.abs()).max_element());
+        let node_first = self.chunk_nodes.len();
+        let node_count = movers.nodes.len();
+        for node in movers.nodes {
+            let link = self.link(frame, self.node_info[node as usize][2]);
+            self.chunk_nodes.push([node, link]);
+        }
+        self.chunks.push(Chunk {
+            centre: ((low + high) * 0.5).as_vec3().to_array(),
+            half_extent: half_extent.as_vec3().to_array(),
+            weight_bound: movers.weight_bound as f32,
+            vertex_first: self.chunk_vertices.len() as u32,
+            vertex_count: part.vertices.len() as u32,
+            embed_count: (part.vertices.len() + besides.len()) as u32,
+            triangle_first: self.chunk_triangles.len() as u32,
+            triangle_count: part.triangles.len() as u32,
+            node_first: node_first as u32,
+            node_count: node_count as u32,
+        });
+        self.chunk_vertices.extend(part.vertices.iter().chain(&besides).map(|v| v + vertex_first as u32));
+        self.chunk_triangles.extend(part.triangles.iter().map(|t| t + triangle_first as u32));
+    }
+}
+
+/// The skin of a proxy in parts that fit a chunk: halved along the longest extent until they do. Vertices go with the first
+/// part of their triangles; those without triangles come last.
+fn cut(skin: &Skin, proxy: &prepare::Proxy) -> Vec<Part> {
+    let centre = |t: u32| skin.triangles[t as usize].iter().map(|v| skin.vertices[*v as usize]).sum::<DVec3>() / 3.0;
+    let mut triangles: Vec<(DVec3, u32)> = proxy.triangles.iter().map(|t| (centre(*t), *t)).collect();
+    let mut unowned: HashSet<u32> = proxy.vertices.iter().copied().collect();
+    let mut parts = Vec::new();
+    halve(skin, &mut triangles, &mut unowned, &mut parts);
+    let mut lonely: Vec<u32> = unowned.into_iter().collect();
+    lonely.sort_unstable();
+    parts.extend(lonely.chunks(CHUNK_VERTICES).map(|v| Part { triangles: Vec::new(), vertices: v.to_vec() }));
+    parts
+}
+
+fn halve(
+    skin: &Skin,
+    triangles: &mut [(DVec3, u32)],
+    unowned: &mut HashSet<u32>,
+    parts: &mut Vec<Part>,
+) {
+    if triangles.is_empty() {
+        return;
+    }
+    if triangles.len() <= CHUNK_TRIANGLES {
+        let mut vertices: Vec<u32> =
+            triangles.iter().flat_map(|(_, t)| skin.triangles[*t as usize]).filter(|v| unowned.contains(v)).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        if vertices.len() <= CHUNK_VERTICES {
+            vertices.iter().for_each(|v| {
+                unowned.remove(v);
+            });
+            let mut triangles: Vec<u32> = triangles.iter().map(|(_, t)| *t).collect();
+            triangles.sort_unstable();
+            parts.push(Part { triangles, vertices });
+            return;
+        }
+    }
+    let low = triangles.iter().fold(DVec3::INFINITY, |low, (x, _)| low.min(*x));
+    let high = triangles.iter().fold(DVec3::NEG_INFINITY, |high, (x, _)| high.max(*x));
+    let extent = (high - low).to_array();
+    let axis = (0..3).rev().max_by(|i, k| extent[*i].total_cmp(&extent[*k])).unwrap_or(0);
+    let middle = triangles.len() / 2;
+    triangles.select_nth_unstable_by(middle, |(x, t), (y, u)| x[axis].total_cmp(&y[axis]).then(t.cmp(u)));
+    let (left, right) = triangles.split_at_mut(middle);
+    halve(skin, left, unowned, parts);
+    halve(skin, right, unowned, parts);
+}
+
+/// Corners of these triangles, and these vertices, each once.
+fn covered(skin: &Skin, triangles: &[u32], vertices: &[u32]) -> Vec<u32> {
+    let mut covered: Vec<u32> = triangles.iter().flat_map(|t| skin.triangles[*t as usize]).collect();
+    covered.extend(vertices);
+    covered.sort_unstable();
+    covered.dedup();
+    covered
+}
+
+fn movers(covered: &[u32], carrier: Option<&Carrier>) -> Movers {
+    let Some(Carrier { layer, embedding, node_first }) = carrier else { return Movers::default() };
+    let mut movers = Movers::default();
+    for v in covered {
+        let e = &embedding[*v as usize];
+        for (node, weight) in layer.tetrahedra[e.tetrahedron as usize].iter().zip(e.weights) {
+            if weight != 0.0 {
+                movers.nodes.push(node + *node_first as u32);
+            }
+        }
+        movers.weight_bound = movers.weight_bound.max(e.weights.iter().map(|w| w.abs()).sum());
+    }
+    movers.nodes.sort_unstable();
+    movers.nodes.dedup();
+    movers
+}
+
+/// Mean length of the edges of these triangles, m.
+fn mean_edge(skin: &Skin, triangles: &[u32]) -> f64 {
+    let mut sum = 0.0;
+    for t in triangles {
+        let [a, b, c] = skin.triangles[*t as usize].map(|v| skin.vertices[v as usize]);
+        sum += a.distance(b) + b.distance(c) + c.distance(a);
+    }
+    sum / (3 * triangles.len()).max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::{model, skin};
+
+    #[test]
+    fn chunks_hold_each_vertex_and_triangle_once_and_stay_small() {
+        let (vertices, triangles) = model::Model::Head.surface(6000);
+        let head = skin::build(vertices, triangles);
+        let proxies = prepare::proxies(&head).unwrap();
+        let (mut owned, mut drawn, mut parts) = (vec![0; head.vertices.len()], vec![0; head.triangles.len()], 0);
+        for proxy in &proxies {
+            for part in cut(&head, proxy) {
+                assert!(part.vertices.len() <= CHUNK_VERTICES && part.triangles.len() <= CHUNK_TRIANGLES);
+                part.vertices.iter().for_each(|v| owned[*v as usize] += 1);
+                part.triangles.iter().for_each(|t| drawn[*t as usize] += 1);
+                parts += 1;
+            }
+        }
+        assert!(owned.iter().chain(&drawn).all(|n| *n == 1));
+        // Halving fills them between one half and whole.
+        assert!(parts < 3 * head.vertices.len() / CHUNK_VERTICES, "{parts}");
+    }
+}
