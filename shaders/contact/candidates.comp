@@ -110,9 +110,9 @@ void main() {
                 weights += weight;
                 weighted_depths += weight * found.x;
                 normal += weight * region.normal;
-                folded = folded || through;
                 if (weight > strongest) {
                     strongest = weight;
+                    folded = through;
                     hit = found;
                     triangle = nearest.x;
                 }

@@ -7,7 +7,7 @@
 // is s(n) = min over b of n.y - max over a of n.x; the directions near the greatest are blended,
 // n = sum max(0, 1 - (s_max - s) / blend)^2 n, so that it turns smoothly where the best face changes, inside and outside
 // alike (a penetration direction by itself jumps from face to face, and the force with it). Written with the weight
-// max(0, reach - s_max)^2, which vanishes where the pair is culled. One workgroup an active pair of proxies.
+// max(0, reach - max(s_max, distance))^2, which vanishes where the pair is culled. One workgroup an active pair of proxies.
 // Oracle: oracle::proximity::direction.
 
 layout(local_size_x_id = 0) in;
@@ -19,7 +19,7 @@ layout(binding = 2) uniform usamplerBuffer proxy_pairs;
 layout(binding = 3) uniform samplerBuffer hull;
 layout(binding = 4) uniform samplerBuffer faces;
 layout(scalar, binding = 5) readonly buffer ActivePairs { uint active_pairs[]; };
-layout(scalar, binding = 6) readonly buffer Reach { float reach_of[]; };
+layout(scalar, binding = 6) readonly buffer Reach { vec2 reach_of[]; };     // reach, distance of the hulls
 layout(scalar, binding = 7) writeonly buffer Directions { vec4 directions[]; };    // unit normal, weight; an entry a pair of proxies
 
 // Faces of both hulls at most, each a fan of a hull with 64 vertices.
@@ -72,7 +72,7 @@ void main() {
         if (lane < width) partial[lane] += partial[lane + width];
     }
     if (lane == 0) {
-        float weight = max(0.0, reach_of[i] - greatest);
+        float weight = max(0.0, reach_of[i].x - max(greatest, reach_of[i].y));
         sum = partial[0];
         // Normals that cancel (a thin plate half way through another, two boxes in one place): fall back to the first of the best.
         if (dot(sum.xyz, sum.xyz) <= 0.01 * sum.w * sum.w) {

@@ -64,7 +64,7 @@ impl Cull {
             pairs: Buffer::new(context, "pairs", pairs, Memory::Upload)?,
             proxy_pairs: upload(context, "pairs of proxies", &model.proxy_pairs)?,
             active_pairs: array::<u32>(context, "active pairs of proxies", proxy_pairs)?,
-            reach: array::<f32>(context, "reach", proxy_pairs)?,
+            reach: array::<[f32; 2]>(context, "reach", proxy_pairs)?,
             directions: zeros::<[f32; 4]>(context, "directions", proxy_pairs)?,
             regions: zeros::<Region>(context, "regions", PAIR_REGIONS * model.pairs.len())?,
             slots: upload(context, "slots", &model.slots)?,
@@ -136,7 +136,6 @@ impl Cull {
 
     fn record_directions(&self, recorder: &mut Recorder, common: &Common, pose: &Pose) {
         let buffers = [
-            &common.params,
             &pose.proxies,
             &pose.bounds,
             &self.proxy_pairs,
