@@ -11,6 +11,7 @@
 // along the normal, half of it where both bodies gather. One workgroup an active chunk. Oracle: oracle::contact::ray_depths.
 
 layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) buffer CountsInOut { Counts counts; };
@@ -78,7 +79,7 @@ void main() {
     Chunk chunk = chunks[entry.chunk];
     Pair pair = pairs[entry.side / 2];
     bool side_b = (entry.side & 1) != 0;
-    for (uint l = gl_LocalInvocationID.x; l < CHUNK_VERTICES; l += gl_WorkGroupSize.x) {
+    for (uint l = gl_LocalInvocationID.x; l < CHUNK_VERTICES; l += SIZE) {
         uint at = gl_WorkGroupID.x * CHUNK_VERTICES + l;
         candidate_hits[at] = vec4(0.0);
         if (l >= chunk.vertex_count) continue;

@@ -5,10 +5,10 @@
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
 
-// Cull: which chunks of an active slot may touch, and in which regions. A vertex x = R (sum w_i (r_i + d_i)) of a chunk lies in
-// its rest box moved by the middle of its nodes' displacements and grown by (sum |w|) times half their spread; that box must
-// overlap the box of an opposing slot along the tangents, and not lie wholly in front of it. Chunks keep their order within
-// the slot. One workgroup an active slot. Oracle: oracle::regions::chunk_box.
+// Cull: boxes of an active slot's chunks along the axes of its regions. A vertex x = R (sum w_i (r_i + d_i)) of a chunk lies in
+// its rest box moved by the middle of its nodes' displacements and grown by (sum |w|) times half their spread. A chunk stays
+// when that box overlaps the box of an opposing slot along the tangents and does not lie wholly in front of it; it then
+// raises its side's field of heights. One workgroup an active slot. Oracle: oracle::regions::chunk_box.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -27,10 +27,11 @@ layout(scalar, binding = 9) readonly buffer Links { Link links[]; };
 layout(scalar, binding = 10) readonly buffer Regions { Region regions[]; };
 layout(scalar, binding = 11) readonly buffer Boxes { vec3 boxes[]; };
 layout(scalar, binding = 12) readonly buffer SlotRegions { uint slot_regions[]; };
-layout(scalar, binding = 13) writeonly buffer SlotChunks { uvec2 slot_chunks[]; };    // chunk; regions, and items before it
-layout(scalar, binding = 14) writeonly buffer SlotCounts { uvec2 slot_counts[]; };    // chunks, items
+layout(scalar, binding = 13) writeonly buffer SlotChunks { uvec2 slot_chunks[]; };    // regions of each chunk of the slot
+layout(scalar, binding = 14) writeonly buffer ChunkBoxes { vec3 chunk_boxes[]; };     // least and greatest corner, PAIR_REGIONS each
+layout(scalar, binding = 15) buffer Fields { uint fields[]; };
 
-shared uint masks[SIZE];
+#include "shared/field.glsl"
 
 // Rest box in the proxy's frame, as the nodes have moved.
 void chunk_box(Chunk chunk, out vec3 centre, out vec3 half_extent) {
@@ -50,69 +51,63 @@ void chunk_box(Chunk chunk, out vec3 centre, out vec3 half_extent) {
     half_extent += 1.001 * chunk.weight_bound * 0.5 * (greatest - least);
 }
 
-uint regions_of(Chunk chunk, Frame frame, Pair pair, uint pair_index, uint side, uint bits) {
-    vec3 centre, half_extent;
-    chunk_box(chunk, centre, half_extent);
-    centre = frame.centre + rotate(frame.rotation, centre);
-    mat3 turned = mat3(rotate(frame.rotation, vec3(half_extent.x, 0.0, 0.0)),
-        rotate(frame.rotation, vec3(0.0, half_extent.y, 0.0)), rotate(frame.rotation, vec3(0.0, 0.0, half_extent.z)));
-    uint found = 0;
-    for (uint r = 0; r < PAIR_REGIONS; r++) {
-        if ((bits & (1u << r)) == 0) continue;
-        Region region = regions[pair_index * PAIR_REGIONS + r];
-        mat3 axes = mat3(region.tangent, region.bitangent, region.normal);
-        vec3 middle = centre * axes;
-        vec3 reach = abs(turned[0] * axes) + abs(turned[1] * axes) + abs(turned[2] * axes) + 1.0e-6;
-        vec3 least = middle - reach, greatest = middle + reach;
-        if (pair.is_plane != 0) {
-            if (greatest.z >= -pair.plane.w) found |= 1u;
-            continue;
-        }
-        uint begin = pair.first_slot + (side == 0 ? pair.proxy_count[0] : 0), count = pair.proxy_count[1 - side];
-        for (uint slot = begin; slot < begin + count; slot++) {
-            if ((slot_regions[slot] & (1u << r)) == 0) continue;
-            vec3 low = boxes[2 * (slot * PAIR_REGIONS + r)], high = boxes[2 * (slot * PAIR_REGIONS + r) + 1];
-            bool beside = any(greaterThan(least.xy, high.xy)) || any(lessThan(greatest.xy, low.xy));
-            bool before = side == 0 ? greatest.z < low.z : least.z > high.z;
-            if (!beside && !before) {
-                found |= 1u << r;
-                break;
-            }
+void raise_field(uint region_index, Region region, uint side, vec3 least, vec3 greatest) {
+    uvec4 range = squares(region, least.xy, greatest.xy);
+    uint key = height_key(side == 0 ? greatest.z : least.z);
+    uint field = field_at(region_index, side);
+    for (uint y = range.y; y <= range.w; y++) {
+        for (uint x = range.x; x <= range.z; x++) {
+            if (side == 0) atomicMax(fields[field + y * FIELD + x], key);
+            else atomicMin(fields[field + y * FIELD + x], key);
         }
     }
-    return found;
+}
+
+bool meets(Pair pair, uint side, uint r, vec3 least, vec3 greatest) {
+    uint begin = pair.first_slot + (side == 0 ? pair.proxy_count[0] : 0), count = pair.proxy_count[1 - side];
+    for (uint slot = begin; slot < begin + count; slot++) {
+        if ((slot_regions[slot] & (1u << r)) == 0) continue;
+        vec3 low = boxes[2 * (slot * PAIR_REGIONS + r)], high = boxes[2 * (slot * PAIR_REGIONS + r) + 1];
+        bool beside = any(greaterThan(least.xy, high.xy)) || any(lessThan(greatest.xy, low.xy));
+        bool in_front = side == 0 ? greatest.z < low.z : least.z > high.z;
+        if (!beside && !in_front) return true;
+    }
+    return false;
 }
 
 void main() {
-    uint lane = gl_LocalInvocationID.x;
     uint slot_index = active_slots[gl_WorkGroupID.x];
     Slot slot = slots[slot_index];
     Pair pair = pairs[slot.pair];
     Proxy proxy = proxies[slot.proxy];
     Frame frame = frames[proxy.frame];
     uint bits = slot_regions[slot_index];
-    uint listed = 0, items = 0;
-    for (uint first = 0; first < proxy.chunk_count; first += SIZE) {
-        uint chunk = proxy.chunk_first + first + lane;
-        uint mask = first + lane < proxy.chunk_count ? regions_of(chunks[chunk], frame, pair, slot.pair, slot.side, bits) : 0;
-        masks[lane] = mask;
-        barrier();
-        uint before = 0, items_before = 0, found = 0, items_found = 0;
-        for (uint k = 0; k < SIZE; k++) {
-            uint one = masks[k] != 0 ? 1 : 0, each = bitCount(masks[k]);
-            if (k < lane) {
-                before += one;
-                items_before += each;
+    for (uint k = gl_LocalInvocationID.x; k < proxy.chunk_count; k += SIZE) {
+        vec3 centre, half_extent;
+        chunk_box(chunks[proxy.chunk_first + k], centre, half_extent);
+        centre = frame.centre + rotate(frame.rotation, centre);
+        mat3 turned = mat3(rotate(frame.rotation, vec3(half_extent.x, 0.0, 0.0)),
+            rotate(frame.rotation, vec3(0.0, half_extent.y, 0.0)), rotate(frame.rotation, vec3(0.0, 0.0, half_extent.z)));
+        uint found = 0;
+        for (uint r = 0; r < PAIR_REGIONS; r++) {
+            if ((bits & (1u << r)) == 0) continue;
+            Region region = regions[slot.pair * PAIR_REGIONS + r];
+            mat3 axes = mat3(region.tangent, region.bitangent, region.normal);
+            vec3 middle = centre * axes;
+            vec3 reach = abs(turned[0] * axes) + abs(turned[1] * axes) + abs(turned[2] * axes) + 1.0e-6;
+            vec3 least = middle - reach, greatest = middle + reach;
+            if (pair.is_plane != 0) {
+                if (greatest.z >= -pair.plane.w) found |= 1u << r;
+                continue;
             }
-            found += one;
-            items_found += each;
+            bool beside = any(greaterThan(least.xy, region.high)) || any(lessThan(greatest.xy, region.low));
+            if (beside || !meets(pair, slot.side, r, least, greatest)) continue;
+            found |= 1u << r;
+            uint at = 2 * ((slot.chunk_first + k) * PAIR_REGIONS + r);
+            chunk_boxes[at] = least;
+            chunk_boxes[at + 1] = greatest;
+            raise_field(slot.pair * PAIR_REGIONS + r, region, slot.side, least, greatest);
         }
-        if (mask != 0) {
-            slot_chunks[slot.chunk_first + listed + before] = uvec2(chunk, mask | (items + items_before) << PAIR_REGIONS);
-        }
-        listed += found;
-        items += items_found;
-        barrier();
+        slot_chunks[slot.chunk_first + k] = uvec2(found, 0);
     }
-    if (lane == 0) slot_counts[slot_index] = uvec2(listed, items);
 }

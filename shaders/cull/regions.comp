@@ -8,7 +8,8 @@
 // like ones (mean shift from the strongest that is left: Fukunaga and Hostetler 1975), a region each, whose normal is their
 // weighted mean. Memberships are smooth in the directions and in the weights, and a region's strength grows from zero, so
 // nothing jumps when one appears. A proxy shares its vertices out between regions as its pairs belong to them. Then, of all
-// proxies of both bodies, those in the column that both sides cover in common, whose skin may lie beyond the other's.
+// proxies of both bodies, those in the column that both sides' near proxies cover in common, whose skin may lie beyond the
+// other's.
 // One workgroup a pair of bodies. Oracle: oracle::regions.
 
 layout(local_size_x_id = 0) in;
@@ -23,13 +24,15 @@ layout(binding = 5) uniform samplerBuffer directions;
 layout(scalar, binding = 6) buffer Regions { Region regions[]; };
 layout(scalar, binding = 7) writeonly buffer Shares { float shares[]; };        // PAIR_REGIONS a slot
 layout(scalar, binding = 8) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_REGIONS a slot
-layout(scalar, binding = 9) coherent buffer SlotRegions { uint slot_regions[]; };        // a bit each region whose column it is in
+layout(scalar, binding = 9) coherent buffer SlotRegions { uint slot_regions[]; };   // a bit each region whose column it is in
 layout(scalar, binding = 10) writeonly buffer SlotCounts { uvec2 slot_counts[]; };
 layout(scalar, binding = 11) writeonly buffer ActiveSlots { uint active_slots[]; };
-layout(scalar, binding = 12) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 13) buffer Args { uint args[]; };
+layout(scalar, binding = 12) writeonly buffer Fields { uint fields[]; };        // see shared/field.glsl; cleared here
+layout(scalar, binding = 13) buffer CountsInOut { Counts counts; };
+layout(scalar, binding = 14) buffer Args { uint args[]; };
 
 #include "shared/sum.glsl"
+#include "shared/field.glsl"
 
 // Cosines of the angles up to which directions are alike, and from which they are not.
 const float ALIKE = 0.7071;
@@ -38,6 +41,8 @@ const uint SHIFTS = 4;
 // What a region needs of the whole strength to exist, and of a proxy's to see its vertices.
 const float LEAST_STRENGTH = 1.0e-3;
 const float LEAST_SHARE = 0.01;
+// Of a slot that an active pair of proxies has.
+const uint NEAR = 1u << PAIR_REGIONS;
 // Squares of a column along a side at most.
 const float MOST_CELLS = 1024.0;
 
@@ -119,7 +124,7 @@ void find_normals(Pair pair, float total) {
     if (left > LEAST_STRENGTH && gl_LocalInvocationID.x == 0) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
 }
 
-// Each slot's shares of the regions; bits of those above zero into slot_regions.
+// Each slot's shares of the regions, and which slots are near.
 void share_out(Pair pair) {
     uint a_count = pair.proxy_count[0], b_count = pair.proxy_count[1];
     for (uint s = gl_LocalInvocationID.x; s < a_count + b_count; s += SIZE) {
@@ -135,13 +140,10 @@ void share_out(Pair pair) {
         }
         float sum = 0.0;
         for (uint r = 0; r < region_count; r++) sum += share[r];
-        uint bits = 0;
         for (uint r = 0; r < PAIR_REGIONS; r++) {
-            float normalised = sum > 0.0 ? max(0.0, share[r] / sum - LEAST_SHARE) / (1.0 - LEAST_SHARE) : 0.0;
-            shares[(pair.first_slot + s) * PAIR_REGIONS + r] = normalised;
-            if (normalised > 0.0) bits |= 1u << r;
+            shares[(pair.first_slot + s) * PAIR_REGIONS + r] = sum > 0.0 ? max(0.0, share[r] / sum - LEAST_SHARE) : 0.0;
         }
-        slot_regions[pair.first_slot + s] = bits;
+        slot_regions[pair.first_slot + s] = sum > 0.0 ? NEAR : 0;
         slot_counts[pair.first_slot + s] = uvec2(0);
     }
     memoryBarrierBuffer();
@@ -165,6 +167,13 @@ void hull_box(uint id, mat3 axes, bool exact, out vec3 least, out vec3 greatest)
         vec3 x = texelFetch(hull, int(proxy.hull_first + k)).xyz * axes;
         least = min(least, x - inflation);
         greatest = max(greatest, x + inflation);
+    }
+}
+
+void clear_fields(uint region, uint lane) {
+    for (uint k = lane; k < FIELD * FIELD; k += SIZE) {
+        fields[field_at(region, 0) + k] = 0;
+        fields[field_at(region, 1) + k] = NONE;
     }
 }
 
@@ -205,7 +214,7 @@ void open_region(Pair pair, uint r, uint first_region) {
         vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
         vec4 edges = vec4(0.0);
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
-            if ((slot_regions[begin + p] & (1u << r)) == 0) continue;
+            if ((slot_regions[begin + p] & NEAR) == 0) continue;
             vec3 box_low, box_high;
             hull_box(pair.first_proxy[side] + p, axes, true, box_low, box_high);
             boxes[2 * ((begin + p) * PAIR_REGIONS + r)] = box_low;
@@ -227,20 +236,21 @@ void open_region(Pair pair, uint r, uint first_region) {
     for (uint side = 0; side < 2; side++) {
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
             uint slot = begin + p;
-            bool sees = (slot_regions[slot] & (1u << r)) != 0;
+            bool near = (slot_regions[slot] & NEAR) != 0;
             vec3 box_low = boxes[2 * (slot * PAIR_REGIONS + r)], box_high = boxes[2 * (slot * PAIR_REGIONS + r) + 1];
-            if (!sees) hull_box(pair.first_proxy[side] + p, axes, false, box_low, box_high);
+            if (!near) hull_box(pair.first_proxy[side] + p, axes, false, box_low, box_high);
             bool within = touches && all(lessThanEqual(box_low.xy, column_high))
                 && all(greaterThanEqual(box_high.xy, column_low))
                 && (side == 0 ? box_high.z >= side_low[1].z : box_low.z <= side_high[0].z);
-            slot_regions[slot] = within ? slot_regions[slot] | (1u << r) : slot_regions[slot] & ~(1u << r);
-            if (within && !sees) {
+            if (within) slot_regions[slot] |= 1u << r;
+            if (within && !near) {
                 boxes[2 * (slot * PAIR_REGIONS + r)] = box_low;
                 boxes[2 * (slot * PAIR_REGIONS + r) + 1] = box_high;
             }
         }
         begin += pair.proxy_count[side];
     }
+    clear_fields(first_region + r, lane);
     if (lane != 0) return;
     vec2 extent = column_high - column_low;
     float finest = max(max(extent.x, extent.y) / MOST_CELLS, 1.0e-9);
@@ -310,7 +320,7 @@ void main() {
     barrier();
     uint slots = pair.proxy_count[0] + (pair.is_plane != 0 ? 0 : pair.proxy_count[1]);
     for (uint s = lane; s < slots; s += SIZE) {
-        if (slot_regions[pair.first_slot + s] != 0) {
+        if ((slot_regions[pair.first_slot + s] & (NEAR - 1)) != 0) {
             active_slots[atomicAdd(args[3 * ARGS_CHUNKS], 1)] = pair.first_slot + s;
         }
     }

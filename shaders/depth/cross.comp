@@ -8,6 +8,7 @@
 // Oracle: oracle::contact::crossings.
 
 layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const uint MOST_HITS = 1;
 
@@ -34,7 +35,7 @@ void main() {
     Chunk chunk = chunks[entry.chunk];
     Region region = regions[item.y];
     uint side = entry.side & 1, other = 1 - side;
-    for (uint t = gl_LocalInvocationID.x; t < chunk.triangle_count; t += gl_WorkGroupSize.x) {
+    for (uint t = gl_LocalInvocationID.x; t < chunk.triangle_count; t += SIZE) {
         uint triangle = chunk_triangles[chunk.triangle_first + t];
         uvec3 vertices = texelFetch(triangles, int(triangle)).xyz;
         vec3 corners[3] = vec3[](along(region, texelFetch(skin, int(vertices.x)).xyz),

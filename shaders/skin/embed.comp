@@ -10,6 +10,7 @@
 // Oracle: oracle::proximity::embed; the bins' contents listed by its test.
 
 layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const bool SPANS = false;       // whether a skin vertex may have nodes in several frames
 
@@ -35,6 +36,8 @@ layout(scalar, binding = 18) writeonly buffer BinSides { uint bin_sides[]; };   
 
 #include "shared/bins.glsl"
 
+shared vec3 own[CHUNK_VERTICES];
+
 vec3 node_position(uint node) { return texelFetch(node_rest, int(node)).xyz + texelFetch(displacement, int(node)).xyz; }
 
 vec3 world(uint node) {
@@ -58,30 +61,33 @@ vec3 position(Frame frame, uint vertex) {
 }
 
 void main() {
+    uint lane = gl_LocalInvocationID.x;
     ActiveChunk entry = active_chunks[gl_WorkGroupID.x];
     Chunk chunk = chunks[entry.chunk];
     Frame frame = frames[proxies[slots[entry.slot].proxy].frame];
-    bool is_plane = pairs[entry.side / 2].is_plane != 0;
-    for (uint l = gl_LocalInvocationID.x; l < chunk.embed_count; l += gl_WorkGroupSize.x) {
+    for (uint l = lane; l < chunk.embed_count; l += SIZE) {
         uint vertex = chunk_vertices[chunk.vertex_first + l];
         vec3 x = position(frame, vertex);
         skin[vertex] = vec4(x, 1.0);
-        if (l >= chunk.vertex_count || is_plane) continue;
-        uint item = entry.first_item;
-        for (uint r = 0; r < PAIR_REGIONS; r++) {
-            if ((entry.regions & (1u << r)) == 0) continue;
+        if (l < chunk.vertex_count) own[l] = x;
+    }
+    barrier();
+    if (pairs[entry.side / 2].is_plane != 0) return;
+    uint side = entry.side & 1, item = entry.first_item;
+    for (uint r = 0; r < PAIR_REGIONS; r++) {
+        if ((entry.regions & (1u << r)) == 0) continue;
+        uint region_index = (entry.side / 2) * PAIR_REGIONS + r, region_side = 2 * region_index + side;
+        Region region = regions[region_index];
+        bool sees = shares[entry.slot * PAIR_REGIONS + r] > 0.0;
+        for (uint l = lane; l < chunk.vertex_count; l += SIZE) {
             uint bin = item * CHUNK_VERTICES + l;
-            item += 1;
             bin_hits[bin] = NONE;
-            if (shares[entry.slot * PAIR_REGIONS + r] <= 0.0) continue;
-            uint region_index = (entry.side / 2) * PAIR_REGIONS + r;
-            Region region = regions[region_index];
-            vec3 at = along(region, x);
-            if (any(lessThan(at.xy, region.low)) || any(greaterThan(at.xy, region.high))) continue;
-            uint region_side = 2 * region_index + (entry.side & 1);
-            uint next = atomicExchange(buckets[bucket_of(cell_of(region, entry.side & 1, at.xy), region_side)], bin);
+            vec3 at = along(region, own[l]);
+            if (!sees || any(lessThan(at.xy, region.low)) || any(greaterThan(at.xy, region.high))) continue;
+            uint next = atomicExchange(buckets[bucket_of(cell_of(region, side, at.xy), region_side)], bin);
             bins[bin] = uvec4(floatBitsToUint(at), next);
             bin_sides[bin] = region_side;
         }
+        item += 1;
     }
 }

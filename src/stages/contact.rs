@@ -87,7 +87,7 @@ impl Contact {
         ];
         let group = |name: &str| Kernel::new(context, name, Size::Group, &[]);
         Ok(Contact {
-            candidates: group("contact/candidates")?,
+            candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &[])?,
             compact: Kernel::new(context, "contact/compact", Size::Reduce, &compact)?,
             response: group("contact/response")?,
             place: Kernel::new(context, "contact/place", Size::Group, &[("NODES", count(nodes))])?,

@@ -10,12 +10,16 @@ use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 
+/// Squares of a region's two fields of heights; twin of shaders/shared/field.glsl.
+const FIELD_WORDS: usize = 2 * 16 * 16;
+
 /// Pairs of bodies and of proxies, regions, active chunks.
 pub struct Cull {
     test: Kernel,
     direction: Kernel,
     regions_kernel: Kernel,
     chunks_kernel: Kernel,
+    meet: Kernel,
     list: Kernel,
     pair_count: u32,
     proxy_pair_count: u32,
@@ -39,6 +43,8 @@ pub struct Cull {
     pub chunks: Buffer,
     chunk_nodes: Buffer,
     slot_chunks: Buffer,
+    chunk_boxes: Buffer,
+    fields: Buffer,
     /// An [`ActiveChunk`] each.
     pub active_chunks: Buffer,
     /// Active chunk and region.
@@ -58,6 +64,7 @@ impl Cull {
             direction: reduce("cull/direction", &[])?,
             regions_kernel: reduce("cull/regions", &[])?,
             chunks_kernel: reduce("cull/chunks", &[spans])?,
+            meet: reduce("cull/meet", &[])?,
             list: reduce("cull/list", &list)?,
             pair_count: model.pairs.len() as u32,
             proxy_pair_count: proxy_pairs as u32,
@@ -76,12 +83,14 @@ impl Cull {
             chunks: upload(context, "chunks", &model.chunks)?,
             chunk_nodes: upload(context, "nodes of chunks", &model.chunk_nodes)?,
             slot_chunks: array::<[u32; 2]>(context, "chunks of slots", model.slot_chunks)?,
+            chunk_boxes: array::<[f32; 6]>(context, "boxes of chunks", PAIR_REGIONS * model.slot_chunks)?,
+            fields: array::<u32>(context, "fields of heights", PAIR_REGIONS * model.pairs.len() * FIELD_WORDS)?,
             active_chunks: array::<ActiveChunk>(context, "active chunks", items)?,
             items: array::<[u32; 2]>(context, "work items", items)?,
         })
     }
 
-    /// Five passes: pairs, directions, regions, chunks, their list.
+    /// Six passes: pairs, directions, regions, boxes of chunks, chunks that meet, their list.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, elastic: &Elastic) {
         recorder.stage("cull");
         if self.proxy_pair_count > 0 {
@@ -100,6 +109,7 @@ impl Cull {
             &self.slot_regions,
             &self.slot_counts,
             &self.active_slots,
+            &self.fields,
             &common.counts,
             &common.args,
         ];
@@ -119,9 +129,22 @@ impl Cull {
             &self.boxes,
             &self.slot_regions,
             &self.slot_chunks,
-            &self.slot_counts,
+            &self.chunk_boxes,
+            &self.fields,
         ];
         recorder.dispatch_indirect(&self.chunks_kernel, &buffers, &[], &common.args, args::CHUNKS);
+        let buffers = [
+            &self.pairs,
+            &self.slots,
+            &self.active_slots,
+            &pose.proxies,
+            &self.regions,
+            &self.chunk_boxes,
+            &self.fields,
+            &self.slot_chunks,
+            &self.slot_counts,
+        ];
+        recorder.dispatch_indirect(&self.meet, &buffers, &[], &common.args, args::CHUNKS);
         let buffers = [
             &self.slots,
             &self.slot_chunks,

@@ -52,7 +52,7 @@ impl Depth {
         let hits = (2 * CHUNK_VERTICES * model.most_items()).clamp(LEAST_HITS, MOST_HITS);
         let constants = [("BUCKETS", BUCKETS.into()), ("MOST_HITS", count(hits))];
         Ok(Depth {
-            cross: Kernel::new(context, "depth/cross", Size::Group, &constants)?,
+            cross: Kernel::new(context, "depth/cross", Size::Reduce, &constants)?,
             chunk_triangles: upload(context, "triangles of chunks", &model.chunk_triangles)?,
             hits: array::<[u32; 4]>(context, "crossings", hits)?,
         })

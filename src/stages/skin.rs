@@ -43,7 +43,7 @@ impl Skin {
         let constants = [("SPANS", Const::Bool(model.spans_frames())), ("BUCKETS", BUCKETS.into())];
         let bins = CHUNK_VERTICES * model.most_items();
         Ok(Skin {
-            embed: Kernel::new(context, "skin/embed", Size::Group, &constants)?,
+            embed: Kernel::new(context, "skin/embed", Size::Reduce, &constants)?,
             chunk_vertices: upload(context, "vertices of chunks", &model.chunk_vertices)?,
             skin_nodes: upload(context, "nodes of the skin", &model.skin_nodes)?,
             skin_weights: upload(context, "weights of the skin", &model.skin_weights)?,
