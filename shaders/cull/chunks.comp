@@ -6,7 +6,7 @@
 #include "shared/link.glsl"
 
 // Cull: boxes of an active slot's chunks along the axes of its regions. A vertex x = R (sum w_i (r_i + d_i)) of a chunk lies in
-// its rest box moved by the middle of its nodes' displacements and grown by (sum |w|) times half their spread. A chunk stays
+// its rest box, moved by the middle of its nodes' displacements and grown by (sum |w|) times half their spread. A chunk stays
 // when that box overlaps the box of an opposing slot along the tangents and does not lie wholly in front of it; it then
 // raises its side's field of heights. One workgroup an active slot. Oracle: oracle::regions::chunk_box.
 
@@ -33,10 +33,10 @@ layout(scalar, binding = 15) buffer Fields { uint fields[]; };
 
 #include "shared/field.glsl"
 
-// Rest box in the proxy's frame, as the nodes have moved.
-void chunk_box(Chunk chunk, out vec3 centre, out vec3 half_extent) {
-    centre = chunk.centre;
-    half_extent = chunk.half_extent;
+// Middle and half the spread of the displacements of a chunk's nodes, in the proxy's frame.
+void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
+    middle = vec3(0.0);
+    spread = vec3(0.0);
     if (chunk.node_count == 0) return;
     vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
     for (uint k = 0; k < chunk.node_count; k++) {
@@ -46,9 +46,9 @@ void chunk_box(Chunk chunk, out vec3 centre, out vec3 half_extent) {
         least = min(least, d);
         greatest = max(greatest, d);
     }
-    centre += 0.5 * (least + greatest);
+    middle = 0.5 * (least + greatest);
     // A thousandth more covers rounding.
-    half_extent += 1.001 * chunk.weight_bound * 0.5 * (greatest - least);
+    spread = 1.001 * chunk.weight_bound * 0.5 * (greatest - least);
 }
 
 void raise_field(uint region_index, Region region, uint side, vec3 least, vec3 greatest) {
@@ -83,19 +83,23 @@ void main() {
     Frame frame = frames[proxy.frame];
     uint bits = slot_regions[slot_index];
     for (uint k = gl_LocalInvocationID.x; k < proxy.chunk_count; k += SIZE) {
-        vec3 centre, half_extent;
-        chunk_box(chunks[proxy.chunk_first + k], centre, half_extent);
-        centre = frame.centre + rotate(frame.rotation, centre);
-        mat3 turned = mat3(rotate(frame.rotation, vec3(half_extent.x, 0.0, 0.0)),
-            rotate(frame.rotation, vec3(0.0, half_extent.y, 0.0)), rotate(frame.rotation, vec3(0.0, 0.0, half_extent.z)));
+        Chunk chunk = chunks[proxy.chunk_first + k];
+        vec3 middle, spread;
+        spread_of(chunk, middle, spread);
+        vec3 centre = frame.centre + rotate(frame.rotation, chunk.centre + middle);
+        mat3 along = mat3(rotate(frame.rotation, chunk.half_extent.x * chunk.axes[0]),
+            rotate(frame.rotation, chunk.half_extent.y * chunk.axes[1]),
+            rotate(frame.rotation, chunk.half_extent.z * cross(chunk.axes[0], chunk.axes[1])));
+        mat3 around = mat3(rotate(frame.rotation, vec3(spread.x, 0.0, 0.0)),
+            rotate(frame.rotation, vec3(0.0, spread.y, 0.0)), rotate(frame.rotation, vec3(0.0, 0.0, spread.z)));
         uint found = 0;
         for (uint r = 0; r < PAIR_REGIONS; r++) {
             if ((bits & (1u << r)) == 0) continue;
             Region region = regions[slot.pair * PAIR_REGIONS + r];
             mat3 axes = mat3(region.tangent, region.bitangent, region.normal);
-            vec3 middle = centre * axes;
-            vec3 reach = abs(turned[0] * axes) + abs(turned[1] * axes) + abs(turned[2] * axes) + 1.0e-6;
-            vec3 least = middle - reach, greatest = middle + reach;
+            vec3 reach = abs(along[0] * axes) + abs(along[1] * axes) + abs(along[2] * axes)
+                + abs(around[0] * axes) + abs(around[1] * axes) + abs(around[2] * axes) + 1.0e-6;
+            vec3 least = centre * axes - reach, greatest = centre * axes + reach;
             if (pair.is_plane != 0) {
                 if (greatest.z >= -pair.plane.w) found |= 1u << r;
                 continue;

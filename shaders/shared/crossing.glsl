@@ -4,7 +4,8 @@
 
 // `corners` along the region's axes; `side` is the triangle's.
 void cross_square(ivec2 cell, uint region_side, vec3 corners[3], uint side, uint triangle) {
-    uint bin = buckets[bucket_of(cell, region_side)];
+    uint bucket = bucket_of(cell, region_side);
+    uint bin = texelFetch(buckets, int(bucket / 4))[bucket % 4];
     while (bin != NONE) {
         uvec4 found = texelFetch(bins, int(bin));
         vec3 x = uintBitsToFloat(found.xyz);

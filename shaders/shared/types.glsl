@@ -99,8 +99,9 @@ struct ProxyBounds {
 
 // At most 64 skin vertices of a proxy with their triangles.
 struct Chunk {
-    vec3 centre;                // of the rest box in the proxy's frame
-    vec3 half_extent;
+    vec3 centre;                // of the rest box, in the proxy's frame
+    vec3 axes[2];               // its first two axes; the third is their cross product
+    vec3 half_extent;           // along them
     float weight_bound;         // greatest sum of absolute weights
     uint vertex_first;          // first those it owns, then what their triangles and normals need besides
     uint vertex_count, embed_count;

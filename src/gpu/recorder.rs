@@ -88,6 +88,7 @@ impl Recorder {
 
     /// A pass of `groups` workgroups; nothing for 0.
     pub fn dispatch_groups(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], groups: u32) {
+        if std::env::var("PFINE").is_ok() && !kernel.name().starts_with("solve") { self.stage(kernel.name()); }
         let limit = self.commands.context.limits.max_compute_work_group_count[0];
         let fits = if groups > limit {
             Err(self.error(format!("kernel {}: {groups} groups, but the device's limit is {limit}", kernel.name())))
@@ -105,6 +106,7 @@ impl Recorder {
     /// A pass whose group counts are the `slot`-th VkDispatchIndirectCommand (three u32) of `args`.
     pub fn dispatch_indirect(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], args: &Buffer, slot: u32) {
         let offset = u64::from(slot) * DISPATCH_ARGS;
+        if std::env::var("PFINE").is_ok() && !kernel.name().starts_with("solve") { self.stage(kernel.name()); }
         let ready = self
             .check_args(args, offset, DISPATCH_ARGS)
             .and_then(|()| self.prepare_compute(kernel, buffers, push, Some(args), false));

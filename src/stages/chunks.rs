@@ -2,17 +2,38 @@
 
 use std::collections::HashSet;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use super::model::{Carrier, Model, texel};
 use super::types::{CHUNK_TRIANGLES, CHUNK_VERTICES, Chunk, Proxy};
 use crate::prepare::{self, Skin};
+
+/// How far in front of a hull's face another hull must reach to cover it, as a share of the first one's extent.
+const COVERED: f64 = 0.02;
 
 /// Triangles of a chunk and the vertices it owns, numbers of the skin.
 #[derive(Debug, Default, PartialEq)]
 struct Part {
     triangles: Vec<u32>,
     vertices: Vec<u32>,
+}
+
+/// A box of points that lies along a part's mean normal, so that it is thin where the skin is flat: axes, and corners along
+/// them.
+fn rest_box(skin: &Skin, part: &Part, points: impl Iterator<Item = DVec3>) -> (DMat3, DVec3, DVec3) {
+    let area = |t: &u32| {
+        let [a, b, c] = skin.triangles[*t as usize].map(|v| skin.vertices[v as usize]);
+        (b - a).cross(c - a)
+    };
+    let normal = part.triangles.iter().map(area).sum::<DVec3>().try_normalize().unwrap_or(DVec3::Z);
+    let (u, v) = normal.any_orthonormal_pair();
+    let axes = DMat3::from_cols(u, v, u.cross(v));
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for x in points.map(|x| axes.transpose() * x) {
+        low = low.min(x);
+        high = high.max(x);
+    }
+    (axes, low, high)
 }
 
 /// What moves a set of skin vertices: nodes, each once, and the greatest sum of absolute weights.
@@ -47,12 +68,13 @@ impl Model {
                 let link = self.link(frame, self.node_info[node as usize][2]);
                 self.proxy_nodes.push([node, link]);
             }
+            let faces = outer_faces(proxy, proxies);
             self.proxies.push(Proxy {
                 frame,
                 hull_first: self.hull.len() as u32,
                 hull_count: proxy.hull.len() as u32,
                 face_first: self.faces.len() as u32,
-                face_count: proxy.faces.len() as u32,
+                face_count: faces.len() as u32,
                 chunk_first: chunk_first as u32,
                 chunk_count: (self.chunks.len() - chunk_first) as u32,
                 node_first: node_first as u32,
@@ -62,7 +84,7 @@ impl Model {
                 edge: mean_edge(skin, &proxy.triangles) as f32,
             });
             self.hull.extend(proxy.hull.iter().map(|x| texel(*x - centre, 0.0)));
-            self.faces.extend(proxy.faces.iter().map(|(n, d)| texel(*n, d - n.dot(centre))));
+            self.faces.extend(faces.iter().map(|(n, d)| texel(*n, d - n.dot(centre))));
         }
     }
 
@@ -90,11 +112,8 @@ impl Model {
         besides.retain(|v| !own.contains(v));
 
         let movers = movers(&covered, carrier);
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for x in covered.iter().map(|v| skin.vertices[*v as usize] - centre) {
-            low = low.min(x);
-            high = high.max(x);
-        }
+        let rest = |v: &u32| skin.vertices[*v as usize] - centre;
+        let (axes, low, high) = rest_box(skin, part, covered.iter().map(rest));
         // Rounding of the f32 that the device holds.
         let half_extent = (high - low) * 0.5 + DVec3::splat(1e-6 * low.abs().max(high.abs()).max_element());
         let node_first = self.chunk_nodes.len();
@@ -104,7 +123,8 @@ impl Model {
             self.chunk_nodes.push([node, link]);
         }
         self.chunks.push(Chunk {
-            centre: ((low + high) * 0.5).as_vec3().to_array(),
+            centre: (axes * (low + high) * 0.5).as_vec3().to_array(),
+            axes: [axes.x_axis, axes.y_axis].map(|axis| axis.as_vec3().to_array()),
             half_extent: half_extent.as_vec3().to_array(),
             weight_bound: movers.weight_bound as f32,
             vertex_first: self.chunk_vertices.len() as u32,
@@ -193,6 +213,21 @@ fn movers(covered: &[u32], carrier: Option<&Carrier>) -> Movers {
     movers.nodes.sort_unstable();
     movers.nodes.dedup();
     movers
+}
+
+/// The faces of a hull that other hulls of the body do not cover: one within the body is no way out of it. All of them where
+/// none is left.
+fn outer_faces(proxy: &prepare::Proxy, all: &[prepare::Proxy]) -> Vec<(DVec3, f64)> {
+    let (low, high) = proxy.hull.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let slack = COVERED * low.distance(high);
+    let covered = |(n, d): &(DVec3, f64)| {
+        let corners: Vec<DVec3> = proxy.hull.iter().copied().filter(|x| n.dot(*x) > d - 1e-9 * slack).collect();
+        let outside = corners.iter().sum::<DVec3>() / corners.len().max(1) as f64 + *n * slack;
+        let within = |other: &prepare::Proxy| other.faces.iter().all(|(m, e)| m.dot(outside) <= *e);
+        all.iter().any(|other| other.frame == proxy.frame && within(other))
+    };
+    let outer: Vec<(DVec3, f64)> = proxy.faces.iter().filter(|face| !covered(face)).copied().collect();
+    if outer.is_empty() { proxy.faces.clone() } else { outer }
 }
 
 /// Mean length of the edges of these triangles, m.

@@ -185,9 +185,11 @@ pub struct ProxyBounds {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Chunk {
-    /// Of the rest box in the proxy's frame, m.
+    /// Of the rest box, in the proxy's frame, m.
     pub centre: [f32; 3],
-    /// m.
+    /// Its first two axes; the third is their cross product.
+    pub axes: [[f32; 3]; 2],
+    /// Along them, m.
     pub half_extent: [f32; 3],
     /// Greatest sum of absolute weights.
     pub weight_bound: f32,
