@@ -43,8 +43,9 @@ pub struct Cull {
     pub chunks: Buffer,
     chunk_nodes: Buffer,
     slot_chunks: Buffer,
-    chunk_boxes: Buffer,
-    fields: Buffer,
+    slabs: Buffer,
+    /// Heights that each side's chunks reach in the squares of a region.
+    pub fields: Buffer,
     /// An [`ActiveChunk`] each.
     pub active_chunks: Buffer,
     /// Active chunk and region.
@@ -83,7 +84,7 @@ impl Cull {
             chunks: upload(context, "chunks", &model.chunks)?,
             chunk_nodes: upload(context, "nodes of chunks", &model.chunk_nodes)?,
             slot_chunks: array::<[u32; 2]>(context, "chunks of slots", model.slot_chunks)?,
-            chunk_boxes: array::<[f32; 6]>(context, "boxes of chunks", PAIR_REGIONS * model.slot_chunks)?,
+            slabs: array::<[f32; 8]>(context, "slabs of chunks", PAIR_REGIONS * model.slot_chunks)?,
             fields: array::<u32>(context, "fields of heights", PAIR_REGIONS * model.pairs.len() * FIELD_WORDS)?,
             active_chunks: array::<ActiveChunk>(context, "active chunks", items)?,
             items: array::<[u32; 2]>(context, "work items", items)?,
@@ -129,7 +130,7 @@ impl Cull {
             &self.boxes,
             &self.slot_regions,
             &self.slot_chunks,
-            &self.chunk_boxes,
+            &self.slabs,
             &self.fields,
         ];
         recorder.dispatch_indirect(&self.chunks_kernel, &buffers, &[], &common.args, args::CHUNKS);
@@ -139,7 +140,7 @@ impl Cull {
             &self.active_slots,
             &pose.proxies,
             &self.regions,
-            &self.chunk_boxes,
+            &self.slabs,
             &self.fields,
             &self.slot_chunks,
             &self.slot_counts,
