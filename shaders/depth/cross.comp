@@ -24,7 +24,7 @@ layout(binding = 8) uniform usamplerBuffer buckets;         // four a texel
 layout(binding = 9) uniform usamplerBuffer bins;
 layout(scalar, binding = 10) readonly buffer BinSides { uint bin_sides[]; };
 layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
-layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, front
+layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
 layout(binding = 13) uniform usamplerBuffer fields;
 
 #include "shared/bins.glsl"
@@ -65,7 +65,7 @@ void main() {
         ivec2 first = cell_of(region, other, least), last = cell_of(region, other, greatest);
         for (int y = first.y; y <= last.y; y++) {
             for (int x = first.x; x <= last.x; x++) {
-                cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle);
+                cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::contact::Contact;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
@@ -73,7 +74,7 @@ impl Cull {
             proxy_pairs: upload(context, "pairs of proxies", &model.proxy_pairs)?,
             active_pairs: array::<u32>(context, "active pairs of proxies", proxy_pairs)?,
             reach: array::<[f32; 2]>(context, "reach", proxy_pairs)?,
-            directions: zeros::<[f32; 4]>(context, "directions", proxy_pairs)?,
+            directions: zeros::<[f32; 4]>(context, "directions", 2 * proxy_pairs)?,
             regions: zeros::<Region>(context, "regions", PAIR_REGIONS * model.pairs.len())?,
             slots: upload(context, "slots", &model.slots)?,
             shares: array::<f32>(context, "shares", PAIR_REGIONS * slots)?,
@@ -91,11 +92,12 @@ impl Cull {
         })
     }
 
-    /// Six passes: pairs, directions, regions, boxes of chunks, chunks that meet, their list.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, elastic: &Elastic) {
+    /// Six passes: pairs, directions, regions, slabs of chunks, chunks that meet, their list. `last` still holds the last
+    /// step's contacts.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact, elastic: &Elastic) {
         recorder.stage("cull");
         if self.proxy_pair_count > 0 {
-            self.record_directions(recorder, common, pose);
+            self.record_directions(recorder, common, pose, last);
         }
         let buffers = [
             &common.params,
@@ -158,7 +160,7 @@ impl Cull {
         recorder.dispatch_groups(&self.list, &buffers, &[], 1);
     }
 
-    fn record_directions(&self, recorder: &mut Recorder, common: &Common, pose: &Pose) {
+    fn record_directions(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact) {
         let buffers = [
             &pose.proxies,
             &pose.bounds,
@@ -179,6 +181,9 @@ impl Cull {
             &self.active_pairs,
             &self.reach,
             &self.directions,
+            &common.counts,
+            &last.source,
+            &last.candidate_pushes,
         ];
         recorder.dispatch_indirect(&self.direction, &buffers, &[], &common.args, args::DIRECTION);
     }
