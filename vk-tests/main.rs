@@ -22,6 +22,7 @@ mod laws;
 mod layers;
 mod layouts;
 mod pose;
+mod query;
 mod random;
 mod regions;
 mod skin;

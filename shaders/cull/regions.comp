@@ -46,6 +46,7 @@ vec4 total() {
 
 vec3 mean_direction(Pair pair, uint slot) {
     if (pair.is_plane != 0) return -pair.plane.xyz;
+    if (pair.direction.w != 0.0) return pair.direction.xyz;
     uint lane = gl_LocalInvocationID.x;
     uint a_count = pair.proxy_count[0], b_count = pair.proxy_count[1];
     vec4 sum = vec4(0.0);

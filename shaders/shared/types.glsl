@@ -73,6 +73,7 @@ struct Pair {
     uint is_plane;
     uint driven_frame[2];       // of a and b where their skins are rigid, or NONE
     vec4 plane;                 // unit normal, offset
+    vec4 direction;             // unit; the region's normal where w is not 0
 };
 
 // A convex hull that rides on a frame.

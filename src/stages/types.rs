@@ -131,6 +131,8 @@ pub struct Pair {
     pub driven_frame: [u32; 2],
     /// Unit normal, offset relative to the origin.
     pub plane: [f32; 4],
+    /// Unit; the region's normal where w is not 0.
+    pub direction: [f32; 4],
 }
 
 /// A convex hull on a frame.
