@@ -146,11 +146,7 @@ impl Query {
         common.params.mapped_mut::<StepParams>()?[0] = params;
         let link = Link { turn: [0.0, 0.0, 0.0, 1.0], ..Link::default() };
         common.links.mapped_mut::<Link>()?.fill(link);
-        let mut pair = model.pairs[0];
-        if let Some(direction) = settings.direction {
-            pair.direction = texel(direction.normalize(), 1.0);
-        }
-        Ok(Query {
+        let mut query = Query {
             context: context.clone(),
             record: record.finish()?,
             fetch: fetch.finish()?,
@@ -160,11 +156,18 @@ impl Query {
             counts,
             regions,
             _elastic: elastic,
-            pair,
+            pair: model.pairs[0],
             bodies,
             path,
             runs: 0,
-        })
+        };
+        query.set_direction(settings.direction);
+        Ok(query)
+    }
+
+    /// Changes [`QuerySettings::direction`] for the runs that follow.
+    pub fn set_direction(&mut self, direction: Option<DVec3>) {
+        self.pair.direction = direction.map_or([0.0; 4], |direction| texel(direction.normalize(), 1.0));
     }
 
     /// Where the bodies overlap. A pose is the world position (m) and orientation of a body's rest frame, in which its

@@ -1,6 +1,7 @@
 //! Kernels on a real device, held against expectations. Validation and synchronisation validation are on; no device is
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
+mod agreement;
 mod bodies;
 mod bones;
 mod contact;
