@@ -19,6 +19,7 @@ mod gpu;
 mod harness;
 mod harness_self_test;
 mod heads;
+mod judge;
 mod laws;
 mod layers;
 mod layouts;
