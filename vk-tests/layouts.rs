@@ -72,6 +72,7 @@ fn pairs_proxies_and_bounds() {
             is_plane,
             driven_frame,
             plane,
+            direction,
         }
     );
     same_layout!(

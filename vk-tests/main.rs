@@ -1,6 +1,7 @@
 //! Kernels on a real device, held against expectations. Validation and synchronisation validation are on; no device is
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
+mod agreement;
 mod bodies;
 mod bones;
 mod contact;
@@ -18,10 +19,12 @@ mod gpu;
 mod harness;
 mod harness_self_test;
 mod heads;
+mod judge;
 mod laws;
 mod layers;
 mod layouts;
 mod pose;
+mod query;
 mod random;
 mod regions;
 mod skin;

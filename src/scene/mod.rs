@@ -25,6 +25,7 @@ use glam::{DQuat, DVec3};
 
 pub use crate::prepare::model::Model;
 pub use body::MOST_HULLS;
+pub use keys::unit_quaternion;
 pub use skeleton::{Bone, Skeleton};
 
 /// A whole scene, as written.

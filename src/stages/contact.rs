@@ -78,8 +78,9 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Kernels and arrays for a model.
-    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Contact> {
+    /// Kernels and arrays for a model. `blend`: where two regions see a vertex alike it gets the mean of both, so that nothing
+    /// jumps; otherwise the stronger one's, so that every depth is that of a ray along its normal.
+    pub fn new(context: &Arc<Context>, model: &Model, blend: bool) -> Result<Contact> {
         let nodes = model.node_rest.len();
         let candidates = CHUNK_VERTICES * model.most_chunks();
         let capacity = CAPACITY.min(candidates);
@@ -90,7 +91,7 @@ impl Contact {
         ];
         let group = |name: &str| Kernel::new(context, name, Size::Group, &[]);
         Ok(Contact {
-            candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &[])?,
+            candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &[("BLEND", blend.into())])?,
             compact: Kernel::new(context, "contact/compact", Size::Reduce, &compact)?,
             response: group("contact/response")?,
             place: Kernel::new(context, "contact/place", Size::Group, &[("NODES", count(nodes))])?,

@@ -159,19 +159,33 @@ pub struct Model {
 impl Model {
     /// The arrays of a scene's bodies; the tool, if any, comes last.
     pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
-        let mut model = Model { links: vec![[0, 0]], fan_first: vec![0], ..Model::default() };
         let all: Vec<&Body> = bodies.iter().chain(tool).collect();
+        let (mut model, proxy_ranges) = Model::of_bodies(&all, bodies.len());
+        model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
+        model
+    }
+
+    /// The arrays of two bodies that are asked where they overlap: one pair, whether they can move or not.
+    pub fn of_query(a: &Body, b: &Body) -> Model {
+        let all = [a, b];
+        let (mut model, proxy_ranges) = Model::of_bodies(&all, all.len());
+        // No force comes of it: any law will do.
+        model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, [1.0, 0.0]);
+        model
+    }
+
+    /// The arrays of bodies without their pairs, and the proxies of each.
+    fn of_bodies(all: &[&Body], tool: usize) -> (Model, Vec<Range<usize>>) {
+        let mut model = Model { links: vec![[0, 0]], fan_first: vec![0], ..Model::default() };
         let mut proxy_ranges = Vec::new();
         for (index, body) in all.iter().enumerate() {
-            let is_tool = index == bodies.len();
             let first = model.proxies.len();
-            model.add_body(index, body, is_tool);
+            model.add_body(index, body, index == tool);
             proxy_ranges.push(first..model.proxies.len());
         }
         // The entry that pads node lists, and reads as nothing.
         model.rest_gradients.extend([[0.0; 4]; 3]);
-        model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
-        model
+        (model, proxy_ranges)
     }
 
     fn add_body(&mut self, index: usize, body: &Body, is_tool: bool) {
