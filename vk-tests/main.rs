@@ -24,6 +24,7 @@ mod layouts;
 mod pose;
 mod random;
 mod regions;
+mod response;
 mod skin;
 mod solve;
 mod spheres;

@@ -4,7 +4,7 @@
 #include "shared/types.glsl"
 
 // Contact: what the solver needs to know of each colliding vertex. J v = n.(v(s1) - v(s2)) as at most sixteen weighted
-// nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: three times four) and the tool's
+// nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: four to three times four) and the tool's
 // twist; the rate J v at the start. Counts the entries of each node for the transposed index. One invocation a contact.
 // Oracle: oracle::contact::gather.
 
@@ -29,20 +29,24 @@ layout(scalar, binding = 15) writeonly buffer EntryWeights { vec4 entry_weights[
 layout(scalar, binding = 16) buffer NodeCount { uint node_count[]; };                   // cleared
 
 uint quads = 0;
-float rate = 0.0;
+uvec4 nodes[4];
+vec4 weights[4];
 
-// A skin vertex's four nodes, weights times `share`; none where it rides on a rigid body.
-void add(uint contact, uint vertex, float share, vec3 normal) {
-    uvec4 nodes = texelFetch(skin_nodes, int(vertex));
-    if (nodes.x == NONE) return;
-    vec4 weights = share * texelFetch(skin_weights, int(vertex));
-    entry_nodes[4 * contact + quads] = nodes;
-    entry_weights[4 * contact + quads] = weights;
-    quads += 1;
-    for (uint k = 0; k < 4; k++) {
-        rate += weights[k] * dot(normal, texelFetch(velocity, int(nodes[k])).xyz);
-        if (weights[k] != 0.0) atomicAdd(node_count[nodes[k]], 1);
+// A skin vertex's four nodes, weights times `share`; none where it rides on a rigid body. The corners of a triangle most
+// often lie in one tetrahedron and then share a quad.
+void add(uint vertex, float share) {
+    uvec4 own = texelFetch(skin_nodes, int(vertex));
+    if (own.x == NONE) return;
+    vec4 w = share * texelFetch(skin_weights, int(vertex));
+    for (uint q = 0; q < quads; q++) {
+        if (nodes[q] == own) {
+            weights[q] += w;
+            return;
+        }
     }
+    nodes[quads] = own;
+    weights[quads] = w;
+    quads += 1;
 }
 
 void main() {
@@ -55,12 +59,21 @@ void main() {
     Pair pair = pairs[side / 2];
     vec3 n = regions[side / 2].normal;
     float sign = (side & 1) != 0 ? -1.0 : 1.0;
-    add(c, vertex, sign, n);
+    add(vertex, sign);
     if (triangle != NONE) {
         uvec3 corners = texelFetch(triangles, int(triangle)).xyz;
-        add(c, corners.x, -sign * (1.0 - found.y - found.z), n);
-        add(c, corners.y, -sign * found.y, n);
-        add(c, corners.z, -sign * found.z, n);
+        add(corners.x, -sign * (1.0 - found.y - found.z));
+        add(corners.y, -sign * found.y);
+        add(corners.z, -sign * found.z);
+    }
+    float rate = 0.0;
+    for (uint q = 0; q < quads; q++) {
+        entry_nodes[4 * c + q] = nodes[q];
+        entry_weights[4 * c + q] = weights[q];
+        for (uint k = 0; k < 4; k++) {
+            rate += weights[q][k] * dot(n, texelFetch(velocity, int(nodes[q][k])).xyz);
+            if (weights[q][k] != 0.0) atomicAdd(node_count[nodes[q][k]], 1);
+        }
     }
     vec3 lever = pair.tool_sign * cross(texelFetch(skin, int(vertex)).xyz - params.tool_centre, n);
     vec3 linear = vec3(params.tool_twist[0], params.tool_twist[1], params.tool_twist[2]);
