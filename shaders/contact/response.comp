@@ -5,10 +5,13 @@
 
 // Contact: what the solver needs to know of each colliding vertex. J v = n.(v(s1) - v(s2)) as at most sixteen weighted
 // nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: four to three times four) and the tool's
-// twist; the rate J v at the start. Counts the entries of each node for the transposed index. One invocation a contact.
+// twist; the rate J v at the start. Friction is regularised Coulomb's, implicit with the coefficient of the start of the
+// step: -c v_t at its end, c = mu f_n / sqrt(|v_t|^2 + FRICTION_SPEED^2), f_n = a max(0, k delta + d delta'). Counts the entries of each node for the transposed index. One invocation a contact.
 // Oracle: oracle::contact::gather.
 
 layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const float FRICTION_COEFFICIENT = 0.0;     // mu
+layout(constant_id = 2) const float FRICTION_SPEED = 1.0;           // m/s; below it friction is viscous
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
@@ -67,25 +70,48 @@ void main() {
         add(corners.z, -sign * found.z);
     }
     float rate = 0.0;
+    vec3 relative = vec3(0.0);      // v1 - v2, where there is friction
     for (uint q = 0; q < quads; q++) {
         entry_nodes[4 * c + q] = nodes[q];
         entry_weights[4 * c + q] = weights[q];
         for (uint k = 0; k < 4; k++) {
-            rate += weights[q][k] * dot(n, texelFetch(velocity, int(nodes[q][k])).xyz);
+            vec3 v = texelFetch(velocity, int(nodes[q][k])).xyz;
+            rate += weights[q][k] * dot(n, v);
+            if (FRICTION_COEFFICIENT > 0.0) relative += weights[q][k] * v;
             if (weights[q][k] != 0.0) atomicAdd(node_count[nodes[q][k]], 1);
         }
     }
-    vec3 lever = pair.tool_sign * cross(texelFetch(skin, int(vertex)).xyz - params.tool_centre, n);
+    // s1 and s2 are on one line along n: where a rigid skin feels the pressure, either will do. Friction is felt at the point
+    // of the body it meets, so that the two forces of a pair act at one point.
+    vec3 at = texelFetch(skin, int(vertex)).xyz;
+    if (FRICTION_COEFFICIENT > 0.0) {
+        bool first = pair.tool_sign > 0.0 || (pair.tool_sign == 0.0 && pair.driven_frame[0] != NONE);
+        bool second = pair.tool_sign < 0.0 || pair.driven_frame[1] != NONE;
+        if ((side & 1) == 0 ? first : second && !first) at -= sign * found.x * n;
+    }
+    vec3 arm = at - params.tool_centre;
+    vec3 lever = pair.tool_sign * cross(arm, n);
     vec3 linear = vec3(params.tool_twist[0], params.tool_twist[1], params.tool_twist[2]);
     vec3 angular = vec3(params.tool_twist[3], params.tool_twist[4], params.tool_twist[5]);
-    if (pair.tool_sign != 0.0) rate += pair.tool_sign * dot(n, linear) + dot(lever, angular);
+    if (pair.tool_sign != 0.0) {
+        rate += pair.tool_sign * dot(n, linear) + dot(lever, angular);
+        relative += pair.tool_sign * (linear + cross(angular, arm));
+    }
     for (uint k = 0; k < 2; k++) {
-        // A rigid skin on a driven frame; s1 and s2 are on one line along n, so either will do.
+        // A rigid skin on a driven frame.
         if (pair.driven_frame[k] == NONE) continue;
         Frame frame = frames[pair.driven_frame[k]];
-        vec3 arm = texelFetch(skin, int(vertex)).xyz - frame.centre;
-        rate += (k == 0 ? 1.0 : -1.0) * dot(n, frame.linear + cross(frame.angular, arm));
+        vec3 v = (k == 0 ? 1.0 : -1.0) * (frame.linear + cross(frame.angular, at - frame.centre));
+        rate += dot(n, v);
+        relative += v;
     }
-    contacts[c] = Contact(n, found.w, lever, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping, quads, vertex, side,
-        triangle, found.yz);
+    vec3 slip = vec3(0.0);
+    float friction = 0.0;
+    if (FRICTION_COEFFICIENT > 0.0) {
+        slip = relative - dot(n, relative) * n;
+        float force = found.w * max(0.0, pair.stiffness * found.x + pair.damping * rate);
+        friction = FRICTION_COEFFICIENT * force / sqrt(dot(slip, slip) + FRICTION_SPEED * FRICTION_SPEED);
+    }
+    contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping, friction, slip, quads,
+        vertex, side, triangle, found.yz);
 }

@@ -79,6 +79,8 @@ pub struct Core {
 pub struct Model {
     /// The frames of all bodies.
     pub frames: Vec<FramePlace>,
+    /// Coefficient, and the speed below which friction is viscous, m/s.
+    pub friction: [f32; 2],
     /// mu, lambda (Pa), alpha (1/s), beta (s); a frame.
     pub materials: Vec<[f32; 4]>,
     /// First frame of each body; `NONE` for a half-space.
@@ -159,6 +161,7 @@ impl Model {
     /// The arrays of a scene's bodies; the tool, if any, comes last.
     pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
         let mut model = Model { links: vec![[0, 0]], fan_first: vec![0], ..Model::default() };
+        model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
         let all: Vec<&Body> = bodies.iter().chain(tool).collect();
         let mut proxy_ranges = Vec::new();
         for (index, body) in all.iter().enumerate() {
