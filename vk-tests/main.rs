@@ -14,6 +14,7 @@ mod energy;
 mod extremes;
 mod flow;
 mod frames;
+mod friction;
 mod gpu;
 mod harness;
 mod harness_self_test;
