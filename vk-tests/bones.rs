@@ -132,7 +132,7 @@ fn a_block_whose_core_is_driven_into_the_tool_pushes_as_the_oracles() {
 }
 
 /// The twin's dynamic cores, as the scene starts them.
-fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Core> {
+pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Core> {
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
     let core = |(index, frame): (usize, &palpate::prepare::Frame)| {
@@ -220,7 +220,7 @@ fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
 }
 
 /// The surface of a cube with this half edge, as an OBJ.
-fn cube(half: f64) -> String {
+pub fn cube(half: f64) -> String {
     let (vertices, triangles, _) = layer::boundary(&layer::kuhn_box(DVec3::splat(-half), DVec3::splat(half), [3; 3]));
     let v = vertices.iter().map(|x| format!("v {:?} {:?} {:?}\n", x.x, x.y, x.z));
     let f = triangles.iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1));

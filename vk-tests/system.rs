@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
 use palpate::oracle::contact::{Carrier, Contact as Twin, Point};
+use palpate::oracle::friction::Friction;
 use palpate::oracle::linear::Entries;
 use palpate::oracle::step::{Simulation, SoftBody};
 use palpate::oracle::tool::{Device, Tool};
@@ -263,6 +264,12 @@ impl System {
         self
     }
 
+    /// Contacts added after this rub as well.
+    pub fn with_friction(mut self) -> System {
+        self.twin.friction = Some(Friction { coefficient: 0.7, speed: 0.01 });
+        self
+    }
+
     /// Adds contacts of every kind: one skin vertex of a layer, the three of an opposing triangle (whose tetrahedra
     /// share nodes), the tool on either side, nothing that moves; some dropped.
     pub fn with_contacts(mut self, count: usize, seed: u64) -> System {
@@ -304,7 +311,7 @@ impl System {
         self.entry_weights.resize(first_quad + 4, [f32::NAN; 4]);
         let on = if dropped { 0.0 } else { 1.0 };
         let positive = |random: &mut Random| f64::from((1.5 + random.next()) as f32);
-        let twin = Twin {
+        let mut twin = Twin {
             normal,
             area: f64::from(1e-4f32) * positive(random),
             depth: f64::from(1e-3f32) * positive(random),
@@ -316,8 +323,13 @@ impl System {
             vertex: 0,
             hit: None,
         };
-        let row = self.twin.row(&self.twin.unknowns(), &twin);
-        let start = self.start();
+        twin.first.position += 0.5 * twin.depth * normal;
+        twin.second.position -= 0.5 * twin.depth * normal;
+        let (start, unknowns) = (self.start(), self.twin.unknowns());
+        let row = self.twin.row(&unknowns, &twin);
+        let drag = self.twin.drag(&unknowns, &start, &twin);
+        // The tool feels friction at the other's point.
+        let at = if let Side::Tool = sides[0] { twin.second.position } else { twin.first.position };
         let sign = match sides {
             [Side::Tool, _] => 1.0,
             [_, Side::Tool] => -1.0,
@@ -327,12 +339,14 @@ impl System {
         self.contacts.push(Contact {
             normal: normal.as_vec3().to_array(),
             area: twin.area as f32,
-            lever: (sign * (position - centre).cross(normal)).as_vec3().to_array(),
+            arm: (at - centre).as_vec3().to_array(),
             tool_sign: sign as f32,
             depth: twin.depth as f32,
             rate: row.iter().map(|(i, w)| w * start[*i]).sum::<f64>() as f32,
             stiffness: twin.stiffness as f32,
             damping: twin.damping as f32,
+            friction: drag.viscosity as f32,
+            slip: drag.slip().as_vec3().to_array(),
             quads,
             ..Contact::default()
         });

@@ -19,6 +19,7 @@ layout(constant_id = 3) const bool CONTACT = false;
 layout(constant_id = 4) const bool TOOL = false;
 layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups of assemble and gather
 layout(constant_id = 6) const uint CORES = 0;
+layout(constant_id = 7) const bool FRICTION = false;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Partials { vec2 partials[]; };
@@ -118,7 +119,7 @@ void main() {
             Contact contact = contacts[c];
             if (contact.tool_sign == 0.0) continue;
             float column[6];
-            tool_column(contact, column);
+            tool_column(contact, contact.normal, column);
             float g = params.dt * (params.dt * contact.stiffness + contact.damping) * contact.area;
             float f = params.dt * contact.area * contact.stiffness * contact.depth + g * contact.rate;
             int at = 0;
@@ -126,6 +127,20 @@ void main() {
                 for (int k = i; k < 6; k++) block[at++] += g * column[i] * column[k];
             }
             for (int i = 0; i < 6; i++) block[at++] -= f * column[i];
+            if (FRICTION) {
+                vec3 along[2];
+                tangents(contact.normal, along);
+                float viscous = params.dt * contact.friction;
+                for (int t = 0; t < 2; t++) {
+                    tool_column(contact, along[t], column);
+                    at = 0;
+                    for (int i = 0; i < 6; i++) {
+                        for (int k = i; k < 6; k++) block[at++] += viscous * column[i] * column[k];
+                    }
+                    float drag = viscous * dot(contact.slip, along[t]);
+                    for (int i = 0; i < 6; i++) block[at++] -= drag * column[i];
+                }
+            }
         }
         for (int k = 0; k < 28; k += 4) {
             vec4 part = workgroup_sum(vec4(block[k], block[k + 1], block[k + 2], block[k + 3]));

@@ -367,7 +367,6 @@ fn a_skeleton_gives_a_core_a_bone() {
 fn what_the_engine_does_not_do_yet_is_refused_by_key() {
     let folder = Folder::new();
     for (old, new, key) in [
-        ("friction = 0.0", "friction = 0.3", "`contact.friction`"),
         ("newton = 1", "newton = 2", "`step.newton`"),
         ("preconditioner = \"auto\"", "preconditioner = \"coarse\"", "`solver.preconditioner`"),
         ("device = \"scripted\"", "device = \"phantom\"", "`haptics.device`"),

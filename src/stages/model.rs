@@ -82,6 +82,8 @@ pub struct Core {
 pub struct Model {
     /// The frames of all bodies.
     pub frames: Vec<FramePlace>,
+    /// Coefficient, and the speed below which friction is viscous, m/s.
+    pub friction: [f32; 2],
     /// mu, lambda (Pa), alpha (1/s), beta (s); a frame.
     pub materials: Vec<[f32; 4]>,
     /// First frame of each body; `NONE` for a half-space.
@@ -161,6 +163,7 @@ impl Model {
     pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
         let all: Vec<&Body> = bodies.iter().chain(tool).collect();
         let (mut model, proxy_ranges) = Model::of_bodies(&all, bodies.len());
+        model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
         model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
         model
     }

@@ -87,7 +87,7 @@ impl Stages {
         let touch = if model.pairs.is_empty() { None } else { Some(TouchStages::new(context, model, path, true)?) };
         let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;
         let wrench = match (&model.tool_frame, &touch) {
-            (Some(_), Some(_)) => Some(Wrench::new(context)?),
+            (Some(_), Some(_)) => Some(Wrench::new(context, model)?),
             _ => None,
         };
         let probes = if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes)?) };
