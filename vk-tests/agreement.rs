@@ -122,7 +122,8 @@ fn real_meshes_in_light_contact_agree_with_f64_rays() {
     all.ratios.sort_by(f64::total_cmp);
     let at = |share: f64| all.ratios[((all.ratios.len() - 1) as f64 * share) as usize];
     println!(
-        "depth along the normal against the distance to the surface: least {:.6}, median {:.3}, nine tenths below {:.3}, most {:.1}",
+        "depth along the normal against the distance to the surface: least {:.6}, median {:.3}, nine tenths below \
+         {:.3}, most {:.1}",
         at(0.0),
         at(0.5),
         at(0.9),
