@@ -17,14 +17,14 @@ use crate::touch::{Place, Twin, press};
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};
 
 /// Displacements, of the largest; as for resting cores.
-const SHAPE: f64 = 2.0e-5;
+pub const SHAPE: f64 = 2.0e-5;
 /// Velocities, of the largest: a change of velocity is solved to the tolerance of the whole right-hand side.
-const SPEED: f64 = 1.0e-4;
+pub const SPEED: f64 = 1.0e-4;
 /// Tool force, of the run's largest.
 const FORCE: f64 = 5.0e-5;
 
 /// A bar bound at both ends, of which the second is taken along `keys`.
-fn bar(young: f64, keys: &str) -> String {
+pub fn bar(young: f64, keys: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, -9.81, 0.0]\n[solver]\ntolerance = 5e-6\nmax_iterations = 1000\n[[body]]\n\
          name = \"bar\"\nlayer = {{ box = [[-0.1, -0.02, -0.02], [0.1, 0.02, 0.02]], cells = [12, 3, 3] }}\n\
@@ -132,17 +132,18 @@ fn a_block_whose_core_is_driven_into_the_tool_pushes_as_the_oracles() {
 }
 
 /// The twin's dynamic cores, as the scene starts them.
-fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Core> {
+pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Core> {
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
     let core = |(index, frame): (usize, &palpate::prepare::Frame)| {
-        let FrameMotion::Dynamic { .. } = frame.motion else { return None };
+        let FrameMotion::Dynamic { hinge, .. } = frame.motion else { return None };
         let carried = (0..layer.nodes.len()).filter(|n| layer.bound[*n] && node_frames[*n] == index as u32);
         Some(oracle::step::Core {
             nodes: carried.map(|n| (body, n as u32)).collect(),
             centre: place.position + place.orientation * frame.centre,
-            velocity: place.velocity,
+            velocity: if hinge.is_some() { DVec3::ZERO } else { place.velocity },
             spin: DVec3::ZERO,
+            hinge: hinge.map(|hinge| place.orientation * hinge.axis),
         })
     };
     frames.iter().enumerate().filter_map(core).collect()

@@ -18,6 +18,7 @@ mod gpu;
 mod harness;
 mod harness_self_test;
 mod heads;
+mod hinges;
 mod laws;
 mod layers;
 mod layouts;
