@@ -308,31 +308,13 @@ fn a_slab_that_tumbles_gains_no_energy() {
 
 #[test]
 fn a_human_bends_its_arm() {
-    // The scene that comes with the program, and a forearm turned about its elbow by half a radian in 60 ms.
+    // The scene that comes with the program turns a forearm about its elbow by half a radian in 0.2 s.
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-human.toml");
-    let text = std::fs::read_to_string(&file).unwrap();
-    let skeleton = file.with_file_name("../human-skeleton.toml");
-    let folder = tempfile::tempdir().unwrap();
-    let copy = folder.path().join("scene.toml");
     let elbow = DVec3::new(0.457, 1.395, -0.012);
     let turn = DQuat::from_rotation_y(-0.5);
-    let shift = elbow - turn * elbow;
-    let core = |bone: &str| {
-        format!(
-            "[[body.core]]\nname = \"{bone}\"\nmotion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0], [0.06, {:?}, {:?}, {:?}, \
-         {:?}, {:?}, {:?}, {:?}]]\n",
-            shift.x, shift.y, shift.z, turn.x, turn.y, turn.z, turn.w
-        )
-    };
-    let text = text.replace("../human-skeleton.toml", skeleton.to_str().unwrap()).replacen(
-        "[tool]",
-        &(core("left_forearm") + &core("left_hand") + "[tool]"),
-        1,
-    );
-    std::fs::write(&copy, text).unwrap();
     let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false };
-    let mut simulation = Simulation::new(&Scene::load(&copy).unwrap(), &options, None).unwrap();
-    let rows: Vec<_> = (0..100).map(|_| simulation.step().unwrap()).collect();
+    let mut simulation = Simulation::new(&Scene::load(&file).unwrap(), &options, None).unwrap();
+    let rows: Vec<_> = (0..200).map(|_| simulation.step().unwrap()).collect();
     assert!(rows.iter().all(|row| row.flags == Flags::default()));
     let Shape::Soft { layer, frames, node_frames, proxies, .. } = &simulation.bodies()[0].shape else { panic!("soft") };
     let driven = |frame: u32| matches!(frames[frame as usize].motion, FrameMotion::Driven(_));

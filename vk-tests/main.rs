@@ -1,10 +1,12 @@
 //! Kernels on a real device, held against expectations. Validation and synchronisation validation are on; no device is
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
+mod adversaries;
 mod bodies;
 mod bones;
 mod contact;
 mod contact_sizes;
+mod continuity;
 mod cull;
 mod deep;
 mod depth;
@@ -25,6 +27,7 @@ mod layouts;
 mod pose;
 mod random;
 mod regions;
+mod scenes;
 mod skin;
 mod solve;
 mod spheres;
