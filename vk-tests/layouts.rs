@@ -53,7 +53,10 @@ fn step_params_and_frame() {
     );
     same_layout!("pose/place", Frame { rotation, centre, linear, angular, turn, gyroscopic, core });
     same_layout!("elastic/rotate", Link { turn, offset });
-    same_layout!("solve/scalars", Core { frame, node_first, node_count, inverse, b, x, r, u, p, s, image, leftover });
+    same_layout!(
+        "solve/scalars",
+        Core { frame, node_first, node_count, hinge, inverse, b, x, r, u, p, s, image, leftover }
+    );
     same_layout!("pose/fit", Fit { shift, twist, momentum, spin });
 }
 

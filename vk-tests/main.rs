@@ -1,11 +1,13 @@
 //! Kernels on a real device, held against expectations. Validation and synchronisation validation are on; no device is
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
+mod adversaries;
 mod agreement;
 mod bodies;
 mod bones;
 mod contact;
 mod contact_sizes;
+mod continuity;
 mod cull;
 mod deep;
 mod depth;
@@ -20,6 +22,7 @@ mod gpu;
 mod harness;
 mod harness_self_test;
 mod heads;
+mod hinges;
 mod judge;
 mod laws;
 mod layers;
@@ -29,6 +32,7 @@ mod query;
 mod random;
 mod regions;
 mod response;
+mod scenes;
 mod skin;
 mod solve;
 mod spheres;

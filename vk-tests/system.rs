@@ -11,7 +11,7 @@ use palpate::oracle::step::{Simulation, SoftBody};
 use palpate::oracle::tool::{Device, Tool};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{self, Body, FrameMotion, Layer, Shape, Skin};
-use palpate::scene::{self, Coupling, Material, Scene};
+use palpate::scene::{self, Coupling, Hinge, Material, Scene};
 use palpate::stages::model::Model;
 use palpate::stages::types::{Contact, Core, Counts, Frame, Link, NONE, StepParams};
 
@@ -196,7 +196,11 @@ impl System {
         for (index, core) in self.model.cores.iter().enumerate() {
             let place = self.model.frames[core.frame].clone();
             let centre = place.position + place.orientation * place.rest_centre;
-            let (velocity, spin) = (DVec3::new(0.05, -0.1, 0.2), DVec3::new(1.5, -0.5, 2.0));
+            let hinge = (core.hinge != DVec3::ZERO).then_some(core.hinge);
+            let (velocity, spin) = match hinge {
+                Some(axis) => (DVec3::ZERO, 1.5 * axis),
+                None => (DVec3::new(0.05, -0.1, 0.2), DVec3::new(1.5, -0.5, 2.0)),
+            };
             let frame = &mut self.frames[core.frame];
             (frame.core, frame.centre) = (index as u32, centre.as_vec3().to_array());
             (frame.linear, frame.angular) = (velocity.as_vec3().to_array(), spin.as_vec3().to_array());
@@ -212,9 +216,10 @@ impl System {
                 self.velocity[*node as usize] = narrow(velocity + spin.cross(arm));
             }
             let local = core.nodes.iter().map(|n| (body, n - node_first as u32)).collect();
-            self.twin.cores.push(palpate::oracle::step::Core { nodes: local, centre, velocity, spin });
+            self.twin.cores.push(palpate::oracle::step::Core { nodes: local, centre, velocity, spin, hinge });
             let node_count = core.nodes.len() as u32;
-            let core_state = Core { frame: core.frame as u32, node_first: first, node_count, ..Core::zeroed() };
+            let hinge = core.hinge.as_vec3().to_array();
+            let core_state = Core { frame: core.frame as u32, node_first: first, node_count, hinge, ..Core::zeroed() };
             if index == 0 {
                 (self.cores, self.core_nodes) = (vec![], vec![]);
             }
@@ -467,7 +472,18 @@ pub fn two_layers_one_on_a_core() -> Vec<Body> {
         let masses = palpate::oracle::elastic::Elements::new(layer, material, DMat3::IDENTITY).masses;
         let bound = (0..masses.len()).filter(|n| layer.bound[*n]);
         let (sum, mass) = bound.fold((DVec3::ZERO, 0.0), |(s, m), n| (s + masses[n] * layer.nodes[n], m + masses[n]));
-        frames[0] = prepare::Frame { centre: sum / mass, motion: FrameMotion::Dynamic { mass: None } };
+        frames[0] = prepare::Frame { centre: sum / mass, motion: FrameMotion::Dynamic { mass: None, hinge: None } };
+    }
+    bodies
+}
+
+/// The same, that core hinged beside its middle.
+pub fn two_layers_one_on_a_hinge() -> Vec<Body> {
+    let mut bodies = two_layers_one_on_a_core();
+    if let Shape::Soft { frames, .. } = &mut bodies[1].shape {
+        let point = frames[0].centre + DVec3::new(0.02, -0.01, 0.03);
+        let hinge = Some(Hinge { point, axis: DVec3::new(0.48, 0.6, 0.64) });
+        frames[0] = prepare::Frame { centre: point, motion: FrameMotion::Dynamic { mass: None, hinge } };
     }
     bodies
 }

@@ -35,6 +35,7 @@ struct Frame {
 struct Core {
     uint frame;
     uint node_first, node_count;
+    vec3 hinge;                 // unit axis through its centre that is all it may turn about, world; zero: it moves freely
     float inverse[36];          // of its block of the preconditioner
     float b[6];
     float x[6];

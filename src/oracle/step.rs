@@ -143,7 +143,8 @@ impl Simulation {
         for (core, first) in self.cores.iter().zip(&cores) {
             for (body, node) in &core.nodes {
                 let arm = self.bodies[*body].world_node(*node) - core.centre;
-                nodes[*body][*node as usize] = vec![(*first, DMat3::IDENTITY), (*first + 3, cross_matrix(-arm))];
+                let (linear, angular) = core.freedom();
+                nodes[*body][*node as usize] = vec![(*first, linear), (*first + 3, cross_matrix(-arm) * angular)];
             }
         }
         let tool = count + 6 * cores.len();
@@ -175,6 +176,13 @@ impl Simulation {
                 let body = &self.bodies[*body];
                 sum + tool::point_inertia(body.elements.masses[*node as usize], body.world_node(*node) - core.centre)
             });
+            let (linear, angular) = core.freedom();
+            if core.hinge.is_some() {
+                // No spin about an axis that rests has such a torque about it. Unknowns that move nothing are zero.
+                add_block(&mut a, *first, *first, &(DMat3::IDENTITY - linear));
+                add_block(&mut a, first + 3, first + 3, &(DMat3::IDENTITY - angular));
+                continue;
+            }
             let gyroscopic = tool::gyroscopic(inertia, core.spin, self.dt);
             (0..3).for_each(|axis| b[first + 3 + axis] += gyroscopic[axis]);
         }

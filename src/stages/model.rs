@@ -75,6 +75,8 @@ pub struct Core {
     pub frame: usize,
     /// Nodes it carries.
     pub nodes: Vec<u32>,
+    /// Unit axis through its centre that is all it may turn about, world; zero: it moves freely.
+    pub hinge: DVec3,
 }
 
 /// All static arrays.
@@ -221,13 +223,17 @@ impl Model {
                 let frame = self.frames.len();
                 self.body_frames.push(frame as u32);
                 let mover = if is_tool { Motion::Tool } else { Motion::Prepared(motion.clone()) };
-                self.add_frame(body, *centroid, mover, None);
+                let centre = match motion {
+                    FrameMotion::Dynamic { hinge: Some(hinge), .. } if !is_tool => hinge.point,
+                    _ => *centroid,
+                };
+                self.add_frame(body, centre, mover, None);
                 self.tool_frame = if is_tool { Some(frame) } else { self.tool_frame };
                 let vertex_first = self.skin_nodes.len();
                 match motion {
-                    FrameMotion::Dynamic { mass } if !is_tool => {
+                    FrameMotion::Dynamic { mass, .. } if !is_tool => {
                         let mass = mass.unwrap_or_default();
-                        self.add_masses(frame, mass, *inertia * (mass / volume), body.velocity, skin);
+                        self.add_masses(frame, (mass, *centroid, *inertia * (mass / volume)), body.velocity, skin);
                     }
                     _ => {
                         for x in &skin.vertices {

@@ -351,7 +351,8 @@ fn cores_of(model: &Model) -> Vec<types::Core> {
     for core in &model.cores {
         let node_count = core.nodes.len() as u32;
         let nothing = <types::Core as bytemuck::Zeroable>::zeroed();
-        cores.push(types::Core { frame: core.frame as u32, node_first: first, node_count, ..nothing });
+        let hinge = core.hinge.as_vec3().to_array();
+        cores.push(types::Core { frame: core.frame as u32, node_first: first, node_count, hinge, ..nothing });
         first += node_count;
     }
     cores.resize(cores.len().max(1), bytemuck::Zeroable::zeroed());

@@ -63,6 +63,8 @@ pub struct Core {
     pub node_first: u32,
     /// Nodes it carries.
     pub node_count: u32,
+    /// Unit axis through its centre that is all it may turn about, world; zero: it moves freely.
+    pub hinge: [f32; 3],
     /// Inverse of its block of the preconditioner.
     pub inverse: [f32; 36],
     /// Right-hand side.

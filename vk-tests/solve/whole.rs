@@ -5,7 +5,7 @@ use palpate::stages::types::verdict;
 
 use super::passes::Passes;
 use crate::elastic::expect_of_largest;
-use crate::system::{System, triples, two_layers, two_layers_one_on_a_core};
+use crate::system::{System, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 
 /// Of the largest value of a body: the solver stops at 1e-6 of the right-hand side's norm, the condition (behind the
 /// preconditioner) is some hundreds, and f32 rounding in b and A is of the same size.
@@ -59,19 +59,22 @@ fn conjugate_gradients_reach_the_direct_solution() {
 
 #[test]
 fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
-    let passes = solved("a core", System::new(&two_layers_one_on_a_core(), 0.004, 5));
-    let s = &passes.system;
-    let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
-    let x = Solver::default().solve(&a, &b).unwrap();
-    let first = s.twin.unknowns().cores[0];
-    expect_of_largest("linear", &passes.core_changes[..3], &x[first..first + 3], SOLUTION);
-    expect_of_largest("angular", &passes.core_changes[3..], &x[first + 3..first + 6], SOLUTION);
-    println!("{} iterations with a core", passes.state.iterations);
-    let all = System::new(&two_layers_one_on_a_core(), 0.004, 6).with_tool().with_contacts(20, 8);
-    let passes = solved("a core, contacts and a tool", all);
-    println!("{} iterations with a core, contacts and a tool", passes.state.iterations);
-    let all = System::new(&two_layers_one_on_a_core(), 0.004, 6).with_tool().with_friction().with_contacts(20, 8);
-    println!("{} with friction", solved("a core, contacts, friction and a tool", all).state.iterations);
+    for (what, bodies) in [("a core", two_layers_one_on_a_core()), ("a hinge", two_layers_one_on_a_hinge())] {
+        let passes = solved(what, System::new(&bodies, 0.004, 5));
+        let s = &passes.system;
+        let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
+        let x = Solver::default().solve(&a, &b).unwrap();
+        let first = s.twin.unknowns().cores[0];
+        expect_of_largest("linear", &passes.core_changes[..3], &x[first..first + 3], SOLUTION);
+        expect_of_largest("angular", &passes.core_changes[3..], &x[first + 3..first + 6], SOLUTION);
+        println!("{} iterations with {what}", passes.state.iterations);
+        let all = System::new(&bodies, 0.004, 6).with_tool().with_contacts(20, 8);
+        let passes = solved(&format!("{what}, contacts and a tool"), all);
+        println!("{} iterations with {what}, contacts and a tool", passes.state.iterations);
+        let all = System::new(&bodies, 0.004, 6).with_tool().with_friction().with_contacts(20, 8);
+        let passes = solved(&format!("{what}, contacts, friction and a tool"), all);
+        println!("{} iterations with {what}, contacts, friction and a tool", passes.state.iterations);
+    }
 }
 
 #[test]
