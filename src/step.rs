@@ -331,6 +331,7 @@ impl Simulation {
             }),
             contacts: touch.then_some(report.contacts),
             max_depth: touch.then_some(f64::from(report.max_depth)),
+            normal_turn: touch.then_some(f64::from(report.turn)),
             iterations: report.iterations,
             residual: f64::from(report.residual),
             flags: Flags(report.flags),

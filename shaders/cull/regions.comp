@@ -304,7 +304,8 @@ void open_region(Pair pair, uint r, uint first_region) {
         if (before[q].w > 0.0) cosine = max(cosine, dot(before[q].xyz, normals[r]));
     }
     if (cosine > -1.0) turn = acos(min(cosine, 1.0));
-    atomicMax(counts.turn, floatBitsToUint(touches ? turn : 0.0));
+    // Before the skins touch, the direction is only a guess.
+    if (touches && all_pushes >= least_push) atomicMax(counts.turn, floatBitsToUint(turn));
     regions[first_region + r] =
         Region(normals[r], axes[0], axes[1], column_low, column_high, cell, touches ? strength[r] : 0.0, turn);
 }

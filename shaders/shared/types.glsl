@@ -208,6 +208,7 @@ struct Report {
     float residual_floor;       // what f32 can reach
     uint contacts;
     float max_depth;            // m
+    float turn;                 // the largest of a region's normal in the step, rad
     uint flags;
     float force[3];             // on the tool, N
     float torque[3];            // about its centre, N m

@@ -143,5 +143,6 @@ void main() {
     report.contacts = uint(sums.y);
     for (uint k = 0; k < SIZE; k++) depth = max(depth, deepest[k]);
     report.max_depth = depth;
+    report.turn = uintBitsToFloat(counts.turn);
     report.flags = flags;
 }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use glam::DVec3;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -64,6 +65,9 @@ pub fn quantiles(samples: &[f64]) -> Option<(f64, f64)> {
     if sorted.is_empty() { None } else { Some((sorted[rank(50)], sorted[rank(99)])) }
 }
 
+/// Shorter ways of the tool in a step say nothing of how the normal turns along them, m.
+const SLIDING: f64 = 1e-6;
+
 /// What the rows of a run add up to.
 #[derive(Debug, Clone, Default)]
 pub struct Tally {
@@ -71,6 +75,11 @@ pub struct Tally {
     pub steps: u64,
     /// Greatest contact force on the tool, N; `None` without a tool.
     pub peak_force: Option<f64>,
+    /// Greatest turn of a region's normal in a step, rad; `None` where nothing can collide.
+    pub normal_turn: Option<f64>,
+    /// The same per way that the tool went in that step, rad/mm, of steps in which it went at least [`SLIDING`].
+    pub normal_turn_per_mm: Option<f64>,
+    last_tool: Option<DVec3>,
     /// Conjugate gradient iterations of all steps together.
     pub iterations: u64,
     /// Most iterations of a step.
@@ -88,6 +97,14 @@ impl Tally {
         if let Some(tool) = &row.tool {
             self.peak_force = Some(self.peak_force.unwrap_or(0.0).max(tool.force.length()));
         }
+        let way = row.tool.as_ref().zip(self.last_tool).map(|(tool, last)| tool.tool.position.distance(last));
+        if let Some(turn) = row.normal_turn {
+            self.normal_turn = Some(self.normal_turn.unwrap_or(0.0).max(turn));
+            if let Some(way) = way.filter(|way| *way >= SLIDING) {
+                self.normal_turn_per_mm = Some(self.normal_turn_per_mm.unwrap_or(0.0).max(turn / (1e3 * way)));
+            }
+        }
+        self.last_tool = row.tool.as_ref().map(|tool| tool.tool.position);
         self.iterations += u64::from(row.iterations);
         self.most_iterations = self.most_iterations.max(row.iterations);
         for (count, (flag, _)) in self.flags.iter_mut().zip(Flags::ALL) {
@@ -125,6 +142,9 @@ pub struct Summary {
     pub bytes_device: u64,
     /// Greatest contact force on the tool, N; null without a tool.
     pub peak_force_n: Option<f64>,
+    /// `most_rad` in a step, `most_rad_per_mm` of the tool's way: how the normals of regions turned; null where nothing can
+    /// collide.
+    pub normal_turn: Value,
     /// How many steps raised each flag; every flag is listed.
     pub flags: Map<String, Value>,
     /// By body: what was found in its files (`repair`, `notes`); bodies without files, or nothing to say, are left out.
@@ -155,6 +175,7 @@ impl Summary {
             plan: json!({ "recorded": names, "left_out": out }),
             bytes_device: facts.bytes_device,
             peak_force_n: tally.peak_force,
+            normal_turn: json!({ "most_rad": tally.normal_turn, "most_rad_per_mm": tally.normal_turn_per_mm }),
             flags: Flags::ALL.iter().zip(tally.flags).map(|((_, name), n)| (name.to_string(), n.into())).collect(),
             files: told.map(|(name, report)| (name.clone(), json!(report))).collect(),
             version: env!("CARGO_PKG_VERSION"),
@@ -196,8 +217,6 @@ impl fmt::Display for ClosingTable<'_> {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::super::ToolRow;
     use super::*;
 
@@ -241,6 +260,7 @@ mod tests {
             "plan",
             "bytes_device",
             "peak_force_n",
+            "normal_turn",
             "flags",
             "files",
             "version",

@@ -25,6 +25,8 @@ pub struct Row {
     pub contacts: Option<u32>,
     /// Greatest depth, m; `None` where nothing can collide.
     pub max_depth: Option<f64>,
+    /// How far the normal of a region turned in the step at most, rad; `None` where nothing can collide.
+    pub normal_turn: Option<f64>,
     /// Conjugate gradient iterations.
     pub iterations: u32,
     /// Relative residual at the end of the solve.

@@ -386,6 +386,8 @@ pub struct Report {
     pub contacts: u32,
     /// m.
     pub max_depth: f32,
+    /// The largest turn of a region's normal in the step, rad.
+    pub turn: f32,
     /// As in the trace.
     pub flags: u32,
     /// On the tool, N.
