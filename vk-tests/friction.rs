@@ -298,7 +298,7 @@ fn two_free_bodies_that_collide_keep_their_momentum_with_and_without_friction() 
         let (mut touching, mut most) = (0, 0.0f64);
         let errors = beside(&scene, 500, |row, simulation, twin, report| {
             let (device, oracle) = (device_momentum(simulation, 2), twin.momentum());
-            let (first, first_twin) = start.get_or_insert_with(|| (device, oracle));
+            let (first, first_twin) = start.get_or_insert((device, oracle));
             linear = linear.max(device.0.distance(first.0));
             angular = angular.max((device.1 - first.1).distance(oracle.1 - first_twin.1));
             change = change.max(oracle.1.distance(first_twin.1));
