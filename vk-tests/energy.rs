@@ -70,6 +70,30 @@ fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
 }
 
 #[test]
+fn friction_never_adds_energy() {
+    for (friction, young, speed) in [(0.3, 2.0e4, 0.3), (1.0, 1.0e6, 0.5)] {
+        let rubs = format!("[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[contact]\nfriction = {friction:?}\n");
+        let material = format!("material = {{ young = {young:e}, poisson = 0.4, density = 1000.0 }}\n");
+        let text = format!(
+            "{rubs}[[body]]\nname = \"block\"\nlayer = {{ {BLOCK}, cells = [5, 5, 5] }}\nposition = [0.0, 0.06, 0.0]\n\
+             velocity = [{speed:?}, 0.0, 0.1]\n{material}\
+             [[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, 0.0]\n"
+        );
+        let height = |s: &State| s.nodes().map(|(m, x, _)| m * x.y).sum::<f64>() / s.nodes().map(|n| n.0).sum::<f64>();
+        judge(&format!("block of {young:e} Pa thrown at {speed} m/s, friction {friction}"), &text, 160, height);
+        let text = format!(
+            "{rubs}[[body]]\nname = \"block\"\nlayer = {{ {BLOCK}, cells = [6, 6, 6] }}\n{material}\
+             [[body.core]]\nname = \"c\"\nbind = {{ box = [[-0.06, -0.06, -0.06], [0.06, -0.049, 0.06]] }}\n\
+             [tool]\nsphere = {RADIUS:?}\nmass = 0.05\nposition = [-0.02, {:?}, 0.0]\nvelocity = [{speed:?}, 0.0, 0.05]\n",
+            0.05 + RADIUS + 0.01
+        );
+        judge(&format!("tool thrown at {speed} m/s, friction {friction}"), &text, 100, |s| {
+            s.tool.as_ref().unwrap().centre.y
+        });
+    }
+}
+
+#[test]
 fn a_dropped_tool_never_gains_energy() {
     for (young, drop, steps) in [(5.0e3, 0.01, 200), (2.0e4, 0.02, 150), (2.0e4, 0.1, 250), (1.0e6, 0.02, 220)] {
         let text = format!(

@@ -5,7 +5,7 @@ use palpate::oracle;
 use palpate::oracle::contact::{self, Law, Support, Surface};
 use palpate::oracle::friction::Friction;
 use palpate::oracle::step::auto_stiffness;
-use palpate::oracle::{skin, tool};
+use palpate::oracle::tool;
 use palpate::prepare::{self, Embedding, Shape, Skin};
 use palpate::report::{Flags, Row};
 use palpate::scene::Scene;
@@ -291,7 +291,6 @@ const SPIN: f64 = 1.0e-4;
 
 #[test]
 fn two_free_bodies_that_collide_keep_their_momentum_with_and_without_friction() {
-    let mut turned = vec![];
     for friction in [0.0, 0.5] {
         let scene = scene(&collision(friction));
         let mut start = None;
@@ -299,7 +298,7 @@ fn two_free_bodies_that_collide_keep_their_momentum_with_and_without_friction() 
         let (mut touching, mut most) = (0, 0.0f64);
         let errors = beside(&scene, 500, |row, simulation, twin, report| {
             let (device, oracle) = (device_momentum(simulation, 2), twin.momentum());
-            let (first, first_twin) = start.get_or_insert_with(|| (device, oracle));
+            let (first, first_twin) = start.get_or_insert((device, oracle));
             linear = linear.max(device.0.distance(first.0));
             angular = angular.max((device.1 - first.1).distance(oracle.1 - first_twin.1));
             change = change.max(oracle.1.distance(first_twin.1));
@@ -316,6 +315,5 @@ fn two_free_bodies_that_collide_keep_their_momentum_with_and_without_friction() 
         );
         assert!(touching > 10 && (most > 0.1) == (friction > 0.0));
         assert!(linear < MOMENTUM * size && angular < SPIN * size * 0.03, "{linear:e} {angular:e}");
-        turned.push(change);
     }
 }
