@@ -42,10 +42,10 @@ impl QuerySettings {
     }
 }
 
-/// Longest side of a skin's box, m.
+/// Longest side of the box of a skin's triangles, m.
 fn extent(skin: &Skin) -> f64 {
-    let low = skin.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-    (skin.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low).max_element()
+    let corners = || skin.triangles.iter().flatten().map(|&v| skin.vertices[v as usize]);
+    (corners().fold(DVec3::NEG_INFINITY, DVec3::max) - corners().fold(DVec3::INFINITY, DVec3::min)).max_element()
 }
 
 /// Two rigid skins, and the kernels that find where they overlap.

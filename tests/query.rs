@@ -225,7 +225,7 @@ fn spheres_of_any_unit_with_polygons() {
 #[test]
 fn numbers_are_those_of_the_file_after_repair() {
     // An unused vertex first; a flat face and a copy before the top; the top with corners of its own, and wound wrongly.
-    let dirty = "v 0.5 0.5 0.5\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
+    let dirty = "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
                  v 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nf 5 4 3 2\nf 2 2 3\nf 5 4 3 2\nf 13 12 11 10\n\
                  f 2 3 7 6\nf 3 4 8 7\nf 4 5 9 8\nf 5 2 6 9\n";
     let case = Case::new(dirty, &small(0.9));

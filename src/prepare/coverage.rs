@@ -5,12 +5,13 @@ use super::{Proxy, Skin};
 /// A point on an inflated face counts as inside; rounding of a plane's distance, as a share of the skin's size.
 const ROUNDING: f64 = 1e-12;
 
-/// Share of skin vertices inside at least one proxy inflated by its margin. 1 is promised by construction; this looks
-/// at the hulls themselves. Vertices are tried against their owner first, so that it costs vertices times faces.
+/// Share of the skin's vertices (those of triangles) inside at least one proxy inflated by its margin. 1 is promised by
+/// construction; this looks at the hulls themselves. Vertices are tried against their owner first, so that it costs
+/// vertices times faces.
 pub fn share(skin: &Skin, proxies: &[Proxy]) -> f64 {
-    if skin.vertices.is_empty() {
-        return 1.0;
-    }
+    let mut used = vec![false; skin.vertices.len()];
+    skin.triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
+    let count = used.iter().filter(|&&used| used).count();
     let size = skin.vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
     let inside = |proxy: &Proxy, v: u32| {
         let x = skin.vertices[v as usize];
@@ -23,7 +24,8 @@ pub fn share(skin: &Skin, proxies: &[Proxy]) -> f64 {
     for (v, covered) in covered.iter_mut().enumerate().filter(|(_, covered)| !**covered) {
         *covered = proxies.iter().any(|proxy| inside(proxy, v as u32));
     }
-    covered.iter().filter(|&&c| c).count() as f64 / covered.len() as f64
+    let inside = covered.iter().zip(&used).filter(|&(covered, used)| *covered && *used).count();
+    if count == 0 { 1.0 } else { inside as f64 / count as f64 }
 }
 
 #[cfg(test)]

@@ -193,6 +193,6 @@ pub struct Proxy {
     pub vertices: Vec<u32>,
     /// Skin triangles this proxy owns (and draws): each triangle is in exactly one list.
     pub triangles: Vec<u32>,
-    /// How far the owned vertices, and the vertices of the owned triangles, stick out of the hull at rest, m.
+    /// How far the vertices of the owned triangles stick out of the hull at rest, m.
     pub margin: f64,
 }

@@ -46,9 +46,10 @@ pub fn at_most(skin: &Skin, hulls: u32) -> Result<Vec<Proxy>, String> {
     if skin.vertices.iter().any(|v| !v.is_finite()) {
         return Err("the skin has a vertex that is not finite".into());
     }
-    let whole = hull::convex(&hull::thinned(&skin.vertices));
+    let points = together(skin);
+    let whole = hull::convex(&hull::thinned(&points));
     // Voxels are filled behind holes too: a leak would leave a shell, and hulls of a shell have no depth.
-    let (vertices, triangles) = repair::closed(&skin.vertices, &skin.triangles);
+    let (vertices, triangles) = repair::closed(&points, &skin.triangles);
     let volume = mass::properties(&vertices, &triangles).volume;
     let parts = match whole {
         Some(whole) if hulls > 1 && volume < CONVEX * whole.volume() => {
@@ -59,6 +60,14 @@ pub fn at_most(skin: &Skin, hulls: u32) -> Result<Vec<Proxy>, String> {
         _ => Parts { count: 1, owner: vec![0; skin.triangles.len()], place: Vec::new(), inner: vec![Vec::new()] },
     };
     cover(skin, &parts)
+}
+
+/// The skin's vertices, those of no triangle moved to one that has some: far away they would make hull and voxels larger.
+fn together(skin: &Skin) -> Vec<DVec3> {
+    let first = skin.vertices[skin.triangles[0][0] as usize];
+    let mut points = vec![first; skin.vertices.len()];
+    skin.triangles.iter().flatten().for_each(|&v| points[v as usize] = skin.vertices[v as usize]);
+    points
 }
 
 /// A cut of the solid.
@@ -205,7 +214,7 @@ fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
         proxies[part as usize].triangles.push(t as u32);
     }
     // A vertex belongs to the first of its triangles. One without (a repair may have joined it with another) belongs to
-    // the part at its place, so that it stretches no distant hull, or to the first where that part has no triangles.
+    // the part at its place, or to the first where that part has no triangles; it touches nothing and stretches no hull.
     let first = parts.owner[0];
     let mut vertex_owner = vec![NONE; skin.vertices.len()];
     for (triangle, &part) in skin.triangles.iter().zip(&parts.owner) {
@@ -222,7 +231,6 @@ fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
     let mut covers = Vec::with_capacity(parts.count);
     for (proxy, inner) in proxies.iter().zip(&parts.inner).filter(|(p, _)| !p.triangles.is_empty()) {
         let mut covered: Vec<u32> = proxy.triangles.iter().flat_map(|&t| skin.triangles[t as usize]).collect();
-        covered.extend(&proxy.vertices);
         covered.sort_unstable();
         covered.dedup();
         let mut points: Vec<DVec3> = covered.iter().map(|&v| skin.vertices[v as usize]).collect();
@@ -267,8 +275,8 @@ pub(crate) mod tests {
             assert!(!p.triangles.is_empty() && p.hull.len() <= MAX_HULL_VERTICES && p.faces.len() >= 4);
             assert!(p.faces.iter().all(|(n, _)| (n.length() - 1.0).abs() < 1e-12));
             let height = |x: DVec3| p.faces.iter().map(|(n, d)| n.dot(x) - d).fold(f64::NEG_INFINITY, f64::max);
-            let owned = p.triangles.iter().flat_map(|&t| skin.triangles[t as usize]).chain(p.vertices.iter().copied());
-            let margin = owned.map(|v| height(skin.vertices[v as usize])).fold(0.0, f64::max);
+            let corners = p.triangles.iter().flat_map(|&t| skin.triangles[t as usize]);
+            let margin = corners.map(|v| height(skin.vertices[v as usize])).fold(0.0, f64::max);
             assert_eq!(margin, p.margin);
             p.triangles.iter().for_each(|&t| triangles[t as usize] += 1);
             p.vertices.iter().for_each(|&v| vertices[v as usize] += 1);
@@ -290,6 +298,17 @@ pub(crate) mod tests {
         check(&cube, &proxies);
         assert_eq!((proxies.len(), proxies[0].hull.len(), proxies[0].faces.len()), (1, 8, 6));
         assert!(proxies[0].margin < 1e-15);
+    }
+
+    #[test]
+    fn a_vertex_of_no_triangle_stretches_no_hull() {
+        let (mut v, t) = sphere::icosphere(0.01);
+        let ball = skin::build(v.clone(), t.clone());
+        v.push(DVec3::splat(9.0));
+        let stray = skin::build(v, t);
+        let (proxies, wanted) = (super::proxies(&stray).unwrap(), super::proxies(&ball).unwrap());
+        check(&stray, &proxies);
+        assert_eq!((&proxies[0].hull, proxies[0].margin), (&wanted[0].hull, wanted[0].margin));
     }
 
     #[test]

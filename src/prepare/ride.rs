@@ -67,7 +67,7 @@ fn part(proxy: &Proxy, skin: &Skin, groups: BTreeMap<u32, Vec<u32>>, most: u32) 
         triangles.sort_unstable();
         let is_own = |f: u32| f == frame || (f == NONE && frame == most);
         let vertices: Vec<u32> = proxy.vertices.iter().copied().filter(|v| is_own(owner[v])).collect();
-        let covered = || triangles.iter().flat_map(|&t| skin.triangles[t as usize]).chain(vertices.iter().copied());
+        let covered = || triangles.iter().flat_map(|&t| skin.triangles[t as usize]);
         let points: Vec<_> = covered().map(|v| skin.vertices[v as usize]).collect();
         let (hull, faces) = match Growing::new(&points) {
             Some(mut growing) => {

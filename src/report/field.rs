@@ -37,7 +37,7 @@ pub struct Solid {
 }
 
 impl Solid {
-    fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> {
+    fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> + Clone {
         self.triangles.iter().map(|t| t.map(|v| self.vertices[v as usize]))
     }
 }
@@ -56,7 +56,7 @@ pub fn picture(solids: [&Solid; 2], contacts: &[QueryContact]) -> Picture {
 
 fn bodies(solids: [&Solid; 2], right: DVec3) -> Picture {
     let towards = (DVec3::new(0.3, 0.35, 1.0) - right * DVec3::new(0.3, 0.35, 1.0).dot(right)).normalize_or(DVec3::Y);
-    let points = solids[0].vertices.iter().chain(&solids[1].vertices).copied();
+    let points = solids[0].corners().chain(solids[1].corners()).flatten();
     let view = View::of(points, towards, towards.cross(right));
     let faces = |k: usize| solids[k].corners().map(move |corners| Face::flat(corners, [A, B][k], false));
     draw(&faces(0).chain(faces(1)).collect::<Vec<_>>(), &view, SIDE)
