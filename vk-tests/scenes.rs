@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::report::Flags;
 use palpate::scene::Scene;
@@ -11,11 +12,15 @@ use palpate::step::Simulation;
 /// Steps of a millisecond.
 const STEPS: usize = 5;
 
-fn starts(name: &str) {
+fn open(name: &str) -> Simulation {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name);
     // Validation is for the small scenes: these are large.
     let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false };
-    let mut simulation = Simulation::new(&Scene::load(&file).unwrap(), &options, None).unwrap();
+    Simulation::new(&Scene::load(&file).unwrap(), &options, None).unwrap()
+}
+
+fn starts(name: &str) {
+    let mut simulation = open(name);
     for _ in 0..STEPS {
         let row = simulation.step().unwrap();
         assert_eq!(row.flags, Flags::default(), "{name}: step {}", row.step);
@@ -24,7 +29,7 @@ fn starts(name: &str) {
     for body in 0..simulation.bodies().len() {
         let (moved, velocity) = simulation.nodes(body).unwrap().unwrap();
         // Nothing falls faster than it must, or flies off.
-        let most = |x: &[glam::DVec3]| x.iter().map(|x| x.length()).fold(0.0, f64::max);
+        let most = |x: &[DVec3]| x.iter().map(|x| x.length()).fold(0.0, f64::max);
         assert!(most(&moved) < 0.002 && most(&velocity) < 0.3, "{name}: {} m, {} m/s", most(&moved), most(&velocity));
     }
 }
@@ -42,4 +47,57 @@ fn gears_start() {
 #[test]
 fn pumpkins_start() {
     starts("pumpkins.toml");
+}
+
+/// Steps of a whole scene.
+const WHOLE: usize = 300;
+
+/// Runs a scene and looks at the force between its two bodies. `jump`: its greatest change in a step, of its greatest value.
+fn runs(name: &str, jump: f64) {
+    let mut simulation = open(name);
+    let (mut force, mut flagged) = (vec![], vec![]);
+    for _ in 0..WHOLE {
+        let row = simulation.step().unwrap();
+        if row.flags != Flags::default() {
+            flagged.push((row.step, row.flags.0));
+        }
+        let push = simulation.touch().unwrap().1.iter().fold(DVec3::ZERO, |sum, c| {
+            let pressure = (c.stiffness * c.depth + c.damping * c.rate).max(0.0);
+            sum + f64::from(c.area * pressure) * DVec3::from(c.normal.map(f64::from))
+        });
+        force.push(push);
+    }
+    let peak = force.iter().map(|f| f.length()).fold(0.0, f64::max);
+    let touched = force.iter().filter(|f| f.length() > 0.0).count();
+    let mut changes: Vec<f64> = force.windows(2).map(|w| w[0].distance(w[1])).collect();
+    changes.sort_by(f64::total_cmp);
+    let share = |at: usize| changes[at * (changes.len() - 1) / 100] / peak;
+    println!(
+        "{name}: {touched} of {WHOLE} steps in contact, up to {peak:.2} N; change a step, of that: median {:.4}, 99 % {:.3}, \
+         largest {:.3}; flags {flagged:?}",
+        share(50),
+        share(99),
+        share(100)
+    );
+    assert!(flagged.is_empty() && touched > 200, "{name}: {touched} steps, {flagged:?}");
+    assert!(share(100) < jump, "{name}: the force changes by {} of its peak", share(100));
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn two_heads_run() {
+    runs("two-heads.toml", 0.1);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn gears_run() {
+    // One direction for all teeth: a tooth that comes or goes turns it.
+    runs("gears.toml", 0.25);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn pumpkins_run() {
+    runs("pumpkins.toml", 0.1);
 }

@@ -211,6 +211,26 @@ mod tests {
     }
 
     #[test]
+    fn a_hinge_through_all_nodes_of_its_core_is_refused() {
+        let mut block = layer::kuhn_box(DVec3::ZERO, DVec3::splat(0.2), [2, 2, 2]);
+        block.bound = block.nodes.iter().map(|x| x.x == 0.0 && x.y == 0.0).collect();
+        let material = Material { young: 1.0, poisson: 0.3, density: 500.0, damping_mass: 0.0, damping_stiffness: 0.0 };
+        let mut scene = crate::prepare::tests::scene(
+            crate::scene::Shape::Rigid { surface: crate::scene::Surface::File("a.obj".into()) },
+            &[Bind::All],
+        );
+        let mut frames_on = |point: DVec3| {
+            let core = &mut scene.bodies[0].cores[0];
+            (core.motion, core.hinge) = (Motion::Dynamic, Some(Hinge { point, axis: DVec3::Z }));
+            frames(&scene.bodies[0], &block, &vec![0; block.nodes.len()], &material)
+        };
+        let (key, problem, _) = frames_on(DVec3::ZERO).unwrap_err();
+        assert!(key == "core.core0.bind" && problem.contains("lie on its hinge"), "{key} {problem}");
+        // Beside it they have inertia about it, though they are on a line; the hinge is scaled with the body.
+        assert_eq!(frames_on(DVec3::new(0.05, 0.0, 0.0)).unwrap()[0].centre, DVec3::new(0.1, 0.0, 0.0));
+    }
+
+    #[test]
     fn a_floating_frame_has_the_mass_and_inertia_of_a_block() {
         let block = layer::kuhn_box(DVec3::ZERO, DVec3::new(0.2, 0.4, 0.6), [16, 16, 16]);
         let material = Material { young: 1.0, poisson: 0.3, density: 500.0, damping_mass: 0.0, damping_stiffness: 0.0 };
