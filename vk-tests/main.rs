@@ -7,7 +7,6 @@ mod contact;
 mod contact_sizes;
 mod cull;
 mod deep;
-mod depth;
 mod dirty;
 mod elastic;
 mod energy;

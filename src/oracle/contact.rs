@@ -3,8 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
+use crate::oracle::rays::{Crossing, Rays};
 use crate::oracle::skin;
 use crate::prepare::{Embedding, Layer};
 
@@ -121,9 +122,10 @@ impl Surface<'_> {
     }
 }
 
-/// For each vertex of A that faces along `normal` (unit, from A to B): its depth beyond B's facing sheet, where that is
-/// positive and at most `depth_limit`. Of several facing triangles of B on the line the lowest along `normal` counts,
-/// the first seen from A. For vertices of B against A's sheet call it with -normal and the bodies swapped.
+/// For each vertex of A that faces along `normal` (unit, from A to B) and lies within B as seen along it: the ray from it
+/// along -`normal` first passes a triangle of B that faces A, front and back alike counted. Its depth is the distance to
+/// there, where that is at most `depth_limit`; layers further out do not matter. For vertices of B against A call it with
+/// -normal and the bodies swapped.
 pub fn ray_depths(
     normal: DVec3,
     a_positions: &[DVec3],
@@ -132,15 +134,12 @@ pub fn ray_depths(
     b_triangles: &[[u32; 3]],
     depth_limit: f64,
 ) -> Vec<Option<Hit>> {
-    let grid = Grid::new(normal, b_positions, b_triangles);
+    let rays = Rays::new(normal, b_positions, b_triangles);
     let facing = skin::normals(a_positions, a_triangles);
     let hit = |(x, m): (&DVec3, &DVec3)| {
-        if m.dot(normal) <= 0.0 {
-            return None;
-        }
-        let (height, triangle, barycentric) = grid.lowest(*x)?;
-        let depth = normal.dot(*x) - height;
-        (depth > 0.0 && depth <= depth_limit).then_some(Hit { depth, triangle, barycentric })
+        let first = if m.dot(normal) > 0.0 { rays.first(*x)? } else { return None };
+        let Crossing { depth, triangle, barycentric, leaves } = first;
+        (leaves && depth <= depth_limit).then_some(Hit { depth, triangle, barycentric })
     };
     a_positions.iter().zip(&facing).map(hit).collect()
 }
@@ -198,113 +197,4 @@ pub fn gather_plane(a: &Surface, plane: DVec3, offset: f64, law: &Law) -> Vec<Co
         })
     };
     a.positions.iter().enumerate().filter_map(contact).collect()
-}
-
-/// Triangles that face against a normal, binned on a plane across it.
-struct Grid<'a> {
-    normal: DVec3,
-    tangents: [DVec3; 2],
-    positions: &'a [DVec3],
-    triangles: &'a [[u32; 3]],
-    low: DVec2,
-    cell: f64,
-    size: [usize; 2],
-    /// First entry of each cell in `members`, and the end.
-    starts: Vec<usize>,
-    members: Vec<u32>,
-}
-
-impl<'a> Grid<'a> {
-    fn new(normal: DVec3, positions: &'a [DVec3], triangles: &'a [[u32; 3]]) -> Self {
-        let tangents: [DVec3; 2] = normal.any_orthonormal_pair().into();
-        let facing: Vec<u32> = (0..triangles.len() as u32)
-            .filter(|t| skin::area_vector(positions, &triangles[*t as usize]).dot(normal) < 0.0)
-            .collect();
-        let mut grid = Self {
-            normal,
-            tangents,
-            positions,
-            triangles,
-            low: DVec2::ZERO,
-            cell: 1.0,
-            size: [1, 1],
-            starts: vec![],
-            members: vec![],
-        };
-        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for corner in facing.iter().flat_map(|t| grid.corners(*t)) {
-            low = low.min(corner);
-            high = high.max(corner);
-        }
-        if !facing.is_empty() {
-            let extent = (high - low).max(DVec2::splat(f64::MIN_POSITIVE));
-            // About one cell a triangle, but never more than 1024 a side for slender outlines.
-            grid.cell = (extent.x * extent.y / facing.len() as f64).sqrt().max(extent.max_element() / 1024.0);
-            grid.low = low;
-            grid.size = [extent.x, extent.y].map(|e| (e / grid.cell) as usize + 1);
-        }
-        grid.fill(&facing);
-        grid
-    }
-
-    fn fill(&mut self, facing: &[u32]) {
-        let cells = self.size[0] * self.size[1];
-        let mut lists: Vec<Vec<u32>> = vec![Vec::new(); cells];
-        for &t in facing {
-            let corners = self.corners(t);
-            let low = self.clamped(corners[0].min(corners[1]).min(corners[2]));
-            let high = self.clamped(corners[0].max(corners[1]).max(corners[2]));
-            for y in low[1]..=high[1] {
-                for x in low[0]..=high[0] {
-                    lists[y * self.size[0] + x].push(t);
-                }
-            }
-        }
-        self.starts = vec![0; cells + 1];
-        for (cell, list) in lists.iter().enumerate() {
-            self.starts[cell + 1] = self.starts[cell] + list.len();
-        }
-        self.members = lists.concat();
-    }
-
-    fn project(&self, x: DVec3) -> DVec2 {
-        DVec2::new(self.tangents[0].dot(x), self.tangents[1].dot(x))
-    }
-
-    fn corners(&self, triangle: u32) -> [DVec2; 3] {
-        self.triangles[triangle as usize].map(|i| self.project(self.positions[i as usize]))
-    }
-
-    fn clamped(&self, x: DVec2) -> [usize; 2] {
-        let at = (x - self.low) / self.cell;
-        [(at.x.max(0.0) as usize).min(self.size[0] - 1), (at.y.max(0.0) as usize).min(self.size[1] - 1)]
-    }
-
-    /// Height, triangle and barycentrics of the lowest facing triangle on the line through `x`; the lower triangle
-    /// where two are equally low (a shared edge or vertex).
-    fn lowest(&self, x: DVec3) -> Option<(f64, u32, [f64; 3])> {
-        let at = self.project(x);
-        let [column, row] = self.clamped(at);
-        let cell = row * self.size[0] + column;
-        let mut best: Option<(f64, u32, [f64; 3])> = None;
-        for &t in &self.members[self.starts[cell]..self.starts[cell + 1]] {
-            let Some(weights) = barycentric(self.corners(t), at) else { continue };
-            let corners = self.triangles[t as usize];
-            let height: f64 = (0..3).map(|k| weights[k] * self.normal.dot(self.positions[corners[k] as usize])).sum();
-            if best.is_none_or(|b| height < b.0) {
-                best = Some((height, t, weights));
-            }
-        }
-        best
-    }
-}
-
-/// Barycentrics of `at` in a projected triangle of either orientation; `None` outside it. Watertight: the two
-/// triangles of an edge compute the same number with opposite sign.
-fn barycentric(corners: [DVec2; 3], at: DVec2) -> Option<[f64; 3]> {
-    let [a, b, c] = corners.map(|p| p - at);
-    let weights = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];
-    let inside = weights.iter().all(|w| *w >= 0.0) || weights.iter().all(|w| *w <= 0.0);
-    let sum: f64 = weights.iter().sum();
-    (inside && sum != 0.0).then(|| weights.map(|w| w / sum))
 }

@@ -10,7 +10,7 @@
 //! | [`skin`] | skin positions and velocities from nodes |
 //! | [`cull`] | separation and penetration of convex hulls |
 //! | [`proximity`] | placement, bounds, directions, regions, the depth field |
-//! | [`contact`] | depth by exact rays, gathered contacts |
+//! | [`contact`], [`rays`] | depth by exact rays, gathered contacts |
 //! | [`linear`], [`step`] | the implicit step, solved directly |
 //! | [`wrench`] | net force, torque, stiffness and damping on the tool |
 //! | [`statics`] | linear static equilibrium, for laws only |
@@ -21,6 +21,7 @@ pub mod cull;
 pub mod elastic;
 pub mod linear;
 pub mod proximity;
+pub mod rays;
 pub mod skin;
 pub mod statics;
 pub mod step;

@@ -31,20 +31,16 @@ pub(super) fn sphere(radius: f64, centre: DVec3, levels: usize) -> (Vec<DVec3>, 
 
 /// The same depth by trying every triangle with a plane equation: shares nothing with the grid.
 fn brute(normal: DVec3, x: DVec3, positions: &[DVec3], triangles: &[[u32; 3]]) -> Option<f64> {
-    let height = |t: &[u32; 3]| {
+    let crossing = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| positions[i as usize]);
         let m = (b - a).cross(c - a);
-        if m.dot(normal) >= 0.0 {
-            return None;
-        }
-        let along = m.dot(a - x) / m.dot(normal);
-        let p = x + along * normal;
+        let depth = m.dot(x - a) / m.dot(normal);
+        let p = x - depth * normal;
         let inside = [(a, b), (b, c), (c, a)].iter().all(|(s, e)| (*e - *s).cross(p - *s).dot(m) >= 0.0);
-        inside.then_some(normal.dot(p))
+        (inside && depth > 0.0).then_some((depth, m.dot(normal) < 0.0))
     };
-    let lowest = triangles.iter().filter_map(height).reduce(f64::min)?;
-    let depth = normal.dot(x) - lowest;
-    (depth > 0.0).then_some(depth)
+    let (depth, leaves) = triangles.iter().filter_map(crossing).reduce(|p, q| if q.0 < p.0 { q } else { p })?;
+    leaves.then_some(depth)
 }
 
 #[test]
@@ -52,7 +48,7 @@ fn rays_agree_with_trying_every_triangle() {
     let mut random = Random(11);
     let normal = random.vector().normalize();
     let (a, at) = sphere(0.1, DVec3::ZERO, 4);
-    // Dented, and a second sheet within the first: a line meets several facing triangles.
+    // Dented, and a second sheet within the first: a line meets several triangles, facing and not.
     let (mut b, mut bt) = sphere(0.1, normal * 0.17, 4);
     let (inner, inner_triangles) = sphere(0.095, normal * 0.17, 4);
     let first = b.len() as u32;
