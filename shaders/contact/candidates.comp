@@ -27,10 +27,12 @@ layout(scalar, binding = 10) readonly buffer FanFirst { uint fan_first[]; };    
 layout(scalar, binding = 11) readonly buffer Fans { uint fans[]; };
 layout(scalar, binding = 12) readonly buffer Areas { float areas[]; };          // rest, m^2
 layout(scalar, binding = 13) readonly buffer BinHits { uint bin_hits[]; };
-layout(binding = 14) uniform usamplerBuffer hits;               // triangle, next, bits of the depth, front
+layout(binding = 14) uniform usamplerBuffer hits;               // triangle, next, bits of the depth, item and front
 layout(scalar, binding = 15) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (0: none), barycentric, area
 layout(scalar, binding = 16) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
 layout(scalar, binding = 17) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // from a to b
+layout(scalar, binding = 18) writeonly buffer CandidatePushes { vec4 candidate_pushes[]; };     // for the next step's normal; pair of proxies
+layout(scalar, binding = 19) readonly buffer Items { uvec2 items[]; };
 
 vec3 outward_normal(uint vertex) {
     vec3 sum = vec3(0.0);
@@ -43,7 +45,7 @@ vec3 outward_normal(uint vertex) {
     return length2 > 0.0 ? sum * inversesqrt(length2) : vec3(0.0);
 }
 
-// The nearest crossing, the lowest triangle of equals: triangle, front, depth; NONE where there is none. `through`: a back
+// The nearest crossing, the lowest triangle of equals: triangle, item and front, depth; NONE where there is none. `through`: a back
 // lies within depth_limit beyond it.
 uvec3 nearest_crossing(uint bin, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
@@ -55,7 +57,7 @@ uvec3 nearest_crossing(uint bin, out bool through) {
             depth = d;
             best = found.xwz;
         }
-        if (found.w == 0) back = min(back, d);
+        if ((found.w & 1) == 0) back = min(back, d);
         hit = found.y;
     }
     through = back < params.depth_limit;
@@ -86,7 +88,7 @@ void main() {
         uint vertex = chunk_vertices[chunk.vertex_first + l];
         float weights = 0.0, weighted_depths = 0.0, strongest = 0.0;
         vec3 normal = vec3(0.0), hit = vec3(0.0);
-        uint triangle = NONE;
+        uint triangle = NONE, opposing = 0;
         bool folded = false;
         if (pair.is_plane != 0) {
             hit.x = pair.plane.w - dot(pair.plane.xyz, texelFetch(skin, int(vertex)).xyz);
@@ -102,7 +104,7 @@ void main() {
                 item += 1;
                 bool through;
                 uvec3 nearest = nearest_crossing(bin, through);
-                if (nearest.x == NONE || nearest.y == 0) continue;
+                if (nearest.x == NONE || (nearest.y & 1) == 0) continue;
                 Region region = regions[(entry.side / 2) * PAIR_REGIONS + r];
                 vec3 found = crossing(region, texelFetch(skin, int(vertex)).xyz, nearest.x, side_b ? 1.0 : -1.0);
                 if (!(found.x > 0.0)) continue;
@@ -114,6 +116,7 @@ void main() {
                 if (weight > strongest) {
                     strongest = weight;
                     folded = through;
+                    opposing = nearest.y >> 1;
                     hit = found;
                     triangle = nearest.x;
                 }
@@ -126,7 +129,8 @@ void main() {
             continue;
         }
         normal = normalize(normal);
-        float facing = dot(outward_normal(vertex), normal) * (side_b ? -1.0 : 1.0);
+        vec3 outward = (side_b ? -1.0 : 1.0) * outward_normal(vertex);
+        float facing = dot(outward, normal);
         float depth = weighted_depths / weights;
         float area = (pair.is_plane != 0 ? 1.0 : 0.5) * facing * areas[vertex];
         if (area <= 0.0) continue;
@@ -135,5 +139,13 @@ void main() {
         candidate_hits[at] = vec4(depth, hit.yz, area);
         candidate_what[at] = uvec4(vertex, entry.side, triangle, 0);
         candidate_normals[at] = vec4(normal, 0.0);
+        uint proxy_pair = NONE;
+        if (pair.is_plane == 0) {
+            uint other = active_chunks[items[opposing].x].slot;
+            uint a = (side_b ? other : entry.slot) - pair.first_slot;
+            uint b = (side_b ? entry.slot : other) - pair.first_slot - pair.proxy_count[0];
+            proxy_pair = pair.first_proxy_pair + a * pair.proxy_count[1] + b;
+        }
+        candidate_pushes[at] = vec4(depth * areas[vertex] * outward, uintBitsToFloat(proxy_pair));
     }
 }

@@ -4,6 +4,7 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
+#include "shared/field.glsl"
 
 // Cull: boxes of an active slot's chunks along the axes of its regions. A vertex x = R (sum w_i (r_i + d_i)) of a chunk lies in
 // its rest box, moved by the middle of its nodes' displacements and grown by (sum |w|) times half their spread. A chunk stays
@@ -28,10 +29,11 @@ layout(scalar, binding = 10) readonly buffer Regions { Region regions[]; };
 layout(scalar, binding = 11) readonly buffer Boxes { vec3 boxes[]; };
 layout(scalar, binding = 12) readonly buffer SlotRegions { uint slot_regions[]; };
 layout(scalar, binding = 13) writeonly buffer SlotChunks { uvec2 slot_chunks[]; };    // regions of each chunk of the slot
-layout(scalar, binding = 14) writeonly buffer ChunkBoxes { vec3 chunk_boxes[]; };     // least and greatest corner, PAIR_REGIONS each
+layout(scalar, binding = 14) writeonly buffer Slabs { Slab slabs[]; };     // PAIR_REGIONS a chunk of a slot
 layout(scalar, binding = 15) buffer Fields { uint fields[]; };
 
-#include "shared/field.glsl"
+// Cosine to the region's normal below which a chunk's plane says nothing.
+const float STEEP = 0.2;
 
 // Middle and half the spread of the displacements of a chunk's nodes, in the proxy's frame.
 void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
@@ -51,16 +53,24 @@ void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
     spread = 1.001 * chunk.weight_bound * 0.5 * (greatest - least);
 }
 
-void raise_field(uint region_index, Region region, uint side, vec3 least, vec3 greatest) {
-    uvec4 range = squares(region, least.xy, greatest.xy);
-    uint key = height_key(side == 0 ? greatest.z : least.z);
+void raise_field(uint region_index, Region region, uint side, Slab slab) {
+    uvec4 range = squares(region, slab.low, slab.high);
     uint field = field_at(region_index, side);
     for (uint y = range.y; y <= range.w; y++) {
         for (uint x = range.x; x <= range.z; x++) {
+            uint key = height_key(slab_height(region, slab, side, uvec2(x, y)));
             if (side == 0) atomicMax(fields[field + y * FIELD + x], key);
             else atomicMin(fields[field + y * FIELD + x], key);
         }
     }
+}
+
+// The plane over (or, for b, under) a box of half-width `thickness` along `normal` about `centre`; flat where it is steep.
+vec3 plane_of(vec3 centre, vec3 normal, float thickness, uint side, float extreme) {
+    if (abs(normal.z) < STEEP) return vec3(0.0, 0.0, extreme);
+    vec3 plane = vec3(-normal.xy / normal.z, dot(normal, centre) / normal.z);
+    float above = thickness / abs(normal.z);
+    return plane + vec3(0.0, 0.0, side == 0 ? above : -above);
 }
 
 bool meets(Pair pair, uint side, uint r, vec3 least, vec3 greatest) {
@@ -107,10 +117,13 @@ void main() {
             bool beside = any(greaterThan(least.xy, region.high)) || any(lessThan(greatest.xy, region.low));
             if (beside || !meets(pair, slot.side, r, least, greatest)) continue;
             found |= 1u << r;
-            uint at = 2 * ((slot.chunk_first + k) * PAIR_REGIONS + r);
-            chunk_boxes[at] = least;
-            chunk_boxes[at + 1] = greatest;
-            raise_field(slot.pair * PAIR_REGIONS + r, region, slot.side, least, greatest);
+            vec3 normal = rotate(frame.rotation, cross(chunk.axes[0], chunk.axes[1]));
+            float thickness = chunk.half_extent.z + dot(abs(normal * around), vec3(1.0)) + 1.0e-6;
+            float extreme = slot.side == 0 ? greatest.z : least.z;
+            vec3 plane = plane_of(centre * axes, normal * axes, thickness, slot.side, extreme);
+            Slab slab = Slab(least.xy, greatest.xy, plane, extreme);
+            slabs[(slot.chunk_first + k) * PAIR_REGIONS + r] = slab;
+            raise_field(slot.pair * PAIR_REGIONS + r, region, slot.side, slab);
         }
         slot_chunks[slot.chunk_first + k] = uvec2(found, 0);
     }

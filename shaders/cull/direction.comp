@@ -7,7 +7,8 @@
 // is s(n) = min over b of n.y - max over a of n.x; the directions near the greatest are blended,
 // n = sum max(0, 1 - (s_max - s) / blend)^2 n, so that it turns smoothly where the best face changes, inside and outside
 // alike (a penetration direction by itself jumps from face to face, and the force with it). Written with the weight
-// max(0, reach - max(s_max, distance))^2, which vanishes where the pair is culled. One workgroup an active pair of proxies.
+// max(0, reach - max(s_max, distance))^2, which vanishes where the pair is culled. And the push that the pair's contacts gave
+// in the last step. One workgroup an active pair of proxies.
 // Oracle: oracle::proximity::direction.
 
 layout(local_size_x_id = 0) in;
@@ -20,7 +21,10 @@ layout(binding = 3) uniform samplerBuffer hull;
 layout(binding = 4) uniform samplerBuffer faces;
 layout(scalar, binding = 5) readonly buffer ActivePairs { uint active_pairs[]; };
 layout(scalar, binding = 6) readonly buffer Reach { vec2 reach_of[]; };     // reach, distance of the hulls
-layout(scalar, binding = 7) writeonly buffer Directions { vec4 directions[]; };    // unit normal, weight; an entry a pair of proxies
+layout(scalar, binding = 7) writeonly buffer Directions { vec4 directions[]; };    // unit normal, weight; push, its length
+layout(scalar, binding = 8) readonly buffer CountsIn { Counts counts; };
+layout(scalar, binding = 9) readonly buffer ContactSource { uint contact_source[]; };   // of the last step
+layout(binding = 10) uniform usamplerBuffer candidate_pushes;                           // of the last step
 
 // Faces of both hulls at most, each a fan of a hull with 64 vertices.
 const uint MAX_FACES = 256;
@@ -80,6 +84,19 @@ void main() {
             while (best + 1 < face_count && separation[best] < greatest) best += 1;
             sum.xyz = normal_of(a, b, best);
         }
-        directions[i] = vec4(normalize(sum.xyz), weight * weight);
+        directions[2 * i] = vec4(normalize(sum.xyz), weight * weight);
     }
+    // The skins themselves tell better, once they touch: sum of depth x area x outward normal over the last step's contacts.
+    vec3 push = vec3(0.0);
+    for (uint c = lane; c < counts.last_contacts; c += SIZE) {
+        uvec4 found = texelFetch(candidate_pushes, int(contact_source[c]));
+        if (found.w == i) push += uintBitsToFloat(found.xyz);
+    }
+    barrier();
+    partial[lane] = vec4(push, 0.0);
+    for (uint width = SIZE / 2; width > 0; width /= 2) {
+        barrier();
+        if (lane < width) partial[lane] += partial[lane + width];
+    }
+    if (lane == 0) directions[2 * i + 1] = vec4(partial[0].xyz, length(partial[0].xyz));
 }

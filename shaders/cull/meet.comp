@@ -2,6 +2,7 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
+#include "shared/field.glsl"
 
 // Cull: of the chunks of an active slot, those that may lie beyond what the other side's chunks reach in some square of their
 // region, in their order. One workgroup an active slot. Oracle: every chunk against every opposing chunk, by its test.
@@ -14,21 +15,20 @@ layout(scalar, binding = 1) readonly buffer Slots { Slot slots[]; };
 layout(scalar, binding = 2) readonly buffer ActiveSlots { uint active_slots[]; };
 layout(scalar, binding = 3) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar, binding = 4) readonly buffer Regions { Region regions[]; };
-layout(scalar, binding = 5) readonly buffer ChunkBoxes { vec3 chunk_boxes[]; };
+layout(scalar, binding = 5) readonly buffer Slabs { Slab slabs[]; };
 layout(scalar, binding = 6) readonly buffer Fields { uint fields[]; };
 layout(scalar, binding = 7) buffer SlotChunks { uvec2 slot_chunks[]; };     // regions; becomes chunk, and regions with items before
 layout(scalar, binding = 8) writeonly buffer SlotCounts { uvec2 slot_counts[]; };    // chunks, items
 
-#include "shared/field.glsl"
-
 shared uint masks[SIZE];
 
-bool reaches(uint region_index, uint side, vec3 least, vec3 greatest) {
-    uvec4 range = squares(regions[region_index], least.xy, greatest.xy);
-    uint key = height_key(side == 0 ? greatest.z : least.z);
+bool reaches(uint region_index, uint side, Slab slab) {
+    Region region = regions[region_index];
+    uvec4 range = squares(region, slab.low, slab.high);
     uint field = field_at(region_index, 1 - side);
     for (uint y = range.y; y <= range.w; y++) {
         for (uint x = range.x; x <= range.z; x++) {
+            uint key = height_key(slab_height(region, slab, side, uvec2(x, y)));
             uint other = fields[field + y * FIELD + x];
             if (side == 0 ? key >= other : key <= other) return true;
         }
@@ -48,8 +48,8 @@ void main() {
         uint mask = k < proxy.chunk_count ? slot_chunks[slot.chunk_first + k].x : 0;
         for (uint r = 0; r < PAIR_REGIONS; r++) {
             if ((mask & (1u << r)) == 0 || is_plane) continue;
-            uint at = 2 * ((slot.chunk_first + k) * PAIR_REGIONS + r);
-            if (!reaches(slot.pair * PAIR_REGIONS + r, slot.side, chunk_boxes[at], chunk_boxes[at + 1])) mask &= ~(1u << r);
+            Slab slab = slabs[(slot.chunk_first + k) * PAIR_REGIONS + r];
+            if (!reaches(slot.pair * PAIR_REGIONS + r, slot.side, slab)) mask &= ~(1u << r);
         }
         masks[lane] = mask;
         barrier();

@@ -25,7 +25,7 @@ layout(scalar, binding = 7) buffer Args { uint args[]; };
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= PROXY_PAIRS) return;
-    directions[i] = vec4(0.0);
+    directions[2 * i] = directions[2 * i + 1] = vec4(0.0);
     uvec2 which = texelFetch(proxy_pairs, int(i)).xy;
     ProxyBounds a_bounds = bounds[which.x];
     ProxyBounds b_bounds = bounds[which.y];

@@ -4,7 +4,8 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Cull: the regions of a pair of bodies. Directions of its pairs of proxies are gathered into at most PAIR_REGIONS groups of
+// Cull: the regions of a pair of bodies. Directions of its pairs of proxies (where they touched in the last step, the way that
+// their contacts pushed) are gathered into at most PAIR_REGIONS groups of
 // like ones (mean shift from the strongest that is left: Fukunaga and Hostetler 1975), a region each, whose normal is their
 // weighted mean. Memberships are smooth in the directions and in the weights, and a region's strength grows from zero, so
 // nothing jumps when one appears. A proxy shares its vertices out between regions as its pairs belong to them. Then, of all
@@ -40,11 +41,15 @@ const float UNLIKE = 0.2588;
 const uint SHIFTS = 4;
 // What a region needs of the whole strength to exist, and of a proxy's to see its vertices.
 const float LEAST_STRENGTH = 1.0e-3;
-const float LEAST_SHARE = 0.01;
+const float LEAST_SHARE = 1.0e-4;
 // Of a slot that an active pair of proxies has.
 const uint NEAR = 1u << PAIR_REGIONS;
 // Squares of a column along a side at most.
 const float MOST_CELLS = 1024.0;
+
+// What proxies say of a direction, against what contacts do; the push, in cubes of an edge, from which contacts are heard.
+const float GUESS = 0.01;
+const float LEAST_PUSH = 0.1;
 
 shared vec3 low[SIZE];
 shared vec3 high[SIZE];
@@ -54,6 +59,27 @@ vec3 normals[PAIR_REGIONS];
 float strength[PAIR_REGIONS];
 uint region_count = 0;
 vec4 before[PAIR_REGIONS];      // last step's normals and weights
+float all_weights, all_pushes, least_push;
+
+// A pair of proxies: which way it pushes; how much it counts for that, and for whether there is a region.
+struct Direction {
+    vec3 normal;
+    float push;
+    float weight;
+};
+
+// False where nothing is near.
+bool direction_of(uint proxy_pair, out Direction direction) {
+    vec4 guess = texelFetch(directions, int(2 * proxy_pair));
+    if (guess.w <= 0.0) return false;
+    // Divided first, so that no weight is large enough to overflow.
+    guess.w /= all_weights;
+    vec4 push = texelFetch(directions, int(2 * proxy_pair + 1)) / (all_pushes + least_push);
+    vec3 sum = push.xyz + GUESS * guess.w * guess.xyz;
+    float size = length(sum);
+    direction = Direction(size > 0.0 ? sum / size : guess.xyz, push.w + GUESS * guess.w, push.w + guess.w);
+    return true;
+}
 
 float alike(vec3 n, vec3 m) { return smoothstep(UNLIKE, ALIKE, dot(n, m)); }
 
@@ -75,10 +101,10 @@ vec4 strongest_remainder(Pair pair, uint count) {
     uint lane = gl_LocalInvocationID.x;
     vec4 best = vec4(0.0, 1.0, 0.0, 0.0);
     for (uint k = lane; k < pair.proxy_pair_count; k += SIZE) {
-        vec4 direction = texelFetch(directions, int(pair.first_proxy_pair + k));
-        if (direction.w <= 0.0) continue;
-        direction.w *= remainder(direction.xyz, count);
-        if (direction.w > best.w) best = direction;
+        Direction direction;
+        if (!direction_of(pair.first_proxy_pair + k, direction)) continue;
+        float left = direction.weight * remainder(direction.normal, count);
+        if (left > best.w) best = vec4(direction.normal, left);
     }
     strongest[lane] = best;
     for (uint width = SIZE / 2; width > 0; width /= 2) {
@@ -91,37 +117,41 @@ vec4 strongest_remainder(Pair pair, uint count) {
     return best;
 }
 
-void find_normals(Pair pair, float total) {
+void find_normals(Pair pair) {
+    uint lane = gl_LocalInvocationID.x;
     for (uint r = 0; r < PAIR_REGIONS; r++) {
         vec4 seed = strongest_remainder(pair, r);
         if (seed.w <= 0.0) return;
         vec3 n = seed.xyz;
-        float found = 0.0;
+        float weights = 0.0, pushes = 0.0;
         for (uint round = 0; round < SHIFTS; round++) {
             vec4 sum = vec4(0.0);
-            for (uint k = gl_LocalInvocationID.x; k < pair.proxy_pair_count; k += SIZE) {
-                vec4 direction = texelFetch(directions, int(pair.first_proxy_pair + k));
-                if (direction.w <= 0.0) continue;
-                // Divided first, so that no weight is large enough to overflow.
-                float weight = direction.w / total * remainder(direction.xyz, r) * alike(direction.xyz, n);
-                sum += weight * vec4(direction.xyz, 1.0);
+            float weight = 0.0;
+            for (uint k = lane; k < pair.proxy_pair_count; k += SIZE) {
+                Direction direction;
+                if (!direction_of(pair.first_proxy_pair + k, direction)) continue;
+                float own = remainder(direction.normal, r) * alike(direction.normal, n);
+                sum += own * direction.push * vec4(direction.normal, 1.0);
+                weight += own * direction.weight;
             }
             sum = workgroup_sum(sum);
-            found = sum.w;
+            weights = workgroup_sum(vec4(weight)).x;
+            pushes = sum.w;
             if (dot(sum.xyz, sum.xyz) > 0.0) n = normalize(sum.xyz);
         }
-        strength[r] = max(0.0, found - LEAST_STRENGTH);
-        if (strength[r] == 0.0) return;
+        if (weights <= LEAST_STRENGTH) return;
+        strength[r] = pushes * (1.0 - LEAST_STRENGTH / weights);
         normals[r] = n;
         region_count = r + 1;
     }
     float left = 0.0;
-    for (uint k = gl_LocalInvocationID.x; k < pair.proxy_pair_count; k += SIZE) {
-        vec4 direction = texelFetch(directions, int(pair.first_proxy_pair + k));
-        if (direction.w > 0.0) left += direction.w / total * remainder(direction.xyz, region_count);
+    for (uint k = lane; k < pair.proxy_pair_count; k += SIZE) {
+        Direction direction;
+        if (!direction_of(pair.first_proxy_pair + k, direction)) continue;
+        left += direction.weight * remainder(direction.normal, region_count);
     }
     left = workgroup_sum(vec4(left)).x;
-    if (left > LEAST_STRENGTH && gl_LocalInvocationID.x == 0) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
+    if (left > LEAST_STRENGTH && lane == 0) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
 }
 
 // Each slot's shares of the regions, and which slots are near.
@@ -130,20 +160,21 @@ void share_out(Pair pair) {
     for (uint s = gl_LocalInvocationID.x; s < a_count + b_count; s += SIZE) {
         float share[PAIR_REGIONS];
         for (uint r = 0; r < PAIR_REGIONS; r++) share[r] = 0.0;
-        bool of_a = s < a_count;
+        bool of_a = s < a_count, near = false;
         uint first = pair.first_proxy_pair + (of_a ? s * b_count : s - a_count);
         uint count = of_a ? b_count : a_count, stride = of_a ? 1 : b_count;
         for (uint k = 0; k < count; k++) {
-            vec4 direction = texelFetch(directions, int(first + k * stride));
-            if (direction.w <= 0.0) continue;
-            for (uint r = 0; r < region_count; r++) share[r] += direction.w * part(direction.xyz, r);
+            Direction direction;
+            if (!direction_of(first + k * stride, direction)) continue;
+            near = true;
+            for (uint r = 0; r < region_count; r++) share[r] += direction.push * part(direction.normal, r);
         }
         float sum = 0.0;
         for (uint r = 0; r < region_count; r++) sum += share[r];
         for (uint r = 0; r < PAIR_REGIONS; r++) {
             shares[(pair.first_slot + s) * PAIR_REGIONS + r] = sum > 0.0 ? max(0.0, share[r] / sum - LEAST_SHARE) : 0.0;
         }
-        slot_regions[pair.first_slot + s] = sum > 0.0 ? NEAR : 0;
+        slot_regions[pair.first_slot + s] = near ? NEAR : 0;
         slot_counts[pair.first_slot + s] = uvec2(0);
     }
     memoryBarrierBuffer();
@@ -300,17 +331,22 @@ void main() {
         region_count = 1;
         open_plane(pair, first_region);
     } else {
-        float total = 0.0;
+        vec4 sums = vec4(0.0);
         for (uint k = lane; k < pair.proxy_pair_count; k += SIZE) {
-            total += texelFetch(directions, int(pair.first_proxy_pair + k)).w;
+            uint at = 2 * (pair.first_proxy_pair + k);
+            sums.xy += vec2(texelFetch(directions, int(at)).w, texelFetch(directions, int(at + 1)).w);
         }
-        total = workgroup_sum(vec4(total)).x;
-        if (total > 0.0 && pair.direction.w != 0.0) {
+        sums = workgroup_sum(sums);
+        all_weights = sums.x;
+        all_pushes = sums.y;
+        float edge = max(proxies[pair.first_proxy[0]].edge, proxies[pair.first_proxy[1]].edge);
+        least_push = LEAST_PUSH * edge * edge * edge;
+        if (all_weights > 0.0 && pair.direction.w != 0.0) {
             normals[0] = pair.direction.xyz;
             strength[0] = 1.0;
             region_count = 1;
-        } else if (total > 0.0) {
-            find_normals(pair, total);
+        } else if (all_weights > 0.0) {
+            find_normals(pair);
         }
         share_out(pair);
         for (uint r = 0; r < region_count; r++) open_region(pair, r, first_region);

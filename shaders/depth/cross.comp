@@ -24,10 +24,26 @@ layout(binding = 8) uniform usamplerBuffer buckets;         // four a texel
 layout(binding = 9) uniform usamplerBuffer bins;
 layout(scalar, binding = 10) readonly buffer BinSides { uint bin_sides[]; };
 layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
-layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, front
+layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
+layout(binding = 13) uniform usamplerBuffer fields;
 
 #include "shared/bins.glsl"
 #include "shared/crossing.glsl"
+#include "shared/field.glsl"
+
+// Whether some square that a triangle covers holds chunks of the other side as far back as it reaches.
+bool reaches(Region region, uint region_index, uint side, vec2 least, vec2 greatest, float height) {
+    uvec4 range = squares(region, least, greatest);
+    uint field = field_at(region_index, 1 - side), key = height_key(height);
+    for (uint y = range.y; y <= range.w; y++) {
+        for (uint x = range.x; x <= range.z; x++) {
+            uint at = field + y * FIELD + x;
+            uint other = texelFetch(fields, int(at / 4))[at % 4];
+            if (side == 0 ? key >= other : key <= other) return true;
+        }
+    }
+    return false;
+}
 
 void main() {
     uvec2 item = items[gl_WorkGroupID.x];
@@ -43,10 +59,13 @@ void main() {
         vec2 least = max(min(min(corners[0].xy, corners[1].xy), corners[2].xy), region.low);
         vec2 greatest = min(max(max(corners[0].xy, corners[1].xy), corners[2].xy), region.high);
         if (any(greaterThan(least, greatest))) continue;
+        float height = side == 0 ? max(max(corners[0].z, corners[1].z), corners[2].z)
+                                 : min(min(corners[0].z, corners[1].z), corners[2].z);
+        if (!reaches(region, item.y, side, least, greatest, height)) continue;
         ivec2 first = cell_of(region, other, least), last = cell_of(region, other, greatest);
         for (int y = first.y; y <= last.y; y++) {
             for (int x = first.x; x <= last.x; x++) {
-                cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle);
+                cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
             }
         }
     }

@@ -27,7 +27,7 @@ layout(scalar, binding = 7) readonly buffer Links { Link links[]; };
 layout(scalar, binding = 8) writeonly buffer Hull { vec4 hull[]; };
 layout(scalar, binding = 9) writeonly buffer Faces { vec4 faces[]; };
 layout(scalar, binding = 10) writeonly buffer Bounds { ProxyBounds bounds[]; };
-layout(scalar, binding = 11) writeonly buffer CountsOut { Counts counts; };
+layout(scalar, binding = 11) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
 
 shared vec3 low[SIZE];
@@ -37,7 +37,7 @@ shared float reach2[SIZE];
 void main() {
     uint lane = gl_LocalInvocationID.x;
     if (gl_GlobalInvocationID.x == 0) {
-        counts = Counts(0, 0, 0, 0, 0, 0, 0, 0);
+        counts = Counts(0, 0, 0, 0, 0, 0, 0, counts.contacts, 0);
         for (uint k = 0; k < ARGS_LOOP_APPLY; k++) {
             args[3 * k] = 0;
             args[3 * k + 1] = 1;

@@ -2,8 +2,8 @@
 // region's normal, away from its own body's inside, crosses the triangle, the crossing is put on the vertex's list. Needs
 // shared/bins.glsl, `buckets`, `bins`, `bin_sides`, `bin_hits`, `hits`, `counts`, MOST_HITS.
 
-// `corners` along the region's axes; `side` is the triangle's.
-void cross_square(ivec2 cell, uint region_side, vec3 corners[3], uint side, uint triangle) {
+// `corners` along the region's axes; `side` and `item` are the triangle's.
+void cross_square(ivec2 cell, uint region_side, vec3 corners[3], uint side, uint triangle, uint item) {
     uint bucket = bucket_of(cell, region_side);
     uint bin = texelFetch(buckets, int(bucket / 4))[bucket % 4];
     while (bin != NONE) {
@@ -22,7 +22,7 @@ void cross_square(ivec2 cell, uint region_side, vec3 corners[3], uint side, uint
                 uint hit = atomicAdd(counts.hits, 1);
                 if (hit < MOST_HITS) {
                     uint next = atomicExchange(bin_hits[bin], hit);
-                    hits[hit] = uvec4(triangle, next, floatBitsToUint(depth), front ? 1 : 0);
+                    hits[hit] = uvec4(triangle, next, floatBitsToUint(depth), item << 1 | (front ? 1 : 0));
                 } else {
                     atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
                 }

@@ -151,6 +151,7 @@ struct Counts {
     uint entries;               // of the transposed contact index
     uint pulling;               // contacts dropped because they would pull
     uint turn;                  // bits of the largest turn of a region's normal, rad
+    uint last_contacts;         // of the last step
     uint flags;
 };
 

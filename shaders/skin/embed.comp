@@ -33,8 +33,10 @@ layout(scalar, binding = 15) buffer Buckets { uint buckets[]; };            // c
 layout(scalar, binding = 16) writeonly buffer Bins { uvec4 bins[]; };       // CHUNK_VERTICES an item
 layout(scalar, binding = 17) writeonly buffer BinHits { uint bin_hits[]; };     // first crossing found: none yet
 layout(scalar, binding = 18) writeonly buffer BinSides { uint bin_sides[]; };   // 2 * region + side
+layout(binding = 19) uniform usamplerBuffer fields;
 
 #include "shared/bins.glsl"
+#include "shared/field.glsl"
 
 shared vec3 own[CHUNK_VERTICES];
 
@@ -84,6 +86,11 @@ void main() {
             bin_hits[bin] = NONE;
             vec3 at = along(region, own[l]);
             if (!sees || any(lessThan(at.xy, region.low)) || any(greaterThan(at.xy, region.high))) continue;
+            // In front of all that the other side reaches.
+            uvec2 square = squares(region, at.xy, at.xy).xy;
+            uint field = field_at(region_index, 1 - side) + square.y * FIELD + square.x;
+            uint other = texelFetch(fields, int(field / 4))[field % 4];
+            if (side == 0 ? height_key(at.z) < other : height_key(at.z) > other) continue;
             uint next = atomicExchange(buckets[bucket_of(cell_of(region, side, at.xy), region_side)], bin);
             bins[bin] = uvec4(floatBitsToUint(at), next);
             bin_sides[bin] = region_side;

@@ -67,7 +67,10 @@ pub struct Contact {
     candidate_hits: Buffer,
     candidate_what: Buffer,
     candidate_normals: Buffer,
-    source: Buffer,
+    /// Depth x area x outward normal of each, and its pair of proxies.
+    pub candidate_pushes: Buffer,
+    /// Candidate of each contact.
+    pub source: Buffer,
     node_count: Buffer,
     cursor: Buffer,
     touched_nodes: Buffer,
@@ -108,6 +111,7 @@ impl Contact {
             candidate_hits: zeros::<[f32; 4]>(context, "candidate hits", candidates)?,
             candidate_what: zeros::<[u32; 4]>(context, "candidates", candidates)?,
             candidate_normals: zeros::<[f32; 4]>(context, "normals of candidates", candidates)?,
+            candidate_pushes: zeros::<[f32; 4]>(context, "pushes of candidates", candidates)?,
             source: array::<u32>(context, "sources of contacts", capacity)?,
             node_count: zeros::<u32>(context, "entries of nodes", nodes)?,
             cursor: array::<u32>(context, "cursors", nodes)?,
@@ -149,6 +153,8 @@ impl Contact {
                 &self.candidate_hits,
                 &self.candidate_what,
                 &self.candidate_normals,
+                &self.candidate_pushes,
+                &cull.items,
             ],
             &[],
             &common.args,

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::contact::Contact;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
@@ -43,8 +44,9 @@ pub struct Cull {
     pub chunks: Buffer,
     chunk_nodes: Buffer,
     slot_chunks: Buffer,
-    chunk_boxes: Buffer,
-    fields: Buffer,
+    slabs: Buffer,
+    /// Heights that each side's chunks reach in the squares of a region.
+    pub fields: Buffer,
     /// An [`ActiveChunk`] each.
     pub active_chunks: Buffer,
     /// Active chunk and region.
@@ -72,7 +74,7 @@ impl Cull {
             proxy_pairs: upload(context, "pairs of proxies", &model.proxy_pairs)?,
             active_pairs: array::<u32>(context, "active pairs of proxies", proxy_pairs)?,
             reach: array::<[f32; 2]>(context, "reach", proxy_pairs)?,
-            directions: zeros::<[f32; 4]>(context, "directions", proxy_pairs)?,
+            directions: zeros::<[f32; 4]>(context, "directions", 2 * proxy_pairs)?,
             regions: zeros::<Region>(context, "regions", PAIR_REGIONS * model.pairs.len())?,
             slots: upload(context, "slots", &model.slots)?,
             shares: array::<f32>(context, "shares", PAIR_REGIONS * slots)?,
@@ -83,18 +85,19 @@ impl Cull {
             chunks: upload(context, "chunks", &model.chunks)?,
             chunk_nodes: upload(context, "nodes of chunks", &model.chunk_nodes)?,
             slot_chunks: array::<[u32; 2]>(context, "chunks of slots", model.slot_chunks)?,
-            chunk_boxes: array::<[f32; 6]>(context, "boxes of chunks", PAIR_REGIONS * model.slot_chunks)?,
+            slabs: array::<[f32; 8]>(context, "slabs of chunks", PAIR_REGIONS * model.slot_chunks)?,
             fields: array::<u32>(context, "fields of heights", PAIR_REGIONS * model.pairs.len() * FIELD_WORDS)?,
             active_chunks: array::<ActiveChunk>(context, "active chunks", items)?,
             items: array::<[u32; 2]>(context, "work items", items)?,
         })
     }
 
-    /// Six passes: pairs, directions, regions, boxes of chunks, chunks that meet, their list.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, elastic: &Elastic) {
+    /// Six passes: pairs, directions, regions, slabs of chunks, chunks that meet, their list. `last` still holds the last
+    /// step's contacts.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact, elastic: &Elastic) {
         recorder.stage("cull");
         if self.proxy_pair_count > 0 {
-            self.record_directions(recorder, common, pose);
+            self.record_directions(recorder, common, pose, last);
         }
         let buffers = [
             &common.params,
@@ -129,7 +132,7 @@ impl Cull {
             &self.boxes,
             &self.slot_regions,
             &self.slot_chunks,
-            &self.chunk_boxes,
+            &self.slabs,
             &self.fields,
         ];
         recorder.dispatch_indirect(&self.chunks_kernel, &buffers, &[], &common.args, args::CHUNKS);
@@ -139,7 +142,7 @@ impl Cull {
             &self.active_slots,
             &pose.proxies,
             &self.regions,
-            &self.chunk_boxes,
+            &self.slabs,
             &self.fields,
             &self.slot_chunks,
             &self.slot_counts,
@@ -157,7 +160,7 @@ impl Cull {
         recorder.dispatch_groups(&self.list, &buffers, &[], 1);
     }
 
-    fn record_directions(&self, recorder: &mut Recorder, common: &Common, pose: &Pose) {
+    fn record_directions(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact) {
         let buffers = [
             &pose.proxies,
             &pose.bounds,
@@ -178,6 +181,9 @@ impl Cull {
             &self.active_pairs,
             &self.reach,
             &self.directions,
+            &common.counts,
+            &last.source,
+            &last.candidate_pushes,
         ];
         recorder.dispatch_indirect(&self.direction, &buffers, &[], &common.args, args::DIRECTION);
     }

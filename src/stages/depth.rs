@@ -75,6 +75,7 @@ impl Depth {
             &skin.bin_sides,
             &skin.bin_hits,
             &self.hits,
+            &cull.fields,
         ];
         recorder.dispatch_indirect(&self.cross, &buffers, &[], &common.args, args::ITEMS);
     }

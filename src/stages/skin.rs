@@ -80,6 +80,7 @@ impl Skin {
             &self.bins,
             &self.bin_hits,
             &self.bin_sides,
+            &cull.fields,
         ];
         recorder.dispatch_indirect(&self.embed, &buffers, &[], &common.args, args::ACTIVE);
     }

@@ -286,6 +286,8 @@ pub struct Counts {
     pub pulling: u32,
     /// Bits of the largest turn of a region's normal, rad.
     pub turn: u32,
+    /// Contacts of the last step.
+    pub last_contacts: u32,
     /// Flags as in the trace.
     pub flags: u32,
 }

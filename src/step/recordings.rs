@@ -92,7 +92,7 @@ impl Recordings {
         }
         if let Some(TouchStages { pose, skin, cull, depth, contact }) = touch {
             pose.record(&mut begin, common, elastic);
-            cull.record(&mut begin, common, pose, elastic);
+            cull.record(&mut begin, common, pose, contact, elastic);
             skin.record(&mut begin, common, pose, cull, elastic);
             if let Some(depth) = depth {
                 depth.record(&mut begin, common, cull, skin);
