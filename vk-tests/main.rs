@@ -22,7 +22,6 @@ mod layers;
 mod layouts;
 mod pose;
 mod random;
-mod regions;
 mod skin;
 mod solve;
 mod spheres;

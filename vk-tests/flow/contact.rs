@@ -30,12 +30,15 @@ impl Flow {
             .output::<[f32; 4]>("candidate_hits", count)
             .partial("candidate_what", &vec![[NONE; 4]; count])
             .partial("candidate_normals", &vec![[0.0f32; 4]; count])
+            .partial("candidate_pushes", &vec![[0.0f32; 4]; count])
+            .input("items", &some(&self.items))
             .groups(self.groups(args::ACTIVE))
             .run();
         self.counts = out.get("counts")[0];
         self.hits = out.get("candidate_hits");
         self.what = out.get("candidate_what");
         self.normals = out.get("candidate_normals");
+        self.pushes = out.get("candidate_pushes");
     }
 
     pub fn compact(&mut self) {

@@ -12,7 +12,7 @@ use palpate::stages::args;
 use palpate::stages::depth::Path;
 use palpate::stages::model::{Model, texel};
 use palpate::stages::types::{
-    ActiveChunk, CHUNK_VERTICES, Contact, Counts, Frame, Link, NONE, PAIR_REGIONS, Pair, ProxyBounds, Region, StepParams,
+    ActiveChunk, CHUNK_VERTICES, Contact, Counts, Frame, Link, PAIR_REGIONS, Pair, ProxyBounds, Region, StepParams,
 };
 
 /// The ways to find crossings that the flow drives.
@@ -39,6 +39,7 @@ pub struct Flow {
     pub bounds: Vec<ProxyBounds>,
     pub active_pairs: Vec<u32>,
     pub reach: Vec<[f32; 2]>,
+    /// Two a pair of proxies: unit normal and weight; push and its length.
     pub directions: Vec<[f32; 4]>,
     /// [`PAIR_REGIONS`] a pair.
     pub regions: Vec<Region>,
@@ -50,7 +51,8 @@ pub struct Flow {
     pub active_slots: Vec<u32>,
     pub fields: Vec<u32>,
     pub slot_chunks: Vec<[u32; 2]>,
-    pub chunk_boxes: Vec<Box3>,
+    /// [`PAIR_REGIONS`] a chunk of a slot: low, high, plane, extreme.
+    pub slabs: Vec<[f32; 8]>,
     pub active_chunks: Vec<ActiveChunk>,
     pub items: Vec<[u32; 2]>,
     pub counts: Counts,
@@ -61,11 +63,12 @@ pub struct Flow {
     pub bins: Vec<[u32; 4]>,
     pub bin_hits: Vec<u32>,
     pub bin_sides: Vec<u32>,
-    /// Crossings: triangle, next on the ray, bits of the depth, front.
+    /// Crossings: triangle, next on the ray, bits of the depth, item and front.
     pub crossings: Vec<[u32; 4]>,
     pub hits: Vec<[f32; 4]>,
     pub what: Vec<[u32; 4]>,
     pub normals: Vec<[f32; 4]>,
+    pub pushes: Vec<[f32; 4]>,
     pub source: Vec<u32>,
     pub contacts: Vec<Contact>,
     pub entry_nodes: Vec<[u32; 4]>,
@@ -147,7 +150,7 @@ impl Flow {
             active_slots: vec![],
             fields: vec![],
             slot_chunks: vec![],
-            chunk_boxes: vec![],
+            slabs: vec![],
             active_chunks: vec![],
             items: vec![],
             counts: Counts::default(),
@@ -161,6 +164,7 @@ impl Flow {
             hits: vec![],
             what: vec![],
             normals: vec![],
+            pushes: vec![],
             source: vec![],
             contacts: vec![],
             entry_nodes: vec![],

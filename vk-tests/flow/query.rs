@@ -3,7 +3,7 @@
 use palpate::gpu::Size;
 use palpate::stages::args;
 use palpate::stages::skin::BUCKETS;
-use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, Counts, NONE, PAIR_REGIONS, ProxyBounds};
+use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, NONE, PAIR_REGIONS, ProxyBounds};
 
 use super::{FIELD_WORDS, Flow, some};
 use crate::harness::{case, context};
@@ -27,7 +27,7 @@ impl Flow {
             .output::<[f32; 4]>("hull", hulls)
             .output::<[f32; 4]>("faces", faces)
             .output::<ProxyBounds>("bounds", proxies)
-            .output::<Counts>("counts", 1)
+            .inout("counts", &[self.counts])
             .partial("args", &self.args)
             .groups(proxies)
             .run();
@@ -48,7 +48,7 @@ impl Flow {
             .input("hull", &some(&self.hull))
             .partial("active_pairs", &vec![NONE; count])
             .partial("reach_of", &vec![[-1.0f32; 2]; count])
-            .output::<[f32; 4]>("directions", count)
+            .output::<[f32; 4]>("directions", 2 * count)
             .inout("args", &self.args)
             .elements(count)
             .run();
@@ -69,6 +69,9 @@ impl Flow {
             .input("active_pairs", &some(&self.active_pairs))
             .input("reach_of", &some(&self.reach))
             .partial("directions", &self.directions)
+            .input("counts", &[self.counts])
+            .input("contact_source", &some(&self.source))
+            .input("candidate_pushes", &some(&self.pushes))
             .groups(self.groups(args::DIRECTION))
             .run();
         self.directions = out.get("directions");
@@ -125,12 +128,12 @@ impl Flow {
             .input("boxes", &self.boxes)
             .input("slot_regions", &self.slot_regions)
             .partial("slot_chunks", &vec![[NONE; 2]; chunks])
-            .partial("chunk_boxes", &vec![[[f32::NAN; 3]; 2]; PAIR_REGIONS * chunks])
+            .partial("slabs", &vec![[f32::NAN; 8]; PAIR_REGIONS * chunks])
             .inout("fields", &self.fields)
             .groups(self.groups(args::CHUNKS))
             .run();
         self.slot_chunks = out.get("slot_chunks");
-        self.chunk_boxes = out.get("chunk_boxes");
+        self.slabs = out.get("slabs");
         self.fields = out.get("fields");
     }
 
@@ -142,7 +145,7 @@ impl Flow {
             .input("active_slots", &self.active_slots)
             .input("proxies", &self.model.proxies)
             .input("regions", &self.regions)
-            .input("chunk_boxes", &self.chunk_boxes)
+            .input("slabs", &self.slabs)
             .input("fields", &self.fields)
             .inout("slot_chunks", &self.slot_chunks)
             .partial("slot_counts", &self.slot_counts)
@@ -198,6 +201,7 @@ impl Flow {
             .partial("bins", &vec![[NONE - 1; 4]; bins])
             .partial("bin_hits", &vec![NONE - 1; bins])
             .partial("bin_sides", &vec![NONE - 1; bins])
+            .input("fields", &self.fields)
             .groups(self.groups(args::ACTIVE))
             .run();
         self.skin = out.get("skin");
@@ -227,6 +231,7 @@ impl Flow {
             .input("bin_sides", &some(&self.bin_sides))
             .inout("bin_hits", &self.bin_hits)
             .partial("hits", &vec![[NONE; 4]; self.most_hits])
+            .input("fields", &self.fields)
             .groups(self.groups(args::ITEMS))
             .run();
         self.counts = out.get("counts")[0];
