@@ -2,7 +2,7 @@
 
 pub mod frames;
 mod probes;
-mod recordings;
+pub(crate) mod recordings;
 
 use std::sync::Arc;
 use std::time::Instant;

@@ -159,10 +159,10 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
         let (g, w) = (entries.get(node).copied().unwrap_or(0.0), nodes.get(node).copied().unwrap_or(0.0));
         assert!((g - w).abs() < WEIGHT, "{what}: node {node} weighs {g}, not {w}");
     }
-    // Lever and rate at the gathered vertex: the force acts on the line through both points.
+    // Arm and rate at the gathered vertex: the force acts on the line through both points.
     let vertex = vector(&flow.skin[got.vertex as usize]) - vector(&flow.params.tool_centre);
     let lever = tool * vertex.cross(want.normal);
-    expect_close(&what, &got.lever, &lever.to_array(), Tolerance { abs: DEPTH, rel: RELATIVE });
+    expect_close(&what, &got.arm, &vertex.to_array(), Tolerance { abs: DEPTH, rel: RELATIVE });
     let speed = |(node, w): (&u32, &f64)| w * want.normal.dot(vector(&flow.velocity[*node as usize]));
     let twist = (vector(&flow.params.tool_twist[..3]), vector(&flow.params.tool_twist[3..]));
     let rate = nodes.iter().map(speed).sum::<f64>() + tool * want.normal.dot(twist.0) + lever.dot(twist.1);
@@ -276,8 +276,7 @@ fn one_vertex_against_a_half_space_by_hand() {
     expect_close("normal", &got.normal, &[0.0, -1.0, 0.0], close);
     expect_close("area", &[got.area], &[4.0 / 3.0 * 3f64.sqrt() / 2.0], close);
     expect_close("depth", &[got.depth], &[0.25], close);
-    // s - centre = (0.5, -1, 0); crossed with the normal: -0.5 about z.
-    expect_close("lever", &got.lever, &[0.0, 0.0, -0.5], close);
+    expect_close("arm", &got.arm, &[0.5, -1.0, 0.0], close);
     expect_close("rate", &[got.rate], &[2.0 - 0.5], close);
     // The skin's vertices: x, y, z, -x, -y, -z.
     assert_eq!((got.vertex, got.side, got.triangle, got.quads), (4, 0, NONE, 0));

@@ -53,7 +53,10 @@ fn step_params_and_frame() {
     );
     same_layout!("pose/place", Frame { rotation, centre, linear, angular, turn, gyroscopic, core });
     same_layout!("elastic/rotate", Link { turn, offset });
-    same_layout!("solve/scalars", Core { frame, node_first, node_count, inverse, b, x, r, u, p, s, image, leftover });
+    same_layout!(
+        "solve/scalars",
+        Core { frame, node_first, node_count, hinge, inverse, b, x, r, u, p, s, image, leftover }
+    );
     same_layout!("pose/fit", Fit { shift, twist, momentum, spin });
 }
 
@@ -74,6 +77,7 @@ fn pairs_proxies_and_bounds() {
             driven_frame,
             direction,
             plane,
+            direction,
         }
     );
     same_layout!(
@@ -127,12 +131,14 @@ fn contacts_solver_and_report() {
         Contact {
             normal,
             area,
-            lever,
+            arm,
             tool_sign,
             depth,
             rate,
             stiffness,
             damping,
+            friction,
+            slip,
             quads,
             vertex,
             side,

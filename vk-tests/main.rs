@@ -1,10 +1,13 @@
 //! Kernels on a real device, held against expectations. Validation and synchronisation validation are on; no device is
 //! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
 
+mod adversaries;
+mod agreement;
 mod bodies;
 mod bones;
 mod contact;
 mod contact_sizes;
+mod continuity;
 mod cull;
 mod deep;
 mod dirty;
@@ -13,15 +16,21 @@ mod energy;
 mod extremes;
 mod flow;
 mod frames;
+mod friction;
 mod gpu;
 mod harness;
 mod harness_self_test;
 mod heads;
+mod hinges;
+mod judge;
 mod laws;
 mod layers;
 mod layouts;
 mod pose;
+mod query;
 mod random;
+mod response;
+mod scenes;
 mod skin;
 mod solve;
 mod spheres;

@@ -69,14 +69,20 @@ fn same(what: &str, got: &Depths, want: &Depths) -> usize {
     matched
 }
 
+/// Towards where the tool is from a body: the direction that the pair of them is given, so that there is one region.
+fn give_direction(flow: &mut Flow, normal: DVec3) {
+    flow.pairs[0].direction = normal.normalize().as_vec3().extend(1.0).to_array();
+}
+
 /// Runs the query on every path and compares; returns the flow of the last path and its depths.
-fn every_path(what: &str, a: &Body, tool: &Body, least: usize) -> (Flow, Depths) {
+fn every_path(what: &str, a: &Body, tool: &Body, normal: DVec3, least: usize) -> (Flow, Depths) {
     let Shape::Rigid { skin, .. } = &a.shape else { panic!("not rigid") };
     let first = [0, skin.vertices.len() as u32];
     let first_triangle = [0, skin.triangles.len() as u32];
     let mut last = None;
     for path in PATHS {
         let mut flow = Flow::new(std::slice::from_ref(a), Some(tool), tool.position);
+        give_direction(&mut flow, normal);
         flow.query(path);
         assert_eq!(flow.counts.flags, 0, "{what}, {}", path.name());
         let depths = got(&flow, first, first_triangle);
@@ -92,7 +98,7 @@ fn every_path(what: &str, a: &Body, tool: &Body, least: usize) -> (Flow, Depths)
 fn a_sphere_on_a_plane_of_two_triangles() {
     let tool = rigid("tool", sphere(RADIUS, 4), whole, DVec3::new(1e-3, 0.9 * RADIUS, -2e-3), DQuat::IDENTITY);
     let plane = rigid("plane", sheet(0.05, 1), whole, DVec3::ZERO, DQuat::IDENTITY);
-    let (flow, depths) = every_path("two triangles", &plane, &tool, 20);
+    let (flow, depths) = every_path("two triangles", &plane, &tool, DVec3::Y, 20);
     // By hand: the lowest vertex is a tenth of the radius below the plane.
     let deepest = depths.values().fold(0.0f64, |most, d| most.max(d.0));
     let normal_y = f64::from(flow.regions[0].normal[1]);
@@ -108,7 +114,7 @@ fn a_turned_sphere_on_a_turned_grid_far_from_the_origin() {
         let up = turn * DVec3::Y;
         let tool = rigid("tool", sphere(RADIUS, 4), cut, place + 0.8 * RADIUS * up, random.turn(3.0));
         let plane = rigid("plane", sheet(0.03, 24), whole, place, turn);
-        let (_, depths) = every_path("grid", &plane, &tool, 60);
+        let (_, depths) = every_path("grid", &plane, &tool, up + 0.1 * random.vector(), 60);
         assert!(depths.keys().any(|k| k.0 == 0) && depths.keys().any(|k| k.0 == 1), "both sides collide");
     }
 }
@@ -121,7 +127,7 @@ fn two_spheres_in_general_position() {
             let towards = random.vector().normalize();
             let a = rigid("a", sphere(RADIUS, 4), cut, DVec3::ZERO, random.turn(3.0));
             let tool = rigid("tool", sphere(RADIUS, 4), cut, gap * RADIUS * towards, random.turn(3.0));
-            every_path(&format!("spheres {gap} radii apart"), &a, &tool, 10);
+            every_path(&format!("spheres {gap} radii apart"), &a, &tool, towards + 0.1 * random.vector(), 10);
         }
     }
 }
@@ -136,6 +142,7 @@ fn the_size_of_squares_changes_no_depth() {
     let depths = [0.0, 1e-4, 3e-3].map(|texel| {
         let mut flow = Flow::new(std::slice::from_ref(&a), Some(&tool), place);
         flow.params.texel = texel;
+        give_direction(&mut flow, place);
         flow.query(Path::Compute);
         let mut found = flow.hits.iter().zip(&flow.what).filter(|(hit, _)| hit[0] > 0.0).collect::<Vec<_>>();
         found.sort_by_key(|(_, what)| **what);
@@ -171,6 +178,7 @@ fn sphere_depth(x: DVec3, normal: DVec3, centre: DVec3) -> Option<f64> {
 fn worst(a: &Body, halvings: u32, turn: DQuat, place: DVec3, path: Path) -> (f64, usize) {
     let tool = rigid("tool", sphere(RADIUS, halvings), whole, place, turn);
     let mut flow = Flow::new(std::slice::from_ref(a), Some(&tool), place);
+    give_direction(&mut flow, place - a.position);
     flow.query(path);
     let normal = DVec3::from_array(flow.regions[0].normal.map(f64::from)).normalize();
     let own = mesh(a).0;

@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
 use palpate::oracle::contact::{Carrier, Contact as Twin, Point};
+use palpate::oracle::friction::Friction;
 use palpate::oracle::linear::Entries;
 use palpate::oracle::step::{Simulation, SoftBody};
 use palpate::oracle::tool::{Device, Tool};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{self, Body, FrameMotion, Layer, Shape, Skin};
-use palpate::scene::{self, Coupling, Material, Scene};
+use palpate::scene::{self, Coupling, Hinge, Material, Scene};
 use palpate::stages::model::Model;
 use palpate::stages::types::{Contact, Core, Counts, Frame, Link, NONE, StepParams};
 
@@ -195,7 +196,11 @@ impl System {
         for (index, core) in self.model.cores.iter().enumerate() {
             let place = self.model.frames[core.frame].clone();
             let centre = place.position + place.orientation * place.rest_centre;
-            let (velocity, spin) = (DVec3::new(0.05, -0.1, 0.2), DVec3::new(1.5, -0.5, 2.0));
+            let hinge = (core.hinge != DVec3::ZERO).then_some(core.hinge);
+            let (velocity, spin) = match hinge {
+                Some(axis) => (DVec3::ZERO, 1.5 * axis),
+                None => (DVec3::new(0.05, -0.1, 0.2), DVec3::new(1.5, -0.5, 2.0)),
+            };
             let frame = &mut self.frames[core.frame];
             (frame.core, frame.centre) = (index as u32, centre.as_vec3().to_array());
             (frame.linear, frame.angular) = (velocity.as_vec3().to_array(), spin.as_vec3().to_array());
@@ -211,9 +216,10 @@ impl System {
                 self.velocity[*node as usize] = narrow(velocity + spin.cross(arm));
             }
             let local = core.nodes.iter().map(|n| (body, n - node_first as u32)).collect();
-            self.twin.cores.push(palpate::oracle::step::Core { nodes: local, centre, velocity, spin });
+            self.twin.cores.push(palpate::oracle::step::Core { nodes: local, centre, velocity, spin, hinge });
             let node_count = core.nodes.len() as u32;
-            let core_state = Core { frame: core.frame as u32, node_first: first, node_count, ..Core::zeroed() };
+            let hinge = core.hinge.as_vec3().to_array();
+            let core_state = Core { frame: core.frame as u32, node_first: first, node_count, hinge, ..Core::zeroed() };
             if index == 0 {
                 (self.cores, self.core_nodes) = (vec![], vec![]);
             }
@@ -263,6 +269,12 @@ impl System {
         self
     }
 
+    /// Contacts added after this rub as well.
+    pub fn with_friction(mut self) -> System {
+        self.twin.friction = Some(Friction { coefficient: 0.7, speed: 0.01 });
+        self
+    }
+
     /// Adds contacts of every kind: one skin vertex of a layer, the three of an opposing triangle (whose tetrahedra
     /// share nodes), the tool on either side, nothing that moves; some dropped.
     pub fn with_contacts(mut self, count: usize, seed: u64) -> System {
@@ -304,7 +316,7 @@ impl System {
         self.entry_weights.resize(first_quad + 4, [f32::NAN; 4]);
         let on = if dropped { 0.0 } else { 1.0 };
         let positive = |random: &mut Random| f64::from((1.5 + random.next()) as f32);
-        let twin = Twin {
+        let mut twin = Twin {
             normal,
             area: f64::from(1e-4f32) * positive(random),
             depth: f64::from(1e-3f32) * positive(random),
@@ -316,8 +328,13 @@ impl System {
             vertex: 0,
             hit: None,
         };
-        let row = self.twin.row(&self.twin.unknowns(), &twin);
-        let start = self.start();
+        twin.first.position += 0.5 * twin.depth * normal;
+        twin.second.position -= 0.5 * twin.depth * normal;
+        let (start, unknowns) = (self.start(), self.twin.unknowns());
+        let row = self.twin.row(&unknowns, &twin);
+        let drag = self.twin.drag(&unknowns, &start, &twin);
+        // The tool feels friction at the other's point.
+        let at = if let Side::Tool = sides[0] { twin.second.position } else { twin.first.position };
         let sign = match sides {
             [Side::Tool, _] => 1.0,
             [_, Side::Tool] => -1.0,
@@ -327,12 +344,14 @@ impl System {
         self.contacts.push(Contact {
             normal: normal.as_vec3().to_array(),
             area: twin.area as f32,
-            lever: (sign * (position - centre).cross(normal)).as_vec3().to_array(),
+            arm: (at - centre).as_vec3().to_array(),
             tool_sign: sign as f32,
             depth: twin.depth as f32,
             rate: row.iter().map(|(i, w)| w * start[*i]).sum::<f64>() as f32,
             stiffness: twin.stiffness as f32,
             damping: twin.damping as f32,
+            friction: drag.viscosity as f32,
+            slip: drag.slip().as_vec3().to_array(),
             quads,
             ..Contact::default()
         });
@@ -453,7 +472,18 @@ pub fn two_layers_one_on_a_core() -> Vec<Body> {
         let masses = palpate::oracle::elastic::Elements::new(layer, material, DMat3::IDENTITY).masses;
         let bound = (0..masses.len()).filter(|n| layer.bound[*n]);
         let (sum, mass) = bound.fold((DVec3::ZERO, 0.0), |(s, m), n| (s + masses[n] * layer.nodes[n], m + masses[n]));
-        frames[0] = prepare::Frame { centre: sum / mass, motion: FrameMotion::Dynamic { mass: None } };
+        frames[0] = prepare::Frame { centre: sum / mass, motion: FrameMotion::Dynamic { mass: None, hinge: None } };
+    }
+    bodies
+}
+
+/// The same, that core hinged beside its middle.
+pub fn two_layers_one_on_a_hinge() -> Vec<Body> {
+    let mut bodies = two_layers_one_on_a_core();
+    if let Shape::Soft { frames, .. } = &mut bodies[1].shape {
+        let point = frames[0].centre + DVec3::new(0.02, -0.01, 0.03);
+        let hinge = Some(Hinge { point, axis: DVec3::new(0.48, 0.6, 0.64) });
+        frames[0] = prepare::Frame { centre: point, motion: FrameMotion::Dynamic { mass: None, hinge } };
     }
     bodies
 }

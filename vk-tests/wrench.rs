@@ -1,5 +1,6 @@
 //! Wrench: force, torque, stiffness and damping of the contacts on the tool.
 
+use glam::DVec3;
 use palpate::gpu::Size;
 use palpate::oracle::step::Resolved;
 use palpate::oracle::wrench;
@@ -19,6 +20,7 @@ fn reduce(system: &System, forces: &[[f32; 4]]) -> Report {
     (before.verdict, before.iterations, before.tool_change) = (5, 6, [7.0; 6]);
     let outcome = case("wrench/reduce")
         .size(Size::Reduce)
+        .constant("FRICTION", system.twin.friction.is_some())
         .input("params", &[system.params])
         .input("counts", &[system.counts])
         .input("contacts", &system.contacts)
@@ -35,12 +37,12 @@ fn reduce(system: &System, forces: &[[f32; 4]]) -> Report {
 #[test]
 fn one_contact_by_hand() {
     // wrench/reduce: k = 100 N/m^3, d = 0: at rest the force is a k depth = 0.5 * 100 * 0.1 = 5 N against the normal on
-    // the tool as a; the lever is (s - c) x n.
+    // the tool as a; the arm is s - c.
     let mut system = System::new(&[], 0.0, 1);
     system.contacts = vec![Contact {
         normal: [0.0, 0.0, 1.0],
         area: 0.5,
-        lever: [2.0, 0.0, 0.0],
+        arm: [0.0, 2.0, 0.0],
         tool_sign: 1.0,
         depth: 0.1,
         stiffness: 100.0,
@@ -59,8 +61,8 @@ fn one_contact_by_hand() {
     }
     expect_close("stiffness", &report.stiffness, &stiffness, rounding);
     expect_close("damping", &report.damping, &damping, rounding);
-    // As b, with the sign in the lever.
-    (system.contacts[0].tool_sign, system.contacts[0].lever) = (-1.0, [-2.0, 0.0, 0.0]);
+    // As b.
+    system.contacts[0].tool_sign = -1.0;
     let report = reduce(&system, &[[0.0; 4]]);
     expect_close("force", &report.force, &[0.0, 0.0, 5.0], rounding);
     expect_close("torque", &report.torque, &[10.0, 0.0, 0.0], rounding);
@@ -78,40 +80,90 @@ fn triangle(matrix: &[[f64; 6]; 6]) -> Vec<(f64, f64)> {
 }
 
 #[test]
+fn friction_by_hand() {
+    // wrench/reduce: c = 2 N s/m and a slip of 3 m/s along x that the step raised by 1 m/s (h c = 2 / 128 of impulse a m/s)
+    // drags the tool by 8 N; its arm is 0.5 m along z. Damping is c across the normal.
+    let mut system = System::new(&[], 0.0, 1).with_friction();
+    system.contacts = vec![Contact {
+        normal: [0.0, 0.0, 1.0],
+        area: 0.5,
+        arm: [0.0, 0.0, 0.5],
+        tool_sign: 1.0,
+        depth: 0.1,
+        stiffness: 100.0,
+        friction: 2.0,
+        slip: [3.0, 0.0, 0.0],
+        ..Contact::default()
+    }];
+    system.counts.contacts = 1;
+    let impulse = 2.0 / 128.0;
+    let report = reduce(&system, &[[impulse, 0.0, 0.0, 0.0]]);
+    let close = Tolerance { abs: 1e-6, rel: 1e-6 };
+    expect_close("force", &report.force, &[-8.0, 0.0, -5.0], close);
+    expect_close("torque", &report.torque, &[0.0, -4.0, 0.0], close);
+    let mut damping = [0.0; 21];
+    // xx, x ry, yy, y rx, rx rx, ry ry.
+    for (at, value) in [(0, 2.0), (4, 1.0), (6, 2.0), (8, -1.0), (15, 0.5), (18, 0.5)] {
+        damping[at] = value;
+    }
+    expect_close("damping", &report.damping, &damping, close);
+    // As b it is dragged along.
+    system.contacts[0].tool_sign = -1.0;
+    let report = reduce(&system, &[[impulse, 0.0, 0.0, 0.0]]);
+    expect_close("force", &report.force, &[8.0, 0.0, 5.0], close);
+    expect_close("torque", &report.torque, &[0.0, 4.0, 0.0], close);
+}
+
+#[test]
 fn sums_agree_with_the_oracle_at_every_size() {
     let width = context().reduce_size() as usize;
     for count in [0, 1, width - 1, width, width + 1, 1234] {
-        let system = System::new(&two_layers(), 0.004, 1).with_tool().with_contacts(count, count as u64);
-        let mut random = Random(count as u64 + 9);
-        let h = system.twin.dt;
-        let (places, start) = (system.twin.unknowns(), system.start());
-        let mut forces = vec![];
-        let mut resolved = vec![];
-        for twin in &system.twin_contacts {
-            // What solve/apply leaves for some solution: g a (J x), J x of up to 0.3 m/s.
-            let speed = f64::from(0.3 * random.next() as f32);
-            let slope = h * twin.stiffness + twin.damping;
-            forces.push([f32::NAN, f32::NAN, f32::NAN, (h * slope * twin.area * speed) as f32]);
-            let rate: f64 = system.twin.row(&places, twin).iter().map(|(i, w)| w * start[*i]).sum();
-            let pressure = twin.stiffness * twin.depth + slope * (rate + speed);
-            let active = pressure > 0.0;
-            let force = if active { twin.area * pressure } else { 0.0 };
-            resolved.push(Resolved { contact: twin.clone(), force, active });
+        let system = System::new(&two_layers(), 0.004, 1).with_tool();
+        agree(system.with_contacts(count, count as u64), count as u64 + 9);
+        let system = System::new(&two_layers(), 0.004, 1).with_tool().with_friction();
+        agree(system.with_contacts(count, count as u64), count as u64 + 9);
+    }
+}
+
+fn agree(system: System, seed: u64) {
+    let (mut random, h) = (Random(seed), system.twin.dt);
+    let (places, start) = (system.twin.unknowns(), system.start());
+    let (mut forces, mut resolved) = (vec![], vec![]);
+    for (twin, contact) in system.twin_contacts.iter().zip(&system.contacts) {
+        // What solve/apply leaves for some solution: g a (J x), J x of up to 0.3 m/s.
+        let speed = f64::from(0.3 * random.next() as f32);
+        let slope = h * twin.stiffness + twin.damping;
+        let normal = (h * slope * twin.area * speed) as f32;
+        forces.push([f32::NAN, f32::NAN, f32::NAN, normal]);
+        let rate: f64 = system.twin.row(&places, twin).iter().map(|(i, w)| w * start[*i]).sum();
+        let pressure = twin.stiffness * twin.depth + slope * (rate + speed);
+        let active = pressure > 0.0;
+        let force = if active { twin.area * pressure } else { 0.0 };
+        let (mut friction, mut viscosity) = (DVec3::ZERO, 0.0);
+        if system.twin.friction.is_some() {
+            let across = 0.3 * random.vector().reject_from_normalized(twin.normal);
+            let drag = system.twin.drag(&places, &start, twin);
+            viscosity = drag.viscosity;
+            friction = if active { -viscosity * (drag.slip() + across) } else { DVec3::ZERO };
+            let both = f64::from(normal) * twin.normal + h * f64::from(contact.friction) * across;
+            forces.pop();
+            forces.push(both.as_vec3().extend(normal).to_array());
         }
-        let report = reduce(&system, &forces);
-        let centre = system.twin.tool.as_ref().unwrap().centre;
-        let want = wrench::on_tool(&resolved, centre);
-        let size: f64 = resolved.iter().map(|r| r.force).sum();
-        let pushing = resolved.iter().filter(|r| r.active).count();
-        assert!(count < 100 || (pushing > count / 4 && pushing < count), "{pushing} of {count} push");
-        // Levers are up to 0.2 m.
-        let within = |scale: f64| Tolerance { abs: SUM * scale, rel: 0.0 };
-        expect_close("force", &report.force, &want.force.to_array(), within(size));
-        expect_close("torque", &report.torque, &want.torque.to_array(), within(0.2 * size));
-        for (got, matrix) in [(report.stiffness, want.stiffness), (report.damping, want.damping)] {
-            for (got, (want, scale)) in got.iter().zip(triangle(&matrix)) {
-                expect_close("matrix", &[*got], &[want], within(scale));
-            }
+        resolved.push(Resolved { contact: twin.clone(), force, friction, viscosity, active });
+    }
+    let report = reduce(&system, &forces);
+    let centre = system.twin.tool.as_ref().unwrap().centre;
+    let want = wrench::on_tool(&resolved, centre);
+    let size: f64 = resolved.iter().map(|r| r.force + r.friction.length()).sum();
+    let (pushing, count) = (resolved.iter().filter(|r| r.active).count(), resolved.len());
+    assert!(count < 100 || (pushing > count / 4 && pushing < count), "{pushing} of {count} push");
+    // Levers are up to 0.2 m.
+    let within = |scale: f64| Tolerance { abs: SUM * scale, rel: 0.0 };
+    expect_close("force", &report.force, &want.force.to_array(), within(size));
+    expect_close("torque", &report.torque, &want.torque.to_array(), within(0.2 * size));
+    for (got, matrix) in [(report.stiffness, want.stiffness), (report.damping, want.damping)] {
+        for (got, (want, scale)) in got.iter().zip(triangle(&matrix)) {
+            expect_close("matrix", &[*got], &[want], within(scale));
         }
     }
 }
@@ -134,7 +186,6 @@ fn stiffness_is_positive_and_reaction_is_opposite() {
     }
     for contact in &mut system.contacts {
         contact.tool_sign = -contact.tool_sign;
-        contact.lever = contact.lever.map(|x| -x);
     }
     let other = reduce(&system, &forces);
     assert_eq!(other.force, report.force.map(|x| -x));

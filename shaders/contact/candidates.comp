@@ -5,13 +5,14 @@
 
 // Contact: the depth of every skin vertex of an active chunk. In each region that sees it, the nearest of the crossings on its
 // ray decides: through the front of a triangle it lies within the other body, through the back it does not. It is one contact,
-// however many regions see it: depths d_r with shares w_r become sum(w / d) / sum(w / d^2), the normal the mean by
-// w / d^2, so that the smallest counts most and a region that appears changes nothing at first. A half-space needs no
+// however many regions see it: of depths d_r with shares w_r the one with the greatest w / d^2 stands; others count in depth
+// and normal from half of that on, fully where they are equal, so that none takes over with a jump. A half-space needs no
 // crossing: depth = offset - N.x. Only vertices that face the other body take part; the area is the rest area projected
 // along the normal, half of it where both bodies gather. One workgroup an active chunk. Oracle: oracle::contact::ray_depths.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 1) const bool BLEND = true;         // without it the strongest region alone counts: depths are exact rays'
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) buffer CountsInOut { Counts counts; };
@@ -86,16 +87,16 @@ void main() {
         candidate_hits[at] = vec4(0.0);
         if (l >= chunk.vertex_count) continue;
         uint vertex = chunk_vertices[chunk.vertex_first + l];
-        float weights = 0.0, weighted_depths = 0.0, strongest = 0.0;
-        vec3 normal = vec3(0.0), hit = vec3(0.0);
+        float weights[PAIR_REGIONS], depths[PAIR_REGIONS], strongest = 0.0;
+        vec3 hit = vec3(0.0);
         uint triangle = NONE, opposing = 0;
         bool folded = false;
+        for (uint r = 0; r < PAIR_REGIONS; r++) weights[r] = depths[r] = 0.0;
         if (pair.is_plane != 0) {
             hit.x = pair.plane.w - dot(pair.plane.xyz, texelFetch(skin, int(vertex)).xyz);
             if (hit.x <= 0.0) continue;
-            weights = 1.0 / (hit.x * hit.x);
-            weighted_depths = 1.0 / hit.x;
-            normal = -pair.plane.xyz;
+            strongest = weights[0] = 1.0;
+            depths[0] = hit.x;
         } else {
             uint item = entry.first_item;
             for (uint r = 0; r < PAIR_REGIONS; r++) {
@@ -108,13 +109,10 @@ void main() {
                 Region region = regions[(entry.side / 2) * PAIR_REGIONS + r];
                 vec3 found = crossing(region, texelFetch(skin, int(vertex)).xyz, nearest.x, side_b ? 1.0 : -1.0);
                 if (!(found.x > 0.0)) continue;
-                float share = shares[entry.slot * PAIR_REGIONS + r];
-                float weight = share / (found.x * found.x);
-                weights += weight;
-                weighted_depths += weight * found.x;
-                normal += weight * region.normal;
-                if (weight > strongest) {
-                    strongest = weight;
+                depths[r] = found.x;
+                weights[r] = shares[entry.slot * PAIR_REGIONS + r] / (found.x * found.x);
+                if (weights[r] > strongest) {
+                    strongest = weights[r];
                     folded = through;
                     opposing = nearest.y >> 1;
                     hit = found;
@@ -123,15 +121,25 @@ void main() {
             }
             if (strongest == 0.0) continue;
         }
+        float all = 0.0, depth = 0.0;
+        vec3 normal = vec3(0.0);
+        for (uint r = 0; r < PAIR_REGIONS; r++) {
+            float weight = weights[r] / strongest;
+            weight *= BLEND ? smoothstep(0.5, 1.0, weight) : float(weight == 1.0);
+            if (weight == 0.0) continue;
+            all += weight;
+            depth += weight * depths[r];
+            normal += weight * regions[(entry.side / 2) * PAIR_REGIONS + r].normal;
+        }
+        depth /= all;
         // Normals that cancel, of a vertex between two opposite regions: no direction is right.
-        if (dot(normal, normal) <= 1.0e-6 * weights * weights) {
+        if (dot(normal, normal) <= 1.0e-6 * all * all) {
             atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
             continue;
         }
         normal = normalize(normal);
         vec3 outward = (side_b ? -1.0 : 1.0) * outward_normal(vertex);
         float facing = dot(outward, normal);
-        float depth = weighted_depths / weights;
         float area = (pair.is_plane != 0 ? 1.0 : 0.5) * facing * areas[vertex];
         if (area <= 0.0) continue;
         if (folded) atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);

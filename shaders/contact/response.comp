@@ -4,11 +4,14 @@
 #include "shared/types.glsl"
 
 // Contact: what the solver needs to know of each colliding vertex. J v = n.(v(s1) - v(s2)) as at most sixteen weighted
-// nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: three times four) and the tool's
-// twist; the rate J v at the start. Counts the entries of each node for the transposed index. One invocation a contact.
+// nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: four to three times four) and the tool's
+// twist; the rate J v at the start. Friction is regularised Coulomb's, implicit with the coefficient of the start of the
+// step: -c v_t at its end, c = mu f_n / sqrt(|v_t|^2 + FRICTION_SPEED^2), f_n = a max(0, k delta + d delta'). Counts the entries of each node for the transposed index. One invocation a contact.
 // Oracle: oracle::contact::gather.
 
 layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const float FRICTION_COEFFICIENT = 0.0;     // mu
+layout(constant_id = 2) const float FRICTION_SPEED = 1.0;           // m/s; below it friction is viscous
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
@@ -29,20 +32,24 @@ layout(scalar, binding = 15) writeonly buffer EntryWeights { vec4 entry_weights[
 layout(scalar, binding = 16) buffer NodeCount { uint node_count[]; };                   // cleared
 
 uint quads = 0;
-float rate = 0.0;
+uvec4 nodes[4];
+vec4 weights[4];
 
-// A skin vertex's four nodes, weights times `share`; none where it rides on a rigid body.
-void add(uint contact, uint vertex, float share, vec3 normal) {
-    uvec4 nodes = texelFetch(skin_nodes, int(vertex));
-    if (nodes.x == NONE) return;
-    vec4 weights = share * texelFetch(skin_weights, int(vertex));
-    entry_nodes[4 * contact + quads] = nodes;
-    entry_weights[4 * contact + quads] = weights;
-    quads += 1;
-    for (uint k = 0; k < 4; k++) {
-        rate += weights[k] * dot(normal, texelFetch(velocity, int(nodes[k])).xyz);
-        if (weights[k] != 0.0) atomicAdd(node_count[nodes[k]], 1);
+// A skin vertex's four nodes, weights times `share`; none where it rides on a rigid body. The corners of a triangle most
+// often lie in one tetrahedron and then share a quad.
+void add(uint vertex, float share) {
+    uvec4 own = texelFetch(skin_nodes, int(vertex));
+    if (own.x == NONE) return;
+    vec4 w = share * texelFetch(skin_weights, int(vertex));
+    for (uint q = 0; q < quads; q++) {
+        if (nodes[q] == own) {
+            weights[q] += w;
+            return;
+        }
     }
+    nodes[quads] = own;
+    weights[quads] = w;
+    quads += 1;
 }
 
 void main() {
@@ -55,24 +62,56 @@ void main() {
     Pair pair = pairs[side / 2];
     vec3 n = texelFetch(candidate_normals, int(source)).xyz;
     float sign = (side & 1) != 0 ? -1.0 : 1.0;
-    add(c, vertex, sign, n);
+    add(vertex, sign);
     if (triangle != NONE) {
         uvec3 corners = texelFetch(triangles, int(triangle)).xyz;
-        add(c, corners.x, -sign * (1.0 - found.y - found.z), n);
-        add(c, corners.y, -sign * found.y, n);
-        add(c, corners.z, -sign * found.z, n);
+        add(corners.x, -sign * (1.0 - found.y - found.z));
+        add(corners.y, -sign * found.y);
+        add(corners.z, -sign * found.z);
     }
-    vec3 lever = pair.tool_sign * cross(texelFetch(skin, int(vertex)).xyz - params.tool_centre, n);
+    float rate = 0.0;
+    vec3 relative = vec3(0.0);      // v1 - v2, where there is friction
+    for (uint q = 0; q < quads; q++) {
+        entry_nodes[4 * c + q] = nodes[q];
+        entry_weights[4 * c + q] = weights[q];
+        for (uint k = 0; k < 4; k++) {
+            vec3 v = texelFetch(velocity, int(nodes[q][k])).xyz;
+            rate += weights[q][k] * dot(n, v);
+            if (FRICTION_COEFFICIENT > 0.0) relative += weights[q][k] * v;
+            if (weights[q][k] != 0.0) atomicAdd(node_count[nodes[q][k]], 1);
+        }
+    }
+    // s1 and s2 are on one line along n: where a rigid skin feels the pressure, either will do. Friction is felt at the point
+    // of the body it meets, so that the two forces of a pair act at one point.
+    vec3 at = texelFetch(skin, int(vertex)).xyz;
+    if (FRICTION_COEFFICIENT > 0.0) {
+        bool first = pair.tool_sign > 0.0 || (pair.tool_sign == 0.0 && pair.driven_frame[0] != NONE);
+        bool second = pair.tool_sign < 0.0 || pair.driven_frame[1] != NONE;
+        if ((side & 1) == 0 ? first : second && !first) at -= sign * found.x * n;
+    }
+    vec3 arm = at - params.tool_centre;
+    vec3 lever = pair.tool_sign * cross(arm, n);
     vec3 linear = vec3(params.tool_twist[0], params.tool_twist[1], params.tool_twist[2]);
     vec3 angular = vec3(params.tool_twist[3], params.tool_twist[4], params.tool_twist[5]);
-    if (pair.tool_sign != 0.0) rate += pair.tool_sign * dot(n, linear) + dot(lever, angular);
+    if (pair.tool_sign != 0.0) {
+        rate += pair.tool_sign * dot(n, linear) + dot(lever, angular);
+        relative += pair.tool_sign * (linear + cross(angular, arm));
+    }
     for (uint k = 0; k < 2; k++) {
-        // A rigid skin on a driven frame; s1 and s2 are on one line along n, so either will do.
+        // A rigid skin on a driven frame.
         if (pair.driven_frame[k] == NONE) continue;
         Frame frame = frames[pair.driven_frame[k]];
-        vec3 arm = texelFetch(skin, int(vertex)).xyz - frame.centre;
-        rate += (k == 0 ? 1.0 : -1.0) * dot(n, frame.linear + cross(frame.angular, arm));
+        vec3 v = (k == 0 ? 1.0 : -1.0) * (frame.linear + cross(frame.angular, at - frame.centre));
+        rate += dot(n, v);
+        relative += v;
     }
-    contacts[c] = Contact(n, found.w, lever, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping, quads, vertex, side,
-        triangle, found.yz);
+    vec3 slip = vec3(0.0);
+    float friction = 0.0;
+    if (FRICTION_COEFFICIENT > 0.0) {
+        slip = relative - dot(n, relative) * n;
+        float force = found.w * max(0.0, pair.stiffness * found.x + pair.damping * rate);
+        friction = FRICTION_COEFFICIENT * force / sqrt(dot(slip, slip) + FRICTION_SPEED * FRICTION_SPEED);
+    }
+    contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping, friction, slip, quads,
+        vertex, side, triangle, found.yz);
 }

@@ -9,7 +9,7 @@
 // like ones (mean shift from the strongest that is left: Fukunaga and Hostetler 1975), a region each, whose normal is their
 // weighted mean. Memberships are smooth in the directions and in the weights, and a region's strength grows from zero, so
 // nothing jumps when one appears. A proxy shares its vertices out between regions as its pairs belong to them. Then, of all
-// proxies of both bodies, those in the column that both sides' near proxies cover in common, whose skin may lie beyond the
+// proxies of both bodies, those in the column that both sides' members of a region cover in common, whose skin may lie beyond the
 // other's.
 // One workgroup a pair of bodies. Oracle: oracle::regions.
 
@@ -25,7 +25,8 @@ layout(binding = 5) uniform samplerBuffer directions;
 layout(scalar, binding = 6) buffer Regions { Region regions[]; };
 layout(scalar, binding = 7) writeonly buffer Shares { float shares[]; };        // PAIR_REGIONS a slot
 layout(scalar, binding = 8) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_REGIONS a slot
-layout(scalar, binding = 9) coherent buffer SlotRegions { uint slot_regions[]; };   // a bit each region whose column it is in
+layout(scalar, binding = 9) coherent buffer SlotRegions { uint slot_regions[]; };   // a bit each region whose column it is in, and
+                                                                                    // each that it is a member of
 layout(scalar, binding = 10) writeonly buffer SlotCounts { uvec2 slot_counts[]; };
 layout(scalar, binding = 11) writeonly buffer ActiveSlots { uint active_slots[]; };
 layout(scalar, binding = 12) writeonly buffer Fields { uint fields[]; };        // see shared/field.glsl; cleared here
@@ -39,11 +40,11 @@ layout(scalar, binding = 14) buffer Args { uint args[]; };
 const float ALIKE = 0.7071;
 const float UNLIKE = 0.2588;
 const uint SHIFTS = 4;
-// What a region needs of the whole strength to exist, and of a proxy's to see its vertices.
+// What a region needs of the whole strength to exist; what a member's vertices give it at least.
 const float LEAST_STRENGTH = 1.0e-3;
 const float LEAST_SHARE = 1.0e-4;
-// Of a slot that an active pair of proxies has.
-const uint NEAR = 1u << PAIR_REGIONS;
+// How much of a pair of proxies a region must have for it to cover them.
+const float LEAST_PART = 0.01;
 // Squares of a column along a side at most.
 const float MOST_CELLS = 1024.0;
 
@@ -154,27 +155,32 @@ void find_normals(Pair pair) {
     if (left > LEAST_STRENGTH && lane == 0) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
 }
 
-// Each slot's shares of the regions, and which slots are near.
+// Each slot's shares of the regions, and (above those whose column it is in) which it is a member of.
 void share_out(Pair pair) {
     uint a_count = pair.proxy_count[0], b_count = pair.proxy_count[1];
     for (uint s = gl_LocalInvocationID.x; s < a_count + b_count; s += SIZE) {
         float share[PAIR_REGIONS];
         for (uint r = 0; r < PAIR_REGIONS; r++) share[r] = 0.0;
-        bool of_a = s < a_count, near = false;
+        bool of_a = s < a_count;
+        uint members = 0;
         uint first = pair.first_proxy_pair + (of_a ? s * b_count : s - a_count);
         uint count = of_a ? b_count : a_count, stride = of_a ? 1 : b_count;
         for (uint k = 0; k < count; k++) {
             Direction direction;
             if (!direction_of(first + k * stride, direction)) continue;
-            near = true;
-            for (uint r = 0; r < region_count; r++) share[r] += direction.push * part(direction.normal, r);
+            for (uint r = 0; r < region_count; r++) {
+                float own = part(direction.normal, r);
+                share[r] += direction.push * own;
+                if (own >= LEAST_PART) members |= 1u << r;
+            }
         }
         float sum = 0.0;
         for (uint r = 0; r < region_count; r++) sum += share[r];
         for (uint r = 0; r < PAIR_REGIONS; r++) {
-            shares[(pair.first_slot + s) * PAIR_REGIONS + r] = sum > 0.0 ? max(0.0, share[r] / sum - LEAST_SHARE) : 0.0;
+            bool member = (members & (1u << r)) != 0;
+            shares[(pair.first_slot + s) * PAIR_REGIONS + r] = member ? max(LEAST_SHARE, share[r] / sum) : 0.0;
         }
-        slot_regions[pair.first_slot + s] = near ? NEAR : 0;
+        slot_regions[pair.first_slot + s] = members << PAIR_REGIONS;
         slot_counts[pair.first_slot + s] = uvec2(0);
     }
     memoryBarrierBuffer();
@@ -237,6 +243,7 @@ mat3 axes_of(vec3 n) {
 // Region r: boxes of its slots, the column, and which slots are in it.
 void open_region(Pair pair, uint r, uint first_region) {
     uint lane = gl_LocalInvocationID.x;
+    uint member = 1u << PAIR_REGIONS + r;
     mat3 axes = axes_of(normals[r]);
     vec3 side_low[2], side_high[2];
     float edge[2];
@@ -245,7 +252,7 @@ void open_region(Pair pair, uint r, uint first_region) {
         vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
         vec4 edges = vec4(0.0);
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
-            if ((slot_regions[begin + p] & NEAR) == 0) continue;
+            if ((slot_regions[begin + p] & member) == 0) continue;
             vec3 box_low, box_high;
             hull_box(pair.first_proxy[side] + p, axes, true, box_low, box_high);
             boxes[2 * ((begin + p) * PAIR_REGIONS + r)] = box_low;
@@ -267,7 +274,7 @@ void open_region(Pair pair, uint r, uint first_region) {
     for (uint side = 0; side < 2; side++) {
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
             uint slot = begin + p;
-            bool near = (slot_regions[slot] & NEAR) != 0;
+            bool near = (slot_regions[slot] & member) != 0;
             vec3 box_low = boxes[2 * (slot * PAIR_REGIONS + r)], box_high = boxes[2 * (slot * PAIR_REGIONS + r) + 1];
             if (!near) hull_box(pair.first_proxy[side] + p, axes, false, box_low, box_high);
             bool within = touches && all(lessThanEqual(box_low.xy, column_high))
@@ -356,7 +363,7 @@ void main() {
     barrier();
     uint slots = pair.proxy_count[0] + (pair.is_plane != 0 ? 0 : pair.proxy_count[1]);
     for (uint s = lane; s < slots; s += SIZE) {
-        if ((slot_regions[pair.first_slot + s] & (NEAR - 1)) != 0) {
+        if ((slot_regions[pair.first_slot + s] & ((1u << PAIR_REGIONS) - 1u)) != 0) {
             active_slots[atomicAdd(args[3 * ARGS_CHUNKS], 1)] = pair.first_slot + s;
         }
     }

@@ -35,6 +35,7 @@ struct Frame {
 struct Core {
     uint frame;
     uint node_first, node_count;
+    vec3 hinge;                 // unit axis through its centre that is all it may turn about, world; zero: it moves freely
     float inverse[36];          // of its block of the preconditioner
     float b[6];
     float x[6];
@@ -159,12 +160,14 @@ struct Counts {
 struct Contact {
     vec3 normal;                // unit, from a to b
     float area;                 // projected, with its side's half weight, m^2
-    vec3 lever;                 // (s - tool centre) x normal, times tool_sign
+    vec3 arm;                   // from the tool's centre to where the contact acts on it, m
     float tool_sign;
     float depth;                // m
     float rate;                 // normal . (v1 - v2) at the start, m/s
     float stiffness;            // N/m^3
-    float damping;              // N s/m^3; a dropped contact has stiffness = damping = 0
+    float damping;              // N s/m^3; a dropped contact has stiffness = damping = friction = 0
+    float friction;             // c: friction is -c times the tangential part of v1 - v2 at the end of the step, N s/m
+    vec3 slip;                  // that part at the start, m/s
     uint quads;                 // groups of four entries in use: 1 to 4
     uint vertex;                // skin vertex
     uint side;                  // as in ActiveChunk

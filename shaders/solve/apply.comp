@@ -4,12 +4,13 @@
 #include "shared/types.glsl"
 
 // Solve: what elements and contacts do to a change of velocity p. A tetrahedron gives (2 mu sym(W) + lambda tr(W) I) g'_i
-// with W = sum p_i g'_i^T, a contact (h^2 k + h d) a n n.(J p). One invocation a tetrahedron, then one a contact; the node
+// with W = sum p_i g'_i^T, a contact (h^2 k + h d) a n n.(J p) + h c (I - n n^T) J p. One invocation a tetrahedron, then one a contact; the node
 // sums follow in solve/gather. Oracle: oracle::elastic::Elements::apply_stiffness, oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 layout(constant_id = 2) const bool CONTACT = false;
+layout(constant_id = 7) const bool FRICTION = false;
 
 layout(push_constant) uniform Which { uint of_tool; };      // twist change to apply: 0 tool_x, 1 tool_u
 
@@ -23,17 +24,19 @@ layout(binding = 6) uniform usamplerBuffer entry_nodes;
 layout(binding = 7) uniform samplerBuffer entry_weights;
 layout(scalar, binding = 8) readonly buffer SolveIn { Solve solve; };
 layout(scalar, binding = 9) writeonly buffer ElementForces { vec4 element_forces[]; };
-layout(scalar, binding = 10) writeonly buffer ContactForces { vec4 contact_forces[]; };  // (h^2 k + h d) a J p, times n; unsigned in w
+layout(scalar, binding = 10) writeonly buffer ContactForces { vec4 contact_forces[]; };  // of a contact; w: along n
 
 void apply_contact(uint c) {
     Contact contact = contacts[c];
     float speed = 0.0;
+    vec3 relative = vec3(0.0);
     for (uint k = 0; k < contact.quads; k++) {
         uvec4 nodes = texelFetch(entry_nodes, int(4 * c + k));
         vec4 weights = texelFetch(entry_weights, int(4 * c + k));
         vec3 v = weights.x * texelFetch(change, int(nodes.x)).xyz + weights.y * texelFetch(change, int(nodes.y)).xyz
             + weights.z * texelFetch(change, int(nodes.z)).xyz + weights.w * texelFetch(change, int(nodes.w)).xyz;
         speed += dot(contact.normal, v);
+        if (FRICTION) relative += v;
     }
     if (contact.tool_sign != 0.0) {
         vec3 linear, angular;
@@ -41,10 +44,14 @@ void apply_contact(uint c) {
             linear[k] = of_tool == 0 ? solve.tool_x[k] : solve.tool_u[k];
             angular[k] = of_tool == 0 ? solve.tool_x[3 + k] : solve.tool_u[3 + k];
         }
-        speed += contact.tool_sign * dot(contact.normal, linear) + dot(contact.lever, angular);
+        vec3 lever = contact.tool_sign * cross(contact.arm, contact.normal);
+        speed += contact.tool_sign * dot(contact.normal, linear) + dot(lever, angular);
+        if (FRICTION) relative += contact.tool_sign * (linear + cross(angular, contact.arm));
     }
     float force = params.dt * (params.dt * contact.stiffness + contact.damping) * contact.area * speed;
-    contact_forces[c] = vec4(force * contact.normal, force);
+    vec3 both = force * contact.normal;
+    if (FRICTION) both += params.dt * contact.friction * (relative - dot(contact.normal, relative) * contact.normal);
+    contact_forces[c] = vec4(both, force);
 }
 
 void main() {

@@ -3,7 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 
-// Solve: right-hand side b = h m g - h alpha m v + sum (h f - (h^2 + h beta) K v) - sum w (h a k delta + (h^2 k + h d) a delta') n
+// Solve: right-hand side b = h m g - h alpha m v + sum (h f - (h^2 + h beta) K v) - sum w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t)
 // of each node, plus
 // what the last solve left undone (its b - A x: impulse that would be lost, step by step in the same smooth shapes, since a
 // warm start leaves those to the end); the inverse of its 3x3 diagonal block of A, and their sums b . M^-1 b and (e . M^-1 e) eps^2, e the sum of
@@ -14,6 +14,7 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint NODES = 0;
 layout(constant_id = 2) const bool CONTACT = false;
+layout(constant_id = 7) const bool FRICTION = false;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Materials { vec4 materials[]; };
@@ -91,6 +92,14 @@ void main() {
                     e += abs(f * n);
                     a += g * w * w * n * n;
                     c += g * w * w * n.xxy * n.yzz;
+                    if (FRICTION) {
+                        // I - n n^T.
+                        float viscous = h * contact.friction;
+                        b -= w * viscous * contact.slip;
+                        e += abs(w * viscous * contact.slip);
+                        a += viscous * w * w * (1.0 - n * n);
+                        c -= viscous * w * w * n.xxy * n.yzz;
+                    }
                 }
             }
             if (info.w == CARRIED) {

@@ -18,6 +18,7 @@ layout(constant_id = 3) const bool CONTACT = false;
 layout(constant_id = 4) const bool TOOL = false;
 layout(constant_id = 5) const uint PARTIALS = 1;
 layout(constant_id = 6) const uint CORES = 0;
+layout(constant_id = 7) const bool FRICTION = false;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Dots { vec2 dots[]; };
@@ -55,7 +56,7 @@ void main() {
     for (uint c = lane; c < contact_count; c += SIZE) {
         Contact contact = contacts[c];
         if (contact.stiffness == 0.0) continue;
-        bool pulls = end_pressure(contact, texelFetch(contact_forces, int(c)).w, params.dt) < 0.0;
+        bool pulls = end_pressure(contact, texelFetch(contact_forces, int(c)), params.dt) < 0.0;
         sums.y += 1.0;
         depth = max(depth, contact.depth);
         sums.z += pulls ? 1.0 : 0.0;
@@ -67,9 +68,10 @@ void main() {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
             if (contact.stiffness == 0.0) continue;
-            if (end_pressure(contact, texelFetch(contact_forces, int(c)).w, params.dt) < 0.0) {
+            if (end_pressure(contact, texelFetch(contact_forces, int(c)), params.dt) < 0.0) {
                 contacts[c].stiffness = 0.0;
                 contacts[c].damping = 0.0;
+                contacts[c].friction = 0.0;
             }
         }
     }

@@ -16,6 +16,7 @@ layout(constant_id = 3) const bool CONTACT = false;
 layout(constant_id = 4) const bool TOOL = false;
 layout(constant_id = 5) const uint PARTIALS = 1;
 layout(constant_id = 6) const uint CORES = 0;
+layout(constant_id = 7) const bool FRICTION = false;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Dots { vec2 dots[]; };

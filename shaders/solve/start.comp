@@ -19,6 +19,7 @@ layout(constant_id = 3) const bool CONTACT = false;
 layout(constant_id = 4) const bool TOOL = false;
 layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups of assemble and gather
 layout(constant_id = 6) const uint CORES = 0;
+layout(constant_id = 7) const bool FRICTION = false;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Partials { vec2 partials[]; };
@@ -56,11 +57,24 @@ vec3 block_times(uint node, vec3 v) {
     return vec3(d.x * v.x + o.x * v.y + o.y * v.z, o.x * v.x + d.y * v.y + o.z * v.z, o.y * v.x + o.z * v.y + d.z * v.z);
 }
 
+// P (P^T D P)^-1 P^T where P maps a spin about `axis` to a twist; false where D has no inertia about it.
+bool invert_about(vec3 axis, float block[36], out float inverse[36]) {
+    float moment = 0.0;
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++) moment += axis[i] * block[6 * (3 + i) + 3 + k] * axis[k];
+    }
+    for (int k = 0; k < 36; k++) inverse[k] = 0.0;
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++) inverse[6 * (3 + i) + 3 + k] = axis[i] * axis[k] / moment;
+    }
+    return moment > 0.0;
+}
+
 // A core's block of the preconditioner, sum P_i^T D_i P_i over the nodes it carries, inverted; its right-hand side, P^T b, the
 // gyroscopic impulse, and what the last step left undone; e^2 of the rounding of b.
 float assemble_core(uint c) {
     Frame frame = frames[cores[c].frame];
-    float block[36], b[6];
+    float block[36];
     for (int k = 0; k < 36; k++) block[k] = 0.0;
     vec3 force = vec3(0.0), torque = vec3(0.0), force_size = vec3(0.0), torque_size = vec3(0.0);
     for (uint k = gl_LocalInvocationID.x; k < cores[c].node_count; k += SIZE) {
@@ -92,10 +106,13 @@ float assemble_core(uint c) {
     float e2 = 0.0;
     if (gl_LocalInvocationID.x == 0) {
         float inverse_block[36];
-        if (!invert(block, inverse_block)) inverse_block[0] = uintBitsToFloat(0x7fc00000u);
+        bool hinged = cores[c].hinge != vec3(0.0);
+        if (!(hinged ? invert_about(cores[c].hinge, block, inverse_block) : invert(block, inverse_block)))
+            inverse_block[0] = uintBitsToFloat(0x7fc00000u);
         for (int k = 0; k < 36; k++) cores[c].inverse[k] = inverse_block[k];
+        float b[6] = followed(c, force, torque);
         for (int k = 0; k < 6; k++) {
-            cores[c].b[k] = (k < 3 ? force[k] : torque[k - 3]) + cores[c].leftover[k];
+            cores[c].b[k] = b[k] + cores[c].leftover[k];
             float e = k < 3 ? force_size[k] : torque_size[k - 3];
             e2 += e * (e * inverse_block[7 * k]);
         }
@@ -118,7 +135,7 @@ void main() {
             Contact contact = contacts[c];
             if (contact.tool_sign == 0.0) continue;
             float column[6];
-            tool_column(contact, column);
+            tool_column(contact, contact.normal, column);
             float g = params.dt * (params.dt * contact.stiffness + contact.damping) * contact.area;
             float f = params.dt * contact.area * contact.stiffness * contact.depth + g * contact.rate;
             int at = 0;
@@ -126,6 +143,20 @@ void main() {
                 for (int k = i; k < 6; k++) block[at++] += g * column[i] * column[k];
             }
             for (int i = 0; i < 6; i++) block[at++] -= f * column[i];
+            if (FRICTION) {
+                vec3 along[2];
+                tangents(contact.normal, along);
+                float viscous = params.dt * contact.friction;
+                for (int t = 0; t < 2; t++) {
+                    tool_column(contact, along[t], column);
+                    at = 0;
+                    for (int i = 0; i < 6; i++) {
+                        for (int k = i; k < 6; k++) block[at++] += viscous * column[i] * column[k];
+                    }
+                    float drag = viscous * dot(contact.slip, along[t]);
+                    for (int i = 0; i < 6; i++) block[at++] -= drag * column[i];
+                }
+            }
         }
         for (int k = 0; k < 28; k += 4) {
             vec4 part = workgroup_sum(vec4(block[k], block[k + 1], block[k + 2], block[k + 3]));

@@ -3,12 +3,13 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 
-// Wrench: net force and torque on the tool, about its centre, of what the solver applied: a max(0, k delta + d delta') at the
-// end of the step; the contact stiffness and damping that the tool sees, sum a k c c^T and sum a d c c^T with c = J^T of the
-// tool, the body held still. One workgroup. Oracle: oracle::wrench.
+// Wrench: net force and torque on the tool, about its centre, of what the solver applied: a max(0, k delta + d delta') and
+// friction at the end of the step; the contact stiffness and damping that the tool sees, sum a k J^T n n^T J and
+// sum J^T (a d n n^T + c (I - n n^T)) J with J of the tool, the body held still. One workgroup. Oracle: oracle::wrench.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 7) const bool FRICTION = false;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
@@ -17,6 +18,7 @@ layout(binding = 3) uniform samplerBuffer contact_forces;
 layout(scalar, binding = 4) writeonly buffer ReportOut { Report report; };
 
 #include "shared/sum.glsl"
+#include "shared/tool.glsl"
 #include "shared/pressure.glsl"
 
 void main() {
@@ -27,13 +29,11 @@ void main() {
     for (uint c = lane; c < counts.contacts; c += SIZE) {
         Contact contact = contacts[c];
         if (contact.stiffness == 0.0 || contact.tool_sign == 0.0) continue;
-        float force = contact.area * end_pressure(contact, texelFetch(contact_forces, int(c)).w, params.dt);
+        vec4 change = texelFetch(contact_forces, int(c));
+        float force = contact.area * end_pressure(contact, change, params.dt);
         if (force <= 0.0) continue;
         float column[6];
-        for (int k = 0; k < 3; k++) {
-            column[k] = contact.tool_sign * contact.normal[k];
-            column[3 + k] = contact.lever[k];
-        }
+        tool_column(contact, contact.normal, column);
         for (int k = 0; k < 6; k++) sums[k] -= force * column[k];
         int at = 6;
         for (int i = 0; i < 6; i++) {
@@ -41,6 +41,17 @@ void main() {
                 sums[at] += contact.area * contact.stiffness * column[i] * column[k];
                 sums[at + 21] += contact.area * contact.damping * column[i] * column[k];
                 at += 1;
+            }
+        }
+        if (!FRICTION) continue;
+        vec3 drag = end_friction(contact, change, params.dt), along[2];
+        tangents(contact.normal, along);
+        for (int t = 0; t < 2; t++) {
+            tool_column(contact, along[t], column);
+            for (int k = 0; k < 6; k++) sums[k] -= dot(drag, along[t]) * column[k];
+            at = 27;
+            for (int i = 0; i < 6; i++) {
+                for (int k = i; k < 6; k++) sums[at++] += contact.friction * column[i] * column[k];
             }
         }
     }

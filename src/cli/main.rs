@@ -5,6 +5,7 @@ mod devices;
 mod engine;
 mod prepare;
 mod press;
+mod query;
 mod run;
 
 use std::io::Write;
@@ -27,6 +28,8 @@ enum Command {
     Run(run::Arguments),
     /// Make a layered body of a surface, with a report, pictures and a scene
     Prepare(prepare::Arguments),
+    /// Find where two surfaces overlap, undeformed
+    Query(query::Arguments),
     /// List the Vulkan devices that can be used
     Devices,
 }
@@ -39,6 +42,7 @@ fn main() -> ExitCode {
     let result = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Prepare(arguments) => prepare::prepare(&arguments),
+        Command::Query(arguments) => query::query(&arguments),
         Command::Devices => devices::devices(),
     };
     match result {

@@ -149,7 +149,7 @@ fn is_plain(c: char) -> bool {
 }
 
 /// A file, or a model's name, with its number of vertices after a colon where it is not the usual one.
-fn surface_of(text: &str) -> Result<Surface> {
+pub fn surface_of(text: &str) -> Result<Surface> {
     let (name, count) = text.split_once(':').map_or((text, None), |(name, count)| (name, Some(count)));
     let model = Model::ALL.into_iter().find(|model| model.name() == name);
     if let Some(model) = model.filter(|_| !Path::new(text).exists()) {

@@ -85,7 +85,7 @@ impl SoftBody {
 }
 
 /// A rigid core that moves by the forces on the nodes it carries; those are bound in their body's layer. Its inertia is
-/// theirs, and its centre must be the centre of their masses.
+/// theirs, and its centre must be the centre of their masses, or a point of its hinge.
 #[derive(Debug, Clone)]
 pub struct Core {
     /// Body and node of each.
@@ -96,4 +96,16 @@ pub struct Core {
     pub velocity: DVec3,
     /// World, rad/s.
     pub spin: DVec3,
+    /// Unit axis, world, of a hinge through the centre, which rests; about it the core may turn, and that is all.
+    pub hinge: Option<DVec3>,
+}
+
+impl Core {
+    /// Which linear and angular velocities it may have, as projections.
+    pub fn freedom(&self) -> (DMat3, DMat3) {
+        match self.hinge {
+            Some(n) => (DMat3::ZERO, DMat3::from_cols(n * n.x, n * n.y, n * n.z)),
+            None => (DMat3::IDENTITY, DMat3::IDENTITY),
+        }
+    }
 }

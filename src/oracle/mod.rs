@@ -19,6 +19,7 @@ pub mod body;
 pub mod contact;
 pub mod cull;
 pub mod elastic;
+pub mod friction;
 pub mod linear;
 pub mod proximity;
 pub mod rays;

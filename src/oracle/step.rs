@@ -5,6 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::Result;
 pub use crate::oracle::body::{Core, SoftBody};
 use crate::oracle::contact::{Carrier, Contact, Point};
+use crate::oracle::friction::Friction;
 use crate::oracle::linear::{Entries, Solver};
 use crate::oracle::tool::{self, Device, Tool};
 use crate::oracle::wrench::{self, Wrench};
@@ -23,6 +24,10 @@ pub struct Resolved {
     pub contact: Contact,
     /// Size of the force that pushes the two bodies apart along the normal, N; never negative.
     pub force: f64,
+    /// Friction on the first body, N; its opposite acts on the second.
+    pub friction: DVec3,
+    /// Friction over the tangential velocity at the end of the step, N s/m.
+    pub viscosity: f64,
     /// Whether it was in the last solve and pushes.
     pub active: bool,
 }
@@ -51,6 +56,8 @@ pub struct Simulation {
     pub tool: Option<Tool>,
     /// Dynamic cores.
     pub cores: Vec<Core>,
+    /// Friction of all contacts, if there is any.
+    pub friction: Option<Friction>,
     /// Direct solver; keeps its symbolic factorisation.
     pub solver: Solver,
 }
@@ -85,6 +92,7 @@ impl Simulation {
         let rows: Vec<_> = contacts.iter().map(|c| self.row(&unknowns, c)).collect();
         let start = self.velocities(&unknowns);
         let known: Vec<f64> = contacts.iter().map(|c| self.known_rate(&unknowns, c)).collect();
+        let drags: Vec<_> = contacts.iter().map(|c| self.drag(&unknowns, &start, c)).collect();
         let mut active = vec![true; contacts.len()];
         let mut change = Vec::new();
         let mut pressures = Vec::new();
@@ -94,6 +102,7 @@ impl Simulation {
             for j in (0..contacts.len()).filter(|&j| active[j]) {
                 let rate = known[j] + dot(&rows[j], &start);
                 add_contact(&mut a, &mut b, &rows[j], &contacts[j], rate, self.dt);
+                drags[j].add(&mut a, &mut b, self.dt);
             }
             change = self.solver.solve(&a, &b)?;
             let end: Vec<f64> = start.iter().zip(&change).map(|(v, dv)| v + dv).collect();
@@ -106,12 +115,14 @@ impl Simulation {
             pulling.iter().for_each(|&j| active[j] = false);
             flags |= if attempt == MAX_RETRIES { ADHESIVE_TWICE } else { 0 };
         }
-        let resolve = |((contact, on), pressure): ((&Contact, &bool), &f64)| Resolved {
-            contact: contact.clone(),
-            force: if *on { contact.area * pressure } else { 0.0 },
-            active: *on,
+        let resolve = |j: usize| Resolved {
+            contact: contacts[j].clone(),
+            force: if active[j] { contacts[j].area * pressures[j] } else { 0.0 },
+            friction: if active[j] { drags[j].force(&change) } else { DVec3::ZERO },
+            viscosity: drags[j].viscosity,
+            active: active[j],
         };
-        let contacts: Vec<_> = contacts.iter().zip(&active).zip(&pressures).map(resolve).collect();
+        let contacts: Vec<_> = (0..contacts.len()).map(resolve).collect();
         let centre = self.tool.as_ref().map_or(DVec3::ZERO, |t| t.centre);
         let wrench = wrench::on_tool(&contacts, centre);
         self.commit(&unknowns, &change);
@@ -132,7 +143,8 @@ impl Simulation {
         for (core, first) in self.cores.iter().zip(&cores) {
             for (body, node) in &core.nodes {
                 let arm = self.bodies[*body].world_node(*node) - core.centre;
-                nodes[*body][*node as usize] = vec![(*first, DMat3::IDENTITY), (*first + 3, cross_matrix(-arm))];
+                let (linear, angular) = core.freedom();
+                nodes[*body][*node as usize] = vec![(*first, linear), (*first + 3, cross_matrix(-arm) * angular)];
             }
         }
         let tool = count + 6 * cores.len();
@@ -148,6 +160,7 @@ impl Simulation {
             let row = self.row(&unknowns, contact);
             let rate = self.known_rate(&unknowns, contact) + dot(&row, &start);
             add_contact(&mut a, &mut b, &row, contact, rate, self.dt);
+            self.drag(&unknowns, &start, contact).add(&mut a, &mut b, self.dt);
         }
         (a, b)
     }
@@ -163,6 +176,13 @@ impl Simulation {
                 let body = &self.bodies[*body];
                 sum + tool::point_inertia(body.elements.masses[*node as usize], body.world_node(*node) - core.centre)
             });
+            let (linear, angular) = core.freedom();
+            if core.hinge.is_some() {
+                // No spin about an axis that rests has such a torque about it. Unknowns that move nothing are zero.
+                add_block(&mut a, *first, *first, &(DMat3::IDENTITY - linear));
+                add_block(&mut a, first + 3, first + 3, &(DMat3::IDENTITY - angular));
+                continue;
+            }
             let gyroscopic = tool::gyroscopic(inertia, core.spin, self.dt);
             (0..3).for_each(|axis| b[first + 3 + axis] += gyroscopic[axis]);
         }
@@ -202,9 +222,14 @@ impl Simulation {
 
     /// The row c with depth rate = c . velocities.
     pub fn row(&self, unknowns: &Unknowns, contact: &Contact) -> Vec<(usize, f64)> {
+        self.row_along(unknowns, contact, contact.normal)
+    }
+
+    /// The row c with c . velocities the relative velocity along a direction.
+    pub(super) fn row_along(&self, unknowns: &Unknowns, contact: &Contact, direction: DVec3) -> Vec<(usize, f64)> {
         let mut row = Vec::new();
-        self.add_point(&mut row, unknowns, &contact.first, contact.normal);
-        self.add_point(&mut row, unknowns, &contact.second, -contact.normal);
+        self.add_point(&mut row, unknowns, &contact.first, direction);
+        self.add_point(&mut row, unknowns, &contact.second, -direction);
         row
     }
 
@@ -248,7 +273,11 @@ impl Simulation {
     }
 
     /// What nodes whose velocities are known give to the depth rate, m/s.
-    fn known_rate(&self, unknowns: &Unknowns, contact: &Contact) -> f64 {
+    pub(super) fn known_rate(&self, unknowns: &Unknowns, contact: &Contact) -> f64 {
+        self.known_along(unknowns, contact, contact.normal)
+    }
+
+    pub(super) fn known_along(&self, unknowns: &Unknowns, contact: &Contact, along: DVec3) -> f64 {
         let of = |point: &Point, direction: DVec3| match &point.carrier {
             Carrier::Nodes(index, weights) => {
                 let (index, body) = (*index, &self.bodies[*index]);
@@ -257,7 +286,7 @@ impl Simulation {
             }
             Carrier::Tool | Carrier::Fixed => 0.0,
         };
-        of(&contact.first, contact.normal) + of(&contact.second, -contact.normal)
+        of(&contact.first, along) + of(&contact.second, -along)
     }
 
     /// k depth + (h k + d) depth' at this rate, N/m^2.
@@ -331,7 +360,7 @@ fn add_block(a: &mut Entries, row: usize, column: usize, block: &DMat3) {
     }
 }
 
-fn dot(row: &[(usize, f64)], x: &[f64]) -> f64 {
+pub(super) fn dot(row: &[(usize, f64)], x: &[f64]) -> f64 {
     row.iter().map(|(i, c)| c * x[*i]).sum()
 }
 

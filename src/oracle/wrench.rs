@@ -14,7 +14,7 @@ pub struct Wrench {
     pub torque: DVec3,
     /// K = sum k a c c^T with c = (n, (s - centre) x n), over the contacts that push; symmetric positive semi-definite.
     pub stiffness: [[f64; 6]; 6],
-    /// D = sum d a c c^T.
+    /// D = sum d a c c^T, and of friction the same along two tangents, where the other body's point is.
     pub damping: [[f64; 6]; 6],
 }
 
@@ -31,13 +31,25 @@ pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
         let moment = (point.position - centre).cross(direction);
         sum.force += direction * resolved.force;
         sum.torque += moment * resolved.force;
-        let row: Vec<f64> = direction.to_array().into_iter().chain(moment.to_array()).collect();
-        for i in 0..6 {
-            for j in 0..6 {
-                sum.stiffness[i][j] += contact.stiffness * contact.area * (row[i] * row[j]);
-                sum.damping[i][j] += contact.damping * contact.area * (row[i] * row[j]);
-            }
+        add_outer(&mut sum.stiffness, direction, moment, contact.stiffness * contact.area);
+        add_outer(&mut sum.damping, direction, moment, contact.damping * contact.area);
+        let (at, drag) = match contact.first.carrier {
+            Carrier::Tool => (contact.second.position - centre, resolved.friction),
+            _ => (contact.first.position - centre, -resolved.friction),
+        };
+        sum.force += drag;
+        sum.torque += at.cross(drag);
+        for along in <[DVec3; 2]>::from(contact.normal.any_orthonormal_pair()) {
+            add_outer(&mut sum.damping, along, at.cross(along), resolved.viscosity);
         }
     }
     sum
+}
+
+/// Adds `factor` times the outer product of (force, torque) with itself.
+fn add_outer(matrix: &mut [[f64; 6]; 6], force: DVec3, torque: DVec3, factor: f64) {
+    let row: Vec<f64> = force.to_array().into_iter().chain(torque.to_array()).collect();
+    for (i, x) in row.iter().enumerate() {
+        row.iter().enumerate().for_each(|(j, y)| matrix[i][j] += factor * x * y);
+    }
 }

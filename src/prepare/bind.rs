@@ -129,7 +129,7 @@ mod tests {
         let core = |low: f64, high: f64, radius: f64| {
             let ends = [low, high].map(|x| DVec3::new(x, 0.0, 0.0));
             let bind = Some(Bind::Capsule(Capsule { ends, radii: [radius; 2] }));
-            Core { name: String::new(), motion: Motion::Fixed, bind, mass: None }
+            Core { name: String::new(), motion: Motion::Fixed, bind, mass: None, hinge: None }
         };
         // The last bone is the second again: equals go to the first. A sphere is no bone and takes nothing from one.
         let mut cores = vec![core(0.0, 0.5, 0.3), core(1.0, 1.0, 0.6), core(1.0, 1.0, 0.6)];

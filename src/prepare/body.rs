@@ -50,7 +50,7 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     log.filling = prepared.filling.clone();
     let shape = log.stage(Stage::Bind, || match layer {
         Some(_) => soft(&keys, body, prepared),
-        None => rigid(prepared, body.scale, motion(&body.cores))
+        None => rigid(prepared, body.scale, motion(&body.cores, body.scale))
             .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume")),
     })?;
     Ok(placed(body, shape, report))
@@ -194,10 +194,10 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
 }
 
 /// How the one core of a rigid body moves.
-fn motion(cores: &[scene::Core]) -> FrameMotion {
+fn motion(cores: &[scene::Core], scale: f64) -> FrameMotion {
     match cores.first().map(|core| &core.motion) {
         Some(Motion::Driven(keys)) => FrameMotion::Driven(keys.clone()),
-        Some(Motion::Dynamic) => FrameMotion::Dynamic { mass: cores[0].mass },
+        Some(Motion::Dynamic) => cores::dynamic(&cores[0], scale),
         _ => FrameMotion::Fixed,
     }
 }

@@ -8,9 +8,10 @@ use glam::{DMat3, DVec3};
 use super::{Frame, FrameMotion, Layer, NONE, bind};
 use crate::Result;
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{Bind, Body, Material, Motion};
+use crate::scene::{Bind, Body, Hinge, Material, Motion};
 
-/// Determinant of a dynamic core's inertia against the cube of its mean, at least: less is a line of nodes.
+/// Determinant of a dynamic core's inertia against the cube of its mean, or inertia about its hinge against the mean, at
+/// least: less is a line of nodes.
 const THINNEST: f64 = 1e-6;
 /// What to do about a core that holds nothing.
 const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
@@ -106,9 +107,9 @@ fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
     holders
 }
 
-/// The frames of a soft body: one a core, centred at the centre of the mass it carries; without cores one floating frame at the
+/// The frames of a soft body: one a core, centred at the centre of the mass it carries, or on its hinge; without cores one floating frame at the
 /// centre of mass. `layer` is in the rest frame (m), `holders` what [`bind`] returned. Refused (key, problem, remedy): a
-/// dynamic core whose nodes lie on one line, about which it would have no inertia.
+/// dynamic core whose nodes lie on one line, or on its hinge, about which it would have no inertia.
 pub fn frames(
     body: &Body,
     layer: &Layer,
@@ -126,22 +127,36 @@ pub fn frames(
         let motion = match &core.motion {
             Motion::Fixed => FrameMotion::Fixed,
             Motion::Driven(keys) => FrameMotion::Driven(keys.clone()),
-            Motion::Dynamic => FrameMotion::Dynamic { mass: core.mass },
+            Motion::Dynamic => dynamic(core, body.scale),
         };
-        let centre = sum / f64::max(mass, f64::MIN_POSITIVE);
-        if let Motion::Dynamic = core.motion {
+        let mut centre = sum / f64::max(mass, f64::MIN_POSITIVE);
+        if let FrameMotion::Dynamic { hinge, .. } = motion {
+            centre = hinge.map_or(centre, |hinge| hinge.point);
             let carried = (0..holders.len()).filter(|&n| layer.bound[n] && holders[n] == index as u32);
             let inertia = carried.fold(DMat3::ZERO, |sum, n| sum + point_inertia(masses[n], layer.nodes[n] - centre));
             let size = (inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z) / 3.0;
-            let spread = inertia.determinant();
-            if spread.is_nan() || spread <= THINNEST * size.powi(3) {
-                let problem = "a dynamic core's nodes lie on one line, about which it has no inertia";
+            let (spread, problem) = match hinge {
+                Some(Hinge { axis, .. }) => {
+                    (axis.dot(inertia * axis) / size, "all its nodes lie on its hinge, about which it has no inertia")
+                }
+                None => (
+                    inertia.determinant() / size.powi(3),
+                    "a dynamic core's nodes lie on one line, about which it has no inertia",
+                ),
+            };
+            if spread.is_nan() || spread <= THINNEST {
                 return Err((format!("core.{}.bind", core.name), problem, "enlarge the region"));
             }
         }
         Ok(Frame { centre, motion })
     };
     body.cores.iter().enumerate().map(frame).collect()
+}
+
+/// How a dynamic core of a body of this scale moves.
+pub fn dynamic(core: &crate::scene::Core, scale: f64) -> FrameMotion {
+    let hinge = core.hinge.map(|hinge| Hinge { point: scale * hinge.point, ..hinge });
+    FrameMotion::Dynamic { mass: core.mass, hinge }
 }
 
 /// A frame that follows the nodes: mass, centre and inertia of the lumped layer.

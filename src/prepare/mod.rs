@@ -37,7 +37,7 @@ pub use embed::embed;
 pub use proxy::proxies;
 pub use report::{Report, Stage};
 
-use crate::scene::{Key, Material};
+use crate::scene::{Hinge, Key, Material};
 
 /// No element: the index that points nowhere.
 pub const NONE: u32 = u32::MAX;
@@ -131,10 +131,12 @@ pub enum FrameMotion {
     /// Along poses that it gives to the body's rest frame (world): at the body's own `position` and `orientation` the
     /// frame is where it was at rest.
     Driven(Vec<Key>),
-    /// By forces; its centre is that of the mass it carries.
+    /// By forces; its centre is that of the mass it carries, where no hinge holds it.
     Dynamic {
         /// kg; `None`: that of the nodes it carries.
         mass: Option<f64>,
+        /// All that it may turn about, rest frame, m; then its centre is the hinge's point.
+        hinge: Option<Hinge>,
     },
     /// It follows the free nodes of a body without cores (shape matching, M. Mueller and others 2005).
     Floating {

@@ -77,6 +77,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         motion: Motion::Fixed,
         bind: Some(bind.clone()),
         mass: None,
+        hinge: None,
     };
     let body = scene::Body {
         name: "thing".into(),

@@ -1,13 +1,17 @@
 //! What a run leaves behind: a trace row a step, a summary, and a directory that appears whole or not at all.
 
+pub mod field;
 pub mod figure;
 pub mod flags;
+mod letters;
 pub mod output;
 pub mod picture;
+pub mod query;
 pub mod summary;
 pub mod trace;
 
 pub use flags::Flags;
 pub use output::Output;
+pub use query::QueryReport;
 pub use summary::{Facts, Plan, StageSamples, Summary, Tally};
 pub use trace::{Pose, Row, ToolRow, Trace};

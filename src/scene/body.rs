@@ -7,10 +7,10 @@ use glam::{DQuat, DVec3};
 use super::keys::{Table, Value, suggest};
 use super::load::TOOL;
 use super::tetrahedra::EXTENSIONS;
-use super::{Bind, Body, Core, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
+use super::{Bind, Body, Core, Hinge, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
 use crate::Result;
 
-const BODY_KEYS: [&str; 17] = [
+const BODY_KEYS: [&str; 18] = [
     "name",
     "surface",
     "layer",
@@ -27,19 +27,22 @@ const BODY_KEYS: [&str; 17] = [
     "motion",
     "keys",
     "mass",
+    "hinge",
     "repair",
 ];
 /// What a plane may have.
 const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
 /// What the core of a rigid body is described by, in the body's own table.
-const RIGID_KEYS: [&str; 3] = ["motion", "keys", "mass"];
+const RIGID_KEYS: [&str; 4] = ["motion", "keys", "mass", "hinge"];
+/// What only a dynamic core has.
+const DYNAMIC_KEYS: [&str; 2] = ["mass", "hinge"];
 /// Tetrahedra of a box layer at most: elements of a texel buffer that every Vulkan device with large buffers has.
 const MAX_BOX_TETRAHEDRA: u64 = 1 << 27;
 /// Cells along a surface at most.
 const MOST_ACROSS: u32 = 1000;
 /// Proxies of a body at most: culling looks at all pairs of two bodies.
 pub const MOST_HULLS: u32 = 256;
-/// Least length of a plane's normal before it is normalised.
+/// Least length of a plane's normal, or a hinge's axis, before it is normalised.
 const SHORTEST_NORMAL: f64 = 1e-9;
 
 /// All bodies, in file order; names are unique and never `tool`.
@@ -225,24 +228,24 @@ fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
     let bones = skeleton.map_or(&[][..], |skeleton| &skeleton.bones);
     let bone_core = |bone: &skeleton::Bone| {
         let bind = Some(Bind::Capsule(bone.capsule));
-        Core { name: bone.name.clone(), motion: Motion::Fixed, bind, mass: None }
+        Core { name: bone.name.clone(), motion: Motion::Fixed, bind, mass: None, hinge: None }
     };
     let mut cores: Vec<Core> = bones.iter().map(bone_core).collect();
     let mut named: Vec<String> = Vec::new();
     let Some(array) = table.get("core") else { return Ok(cores) };
     for element in array.array()? {
-        let unnamed = element.table(&["name", "motion", "keys", "mass", "bind"])?;
+        let unnamed = element.table(&["name", "motion", "keys", "mass", "hinge", "bind"])?;
         let name = unnamed.need("name")?.name()?;
         let core = unnamed.renamed(table.dotted(&format!("core.{name}")));
         if named.contains(&name) {
             return Err(core.error("name", format!("\"{name}\" is taken by another core"), "choose another name"));
         }
         named.push(name.clone());
-        let (motion, mass) = (motion(&core)?, core.option("mass", Value::positive)?);
-        mass_moves(&core, &motion)?;
+        let motion = motion(&core)?;
+        let (mass, hinge) = dynamic_keys(&core, &motion)?;
         if let Some(bone) = cores[..bones.len()].iter_mut().find(|bone| bone.name == name) {
             refuse(&core, &["bind"], "the core is a bone, and the skeleton says which nodes it carries")?;
-            (bone.motion, bone.mass) = (motion, mass);
+            (bone.motion, bone.mass, bone.hinge) = (motion, mass, hinge);
             continue;
         }
         if !bones.is_empty() && !core.has("bind") {
@@ -251,31 +254,40 @@ fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
             return Err(core.error("name", problem, format!("{}, or add `bind`", suggest(&name, &names))));
         }
         let bind = Some(bind(&core.need("bind")?)?);
-        cores.push(Core { name, motion, bind, mass });
+        cores.push(Core { name, motion, bind, mass, hinge });
     }
     Ok(cores)
 }
 
-/// Refuses a mass where nothing moves by it.
-fn mass_moves(table: &Table, motion: &Motion) -> Result<()> {
-    match motion {
-        Motion::Dynamic => Ok(()),
-        _ => refuse(table, &["mass"], "belongs to motion = \"dynamic\""),
+/// Mass and hinge of a dynamic core; refused where nothing moves by them.
+fn dynamic_keys(table: &Table, motion: &Motion) -> Result<(Option<f64>, Option<Hinge>)> {
+    if !matches!(motion, Motion::Dynamic) {
+        refuse(table, &DYNAMIC_KEYS, "belongs to motion = \"dynamic\"")?;
     }
+    Ok((table.option("mass", Value::positive)?, table.option("hinge", hinge)?))
+}
+
+fn hinge(value: &Value) -> Result<Hinge> {
+    let table = value.table(&["point", "axis"])?;
+    let axis = table.need("axis")?;
+    let direction = axis.vector()?;
+    if direction.length() < SHORTEST_NORMAL {
+        return Err(axis.error("is zero", "give the direction of the line that the core turns about"));
+    }
+    Ok(Hinge { point: table.need("point")?.vector()?, axis: direction.normalize() })
 }
 
 /// The one core of a rigid body, named after it.
 fn rigid_core(table: &Table, name: &str) -> Result<Core> {
     let motion = motion(table)?;
-    let mass = table.option("mass", Value::positive)?;
-    mass_moves(table, &motion)?;
+    let (mass, hinge) = dynamic_keys(table, &motion)?;
     if matches!(motion, Motion::Dynamic) && mass.is_none() {
         return Err(table.error("mass", "missing", "a dynamic rigid body needs a mass"));
     }
     if !matches!(motion, Motion::Dynamic) {
         refuse(table, &["velocity"], "has no meaning for a rigid body that is not dynamic")?;
     }
-    Ok(Core { name: name.into(), motion, bind: None, mass })
+    Ok(Core { name: name.into(), motion, bind: None, mass, hinge })
 }
 
 fn motion(table: &Table) -> Result<Motion> {

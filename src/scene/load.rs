@@ -123,19 +123,27 @@ fn solver(root: &Table) -> Result<Solver> {
     Ok(solver)
 }
 
+/// Least speed at which friction may turn from viscous to Coulomb's, m/s.
+const SLOWEST: f64 = 1e-6;
+
 fn contact(root: &Table) -> Result<Contact> {
     let known = ["stiffness", "damping", "friction", "friction_speed", "texel", "depth_limit"];
     let Some(table) = section(root, "contact", &known)? else {
         return Ok(CONTACT);
     };
-    Ok(Contact {
+    let contact = Contact {
         stiffness: table.or("stiffness", None, Value::auto_or_positive)?,
         damping: table.or("damping", None, Value::auto_or_not_negative)?,
         friction: table.or("friction", 0.0, Value::not_negative)?,
-        friction_speed: table.or("friction_speed", 0.001, Value::positive)?,
+        friction_speed: table.or("friction_speed", 0.001, Value::number)?,
         texel: table.or("texel", None, Value::auto_or_positive)?,
         depth_limit: table.or("depth_limit", 0.02, Value::positive)?,
-    })
+    };
+    if contact.friction_speed < SLOWEST {
+        let problem = format!("is {:?}", contact.friction_speed);
+        return Err(table.error("friction_speed", problem, "give 1e-6 m/s or more: single precision knows no less"));
+    }
+    Ok(contact)
 }
 
 fn tool(value: &Value) -> Result<Tool> {

@@ -25,6 +25,7 @@ use glam::{DQuat, DVec3};
 
 pub use crate::prepare::model::Model;
 pub use body::MOST_HULLS;
+pub use keys::unit_quaternion;
 pub use skeleton::{Bone, Skeleton};
 
 /// A whole scene, as written.
@@ -229,6 +230,17 @@ pub struct Core {
     pub bind: Option<Bind>,
     /// Mass, kg, of a dynamic core; `None`: from the bound region.
     pub mass: Option<f64>,
+    /// All that a dynamic core may turn about; `None`: it moves freely.
+    pub hinge: Option<Hinge>,
+}
+
+/// A line, fixed in the world and in the core, in file coordinates, before scale and pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hinge {
+    /// A point on it.
+    pub point: DVec3,
+    /// Along it, unit.
+    pub axis: DVec3,
 }
 
 /// How a core moves.

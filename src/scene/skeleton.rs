@@ -143,6 +143,7 @@ mod tests {
             motion: Motion::Fixed,
             bind: Some(Bind::Capsule(bone.capsule)),
             mass: None,
+            hinge: None,
         };
         let cores: Vec<Core> = human().iter().map(core).collect();
         let mut least = usize::MAX;

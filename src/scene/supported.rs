@@ -14,9 +14,6 @@ pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
     if scene.solver.preconditioner == Preconditioner::Coarse {
         return Err(refuse(&of("solver", "preconditioner")?, "use \"auto\" or \"jacobi\""));
     }
-    if scene.contact.friction != 0.0 {
-        return Err(refuse(&of("contact", "friction")?, "leave it at 0"));
-    }
     if scene.haptics.device != "scripted" {
         return Err(refuse(&of("haptics", "device")?, "use \"scripted\""));
     }

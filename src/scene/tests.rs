@@ -326,6 +326,30 @@ fn models_have_defaults_and_ranges() {
 }
 
 #[test]
+fn a_hinge_belongs_to_a_dynamic_core_and_has_an_axis() {
+    let folder = Folder::new();
+    let core = |motion: &str| with("motion = \"fixed\"                # \"driven\", \"dynamic\"", motion);
+    let hinge = |table: &str| core(&format!("motion = \"dynamic\"\nhinge = {table}"));
+    let read =
+        folder.load(&hinge("{ point = [1, 2, 3], axis = [0, 0, -2] }")).unwrap().bodies[0].cores[0].hinge.unwrap();
+    assert_eq!((read.point, read.axis), (DVec3::new(1.0, 2.0, 3.0), -DVec3::Z));
+    let key = "`body.head.core.skull.hinge";
+    for (said, words) in [
+        (hinge("{ point = [0, 0, 0], axis = [0, 0, 0] }"), ".axis`: is zero; give the direction"),
+        (hinge("{ point = [0, 0, 0] }"), ".axis`: missing"),
+        (hinge("{ axis = [0, 0, 1] }"), ".point`: missing"),
+        (hinge("[0, 0, 1]"), "`: is of type array"),
+        (core("hinge = { point = [0, 0, 0], axis = [0, 0, 1] }"), "`: belongs to motion = \"dynamic\"; remove it"),
+    ] {
+        let message = folder.message(&said);
+        assert!(message.contains(&format!("{key}{words}")), "{message}");
+    }
+    let rigid = "[[body]]\nname = \"a\"\nsurface = \"head.obj\"\nhinge = { point = [0, 0, 0], axis = [0, 0, 1] }";
+    let message = folder.message(rigid);
+    assert!(message.contains("`body.a.hinge`: belongs to motion"), "{message}");
+}
+
+#[test]
 fn a_skeleton_gives_a_core_a_bone() {
     let folder = Folder::new();
     let cores = "[[body.core]]\nname = \"skull\"\nmotion = \"fixed\"                # \"driven\", \"dynamic\"\n\
@@ -367,7 +391,6 @@ fn a_skeleton_gives_a_core_a_bone() {
 fn what_the_engine_does_not_do_yet_is_refused_by_key() {
     let folder = Folder::new();
     for (old, new, key) in [
-        ("friction = 0.0", "friction = 0.3", "`contact.friction`"),
         ("newton = 1", "newton = 2", "`step.newton`"),
         ("preconditioner = \"auto\"", "preconditioner = \"coarse\"", "`solver.preconditioner`"),
         ("device = \"scripted\"", "device = \"phantom\"", "`haptics.device`"),

@@ -30,7 +30,7 @@ pub struct Touch {
     pub node_entries: Buffer,
     /// Contact and weight of each entry, by node.
     pub sorted: Buffer,
-    /// What each contact does to its normal speed; see solve/apply.
+    /// What each contact does to a change of velocity; see solve/apply.
     pub contact_forces: Buffer,
 }
 
@@ -78,8 +78,9 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Kernels and arrays for a model.
-    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Contact> {
+    /// Kernels and arrays for a model. `blend`: where two regions see a vertex alike it gets the mean of both, so that nothing
+    /// jumps; otherwise the stronger one's, so that every depth is that of a ray along its normal.
+    pub fn new(context: &Arc<Context>, model: &Model, blend: bool) -> Result<Contact> {
         let nodes = model.node_rest.len();
         let candidates = CHUNK_VERTICES * model.most_chunks();
         let capacity = CAPACITY.min(candidates);
@@ -88,11 +89,13 @@ impl Contact {
             ("TETRAHEDRA", count(model.tetrahedra.len())),
             ("GROUP", context.group_size().into()),
         ];
+        let [friction, speed] = model.friction;
+        let response = [("FRICTION_COEFFICIENT", friction.into()), ("FRICTION_SPEED", speed.into())];
         let group = |name: &str| Kernel::new(context, name, Size::Group, &[]);
         Ok(Contact {
-            candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &[])?,
+            candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &[("BLEND", blend.into())])?,
             compact: Kernel::new(context, "contact/compact", Size::Reduce, &compact)?,
-            response: group("contact/response")?,
+            response: Kernel::new(context, "contact/response", Size::Group, &response)?,
             place: Kernel::new(context, "contact/place", Size::Group, &[("NODES", count(nodes))])?,
             nodes: nodes as u32,
             fill: group("contact/fill")?,

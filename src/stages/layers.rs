@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::model::{Core, Model, Motion, texel};
+use super::model::{Core, FramePlace, Model, Motion, texel};
 use super::types::NONE;
 use crate::prepare::{FrameMotion, Layer, Skin};
 use crate::scene::Material;
@@ -29,9 +29,25 @@ impl Model {
         core.nodes.iter().map(point).fold(DMat3::ZERO, |sum, part| sum + part)
     }
 
+    /// The world axis that a frame is hinged to; zero: to none.
+    fn hinge(&self, frame: usize) -> DVec3 {
+        let FramePlace { orientation, motion, .. } = &self.frames[frame];
+        match motion {
+            Motion::Prepared(FrameMotion::Dynamic { hinge: Some(hinge), .. }) => *orientation * hinge.axis,
+            _ => DVec3::ZERO,
+        }
+    }
+
     /// A dynamic rigid body: four masses with its centre and inertia, which a core carries, and its skin embedded in the
-    /// tetrahedron between them; so that it is to the solver what any core is. `inertia`: about the centre, kg m^2.
-    pub(super) fn add_masses(&mut self, frame: usize, mass: f64, inertia: DMat3, velocity: DVec3, skin: &Skin) {
+    /// tetrahedron between them; so that it is to the solver what any core is. `mass`: kg, its centre in the rest frame, m,
+    /// and the inertia about that, kg m^2.
+    pub(super) fn add_masses(
+        &mut self,
+        frame: usize,
+        (mass, centre, inertia): (f64, DVec3, DMat3),
+        velocity: DVec3,
+        skin: &Skin,
+    ) {
         // Corners of a regular tetrahedron have the identity as mean square; A of them A A^T, here inertia's own.
         let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from_array);
         let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
@@ -41,17 +57,16 @@ impl Model {
         for corner in corners {
             self.carried_nodes.push(self.node_rest.len() as u32);
             self.node_info.push([self.node_elements.len() as u32, 0, frame as u32, held::CARRIED]);
-            self.node_rest.push(texel(shape * corner, 0.25 * mass));
+            self.node_rest.push(texel(shape * corner + centre - self.frames[frame].rest_centre, 0.25 * mass));
             self.velocity.push(texel(velocity, 0.0));
         }
-        let centre = self.frames[frame].rest_centre;
         let back = shape.inverse();
         for x in &skin.vertices {
             let at = back * (*x - centre);
             self.skin_nodes.push([0, 1, 2, 3].map(|k| node_first + k));
             self.skin_weights.push(corners.map(|corner| (0.25 * (1.0 + corner.dot(at))) as f32));
         }
-        self.cores.push(Core { frame, nodes: (node_first..node_first + 4).collect() });
+        self.cores.push(Core { frame, nodes: (node_first..node_first + 4).collect(), hinge: self.hinge(frame) });
     }
 
     /// Nodes and tetrahedra of a soft body whose frames, from `frame_first` on, are in already; `node_frames` count from there.
@@ -67,7 +82,7 @@ impl Model {
         let tetrahedron_first = self.tetrahedra.len();
         let frame_of = |n: u32| frame_first as u32 + node_frames[n as usize];
         let dynamic = |frame: u32| match self.frames[frame as usize].motion {
-            Motion::Prepared(FrameMotion::Dynamic { mass }) => Some(mass),
+            Motion::Prepared(FrameMotion::Dynamic { mass, .. }) => Some(mass),
             _ => None,
         };
         let carries: Vec<Option<Option<f64>>> =
@@ -118,13 +133,13 @@ impl Model {
             self.velocity.push(texel(if holder == held::HELD { DVec3::ZERO } else { velocity }, 0.0));
         }
         for frame in frame_first..self.frames.len() {
-            if let Motion::Prepared(FrameMotion::Dynamic { mass: wanted }) = self.frames[frame].motion {
+            if let Motion::Prepared(FrameMotion::Dynamic { mass: wanted, .. }) = self.frames[frame].motion {
                 let own = |n: &usize| layer.bound[*n] && frame_of(*n as u32) == frame as u32;
                 let nodes: Vec<u32> = (0..layer.nodes.len()).filter(own).map(|n| (node_first + n) as u32).collect();
                 let own_mass: f64 = nodes.iter().map(|n| mass[*n as usize - node_first]).sum();
                 let factor = wanted.map_or(1.0, |wanted| wanted / own_mass);
                 nodes.iter().for_each(|n| self.node_rest[*n as usize][3] *= factor as f32);
-                self.cores.push(Core { frame, nodes });
+                self.cores.push(Core { frame, nodes, hinge: self.hinge(frame) });
             }
         }
     }

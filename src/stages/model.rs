@@ -75,6 +75,8 @@ pub struct Core {
     pub frame: usize,
     /// Nodes it carries.
     pub nodes: Vec<u32>,
+    /// Unit axis through its centre that is all it may turn about, world; zero: it moves freely.
+    pub hinge: DVec3,
 }
 
 /// All static arrays.
@@ -82,6 +84,8 @@ pub struct Core {
 pub struct Model {
     /// The frames of all bodies.
     pub frames: Vec<FramePlace>,
+    /// Coefficient, and the speed below which friction is viscous, m/s.
+    pub friction: [f32; 2],
     /// mu, lambda (Pa), alpha (1/s), beta (s); a frame.
     pub materials: Vec<[f32; 4]>,
     /// First frame of each body; `NONE` for a half-space.
@@ -159,19 +163,34 @@ pub struct Model {
 impl Model {
     /// The arrays of a scene's bodies; the tool, if any, comes last.
     pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
-        let mut model = Model { links: vec![[0, 0]], fan_first: vec![0], ..Model::default() };
         let all: Vec<&Body> = bodies.iter().chain(tool).collect();
+        let (mut model, proxy_ranges) = Model::of_bodies(&all, bodies.len());
+        model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
+        model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
+        model
+    }
+
+    /// The arrays of two bodies that are asked where they overlap: one pair, whether they can move or not.
+    pub fn of_query(a: &Body, b: &Body) -> Model {
+        let all = [a, b];
+        let (mut model, proxy_ranges) = Model::of_bodies(&all, all.len());
+        // No force comes of it: any law will do.
+        model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, [1.0, 0.0]);
+        model
+    }
+
+    /// The arrays of bodies without their pairs, and the proxies of each.
+    fn of_bodies(all: &[&Body], tool: usize) -> (Model, Vec<Range<usize>>) {
+        let mut model = Model { links: vec![[0, 0]], fan_first: vec![0], ..Model::default() };
         let mut proxy_ranges = Vec::new();
         for (index, body) in all.iter().enumerate() {
-            let is_tool = index == bodies.len();
             let first = model.proxies.len();
-            model.add_body(index, body, is_tool);
+            model.add_body(index, body, index == tool);
             proxy_ranges.push(first..model.proxies.len());
         }
         // The entry that pads node lists, and reads as nothing.
         model.rest_gradients.extend([[0.0; 4]; 3]);
-        model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
-        model
+        (model, proxy_ranges)
     }
 
     fn add_body(&mut self, index: usize, body: &Body, is_tool: bool) {
@@ -204,13 +223,17 @@ impl Model {
                 let frame = self.frames.len();
                 self.body_frames.push(frame as u32);
                 let mover = if is_tool { Motion::Tool } else { Motion::Prepared(motion.clone()) };
-                self.add_frame(body, *centroid, mover, None);
+                let centre = match motion {
+                    FrameMotion::Dynamic { hinge: Some(hinge), .. } if !is_tool => hinge.point,
+                    _ => *centroid,
+                };
+                self.add_frame(body, centre, mover, None);
                 self.tool_frame = if is_tool { Some(frame) } else { self.tool_frame };
                 let vertex_first = self.skin_nodes.len();
                 match motion {
-                    FrameMotion::Dynamic { mass } if !is_tool => {
+                    FrameMotion::Dynamic { mass, .. } if !is_tool => {
                         let mass = mass.unwrap_or_default();
-                        self.add_masses(frame, mass, *inertia * (mass / volume), body.velocity, skin);
+                        self.add_masses(frame, (mass, *centroid, *inertia * (mass / volume)), body.velocity, skin);
                     }
                     _ => {
                         for x in &skin.vertices {

@@ -30,17 +30,27 @@ impl Model {
                     continue;
                 }
                 let (a, b) = if is_plane(i) { (j, i) } else { (i, j) };
-                self.add_pair(scene, all, a, b, tool, ranges);
+                let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&[all[a], all[b]], all));
+                // As if the penalty relaxed over one step.
+                let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
+                self.add_pair(all, (a, b), tool, ranges, [stiffness, damping]);
             }
         }
     }
 
-    fn add_pair(&mut self, scene: &Scene, all: &[&Body], a: usize, b: usize, tool: usize, ranges: &[Range<usize>]) {
+    /// Adds a pair of bodies; `law`: stiffness (N/m^3) and damping (N s/m^3).
+    pub(super) fn add_pair(
+        &mut self,
+        all: &[&Body],
+        (a, b): (usize, usize),
+        tool: usize,
+        ranges: &[Range<usize>],
+        law: [f64; 2],
+    ) {
         let plane = match all[b].shape {
             Shape::Plane { normal, offset } => Some(Plane { normal, offset }),
             _ => None,
         };
-        let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&[all[a], all[b]], all));
         let pair = self.pairs.len() as u32;
         let (a_proxies, b_proxies) = (ranges[a].clone(), ranges[b].clone());
         let first_proxy_pair = self.proxy_pairs.len() as u32;
@@ -63,9 +73,8 @@ impl Model {
             first_proxy: [a_proxies.start as u32, b_proxies.start as u32],
             proxy_count: [a_proxies.len() as u32, b_proxies.len() as u32],
             first_slot,
-            stiffness: stiffness as f32,
-            // As if the penalty relaxed over one step.
-            damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt) as f32,
+            stiffness: law[0] as f32,
+            damping: law[1] as f32,
             tool_sign: if a == tool { 1.0 } else { -f32::from(u8::from(b == tool)) },
             is_plane: u32::from(plane.is_some()),
             driven_frame: [driven_frame(a), driven_frame(b)],

@@ -61,6 +61,7 @@ impl Solve {
         let nodes_c = ("NODES", count(nodes));
         let tetrahedra_c = ("TETRAHEDRA", count(tetrahedra));
         let contact = ("CONTACT", Const::Bool(touch.is_some()));
+        let friction = ("FRICTION", Const::Bool(model.friction[0] > 0.0));
         let tool = ("TOOL", Const::Bool(model.tool_frame.is_some()));
         let partials = ("PARTIALS", count(groups));
         let group = ("GROUP", context.group_size().into());
@@ -73,16 +74,16 @@ impl Solve {
         let mut core_nodes: Vec<u32> = model.cores.iter().flat_map(|core| core.nodes.clone()).collect();
         core_nodes.resize(core_nodes.len().max(1), types::NONE);
         Ok(Solve {
-            assemble: reduce("solve/assemble", &[nodes_c, contact])?,
-            apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c, contact])?,
+            assemble: reduce("solve/assemble", &[nodes_c, contact, friction])?,
+            apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c, contact, friction])?,
             gather_warm: gather(0)?,
             gather_loop: gather(1)?,
             gather_final: gather(2)?,
-            start: reduce("solve/start", &[nodes_c, tetrahedra_c, contact, tool, partials, cores, group])?,
+            start: reduce("solve/start", &[nodes_c, tetrahedra_c, contact, friction, tool, partials, cores, group])?,
             begin: by_node("solve/begin")?,
-            scalars: reduce("solve/scalars", &[contact, tool, partials, cores])?,
+            scalars: reduce("solve/scalars", &[contact, friction, tool, partials, cores])?,
             update: by_node("solve/update")?,
-            conclude: reduce("solve/conclude", &[nodes_c, contact, tool, partials, cores, group])?,
+            conclude: reduce("solve/conclude", &[nodes_c, contact, friction, tool, partials, cores, group])?,
             commit: by_node("solve/commit")?,
             touch: touch.cloned().map_or_else(|| Touch::nothing(context), Ok)?,
             has_contact: touch.is_some(),
@@ -350,7 +351,8 @@ fn cores_of(model: &Model) -> Vec<types::Core> {
     for core in &model.cores {
         let node_count = core.nodes.len() as u32;
         let nothing = <types::Core as bytemuck::Zeroable>::zeroed();
-        cores.push(types::Core { frame: core.frame as u32, node_first: first, node_count, ..nothing });
+        let hinge = core.hinge.as_vec3().to_array();
+        cores.push(types::Core { frame: core.frame as u32, node_first: first, node_count, hinge, ..nothing });
         first += node_count;
     }
     cores.resize(cores.len().max(1), bytemuck::Zeroable::zeroed());

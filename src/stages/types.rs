@@ -63,6 +63,8 @@ pub struct Core {
     pub node_first: u32,
     /// Nodes it carries.
     pub node_count: u32,
+    /// Unit axis through its centre that is all it may turn about, world; zero: it moves freely.
+    pub hinge: [f32; 3],
     /// Inverse of its block of the preconditioner.
     pub inverse: [f32; 36],
     /// Right-hand side.
@@ -300,8 +302,8 @@ pub struct Contact {
     pub normal: [f32; 3],
     /// Projected, with its side's weight, m^2.
     pub area: f32,
-    /// (s - tool centre) x normal, times tool_sign.
-    pub lever: [f32; 3],
+    /// From the tool's centre to where the contact acts on it, m.
+    pub arm: [f32; 3],
     /// As in [`Pair`].
     pub tool_sign: f32,
     /// m.
@@ -312,7 +314,11 @@ pub struct Contact {
     pub stiffness: f32,
     /// N s/m^3.
     pub damping: f32,
-    /// Groups of four entries: 1 to 4.
+    /// Of the tangential velocity at the end of the step, N s/m; 0: none.
+    pub friction: f32,
+    /// Tangential part of v1 - v2 at the start, m/s.
+    pub slip: [f32; 3],
+    /// Groups of four entries: at most 4.
     pub quads: u32,
     /// Skin vertex.
     pub vertex: u32,

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use super::contact::Touch;
+use super::model::Model;
 use super::{Common, args};
 use crate::Result;
-use crate::gpu::{Context, Kernel, Recorder, Size};
+use crate::gpu::{Const, Context, Kernel, Recorder, Size};
 
 /// The reduction over contacts.
 pub struct Wrench {
@@ -14,8 +15,9 @@ pub struct Wrench {
 
 impl Wrench {
     /// Its kernel.
-    pub fn new(context: &Arc<Context>) -> Result<Wrench> {
-        Ok(Wrench { reduce: Kernel::new(context, "wrench/reduce", Size::Reduce, &[])? })
+    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Wrench> {
+        let friction = ("FRICTION", Const::Bool(model.friction[0] > 0.0));
+        Ok(Wrench { reduce: Kernel::new(context, "wrench/reduce", Size::Reduce, &[friction])? })
     }
 
     /// One workgroup, once the step is accepted.

@@ -42,11 +42,12 @@ enum Mover {
     Driven(Drive),
     Tool,
     Floating(Box<Floating>),
-    /// World twist; inertia about the centre, frame axes, kg m^2.
+    /// World twist; inertia about the centre, frame axes, kg m^2; the axis of its hinge, world, zero where there is none.
     Dynamic {
         velocity: DVec3,
         spin: DVec3,
         inertia: DMat3,
+        hinge: DVec3,
     },
 }
 
@@ -70,8 +71,10 @@ impl Frames {
         let mut states: Vec<State> =
             model.frames.iter().enumerate().map(|(i, place)| State::new(place, velocity(i))).collect();
         for core in &model.cores {
-            if let Mover::Dynamic { inertia, .. } = &mut states[core.frame].mover {
+            if let Mover::Dynamic { velocity, inertia, hinge, .. } = &mut states[core.frame].mover {
                 *inertia = model.inertia_of(core);
+                *hinge = core.hinge;
+                *velocity = if core.hinge == DVec3::ZERO { *velocity } else { DVec3::ZERO };
             }
         }
         let links = model.links.iter().map(|link| link.map(|frame| frame as usize)).collect();
@@ -156,7 +159,7 @@ impl State {
                 Key { time: 0.0, position: place.position, orientation: place.orientation },
             )),
             Motion::Prepared(FrameMotion::Dynamic { .. }) => {
-                Mover::Dynamic { velocity, spin: DVec3::ZERO, inertia: DMat3::ZERO }
+                Mover::Dynamic { velocity, spin: DVec3::ZERO, inertia: DMat3::ZERO, hinge: DVec3::ZERO }
             }
             Motion::Prepared(FrameMotion::Floating { mass, inertia }) => Mover::Floating(Box::new(Floating {
                 mass: *mass,
@@ -200,9 +203,15 @@ impl State {
 
     /// A dynamic core's new twist and pose.
     fn push(&mut self, h: f64, change: [f64; 6]) {
-        if let Mover::Dynamic { velocity, spin, .. } = &mut self.mover {
-            *velocity += DVec3::from_slice(&change[..3]);
-            *spin += DVec3::from_slice(&change[3..]);
+        if let Mover::Dynamic { velocity, spin, hinge, .. } = &mut self.mover {
+            let turned = DVec3::from_slice(&change[3..]);
+            if *hinge == DVec3::ZERO {
+                *velocity += DVec3::from_slice(&change[..3]);
+                *spin += turned;
+            } else {
+                // The centre is on the hinge and stays there.
+                *spin += hinge.dot(turned) * *hinge;
+            }
             self.start.centre += h * *velocity;
             self.start.rotation = (DQuat::from_scaled_axis(h * *spin) * self.start.rotation).normalize();
         }
@@ -210,9 +219,13 @@ impl State {
 
     fn frame(&self, origin: DVec3, h: f64) -> Frame {
         let Place { centre, rotation } = self.start;
-        if let Mover::Dynamic { velocity, spin, inertia } = &self.mover {
+        if let Mover::Dynamic { velocity, spin, inertia, hinge } = &self.mover {
             let turn = DMat3::from_quat(rotation);
-            let gyroscopic = gyroscopic_impulse(turn * *inertia * turn.transpose(), *spin, h);
+            // A hinge bears all of it.
+            let gyroscopic = match *hinge {
+                DVec3::ZERO => gyroscopic_impulse(turn * *inertia * turn.transpose(), *spin, h),
+                _ => DVec3::ZERO,
+            };
             return Frame {
                 rotation: rotation.as_quat().to_array(),
                 centre: (centre - origin).as_vec3().to_array(),

@@ -50,6 +50,31 @@ pub struct Recordings {
     pub end: Recording,
 }
 
+impl TouchStages {
+    /// Kernels and arrays of the stages from pose to contact; `blend`: see [`Contact::new`].
+    pub fn new(context: &Arc<Context>, model: &Model, path: Path, blend: bool) -> Result<TouchStages> {
+        Ok(TouchStages {
+            pose: pose::Pose::new(context, model)?,
+            skin: Skin::new(context, model)?,
+            cull: Cull::new(context, model)?,
+            depth: if model.needs_depth() { Some(Depth::new(context, model, path)?) } else { None },
+            contact: Contact::new(context, model, blend)?,
+        })
+    }
+
+    /// Everything from frames and nodes to contacts: what the step and the query have in common.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+        let TouchStages { pose, skin, cull, depth, contact } = self;
+        pose.record(recorder, common, elastic);
+        cull.record(recorder, common, pose, contact, elastic);
+        skin.record(recorder, common, pose, cull, elastic);
+        if let Some(depth) = depth {
+            depth.record(recorder, common, cull, skin);
+        }
+        contact.record(recorder, common, cull, skin, depth.as_ref(), elastic);
+    }
+}
+
 impl Stages {
     /// Kernels and arrays of the stages that the model needs.
     pub fn new(
@@ -59,20 +84,10 @@ impl Stages {
         probe_nodes: &[[u32; 4]],
     ) -> Result<Stages> {
         let common = Common::new(context, model)?;
-        let touch = if model.pairs.is_empty() {
-            None
-        } else {
-            Some(TouchStages {
-                pose: pose::Pose::new(context, model)?,
-                skin: Skin::new(context, model)?,
-                cull: Cull::new(context, model)?,
-                depth: if model.needs_depth() { Some(Depth::new(context, model, path)?) } else { None },
-                contact: Contact::new(context, model)?,
-            })
-        };
+        let touch = if model.pairs.is_empty() { None } else { Some(TouchStages::new(context, model, path, true)?) };
         let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;
         let wrench = match (&model.tool_frame, &touch) {
-            (Some(_), Some(_)) => Some(Wrench::new(context)?),
+            (Some(_), Some(_)) => Some(Wrench::new(context, model)?),
             _ => None,
         };
         let probes = if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes)?) };
@@ -90,14 +105,8 @@ impl Recordings {
         if let Some(carried) = carried {
             carried.record(&mut begin, common, elastic, solve);
         }
-        if let Some(TouchStages { pose, skin, cull, depth, contact }) = touch {
-            pose.record(&mut begin, common, elastic);
-            cull.record(&mut begin, common, pose, contact, elastic);
-            skin.record(&mut begin, common, pose, cull, elastic);
-            if let Some(depth) = depth {
-                depth.record(&mut begin, common, cull, skin);
-            }
-            contact.record(&mut begin, common, cull, skin, depth.as_ref(), elastic);
+        if let Some(touch) = touch {
+            touch.record(&mut begin, common, elastic);
         }
         solve.record_reset(&mut begin);
         elastic.record(&mut begin, common);

@@ -61,6 +61,8 @@ impl Flow {
     pub fn respond(&mut self) {
         let (contacts, model) = (self.counts.contacts as usize, &self.model);
         let out = case("contact/response")
+            .constant("FRICTION_COEFFICIENT", model.friction[0])
+            .constant("FRICTION_SPEED", model.friction[1])
             .input("params", &[self.params])
             .input("counts", &[self.counts])
             .input("pairs", &self.pairs)

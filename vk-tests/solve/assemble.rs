@@ -132,14 +132,19 @@ fn contacts_count_in_the_right_hand_side_and_the_blocks() {
         expect_oracle("contacts", system);
         let system = System::new(&two_layers(), 0.004, seed).with_tool().with_contacts(100, seed + 80);
         expect_oracle("contacts and a tool", system);
+        let system = System::new(&two_layers(), 0.004, seed).with_tool().with_friction().with_contacts(100, seed + 80);
+        expect_oracle("friction", system);
     }
 }
 
 #[test]
 fn the_inverse_blocks_are_symmetric_and_positive() {
     // solve/assemble: whatever rounding does, the preconditioner stays positive definite, also under stiff contacts.
-    let mut system = System::new(&two_layers(), 0.012, 9).with_tool().with_contacts(100, 90);
-    system.contacts.iter_mut().for_each(|contact| contact.damping *= 100.0);
+    let mut system = System::new(&two_layers(), 0.012, 9).with_tool().with_friction().with_contacts(100, 90);
+    system.contacts.iter_mut().for_each(|contact| {
+        contact.damping *= 100.0;
+        contact.friction *= 100.0;
+    });
     let mut passes = Passes::new(system);
     passes.assemble();
     let mut random = Random(91);

@@ -96,9 +96,10 @@ fn the_tools_rows_follow_the_same_recurrence() {
     for (contact, force) in
         passes.system.contacts.iter().zip(&passes.contact_forces).filter(|(c, _)| c.tool_sign != 0.0)
     {
+        let lever = contact.tool_sign * glam::Vec3::from(contact.arm).cross(contact.normal.into());
         for k in 0..3 {
             image[k] += f64::from(force[3]) * f64::from(contact.tool_sign * contact.normal[k]);
-            image[3 + k] += f64::from(force[3]) * f64::from(contact.lever[k]);
+            image[3 + k] += f64::from(force[3]) * f64::from(lever[k]);
         }
     }
     let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };

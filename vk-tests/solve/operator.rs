@@ -80,7 +80,8 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     system.gradients[..3].copy_from_slice(&[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 1.0, 0.0]]);
     // Contact 2 is one vertex of the layer, as n . (0.25 v_0 + 0.75 v_1), against the tool at rest.
     let contact = &mut system.contacts[2];
-    (contact.normal, contact.area, contact.lever) = ([0.0, 0.6, 0.8], 0.5, [0.0, 0.0, 1.0]);
+    // Its lever, -arm x n, is (0, 0, 1).
+    (contact.normal, contact.area, contact.arm) = ([0.0, 0.6, 0.8], 0.5, [-1.0 / 0.6, 0.0, 0.0]);
     (contact.stiffness, contact.damping, contact.quads, contact.tool_sign) = (4.0, 2.0, 1, -1.0);
     system.entry_nodes[8] = [0, 1, 2, 3];
     system.entry_weights[8] = [0.25, 0.75, 0.0, 0.0];
@@ -155,6 +156,9 @@ fn products_agree_with_the_assembled_matrix_for_inverted_tetrahedra() {
         expect_oracle("contacts", system, seed + 10);
         let system = System::new(&bodies, AMPLITUDE, seed).with_tool().with_contacts(CONTACTS, seed + 20);
         expect_oracle("contacts and a tool", system, seed + 10);
+        let system =
+            System::new(&bodies, AMPLITUDE, seed).with_tool().with_friction().with_contacts(CONTACTS, seed + 20);
+        expect_oracle("friction", system, seed + 10);
     }
 }
 
@@ -163,8 +167,9 @@ fn the_operator_is_symmetric_and_positive() {
     // x . A y = y . A x and x . A x > 0, nodes and tool together; inverted tetrahedra among them.
     let bodies = two_layers();
     for seed in 0..4 {
-        let system = System::new(&bodies, AMPLITUDE, seed).with_tool().with_contacts(CONTACTS, seed + 30);
-        let mut passes = Passes::new(system);
+        let system = System::new(&bodies, AMPLITUDE, seed).with_tool();
+        let system = if seed % 2 == 0 { system } else { system.with_friction() };
+        let mut passes = Passes::new(system.with_contacts(CONTACTS, seed + 30));
         let mut random = Random(seed + 40);
         let mut image_of = |passes: &mut Passes| {
             let (x, tool) = (passes.system.random_field(&mut random), tool_vector(&mut random));

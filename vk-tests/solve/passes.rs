@@ -18,9 +18,10 @@ pub enum Change {
 /// A system and the solver's arrays, named as the kernels name them.
 pub struct Passes {
     pub system: System,
-    /// Variants with contacts, and with a tool.
+    /// Variants with contacts, with a tool, with friction.
     pub contact: bool,
     pub tool: bool,
+    pub friction: bool,
     pub element_forces: Vec<[f32; 4]>,
     pub contact_forces: Vec<[f32; 4]>,
     pub leftover: Vec<[f32; 4]>,
@@ -51,6 +52,7 @@ impl Passes {
         Passes {
             contact: system.counts.contacts > 0,
             tool: system.twin.tool.is_some(),
+            friction: system.twin.friction.is_some(),
             element_forces: system.element_forces.clone(),
             contact_forces: vec![],
             leftover: zeros.clone(),
@@ -100,6 +102,7 @@ impl Passes {
             .kernel("solve/assemble")
             .size(Size::Reduce)
             .constant("CONTACT", self.contact)
+            .constant("FRICTION", self.friction)
             .input("params", &[s.params])
             .input("materials", &s.model.materials)
             .input("node_info", &s.model.node_info)
@@ -131,6 +134,7 @@ impl Passes {
         let outcome = case("solve/apply")
             .constant("TETRAHEDRA", tetrahedra as u32)
             .constant("CONTACT", self.contact)
+            .constant("FRICTION", self.friction)
             .input("params", &[s.params])
             .input("tetrahedra", &s.model.tetrahedra)
             .input("gradients", &s.gradients)
@@ -190,6 +194,7 @@ impl Passes {
             .size(Size::Reduce)
             .constant("TETRAHEDRA", self.tetrahedra() as u32)
             .constant("CONTACT", self.contact)
+            .constant("FRICTION", self.friction)
             .constant("TOOL", self.tool)
             .constant("PARTIALS", self.partials.len() as u32)
             .constant("CORES", self.cores())
@@ -248,6 +253,7 @@ impl Passes {
         let outcome = case("solve/scalars")
             .size(Size::Reduce)
             .constant("CONTACT", self.contact)
+            .constant("FRICTION", self.friction)
             .constant("TOOL", self.tool)
             .constant("PARTIALS", self.dots.len() as u32)
             .constant("CORES", self.cores())
@@ -301,6 +307,7 @@ impl Passes {
             .kernel("solve/conclude")
             .size(Size::Reduce)
             .constant("CONTACT", self.contact)
+            .constant("FRICTION", self.friction)
             .constant("TOOL", self.tool)
             .constant("PARTIALS", self.dots.len() as u32)
             .constant("CORES", self.cores())
@@ -357,6 +364,7 @@ impl Passes {
         let s = &self.system;
         let outcome = case("wrench/reduce")
             .size(Size::Reduce)
+            .constant("FRICTION", self.friction)
             .input("params", &[s.params])
             .input("counts", &[s.counts])
             .input("contacts", &s.contacts)

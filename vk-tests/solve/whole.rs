@@ -5,7 +5,7 @@ use palpate::stages::types::verdict;
 
 use super::passes::Passes;
 use crate::elastic::expect_of_largest;
-use crate::system::{System, triples, two_layers, two_layers_one_on_a_core};
+use crate::system::{System, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 
 /// Of the largest value of a body: the solver stops at 1e-6 of the right-hand side's norm, the condition (behind the
 /// preconditioner) is some hundreds, and f32 rounding in b and A is of the same size.
@@ -53,21 +53,28 @@ fn conjugate_gradients_reach_the_direct_solution() {
     assert_eq!((held.report.verdict, held.report.flags), (0, 0));
     let passes = solved("contacts and a tool", System::new(&two_layers(), 0.004, 4).with_tool().with_contacts(20, 8));
     println!("{} iterations with contacts and a tool", passes.state.iterations);
+    let rubbed = System::new(&two_layers(), 0.004, 4).with_tool().with_friction().with_contacts(20, 8);
+    println!("{} with friction", solved("friction", rubbed).state.iterations);
 }
 
 #[test]
 fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
-    let passes = solved("a core", System::new(&two_layers_one_on_a_core(), 0.004, 5));
-    let s = &passes.system;
-    let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
-    let x = Solver::default().solve(&a, &b).unwrap();
-    let first = s.twin.unknowns().cores[0];
-    expect_of_largest("linear", &passes.core_changes[..3], &x[first..first + 3], SOLUTION);
-    expect_of_largest("angular", &passes.core_changes[3..], &x[first + 3..first + 6], SOLUTION);
-    println!("{} iterations with a core", passes.state.iterations);
-    let all = System::new(&two_layers_one_on_a_core(), 0.004, 6).with_tool().with_contacts(20, 8);
-    let passes = solved("a core, contacts and a tool", all);
-    println!("{} iterations with a core, contacts and a tool", passes.state.iterations);
+    for (what, bodies) in [("a core", two_layers_one_on_a_core()), ("a hinge", two_layers_one_on_a_hinge())] {
+        let passes = solved(what, System::new(&bodies, 0.004, 5));
+        let s = &passes.system;
+        let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
+        let x = Solver::default().solve(&a, &b).unwrap();
+        let first = s.twin.unknowns().cores[0];
+        expect_of_largest("linear", &passes.core_changes[..3], &x[first..first + 3], SOLUTION);
+        expect_of_largest("angular", &passes.core_changes[3..], &x[first + 3..first + 6], SOLUTION);
+        println!("{} iterations with {what}", passes.state.iterations);
+        let all = System::new(&bodies, 0.004, 6).with_tool().with_contacts(20, 8);
+        let passes = solved(&format!("{what}, contacts and a tool"), all);
+        println!("{} iterations with {what}, contacts and a tool", passes.state.iterations);
+        let all = System::new(&bodies, 0.004, 6).with_tool().with_friction().with_contacts(20, 8);
+        let passes = solved(&format!("{what}, contacts, friction and a tool"), all);
+        println!("{} iterations with {what}, contacts, friction and a tool", passes.state.iterations);
+    }
 }
 
 #[test]
@@ -90,9 +97,10 @@ fn a_step_with_pulling_contacts_ends_as_the_oracles() {
     // most,
     // the kernels four times: systems where that makes a difference are left out, and not all may be.
     let mut compared = 0;
-    for seed in [0, 2, 5] {
-        let system = System::new(&two_layers(), 0.004, seed).with_tool().with_contacts(12, 30 + seed);
-        let mut passes = Passes::new(system);
+    for (seed, rubs) in [(0, false), (2, false), (5, false), (0, true), (2, true), (5, true)] {
+        let system = System::new(&two_layers(), 0.004, seed).with_tool();
+        let system = if rubs { system.with_friction() } else { system };
+        let mut passes = Passes::new(system.with_contacts(12, 30 + seed));
         // Tighter than the step's: displacements carry what is left over a long step.
         passes.system.params.tolerance = 5e-7;
         let mut solves = 0;
@@ -131,5 +139,5 @@ fn a_step_with_pulling_contacts_ends_as_the_oracles() {
         expect_of_largest("force", &passes.report.force, &wrench.force.to_array(), 10.0 * SOLUTION);
         expect_of_largest("torque", &passes.report.torque, &wrench.torque.to_array(), 10.0 * SOLUTION);
     }
-    assert!(compared >= 2, "only {compared} steps with one repetition");
+    assert!(compared >= 4, "only {compared} steps with one repetition");
 }

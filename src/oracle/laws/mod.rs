@@ -2,6 +2,7 @@
 
 mod contact;
 mod elastic;
+mod friction;
 mod press;
 mod statics;
 mod step;

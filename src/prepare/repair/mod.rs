@@ -88,6 +88,30 @@ fn mend(mesh: TriangleMesh, report: &mut RepairReport) -> std::result::Result<Tr
     Ok(TriangleMesh { vertices, triangles })
 }
 
+/// Where a triangle of a repaired mesh comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Origin {
+    /// The triangle, in the order of the file.
+    pub triangle: u32,
+    /// Whether its second and third corner changed places.
+    pub is_turned: bool,
+}
+
+/// Where each triangle comes from that [`repair`] makes of a mesh.
+pub fn origins(mesh: &TriangleMesh) -> std::result::Result<Vec<Origin>, Refusal> {
+    faces::check(mesh)?;
+    let mut report = RepairReport::of(mesh);
+    let mut faces = Faces::new(&mesh.vertices, mesh.triangles.clone());
+    faces.clean(&mut report);
+    let before = faces.corners.clone();
+    outside::orient(&mut faces, &mut report)?;
+    let origin = |(t, &triangle): (usize, &usize)| Origin {
+        triangle: triangle as u32,
+        is_turned: faces.corners[t] != before[t],
+    };
+    Ok(faces.origin.iter().enumerate().map(origin).collect())
+}
+
 /// Reads an OBJ file, and repairs it, or refuses what would need it (`mends` false).
 pub fn read(path: &Path, mends: bool) -> Result<(TriangleMesh, RepairReport)> {
     let mesh = obj::read(path)?;

@@ -104,6 +104,29 @@ fn slivers_copies_and_turned_faces_are_undone() {
 }
 
 #[test]
+fn every_triangle_knows_where_it_came_from() {
+    // Joined, dropped, given twice, turned one by one and as a whole piece.
+    let mut mesh = join(boxed(DVec3::splat(3.0), DVec3::splat(4.0), 2), soup(&ball(1.0)));
+    mesh.triangles.iter_mut().take(48).for_each(|t| t.swap(0, 1));
+    mesh.triangles.iter_mut().step_by(9).for_each(|t| t.swap(1, 2));
+    mesh.triangles.insert(5, [7, 9, 9]);
+    mesh.triangles.insert(60, mesh.triangles[59]);
+    let (mended, report) = repair(mesh.clone()).unwrap();
+    let origins = origins(&mesh).unwrap();
+    assert_eq!(origins.len(), mended.triangles.len());
+    assert_eq!(
+        (report.zero_area.count, report.duplicates.count, origins[5].triangle, origins[59].triangle),
+        (1, 1, 6, 61)
+    );
+    assert!(origins.iter().any(|o| o.is_turned) && origins.iter().any(|o| !o.is_turned));
+    for (triangle, origin) in mended.triangles.iter().zip(&origins) {
+        let [a, b, c] = mesh.triangles[origin.triangle as usize];
+        let corners = if origin.is_turned { [a, c, b] } else { [a, b, c] };
+        assert_eq!(points(&mended.vertices, *triangle), points(&mesh.vertices, corners));
+    }
+}
+
+#[test]
 fn a_collapsed_edge_is_closed_again() {
     // A vertex of a box's side moved onto its neighbour: two triangles lose their area, and leave no gap.
     let mut mesh = boxed(DVec3::ZERO, DVec3::ONE, 4);
