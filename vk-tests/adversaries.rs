@@ -217,7 +217,7 @@ fn many_pairs(cells: [u32; 3]) {
     let flags = rows.iter().fold(0, |all, row| all | row.flags.0);
     println!(
         "200 pairs: {} regions, {} contacts, {} pairs with some; flags {flags}; up to {} iterations",
-        regions.iter().filter(|region| region.width > 0).count(),
+        regions.iter().filter(|region| region.weight > 0.0).count(),
         contacts.len(),
         pushed.iter().filter(|p| **p).count(),
         rows.iter().map(|row| row.iterations).max().unwrap()

@@ -10,10 +10,10 @@ use palpate::oracle::skin as embedded;
 use palpate::prepare::{Body, Shape};
 use palpate::stages::args;
 use palpate::stages::depth::Path;
-use palpate::stages::types::{Contact, Counts, NONE};
+use palpate::stages::types::{CHUNK_VERTICES, Contact, Counts, NONE, PAIR_REGIONS};
 
 use crate::bodies::{half_space, octants, rigid, soft, sphere, whole};
-use crate::flow::Flow;
+use crate::flow::{Flow, PATHS};
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::random::Random;
 
@@ -100,7 +100,13 @@ fn wanted(bodies: &[Body], tool: &Body, flow: &Flow) -> BTreeMap<(u32, u32), ora
                 oracle::gather_plane(&first, *normal, offset - normal.dot(tool.position), &law)
             }
             _ => {
-                let normal = vector(&flow.regions[r].normal).normalize();
+                let regions = &flow.regions[PAIR_REGIONS * r..][..PAIR_REGIONS];
+                // Where nothing is near there is none; these bodies touch in one place each.
+                assert!(regions[1..].iter().all(|region| region.weight == 0.0), "pair {r}: {regions:?}");
+                if regions[0].weight == 0.0 {
+                    continue;
+                }
+                let normal = vector(&regions[0].normal).normalize();
                 oracle::gather(normal, &first, &surface(flow, all[b], b, tool.position), &law)
             }
         };
@@ -165,7 +171,7 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
 
 #[test]
 fn a_crowd_of_soft_and_rigid_bodies_against_the_oracle() {
-    for path in [Path::Compute, Path::Graphics] {
+    for path in PATHS {
         let (bodies, tool, flow) = crowd(path);
         let want = wanted(&bodies, &tool, &flow);
         assert_eq!(flow.counts.flags & !NOT_HEIGHT_FIELD, 0, "{}", path.name());
@@ -200,18 +206,16 @@ fn a_depth_beyond_the_limit_is_flagged_and_counts() {
     }
 }
 
-/// The dense list of every third candidate among `n`.
-fn compact(n: usize, capacity: usize) -> (Vec<u32>, Counts, Vec<u32>) {
-    let hits: Vec<[f32; 4]> =
-        (0..n.max(1)).map(|i| [if i % 3 == 1 { 1e-6 } else { -0.5 * (i % 2) as f32 }, 0.0, 0.0, 0.0]).collect();
+/// The dense list of the candidates with a depth, of so many chunks.
+fn compact(depths: &[f32], capacity: usize) -> (Vec<u32>, Counts, Vec<u32>) {
+    let hits: Vec<[f32; 4]> = depths.iter().map(|d| [*d, 0.0, 0.0, 0.0]).collect();
     let out = case("contact/compact")
         .size(Size::Reduce)
         .constant("CAPACITY", capacity as u32)
-        .constant("NODES", 1000u32)
         .constant("TETRAHEDRA", 500u32)
         .constant("GROUP", context().group_size())
-        .input("candidate_hits", &hits)
-        .inout("counts", &[Counts { vertices: n as u32, ..Counts::default() }])
+        .input("candidate_hits", &crate::flow::some(&hits))
+        .inout("counts", &[Counts { chunks: (depths.len() / CHUNK_VERTICES) as u32, ..Counts::default() }])
         .partial("contact_source", &vec![NONE; capacity])
         .partial("args", &vec![7u32; args::WORDS])
         .groups(1)
@@ -219,26 +223,37 @@ fn compact(n: usize, capacity: usize) -> (Vec<u32>, Counts, Vec<u32>) {
     (out.get("contact_source"), out.get::<Counts>("counts")[0], out.get("args"))
 }
 
+/// What must be in the list: all in order, or those deeper than the deepest that does not fit.
+fn compacted(depths: &[f32], capacity: usize) -> Vec<u32> {
+    let mut sorted: Vec<f32> = depths.iter().copied().filter(|d| *d > 0.0).collect();
+    sorted.sort_unstable_by(|x, y| y.total_cmp(x));
+    let least = sorted.get(capacity).copied().unwrap_or(0.0);
+    (0..depths.len() as u32).filter(|i| depths[*i as usize] > least).collect()
+}
+
 #[test]
-fn lists_of_any_length_keep_the_order_of_candidates() {
-    let (width, group) = (context().reduce_size() as usize, context().group_size());
-    for n in [0, 1, 2, width - 1, width, width + 1, 1234] {
-        let want: Vec<u32> = (0..n as u32).filter(|i| i % 3 == 1).collect();
-        for capacity in [1, 5, 500] {
-            let (source, counts, words) = compact(n, capacity);
-            let kept = want.len().min(capacity);
-            assert_eq!(source[..kept], want[..kept]);
-            assert!(source[kept..].iter().all(|s| *s == NONE));
-            let flags = if want.len() > capacity { CONTACT_OVERFLOW } else { 0 };
-            assert_eq!((counts.contacts, counts.flags), (kept as u32, flags), "{n} candidates, {capacity} fit");
+fn lists_of_any_length_keep_the_order_of_candidates_and_the_deepest_where_not_all_fit() {
+    let (group, mut random) = (context().group_size(), Random(53));
+    for chunks in [0, 1, 7, 8, 9, 63, 64, 65, 1000] {
+        // Every third collides or so, some of them equally deep.
+        let depth = |i: usize, x: f64| if i.is_multiple_of(3) { (1e-3 * x).max(0.0) as f32 } else { 0.0 };
+        let mut depths: Vec<f32> = (0..CHUNK_VERTICES * chunks).map(|i| depth(i, random.next())).collect();
+        depths.iter_mut().step_by(15).for_each(|d| *d = 5e-4);
+        let all = compacted(&depths, usize::MAX).len();
+        for capacity in [1, 5, 500, all.max(1), all + 1] {
+            let (source, counts, words) = compact(&depths, capacity);
+            let want = compacted(&depths, capacity);
+            assert_eq!(source[..want.len()], want);
+            assert!(source[want.len()..].iter().all(|s| *s == NONE));
+            let flags = if all > capacity { CONTACT_OVERFLOW } else { 0 };
+            let kept = want.len();
+            assert_eq!((counts.contacts, counts.flags), (kept as u32, flags), "{chunks} chunks, {capacity} fit");
             let groups = |slot: u32| words[3 * slot as usize];
             let of = |elements: usize| (elements as u32).div_ceil(group);
             assert_eq!(groups(args::CONTACTS), of(kept));
-            assert_eq!(groups(args::CONTACT_NODES), if kept > 0 { of(1000) } else { 0 });
             assert_eq!(groups(args::ENTRIES), of(16 * kept));
             assert_eq!(groups(args::APPLY), of(500 + kept));
-            let written =
-                [args::CONTACTS, args::CONTACT_NODES, args::ENTRIES, args::APPLY].map(|slot| 3 * slot as usize);
+            let written = [args::CONTACTS, args::ENTRIES, args::APPLY].map(|slot| 3 * slot as usize);
             assert!(words.iter().enumerate().all(|(k, w)| written.contains(&k) || *w == 7), "{words:?}");
         }
     }
@@ -263,8 +278,9 @@ fn one_vertex_against_a_half_space_by_hand() {
     expect_close("depth", &[got.depth], &[0.25], close);
     expect_close("arm", &got.arm, &[0.5, -1.0, 0.0], close);
     expect_close("rate", &[got.rate], &[2.0 - 0.5], close);
+    // The skin's vertices: x, y, z, -x, -y, -z.
     assert_eq!((got.vertex, got.side, got.triangle, got.quads), (4, 0, NONE, 0));
     assert_eq!((got.tool_sign, got.stiffness, got.damping), (1.0, 1e6, 1e3));
     assert_eq!(got.barycentric, [0.0; 2]);
-    assert_eq!(flow.what[4], [4, 0, NONE, 0]);
+    assert_eq!(flow.what[flow.source[0] as usize], [4, 0, NONE, 0]);
 }

@@ -1,32 +1,28 @@
-//! contact/candidates and contact/response over any number of elements, and the flag of a patch that is no height field.
+//! contact/candidates and contact/response over any number of elements.
 
-use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::stages::args;
-use palpate::stages::depth::Path;
-use palpate::stages::types::{ActiveProxy, Contact, Counts, NONE, Proxy, Region};
+use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, Chunk, Contact, Counts, NONE};
 
-use crate::bodies::{half_space, rigid, sheet, sphere, whole};
+use crate::bodies::{half_space, rigid, sphere, whole};
 use crate::flow::Flow;
 use crate::harness::{Tolerance, context, expect_close};
 use crate::random::Random;
 
 /// Sums and products of a few f32 numbers of order one.
 const CLOSE: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };
-const NOT_HEIGHT_FIELD: u32 = 16;
 
 fn sizes() -> [usize; 6] {
     let width = context().group_size() as usize;
     [0, 1, width - 1, width, width + 1, 1234]
 }
 
-/// A skin of `n` downward triangles of their own over a half-space, as two proxies list their first corners.
+/// A skin of `n` downward triangles of their own over a half-space, in chunks that own their first corners.
 fn loose(n: usize, random: &mut Random) -> Flow {
     let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
     let model = &mut flow.model;
-    (flow.skin, model.triangles, model.neighbours, model.fan_first, model.fans) =
-        (vec![], vec![], vec![], vec![0], vec![]);
+    (flow.skin, model.triangles, model.fan_first, model.fans) = (vec![], vec![], vec![0], vec![]);
     for i in 0..n.max(1) as u32 {
         let place = random.vector();
         for corner in [DVec3::ZERO, DVec3::X, DVec3::Z] {
@@ -35,22 +31,21 @@ fn loose(n: usize, random: &mut Random) -> Flow {
             model.fan_first.push(model.fans.len() as u32);
         }
         model.triangles.push([3 * i, 3 * i + 1, 3 * i + 2, 0]);
-        model.neighbours.push([NONE, NONE, NONE, 0]);
     }
     model.skin_areas = (0..flow.skin.len()).map(|i| 0.5 + (i % 7) as f32).collect();
-    model.proxy_vertices = (0..n as u32).map(|i| 3 * i).collect();
-    let first = n as u32 / 3;
-    model.proxies = vec![
-        Proxy { vertex_count: first, ..Proxy::zeroed() },
-        Proxy { vertex_first: first, vertex_count: n as u32 - first, ..Proxy::zeroed() },
-    ];
-    // The first proxy is empty for small n: then the list has the second alone.
-    let entry = |proxy: u32, vertex_first: u32| ActiveProxy { proxy, vertex_first, ..ActiveProxy::default() };
-    flow.active_list = if first > 0 { vec![entry(0, 0), entry(1, first)] } else { vec![entry(1, 0)] };
-    flow.regions = vec![Region { normal: [0.0, -1.0, 0.0], ..Region::default() }];
-    let active_proxies = flow.active_list.len() as u32;
-    flow.counts = Counts { active_proxies, vertices: n as u32, ..Counts::default() };
-    flow.args[3 * args::CANDIDATES as usize] = (n as u32).div_ceil(context().group_size());
+    model.chunk_vertices = (0..n as u32).map(|i| 3 * i).collect();
+    let chunk = |first: usize| Chunk {
+        vertex_first: first as u32,
+        vertex_count: (n - first).min(CHUNK_VERTICES) as u32,
+        ..Chunk::default()
+    };
+    model.chunks = (0..n).step_by(CHUNK_VERTICES).map(chunk).collect();
+    let chunks = model.chunks.len() as u32;
+    flow.active_chunks =
+        (0..chunks).map(|chunk| ActiveChunk { chunk, regions: 1, first_item: chunk, ..Default::default() }).collect();
+    flow.regions[0].normal = [0.0, -1.0, 0.0];
+    flow.counts = Counts { chunks, ..Counts::default() };
+    flow.args[3 * args::ACTIVE as usize] = chunks;
     flow.args[3 * args::COMPACT as usize] = 1;
     flow.capacity = n;
     flow
@@ -62,12 +57,19 @@ fn candidates_of_any_number() {
     for n in sizes() {
         let mut flow = loose(n, &mut random);
         flow.candidates();
+        assert_eq!(flow.hits.len(), n.next_multiple_of(CHUNK_VERTICES));
         for (i, (hit, what)) in flow.hits.iter().zip(&flow.what).enumerate() {
-            let depth = -f64::from(flow.skin[3 * i][1]);
+            let depth = if i < n { -f64::from(flow.skin[3 * i][1]) } else { 0.0 };
+            if depth <= 0.0 {
+                assert_eq!(*hit, [0.0; 4]);
+                continue;
+            }
             assert_eq!(what, &[3 * i as u32, 0, NONE, 0]);
             let area = f64::from(flow.model.skin_areas[3 * i]);
-            let want = if depth > 0.0 { [depth, 0.0, 0.0, area] } else { [0.0; 4] };
-            expect_close("hit", hit, &want, CLOSE);
+            expect_close("hit", hit, &[depth, 0.0, 0.0, area], CLOSE);
+            expect_close("normal", &flow.normals[i], &[0.0, -1.0, 0.0, 0.0], CLOSE);
+            expect_close("push", &flow.pushes[i][..3], &[0.0, -depth * area, 0.0], CLOSE);
+            assert_eq!(flow.pushes[i][3].to_bits(), NONE, "no pair of proxies");
         }
         // Turned over, none faces the half-space.
         flow.model.triangles.iter_mut().for_each(|t| t.swap(1, 2));
@@ -86,11 +88,13 @@ fn responses_of_any_number() {
         let vertices = flow.skin.len();
         flow.model.skin_nodes = (0..vertices as u32).map(|i| [0, 1, 2, 3].map(|k| (i * 7 + k * 13) % 50)).collect();
         flow.model.skin_weights = (0..vertices).map(|i| [0.25, 0.5, 0.25 + (i % 4) as f32 * 0.125, 0.0]).collect();
-        // Every third candidate is a contact; every other of these met a triangle.
-        let hit = |i: usize| if i % 3 == 2 { [0.1 + i as f32, 0.25, 0.5, 2.0] } else { [0.0; 4] };
-        flow.hits = (0..3 * n).map(hit).collect();
+        // Every third candidate is a contact; every other of these met a triangle. What fills up the last chunk is none.
+        let hit = |i: usize| if i % 3 == 2 && i < 3 * n { [0.1 + i as f32, 0.25, 0.5, 2.0] } else { [0.0; 4] };
+        let count = (3 * n).next_multiple_of(CHUNK_VERTICES);
+        flow.hits = (0..count).map(hit).collect();
         let met = |i: usize| if i.is_multiple_of(2) { i as u32 / 2 } else { NONE };
-        flow.what = (0..3 * n).map(|i| [3 * i as u32, (i as u32 / 3) % 2, met(i), 0]).collect();
+        flow.what = (0..count).map(|i| [3 * i as u32, (i as u32 / 3) % 2, met(i), 0]).collect();
+        flow.normals = (0..count).map(|_| random.vector().normalize().as_vec3().extend(0.0).to_array()).collect();
         flow.node_count = vec![0; nodes];
         flow.compact();
         assert_eq!(flow.counts.contacts as usize, n);
@@ -114,6 +118,7 @@ fn check_response(flow: &Flow, c: usize, counts: &mut [u32]) {
         points.extend([(corners[0] as usize, -0.25 * sign), (corners[1] as usize, -0.25 * sign)]);
         points.push((corners[2] as usize, -0.5 * sign));
     }
+    assert_eq!(got.normal, flow.normals[i][..3]);
     // Vertices in one tetrahedron share a quad.
     let mut quads: Vec<([u32; 4], [f64; 4])> = Vec::new();
     for (vertex, share) in points {
@@ -130,31 +135,12 @@ fn check_response(flow: &Flow, c: usize, counts: &mut [u32]) {
         assert_eq!(flow.entry_nodes[4 * c + quad], nodes);
         expect_close("weights", &flow.entry_weights[4 * c + quad], &weights, CLOSE);
         for (node, w) in nodes.iter().zip(weights) {
-            // The normal is -y.
-            rate -= w * f64::from(flow.velocity[*node as usize][1]);
+            let speed = |k: usize| f64::from(flow.normals[i][k]) * f64::from(flow.velocity[*node as usize][k]);
+            rate += w * (0..3).map(speed).sum::<f64>();
             counts[*node as usize] += u32::from(w != 0.0);
         }
     }
     expect_close("rate", &[got.rate], &[rate], CLOSE);
     let untouched = &flow.entry_nodes[4 * c + got.quads as usize..4 * c + 4];
     assert!(untouched.iter().all(|quad| *quad == [NONE; 4]), "quads not in use stay as they were");
-}
-
-#[test]
-fn a_ray_that_leaves_the_patch_deep_behind_it_is_flagged() {
-    let plane = rigid("plane", sheet(0.01, 4), whole, DVec3::ZERO, DQuat::IDENTITY);
-    // A small ball pressed in over the middle of the sheet, and one half over its edge.
-    for (x, flags) in [(0.0, 0), (0.0105, NOT_HEIGHT_FIELD)] {
-        let place = DVec3::new(x, 0.0015, 0.0);
-        let tool = rigid("tool", sphere(0.005, 3), whole, place, DQuat::IDENTITY);
-        let mut flow = Flow::new(std::slice::from_ref(&plane), Some(&tool), DVec3::ZERO);
-        // Texels so coarse that vertices beside the sheet share one with it.
-        (flow.tile, flow.params.depth_limit) = (8, 1.0);
-        flow.query(Path::Compute);
-        assert_eq!(flow.counts.flags, flags, "a ball at {x}");
-        let found = flow.hits.iter().zip(&flow.what).filter(|(hit, what)| what[1] == 1 && hit[0] > 0.0);
-        let found: Vec<u32> = found.map(|(_, what)| what[0]).collect();
-        // Directions lean by less than a fifth, depths are below 4 mm.
-        assert!(found.len() > 20 && found.iter().all(|v| flow.skin[*v as usize][0] < 0.01 + 0.2 * 0.004));
-    }
 }

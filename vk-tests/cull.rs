@@ -1,11 +1,11 @@
-//! cull/pairs, cull/direction and cull/regions: which hulls may touch, which way they part, and the region they share.
+//! cull/pairs and cull/direction: which hulls may touch, which way they part, and how their contacts pushed.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::oracle::{cull as exact, proximity};
 use palpate::prepare::hull::{self, Hull};
 use palpate::stages::args;
-use palpate::stages::types::{NONE, Pair, Proxy, ProxyBounds, StepParams};
+use palpate::stages::types::{Counts, NONE, Proxy, ProxyBounds};
 
 use crate::bodies::sphere;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
@@ -118,29 +118,24 @@ fn mixed(random: &mut Random, count: usize, spread: f64) -> Hulls {
     hulls
 }
 
-const DEPTH_LIMIT: f32 = 0.02;
-const REACH: f64 = 0.12;
+const REACH: f64 = 0.1;
 
 /// The first `n` pairs of the first `a_count` proxies with the rest.
 fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]>) {
     let b_count = hulls.proxies.len() - a_count;
-    let all = (0..a_count as u32).flat_map(|a| (0..b_count as u32).map(move |b| [a, a_count as u32 + b, 0, a]));
+    let all = (0..a_count as u32).flat_map(|a| (0..b_count as u32).map(move |b| [a, a_count as u32 + b, 0, 0]));
     let proxy_pairs: Vec<[u32; 4]> = all.take(n).collect();
     assert_eq!(proxy_pairs.len(), n);
-    let pair =
-        Pair { first_proxy: [0, a_count as u32], proxy_count: [a_count as u32, b_count as u32], ..Pair::zeroed() };
     let bound = if n == 0 { vec![[0; 4]] } else { proxy_pairs.clone() };
     let out = case("cull/pairs")
         .constant("PROXY_PAIRS", n as u32)
-        .input("params", &[StepParams { depth_limit: DEPTH_LIMIT, ..StepParams::zeroed() }])
-        .input("pairs", &[pair])
         .input("proxies", &hulls.proxies)
         .input("bounds", &hulls.bounds)
         .input("proxy_pairs", &bound)
         .input("hull", &hulls.hull)
-        .inout("proxy_active", &vec![0u32; hulls.proxies.len()])
         .partial("active_pairs", &vec![NONE; n])
-        .partial("reach_of", &vec![-1.0f32; n])
+        .partial("reach_of", &vec![[-1.0f32; 2]; n])
+        .output::<[f32; 4]>("directions", 2 * n)
         .inout("args", &vec![0u32; args::WORDS])
         .elements(n)
         .run();
@@ -149,25 +144,27 @@ fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]
 
 #[test]
 fn two_cubes_by_hand() {
-    // Gaps of 0.11 and 0.13 around the reach of 0.12; then across a corner, where the boxes overlap more than the cubes.
+    // Gaps of 0.09 and 0.11 around the reach of 0.1; then across a corner, where the boxes overlap more than the cubes.
     let quarter = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_4);
     for (turn, place, near) in [
-        (DQuat::IDENTITY, DVec3::X * 1.11, true),
-        (DQuat::IDENTITY, DVec3::X * 1.13, false),
+        (DQuat::IDENTITY, DVec3::X * 1.09, true),
+        (DQuat::IDENTITY, DVec3::X * 1.11, false),
         (DQuat::IDENTITY, DVec3::splat(0.3), true),
-        (quarter, DVec3::new(1.2071 + 0.11, 0.0, 0.0), true),
-        (quarter, DVec3::new(1.2071 + 0.13, 0.0, 0.0), false),
+        (quarter, DVec3::new(1.2071 + 0.09, 0.0, 0.0), true),
+        (quarter, DVec3::new(1.2071 + 0.11, 0.0, 0.0), false),
         (quarter, DVec3::new(0.97, 0.97, 0.0), false),
     ] {
         let mut hulls = Hulls::default();
         hulls.add(&cube(), DQuat::IDENTITY, DVec3::ZERO);
         hulls.add(&cube(), turn, place);
         let (out, _) = test_pairs(&hulls, 1, 1);
-        assert_eq!(out.get::<u32>("proxy_active"), vec![u32::from(near); 2], "{place}");
-        assert_eq!(out.get::<u32>("active_pairs"), [if near { 0 } else { NONE }]);
+        assert_eq!(out.get::<u32>("active_pairs"), [if near { 0 } else { NONE }], "{place}");
         assert_eq!(out.get::<u32>("args")[3 * args::DIRECTION as usize], u32::from(near));
-        let reach = if near { REACH } else { -1.0 };
-        assert!((f64::from(out.get::<f32>("reach_of")[0]) - reach).abs() < 1e-7);
+        let [reach, gap] = out.get::<[f32; 2]>("reach_of")[0].map(f64::from);
+        assert!((reach - if near { REACH } else { -1.0 }).abs() < 1e-7, "{reach}");
+        // Two of the near ones are 0.09 apart, the third overlaps.
+        assert!(!near || (gap - 0.09).abs() < 1e-4 || (gap <= 0.0 && place == DVec3::splat(0.3)), "{gap}");
+        assert_eq!(out.get::<[f32; 4]>("directions"), [[0.0; 4]; 2], "no direction and no push yet");
     }
 }
 
@@ -194,9 +191,14 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
                 far += 1;
             }
         }
-        let mut active = vec![0; 72];
-        kept.iter().for_each(|i| pairs[*i as usize][..2].iter().for_each(|p| active[*p as usize] = 1));
-        assert_eq!(out.get::<u32>("proxy_active"), active, "both proxies of a kept pair, and no others");
+        let reach: Vec<[f32; 2]> = out.get("reach_of");
+        for i in kept {
+            let [a, b, ..] = pairs[i as usize].map(|p| p as usize);
+            let gap = exact::exact_distance(&hulls.points[a], &hulls.points[b]).expect("parry answers").1.max(0.0);
+            // A bound from below, and all but the distance.
+            let found = f64::from(reach[i as usize][1]);
+            assert!(found <= gap + GAP && found >= gap - 0.01 * REACH, "pair {i}: {found}, not {gap}");
+        }
     }
     assert!(near > 100 && far > 100, "{near} within reach, {far} beyond");
 }
@@ -230,42 +232,16 @@ fn gaps_next_to_the_reach_are_told_apart() {
     }
 }
 
-#[test]
-fn a_half_space_keeps_what_comes_within_the_inflation() {
-    let mut random = Random(8);
-    let hulls = mixed(&mut random, 40, 1.0);
-    let normal = random.vector().normalize();
-    let plane = texel(normal, -0.4);
-    let (normal, offset) = (f64s(&plane), f64::from(plane[3]));
-    let pair = Pair { proxy_count: [40, 0], is_plane: 1, plane, ..Pair::zeroed() };
-    let pairs: Vec<[u32; 4]> = (0..40).map(|i| [i, NONE, 0, i]).collect();
-    let out = case("cull/pairs")
-        .constant("PROXY_PAIRS", 40u32)
-        .input("params", &[StepParams { depth_limit: DEPTH_LIMIT, ..StepParams::zeroed() }])
-        .input("pairs", &[pair])
-        .input("proxies", &hulls.proxies)
-        .input("bounds", &hulls.bounds)
-        .input("proxy_pairs", &pairs)
-        .input("hull", &hulls.hull)
-        .inout("proxy_active", &[0u32; 40])
-        .partial("active_pairs", &[NONE; 40])
-        .partial("reach_of", &[-1.0f32; 40])
-        .inout("args", &vec![0u32; args::WORDS])
-        .elements(40)
-        .run();
-    let height = |points: &Vec<DVec3>| points.iter().map(|x| normal.dot(*x)).fold(f64::INFINITY, f64::min) - offset;
-    let active: Vec<u32> = out.get("proxy_active");
-    for (points, active) in hulls.points.iter().zip(&active) {
-        let above = height(points) - f64::from(INFLATION);
-        assert!(above.abs() < GAP || (*active == 1) == (above < 0.0), "{above}");
-    }
-    assert!(active.contains(&0) && active.contains(&1));
-    assert!(out.get::<u32>("active_pairs").iter().all(|i| *i == NONE), "a half-space has its own direction");
-}
-
-/// Directions of these pairs; the reach of each is one.
-fn directions(hulls: &Hulls, pairs: &[[u32; 4]]) -> Vec<[f32; 4]> {
+/// Directions and pushes of these pairs; the reach of each is one, hulls that do not overlap count as this far apart.
+/// Contacts of the last step: pair and push.
+fn directions(hulls: &Hulls, pairs: &[[u32; 4]], gap: f32, last: &[(u32, DVec3)]) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     let listed: Vec<u32> = (0..pairs.len() as u32).rev().collect();
+    // Candidates that are no contacts lie between those that are.
+    let sources: Vec<u32> = (0..last.len() as u32).map(|c| 3 * c + 1).collect();
+    let mut pushes = vec![[1e3, 1e3, 1e3, 0.0]; 3 * last.len() + 1];
+    for (source, (pair, push)) in sources.iter().zip(last) {
+        pushes[*source as usize] = texel(*push, f64::from(f32::from_bits(*pair)));
+    }
     let out = case("cull/direction")
         .size(palpate::gpu::Size::Reduce)
         .input("proxies", &hulls.proxies)
@@ -274,11 +250,15 @@ fn directions(hulls: &Hulls, pairs: &[[u32; 4]]) -> Vec<[f32; 4]> {
         .input("hull", &hulls.hull)
         .input("faces", &hulls.faces)
         .input("active_pairs", &listed)
-        .input("reach_of", &vec![1.0f32; pairs.len()])
-        .output::<[f32; 4]>("directions", pairs.len())
+        .input("reach_of", &vec![[1.0f32, gap]; pairs.len()])
+        .output::<[f32; 4]>("directions", 2 * pairs.len())
+        .input("counts", &[Counts { last_contacts: last.len() as u32, ..Counts::default() }])
+        .input("contact_source", &if last.is_empty() { vec![0] } else { sources })
+        .input("candidate_pushes", &pushes)
         .groups(pairs.len())
         .run();
-    out.get("directions")
+    let both: Vec<[f32; 4]> = out.get("directions");
+    both.chunks(2).map(|two| (two[0], two[1])).unzip()
 }
 
 #[test]
@@ -288,11 +268,14 @@ fn cubes_part_along_their_faces() {
     hulls.add(&cube(), DQuat::IDENTITY, DVec3::X * 0.9);
     hulls.add(&cube(), DQuat::IDENTITY, DVec3::new(-0.1, 1.2, 0.1));
     // Coincident: all six normals are as good and cancel; there must still be a direction.
-    let got = directions(&hulls, &[[0, 1, 0, 0], [0, 2, 0, 0], [0, 0, 0, 0]]);
-    expect_close("along x, 0.1 deep", &got[0], &[1.0, 0.0, 0.0, 1.21], WEIGHT);
+    let pairs = [[0, 1, 0, 0], [0, 2, 0, 0], [0, 0, 0, 0]];
+    let (got, pushes) = directions(&hulls, &pairs, 0.0, &[]);
+    assert_eq!(pushes, [[0.0; 4]; 3]);
+    expect_close("along x, 0.1 deep", &got[0], &[1.0, 0.0, 0.0, 1.0], WEIGHT);
     expect_close("along y, 0.2 apart", &got[1], &[0.0, 1.0, 0.0, 0.64], WEIGHT);
+    expect_close("0.3 apart at a corner", &directions(&hulls, &pairs[1..2], 0.3, &[]).0[0][3..], &[0.49], WEIGHT);
     let length = f64s(&got[2]).length();
-    assert!((length - 1.0).abs() < 1e-6 && (f64::from(got[2][3]) - 4.0).abs() < 1e-5, "coincident: {:?}", got[2]);
+    assert!((length - 1.0).abs() < 1e-6 && (f64::from(got[2][3]) - 1.0).abs() < 1e-5, "coincident: {:?}", got[2]);
 }
 
 #[test]
@@ -300,7 +283,7 @@ fn directions_against_the_oracle_and_from_both_sides() {
     let mut random = Random(77);
     let hulls = mixed(&mut random, 40, 0.4);
     let pairs: Vec<[u32; 4]> = (0..20).flat_map(|a| (20..40).map(move |b| [a, b, 0, 0])).collect();
-    let got = directions(&hulls, &pairs);
+    let got = directions(&hulls, &pairs, -1e9, &[]).0;
     let mut determined = vec![];
     for ([a, b, ..], got) in pairs.iter().zip(&got) {
         let (a, b) = (*a as usize, *b as usize);
@@ -322,8 +305,25 @@ fn directions_against_the_oracle_and_from_both_sides() {
     let compared = determined.iter().filter(|d| **d).count();
     assert!(compared > 350, "only {compared} of 400 are determined");
     let swapped: Vec<[u32; 4]> = pairs.iter().map(|[a, b, ..]| [*b, *a, 0, 0]).collect();
-    for ((there, back), determined) in got.iter().zip(directions(&hulls, &swapped)).zip(determined) {
+    for ((there, back), determined) in got.iter().zip(directions(&hulls, &swapped, -1e9, &[]).0).zip(determined) {
         let sum = f64s(there) + f64s(&back);
         assert!(!determined || sum.length() < DIRECTION.abs, "{there:?} one way, {back:?} the other");
+    }
+}
+
+#[test]
+fn pushes_of_the_last_contacts_are_summed_by_pair() {
+    let mut random = Random(78);
+    let hulls = mixed(&mut random, 8, 0.4);
+    let pairs: Vec<[u32; 4]> = (0..4).flat_map(|a| (4..8).map(move |b| [a, b, 0, 0])).collect();
+    let width = context().reduce_size() as usize;
+    for n in [0, 1, width - 1, width, width + 1, 1234] {
+        let last: Vec<_> = (0..n).map(|c| ((c * 5 % 13) as u32, random.vector())).collect();
+        let (_, pushes) = directions(&hulls, &pairs, 0.0, &last);
+        for (i, push) in pushes.iter().enumerate() {
+            let want: DVec3 = last.iter().filter(|(pair, _)| *pair as usize == i).map(|(_, push)| *push).sum();
+            // A hundred terms of order one.
+            expect_close("push", push, &want.extend(want.length()).to_array(), Tolerance { abs: 1e-5, rel: 1e-5 });
+        }
     }
 }

@@ -6,8 +6,11 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::{Const, Size};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
+use palpate::stages::args;
 use palpate::stages::model::FramePlace;
-use palpate::stages::types::{ActiveProxy, Core, Counts, Fit, Frame, Link, Proxy, ProxyBounds, StepParams};
+use palpate::stages::types::{
+    ActiveChunk, Chunk, Core, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, Region, Slot, StepParams,
+};
 
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::random::Random;
@@ -150,25 +153,36 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
     let skin_nodes: Vec<[u32; 4]> = system.model.tetrahedra.iter().flat_map(|t| [*t; 2]).collect();
     let skin_weights: Vec<[f32; 4]> = system.model.tetrahedra.iter().flat_map(|_| weights).collect();
     let count = skin_nodes.len();
+    let untouched = u32::MAX - 1;
     let out = case("skin/embed")
+        .size(Size::Reduce)
+        .constant("BUCKETS", 4u32)
         .constant("SPANS", Const::Bool(true))
-        .input("params", &[StepParams { step: 9, ..bytemuck::Zeroable::zeroed() }])
         .input("frames", &system.frames)
-        .input("counts", &[Counts { active_proxies: 1, embeds: count as u32, ..Default::default() }])
-        .input("active_list", &[ActiveProxy::default()])
-        .input("proxies", &[Proxy { embed_count: count as u32, ..Default::default() }])
-        .input("proxy_embeds", &(0..count as u32).collect::<Vec<_>>())
+        .input("active_chunks", &[ActiveChunk::default()])
+        .input("pairs", &[Pair { is_plane: 1, ..Pair::default() }])
+        .input("slots", &[Slot::default()])
+        .input("proxies", &[Proxy::default()])
+        .input("chunks", &[Chunk { embed_count: count as u32, ..Chunk::default() }])
+        .input("chunk_vertices", &(0..count as u32).collect::<Vec<_>>())
         .input("skin_nodes", &skin_nodes)
         .input("skin_weights", &skin_weights)
         .input("node_rest", &system.model.node_rest)
         .input("displacement", &system.displacement)
         .input("node_info", &system.model.node_info)
+        .input("regions", &[Region::default()])
+        .input("shares", &[1.0f32; 4])
         .output::<[f32; 4]>("skin", count)
-        .elements(count)
+        .inout("buckets", &[untouched; 4])
+        .partial("bins", &[[untouched; 4]; 64])
+        .partial("bin_hits", &[untouched; 64])
+        .partial("bin_sides", &[untouched; 64])
+        .input("fields", &[[0u32; 4]; 128])
+        .groups(1)
         .run();
     let place = |(nodes, weights): (&[u32; 4], &[f32; 4])| {
         let x: DVec3 = nodes.iter().zip(weights).map(|(n, w)| f64::from(*w) * moved[*n as usize]).sum();
-        x.extend(10.0).to_array()
+        x.extend(1.0).to_array()
     };
     let want: Vec<f64> = skin_nodes.iter().zip(&skin_weights).flat_map(place).collect();
     expect_close("skin", out.get::<[f32; 4]>("skin").as_flattened(), &want, PLACED);
@@ -176,6 +190,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
     // A proxy on each frame that holds all nodes: the farthest of them, seen from its frame.
     let proxy = |frame: u32| Proxy {
         frame,
+        hull_first: 4 * frame,
         hull_count: 4,
         node_first: frame * nodes as u32,
         node_count: nodes as u32,
@@ -188,16 +203,22 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         .flat_map(|to| system.model.node_info.iter().enumerate().map(move |(n, info)| (to, n, info[2])))
         .map(|(to, n, from)| [n as u32, if to == from { 0 } else { link(to, from).unwrap() as u32 }])
         .collect();
-    let out = case("skin/bound")
+    let out = case("pose/place")
         .size(Size::Reduce)
         .constant("SPANS", Const::Bool(true))
+        .input("frames", &system.frames)
         .input("proxies", &[proxy(0), proxy(1)])
-        .input("hull", &[[0.0f32; 4]; 4])
+        .input("hull_rest", &[[0.0f32; 4]; 8])
+        .input("face_rest", &[[0.0f32; 4]])
         .input("proxy_nodes", &listed)
         .input("displacement", &system.displacement)
         .input("node_rest", &system.model.node_rest)
         .input("links", &system.links)
+        .output::<[f32; 4]>("hull", 8)
+        .output::<[f32; 4]>("faces", 0)
         .output::<ProxyBounds>("bounds", 2)
+        .inout("counts", &[Counts::default()])
+        .partial("args", &[0u32; args::WORDS])
         .groups(2)
         .run();
     let body = two_frames();

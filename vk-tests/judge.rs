@@ -118,14 +118,11 @@ struct Side<'a> {
     seen: Vec<Seen<'a>>,
 }
 
-/// Whether a vertex (relative to the answer's origin) projects into a region's tile: each region looks after its own.
+/// Whether a vertex (relative to the answer's origin) projects into a region's column: each region looks after its own.
 fn holds(region: &Region, x: DVec3) -> bool {
     let along = |axis: [f32; 3]| x.dot(DVec3::from(axis.map(f64::from)));
-    let at = [along(region.tangent) - f64::from(region.low[0]), along(region.bitangent) - f64::from(region.low[1])];
-    let size = [region.width, region.height].map(|texels| f64::from(texels) * f64::from(region.texel));
-    let height = along(region.normal);
-    let within = height >= region.height_low.into() && height <= region.height_high.into();
-    within && (0..2).all(|k| at[k] >= 0.0 && at[k] <= size[k])
+    let at = [along(region.tangent), along(region.bitangent)];
+    (0..2).all(|k| at[k] >= region.low[k].into() && at[k] <= region.high[k].into())
 }
 
 fn normal_of(region: &Region) -> DVec3 {

@@ -36,7 +36,7 @@ fn step_params_and_frame() {
         }
     );
     same_layout!(
-        "skin/embed",
+        "cull/regions",
         StepParams {
             dt,
             step,
@@ -63,55 +63,65 @@ fn step_params_and_frame() {
 #[test]
 fn pairs_proxies_and_bounds() {
     same_layout!(
-        "cull/pairs",
+        "cull/regions",
         Pair {
             first_proxy_pair,
             proxy_pair_count,
             first_proxy,
             proxy_count,
+            first_slot,
             stiffness,
             damping,
             tool_sign,
             is_plane,
             driven_frame,
+            direction,
             plane,
             direction,
         }
     );
     same_layout!(
-        "cull/regions",
+        "pose/place",
         Proxy {
             frame,
             hull_first,
             hull_count,
             face_first,
             face_count,
-            vertex_first,
-            vertex_count,
-            triangle_first,
-            triangle_count,
-            embed_first,
-            embed_count,
+            chunk_first,
+            chunk_count,
             node_first,
             node_count,
             margin,
             weight_bound,
+            edge,
         }
     );
-    same_layout!("skin/bound", ProxyBounds { low, inflation, high, radius });
+    same_layout!("pose/place", ProxyBounds { low, inflation, high, radius });
 }
 
 #[test]
 fn regions_lists_and_counters() {
+    same_layout!("cull/regions", Region { normal, tangent, bitangent, low, high, cell, weight, turn });
     same_layout!(
-        "cull/regions",
-        Region { normal, tangent, bitangent, low, texel, width, height, height_low, height_high }
+        "cull/chunks",
+        Chunk {
+            centre,
+            axes,
+            half_extent,
+            weight_bound,
+            vertex_first,
+            vertex_count,
+            embed_count,
+            triangle_first,
+            triangle_count,
+            node_first,
+            node_count,
+        }
     );
-    same_layout!("cull/regions", ActiveProxy { proxy, side, vertex_first, triangle_first, embed_first });
-    same_layout!(
-        "pose/place",
-        Counts { active_proxies, vertices, triangles, embeds, contacts, entries, pulling, flags }
-    );
+    same_layout!("cull/chunks", Slot { pair, side, proxy, chunk_first });
+    same_layout!("cull/list", ActiveChunk { chunk, slot, side, regions, first_item });
+    same_layout!("pose/place", Counts { chunks, items, hits, contacts, entries, pulling, turn, last_contacts, flags });
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Sphere meshes against planes and each other, through every kernel of the query and both ways to rasterize: depth is
+//! Sphere meshes against planes and each other, through every kernel of the query, by every way to find crossings: depth is
 //! that of an f64 ray on the same meshes, and that of the true sphere as the square of the edge length.
 
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use palpate::prepare::{Body, Shape};
 use palpate::stages::depth::Path;
 
 use crate::bodies::{half_space, octants, rigid, sheet, sphere, whole};
-use crate::flow::Flow;
+use crate::flow::{Flow, PATHS};
 use crate::random::Random;
 
 const RADIUS: f64 = 0.01;
@@ -18,10 +18,6 @@ const DEPTH: f64 = 1e-5 * RADIUS;
 /// Error of the depth field on a mesh with half the edge length: a quarter, a little more where the worst vertex is
 /// not at the same place in its triangle.
 const SECOND_ORDER: f64 = 0.35;
-/// As the engine has it.
-const TILE: u32 = palpate::stages::depth::TILE;
-const PATHS: [Path; 2] = [Path::Compute, Path::Graphics];
-
 /// World positions of a rigid skin and its triangles.
 fn mesh(body: &Body) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let Shape::Rigid { skin, .. } = &body.shape else { panic!("not rigid") };
@@ -73,15 +69,20 @@ fn same(what: &str, got: &Depths, want: &Depths) -> usize {
     matched
 }
 
-/// Runs the query on both paths and compares; returns the flow of the last path and its depths.
-fn both_paths(what: &str, a: &Body, tool: &Body, tile: u32, least: usize) -> (Flow, Depths) {
+/// Towards where the tool is from a body: the direction that the pair of them is given, so that there is one region.
+fn give_direction(flow: &mut Flow, normal: DVec3) {
+    flow.pairs[0].direction = normal.normalize().as_vec3().extend(1.0).to_array();
+}
+
+/// Runs the query on every path and compares; returns the flow of the last path and its depths.
+fn every_path(what: &str, a: &Body, tool: &Body, normal: DVec3, least: usize) -> (Flow, Depths) {
     let Shape::Rigid { skin, .. } = &a.shape else { panic!("not rigid") };
     let first = [0, skin.vertices.len() as u32];
     let first_triangle = [0, skin.triangles.len() as u32];
     let mut last = None;
     for path in PATHS {
         let mut flow = Flow::new(std::slice::from_ref(a), Some(tool), tool.position);
-        flow.tile = tile;
+        give_direction(&mut flow, normal);
         flow.query(path);
         assert_eq!(flow.counts.flags, 0, "{what}, {}", path.name());
         let depths = got(&flow, first, first_triangle);
@@ -97,7 +98,7 @@ fn both_paths(what: &str, a: &Body, tool: &Body, tile: u32, least: usize) -> (Fl
 fn a_sphere_on_a_plane_of_two_triangles() {
     let tool = rigid("tool", sphere(RADIUS, 4), whole, DVec3::new(1e-3, 0.9 * RADIUS, -2e-3), DQuat::IDENTITY);
     let plane = rigid("plane", sheet(0.05, 1), whole, DVec3::ZERO, DQuat::IDENTITY);
-    let (flow, depths) = both_paths("two triangles", &plane, &tool, TILE, 20);
+    let (flow, depths) = every_path("two triangles", &plane, &tool, DVec3::Y, 20);
     // By hand: the lowest vertex is a tenth of the radius below the plane.
     let deepest = depths.values().fold(0.0f64, |most, d| most.max(d.0));
     let normal_y = f64::from(flow.regions[0].normal[1]);
@@ -113,7 +114,7 @@ fn a_turned_sphere_on_a_turned_grid_far_from_the_origin() {
         let up = turn * DVec3::Y;
         let tool = rigid("tool", sphere(RADIUS, 4), cut, place + 0.8 * RADIUS * up, random.turn(3.0));
         let plane = rigid("plane", sheet(0.03, 24), whole, place, turn);
-        let (_, depths) = both_paths("grid", &plane, &tool, TILE, 60);
+        let (_, depths) = every_path("grid", &plane, &tool, up + 0.1 * random.vector(), 60);
         assert!(depths.keys().any(|k| k.0 == 0) && depths.keys().any(|k| k.0 == 1), "both sides collide");
     }
 }
@@ -126,22 +127,29 @@ fn two_spheres_in_general_position() {
             let towards = random.vector().normalize();
             let a = rigid("a", sphere(RADIUS, 4), cut, DVec3::ZERO, random.turn(3.0));
             let tool = rigid("tool", sphere(RADIUS, 4), cut, gap * RADIUS * towards, random.turn(3.0));
-            both_paths(&format!("spheres {gap} radii apart"), &a, &tool, TILE, 10);
+            every_path(&format!("spheres {gap} radii apart"), &a, &tool, towards + 0.1 * random.vector(), 10);
         }
     }
 }
 
-/// A texel names a triangle some way off; the walk finds the right one all the same.
+/// Squares of another size hold other lists, and give the same crossings.
 #[test]
-fn a_coarse_tile_changes_no_depth() {
+fn the_size_of_squares_changes_no_depth() {
     let mut random = Random(12);
     let a = rigid("a", sphere(RADIUS, 5), whole, DVec3::ZERO, random.turn(3.0));
     let place = 1.7 * RADIUS * random.vector().normalize();
     let tool = rigid("tool", sphere(RADIUS, 5), octants, place, random.turn(3.0));
-    let fine = both_paths("fine", &a, &tool, TILE, 300).1;
-    let coarse = both_paths("coarse", &a, &tool, 12, 300).1;
-    // The same triangles, not only the same depths: but for rays along an edge, none of which is here.
-    assert_eq!(fine, coarse);
+    let depths = [0.0, 1e-4, 3e-3].map(|texel| {
+        let mut flow = Flow::new(std::slice::from_ref(&a), Some(&tool), place);
+        flow.params.texel = texel;
+        give_direction(&mut flow, place);
+        flow.query(Path::Compute);
+        let mut found = flow.hits.iter().zip(&flow.what).filter(|(hit, _)| hit[0] > 0.0).collect::<Vec<_>>();
+        found.sort_by_key(|(_, what)| **what);
+        assert!(found.len() > 300);
+        format!("{found:?}")
+    });
+    assert!(depths[0] == depths[1] && depths[0] == depths[2]);
 }
 
 #[test]
@@ -154,7 +162,7 @@ fn a_sphere_over_a_half_space_is_exact_and_needs_no_mesh() {
     let below = mesh(&tool).0.into_iter().enumerate().map(|(v, x)| (v as u32, 0.25 - x.y)).filter(|(_, d)| *d > 0.0);
     let want: Depths = below.map(|(v, d)| ((0, v), (d, u32::MAX))).collect();
     assert!(same("half-space", &depths, &want) > 50);
-    assert!(flow.counts.triangles == 0 && flow.names.iter().all(|name| *name == u32::MAX), "nothing is rasterized");
+    assert!(flow.counts.hits == 0 && flow.bins.iter().all(|bin| bin[3] == u32::MAX - 1), "nothing is binned or crossed");
 }
 
 /// Depth of a point along `normal` (towards the sphere's inside) below a true sphere.
@@ -170,6 +178,7 @@ fn sphere_depth(x: DVec3, normal: DVec3, centre: DVec3) -> Option<f64> {
 fn worst(a: &Body, halvings: u32, turn: DQuat, place: DVec3, path: Path) -> (f64, usize) {
     let tool = rigid("tool", sphere(RADIUS, halvings), whole, place, turn);
     let mut flow = Flow::new(std::slice::from_ref(a), Some(&tool), place);
+    give_direction(&mut flow, place - a.position);
     flow.query(path);
     let normal = DVec3::from_array(flow.regions[0].normal.map(f64::from)).normalize();
     let own = mesh(a).0;

@@ -45,6 +45,10 @@ fn check(flow: &Flow) -> usize {
         }
     }
     assert!(covered.iter().all(|c| *c) && flow.counts.entries as usize == covered.len());
+    assert!(flow.node_count.iter().all(|n| *n == 0), "counts are zero for the next step");
+    let mut touched = flow.touched_nodes[..flow.args[3 * args::NODES as usize] as usize].to_vec();
+    touched.sort_unstable();
+    assert_eq!(touched, want.keys().map(|node| *node as u32).collect::<Vec<_>>(), "each touched node once");
     covered.len()
 }
 
@@ -68,16 +72,8 @@ fn made_up(n: usize, nodes: u32, random: &mut Random) -> Flow {
         flow.node_count[node] = run.len() as u32;
     }
     flow.node_entries = vec![[0; 2]; nodes as usize];
-    let group = context().group_size();
-    flow.args[3 * args::CONTACT_NODES as usize] = if n > 0 { nodes.div_ceil(group) } else { 0 };
-    flow.args[3 * args::ENTRIES as usize] = (16 * n as u32).div_ceil(group);
+    flow.args[3 * args::ENTRIES as usize] = (16 * n as u32).div_ceil(context().group_size());
     flow
-}
-
-fn index(flow: &mut Flow) {
-    flow.place_entries();
-    flow.fill();
-    flow.sort();
 }
 
 #[test]
@@ -90,7 +86,7 @@ fn two_contacts_by_hand() {
     flow.entry_weights[4] = [-1.0, 0.0, 0.0, 0.0];
     flow.entry_weights[5] = [0.0, 0.125, 2.0, 0.0];
     flow.node_count = vec![3, 0, 2];
-    index(&mut flow);
+    flow.index();
     let [first, count] = flow.node_entries[0];
     assert_eq!((count, flow.node_entries[1], flow.node_entries[2][1]), (3, [0, 0], 2));
     let bits = |c: u32, w: f32| [c, w.to_bits()];
@@ -106,12 +102,10 @@ fn any_number_of_contacts_and_nodes() {
     let mut random = Random(71);
     for n in [0, 1, width - 1, width, width + 1, 1234] {
         for nodes in [1, width - 1, width + 1, 1234] {
-            // A run's entries are ranked against each other: keep the longest at some thousand.
-            if u64::from(n) * 8 / u64::from(nodes) < 5000 {
-                let mut flow = made_up(n as usize, nodes, &mut random);
-                index(&mut flow);
-                assert_eq!(check(&flow), flow.node_count.iter().sum::<u32>() as usize);
-            }
+            let mut flow = made_up(n as usize, nodes, &mut random);
+            let entries: u32 = flow.node_count.iter().sum();
+            flow.index();
+            assert_eq!(check(&flow), entries as usize);
         }
     }
 }
@@ -120,10 +114,23 @@ fn any_number_of_contacts_and_nodes() {
 fn the_crowd_s_contacts_are_indexed_whole() {
     let (_, _, flow) = crowd(Path::Compute);
     assert!(check(&flow) > 800, "{} entries", flow.counts.entries);
-    // What contact/response counted is what the index holds.
-    let runs = wanted(&flow);
-    for (node, count) in flow.node_count.iter().enumerate() {
-        assert_eq!(*count as usize, runs.get(&node).map_or(0, Vec::len), "node {node}");
+}
+
+/// A node's entries as far apart as the capacity allows: more than one of the windows of 32,768 that contact/sort looks at.
+#[test]
+fn runs_longer_than_a_window_are_in_order() {
+    for (n, stride) in [(10_000, 1), (10_000, 2_500), (2_049, 2_048)] {
+        let mut flow = made_up(n, 3, &mut Random(73));
+        // All entries to the last node but those of every `stride`th contact, which go to the first.
+        for (c, quad) in flow.entry_nodes.chunks_mut(4).enumerate() {
+            quad.fill(if c % stride == 0 { [0; 4] } else { [2; 4] });
+        }
+        flow.node_count = vec![0; 3];
+        for (node, run) in wanted(&flow) {
+            flow.node_count[node] = run.len() as u32;
+        }
+        flow.index();
+        assert!(check(&flow) > 4 * n);
     }
 }
 
@@ -131,8 +138,8 @@ fn the_crowd_s_contacts_are_indexed_whole() {
 fn the_same_contacts_give_the_same_runs_again() {
     let mut flow = made_up(300, 40, &mut Random(72));
     let mut again = made_up(300, 40, &mut Random(72));
-    index(&mut flow);
-    index(&mut again);
+    flow.index();
+    again.index();
     let run = |flow: &Flow, node: usize| {
         let [first, count] = flow.node_entries[node];
         flow.sorted[first as usize..(first + count) as usize].to_vec()

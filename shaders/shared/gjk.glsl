@@ -111,7 +111,8 @@ float hull_distance(uint a_first, uint a_count, uint b_first, uint b_count, floa
         s.points[s.count] = w;
         s.count += 1;
         v = closest_on_simplex(s);
-        if (s.count == 4) return 0.0;
+        // Around the origin, or so flat that it cannot be told.
+        if (s.count == 4) return bound;
     }
     return bound;
 }

@@ -150,20 +150,22 @@ mod tests {
     fn each_proxy_draws_one_contiguous_range_and_each_triangle_has_one_owner() {
         let (body, model) = head(0.0);
         let Shape::Soft { skin, .. } = &body.shape else { panic!("not soft") };
-        let (mut triangles, mut vertices) = (0, 0);
+        let mut chunks = 0;
         for proxy in &model.proxies {
-            assert_eq!((proxy.triangle_first, proxy.vertex_first), (triangles, vertices));
-            triangles += proxy.triangle_count;
-            vertices += proxy.vertex_count;
+            assert_eq!(proxy.chunk_first, chunks);
+            chunks += proxy.chunk_count;
         }
-        let permutation = |list: &[u32], count: usize| {
-            let mut sorted = list.to_vec();
-            sorted.sort_unstable();
-            sorted == (0..count as u32).collect::<Vec<_>>()
+        assert_eq!(chunks as usize, model.chunks.len());
+        let owned = model.chunks.iter().flat_map(|chunk| {
+            let first = chunk.vertex_first as usize;
+            model.chunk_vertices[first..first + chunk.vertex_count as usize].to_vec()
+        });
+        let permutation = |mut list: Vec<u32>, count: usize| {
+            list.sort_unstable();
+            list == (0..count as u32).collect::<Vec<_>>()
         };
-        assert!(permutation(&model.proxy_triangles, skin.triangles.len()));
-        assert!(permutation(&model.proxy_vertices, skin.vertices.len()));
-        assert_eq!((triangles as usize, vertices as usize), (skin.triangles.len(), skin.vertices.len()));
+        assert!(permutation(model.chunk_triangles.clone(), skin.triangles.len()));
+        assert!(permutation(owned.collect(), skin.vertices.len()));
     }
 
     #[test]

@@ -1,0 +1,137 @@
+//! From crossings to contacts, their response and the index from nodes to them.
+
+use palpate::gpu::Size;
+use palpate::stages::args;
+use palpate::stages::types::{CHUNK_VERTICES, Contact, NONE};
+
+use super::{Flow, some};
+use crate::harness::{case, context};
+
+impl Flow {
+    pub fn candidates(&mut self) {
+        let (count, model) = (CHUNK_VERTICES * self.groups(args::ACTIVE), &self.model);
+        let out = case("contact/candidates")
+            .size(Size::Reduce)
+            .input("params", &[self.params])
+            .inout("counts", &[self.counts])
+            .input("active_chunks", &some(&self.active_chunks))
+            .input("chunks", &some(&model.chunks))
+            .input("chunk_vertices", &some(&model.chunk_vertices))
+            .input("pairs", &self.pairs)
+            .input("regions", &self.regions)
+            .input("shares", &some(&self.shares))
+            .input("triangles", &some(&model.triangles))
+            .input("skin", &some(&self.skin))
+            .input("fan_first", &model.fan_first)
+            .input("fans", &some(&model.fans))
+            .input("areas", &some(&model.skin_areas))
+            .input("bin_hits", &some(&self.bin_hits))
+            .input("hits", &some(&self.crossings))
+            .output::<[f32; 4]>("candidate_hits", count)
+            .partial("candidate_what", &vec![[NONE; 4]; count])
+            .partial("candidate_normals", &vec![[0.0f32; 4]; count])
+            .partial("candidate_pushes", &vec![[0.0f32; 4]; count])
+            .input("items", &some(&self.items))
+            .groups(self.groups(args::ACTIVE))
+            .run();
+        self.counts = out.get("counts")[0];
+        self.hits = out.get("candidate_hits");
+        self.what = out.get("candidate_what");
+        self.normals = out.get("candidate_normals");
+        self.pushes = out.get("candidate_pushes");
+    }
+
+    pub fn compact(&mut self) {
+        let out = case("contact/compact")
+            .size(Size::Reduce)
+            .constant("CAPACITY", self.capacity as u32)
+            .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
+            .constant("GROUP", context().group_size())
+            .input("candidate_hits", &some(&self.hits))
+            .inout("counts", &[self.counts])
+            .partial("contact_source", &vec![NONE; self.capacity])
+            .partial("args", &self.args)
+            .groups(self.groups(args::COMPACT))
+            .run();
+        self.counts = out.get("counts")[0];
+        self.source = out.get("contact_source");
+        self.args = out.get("args");
+    }
+
+    pub fn respond(&mut self) {
+        let (contacts, model) = (self.counts.contacts as usize, &self.model);
+        let out = case("contact/response")
+            .constant("FRICTION_COEFFICIENT", model.friction[0])
+            .constant("FRICTION_SPEED", model.friction[1])
+            .input("params", &[self.params])
+            .input("counts", &[self.counts])
+            .input("pairs", &self.pairs)
+            .input("candidate_normals", &some(&self.normals))
+            .input("contact_source", &some(&self.source))
+            .input("candidate_hits", &some(&self.hits))
+            .input("candidate_what", &some(&self.what))
+            .input("triangles", &some(&model.triangles))
+            .input("skin_nodes", &some(&model.skin_nodes))
+            .input("skin_weights", &some(&model.skin_weights))
+            .input("skin", &some(&self.skin))
+            .input("velocity", &some(&self.velocity))
+            .input("frames", &self.frames)
+            .output::<Contact>("contacts", contacts)
+            .partial("entry_nodes", &vec![[NONE; 4]; 4 * contacts])
+            .partial("entry_weights", &vec![[0.0f32; 4]; 4 * contacts])
+            .inout("node_count", &self.node_count)
+            .groups(self.groups(args::CONTACTS))
+            .run();
+        self.contacts = out.get("contacts");
+        self.entry_nodes = out.get("entry_nodes");
+        self.entry_weights = out.get("entry_weights");
+        self.node_count = out.get("node_count");
+    }
+
+    pub fn place_entries(&mut self) {
+        let nodes = self.node_count.len();
+        let out = case("contact/place")
+            .constant("NODES", nodes as u32)
+            .inout("node_count", &self.node_count)
+            .inout("counts", &[self.counts])
+            .output::<[u32; 2]>("node_entries", nodes)
+            .partial("cursor", &vec![NONE; nodes])
+            .partial("touched_nodes", &vec![NONE; nodes])
+            .inout("args", &self.args)
+            .elements(nodes)
+            .run();
+        self.node_count = out.get("node_count");
+        self.counts = out.get("counts")[0];
+        self.node_entries = out.get("node_entries");
+        self.cursor = out.get("cursor");
+        self.touched_nodes = out.get("touched_nodes");
+        self.args = out.get("args");
+    }
+
+    pub fn fill(&mut self) {
+        let out = case("contact/fill")
+            .input("counts", &[self.counts])
+            .input("contacts", &some(&self.contacts))
+            .input("entry_nodes", &some(&self.entry_nodes))
+            .input("entry_weights", &some(&self.entry_weights))
+            .inout("cursor", &self.cursor)
+            .partial("unsorted", &vec![NONE; self.counts.entries as usize])
+            .groups(self.groups(args::ENTRIES))
+            .run();
+        self.cursor = out.get("cursor");
+        self.unsorted = out.get("unsorted");
+    }
+
+    pub fn sort(&mut self) {
+        let out = case("contact/sort")
+            .size(Size::Reduce)
+            .input("touched_nodes", &some(&self.touched_nodes))
+            .input("node_entries", &some(&self.node_entries))
+            .input("unsorted", &some(&self.unsorted))
+            .input("entry_weights", &some(&self.entry_weights))
+            .partial("sorted", &vec![[NONE; 2]; self.counts.entries as usize])
+            .groups(self.groups(args::NODES))
+            .run();
+        self.sorted = out.get("sorted");
+    }
+}

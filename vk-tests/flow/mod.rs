@@ -1,0 +1,223 @@
+//! The kernels from pose to contact, one case of the harness each, every one fed with what the one before it wrote; so
+//! that a law can be put to the whole query while each kernel is still guarded by itself.
+
+mod contact;
+mod query;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DQuat, DVec3};
+use palpate::prepare::Body;
+use palpate::scene::{self, Scene};
+use palpate::stages::args;
+use palpate::stages::depth::Path;
+use palpate::stages::model::{Model, texel};
+use palpate::stages::types::{
+    ActiveChunk, CHUNK_VERTICES, Contact, Counts, Frame, Link, PAIR_REGIONS, Pair, ProxyBounds, Region, StepParams,
+};
+
+/// The ways to find crossings that the flow drives.
+pub const PATHS: [Path; 1] = [Path::Compute];
+/// Squares of a region's two fields of heights.
+pub const FIELD_WORDS: usize = 2 * 16 * 16;
+/// A box: least and greatest corner.
+pub type Box3 = [[f32; 3]; 2];
+
+/// Inputs and outputs of the kernels, as the host would read them.
+pub struct Flow {
+    pub model: Model,
+    pub params: StepParams,
+    pub frames: Vec<Frame>,
+    pub links: Vec<Link>,
+    pub pairs: Vec<Pair>,
+    pub displacement: Vec<[f32; 4]>,
+    pub velocity: Vec<[f32; 4]>,
+    pub most_items: usize,
+    pub most_hits: usize,
+    pub capacity: usize,
+    pub hull: Vec<[f32; 4]>,
+    pub faces: Vec<[f32; 4]>,
+    pub bounds: Vec<ProxyBounds>,
+    pub active_pairs: Vec<u32>,
+    pub reach: Vec<[f32; 2]>,
+    /// Two a pair of proxies: unit normal and weight; push and its length.
+    pub directions: Vec<[f32; 4]>,
+    /// [`PAIR_REGIONS`] a pair.
+    pub regions: Vec<Region>,
+    /// [`PAIR_REGIONS`] a slot, and so on.
+    pub shares: Vec<f32>,
+    pub boxes: Vec<Box3>,
+    pub slot_regions: Vec<u32>,
+    pub slot_counts: Vec<[u32; 2]>,
+    pub active_slots: Vec<u32>,
+    pub fields: Vec<u32>,
+    pub slot_chunks: Vec<[u32; 2]>,
+    /// [`PAIR_REGIONS`] a chunk of a slot: low, high, plane, extreme.
+    pub slabs: Vec<[f32; 8]>,
+    pub active_chunks: Vec<ActiveChunk>,
+    pub items: Vec<[u32; 2]>,
+    pub counts: Counts,
+    pub args: Vec<u32>,
+    pub skin: Vec<[f32; 4]>,
+    pub buckets: Vec<u32>,
+    /// Vertices in regions: place along the axes (bits), next of its bucket.
+    pub bins: Vec<[u32; 4]>,
+    pub bin_hits: Vec<u32>,
+    pub bin_sides: Vec<u32>,
+    /// Crossings: triangle, next on the ray, bits of the depth, item and front.
+    pub crossings: Vec<[u32; 4]>,
+    pub hits: Vec<[f32; 4]>,
+    pub what: Vec<[u32; 4]>,
+    pub normals: Vec<[f32; 4]>,
+    pub pushes: Vec<[f32; 4]>,
+    pub source: Vec<u32>,
+    pub contacts: Vec<Contact>,
+    pub entry_nodes: Vec<[u32; 4]>,
+    pub entry_weights: Vec<[f32; 4]>,
+    pub node_count: Vec<u32>,
+    pub node_entries: Vec<[u32; 2]>,
+    pub cursor: Vec<u32>,
+    pub touched_nodes: Vec<u32>,
+    pub unsorted: Vec<u32>,
+    pub sorted: Vec<[u32; 2]>,
+}
+
+/// At least one element, for an array that is bound but not read.
+pub fn some<T: Pod>(data: &[T]) -> Vec<T> {
+    if data.is_empty() { vec![T::zeroed()] } else { data.to_vec() }
+}
+
+/// A scene of which only the contact law and the time step matter.
+fn scene() -> Scene {
+    Scene {
+        file: "none".into(),
+        step: scene::Step { dt: 1e-3, gravity: DVec3::ZERO, newton: 1 },
+        solver: scene::Solver { tolerance: 1e-5, max_iterations: 10, preconditioner: scene::Preconditioner::Auto },
+        contact: scene::Contact {
+            stiffness: Some(1e6),
+            damping: Some(1e3),
+            friction: 0.0,
+            friction_speed: 1e-3,
+            texel: None,
+            depth_limit: 0.02,
+        },
+        bodies: vec![],
+        tool: None,
+        coupling: None,
+        drive: vec![],
+        haptics: scene::Haptics { device: "scripted".into(), rate: 1000.0, max_force: None },
+        probes: vec![],
+    }
+}
+
+impl Flow {
+    /// Bodies where they are, positions relative to `origin`.
+    pub fn new(bodies: &[Body], tool: Option<&Body>, origin: DVec3) -> Flow {
+        let model = Model::new(&scene(), bodies, tool);
+        let frame = |(centre, rotation): (DVec3, DQuat)| Frame {
+            rotation: rotation.as_quat().to_array(),
+            centre: (centre - origin).as_vec3().to_array(),
+            ..Frame::default()
+        };
+        let frames =
+            model.frames.iter().map(|f| frame((f.position + f.orientation * f.rest_centre, f.orientation))).collect();
+        let mut pairs = model.pairs.clone();
+        for (pair, plane) in pairs.iter_mut().zip(&model.pair_planes) {
+            if let Some(p) = plane {
+                pair.plane = texel(p.normal, p.offset - p.normal.dot(origin));
+            }
+        }
+        let nodes = model.node_rest.len();
+        Flow {
+            params: StepParams { dt: 1e-3, step: 7, depth_limit: 0.02, ..StepParams::zeroed() },
+            frames,
+            links: vec![Link::default(); model.links.len()],
+            velocity: model.velocity.clone(),
+            displacement: vec![[0.0; 4]; nodes],
+            most_items: model.most_items(),
+            most_hits: 1 << 16,
+            capacity: CHUNK_VERTICES * model.most_chunks(),
+            hull: vec![],
+            faces: vec![],
+            bounds: vec![],
+            active_pairs: vec![],
+            reach: vec![],
+            directions: vec![],
+            regions: vec![Region::default(); PAIR_REGIONS * pairs.len()],
+            shares: vec![],
+            boxes: vec![],
+            slot_regions: vec![],
+            slot_counts: vec![],
+            active_slots: vec![],
+            fields: vec![],
+            slot_chunks: vec![],
+            slabs: vec![],
+            active_chunks: vec![],
+            items: vec![],
+            counts: Counts::default(),
+            args: vec![0; args::WORDS],
+            skin: vec![[0.0; 4]; model.skin_nodes.len()],
+            buckets: vec![],
+            bins: vec![],
+            bin_hits: vec![],
+            bin_sides: vec![],
+            crossings: vec![],
+            hits: vec![],
+            what: vec![],
+            normals: vec![],
+            pushes: vec![],
+            source: vec![],
+            contacts: vec![],
+            entry_nodes: vec![],
+            entry_weights: vec![],
+            node_count: vec![0; nodes],
+            node_entries: vec![[0; 2]; nodes],
+            cursor: vec![],
+            touched_nodes: vec![],
+            unsorted: vec![],
+            sorted: vec![],
+            pairs,
+            model,
+        }
+    }
+
+    /// Workgroups that the kernels before asked for.
+    fn groups(&self, slot: u32) -> usize {
+        self.args[3 * slot as usize] as usize
+    }
+
+    /// Everything up to the depths of skin vertices, by one of the ways to find crossings.
+    pub fn query(&mut self, path: Path) {
+        self.place();
+        self.cull();
+        self.embed();
+        match path {
+            Path::Compute => self.cross(),
+            Path::Graphics => unreachable!("not among PATHS"),
+        }
+        self.candidates();
+    }
+
+    /// From placed hulls to the list of active chunks.
+    pub fn cull(&mut self) {
+        self.test_pairs();
+        self.direct();
+        self.find_regions();
+        self.box_chunks();
+        self.meet();
+        self.list();
+    }
+
+    /// What follows: the list of contacts, their response, the index from nodes to them.
+    pub fn gather(&mut self) {
+        self.compact();
+        self.respond();
+        self.index();
+    }
+
+    /// The index from nodes to the entries of contacts.
+    pub fn index(&mut self) {
+        self.place_entries();
+        self.fill();
+        self.sort();
+    }
+}

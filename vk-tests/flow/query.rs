@@ -1,0 +1,241 @@
+//! From bodies in their frames to the crossings on the rays of skin vertices.
+
+use palpate::gpu::Size;
+use palpate::stages::args;
+use palpate::stages::skin::BUCKETS;
+use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, NONE, PAIR_REGIONS, ProxyBounds};
+
+use super::{FIELD_WORDS, Flow, some};
+use crate::harness::{case, context};
+
+impl Flow {
+    pub fn place(&mut self) {
+        let (proxies, hulls, faces) = (self.model.proxies.len(), self.model.hull.len(), self.model.faces.len());
+        let out = case("pose/place")
+            .size(Size::Reduce)
+            .constant("SPANS", self.model.spans_frames())
+            .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
+            .constant("GROUP", context().group_size())
+            .input("frames", &self.frames)
+            .input("proxies", &some(&self.model.proxies))
+            .input("hull_rest", &some(&self.model.hull))
+            .input("face_rest", &some(&self.model.faces))
+            .input("proxy_nodes", &some(&self.model.proxy_nodes))
+            .input("displacement", &some(&self.displacement))
+            .input("node_rest", &some(&self.model.node_rest))
+            .input("links", &self.links)
+            .output::<[f32; 4]>("hull", hulls)
+            .output::<[f32; 4]>("faces", faces)
+            .output::<ProxyBounds>("bounds", proxies)
+            .inout("counts", &[self.counts])
+            .partial("args", &self.args)
+            .groups(proxies)
+            .run();
+        self.hull = out.get("hull");
+        self.faces = out.get("faces");
+        self.bounds = out.get("bounds");
+        self.counts = out.get("counts")[0];
+        self.args = out.get("args");
+    }
+
+    pub fn test_pairs(&mut self) {
+        let count = self.model.proxy_pairs.len();
+        let out = case("cull/pairs")
+            .constant("PROXY_PAIRS", count as u32)
+            .input("proxies", &self.model.proxies)
+            .input("bounds", &self.bounds)
+            .input("proxy_pairs", &some(&self.model.proxy_pairs))
+            .input("hull", &some(&self.hull))
+            .partial("active_pairs", &vec![NONE; count])
+            .partial("reach_of", &vec![[-1.0f32; 2]; count])
+            .output::<[f32; 4]>("directions", 2 * count)
+            .inout("args", &self.args)
+            .elements(count)
+            .run();
+        self.active_pairs = out.get("active_pairs");
+        self.reach = out.get("reach_of");
+        self.directions = out.get("directions");
+        self.args = out.get("args");
+    }
+
+    pub fn direct(&mut self) {
+        let out = case("cull/direction")
+            .size(Size::Reduce)
+            .input("proxies", &self.model.proxies)
+            .input("bounds", &self.bounds)
+            .input("proxy_pairs", &some(&self.model.proxy_pairs))
+            .input("hull", &some(&self.hull))
+            .input("faces", &some(&self.faces))
+            .input("active_pairs", &some(&self.active_pairs))
+            .input("reach_of", &some(&self.reach))
+            .partial("directions", &self.directions)
+            .input("counts", &[self.counts])
+            .input("contact_source", &some(&self.source))
+            .input("candidate_pushes", &some(&self.pushes))
+            .groups(self.groups(args::DIRECTION))
+            .run();
+        self.directions = out.get("directions");
+    }
+
+    pub fn find_regions(&mut self) {
+        let (pairs, slots) = (self.pairs.len(), self.model.slots.len());
+        let out = case("cull/regions")
+            .size(Size::Reduce)
+            .input("params", &[self.params])
+            .input("pairs", &self.pairs)
+            .input("proxies", &self.model.proxies)
+            .input("bounds", &self.bounds)
+            .input("hull", &some(&self.hull))
+            .input("directions", &some(&self.directions))
+            .inout("regions", &self.regions)
+            .partial("shares", &vec![-1.0f32; PAIR_REGIONS * slots])
+            .inout("boxes", &vec![[[0.0f32; 3]; 2]; PAIR_REGIONS * slots])
+            .inout("slot_regions", &vec![NONE; slots])
+            .partial("slot_counts", &vec![[0u32; 2]; slots])
+            .partial("active_slots", &vec![NONE; slots])
+            .partial("fields", &vec![7u32; PAIR_REGIONS * pairs * FIELD_WORDS])
+            .inout("counts", &[self.counts])
+            .inout("args", &self.args)
+            .groups(pairs)
+            .run();
+        self.regions = out.get("regions");
+        self.shares = out.get("shares");
+        self.boxes = out.get("boxes");
+        self.slot_regions = out.get("slot_regions");
+        self.slot_counts = out.get("slot_counts");
+        self.active_slots = out.get("active_slots");
+        self.fields = out.get("fields");
+        self.counts = out.get("counts")[0];
+        self.args = out.get("args");
+    }
+
+    pub fn box_chunks(&mut self) {
+        let (model, chunks) = (&self.model, self.model.slot_chunks);
+        let out = case("cull/chunks")
+            .size(Size::Reduce)
+            .constant("SPANS", model.spans_frames())
+            .input("pairs", &self.pairs)
+            .input("slots", &model.slots)
+            .input("active_slots", &self.active_slots)
+            .input("frames", &self.frames)
+            .input("proxies", &model.proxies)
+            .input("chunks", &some(&model.chunks))
+            .input("chunk_nodes", &some(&model.chunk_nodes))
+            .input("displacement", &some(&self.displacement))
+            .input("node_rest", &some(&model.node_rest))
+            .input("links", &self.links)
+            .input("regions", &self.regions)
+            .input("boxes", &self.boxes)
+            .input("slot_regions", &self.slot_regions)
+            .partial("slot_chunks", &vec![[NONE; 2]; chunks])
+            .partial("slabs", &vec![[f32::NAN; 8]; PAIR_REGIONS * chunks])
+            .inout("fields", &self.fields)
+            .groups(self.groups(args::CHUNKS))
+            .run();
+        self.slot_chunks = out.get("slot_chunks");
+        self.slabs = out.get("slabs");
+        self.fields = out.get("fields");
+    }
+
+    pub fn meet(&mut self) {
+        let out = case("cull/meet")
+            .size(Size::Reduce)
+            .input("pairs", &self.pairs)
+            .input("slots", &self.model.slots)
+            .input("active_slots", &self.active_slots)
+            .input("proxies", &self.model.proxies)
+            .input("regions", &self.regions)
+            .input("slabs", &self.slabs)
+            .input("fields", &self.fields)
+            .inout("slot_chunks", &self.slot_chunks)
+            .partial("slot_counts", &self.slot_counts)
+            .groups(self.groups(args::CHUNKS))
+            .run();
+        self.slot_chunks = out.get("slot_chunks");
+        self.slot_counts = out.get("slot_counts");
+    }
+
+    pub fn list(&mut self) {
+        let out = case("cull/list")
+            .size(Size::Reduce)
+            .constant("SLOTS", self.model.slots.len() as u32)
+            .constant("MOST_ITEMS", self.most_items as u32)
+            .input("slots", &self.model.slots)
+            .input("slot_chunks", &some(&self.slot_chunks))
+            .inout("slot_counts", &self.slot_counts)
+            .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; self.most_items])
+            .partial("items", &vec![[NONE; 2]; self.most_items])
+            .inout("counts", &[self.counts])
+            .partial("args", &self.args)
+            .groups(1)
+            .run();
+        self.slot_counts = out.get("slot_counts");
+        self.active_chunks = out.get("active_chunks");
+        self.items = out.get("items");
+        self.counts = out.get("counts")[0];
+        self.args = out.get("args");
+    }
+
+    pub fn embed(&mut self) {
+        let (model, bins) = (&self.model, CHUNK_VERTICES * self.most_items);
+        let out = case("skin/embed")
+            .size(Size::Reduce)
+            .constant("BUCKETS", BUCKETS)
+            .constant("SPANS", model.spans_frames())
+            .input("frames", &self.frames)
+            .input("active_chunks", &some(&self.active_chunks))
+            .input("pairs", &self.pairs)
+            .input("slots", &model.slots)
+            .input("proxies", &model.proxies)
+            .input("chunks", &some(&model.chunks))
+            .input("chunk_vertices", &some(&model.chunk_vertices))
+            .input("skin_nodes", &some(&model.skin_nodes))
+            .input("skin_weights", &some(&model.skin_weights))
+            .input("node_rest", &some(&model.node_rest))
+            .input("displacement", &some(&self.displacement))
+            .input("node_info", &some(&model.node_info))
+            .input("regions", &self.regions)
+            .input("shares", &some(&self.shares))
+            .partial("skin", &self.skin)
+            .inout("buckets", &vec![NONE; BUCKETS as usize])
+            .partial("bins", &vec![[NONE - 1; 4]; bins])
+            .partial("bin_hits", &vec![NONE - 1; bins])
+            .partial("bin_sides", &vec![NONE - 1; bins])
+            .input("fields", &self.fields)
+            .groups(self.groups(args::ACTIVE))
+            .run();
+        self.skin = out.get("skin");
+        self.buckets = out.get("buckets");
+        self.bins = out.get("bins");
+        self.bin_hits = out.get("bin_hits");
+        self.bin_sides = out.get("bin_sides");
+    }
+
+    /// The compute path.
+    pub fn cross(&mut self) {
+        let model = &self.model;
+        let out = case("depth/cross")
+            .size(Size::Reduce)
+            .constant("BUCKETS", BUCKETS)
+            .constant("MOST_HITS", self.most_hits as u32)
+            .inout("counts", &[self.counts])
+            .input("items", &some(&self.items))
+            .input("active_chunks", &some(&self.active_chunks))
+            .input("chunks", &some(&model.chunks))
+            .input("chunk_triangles", &some(&model.chunk_triangles))
+            .input("regions", &self.regions)
+            .input("triangles", &some(&model.triangles))
+            .input("skin", &some(&self.skin))
+            .input("buckets", &self.buckets)
+            .input("bins", &some(&self.bins))
+            .input("bin_sides", &some(&self.bin_sides))
+            .inout("bin_hits", &self.bin_hits)
+            .partial("hits", &vec![[NONE; 4]; self.most_hits])
+            .input("fields", &self.fields)
+            .groups(self.groups(args::ITEMS))
+            .run();
+        self.counts = out.get("counts")[0];
+        self.bin_hits = out.get("bin_hits");
+        self.crossings = out.get("hits");
+    }
+}
