@@ -160,7 +160,7 @@ mod tests {
             regions: vec![],
             origin: DVec3::ZERO,
             flags: Flags::NOT_A_HEIGHT_FIELD,
-            counts: Counts { vertices: 12, triangles: 30, ..Counts::default() },
+            counts: Counts { chunks: 12, hits: 30, ..Counts::default() },
             stage_times: vec![],
         }
     }

@@ -134,6 +134,7 @@ mod tests {
             tool: Some(ToolRow { force: DVec3::new(1e-17, f64::from(0.1_f32), -3.0), ..Default::default() }),
             contacts: Some(12),
             max_depth: Some(1.5e-4),
+            normal_turn: Some(0.0),
             iterations: 9,
             residual: 3e-6,
             flags: Flags::NOT_CONVERGED | Flags::FROZEN,
