@@ -5,6 +5,7 @@ mod adversaries;
 mod agreement;
 mod bodies;
 mod bones;
+mod candidates;
 mod contact;
 mod contact_sizes;
 mod continuity;
