@@ -9,6 +9,7 @@ mod candidates;
 mod contact;
 mod contact_sizes;
 mod continuity;
+mod crossings;
 mod cull;
 mod deep;
 mod dirty;

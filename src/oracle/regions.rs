@@ -32,7 +32,7 @@ pub fn along(axes: [DVec3; 3], x: DVec3) -> DVec3 {
 }
 
 /// Depth and normal of a vertex that several regions see, each with its share, depth and normal: that with the greatest share
-/// / depth^2 stands; others count from half of that on, by a smooth step. The normal is `None` where they cancel.
+/// / depth^2 stands; others count by theirs from half of that on, faded in by a smooth step. The normal is `None` where they cancel.
 pub fn blend(seen: &[(f64, f64, DVec3)]) -> Option<(f64, Option<DVec3>)> {
     let strength = |(share, depth, _): &(f64, f64, DVec3)| share / (depth * depth);
     let strongest = seen.iter().map(strength).fold(0.0, f64::max);
@@ -41,8 +41,9 @@ pub fn blend(seen: &[(f64, f64, DVec3)]) -> Option<(f64, Option<DVec3>)> {
     }
     let (mut all, mut depth, mut normal) = (0.0, 0.0, DVec3::ZERO);
     for one in seen {
-        let t = (2.0 * strength(one) / strongest - 1.0).clamp(0.0, 1.0);
-        let weight = t * t * (3.0 - 2.0 * t);
+        let share = strength(one) / strongest;
+        let t = (2.0 * share - 1.0).clamp(0.0, 1.0);
+        let weight = share * t * t * (3.0 - 2.0 * t);
         all += weight;
         depth += weight * one.1;
         normal += weight * one.2;
