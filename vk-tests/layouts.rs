@@ -77,7 +77,6 @@ fn pairs_proxies_and_bounds() {
             driven_frame,
             direction,
             plane,
-            direction,
         }
     );
     same_layout!(

@@ -18,15 +18,29 @@ layout(scalar, binding = 1) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 2) writeonly buffer ContactSource { uint contact_source[]; };
 layout(scalar, binding = 3) writeonly buffer Args { uint args[]; };
 
+// Candidates that a turn of a loop looks at: some drivers (Mesa's llvmpipe) leave all loops of an invocation after 65,535 turns.
+const uint BATCH = 16;
+const uint DIGITS = 256;
+
 shared uint totals[SIZE];
+shared uint histogram[DIGITS];
 
 uint begin, end;
+
+float depth_of(uint i) { return texelFetch(candidate_hits, int(i)).x; }
+
+uint deeper(uint i, float least) {
+    return uint(depth_of(i) > least) + uint(depth_of(i + 1) > least) + uint(depth_of(i + 2) > least)
+        + uint(depth_of(i + 3) > least);
+}
 
 // Candidates deeper than `least` before this lane's run, and in all.
 uvec2 count_deeper(float least) {
     uint lane = gl_LocalInvocationID.x;
     uint found = 0;
-    for (uint i = begin; i < end; i++) found += texelFetch(candidate_hits, int(i)).x > least ? 1 : 0;
+    for (uint i = begin; i < end; i += BATCH) {
+        found += deeper(i, least) + deeper(i + 4, least) + deeper(i + 8, least) + deeper(i + 12, least);
+    }
     barrier();
     totals[lane] = found;
     barrier();
@@ -35,29 +49,66 @@ uvec2 count_deeper(float least) {
     return sums;
 }
 
+void count_digit(uint i, uint prefix, uint shift) {
+    uint bits = floatBitsToUint(depth_of(i));
+    if (bits != 0 && ((bits ^ prefix) >> shift >> 8) == 0) atomicAdd(histogram[bits >> shift & (DIGITS - 1)], 1);
+}
+
+void count_digits(uint i, uint prefix, uint shift) {
+    count_digit(i, prefix, shift);
+    count_digit(i + 1, prefix, shift);
+    count_digit(i + 2, prefix, shift);
+    count_digit(i + 3, prefix, shift);
+}
+
+// The deepest candidate that does not fit, digit by digit of its bits: those of positive floats are in order.
+float first_beyond_capacity() {
+    uint lane = gl_LocalInvocationID.x;
+    uint prefix = 0, above = 0;
+    for (int shift = 24; shift >= 0; shift -= 8) {
+        for (uint k = lane; k < DIGITS; k += SIZE) histogram[k] = 0;
+        barrier();
+        for (uint i = begin; i < end; i += BATCH) {
+            count_digits(i, prefix, shift);
+            count_digits(i + 4, prefix, shift);
+            count_digits(i + 8, prefix, shift);
+            count_digits(i + 12, prefix, shift);
+        }
+        barrier();
+        uint digit = DIGITS - 1;
+        while (digit > 0 && above + histogram[digit] <= CAPACITY) above += histogram[digit--];
+        prefix |= digit << shift;
+        barrier();
+    }
+    return uintBitsToFloat(prefix);
+}
+
+void list(inout uint at, uint i, float least) {
+    if (depth_of(i) > least) contact_source[at++] = i;
+    if (depth_of(i + 1) > least) contact_source[at++] = i + 1;
+    if (depth_of(i + 2) > least) contact_source[at++] = i + 2;
+    if (depth_of(i + 3) > least) contact_source[at++] = i + 3;
+}
+
 void main() {
     uint lane = gl_LocalInvocationID.x;
     uint candidates = counts.chunks * CHUNK_VERTICES;
-    uint run = (candidates + SIZE - 1) / SIZE;
+    uint run = (candidates / BATCH + SIZE - 1) / SIZE * BATCH;
     begin = min(lane * run, candidates);
     end = min(begin + run, candidates);
     float least = 0.0;
     uvec2 sums = count_deeper(least);
     if (sums.y > CAPACITY) {
         if (lane == 0) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
-        // The least depth beyond which they fit: bits of positive floats are in order.
-        uint low = 0, high = 0x7f7fffffu;
-        while (high - low > 1) {
-            uint middle = (low + high) / 2;
-            if (count_deeper(uintBitsToFloat(middle)).y > CAPACITY) low = middle;
-            else high = middle;
-        }
-        least = uintBitsToFloat(high);
+        least = first_beyond_capacity();
         sums = count_deeper(least);
     }
     uint at = sums.x;
-    for (uint i = begin; i < end; i++) {
-        if (texelFetch(candidate_hits, int(i)).x > least) contact_source[at++] = i;
+    for (uint i = begin; i < end; i += BATCH) {
+        list(at, i, least);
+        list(at, i + 4, least);
+        list(at, i + 8, least);
+        list(at, i + 12, least);
     }
     if (lane != 0) return;
     uint contacts = sums.y;

@@ -10,6 +10,7 @@
 //! | [`skin`] | skin positions and velocities from nodes |
 //! | [`cull`] | separation and penetration of convex hulls |
 //! | [`proximity`] | placement, bounds, directions, regions, the depth field |
+//! | [`regions`] | boxes of chunks, what a vertex makes of several regions |
 //! | [`contact`], [`rays`] | depth by exact rays, gathered contacts |
 //! | [`linear`], [`step`] | the implicit step, solved directly |
 //! | [`wrench`] | net force, torque, stiffness and damping on the tool |
@@ -23,6 +24,7 @@ pub mod friction;
 pub mod linear;
 pub mod proximity;
 pub mod rays;
+pub mod regions;
 pub mod skin;
 pub mod statics;
 pub mod step;
