@@ -181,7 +181,6 @@ fn two_hundred_pairs_of_bodies_touch_at_once() {
 }
 
 #[test]
-#[ignore = "427,600 candidates: compaction's two loops exceed the 65,535 rounds that lavapipe gives a lane, and contacts are lost"]
 fn two_hundred_pairs_of_bodies_touch_a_fine_skin_at_once() {
     many_pairs([40, 4, 20]);
 }

@@ -166,8 +166,10 @@ fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
             let chunk = &flow.model.chunks[flow.active_chunks[item[0] as usize].chunk as usize];
             let own = &flow.model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
             assert!(own.contains(&triangle), "triangle {triangle} is not of item {}", what >> 1);
-            let found = list.insert(triangle, (f64::from(f32::from_bits(depth)), what & 1 == 1));
-            assert!(found.is_none(), "triangle {triangle} twice on the ray of bin {bin}");
+            let crossing = (f64::from(f32::from_bits(depth)), what & 1 == 1);
+            // A triangle over two squares of one bucket is met in both, the same.
+            let twice = list.insert(triangle, crossing);
+            assert!(twice.is_none_or(|other| other == crossing), "triangle {triangle} on the ray of bin {bin}");
             hit = next;
         }
     }
@@ -207,7 +209,7 @@ fn check_crossings(flow: &Flow) -> usize {
             let weights = [weights[0] / twice, weights[1] / twice, 1.0 - (weights[0] + weights[1]) / twice];
             let inside = weights.iter().copied().fold(f64::INFINITY, f64::min);
             let height = weights[0] * p.z + weights[1] * q.z + weights[2] * r.z;
-            let (depth, front) = if side == 0 { (-height, twice > 0.0) } else { (height, twice < 0.0) };
+            let (depth, front) = if side == 0 { (-height, twice < 0.0) } else { (height, twice > 0.0) };
             let got = list.get(triangle);
             // As far from every edge as rounding reaches, of a triangle that is one.
             let slack = EDGE * size / twice.abs() + EDGE;

@@ -50,6 +50,14 @@ fn wanted(normal: DVec3, a: &Body, b: &Body) -> Depths {
     depths
 }
 
+/// Side, vertex and opposing triangle of each contact of two rigid bodies, within their bodies, and the first vertex and triangle
+/// of each.
+pub fn sides(a: &Body, b: &Body, normal: DVec3) -> (Vec<(usize, u32, u32)>, [(u32, u32); 2]) {
+    let (vertices, triangles) = mesh(a);
+    let found = wanted(normal, a, b).into_iter().map(|((side, v), (_, triangle))| (side as usize, v, triangle));
+    (found.collect(), [(0, 0), (vertices.len() as u32, triangles.len() as u32)])
+}
+
 /// The same set of contacts with the same depths; only a vertex whose depth is zero within the tolerance may be in one
 /// set alone. Returns how many agree.
 fn same(what: &str, got: &Depths, want: &Depths) -> usize {
