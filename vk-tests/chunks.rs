@@ -72,6 +72,17 @@ fn places(flow: &Flow, chunk: usize, frame: usize) -> Vec<DVec3> {
     covered(&flow.model, &flow.model.chunks[chunk]).into_iter().map(place).collect()
 }
 
+/// The oracle's box of a chunk along a region's axes.
+fn boxed(flow: &Flow, chunk: usize, frame: usize, region: &Region) -> (DVec3, DVec3) {
+    let (chunk, frame) = (&flow.model.chunks[chunk], &flow.frames[frame]);
+    let rotation = DQuat::from_array(frame.rotation.map(f64::from)).normalize();
+    let nodes = &flow.model.chunk_nodes[chunk.node_first as usize..][..chunk.node_count as usize];
+    let moved: Vec<DVec3> = nodes.iter().map(|[n, _]| wide(&flow.displacement[*n as usize])).collect();
+    let [u, v] = chunk.axes.map(|axis| wide(&axis));
+    let rest = (wide(&chunk.centre), DMat3::from_cols(u, v, u.cross(v)), wide(&chunk.half_extent));
+    chunk_box(rest, (&moved, f64::from(chunk.weight_bound)), (wide(&frame.centre), rotation), axes(region))
+}
+
 /// The height of a sortable key: the inverse of what shared/field.glsl documents.
 fn height_of(key: u32) -> f64 {
     f64::from(f32::from_bits(if key & 0x8000_0000 != 0 { key & 0x7fff_ffff } else { !key }))
@@ -90,20 +101,12 @@ fn check_slabs(flow: &Flow, regions: usize, tight: bool) -> usize {
     let mut count = 0;
     for slot in &flow.model.slots {
         let proxy = &flow.model.proxies[slot.proxy as usize];
-        let frame = &flow.frames[proxy.frame as usize];
-        let rotation = DQuat::from_array(frame.rotation.map(f64::from)).normalize();
         for k in 0..proxy.chunk_count as usize {
             let (at, index) = (slot.chunk_first as usize + k, proxy.chunk_first as usize + k);
-            let chunk = &flow.model.chunks[index];
             assert_eq!(flow.slot_chunks[at], [(1 << regions) - 1, 0], "chunk {index} meets all regions");
             let skin = places(flow, index, proxy.frame as usize);
-            let nodes = &flow.model.chunk_nodes[chunk.node_first as usize..][..chunk.node_count as usize];
-            let moved: Vec<DVec3> = nodes.iter().map(|[n, _]| wide(&flow.displacement[*n as usize])).collect();
-            let [u, v] = chunk.axes.map(|axis| wide(&axis));
-            let rest = (wide(&chunk.centre), DMat3::from_cols(u, v, u.cross(v)), wide(&chunk.half_extent));
             for (r, region) in flow.regions[..regions].iter().enumerate() {
-                let weights = f64::from(chunk.weight_bound);
-                let want = chunk_box(rest, (&moved, weights), (wide(&frame.centre), rotation), axes(region));
+                let want = boxed(flow, index, proxy.frame as usize, region);
                 let slab = flow.slabs[at * PAIR_REGIONS + r].map(f64::from);
                 let side = if slot.side == 0 { 1.0 } else { -1.0 };
                 let extreme = if slot.side == 0 { want.1.z } else { want.0.z };
@@ -141,7 +144,7 @@ fn no_skin_leaves_its_chunk_s_slab_or_passes_the_field() {
             let regions: Vec<Region> = (0..count).map(|_| region(random.vector().normalize(), 0.5)).collect();
             let mut flow = shaken(size, &regions, &mut random);
             flow.box_chunks();
-            assert!(check_slabs(&flow, count, size == 0.0) > 60 * count);
+            assert!(check_slabs(&flow, count, size == 0.0) > 30 * count);
         }
     }
 }
@@ -192,6 +195,7 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
     flow.args[3 * args::CHUNKS as usize] = a as u32;
     flow.box_chunks();
     flow.meet();
+    let mut totals = [0; 2];
     for slot in 0..a {
         let proxy = flow.model.proxies[flow.model.slots[slot].proxy as usize];
         let lowest = |k: u32| {
@@ -199,9 +203,16 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
             skin.iter().map(|x| x.y).fold(f64::INFINITY, f64::min)
         };
         let below = (0..proxy.chunk_count).filter(|k| lowest(*k) <= 0.01).count() as u32;
+        // As far as its box says, give or take rounding.
+        let may = |slack: f64| {
+            let top = |k: &u32| boxed(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize, &flow.regions[0]).1.z;
+            (0..proxy.chunk_count).filter(|k| top(k) >= -0.01 + slack).count() as u32
+        };
         let [chunks, items] = flow.slot_counts[slot];
-        assert!(chunks == items && chunks >= below && chunks <= below + 2, "{chunks} for {below}");
+        assert!(chunks == items && chunks >= below && chunks >= may(0.0) && chunks <= may(-1e-3), "{chunks} for {below}");
+        totals = [totals[0] + chunks, totals[1] + proxy.chunk_count];
     }
+    assert!(totals[0] > 0 && totals[0] < totals[1], "{totals:?} kept, of all");
 }
 
 /// Chunks of three slots with flat slabs at random, against fields at random.
@@ -220,12 +231,11 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
         let fields: Vec<f32> = (0..PAIR_REGIONS * FIELD_WORDS)
             .map(|k| if k / 256 % 2 == 0 { height(-0.6) } else { height(0.6) })
             .collect();
-        let slab = |k: usize, height: &mut dyn FnMut(f64) -> f32| {
+        let slab = |height: &mut dyn FnMut(f64) -> f32| {
             let (u, v, z) = (height(-0.1), height(-0.1), height(0.0));
-            let _ = k;
             [u, v, u + 0.2, v + 0.1, 0.0, 0.0, z, z]
         };
-        let slabs: Vec<[f32; 8]> = (0..PAIR_REGIONS * 3 * count as usize).map(|k| slab(k, &mut height)).collect();
+        let slabs: Vec<[f32; 8]> = (0..PAIR_REGIONS * 3 * count as usize).map(|_| slab(&mut height)).collect();
         let masks: Vec<u32> = (0..3 * count).map(|k| (k * 7 + 3) % 16).collect();
         let out = case("cull/meet")
             .size(Size::Reduce)

@@ -243,7 +243,7 @@ fn soup(vertices: usize, triangles: usize, size: f64, random: &mut Random) -> Me
 fn soups_of_triangles_cross_what_f64_says() {
     let mut random = Random(61);
     let width = context().reduce_size() as usize;
-    for (n, size) in [(1, 0.5), (width - 1, 0.3), (width, 0.2), (65, 0.2), (300, 0.05)] {
+    for (n, size) in [(1, 0.5), (width - 1, 0.3), (width, 0.2), (65, 0.2), (300, 0.1)] {
         let (a, b) = (soup(n, n, size, &mut random), soup(2 * n + 1, n, size, &mut random));
         for count in [1, 2, PAIR_REGIONS] {
             let regions: Vec<Region> = (0..count).map(|_| region(random.vector(), 0.45, 0.07)).collect();

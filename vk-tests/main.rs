@@ -32,6 +32,7 @@ mod layouts;
 mod pose;
 mod query;
 mod random;
+mod regions;
 mod response;
 mod scenes;
 mod skin;
