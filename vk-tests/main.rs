@@ -21,6 +21,7 @@ mod heads;
 mod laws;
 mod layers;
 mod layouts;
+mod paths;
 mod pose;
 mod random;
 mod regions;

@@ -14,6 +14,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 1) const uint MOST_CELLS = 1024;      // squares of a column along a side at most
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Pairs { Pair pairs[]; };
@@ -43,8 +44,6 @@ const float LEAST_STRENGTH = 1.0e-3;
 const float LEAST_SHARE = 0.01;
 // Of a slot that an active pair of proxies has.
 const uint NEAR = 1u << PAIR_REGIONS;
-// Squares of a column along a side at most.
-const float MOST_CELLS = 1024.0;
 
 shared vec3 low[SIZE];
 shared vec3 high[SIZE];
@@ -253,7 +252,7 @@ void open_region(Pair pair, uint r, uint first_region) {
     clear_fields(first_region + r, lane);
     if (lane != 0) return;
     vec2 extent = column_high - column_low;
-    float finest = max(max(extent.x, extent.y) / MOST_CELLS, 1.0e-9);
+    float finest = max(max(extent.x, extent.y) / float(MOST_CELLS), 1.0e-9);
     float cell[2];
     for (uint side = 0; side < 2; side++) {
         // A square or so a vertex, unless that makes many squares of an opposing triangle.

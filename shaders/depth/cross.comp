@@ -27,6 +27,7 @@ layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
 layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, front
 
 #include "shared/bins.glsl"
+#include "shared/covered.glsl"
 #include "shared/crossing.glsl"
 
 void main() {
@@ -37,13 +38,9 @@ void main() {
     uint side = entry.side & 1, other = 1 - side;
     for (uint t = gl_LocalInvocationID.x; t < chunk.triangle_count; t += SIZE) {
         uint triangle = chunk_triangles[chunk.triangle_first + t];
-        uvec3 vertices = texelFetch(triangles, int(triangle)).xyz;
-        vec3 corners[3] = vec3[](along(region, texelFetch(skin, int(vertices.x)).xyz),
-            along(region, texelFetch(skin, int(vertices.y)).xyz), along(region, texelFetch(skin, int(vertices.z)).xyz));
-        vec2 least = max(min(min(corners[0].xy, corners[1].xy), corners[2].xy), region.low);
-        vec2 greatest = min(max(max(corners[0].xy, corners[1].xy), corners[2].xy), region.high);
-        if (any(greaterThan(least, greatest))) continue;
-        ivec2 first = cell_of(region, other, least), last = cell_of(region, other, greatest);
+        vec3 corners[3];
+        ivec2 first, last;
+        if (!covered_squares(region, side, triangle, corners, first, last)) continue;
         for (int y = first.y; y <= last.y; y++) {
             for (int x = first.x; x <= last.x; x++) {
                 cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle);

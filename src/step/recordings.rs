@@ -51,11 +51,11 @@ pub struct Recordings {
 }
 
 impl Stages {
-    /// Kernels and arrays of the stages that the model needs.
+    /// Kernels and arrays of the stages that the model needs; `path` where it needs the depth stage.
     pub fn new(
         context: &Arc<Context>,
         model: &Model,
-        path: Path,
+        path: Option<Path>,
         probe_nodes: &[[u32; 4]],
     ) -> Result<Stages> {
         let common = Common::new(context, model)?;
@@ -66,7 +66,7 @@ impl Stages {
                 pose: pose::Pose::new(context, model)?,
                 skin: Skin::new(context, model)?,
                 cull: Cull::new(context, model)?,
-                depth: if model.needs_depth() { Some(Depth::new(context, model, path)?) } else { None },
+                depth: path.map(|path| Depth::new(context, model, path)).transpose()?,
                 contact: Contact::new(context, model)?,
             })
         };
