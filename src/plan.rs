@@ -1,7 +1,6 @@
 //! The step plan: which stages a scene needs, and why the others are left out. Said in `summary.json`.
 
 use crate::scene::Scene;
-use crate::stages::depth::Path;
 use crate::stages::model::Model;
 
 /// A stage, recorded or not.
@@ -23,8 +22,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The plan of a scene.
-    pub fn new(scene: &Scene, model: &Model, path: Path) -> Plan {
+    /// The plan of a scene; `depth`: the depth stage's path and why, where it is recorded.
+    pub fn new(scene: &Scene, model: &Model, depth: Option<String>) -> Plan {
         let touches = !model.pairs.is_empty();
         let nothing = match (&scene.tool, scene.bodies.len()) {
             (None, 0 | 1) => "a single body and no tool: nothing to touch",
@@ -33,7 +32,6 @@ impl Plan {
         };
         let planes = "only half-spaces are touched: their depth needs no field";
         let pairs = format!("{} pairs of bodies may touch", model.pairs.len());
-        let depth = model.needs_depth();
         let mut entries = Vec::new();
         let mut add = |stage, recorded, yes: String, no: &str| {
             entries.push(Entry { stage, recorded, reason: if recorded { yes } else { no.into() } });
@@ -49,8 +47,7 @@ impl Plan {
         let skin = if touches { pairs.clone() } else { "probes are recorded".into() };
         add("skin", touches || probes, skin, nothing);
         add("cull", touches, pairs.clone(), nothing);
-        let path = format!("{} path", path.name());
-        add("depth", depth, path, if touches { planes } else { nothing });
+        add("depth", depth.is_some(), depth.unwrap_or_default(), if touches { planes } else { nothing });
         add("contact", touches, pairs, nothing);
         let soft = !model.tetrahedra.is_empty();
         add("elastic", soft, format!("{} tetrahedra", model.tetrahedra.len()), "no soft body");

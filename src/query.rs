@@ -6,13 +6,14 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use crate::gpu::{Buffer, Context, Memory, Options, Recorder, Recording, StagePasses};
-use crate::prepare::{Body, Proxy, Shape, Skin};
+use crate::prepare::{Body, Cache, Proxy, Shape, Skin};
 use crate::report::Flags;
 use crate::stages::Common;
 use crate::stages::depth::Path;
 use crate::stages::elastic::Elastic;
 use crate::stages::model::{Model, texel};
 use crate::stages::types::{Contact, Counts, Frame, Link, Pair, Region, StepParams};
+use crate::step::choice::Choice;
 use crate::step::recordings::TouchStages;
 use crate::{Error, Result};
 
@@ -112,7 +113,7 @@ pub struct QueryContact {
 }
 
 impl Query {
-    /// Opens a device for two bodies of [`Shape::Rigid`]; `path`: see [`Path::of`].
+    /// Opens a device for two bodies of [`Shape::Rigid`]; without a `path` the faster one.
     pub fn new(a: &Body, b: &Body, settings: &QuerySettings, options: &Options, path: Option<Path>) -> Result<Query> {
         rigid(a).and(rigid(b))?;
         Query::on(&Context::new(options)?, a, b, settings, path)
@@ -128,9 +129,9 @@ impl Query {
     ) -> Result<Query> {
         let bodies = [side(a)?, side(b)?];
         let model = Model::of_query(a, b);
-        let path = path.unwrap_or_else(|| Path::of(context.kind()));
+        let path = Choice::new(context, path, &Cache::of_user())?.path;
         let (common, elastic) = (Common::new(context, &model)?, Elastic::new(context, &model)?);
-        let touch = TouchStages::new(context, &model, path, false)?;
+        let touch = TouchStages::new(context, &model, Some(path), false)?;
         let mut warm_up = Recorder::warm_up(context)?;
         touch.record(&mut warm_up, &common, &elastic);
         warm_up.finish()?.submit_and_wait()?;

@@ -1,5 +1,6 @@
 //! The step: which stages a scene needs, in which order they run, and the host's part of it, pose in and wrench out.
 
+pub(crate) mod choice;
 pub mod frames;
 mod probes;
 pub(crate) mod recordings;
@@ -13,7 +14,7 @@ use crate::gpu::{Buffer, Context, Options, Recorder, Recording};
 use crate::haptics::drive::{Device, Drive};
 use crate::haptics::tool::Tool;
 use crate::plan::Plan;
-use crate::prepare::{self, Body, BodyReport, Shape};
+use crate::prepare::{self, Body, BodyReport, Cache, Shape};
 use crate::report::{Flags, Pose, Row, ToolRow};
 use crate::scene::{Key, Scene};
 use crate::stages::depth::Path;
@@ -21,6 +22,7 @@ use crate::stages::model::{self, Model};
 use crate::stages::types::{self, Counts, Fit, Frame, Link, Pair, Region, Report, StepParams, verdict};
 use crate::{Error, Result};
 use frames::Frames;
+use choice::Choice;
 use probes::{ProbePlace, probes_of};
 use recordings::{Recordings, Stages};
 
@@ -46,7 +48,7 @@ pub struct Simulation {
     drive: Drive,
     probes: Vec<ProbePlace>,
     plan: Plan,
-    path: Path,
+    path: Option<Path>,
     step: u64,
     last_iterations: u32,
     last_timed: Option<Vec<(String, f64)>>,
@@ -54,6 +56,7 @@ pub struct Simulation {
 
 impl Simulation {
     /// Prepares the scene's bodies, opens a device and records the step. All input is read before the device is opened.
+    /// `path` of the depth stage wins over the scene's.
     pub fn new(scene: &Scene, options: &Options, path: Option<Path>) -> Result<Simulation> {
         let bodies = scene.bodies.iter().map(|body| prepare::body(body, scene)).collect::<Result<Vec<_>>>()?;
         let tool_body = scene.tool.as_ref().map(|tool| prepare::tool(tool, scene)).transpose()?;
@@ -62,14 +65,16 @@ impl Simulation {
         let (probes, probe_nodes) = probes_of(scene, &bodies, &model)?;
 
         let context = Context::new(options)?;
-        let path = path.unwrap_or_else(|| Path::of(context.kind()));
+        let asked = path.or(scene.contact.depth);
+        let choice = if model.needs_depth() { Some(Choice::new(&context, asked, &Cache::of_user())?) } else { None };
+        let path = choice.as_ref().map(|choice| choice.path);
         let stages = Stages::new(&context, &model, path, &probe_nodes)?;
         // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
         Recordings::new(&stages, 0, || Recorder::warm_up(&context))?.submit_once()?;
         let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(&context))?;
         let timed = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::new(&context))?;
         let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
-        let plan = Plan::new(scene, &model, path);
+        let plan = Plan::new(scene, &model, choice.map(|choice| choice.to_string()));
         let frames = Frames::new(&model, |frame| velocity_of(&bodies, &model, frame));
         Ok(Simulation {
             drive: Drive::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
@@ -103,7 +108,6 @@ impl Simulation {
         self.frames.set_out(time, h, self.tool.as_ref());
         self.write_inputs(origin, &device)?;
         let report = self.submit()?;
-        if std::env::var("PDEBUG").is_ok() && self.step % 10 == 0 { let t=self.stages.touch.as_ref().unwrap(); eprintln!("{:?}", self.stages.common.counts.read::<Counts>()?[0]); for r in t.cull.regions.read::<Region>()? { if r.weight > 0.0 { eprintln!("  {:?}", r); } } }
         let accepted = !Flags(report.flags).contains(Flags::NON_FINITE);
         if accepted && let Some(tool) = &mut self.tool {
             tool.advance(h, report.tool_change);
@@ -123,8 +127,8 @@ impl Simulation {
         &self.plan
     }
 
-    /// How the depth field is rasterized.
-    pub fn depth_path(&self) -> Path {
+    /// The path of the depth stage, where the step has one.
+    pub fn depth_path(&self) -> Option<Path> {
         self.path
     }
 

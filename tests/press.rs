@@ -38,6 +38,33 @@ fn press(name: &str, surface: &str) {
     assert!(peak > 0.01 && jump < JUMP * peak, "{name}: {peak} N, {jump} N");
 }
 
+/// A ball that rests on a block, so that both have skins and depth is needed.
+const BLOCK: &str = "[contact]\ndepth = \"graphics\"\n[[body]]\nname = \"block\"\n\
+    layer = { box = [[-0.05, -0.05, -0.05], [0.05, 0.0, 0.05]], cells = [6, 3, 6] }\n\
+    material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
+    [[body.core]]\nname = \"core\"\nmotion = \"fixed\"\nbind = { box = [[-1.0, -1.0, -1.0], [1.0, -0.04, 1.0]] }\n\
+    [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.018, 0.0]\n";
+
+#[test]
+fn the_path_of_depth_is_said_and_the_command_line_wins() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    std::fs::write(path("scene.toml"), BLOCK).unwrap();
+    let run = |out: &str, more: &[&str]| {
+        let (scene, out_path) = (path("scene.toml"), path(out));
+        let arguments = [&["run", &scene, "--steps", "5", "--out", &out_path], more].concat();
+        palpate(&arguments, &folder.path().join("cache"));
+        let summary = std::fs::read_to_string(folder.path().join(out).join("summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        summary["plan"]["reasons"]["depth"].as_str().unwrap().to_string()
+    };
+    assert_eq!(run("scene", &[]), "graphics path: asked for");
+    assert_eq!(run("asked", &["--depth", "compute"]), "compute path: asked for");
+    let measured = run("auto", &["--depth", "auto"]);
+    assert!(measured.contains(" path: measured "), "{measured}");
+    assert_eq!(run("again", &["--depth", "auto"]), measured, "the figures of the first time");
+}
+
 #[test]
 fn real_meshes_are_prepared_and_pressed() {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");

@@ -1,11 +1,11 @@
 //! The Vulkan room itself: order of dependent passes, indirect arguments, fills and copies, replay, timers, threads,
-//! mapped memory, and the graphics pipeline.
+//! mapped memory, and the rasterizer.
 
-use palpate::gpu::{
-    Buffer, Context, DepthTest, Kernel, Memory, Options, Pass, RasterPipeline, RasterTarget, Recorder, Recording, Size,
-};
+use palpate::gpu::{Buffer, Context, Kernel, Memory, Options, RasterPipeline, Recorder, Recording, Size};
+use palpate::stages::cull::MOST_CELLS;
 
 use crate::harness::{assert_clean, context};
+use crate::random::Random;
 
 const CELLS: u32 = 100;
 
@@ -148,9 +148,7 @@ fn device_bytes_are_counted_and_given_back() {
     let array = Buffer::new(&context, "array", 1 << 20, Memory::Device).unwrap();
     let array_bytes = context.bytes_allocated();
     assert!((1 << 20..2 << 20).contains(&array_bytes), "{array_bytes}");
-    let target = RasterTarget::new(&context, "target", 256, 256).unwrap();
-    assert!(context.bytes_allocated() >= array_bytes + 256 * 256 * 8);
-    drop((array, target));
+    drop(array);
     assert_eq!(context.bytes_allocated(), 0);
     assert_clean(&context, "allocation");
 }
@@ -189,64 +187,80 @@ fn a_device_is_found_by_index_and_by_part_of_its_name() {
     assert_eq!(error.exit_status(), 3);
 }
 
-/// Two triangles that each cover a whole 4 x 4 target, at depths 0.5 and 0.25, and one that covers its left half.
-fn layers(test: DepthTest, added: u32) -> (RasterPipeline, Vec<Buffer>) {
+/// How often each of `side` x `side` squares is covered, weighted by 1 + the number of the rectangle, when rectangles are
+/// drawn from `first` on.
+fn covered(side: u32, rectangles: &[[i32; 4]], first: u32) -> Vec<u32> {
     let context = context();
-    let cover = |x: f32, z: f32| [[-1.0, -1.0, z, 0.0f32], [-1.0, 7.0, z, 0.0], [x, -1.0, z, 0.0]];
-    let half = [[-1.0, -9.0, 0.5, 0.0f32], [0.0, -9.0, 0.5, 0.0], [0.0, 900.0, 0.5, 0.0]];
-    let corners: Vec<[f32; 4]> = [cover(7.0, 0.5), cover(7.0, 0.25), half].concat();
-    let pipeline = RasterPipeline::new(context, "test/layers", test, &[("added", added.into())]).unwrap();
-    let corners = Buffer::from_slice(context, "corners", &corners, Memory::Device).unwrap();
-    let table = Buffer::from_slice(context, "table", &[10u32, 11, 12, 13], Memory::Device).unwrap();
-    // Vertex count, instances, first vertex, first instance.
-    let args = [[6u32, 1, 0, 0], [3, 1, 6, 0], [0, 1, 0, 0]];
-    (pipeline, vec![corners, table, Buffer::from_slice(context, "args", &args, Memory::Device).unwrap()])
-}
-
-/// Draws `slots` and returns colours and depths.
-fn drawn(test: DepthTest, far: f32, draws: &[(u32, Option<[u32; 4]>)]) -> (Vec<u32>, Vec<f32>) {
-    let context = context();
-    let (pipeline, b) = layers(test, 100);
-    let target = RasterTarget::new(context, "target", 4, 4).unwrap();
-    let out = |name| Buffer::new(context, name, 64, Memory::Readback).unwrap();
-    let (color, depth) = (out("color"), out("depth"));
+    let pipeline = RasterPipeline::new(context, "test/squares", &[("SQUARES", side.into())]).unwrap();
+    let rectangles_there = Buffer::from_slice(context, "rectangles", rectangles, Memory::Device).unwrap();
+    let squares = Buffer::new(context, "squares", u64::from(side * side) * 4, Memory::Device).unwrap();
+    let out = Buffer::new(context, "out", squares.bytes(), Memory::Readback).unwrap();
+    // Vertices, instances, first of each.
+    let args = [[9u32; 4], [6, rectangles.len() as u32 - first, 0, 0]];
+    let args = Buffer::from_slice(context, "args", &args, Memory::Device).unwrap();
     let mut recorder = Recorder::new(context).unwrap();
     recorder.stage("raster");
-    // A pass that writes what the draws read: they must wait for it. Triangle 2 with base 1 reads word 3.
-    recorder.fill_range(&b[1], 12, 4, 20);
-    for (i, &(slot, area)) in draws.iter().enumerate() {
-        let pass = if i == 0 { Pass::cleared(7, far) } else { Pass { clear: None, area } };
-        recorder.draw_indirect(&pipeline, &target, &[&b[0], &b[1]], bytemuck::bytes_of(&1u32), &b[2], slot, pass);
-    }
-    recorder.copy_target(&target, &color, &depth);
+    // The draw waits for the fill, and the copy for the draw.
+    recorder.fill(&squares, 0);
+    recorder.draw_indirect(&pipeline, &[&rectangles_there, &squares], bytemuck::bytes_of(&first), &args, 1, side);
+    recorder.copy(&squares, &out);
     let recording = recorder.finish().unwrap();
-    for _ in 0..3 {
+    assert_eq!((recording.passes()[0].dispatches, recording.passes()[0].dependent), (3, 3));
+    for _ in 0..2 {
         recording.submit_and_wait().unwrap();
     }
     assert_clean(context, "raster");
-    (color.read().unwrap(), depth.read().unwrap())
+    out.read().unwrap()
 }
 
 #[test]
-fn draws_keep_the_fragment_the_depth_test_chooses() {
-    let (color, depth) = drawn(DepthTest::Less, 1.0, &[(0, None)]);
-    assert_eq!((color, depth), (vec![112; 16], vec![0.25; 16]), "the nearer");
-    let (color, depth) = drawn(DepthTest::GreaterOrEqual, 0.0, &[(0, None)]);
-    assert_eq!((color, depth), (vec![111; 16], vec![0.5; 16]), "the farther");
-    let (color, depth) = drawn(DepthTest::Less, 1.0, &[(2, None)]);
-    assert_eq!((color, depth), (vec![7; 16], vec![1.0; 16]), "nothing drawn: cleared");
-    // The half at depth 0.5 ties with the first triangle; its colour comes through the table's filled word.
-    let left = |within: u32, without: u32| [within, within, without, without].repeat(4);
-    let (color, _) = drawn(DepthTest::GreaterOrEqual, 0.0, &[(0, None), (1, None)]);
-    assert_eq!(color, left(120, 111), "the later of equals");
-    let (color, _) = drawn(DepthTest::Greater, 0.0, &[(0, None), (1, None)]);
-    assert_eq!(color, vec![111; 16], "the earlier of equals");
+fn a_rectangle_of_squares_has_a_fragment_each_and_no_other() {
+    let mut random = Random(5);
+    for side in [1u32, 2, 3, 7, 64, 65, 1000, MOST_CELLS + 1, 4096] {
+        let end = side.cast_signed() - 1;
+        let mut rectangles = vec![[0, 0, end, end], [end; 4], [0; 4], [0, end, end, end], [end, 0, end, end]];
+        // Rectangles of no square, and random ones: thin, single squares, any.
+        rectangles.push([1, 1, 0, 0]);
+        for k in 0..200 {
+            let mut at = || random.below(side as usize) as i32;
+            let (x, y, to_x, to_y) = (at(), at(), at(), at());
+            rectangles.push(match k % 4 {
+                0 => [x, y, x, y],
+                1 => [x, y.min(to_y), x, y.max(to_y)],
+                2 => [x.min(to_x), y, x.max(to_x), y],
+                _ => [x.min(to_x), y.min(to_y), x.max(to_x).min(x.min(to_x) + 99), y.max(to_y).min(y.min(to_y) + 99)],
+            });
+        }
+        for first in [0, 3] {
+            let mut want = vec![0u32; (side * side) as usize];
+            for (colour, [x, y, to_x, to_y]) in rectangles.iter().enumerate().skip(first as usize) {
+                for row in *y..=*to_y {
+                    (*x..=*to_x).for_each(|column| want[(row * (end + 1) + column) as usize] += 1 + colour as u32);
+                }
+            }
+            let got = covered(side, &rectangles, first);
+            let wrong = got.iter().zip(&want).filter(|(a, b)| a != b).count();
+            assert!(wrong == 0, "{side} squares a side, from rectangle {first}: {wrong} squares are wrong");
+        }
+    }
 }
 
 #[test]
-fn a_draw_stays_in_its_area() {
-    let (color, _) = drawn(DepthTest::GreaterOrEqual, 0.0, &[(2, None), (0, Some([1, 2, 2, 1]))]);
-    let mut want = vec![7; 16];
-    want[9..11].fill(111);
-    assert_eq!(color, want);
+fn draws_that_cannot_be_are_refused() {
+    let context = context();
+    let pipeline = RasterPipeline::new(context, "test/squares", &[]).unwrap();
+    let (a, args) = (cells("a"), Buffer::from_slice(context, "args", &[0u32; 4], Memory::Device).unwrap());
+    let fails = |buffers: &[&Buffer], push: &[u8], slot, side| {
+        let mut recorder = Recorder::new(context).unwrap();
+        recorder.draw_indirect(&pipeline, buffers, push, &args, slot, side);
+        recorder.finish().map(|_| ()).unwrap_err().to_string()
+    };
+    let b = cells("b");
+    assert!(fails(&[&a, &b], &[0; 4], 1, 8).contains("lie outside args"));
+    assert!(fails(&[&a, &b], &[0; 4], 0, 0).contains("0 pixels a side"));
+    assert!(fails(&[&a, &b], &[0; 4], 0, u32::MAX).contains("pixels a side"));
+    assert!(fails(&[&a, &b], &[], 0, 8).contains("push constants"));
+    assert!(fails(&[&a], &[0; 4], 0, 8).contains("binds"));
+    assert!(fails(&[&a, &a], &[0; 4], 0, 8).contains("writes a"));
+    assert_clean(context, "refused draws");
 }

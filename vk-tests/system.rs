@@ -60,6 +60,7 @@ fn scene() -> Scene {
             friction_speed: 1e-3,
             texel: None,
             depth_limit: 0.02,
+            depth: None,
         },
         bodies: vec![],
         tool: None,

@@ -18,7 +18,7 @@ layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 2) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar, binding = 3) readonly buffer Chunks { Chunk chunks[]; };
-layout(scalar, binding = 4) readonly buffer ChunkVertices { uint chunk_vertices[]; };
+layout(binding = 4) uniform usamplerBuffer chunk_vertices;      // four a texel
 layout(scalar, binding = 5) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar, binding = 6) readonly buffer Regions { Region regions[]; };
 layout(scalar, binding = 7) readonly buffer Shares { float shares[]; };
@@ -77,16 +77,35 @@ vec3 crossing(Region region, vec3 x, uint triangle, float towards) {
     return vec3(towards * (w.x * a.z + w.y * b.z + w.z * c.z), w.yz);
 }
 
+shared uint listed[CHUNK_VERTICES];
+shared uint listed_count;
+
+// Vertices with crossings, so that lanes work side by side on these alone.
+void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
+    uint lane = gl_LocalInvocationID.x;
+    if (lane == 0) listed_count = 0;
+    barrier();
+    for (uint l = lane; l < CHUNK_VERTICES; l += SIZE) {
+        candidate_hits[gl_WorkGroupID.x * CHUNK_VERTICES + l] = vec4(0.0);
+        if (l >= chunk.vertex_count) continue;
+        bool crossed = all;
+        for (uint k = 0; k < bitCount(entry.regions) && !crossed; k++) {
+            crossed = bin_hits[(entry.first_item + k) * CHUNK_VERTICES + l] != NONE;
+        }
+        if (crossed) listed[atomicAdd(listed_count, 1)] = l;
+    }
+    barrier();
+}
+
 void main() {
     ActiveChunk entry = active_chunks[gl_WorkGroupID.x];
     Chunk chunk = chunks[entry.chunk];
     Pair pair = pairs[entry.side / 2];
     bool side_b = (entry.side & 1) != 0;
-    for (uint l = gl_LocalInvocationID.x; l < CHUNK_VERTICES; l += SIZE) {
-        uint at = gl_WorkGroupID.x * CHUNK_VERTICES + l;
-        candidate_hits[at] = vec4(0.0);
-        if (l >= chunk.vertex_count) continue;
-        uint vertex = chunk_vertices[chunk.vertex_first + l];
+    list_vertices(entry, chunk, pair.is_plane != 0);
+    for (uint k = gl_LocalInvocationID.x; k < listed_count; k += SIZE) {
+        uint l = listed[k], at = gl_WorkGroupID.x * CHUNK_VERTICES + l, v = chunk.vertex_first + l;
+        uint vertex = texelFetch(chunk_vertices, int(v / 4))[v % 4];
         float weights[PAIR_REGIONS], depths[PAIR_REGIONS], strongest = 0.0;
         vec3 hit = vec3(0.0);
         uint triangle = NONE, opposing = 0;

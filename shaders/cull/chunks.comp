@@ -21,7 +21,7 @@ layout(scalar, binding = 2) readonly buffer ActiveSlots { uint active_slots[]; }
 layout(scalar, binding = 3) readonly buffer Frames { Frame frames[]; };
 layout(scalar, binding = 4) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar, binding = 5) readonly buffer Chunks { Chunk chunks[]; };
-layout(scalar, binding = 6) readonly buffer ChunkNodes { uvec2 chunk_nodes[]; };      // node, link from the proxy's frame to its own
+layout(binding = 6) uniform usamplerBuffer chunk_nodes;       // two a texel: node, link from the proxy's frame to its own
 layout(binding = 7) uniform samplerBuffer displacement;
 layout(binding = 8) uniform samplerBuffer node_rest;
 layout(scalar, binding = 9) readonly buffer Links { Link links[]; };
@@ -35,18 +35,24 @@ layout(scalar, binding = 15) buffer Fields { uint fields[]; };
 // Cosine to the region's normal below which a chunk's plane says nothing.
 const float STEEP = 0.2;
 
+// Displacement of a node in the proxy's frame.
+vec3 moved(uvec2 node) {
+    vec3 d = texelFetch(displacement, int(node.x)).xyz;
+    if (SPANS && node.y != 0) d = across(links[node.y], texelFetch(node_rest, int(node.x)).xyz, d);
+    return d;
+}
+
 // Middle and half the spread of the displacements of a chunk's nodes, in the proxy's frame.
 void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
     middle = vec3(0.0);
     spread = vec3(0.0);
     if (chunk.node_count == 0) return;
     vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
-    for (uint k = 0; k < chunk.node_count; k++) {
-        uvec2 node = chunk_nodes[chunk.node_first + k];
-        vec3 d = texelFetch(displacement, int(node.x)).xyz;
-        if (SPANS && node.y != 0) d = across(links[node.y], texelFetch(node_rest, int(node.x)).xyz, d);
-        least = min(least, d);
-        greatest = max(greatest, d);
+    for (uint k = chunk.node_first; k < chunk.node_first + chunk.node_count; k += 2) {
+        uvec4 two = texelFetch(chunk_nodes, int(k / 2));
+        vec3 d = moved(two.xy), e = moved(two.zw);
+        least = min(least, min(d, e));
+        greatest = max(greatest, max(d, e));
     }
     middle = 0.5 * (least + greatest);
     // A thousandth more covers rounding.

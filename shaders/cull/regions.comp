@@ -15,6 +15,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 1) const uint MOST_CELLS = 128;      // squares of a column along a side at most
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Pairs { Pair pairs[]; };
@@ -45,8 +46,6 @@ const float LEAST_STRENGTH = 1.0e-3;
 const float LEAST_SHARE = 1.0e-4;
 // How much of a pair of proxies a region must have for it to cover them.
 const float LEAST_PART = 0.01;
-// Squares of a column along a side at most.
-const float MOST_CELLS = 1024.0;
 
 // What proxies say of a direction, against what contacts do; the push, in cubes of an edge, from which contacts are heard.
 const float GUESS = 0.01;
@@ -291,7 +290,8 @@ void open_region(Pair pair, uint r, uint first_region) {
     clear_fields(first_region + r, lane);
     if (lane != 0) return;
     vec2 extent = column_high - column_low;
-    float finest = max(max(extent.x, extent.y) / MOST_CELLS, 1.0e-9);
+    float finest = max(max(extent.x, extent.y) / float(MOST_CELLS), 1.0e-9);
+    if (params.texel > 0.0 && params.texel < finest) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
     float cell[2];
     for (uint side = 0; side < 2; side++) {
         // A square or so a vertex, unless that makes many squares of an opposing triangle.

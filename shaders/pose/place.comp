@@ -8,19 +8,21 @@
 
 // Pose: hull vertices and face planes of a proxy into the world, x = c + R r, n = R n_rest, offset = n_rest . r + n . c; the
 // box of its hull, and how far its skin may have left it: margin + (sum |w|) max |d| over the nodes that move it, d in the
-// proxy's frame. The first workgroup also clears the step's counters and indirect arguments. One workgroup a proxy.
+// proxy's frame. All of them clear the buckets, the first one the step's
+// counters and indirect arguments. One workgroup a proxy.
 // Oracle: oracle::proximity::place and bounds.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const bool SPANS = false;       // whether a proxy may have nodes in other frames
 layout(constant_id = 3) const uint TETRAHEDRA = 0;
+layout(constant_id = 4) const uint BUCKETS = 1;
 
 layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };
 layout(scalar, binding = 1) readonly buffer Proxies { Proxy proxies[]; };
 layout(binding = 2) uniform samplerBuffer hull_rest;
 layout(binding = 3) uniform samplerBuffer face_rest;        // unit normal, offset
-layout(scalar, binding = 4) readonly buffer ProxyNodes { uvec2 proxy_nodes[]; };      // node, link from the proxy's frame to its own
+layout(binding = 4) uniform usamplerBuffer proxy_nodes;       // two a texel: node, link from the proxy's frame to its own
 layout(binding = 5) uniform samplerBuffer displacement;
 layout(binding = 6) uniform samplerBuffer node_rest;
 layout(scalar, binding = 7) readonly buffer Links { Link links[]; };
@@ -29,6 +31,14 @@ layout(scalar, binding = 9) writeonly buffer Faces { vec4 faces[]; };
 layout(scalar, binding = 10) writeonly buffer Bounds { ProxyBounds bounds[]; };
 layout(scalar, binding = 11) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
+layout(scalar, binding = 13) writeonly buffer Buckets { uint buckets[]; };      // see shared/bins.glsl
+
+// Displacement of a node in the proxy's frame.
+vec3 moved(uvec2 node) {
+    vec3 d = texelFetch(displacement, int(node.x)).xyz;
+    if (SPANS && node.y != 0) d = across(links[node.y], texelFetch(node_rest, int(node.x)).xyz, d);
+    return d;
+}
 
 shared vec3 low[SIZE];
 shared vec3 high[SIZE];
@@ -45,6 +55,7 @@ void main() {
         }
         args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA);
     }
+    for (uint k = gl_GlobalInvocationID.x; k < BUCKETS; k += gl_NumWorkGroups.x * SIZE) buckets[k] = NONE;
     Proxy proxy = proxies[gl_WorkGroupID.x];
     Frame frame = frames[proxy.frame];
     vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
@@ -60,11 +71,10 @@ void main() {
         faces[f] = vec4(n, rest.w + dot(n, frame.centre));
     }
     float largest = 0.0;
-    for (uint i = lane; i < proxy.node_count; i += SIZE) {
-        uvec2 node = proxy_nodes[proxy.node_first + i];
-        vec3 d = texelFetch(displacement, int(node.x)).xyz;
-        if (SPANS && node.y != 0) d = across(links[node.y], texelFetch(node_rest, int(node.x)).xyz, d);
-        largest = max(largest, dot(d, d));
+    for (uint i = proxy.node_first / 2 + lane; 2 * i < proxy.node_first + proxy.node_count; i += SIZE) {
+        uvec4 two = texelFetch(proxy_nodes, int(i));
+        vec3 d = moved(two.xy), e = moved(two.zw);
+        largest = max(largest, max(dot(d, d), dot(e, e)));
     }
     low[lane] = least;
     high[lane] = greatest;

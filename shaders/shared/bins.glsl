@@ -9,8 +9,9 @@ uint bucket_of(ivec2 cell, uint region_side) {
 
 ivec2 cell_of(Region region, uint side, vec2 at) { return ivec2(floor((at - region.low) / region.cell[side])); }
 
-// `precise`: the same point projects to the same bits wherever it is looked at.
+// `precise`, and no dot(), whose order is the compiler's: the same point projects to the same bits in every shader.
 vec3 along(Region region, vec3 x) {
-    precise vec3 at = vec3(dot(x, region.tangent), dot(x, region.bitangent), dot(x, region.normal));
+    mat3 axes = transpose(mat3(region.tangent, region.bitangent, region.normal));
+    precise vec3 at = x.x * axes[0] + x.y * axes[1] + x.z * axes[2];
     return at;
 }

@@ -13,7 +13,7 @@ void cross_square(ivec2 cell, uint region_side, vec3 corners[3], uint side, uint
         precise vec2 p = corners[0].xy - x.xy, q = corners[1].xy - x.xy, r = corners[2].xy - x.xy;
         precise vec3 b = vec3(q.x * r.y - q.y * r.x, r.x * p.y - r.y * p.x, p.x * q.y - p.y * q.x);
         if (all(greaterThanEqual(b, vec3(0.0))) || all(lessThanEqual(b, vec3(0.0)))) {
-            float sum = b.x + b.y + b.z;
+            precise float sum = b.x + b.y + b.z;
             precise float height = (b.x * (corners[0].z - x.z) + b.y * (corners[1].z - x.z) + b.z * (corners[2].z - x.z)) / sum;
             // A vertex of a looks back along the normal for b's skin, a vertex of b along it for a's.
             float depth = side == 1 ? -height : height;

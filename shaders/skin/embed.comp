@@ -20,7 +20,7 @@ layout(scalar, binding = 2) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar, binding = 3) readonly buffer Slots { Slot slots[]; };
 layout(scalar, binding = 4) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar, binding = 5) readonly buffer Chunks { Chunk chunks[]; };
-layout(scalar, binding = 6) readonly buffer ChunkVertices { uint chunk_vertices[]; };
+layout(binding = 6) uniform usamplerBuffer chunk_vertices;  // four a texel
 layout(binding = 7) uniform usamplerBuffer skin_nodes;      // four nodes; NONE first: rigid
 layout(binding = 8) uniform samplerBuffer skin_weights;     // four weights; of a rigid skin: position in the frame
 layout(binding = 9) uniform samplerBuffer node_rest;
@@ -68,7 +68,7 @@ void main() {
     Chunk chunk = chunks[entry.chunk];
     Frame frame = frames[proxies[slots[entry.slot].proxy].frame];
     for (uint l = lane; l < chunk.embed_count; l += SIZE) {
-        uint vertex = chunk_vertices[chunk.vertex_first + l];
+        uint v = chunk.vertex_first + l, vertex = texelFetch(chunk_vertices, int(v / 4))[v % 4];
         vec3 x = position(frame, vertex);
         skin[vertex] = vec4(x, 1.0);
         if (l < chunk.vertex_count) own[l] = x;

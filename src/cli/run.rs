@@ -3,12 +3,12 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::builder::NonEmptyStringValueParser;
+use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::Result;
 use palpate::report::summary::ClosingTable;
 use palpate::report::{Output, Summary, Tally, Trace};
-use palpate::scene::{Scene, obj, vtk};
+use palpate::scene::{DepthPath, Scene, obj, vtk};
 
 use crate::engine::{Engine, Outcome};
 use crate::print;
@@ -32,6 +32,9 @@ pub struct Arguments {
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
+    /// Path of the depth stage, whatever the scene says [default: the faster one, measured once a device]
+    #[arg(long, value_name = "PATH", value_parser = PossibleValuesParser::new(DepthPath::CHOICES.map(|(name, _)| name)))]
+    depth: Option<String>,
     /// Directory to write results into; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -62,7 +65,10 @@ fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<u64> {
 
 /// Runs a scene. Input is read and prepared before the device is opened, and output is made after.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let scene = Scene::load(&arguments.scene)?;
+    let mut scene = Scene::load(&arguments.scene)?;
+    if let Some(name) = &arguments.depth {
+        scene.contact.depth = DepthPath::CHOICES.iter().find(|(known, _)| known == name).and_then(|(_, path)| *path);
+    }
     let steps = steps_of(arguments, &scene)?;
     let engine = Engine::open(&scene, arguments.device.as_deref())?;
     // A closed stderr does not stop a run; the summary carries the notes too.

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 
 use ash::vk::{AccessFlags2 as Access, MemoryBarrier2, PipelineStageFlags2 as Stages};
 
-/// One use of a buffer (or target) by one command.
+/// One use of a buffer by one command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Use {
     /// The Vulkan handle.
@@ -19,13 +19,7 @@ pub(super) struct Use {
 }
 
 /// Stages that draw.
-const GRAPHICS: Stages = Stages::from_raw(
-    Stages::VERTEX_SHADER.as_raw()
-        | Stages::FRAGMENT_SHADER.as_raw()
-        | Stages::EARLY_FRAGMENT_TESTS.as_raw()
-        | Stages::LATE_FRAGMENT_TESTS.as_raw()
-        | Stages::COLOR_ATTACHMENT_OUTPUT.as_raw(),
-);
+const GRAPHICS: Stages = Stages::from_raw(Stages::VERTEX_SHADER.as_raw() | Stages::FRAGMENT_SHADER.as_raw());
 
 /// What happened since the last barrier.
 #[derive(Debug, Default)]
@@ -70,7 +64,7 @@ impl Hazards {
     /// From all since the last barrier, to whatever may follow.
     fn barrier(&mut self) -> MemoryBarrier2<'static> {
         let mut stages = Stages::COMPUTE_SHADER | Stages::DRAW_INDIRECT | Stages::ALL_TRANSFER;
-        let mut access = Access::SHADER_READ
+        let access = Access::SHADER_READ
             | Access::SHADER_WRITE
             | Access::UNIFORM_READ
             | Access::INDIRECT_COMMAND_READ
@@ -78,10 +72,6 @@ impl Hazards {
             | Access::TRANSFER_WRITE;
         if self.draws {
             stages |= GRAPHICS;
-            access |= Access::COLOR_ATTACHMENT_READ
-                | Access::COLOR_ATTACHMENT_WRITE
-                | Access::DEPTH_STENCIL_ATTACHMENT_READ
-                | Access::DEPTH_STENCIL_ATTACHMENT_WRITE;
         }
         let barrier = MemoryBarrier2::default()
             .src_stage_mask(self.stages)
@@ -148,7 +138,7 @@ mod tests {
 
     #[test]
     fn the_first_draw_waits_for_writes_behind_earlier_barriers() {
-        let draw = Use { stages: Stages::VERTEX_SHADER, ..read(1) };
+        let draw = Use { stages: Stages::VERTEX_SHADER | Stages::FRAGMENT_SHADER, ..read(1) };
         assert_eq!(barriers(&[&[write(1)], &[read(1)], &[draw]]), [false, true, true]);
         assert_eq!(barriers(&[&[draw], &[draw]]), [false, false]);
         let mut hazards = Hazards::default();
@@ -156,6 +146,20 @@ mod tests {
         hazards.before(&[write(1)]);
         let barrier = hazards.before(&[draw]).unwrap();
         assert!(barrier.src_access_mask.contains(Access::SHADER_WRITE));
-        assert!(barrier.dst_stage_mask.contains(Stages::VERTEX_SHADER));
+        assert!(barrier.dst_stage_mask.contains(Stages::VERTEX_SHADER | Stages::FRAGMENT_SHADER));
+    }
+
+    #[test]
+    fn passes_wait_for_what_a_draw_writes() {
+        let stages = Stages::VERTEX_SHADER | Stages::FRAGMENT_SHADER;
+        let draw = Use { stages, ..write(1) };
+        assert_eq!(barriers(&[&[draw], &[read(1)]]), [false, true]);
+        assert_eq!(barriers(&[&[draw], &[draw]]), [false, true]);
+        let mut hazards = Hazards::default();
+        hazards.before(&[draw]);
+        let barrier = hazards.before(&[read(1)]).unwrap();
+        assert!(barrier.src_stage_mask.contains(Stages::FRAGMENT_SHADER));
+        assert!(barrier.src_access_mask.contains(Access::SHADER_WRITE));
+        assert!(barrier.dst_stage_mask.contains(Stages::COMPUTE_SHADER));
     }
 }

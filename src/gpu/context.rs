@@ -43,7 +43,6 @@ pub struct Context {
     _entry: ash::Entry,
     messages: Box<Messages>,
     queue: Mutex<vk::Queue>,
-    pub(super) physical: vk::PhysicalDevice,
     pub(super) queue_family: u32,
     pub(super) limits: vk::PhysicalDeviceLimits,
     pub(super) timestamp_bits: u32,
@@ -51,6 +50,7 @@ pub struct Context {
     info: DeviceInfo,
     subgroup_size: u32,
     int64_atomics: bool,
+    fragment_stores: bool,
     cache_key: String,
 }
 
@@ -101,7 +101,6 @@ impl Context {
             _entry: entry,
             messages,
             queue: Mutex::new(queue),
-            physical: chosen.physical,
             queue_family: chosen.queue_family,
             limits: chosen.properties.limits,
             timestamp_bits: chosen.timestamp_bits,
@@ -109,6 +108,7 @@ impl Context {
             info: chosen.info,
             subgroup_size: chosen.subgroup_size,
             int64_atomics: chosen.int64_atomics,
+            fragment_stores: chosen.fragment_stores,
             cache_key: chosen.cache_key,
         }))
     }
@@ -159,12 +159,17 @@ impl Context {
         self.int64_atomics
     }
 
+    /// Whether fragment shaders may write storage buffers (optional: [`super::RasterPipeline`] needs it).
+    pub fn fragment_stores(&self) -> bool {
+        self.fragment_stores
+    }
+
     /// Largest storage buffer binding, bytes, and largest texel buffer, elements of 16 bytes.
     pub fn array_limits(&self) -> (u64, u64) {
         (u64::from(self.limits.max_storage_buffer_range), u64::from(self.limits.max_texel_buffer_elements))
     }
 
-    /// Device memory held by buffers and targets, bytes.
+    /// Device memory held by buffers, bytes.
     pub fn bytes_allocated(&self) -> u64 {
         self.allocated.load(Ordering::Relaxed)
     }
@@ -189,13 +194,6 @@ impl Context {
 
     pub(super) fn allocator(&self) -> MutexGuard<'_, memory::Allocator> {
         self.allocator.lock().unwrap_or_else(|e| e.into_inner())
-    }
-
-    /// Whether a format may be used so with optimal tiling.
-    pub(super) fn format_offers(&self, format: vk::Format, wanted: vk::FormatFeatureFlags) -> bool {
-        // SAFETY: `physical` belongs to this live instance.
-        let offers = unsafe { self.instance.get_physical_device_format_properties(self.physical, format) };
-        offers.optimal_tiling_features.contains(wanted)
     }
 }
 
@@ -271,7 +269,9 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate) -> Result<ash::De
     let priority = [1.0];
     let queues =
         [vk::DeviceQueueCreateInfo::default().queue_family_index(chosen.queue_family).queue_priorities(&priority)];
-    let core = vk::PhysicalDeviceFeatures::default().shader_int64(chosen.int64_atomics);
+    let core = vk::PhysicalDeviceFeatures::default()
+        .shader_int64(chosen.int64_atomics)
+        .fragment_stores_and_atomics(chosen.fragment_stores);
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
         .scalar_block_layout(true)
         .shader_buffer_int64_atomics(chosen.int64_atomics);

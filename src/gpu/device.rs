@@ -48,6 +48,7 @@ pub(super) struct Candidate {
     pub timestamp_bits: u32,
     pub subgroup_size: u32,
     pub int64_atomics: bool,
+    pub fragment_stores: bool,
     pub properties: vk::PhysicalDeviceProperties,
     pub cache_key: String,
 }
@@ -124,8 +125,8 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     let family = families.iter().position(|f| f.queue_flags.contains(wanted));
-    let (features, int64_atomics) = missing_features(instance, physical, api);
-    let usable = match (features, family) {
+    let features = features(instance, physical, api);
+    let usable = match (features.lacking, family) {
         (Some(why), _) => Err(why),
         (None, None) => Err("it has no queue family with both graphics and compute".into()),
         (None, Some(_)) => Ok(()),
@@ -149,23 +150,34 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         queue_family: family.unwrap_or(0) as u32,
         timestamp_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
         subgroup_size: subgroup.subgroup_size,
-        int64_atomics,
+        int64_atomics: features.int64_atomics,
+        fragment_stores: features.fragment_stores,
         properties,
         cache_key: format!("{}-{}", hex(&ids.device_uuid), hex(&ids.driver_uuid)),
     }
 }
 
-/// What the device lacks, if anything, and whether it has 64-bit atomics on buffers.
-fn missing_features(instance: &ash::Instance, physical: vk::PhysicalDevice, api: u32) -> (Option<String>, bool) {
+#[derive(Default)]
+struct Features {
+    /// What the device lacks of the necessary, if anything.
+    lacking: Option<String>,
+    /// 64-bit atomics on buffers.
+    int64_atomics: bool,
+    /// Fragment shaders may write buffers.
+    fragment_stores: bool,
+}
+
+fn features(instance: &ash::Instance, physical: vk::PhysicalDevice, api: u32) -> Features {
     if api < vk::API_VERSION_1_3 {
-        return (Some(format!("its driver offers Vulkan {}, but 1.3 is needed", version(api))), false);
+        let lacking = Some(format!("its driver offers Vulkan {}, but 1.3 is needed", version(api)));
+        return Features { lacking, ..Features::default() };
     }
     let (mut v12, mut v13) =
         (vk::PhysicalDeviceVulkan12Features::default(), vk::PhysicalDeviceVulkan13Features::default());
     let mut all = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
     // SAFETY: `physical` belongs to this live instance and offers 1.3, so these structs may be chained.
     unsafe { instance.get_physical_device_features2(physical, &mut all) };
-    let int64 = all.features.shader_int64 != 0;
+    let (int64, fragments) = (all.features.shader_int64 != 0, all.features.fragment_stores_and_atomics != 0);
     let wanted = [
         ("scalarBlockLayout", v12.scalar_block_layout),
         ("synchronization2", v13.synchronization2),
@@ -173,8 +185,11 @@ fn missing_features(instance: &ash::Instance, physical: vk::PhysicalDevice, api:
         ("maintenance4", v13.maintenance4),
     ];
     let lacking: Vec<_> = wanted.iter().filter(|(_, has)| *has == 0).map(|(name, _)| *name).collect();
-    let why = (!lacking.is_empty()).then(|| format!("its driver lacks {}", lacking.join(", ")));
-    (why, int64 && v12.shader_buffer_int64_atomics != 0)
+    Features {
+        lacking: (!lacking.is_empty()).then(|| format!("its driver lacks {}", lacking.join(", "))),
+        int64_atomics: int64 && v12.shader_buffer_int64_atomics != 0,
+        fragment_stores: fragments,
+    }
 }
 
 fn kind(ty: vk::PhysicalDeviceType) -> DeviceKind {

@@ -2,8 +2,8 @@
 //!
 //! [`Context`] is a device and its queue; [`Buffer`] memory on it; [`Kernel`] an immutable compute pipeline whose
 //! interface is reflected from its SPIR-V; [`Recorder`] writes passes, in order, into a [`Recording`] that is replayed
-//! every step, and derives barriers from what each kernel declares to read and write; [`RasterPipeline`] draws into a
-//! [`RasterTarget`] where a stage wants the graphics pipeline.
+//! every step, and derives barriers from what each kernel declares to read and write; with a [`RasterPipeline`] the
+//! rasterizer shares out a pass.
 
 mod barrier;
 mod buffer;
@@ -22,9 +22,8 @@ pub mod spirv;
 pub use buffer::{Buffer, Mapped, MappedMut, Memory};
 pub use context::{Context, Options};
 pub use device::{DeviceInfo, DeviceKind};
-pub use draw::Pass;
 pub use kernel::{Const, Kernel, Size, shader_names};
-pub use raster::{DepthTest, RasterPipeline, RasterTarget};
+pub use raster::RasterPipeline;
 pub use recorder::Recorder;
 pub use recording::{Recording, StagePasses};
 

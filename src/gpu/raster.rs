@@ -1,13 +1,10 @@
-//! The graphics pipeline, where a stage wants it: triangles whose corners the vertex shader fetches itself, and the
-//! R32_UINT colour and depth images they are drawn into. `draw.rs` records with them.
+//! The graphics pipeline without attachments, where a stage wants the rasterizer to share out work: triangles whose
+//! corners the vertex shader fetches itself, an invocation of the fragment shader a pixel. `draw.rs` records with it.
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use ash::vk;
-use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use super::context::Context;
 use super::failed;
@@ -15,23 +12,7 @@ use super::kernel::{Const, Interface, Module, Specialization, shader};
 use super::spirv::Reflection;
 use crate::error::{Error, Result};
 
-pub(super) const COLOR: vk::Format = vk::Format::R32_UINT;
-pub(super) const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
-
-/// Which fragment stays, of those at one texel. Vulkan's depth runs from 0 to 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DepthTest {
-    /// The nearer one; the earlier of equals.
-    Less,
-    /// The nearer one; the later of equals.
-    LessOrEqual,
-    /// The farther one; the earlier of equals.
-    Greater,
-    /// The farther one; the later of equals.
-    GreaterOrEqual,
-}
-
-/// A graphics pipeline; a cheap handle. No vertex attributes, no culling.
+/// A graphics pipeline; a cheap handle. No vertex attributes, no culling, no attachments.
 #[derive(Clone)]
 pub struct RasterPipeline(pub(super) Arc<PipelineInner>);
 
@@ -41,14 +22,14 @@ pub(super) struct PipelineInner {
 }
 
 impl RasterPipeline {
-    /// The pipeline of `shaders/<name>.vert` and `.frag`; both may only read their buffers. `constants` are given to
-    /// the stages that declare them; a name that neither declares is an error.
-    pub fn new(
-        context: &Arc<Context>,
-        name: &str,
-        test: DepthTest,
-        constants: &[(&str, Const)],
-    ) -> Result<RasterPipeline> {
+    /// The pipeline of `shaders/<name>.vert`, which may only read its buffers, and `.frag`, which may write them.
+    /// `constants` are given to the stages that declare them; a name that neither declares is an error. The device must
+    /// have [`Context::fragment_stores`].
+    pub fn new(context: &Arc<Context>, name: &str, constants: &[(&str, Const)]) -> Result<RasterPipeline> {
+        if !context.fragment_stores() {
+            let device = context.device_name();
+            return Err(Error::NoDevice(format!("{device} cannot run {name}: it lacks fragmentStoresAndAtomics")));
+        }
         let (vertex_words, vertex) = shader(&format!("{name}.vert"))?;
         let (fragment_words, fragment) = shader(&format!("{name}.frag"))?;
         let (of_vertex, of_fragment): (Vec<_>, Vec<_>) = (
@@ -77,7 +58,7 @@ impl RasterPipeline {
             stage(vk::ShaderStageFlags::VERTEX, modules.0.handle, &of_vertex),
             stage(vk::ShaderStageFlags::FRAGMENT, modules.1.handle, &of_fragment),
         ];
-        let pipeline = create_pipeline(context, &interface, &stages, test)?;
+        let pipeline = create_pipeline(context, &interface, &stages)?;
         context.labels.name(pipeline, name);
         Ok(RasterPipeline(Arc::new(PipelineInner { interface, pipeline })))
     }
@@ -96,10 +77,13 @@ impl Drop for PipelineInner {
 }
 
 /// The interface of both stages together.
-fn merge(mut a: Reflection, b: Reflection) -> std::result::Result<Reflection, String> {
-    for binding in b.bindings {
-        match a.bindings.iter().find(|other| other.binding == binding.binding) {
-            None => a.bindings.push(binding),
+fn merge(mut vertex: Reflection, fragment: Reflection) -> std::result::Result<Reflection, String> {
+    if let Some(written) = vertex.bindings.iter().find(|binding| binding.writes) {
+        return Err(format!("{} is not readonly; only fragments may write", written.name));
+    }
+    for binding in fragment.bindings {
+        match vertex.bindings.iter().find(|other| other.binding == binding.binding) {
+            None => vertex.bindings.push(binding),
             Some(same) if *same == binding => {}
             Some(other) => {
                 return Err(format!(
@@ -109,43 +93,25 @@ fn merge(mut a: Reflection, b: Reflection) -> std::result::Result<Reflection, St
             }
         }
     }
-    a.bindings.sort_by_key(|binding| binding.binding);
-    if let Some(written) = a.bindings.iter().find(|binding| binding.writes) {
-        return Err(format!("{} is not readonly; a draw writes only its target", written.name));
-    }
-    a.push_bytes = a.push_bytes.max(b.push_bytes);
-    a.structs.extend(b.structs);
-    Ok(a)
+    vertex.bindings.sort_by_key(|binding| binding.binding);
+    vertex.push_bytes = vertex.push_bytes.max(fragment.push_bytes);
+    vertex.structs.extend(fragment.structs);
+    Ok(vertex)
 }
 
 fn create_pipeline(
     context: &Context,
     interface: &Interface,
     stages: &[vk::PipelineShaderStageCreateInfo<'_>],
-    test: DepthTest,
 ) -> Result<vk::Pipeline> {
-    let compare = match test {
-        DepthTest::Less => vk::CompareOp::LESS,
-        DepthTest::LessOrEqual => vk::CompareOp::LESS_OR_EQUAL,
-        DepthTest::Greater => vk::CompareOp::GREATER,
-        DepthTest::GreaterOrEqual => vk::CompareOp::GREATER_OR_EQUAL,
-    };
     let vertices = vk::PipelineVertexInputStateCreateInfo::default();
     let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
     let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
     let raster = vk::PipelineRasterizationStateCreateInfo::default().cull_mode(vk::CullModeFlags::NONE).line_width(1.0);
     let samples = vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
-    let depth = vk::PipelineDepthStencilStateCreateInfo::default()
-        .depth_test_enable(true)
-        .depth_write_enable(true)
-        .depth_compare_op(compare);
-    let attachment = [vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::R)];
-    let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachment);
     let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
     let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
-    let mut formats = vk::PipelineRenderingCreateInfo::default()
-        .color_attachment_formats(std::slice::from_ref(&COLOR))
-        .depth_attachment_format(DEPTH);
+    let mut no_attachments = vk::PipelineRenderingCreateInfo::default();
     let info = vk::GraphicsPipelineCreateInfo::default()
         .stages(stages)
         .vertex_input_state(&vertices)
@@ -153,148 +119,11 @@ fn create_pipeline(
         .viewport_state(&viewport)
         .rasterization_state(&raster)
         .multisample_state(&samples)
-        .depth_stencil_state(&depth)
-        .color_blend_state(&blend)
         .dynamic_state(&dynamic)
         .layout(interface.layout)
-        .push_next(&mut formats);
+        .push_next(&mut no_attachments);
     // SAFETY: modules and layout belong to this device; every pointer lives through the call.
     let made = unsafe { context.device.create_graphics_pipelines(context.cache, &[info], None) };
     let stage = || format!("pipeline {}", interface.name);
     made.map(|pipelines| pipelines[0]).map_err(|(_, e)| failed("vkCreateGraphicsPipelines", stage())(e))
-}
-
-/// A colour image of unsigned integers and its depth image; a cheap handle. Contents last from one draw to the next
-/// within a recording; the first draw of a recording must clear the whole.
-#[derive(Clone)]
-pub struct RasterTarget(pub(super) Arc<TargetInner>);
-
-pub(super) struct TargetInner {
-    context: Arc<Context>,
-    pub name: String,
-    pub extent: [u32; 2],
-    pub color: Image,
-    pub depth: Image,
-}
-
-#[derive(Default)]
-pub(super) struct Image {
-    pub handle: vk::Image,
-    pub view: vk::ImageView,
-    allocation: Option<Allocation>,
-}
-
-impl RasterTarget {
-    /// A target of `width` x `height` texels, 8 bytes each.
-    pub fn new(context: &Arc<Context>, name: &str, width: u32, height: u32) -> Result<RasterTarget> {
-        let limit = context.limits.max_image_dimension2_d.min(context.limits.max_framebuffer_width);
-        let limit = limit.min(context.limits.max_framebuffer_height);
-        if width == 0 || height == 0 || width > limit || height > limit {
-            let what = format!("target {name} of {width} x {height} texels; the device draws 1 to {limit} a side");
-            return Err(Error::Simulation(what));
-        }
-        use vk::FormatFeatureFlags as Offers;
-        let enough = context.format_offers(COLOR, Offers::COLOR_ATTACHMENT | Offers::TRANSFER_SRC)
-            && context.format_offers(DEPTH, Offers::DEPTH_STENCIL_ATTACHMENT | Offers::TRANSFER_SRC);
-        if !enough {
-            return Err(Error::NoDevice(format!(
-                "{} cannot draw to R32_UINT with D32_SFLOAT depth; use the compute path",
-                context.device_name()
-            )));
-        }
-        let mut inner = TargetInner {
-            context: context.clone(),
-            name: name.into(),
-            extent: [width, height],
-            color: Image::default(),
-            depth: Image::default(),
-        };
-        inner.color.create(context, name, [width, height], COLOR)?;
-        inner.depth.create(context, name, [width, height], DEPTH)?;
-        Ok(RasterTarget(Arc::new(inner)))
-    }
-
-    /// Width and height, texels.
-    pub fn extent(&self) -> [u32; 2] {
-        self.0.extent
-    }
-}
-
-impl Image {
-    /// Creates image, memory and view in turn; on an error the target's `Drop` frees what was made.
-    fn create(&mut self, context: &Context, name: &str, extent: [u32; 2], format: vk::Format) -> Result<()> {
-        let attachment = if format == COLOR {
-            vk::ImageUsageFlags::COLOR_ATTACHMENT
-        } else {
-            vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT
-        };
-        let info = vk::ImageCreateInfo::default()
-            .image_type(vk::ImageType::TYPE_2D)
-            .format(format)
-            .extent(vk::Extent3D { width: extent[0], height: extent[1], depth: 1 })
-            .mip_levels(1)
-            .array_layers(1)
-            .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(attachment | vk::ImageUsageFlags::TRANSFER_SRC);
-        let (device, stage) = (&context.device, || format!("target {name}"));
-        // SAFETY (this and the next): the device is alive, infos live through their calls.
-        self.handle = unsafe { device.create_image(&info, None) }.map_err(failed("vkCreateImage", stage()))?;
-        let requirements = unsafe { device.get_image_memory_requirements(self.handle) };
-        context.labels.name(self.handle, name);
-        let desc = AllocationCreateDesc {
-            name,
-            requirements,
-            location: MemoryLocation::GpuOnly,
-            linear: false,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-        };
-        let allocated = context.allocator().allocate(&desc);
-        let allocation = self.allocation.insert(
-            allocated.map_err(|e| Error::Simulation(format!("target {name} gets no memory from the device: {e}")))?,
-        );
-        context.allocated.fetch_add(allocation.size(), Ordering::Relaxed);
-        let view = vk::ImageViewCreateInfo::default()
-            .image(self.handle)
-            .view_type(vk::ImageViewType::TYPE_2D)
-            .format(format)
-            .subresource_range(range(aspect(format)));
-        // SAFETY: the range belongs to this allocation alone; the view is of an image bound just now.
-        unsafe {
-            device
-                .bind_image_memory(self.handle, allocation.memory(), allocation.offset())
-                .map_err(failed("vkBindImageMemory", stage()))?;
-            self.view = device.create_image_view(&view, None).map_err(failed("vkCreateImageView", stage()))?;
-        }
-        Ok(())
-    }
-}
-
-impl Drop for TargetInner {
-    fn drop(&mut self) {
-        for image in [&mut self.color, &mut self.depth] {
-            // SAFETY: the last handle goes; recordings hold handles and wait for their work. Null handles are ignored.
-            unsafe {
-                self.context.device.destroy_image_view(image.view, None);
-                self.context.device.destroy_image(image.handle, None);
-            }
-            if let Some(allocation) = image.allocation.take() {
-                self.context.allocated.fetch_sub(allocation.size(), Ordering::Relaxed);
-                let _ = self.context.allocator().free(allocation);
-            }
-        }
-    }
-}
-
-pub(super) fn aspect(format: vk::Format) -> vk::ImageAspectFlags {
-    if format == COLOR { vk::ImageAspectFlags::COLOR } else { vk::ImageAspectFlags::DEPTH }
-}
-
-pub(super) fn range(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
-    vk::ImageSubresourceRange {
-        aspect_mask: aspect,
-        base_mip_level: 0,
-        level_count: 1,
-        base_array_layer: 0,
-        layer_count: 1,
-    }
 }

@@ -4,7 +4,7 @@
 //! with its stage, and returned by [`Recorder::finish`].
 #![allow(unsafe_code)]
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use ash::vk::{self, AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
@@ -26,12 +26,10 @@ pub struct Recorder {
     hazards: Hazards,
     sets: HashMap<(vk::DescriptorSetLayout, Vec<vk::Buffer>), vk::DescriptorSet>,
     bound: vk::Pipeline,
-    /// Targets whose images are laid out for copying.
-    pub(super) copying: HashSet<u64>,
     stage: String,
     labelled: bool,
     timed: bool,
-    /// Dispatches run no group.
+    /// Dispatches run no group, draws draw nothing.
     empty: bool,
     error: Option<Error>,
 }
@@ -51,7 +49,6 @@ impl Recorder {
             hazards: Hazards::default(),
             sets: HashMap::new(),
             bound: vk::Pipeline::null(),
-            copying: HashSet::new(),
             stage: "set-up".into(),
             labelled: false,
             timed: false,
@@ -62,7 +59,7 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Begins a recording whose dispatches run no group: submitted once, it has drivers that compile at first use do so
+    /// Begins a recording whose passes run nothing: submitted once, it has drivers that compile at first use do so
     /// before the first step.
     pub fn warm_up(context: &Arc<Context>) -> Result<Recorder> {
         Ok(Recorder { empty: true, ..Self::untimed(context)? })
@@ -88,7 +85,6 @@ impl Recorder {
 
     /// A pass of `groups` workgroups; nothing for 0.
     pub fn dispatch_groups(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], groups: u32) {
-        if std::env::var("PFINE").is_ok() && !kernel.name().starts_with("solve") { self.stage(kernel.name()); }
         let limit = self.commands.context.limits.max_compute_work_group_count[0];
         let fits = if groups > limit {
             Err(self.error(format!("kernel {}: {groups} groups, but the device's limit is {limit}", kernel.name())))
@@ -106,7 +102,6 @@ impl Recorder {
     /// A pass whose group counts are the `slot`-th VkDispatchIndirectCommand (three u32) of `args`.
     pub fn dispatch_indirect(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], args: &Buffer, slot: u32) {
         let offset = u64::from(slot) * DISPATCH_ARGS;
-        if std::env::var("PFINE").is_ok() && !kernel.name().starts_with("solve") { self.stage(kernel.name()); }
         let ready = self
             .check_args(args, offset, DISPATCH_ARGS)
             .and_then(|()| self.prepare_compute(kernel, buffers, push, Some(args), false));
@@ -325,6 +320,11 @@ impl Recorder {
 
     pub(super) fn is_well(&self) -> bool {
         self.error.is_none()
+    }
+
+    /// Whether passes run nothing.
+    pub(super) fn is_empty(&self) -> bool {
+        self.empty
     }
 
     fn fail(&mut self, what: String) {

@@ -84,11 +84,6 @@ impl Commands {
         self.kept.entry(id).or_insert_with(|| what.clone());
     }
 
-    /// Whether something is kept: whether this recording has used it.
-    pub fn keeps(&self, id: u64) -> bool {
-        self.kept.contains_key(&id)
-    }
-
     /// Writes a timestamp that marks the beginning of `stage`.
     pub fn mark(&mut self, stage: &str) -> Result<()> {
         let device = &self.context.device;

@@ -110,6 +110,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
             friction_speed: 0.001,
             texel: None,
             depth_limit: 0.02,
+            depth: None,
         },
         bodies: vec![body],
         tool: None,

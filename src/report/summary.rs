@@ -136,7 +136,7 @@ pub struct Summary {
     pub stage_us: Map<String, Value>,
     /// Passes of one step.
     pub passes_per_step: u32,
-    /// `recorded`: stages; `left_out`: stage and reason.
+    /// `recorded`: stages; `reasons`: of each of them; `left_out`: stage and reason.
     pub plan: Value,
     /// Memory on the device, bytes.
     pub bytes_device: u64,
@@ -162,6 +162,8 @@ impl Summary {
         stage_us.extend(quantiles(&tally.step_us).map(|step| ("step".into(), times(step))));
         let part = |recorded: bool| facts.plan.iter().filter(move |plan| plan.recorded == recorded);
         let names: Vec<&str> = part(true).map(|plan| plan.stage.as_str()).collect();
+        let reasons: Map<String, Value> =
+            part(true).map(|plan| (plan.stage.clone(), plan.reason.as_str().into())).collect();
         let out: Vec<Value> = part(false).map(|p| json!({ "stage": p.stage, "reason": p.reason })).collect();
         let told = facts.files.iter().filter(|(_, report)| *report != BodyReport::default());
         Summary {
@@ -172,7 +174,7 @@ impl Summary {
             dt_s: dt,
             stage_us,
             passes_per_step: facts.passes_per_step,
-            plan: json!({ "recorded": names, "left_out": out }),
+            plan: json!({ "recorded": names, "reasons": reasons, "left_out": out }),
             bytes_device: facts.bytes_device,
             peak_force_n: tally.peak_force,
             normal_turn: json!({ "most_rad": tally.normal_turn, "most_rad_per_mm": tally.normal_turn_per_mm }),
@@ -225,7 +227,7 @@ mod tests {
             device: "a device".into(),
             driver: "a driver 1.2".into(),
             plan: vec![
-                Plan { stage: "pose".into(), recorded: true, reason: String::new() },
+                Plan { stage: "pose".into(), recorded: true, reason: "one pair".into() },
                 Plan { stage: "cull".into(), recorded: false, reason: "nothing collides".into() },
             ],
             passes_per_step: 3,
@@ -272,6 +274,7 @@ mod tests {
         assert_eq!((&value["flags"]["frozen"], &value["flags"]["not_converged"]), (&json!(2), &json!(0)));
         assert_eq!(value["files"], json!({ "head": { "repair": null, "notes": ["head.obj: mended"] } }));
         assert_eq!(value["plan"]["recorded"], json!(["pose"]));
+        assert_eq!(value["plan"]["reasons"], json!({ "pose": "one pair" }));
         assert_eq!(value["plan"]["left_out"], json!([{ "stage": "cull", "reason": "nothing collides" }]));
     }
 

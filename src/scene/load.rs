@@ -9,8 +9,8 @@ use glam::{DQuat, DVec3};
 
 use super::keys::{Source, Table, Value};
 use super::{
-    Body, Contact, Coupling, Haptics, Preconditioner, Probe, Scene, Shape, Solver, Step, Tool, ToolShape, body, drive,
-    supported,
+    Body, Contact, Coupling, DepthPath, Haptics, Preconditioner, Probe, Scene, Shape, Solver, Step, Tool, ToolShape,
+    body, drive, supported,
 };
 use crate::{Error, Result};
 
@@ -21,8 +21,15 @@ const DEFAULT_DURATION: f64 = 1.0;
 /// What a scene has that does not say.
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 const SOLVER: Solver = Solver { tolerance: 1e-5, max_iterations: 200, preconditioner: Preconditioner::Auto };
-const CONTACT: Contact =
-    Contact { stiffness: None, damping: None, friction: 0.0, friction_speed: 0.001, texel: None, depth_limit: 0.02 };
+const CONTACT: Contact = Contact {
+    stiffness: None,
+    damping: None,
+    friction: 0.0,
+    friction_speed: 0.001,
+    texel: None,
+    depth_limit: 0.02,
+    depth: None,
+};
 /// Iterations at most: they are recorded beforehand, four passes each.
 const MOST_ITERATIONS: u32 = 10_000;
 /// Column prefixes of the trace that a probe must not take.
@@ -62,12 +69,17 @@ impl Scene {
 
     /// A scene of one body and nothing else, as a file without any other table would give it; `file` is what errors name.
     pub fn of_body(file: impl Into<PathBuf>, body: Body) -> Scene {
+        Scene { bodies: vec![body], ..Scene::empty(file) }
+    }
+
+    /// A scene of nothing, all else as a file without any table would give it.
+    pub fn empty(file: impl Into<PathBuf>) -> Scene {
         Scene {
             file: file.into(),
             step: Step { dt: 0.001, gravity: GRAVITY, newton: 1 },
             solver: SOLVER,
             contact: CONTACT,
-            bodies: vec![body],
+            bodies: Vec::new(),
             tool: None,
             coupling: None,
             drive: Vec::new(),
@@ -127,7 +139,7 @@ fn solver(root: &Table) -> Result<Solver> {
 const SLOWEST: f64 = 1e-6;
 
 fn contact(root: &Table) -> Result<Contact> {
-    let known = ["stiffness", "damping", "friction", "friction_speed", "texel", "depth_limit"];
+    let known = ["stiffness", "damping", "friction", "friction_speed", "texel", "depth_limit", "depth"];
     let Some(table) = section(root, "contact", &known)? else {
         return Ok(CONTACT);
     };
@@ -138,6 +150,7 @@ fn contact(root: &Table) -> Result<Contact> {
         friction_speed: table.or("friction_speed", 0.001, Value::number)?,
         texel: table.or("texel", None, Value::auto_or_positive)?,
         depth_limit: table.or("depth_limit", 0.02, Value::positive)?,
+        depth: table.or("depth", None, |value| value.one_of("path", &DepthPath::CHOICES))?,
     };
     if contact.friction_speed < SLOWEST {
         let problem = format!("is {:?}", contact.friction_speed);

@@ -101,6 +101,31 @@ pub struct Contact {
     pub texel: Option<f64>,
     /// Depth beyond which a flag is raised, m.
     pub depth_limit: f64,
+    /// Path of the depth stage.
+    pub depth: Option<DepthPath>,
+}
+
+/// How triangles find the vertices that they lie over; the answer is the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DepthPath {
+    /// The graphics pipeline's rasterizer shares out the work.
+    Graphics,
+    /// Loops in compute.
+    Compute,
+}
+
+impl DepthPath {
+    /// What a scene or the command line may ask for; `None` chooses by measuring.
+    pub const CHOICES: [(&str, Option<DepthPath>); 3] =
+        [("auto", None), ("graphics", Some(DepthPath::Graphics)), ("compute", Some(DepthPath::Compute))];
+
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            DepthPath::Graphics => "graphics",
+            DepthPath::Compute => "compute",
+        }
+    }
 }
 
 /// `[[body]]`.

@@ -36,7 +36,7 @@ fn rest_box(skin: &Skin, part: &Part, points: impl Iterator<Item = DVec3>) -> (D
     (axes, low, high)
 }
 
-/// What moves a set of skin vertices: nodes, each once, and the greatest sum of absolute weights.
+/// What moves a set of skin vertices: nodes, an even number of them, and the greatest sum of absolute weights.
 #[derive(Default)]
 struct Movers {
     nodes: Vec<u32>,
@@ -212,6 +212,10 @@ fn movers(covered: &[u32], carrier: Option<&Carrier>) -> Movers {
     }
     movers.nodes.sort_unstable();
     movers.nodes.dedup();
+    // The device reads them two at a time.
+    if movers.nodes.len() % 2 == 1 {
+        movers.nodes.push(movers.nodes[movers.nodes.len() - 1]);
+    }
     movers
 }
 

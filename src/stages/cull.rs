@@ -14,6 +14,9 @@ use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 /// Squares of a region's two fields of heights; twin of shaders/shared/field.glsl.
 const FIELD_WORDS: usize = 2 * 16 * 16;
 
+/// Squares of a region's column along a side at most; the last begins at most where the column ends.
+pub const MOST_CELLS: u32 = 128;
+
 /// Pairs of bodies and of proxies, regions, active chunks.
 pub struct Cull {
     test: Kernel,
@@ -64,7 +67,7 @@ impl Cull {
         Ok(Cull {
             test: Kernel::new(context, "cull/pairs", Size::Group, &[("PROXY_PAIRS", count(proxy_pairs))])?,
             direction: reduce("cull/direction", &[])?,
-            regions_kernel: reduce("cull/regions", &[])?,
+            regions_kernel: reduce("cull/regions", &[("MOST_CELLS", MOST_CELLS.into())])?,
             chunks_kernel: reduce("cull/chunks", &[spans])?,
             meet: reduce("cull/meet", &[])?,
             list: reduce("cull/list", &list)?,

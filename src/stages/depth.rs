@@ -2,65 +2,58 @@
 
 use std::sync::Arc;
 
-use super::cull::Cull;
+use super::cull::{Cull, MOST_CELLS};
 use super::model::Model;
 use super::skin::{BUCKETS, Skin};
 use super::types::CHUNK_VERTICES;
 use super::{Common, args, array, count, upload};
 use crate::Result;
-use crate::gpu::{Buffer, Context, DeviceKind, Kernel, Recorder, Size};
+use crate::gpu::{Buffer, Context, Kernel, RasterPipeline, Recorder, Size};
 
-/// How triangles find the vertices that they lie over.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Path {
-    /// The graphics pipeline's rasterizer.
-    Graphics,
-    /// Loops in compute.
-    Compute,
-}
+pub use crate::scene::DepthPath as Path;
 
-impl Path {
-    /// Graphics on a GPU; compute on a CPU device, whose rasterizer pays for every triangle.
-    pub fn of(kind: DeviceKind) -> Path {
-        if kind == DeviceKind::Cpu { Path::Compute } else { Path::Graphics }
-    }
-
-    /// Its name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Path::Graphics => "graphics",
-            Path::Compute => "compute",
-        }
-    }
-}
-
+/// Name of the stage.
+pub const STAGE: &str = "depth";
 /// Crossings at least; more where the scene has more vertices.
 const LEAST_HITS: usize = 1 << 16;
 const MOST_HITS: usize = 1 << 20;
 
+/// Pixels a side of the graphics path, one a square.
+const SQUARES: u32 = MOST_CELLS + 1;
+
 /// Crossings of all regions.
 pub struct Depth {
-    cross: Kernel,
+    cross: Cross,
     chunk_triangles: Buffer,
     /// Triangle, next on the same ray, bits of the depth, whether it is a front.
     pub hits: Buffer,
 }
 
+/// What shares out the squares that triangles cover.
+enum Cross {
+    Graphics(RasterPipeline),
+    Compute(Kernel),
+}
+
 impl Depth {
-    /// Kernels and arrays for a model.
-    pub fn new(context: &Arc<Context>, model: &Model, _path: Path) -> Result<Depth> {
+    /// Kernels and arrays for a model. The graphics path needs [`Context::fragment_stores`].
+    pub fn new(context: &Arc<Context>, model: &Model, path: Path) -> Result<Depth> {
         let hits = (2 * CHUNK_VERTICES * model.most_items()).clamp(LEAST_HITS, MOST_HITS);
-        let constants = [("BUCKETS", BUCKETS.into()), ("MOST_HITS", count(hits))];
+        let constants = [("BUCKETS", BUCKETS.into()), ("MOST_HITS", count(hits)), ("SQUARES", SQUARES.into())];
+        let cross = match path {
+            Path::Graphics => Cross::Graphics(RasterPipeline::new(context, "depth/cross", &constants)?),
+            Path::Compute => Cross::Compute(Kernel::new(context, "depth/cross", Size::Reduce, &constants[..2])?),
+        };
         Ok(Depth {
-            cross: Kernel::new(context, "depth/cross", Size::Reduce, &constants)?,
+            cross,
             chunk_triangles: upload(context, "triangles of chunks", &model.chunk_triangles)?,
             hits: array::<[u32; 4]>(context, "crossings", hits)?,
         })
     }
 
-    /// One pass: a workgroup an active chunk and region.
+    /// One pass: a workgroup, or an instance of the draw, an active chunk and region.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, cull: &Cull, skin: &Skin) {
-        recorder.stage("depth");
+        recorder.stage(STAGE);
         let buffers = [
             &common.counts,
             &cull.items,
@@ -77,6 +70,9 @@ impl Depth {
             &self.hits,
             &cull.fields,
         ];
-        recorder.dispatch_indirect(&self.cross, &buffers, &[], &common.args, args::ITEMS);
+        match &self.cross {
+            Cross::Graphics(cross) => recorder.draw_indirect(cross, &buffers, &[], &common.args, args::DRAW, SQUARES),
+            Cross::Compute(cross) => recorder.dispatch_indirect(cross, &buffers, &[], &common.args, args::ITEMS),
+        }
     }
 }

@@ -141,9 +141,9 @@ pub struct Model {
     pub proxy_nodes: Vec<[u32; 2]>,
     /// Chunks of all proxies.
     pub chunks: Vec<Chunk>,
-    /// Skin vertices, by chunk.
+    /// Skin vertices, by chunk, and up to three zeros.
     pub chunk_vertices: Vec<u32>,
-    /// Triangles, by chunk.
+    /// Triangles, by chunk, and up to three zeros.
     pub chunk_triangles: Vec<u32>,
     /// Nodes that move a chunk, by chunk, as for proxies.
     pub chunk_nodes: Vec<[u32; 2]>,
@@ -188,6 +188,9 @@ impl Model {
             model.add_body(index, body, index == tool);
             proxy_ranges.push(first..model.proxies.len());
         }
+        // Read four at a time.
+        model.chunk_vertices.resize(model.chunk_vertices.len().next_multiple_of(4), 0);
+        model.chunk_triangles.resize(model.chunk_triangles.len().next_multiple_of(4), 0);
         // The entry that pads node lists, and reads as nothing.
         model.rest_gradients.extend([[0.0; 4]; 3]);
         (model, proxy_ranges)

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::elastic::Elastic;
 use super::model::Model;
+use super::skin::{BUCKETS, Skin};
 use super::solve::Solve;
 use super::types::{Fit, ProxyBounds};
 use super::{Common, array, count, upload};
@@ -33,6 +34,7 @@ impl Pose {
         let constants = [
             ("SPANS", Const::Bool(model.spans_frames())),
             ("TETRAHEDRA", count(model.tetrahedra.len())),
+            ("BUCKETS", BUCKETS.into()),
             ("GROUP", context.group_size().into()),
         ];
         Ok(Pose {
@@ -49,7 +51,7 @@ impl Pose {
     }
 
     /// One pass: a workgroup a proxy.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, skin: &Skin) {
         recorder.stage("pose");
         let buffers = [
             &common.frames,
@@ -65,6 +67,7 @@ impl Pose {
             &self.bounds,
             &common.counts,
             &common.args,
+            &skin.buckets,
         ];
         recorder.dispatch_groups(&self.place, &buffers, &[], self.proxy_count);
     }

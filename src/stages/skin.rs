@@ -12,7 +12,7 @@ use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 
 /// Heads of the hash table that holds binned vertices: some per vertex of a busy step, few enough to clear in microseconds.
-pub const BUCKETS: u32 = 1 << 15;
+pub const BUCKETS: u32 = 1 << 13;
 
 /// Topology and embedding of all skins, and their positions this step.
 pub struct Skin {
@@ -59,7 +59,6 @@ impl Skin {
     /// The skin of active chunks: a workgroup each.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, cull: &Cull, elastic: &Elastic) {
         recorder.stage("skin");
-        recorder.fill(&self.buckets, super::types::NONE);
         let buffers = [
             &common.frames,
             &cull.active_chunks,

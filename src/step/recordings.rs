@@ -51,13 +51,13 @@ pub struct Recordings {
 }
 
 impl TouchStages {
-    /// Kernels and arrays of the stages from pose to contact; `blend`: see [`Contact::new`].
-    pub fn new(context: &Arc<Context>, model: &Model, path: Path, blend: bool) -> Result<TouchStages> {
+    /// Kernels and arrays of the stages from pose to contact; `path` where the depth stage is needed; `blend`: see [`Contact::new`].
+    pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, blend: bool) -> Result<TouchStages> {
         Ok(TouchStages {
             pose: pose::Pose::new(context, model)?,
             skin: Skin::new(context, model)?,
             cull: Cull::new(context, model)?,
-            depth: if model.needs_depth() { Some(Depth::new(context, model, path)?) } else { None },
+            depth: path.map(|path| Depth::new(context, model, path)).transpose()?,
             contact: Contact::new(context, model, blend)?,
         })
     }
@@ -65,7 +65,7 @@ impl TouchStages {
     /// Everything from frames and nodes to contacts: what the step and the query have in common.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         let TouchStages { pose, skin, cull, depth, contact } = self;
-        pose.record(recorder, common, elastic);
+        pose.record(recorder, common, elastic, skin);
         cull.record(recorder, common, pose, contact, elastic);
         skin.record(recorder, common, pose, cull, elastic);
         if let Some(depth) = depth {
@@ -76,11 +76,11 @@ impl TouchStages {
 }
 
 impl Stages {
-    /// Kernels and arrays of the stages that the model needs.
+    /// Kernels and arrays of the stages that the model needs; `path` where it needs the depth stage.
     pub fn new(
         context: &Arc<Context>,
         model: &Model,
-        path: Path,
+        path: Option<Path>,
         probe_nodes: &[[u32; 4]],
     ) -> Result<Stages> {
         let common = Common::new(context, model)?;

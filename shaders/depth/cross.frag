@@ -1,0 +1,29 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+
+// Depth, graphics path: a triangle in one square that it may cover, against the vertices of the other side there. One
+// invocation a square. Oracle: oracle::proximity, and cross.comp to the last bit.
+
+layout(constant_id = 1) const uint BUCKETS = 1;
+layout(constant_id = 2) const uint MOST_HITS = 1;
+
+layout(scalar, binding = 0) buffer CountsInOut { Counts counts; };
+layout(binding = 8) uniform usamplerBuffer buckets;         // four a texel
+layout(binding = 9) uniform usamplerBuffer bins;
+layout(scalar, binding = 10) readonly buffer BinSides { uint bin_sides[]; };
+layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
+layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
+
+layout(location = 0) flat in vec3 corners[3];
+layout(location = 3) flat in uvec3 triangle_at;
+
+#include "shared/bins.glsl"
+#include "shared/crossing.glsl"
+
+void main() {
+    // Invocations that only fill up blocks of pixels write nothing, by the specification. Asking gl_HelperInvocation, to
+    // spare them the lists, crashes Mesa's llvmpipe 22.3.
+    cross_square(ivec2(gl_FragCoord.xy), triangle_at.y ^ 1, corners, triangle_at.y & 1, triangle_at.x, triangle_at.z);
+}

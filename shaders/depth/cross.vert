@@ -1,0 +1,42 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+
+// Depth, graphics path: the squares that a triangle covers as a quad, so that the rasterizer shares them out, a fragment
+// each. An instance an active chunk and region, six vertices a triangle. Finds the same as cross.comp, bit for bit.
+
+layout(constant_id = 1) const uint BUCKETS = 1;
+layout(constant_id = 3) const uint SQUARES = 1;
+
+layout(scalar, binding = 1) readonly buffer Items { uvec2 items[]; };
+layout(scalar, binding = 2) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
+layout(scalar, binding = 3) readonly buffer Chunks { Chunk chunks[]; };
+layout(binding = 4) uniform usamplerBuffer chunk_triangles;      // four a texel
+layout(scalar, binding = 5) readonly buffer Regions { Region regions[]; };
+layout(binding = 6) uniform usamplerBuffer triangles;       // three skin vertices
+layout(binding = 7) uniform samplerBuffer skin;
+layout(binding = 13) uniform usamplerBuffer fields;
+
+layout(location = 0) flat out vec3 corners[3];      // along the region's axes
+layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * region + its side, its item
+
+#include "shared/bins.glsl"
+#include "shared/field.glsl"
+#include "shared/covered.glsl"
+#include "shared/squares.glsl"
+
+void main() {
+    uvec2 item = items[gl_InstanceIndex];
+    ActiveChunk entry = active_chunks[item.x];
+    Chunk chunk = chunks[entry.chunk];
+    gl_Position = no_squares();
+    uint t = gl_VertexIndex / 6;
+    if (t >= chunk.triangle_count) return;
+    uint side = entry.side & 1, at = chunk.triangle_first + t;
+    uint triangle = texelFetch(chunk_triangles, int(at / 4))[at % 4];
+    ivec2 first, last;
+    bool any_covered = covered_squares(regions[item.y], item.y, side, triangle, corners, first, last);
+    triangle_at = uvec3(triangle, 2 * item.y + side, gl_InstanceIndex);
+    if (any_covered) gl_Position = corner_of_squares(first, last, gl_VertexIndex % 6);
+}

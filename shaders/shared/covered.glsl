@@ -1,0 +1,32 @@
+// A triangle in a region's axes, and which squares of the other side it may cover. Needs shared/bins.glsl, shared/field.glsl,
+// `triangles`, `skin`, and `fields` as texels.
+
+// Whether chunks of the other side reach as far back as the triangle does, in some square of the field that it covers.
+bool reaches(Region region, uint region_index, uint side, vec2 least, vec2 greatest, float height) {
+    uvec4 range = squares(region, least, greatest);
+    uint field = field_at(region_index, 1 - side), key = height_key(height);
+    for (uint y = range.y; y <= range.w; y++) {
+        for (uint x = range.x; x <= range.z; x++) {
+            uint at = field + y * FIELD + x;
+            uint other = texelFetch(fields, int(at / 4))[at % 4];
+            if (side == 0 ? key >= other : key <= other) return true;
+        }
+    }
+    return false;
+}
+
+// Whether any; `side` is the triangle's.
+bool covered_squares(
+    Region region, uint region_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
+    uvec3 vertices = texelFetch(triangles, int(triangle)).xyz;
+    corners = vec3[](along(region, texelFetch(skin, int(vertices.x)).xyz),
+        along(region, texelFetch(skin, int(vertices.y)).xyz), along(region, texelFetch(skin, int(vertices.z)).xyz));
+    vec2 least = max(min(min(corners[0].xy, corners[1].xy), corners[2].xy), region.low);
+    vec2 greatest = min(max(max(corners[0].xy, corners[1].xy), corners[2].xy), region.high);
+    first = cell_of(region, 1 - side, least);
+    last = cell_of(region, 1 - side, greatest);
+    if (any(greaterThan(least, greatest))) return false;
+    float height = side == 0 ? max(max(corners[0].z, corners[1].z), corners[2].z)
+                             : min(min(corners[0].z, corners[1].z), corners[2].z);
+    return reaches(region, region_index, side, least, greatest, height);
+}

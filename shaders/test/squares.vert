@@ -1,0 +1,20 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+
+// Raster self-test: rectangles of squares; stands in no step. An instance a rectangle of an offset, six vertices.
+
+layout(constant_id = 1) const uint SQUARES = 1;
+layout(scalar, binding = 0) readonly buffer Rectangles { ivec4 rectangles[]; };     // first and last square
+layout(push_constant, scalar) uniform Push { uint first_rectangle; };
+layout(location = 0) flat out uint colour;
+
+#include "shared/squares.glsl"
+
+void main() {
+    uint rectangle = first_rectangle + gl_InstanceIndex;
+    ivec4 range = rectangles[rectangle];
+    colour = 1 + rectangle;
+    gl_Position = no_squares();
+    if (all(lessThanEqual(range.xy, range.zw))) gl_Position = corner_of_squares(range.xy, range.zw, gl_VertexIndex % 6);
+}

@@ -1,0 +1,165 @@
+//! Which path the depth stage takes: the one asked for, the only one, or the faster of both, measured once a device.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::{DQuat, DVec3};
+
+use crate::gpu::Context;
+use crate::prepare::cache::{Entry, KeyMaker};
+use crate::prepare::{self, Body, Cache};
+use crate::query::{Query, QuerySettings};
+use crate::report::summary::quantiles;
+use crate::scene::{Scene, Tool, ToolShape};
+use crate::stages::depth::{self, Path};
+use crate::{Error, Result};
+
+/// Runs of each path that are not counted, and those that are.
+const WARM_UP: usize = 3;
+const RUNS: usize = 9;
+/// The measured query: spheres of this radius whose skins overlap by this much, m.
+const RADIUS: f64 = 0.01;
+const OVERLAP: f64 = 0.002;
+
+/// A path, and why.
+pub struct Choice {
+    pub path: Path,
+    why: Why,
+}
+
+enum Why {
+    Asked,
+    Only,
+    /// Medians of the depth stage, us: of this path, of the other.
+    Measured(f64, f64),
+}
+
+impl Choice {
+    /// The path asked for, else the only one, else the faster one; figures are kept in `cache`.
+    pub fn new(context: &Arc<Context>, asked: Option<Path>, cache: &Cache) -> Result<Choice> {
+        match asked {
+            Some(Path::Graphics) if !context.fragment_stores() => Err(Error::NoDevice(format!(
+                "{} has no graphics path: it lacks fragmentStoresAndAtomics; ask for depth \"compute\" or \"auto\"",
+                context.device_name()
+            ))),
+            Some(path) => Ok(Choice { path, why: Why::Asked }),
+            None if !context.fragment_stores() => Ok(Choice { path: Path::Compute, why: Why::Only }),
+            None => Ok(Choice::faster(kept_times(context, cache)?)),
+        }
+    }
+
+    fn faster([graphics, compute]: [f64; 2]) -> Choice {
+        if graphics < compute {
+            Choice { path: Path::Graphics, why: Why::Measured(graphics, compute) }
+        } else {
+            Choice { path: Path::Compute, why: Why::Measured(compute, graphics) }
+        }
+    }
+}
+
+impl fmt::Display for Choice {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{} path: ", self.path.name())?;
+        match self.why {
+            Why::Asked => write!(f, "asked for"),
+            Why::Only => write!(f, "the only one, the device lacks fragmentStoresAndAtomics"),
+            Why::Measured(own, other) => write!(f, "measured {own:.0} us against {other:.0} us"),
+        }
+    }
+}
+
+/// Times of the graphics and of the compute path, us, measured where the cache has none of this device, driver and version.
+fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
+    let mut key = KeyMaker::new();
+    for field in ["depth path", context.device_name(), context.driver(), env!("CARGO_PKG_VERSION")] {
+        key.add(field.as_bytes());
+    }
+    let key = key.finish();
+    if let Entry::Found(times) = cache.load(&key) {
+        return Ok(times);
+    }
+    let times = measured_times(context)?;
+    // Where nothing can be kept, the next run measures again.
+    let _ = cache.store(&key, &times);
+    Ok(times)
+}
+
+/// Medians of the depth stage by both paths on one query.
+fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
+    let scene = Scene::empty("two spheres");
+    let ball = sphere(&scene)?;
+    let settings = QuerySettings { direction: Some(DVec3::Y), ..QuerySettings::of(&ball, &ball) };
+    let ask = |path| Query::on(context, &ball, &ball, &settings, Some(path));
+    let mut queries = [ask(Path::Graphics)?, ask(Path::Compute)?];
+    let mut times = [const { Vec::new() }; 2];
+    for run in 0..WARM_UP + RUNS {
+        for (query, times) in queries.iter_mut().zip(&mut times) {
+            let begun = Instant::now();
+            let pose = |height| (height * DVec3::Y, DQuat::IDENTITY);
+            let answer = query.run(pose(0.0), pose(2.0 * RADIUS - OVERLAP))?;
+            // Without timestamps the other stages count too, the same for both.
+            let whole = begun.elapsed().as_secs_f64() * 1e6;
+            let stage = answer.stage_times.into_iter().find(|(stage, _)| stage == depth::STAGE);
+            if run >= WARM_UP {
+                times.push(stage.map_or(whole, |(_, us)| us));
+            }
+        }
+    }
+    Ok(times.map(|times| quantiles(&times).map_or(f64::INFINITY, |(median, _)| median)))
+}
+
+/// A sphere about the origin.
+fn sphere(scene: &Scene) -> Result<Body> {
+    let tool = Tool {
+        shape: ToolShape::Sphere(RADIUS),
+        mass: 1.0,
+        position: DVec3::ZERO,
+        orientation: DQuat::IDENTITY,
+        velocity: DVec3::ZERO,
+        scale: 1.0,
+        repair: false,
+    };
+    prepare::tool(&tool, scene)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::Options;
+
+    #[test]
+    fn a_device_is_measured_once_and_never_where_the_path_is_asked_for() {
+        let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+        let context = Context::new(&Options { device, validation: true }).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&folder.path().join("cache"));
+        let choose = |asked, cache: &Cache| Choice::new(&context, asked, cache).unwrap().to_string();
+        assert_eq!(choose(Some(Path::Compute), &cache), "compute path: asked for");
+        assert!(!folder.path().join("cache").exists());
+        if !context.fragment_stores() {
+            assert!(Choice::new(&context, Some(Path::Graphics), &cache).is_err_and(|e| e.exit_status() == 3));
+            assert!(choose(None, &cache).starts_with("compute path: the only one"));
+            return;
+        }
+        assert_eq!(choose(Some(Path::Graphics), &cache), "graphics path: asked for");
+        let begun = Instant::now();
+        let first = kept_times(&context, &cache).unwrap();
+        println!("measured {first:?} us in {:?}", begun.elapsed());
+        assert!(first.iter().all(|us| *us > 0.0 && us.is_finite()), "{first:?}");
+        // Times differ from one measurement to the next; what was kept is the same to the last bit.
+        assert_eq!(kept_times(&context, &cache).unwrap(), first);
+        assert!(choose(None, &cache).contains(" path: measured "));
+        std::fs::write(folder.path().join("file"), "").unwrap();
+        assert!(choose(None, &Cache::at(&folder.path().join("file/under"))).contains(" path: measured "));
+        assert_eq!(context.validation_messages(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn the_faster_path_is_taken_and_said_with_both_figures() {
+        let of = |times| Choice::faster(times).to_string();
+        assert_eq!(of([210.4, 900.0]), "graphics path: measured 210 us against 900 us");
+        assert_eq!(of([900.0, 210.4]), "compute path: measured 210 us against 900 us");
+        assert_eq!(of([5.0, 5.0]), "compute path: measured 5 us against 5 us");
+    }
+}
