@@ -21,8 +21,8 @@ use crate::stages::depth::Path;
 use crate::stages::model::{self, Model};
 use crate::stages::types::{self, Counts, Fit, Frame, Link, Pair, Region, Report, StepParams, verdict};
 use crate::{Error, Result};
-use frames::Frames;
 use choice::Choice;
+use frames::Frames;
 use probes::{ProbePlace, probes_of};
 use recordings::{Recordings, Stages};
 

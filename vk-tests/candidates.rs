@@ -281,8 +281,7 @@ fn vertices_by_the_hundred_in_up_to_four_regions_against_the_oracle() {
     let mut random = Random(7);
     for side in 0..2 {
         for regions in 1..=PAIR_REGIONS {
-            let normals: Vec<DVec3> =
-                (0..regions).map(|_| (DVec3::Z + 0.5 * random.vector()).normalize()).collect();
+            let normals: Vec<DVec3> = (0..regions).map(|_| (DVec3::Z + 0.5 * random.vector()).normalize()).collect();
             let mut given = Given::new(side, &normals);
             given.flow.shares.iter_mut().for_each(|share| *share = 0.55 + 0.45 * random.next() as f32);
             for _ in 0..300 {

@@ -205,11 +205,15 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
         let below = (0..proxy.chunk_count).filter(|k| lowest(*k) <= 0.01).count() as u32;
         // As far as its box says, give or take rounding.
         let may = |slack: f64| {
-            let top = |k: &u32| boxed(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize, &flow.regions[0]).1.z;
+            let top =
+                |k: &u32| boxed(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize, &flow.regions[0]).1.z;
             (0..proxy.chunk_count).filter(|k| top(k) >= -0.01 + slack).count() as u32
         };
         let [chunks, items] = flow.slot_counts[slot];
-        assert!(chunks == items && chunks >= below && chunks >= may(0.0) && chunks <= may(-1e-3), "{chunks} for {below}");
+        assert!(
+            chunks == items && chunks >= below && chunks >= may(0.0) && chunks <= may(-1e-3),
+            "{chunks} for {below}"
+        );
         totals = [totals[0] + chunks, totals[1] + proxy.chunk_count];
     }
     assert!(totals[0] > 0 && totals[0] < totals[1], "{totals:?} kept, of all");
@@ -252,8 +256,8 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             .run();
         let meets = |side: usize, r: usize, slab: &[f32; 8]| {
             let square = |x: f32| (((x + 1.0) * 8.0).clamp(0.0, 15.0)) as usize;
-            let mut squares =
-                (square(slab[1])..=square(slab[3])).flat_map(|y| (square(slab[0])..=square(slab[2])).map(move |x| (x, y)));
+            let mut squares = (square(slab[1])..=square(slab[3]))
+                .flat_map(|y| (square(slab[0])..=square(slab[2])).map(move |x| (x, y)));
             squares.any(|(x, y)| {
                 let other = fields[(2 * r + 1 - side) * 256 + y * FIELD + x];
                 if side == 0 { slab[7] >= other } else { slab[7] <= other }
@@ -265,8 +269,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             let (mut want, mut items) = (vec![], 0);
             for k in 0..count {
                 let at = (slot.chunk_first + k) as usize;
-                let stays =
-                    (0..PAIR_REGIONS).filter(|r| meets(slot.side as usize, *r, &slabs[at * PAIR_REGIONS + r]));
+                let stays = (0..PAIR_REGIONS).filter(|r| meets(slot.side as usize, *r, &slabs[at * PAIR_REGIONS + r]));
                 let mask = masks[at] & stays.map(|r| 1 << r).sum::<u32>();
                 dropped += (masks[at] ^ mask).count_ones();
                 if mask != 0 {

@@ -6,7 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::{DQuat, DVec3};
 use palpate::stages::args;
 use palpate::stages::skin::BUCKETS;
-use palpate::stages::types::{ActiveChunk, CHUNK_TRIANGLES, CHUNK_VERTICES, Chunk, NONE, PAIR_REGIONS, Pair, Region, Slot};
+use palpate::stages::types::{
+    ActiveChunk, CHUNK_TRIANGLES, CHUNK_VERTICES, Chunk, NONE, PAIR_REGIONS, Pair, Region, Slot,
+};
 
 use crate::bodies::{Mesh, half_space, rigid, sheet, sphere, whole};
 use crate::flow::{FIELD_WORDS, Flow};
@@ -340,7 +342,9 @@ fn triangles_without_area_cross_nothing_and_hide_nothing() {
     // Two and three corners in one place, and walls along the rays.
     let first = mesh.0.len() as u32;
     mesh.0.extend([DVec3::ZERO, DVec3::new(0.5, 0.5, 0.1), DVec3::new(0.5, 0.5, 0.3)]);
-    mesh.1.extend((0..100).map(|k| [[k, k, k], [k, k + 1, k], [k, first + 1, first + 2], [first, first, k]][k as usize % 4]));
+    mesh.1.extend(
+        (0..100).map(|k| [[k, k, k], [k, k + 1, k], [k, first + 1, first + 2], [first, first, k]][k as usize % 4]),
+    );
     assert_eq!(count(&mesh), before);
     assert!(before >= points.0.len() as u32);
 }

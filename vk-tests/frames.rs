@@ -164,7 +164,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         .input("slots", &[Slot::default()])
         .input("proxies", &[Proxy::default()])
         .input("chunks", &[Chunk { embed_count: count as u32, ..Chunk::default() }])
-        .input("chunk_vertices", &(0..count as u32).collect::<Vec<_>>())
+        .input("chunk_vertices", &crate::flow::fours(&(0..count as u32).collect::<Vec<_>>()))
         .input("skin_nodes", &skin_nodes)
         .input("skin_weights", &skin_weights)
         .input("node_rest", &system.model.node_rest)
@@ -192,7 +192,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         frame,
         hull_first: 4 * frame,
         hull_count: 4,
-        node_first: frame * nodes as u32,
+        node_first: frame * nodes.next_multiple_of(2) as u32,
         node_count: nodes as u32,
         weight_bound: 2.0,
         ..Default::default()
@@ -200,7 +200,11 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
     let link =
         |to: u32, from: u32| system.model.links.iter().position(|l| *l == [to, from] || (to == from && *l == [0, 0]));
     let listed: Vec<[u32; 2]> = (0..2u32)
-        .flat_map(|to| system.model.node_info.iter().enumerate().map(move |(n, info)| (to, n, info[2])))
+        .flat_map(|to| {
+            let own = system.model.node_info.iter().enumerate().map(move |(n, info)| (to, n, info[2]));
+            // Two a texel.
+            own.chain((nodes % 2 == 1).then_some((to, 0, system.model.node_info[0][2])))
+        })
         .map(|(to, n, from)| [n as u32, if to == from { 0 } else { link(to, from).unwrap() as u32 }])
         .collect();
     let out = case("pose/place")
@@ -219,6 +223,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         .output::<ProxyBounds>("bounds", 2)
         .inout("counts", &[Counts::default()])
         .partial("args", &[0u32; args::WORDS])
+        .output::<u32>("buckets", 1)
         .groups(2)
         .run();
     let body = two_frames();

@@ -176,6 +176,7 @@ fn contacts_solver_and_report() {
             residual_floor,
             contacts,
             max_depth,
+            turn,
             flags,
             force,
             torque,

@@ -7,6 +7,7 @@ use palpate::prepare::{self, Body, sphere};
 use palpate::report::{Flags, Row};
 use palpate::scene::Scene;
 use palpate::stages::Common;
+use palpate::stages::contact::Contact;
 use palpate::stages::cull::{Cull, MOST_CELLS};
 use palpate::stages::depth::{Depth, Path};
 use palpate::stages::elastic::Elastic;
@@ -119,11 +120,12 @@ impl Query {
         let common = Common::new(context, &model).unwrap();
         let (elastic, pose) = (Elastic::new(context, &model).unwrap(), Pose::new(context, &model).unwrap());
         let (cull, skin) = (Cull::new(context, &model).unwrap(), Skin::new(context, &model).unwrap());
+        let contact = Contact::new(context, &model, true).unwrap();
         let depths = PATHS.map(|path| Depth::new(context, &model, path).unwrap());
         let recordings = depths.each_ref().map(|depth| {
             let mut recorder = Recorder::new(context).unwrap();
-            pose.record(&mut recorder, &common, &elastic);
-            cull.record(&mut recorder, &common, &pose, &elastic);
+            pose.record(&mut recorder, &common, &elastic, &skin);
+            cull.record(&mut recorder, &common, &pose, &contact, &elastic);
             skin.record(&mut recorder, &common, &pose, &cull, &elastic);
             depth.record(&mut recorder, &common, &cull, &skin);
             recorder.finish().unwrap()

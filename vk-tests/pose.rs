@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use palpate::gpu::Size;
 use palpate::oracle::proximity;
 use palpate::stages::args;
-use palpate::stages::types::{Counts, Frame, Link, Proxy, ProxyBounds};
+use palpate::stages::types::{Counts, Frame, Link, NONE, Proxy, ProxyBounds};
 
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 use crate::random::Random;
@@ -15,6 +15,7 @@ const PLACED: Tolerance = Tolerance { abs: 2e-6, rel: 1e-6 };
 /// The bound adds a thousandth and a micrometre of its own, so that rounding never makes it too small.
 const BOUND: Tolerance = Tolerance { abs: 1.1e-6, rel: 1.1e-3 };
 const TETRAHEDRA: u32 = 1000;
+const BUCKETS: u32 = 100;
 /// What the last step counted.
 const LAST: Counts =
     Counts { chunks: 1, items: 2, hits: 3, contacts: 4, entries: 5, pulling: 6, turn: 7, last_contacts: 8, flags: 9 };
@@ -46,16 +47,22 @@ impl Given {
         self.hull.extend(hull);
         self.faces.extend(faces);
         self.nodes.extend(nodes);
+        // Two a texel: the last again where their number is odd.
+        if nodes.len() % 2 == 1 {
+            self.nodes.push(nodes[nodes.len() - 1]);
+            self.proxies.last_mut().unwrap().node_count += 1;
+        }
     }
 
     fn run(&self) -> Outcome {
         // What a step left behind.
         let stale = vec![77u32; args::WORDS];
-        let nodes = if self.nodes.is_empty() { &vec![[0; 2]] } else { &self.nodes };
+        let nodes = if self.nodes.is_empty() { &vec![[0; 2]; 2] } else { &self.nodes };
         case("pose/place")
             .size(Size::Reduce)
             .constant("SPANS", self.links.len() > 1)
             .constant("TETRAHEDRA", TETRAHEDRA)
+            .constant("BUCKETS", BUCKETS)
             .constant("GROUP", context().group_size())
             .input("frames", &self.frames)
             .input("proxies", &self.proxies)
@@ -70,6 +77,7 @@ impl Given {
             .output::<ProxyBounds>("bounds", self.proxies.len())
             .inout("counts", &[LAST])
             .partial("args", &stale)
+            .output::<u32>("buckets", BUCKETS as usize)
             .groups(self.proxies.len())
             .run()
     }
@@ -114,6 +122,7 @@ fn a_quarter_turn_by_hand() {
     // The first is moved by half a metre, twice over; nothing moves the second.
     expect_close("inflation", &[bounds[0].inflation, bounds[1].inflation], &[1.01, 0.01], BOUND);
     assert_eq!(out.get::<Counts>("counts"), [Counts { last_contacts: LAST.contacts, ..Counts::default() }]);
+    assert_eq!(out.get::<u32>("buckets"), [NONE; BUCKETS as usize]);
     let slots: Vec<u32> = out.get("args");
     for slot in 0..args::LOOP_APPLY {
         let groups = if slot == args::APPLY { TETRAHEDRA.div_ceil(context().group_size()) } else { 0 };

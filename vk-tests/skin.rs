@@ -99,11 +99,8 @@ fn rigid_skin_of_any_size_and_only_what_is_listed() {
         let floor = half_space(DVec3::Y, 0.0);
         let mut flow = Flow::new(&[floor], Some(&ball), DVec3::ZERO);
         let (rotation, centre) = (random.turn(3.0), DVec3::new(1.0, 2.0, 3.0));
-        flow.frames[0] = Frame {
-            rotation: rotation.as_quat().to_array(),
-            centre: centre.as_vec3().to_array(),
-            ..Frame::default()
-        };
+        flow.frames[0] =
+            Frame { rotation: rotation.as_quat().to_array(), centre: centre.as_vec3().to_array(), ..Frame::default() };
         // One chunk that lists `n` vertices backwards; twice as many are there.
         let own = n.min(CHUNK_VERTICES) as u32;
         flow.model.chunks = vec![Chunk { vertex_count: own, embed_count: n as u32, ..Chunk::default() }];
@@ -114,9 +111,9 @@ fn rigid_skin_of_any_size_and_only_what_is_listed() {
         flow.model.proxies[0].chunk_count = 1;
         activate(&mut flow);
         flow.embed();
-        let want = flow.model.skin_weights[..n].iter().flat_map(|x| {
-            proximity::embed(centre, rotation, [vector(x); 4], [0.25; 4]).extend(1.0).to_array()
-        });
+        let want = flow.model.skin_weights[..n]
+            .iter()
+            .flat_map(|x| proximity::embed(centre, rotation, [vector(x); 4], [0.25; 4]).extend(1.0).to_array());
         expect_close("skin", flow.skin[..n].as_flattened(), &want.collect::<Vec<_>>(), PLACED);
         assert!(flow.skin[n..].iter().all(|x| *x == [-5.0; 4]), "what no chunk lists stays");
     }

@@ -170,7 +170,10 @@ fn a_sphere_over_a_half_space_is_exact_and_needs_no_mesh() {
     let below = mesh(&tool).0.into_iter().enumerate().map(|(v, x)| (v as u32, 0.25 - x.y)).filter(|(_, d)| *d > 0.0);
     let want: Depths = below.map(|(v, d)| ((0, v), (d, u32::MAX))).collect();
     assert!(same("half-space", &depths, &want) > 50);
-    assert!(flow.counts.hits == 0 && flow.bins.iter().all(|bin| bin[3] == u32::MAX - 1), "nothing is binned or crossed");
+    assert!(
+        flow.counts.hits == 0 && flow.bins.iter().all(|bin| bin[3] == u32::MAX - 1),
+        "nothing is binned or crossed"
+    );
 }
 
 /// Depth of a point along `normal` (towards the sphere's inside) below a true sphere.

@@ -9,7 +9,7 @@
 //! | [`elastic`] | element rotations, elastic forces, the stiffness operator |
 //! | [`skin`] | skin positions and velocities from nodes |
 //! | [`cull`] | separation and penetration of convex hulls |
-//! | [`proximity`] | placement, bounds, directions, regions, the depth field |
+//! | [`proximity`] | placement, bounds, directions |
 //! | [`regions`] | boxes of chunks, what a vertex makes of several regions |
 //! | [`contact`], [`rays`] | depth by exact rays, gathered contacts |
 //! | [`linear`], [`step`] | the implicit step, solved directly |

@@ -1,7 +1,7 @@
-//! Placement, bounds and embedding of proxies and skin, the direction and region of a pair, and the depth field, in f64.
-//! Twin of the pose, skin, cull and depth stages; contacts are in [`super::contact`].
+//! Placement, bounds and embedding of proxies and skin, the direction of a pair, in f64. Twin of the pose, skin and cull stages;
+//! chunks are in [`super::regions`], contacts in [`super::contact`].
 
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec3};
 
 use super::cull::{exact_distance, separation_along};
 
@@ -101,42 +101,6 @@ pub fn side_box(axes: [DVec3; 3], hulls: &[(&[DVec3], f64)]) -> (DVec3, DVec3) {
     (low, high)
 }
 
-/// A ray along a region's normal through a texel's centre, or any point: what it meets of a skin that faces along
-/// `sign` x normal.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sheet {
-    /// Height along the normal, m.
-    pub height: f64,
-    /// The triangle.
-    pub triangle: usize,
-    /// Distance of the ray from the triangle's nearest edge, as a share of the corner's height over it; negative outside.
-    pub inside: f64,
-}
-
-/// Every triangle that faces along `sign` x normal and whose outline, grown by `slack` (a share), holds the ray at
-/// `at` along the tangents.
-pub fn raster(
-    axes: [DVec3; 3],
-    sign: f64,
-    positions: &[DVec3],
-    triangles: &[[u32; 3]],
-    at: DVec2,
-    slack: f64,
-) -> Vec<Sheet> {
-    let [tangent, bitangent, normal] = axes;
-    let project = |x: DVec3| DVec2::new(tangent.dot(x), bitangent.dot(x));
-    let sheet = |(triangle, corners): (usize, &[u32; 3])| {
-        let x = corners.map(|i| positions[i as usize]);
-        let [p, q, r] = x.map(|x| project(x) - at);
-        let area = (q - p).perp_dot(r - p);
-        let weights = [q.perp_dot(r) / area, r.perp_dot(p) / area, p.perp_dot(q) / area];
-        let inside = weights.into_iter().fold(f64::INFINITY, f64::min);
-        let height = (0..3).map(|k| weights[k] * normal.dot(x[k])).sum();
-        (area * sign > 0.0 && inside >= -slack).then_some(Sheet { height, triangle, inside })
-    };
-    triangles.iter().enumerate().filter_map(sheet).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -165,16 +129,5 @@ mod tests {
         assert_eq!(mean_direction(&[(x, 1.0), (-x, 1.01)]), Some(-x));
         assert!((mean_direction(&[(x, 1.0), (y, 1.0)]).unwrap() - (x + y).normalize()).length() < 1e-15);
         assert_eq!(mean_direction(&[(x, 0.0)]), None);
-    }
-
-    #[test]
-    fn a_ray_meets_the_sheet_that_faces_it() {
-        let positions = [DVec3::ZERO, DVec3::X, DVec3::Y].map(|x| x + DVec3::Z * 2.0);
-        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
-        let at = DVec2::new(0.25, 0.25);
-        let up = raster(axes, 1.0, &positions, &[[0, 1, 2], [0, 2, 1]], at, 0.0);
-        assert_eq!(up, [Sheet { height: 2.0, triangle: 0, inside: 0.25 }]);
-        assert_eq!(raster(axes, -1.0, &positions, &[[0, 1, 2], [0, 2, 1]], at, 0.0)[0].triangle, 1);
-        assert!(raster(axes, 1.0, &positions, &[[0, 1, 2]], DVec2::splat(0.51), 0.0).is_empty());
     }
 }

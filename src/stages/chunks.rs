@@ -154,12 +154,7 @@ fn cut(skin: &Skin, proxy: &prepare::Proxy) -> Vec<Part> {
     parts
 }
 
-fn halve(
-    skin: &Skin,
-    triangles: &mut [(DVec3, u32)],
-    unowned: &mut HashSet<u32>,
-    parts: &mut Vec<Part>,
-) {
+fn halve(skin: &Skin, triangles: &mut [(DVec3, u32)], unowned: &mut HashSet<u32>, parts: &mut Vec<Part>) {
     if triangles.is_empty() {
         return;
     }
@@ -222,7 +217,8 @@ fn movers(covered: &[u32], carrier: Option<&Carrier>) -> Movers {
 /// The faces of a hull that other hulls of the body do not cover: one within the body is no way out of it. All of them where
 /// none is left.
 fn outer_faces(proxy: &prepare::Proxy, all: &[prepare::Proxy]) -> Vec<(DVec3, f64)> {
-    let (low, high) = proxy.hull.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let (low, high) =
+        proxy.hull.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let slack = COVERED * low.distance(high);
     let covered = |(n, d): &(DVec3, f64)| {
         let corners: Vec<DVec3> = proxy.hull.iter().copied().filter(|x| n.dot(*x) > d - 1e-9 * slack).collect();

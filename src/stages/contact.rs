@@ -193,22 +193,15 @@ impl Contact {
         if self.nodes == 0 {
             return;
         }
-        let buffers = [
-            &self.node_count,
-            &common.counts,
-            &touch.node_entries,
-            &self.cursor,
-            &self.touched_nodes,
-            &common.args,
-        ];
+        let buffers =
+            [&self.node_count, &common.counts, &touch.node_entries, &self.cursor, &self.touched_nodes, &common.args];
         recorder.dispatch(&self.place, &buffers, &[], self.nodes);
         let entries = [&touch.contacts, &touch.entry_nodes, &touch.entry_weights];
         let mut buffers = vec![&common.counts];
         buffers.extend(entries);
         buffers.extend([&self.cursor, &self.unsorted]);
         recorder.dispatch_indirect(&self.fill, &buffers, &[], &common.args, args::ENTRIES);
-        let buffers =
-            [&self.touched_nodes, &touch.node_entries, &self.unsorted, &touch.entry_weights, &touch.sorted];
+        let buffers = [&self.touched_nodes, &touch.node_entries, &self.unsorted, &touch.entry_weights, &touch.sorted];
         recorder.dispatch_indirect(&self.sort, &buffers, &[], &common.args, args::NODES);
     }
 }

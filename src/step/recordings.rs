@@ -77,12 +77,7 @@ impl TouchStages {
 
 impl Stages {
     /// Kernels and arrays of the stages that the model needs; `path` where it needs the depth stage.
-    pub fn new(
-        context: &Arc<Context>,
-        model: &Model,
-        path: Option<Path>,
-        probe_nodes: &[[u32; 4]],
-    ) -> Result<Stages> {
+    pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, probe_nodes: &[[u32; 4]]) -> Result<Stages> {
         let common = Common::new(context, model)?;
         let touch = if model.pairs.is_empty() { None } else { Some(TouchStages::new(context, model, path, true)?) };
         let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;

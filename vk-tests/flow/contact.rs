@@ -4,7 +4,7 @@ use palpate::gpu::Size;
 use palpate::stages::args;
 use palpate::stages::types::{CHUNK_VERTICES, Contact, NONE};
 
-use super::{Flow, some};
+use super::{Flow, fours, some};
 use crate::harness::{case, context};
 
 impl Flow {
@@ -16,7 +16,7 @@ impl Flow {
             .inout("counts", &[self.counts])
             .input("active_chunks", &some(&self.active_chunks))
             .input("chunks", &some(&model.chunks))
-            .input("chunk_vertices", &some(&model.chunk_vertices))
+            .input("chunk_vertices", &fours(&model.chunk_vertices))
             .input("pairs", &self.pairs)
             .input("regions", &self.regions)
             .input("shares", &some(&self.shares))

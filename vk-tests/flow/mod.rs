@@ -86,6 +86,13 @@ pub fn some<T: Pod>(data: &[T]) -> Vec<T> {
     if data.is_empty() { vec![T::zeroed()] } else { data.to_vec() }
 }
 
+/// As [`some`], filled up to whole texels of four.
+pub fn fours(data: &[u32]) -> Vec<u32> {
+    let mut data = some(data);
+    data.resize(data.len().next_multiple_of(4), 0);
+    data
+}
+
 /// A scene of which only the contact law and the time step matter.
 fn scene() -> Scene {
     Scene {
@@ -99,6 +106,7 @@ fn scene() -> Scene {
             friction_speed: 1e-3,
             texel: None,
             depth_limit: 0.02,
+            depth: None,
         },
         bodies: vec![],
         tool: None,

@@ -5,8 +5,13 @@ use palpate::stages::args;
 use palpate::stages::skin::BUCKETS;
 use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, NONE, PAIR_REGIONS, ProxyBounds};
 
-use super::{FIELD_WORDS, Flow, some};
+use super::{FIELD_WORDS, Flow, fours, some};
 use crate::harness::{case, context};
+
+/// Nodes with their links, two a texel.
+fn pairs(nodes: &[[u32; 2]]) -> Vec<u32> {
+    fours(nodes.as_flattened())
+}
 
 impl Flow {
     pub fn place(&mut self) {
@@ -15,12 +20,13 @@ impl Flow {
             .size(Size::Reduce)
             .constant("SPANS", self.model.spans_frames())
             .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
+            .constant("BUCKETS", BUCKETS)
             .constant("GROUP", context().group_size())
             .input("frames", &self.frames)
             .input("proxies", &some(&self.model.proxies))
             .input("hull_rest", &some(&self.model.hull))
             .input("face_rest", &some(&self.model.faces))
-            .input("proxy_nodes", &some(&self.model.proxy_nodes))
+            .input("proxy_nodes", &pairs(&self.model.proxy_nodes))
             .input("displacement", &some(&self.displacement))
             .input("node_rest", &some(&self.model.node_rest))
             .input("links", &self.links)
@@ -29,11 +35,13 @@ impl Flow {
             .output::<ProxyBounds>("bounds", proxies)
             .inout("counts", &[self.counts])
             .partial("args", &self.args)
+            .output::<u32>("buckets", BUCKETS as usize)
             .groups(proxies)
             .run();
         self.hull = out.get("hull");
         self.faces = out.get("faces");
         self.bounds = out.get("bounds");
+        self.buckets = out.get("buckets");
         self.counts = out.get("counts")[0];
         self.args = out.get("args");
     }
@@ -120,7 +128,7 @@ impl Flow {
             .input("frames", &self.frames)
             .input("proxies", &model.proxies)
             .input("chunks", &some(&model.chunks))
-            .input("chunk_nodes", &some(&model.chunk_nodes))
+            .input("chunk_nodes", &pairs(&model.chunk_nodes))
             .input("displacement", &some(&self.displacement))
             .input("node_rest", &some(&model.node_rest))
             .input("links", &self.links)
@@ -188,7 +196,7 @@ impl Flow {
             .input("slots", &model.slots)
             .input("proxies", &model.proxies)
             .input("chunks", &some(&model.chunks))
-            .input("chunk_vertices", &some(&model.chunk_vertices))
+            .input("chunk_vertices", &fours(&model.chunk_vertices))
             .input("skin_nodes", &some(&model.skin_nodes))
             .input("skin_weights", &some(&model.skin_weights))
             .input("node_rest", &some(&model.node_rest))
@@ -222,7 +230,7 @@ impl Flow {
             .input("items", &some(&self.items))
             .input("active_chunks", &some(&self.active_chunks))
             .input("chunks", &some(&model.chunks))
-            .input("chunk_triangles", &some(&model.chunk_triangles))
+            .input("chunk_triangles", &fours(&model.chunk_triangles))
             .input("regions", &self.regions)
             .input("triangles", &some(&model.triangles))
             .input("skin", &some(&self.skin))
