@@ -12,7 +12,7 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PROXY_PAIRS = 1;
 
 layout(scalar, binding = 0) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar, binding = 1) readonly buffer Bounds { ProxyBounds bounds[]; };
+layout(binding = 1) uniform samplerBuffer bounds;           // two texels a proxy: least corner and inflation, greatest corner and radius
 layout(binding = 2) uniform usamplerBuffer proxy_pairs;     // proxy of a, proxy of b
 layout(binding = 3) uniform samplerBuffer hull;
 layout(scalar, binding = 4) writeonly buffer ActivePairs { uint active_pairs[]; };
@@ -25,13 +25,12 @@ layout(scalar, binding = 7) buffer Args { uint args[]; };
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= PROXY_PAIRS) return;
-    directions[2 * i] = directions[2 * i + 1] = vec4(0.0);
+    directions[2 * i] = vec4(0.0);
     uvec2 which = texelFetch(proxy_pairs, int(i)).xy;
-    ProxyBounds a_bounds = bounds[which.x];
-    ProxyBounds b_bounds = bounds[which.y];
-    float reach = a_bounds.inflation + b_bounds.inflation;
-    if (any(greaterThan(a_bounds.low - b_bounds.high, vec3(reach)))) return;
-    if (any(greaterThan(b_bounds.low - a_bounds.high, vec3(reach)))) return;
+    vec4 a_low = texelFetch(bounds, int(2 * which.x)), b_low = texelFetch(bounds, int(2 * which.y));
+    vec3 a_high = texelFetch(bounds, int(2 * which.x + 1)).xyz, b_high = texelFetch(bounds, int(2 * which.y + 1)).xyz;
+    float reach = a_low.w + b_low.w;
+    if (any(greaterThan(a_low.xyz - b_high, vec3(reach))) || any(greaterThan(b_low.xyz - a_high, vec3(reach)))) return;
     Proxy a = proxies[which.x];
     Proxy b = proxies[which.y];
     float distance = hull_distance(a.hull_first, a.hull_count, b.hull_first, b.hull_count, reach);

@@ -33,6 +33,7 @@ layout(scalar, binding = 11) writeonly buffer ActiveSlots { uint active_slots[];
 layout(scalar, binding = 12) writeonly buffer Fields { uint fields[]; };        // see shared/field.glsl; cleared here
 layout(scalar, binding = 13) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 14) buffer Args { uint args[]; };
+layout(scalar, binding = 15) coherent buffer NearPairs { uint near_pairs[]; };  // pairs of proxies with a direction, in order
 
 #include "shared/sum.glsl"
 #include "shared/field.glsl"
@@ -54,12 +55,14 @@ const float LEAST_PUSH = 0.1;
 shared vec3 low[SIZE];
 shared vec3 high[SIZE];
 shared vec4 strongest[SIZE];
+shared uint is_near[SIZE];
 
 vec3 normals[PAIR_REGIONS];
 float strength[PAIR_REGIONS];
 uint region_count = 0;
 vec4 before[PAIR_REGIONS];      // last step's normals and weights
 float all_weights, all_pushes, least_push;
+uint near_count = 0;
 
 // A pair of proxies: which way it pushes; how much it counts for that, and for whether there is a region.
 struct Direction {
@@ -81,6 +84,26 @@ bool direction_of(uint proxy_pair, out Direction direction) {
     return true;
 }
 
+// The pairs of proxies that have a direction, in their order.
+void list_near(Pair pair) {
+    uint lane = gl_LocalInvocationID.x;
+    for (uint first = 0; first < pair.proxy_pair_count; first += SIZE) {
+        uint k = pair.first_proxy_pair + first + lane;
+        bool near = first + lane < pair.proxy_pair_count && texelFetch(directions, int(2 * k)).w > 0.0;
+        is_near[lane] = near ? 1 : 0;
+        barrier();
+        uint place = near_count;
+        for (uint l = 0; l < SIZE; l++) {
+            if (l < lane) place += is_near[l];
+            near_count += is_near[l];
+        }
+        if (near) near_pairs[pair.first_proxy_pair + place] = k;
+        barrier();
+    }
+    memoryBarrierBuffer();
+    barrier();
+}
+
 float alike(vec3 n, vec3 m) { return smoothstep(UNLIKE, ALIKE, dot(n, m)); }
 
 // How much of a direction the first `count` regions have left.
@@ -100,9 +123,9 @@ float part(vec3 n, uint r) {
 vec4 strongest_remainder(Pair pair, uint count) {
     uint lane = gl_LocalInvocationID.x;
     vec4 best = vec4(0.0, 1.0, 0.0, 0.0);
-    for (uint k = lane; k < pair.proxy_pair_count; k += SIZE) {
+    for (uint k = lane; k < near_count; k += SIZE) {
         Direction direction;
-        if (!direction_of(pair.first_proxy_pair + k, direction)) continue;
+        if (!direction_of(near_pairs[pair.first_proxy_pair + k], direction)) continue;
         float left = direction.weight * remainder(direction.normal, count);
         if (left > best.w) best = vec4(direction.normal, left);
     }
@@ -127,9 +150,9 @@ void find_normals(Pair pair) {
         for (uint round = 0; round < SHIFTS; round++) {
             vec4 sum = vec4(0.0);
             float weight = 0.0;
-            for (uint k = lane; k < pair.proxy_pair_count; k += SIZE) {
+            for (uint k = lane; k < near_count; k += SIZE) {
                 Direction direction;
-                if (!direction_of(pair.first_proxy_pair + k, direction)) continue;
+                if (!direction_of(near_pairs[pair.first_proxy_pair + k], direction)) continue;
                 float own = remainder(direction.normal, r) * alike(direction.normal, n);
                 sum += own * direction.push * vec4(direction.normal, 1.0);
                 weight += own * direction.weight;
@@ -145,9 +168,9 @@ void find_normals(Pair pair) {
         region_count = r + 1;
     }
     float left = 0.0;
-    for (uint k = lane; k < pair.proxy_pair_count; k += SIZE) {
+    for (uint k = lane; k < near_count; k += SIZE) {
         Direction direction;
-        if (!direction_of(pair.first_proxy_pair + k, direction)) continue;
+        if (!direction_of(near_pairs[pair.first_proxy_pair + k], direction)) continue;
         left += direction.weight * remainder(direction.normal, region_count);
     }
     left = workgroup_sum(vec4(left)).x;
@@ -339,9 +362,10 @@ void main() {
         region_count = 1;
         open_plane(pair, first_region);
     } else {
+        list_near(pair);
         vec4 sums = vec4(0.0);
-        for (uint k = lane; k < pair.proxy_pair_count; k += SIZE) {
-            uint at = 2 * (pair.first_proxy_pair + k);
+        for (uint k = lane; k < near_count; k += SIZE) {
+            uint at = 2 * near_pairs[pair.first_proxy_pair + k];
             sums.xy += vec2(texelFetch(directions, int(at)).w, texelFetch(directions, int(at + 1)).w);
         }
         sums = workgroup_sum(sums);

@@ -32,6 +32,7 @@ pub struct Cull {
     proxy_pairs: Buffer,
     active_pairs: Buffer,
     reach: Buffer,
+    near_pairs: Buffer,
     directions: Buffer,
     /// [`PAIR_REGIONS`] [`Region`]s a pair of bodies.
     pub regions: Buffer,
@@ -77,6 +78,7 @@ impl Cull {
             proxy_pairs: upload(context, "pairs of proxies", &model.proxy_pairs)?,
             active_pairs: array::<u32>(context, "active pairs of proxies", proxy_pairs)?,
             reach: array::<[f32; 2]>(context, "reach", proxy_pairs)?,
+            near_pairs: array::<u32>(context, "near pairs of proxies", proxy_pairs)?,
             directions: zeros::<[f32; 4]>(context, "directions", 2 * proxy_pairs)?,
             regions: zeros::<Region>(context, "regions", PAIR_REGIONS * model.pairs.len())?,
             slots: upload(context, "slots", &model.slots)?,
@@ -118,6 +120,7 @@ impl Cull {
             &self.fields,
             &common.counts,
             &common.args,
+            &self.near_pairs,
         ];
         recorder.dispatch_groups(&self.regions_kernel, &buffers, &[], self.pair_count);
         let buffers = [
