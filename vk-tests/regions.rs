@@ -85,6 +85,7 @@ impl Given {
             .partial("fields", &vec![7u32; PAIR_REGIONS * FIELD_WORDS])
             .inout("counts", &[Counts::default()])
             .inout("args", &vec![0u32; args::WORDS])
+            .partial("near_pairs", &vec![NONE; self.directions.len() / 2])
             .groups(1)
             .run()
     }

@@ -56,7 +56,7 @@ impl Flow {
             .input("hull", &some(&self.hull))
             .partial("active_pairs", &vec![NONE; count])
             .partial("reach_of", &vec![[-1.0f32; 2]; count])
-            .output::<[f32; 4]>("directions", 2 * count)
+            .partial("directions", &vec![[0.0f32; 4]; 2 * count])
             .inout("args", &self.args)
             .elements(count)
             .run();
@@ -104,6 +104,7 @@ impl Flow {
             .partial("fields", &vec![7u32; PAIR_REGIONS * pairs * FIELD_WORDS])
             .inout("counts", &[self.counts])
             .inout("args", &self.args)
+            .partial("near_pairs", &vec![NONE; self.model.proxy_pairs.len()])
             .groups(pairs)
             .run();
         self.regions = out.get("regions");
