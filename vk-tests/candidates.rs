@@ -22,13 +22,16 @@ const FIRST_PROXY_PAIR: u32 = 10;
 /// A crossing: depth and whether it is a front.
 type Crossing = (f64, bool);
 
+/// One with its triangle: that, depth, front, opposing slot.
+type Made = (u32, f64, bool, u32);
+
 /// Vertices of one side, what their rays cross in each region, and the flow that holds them.
 struct Given {
     side: u32,
     flow: Flow,
     outward: Vec<DVec3>,
-    /// Triangle, depth, front, opposing slot, by vertex and region.
-    crossed: Vec<[Vec<(u32, f64, bool, u32)>; PAIR_REGIONS]>,
+    /// By vertex and region.
+    crossed: Vec<[Vec<Made>; PAIR_REGIONS]>,
 }
 
 fn narrow(x: DVec3) -> [f32; 4] {
@@ -186,7 +189,7 @@ impl Given {
             expect_close(&what, &hit[3..], &[0.5 * facing * area], Tolerance { abs: BLENDED * area, rel: 0.0 });
             let tilt = Tolerance { abs: BLENDED, rel: 0.0 };
             expect_close(&what, &flow.normals[v][..3], &normal.to_array(), tilt);
-            let strength = |s: &(f64, f64, DVec3, &(u32, f64, bool, u32))| s.0 / (s.1 * s.1);
+            let strength = |s: &(f64, f64, DVec3, &Made)| s.0 / (s.1 * s.1);
             let strongest = seen.iter().max_by(|x, y| strength(x).total_cmp(&strength(y))).unwrap();
             assert_eq!(flow.what[v], [vertex, self.side, strongest.3.0, 0], "{what}");
             self.check_point(v, strongest.2, strongest.1, strongest.3.0);

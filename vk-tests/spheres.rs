@@ -50,9 +50,11 @@ fn wanted(normal: DVec3, a: &Body, b: &Body) -> Depths {
     depths
 }
 
-/// Side, vertex and opposing triangle of each contact of two rigid bodies, within their bodies, and the first vertex and triangle
-/// of each.
-pub fn sides(a: &Body, b: &Body, normal: DVec3) -> (Vec<(usize, u32, u32)>, [(u32, u32); 2]) {
+/// Side, vertex and opposing triangle of a contact, within their bodies.
+type Touch = (usize, u32, u32);
+
+/// The contacts of two rigid bodies, and the first vertex and triangle of each.
+pub fn sides(a: &Body, b: &Body, normal: DVec3) -> (Vec<Touch>, [(u32, u32); 2]) {
     let (vertices, triangles) = mesh(a);
     let found = wanted(normal, a, b).into_iter().map(|((side, v), (_, triangle))| (side as usize, v, triangle));
     (found.collect(), [(0, 0), (vertices.len() as u32, triangles.len() as u32)])
