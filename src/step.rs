@@ -106,15 +106,7 @@ impl Simulation {
         self.frames.set_out(time, h, self.tool.as_ref());
         self.write_inputs(origin, &device)?;
         let report = self.submit()?;
-        if std::env::var("PDEBUG").is_ok() && self.step % 10 == 0 {
-            let t = self.stages.touch.as_ref().unwrap();
-            eprintln!("{:?}", self.stages.common.counts.read::<Counts>()?[0]);
-            for r in t.cull.regions.read::<Region>()? {
-                if r.weight > 0.0 {
-                    eprintln!("  {:?}", r);
-                }
-            }
-        }
+        if std::env::var("PDEBUG").is_ok() && self.step % 10 == 0 { let t=self.stages.touch.as_ref().unwrap(); eprintln!("{:?}", self.stages.common.counts.read::<Counts>()?[0]); for r in t.cull.regions.read::<Region>()? { if r.weight > 0.0 { eprintln!("  {:?}", r); } } }
         let accepted = !Flags(report.flags).contains(Flags::NON_FINITE);
         if accepted && let Some(tool) = &mut self.tool {
             tool.advance(h, report.tool_change);

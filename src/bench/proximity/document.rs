@@ -16,7 +16,7 @@ pub fn document(results: &Results) -> Result<Document> {
     let quick = if settings.is_quick { " This is a quick run: its figures are a first look." } else { "" };
     let preface = format!(
         "Measured by palpate {} on {device} ({driver}), depth by {depth_path}, a machine of {threads} threads. Times are \
-         medians of {} runs (of steps with contact for scenes) by the device's own clock, stage by stage; a total is the \
+         medians of {} runs (half as many for areas; steps with contact for scenes) by the device's own clock, stage by stage; a total is the \
          median of the sums.{quick}",
         results.version, settings.runs
     );
@@ -126,37 +126,27 @@ fn area(rows: &[Area]) -> Result<Section> {
     })
 }
 
-/// The straight line that fits best, over rows in contact.
+/// From the first row in contact to the last: what more area costs.
 fn area_finding(rows: &[Area]) -> String {
     let touching: Vec<&Place> = rows.iter().map(|row| &row.place).filter(|place| place.contacts > 0).collect();
-    let points: Vec<(f64, f64)> =
-        touching.iter().map(|place| (1e4 * place.area, place.samples_us.total_ms())).collect();
-    let Some((start, slope, worst)) = fit(&points) else { return "too few contacts to say.".into() };
-    let contacts: usize = touching.iter().map(|place| place.contacts).sum();
-    let area: f64 = points.iter().map(|point| point.0).sum();
+    let [first, second, .., before, last] = touching[..] else { return "too few contacts to say.".into() };
+    let (cm2, time) = (|place: &Place| 1e4 * place.area, |place: &Place| place.samples_us.total_ms());
+    let slope = |a: &Place, b: &Place| (time(b) - time(a)) / (cm2(b) - cm2(a));
+    let stages = last.samples_us.medians_ms().into_iter().zip(STAGES);
+    let (longest, stage) = stages.fold((0.0, ""), |most, stage| if stage.0 > most.0 { stage } else { most });
     format!(
-        "Time is {start:.2} ms and {:.0} us more for each cm^2 ({:.2} us a contact), within {:.0} % from a gap closed to \
-         {:.0} cm^2.",
-        1e3 * slope,
-        1e3 * slope * area / contacts as f64,
-        100.0 * worst,
-        points.iter().fold(0.0, |most: f64, point| most.max(point.0))
+        "From {:.1} to {:.1} cm^2, {:.1} times the area, the query takes {:.1} times as long ({:.2} and {:.2} ms); one more \
+         cm^2 costs {:.2} ms at first and {:.2} ms at last, when {:.0} % of the time is {stage}'s.",
+        cm2(first),
+        cm2(last),
+        cm2(last) / cm2(first),
+        time(last) / time(first),
+        time(first),
+        time(last),
+        slope(first, second),
+        slope(before, last),
+        100.0 * longest / time(last)
     )
-}
-
-/// Least squares: value at 0, slope, and the greatest relative miss; `None` where no line is determined.
-fn fit(points: &[(f64, f64)]) -> Option<(f64, f64, f64)> {
-    let n = points.len() as f64;
-    let sum = |f: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(f).sum::<f64>();
-    let (mean_x, mean_y) = (sum(&|p| p.0) / n, sum(&|p| p.1) / n);
-    let spread = sum(&|p| (p.0 - mean_x).powi(2));
-    if points.len() < 2 || spread <= 0.0 {
-        return None;
-    }
-    let slope = sum(&|p| (p.0 - mean_x) * (p.1 - mean_y)) / spread;
-    let start = mean_y - slope * mean_x;
-    let miss = |p: &(f64, f64)| ((start + slope * p.0) / p.1 - 1.0).abs();
-    Some((start, slope, points.iter().map(miss).fold(0.0, f64::max)))
 }
 
 fn peers(peers: &Peers) -> Result<Section> {
@@ -176,6 +166,7 @@ fn peers(peers: &Peers) -> Result<Section> {
     };
     row(one("parry3d f64: closest point, in the box", *boxed, peers.boxed_ms()));
     row(one("parry3d f64: closest point, all", *small, peers.all_ms()));
+    row(["parry3d f64: refit after the head deformed", "", "", "", &ms(peers.refit_ms())].map(String::from));
     let quoted = |name: &str, asked: &str, time: f64| [name, asked, "one", "320", &ms(time)].map(String::from);
     row(quoted("quoted: closest point, in the box", "713", QUOTED_MS[0]));
     row(quoted("quoted: closest point, all", "30000", QUOTED_MS[1]));
@@ -184,6 +175,7 @@ fn peers(peers: &Peers) -> Result<Section> {
         bar("palpate, both skins", total, 0),
         bar("parry3d, in the box", peers.boxed_ms(), 1),
         bar("parry3d, all", peers.all_ms(), 1),
+        bar("parry3d, refit", peers.refit_ms(), 1),
         bar("quoted, in the box", QUOTED_MS[0], 2),
         bar("quoted, all", QUOTED_MS[1], 2),
     ];
@@ -191,9 +183,11 @@ fn peers(peers: &Peers) -> Result<Section> {
         title: "Peers on the same work".into(),
         question: format!(
             "How long does the same pose take others? A pumpkin of {small} vertices is pressed into the back of a head of \
-             {large}. Closest points give Euclidean depth for the vertices of one body, on one core, by a tree of boxes; \
-             the query gives depth along the contact's normal for both. The quoted times are of another machine, for \
-             30,000 vertices against a skin of 41,000, 320 colliding."
+             {large}. Closest points within {:.0} mm give Euclidean depth for the pumpkin's vertices alone, on one core, by a \
+             tree of boxes that is made before and must be refitted where the head deforms; the query gives depth along \
+             the contact's normal for both bodies, and culls and places them each time. The quoted times are of another \
+             machine, for 30,000 vertices against a skin of 41,000, 320 colliding.",
+            1e3 * peers.reach
         ),
         table,
         plot: Some(("peers.svg", bars("median time, ms", &["palpate", "parry3d, here", "quoted"], &drawn)?)),
@@ -208,12 +202,13 @@ fn peers_finding(peers: &Peers) -> String {
         ratio => format!("{:.1} times as slow as", 1.0 / ratio),
     };
     format!(
-        "The query of both skins ({:.2} ms) is {} closest points for the {} vertices in the box here ({:.2} ms), and {} \
-         those for all ({:.2} ms); it is {} the {} ms and {} the {} ms quoted.",
+        "The query of both skins ({:.2} ms) is {} closest points for the {} vertices in the box here ({:.2} ms; {:.2} ms \
+         with the refit), and {} those for all ({:.2} ms); it is {} the {} ms and {} the {} ms quoted.",
         total,
         against(peers.boxed_ms()),
         peers.boxed,
         peers.boxed_ms(),
+        peers.boxed_ms() + peers.refit_ms(),
         against(peers.all_ms()),
         peers.all_ms(),
         against(QUOTED_MS[0]),

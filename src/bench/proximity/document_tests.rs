@@ -23,23 +23,28 @@ fn sensitivity_is_judged_by_the_last_and_the_first() {
 }
 
 #[test]
-fn time_against_area_is_a_line() {
-    let row = |area: f64| Area { place: place(0.5 + 0.05 * area, (200.0 * area) as usize, area), ..Area::default() };
-    let mut rows = vec![row(1.0), row(4.0), row(20.0)];
-    // Without contact: no part of the line.
-    rows.push(Area { place: place(9.0, 0, 0.0), ..Area::default() });
+fn more_area_costs_more() {
+    let row = |area: f64, time: f64| Area { place: place(time, (200.0 * area) as usize, area), ..Area::default() };
+    // Without contact: no part of it.
+    let rows = [row(0.0, 9.0), row(1.0, 1.0), row(3.0, 2.0), row(10.0, 4.0), row(20.0, 14.0)];
     let finding = area_finding(&rows);
-    assert!(finding.starts_with("Time is 0.50 ms and 50 us more for each cm^2 (0.25 us a contact)"), "{finding}");
-    assert!(finding.contains("within 0 %") && finding.contains("to 20 cm^2"), "{finding}");
-    assert!(area_finding(&rows[..1]).contains("too few"));
+    assert!(finding.starts_with("From 1.0 to 20.0 cm^2, 20.0 times the area, the query takes 14.0 times"), "{finding}");
+    assert!(finding.contains("0.50 ms at first and 1.00 ms at last, when 60 % of the time is contact's"), "{finding}");
+    assert!(area_finding(&rows[..4]).contains("too few"));
 }
 
 #[test]
 fn peers_are_faster_or_slower() {
-    let peers =
-        Peers { place: place(4.0, 600, 9.0), boxed_us: vec![2_000.0], all_us: vec![10_000.0], ..Peers::default() };
+    let peers = Peers {
+        place: place(4.0, 600, 9.0),
+        boxed_us: vec![2_000.0],
+        all_us: vec![10_000.0],
+        refit_us: vec![500.0],
+        ..Peers::default()
+    };
     let finding = peers_finding(&peers);
     assert!(finding.contains("2.0 times as slow as closest points for the 0 vertices"), "{finding}");
+    assert!(finding.contains("(2.00 ms; 2.50 ms with the refit)"), "{finding}");
     assert!(finding.contains("2.5 times as fast as those for all (10.00 ms)"), "{finding}");
 }
 

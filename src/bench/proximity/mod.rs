@@ -23,7 +23,7 @@ use crate::stages::depth::Path;
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Runs of each query whose times are taken.
+    /// Runs of each query whose times are taken; half as many for contact areas.
     pub runs: usize,
     /// Runs of each before them.
     pub warm_up: usize,
@@ -76,7 +76,7 @@ impl Settings {
             sizes: vec![11_000, 44_000, 176_000],
             areas_cm2: vec![0.0, 1.0, 4.0, 9.0, 20.0],
             steps: 20,
-            scene_seconds: 5.0,
+            scene_seconds: 4.0,
             is_quick: true,
             ..Settings::full()
         }

@@ -27,6 +27,8 @@ const TURN: f64 = 0.3;
 const BROAD: Family = Family { radius: 0.1, cap: 0.06, spacing: 0.0008, is_lobed: true };
 /// Between skins that do not touch, m: near enough that something has to be looked at.
 const GAP: f64 = 0.0005;
+/// Poses of the area's series are many and some take long: each has this part of the runs.
+const AREA_RUNS: usize = 2;
 
 /// What a query found, and what it took.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -92,7 +94,7 @@ pub fn measure(queries: &mut [Query], cases: &[Case], settings: &Settings) -> Re
             place.samples_us.add(&answer.stage_times);
             place.contacts = answer.contacts.len();
             place.chunks = answer.counts.chunks;
-            place.area = answer.contacts.iter().map(|contact| contact.area).sum();
+            place.area = answer.contacts.iter().fold(0.0, |area, contact| area + contact.area);
             place.max_depth = answer.contacts.iter().map(|contact| contact.depth).fold(0.0, f64::max);
             place.flags = answer.flags.names().collect();
         }
@@ -135,6 +137,7 @@ pub fn sensitivity(
 
 /// Two like skins, deeper and deeper.
 pub fn area(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Area>> {
+    let settings = &Settings { runs: settings.runs.div_ceil(AREA_RUNS), ..settings.clone() };
     watch(&format!("area: {} poses, {} runs of each", settings.areas_cm2.len(), settings.runs));
     let Graded { vertices, triangles } = BROAD.member(settings.area_vertices);
     let body = rigid("body", vertices, triangles)?;

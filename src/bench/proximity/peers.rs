@@ -1,5 +1,6 @@
 //! The same question answered by closest points: for each vertex of one body the nearest point of the other's surface, and
-//! whether it is inside, by a tree of boxes (parry3d, f64) on one core.
+//! whether it is inside, by a tree of boxes (parry3d, f64) on one core. Both bodies are rigid here; where they deform, the
+//! tree has to follow, and what that takes is measured too.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -26,6 +27,8 @@ const BEHIND: DVec3 = DVec3::new(0.0, 0.03, 0.0);
 /// Distances of the pumpkin's centre to search, m.
 const DISTANCES: [f64; 2] = [0.11, 0.5];
 const HALVINGS: usize = 24;
+/// Refits of the tree take longer than queries, and vary less: one in so many runs is measured.
+const REFIT_EVERY: usize = 10;
 
 /// Times of both, and on what.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -41,10 +44,14 @@ pub struct Peers {
     /// The query.
     #[serde(flatten)]
     pub place: Place,
-    /// Closest points for the vertices in the box, microseconds, a run each.
+    /// Closest points no farther than this are looked for, m: the query's `depth_limit`.
+    pub reach: f64,
+    /// Closest points for the vertices in the box, which are picked out each time, microseconds, a run each.
     pub boxed_us: Vec<f64>,
     /// Closest points for all vertices of the pumpkin, microseconds, a run each.
     pub all_us: Vec<f64>,
+    /// The head's tree after its vertices moved, microseconds, a refit each.
+    pub refit_us: Vec<f64>,
 }
 
 impl Peers {
@@ -57,6 +64,11 @@ impl Peers {
     pub fn all_ms(&self) -> f64 {
         1e-3 * median(&self.all_us)
     }
+
+    /// The head's tree after its vertices moved, ms.
+    pub fn refit_ms(&self) -> f64 {
+        1e-3 * median(&self.refit_us)
+    }
 }
 
 /// Both on one pose, in turn.
@@ -66,7 +78,7 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
     let (points, pumpkin_triangles) = Model::Pumpkin.surface(pumpkin_count);
     let points: Vec<DVec3> = points.into_iter().map(|x| SCALE * x).collect();
     let (head_points, head_triangles) = Model::Head.surface(head_count);
-    let tree = tree(&head_points, &head_triangles)?;
+    let mut tree = tree(&head_points, &head_triangles)?;
     let head_box = bounds(&head_points);
     let head = rigid("head", head_points, head_triangles)?;
     let pumpkin = rigid("pumpkin", points.clone(), pumpkin_triangles)?;
@@ -75,8 +87,9 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
         let at = BEHIND - DVec3::Z * distance;
         points.iter().map(|x| *x + at).map(|x| Vector::new(x.x, x.y, x.z)).collect()
     };
+    // The pumpkin's box holds all of its vertices: those in the head's box are those in the box of both.
     let in_box = |x: &&Vector| (0..3).all(|k| (head_box[0][k]..=head_box[1][k]).contains(&x[k]));
-    let inside = |points: &[Vector]| closest(&tree, points.iter().filter(in_box).copied()).0;
+    let inside = |points: &[Vector]| closest(&tree, points.iter().filter(in_box), f64::MAX).0;
     let [mut near, mut far] = DISTANCES;
     for _ in 0..HALVINGS {
         let middle = 0.5 * (near + far);
@@ -87,10 +100,9 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
         }
     }
     let all = placed(far);
-    // The pumpkin's box holds all of its vertices: those in the head's box are those in the box of both.
-    let boxed: Vec<Vector> = all.iter().filter(in_box).copied().collect();
 
-    let mut query = Query::on(context, &head, &pumpkin, &QuerySettings::of(&head, &pumpkin), None)?;
+    let query_settings = QuerySettings::of(&head, &pumpkin);
+    let mut query = Query::on(context, &head, &pumpkin, &query_settings, None)?;
     let pose = (BEHIND - DVec3::Z * far, DQuat::IDENTITY);
     watch(&format!("peers: {} runs of each", settings.runs));
     let place = measure_one(&mut query, pose, settings)?;
@@ -99,14 +111,19 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
     let mut peers = Peers {
         vertices: [points.len(), settings.peer_vertices[1]],
         inside: inside(&all),
-        boxed: boxed.len(),
+        boxed: all.iter().filter(in_box).count(),
         colliding: [of(1), of(0)],
         place,
+        reach: query_settings.depth_limit,
         ..Peers::default()
     };
     for _ in 0..settings.runs {
-        peers.boxed_us.push(time(&tree, &boxed));
-        peers.all_us.push(time(&tree, &all));
+        peers.boxed_us.push(time(|| closest(&tree, black_box(&all).iter().filter(in_box), peers.reach)));
+        peers.all_us.push(time(|| closest(&tree, black_box(&all).iter(), peers.reach)));
+    }
+    let moved: Vec<Vector> = tree.vertices().to_vec();
+    for _ in 0..settings.runs.div_ceil(REFIT_EVERY) {
+        peers.refit_us.push(time(|| tree.set_vertices(black_box(&moved))));
     }
     Ok(peers)
 }
@@ -118,18 +135,19 @@ fn tree(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Result<TriMesh> {
         .map_err(|problem| Error::Simulation(format!("parry3d refuses the head: {problem}")))
 }
 
-/// How many points are inside, and how deep they are together.
-fn closest(tree: &TriMesh, points: impl Iterator<Item = Vector>) -> (usize, f64) {
-    points.fold((0, 0.0), |(count, depth), point| {
-        let nearest = tree.project_local_point(point, false);
-        if nearest.is_inside { (count + 1, depth + (nearest.point - point).length()) } else { (count, depth) }
-    })
+/// How many points are inside, and how deep they are together; none farther than `reach`.
+fn closest<'a>(tree: &TriMesh, points: impl Iterator<Item = &'a Vector>, reach: f64) -> (usize, f64) {
+    let nearest =
+        points.filter_map(|&point| Some((point, tree.project_local_point_with_max_dist(point, false, reach)?)));
+    nearest
+        .filter(|(_, nearest)| nearest.is_inside)
+        .fold((0, 0.0), |(count, depth), (point, nearest)| (count + 1, depth + (nearest.point - point).length()))
 }
 
 /// Microseconds.
-fn time(tree: &TriMesh, points: &[Vector]) -> f64 {
+fn time<T>(work: impl FnOnce() -> T) -> f64 {
     let begun = Instant::now();
-    black_box(closest(tree, black_box(points).iter().copied()));
+    black_box(work());
     begun.elapsed().as_secs_f64() * 1e6
 }
 
