@@ -3,6 +3,7 @@
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::{Error, Result};
 
@@ -19,7 +20,10 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
 ];
 const FONT: (&str, u32) = ("sans-serif", 15);
+/// Room for the names of bars, of the width.
 const LABELS: f64 = 0.28;
+/// Room for the names of lines.
+const NAMES: u32 = 80;
 /// Room above the highest point.
 const HEADROOM: f64 = 1.12;
 
@@ -28,7 +32,7 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// A line of a plot.
 #[derive(Debug, Clone)]
 pub struct Line {
-    /// In the legend.
+    /// At its end.
     pub name: String,
     /// In the units of the axes.
     pub points: Vec<(f64, f64)>,
@@ -43,7 +47,7 @@ pub struct Axis {
     pub names: Vec<String>,
 }
 
-/// Lines with a legend; the first is drawn stronger.
+/// Lines, each with its name at its end; the first is drawn stronger.
 pub fn lines(x: &Axis, y_label: &str, lines: &[Line]) -> Result<String> {
     to_svg(SIZE, |area| draw_lines(area, x, y_label, lines))
 }
@@ -59,9 +63,9 @@ pub struct Bar {
     pub kind: usize,
 }
 
-/// Bars from the top, each with its name and length; `kinds` are named in the legend.
-pub fn bars(x_label: &str, kinds: &[&str], bars: &[Bar]) -> Result<String> {
-    to_svg((SIZE.0, 90 + BAR_HEIGHT * bars.len() as u32), |area| draw_bars(area, x_label, kinds, bars))
+/// Bars from the top, each with its name and length.
+pub fn bars(x_label: &str, bars: &[Bar]) -> Result<String> {
+    to_svg((SIZE.0, 90 + BAR_HEIGHT * bars.len() as u32), |area| draw_bars(area, x_label, bars))
 }
 
 type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
@@ -80,11 +84,9 @@ fn draw_lines(area: &Area, x: &Axis, y_label: &str, lines: &[Line]) -> Drawn {
     let high = points().fold((0.0, 0.0), |high: (f64, f64), p| (high.0.max(p.0), high.1.max(p.1)));
     let margin = if x.names.is_empty() { 0.0 } else { 0.15 };
     let span = -margin..(high.0 + margin).max(1e-9);
-    let mut chart = ChartBuilder::on(area)
-        .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(60)
-        .build_cartesian_2d(span, 0.0..(HEADROOM * high.1).max(1e-9))?;
+    let mut builder = ChartBuilder::on(area);
+    builder.margin(12).margin_right(NAMES).x_label_area_size(44).y_label_area_size(60);
+    let mut chart = builder.build_cartesian_2d(span, 0.0..(HEADROOM * high.1).max(1e-9))?;
     let name = |at: &f64| match x.names.get(at.round() as usize) {
         Some(name) if (at - at.round()).abs() < 1e-6 && *at > -0.5 => name.clone(),
         Some(_) => String::new(),
@@ -92,28 +94,35 @@ fn draw_lines(area: &Area, x: &Axis, y_label: &str, lines: &[Line]) -> Drawn {
         None => String::new(),
     };
     let mut mesh = chart.configure_mesh();
-    mesh.x_desc(&x.label).y_desc(y_label).x_label_formatter(&name).label_style(FONT).axis_desc_style(FONT);
+    mesh.x_desc(&x.label).y_desc(y_label).label_style(FONT).axis_desc_style(FONT);
+    mesh.x_label_formatter(&name).y_label_formatter(&|at| number(*at));
     mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12));
     if !x.names.is_empty() {
-        mesh.disable_x_mesh();
+        // Ticks would also stand between the names.
+        mesh.disable_x_mesh().set_tick_mark_size(LabelAreaPosition::Bottom, 0);
     }
     mesh.draw()?;
     for (k, line) in lines.iter().enumerate() {
         let style = COLOURS[k % COLOURS.len()].stroke_width(if k == 0 { 3 } else { 2 });
-        chart
-            .draw_series(LineSeries::new(line.points.iter().copied(), style))?
-            .label(&line.name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], style));
+        chart.draw_series(LineSeries::new(line.points.iter().copied(), style))?;
         let dot = |&at: &(f64, f64)| Circle::new(at, if k == 0 { 4 } else { 3 }, style.filled());
         chart.draw_series(line.points.iter().map(dot))?;
     }
-    let mut legend = chart.configure_series_labels();
-    legend.position(SeriesLabelPosition::UpperLeft).label_font(FONT).background_style(WHITE.mix(0.85));
-    legend.border_style(BLACK.mix(0.2)).draw()?;
+    // From the lowest end up, each name clear of the one below it.
+    let ends = lines.iter().enumerate().filter_map(|(k, line)| Some((k, chart.backend_coord(line.points.last()?))));
+    let mut ends: Vec<(usize, (i32, i32))> = ends.collect();
+    ends.sort_by_key(|&(k, (_, y))| (std::cmp::Reverse(y), k));
+    let mut free = i32::MAX;
+    for (k, (x, y)) in ends {
+        let y = y.min(free);
+        free = y - FONT.1 as i32;
+        let style = TextStyle::from(FONT.into_font()).color(&COLOURS[k % COLOURS.len()]);
+        area.draw_text(&lines[k].name, &style.pos(Pos::new(HPos::Left, VPos::Center)), (x + 10, y))?;
+    }
     Ok(())
 }
 
-fn draw_bars(area: &Area, x_label: &str, kinds: &[&str], bars: &[Bar]) -> Drawn {
+fn draw_bars(area: &Area, x_label: &str, bars: &[Bar]) -> Drawn {
     let high = bars.iter().fold(0.0, |high: f64, bar| high.max(bar.length));
     let count = bars.len() as f64;
     let mut chart = ChartBuilder::on(area)
@@ -124,19 +133,13 @@ fn draw_bars(area: &Area, x_label: &str, kinds: &[&str], bars: &[Bar]) -> Drawn 
     // Names stand in the middle of their bars, and ticks need not fall there: they are drawn by hand.
     let mut mesh = chart.configure_mesh();
     mesh.x_desc(x_label).label_style(FONT).axis_desc_style(FONT).y_labels(0).disable_y_mesh();
+    mesh.x_label_formatter(&|at| number(*at));
     mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).draw()?;
-    for (kind, name) in kinds.iter().enumerate() {
-        let colour = COLOURS[(kind + 1) % COLOURS.len()];
-        let of_kind = bars.iter().enumerate().filter(|(_, bar)| bar.kind == kind);
-        let drawn = of_kind.map(|(k, bar)| {
-            let top = count - k as f64;
-            Rectangle::new([(0.0, top - 0.15), (bar.length, top - 0.85)], colour.filled())
-        });
-        let entry = chart.draw_series(drawn)?;
-        if kinds.len() > 1 {
-            entry.label(*name).legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 14, y + 5)], colour.filled()));
-        }
-    }
+    chart.draw_series(bars.iter().enumerate().map(|(k, bar)| {
+        let top = count - k as f64;
+        let colour = COLOURS[(bar.kind + 1) % COLOURS.len()];
+        Rectangle::new([(0.0, top - 0.15), (bar.length, top - 0.85)], colour.filled())
+    }))?;
     for (k, bar) in bars.iter().enumerate() {
         let middle = count - k as f64 - 0.5;
         let (x, y) = chart.backend_coord(&(0.0, middle));
@@ -145,15 +148,8 @@ fn draw_bars(area: &Area, x_label: &str, kinds: &[&str], bars: &[Bar]) -> Drawn 
         let (end, y) = chart.backend_coord(&(bar.length, middle));
         area.draw_text(&number(bar.length), &style(HPos::Left), (end + 6, y))?;
     }
-    if kinds.len() > 1 {
-        let mut legend = chart.configure_series_labels();
-        legend.position(SeriesLabelPosition::LowerRight).label_font(FONT).background_style(WHITE.mix(0.85));
-        legend.border_style(BLACK.mix(0.2)).draw()?;
-    }
     Ok(())
 }
-
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// Short, at most two digits after the point.
 fn number(x: f64) -> String {
@@ -172,8 +168,8 @@ mod tests {
         let svg = lines(&axis, "ms", &[line]).unwrap();
         assert!(["vertices", "11 k", "44 k", "total"].iter().all(|text| svg.contains(text)), "{svg}");
         let bar = |name: &str, length, kind| Bar { name: name.into(), length, kind };
-        let svg = bars("time, ms", &["here", "there"], &[bar("one", 1.5, 0), bar("two", 3.0, 1)]).unwrap();
-        assert!(["time, ms", "one", "two", "1.5", "here", "there"].iter().all(|text| svg.contains(text)), "{svg}");
-        assert!(lines(&axis, "ms", &[]).is_ok() && bars("ms", &[], &[]).is_ok());
+        let svg = bars("time, ms", &[bar("one", 1.5, 0), bar("two", 3.0, 1)]).unwrap();
+        assert!(["time, ms", "one", "two", "1.5"].iter().all(|text| svg.contains(text)), "{svg}");
+        assert!(lines(&axis, "ms", &[]).is_ok() && bars("ms", &[]).is_ok());
     }
 }

@@ -43,9 +43,9 @@ fn peers_are_faster_or_slower() {
         ..Peers::default()
     };
     let finding = peers_finding(&peers);
-    assert!(finding.contains("2.0 times as slow as closest points for the 0 vertices"), "{finding}");
+    assert!(finding.contains("2.00 times as slow as closest points for the 0 vertices"), "{finding}");
     assert!(finding.contains("(2.00 ms; 2.50 ms with the refit)"), "{finding}");
-    assert!(finding.contains("2.5 times as fast as those for all (10.00 ms)"), "{finding}");
+    assert!(finding.contains("2.50 times as fast as those for all (10.00 ms)"), "{finding}");
 }
 
 #[test]

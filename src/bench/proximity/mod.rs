@@ -39,7 +39,7 @@ pub struct Settings {
     pub peer_colliding: usize,
     /// Folder of the scenes.
     pub scenes: PathBuf,
-    /// Steps of each scene from its first contact on.
+    /// Steps of each scene after its first contact.
     pub steps: usize,
     /// A scene is left after so many seconds, s.
     pub scene_seconds: f64,
@@ -76,7 +76,7 @@ impl Settings {
             sizes: vec![11_000, 44_000, 176_000],
             areas_cm2: vec![0.0, 1.0, 4.0, 9.0, 20.0],
             steps: 20,
-            scene_seconds: 4.0,
+            scene_seconds: 6.0,
             is_quick: true,
             ..Settings::full()
         }

@@ -42,9 +42,9 @@ pub enum Outcome {
     Missing(String),
     /// It ran.
     Ran {
-        /// Steps from the first contact on, that included.
+        /// Steps after that of the first contact.
         steps: usize,
-        /// Steps before them.
+        /// Steps before them, untimed.
         before: usize,
         /// Those of `steps` that had contacts, whose times are below.
         touching: usize,
@@ -84,25 +84,25 @@ pub fn measure(scenes: Vec<Read>, settings: &Settings, watch: &mut dyn FnMut(&st
     SCENES.into_iter().zip(scenes).map(measure).collect()
 }
 
-/// Steps to the first contact untimed, since times cost time, and all after it timed.
+/// Steps to the first contact untimed, since taking times takes time, and all after it timed.
 fn run(scene: &Scene, settings: &Settings) -> Result<Outcome> {
     let mut simulation = Simulation::new(scene, &Options { device: settings.device.clone(), validation: false }, None)?;
     simulation.time_every(0);
     let begun = Instant::now();
-    let (mut before, mut steps, mut flags) = (0, 0, 0);
+    let (mut has_begun, mut before, mut steps, mut flags) = (false, 0, 0, 0);
     let (mut contacts, mut samples_us) = (Vec::new(), Samples::default());
     let last = (scene.duration() / scene.step.dt).round() as usize;
     while steps < settings.steps && before + steps < last && begun.elapsed().as_secs_f64() < settings.scene_seconds {
         let row = simulation.step()?;
         flags |= row.flags.0;
         let found = row.contacts.unwrap_or(0);
-        if steps == 0 && found == 0 {
+        if !has_begun {
             before += 1;
+            has_begun = found > 0;
+            simulation.time_every(has_begun.into());
             continue;
         }
-        simulation.time_every(1);
         steps += 1;
-        // The step of the first contact was not timed yet.
         if let Some(times) = simulation.stage_times().filter(|_| found > 0) {
             samples_us.add(times);
             contacts.push(found);
