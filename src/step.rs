@@ -30,7 +30,8 @@ use recordings::{Recordings, Stages};
 const SPARE_ITERATIONS: u32 = 4;
 /// Submits of one step at most; beyond, the device does not keep its word.
 const MOST_SUBMITS: u32 = 64;
-/// Every so many steps the stages are timed: timestamps split the work and cost up to a millisecond on some drivers.
+/// Every so many steps the stages are timed, unless [`Simulation::time_every`] says otherwise: timestamps split the work and
+/// cost up to a millisecond on some drivers.
 pub const TIMED_EVERY: u64 = 16;
 
 /// A scene under way.
@@ -52,6 +53,7 @@ pub struct Simulation {
     step: u64,
     last_iterations: u32,
     last_timed: Option<Vec<(String, f64)>>,
+    timed_every: u64,
 }
 
 impl Simulation {
@@ -94,6 +96,7 @@ impl Simulation {
             step: 0,
             last_iterations: 0,
             last_timed: None,
+            timed_every: TIMED_EVERY,
         })
     }
 
@@ -132,7 +135,12 @@ impl Simulation {
         self.path
     }
 
-    /// Times of the stages in the last step, microseconds, where it was a timed one (every [`TIMED_EVERY`]-th).
+    /// Times the stages of every so many steps from now on; 0: of none.
+    pub fn time_every(&mut self, steps: u64) {
+        self.timed_every = steps;
+    }
+
+    /// Times of the stages in the last step, microseconds, where it was a timed one.
     pub fn stage_times(&self) -> Option<&[(String, f64)]> {
         self.last_timed.as_deref()
     }
@@ -271,7 +279,7 @@ impl Simulation {
 
     /// Submits the step; where it ran out of iterations, or contacts pulled, what is missing.
     fn submit(&mut self) -> Result<Report> {
-        let timed = self.step % TIMED_EVERY == 1;
+        let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
         let set = if timed { &self.timed } else { &self.plain };
         let wanted = self.last_iterations + SPARE_ITERATIONS;
         let mut parts = vec![&set.begin, set.plan(wanted), &set.end];

@@ -1,6 +1,7 @@
 //! The `palpate` program: reads the command line, runs one command, turns an error into one line and an exit status
 //! (0 success, 2 bad input, 3 no usable device, 4 the simulation failed).
 
+mod bench;
 mod devices;
 mod engine;
 mod prepare;
@@ -30,6 +31,8 @@ enum Command {
     Prepare(prepare::Arguments),
     /// Find where two surfaces overlap, undeformed
     Query(query::Arguments),
+    /// Measure, and write the report of it
+    Bench(bench::Arguments),
     /// List the Vulkan devices that can be used
     Devices,
 }
@@ -43,6 +46,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Prepare(arguments) => prepare::prepare(&arguments),
         Command::Query(arguments) => query::query(&arguments),
+        Command::Bench(arguments) => bench::bench(&arguments),
         Command::Devices => devices::devices(),
     };
     match result {

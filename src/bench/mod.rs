@@ -1,0 +1,13 @@
+//! Benchmarks, and the reports made by them. Each has a folder of its own; they share samples, plots and the way that
+//! questions, tables and findings are set.
+
+pub mod document;
+pub mod plot;
+pub mod proximity;
+pub mod samples;
+
+pub use document::{Document, Section, Table};
+pub use samples::{STAGES, Samples, median};
+
+/// Version of the format of `results.json`: raised when a field changes its meaning or goes.
+pub const SCHEMA: u32 = 1;

@@ -1,0 +1,175 @@
+//! Plots as SVG. Colours are those of M. Okabe and K. Ito (2008), which colour-blind readers can tell apart; the text uses
+//! the reader's own fonts.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use crate::{Error, Result};
+
+const SIZE: (u32, u32) = (760, 420);
+/// Of a bar and the gap after it.
+const BAR_HEIGHT: u32 = 30;
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 0, 0),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 114, 178),
+    RGBColor(0, 158, 115),
+    RGBColor(230, 159, 0),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+];
+const FONT: (&str, u32) = ("sans-serif", 15);
+/// Room for the names of bars, of the width.
+const LABELS: f64 = 0.28;
+/// Room for the names of lines.
+const NAMES: u32 = 80;
+/// Room above the highest point.
+const HEADROOM: f64 = 1.12;
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// A line of a plot.
+#[derive(Debug, Clone)]
+pub struct Line {
+    /// At its end.
+    pub name: String,
+    /// In the units of the axes.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// What runs along an axis.
+#[derive(Debug, Clone)]
+pub struct Axis {
+    /// With its unit.
+    pub label: String,
+    /// Names at 0, 1, 2 ..; empty: numbers.
+    pub names: Vec<String>,
+}
+
+/// Lines, each with its name at its end; the first is drawn stronger.
+pub fn lines(x: &Axis, y_label: &str, lines: &[Line]) -> Result<String> {
+    to_svg(SIZE, |area| draw_lines(area, x, y_label, lines))
+}
+
+/// A bar of a plot.
+#[derive(Debug, Clone)]
+pub struct Bar {
+    /// What it is.
+    pub name: String,
+    /// From 0.
+    pub length: f64,
+    /// Colour: bars of one kind have one.
+    pub kind: usize,
+}
+
+/// Bars from the top, each with its name and length.
+pub fn bars(x_label: &str, bars: &[Bar]) -> Result<String> {
+    to_svg((SIZE.0, 90 + BAR_HEIGHT * bars.len() as u32), |area| draw_bars(area, x_label, bars))
+}
+
+type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
+
+fn to_svg(size: (u32, u32), draw: impl FnOnce(&Area) -> Drawn) -> Result<String> {
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+    let drawn = area.fill(&WHITE).map_err(Into::into).and_then(|()| draw(&area)).and_then(|()| Ok(area.present()?));
+    drop(area);
+    drawn.map_err(|error| Error::Simulation(format!("a plot cannot be drawn: {error}")))?;
+    Ok(svg)
+}
+
+fn draw_lines(area: &Area, x: &Axis, y_label: &str, lines: &[Line]) -> Drawn {
+    let points = || lines.iter().flat_map(|line| &line.points);
+    let high = points().fold((0.0, 0.0), |high: (f64, f64), p| (high.0.max(p.0), high.1.max(p.1)));
+    let margin = if x.names.is_empty() { 0.0 } else { 0.15 };
+    let span = -margin..(high.0 + margin).max(1e-9);
+    let mut builder = ChartBuilder::on(area);
+    builder.margin(12).margin_right(NAMES).x_label_area_size(44).y_label_area_size(60);
+    let mut chart = builder.build_cartesian_2d(span, 0.0..(HEADROOM * high.1).max(1e-9))?;
+    let name = |at: &f64| match x.names.get(at.round() as usize) {
+        Some(name) if (at - at.round()).abs() < 1e-6 && *at > -0.5 => name.clone(),
+        Some(_) => String::new(),
+        None if x.names.is_empty() => number(*at),
+        None => String::new(),
+    };
+    let mut mesh = chart.configure_mesh();
+    mesh.x_desc(&x.label).y_desc(y_label).label_style(FONT).axis_desc_style(FONT);
+    mesh.x_label_formatter(&name).y_label_formatter(&|at| number(*at));
+    mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12));
+    if !x.names.is_empty() {
+        // Ticks would also stand between the names.
+        mesh.disable_x_mesh().set_tick_mark_size(LabelAreaPosition::Bottom, 0);
+    }
+    mesh.draw()?;
+    for (k, line) in lines.iter().enumerate() {
+        let style = COLOURS[k % COLOURS.len()].stroke_width(if k == 0 { 3 } else { 2 });
+        chart.draw_series(LineSeries::new(line.points.iter().copied(), style))?;
+        let dot = |&at: &(f64, f64)| Circle::new(at, if k == 0 { 4 } else { 3 }, style.filled());
+        chart.draw_series(line.points.iter().map(dot))?;
+    }
+    // From the lowest end up, each name clear of the one below it.
+    let ends = lines.iter().enumerate().filter_map(|(k, line)| Some((k, chart.backend_coord(line.points.last()?))));
+    let mut ends: Vec<(usize, (i32, i32))> = ends.collect();
+    ends.sort_by_key(|&(k, (_, y))| (std::cmp::Reverse(y), k));
+    let mut free = i32::MAX;
+    for (k, (x, y)) in ends {
+        let y = y.min(free);
+        free = y - FONT.1 as i32;
+        let style = TextStyle::from(FONT.into_font()).color(&COLOURS[k % COLOURS.len()]);
+        area.draw_text(&lines[k].name, &style.pos(Pos::new(HPos::Left, VPos::Center)), (x + 10, y))?;
+    }
+    Ok(())
+}
+
+fn draw_bars(area: &Area, x_label: &str, bars: &[Bar]) -> Drawn {
+    let high = bars.iter().fold(0.0, |high: f64, bar| high.max(bar.length));
+    let count = bars.len() as f64;
+    let mut chart = ChartBuilder::on(area)
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size((LABELS * f64::from(SIZE.0)) as u32)
+        .build_cartesian_2d(0.0..(1.15 * high).max(1e-9), 0.0..count.max(1.0))?;
+    // Names stand in the middle of their bars, and ticks need not fall there: they are drawn by hand.
+    let mut mesh = chart.configure_mesh();
+    mesh.x_desc(x_label).label_style(FONT).axis_desc_style(FONT).y_labels(0).disable_y_mesh();
+    mesh.x_label_formatter(&|at| number(*at));
+    mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).draw()?;
+    chart.draw_series(bars.iter().enumerate().map(|(k, bar)| {
+        let top = count - k as f64;
+        let colour = COLOURS[(bar.kind + 1) % COLOURS.len()];
+        Rectangle::new([(0.0, top - 0.15), (bar.length, top - 0.85)], colour.filled())
+    }))?;
+    for (k, bar) in bars.iter().enumerate() {
+        let middle = count - k as f64 - 0.5;
+        let (x, y) = chart.backend_coord(&(0.0, middle));
+        let style = |h: HPos| TextStyle::from(FONT.into_font()).pos(Pos::new(h, VPos::Center));
+        area.draw_text(&bar.name, &style(HPos::Right), (x - 8, y))?;
+        let (end, y) = chart.backend_coord(&(bar.length, middle));
+        area.draw_text(&number(bar.length), &style(HPos::Left), (end + 6, y))?;
+    }
+    Ok(())
+}
+
+/// Short, at most two digits after the point.
+fn number(x: f64) -> String {
+    let text = format!("{x:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plots_say_what_they_show() {
+        let axis = Axis { label: "vertices".into(), names: vec!["11 k".into(), "44 k".into()] };
+        let line = Line { name: "total".into(), points: vec![(0.0, 1.0), (1.0, 1.25)] };
+        let svg = lines(&axis, "ms", &[line]).unwrap();
+        assert!(["vertices", "11 k", "44 k", "total"].iter().all(|text| svg.contains(text)), "{svg}");
+        let bar = |name: &str, length, kind| Bar { name: name.into(), length, kind };
+        let svg = bars("time, ms", &[bar("one", 1.5, 0), bar("two", 3.0, 1)]).unwrap();
+        assert!(["time, ms", "one", "two", "1.5"].iter().all(|text| svg.contains(text)), "{svg}");
+        assert!(lines(&axis, "ms", &[]).is_ok() && bars("ms", &[]).is_ok());
+    }
+}
