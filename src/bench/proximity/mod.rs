@@ -17,8 +17,8 @@ pub use scenes::{Outcome, SceneTimes};
 
 use crate::Result;
 use crate::gpu::{Context, Options};
-use crate::prepare::{self, Body, FrameMotion, Shape, mass, skin};
-use crate::stages::depth::Path;
+use crate::prepare::{self, Cache, Body, FrameMotion, Shape, mass, skin};
+use crate::step::choice::Choice;
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
@@ -127,7 +127,7 @@ pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> 
         version: env!("CARGO_PKG_VERSION"),
         device: context.device_name().into(),
         driver: context.driver().into(),
-        depth_path: Path::of(context.kind()).name(),
+        depth_path: Choice::new(&context, None, &Cache::of_user())?.path.name(),
         threads: std::thread::available_parallelism().map_or(1, Into::into),
         settings: settings.clone(),
         sensitivity,
