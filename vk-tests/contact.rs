@@ -223,12 +223,18 @@ fn compact(depths: &[f32], capacity: usize) -> (Vec<u32>, Counts, Vec<u32>) {
     (out.get("contact_source"), out.get::<Counts>("counts")[0], out.get("args"))
 }
 
-/// What must be in the list: all in order, or those deeper than the deepest that does not fit.
+/// What must be in the list: all in order, or the deepest, the first of equally deep ones.
 fn compacted(depths: &[f32], capacity: usize) -> Vec<u32> {
     let mut sorted: Vec<f32> = depths.iter().copied().filter(|d| *d > 0.0).collect();
     sorted.sort_unstable_by(|x, y| y.total_cmp(x));
     let least = sorted.get(capacity).copied().unwrap_or(0.0);
-    (0..depths.len() as u32).filter(|i| depths[*i as usize] > least).collect()
+    let mut room = capacity.saturating_sub(sorted.iter().filter(|d| **d > least).count());
+    let mut stays = |d: f32| {
+        let tie = d == least && d > 0.0 && room > 0;
+        room -= usize::from(tie);
+        tie || d > least
+    };
+    (0..depths.len() as u32).filter(|i| stays(depths[*i as usize])).collect()
 }
 
 #[test]

@@ -11,8 +11,8 @@ use crate::whole_step::scene;
 
 /// Steps, and the way of each, m.
 const SWEEP: (usize, f64) = (1000, 1e-5);
-/// Steps until the tool moves as the hand does.
-const SETTLE: usize = 20;
+/// Steps until the tool moves as the hand does, and the normal is the skins': the tool starts at full depth.
+const SETTLE: usize = 100;
 
 /// A line over a model's skin.
 struct Sweep {

@@ -136,7 +136,8 @@ fn check(given: &Given, out: &Outcome) -> usize {
         let own = &shares[PAIR_REGIONS * s..][..PAIR_REGIONS];
         let sum: f32 = own.iter().sum();
         let member = bits[s] >> PAIR_REGIONS != 0;
-        assert!(if member { (sum - 1.0).abs() < 2e-3 } else { sum == 0.0 }, "slot {s}: {own:?}");
+        // One, and up to a twentieth from strong regions that it is no member of.
+        assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "slot {s}: {own:?}");
         assert!(own[live..].iter().all(|share| *share == 0.0));
     }
     let mut active: Vec<u32> = out.get("active_slots");

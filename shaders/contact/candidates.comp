@@ -77,6 +77,9 @@ vec3 crossing(Region region, vec3 x, uint triangle, float towards) {
     return vec3(towards * (w.x * a.z + w.y * b.z + w.z * c.z), w.yz);
 }
 
+// Cosine to the normal below which a vertex too deep is no contact.
+const float GRAZING = 0.7;
+
 shared uint listed[CHUNK_VERTICES];
 shared uint listed_count;
 
@@ -129,7 +132,7 @@ void main() {
                 vec3 found = crossing(region, texelFetch(skin, int(vertex)).xyz, nearest.x, side_b ? 1.0 : -1.0);
                 if (!(found.x > 0.0)) continue;
                 depths[r] = found.x;
-                weights[r] = shares[entry.slot * PAIR_REGIONS + r] / (found.x * found.x);
+                weights[r] = shares[entry.slot * PAIR_REGIONS + r] / max(found.x * found.x, 1.0e-30);
                 if (weights[r] > strongest) {
                     strongest = weights[r];
                     folded = through;
@@ -162,7 +165,11 @@ void main() {
         float area = (pair.is_plane != 0 ? 1.0 : 0.5) * facing * areas[vertex];
         if (area <= 0.0) continue;
         if (folded) atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
-        if (depth > params.depth_limit) atomicOr(counts.flags, FLAG_DEPTH_LIMIT);
+        if (depth > params.depth_limit) {
+            atomicOr(counts.flags, FLAG_DEPTH_LIMIT);
+            // Beside the ray there is a far shorter way out, and this one would be felt as a blow.
+            if (facing < GRAZING) continue;
+        }
         candidate_hits[at] = vec4(depth, hit.yz, area);
         candidate_what[at] = uvec4(vertex, entry.side, triangle, 0);
         candidate_normals[at] = vec4(normal, 0.0);

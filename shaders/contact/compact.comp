@@ -61,7 +61,7 @@ void count_digits(uint i, uint prefix, uint shift) {
     count_digit(i + 3, prefix, shift);
 }
 
-// The deepest candidate that does not fit, digit by digit of its bits: those of positive floats are in order.
+// The deepest candidate of which not all fit, digit by digit of its bits: those of positive floats are in order.
 float first_beyond_capacity() {
     uint lane = gl_LocalInvocationID.x;
     uint prefix = 0, above = 0;
@@ -83,11 +83,38 @@ float first_beyond_capacity() {
     return uintBitsToFloat(prefix);
 }
 
-void list(inout uint at, uint i, float least) {
-    if (depth_of(i) > least) contact_source[at++] = i;
-    if (depth_of(i + 1) > least) contact_source[at++] = i + 1;
-    if (depth_of(i + 2) > least) contact_source[at++] = i + 2;
-    if (depth_of(i + 3) > least) contact_source[at++] = i + 3;
+uint equal(uint i, float least) {
+    return uint(depth_of(i) == least) + uint(depth_of(i + 1) == least) + uint(depth_of(i + 2) == least)
+        + uint(depth_of(i + 3) == least);
+}
+
+// Candidates of just this depth before this lane's run.
+uint count_equal(float least) {
+    uint lane = gl_LocalInvocationID.x;
+    uint found = 0;
+    for (uint i = begin; i < end; i += BATCH) {
+        found += equal(i, least) + equal(i + 4, least) + equal(i + 8, least) + equal(i + 12, least);
+    }
+    barrier();
+    totals[lane] = found;
+    barrier();
+    uint before = 0;
+    for (uint k = 0; k < lane; k++) before += totals[k];
+    return before;
+}
+
+// `ties`: candidates of depth `least` so far; as many of them as there is room for stay.
+void list_one(inout uint at, inout uint ties, uint i, float least, uint room) {
+    float depth = depth_of(i);
+    if (depth > least || (depth == least && ties < room)) contact_source[at++] = i;
+    if (depth == least) ties++;
+}
+
+void list(inout uint at, inout uint ties, uint i, float least, uint room) {
+    list_one(at, ties, i, least, room);
+    list_one(at, ties, i + 1, least, room);
+    list_one(at, ties, i + 2, least, room);
+    list_one(at, ties, i + 3, least, room);
 }
 
 void main() {
@@ -97,21 +124,24 @@ void main() {
     begin = min(lane * run, candidates);
     end = min(begin + run, candidates);
     float least = 0.0;
+    uint room = 0, ties = 0;
     uvec2 sums = count_deeper(least);
     if (sums.y > CAPACITY) {
         if (lane == 0) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
         least = first_beyond_capacity();
         sums = count_deeper(least);
+        room = CAPACITY - sums.y;
+        ties = count_equal(least);
     }
-    uint at = sums.x;
+    uint at = sums.x + min(ties, room);
     for (uint i = begin; i < end; i += BATCH) {
-        list(at, i, least);
-        list(at, i + 4, least);
-        list(at, i + 8, least);
-        list(at, i + 12, least);
+        list(at, ties, i, least, room);
+        list(at, ties, i + 4, least, room);
+        list(at, ties, i + 8, least, room);
+        list(at, ties, i + 12, least, room);
     }
     if (lane != 0) return;
-    uint contacts = sums.y;
+    uint contacts = sums.y + room;
     counts.contacts = contacts;
     args[3 * ARGS_CONTACTS] = groups_of(contacts);
     args[3 * ARGS_ENTRIES] = groups_of(16 * contacts);

@@ -108,13 +108,14 @@ void main() {
             rotate(frame.rotation, chunk.half_extent.z * cross(chunk.axes[0], chunk.axes[1])));
         mat3 around = mat3(rotate(frame.rotation, vec3(spread.x, 0.0, 0.0)),
             rotate(frame.rotation, vec3(0.0, spread.y, 0.0)), rotate(frame.rotation, vec3(0.0, 0.0, spread.z)));
+        float rounding = 1.0e-6 * (1.0 + length(centre));
         uint found = 0;
         for (uint r = 0; r < PAIR_REGIONS; r++) {
             if ((bits & (1u << r)) == 0) continue;
             Region region = regions[slot.pair * PAIR_REGIONS + r];
             mat3 axes = mat3(region.tangent, region.bitangent, region.normal);
             vec3 reach = abs(along[0] * axes) + abs(along[1] * axes) + abs(along[2] * axes)
-                + abs(around[0] * axes) + abs(around[1] * axes) + abs(around[2] * axes) + 1.0e-6;
+                + abs(around[0] * axes) + abs(around[1] * axes) + abs(around[2] * axes) + rounding;
             vec3 least = centre * axes - reach, greatest = centre * axes + reach;
             if (pair.is_plane != 0) {
                 if (greatest.z >= -pair.plane.w) found |= 1u << r;
@@ -124,7 +125,7 @@ void main() {
             if (beside || !meets(pair, slot.side, r, least, greatest)) continue;
             found |= 1u << r;
             vec3 normal = rotate(frame.rotation, cross(chunk.axes[0], chunk.axes[1]));
-            float thickness = chunk.half_extent.z + dot(abs(normal * around), vec3(1.0)) + 1.0e-6;
+            float thickness = chunk.half_extent.z + dot(abs(normal * around), vec3(1.0)) + rounding;
             float extreme = slot.side == 0 ? greatest.z : least.z;
             vec3 plane = plane_of(centre * axes, normal * axes, thickness, slot.side, extreme);
             Slab slab = Slab(least.xy, greatest.xy, plane, extreme);

@@ -43,7 +43,7 @@ void main() {
     }
     memoryBarrierBuffer();
     barrier();
-    for (uint e = lane; e < all.x; e += SIZE) {
+    for (uint e = lane; e < min(all.x, MOST_ITEMS); e += SIZE) {
         // The last slot whose total does not exceed e.
         uint low = 0, high = SLOTS;
         while (high - low > 1) {
@@ -61,9 +61,7 @@ void main() {
             else mask &= ~(1u << r);
             item += 1;
         }
-        if (e < MOST_ITEMS) {
-            active_chunks[e] = ActiveChunk(found.x, low, 2 * slots[low].pair + slots[low].side, mask, first_item);
-        }
+        active_chunks[e] = ActiveChunk(found.x, low, 2 * slots[low].pair + slots[low].side, mask, first_item);
     }
     if (lane != 0) return;
     uint listed = min(all.y, MOST_ITEMS), used = min(all.x, MOST_ITEMS);

@@ -5,7 +5,7 @@
 #include "shared/args.glsl"
 
 // Cull: which proxies may touch. Boxes first, then the distance of the hulls: a pair stays when it is at most reach, both
-// inflations together. One invocation a pair of proxies; results do not depend on the order in which pairs are appended.
+// inflations together and a seam. One invocation a pair of proxies; results do not depend on the order in which pairs are appended.
 // Oracle: oracle::proximity::pairs (parry3d's distance).
 
 layout(local_size_x_id = 0) in;
@@ -22,14 +22,19 @@ layout(scalar, binding = 7) buffer Args { uint args[]; };
 
 #include "shared/gjk.glsl"
 
+// Of the smaller radius.
+const float SEAM = 0.02;
+
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= PROXY_PAIRS) return;
     directions[2 * i] = vec4(0.0);
     uvec2 which = texelFetch(proxy_pairs, int(i)).xy;
     vec4 a_low = texelFetch(bounds, int(2 * which.x)), b_low = texelFetch(bounds, int(2 * which.y));
-    vec3 a_high = texelFetch(bounds, int(2 * which.x + 1)).xyz, b_high = texelFetch(bounds, int(2 * which.y + 1)).xyz;
-    float reach = a_low.w + b_low.w;
+    // Hulls are drawn in where bodies are cut into them: a little of their size covers that.
+    vec4 a_top = texelFetch(bounds, int(2 * which.x + 1)), b_top = texelFetch(bounds, int(2 * which.y + 1));
+    vec3 a_high = a_top.xyz, b_high = b_top.xyz;
+    float reach = a_low.w + b_low.w + SEAM * min(a_top.w, b_top.w);
     if (any(greaterThan(a_low.xyz - b_high, vec3(reach))) || any(greaterThan(b_low.xyz - a_high, vec3(reach)))) return;
     Proxy a = proxies[which.x];
     Proxy b = proxies[which.y];

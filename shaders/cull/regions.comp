@@ -45,6 +45,8 @@ const uint SHIFTS = 4;
 // What a region needs of the whole strength to exist; what a member's vertices give it at least.
 const float LEAST_STRENGTH = 1.0e-3;
 const float LEAST_SHARE = 1.0e-4;
+// What the strongest region gives vertices of others.
+const float GUEST_SHARE = 0.05;
 // How much of a pair of proxies a region must have for it to cover them.
 const float LEAST_PART = 0.01;
 
@@ -183,24 +185,30 @@ void share_out(Pair pair) {
     for (uint s = gl_LocalInvocationID.x; s < a_count + b_count; s += SIZE) {
         float share[PAIR_REGIONS];
         for (uint r = 0; r < PAIR_REGIONS; r++) share[r] = 0.0;
-        bool of_a = s < a_count;
+        bool of_a = s < a_count, near = false;
         uint members = 0;
         uint first = pair.first_proxy_pair + (of_a ? s * b_count : s - a_count);
         uint count = of_a ? b_count : a_count, stride = of_a ? 1 : b_count;
         for (uint k = 0; k < count; k++) {
             Direction direction;
             if (!direction_of(first + k * stride, direction)) continue;
+            near = true;
             for (uint r = 0; r < region_count; r++) {
-                float own = part(direction.normal, r);
+                float own = pair.direction.w != 0.0 ? 1.0 : part(direction.normal, r);
                 share[r] += direction.push * own;
                 if (own >= LEAST_PART) members |= 1u << r;
             }
         }
-        float sum = 0.0;
-        for (uint r = 0; r < region_count; r++) sum += share[r];
+        float sum = 0.0, all = 0.0;
+        for (uint r = 0; r < region_count; r++) {
+            sum += share[r];
+            all += strength[r];
+        }
         for (uint r = 0; r < PAIR_REGIONS; r++) {
-            bool member = (members & (1u << r)) != 0;
-            shares[(pair.first_slot + s) * PAIR_REGIONS + r] = member ? max(LEAST_SHARE, share[r] / sum) : 0.0;
+            float own = (members & (1u << r)) != 0 ? max(LEAST_SHARE, share[r] / sum) : 0.0;
+            // The strong regions see the others' vertices too: theirs may be the shorter way out.
+            if (near && r < region_count) own = max(own, GUEST_SHARE * strength[r] / all);
+            shares[(pair.first_slot + s) * PAIR_REGIONS + r] = own;
         }
         slot_regions[pair.first_slot + s] = members << PAIR_REGIONS;
         slot_counts[pair.first_slot + s] = uvec2(0);

@@ -32,6 +32,11 @@ layout(binding = 13) uniform usamplerBuffer fields;
 #include "shared/covered.glsl"
 #include "shared/crossing.glsl"
 
+// Squares from which on all lanes share a triangle.
+const uint SHARED = 32;
+
+uint count_of(ivec2 first, ivec2 last) { return uint(last.x - first.x + 1) * uint(last.y - first.y + 1); }
+
 shared uint listed[CHUNK_TRIANGLES];
 shared uint listed_count;
 
@@ -57,10 +62,22 @@ void main() {
     for (uint k = lane; k < listed_count; k += SIZE) {
         uint triangle = listed[k];
         covered_squares(region, item.y, side, triangle, corners, first, last);
+        if (count_of(first, last) > SHARED) continue;
         for (int y = first.y; y <= last.y; y++) {
             for (int x = first.x; x <= last.x; x++) {
                 cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
             }
         }
     }
+    // All lanes together on each large one.
+    for (uint k = 0; k < listed_count; k++) {
+        uint triangle = listed[k];
+        covered_squares(region, item.y, side, triangle, corners, first, last);
+        uint count = count_of(first, last), width = uint(last.x - first.x + 1);
+        if (count <= SHARED) continue;
+        for (uint c = lane; c < count; c += SIZE) {
+            cross_square(first + ivec2(c % width, c / width), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
+        }
+    }
+    if (rounds > MOST_ROUNDS) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }

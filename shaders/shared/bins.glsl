@@ -7,7 +7,11 @@ uint bucket_of(ivec2 cell, uint region_side) {
     return (key ^ key >> 15) & (BUCKETS - 1);
 }
 
-ivec2 cell_of(Region region, uint side, vec2 at) { return ivec2(floor((at - region.low) / region.cell[side])); }
+// `precise`: the same point is in the same square wherever it is asked for.
+ivec2 cell_of(Region region, uint side, vec2 at) {
+    precise vec2 scaled = (at - region.low) / region.cell[side];
+    return ivec2(floor(scaled));
+}
 
 // `precise`, and no dot(), whose order is the compiler's: the same point projects to the same bits in every shader.
 vec3 along(Region region, vec3 x) {

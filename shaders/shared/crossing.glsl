@@ -2,11 +2,17 @@
 // region's normal, away from its own body's inside, crosses the triangle, the crossing is put on the vertex's list. Needs
 // shared/bins.glsl, `buckets`, `bins`, `bin_sides`, `bin_hits`, `hits`, `counts`, MOST_HITS.
 
+// Rounds of this invocation's loops. Mesa's llvmpipe leaves all of them after 65,535 together, so more raise a flag.
+const uint MOST_ROUNDS = 60000;
+uint rounds = 0;
+
 // `corners` along the region's axes; `side` and `item` are the triangle's.
 void cross_square(ivec2 cell, uint region_side, vec3 corners[3], uint side, uint triangle, uint item) {
     uint bucket = bucket_of(cell, region_side);
     uint bin = texelFetch(buckets, int(bucket / 4))[bucket % 4];
-    while (bin != NONE) {
+    rounds++;
+    while (bin != NONE && rounds < MOST_ROUNDS + 1) {
+        rounds++;
         uvec4 found = texelFetch(bins, int(bin));
         vec3 x = uintBitsToFloat(found.xyz);
         // `precise` keeps an edge's product exactly opposite in both its triangles: no ray slips between them.

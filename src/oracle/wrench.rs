@@ -50,6 +50,6 @@ pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
 fn add_outer(matrix: &mut [[f64; 6]; 6], force: DVec3, torque: DVec3, factor: f64) {
     let row: Vec<f64> = force.to_array().into_iter().chain(torque.to_array()).collect();
     for (i, x) in row.iter().enumerate() {
-        row.iter().enumerate().for_each(|(j, y)| matrix[i][j] += factor * x * y);
+        row.iter().enumerate().for_each(|(j, y)| matrix[i][j] += factor * (x * y));
     }
 }

@@ -94,7 +94,7 @@ impl Contact {
         let group = |name: &str| Kernel::new(context, name, Size::Group, &[]);
         Ok(Contact {
             candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &[("BLEND", blend.into())])?,
-            compact: Kernel::new(context, "contact/compact", Size::Reduce, &compact)?,
+            compact: Kernel::new(context, "contact/compact", Size::Group, &compact)?,
             response: Kernel::new(context, "contact/response", Size::Group, &response)?,
             place: Kernel::new(context, "contact/place", Size::Group, &[("NODES", count(nodes))])?,
             nodes: nodes as u32,

@@ -71,7 +71,7 @@ impl Cull {
             regions_kernel: reduce("cull/regions", &[("MOST_CELLS", MOST_CELLS.into())])?,
             chunks_kernel: reduce("cull/chunks", &[spans])?,
             meet: reduce("cull/meet", &[])?,
-            list: reduce("cull/list", &list)?,
+            list: Kernel::new(context, "cull/list", Size::Group, &list)?,
             pair_count: model.pairs.len() as u32,
             proxy_pair_count: proxy_pairs as u32,
             pairs: Buffer::new(context, "pairs", pairs, Memory::Upload)?,

@@ -17,7 +17,7 @@ pub use scenes::{Outcome, SceneTimes};
 
 use crate::Result;
 use crate::gpu::{Context, Options};
-use crate::prepare::{self, Cache, Body, FrameMotion, Shape, mass, skin};
+use crate::prepare::{self, Body, Cache, FrameMotion, Shape, mass, skin};
 use crate::step::choice::Choice;
 
 /// How much is measured.
