@@ -228,7 +228,7 @@ impl Query {
         &self.context
     }
 
-    /// How the depth field is rasterized.
+    /// How triangles find the vertices that they cross.
     pub fn depth_path(&self) -> Path {
         self.path
     }

@@ -119,7 +119,7 @@ impl Query {
         let model = Model::new(&scene, bodies, Some(tool));
         let common = Common::new(context, &model).unwrap();
         let (elastic, pose) = (Elastic::new(context, &model).unwrap(), Pose::new(context, &model).unwrap());
-        let (cull, skin) = (Cull::new(context, &model).unwrap(), Skin::new(context, &model).unwrap());
+        let (cull, skin) = (Cull::new(context, &model, true).unwrap(), Skin::new(context, &model).unwrap());
         let contact = Contact::new(context, &model, true).unwrap();
         let depths = PATHS.map(|path| Depth::new(context, &model, path).unwrap());
         let recordings = depths.each_ref().map(|depth| {

@@ -78,7 +78,7 @@ vec3 crossing(Region region, vec3 x, uint triangle, float towards) {
 }
 
 // Cosine to the normal below which a vertex too deep is no contact.
-const float GRAZING = 0.7;
+const float GRAZING = 0.5;
 
 shared uint listed[CHUNK_VERTICES];
 shared uint listed_count;

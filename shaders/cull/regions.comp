@@ -15,6 +15,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 2) const float FOLLOW = 1.0;          // how much of a turn a normal takes in a step
 layout(constant_id = 1) const uint MOST_CELLS = 128;      // squares of a column along a side at most
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
@@ -51,6 +52,7 @@ const float GUEST_SHARE = 0.05;
 const float LEAST_PART = 0.01;
 
 // What proxies say of a direction, against what contacts do; the push, in cubes of an edge, from which contacts are heard.
+const float TOLD = 0.1;         // strength of regions that contacts tell, and not proxies alone
 const float GUESS = 0.01;
 const float LEAST_PUSH = 0.1;
 
@@ -142,6 +144,19 @@ vec4 strongest_remainder(Pair pair, uint count) {
     return best;
 }
 
+// A normal that contacts told in the last step turns only part of the way: their answer comes a step late, and at long steps
+// the whole of it would overshoot.
+vec3 followed(vec3 n) {
+    vec3 last = vec3(0.0);
+    float cosine = ALIKE;
+    for (uint q = 0; q < PAIR_REGIONS; q++) {
+        if (before[q].w < TOLD || dot(before[q].xyz, n) < cosine) continue;
+        last = before[q].xyz;
+        cosine = dot(last, n);
+    }
+    return last == vec3(0.0) ? n : normalize(mix(last, n, FOLLOW));
+}
+
 void find_normals(Pair pair) {
     uint lane = gl_LocalInvocationID.x;
     for (uint r = 0; r < PAIR_REGIONS; r++) {
@@ -166,7 +181,7 @@ void find_normals(Pair pair) {
         }
         if (weights <= LEAST_STRENGTH) return;
         strength[r] = pushes * (1.0 - LEAST_STRENGTH / weights);
-        normals[r] = n;
+        normals[r] = followed(n);
         region_count = r + 1;
     }
     float left = 0.0;

@@ -38,7 +38,9 @@ const uint SHARED = 32;
 uint count_of(ivec2 first, ivec2 last) { return uint(last.x - first.x + 1) * uint(last.y - first.y + 1); }
 
 shared uint listed[CHUNK_TRIANGLES];
+shared uint large[CHUNK_TRIANGLES];
 shared uint listed_count;
+shared uint large_count;
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
@@ -50,19 +52,19 @@ void main() {
     vec3 corners[3];
     ivec2 first, last;
     // Those that may cross anything, so that lanes work side by side on these alone.
-    if (lane == 0) listed_count = 0;
+    if (lane == 0) listed_count = large_count = 0;
     barrier();
     for (uint t = lane; t < chunk.triangle_count; t += SIZE) {
         uint at = chunk.triangle_first + t, triangle = texelFetch(chunk_triangles, int(at / 4))[at % 4];
         if (covered_squares(region, item.y, side, triangle, corners, first, last)) {
-            listed[atomicAdd(listed_count, 1)] = triangle;
+            if (count_of(first, last) > SHARED) large[atomicAdd(large_count, 1)] = triangle;
+            else listed[atomicAdd(listed_count, 1)] = triangle;
         }
     }
     barrier();
     for (uint k = lane; k < listed_count; k += SIZE) {
         uint triangle = listed[k];
         covered_squares(region, item.y, side, triangle, corners, first, last);
-        if (count_of(first, last) > SHARED) continue;
         for (int y = first.y; y <= last.y; y++) {
             for (int x = first.x; x <= last.x; x++) {
                 cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
@@ -70,11 +72,10 @@ void main() {
         }
     }
     // All lanes together on each large one.
-    for (uint k = 0; k < listed_count; k++) {
-        uint triangle = listed[k];
+    for (uint k = 0; k < large_count; k++) {
+        uint triangle = large[k];
         covered_squares(region, item.y, side, triangle, corners, first, last);
         uint count = count_of(first, last), width = uint(last.x - first.x + 1);
-        if (count <= SHARED) continue;
         for (uint c = lane; c < count; c += SIZE) {
             cross_square(first + ivec2(c % width, c / width), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
         }

@@ -1,4 +1,4 @@
-//! The skin's topology and areas. Made once a body; the walk over triangles and the contact law read it every step.
+//! The skin's topology and areas. Made once a body; the contact law reads it every step.
 
 use glam::DVec3;
 

@@ -34,7 +34,7 @@ pub struct QueryReport {
     pub device: String,
     /// Name and version of its driver.
     pub driver: String,
-    /// How the depth field was rasterized.
+    /// How triangles found the vertices that they cross.
     pub depth_path: String,
     /// The first surface.
     pub a: Subject,

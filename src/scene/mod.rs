@@ -97,7 +97,7 @@ pub struct Contact {
     pub friction: f64,
     /// Speed below which friction is viscous, m/s.
     pub friction_speed: f64,
-    /// Edge of a texel of the depth field, m.
+    /// Edge of the squares in which the depth stage looks for crossings, m; changes its time, not its answer.
     pub texel: Option<f64>,
     /// Depth beyond which a flag is raised, m.
     pub depth_limit: f64,

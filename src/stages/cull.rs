@@ -58,9 +58,10 @@ pub struct Cull {
 }
 
 impl Cull {
-    /// Kernels and arrays for a model.
-    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Cull> {
+    /// Kernels and arrays for a model. `smooth`: normals turn a quarter of the way a step, else all of it.
+    pub fn new(context: &Arc<Context>, model: &Model, smooth: bool) -> Result<Cull> {
         let (proxy_pairs, slots, items) = (model.proxy_pairs.len(), model.slots.len(), model.most_items());
+        let follow: f32 = if smooth { 0.25 } else { 1.0 };
         let spans = ("SPANS", Const::Bool(model.spans_frames()));
         let list = [("SLOTS", count(slots)), ("MOST_ITEMS", count(items))];
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
@@ -68,7 +69,7 @@ impl Cull {
         Ok(Cull {
             test: Kernel::new(context, "cull/pairs", Size::Group, &[("PROXY_PAIRS", count(proxy_pairs))])?,
             direction: reduce("cull/direction", &[])?,
-            regions_kernel: reduce("cull/regions", &[("MOST_CELLS", MOST_CELLS.into())])?,
+            regions_kernel: reduce("cull/regions", &[("MOST_CELLS", MOST_CELLS.into()), ("FOLLOW", follow.into())])?,
             chunks_kernel: reduce("cull/chunks", &[spans])?,
             meet: reduce("cull/meet", &[])?,
             list: Kernel::new(context, "cull/list", Size::Group, &list)?,

@@ -25,7 +25,7 @@ const SQUARES: u32 = MOST_CELLS + 1;
 pub struct Depth {
     cross: Cross,
     chunk_triangles: Buffer,
-    /// Triangle, next on the same ray, bits of the depth, whether it is a front.
+    /// Triangle, next on the same ray, bits of the depth, twice its work item and whether it is a front.
     pub hits: Buffer,
 }
 

@@ -84,7 +84,7 @@ impl Model {
         self.pair_planes.push(plane);
     }
 
-    /// Whether any pair needs the depth field.
+    /// Whether any pair needs the depth stage: a half-space does not.
     pub fn needs_depth(&self) -> bool {
         self.pairs.iter().any(|pair| pair.is_plane == 0)
     }

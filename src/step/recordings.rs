@@ -51,12 +51,13 @@ pub struct Recordings {
 }
 
 impl TouchStages {
-    /// Kernels and arrays of the stages from pose to contact; `path` where the depth stage is needed; `blend`: see [`Contact::new`].
+    /// Kernels and arrays of the stages from pose to contact; `path` where the depth stage is needed; `blend`: see [`Contact::new`]
+    /// and [`Cull::new`].
     pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, blend: bool) -> Result<TouchStages> {
         Ok(TouchStages {
             pose: pose::Pose::new(context, model)?,
             skin: Skin::new(context, model)?,
-            cull: Cull::new(context, model)?,
+            cull: Cull::new(context, model, blend)?,
             depth: path.map(|path| Depth::new(context, model, path)).transpose()?,
             contact: Contact::new(context, model, blend)?,
         })

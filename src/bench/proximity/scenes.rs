@@ -5,12 +5,12 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::Settings;
-use crate::Result;
 use crate::bench::Samples;
 use crate::gpu::Options;
 use crate::report::Flags;
 use crate::scene::Scene;
 use crate::step::Simulation;
+use crate::{Error, Result};
 
 /// Name, what the paper reports (Galoppo and others 2007, GeForce 7800; ms) and what is aimed at on two cores (ms).
 const SCENES: [(&str, f64, f64); 5] = [
@@ -64,6 +64,9 @@ pub type Read = std::result::Result<Scene, String>;
 
 /// Reads all scenes; errors are of files that are there and are no scenes.
 pub fn read(settings: &Settings) -> Result<Vec<Read>> {
+    if !settings.scenes.is_dir() {
+        return Err(Error::input(&settings.scenes, None, "is no folder", "give that of the scenes with --scenes"));
+    }
     let read = |(name, ..): &(&str, f64, f64)| -> Result<Read> {
         let path = settings.scenes.join(format!("{name}.toml"));
         if path.exists() { Ok(Ok(Scene::load(&path)?)) } else { Ok(Err(path.display().to_string())) }
