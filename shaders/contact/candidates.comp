@@ -168,7 +168,7 @@ void main() {
         if (depth > params.depth_limit) {
             atomicOr(counts.flags, FLAG_DEPTH_LIMIT);
             // Beside the ray there is a far shorter way out, and this one would be felt as a blow.
-            if (facing < GRAZING) continue;
+            if (BLEND && facing < GRAZING) continue;
         }
         candidate_hits[at] = vec4(depth, hit.yz, area);
         candidate_what[at] = uvec4(vertex, entry.side, triangle, 0);
