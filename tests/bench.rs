@@ -15,7 +15,7 @@ fn a_tiny_run_answers_every_question() {
         area_vertices: 18_000,
         peer_vertices: [2_000, 3_000],
         peer_colliding: 20,
-        scenes: PathBuf::from("no such folder"),
+        scenes: empty_folder(),
         ..Settings::quick()
     };
     let mut told = Vec::new();
@@ -41,6 +41,21 @@ fn a_tiny_run_answers_every_question() {
     assert_eq!((&json["schema"], &json["benchmark"]), (&1.into(), &"proximity".into()));
     let depths = |series: &str| json[series][1]["samples_us"]["depth"].as_array().unwrap().len();
     assert_eq!((depths("sensitivity"), depths("area")), (3, 2));
+}
+
+/// A folder without scenes.
+fn empty_folder() -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("no_scenes");
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+#[test]
+fn a_folder_of_scenes_that_is_none_is_refused_before_anything_is_measured() {
+    let settings = Settings { scenes: PathBuf::from("no such folder"), ..Settings::quick() };
+    let mut told = Vec::new();
+    let error = proximity::run(&settings, &mut |what: &str| told.push(what.to_string())).unwrap_err().to_string();
+    assert!(told.is_empty() && error.contains("no such folder") && error.contains("--scenes"), "{error}");
 }
 
 #[test]
