@@ -65,7 +65,6 @@ pub struct Query {
     pair: Pair,
     bodies: [Side; 2],
     path: Path,
-    runs: u32,
 }
 
 /// What the host keeps of a body.
@@ -170,7 +169,6 @@ impl Query {
             pair: model.pairs[0],
             bodies,
             path,
-            runs: 0,
         };
         query.set_direction(settings.direction);
         Ok(query)
@@ -186,8 +184,6 @@ impl Query {
     pub fn run(&mut self, pose_a: (DVec3, DQuat), pose_b: (DVec3, DQuat)) -> Result<Answer> {
         let poses = [pose_a, pose_b];
         let origin = self.origin(poses);
-        self.runs = self.runs % u32::MAX + 1;
-        self.common.params.mapped_mut::<StepParams>()?[0].step = self.runs;
         self.touch.cull.pairs.mapped_mut::<Pair>()?[0] = self.pair;
         for (frame, (body, (position, orientation))) in
             self.common.frames.mapped_mut::<Frame>()?.iter_mut().zip(self.bodies.iter().zip(poses))

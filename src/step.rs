@@ -243,7 +243,6 @@ impl Simulation {
         let step = &self.scene.step;
         let mut params = StepParams {
             dt: step.dt as f32,
-            step: (self.step & 0xffff_ffff) as u32,
             tolerance: self.scene.solver.tolerance as f32,
             max_iterations: self.scene.solver.max_iterations,
             gravity: step.gravity.as_vec3().to_array(),

@@ -26,14 +26,17 @@ struct Sweep {
     /// Radius of the tool and how deep its middle is in the skin, m.
     sphere: f64,
     depth: f64,
-    /// What is allowed of the largest change of force in a step, of the median: 3 is the aim, more what is so today.
-    jump: f64,
+    /// What is allowed of the largest change of force in a step, and from one change to the next, of the median change: 3 is
+    /// the aim, more what is so today. Where the second is small the first is a slope of the way; a jump shows in both.
+    limits: [f64; 2],
 }
 
 /// What a sweep was like.
 struct Felt {
     /// Largest change of the force in a step, of the median change.
     jump: f64,
+    /// From one change to the next, of the median change.
+    kink: f64,
     mean: f64,
     /// rad/mm.
     turn: f64,
@@ -91,21 +94,24 @@ fn run(sweep: &Sweep) -> Felt {
     let (median, largest) = (sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
     let at = SETTLE + changes.iter().position(|c| *c == largest).unwrap();
     let turn = normals[SETTLE..].windows(2).map(|w| w[0].cross(w[1]).length().asin()).fold(0.0, f64::max);
+    let kinks: Vec<f64> = force[SETTLE..].windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).length()).collect();
+    let kink = kinks.iter().copied().fold(0.0, f64::max);
+    let kink_at = SETTLE + 1 + kinks.iter().position(|k| *k == kink).unwrap();
     let felt = Felt {
         jump: largest / median,
+        kink: kink / median,
         mean: force[SETTLE..].iter().map(|f| f.length()).sum::<f64>() / (SWEEP.0 - SETTLE) as f64,
         turn: turn / (1e3 * SWEEP.1),
     };
-    let kink = force[SETTLE..].windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).length()).fold(0.0, f64::max);
     let least = force[SETTLE..].iter().map(|f| f.length()).fold(f64::INFINITY, f64::min);
     println!(
         "{}: {:.4} N on average, {least:.4} at least; change a step: median {median:.2e} N, 99 % {:.1}, largest {:.1} of it \
-         (step {at}), and {:.1} from one change to the next; normal turns by up to {:.3} rad/mm; flags {flags}",
+         (step {at}), and {:.1} from one change to the next (step {kink_at}); normal turns by up to {:.3} rad/mm; flags {flags}",
         sweep.name,
         felt.mean,
         sorted[sorted.len() * 99 / 100] / median,
         felt.jump,
-        kink / median,
+        felt.kink,
         felt.turn
     );
     assert!(flags == 0 && force.iter().all(|f| f.is_finite()), "{}: flags {flags}", sweep.name);
@@ -116,13 +122,15 @@ fn judge(sweeps: &[Sweep]) {
     let felt: Vec<Felt> = sweeps.iter().map(run).collect();
     assert!(felt.iter().all(|felt| felt.mean > 0.0));
     for (sweep, felt) in sweeps.iter().zip(&felt) {
-        assert!(felt.jump < sweep.jump, "{}: the force jumps by {} of its median change", sweep.name, felt.jump);
+        let [jump, kink] = sweep.limits;
+        assert!(felt.jump < jump, "{}: the force changes by {} of its median change", sweep.name, felt.jump);
+        assert!(felt.kink < kink, "{}: the force jumps by {} of its median change", sweep.name, felt.kink);
     }
 }
 
 #[test]
 fn a_sphere_slides_over_a_head_without_a_jump() {
-    let sweep = |name, at, outward, along, sphere, depth, jump| Sweep {
+    let sweep = |name, at, outward, along, sphere, depth, limits| Sweep {
         name,
         model: "head",
         vertices: 8000,
@@ -131,22 +139,22 @@ fn a_sphere_slides_over_a_head_without_a_jump() {
         along,
         sphere,
         depth,
-        jump,
+        limits,
     };
     let forehead = (DVec3::new(0.0, 0.085, 0.06), DVec3::new(0.0, 0.5, 0.87));
     let cheek = (DVec3::new(0.03, -0.02, 0.06), DVec3::new(0.3, 0.0, 1.0));
     let temple = (DVec3::new(0.05, 0.06, 0.0), DVec3::new(1.0, 0.2, 0.0));
     judge(&[
-        sweep("forehead, across", forehead.0, forehead.1, DVec3::X, 0.02, 0.001, 3.2),
-        sweep("forehead, down", forehead.0, forehead.1, DVec3::new(0.0, -0.87, 0.5), 0.02, 0.001, 3.0),
-        sweep("cheek, across", cheek.0, cheek.1, DVec3::new(1.0, 0.0, -0.3), 0.02, 0.001, 8.5),
-        sweep("temple, back", temple.0, temple.1, DVec3::NEG_Z, 0.02, 0.001, 3.0),
+        sweep("forehead, across", forehead.0, forehead.1, DVec3::X, 0.02, 0.001, [3.3, 3.0]),
+        sweep("forehead, down", forehead.0, forehead.1, DVec3::new(0.0, -0.87, 0.5), 0.02, 0.001, [3.0, 3.0]),
+        sweep("cheek, across", cheek.0, cheek.1, DVec3::new(1.0, 0.0, -0.3), 0.02, 0.001, [4.6, 3.0]),
+        sweep("temple, back", temple.0, temple.1, DVec3::NEG_Z, 0.02, 0.001, [3.0, 3.0]),
     ]);
 }
 
 #[test]
 fn a_sphere_slides_over_a_gear_without_a_jump() {
-    let sweep = |name, at, outward, along, sphere, depth, jump| Sweep {
+    let sweep = |name, at, outward, along, sphere, depth, limits| Sweep {
         name,
         model: "gear",
         vertices: 10_000,
@@ -155,12 +163,12 @@ fn a_sphere_slides_over_a_gear_without_a_jump() {
         along,
         sphere,
         depth,
-        jump,
+        limits,
     };
     judge(&[
-        sweep("rim, around", DVec3::new(0.0366, 0.0, 0.0), DVec3::Z, DVec3::Y, 0.01, 0.0003, 4.2),
-        sweep("rim and tooth, outwards", DVec3::new(0.0405, 0.0, 0.0), DVec3::Z, DVec3::X, 0.01, 0.0001, 8.5),
-        sweep("tip, along", DVec3::new(0.04, 0.0, 0.0), DVec3::X, DVec3::Z, 0.01, 0.0003, 4.4),
-        sweep("flank, along", DVec3::new(0.047, 0.0, 0.0), DVec3::Y, DVec3::Z, 0.003, 0.0003, 5.2),
+        sweep("rim, around", DVec3::new(0.0366, 0.0, 0.0), DVec3::Z, DVec3::Y, 0.01, 0.0003, [4.2, 3.0]),
+        sweep("rim and tooth, outwards", DVec3::new(0.0405, 0.0, 0.0), DVec3::Z, DVec3::X, 0.01, 0.0001, [8.5, 8.0]),
+        sweep("tip, along", DVec3::new(0.04, 0.0, 0.0), DVec3::X, DVec3::Z, 0.01, 0.0003, [4.4, 5.2]),
+        sweep("flank, along", DVec3::new(0.047, 0.0, 0.0), DVec3::Y, DVec3::Z, 0.003, 0.0003, [5.2, 4.3]),
     ]);
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DQuat, DVec3};
 use palpate::stages::args;
-use palpate::stages::skin::BUCKETS;
+use palpate::stages::skin::LEAST_BUCKETS;
 use palpate::stages::types::{
     ActiveChunk, CHUNK_TRIANGLES, CHUNK_VERTICES, Chunk, NONE, PAIR_REGIONS, Pair, Region, Slot,
 };
@@ -152,7 +152,12 @@ fn check_bins(flow: &Flow) -> usize {
         }
     }
     let buckets: BTreeSet<_> = listed.values().collect();
-    assert!(buckets.len() * 2 > cells.len().min(BUCKETS as usize), "{} squares, {} lists", cells.len(), buckets.len());
+    assert!(
+        buckets.len() * 2 > cells.len().min(LEAST_BUCKETS as usize),
+        "{} squares, {} lists",
+        cells.len(),
+        buckets.len()
+    );
     listed.len()
 }
 

@@ -23,7 +23,6 @@ fn step_params_and_frame() {
         "solve/start",
         StepParams {
             dt,
-            step,
             tolerance,
             max_iterations,
             gravity,
@@ -39,7 +38,6 @@ fn step_params_and_frame() {
         "cull/regions",
         StepParams {
             dt,
-            step,
             tolerance,
             max_iterations,
             gravity,

@@ -46,12 +46,16 @@ vec3 outward_normal(uint vertex) {
     return length2 > 0.0 ? sum * inversesqrt(length2) : vec3(0.0);
 }
 
+// As in shared/crossing.glsl.
+const uint MOST_LINKS = 1u << 30;
+
 // The nearest crossing, the lowest triangle of equals: triangle, item and front, depth; NONE where there is none. `through`: a back
 // lies within depth_limit beyond it.
 uvec3 nearest_crossing(uint bin, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
-    for (uint hit = bin_hits[bin]; hit != NONE;) {
+    uint hit = bin_hits[bin];
+    for (uint links = 0; hit != NONE && links < MOST_LINKS; links++) {
         uvec4 found = texelFetch(hits, int(hit));
         float d = uintBitsToFloat(found.z);
         if (d < depth || (d == depth && found.x < best.x)) {
@@ -61,6 +65,7 @@ uvec3 nearest_crossing(uint bin, out bool through) {
         if ((found.w & 1) == 0) back = min(back, d);
         hit = found.y;
     }
+    if (hit != NONE) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
     through = back < params.depth_limit;
     return best;
 }

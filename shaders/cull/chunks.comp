@@ -3,7 +3,6 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
-#include "shared/link.glsl"
 #include "shared/field.glsl"
 
 // Cull: boxes of an active slot's chunks along the axes of its regions. A vertex x = R (sum w_i (r_i + d_i)) of a chunk lies in
@@ -32,15 +31,11 @@ layout(scalar, binding = 13) writeonly buffer SlotChunks { uvec2 slot_chunks[]; 
 layout(scalar, binding = 14) writeonly buffer Slabs { Slab slabs[]; };     // PAIR_REGIONS a chunk of a slot
 layout(scalar, binding = 15) buffer Fields { uint fields[]; };
 
+#include "shared/link.glsl"
+#include "shared/moved.glsl"
+
 // Cosine to the region's normal below which a chunk's plane says nothing.
 const float STEEP = 0.2;
-
-// Displacement of a node in the proxy's frame.
-vec3 moved(uvec2 node) {
-    vec3 d = texelFetch(displacement, int(node.x)).xyz;
-    if (SPANS && node.y != 0) d = across(links[node.y], texelFetch(node_rest, int(node.x)).xyz, d);
-    return d;
-}
 
 // Middle and half the spread of the displacements of a chunk's nodes, in the proxy's frame.
 void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {

@@ -35,6 +35,9 @@ layout(binding = 13) uniform usamplerBuffer fields;
 // Squares from which on all lanes share a triangle.
 const uint SHARED = 32;
 
+// Of so many, those that this lane takes.
+uint share_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
+
 uint count_of(ivec2 first, ivec2 last) { return uint(last.x - first.x + 1) * uint(last.y - first.y + 1); }
 
 shared uint listed[CHUNK_TRIANGLES];
@@ -62,9 +65,12 @@ void main() {
         }
     }
     barrier();
+    uint taken = 0, owed = 0;       // triangles, and their squares
     for (uint k = lane; k < listed_count; k += SIZE) {
         uint triangle = listed[k];
         covered_squares(region, item.y, side, triangle, corners, first, last);
+        taken++;
+        owed += count_of(first, last);
         for (int y = first.y; y <= last.y; y++) {
             for (int x = first.x; x <= last.x; x++) {
                 cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
@@ -76,9 +82,12 @@ void main() {
         uint triangle = large[k];
         covered_squares(region, item.y, side, triangle, corners, first, last);
         uint count = count_of(first, last), width = uint(last.x - first.x + 1);
+        taken++;
+        owed += share_of(count);
         for (uint c = lane; c < count; c += SIZE) {
             cross_square(first + ivec2(c % width, c / width), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
         }
     }
-    if (rounds > MOST_ROUNDS) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
+    // Loops may have been left too early, see shared/crossing.glsl.
+    if (taken != share_of(listed_count) + large_count || met != owed) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }

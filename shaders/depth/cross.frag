@@ -10,6 +10,7 @@ layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const uint MOST_HITS = 1;
 
 layout(scalar, binding = 0) buffer CountsInOut { Counts counts; };
+layout(scalar, binding = 5) readonly buffer Regions { Region regions[]; };
 layout(binding = 8) uniform usamplerBuffer buckets;         // four a texel
 layout(binding = 9) uniform usamplerBuffer bins;
 layout(scalar, binding = 10) readonly buffer BinSides { uint bin_sides[]; };

@@ -4,7 +4,6 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
-#include "shared/link.glsl"
 
 // Pose: hull vertices and face planes of a proxy into the world, x = c + R r, n = R n_rest, offset = n_rest . r + n . c; the
 // box of its hull, and how far its skin may have left it: margin + (sum |w|) max |d| over the nodes that move it, d in the
@@ -33,12 +32,8 @@ layout(scalar, binding = 11) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
 layout(scalar, binding = 13) writeonly buffer Buckets { uint buckets[]; };      // see shared/bins.glsl
 
-// Displacement of a node in the proxy's frame.
-vec3 moved(uvec2 node) {
-    vec3 d = texelFetch(displacement, int(node.x)).xyz;
-    if (SPANS && node.y != 0) d = across(links[node.y], texelFetch(node_rest, int(node.x)).xyz, d);
-    return d;
-}
+#include "shared/link.glsl"
+#include "shared/moved.glsl"
 
 shared vec3 low[SIZE];
 shared vec3 high[SIZE];

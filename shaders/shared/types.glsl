@@ -7,7 +7,6 @@ const uint NONE = 0xffffffffu;
 // One step's inputs, written by the host.
 struct StepParams {
     float dt;                   // s
-    uint step;                  // from 1
     float tolerance;            // residual to stop at
     uint max_iterations;
     vec3 gravity;               // m/s^2

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::cull::{Cull, MOST_CELLS};
 use super::model::Model;
-use super::skin::{BUCKETS, Skin};
+use super::skin::{self, Skin};
 use super::types::CHUNK_VERTICES;
 use super::{Common, args, array, count, upload};
 use crate::Result;
@@ -39,7 +39,8 @@ impl Depth {
     /// Kernels and arrays for a model. The graphics path needs [`Context::fragment_stores`].
     pub fn new(context: &Arc<Context>, model: &Model, path: Path) -> Result<Depth> {
         let hits = (2 * CHUNK_VERTICES * model.most_items()).clamp(LEAST_HITS, MOST_HITS);
-        let constants = [("BUCKETS", BUCKETS.into()), ("MOST_HITS", count(hits)), ("SQUARES", SQUARES.into())];
+        let constants =
+            [("BUCKETS", skin::buckets(model).into()), ("MOST_HITS", count(hits)), ("SQUARES", SQUARES.into())];
         let cross = match path {
             Path::Graphics => Cross::Graphics(RasterPipeline::new(context, "depth/cross", &constants)?),
             Path::Compute => Cross::Compute(Kernel::new(context, "depth/cross", Size::Reduce, &constants[..2])?),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::elastic::Elastic;
 use super::model::Model;
-use super::skin::{BUCKETS, Skin};
+use super::skin::{self, Skin};
 use super::solve::Solve;
 use super::types::{Fit, ProxyBounds};
 use super::{Common, array, count, upload};
@@ -34,7 +34,7 @@ impl Pose {
         let constants = [
             ("SPANS", Const::Bool(model.spans_frames())),
             ("TETRAHEDRA", count(model.tetrahedra.len())),
-            ("BUCKETS", BUCKETS.into()),
+            ("BUCKETS", skin::buckets(model).into()),
             ("GROUP", context.group_size().into()),
         ];
         Ok(Pose {

@@ -11,8 +11,14 @@ use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 
-/// Heads of the hash table that holds binned vertices: some per vertex of a busy step, few enough to clear in microseconds.
-pub const BUCKETS: u32 = 1 << 13;
+/// Heads of the hash table that holds binned vertices, at least.
+pub const LEAST_BUCKETS: u32 = 1 << 13;
+
+/// Heads of that table: one for four skin vertices, so that lists stay short where bodies coincide, and it is cleared in
+/// microseconds.
+pub fn buckets(model: &Model) -> u32 {
+    (model.skin_nodes.len() as u32 / 4).next_power_of_two().max(LEAST_BUCKETS)
+}
 
 /// Topology and embedding of all skins, and their positions this step.
 pub struct Skin {
@@ -40,7 +46,7 @@ pub struct Skin {
 impl Skin {
     /// Kernels and arrays for a model.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Skin> {
-        let constants = [("SPANS", Const::Bool(model.spans_frames())), ("BUCKETS", BUCKETS.into())];
+        let constants = [("SPANS", Const::Bool(model.spans_frames())), ("BUCKETS", buckets(model).into())];
         let bins = CHUNK_VERTICES * model.most_items();
         Ok(Skin {
             embed: Kernel::new(context, "skin/embed", Size::Reduce, &constants)?,
@@ -49,7 +55,7 @@ impl Skin {
             skin_weights: upload(context, "weights of the skin", &model.skin_weights)?,
             skin: zeros::<[f32; 4]>(context, "skin", model.skin_nodes.len())?,
             triangles: upload(context, "triangles", &model.triangles)?,
-            buckets: array::<u32>(context, "buckets", BUCKETS as usize)?,
+            buckets: array::<u32>(context, "buckets", buckets(model) as usize)?,
             bins: array::<[u32; 4]>(context, "bins", bins)?,
             bin_hits: array::<u32>(context, "crossings of bins", bins)?,
             bin_sides: array::<u32>(context, "sides of bins", bins)?,

@@ -11,8 +11,6 @@ pub const NONE: u32 = u32::MAX;
 pub struct StepParams {
     /// s.
     pub dt: f32,
-    /// From 1.
-    pub step: u32,
     /// Residual to stop at.
     pub tolerance: f32,
     /// Iterations at most.

@@ -136,7 +136,7 @@ impl Flow {
         }
         let nodes = model.node_rest.len();
         Flow {
-            params: StepParams { dt: 1e-3, step: 7, depth_limit: 0.02, ..StepParams::zeroed() },
+            params: StepParams { dt: 1e-3, depth_limit: 0.02, ..StepParams::zeroed() },
             frames,
             links: vec![Link::default(); model.links.len()],
             velocity: model.velocity.clone(),

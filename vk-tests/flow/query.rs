@@ -2,7 +2,7 @@
 
 use palpate::gpu::Size;
 use palpate::stages::args;
-use palpate::stages::skin::BUCKETS;
+use palpate::stages::skin::LEAST_BUCKETS;
 use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, NONE, PAIR_REGIONS, ProxyBounds};
 
 use super::{FIELD_WORDS, Flow, fours, some};
@@ -20,7 +20,7 @@ impl Flow {
             .size(Size::Reduce)
             .constant("SPANS", self.model.spans_frames())
             .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
-            .constant("BUCKETS", BUCKETS)
+            .constant("BUCKETS", LEAST_BUCKETS)
             .constant("GROUP", context().group_size())
             .input("frames", &self.frames)
             .input("proxies", &some(&self.model.proxies))
@@ -35,7 +35,7 @@ impl Flow {
             .output::<ProxyBounds>("bounds", proxies)
             .inout("counts", &[self.counts])
             .partial("args", &self.args)
-            .output::<u32>("buckets", BUCKETS as usize)
+            .output::<u32>("buckets", LEAST_BUCKETS as usize)
             .groups(proxies)
             .run();
         self.hull = out.get("hull");
@@ -189,7 +189,7 @@ impl Flow {
         let (model, bins) = (&self.model, CHUNK_VERTICES * self.most_items);
         let out = case("skin/embed")
             .size(Size::Reduce)
-            .constant("BUCKETS", BUCKETS)
+            .constant("BUCKETS", LEAST_BUCKETS)
             .constant("SPANS", model.spans_frames())
             .input("frames", &self.frames)
             .input("active_chunks", &some(&self.active_chunks))
@@ -206,7 +206,7 @@ impl Flow {
             .input("regions", &self.regions)
             .input("shares", &some(&self.shares))
             .partial("skin", &self.skin)
-            .inout("buckets", &vec![NONE; BUCKETS as usize])
+            .inout("buckets", &vec![NONE; LEAST_BUCKETS as usize])
             .partial("bins", &vec![[NONE - 1; 4]; bins])
             .partial("bin_hits", &vec![NONE - 1; bins])
             .partial("bin_sides", &vec![NONE - 1; bins])
@@ -225,7 +225,7 @@ impl Flow {
         let model = &self.model;
         let out = case("depth/cross")
             .size(Size::Reduce)
-            .constant("BUCKETS", BUCKETS)
+            .constant("BUCKETS", LEAST_BUCKETS)
             .constant("MOST_HITS", self.most_hits as u32)
             .inout("counts", &[self.counts])
             .input("items", &some(&self.items))
