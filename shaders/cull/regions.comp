@@ -48,6 +48,8 @@ const float LEAST_STRENGTH = 1.0e-3;
 const float LEAST_SHARE = 1.0e-4;
 // What the strongest region gives vertices of others.
 const float GUEST_SHARE = 0.05;
+// The part of all strength up to which a region has no guests: what proxies alone tell is too uncertain for that.
+const float GUESTS_FROM = 0.1;
 // How much of a pair of proxies a region must have for it to cover them.
 const float LEAST_PART = 0.01;
 
@@ -222,7 +224,7 @@ void share_out(Pair pair) {
         for (uint r = 0; r < PAIR_REGIONS; r++) {
             float own = (members & (1u << r)) != 0 ? max(LEAST_SHARE, share[r] / sum) : 0.0;
             // The strong regions see the others' vertices too: theirs may be the shorter way out.
-            if (near && r < region_count) own = max(own, GUEST_SHARE * strength[r] / all);
+            if (near && r < region_count) own = max(own, GUEST_SHARE * max(0.0, strength[r] / all - GUESTS_FROM));
             shares[(pair.first_slot + s) * PAIR_REGIONS + r] = own;
         }
         slot_regions[pair.first_slot + s] = members << PAIR_REGIONS;
