@@ -184,4 +184,9 @@ fn culling_leaves_no_colliding_vertex_out() {
     all.row("all");
     assert!(all.queries >= THROWN && all.contacts > 10 * THROWN);
     assert_eq!(all.missing, 0, "colliding vertices that the device does not have:\n{}", all.different.join("\n"));
+    assert!(
+        all.extra as f64 <= DIFFERENT * all.contacts as f64,
+        "contacts that are none:\n{}",
+        all.different.join("\n")
+    );
 }

@@ -136,7 +136,12 @@ fn check(given: &Given, out: &Outcome) -> usize {
         let own = &shares[PAIR_REGIONS * s..][..PAIR_REGIONS];
         let sum: f32 = own.iter().sum();
         let member = bits[s] >> PAIR_REGIONS != 0;
-        // One, and up to a twentieth from strong regions that it is no member of.
+        // Of regions that it is no member of, a twentieth of what their strength is more than a tenth of all.
+        for r in (0..live).filter(|r| bits[s] >> (PAIR_REGIONS + r) & 1 == 0) {
+            let strength = regions[r].weight / regions.iter().map(|region| region.weight).sum::<f32>();
+            assert!(own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6, "slot {s}, region {r}: {own:?}");
+        }
+        // One, and those.
         assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "slot {s}: {own:?}");
         assert!(own[live..].iter().all(|share| *share == 0.0));
     }
