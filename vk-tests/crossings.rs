@@ -5,7 +5,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DQuat, DVec3};
 use palpate::stages::args;
-use palpate::stages::skin::LEAST_BUCKETS;
 use palpate::stages::types::{
     ActiveChunk, CHUNK_TRIANGLES, CHUNK_VERTICES, Chunk, NONE, PAIR_REGIONS, Pair, Region, Slot,
 };
@@ -138,7 +137,6 @@ fn check_bins(flow: &Flow) -> usize {
             None => assert!(!sees || within < EDGE, "vertex {vertex} is in no list of region {r}"),
             Some(bucket) => {
                 assert!(sees && within > -EDGE, "vertex {vertex} is not region {r}'s");
-                assert_eq!(flow.bin_sides[bin], *region_side);
                 let stored = [0, 1, 2].map(|k| f64::from(f32::from_bits(flow.bins[bin][k])));
                 assert!(DVec3::from_array(stored).distance(at) < EDGE, "{stored:?} is not {at}");
                 // Whatever the hash: vertices of one square lie in one bucket.
@@ -146,18 +144,16 @@ fn check_bins(flow: &Flow) -> usize {
                     let (low, cell) = (region.low[k], region.cell[side]);
                     ((f32::from_bits(flow.bins[bin][k]) - low) / cell).floor() as i32
                 };
+                let key = [*region_side, (square(0) | square(1) << 16) as u32];
+                assert_eq!(flow.bin_squares[bin], key, "vertex {vertex}: its square");
                 let of_square = *cells.entry((*region_side, square(0), square(1))).or_insert(*bucket);
                 assert_eq!(of_square, *bucket, "vertex {vertex}: one square, one bucket");
             }
         }
     }
     let buckets: BTreeSet<_> = listed.values().collect();
-    assert!(
-        buckets.len() * 2 > cells.len().min(LEAST_BUCKETS as usize),
-        "{} squares, {} lists",
-        cells.len(),
-        buckets.len()
-    );
+    let (squares, lists) = (cells.len(), buckets.len());
+    assert!(lists * 2 > squares.min(flow.bucket_count as usize), "{squares} squares, {lists} lists");
     listed.len()
 }
 
@@ -173,10 +169,8 @@ fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
             let chunk = &flow.model.chunks[flow.active_chunks[item[0] as usize].chunk as usize];
             let own = &flow.model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
             assert!(own.contains(&triangle), "triangle {triangle} is not of item {}", what >> 1);
-            let crossing = (f64::from(f32::from_bits(depth)), what & 1 == 1);
-            // A triangle over two squares of one bucket is met in both, the same.
-            let twice = list.insert(triangle, crossing);
-            assert!(twice.is_none_or(|other| other == crossing), "triangle {triangle} on the ray of bin {bin}");
+            let twice = list.insert(triangle, (f64::from(f32::from_bits(depth)), what & 1 == 1));
+            assert!(twice.is_none(), "triangle {triangle} is twice on the ray of bin {bin}");
             hit = next;
         }
     }
@@ -250,7 +244,8 @@ fn soup(vertices: usize, triangles: usize, size: f64, random: &mut Random) -> Me
 fn soups_of_triangles_cross_what_f64_says() {
     let mut random = Random(61);
     let width = context().reduce_size() as usize;
-    for (n, size) in [(1, 0.5), (width - 1, 0.3), (width, 0.2), (65, 0.2), (300, 0.1)] {
+    // However many squares share a bucket, each crossing is found once.
+    for (n, size, buckets) in [(1, 0.5, 1), (width - 1, 0.3, 1), (width, 0.2, 2), (65, 0.2, 64), (300, 0.1, 1 << 13)] {
         let (a, b) = (soup(n, n, size, &mut random), soup(2 * n + 1, n, size, &mut random));
         for count in [1, 2, PAIR_REGIONS] {
             let regions: Vec<Region> = (0..count).map(|_| region(random.vector(), 0.45, 0.07)).collect();
@@ -259,6 +254,7 @@ fn soups_of_triangles_cross_what_f64_says() {
             if count > 1 {
                 flow.shares[1] = 0.0;
             }
+            flow.bucket_count = buckets;
             flow.embed();
             let listed = check_bins(&flow);
             flow.cross();
@@ -352,6 +348,47 @@ fn triangles_without_area_cross_nothing_and_hide_nothing() {
     );
     assert_eq!(count(&mesh), before);
     assert!(before >= points.0.len() as u32);
+}
+
+/// All crossings are found, or the flag says that they are not.
+fn found_or_flagged(what: &str, mut flow: Flow, crossings: usize) {
+    flow.most_hits = crossings;
+    flow.embed();
+    flow.cross();
+    let found: usize = crossed(&flow).values().map(BTreeMap::len).sum();
+    println!("{what}: {found} of {crossings} crossings, flags {}", flow.counts.flags);
+    let flags = if found < crossings { CONTACT_OVERFLOW } else { 0 };
+    assert_eq!((found, flow.counts.flags), (flow.counts.hits as usize, flags), "{what}");
+}
+
+#[test]
+fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
+    let mut random = Random(67);
+    let axes = Region { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..region(DVec3::Z, 1.0, 0.25) };
+    // Eight squares a row, and a triangle each row. Row r has a pile of vertices in its square r: lanes that take a row
+    // each come to them one after another, and each to one alone.
+    let at = |k: usize| -0.875 + 0.25 * k as f64;
+    let rows = (0..8).flat_map(|r| {
+        let across = DVec3::new(0.999, at(r), 0.0);
+        [DVec3::new(-0.999, at(r), 0.0), across - 0.1 * DVec3::Y, across + 0.1 * DVec3::Y]
+    });
+    let rows: Mesh = (rows.collect(), (0..8).map(|r| [3 * r, 3 * r + 1, 3 * r + 2]).collect());
+    for (piles, each) in [(8, 100), (8, 7_000), (8, 9_000), (2, 40_000), (1, 65_500), (1, 70_000)] {
+        let place = |k: usize| DVec3::new(at(k % piles), at(k % piles), 0.5) + 0.002 * random.vector();
+        let points: Mesh = ((0..piles * each).map(place).collect(), vec![]);
+        found_or_flagged(&format!("{piles} piles of {each}"), meshes([&points, &rows], &[axes]), piles * each);
+    }
+    // Squares without end: each triangle covers them all.
+    for layers in [10, 100] {
+        let points: Mesh =
+            ((0..200).map(|_| random.vector() * DVec3::new(0.4, 0.4, 0.0) + 0.5 * DVec3::Z).collect(), vec![]);
+        let layer =
+            |k: u32| [(-3.0, -1.0), (3.0, -1.0), (0.0, 3.0)].map(|(x, y)| DVec3::new(x, y, -f64::from(k) / 100.0));
+        let sheets: Mesh =
+            ((0..layers).flat_map(layer).collect(), (0..layers).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect());
+        let fine = Region { cell: [1.0 / 64.0; 2], ..axes };
+        found_or_flagged(&format!("{layers} layers"), meshes([&points, &sheets], &[fine]), 200 * layers as usize);
+    }
 }
 
 #[test]

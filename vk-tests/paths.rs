@@ -150,20 +150,20 @@ impl Query {
         // Chunks hold fewer vertices than there is room for; what lies beyond is never written.
         let room = self.skin.bin_hits.bytes() as usize / 4;
         self.skin.bin_hits.write(&vec![NONE; room]).unwrap();
-        self.skin.bin_sides.write(&vec![NONE; room]).unwrap();
+        self.skin.bin_squares.write(&vec![[NONE; 2]; room]).unwrap();
         self.recordings[path].submit_and_wait().unwrap();
         assert_clean(context(), "crossings");
 
         let counts = self.common.counts.read::<Counts>().unwrap()[0];
         let first = self.skin.bin_hits.read::<u32>().unwrap();
-        let sides = self.skin.bin_sides.read::<u32>().unwrap();
+        let squares = self.skin.bin_squares.read::<[u32; 2]>().unwrap();
         let hits = self.depths[path].hits.read::<[u32; 4]>().unwrap();
         let bins = counts.items as usize * CHUNK_VERTICES;
         let list = |bin: usize| {
             let (mut hit, mut found) = (first[bin], Vec::new());
             while hit != NONE {
                 let [triangle, next, depth, front] = hits[hit as usize];
-                found.push([sides[bin], triangle, depth, front]);
+                found.push([squares[bin][0], triangle, depth, front]);
                 hit = next;
             }
             found.sort_unstable();

@@ -3,7 +3,7 @@
 
 use glam::{DQuat, DVec3};
 use palpate::oracle::contact::ray_depths;
-use palpate::prepare::{Body, Shape};
+use palpate::prepare::{self, Body, Shape};
 use palpate::query::{Answer, Query, QuerySettings};
 use palpate::report::Flags;
 use palpate::stages::depth::Path;
@@ -11,6 +11,7 @@ use palpate::stages::depth::Path;
 use crate::bodies::{octants, rigid, sphere, whole};
 use crate::harness::{assert_clean, context};
 use crate::random::Random;
+use crate::whole_step::scene;
 
 /// Of the radius, as promised for depths.
 const DEPTH: f64 = 1e-5;
@@ -86,4 +87,34 @@ fn spheres_of_any_size_anywhere_along_any_direction() {
         }
     }
     assert_clean(context(), "queries");
+}
+
+#[test]
+fn a_fine_head_in_a_cube_of_twelve_triangles_is_found_whole_or_flagged() {
+    // The head's vertices lie in a few squares of the size that the cube's triangles ask for.
+    let corners = (0..8).map(|k| DVec3::new((k & 1).into(), (k >> 1 & 1).into(), (k >> 2).into()) - 0.5).collect();
+    let quads = [[0u32, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let halves = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+    let cube = rigid("cube", (corners, halves), whole, DVec3::ZERO, DQuat::IDENTITY);
+    for vertices in [10_000, 200_000] {
+        let text = format!("[[body]]\nname = \"head\"\nsurface = {{ model = \"head\", vertices = {vertices} }}\n");
+        let scene = scene(&text);
+        let head = prepare::body(&scene.bodies[0], &scene).unwrap();
+        for path in [Path::Compute, Path::Graphics] {
+            for bodies in [[&cube, &head], [&head, &cube]] {
+                let poses = [(DVec3::ZERO, DQuat::IDENTITY), (0.36 * DVec3::Y, DQuat::IDENTITY)];
+                let settings = QuerySettings { direction: Some(DVec3::Y), ..QuerySettings::of(bodies[0], bodies[1]) };
+                let mut query = Query::on(context(), bodies[0], bodies[1], &settings, Some(path)).unwrap();
+                let answer = query.run(poses[0], poses[1]).unwrap();
+                let what = format!("{}, {vertices} vertices", path.name());
+                println!("{what}: {} contacts, flags {:?}", answer.contacts.len(), answer.flags);
+                if !answer.flags.contains(Flags::CONTACT_OVERFLOW) {
+                    check(&what, bodies, poses, &answer, 0.3);
+                } else {
+                    assert!(vertices > 10_000, "{what}");
+                }
+            }
+        }
+    }
+    assert_clean(context(), "queries of a cube and a head");
 }

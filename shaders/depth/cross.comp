@@ -22,7 +22,7 @@ layout(binding = 6) uniform usamplerBuffer triangles;       // three skin vertic
 layout(binding = 7) uniform samplerBuffer skin;
 layout(binding = 8) uniform usamplerBuffer buckets;         // four a texel
 layout(binding = 9) uniform usamplerBuffer bins;
-layout(scalar, binding = 10) readonly buffer BinSides { uint bin_sides[]; };
+layout(scalar, binding = 10) readonly buffer BinSquares { uvec2 bin_squares[]; };
 layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
 layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
 layout(binding = 13) uniform usamplerBuffer fields;
@@ -35,8 +35,8 @@ layout(binding = 13) uniform usamplerBuffer fields;
 // Squares from which on all lanes share a triangle.
 const uint SHARED = 32;
 
-// Of so many, those that this lane takes.
-uint share_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
+// How many of `count` this lane has where lanes take turns.
+uint turns_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
 
 uint count_of(ivec2 first, ivec2 last) { return uint(last.x - first.x + 1) * uint(last.y - first.y + 1); }
 
@@ -54,10 +54,13 @@ void main() {
     uint side = entry.side & 1, other = 1 - side;
     vec3 corners[3];
     ivec2 first, last;
+    // Triangles and squares of this lane, and those that it came to: drivers may leave loops early (see README).
+    uint due = turns_of(chunk.triangle_count), done = 0;
     // Those that may cross anything, so that lanes work side by side on these alone.
     if (lane == 0) listed_count = large_count = 0;
     barrier();
     for (uint t = lane; t < chunk.triangle_count; t += SIZE) {
+        done++;
         uint at = chunk.triangle_first + t, triangle = texelFetch(chunk_triangles, int(at / 4))[at % 4];
         if (covered_squares(region, item.y, side, triangle, corners, first, last)) {
             if (count_of(first, last) > SHARED) large[atomicAdd(large_count, 1)] = triangle;
@@ -65,29 +68,31 @@ void main() {
         }
     }
     barrier();
-    uint taken = 0, owed = 0;       // triangles, and their squares
+    due += turns_of(listed_count);
     for (uint k = lane; k < listed_count; k += SIZE) {
         uint triangle = listed[k];
-        covered_squares(region, item.y, side, triangle, corners, first, last);
-        taken++;
-        owed += count_of(first, last);
+        box_squares(region, side, triangle, corners, first, last);
+        due += count_of(first, last);
+        done++;
         for (int y = first.y; y <= last.y; y++) {
             for (int x = first.x; x <= last.x; x++) {
                 cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
+                done++;
             }
         }
     }
     // All lanes together on each large one.
+    due += large_count;
     for (uint k = 0; k < large_count; k++) {
         uint triangle = large[k];
-        covered_squares(region, item.y, side, triangle, corners, first, last);
+        box_squares(region, side, triangle, corners, first, last);
         uint count = count_of(first, last), width = uint(last.x - first.x + 1);
-        taken++;
-        owed += share_of(count);
+        due += turns_of(count);
+        done++;
         for (uint c = lane; c < count; c += SIZE) {
             cross_square(first + ivec2(c % width, c / width), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
+            done++;
         }
     }
-    // Loops may have been left too early, see shared/crossing.glsl.
-    if (taken != share_of(listed_count) + large_count || met != owed) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
+    if (done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }

@@ -13,7 +13,7 @@ layout(scalar, binding = 0) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 5) readonly buffer Regions { Region regions[]; };
 layout(binding = 8) uniform usamplerBuffer buckets;         // four a texel
 layout(binding = 9) uniform usamplerBuffer bins;
-layout(scalar, binding = 10) readonly buffer BinSides { uint bin_sides[]; };
+layout(scalar, binding = 10) readonly buffer BinSquares { uvec2 bin_squares[]; };
 layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
 layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
 

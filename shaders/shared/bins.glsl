@@ -7,6 +7,9 @@ uint bucket_of(ivec2 cell, uint region_side) {
     return (key ^ key >> 15) & (BUCKETS - 1);
 }
 
+// No other square has the same; a column has less than 2^16 of them a side.
+uvec2 square_key(ivec2 cell, uint region_side) { return uvec2(region_side, cell.x | cell.y << 16); }
+
 // `precise`: the same point is in the same square wherever it is asked for.
 ivec2 cell_of(Region region, uint side, vec2 at) {
     precise vec2 scaled = (at - region.low) / region.cell[side];

@@ -1,28 +1,45 @@
 // A triangle in a region's axes, and which squares of the other side it may cover. Needs shared/bins.glsl, shared/field.glsl,
 // `triangles`, `skin`, and `fields` as texels.
 
-// Whether chunks of the other side reach as far back as the triangle does, in some square of the field that it covers.
+// Whether chunks of the other side reach as far back as the triangle does, in some square of the field that it covers; so
+// too where the driver leaves the loops before all are looked at.
 bool reaches(Region region, uint region_index, uint side, vec2 least, vec2 greatest, float height) {
     uvec4 range = squares(region, least, greatest);
+    uint left = (range.z - range.x + 1) * (range.w - range.y + 1);
     uint field = field_at(region_index, 1 - side), key = height_key(height);
     for (uint y = range.y; y <= range.w; y++) {
         for (uint x = range.x; x <= range.z; x++) {
+            left--;
             uint at = field + y * FIELD + x;
             uint other = texelFetch(fields, int(at / 4))[at % 4];
             if (side == 0 ? key >= other : key <= other) return true;
         }
     }
-    return false;
+    return left != 0;
 }
 
-// Whether any; `side` is the triangle's.
-bool covered_squares(
-    Region region, uint region_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
+// A triangle's corners, and its box where vertices are looked for.
+void box_of(Region region, uint triangle, out vec3 corners[3], out vec2 least, out vec2 greatest) {
     uvec3 vertices = texelFetch(triangles, int(triangle)).xyz;
     corners = vec3[](along(region, texelFetch(skin, int(vertices.x)).xyz),
         along(region, texelFetch(skin, int(vertices.y)).xyz), along(region, texelFetch(skin, int(vertices.z)).xyz));
-    vec2 least = max(min(min(corners[0].xy, corners[1].xy), corners[2].xy), region.low);
-    vec2 greatest = min(max(max(corners[0].xy, corners[1].xy), corners[2].xy), region.high);
+    least = max(min(min(corners[0].xy, corners[1].xy), corners[2].xy), region.low);
+    greatest = min(max(max(corners[0].xy, corners[1].xy), corners[2].xy), region.high);
+}
+
+// The squares that the box meets, where it is not empty; `side` is the triangle's.
+void box_squares(Region region, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
+    vec2 least, greatest;
+    box_of(region, triangle, corners, least, greatest);
+    first = cell_of(region, 1 - side, least);
+    last = cell_of(region, 1 - side, greatest);
+}
+
+// Whether any may hold a vertex that the triangle's ray crosses.
+bool covered_squares(
+    Region region, uint region_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
+    vec2 least, greatest;
+    box_of(region, triangle, corners, least, greatest);
     first = cell_of(region, 1 - side, least);
     last = cell_of(region, 1 - side, greatest);
     if (any(greaterThan(least, greatest))) return false;

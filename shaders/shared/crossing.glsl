@@ -1,20 +1,17 @@
 // A triangle of one side against the vertices of the other that are binned in one square: where a vertex's ray along the
 // region's normal, away from its own body's inside, crosses the triangle, the crossing is put on the vertex's list. Needs
-// shared/bins.glsl, `regions`, `buckets`, `bins`, `bin_sides`, `bin_hits`, `hits`, `counts`, MOST_HITS.
+// shared/bins.glsl, `buckets`, `bins`, `bin_squares`, `bin_hits`, `hits`, `counts`, MOST_HITS.
 
-// Squares met so far.
-uint met = 0;
-
-// More than a bin has vertices. Without a second way out of its loop, a compiler takes it for granted that a list is at its
-// end after it; but Mesa's llvmpipe leaves all loops of its invocations after 65,535 rounds together.
-const uint MOST_LINKS = 1u << 30;
+// Above all bins. A list is walked while its next lies below, and must then have come to NONE: Mesa's llvmpipe leaves loops
+// early (see README), and that nothing else is so large, no compiler can know.
+const uint ALL_BINS = 0x80000000u;
 
 // `corners` along the region's axes; `side` and `item` are the triangle's.
 void cross_square(ivec2 cell, uint region_side, vec3 corners[3], uint side, uint triangle, uint item) {
     uint bucket = bucket_of(cell, region_side);
+    uvec2 square = square_key(cell, region_side);
     uint bin = texelFetch(buckets, int(bucket / 4))[bucket % 4];
-    met++;
-    for (uint links = 0; bin != NONE && links < MOST_LINKS; links++) {
+    while (bin < ALL_BINS) {
         uvec4 found = texelFetch(bins, int(bin));
         vec3 x = uintBitsToFloat(found.xyz);
         // `precise` keeps an edge's product exactly opposite in both its triangles: no ray slips between them.
@@ -25,9 +22,8 @@ void cross_square(ivec2 cell, uint region_side, vec3 corners[3], uint side, uint
             precise float height = (b.x * (corners[0].z - x.z) + b.y * (corners[1].z - x.z) + b.z * (corners[2].z - x.z)) / sum;
             // A vertex of a looks back along the normal for b's skin, a vertex of b along it for a's.
             float depth = side == 1 ? -height : height;
-            // The bucket may be another square's as well, and the triangle cover both.
-            bool own = bin_sides[bin] == region_side && cell_of(regions[region_side / 2], region_side & 1, x.xy) == cell;
-            if (sum != 0.0 && depth > 0.0 && own) {
+            // A bucket may hold several squares, and the triangle may cover more than one of them.
+            if (sum != 0.0 && depth > 0.0 && bin_squares[bin] == square) {
                 bool front = side == 1 ? sum < 0.0 : sum > 0.0;
                 uint hit = atomicAdd(counts.hits, 1);
                 if (hit < MOST_HITS) {

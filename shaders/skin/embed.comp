@@ -32,7 +32,7 @@ layout(scalar, binding = 14) writeonly buffer Skin { vec4 skin[]; };
 layout(scalar, binding = 15) buffer Buckets { uint buckets[]; };            // cleared to NONE
 layout(scalar, binding = 16) writeonly buffer Bins { uvec4 bins[]; };       // CHUNK_VERTICES an item
 layout(scalar, binding = 17) writeonly buffer BinHits { uint bin_hits[]; };     // first crossing found: none yet
-layout(scalar, binding = 18) writeonly buffer BinSides { uint bin_sides[]; };   // 2 * region + side
+layout(scalar, binding = 18) writeonly buffer BinSquares { uvec2 bin_squares[]; };
 layout(binding = 19) uniform usamplerBuffer fields;
 
 #include "shared/bins.glsl"
@@ -91,9 +91,10 @@ void main() {
             uint field = field_at(region_index, 1 - side) + square.y * FIELD + square.x;
             uint other = texelFetch(fields, int(field / 4))[field % 4];
             if (side == 0 ? height_key(at.z) < other : height_key(at.z) > other) continue;
-            uint next = atomicExchange(buckets[bucket_of(cell_of(region, side, at.xy), region_side)], bin);
+            ivec2 cell = cell_of(region, side, at.xy);
+            uint next = atomicExchange(buckets[bucket_of(cell, region_side)], bin);
             bins[bin] = uvec4(floatBitsToUint(at), next);
-            bin_sides[bin] = region_side;
+            bin_squares[bin] = square_key(cell, region_side);
         }
         item += 1;
     }

@@ -66,7 +66,7 @@ impl Depth {
             &skin.skin,
             &skin.buckets,
             &skin.bins,
-            &skin.bin_sides,
+            &skin.bin_squares,
             &skin.bin_hits,
             &self.hits,
             &cull.fields,

@@ -39,8 +39,8 @@ pub struct Skin {
     pub bins: Buffer,
     /// First crossing found on the ray of each.
     pub bin_hits: Buffer,
-    /// 2 * region + side of each.
-    pub bin_sides: Buffer,
+    /// 2 * region + side, and square, of each.
+    pub bin_squares: Buffer,
 }
 
 impl Skin {
@@ -58,7 +58,7 @@ impl Skin {
             buckets: array::<u32>(context, "buckets", buckets(model) as usize)?,
             bins: array::<[u32; 4]>(context, "bins", bins)?,
             bin_hits: array::<u32>(context, "crossings of bins", bins)?,
-            bin_sides: array::<u32>(context, "sides of bins", bins)?,
+            bin_squares: array::<[u32; 2]>(context, "squares of bins", bins)?,
         })
     }
 
@@ -84,7 +84,7 @@ impl Skin {
             &self.buckets,
             &self.bins,
             &self.bin_hits,
-            &self.bin_sides,
+            &self.bin_squares,
             &cull.fields,
         ];
         recorder.dispatch_indirect(&self.embed, &buffers, &[], &common.args, args::ACTIVE);

@@ -11,6 +11,7 @@ use palpate::scene::{self, Scene};
 use palpate::stages::args;
 use palpate::stages::depth::Path;
 use palpate::stages::model::{Model, texel};
+use palpate::stages::skin::LEAST_BUCKETS;
 use palpate::stages::types::{
     ActiveChunk, CHUNK_VERTICES, Contact, Counts, Frame, Link, PAIR_REGIONS, Pair, ProxyBounds, Region, StepParams,
 };
@@ -33,6 +34,7 @@ pub struct Flow {
     pub velocity: Vec<[f32; 4]>,
     pub most_items: usize,
     pub most_hits: usize,
+    pub bucket_count: u32,
     pub capacity: usize,
     pub hull: Vec<[f32; 4]>,
     pub faces: Vec<[f32; 4]>,
@@ -62,7 +64,7 @@ pub struct Flow {
     /// Vertices in regions: place along the axes (bits), next of its bucket.
     pub bins: Vec<[u32; 4]>,
     pub bin_hits: Vec<u32>,
-    pub bin_sides: Vec<u32>,
+    pub bin_squares: Vec<[u32; 2]>,
     /// Crossings: triangle, next on the ray, bits of the depth, item and front.
     pub crossings: Vec<[u32; 4]>,
     pub hits: Vec<[f32; 4]>,
@@ -143,6 +145,7 @@ impl Flow {
             displacement: vec![[0.0; 4]; nodes],
             most_items: model.most_items(),
             most_hits: 1 << 16,
+            bucket_count: LEAST_BUCKETS,
             capacity: CHUNK_VERTICES * model.most_chunks(),
             hull: vec![],
             faces: vec![],
@@ -167,7 +170,7 @@ impl Flow {
             buckets: vec![],
             bins: vec![],
             bin_hits: vec![],
-            bin_sides: vec![],
+            bin_squares: vec![],
             crossings: vec![],
             hits: vec![],
             what: vec![],

@@ -2,7 +2,6 @@
 
 use palpate::gpu::Size;
 use palpate::stages::args;
-use palpate::stages::skin::LEAST_BUCKETS;
 use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, NONE, PAIR_REGIONS, ProxyBounds};
 
 use super::{FIELD_WORDS, Flow, fours, some};
@@ -20,7 +19,7 @@ impl Flow {
             .size(Size::Reduce)
             .constant("SPANS", self.model.spans_frames())
             .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
-            .constant("BUCKETS", LEAST_BUCKETS)
+            .constant("BUCKETS", self.bucket_count)
             .constant("GROUP", context().group_size())
             .input("frames", &self.frames)
             .input("proxies", &some(&self.model.proxies))
@@ -35,7 +34,7 @@ impl Flow {
             .output::<ProxyBounds>("bounds", proxies)
             .inout("counts", &[self.counts])
             .partial("args", &self.args)
-            .output::<u32>("buckets", LEAST_BUCKETS as usize)
+            .output::<u32>("buckets", self.bucket_count as usize)
             .groups(proxies)
             .run();
         self.hull = out.get("hull");
@@ -189,7 +188,7 @@ impl Flow {
         let (model, bins) = (&self.model, CHUNK_VERTICES * self.most_items);
         let out = case("skin/embed")
             .size(Size::Reduce)
-            .constant("BUCKETS", LEAST_BUCKETS)
+            .constant("BUCKETS", self.bucket_count)
             .constant("SPANS", model.spans_frames())
             .input("frames", &self.frames)
             .input("active_chunks", &some(&self.active_chunks))
@@ -206,10 +205,10 @@ impl Flow {
             .input("regions", &self.regions)
             .input("shares", &some(&self.shares))
             .partial("skin", &self.skin)
-            .inout("buckets", &vec![NONE; LEAST_BUCKETS as usize])
+            .inout("buckets", &vec![NONE; self.bucket_count as usize])
             .partial("bins", &vec![[NONE - 1; 4]; bins])
             .partial("bin_hits", &vec![NONE - 1; bins])
-            .partial("bin_sides", &vec![NONE - 1; bins])
+            .partial("bin_squares", &vec![[NONE - 1; 2]; bins])
             .input("fields", &self.fields)
             .groups(self.groups(args::ACTIVE))
             .run();
@@ -217,7 +216,7 @@ impl Flow {
         self.buckets = out.get("buckets");
         self.bins = out.get("bins");
         self.bin_hits = out.get("bin_hits");
-        self.bin_sides = out.get("bin_sides");
+        self.bin_squares = out.get("bin_squares");
     }
 
     /// The compute path.
@@ -225,7 +224,7 @@ impl Flow {
         let model = &self.model;
         let out = case("depth/cross")
             .size(Size::Reduce)
-            .constant("BUCKETS", LEAST_BUCKETS)
+            .constant("BUCKETS", self.bucket_count)
             .constant("MOST_HITS", self.most_hits as u32)
             .inout("counts", &[self.counts])
             .input("items", &some(&self.items))
@@ -237,7 +236,7 @@ impl Flow {
             .input("skin", &some(&self.skin))
             .input("buckets", &self.buckets)
             .input("bins", &some(&self.bins))
-            .input("bin_sides", &some(&self.bin_sides))
+            .input("bin_squares", &some(&self.bin_squares))
             .inout("bin_hits", &self.bin_hits)
             .partial("hits", &vec![[NONE; 4]; self.most_hits])
             .input("fields", &self.fields)
