@@ -11,6 +11,7 @@ use crate::flow::Flow;
 use crate::harness::{Tolerance, expect_close};
 use crate::random::Random;
 
+const CONTACT_OVERFLOW: u32 = 4;
 const DEPTH_LIMIT: u32 = 8;
 const NOT_HEIGHT_FIELD: u32 = 16;
 /// Positions of some centimetres in f32 are known to 4e-9 m; triangles lie up to 45 degrees aslant.
@@ -242,6 +243,22 @@ fn the_nearest_crossing_decides() {
         assert_eq!(depth(&layers), 0.005);
         // Between them: in front of the second.
         assert_eq!(depth(&[(0.007, true), (0.003, false), (0.01, false)]), 0.0);
+    }
+}
+
+#[test]
+fn the_nearest_of_a_long_list_is_found_or_flagged() {
+    for count in [1_000, 60_000, 70_000] {
+        let mut random = Random(8);
+        let mut given = Given::new(0, &[DVec3::Z]);
+        // The first made lies last in the list.
+        let mut crossings = vec![(0.01, true); count];
+        crossings[0].0 = 0.005;
+        given.add(DVec3::ZERO, DVec3::Z, &[crossings], &mut random);
+        given.run();
+        let (depth, flags) = (f64::from(given.flow.hits[0][0]), given.flow.counts.flags);
+        println!("a list of {count}: {depth} m deep, flags {flags}");
+        assert_eq!(flags, if (depth - 0.005).abs() < DEPTH { 0 } else { CONTACT_OVERFLOW });
     }
 }
 

@@ -29,6 +29,7 @@ mod judge;
 mod laws;
 mod layers;
 mod layouts;
+mod overflows;
 mod paths;
 mod pose;
 mod query;

@@ -46,8 +46,8 @@ vec3 outward_normal(uint vertex) {
     return length2 > 0.0 ? sum * inversesqrt(length2) : vec3(0.0);
 }
 
-// As in shared/crossing.glsl.
-const uint MOST_LINKS = 1u << 30;
+// Above all crossings; why, says shared/crossing.glsl.
+const uint ALL_HITS = 0x80000000u;
 
 // The nearest crossing, the lowest triangle of equals: triangle, item and front, depth; NONE where there is none. `through`: a back
 // lies within depth_limit beyond it.
@@ -55,7 +55,7 @@ uvec3 nearest_crossing(uint bin, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
     uint hit = bin_hits[bin];
-    for (uint links = 0; hit != NONE && links < MOST_LINKS; links++) {
+    while (hit < ALL_HITS) {
         uvec4 found = texelFetch(hits, int(hit));
         float d = uintBitsToFloat(found.z);
         if (d < depth || (d == depth && found.x < best.x)) {
@@ -111,7 +111,9 @@ void main() {
     Pair pair = pairs[entry.side / 2];
     bool side_b = (entry.side & 1) != 0;
     list_vertices(entry, chunk, pair.is_plane != 0);
+    uint done = 0;
     for (uint k = gl_LocalInvocationID.x; k < listed_count; k += SIZE) {
+        done++;
         uint l = listed[k], at = gl_WorkGroupID.x * CHUNK_VERTICES + l, v = chunk.vertex_first + l;
         uint vertex = texelFetch(chunk_vertices, int(v / 4))[v % 4];
         float weights[PAIR_REGIONS], depths[PAIR_REGIONS], strongest = 0.0;
@@ -187,4 +189,6 @@ void main() {
         }
         candidate_pushes[at] = vec4(depth * areas[vertex] * outward, uintBitsToFloat(proxy_pair));
     }
+    // A driver left the loop early.
+    if (done != (listed_count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }

@@ -26,6 +26,7 @@ layout(scalar, binding = 10) readonly buffer BinSquares { uvec2 bin_squares[]; }
 layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
 layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
 layout(binding = 13) uniform usamplerBuffer fields;
+layout(scalar, binding = 14) readonly buffer Pairs { Pair pairs[]; };
 
 #include "shared/bins.glsl"
 #include "shared/field.glsl"
@@ -55,11 +56,12 @@ void main() {
     vec3 corners[3];
     ivec2 first, last;
     // Triangles and squares of this lane, and those that it came to: drivers may leave loops early (see README).
-    uint due = turns_of(chunk.triangle_count), done = 0;
+    uint triangle_count = pairs[entry.side / 2].is_plane != 0 ? 0 : chunk.triangle_count;     // half-spaces need no rays
+    uint due = turns_of(triangle_count), done = 0;
     // Those that may cross anything, so that lanes work side by side on these alone.
     if (lane == 0) listed_count = large_count = 0;
     barrier();
-    for (uint t = lane; t < chunk.triangle_count; t += SIZE) {
+    for (uint t = lane; t < triangle_count; t += SIZE) {
         done++;
         uint at = chunk.triangle_first + t, triangle = texelFetch(chunk_triangles, int(at / 4))[at % 4];
         if (covered_squares(region, item.y, side, triangle, corners, first, last)) {

@@ -17,6 +17,7 @@ layout(scalar, binding = 5) readonly buffer Regions { Region regions[]; };
 layout(binding = 6) uniform usamplerBuffer triangles;       // three skin vertices
 layout(binding = 7) uniform samplerBuffer skin;
 layout(binding = 13) uniform usamplerBuffer fields;
+layout(scalar, binding = 14) readonly buffer Pairs { Pair pairs[]; };
 
 layout(location = 0) flat out vec3 corners[3];      // along the region's axes
 layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * region + its side, its item
@@ -32,7 +33,7 @@ void main() {
     Chunk chunk = chunks[entry.chunk];
     gl_Position = no_squares();
     uint t = gl_VertexIndex / 6;
-    if (t >= chunk.triangle_count) return;
+    if (t >= chunk.triangle_count || pairs[entry.side / 2].is_plane != 0) return;
     uint side = entry.side & 1, at = chunk.triangle_first + t;
     uint triangle = texelFetch(chunk_triangles, int(at / 4))[at % 4];
     ivec2 first, last;

@@ -70,6 +70,7 @@ impl Depth {
             &skin.bin_hits,
             &self.hits,
             &cull.fields,
+            &cull.pairs,
         ];
         match &self.cross {
             Cross::Graphics(cross) => recorder.draw_indirect(cross, &buffers, &[], &common.args, args::DRAW, SQUARES),

@@ -240,6 +240,7 @@ impl Flow {
             .inout("bin_hits", &self.bin_hits)
             .partial("hits", &vec![[NONE; 4]; self.most_hits])
             .input("fields", &self.fields)
+            .input("pairs", &self.pairs)
             .groups(self.groups(args::ITEMS))
             .run();
         self.counts = out.get("counts")[0];
