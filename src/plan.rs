@@ -14,7 +14,7 @@ pub struct Entry {
     pub reason: String,
 }
 
-/// All eight stages in the order of the step.
+/// All nine stages in the order of the step.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Plan {
     /// Stage by stage.
@@ -37,12 +37,8 @@ impl Plan {
             entries.push(Entry { stage, recorded, reason: if recorded { yes } else { no.into() } });
         };
         let (carried, floating) = (model.carried_nodes.len(), model.floating.len());
-        let pose = match (touches, carried, floating) {
-            (true, ..) => pairs.clone(),
-            (false, 0, _) => format!("{floating} floating frames"),
-            (false, ..) => format!("{carried} nodes carried"),
-        };
-        add("pose", touches || carried + floating > 0, pose, nothing);
+        let pose = if touches { pairs.clone() } else { format!("{carried} nodes carried") };
+        add("pose", touches || carried > 0, pose, nothing);
         let probes = !scene.probes.is_empty();
         let skin = if touches { pairs.clone() } else { "probes are recorded".into() };
         add("skin", touches || probes, skin, nothing);
@@ -58,6 +54,7 @@ impl Plan {
         add("solve", true, solve, "");
         let wrench = touches && scene.tool.is_some();
         add("wrench", wrench, "the tool's".into(), if scene.tool.is_some() { nothing } else { "no tool" });
+        add("fit", floating > 0, format!("{floating} floating frames"), "no frame floats");
         Plan { entries }
     }
 }

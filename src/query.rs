@@ -8,11 +8,11 @@ use glam::{DQuat, DVec3};
 use crate::gpu::{Buffer, Context, Memory, Options, Recorder, Recording, StagePasses};
 use crate::prepare::{Body, Cache, Proxy, Shape, Skin};
 use crate::report::Flags;
-use crate::stages::Common;
 use crate::stages::depth::Path;
 use crate::stages::elastic::Elastic;
 use crate::stages::model::{Model, texel};
 use crate::stages::types::{Contact, Counts, Frame, Link, Pair, Region, StepParams};
+use crate::stages::{Common, query_as_one};
 use crate::step::choice::Choice;
 use crate::step::recordings::TouchStages;
 use crate::{Error, Result};
@@ -24,6 +24,17 @@ const DEPTH_SHARE: f64 = 0.1;
 /// directions; the others improve the direction by the skins'.
 const ROUNDS: u32 = 4;
 
+/// How a run is timed; timestamps take time themselves on some drivers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Timing {
+    /// Not at all.
+    Off,
+    /// Stage by stage.
+    Stages,
+    /// From the first stage's beginning to the last one's end.
+    AsOne,
+}
+
 /// What to look for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuerySettings {
@@ -31,15 +42,15 @@ pub struct QuerySettings {
     pub depth_limit: f64,
     /// World direction from a to b along which depth is measured, of any length but zero; `None`: culling finds it.
     pub direction: Option<DVec3>,
-    /// Whether each run is timed by stage, which itself takes time on some drivers.
-    pub timed: bool,
+    /// How runs are timed.
+    pub timing: Timing,
 }
 
 impl QuerySettings {
-    /// The usual ones: depths to a tenth of the smaller body's extent, directions as culling finds them, timed.
+    /// The usual ones: depths to a tenth of the smaller body's extent, directions as culling finds them, stages timed.
     pub fn of(a: &Body, b: &Body) -> QuerySettings {
         let extent = [a, b].map(|body| rigid(body).map_or(f64::INFINITY, |(skin, ..)| extent(skin)));
-        QuerySettings { depth_limit: DEPTH_SHARE * extent[0].min(extent[1]), direction: None, timed: true }
+        QuerySettings { depth_limit: DEPTH_SHARE * extent[0].min(extent[1]), direction: None, timing: Timing::Stages }
     }
 }
 
@@ -54,7 +65,9 @@ pub struct Query {
     context: Arc<Context>,
     common: Common,
     touch: TouchStages,
-    record: Recording,
+    /// Untimed, timed by stage, timed as one.
+    records: [Recording; 3],
+    timing: Timing,
     fresh: Recording,
     fetch: Recording,
     contacts: Buffer,
@@ -88,7 +101,7 @@ pub struct Answer {
     pub flags: Flags,
     /// What passed through the stages.
     pub counts: Counts,
-    /// Stage by stage, microseconds; empty where runs are not timed.
+    /// Microseconds, by stage or of all as one ([`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT)); empty where runs are not timed.
     pub stage_times: Vec<(String, f64)>,
 }
 
@@ -134,8 +147,15 @@ impl Query {
         let mut warm_up = Recorder::warm_up(context)?;
         touch.record(&mut warm_up, &common, &elastic);
         warm_up.finish()?.submit_and_wait()?;
-        let mut record = if settings.timed { Recorder::new(context) } else { Recorder::untimed(context) }?;
-        touch.record(&mut record, &common, &elastic);
+        let record = |mut recorder: Recorder| {
+            touch.record(&mut recorder, &common, &elastic);
+            recorder.finish()
+        };
+        let records = [
+            record(Recorder::untimed(context)?)?,
+            record(Recorder::new(context)?)?,
+            record(Recorder::timed_by(context, query_as_one)?)?,
+        ];
 
         let mut fresh = Recorder::untimed(context)?;
         fresh.stage("forget");
@@ -157,7 +177,8 @@ impl Query {
         common.links.mapped_mut::<Link>()?.fill(link);
         let mut query = Query {
             context: context.clone(),
-            record: record.finish()?,
+            records,
+            timing: settings.timing,
             fresh: fresh.finish()?,
             fetch: fetch.finish()?,
             common,
@@ -177,6 +198,11 @@ impl Query {
     /// Changes [`QuerySettings::direction`] for the runs that follow.
     pub fn set_direction(&mut self, direction: Option<DVec3>) {
         self.pair.direction = direction.map_or([0.0; 4], |direction| texel(direction.normalize(), 1.0));
+    }
+
+    /// Changes [`QuerySettings::timing`] for the runs that follow.
+    pub fn set_timing(&mut self, timing: Timing) {
+        self.timing = timing;
     }
 
     /// Where the bodies overlap. A pose is the world position (m) and orientation of a body's rest frame, in which its
@@ -200,7 +226,7 @@ impl Query {
         self.fresh.submit_and_wait()?;
         let rounds = if self.pair.direction[3] == 0.0 { ROUNDS } else { 1 };
         for _ in 0..rounds {
-            self.record.submit_and_wait()?;
+            self.record().submit_and_wait()?;
         }
         self.fetch.submit_and_wait()?;
         let counts = self.counts.mapped::<Counts>()?[0];
@@ -215,7 +241,7 @@ impl Query {
             origin,
             flags: Flags(counts.flags),
             counts,
-            stage_times: self.record.stage_times(),
+            stage_times: self.record().stage_times(),
         })
     }
 
@@ -231,7 +257,11 @@ impl Query {
 
     /// Passes of each stage.
     pub fn passes(&self) -> &[StagePasses] {
-        self.record.passes()
+        self.record().passes()
+    }
+
+    fn record(&self) -> &Recording {
+        &self.records[self.timing as usize]
     }
 
     fn contact(&self, contact: &Contact) -> QueryContact {

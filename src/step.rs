@@ -19,6 +19,7 @@ use crate::report::{Flags, Pose, Row, ToolRow};
 use crate::scene::{Key, Scene};
 use crate::stages::depth::Path;
 use crate::stages::model::{self, Model};
+use crate::stages::query_as_one;
 use crate::stages::types::{self, Counts, Fit, Frame, Link, Pair, Region, Report, StepParams, verdict};
 use crate::{Error, Result};
 use choice::Choice;
@@ -30,9 +31,9 @@ use recordings::{Recordings, Stages};
 const SPARE_ITERATIONS: u32 = 4;
 /// Submits of one step at most; beyond, the device does not keep its word.
 const MOST_SUBMITS: u32 = 64;
-/// Every so many steps the stages are timed, unless [`Simulation::time_every`] says otherwise: timestamps split the work and
-/// cost up to a millisecond on some drivers.
-pub const TIMED_EVERY: u64 = 16;
+/// Every so many steps are timed, unless [`Simulation::time_every`] says otherwise: timestamps split the work and cost up to
+/// a millisecond on some drivers.
+pub const TIMED_EVERY: u64 = 8;
 
 /// A scene under way.
 pub struct Simulation {
@@ -43,7 +44,8 @@ pub struct Simulation {
     model: Model,
     stages: Stages,
     plain: Recordings,
-    timed: Recordings,
+    /// Timed by stage; with the query's stages as one.
+    timed: [Recordings; 2],
     tool: Option<Tool>,
     frames: Frames,
     drive: Drive,
@@ -74,7 +76,9 @@ impl Simulation {
         // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
         Recordings::new(&stages, 0, || Recorder::warm_up(&context))?.submit_once()?;
         let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(&context))?;
-        let timed = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::new(&context))?;
+        let timed =
+            |timers| Recordings::new(&stages, scene.solver.max_iterations, || Recorder::timed_by(&context, timers));
+        let timed = [timed(|stage| stage)?, timed(query_as_one)?];
         let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
         let plan = Plan::new(scene, &model, choice.map(|choice| choice.to_string()));
         let frames = Frames::new(&model, |frame| velocity_of(&bodies, &model, frame));
@@ -135,12 +139,13 @@ impl Simulation {
         self.path
     }
 
-    /// Times the stages of every so many steps from now on; 0: of none.
+    /// Times every so many steps from now on, in turn stage by stage, and the query's stages as one; 0: none.
     pub fn time_every(&mut self, steps: u64) {
         self.timed_every = steps;
     }
 
-    /// Times of the stages in the last step, microseconds, where it was a timed one.
+    /// Times of the stages in the last step, microseconds, where it was a timed one; in every second such step those of the
+    /// query are one, [`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT).
     pub fn stage_times(&self) -> Option<&[(String, f64)]> {
         self.last_timed.as_deref()
     }
@@ -279,7 +284,10 @@ impl Simulation {
     /// Submits the step; where it ran out of iterations, or contacts pulled, what is missing.
     fn submit(&mut self) -> Result<Report> {
         let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
-        let set = if timed { &self.timed } else { &self.plain };
+        let set = match timed {
+            true => &self.timed[(self.step / self.timed_every % 2) as usize],
+            false => &self.plain,
+        };
         let wanted = self.last_iterations + SPARE_ITERATIONS;
         let mut parts = vec![&set.begin, set.plan(wanted), &set.end];
         let mut times = Vec::new();

@@ -7,7 +7,7 @@ use glam::DVec3;
 use palpate::gpu::{Context, Options};
 use palpate::oracle::rays::Rays;
 use palpate::prepare::repair;
-use palpate::query::{Answer, Query, QueryContact, QuerySettings};
+use palpate::query::{Answer, Query, QueryContact, QuerySettings, Timing};
 use palpate::scene::Model;
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;
@@ -99,7 +99,7 @@ fn real_meshes_in_light_contact_agree_with_f64_rays() {
         [[&head_mesh, &head_mesh], [&gear, &gear], [&pumpkin, &pumpkin], [&human, &head_mesh], [&small, &gear]]
     {
         let name = format!("{} {}", a.name, b.name);
-        let settings = QuerySettings { timed: false, ..QuerySettings::of(&a.body, &b.body) };
+        let settings = QuerySettings { timing: Timing::Off, ..QuerySettings::of(&a.body, &b.body) };
         let mut query = Query::on(&device, &a.body, &b.body, &settings, None).unwrap();
         let trees = [tree(a), tree(b)];
         let mut sum = Tally::default();
@@ -164,7 +164,7 @@ fn culling_leaves_no_colliding_vertex_out() {
     let mut all = Tally::default();
     for (i, a) in subjects.iter().enumerate() {
         for b in &subjects[i..] {
-            let settings = QuerySettings { timed: false, ..QuerySettings::of(&a.body, &b.body) };
+            let settings = QuerySettings { timing: Timing::Off, ..QuerySettings::of(&a.body, &b.body) };
             let mut query = Query::on(&device, &a.body, &b.body, &settings, None).unwrap();
             let mut sum = Tally::default();
             for pose in 0..THROWN / 10 {

@@ -95,7 +95,7 @@ fn responses_of_any_number() {
         let met = |i: usize| if i.is_multiple_of(2) { i as u32 / 2 } else { NONE };
         flow.what = (0..count).map(|i| [3 * i as u32, (i as u32 / 3) % 2, met(i), 0]).collect();
         flow.normals = (0..count).map(|_| random.vector().normalize().as_vec3().extend(0.0).to_array()).collect();
-        flow.node_count = vec![0; nodes];
+        flow.forget_entries(nodes);
         flow.compact();
         assert_eq!(flow.counts.contacts as usize, n);
         flow.respond();
@@ -104,7 +104,33 @@ fn responses_of_any_number() {
             check_response(&flow, c, &mut counts);
         }
         assert_eq!(flow.node_count, counts);
+        check_lists(&flow);
     }
+}
+
+/// Each node's lists hold its entries and no others, each touched node is listed once.
+fn check_lists(flow: &Flow) {
+    let lists = flow.node_lists.len() / flow.node_count.len();
+    let mut listed = vec![false; flow.next_entries.len()];
+    for (k, &head) in flow.node_lists.iter().enumerate() {
+        let mut entry = head;
+        while entry != NONE {
+            let e = entry as usize;
+            let (node, weight) = (flow.entry_nodes[e / 4][e % 4], flow.entry_weights[e / 4][e % 4]);
+            assert!(
+                !listed[e] && node as usize == k / lists && weight != 0.0,
+                "entry {e} on a list of node {}",
+                k / lists
+            );
+            listed[e] = true;
+            entry = flow.next_entries[e];
+        }
+    }
+    assert_eq!(listed.iter().filter(|l| **l).count() as u32, flow.node_count.iter().sum::<u32>());
+    let mut touched = flow.touched_nodes[..flow.args[3 * args::NODES as usize] as usize].to_vec();
+    touched.sort_unstable();
+    let counted = (0..flow.node_count.len()).filter(|node| flow.node_count[*node] > 0);
+    assert_eq!(touched, counted.map(|node| node as u32).collect::<Vec<_>>());
 }
 
 /// Contact `c` came from candidate 3 c + 2; adds its entries to `counts`.

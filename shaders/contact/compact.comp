@@ -144,6 +144,5 @@ void main() {
     uint contacts = sums.y + room;
     counts.contacts = contacts;
     args[3 * ARGS_CONTACTS] = groups_of(contacts);
-    args[3 * ARGS_ENTRIES] = groups_of(16 * contacts);
     args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA + contacts);
 }

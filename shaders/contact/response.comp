@@ -2,14 +2,17 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
+#include "shared/args.glsl"
 
 // Contact: what the solver needs to know of each colliding vertex. J v = n.(v(s1) - v(s2)) as at most sixteen weighted
 // nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: four to three times four) and the tool's
 // twist; the rate J v at the start. Friction is regularised Coulomb's, implicit with the coefficient of the start of the
-// step: -c v_t at its end, c = mu f_n / sqrt(|v_t|^2 + FRICTION_SPEED^2), f_n = a max(0, k delta + d delta'). Counts the entries of each node for the transposed index. One invocation a contact.
-// Oracle: oracle::contact::gather.
+// step: -c v_t at its end, c = mu f_n / sqrt(|v_t|^2 + FRICTION_SPEED^2), f_n = a max(0, k delta + d delta').
+// Each entry goes onto one of its node's lists, from which sort.comp makes the transposed index. One invocation a contact.
+// Oracle: oracle::contact::gather; the lists walked by its test.
 
 layout(local_size_x_id = 0) in;
+layout(constant_id = 3) const uint LISTS = 8;
 layout(constant_id = 1) const float FRICTION_COEFFICIENT = 0.0;     // mu
 layout(constant_id = 2) const float FRICTION_SPEED = 1.0;           // m/s; below it friction is viscous
 
@@ -29,7 +32,11 @@ layout(scalar, binding = 12) readonly buffer Frames { Frame frames[]; };
 layout(scalar, binding = 13) writeonly buffer Contacts { Contact contacts[]; };
 layout(scalar, binding = 14) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads a contact
 layout(scalar, binding = 15) writeonly buffer EntryWeights { vec4 entry_weights[]; };
-layout(scalar, binding = 16) buffer NodeCount { uint node_count[]; };                   // cleared
+layout(scalar, binding = 16) buffer NodeCount { uint node_count[]; };                   // zero; entries of each node
+layout(scalar, binding = 17) buffer NodeLists { uint node_lists[]; };                   // LISTS a node: NONE, or the last entry put there
+layout(scalar, binding = 18) writeonly buffer NextEntries { uint next_entries[]; };     // before it in its list
+layout(scalar, binding = 19) writeonly buffer TouchedNodes { uint touched_nodes[]; };   // each node with entries
+layout(scalar, binding = 20) buffer Args { uint args[]; };
 
 uint quads = 0;
 uvec4 nodes[4];
@@ -50,6 +57,12 @@ void add(uint vertex, float share) {
     nodes[quads] = own;
     weights[quads] = w;
     quads += 1;
+}
+
+// A list holds the entries of every LISTS-th contact.
+void list(uint entry, uint node, uint c) {
+    next_entries[entry] = atomicExchange(node_lists[node * LISTS + c % LISTS], entry);
+    if (atomicAdd(node_count[node], 1) == 0) touched_nodes[atomicAdd(args[3 * ARGS_NODES], 1)] = node;
 }
 
 void main() {
@@ -78,7 +91,7 @@ void main() {
             vec3 v = texelFetch(velocity, int(nodes[q][k])).xyz;
             rate += weights[q][k] * dot(n, v);
             if (FRICTION_COEFFICIENT > 0.0) relative += weights[q][k] * v;
-            if (weights[q][k] != 0.0) atomicAdd(node_count[nodes[q][k]], 1);
+            if (weights[q][k] != 0.0) list(16 * c + 4 * q + k, nodes[q][k], c);
         }
     }
     // s1 and s2 are on one line along n: where a rigid skin feels the pressure, either will do. Friction is felt at the point

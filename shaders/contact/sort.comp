@@ -4,48 +4,62 @@
 #include "shared/types.glsl"
 
 // Contact: a node's entries in ascending order, so that sums over them have one order: a bit each entry of a window, then the
-// set bits in turn. One workgroup a touched node. Oracle: the index sorted by its test.
+// set bits in turn. Where a node's run lies depends on the order of the workgroups, what is in it does not. The node's lists
+// and its count go back to nothing for the next step. One workgroup a touched node, a lane a list.
+// Oracle: the index sorted by its test.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
 layout(scalar, binding = 0) readonly buffer TouchedNodes { uint touched_nodes[]; };
-layout(scalar, binding = 1) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar, binding = 2) readonly buffer Unsorted { uint unsorted[]; };
-layout(scalar, binding = 3) readonly buffer EntryWeights { float entry_weights[]; };
-layout(scalar, binding = 4) writeonly buffer Sorted { uvec2 sorted[]; };       // contact, bits of the weight
+layout(scalar, binding = 1) buffer NodeCount { uint node_count[]; };
+layout(scalar, binding = 2) buffer NodeLists { uint node_lists[]; };            // SIZE a node; see response.comp
+layout(scalar, binding = 3) readonly buffer NextEntries { uint next_entries[]; };
+layout(scalar, binding = 4) readonly buffer EntryWeights { float entry_weights[]; };
+layout(scalar, binding = 5) buffer CountsInOut { Counts counts; };
+layout(scalar, binding = 6) writeonly buffer NodeEntries { uvec2 node_entries[]; };     // first, count
+layout(scalar, binding = 7) writeonly buffer Sorted { uvec2 sorted[]; };       // contact, bits of the weight
 
-const uint WORDS = 1024;        // of a window of 32 WORDS entries, 2,048 contacts
+const uint WORDS = 2048;        // of a window of 32 WORDS entries, 4,096 contacts
+// Above all entries; why, says shared/crossing.glsl.
+const uint ALL_ENTRIES = 0x80000000u;
 
 shared uint bits[WORDS];
 shared uint totals[SIZE];
 shared uint range[2];
+shared uvec2 run;
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
-    uvec2 run = node_entries[touched_nodes[gl_WorkGroupID.x]];
+    uint node = touched_nodes[gl_WorkGroupID.x];
+    uint head = node_lists[node * SIZE + lane];
+    node_lists[node * SIZE + lane] = NONE;
     if (lane == 0) {
+        uint count = node_count[node];
+        node_count[node] = 0;
+        run = uvec2(atomicAdd(counts.entries, count), count);
+        node_entries[node] = run;
         range[0] = NONE;
         range[1] = 0;
     }
     barrier();
-    uint least = NONE, greatest = 0;
-    for (uint k = run.x + lane; k < run.x + run.y; k += SIZE) {
-        least = min(least, unsorted[k]);
-        greatest = max(greatest, unsorted[k]);
+    uint least = NONE, greatest = 0, entry = head;
+    while (entry < ALL_ENTRIES) {
+        least = min(least, entry);
+        greatest = max(greatest, entry);
+        entry = next_entries[entry];
     }
     atomicMin(range[0], least);
     atomicMax(range[1], greatest);
     barrier();
-    uint at = run.x;
+    uint at = run.x, due = 0, done = 0;
     for (uint window = range[0] / 32; window <= range[1] / 32; window += WORDS) {
         uint words = min(WORDS, range[1] / 32 - window + 1);
         for (uint w = lane; w < words; w += SIZE) bits[w] = 0;
         barrier();
-        for (uint k = run.x + lane; k < run.x + run.y; k += SIZE) {
-            uint e = unsorted[k];
-            uint word = e / 32 - window;
-            if (word < words) atomicOr(bits[word], 1u << e % 32);
+        for (entry = head; entry < ALL_ENTRIES; entry = next_entries[entry]) {
+            uint word = entry / 32 - window;
+            if (word < words) atomicOr(bits[word], 1u << entry % 32);
         }
         barrier();
         uint share = (words + SIZE - 1) / SIZE;
@@ -59,12 +73,16 @@ void main() {
             if (k < lane) place += totals[k];
             at += totals[k];
         }
+        due += own;
         for (uint w = begin; w < end; w++) {
             for (uint left = bits[w]; left != 0; left &= left - 1) {
                 uint e = 32 * (window + w) + findLSB(left);
                 sorted[place++] = uvec2(e / 16, floatBitsToUint(entry_weights[e]));
+                done++;
             }
         }
         barrier();
     }
+    // A driver left a loop early.
+    if (at != run.x + run.y || done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }

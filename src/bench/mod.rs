@@ -7,7 +7,7 @@ pub mod proximity;
 pub mod samples;
 
 pub use document::{Document, Section, Table};
-pub use samples::{STAGES, Samples, median};
+pub use samples::{Samples, median};
 
 /// Version of the format of `results.json`: raised when a field changes its meaning or goes.
 pub const SCHEMA: u32 = 1;

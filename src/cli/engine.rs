@@ -5,6 +5,7 @@ use palpate::gpu::{Context, DeviceInfo, Options};
 use palpate::prepare::{Embedding, Shape};
 use palpate::report::{Facts, Plan, Row, StageSamples};
 use palpate::scene::Scene;
+use palpate::stages::query_as_one;
 use palpate::step::Simulation;
 use palpate::{Error, Result};
 
@@ -80,7 +81,9 @@ impl Engine {
         let mean_iterations = self.iterations.div_ceil(self.steps.max(1)) as u32;
         let (passes, _) = self.simulation.passes(mean_iterations);
         for samples in &mut self.stages {
-            samples.passes = passes.iter().find(|(stage, _)| *stage == samples.stage).map_or(0, |(_, n)| *n);
+            let of_timer =
+                |(stage, _): &&(String, u32)| samples.stage == *stage || samples.stage == query_as_one(stage);
+            samples.passes = passes.iter().filter(of_timer).map(|(_, n)| n).sum();
         }
         let (mut layers, mut skins) = (Vec::new(), Vec::new());
         for (index, body) in self.simulation.bodies().iter().enumerate() {

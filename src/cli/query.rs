@@ -9,10 +9,11 @@ use glam::{DQuat, DVec3};
 use palpate::gpu::Options;
 use palpate::prepare::repair::{self, Origin};
 use palpate::prepare::{self, Body, Shape};
-use palpate::query::{Answer, Query, QueryContact, QuerySettings};
+use palpate::query::{Answer, Query, QueryContact, QuerySettings, Timing};
 use palpate::report::query::{Subject, write_contacts};
 use palpate::report::{Output, QueryReport, StageSamples, field};
 use palpate::scene::{self, Scene, Surface, obj};
+use palpate::stages::POSE_TO_CONTACT;
 use palpate::{Error, Result};
 
 use crate::prepare::surface_of;
@@ -129,8 +130,11 @@ fn run(query: &mut Query, pose_b: Pose, runs: u32) -> Result<(Answer, Vec<StageS
         us: Vec::new(),
     };
     let mut stages: Vec<StageSamples> = query.passes().iter().map(passes).collect();
+    let all = query.passes().iter().map(|stage| stage.dispatches).sum();
+    stages.push(StageSamples { stage: POSE_TO_CONTACT.into(), passes: all, us: Vec::new() });
     let mut wall_us = Vec::with_capacity(runs as usize);
-    let mut ask = || -> Result<Answer> {
+    let mut ask = |timing| -> Result<Answer> {
+        query.set_timing(timing);
         let begun = Instant::now();
         let answer = query.run((DVec3::ZERO, DQuat::IDENTITY), pose_b)?;
         wall_us.push(begun.elapsed().as_secs_f64() * 1e6);
@@ -139,9 +143,9 @@ fn run(query: &mut Query, pose_b: Pose, runs: u32) -> Result<(Answer, Vec<StageS
         }
         Ok(answer)
     };
-    let mut answer = ask()?;
-    for _ in 1..runs {
-        answer = ask()?;
+    let mut answer = ask(Timing::Stages)?;
+    for run in 1..runs {
+        answer = ask(if run % 2 == 0 { Timing::Stages } else { Timing::AsOne })?;
     }
     Ok((answer, stages, wall_us))
 }

@@ -28,18 +28,26 @@ pub struct Recorder {
     bound: vk::Pipeline,
     stage: String,
     labelled: bool,
-    timed: bool,
+    /// The timer that each stage counts for; `None` where nothing is timed.
+    timers: Option<fn(&str) -> &str>,
+    /// The one that runs.
+    timer: Option<String>,
     /// Dispatches run no group, draws draw nothing.
     empty: bool,
     error: Option<Error>,
 }
 
 impl Recorder {
-    /// Begins a recording whose stages are timed. All earlier work on the device is visible to it.
+    /// Begins a recording whose stages are timed, each by itself. All earlier work on the device is visible to it.
     pub fn new(context: &Arc<Context>) -> Result<Recorder> {
-        let mut recorder = Self::untimed(context)?;
-        recorder.timed = context.timestamp_bits > 0;
-        Ok(recorder)
+        Self::timed_by(context, |stage| stage)
+    }
+
+    /// Begins a recording in which each stage counts for the timer that `timers` names; there is no timestamp between
+    /// stages of one timer.
+    pub fn timed_by(context: &Arc<Context>, timers: fn(&str) -> &str) -> Result<Recorder> {
+        let timers = (context.timestamp_bits > 0).then_some(timers);
+        Ok(Recorder { timers, ..Self::untimed(context)? })
     }
 
     /// Begins a recording without timestamps, which cost a wait each on some drivers.
@@ -51,7 +59,8 @@ impl Recorder {
             bound: vk::Pipeline::null(),
             stage: "set-up".into(),
             labelled: false,
-            timed: false,
+            timers: None,
+            timer: None,
             empty: false,
             error: None,
         };
@@ -69,9 +78,11 @@ impl Recorder {
     pub fn stage(&mut self, name: &str) {
         self.end_label();
         self.stage = name.into();
-        if self.timed {
-            let marked = self.commands.mark(name);
+        let timer = self.timers.map(|timers| timers(name).to_string());
+        if let Some(timer) = timer.filter(|timer| self.timer.as_ref() != Some(timer)) {
+            let marked = self.commands.mark(&timer);
             self.note(marked);
+            self.timer = Some(timer);
         }
         self.commands.context.labels.begin(self.commands.buffer, name);
         self.labelled = true;
@@ -162,7 +173,7 @@ impl Recorder {
     /// Ends the recording, or returns the first error of any pass.
     pub fn finish(mut self) -> Result<Recording> {
         self.end_label();
-        if self.timed {
+        if self.timers.is_some() {
             let marked = self.commands.mark("end");
             self.note(marked);
         }

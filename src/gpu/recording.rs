@@ -41,7 +41,7 @@ pub(super) struct Commands {
     fence: vk::Fence,
     descriptor_pools: Vec<vk::DescriptorPool>,
     queries: Vec<vk::QueryPool>,
-    /// Stage of each timestamp; it marks that stage's beginning.
+    /// Timer of each timestamp; it marks its beginning.
     marks: Vec<String>,
     pub stages: Vec<StagePasses>,
     kept: HashMap<u64, Arc<dyn Any + Send + Sync>>,
@@ -84,7 +84,7 @@ impl Commands {
         self.kept.entry(id).or_insert_with(|| what.clone());
     }
 
-    /// Writes a timestamp that marks the beginning of `stage`.
+    /// Writes a timestamp that marks the beginning of `stage`, or of a timer of several.
     pub fn mark(&mut self, stage: &str) -> Result<()> {
         let device = &self.context.device;
         let query = self.marks.len() as u32 % QUERIES;

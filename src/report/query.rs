@@ -46,7 +46,8 @@ pub struct QueryReport {
     pub depth_limit_m: f64,
     /// How often it was asked; every run has the same answer.
     pub runs: usize,
-    /// `median` and `p99` by stage, and of the whole `query` (wall time, the stages' marks included), microseconds.
+    /// `median` and `p99` by stage, of all as one (`pose to contact`; in turn with runs timed by stage), and of the whole `query`
+    /// (wall time, timestamps included), microseconds.
     pub stage_us: Map<String, Value>,
     /// Passes by stage.
     pub passes: Map<String, Value>,
@@ -103,12 +104,12 @@ impl QueryReport {
 
 impl fmt::Display for QueryReport {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        writeln!(f, "{:<12} {:>6} {:>12} {:>12}", "stage", "passes", "median us", "p99 us")?;
+        writeln!(f, "{:<16} {:>6} {:>12} {:>12}", "stage", "passes", "median us", "p99 us")?;
         for (stage, times) in &self.stage_us {
             let passes = self.passes.get(stage).and_then(Value::as_u64);
             let passes = passes.or_else(|| self.passes.values().map(Value::as_u64).sum()).unwrap_or(0);
             let [median, p99] = ["median", "p99"].map(|key| times[key].as_f64().unwrap_or(0.0));
-            writeln!(f, "{stage:<12} {passes:>6} {median:>12.1} {p99:>12.1}")?;
+            writeln!(f, "{stage:<16} {passes:>6} {median:>12.1} {p99:>12.1}")?;
         }
         writeln!(f, "device: {} ({}), {} runs", self.device, self.driver, self.runs)?;
         for (name, Subject { surface, vertices, triangles, contacts, .. }) in [("a", &self.a), ("b", &self.b)] {

@@ -199,9 +199,9 @@ impl fmt::Display for ClosingTable<'_> {
         let line = |f: &mut fmt::Formatter, name: &str, passes: u32, times: Option<(f64, f64)>| {
             let cell = |time: Option<f64>| time.map_or("-".into(), |us| format!("{us:.1}"));
             let (median, p99) = (cell(times.map(|t| t.0)), cell(times.map(|t| t.1)));
-            writeln!(f, "{name:<12} {passes:>6} {median:>12} {p99:>12}")
+            writeln!(f, "{name:<16} {passes:>6} {median:>12} {p99:>12}")
         };
-        writeln!(f, "{:<12} {:>6} {:>12} {:>12}", "stage", "passes", "median us", "p99 us")?;
+        writeln!(f, "{:<16} {:>6} {:>12} {:>12}", "stage", "passes", "median us", "p99 us")?;
         for stage in &facts.stages {
             line(f, &stage.stage, stage.passes, stage.quantiles())?;
         }
@@ -282,7 +282,7 @@ mod tests {
     fn the_closing_table_names_stages_and_raised_flags() {
         let (facts, tally) = example();
         let text = ClosingTable { facts: &facts, tally: &tally }.to_string();
-        assert!(text.contains("pose              3        100.0        198.0"), "{text}");
+        assert!(text.contains("pose                  3        100.0        198.0"), "{text}");
         assert!(text.contains("frozen in 2 steps") && !text.contains("not_converged"), "{text}");
     }
 

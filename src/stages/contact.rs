@@ -7,7 +7,7 @@ use super::depth::Depth;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::skin::Skin;
-use super::types::CHUNK_VERTICES;
+use super::types::{CHUNK_VERTICES, NONE};
 use super::{Common, args, array, count, types, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
@@ -55,9 +55,7 @@ pub struct Contact {
     candidates: Kernel,
     compact: Kernel,
     response: Kernel,
-    place: Kernel,
-    nodes: u32,
-    fill: Kernel,
+    nodes: usize,
     sort: Kernel,
     /// What the solver reads.
     pub touch: Touch,
@@ -72,9 +70,9 @@ pub struct Contact {
     /// Candidate of each contact.
     pub source: Buffer,
     node_count: Buffer,
-    cursor: Buffer,
+    node_lists: Buffer,
+    next_entries: Buffer,
     touched_nodes: Buffer,
-    unsorted: Buffer,
 }
 
 impl Contact {
@@ -90,15 +88,14 @@ impl Contact {
             ("GROUP", context.group_size().into()),
         ];
         let [friction, speed] = model.friction;
-        let response = [("FRICTION_COEFFICIENT", friction.into()), ("FRICTION_SPEED", speed.into())];
-        let group = |name: &str| Kernel::new(context, name, Size::Group, &[]);
+        let lists = context.reduce_size();
+        let response =
+            [("FRICTION_COEFFICIENT", friction.into()), ("FRICTION_SPEED", speed.into()), ("LISTS", lists.into())];
         Ok(Contact {
             candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &[("BLEND", blend.into())])?,
             compact: Kernel::new(context, "contact/compact", Size::Group, &compact)?,
             response: Kernel::new(context, "contact/response", Size::Group, &response)?,
-            place: Kernel::new(context, "contact/place", Size::Group, &[("NODES", count(nodes))])?,
-            nodes: nodes as u32,
-            fill: group("contact/fill")?,
+            nodes,
             sort: Kernel::new(context, "contact/sort", Size::Reduce, &[])?,
             touch: Touch {
                 contacts: zeros::<types::Contact>(context, "contacts", capacity)?,
@@ -117,13 +114,13 @@ impl Contact {
             candidate_pushes: zeros::<[f32; 4]>(context, "pushes of candidates", candidates)?,
             source: array::<u32>(context, "sources of contacts", capacity)?,
             node_count: zeros::<u32>(context, "entries of nodes", nodes)?,
-            cursor: array::<u32>(context, "cursors", nodes)?,
+            node_lists: upload(context, "lists of nodes", &vec![NONE; nodes.max(1) * lists as usize])?,
+            next_entries: array::<u32>(context, "next entries", ENTRIES * capacity)?,
             touched_nodes: array::<u32>(context, "touched nodes", nodes)?,
-            unsorted: array::<u32>(context, "unsorted entries", ENTRIES * capacity)?,
         })
     }
 
-    /// Six passes, each over no more than there is. Without a depth stage only half-spaces are met.
+    /// Four passes, each over no more than there is. Without a depth stage only half-spaces are met.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -135,6 +132,10 @@ impl Contact {
     ) {
         recorder.stage("contact");
         let touch = &self.touch;
+        if self.nodes > 0 {
+            // Long before it is read; only touched nodes' are written.
+            recorder.fill(&touch.node_entries, 0);
+        }
         recorder.dispatch_indirect(
             &self.candidates,
             &[
@@ -185,6 +186,10 @@ impl Contact {
                 &touch.entry_nodes,
                 &touch.entry_weights,
                 &self.node_count,
+                &self.node_lists,
+                &self.next_entries,
+                &self.touched_nodes,
+                &common.args,
             ],
             &[],
             &common.args,
@@ -193,15 +198,16 @@ impl Contact {
         if self.nodes == 0 {
             return;
         }
-        let buffers =
-            [&self.node_count, &common.counts, &touch.node_entries, &self.cursor, &self.touched_nodes, &common.args];
-        recorder.dispatch(&self.place, &buffers, &[], self.nodes);
-        let entries = [&touch.contacts, &touch.entry_nodes, &touch.entry_weights];
-        let mut buffers = vec![&common.counts];
-        buffers.extend(entries);
-        buffers.extend([&self.cursor, &self.unsorted]);
-        recorder.dispatch_indirect(&self.fill, &buffers, &[], &common.args, args::ENTRIES);
-        let buffers = [&self.touched_nodes, &touch.node_entries, &self.unsorted, &touch.entry_weights, &touch.sorted];
+        let buffers = [
+            &self.touched_nodes,
+            &self.node_count,
+            &self.node_lists,
+            &self.next_entries,
+            &touch.entry_weights,
+            &common.counts,
+            &touch.node_entries,
+            &touch.sorted,
+        ];
         recorder.dispatch_indirect(&self.sort, &buffers, &[], &common.args, args::NODES);
     }
 }

@@ -26,6 +26,17 @@ use crate::gpu::{Buffer, Const, Context, Memory};
 use model::Model;
 use types::{Counts, Frame, Link, Report, StepParams};
 
+/// The stages of the proximity query, in their order.
+pub const QUERY: [&str; 5] = ["pose", "cull", "skin", "depth", "contact"];
+
+/// The timer of [`QUERY`] where those stages are timed as one.
+pub const POSE_TO_CONTACT: &str = "pose to contact";
+
+/// Which timer a stage counts for where the query's stages are timed as one: see [`crate::gpu::Recorder::timed_by`].
+pub fn query_as_one(stage: &str) -> &str {
+    if QUERY.contains(&stage) { POSE_TO_CONTACT } else { stage }
+}
+
 /// What every stage shares: the host's inputs and outputs, counters, indirect arguments.
 pub struct Common {
     /// One [`StepParams`].

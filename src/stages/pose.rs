@@ -138,7 +138,7 @@ impl Floating {
 
     /// At the end of the step: a workgroup a frame.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
-        recorder.stage("pose");
+        recorder.stage("fit");
         let buffers =
             [&common.frames, &self.frames, &elastic.node_rest, &elastic.displacement, &elastic.velocity, &self.fits];
         recorder.dispatch_groups(&self.fit, &buffers, &[], self.count);

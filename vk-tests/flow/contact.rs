@@ -63,6 +63,7 @@ impl Flow {
         let out = case("contact/response")
             .constant("FRICTION_COEFFICIENT", model.friction[0])
             .constant("FRICTION_SPEED", model.friction[1])
+            .constant("LISTS", context().reduce_size())
             .input("params", &[self.params])
             .input("counts", &[self.counts])
             .input("pairs", &self.pairs)
@@ -80,58 +81,41 @@ impl Flow {
             .partial("entry_nodes", &vec![[NONE; 4]; 4 * contacts])
             .partial("entry_weights", &vec![[0.0f32; 4]; 4 * contacts])
             .inout("node_count", &self.node_count)
+            .inout("node_lists", &self.node_lists)
+            .partial("next_entries", &vec![NONE; 16 * contacts])
+            .partial("touched_nodes", &vec![NONE; self.node_count.len()])
+            .inout("args", &self.args)
             .groups(self.groups(args::CONTACTS))
             .run();
         self.contacts = out.get("contacts");
         self.entry_nodes = out.get("entry_nodes");
         self.entry_weights = out.get("entry_weights");
         self.node_count = out.get("node_count");
-    }
-
-    pub fn place_entries(&mut self) {
-        let nodes = self.node_count.len();
-        let out = case("contact/place")
-            .constant("NODES", nodes as u32)
-            .inout("node_count", &self.node_count)
-            .inout("counts", &[self.counts])
-            .output::<[u32; 2]>("node_entries", nodes)
-            .partial("cursor", &vec![NONE; nodes])
-            .partial("touched_nodes", &vec![NONE; nodes])
-            .inout("args", &self.args)
-            .elements(nodes)
-            .run();
-        self.node_count = out.get("node_count");
-        self.counts = out.get("counts")[0];
-        self.node_entries = out.get("node_entries");
-        self.cursor = out.get("cursor");
+        self.node_lists = out.get("node_lists");
+        self.next_entries = out.get("next_entries");
         self.touched_nodes = out.get("touched_nodes");
         self.args = out.get("args");
     }
 
-    pub fn fill(&mut self) {
-        let out = case("contact/fill")
-            .input("counts", &[self.counts])
-            .input("contacts", &some(&self.contacts))
-            .input("entry_nodes", &some(&self.entry_nodes))
-            .input("entry_weights", &some(&self.entry_weights))
-            .inout("cursor", &self.cursor)
-            .partial("unsorted", &vec![NONE; self.counts.entries as usize])
-            .groups(self.groups(args::ENTRIES))
-            .run();
-        self.cursor = out.get("cursor");
-        self.unsorted = out.get("unsorted");
-    }
-
+    /// The index from nodes to the entries of contacts.
     pub fn sort(&mut self) {
+        let entries = self.node_count.iter().sum::<u32>() as usize;
         let out = case("contact/sort")
             .size(Size::Reduce)
             .input("touched_nodes", &some(&self.touched_nodes))
-            .input("node_entries", &some(&self.node_entries))
-            .input("unsorted", &some(&self.unsorted))
+            .inout("node_count", &self.node_count)
+            .inout("node_lists", &self.node_lists)
+            .input("next_entries", &some(&self.next_entries))
             .input("entry_weights", &some(&self.entry_weights))
-            .partial("sorted", &vec![[NONE; 2]; self.counts.entries as usize])
+            .inout("counts", &[self.counts])
+            .partial("node_entries", &self.node_entries)
+            .partial("sorted", &vec![[NONE; 2]; entries])
             .groups(self.groups(args::NODES))
             .run();
+        self.node_count = out.get("node_count");
+        self.node_lists = out.get("node_lists");
+        self.counts = out.get("counts")[0];
+        self.node_entries = out.get("node_entries");
         self.sorted = out.get("sorted");
     }
 }

@@ -13,8 +13,11 @@ use palpate::stages::depth::Path;
 use palpate::stages::model::{Model, texel};
 use palpate::stages::skin::LEAST_BUCKETS;
 use palpate::stages::types::{
-    ActiveChunk, CHUNK_VERTICES, Contact, Counts, Frame, Link, PAIR_REGIONS, Pair, ProxyBounds, Region, StepParams,
+    ActiveChunk, CHUNK_VERTICES, Contact, Counts, Frame, Link, NONE, PAIR_REGIONS, Pair, ProxyBounds, Region,
+    StepParams,
 };
+
+use crate::harness::context;
 
 /// The ways to find crossings that the flow drives.
 pub const PATHS: [Path; 1] = [Path::Compute];
@@ -77,9 +80,10 @@ pub struct Flow {
     pub entry_weights: Vec<[f32; 4]>,
     pub node_count: Vec<u32>,
     pub node_entries: Vec<[u32; 2]>,
-    pub cursor: Vec<u32>,
+    /// As many a node as a workgroup that sorts has lanes: the last entry put on each, NONE where there is none.
+    pub node_lists: Vec<u32>,
+    pub next_entries: Vec<u32>,
     pub touched_nodes: Vec<u32>,
-    pub unsorted: Vec<u32>,
     pub sorted: Vec<[u32; 2]>,
 }
 
@@ -182,9 +186,9 @@ impl Flow {
             entry_weights: vec![],
             node_count: vec![0; nodes],
             node_entries: vec![[0; 2]; nodes],
-            cursor: vec![],
+            node_lists: vec![NONE; nodes * context().reduce_size() as usize],
+            next_entries: vec![],
             touched_nodes: vec![],
-            unsorted: vec![],
             sorted: vec![],
             pairs,
             model,
@@ -222,13 +226,14 @@ impl Flow {
     pub fn gather(&mut self) {
         self.compact();
         self.respond();
-        self.index();
+        self.sort();
     }
 
-    /// The index from nodes to the entries of contacts.
-    pub fn index(&mut self) {
-        self.place_entries();
-        self.fill();
-        self.sort();
+    /// No entries of any of so many nodes.
+    pub fn forget_entries(&mut self, nodes: usize) {
+        self.node_count = vec![0; nodes];
+        self.node_entries = vec![[0; 2]; nodes];
+        self.node_lists = vec![NONE; nodes * context().reduce_size() as usize];
+        self.args[3 * args::NODES as usize] = 0;
     }
 }

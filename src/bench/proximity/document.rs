@@ -3,7 +3,8 @@
 use super::{Area, Outcome, Peers, Place, Results, SceneTimes, Sensitivity};
 use crate::Result;
 use crate::bench::plot::{Axis, Bar, Line, bars, lines};
-use crate::bench::{Document, STAGES, Section, Table};
+use crate::bench::{Document, Section, Table};
+use crate::stages::QUERY;
 
 /// The last size may take so many times as long as the first.
 const ALLOWED_RATIO: f64 = 1.5;
@@ -30,7 +31,7 @@ pub fn document(results: &Results) -> Result<Document> {
 }
 
 fn heads(first: &[&str]) -> Table {
-    let stages = STAGES.map(|stage| format!("{stage} ms"));
+    let stages = QUERY.map(|stage| format!("{stage} ms"));
     let first = first.iter().map(|head| head.to_string());
     Table::new(first.chain(stages).chain(["total ms".to_string()]))
 }
@@ -52,7 +53,7 @@ fn stage_lines<'a>(points: impl Iterator<Item = (f64, &'a Place)> + Clone) -> Ve
         points: points.clone().map(|(x, place)| (x, place.samples_us.medians_ms()[k])).collect(),
     };
     let mut all = vec![Line { name: "total".into(), points: total }];
-    all.extend(STAGES.into_iter().enumerate().map(stage));
+    all.extend(QUERY.into_iter().enumerate().map(stage));
     all
 }
 
@@ -132,7 +133,7 @@ fn area_finding(rows: &[Area]) -> String {
     let [first, second, .., before, last] = touching[..] else { return "too few contacts to say.".into() };
     let (cm2, time) = (|place: &Place| 1e4 * place.area, |place: &Place| place.samples_us.total_ms());
     let slope = |a: &Place, b: &Place| (time(b) - time(a)) / (cm2(b) - cm2(a));
-    let stages = last.samples_us.medians_ms().into_iter().zip(STAGES);
+    let stages = last.samples_us.medians_ms().into_iter().zip(QUERY);
     let (longest, stage) = stages.fold((0.0, ""), |most, stage| if stage.0 > most.0 { stage } else { most });
     format!(
         "From {:.1} to {:.1} cm^2, {:.1} times the area, the query takes {:.1} times as long ({:.2} and {:.2} ms); one more \

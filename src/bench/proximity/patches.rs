@@ -10,7 +10,7 @@ use super::{Settings, counts, rigid};
 use crate::Result;
 use crate::bench::Samples;
 use crate::gpu::Context;
-use crate::query::{Query, QuerySettings};
+use crate::query::{Query, QuerySettings, Timing};
 
 /// Bodies that share a patch.
 const BODY: Family = Family { radius: 0.1, cap: 0.015, spacing: 0.0005, is_lobed: true };
@@ -82,12 +82,15 @@ pub struct Case {
 }
 
 /// Queries in turn, so that a machine that grows faster or slower does so for all of them. Each is asked several times for
-/// an answer and the last is timed: what it needs is in the caches, as it is from step to step.
+/// an answer and the last is timed: what it needs is in the caches, as it is from step to step. Runs are timed by stage and as
+/// one in turn, as many of each.
 pub fn measure(queries: &mut [Query], cases: &[Case], settings: &Settings) -> Result<Vec<Place>> {
     let mut places = vec![Place::default(); cases.len()];
-    for run in 0..settings.warm_up + settings.runs {
+    for run in 0..settings.warm_up + 2 * settings.runs {
         for (case, place) in cases.iter().zip(&mut places) {
-            let answer = queries[case.query].run((DVec3::ZERO, DQuat::IDENTITY), case.pose)?;
+            let query = &mut queries[case.query];
+            query.set_timing(if run % 2 == 0 { Timing::Stages } else { Timing::AsOne });
+            let answer = query.run((DVec3::ZERO, DQuat::IDENTITY), case.pose)?;
             if run < settings.warm_up {
                 continue;
             }
