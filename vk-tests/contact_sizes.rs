@@ -103,14 +103,13 @@ fn responses_of_any_number() {
         for c in 0..n {
             check_response(&flow, c, &mut counts);
         }
-        assert_eq!(flow.node_count, counts);
-        check_lists(&flow);
+        check_lists(&flow, &counts);
     }
 }
 
 /// Each node's lists hold its entries and no others, each touched node is listed once.
-fn check_lists(flow: &Flow) {
-    let lists = flow.node_lists.len() / flow.node_count.len();
+fn check_lists(flow: &Flow, counts: &[u32]) {
+    let lists = flow.node_lists.len() / counts.len();
     let mut listed = vec![false; flow.next_entries.len()];
     for (k, &head) in flow.node_lists.iter().enumerate() {
         let mut entry = head;
@@ -126,10 +125,12 @@ fn check_lists(flow: &Flow) {
             entry = flow.next_entries[e];
         }
     }
-    assert_eq!(listed.iter().filter(|l| **l).count() as u32, flow.node_count.iter().sum::<u32>());
+    assert_eq!(listed.iter().filter(|l| **l).count() as u32, counts.iter().sum::<u32>());
+    let in_use = flow.node_lists.chunks(lists).map(|heads| heads.iter().filter(|head| **head != NONE).count() as u32);
+    assert_eq!(flow.node_list_counts, in_use.collect::<Vec<_>>());
     let mut touched = flow.touched_nodes[..flow.args[3 * args::NODES as usize] as usize].to_vec();
     touched.sort_unstable();
-    let counted = (0..flow.node_count.len()).filter(|node| flow.node_count[*node] > 0);
+    let counted = (0..counts.len()).filter(|node| counts[*node] > 0);
     assert_eq!(touched, counted.map(|node| node as u32).collect::<Vec<_>>());
 }
 

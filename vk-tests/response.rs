@@ -91,7 +91,7 @@ fn friction_of_soft_rigid_and_driven_skins() {
     for (k, frame) in flow.frames.iter_mut().enumerate() {
         (frame.linear, frame.angular) = ([0.1, 0.3, -0.2 * k as f32], [2.0, -5.0, 3.0]);
     }
-    flow.forget_entries(flow.node_count.len());
+    flow.forget_entries(flow.node_entries.len());
     flow.respond();
     // f32 positions and velocities, a dozen roundings.
     let close = Tolerance { abs: 1e-6, rel: 1e-5 };

@@ -32,7 +32,7 @@ layout(scalar, binding = 12) readonly buffer Frames { Frame frames[]; };
 layout(scalar, binding = 13) writeonly buffer Contacts { Contact contacts[]; };
 layout(scalar, binding = 14) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads a contact
 layout(scalar, binding = 15) writeonly buffer EntryWeights { vec4 entry_weights[]; };
-layout(scalar, binding = 16) buffer NodeCount { uint node_count[]; };                   // zero; entries of each node
+layout(scalar, binding = 16) buffer NodeListCounts { uint node_list_counts[]; };        // zero; lists of each node in use
 layout(scalar, binding = 17) buffer NodeLists { uint node_lists[]; };                   // LISTS a node: NONE, or the last entry put there
 layout(scalar, binding = 18) writeonly buffer NextEntries { uint next_entries[]; };     // before it in its list
 layout(scalar, binding = 19) writeonly buffer TouchedNodes { uint touched_nodes[]; };   // each node with entries
@@ -61,8 +61,9 @@ void add(uint vertex, float share) {
 
 // A list holds the entries of every LISTS-th contact.
 void list(uint entry, uint node, uint c) {
-    next_entries[entry] = atomicExchange(node_lists[node * LISTS + c % LISTS], entry);
-    if (atomicAdd(node_count[node], 1) == 0) touched_nodes[atomicAdd(args[3 * ARGS_NODES], 1)] = node;
+    uint before = atomicExchange(node_lists[node * LISTS + c % LISTS], entry);
+    next_entries[entry] = before;
+    if (before == NONE && atomicAdd(node_list_counts[node], 1) == 0) touched_nodes[atomicAdd(args[3 * ARGS_NODES], 1)] = node;
 }
 
 void main() {

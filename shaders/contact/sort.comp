@@ -5,14 +5,14 @@
 
 // Contact: a node's entries in ascending order, so that sums over them have one order: a bit each entry of a window, then the
 // set bits in turn. Where a node's run lies depends on the order of the workgroups, what is in it does not. The node's lists
-// and its count go back to nothing for the next step. One workgroup a touched node, a lane a list.
+// and their count go back to nothing for the next step. One workgroup a touched node, a lane a list.
 // Oracle: the index sorted by its test.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
 layout(scalar, binding = 0) readonly buffer TouchedNodes { uint touched_nodes[]; };
-layout(scalar, binding = 1) buffer NodeCount { uint node_count[]; };
+layout(scalar, binding = 1) buffer NodeListCounts { uint node_list_counts[]; };
 layout(scalar, binding = 2) buffer NodeLists { uint node_lists[]; };            // SIZE a node; see response.comp
 layout(scalar, binding = 3) readonly buffer NextEntries { uint next_entries[]; };
 layout(scalar, binding = 4) readonly buffer EntryWeights { float entry_weights[]; };
@@ -35,22 +35,28 @@ void main() {
     uint head = node_lists[node * SIZE + lane];
     node_lists[node * SIZE + lane] = NONE;
     if (lane == 0) {
-        uint count = node_count[node];
-        node_count[node] = 0;
-        run = uvec2(atomicAdd(counts.entries, count), count);
-        node_entries[node] = run;
+        node_list_counts[node] = 0;
+        run = uvec2(0);
         range[0] = NONE;
         range[1] = 0;
     }
     barrier();
-    uint least = NONE, greatest = 0, entry = head;
+    uint least = NONE, greatest = 0, count = 0, entry = head;
     while (entry < ALL_ENTRIES) {
+        count++;
         least = min(least, entry);
         greatest = max(greatest, entry);
         entry = next_entries[entry];
     }
     atomicMin(range[0], least);
     atomicMax(range[1], greatest);
+    atomicAdd(run.y, count);
+    if (entry != NONE) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
+    barrier();
+    if (lane == 0) {
+        run.x = atomicAdd(counts.entries, run.y);
+        node_entries[node] = run;
+    }
     barrier();
     uint at = run.x, due = 0, done = 0;
     for (uint window = range[0] / 32; window <= range[1] / 32; window += WORDS) {

@@ -69,7 +69,7 @@ pub struct Contact {
     pub candidate_pushes: Buffer,
     /// Candidate of each contact.
     pub source: Buffer,
-    node_count: Buffer,
+    node_list_counts: Buffer,
     node_lists: Buffer,
     next_entries: Buffer,
     touched_nodes: Buffer,
@@ -113,7 +113,7 @@ impl Contact {
             candidate_normals: zeros::<[f32; 4]>(context, "normals of candidates", candidates)?,
             candidate_pushes: zeros::<[f32; 4]>(context, "pushes of candidates", candidates)?,
             source: array::<u32>(context, "sources of contacts", capacity)?,
-            node_count: zeros::<u32>(context, "entries of nodes", nodes)?,
+            node_list_counts: zeros::<u32>(context, "lists in use", nodes)?,
             node_lists: upload(context, "lists of nodes", &vec![NONE; nodes.max(1) * lists as usize])?,
             next_entries: array::<u32>(context, "next entries", ENTRIES * capacity)?,
             touched_nodes: array::<u32>(context, "touched nodes", nodes)?,
@@ -185,7 +185,7 @@ impl Contact {
                 &touch.contacts,
                 &touch.entry_nodes,
                 &touch.entry_weights,
-                &self.node_count,
+                &self.node_list_counts,
                 &self.node_lists,
                 &self.next_entries,
                 &self.touched_nodes,
@@ -200,7 +200,7 @@ impl Contact {
         }
         let buffers = [
             &self.touched_nodes,
-            &self.node_count,
+            &self.node_list_counts,
             &self.node_lists,
             &self.next_entries,
             &touch.entry_weights,

@@ -80,17 +80,17 @@ impl Flow {
             .output::<Contact>("contacts", contacts)
             .partial("entry_nodes", &vec![[NONE; 4]; 4 * contacts])
             .partial("entry_weights", &vec![[0.0f32; 4]; 4 * contacts])
-            .inout("node_count", &self.node_count)
+            .inout("node_list_counts", &self.node_list_counts)
             .inout("node_lists", &self.node_lists)
             .partial("next_entries", &vec![NONE; 16 * contacts])
-            .partial("touched_nodes", &vec![NONE; self.node_count.len()])
+            .partial("touched_nodes", &vec![NONE; self.node_list_counts.len()])
             .inout("args", &self.args)
             .groups(self.groups(args::CONTACTS))
             .run();
         self.contacts = out.get("contacts");
         self.entry_nodes = out.get("entry_nodes");
         self.entry_weights = out.get("entry_weights");
-        self.node_count = out.get("node_count");
+        self.node_list_counts = out.get("node_list_counts");
         self.node_lists = out.get("node_lists");
         self.next_entries = out.get("next_entries");
         self.touched_nodes = out.get("touched_nodes");
@@ -99,11 +99,11 @@ impl Flow {
 
     /// The index from nodes to the entries of contacts.
     pub fn sort(&mut self) {
-        let entries = self.node_count.iter().sum::<u32>() as usize;
+        let entries = self.next_entries.len();
         let out = case("contact/sort")
             .size(Size::Reduce)
             .input("touched_nodes", &some(&self.touched_nodes))
-            .inout("node_count", &self.node_count)
+            .inout("node_list_counts", &self.node_list_counts)
             .inout("node_lists", &self.node_lists)
             .input("next_entries", &some(&self.next_entries))
             .input("entry_weights", &some(&self.entry_weights))
@@ -112,10 +112,11 @@ impl Flow {
             .partial("sorted", &vec![[NONE; 2]; entries])
             .groups(self.groups(args::NODES))
             .run();
-        self.node_count = out.get("node_count");
+        self.node_list_counts = out.get("node_list_counts");
         self.node_lists = out.get("node_lists");
         self.counts = out.get("counts")[0];
         self.node_entries = out.get("node_entries");
         self.sorted = out.get("sorted");
+        self.sorted.truncate(self.counts.entries as usize);
     }
 }

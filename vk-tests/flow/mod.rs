@@ -78,7 +78,7 @@ pub struct Flow {
     pub contacts: Vec<Contact>,
     pub entry_nodes: Vec<[u32; 4]>,
     pub entry_weights: Vec<[f32; 4]>,
-    pub node_count: Vec<u32>,
+    pub node_list_counts: Vec<u32>,
     pub node_entries: Vec<[u32; 2]>,
     /// As many a node as a workgroup that sorts has lanes: the last entry put on each, NONE where there is none.
     pub node_lists: Vec<u32>,
@@ -184,7 +184,7 @@ impl Flow {
             contacts: vec![],
             entry_nodes: vec![],
             entry_weights: vec![],
-            node_count: vec![0; nodes],
+            node_list_counts: vec![0; nodes],
             node_entries: vec![[0; 2]; nodes],
             node_lists: vec![NONE; nodes * context().reduce_size() as usize],
             next_entries: vec![],
@@ -231,7 +231,7 @@ impl Flow {
 
     /// No entries of any of so many nodes.
     pub fn forget_entries(&mut self, nodes: usize) {
-        self.node_count = vec![0; nodes];
+        self.node_list_counts = vec![0; nodes];
         self.node_entries = vec![[0; 2]; nodes];
         self.node_lists = vec![NONE; nodes * context().reduce_size() as usize];
         self.args[3 * args::NODES as usize] = 0;
