@@ -119,6 +119,8 @@ fn mixed(random: &mut Random, count: usize, spread: f64) -> Hulls {
 }
 
 const REACH: f64 = 0.1;
+/// Pairs of a workgroup.
+const SHARE: usize = 64;
 
 /// The first `n` pairs of the first `a_count` proxies with the rest.
 fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]>) {
@@ -130,7 +132,9 @@ fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]
     // The seam is a share of the radius; without it the reach is the inflations' alone.
     let unseamed: Vec<ProxyBounds> = hulls.bounds.iter().map(|b| ProxyBounds { radius: 0.0, ..*b }).collect();
     let out = case("cull/pairs")
+        .size(palpate::gpu::Size::Reduce)
         .constant("PROXY_PAIRS", n as u32)
+        .constant("SHARE", SHARE as u32)
         .input("proxies", &hulls.proxies)
         .input("bounds", &unseamed)
         .input("proxy_pairs", &bound)
@@ -139,7 +143,7 @@ fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]
         .partial("reach_of", &vec![[-1.0f32; 2]; n])
         .partial("directions", &vec![[5.0f32; 4]; 2 * n])
         .inout("args", &vec![0u32; args::WORDS])
-        .elements(n)
+        .groups(n.div_ceil(SHARE))
         .run();
     (out, proxy_pairs)
 }
@@ -172,10 +176,9 @@ fn two_cubes_by_hand() {
 
 #[test]
 fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
-    let width = context().group_size() as usize;
     let mut random = Random(31);
     let (mut near, mut far) = (0, 0);
-    for n in [0, 1, width - 1, width, width + 1, 1234] {
+    for n in [0, 1, SHARE - 1, SHARE, SHARE + 1, 1234] {
         let hulls = mixed(&mut random, 72, 1.5);
         let (out, pairs) = test_pairs(&hulls, 36, n);
         let mut kept: Vec<u32> = out.get("active_pairs");

@@ -5,11 +5,14 @@
 #include "shared/args.glsl"
 
 // Cull: which proxies may touch. Boxes first, then the distance of the hulls: a pair stays when it is at most reach, both
-// inflations together and a seam. One invocation a pair of proxies; results do not depend on the order in which pairs are appended.
-// Oracle: oracle::proximity::pairs (parry3d's distance).
+// inflations together and a seam. A workgroup's pairs lie far from each other, so that near ones, which lie together, are
+// shared out; and those whose boxes meet are listed, so that lanes work side by side on their hulls. Results do not depend on
+// the order in which pairs are appended. Oracle: oracle::proximity::pairs (parry3d's distance).
 
 layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint PROXY_PAIRS = 1;
+layout(constant_id = 2) const uint SHARE = 64;      // pairs of a workgroup
 
 layout(scalar, binding = 0) readonly buffer Proxies { Proxy proxies[]; };
 layout(binding = 1) uniform samplerBuffer bounds;           // two texels a proxy: least corner and inflation, greatest corner and radius
@@ -25,21 +28,39 @@ layout(scalar, binding = 7) buffer Args { uint args[]; };
 // Of the smaller radius.
 const float SEAM = 0.02;
 
+shared uint listed[SHARE];
+shared float listed_reach[SHARE];
+shared uint listed_count;
+
 void main() {
-    uint i = gl_GlobalInvocationID.x;
-    if (i >= PROXY_PAIRS) return;
-    directions[2 * i] = vec4(0.0);
-    uvec2 which = texelFetch(proxy_pairs, int(i)).xy;
-    vec4 a_low = texelFetch(bounds, int(2 * which.x)), b_low = texelFetch(bounds, int(2 * which.y));
-    // Hulls are drawn in where bodies are cut into them: a little of their size covers that.
-    vec4 a_top = texelFetch(bounds, int(2 * which.x + 1)), b_top = texelFetch(bounds, int(2 * which.y + 1));
-    vec3 a_high = a_top.xyz, b_high = b_top.xyz;
-    float reach = a_low.w + b_low.w + SEAM * min(a_top.w, b_top.w);
-    if (any(greaterThan(a_low.xyz - b_high, vec3(reach))) || any(greaterThan(b_low.xyz - a_high, vec3(reach)))) return;
-    Proxy a = proxies[which.x];
-    Proxy b = proxies[which.y];
-    float distance = hull_distance(a.hull_first, a.hull_count, b.hull_first, b.hull_count, reach);
-    if (distance > reach) return;
-    reach_of[i] = vec2(reach, distance);
-    active_pairs[atomicAdd(args[3 * ARGS_DIRECTION], 1)] = i;
+    uint lane = gl_LocalInvocationID.x;
+    if (lane == 0) listed_count = 0;
+    barrier();
+    for (uint k = lane; k < SHARE; k += SIZE) {
+        uint i = gl_WorkGroupID.x + k * gl_NumWorkGroups.x;
+        if (i >= PROXY_PAIRS) break;
+        directions[2 * i] = vec4(0.0);
+        uvec2 which = texelFetch(proxy_pairs, int(i)).xy;
+        vec4 a_low = texelFetch(bounds, int(2 * which.x)), b_low = texelFetch(bounds, int(2 * which.y));
+        // Hulls are drawn in where bodies are cut into them: a little of their size covers that.
+        vec4 a_top = texelFetch(bounds, int(2 * which.x + 1)), b_top = texelFetch(bounds, int(2 * which.y + 1));
+        float reach = a_low.w + b_low.w + SEAM * min(a_top.w, b_top.w);
+        vec3 apart = max(a_low.xyz - b_top.xyz, b_low.xyz - a_top.xyz);
+        if (any(greaterThan(apart, vec3(reach)))) continue;
+        uint at = atomicAdd(listed_count, 1);
+        listed[at] = i;
+        listed_reach[at] = reach;
+    }
+    barrier();
+    for (uint k = lane; k < listed_count; k += SIZE) {
+        uint i = listed[k];
+        uvec2 which = texelFetch(proxy_pairs, int(i)).xy;
+        Proxy a = proxies[which.x];
+        Proxy b = proxies[which.y];
+        float reach = listed_reach[k];
+        float distance = hull_distance(a.hull_first, a.hull_count, b.hull_first, b.hull_count, reach);
+        if (distance > reach) continue;
+        reach_of[i] = vec2(reach, distance);
+        active_pairs[atomicAdd(args[3 * ARGS_DIRECTION], 1)] = i;
+    }
 }

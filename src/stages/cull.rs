@@ -26,7 +26,7 @@ pub struct Cull {
     meet: Kernel,
     list: Kernel,
     pair_count: u32,
-    proxy_pair_count: u32,
+    test_groups: u32,
     /// A [`Pair`] a pair of bodies, written by the host.
     pub pairs: Buffer,
     proxy_pairs: Buffer,
@@ -64,17 +64,19 @@ impl Cull {
         let follow: f32 = if smooth { 0.25 } else { 1.0 };
         let spans = ("SPANS", Const::Bool(model.spans_frames()));
         let list = [("SLOTS", count(slots)), ("MOST_ITEMS", count(items))];
+        // At least so many pairs of proxies a workgroup that those whose boxes meet fill its lanes.
+        let share = context.reduce_size().max(64);
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
         let pairs = (model.pairs.len() * size_of::<Pair>()) as u64;
         Ok(Cull {
-            test: Kernel::new(context, "cull/pairs", Size::Group, &[("PROXY_PAIRS", count(proxy_pairs))])?,
+            test: reduce("cull/pairs", &[("PROXY_PAIRS", count(proxy_pairs)), ("SHARE", share.into())])?,
+            test_groups: (proxy_pairs as u32).div_ceil(share),
             direction: reduce("cull/direction", &[])?,
             regions_kernel: reduce("cull/regions", &[("MOST_CELLS", MOST_CELLS.into()), ("FOLLOW", follow.into())])?,
             chunks_kernel: reduce("cull/chunks", &[spans])?,
             meet: reduce("cull/meet", &[])?,
             list: Kernel::new(context, "cull/list", Size::Group, &list)?,
             pair_count: model.pairs.len() as u32,
-            proxy_pair_count: proxy_pairs as u32,
             pairs: Buffer::new(context, "pairs", pairs, Memory::Upload)?,
             proxy_pairs: upload(context, "pairs of proxies", &model.proxy_pairs)?,
             active_pairs: array::<u32>(context, "active pairs of proxies", proxy_pairs)?,
@@ -102,7 +104,7 @@ impl Cull {
     /// step's contacts.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact, elastic: &Elastic) {
         recorder.stage("cull");
-        if self.proxy_pair_count > 0 {
+        if self.test_groups > 0 {
             self.record_directions(recorder, common, pose, last);
         }
         let buffers = [
@@ -178,7 +180,7 @@ impl Cull {
             &self.directions,
             &common.args,
         ];
-        recorder.dispatch(&self.test, &buffers, &[], self.proxy_pair_count);
+        recorder.dispatch_groups(&self.test, &buffers, &[], self.test_groups);
         let buffers = [
             &pose.proxies,
             &pose.bounds,

@@ -48,7 +48,9 @@ impl Flow {
     pub fn test_pairs(&mut self) {
         let count = self.model.proxy_pairs.len();
         let out = case("cull/pairs")
+            .size(Size::Reduce)
             .constant("PROXY_PAIRS", count as u32)
+            .constant("SHARE", 64u32)
             .input("proxies", &self.model.proxies)
             .input("bounds", &self.bounds)
             .input("proxy_pairs", &some(&self.model.proxy_pairs))
@@ -57,7 +59,7 @@ impl Flow {
             .partial("reach_of", &vec![[-1.0f32; 2]; count])
             .partial("directions", &vec![[0.0f32; 4]; 2 * count])
             .inout("args", &self.args)
-            .elements(count)
+            .groups(count.div_ceil(64))
             .run();
         self.active_pairs = out.get("active_pairs");
         self.reach = out.get("reach_of");
