@@ -1,4 +1,4 @@
-//! cull/chunks, cull/meet and cull/list: no chunk that may touch is lost, those that cannot are left out, and the list is in the
+//! cull/chunks and cull/meet: no chunk that may touch is lost, those that cannot are left out, and the list is in the
 //! order of slots.
 
 use glam::{DMat3, DQuat, DVec3};
@@ -209,7 +209,9 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
                 |k: &u32| boxed(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize, &flow.regions[0]).1.z;
             (0..proxy.chunk_count).filter(|k| top(k) >= -0.01 + slack).count() as u32
         };
-        let [chunks, items] = flow.slot_counts[slot];
+        let listed =
+            flow.active_chunks[..flow.counts.chunks as usize].iter().filter(|entry| entry.slot as usize == slot);
+        let (chunks, items) = listed.fold((0, 0), |(n, items), entry| (n + 1, items + entry.regions.count_ones()));
         assert!(
             chunks == items && chunks >= below && chunks >= may(0.0) && chunks <= may(-1e-3),
             "{chunks} for {below}"
@@ -243,6 +245,8 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
         let masks: Vec<u32> = (0..3 * count).map(|k| (k * 7 + 3) % 16).collect();
         let out = case("cull/meet")
             .size(Size::Reduce)
+            .constant("SLOTS", 3u32)
+            .constant("MOST_ITEMS", 12 * count.max(1))
             .input("pairs", &[Pair::default()])
             .input("slots", &slots)
             .input("active_slots", &[2u32, 0, 1])
@@ -251,7 +255,11 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             .input("slabs", &crate::flow::some(&slabs))
             .input("fields", &fields.iter().map(|x| key(*x)).collect::<Vec<_>>())
             .inout("slot_chunks", &masks.iter().map(|m| [*m, 0]).collect::<Vec<_>>())
-            .output::<[u32; 2]>("slot_counts", 3)
+            .inout("slot_counts", &[[9u32; 2]; 3])
+            .partial("active_chunks", &vec![ActiveChunk::default(); 12 * count.max(1) as usize])
+            .partial("items", &vec![[NONE; 2]; 12 * count.max(1) as usize])
+            .inout("counts", &[Counts::default()])
+            .partial("args", &vec![7u32; args::WORDS])
             .groups(3)
             .run();
         let meets = |side: usize, r: usize, slab: &[f32; 8]| {
@@ -263,7 +271,11 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
                 if side == 0 { slab[7] >= other } else { slab[7] <= other }
             })
         };
-        let (listed, counts): (Vec<[u32; 2]>, Vec<[u32; 2]>) = (out.get("slot_chunks"), out.get("slot_counts"));
+        let count_of = out.get::<Counts>("counts")[0];
+        let mut totals: Vec<[u32; 2]> = out.get("slot_counts");
+        totals.push([count_of.chunks, count_of.items]);
+        let counts: Vec<[u32; 2]> = totals.windows(2).map(|t| [t[1][0] - t[0][0], t[1][1] - t[0][1]]).collect();
+        let listed: Vec<[u32; 2]> = out.get("slot_chunks");
         let mut dropped = 0;
         for (s, slot) in slots.iter().enumerate() {
             let (mut want, mut items) = (vec![], 0);
@@ -289,38 +301,53 @@ fn lists_of_slots_are_joined_in_order() {
     let mut random = Random(85);
     let width = context().reduce_size() as usize;
     for slots in [1, width - 1, width, width + 1, 123] {
-        let (mut given, mut chunks, mut counts) = (vec![], vec![], vec![]);
+        let (mut given, mut chunks, mut proxies, mut all) = (vec![], vec![], vec![], 0);
         for s in 0..slots as u32 {
             let chunk_first = chunks.len() as u32;
             given.push(Slot { pair: s / 5, side: s % 2, proxy: s, chunk_first });
             let (mut items, count) = (0, if random.next() > 0.0 { random.below(7) } else { 0 });
             for _ in 0..count {
-                let mask = 1 + random.below(15) as u32;
-                chunks.push([random.below(5000) as u32, mask | items << PAIR_REGIONS]);
+                let mask = random.below(16) as u32;
+                chunks.push([mask, NONE]);
                 items += mask.count_ones();
             }
             // Room that is not used.
             chunks.push([NONE; 2]);
-            counts.push([count as u32, items]);
+            proxies.push(Proxy {
+                chunk_first: random.below(5000) as u32,
+                chunk_count: count as u32,
+                ..Proxy::default()
+            });
+            all += items;
         }
-        let all: u32 = counts.iter().map(|c| c[1]).sum();
+        let mut active: Vec<u32> =
+            (0..slots as u32).filter(|s| proxies[*s as usize].chunk_count > 0 || s % 2 == 0).collect();
+        (1..active.len()).for_each(|k| active.swap(k, random.below(k + 1)));
         for most in [all.max(1) as usize, all as usize + 3, (all as usize / 2).max(1)] {
-            let out = case("cull/list")
+            // Of half-spaces, so that every chunk meets.
+            let out = case("cull/meet")
                 .size(Size::Reduce)
                 .constant("SLOTS", slots as u32)
                 .constant("MOST_ITEMS", most as u32)
+                .input("pairs", &vec![Pair { is_plane: 1, ..Pair::default() }; slots / 5 + 1])
                 .input("slots", &given)
-                .input("slot_chunks", &chunks)
-                .inout("slot_counts", &counts)
+                .input("active_slots", &active)
+                .input("proxies", &proxies)
+                .input("regions", &[Region::default()])
+                .input("slabs", &[[0.0f32; 8]])
+                .input("fields", &[0u32; 4])
+                .inout("slot_chunks", &chunks)
+                .inout("slot_counts", &vec![[0u32; 2]; slots])
                 .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; most])
                 .partial("items", &vec![[NONE; 2]; most])
                 .inout("counts", &[Counts::default()])
                 .partial("args", &vec![7u32; args::WORDS])
-                .groups(1)
+                .groups(active.len())
                 .run();
             let (mut want, mut items) = (vec![], vec![]);
             for (s, slot) in given.iter().enumerate() {
-                for [chunk, found] in &chunks[slot.chunk_first as usize..][..counts[s][0] as usize] {
+                let own = &chunks[slot.chunk_first as usize..][..proxies[s].chunk_count as usize];
+                for (k, [found, _]) in own.iter().enumerate().filter(|(_, [found, _])| *found != 0) {
                     let (first_item, index) = (items.len() as u32, want.len() as u32);
                     let mut regions = 0;
                     for r in (0..PAIR_REGIONS as u32).filter(|r| found >> r & 1 == 1) {
@@ -329,7 +356,8 @@ fn lists_of_slots_are_joined_in_order() {
                         items.push([index, slot.pair * PAIR_REGIONS as u32 + r]);
                     }
                     let (slot_index, side) = (s as u32, 2 * slot.pair + slot.side);
-                    want.push(ActiveChunk { chunk: *chunk, slot: slot_index, side, regions, first_item });
+                    let chunk = proxies[s].chunk_first + k as u32;
+                    want.push(ActiveChunk { chunk, slot: slot_index, side, regions, first_item });
                 }
             }
             let fits = all as usize <= most;

@@ -117,8 +117,11 @@ fn regions_lists_and_counters() {
         }
     );
     same_layout!("cull/chunks", Slot { pair, side, proxy, chunk_first });
-    same_layout!("cull/list", ActiveChunk { chunk, slot, side, regions, first_item });
-    same_layout!("pose/place", Counts { chunks, items, hits, contacts, entries, pulling, turn, last_contacts, flags });
+    same_layout!("cull/meet", ActiveChunk { chunk, slot, side, regions, first_item });
+    same_layout!(
+        "pose/place",
+        Counts { chunks, items, slots_met, hits, contacts, entries, pulling, turn, last_contacts, flags }
+    );
 }
 
 #[test]

@@ -17,8 +17,18 @@ const BOUND: Tolerance = Tolerance { abs: 1.1e-6, rel: 1.1e-3 };
 const TETRAHEDRA: u32 = 1000;
 const BUCKETS: u32 = 100;
 /// What the last step counted.
-const LAST: Counts =
-    Counts { chunks: 1, items: 2, hits: 3, contacts: 4, entries: 5, pulling: 6, turn: 7, last_contacts: 8, flags: 9 };
+const LAST: Counts = Counts {
+    chunks: 1,
+    items: 2,
+    slots_met: 10,
+    hits: 3,
+    contacts: 4,
+    entries: 5,
+    pulling: 6,
+    turn: 7,
+    last_contacts: 8,
+    flags: 9,
+};
 
 #[derive(Default)]
 struct Given {
@@ -128,7 +138,10 @@ fn a_quarter_turn_by_hand() {
         let groups = if slot == args::APPLY { TETRAHEDRA.div_ceil(context().group_size()) } else { 0 };
         assert_eq!(slots[3 * slot as usize..][..3], [groups, 1, 1], "slot {slot}");
     }
-    assert!(slots[3 * args::LOOP_APPLY as usize..].iter().all(|word| *word == 77), "the solver's slots are its own");
+    let instances = 4 * args::DRAW as usize + 1;
+    assert_eq!(slots[instances], 0, "nothing to draw");
+    let mut others = (3 * args::LOOP_APPLY as usize..args::WORDS).filter(|word| *word != instances);
+    assert!(others.all(|word| slots[word] == 77), "the solver's slots are its own");
 }
 
 /// Where a node that is displaced by `d` from `r` on one frame is displaced to on another.

@@ -3,12 +3,17 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 #include "shared/field.glsl"
+#include "shared/args.glsl"
 
 // Cull: of the chunks of an active slot, those that may lie beyond what the other side's chunks reach in some square of their
-// region, in their order. One workgroup an active slot. Oracle: every chunk against every opposing chunk, by its test.
+// region, in their order. One workgroup an active slot; the last to finish makes one list of all in the order of slots, a work
+// item each chunk and region, and the indirect arguments of everything downstream. What exceeds MOST_ITEMS raises the region
+// overflow flag. Oracle: every chunk against every opposing chunk, and the lists joined, by its test.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 1) const uint SLOTS = 1;
+layout(constant_id = 2) const uint MOST_ITEMS = 1;
 
 layout(scalar, binding = 0) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar, binding = 1) readonly buffer Slots { Slot slots[]; };
@@ -17,10 +22,16 @@ layout(scalar, binding = 3) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar, binding = 4) readonly buffer Regions { Region regions[]; };
 layout(scalar, binding = 5) readonly buffer Slabs { Slab slabs[]; };
 layout(scalar, binding = 6) readonly buffer Fields { uint fields[]; };
-layout(scalar, binding = 7) buffer SlotChunks { uvec2 slot_chunks[]; };     // regions; becomes chunk, and regions with items before
-layout(scalar, binding = 8) writeonly buffer SlotCounts { uvec2 slot_counts[]; };    // chunks, items
+layout(scalar, binding = 7) coherent buffer SlotChunks { uvec2 slot_chunks[]; };     // regions; becomes chunk, and regions with items before
+layout(scalar, binding = 8) coherent buffer SlotCounts { uvec2 slot_counts[]; };    // chunks, items; become running totals
+layout(scalar, binding = 9) writeonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
+layout(scalar, binding = 10) writeonly buffer Items { uvec2 items[]; };             // active chunk, region
+layout(scalar, binding = 11) coherent buffer CountsInOut { Counts counts; };
+layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
 
 shared uint masks[SIZE];
+shared uvec2 totals[SIZE];
+shared bool is_last;
 
 bool reaches(uint region_index, uint side, Slab slab) {
     Region region = regions[region_index];
@@ -36,13 +47,12 @@ bool reaches(uint region_index, uint side, Slab slab) {
     return false;
 }
 
-void main() {
+void list_slot(uint slot_index) {
     uint lane = gl_LocalInvocationID.x;
-    uint slot_index = active_slots[gl_WorkGroupID.x];
     Slot slot = slots[slot_index];
     bool is_plane = pairs[slot.pair].is_plane != 0;
     Proxy proxy = proxies[slot.proxy];
-    uint listed = 0, items = 0;
+    uint listed = 0, items_listed = 0;
     for (uint first = 0; first < proxy.chunk_count; first += SIZE) {
         uint k = first + lane;
         uint mask = k < proxy.chunk_count ? slot_chunks[slot.chunk_first + k].x : 0;
@@ -66,11 +76,76 @@ void main() {
         // The list never runs ahead of what is read: all lanes have read theirs.
         if (mask != 0) {
             slot_chunks[slot.chunk_first + listed + before] =
-                uvec2(proxy.chunk_first + k, mask | (items + items_before) << PAIR_REGIONS);
+                uvec2(proxy.chunk_first + k, mask | (items_listed + items_before) << PAIR_REGIONS);
         }
         listed += found;
-        items += items_found;
+        items_listed += items_found;
         barrier();
     }
-    if (lane == 0) slot_counts[slot_index] = uvec2(listed, items);
+    if (lane == 0) slot_counts[slot_index] = uvec2(listed, items_listed);
+}
+
+void list_all() {
+    uint lane = gl_LocalInvocationID.x;
+    uint run = (SLOTS + SIZE - 1) / SIZE;
+    uint begin = min(lane * run, SLOTS), end = min(begin + run, SLOTS);
+    uvec2 own = uvec2(0);
+    for (uint s = begin; s < end; s++) own += slot_counts[s];
+    totals[lane] = own;
+    barrier();
+    uvec2 at = uvec2(0), all = uvec2(0);
+    for (uint k = 0; k < SIZE; k++) {
+        if (k < lane) at += totals[k];
+        all += totals[k];
+    }
+    for (uint s = begin; s < end; s++) {
+        uvec2 count = slot_counts[s];
+        slot_counts[s] = at;
+        at += count;
+    }
+    memoryBarrierBuffer();
+    barrier();
+    for (uint e = lane; e < min(all.x, MOST_ITEMS); e += SIZE) {
+        // The last slot whose total does not exceed e.
+        uint low = 0, high = SLOTS;
+        while (high - low > 1) {
+            uint middle = (low + high) / 2;
+            if (slot_counts[middle].x <= e) low = middle;
+            else high = middle;
+        }
+        uvec2 found = slot_chunks[slots[low].chunk_first + e - slot_counts[low].x];
+        uint first_item = slot_counts[low].y + (found.y >> PAIR_REGIONS);
+        uint mask = found.y & ((1u << PAIR_REGIONS) - 1u);
+        uint item = first_item;
+        for (uint r = 0; r < PAIR_REGIONS; r++) {
+            if ((mask & (1u << r)) == 0) continue;
+            if (item < MOST_ITEMS) items[item] = uvec2(e, slots[low].pair * PAIR_REGIONS + r);
+            else mask &= ~(1u << r);
+            item += 1;
+        }
+        active_chunks[e] = ActiveChunk(found.x, low, 2 * slots[low].pair + slots[low].side, mask, first_item);
+    }
+    if (lane != 0) return;
+    uint listed = min(all.y, MOST_ITEMS), used = min(all.x, MOST_ITEMS);
+    if (all.y > MOST_ITEMS) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
+    counts.chunks = used;
+    counts.items = listed;
+    args[3 * ARGS_ACTIVE] = used;
+    args[3 * ARGS_ITEMS] = listed;
+    args[3 * ARGS_COMPACT] = used > 0 ? 1 : 0;
+    args[3 * ARGS_DRAW] = 6 * CHUNK_TRIANGLES;
+    args[3 * ARGS_DRAW + 1] = listed;
+    args[3 * ARGS_DRAW + 2] = 0;
+    args[3 * ARGS_DRAW + 3] = 0;
+}
+
+void main() {
+    list_slot(active_slots[gl_WorkGroupID.x]);
+    memoryBarrierBuffer();
+    barrier();
+    if (gl_LocalInvocationID.x == 0) is_last = atomicAdd(counts.slots_met, 1) == gl_NumWorkGroups.x - 1;
+    barrier();
+    if (!is_last) return;
+    memoryBarrierBuffer();
+    list_all();
 }

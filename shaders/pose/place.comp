@@ -42,13 +42,14 @@ shared float reach2[SIZE];
 void main() {
     uint lane = gl_LocalInvocationID.x;
     if (gl_GlobalInvocationID.x == 0) {
-        counts = Counts(0, 0, 0, 0, 0, 0, 0, counts.contacts, 0);
+        counts = Counts(0, 0, 0, 0, 0, 0, 0, 0, counts.contacts, 0);
         for (uint k = 0; k < ARGS_LOOP_APPLY; k++) {
             args[3 * k] = 0;
             args[3 * k + 1] = 1;
             args[3 * k + 2] = 1;
         }
         args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA);
+        args[3 * ARGS_DRAW + 1] = 0;
     }
     for (uint k = gl_GlobalInvocationID.x; k < BUCKETS; k += gl_NumWorkGroups.x * SIZE) buckets[k] = NONE;
     Proxy proxy = proxies[gl_WorkGroupID.x];

@@ -146,6 +146,7 @@ struct ActiveChunk {
 struct Counts {
     uint chunks;                // active
     uint items;                 // chunks times their regions
+    uint slots_met;             // whose chunks were looked at
     uint hits;                  // crossings found
     uint contacts;
     uint entries;               // of the transposed contact index

@@ -24,7 +24,6 @@ pub struct Cull {
     regions_kernel: Kernel,
     chunks_kernel: Kernel,
     meet: Kernel,
-    list: Kernel,
     pair_count: u32,
     test_groups: u32,
     /// A [`Pair`] a pair of bodies, written by the host.
@@ -74,8 +73,7 @@ impl Cull {
             direction: reduce("cull/direction", &[])?,
             regions_kernel: reduce("cull/regions", &[("MOST_CELLS", MOST_CELLS.into()), ("FOLLOW", follow.into())])?,
             chunks_kernel: reduce("cull/chunks", &[spans])?,
-            meet: reduce("cull/meet", &[])?,
-            list: Kernel::new(context, "cull/list", Size::Group, &list)?,
+            meet: reduce("cull/meet", &list)?,
             pair_count: model.pairs.len() as u32,
             pairs: Buffer::new(context, "pairs", pairs, Memory::Upload)?,
             proxy_pairs: upload(context, "pairs of proxies", &model.proxy_pairs)?,
@@ -100,7 +98,7 @@ impl Cull {
         })
     }
 
-    /// Six passes: pairs, directions, regions, slabs of chunks, chunks that meet, their list. `last` still holds the last
+    /// Five passes: pairs, directions, regions, slabs of chunks, the list of chunks that meet. `last` still holds the last
     /// step's contacts.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact, elastic: &Elastic) {
         recorder.stage("cull");
@@ -155,18 +153,12 @@ impl Cull {
             &self.fields,
             &self.slot_chunks,
             &self.slot_counts,
-        ];
-        recorder.dispatch_indirect(&self.meet, &buffers, &[], &common.args, args::CHUNKS);
-        let buffers = [
-            &self.slots,
-            &self.slot_chunks,
-            &self.slot_counts,
             &self.active_chunks,
             &self.items,
             &common.counts,
             &common.args,
         ];
-        recorder.dispatch_groups(&self.list, &buffers, &[], 1);
+        recorder.dispatch_indirect(&self.meet, &buffers, &[], &common.args, args::CHUNKS);
     }
 
     fn record_directions(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact) {

@@ -276,6 +276,8 @@ pub struct Counts {
     pub chunks: u32,
     /// Chunks times their regions.
     pub items: u32,
+    /// Slots whose chunks were looked at.
+    pub slots_met: u32,
     /// Crossings found.
     pub hits: u32,
     /// Contacts.

@@ -219,7 +219,6 @@ impl Flow {
         self.find_regions();
         self.box_chunks();
         self.meet();
-        self.list();
     }
 
     /// What follows: the list of contacts, their response, the index from nodes to them.

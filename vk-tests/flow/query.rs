@@ -150,6 +150,8 @@ impl Flow {
     pub fn meet(&mut self) {
         let out = case("cull/meet")
             .size(Size::Reduce)
+            .constant("SLOTS", self.model.slots.len() as u32)
+            .constant("MOST_ITEMS", self.most_items as u32)
             .input("pairs", &self.pairs)
             .input("slots", &self.model.slots)
             .input("active_slots", &self.active_slots)
@@ -157,28 +159,15 @@ impl Flow {
             .input("regions", &self.regions)
             .input("slabs", &self.slabs)
             .input("fields", &self.fields)
-            .inout("slot_chunks", &self.slot_chunks)
-            .partial("slot_counts", &self.slot_counts)
-            .groups(self.groups(args::CHUNKS))
-            .run();
-        self.slot_chunks = out.get("slot_chunks");
-        self.slot_counts = out.get("slot_counts");
-    }
-
-    pub fn list(&mut self) {
-        let out = case("cull/list")
-            .size(Size::Reduce)
-            .constant("SLOTS", self.model.slots.len() as u32)
-            .constant("MOST_ITEMS", self.most_items as u32)
-            .input("slots", &self.model.slots)
-            .input("slot_chunks", &some(&self.slot_chunks))
+            .inout("slot_chunks", &some(&self.slot_chunks))
             .inout("slot_counts", &self.slot_counts)
             .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; self.most_items])
             .partial("items", &vec![[NONE; 2]; self.most_items])
             .inout("counts", &[self.counts])
             .partial("args", &self.args)
-            .groups(1)
+            .groups(self.groups(args::CHUNKS))
             .run();
+        self.slot_chunks = out.get("slot_chunks");
         self.slot_counts = out.get("slot_counts");
         self.active_chunks = out.get("active_chunks");
         self.items = out.get("items");
