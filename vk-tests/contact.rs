@@ -1,4 +1,4 @@
-//! contact/candidates, contact/compact and contact/response: soft balls, a tool and a floor against the oracle, the
+//! contact/candidates, contact/compact.glsl and contact/response: soft balls, a tool and a floor against the oracle, the
 //! flags, and lists of any length.
 
 use std::collections::BTreeMap;
@@ -209,7 +209,7 @@ fn a_depth_beyond_the_limit_is_flagged_and_counts() {
 /// The dense list of the candidates with a depth, of so many chunks.
 fn compact(depths: &[f32], capacity: usize) -> (Vec<u32>, Counts, Vec<u32>) {
     let hits: Vec<[f32; 4]> = depths.iter().map(|d| [*d, 0.0, 0.0, 0.0]).collect();
-    let out = case("contact/compact")
+    let out = case("test/compact")
         .size(Size::Reduce)
         .constant("CAPACITY", capacity as u32)
         .constant("TETRAHEDRA", 500u32)

@@ -46,7 +46,6 @@ fn loose(n: usize, random: &mut Random) -> Flow {
     flow.regions[0].normal = [0.0, -1.0, 0.0];
     flow.counts = Counts { chunks, ..Counts::default() };
     flow.args[3 * args::ACTIVE as usize] = chunks;
-    flow.args[3 * args::COMPACT as usize] = 1;
     flow.capacity = n;
     flow
 }
@@ -71,10 +70,12 @@ fn candidates_of_any_number() {
             expect_close("push", &flow.pushes[i][..3], &[0.0, -depth * area, 0.0], CLOSE);
             assert_eq!(flow.pushes[i][3].to_bits(), NONE, "no pair of proxies");
         }
+        let colliding: Vec<u32> = (0..flow.hits.len()).filter(|i| flow.hits[*i][0] > 0.0).map(|i| i as u32).collect();
+        assert_eq!(flow.source[..flow.counts.contacts as usize], colliding);
         // Turned over, none faces the half-space.
         flow.model.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         flow.candidates();
-        assert!(flow.hits.iter().all(|hit| *hit == [0.0; 4]));
+        assert!(flow.hits.iter().all(|hit| *hit == [0.0; 4]) && flow.counts.contacts == 0);
     }
 }
 

@@ -120,7 +120,7 @@ fn regions_lists_and_counters() {
     same_layout!("cull/meet", ActiveChunk { chunk, slot, side, regions, first_item });
     same_layout!(
         "pose/place",
-        Counts { chunks, items, slots_met, hits, contacts, entries, pulling, turn, last_contacts, flags }
+        Counts { chunks, items, slots_met, hits, chunks_asked, contacts, entries, pulling, turn, last_contacts, flags }
     );
 }
 

@@ -22,6 +22,7 @@ const LAST: Counts = Counts {
     items: 2,
     slots_met: 10,
     hits: 3,
+    chunks_asked: 11,
     contacts: 4,
     entries: 5,
     pulling: 6,

@@ -2,20 +2,24 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
+#include "shared/args.glsl"
 
 // Contact: the depth of every skin vertex of an active chunk. In each region that sees it, the nearest of the crossings on its
 // ray decides: through the front of a triangle it lies within the other body, through the back it does not. It is one contact,
 // however many regions see it: of depths d_r with shares w_r the one with the greatest w / d^2 stands; others count in depth
 // and normal from half of that on, fully where they are equal, so that none takes over with a jump. A half-space needs no
 // crossing: depth = offset - N.x. Only vertices that face the other body take part; the area is the rest area projected
-// along the normal, half of it where both bodies gather. One workgroup an active chunk. Oracle: oracle::contact::ray_depths.
+// along the normal, half of it where both bodies gather. One workgroup an active chunk; the last to finish lists those of all
+// that collide. Oracle: oracle::contact::ray_depths.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 2) const uint CAPACITY = 1;
+layout(constant_id = 3) const uint TETRAHEDRA = 0;
 layout(constant_id = 1) const bool BLEND = true;         // without it the strongest region alone counts: depths are exact rays'
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) buffer CountsInOut { Counts counts; };
+layout(scalar, binding = 1) coherent buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 2) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar, binding = 3) readonly buffer Chunks { Chunk chunks[]; };
 layout(binding = 4) uniform usamplerBuffer chunk_vertices;      // four a texel
@@ -29,11 +33,15 @@ layout(scalar, binding = 11) readonly buffer Fans { uint fans[]; };
 layout(scalar, binding = 12) readonly buffer Areas { float areas[]; };          // rest, m^2
 layout(scalar, binding = 13) readonly buffer BinHits { uint bin_hits[]; };
 layout(binding = 14) uniform usamplerBuffer hits;               // triangle, next, bits of the depth, item and front
-layout(scalar, binding = 15) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (0: none), barycentric, area
+layout(scalar, binding = 15) coherent buffer CandidateHits { vec4 candidate_hits[]; };     // depth (0: none), barycentric, area
 layout(scalar, binding = 16) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
 layout(scalar, binding = 17) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // from a to b
 layout(scalar, binding = 18) writeonly buffer CandidatePushes { vec4 candidate_pushes[]; };     // for the next step's normal; pair of proxies
 layout(scalar, binding = 19) readonly buffer Items { uvec2 items[]; };
+layout(scalar, binding = 20) writeonly buffer ContactSource { uint contact_source[]; };
+layout(scalar, binding = 21) writeonly buffer Args { uint args[]; };
+
+#include "contact/compact.glsl"
 
 vec3 outward_normal(uint vertex) {
     vec3 sum = vec3(0.0);
@@ -87,6 +95,7 @@ const float GRAZING = 0.5;
 
 shared uint listed[CHUNK_VERTICES];
 shared uint listed_count;
+shared bool is_last;
 
 // Vertices with crossings, so that lanes work side by side on these alone.
 void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
@@ -105,7 +114,7 @@ void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     barrier();
 }
 
-void main() {
+void find_candidates() {
     ActiveChunk entry = active_chunks[gl_WorkGroupID.x];
     Chunk chunk = chunks[entry.chunk];
     Pair pair = pairs[entry.side / 2];
@@ -191,4 +200,15 @@ void main() {
     }
     // A driver left the loop early.
     if (done != (listed_count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
+}
+
+void main() {
+    find_candidates();
+    memoryBarrierBuffer();
+    barrier();
+    if (gl_LocalInvocationID.x == 0) is_last = atomicAdd(counts.chunks_asked, 1) == gl_NumWorkGroups.x - 1;
+    barrier();
+    if (!is_last) return;
+    memoryBarrierBuffer();
+    compact();
 }

@@ -132,7 +132,6 @@ void list_all() {
     counts.items = listed;
     args[3 * ARGS_ACTIVE] = used;
     args[3 * ARGS_ITEMS] = listed;
-    args[3 * ARGS_COMPACT] = used > 0 ? 1 : 0;
     args[3 * ARGS_DRAW] = 6 * CHUNK_TRIANGLES;
     args[3 * ARGS_DRAW + 1] = listed;
     args[3 * ARGS_DRAW + 2] = 0;

@@ -148,6 +148,7 @@ struct Counts {
     uint items;                 // chunks times their regions
     uint slots_met;             // whose chunks were looked at
     uint hits;                  // crossings found
+    uint chunks_asked;          // for contacts
     uint contacts;
     uint entries;               // of the transposed contact index
     uint pulling;               // contacts dropped because they would pull

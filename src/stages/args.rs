@@ -8,28 +8,24 @@ pub const CHUNKS: u32 = 1;
 pub const ACTIVE: u32 = 2;
 /// A workgroup an active chunk and region.
 pub const ITEMS: u32 = 3;
-/// One, where a chunk is active.
-pub const COMPACT: u32 = 4;
 /// Contacts.
-pub const CONTACTS: u32 = 5;
-/// 16 a contact.
-pub const ENTRIES: u32 = 6;
+pub const CONTACTS: u32 = 4;
 /// A workgroup a touched node.
-pub const NODES: u32 = 7;
+pub const NODES: u32 = 5;
 /// Tetrahedra and contacts.
-pub const APPLY: u32 = 8;
+pub const APPLY: u32 = 6;
 /// The same in the solver's loop.
-pub const LOOP_APPLY: u32 = 9;
+pub const LOOP_APPLY: u32 = 7;
 /// Nodes, in workgroups that sum.
-pub const LOOP_GATHER: u32 = 10;
+pub const LOOP_GATHER: u32 = 8;
 /// One.
-pub const LOOP_ONE: u32 = 11;
+pub const LOOP_ONE: u32 = 9;
 /// Nodes.
-pub const LOOP_UPDATE: u32 = 12;
+pub const LOOP_UPDATE: u32 = 10;
 /// Nodes, once the step is accepted.
-pub const COMMIT: u32 = 13;
+pub const COMMIT: u32 = 11;
 /// One, once the step is accepted.
-pub const WRENCH: u32 = 14;
+pub const WRENCH: u32 = 12;
 /// The draw, counted in VkDrawIndirectCommands.
 pub const DRAW: u32 = 12;
 /// Words in the buffer.

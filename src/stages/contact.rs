@@ -53,7 +53,6 @@ impl Touch {
 /// Kernels and arrays of the stage.
 pub struct Contact {
     candidates: Kernel,
-    compact: Kernel,
     response: Kernel,
     nodes: usize,
     sort: Kernel,
@@ -82,7 +81,8 @@ impl Contact {
         let nodes = model.node_rest.len();
         let candidates = CHUNK_VERTICES * model.most_chunks();
         let capacity = CAPACITY.min(candidates);
-        let compact = [
+        let candidate = [
+            ("BLEND", blend.into()),
             ("CAPACITY", count(capacity)),
             ("TETRAHEDRA", count(model.tetrahedra.len())),
             ("GROUP", context.group_size().into()),
@@ -92,8 +92,7 @@ impl Contact {
         let response =
             [("FRICTION_COEFFICIENT", friction.into()), ("FRICTION_SPEED", speed.into()), ("LISTS", lists.into())];
         Ok(Contact {
-            candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &[("BLEND", blend.into())])?,
-            compact: Kernel::new(context, "contact/compact", Size::Group, &compact)?,
+            candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &candidate)?,
             response: Kernel::new(context, "contact/response", Size::Group, &response)?,
             nodes,
             sort: Kernel::new(context, "contact/sort", Size::Reduce, &[])?,
@@ -120,7 +119,7 @@ impl Contact {
         })
     }
 
-    /// Four passes, each over no more than there is. Without a depth stage only half-spaces are met.
+    /// Three passes and a fill, each over no more than there is. Without a depth stage only half-spaces are met.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -159,13 +158,13 @@ impl Contact {
                 &self.candidate_normals,
                 &self.candidate_pushes,
                 &cull.items,
+                &self.source,
+                &common.args,
             ],
             &[],
             &common.args,
             args::ACTIVE,
         );
-        let buffers = [&self.candidate_hits, &common.counts, &self.source, &common.args];
-        recorder.dispatch_indirect(&self.compact, &buffers, &[], &common.args, args::COMPACT);
         recorder.dispatch_indirect(
             &self.response,
             &[

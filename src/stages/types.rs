@@ -280,6 +280,8 @@ pub struct Counts {
     pub slots_met: u32,
     /// Crossings found.
     pub hits: u32,
+    /// Chunks that were asked for contacts.
+    pub chunks_asked: u32,
     /// Contacts.
     pub contacts: u32,
     /// Entries of the transposed contact index.

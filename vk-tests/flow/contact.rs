@@ -9,9 +9,13 @@ use crate::harness::{case, context};
 
 impl Flow {
     pub fn candidates(&mut self) {
+        self.counts.chunks_asked = 0;
         let (count, model) = (CHUNK_VERTICES * self.groups(args::ACTIVE), &self.model);
         let out = case("contact/candidates")
             .size(Size::Reduce)
+            .constant("CAPACITY", self.capacity as u32)
+            .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
+            .constant("GROUP", context().group_size())
             .input("params", &[self.params])
             .inout("counts", &[self.counts])
             .input("active_chunks", &some(&self.active_chunks))
@@ -27,22 +31,28 @@ impl Flow {
             .input("areas", &some(&model.skin_areas))
             .input("bin_hits", &some(&self.bin_hits))
             .input("hits", &some(&self.crossings))
-            .output::<[f32; 4]>("candidate_hits", count)
+            .inout("candidate_hits", &vec![[9.0f32; 4]; count.max(1)])
             .partial("candidate_what", &vec![[NONE; 4]; count])
             .partial("candidate_normals", &vec![[0.0f32; 4]; count])
             .partial("candidate_pushes", &vec![[0.0f32; 4]; count])
             .input("items", &some(&self.items))
+            .partial("contact_source", &vec![NONE; self.capacity])
+            .partial("args", &self.args)
             .groups(self.groups(args::ACTIVE))
             .run();
+        self.source = out.get("contact_source");
+        self.args = out.get("args");
         self.counts = out.get("counts")[0];
         self.hits = out.get("candidate_hits");
+        self.hits.truncate(count);
         self.what = out.get("candidate_what");
         self.normals = out.get("candidate_normals");
         self.pushes = out.get("candidate_pushes");
     }
 
+    /// The list of colliding candidates from depths made up.
     pub fn compact(&mut self) {
-        let out = case("contact/compact")
+        let out = case("test/compact")
             .size(Size::Reduce)
             .constant("CAPACITY", self.capacity as u32)
             .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
@@ -51,7 +61,7 @@ impl Flow {
             .inout("counts", &[self.counts])
             .partial("contact_source", &vec![NONE; self.capacity])
             .partial("args", &self.args)
-            .groups(self.groups(args::COMPACT))
+            .groups(1)
             .run();
         self.counts = out.get("counts")[0];
         self.source = out.get("contact_source");

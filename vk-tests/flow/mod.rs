@@ -223,7 +223,6 @@ impl Flow {
 
     /// What follows: the list of contacts, their response, the index from nodes to them.
     pub fn gather(&mut self) {
-        self.compact();
         self.respond();
         self.sort();
     }
