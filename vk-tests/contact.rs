@@ -1,4 +1,4 @@
-//! contact/candidates, contact/compact.glsl and contact/response: soft balls, a tool and a floor against the oracle, the
+//! contact/candidates, contact/deepest and contact/response: soft balls, a tool and a floor against the oracle, the
 //! flags, and lists of any length.
 
 use std::collections::BTreeMap;
@@ -206,31 +206,28 @@ fn a_depth_beyond_the_limit_is_flagged_and_counts() {
     }
 }
 
-/// The dense list of the candidates with a depth, of so many chunks.
-fn compact(depths: &[f32], capacity: usize) -> (Vec<u32>, Counts, Vec<u32>) {
+/// The deepest of the candidates with a depth.
+fn deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
     let hits: Vec<[f32; 4]> = depths.iter().map(|d| [*d, 0.0, 0.0, 0.0]).collect();
-    let out = case("test/compact")
-        .size(Size::Reduce)
+    let out = case("contact/deepest")
+        .size(Size::Group)
         .constant("CAPACITY", capacity as u32)
-        .constant("TETRAHEDRA", 500u32)
-        .constant("GROUP", context().group_size())
-        .input("candidate_hits", &crate::flow::some(&hits))
-        .inout("counts", &[Counts { chunks: (depths.len() / CHUNK_VERTICES) as u32, ..Counts::default() }])
-        .partial("contact_source", &vec![NONE; capacity])
-        .partial("args", &vec![7u32; args::WORDS])
+        .input("candidate_hits", &hits)
+        .input("counts", &[Counts { chunks: (depths.len() / CHUNK_VERTICES) as u32, ..Counts::default() }])
+        .partial("contact_source", &vec![NONE; capacity + 1])
         .groups(1)
         .run();
-    (out.get("contact_source"), out.get::<Counts>("counts")[0], out.get("args"))
+    out.get("contact_source")
 }
 
-/// What must be in the list: all in order, or the deepest, the first of equally deep ones.
-fn compacted(depths: &[f32], capacity: usize) -> Vec<u32> {
+/// What must be in the list: the deepest in the order of candidates, the first of equally deep ones.
+fn wanted_deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
     let mut sorted: Vec<f32> = depths.iter().copied().filter(|d| *d > 0.0).collect();
     sorted.sort_unstable_by(|x, y| y.total_cmp(x));
-    let least = sorted.get(capacity).copied().unwrap_or(0.0);
-    let mut room = capacity.saturating_sub(sorted.iter().filter(|d| **d > least).count());
+    let least = sorted[capacity];
+    let mut room = capacity - sorted.iter().filter(|d| **d > least).count();
     let mut stays = |d: f32| {
-        let tie = d == least && d > 0.0 && room > 0;
+        let tie = d == least && room > 0;
         room -= usize::from(tie);
         tie || d > least
     };
@@ -238,29 +235,46 @@ fn compacted(depths: &[f32], capacity: usize) -> Vec<u32> {
 }
 
 #[test]
-fn lists_of_any_length_keep_the_order_of_candidates_and_the_deepest_where_not_all_fit() {
-    let (group, mut random) = (context().group_size(), Random(53));
-    for chunks in [0, 1, 7, 8, 9, 63, 64, 65, 1000] {
+fn the_deepest_stay_in_order_where_not_all_fit() {
+    let mut random = Random(53);
+    for chunks in [1, 7, 8, 9, 63, 64, 65, 1000] {
         // Every third collides or so, some of them equally deep.
         let depth = |i: usize, x: f64| if i.is_multiple_of(3) { (1e-3 * x).max(0.0) as f32 } else { 0.0 };
         let mut depths: Vec<f32> = (0..CHUNK_VERTICES * chunks).map(|i| depth(i, random.next())).collect();
         depths.iter_mut().step_by(15).for_each(|d| *d = 5e-4);
-        let all = compacted(&depths, usize::MAX).len();
-        for capacity in [1, 5, 500, all.max(1), all + 1] {
-            let (source, counts, words) = compact(&depths, capacity);
-            let want = compacted(&depths, capacity);
-            assert_eq!(source[..want.len()], want);
-            assert!(source[want.len()..].iter().all(|s| *s == NONE));
-            let flags = if all > capacity { CONTACT_OVERFLOW } else { 0 };
-            let kept = want.len();
-            assert_eq!((counts.contacts, counts.flags), (kept as u32, flags), "{chunks} chunks, {capacity} fit");
-            let groups = |slot: u32| words[3 * slot as usize];
-            let of = |elements: usize| (elements as u32).div_ceil(group);
-            assert_eq!(groups(args::CONTACTS), of(kept));
-            assert_eq!(groups(args::APPLY), of(500 + kept));
-            let written = [args::CONTACTS, args::APPLY].map(|slot| 3 * slot as usize);
-            assert!(words.iter().enumerate().all(|(k, w)| written.contains(&k) || *w == 7), "{words:?}");
+        let all = depths.iter().filter(|d| **d > 0.0).count();
+        for capacity in [1, 5, 500, all - 1].into_iter().filter(|capacity| *capacity < all) {
+            let source = deepest(&depths, capacity);
+            assert_eq!(source[..capacity], wanted_deepest(&depths, capacity), "{chunks} chunks, {capacity} fit");
+            assert_eq!(source[capacity], NONE);
         }
+    }
+}
+
+/// Vertices of a ball wholly below a half-space: all fit, or the deepest stay with a flag.
+#[test]
+fn more_contacts_than_fit_are_flagged() {
+    let floor = half_space(DVec3::Y, 0.5);
+    let tool = rigid("tool", sphere(0.1, 5), whole, DVec3::ZERO, DQuat::IDENTITY);
+    let run = |capacity: Option<usize>| {
+        let mut flow = Flow::new(std::slice::from_ref(&floor), Some(&tool), DVec3::ZERO);
+        flow.capacity = capacity.unwrap_or(flow.capacity);
+        flow.query(Path::Compute);
+        flow
+    };
+    let all = run(None);
+    let found = all.counts.contacts as usize;
+    let colliding: Vec<u32> = (0..all.hits.len()).filter(|i| all.hits[*i][0] > 0.0).map(|i| i as u32).collect();
+    assert!(found > 200 && all.source[..found] == colliding, "{found} contacts");
+    let group = context().group_size() as usize;
+    for capacity in [1, 64, found - 1, found, found + 1] {
+        let flow = run(Some(capacity));
+        let (kept, fits) = (found.min(capacity), found <= capacity);
+        let words = [args::CONTACTS, args::DEEPEST].map(|slot| flow.args[3 * slot as usize] as usize);
+        assert_eq!(flow.counts.contacts as usize, kept);
+        assert_eq!(words, [kept.div_ceil(group), usize::from(!fits)]);
+        assert_eq!(flow.counts.flags & CONTACT_OVERFLOW, if fits { 0 } else { CONTACT_OVERFLOW }, "{capacity} fit");
+        assert!(!fits || flow.source[..found] == colliding);
     }
 }
 

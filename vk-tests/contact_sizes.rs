@@ -97,7 +97,7 @@ fn responses_of_any_number() {
         flow.what = (0..count).map(|i| [3 * i as u32, (i as u32 / 3) % 2, met(i), 0]).collect();
         flow.normals = (0..count).map(|_| random.vector().normalize().as_vec3().extend(0.0).to_array()).collect();
         flow.forget_entries(nodes);
-        flow.compact();
+        flow.list_candidates();
         assert_eq!(flow.counts.contacts as usize, n);
         flow.respond();
         let mut counts = vec![0u32; nodes];

@@ -10,7 +10,7 @@
 // and normal from half of that on, fully where they are equal, so that none takes over with a jump. A half-space needs no
 // crossing: depth = offset - N.x. Only vertices that face the other body take part; the area is the rest area projected
 // along the normal, half of it where both bodies gather. One workgroup an active chunk; the last to finish lists those of all
-// that collide. Oracle: oracle::contact::ray_depths.
+// that collide, in their order whatever the device, where there is room (else deepest.comp does, and a flag says so). Oracle: oracle::contact::ray_depths.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -33,15 +33,14 @@ layout(scalar, binding = 11) readonly buffer Fans { uint fans[]; };
 layout(scalar, binding = 12) readonly buffer Areas { float areas[]; };          // rest, m^2
 layout(scalar, binding = 13) readonly buffer BinHits { uint bin_hits[]; };
 layout(binding = 14) uniform usamplerBuffer hits;               // triangle, next, bits of the depth, item and front
-layout(scalar, binding = 15) coherent buffer CandidateHits { vec4 candidate_hits[]; };     // depth (0: none), barycentric, area
+layout(scalar, binding = 15) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (0: none), barycentric, area
 layout(scalar, binding = 16) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
 layout(scalar, binding = 17) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // from a to b
 layout(scalar, binding = 18) writeonly buffer CandidatePushes { vec4 candidate_pushes[]; };     // for the next step's normal; pair of proxies
 layout(scalar, binding = 19) readonly buffer Items { uvec2 items[]; };
 layout(scalar, binding = 20) writeonly buffer ContactSource { uint contact_source[]; };
 layout(scalar, binding = 21) writeonly buffer Args { uint args[]; };
-
-#include "contact/compact.glsl"
+layout(scalar, binding = 22) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };   // a bit each vertex that collides
 
 vec3 outward_normal(uint vertex) {
     vec3 sum = vec3(0.0);
@@ -95,12 +94,14 @@ const float GRAZING = 0.5;
 
 shared uint listed[CHUNK_VERTICES];
 shared uint listed_count;
+shared uint colliding[2];
+shared uint totals[SIZE];
 shared bool is_last;
 
 // Vertices with crossings, so that lanes work side by side on these alone.
 void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     uint lane = gl_LocalInvocationID.x;
-    if (lane == 0) listed_count = 0;
+    if (lane == 0) listed_count = colliding[0] = colliding[1] = 0;
     barrier();
     for (uint l = lane; l < CHUNK_VERTICES; l += SIZE) {
         candidate_hits[gl_WorkGroupID.x * CHUNK_VERTICES + l] = vec4(0.0);
@@ -187,6 +188,7 @@ void find_candidates() {
             if (BLEND && facing < GRAZING) continue;
         }
         candidate_hits[at] = vec4(depth, hit.yz, area);
+        atomicOr(colliding[l / 32], 1u << l % 32);
         candidate_what[at] = uvec4(vertex, entry.side, triangle, 0);
         candidate_normals[at] = vec4(normal, 0.0);
         uint proxy_pair = NONE;
@@ -202,13 +204,50 @@ void find_candidates() {
     if (done != (listed_count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }
 
+// All that collide; each lane takes a contiguous run of chunks.
+void list_all() {
+    uint lane = gl_LocalInvocationID.x;
+    uint run = (counts.chunks + SIZE - 1) / SIZE;
+    uint begin = min(lane * run, counts.chunks), end = min(begin + run, counts.chunks);
+    uint own = 0;
+    for (uint e = begin; e < end; e++) own += bitCount(chunk_contacts[e].x) + bitCount(chunk_contacts[e].y);
+    totals[lane] = own;
+    barrier();
+    uint at = 0, all = 0;
+    for (uint k = 0; k < SIZE; k++) {
+        if (k < lane) at += totals[k];
+        all += totals[k];
+    }
+    bool fits = all <= CAPACITY;
+    for (uint e = begin; e < end && fits; e++) {
+        uvec2 left = chunk_contacts[e];
+        while (any(notEqual(left, uvec2(0)))) {
+            uint bit = left.x != 0 ? findLSB(left.x) : 32 + findLSB(left.y);
+            contact_source[at++] = e * CHUNK_VERTICES + bit;
+            if (left.x != 0) left.x &= left.x - 1;
+            else left.y &= left.y - 1;
+        }
+    }
+    if (lane != 0) return;
+    if (!fits) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
+    uint contacts = min(all, CAPACITY);
+    counts.contacts = contacts;
+    args[3 * ARGS_DEEPEST] = fits ? 0 : 1;
+    args[3 * ARGS_CONTACTS] = groups_of(contacts);
+    args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA + contacts);
+}
+
 void main() {
     find_candidates();
     memoryBarrierBuffer();
     barrier();
-    if (gl_LocalInvocationID.x == 0) is_last = atomicAdd(counts.chunks_asked, 1) == gl_NumWorkGroups.x - 1;
+    if (gl_LocalInvocationID.x == 0) {
+        chunk_contacts[gl_WorkGroupID.x] = uvec2(colliding[0], colliding[1]);
+        memoryBarrierBuffer();
+        is_last = atomicAdd(counts.chunks_asked, 1) == gl_NumWorkGroups.x - 1;
+    }
     barrier();
     if (!is_last) return;
     memoryBarrierBuffer();
-    compact();
+    list_all();
 }

@@ -4,15 +4,16 @@ const uint ARGS_DIRECTION = 0;      // a workgroup an active proxy pair
 const uint ARGS_CHUNKS = 1;         // a workgroup an active slot
 const uint ARGS_ACTIVE = 2;         // a workgroup an active chunk
 const uint ARGS_ITEMS = 3;          // a workgroup an active chunk and region
-const uint ARGS_CONTACTS = 4;
-const uint ARGS_NODES = 5;          // a workgroup a touched node
-const uint ARGS_APPLY = 6;          // tetrahedra and contacts
-const uint ARGS_LOOP_APPLY = 7;     // the same inside the solver's loop: zero once converged
-const uint ARGS_LOOP_GATHER = 8;
-const uint ARGS_LOOP_ONE = 9;
-const uint ARGS_LOOP_UPDATE = 10;
-const uint ARGS_COMMIT = 11;        // every node, once the step is accepted
-const uint ARGS_WRENCH = 12;
+const uint ARGS_DEEPEST = 4;        // one, or none where all contacts fit
+const uint ARGS_CONTACTS = 5;
+const uint ARGS_NODES = 6;          // a workgroup a touched node
+const uint ARGS_APPLY = 7;          // tetrahedra and contacts
+const uint ARGS_LOOP_APPLY = 8;     // the same inside the solver's loop: zero once converged
+const uint ARGS_LOOP_GATHER = 9;
+const uint ARGS_LOOP_ONE = 10;
+const uint ARGS_LOOP_UPDATE = 11;
+const uint ARGS_COMMIT = 12;        // every node, once the step is accepted
+const uint ARGS_WRENCH = 13;
 const uint ARGS_DRAW = 16;          // VkDrawIndirectCommand: four words at 3 * 16, a multiple of 16 bytes
 
 layout(constant_id = 10) const uint GROUP = 64;   // local size of the kernels that are dispatched by elements

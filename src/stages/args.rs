@@ -8,24 +8,26 @@ pub const CHUNKS: u32 = 1;
 pub const ACTIVE: u32 = 2;
 /// A workgroup an active chunk and region.
 pub const ITEMS: u32 = 3;
+/// One, where not all contacts fit.
+pub const DEEPEST: u32 = 4;
 /// Contacts.
-pub const CONTACTS: u32 = 4;
+pub const CONTACTS: u32 = 5;
 /// A workgroup a touched node.
-pub const NODES: u32 = 5;
+pub const NODES: u32 = 6;
 /// Tetrahedra and contacts.
-pub const APPLY: u32 = 6;
+pub const APPLY: u32 = 7;
 /// The same in the solver's loop.
-pub const LOOP_APPLY: u32 = 7;
+pub const LOOP_APPLY: u32 = 8;
 /// Nodes, in workgroups that sum.
-pub const LOOP_GATHER: u32 = 8;
+pub const LOOP_GATHER: u32 = 9;
 /// One.
-pub const LOOP_ONE: u32 = 9;
+pub const LOOP_ONE: u32 = 10;
 /// Nodes.
-pub const LOOP_UPDATE: u32 = 10;
+pub const LOOP_UPDATE: u32 = 11;
 /// Nodes, once the step is accepted.
-pub const COMMIT: u32 = 11;
+pub const COMMIT: u32 = 12;
 /// One, once the step is accepted.
-pub const WRENCH: u32 = 12;
+pub const WRENCH: u32 = 13;
 /// The draw, counted in VkDrawIndirectCommands.
 pub const DRAW: u32 = 12;
 /// Words in the buffer.

@@ -53,6 +53,7 @@ impl Touch {
 /// Kernels and arrays of the stage.
 pub struct Contact {
     candidates: Kernel,
+    deepest: Kernel,
     response: Kernel,
     nodes: usize,
     sort: Kernel,
@@ -64,6 +65,7 @@ pub struct Contact {
     candidate_hits: Buffer,
     candidate_what: Buffer,
     candidate_normals: Buffer,
+    chunk_contacts: Buffer,
     /// Depth x area x outward normal of each, and its pair of proxies.
     pub candidate_pushes: Buffer,
     /// Candidate of each contact.
@@ -93,6 +95,7 @@ impl Contact {
             [("FRICTION_COEFFICIENT", friction.into()), ("FRICTION_SPEED", speed.into()), ("LISTS", lists.into())];
         Ok(Contact {
             candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &candidate)?,
+            deepest: Kernel::new(context, "contact/deepest", Size::Group, &[("CAPACITY", count(capacity))])?,
             response: Kernel::new(context, "contact/response", Size::Group, &response)?,
             nodes,
             sort: Kernel::new(context, "contact/sort", Size::Reduce, &[])?,
@@ -111,6 +114,7 @@ impl Contact {
             candidate_what: zeros::<[u32; 4]>(context, "candidates", candidates)?,
             candidate_normals: zeros::<[f32; 4]>(context, "normals of candidates", candidates)?,
             candidate_pushes: zeros::<[f32; 4]>(context, "pushes of candidates", candidates)?,
+            chunk_contacts: array::<[u32; 2]>(context, "contacts of chunks", candidates / CHUNK_VERTICES)?,
             source: array::<u32>(context, "sources of contacts", capacity)?,
             node_list_counts: zeros::<u32>(context, "lists in use", nodes)?,
             node_lists: upload(context, "lists of nodes", &vec![NONE; nodes.max(1) * lists as usize])?,
@@ -119,7 +123,7 @@ impl Contact {
         })
     }
 
-    /// Three passes and a fill, each over no more than there is. Without a depth stage only half-spaces are met.
+    /// Three passes and a fill, each over no more than there is, and one more where contacts do not fit. Without a depth stage only half-spaces are met.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -160,11 +164,14 @@ impl Contact {
                 &cull.items,
                 &self.source,
                 &common.args,
+                &self.chunk_contacts,
             ],
             &[],
             &common.args,
             args::ACTIVE,
         );
+        let buffers = [&self.candidate_hits, &common.counts, &self.source];
+        recorder.dispatch_indirect(&self.deepest, &buffers, &[], &common.args, args::DEEPEST);
         recorder.dispatch_indirect(
             &self.response,
             &[

@@ -31,41 +31,30 @@ impl Flow {
             .input("areas", &some(&model.skin_areas))
             .input("bin_hits", &some(&self.bin_hits))
             .input("hits", &some(&self.crossings))
-            .inout("candidate_hits", &vec![[9.0f32; 4]; count.max(1)])
+            .output::<[f32; 4]>("candidate_hits", count)
             .partial("candidate_what", &vec![[NONE; 4]; count])
             .partial("candidate_normals", &vec![[0.0f32; 4]; count])
             .partial("candidate_pushes", &vec![[0.0f32; 4]; count])
             .input("items", &some(&self.items))
             .partial("contact_source", &vec![NONE; self.capacity])
             .partial("args", &self.args)
+            .inout("chunk_contacts", &vec![[9u32; 2]; (count / CHUNK_VERTICES).max(1)])
             .groups(self.groups(args::ACTIVE))
             .run();
         self.source = out.get("contact_source");
         self.args = out.get("args");
         self.counts = out.get("counts")[0];
         self.hits = out.get("candidate_hits");
-        self.hits.truncate(count);
         self.what = out.get("candidate_what");
         self.normals = out.get("candidate_normals");
         self.pushes = out.get("candidate_pushes");
     }
 
-    /// The list of colliding candidates from depths made up.
-    pub fn compact(&mut self) {
-        let out = case("test/compact")
-            .size(Size::Reduce)
-            .constant("CAPACITY", self.capacity as u32)
-            .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
-            .constant("GROUP", context().group_size())
-            .input("candidate_hits", &some(&self.hits))
-            .inout("counts", &[self.counts])
-            .partial("contact_source", &vec![NONE; self.capacity])
-            .partial("args", &self.args)
-            .groups(1)
-            .run();
-        self.counts = out.get("counts")[0];
-        self.source = out.get("contact_source");
-        self.args = out.get("args");
+    /// Takes the candidates with a depth, made up, for contacts.
+    pub fn list_candidates(&mut self) {
+        self.source = (0..self.hits.len() as u32).filter(|i| self.hits[*i as usize][0] > 0.0).collect();
+        self.counts.contacts = self.source.len() as u32;
+        self.args[3 * args::CONTACTS as usize] = self.counts.contacts.div_ceil(context().group_size());
     }
 
     pub fn respond(&mut self) {

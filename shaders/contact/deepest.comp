@@ -1,18 +1,29 @@
-// Colliding candidates into a dense list that keeps their order, whatever the device, and the indirect arguments that follow
-// from how many they are. More than CAPACITY raise the contact overflow flag, and the deepest stay. By one workgroup; each
-// lane takes a contiguous run. Needs SIZE, CAPACITY, TETRAHEDRA, shared/args.glsl, `counts`, `candidate_hits`,
-// `contact_source`, `args`. Oracle: the list filtered by its test.
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+
+// Contact: where more candidates collide than there is room for, the list of the deepest, in the order of candidates. One
+// workgroup; each lane takes a contiguous run. Oracle: the list filtered by its test.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 1) const uint CAPACITY = 1;
+
+layout(binding = 0) uniform samplerBuffer candidate_hits;       // CHUNK_VERTICES an active chunk
+layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
+layout(scalar, binding = 2) writeonly buffer ContactSource { uint contact_source[]; };
 
 // Candidates that a turn of a loop looks at: some drivers (Mesa's llvmpipe) leave all loops of an invocation after 65,535 turns.
 const uint BATCH = 16;
 const uint DIGITS = 256;
 
-shared uint compact_totals[SIZE];
+shared uint totals[SIZE];
 shared uint histogram[DIGITS];
 
 uint begin, end;
 
-float depth_of(uint i) { return candidate_hits[i].x; }
+float depth_of(uint i) { return texelFetch(candidate_hits, int(i)).x; }
 
 uint deeper(uint i, float least) {
     return uint(depth_of(i) > least) + uint(depth_of(i + 1) > least) + uint(depth_of(i + 2) > least)
@@ -27,10 +38,10 @@ uvec2 count_deeper(float least) {
         found += deeper(i, least) + deeper(i + 4, least) + deeper(i + 8, least) + deeper(i + 12, least);
     }
     barrier();
-    compact_totals[lane] = found;
+    totals[lane] = found;
     barrier();
     uvec2 sums = uvec2(0);
-    for (uint k = 0; k < SIZE; k++) sums += uvec2(k < lane ? compact_totals[k] : 0, compact_totals[k]);
+    for (uint k = 0; k < SIZE; k++) sums += uvec2(k < lane ? totals[k] : 0, totals[k]);
     return sums;
 }
 
@@ -81,10 +92,10 @@ uint count_equal(float least) {
         found += equal(i, least) + equal(i + 4, least) + equal(i + 8, least) + equal(i + 12, least);
     }
     barrier();
-    compact_totals[lane] = found;
+    totals[lane] = found;
     barrier();
     uint before = 0;
-    for (uint k = 0; k < lane; k++) before += compact_totals[k];
+    for (uint k = 0; k < lane; k++) before += totals[k];
     return before;
 }
 
@@ -102,22 +113,15 @@ void list(inout uint at, inout uint ties, uint i, float least, uint room) {
     list_one(at, ties, i + 3, least, room);
 }
 
-void compact() {
+void main() {
     uint lane = gl_LocalInvocationID.x;
     uint candidates = counts.chunks * CHUNK_VERTICES;
     uint run = (candidates / BATCH + SIZE - 1) / SIZE * BATCH;
     begin = min(lane * run, candidates);
     end = min(begin + run, candidates);
-    float least = 0.0;
-    uint room = 0, ties = 0;
+    float least = first_beyond_capacity();
     uvec2 sums = count_deeper(least);
-    if (sums.y > CAPACITY) {
-        if (lane == 0) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
-        least = first_beyond_capacity();
-        sums = count_deeper(least);
-        room = CAPACITY - sums.y;
-        ties = count_equal(least);
-    }
+    uint room = CAPACITY - sums.y, ties = count_equal(least);
     uint at = sums.x + min(ties, room);
     for (uint i = begin; i < end; i += BATCH) {
         list(at, ties, i, least, room);
@@ -125,9 +129,4 @@ void compact() {
         list(at, ties, i + 8, least, room);
         list(at, ties, i + 12, least, room);
     }
-    if (lane != 0) return;
-    uint contacts = sums.y + room;
-    counts.contacts = contacts;
-    args[3 * ARGS_CONTACTS] = groups_of(contacts);
-    args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA + contacts);
 }
