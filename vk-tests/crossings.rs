@@ -107,18 +107,25 @@ fn bins(flow: &Flow) -> Vec<(u32, u32)> {
     bins
 }
 
+/// A height as far back as a vertex of this side looks, the least the farthest.
+fn sight_key(side: usize, height: f32) -> u32 {
+    let bits = height.to_bits();
+    let key = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
+    if side == 0 { !key } else { key }
+}
+
 /// Holds the lists of all buckets against what must be in them; how many bins are.
 fn check_bins(flow: &Flow) -> usize {
     let known = bins(flow);
     let mut listed = BTreeMap::new();
-    for (bucket, first) in flow.buckets.iter().enumerate() {
+    for (bucket, first) in flow.buckets.iter().enumerate().take(flow.bucket_count as usize) {
         let mut bin = *first;
         while bin != NONE {
             assert!(listed.insert(bin, bucket).is_none(), "bin {bin} is in two lists");
             bin = flow.bins[bin as usize][3];
         }
     }
-    let mut cells = BTreeMap::new();
+    let (mut cells, mut sights) = (BTreeMap::new(), vec![NONE; flow.regions.len() * FIELD_WORDS]);
     for (bin, (vertex, region_side)) in known.iter().enumerate() {
         if *vertex == NONE {
             assert!(!listed.contains_key(&(bin as u32)) && flow.bin_hits[bin] == NONE - 1);
@@ -143,6 +150,12 @@ fn check_bins(flow: &Flow) -> usize {
                     let (low, cell) = (region.low[k], region.cell[side]);
                     ((f32::from_bits(flow.bins[bin][k]) - low) / cell).floor() as i32
                 };
+                let field = |k: usize| {
+                    let size = (region.high[k] - region.low[k]) / 16.0;
+                    ((f32::from_bits(flow.bins[bin][k]) - region.low[k]) / size).clamp(0.0, 15.0) as usize
+                };
+                let sight = &mut sights[*region_side as usize * 256 + field(1) * 16 + field(0)];
+                *sight = (*sight).min(sight_key(side, f32::from_bits(flow.bins[bin][2])));
                 let key = [*region_side, (square(0) | square(1) << 16) as u32];
                 assert_eq!(flow.bin_squares[bin], key, "vertex {vertex}: its square");
                 let of_square = *cells.entry((*region_side, square(0), square(1))).or_insert(*bucket);
@@ -150,6 +163,7 @@ fn check_bins(flow: &Flow) -> usize {
             }
         }
     }
+    assert_eq!(flow.buckets[flow.bucket_count as usize..][..sights.len()], sights, "how far back they look");
     let buckets: BTreeSet<_> = listed.values().collect();
     let (squares, lists) = (cells.len(), buckets.len());
     assert!(lists * 2 > squares.min(flow.bucket_count as usize), "{squares} squares, {lists} lists");
@@ -369,4 +383,35 @@ fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
     });
     let inside = first.count();
     assert!(inside > 5 && listed == inside + mesh.0.len(), "{listed} in lists, {inside} and {}", mesh.0.len());
+}
+
+#[test]
+fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
+    let mut random = Random(67);
+    let (mesh, over) = bumpy(&mut random);
+    let points = (over, vec![]);
+    let region = region(DVec3::Z, 1.0, 0.1);
+    let run = |key: u32| {
+        let mut flow = meshes([&points, &mesh], &[region]);
+        flow.embed();
+        // As if a's vertices looked down from that height in the first square alone.
+        let first = flow.bucket_count as usize;
+        flow.buckets[first..first + 256].fill(NONE);
+        flow.buckets[first] = key;
+        flow.cross();
+        assert_eq!(flow.counts.flags, 0);
+        let found: BTreeSet<u32> = crossed(&flow).values().flat_map(|list| list.keys().copied()).collect();
+        let meets = |t: &u32| {
+            let at = flow.model.triangles[*t as usize];
+            let corners = [0, 1, 2].map(|k| wide(flow.skin[at[k] as usize][..3].try_into().unwrap()));
+            let at = corners.map(|x| palpate::oracle::regions::along(axes(&region), x));
+            at[0].min(at[1]).min(at[2]).truncate().max_element() < -1.0 + 2.0 / 16.0 + 1e-3
+        };
+        assert!(found.iter().all(meets));
+        found.len()
+    };
+    // The mesh reaches up to an eighth.
+    let found = run(sight_key(0, 0.5));
+    assert!(found > 0 && found < mesh.1.len() / 50, "{found} of {}", mesh.1.len());
+    assert_eq!(run(sight_key(0, -0.2)), 0);
 }

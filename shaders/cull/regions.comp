@@ -342,8 +342,8 @@ void open_region(Pair pair, uint r, uint first_region) {
     if (params.texel > 0.0 && params.texel < finest) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
     float cell[2];
     for (uint side = 0; side < 2; side++) {
-        // A square or so a vertex, unless that makes many squares of an opposing triangle.
-        float wanted = params.texel > 0.0 ? params.texel : max(1.2 * edge[side], edge[1 - side] / 6.0);
+        // Two or three squares a vertex, unless that makes many squares of an opposing triangle.
+        float wanted = params.texel > 0.0 ? params.texel : max(0.6 * edge[side], edge[1 - side] / 6.0);
         cell[side] = max(wanted, finest);
     }
     // Since the last step, against the nearest of its regions: their order may change.

@@ -25,8 +25,7 @@ layout(binding = 9) uniform usamplerBuffer bins;
 layout(scalar, binding = 10) readonly buffer BinSquares { uvec2 bin_squares[]; };
 layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
 layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
-layout(binding = 13) uniform usamplerBuffer fields;
-layout(scalar, binding = 14) readonly buffer Pairs { Pair pairs[]; };
+layout(scalar, binding = 13) readonly buffer Pairs { Pair pairs[]; };
 
 #include "shared/bins.glsl"
 #include "shared/field.glsl"
@@ -76,12 +75,7 @@ void main() {
         box_squares(region, side, triangle, corners, first, last);
         due += count_of(first, last);
         done++;
-        for (int y = first.y; y <= last.y; y++) {
-            for (int x = first.x; x <= last.x; x++) {
-                cross_square(ivec2(x, y), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
-                done++;
-            }
-        }
+        done += cross_squares(first, last, 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
     }
     // All lanes together on each large one.
     due += large_count;
@@ -92,8 +86,8 @@ void main() {
         due += turns_of(count);
         done++;
         for (uint c = lane; c < count; c += SIZE) {
-            cross_square(first + ivec2(c % width, c / width), 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
-            done++;
+            ivec2 cell = first + ivec2(c % width, c / width);
+            done += cross_squares(cell, cell, 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
         }
     }
     if (done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);

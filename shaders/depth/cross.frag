@@ -26,5 +26,7 @@ layout(location = 3) flat in uvec3 triangle_at;
 void main() {
     // Invocations that only fill up blocks of pixels write nothing, by the specification. Asking gl_HelperInvocation, to
     // spare them the lists, crashes Mesa's llvmpipe 22.3.
-    cross_square(ivec2(gl_FragCoord.xy), triangle_at.y ^ 1, corners, triangle_at.y & 1, triangle_at.x, triangle_at.z);
+    ivec2 cell = ivec2(gl_FragCoord.xy);
+    uint ended = cross_squares(cell, cell, triangle_at.y ^ 1, corners, triangle_at.y & 1, triangle_at.x, triangle_at.z);
+    if (ended != 1) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }

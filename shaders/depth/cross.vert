@@ -16,8 +16,8 @@ layout(binding = 4) uniform usamplerBuffer chunk_triangles;      // four a texel
 layout(scalar, binding = 5) readonly buffer Regions { Region regions[]; };
 layout(binding = 6) uniform usamplerBuffer triangles;       // three skin vertices
 layout(binding = 7) uniform samplerBuffer skin;
-layout(binding = 13) uniform usamplerBuffer fields;
-layout(scalar, binding = 14) readonly buffer Pairs { Pair pairs[]; };
+layout(binding = 8) uniform usamplerBuffer buckets;         // four a texel
+layout(scalar, binding = 13) readonly buffer Pairs { Pair pairs[]; };
 
 layout(location = 0) flat out vec3 corners[3];      // along the region's axes
 layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * region + its side, its item

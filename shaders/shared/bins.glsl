@@ -1,4 +1,6 @@
 // Vertices of a region's side in squares of its plane: a hash table of linked lists. Needs BUCKETS, a power of two.
+// After the heads lie the sights: in each square of a region's field (see shared/field.glsl) how far back the vertices in
+// lists look, by side.
 
 // A vertex as an item sees it: u, v, h along the region's axes; the next of its bucket (NONE: the last), bit for bit.
 

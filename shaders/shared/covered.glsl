@@ -1,18 +1,19 @@
 // A triangle in a region's axes, and which squares of the other side it may cover. Needs shared/bins.glsl, shared/field.glsl,
-// `triangles`, `skin`, and `fields` as texels.
+// `triangles`, `skin` and `buckets` as texels.
 
-// Whether chunks of the other side reach as far back as the triangle does, in some square of the field that it covers; so
-// too where the driver leaves the loops before all are looked at.
-bool reaches(Region region, uint region_index, uint side, vec2 least, vec2 greatest, float height) {
-    uvec4 range = squares(region, least, greatest);
+// Whether a vertex of the other side looks as far back as the triangle reaches, in some square of the field that it covers;
+// so too where the driver leaves the loops before all are looked at.
+bool seen(Region region, uint region_index, uint side, vec2 least, vec2 greatest, float height) {
+    // A rounding more, as the exact test has one.
+    vec2 margin = 1.0e-3 * square_size(region);
+    uvec4 range = squares(region, least - margin, greatest + margin);
     uint left = (range.z - range.x + 1) * (range.w - range.y + 1);
-    uint field = field_at(region_index, 1 - side), key = height_key(height);
+    uint field = BUCKETS + field_at(region_index, 1 - side), key = reach_key(side, height);
     for (uint y = range.y; y <= range.w; y++) {
         for (uint x = range.x; x <= range.z; x++) {
             left--;
             uint at = field + y * FIELD + x;
-            uint other = texelFetch(fields, int(at / 4))[at % 4];
-            if (side == 0 ? key >= other : key <= other) return true;
+            if (key >= texelFetch(buckets, int(at / 4))[at % 4]) return true;
         }
     }
     return left != 0;
@@ -45,5 +46,5 @@ bool covered_squares(
     if (any(greaterThan(least, greatest))) return false;
     float height = side == 0 ? max(max(corners[0].z, corners[1].z), corners[2].z)
                              : min(min(corners[0].z, corners[1].z), corners[2].z);
-    return reaches(region, region_index, side, least, greatest, height);
+    return seen(region, region_index, side, least, greatest, height);
 }

@@ -8,6 +8,10 @@ uint height_key(float height) {
     return (bits & 0x80000000u) != 0 ? ~bits : bits | 0x80000000u;
 }
 
+// How far back a triangle of this side reaches, or a vertex of the other side looks: the triangle may be seen where its key
+// is no less.
+uint reach_key(uint side, float height) { return side == 0 ? height_key(height) : ~height_key(height); }
+
 uint field_at(uint region, uint side) { return (2 * region + side) * FIELD * FIELD; }
 
 vec2 square_size(Region region) { return max(region.high - region.low, vec2(1.0e-12)) / float(FIELD); }

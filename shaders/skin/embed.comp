@@ -95,6 +95,8 @@ void main() {
             uint next = atomicExchange(buckets[bucket_of(cell, region_side)], bin);
             bins[bin] = uvec4(floatBitsToUint(at), next);
             bin_squares[bin] = square_key(cell, region_side);
+            uint sight = BUCKETS + field_at(region_index, side) + square.y * FIELD + square.x;
+            atomicMin(buckets[sight], reach_key(1 - side, at.z));
         }
         item += 1;
     }

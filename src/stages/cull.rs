@@ -12,7 +12,7 @@ use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 
 /// Squares of a region's two fields of heights; twin of shaders/shared/field.glsl.
-const FIELD_WORDS: usize = 2 * 16 * 16;
+pub(super) const FIELD_WORDS: usize = 2 * 16 * 16;
 
 /// Squares of a region's column along a side at most; the last begins at most where the column ends.
 pub const MOST_CELLS: u32 = 128;

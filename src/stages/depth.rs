@@ -69,7 +69,6 @@ impl Depth {
             &skin.bin_squares,
             &skin.bin_hits,
             &self.hits,
-            &cull.fields,
             &cull.pairs,
         ];
         match &self.cross {

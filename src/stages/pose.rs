@@ -34,7 +34,7 @@ impl Pose {
         let constants = [
             ("SPANS", Const::Bool(model.spans_frames())),
             ("TETRAHEDRA", count(model.tetrahedra.len())),
-            ("BUCKETS", skin::buckets(model).into()),
+            ("BUCKETS", skin::bucket_words(model).into()),
             ("GROUP", context.group_size().into()),
         ];
         Ok(Pose {

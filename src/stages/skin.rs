@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::cull::Cull;
+use super::cull::{Cull, FIELD_WORDS};
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
-use super::types::CHUNK_VERTICES;
+use super::types::{CHUNK_VERTICES, PAIR_REGIONS};
 use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
@@ -18,6 +18,11 @@ pub const LEAST_BUCKETS: u32 = 1 << 13;
 /// microseconds.
 pub fn buckets(model: &Model) -> u32 {
     (model.skin_nodes.len() as u32 / 4).next_power_of_two().max(LEAST_BUCKETS)
+}
+
+/// The table's words: its heads, and for each region's two sides how far back the vertices in it look.
+pub fn bucket_words(model: &Model) -> u32 {
+    buckets(model) + (PAIR_REGIONS * model.pairs.len() * FIELD_WORDS) as u32
 }
 
 /// Topology and embedding of all skins, and their positions this step.
@@ -33,7 +38,7 @@ pub struct Skin {
     pub skin: Buffer,
     /// Three skin vertices a triangle.
     pub triangles: Buffer,
-    /// First vertex of each bucket.
+    /// First vertex of each bucket; then how far back vertices look, see shaders/shared/bins.glsl.
     pub buckets: Buffer,
     /// A vertex in a region: position along its axes, the next of its bucket.
     pub bins: Buffer,
@@ -55,7 +60,7 @@ impl Skin {
             skin_weights: upload(context, "weights of the skin", &model.skin_weights)?,
             skin: zeros::<[f32; 4]>(context, "skin", model.skin_nodes.len())?,
             triangles: upload(context, "triangles", &model.triangles)?,
-            buckets: array::<u32>(context, "buckets", buckets(model) as usize)?,
+            buckets: array::<u32>(context, "buckets", bucket_words(model) as usize)?,
             bins: array::<[u32; 4]>(context, "bins", bins)?,
             bin_hits: array::<u32>(context, "crossings of bins", bins)?,
             bin_squares: array::<[u32; 2]>(context, "squares of bins", bins)?,

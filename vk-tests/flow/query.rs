@@ -19,7 +19,7 @@ impl Flow {
             .size(Size::Reduce)
             .constant("SPANS", self.model.spans_frames())
             .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
-            .constant("BUCKETS", self.bucket_count)
+            .constant("BUCKETS", self.bucket_words() as u32)
             .constant("GROUP", context().group_size())
             .input("frames", &self.frames)
             .input("proxies", &some(&self.model.proxies))
@@ -34,7 +34,7 @@ impl Flow {
             .output::<ProxyBounds>("bounds", proxies)
             .inout("counts", &[self.counts])
             .partial("args", &self.args)
-            .output::<u32>("buckets", self.bucket_count as usize)
+            .output::<u32>("buckets", self.bucket_words())
             .groups(proxies)
             .run();
         self.hull = out.get("hull");
@@ -175,6 +175,11 @@ impl Flow {
         self.args = out.get("args");
     }
 
+    /// Heads of the hash table, and what its vertices look at, to whole texels.
+    fn bucket_words(&self) -> usize {
+        (self.bucket_count as usize + PAIR_REGIONS * self.pairs.len() * FIELD_WORDS).next_multiple_of(4)
+    }
+
     pub fn embed(&mut self) {
         let (model, bins) = (&self.model, CHUNK_VERTICES * self.most_items);
         let out = case("skin/embed")
@@ -196,7 +201,7 @@ impl Flow {
             .input("regions", &self.regions)
             .input("shares", &some(&self.shares))
             .partial("skin", &self.skin)
-            .inout("buckets", &vec![NONE; self.bucket_count as usize])
+            .inout("buckets", &vec![NONE; self.bucket_words()])
             .partial("bins", &vec![[NONE - 1; 4]; bins])
             .partial("bin_hits", &vec![NONE - 1; bins])
             .partial("bin_squares", &vec![[NONE - 1; 2]; bins])
@@ -230,7 +235,6 @@ impl Flow {
             .input("bin_squares", &some(&self.bin_squares))
             .inout("bin_hits", &self.bin_hits)
             .partial("hits", &vec![[NONE; 4]; self.most_hits])
-            .input("fields", &self.fields)
             .input("pairs", &self.pairs)
             .groups(self.groups(args::ITEMS))
             .run();
