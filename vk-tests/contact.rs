@@ -208,13 +208,17 @@ fn a_depth_beyond_the_limit_is_flagged_and_counts() {
 
 /// The deepest of the candidates with a depth.
 fn deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
-    let hits: Vec<[f32; 4]> = depths.iter().map(|d| [*d, 0.0, 0.0, 0.0]).collect();
+    // Behind what does not collide lies what an earlier step left.
+    let hits: Vec<[f32; 4]> = depths.iter().map(|d| [if *d > 0.0 { *d } else { 7.0 }, 0.0, 0.0, 0.0]).collect();
+    let word = |half: &[f32]| half.iter().enumerate().map(|(l, d)| u32::from(*d > 0.0) << l).sum();
+    let colliding: Vec<u32> = depths.chunks(32).map(word).collect();
     let out = case("contact/deepest")
         .size(Size::Group)
         .constant("CAPACITY", capacity as u32)
         .input("candidate_hits", &hits)
         .input("counts", &[Counts { chunks: (depths.len() / CHUNK_VERTICES) as u32, ..Counts::default() }])
         .partial("contact_source", &vec![NONE; capacity + 1])
+        .input("chunk_contacts", &colliding)
         .groups(1)
         .run();
     out.get("contact_source")

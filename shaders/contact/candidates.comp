@@ -31,9 +31,9 @@ layout(binding = 9) uniform samplerBuffer skin;
 layout(scalar, binding = 10) readonly buffer FanFirst { uint fan_first[]; };     // triangles around a vertex: running totals
 layout(scalar, binding = 11) readonly buffer Fans { uint fans[]; };
 layout(scalar, binding = 12) readonly buffer Areas { float areas[]; };          // rest, m^2
-layout(scalar, binding = 13) readonly buffer BinHits { uint bin_hits[]; };
+layout(binding = 13) uniform usamplerBuffer bin_hits;           // four a texel
 layout(binding = 14) uniform usamplerBuffer hits;               // triangle, next, bits of the depth, item and front
-layout(scalar, binding = 15) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (0: none), barycentric, area
+layout(scalar, binding = 15) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // of contacts: depth, barycentric, area
 layout(scalar, binding = 16) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
 layout(scalar, binding = 17) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // from a to b
 layout(scalar, binding = 18) writeonly buffer CandidatePushes { vec4 candidate_pushes[]; };     // for the next step's normal; pair of proxies
@@ -61,7 +61,7 @@ const uint ALL_HITS = 0x80000000u;
 uvec3 nearest_crossing(uint bin, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
-    uint hit = bin_hits[bin];
+    uint hit = texelFetch(bin_hits, int(bin / 4))[bin % 4];
     while (hit < ALL_HITS) {
         uvec4 found = texelFetch(hits, int(hit));
         float d = uintBitsToFloat(found.z);
@@ -103,14 +103,16 @@ void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     uint lane = gl_LocalInvocationID.x;
     if (lane == 0) listed_count = colliding[0] = colliding[1] = 0;
     barrier();
-    for (uint l = lane; l < CHUNK_VERTICES; l += SIZE) {
-        candidate_hits[gl_WorkGroupID.x * CHUNK_VERTICES + l] = vec4(0.0);
-        if (l >= chunk.vertex_count) continue;
-        bool crossed = all;
-        for (uint k = 0; k < bitCount(entry.regions) && !crossed; k++) {
-            crossed = bin_hits[(entry.first_item + k) * CHUNK_VERTICES + l] != NONE;
+    uint regions = bitCount(entry.regions);
+    for (uint l = 4 * lane; l < chunk.vertex_count; l += 4 * SIZE) {
+        bvec4 crossed = bvec4(all);
+        for (uint k = 0; k < regions; k++) {
+            uvec4 found = texelFetch(bin_hits, int(((entry.first_item + k) * CHUNK_VERTICES + l) / 4));
+            crossed = bvec4(uvec4(crossed) | uvec4(notEqual(found, uvec4(NONE))));
         }
-        if (crossed) listed[atomicAdd(listed_count, 1)] = l;
+        for (uint k = 0; k < 4; k++) {
+            if (crossed[k] && l + k < chunk.vertex_count) listed[atomicAdd(listed_count, 1)] = l + k;
+        }
     }
     barrier();
 }

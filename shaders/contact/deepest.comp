@@ -13,6 +13,7 @@ layout(constant_id = 1) const uint CAPACITY = 1;
 layout(binding = 0) uniform samplerBuffer candidate_hits;       // CHUNK_VERTICES an active chunk
 layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
 layout(scalar, binding = 2) writeonly buffer ContactSource { uint contact_source[]; };
+layout(scalar, binding = 3) readonly buffer ChunkContacts { uint chunk_contacts[]; };   // a bit each candidate that collides
 
 // Candidates that a turn of a loop looks at: some drivers (Mesa's llvmpipe) leave all loops of an invocation after 65,535 turns.
 const uint BATCH = 16;
@@ -23,7 +24,10 @@ shared uint histogram[DIGITS];
 
 uint begin, end;
 
-float depth_of(uint i) { return texelFetch(candidate_hits, int(i)).x; }
+// 0 of those that do not collide.
+float depth_of(uint i) {
+    return (chunk_contacts[i / 32] & 1u << i % 32) != 0 ? texelFetch(candidate_hits, int(i)).x : 0.0;
+}
 
 uint deeper(uint i, float least) {
     return uint(depth_of(i) > least) + uint(depth_of(i + 1) > least) + uint(depth_of(i + 2) > least)

@@ -170,7 +170,7 @@ impl Contact {
             &common.args,
             args::ACTIVE,
         );
-        let buffers = [&self.candidate_hits, &common.counts, &self.source];
+        let buffers = [&self.candidate_hits, &common.counts, &self.source, &self.chunk_contacts];
         recorder.dispatch_indirect(&self.deepest, &buffers, &[], &common.args, args::DEEPEST);
         recorder.dispatch_indirect(
             &self.response,

@@ -31,7 +31,7 @@ impl Flow {
             .input("areas", &some(&model.skin_areas))
             .input("bin_hits", &some(&self.bin_hits))
             .input("hits", &some(&self.crossings))
-            .output::<[f32; 4]>("candidate_hits", count)
+            .partial("candidate_hits", &vec![[9.0f32; 4]; count])
             .partial("candidate_what", &vec![[NONE; 4]; count])
             .partial("candidate_normals", &vec![[0.0f32; 4]; count])
             .partial("candidate_pushes", &vec![[0.0f32; 4]; count])
@@ -45,6 +45,14 @@ impl Flow {
         self.args = out.get("args");
         self.counts = out.get("counts")[0];
         self.hits = out.get("candidate_hits");
+        // What is left of earlier steps says nothing.
+        let colliding = out.get::<[u32; 2]>("chunk_contacts");
+        for (i, hit) in self.hits.iter_mut().enumerate() {
+            let l = i % CHUNK_VERTICES;
+            if colliding[i / CHUNK_VERTICES][l / 32] >> (l % 32) & 1 == 0 {
+                *hit = [0.0; 4];
+            }
+        }
         self.what = out.get("candidate_what");
         self.normals = out.get("candidate_normals");
         self.pushes = out.get("candidate_pushes");
