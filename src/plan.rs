@@ -14,7 +14,7 @@ pub struct Entry {
     pub reason: String,
 }
 
-/// All nine stages in the order of the step.
+/// All ten stages in the order of the step.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Plan {
     /// Stage by stage.
@@ -39,9 +39,7 @@ impl Plan {
         let (carried, floating) = (model.carried_nodes.len(), model.floating.len());
         let pose = if touches { pairs.clone() } else { format!("{carried} nodes carried") };
         add("pose", touches || carried > 0, pose, nothing);
-        let probes = !scene.probes.is_empty();
-        let skin = if touches { pairs.clone() } else { "probes are recorded".into() };
-        add("skin", touches || probes, skin, nothing);
+        add("skin", touches, pairs.clone(), nothing);
         add("cull", touches, pairs.clone(), nothing);
         add("depth", depth.is_some(), depth.unwrap_or_default(), if touches { planes } else { nothing });
         add("contact", touches, pairs, nothing);
@@ -55,6 +53,7 @@ impl Plan {
         let wrench = touches && scene.tool.is_some();
         add("wrench", wrench, "the tool's".into(), if scene.tool.is_some() { nothing } else { "no tool" });
         add("fit", floating > 0, format!("{floating} floating frames"), "no frame floats");
+        add("probe", !scene.probes.is_empty(), format!("{} vertices", scene.probes.len()), "no probes");
         Plan { entries }
     }
 }

@@ -118,7 +118,7 @@ impl Probes {
 
     /// One pass over the nodes of probes.
     pub fn record(&self, recorder: &mut Recorder, elastic: &Elastic) {
-        recorder.stage("skin");
+        recorder.stage("probe");
         recorder.dispatch(&self.probe, &[&self.nodes, &elastic.displacement, &self.displacement], &[], self.count);
     }
 }

@@ -17,8 +17,8 @@ pub fn document(results: &Results) -> Result<Document> {
     let quick = if settings.is_quick { " This is a quick run: its figures are a first look." } else { "" };
     let preface = format!(
         "Measured by palpate {} on {device} ({driver}), depth by {depth_path}, a machine of {threads} threads. Times are \
-         medians of {} runs (half as many for areas; steps with contact for scenes) by the device's own clock, stage by stage; a total is the \
-         median of the sums.{quick}",
+         medians of {} runs (half as many for areas; steps with contact for scenes, half of them) by the device's own clock, \
+         stage by stage; a total is the median of as many runs timed as one, without the timestamps in between.{quick}",
         results.version, settings.runs
     );
     let sections = vec![

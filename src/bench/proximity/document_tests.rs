@@ -1,9 +1,11 @@
 use super::*;
 use crate::bench::Samples;
+use crate::stages::POSE_TO_CONTACT;
 
 fn place(total_ms: f64, contacts: usize, area_cm2: f64) -> Place {
     let mut samples_us = Samples::default();
     samples_us.add(&[("depth".into(), 400.0 * total_ms), ("contact".into(), 600.0 * total_ms)]);
+    samples_us.add(&[(POSE_TO_CONTACT.into(), 1000.0 * total_ms)]);
     Place { contacts, area: 1e-4 * area_cm2, samples_us, ..Place::default() }
 }
 
