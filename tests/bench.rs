@@ -24,7 +24,7 @@ fn a_tiny_run_answers_every_question() {
 
     let [few, many] = &results.sensitivity[..] else { panic!("{:?}", results.sensitivity) };
     assert!(few.place.contacts > 100 && few.place.contacts == many.place.contacts, "{few:?} {many:?}");
-    assert!(few.vertices < many.vertices && few.place.samples_us.runs() == 3);
+    assert!(few.vertices < many.vertices && few.place.samples_us.total_ms() > 0.0);
     let areas: Vec<f64> = results.area.iter().map(|row| 1e4 * row.place.area).collect();
     assert!(results.area[0].place.contacts == 0 && areas[0] == 0.0);
     // Coarse triangles on a coarse border, and the ball is a little beside the pole.
