@@ -25,6 +25,9 @@ fn a_tiny_run_answers_every_question() {
     let [few, many] = &results.sensitivity[..] else { panic!("{:?}", results.sensitivity) };
     assert!(few.place.contacts > 100 && few.place.contacts == many.place.contacts, "{few:?} {many:?}");
     assert!(few.vertices < many.vertices && few.place.samples_us.total_ms() > 0.0);
+    let samples = serde_json::to_value(&few.place.samples_us).unwrap();
+    let runs = |timer: &str| samples[timer].as_array().unwrap().len();
+    assert_eq!(["pose", "contact", "pose to contact"].map(runs), [3; 3]);
     let areas: Vec<f64> = results.area.iter().map(|row| 1e4 * row.place.area).collect();
     assert!(results.area[0].place.contacts == 0 && areas[0] == 0.0);
     // Coarse triangles on a coarse border, and the ball is a little beside the pole.

@@ -272,13 +272,18 @@ fn more_contacts_than_fit_are_flagged() {
     assert!(found > 200 && all.source[..found] == colliding, "{found} contacts");
     let group = context().group_size() as usize;
     for capacity in [1, 64, found - 1, found, found + 1] {
-        let flow = run(Some(capacity));
+        let mut flow = run(Some(capacity));
         let (kept, fits) = (found.min(capacity), found <= capacity);
         let words = [args::CONTACTS, args::DEEPEST].map(|slot| flow.args[3 * slot as usize] as usize);
         assert_eq!(flow.counts.contacts as usize, kept);
         assert_eq!(words, [kept.div_ceil(group), usize::from(!fits)]);
         assert_eq!(flow.counts.flags & CONTACT_OVERFLOW, if fits { 0 } else { CONTACT_OVERFLOW }, "{capacity} fit");
         assert!(!fits || flow.source[..found] == colliding);
+        let depths: Vec<f32> = flow.hits.iter().map(|hit| hit[0]).collect();
+        flow.gather();
+        let want = if fits { colliding.clone() } else { wanted_deepest(&depths, capacity) };
+        assert_eq!(flow.source[..kept], want);
+        assert!((0..kept).all(|c| flow.contacts[c].depth == depths[want[c] as usize]));
     }
 }
 

@@ -125,7 +125,7 @@ impl Query {
         let recordings = depths.each_ref().map(|depth| {
             let mut recorder = Recorder::new(context).unwrap();
             pose.record(&mut recorder, &common, &elastic, &skin);
-            cull.record(&mut recorder, &common, &pose, &contact, &elastic);
+            cull.record(&mut recorder, &common, &pose, &skin, &contact, &elastic);
             skin.record(&mut recorder, &common, &pose, &cull, &elastic);
             depth.record(&mut recorder, &common, &cull, &skin);
             recorder.finish().unwrap()

@@ -70,6 +70,7 @@ impl Given {
             (0..count).flat_map(|i| self.hull(i)).map(|x| x.as_vec3().extend(0.0).to_array()).collect();
         case("cull/regions")
             .size(Size::Reduce)
+            .constant("BUCKETS", 4u32)
             .input("params", &[StepParams::zeroed()])
             .input("pairs", &[self.pair])
             .input("proxies", &(0..count).map(proxy).collect::<Vec<_>>())
@@ -86,6 +87,7 @@ impl Given {
             .inout("counts", &[Counts::default()])
             .inout("args", &vec![0u32; args::WORDS])
             .partial("near_pairs", &vec![NONE; self.directions.len() / 2])
+            .partial("buckets", &vec![7u32; 4 + PAIR_REGIONS * FIELD_WORDS])
             .groups(1)
             .run()
     }
@@ -96,7 +98,8 @@ impl Given {
 fn check(given: &Given, out: &Outcome) -> usize {
     let (regions, boxes): (Vec<Region>, Vec<Box3>) = (out.get("regions"), out.get("boxes"));
     let (shares, bits): (Vec<f32>, Vec<u32>) = (out.get("shares"), out.get("slot_regions"));
-    let fields: Vec<u32> = out.get("fields");
+    let (fields, buckets): (Vec<u32>, Vec<u32>) = (out.get("fields"), out.get("buckets"));
+    assert_eq!(buckets[..4], [7; 4], "heads are cleared with the pose");
     let live = regions.iter().filter(|region| region.weight > 0.0).count();
     let count = given.places.len();
     for (r, region) in regions.iter().enumerate().take(live) {
@@ -131,6 +134,7 @@ fn check(given: &Given, out: &Outcome) -> usize {
         expect_close("high", &region.high, &[high.x, high.y], PLACED);
         let own = &fields[r * FIELD_WORDS..][..FIELD_WORDS];
         assert!(own[..256].iter().all(|f| *f == 0) && own[256..].iter().all(|f| *f == NONE), "fields are cleared");
+        assert!(buckets[4 + r * FIELD_WORDS..][..FIELD_WORDS].iter().all(|sight| *sight == NONE), "sights are cleared");
     }
     for s in 0..count {
         let own = &shares[PAIR_REGIONS * s..][..PAIR_REGIONS];

@@ -221,6 +221,7 @@ void list_all() {
         all += totals[k];
     }
     bool fits = all <= CAPACITY;
+    uint after = at + own;
     for (uint e = begin; e < end && fits; e++) {
         uvec2 left = chunk_contacts[e];
         while (any(notEqual(left, uvec2(0)))) {
@@ -230,6 +231,8 @@ void list_all() {
             else left.y &= left.y - 1;
         }
     }
+    // A driver left the loop early.
+    if (fits && at != after) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
     if (lane != 0) return;
     if (!fits) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
     uint contacts = min(all, CAPACITY);

@@ -105,7 +105,9 @@ void list_all() {
     }
     memoryBarrierBuffer();
     barrier();
-    for (uint e = lane; e < min(all.x, MOST_ITEMS); e += SIZE) {
+    uint listed = min(all.y, MOST_ITEMS), used = min(all.x, MOST_ITEMS), done = 0;
+    for (uint e = lane; e < used; e += SIZE) {
+        done++;
         // The last slot whose total does not exceed e.
         uint low = 0, high = SLOTS;
         while (high - low > 1) {
@@ -125,9 +127,9 @@ void list_all() {
         }
         active_chunks[e] = ActiveChunk(found.x, low, 2 * slots[low].pair + slots[low].side, mask, first_item);
     }
+    // More than fits; or a driver left the loop early.
+    if (all.y > MOST_ITEMS || done != (used + SIZE - 1 - lane) / SIZE) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
     if (lane != 0) return;
-    uint listed = min(all.y, MOST_ITEMS), used = min(all.x, MOST_ITEMS);
-    if (all.y > MOST_ITEMS) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
     counts.chunks = used;
     counts.items = listed;
     args[3 * ARGS_ACTIVE] = used;
@@ -142,7 +144,10 @@ void main() {
     list_slot(active_slots[gl_WorkGroupID.x]);
     memoryBarrierBuffer();
     barrier();
-    if (gl_LocalInvocationID.x == 0) is_last = atomicAdd(counts.slots_met, 1) == gl_NumWorkGroups.x - 1;
+    if (gl_LocalInvocationID.x == 0) {
+        memoryBarrierBuffer();
+        is_last = atomicAdd(counts.slots_met, 1) == gl_NumWorkGroups.x - 1;
+    }
     barrier();
     if (!is_last) return;
     memoryBarrierBuffer();

@@ -16,6 +16,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const float FOLLOW = 1.0;          // how much of a turn a normal takes in a step
+layout(constant_id = 3) const uint BUCKETS = 1;
 layout(constant_id = 1) const uint MOST_CELLS = 128;      // squares of a column along a side at most
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
@@ -35,6 +36,7 @@ layout(scalar, binding = 12) writeonly buffer Fields { uint fields[]; };        
 layout(scalar, binding = 13) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 14) buffer Args { uint args[]; };
 layout(scalar, binding = 15) coherent buffer NearPairs { uint near_pairs[]; };  // pairs of proxies with a direction, in order
+layout(scalar, binding = 16) writeonly buffer Buckets { uint buckets[]; };      // the sights are cleared here, see shared/bins.glsl
 
 #include "shared/sum.glsl"
 #include "shared/field.glsl"
@@ -258,6 +260,8 @@ void clear_fields(uint region, uint lane) {
     for (uint k = lane; k < FIELD * FIELD; k += SIZE) {
         fields[field_at(region, 0) + k] = 0;
         fields[field_at(region, 1) + k] = NONE;
+        buckets[BUCKETS + field_at(region, 0) + k] = NONE;
+        buckets[BUCKETS + field_at(region, 1) + k] = NONE;
     }
 }
 

@@ -30,7 +30,7 @@ layout(scalar, binding = 9) writeonly buffer Faces { vec4 faces[]; };
 layout(scalar, binding = 10) writeonly buffer Bounds { ProxyBounds bounds[]; };
 layout(scalar, binding = 11) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
-layout(scalar, binding = 13) writeonly buffer Buckets { uint buckets[]; };      // with the sights, see shared/bins.glsl
+layout(scalar, binding = 13) writeonly buffer Buckets { uint buckets[]; };      // see shared/bins.glsl
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"

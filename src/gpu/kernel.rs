@@ -177,6 +177,13 @@ impl Interface {
         stages: vk::ShaderStageFlags,
     ) -> Result<Interface> {
         let stage = || format!("kernel {name}");
+        let storage = reflection.bindings.iter().filter(|b| b.kind == BindingKind::Storage).count();
+        let most = context.limits.max_per_stage_descriptor_storage_buffers;
+        if storage > most as usize {
+            let device = context.device_name();
+            let what = format!("{device} takes {most} storage buffers a stage, and kernel {name} has {storage}");
+            return Err(Error::NoDevice(format!("{what}; choose another device with --device")));
+        }
         let bindings: Vec<_> = reflection
             .bindings
             .iter()

@@ -6,6 +6,7 @@ use super::contact::Contact;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
+use super::skin::{self, Skin};
 use super::types::{ActiveChunk, PAIR_REGIONS, Pair, Region};
 use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
@@ -62,16 +63,21 @@ impl Cull {
         let (proxy_pairs, slots, items) = (model.proxy_pairs.len(), model.slots.len(), model.most_items());
         let follow: f32 = if smooth { 0.25 } else { 1.0 };
         let spans = ("SPANS", Const::Bool(model.spans_frames()));
+        let buckets = skin::buckets(model);
         let list = [("SLOTS", count(slots)), ("MOST_ITEMS", count(items))];
-        // At least so many pairs of proxies a workgroup that those whose boxes meet fill its lanes.
-        let share = context.reduce_size().max(64);
+        // So many pairs of proxies a workgroup that those whose boxes meet fill its lanes, and so few that a lane has eight at most.
+        let lanes = context.reduce_size();
+        let share = (8 * lanes).min(lanes.max(128));
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
         let pairs = (model.pairs.len() * size_of::<Pair>()) as u64;
         Ok(Cull {
             test: reduce("cull/pairs", &[("PROXY_PAIRS", count(proxy_pairs)), ("SHARE", share.into())])?,
             test_groups: (proxy_pairs as u32).div_ceil(share),
             direction: reduce("cull/direction", &[])?,
-            regions_kernel: reduce("cull/regions", &[("MOST_CELLS", MOST_CELLS.into()), ("FOLLOW", follow.into())])?,
+            regions_kernel: reduce(
+                "cull/regions",
+                &[("MOST_CELLS", MOST_CELLS.into()), ("FOLLOW", follow.into()), ("BUCKETS", buckets.into())],
+            )?,
             chunks_kernel: reduce("cull/chunks", &[spans])?,
             meet: reduce("cull/meet", &list)?,
             pair_count: model.pairs.len() as u32,
@@ -100,7 +106,15 @@ impl Cull {
 
     /// Five passes: pairs, directions, regions, slabs of chunks, the list of chunks that meet. `last` still holds the last
     /// step's contacts.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact, elastic: &Elastic) {
+    pub fn record(
+        &self,
+        recorder: &mut Recorder,
+        common: &Common,
+        pose: &Pose,
+        skin: &Skin,
+        last: &Contact,
+        elastic: &Elastic,
+    ) {
         recorder.stage("cull");
         if self.test_groups > 0 {
             self.record_directions(recorder, common, pose, last);
@@ -122,6 +136,7 @@ impl Cull {
             &common.counts,
             &common.args,
             &self.near_pairs,
+            &skin.buckets,
         ];
         recorder.dispatch_groups(&self.regions_kernel, &buffers, &[], self.pair_count);
         let buffers = [

@@ -9,8 +9,9 @@ use super::types::{Chunk, NONE, PAIR_REGIONS, Pair, Proxy, Slot};
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Material, Scene};
 
-/// Active chunks times their regions at most: four million vertices; more raise the region overflow flag.
-const MOST_ITEMS: usize = 1 << 16;
+/// Active chunks times their regions at most, a workgroup each on any device: four million vertices; more raise the region
+/// overflow flag.
+const MOST_ITEMS: usize = (1 << 16) - 1;
 
 /// A frame of a body, as placed.
 #[derive(Debug, Clone)]

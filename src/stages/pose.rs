@@ -34,7 +34,7 @@ impl Pose {
         let constants = [
             ("SPANS", Const::Bool(model.spans_frames())),
             ("TETRAHEDRA", count(model.tetrahedra.len())),
-            ("BUCKETS", skin::bucket_words(model).into()),
+            ("BUCKETS", skin::buckets(model).into()),
             ("GROUP", context.group_size().into()),
         ];
         Ok(Pose {

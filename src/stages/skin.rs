@@ -21,7 +21,7 @@ pub fn buckets(model: &Model) -> u32 {
 }
 
 /// The table's words: its heads, and for each region's two sides how far back the vertices in it look.
-pub fn bucket_words(model: &Model) -> u32 {
+fn bucket_words(model: &Model) -> u32 {
     buckets(model) + (PAIR_REGIONS * model.pairs.len() * FIELD_WORDS) as u32
 }
 

@@ -67,7 +67,7 @@ impl TouchStages {
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         let TouchStages { pose, skin, cull, depth, contact } = self;
         pose.record(recorder, common, elastic, skin);
-        cull.record(recorder, common, pose, contact, elastic);
+        cull.record(recorder, common, pose, skin, contact, elastic);
         skin.record(recorder, common, pose, cull, elastic);
         if let Some(depth) = depth {
             depth.record(recorder, common, cull, skin);

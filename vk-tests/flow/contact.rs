@@ -46,7 +46,8 @@ impl Flow {
         self.counts = out.get("counts")[0];
         self.hits = out.get("candidate_hits");
         // What is left of earlier steps says nothing.
-        let colliding = out.get::<[u32; 2]>("chunk_contacts");
+        let colliding: Vec<[u32; 2]> = out.get("chunk_contacts");
+        self.chunk_contacts = colliding.as_flattened().to_vec();
         for (i, hit) in self.hits.iter_mut().enumerate() {
             let l = i % CHUNK_VERTICES;
             if colliding[i / CHUNK_VERTICES][l / 32] >> (l % 32) & 1 == 0 {
@@ -56,6 +57,20 @@ impl Flow {
         self.what = out.get("candidate_what");
         self.normals = out.get("candidate_normals");
         self.pushes = out.get("candidate_pushes");
+    }
+
+    /// The deepest candidates, where not all fit.
+    pub fn deepest(&mut self) {
+        let out = case("contact/deepest")
+            .size(Size::Group)
+            .constant("CAPACITY", self.capacity as u32)
+            .input("candidate_hits", &some(&self.hits))
+            .input("counts", &[self.counts])
+            .partial("contact_source", &self.source)
+            .input("chunk_contacts", &some(&self.chunk_contacts))
+            .groups(self.groups(args::DEEPEST))
+            .run();
+        self.source = out.get("contact_source");
     }
 
     /// Takes the candidates with a depth, made up, for contacts.

@@ -75,6 +75,8 @@ pub struct Flow {
     pub normals: Vec<[f32; 4]>,
     pub pushes: Vec<[f32; 4]>,
     pub source: Vec<u32>,
+    /// A bit each candidate that collides.
+    pub chunk_contacts: Vec<u32>,
     pub contacts: Vec<Contact>,
     pub entry_nodes: Vec<[u32; 4]>,
     pub entry_weights: Vec<[f32; 4]>,
@@ -181,6 +183,7 @@ impl Flow {
             normals: vec![],
             pushes: vec![],
             source: vec![],
+            chunk_contacts: vec![],
             contacts: vec![],
             entry_nodes: vec![],
             entry_weights: vec![],
@@ -223,6 +226,7 @@ impl Flow {
 
     /// What follows: the list of contacts, their response, the index from nodes to them.
     pub fn gather(&mut self) {
+        self.deepest();
         self.respond();
         self.sort();
     }

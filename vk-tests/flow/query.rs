@@ -19,7 +19,7 @@ impl Flow {
             .size(Size::Reduce)
             .constant("SPANS", self.model.spans_frames())
             .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
-            .constant("BUCKETS", self.bucket_words() as u32)
+            .constant("BUCKETS", self.bucket_count)
             .constant("GROUP", context().group_size())
             .input("frames", &self.frames)
             .input("proxies", &some(&self.model.proxies))
@@ -34,7 +34,7 @@ impl Flow {
             .output::<ProxyBounds>("bounds", proxies)
             .inout("counts", &[self.counts])
             .partial("args", &self.args)
-            .output::<u32>("buckets", self.bucket_words())
+            .partial("buckets", &vec![7u32; self.bucket_words()])
             .groups(proxies)
             .run();
         self.hull = out.get("hull");
@@ -90,6 +90,7 @@ impl Flow {
         let (pairs, slots) = (self.pairs.len(), self.model.slots.len());
         let out = case("cull/regions")
             .size(Size::Reduce)
+            .constant("BUCKETS", self.bucket_count)
             .input("params", &[self.params])
             .input("pairs", &self.pairs)
             .input("proxies", &self.model.proxies)
@@ -106,6 +107,7 @@ impl Flow {
             .inout("counts", &[self.counts])
             .inout("args", &self.args)
             .partial("near_pairs", &vec![NONE; self.model.proxy_pairs.len()])
+            .partial("buckets", &self.buckets)
             .groups(pairs)
             .run();
         self.regions = out.get("regions");
@@ -115,6 +117,7 @@ impl Flow {
         self.slot_counts = out.get("slot_counts");
         self.active_slots = out.get("active_slots");
         self.fields = out.get("fields");
+        self.buckets = out.get("buckets");
         self.counts = out.get("counts")[0];
         self.args = out.get("args");
     }
