@@ -41,7 +41,7 @@ fn a_tiny_run_answers_every_question() {
     let named = ["sensitivity.svg", "area.svg", "peers.svg", "no scene was measured", "**Found:**", "quick run"];
     assert!(named.iter().all(|word| text.contains(word)), "{text}");
     let json = serde_json::to_value(&results).unwrap();
-    assert_eq!((&json["schema"], &json["benchmark"]), (&1.into(), &"proximity".into()));
+    assert_eq!((&json["schema"], &json["benchmark"]), (&2.into(), &"proximity".into()));
     let depths = |series: &str| json[series][1]["samples_us"]["depth"].as_array().unwrap().len();
     assert_eq!((depths("sensitivity"), depths("area")), (3, 2));
 }
