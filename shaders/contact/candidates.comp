@@ -10,13 +10,14 @@
 // and normal from half of that on, fully where they are equal, so that none takes over with a jump. A half-space needs no
 // crossing: depth = offset - N.x. Only vertices that face the other body take part; the area is the rest area projected
 // along the normal, half of it where both bodies gather. One workgroup an active chunk; the last to finish lists those of all
-// that collide, in their order whatever the device, where there is room (else deepest.comp does, and a flag says so). Oracle: oracle::contact::ray_depths.
+// that collide, in their order whatever the device, where there is room (else deepest.comp does, and a flag says so).
+// Oracle: oracle::contact::ray_depths.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 1) const bool BLEND = true;         // without it the strongest region alone counts: depths are exact rays'
 layout(constant_id = 2) const uint CAPACITY = 1;
 layout(constant_id = 3) const uint TETRAHEDRA = 0;
-layout(constant_id = 1) const bool BLEND = true;         // without it the strongest region alone counts: depths are exact rays'
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) coherent buffer CountsInOut { Counts counts; };

@@ -12,9 +12,9 @@
 // Oracle: oracle::contact::gather; the lists walked by its test.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 3) const uint LISTS = 8;
 layout(constant_id = 1) const float FRICTION_COEFFICIENT = 0.0;     // mu
 layout(constant_id = 2) const float FRICTION_SPEED = 1.0;           // m/s; below it friction is viscous
+layout(constant_id = 3) const uint LISTS = 8;                // a node; as many as a workgroup of sort.comp has lanes
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
