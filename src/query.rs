@@ -101,7 +101,8 @@ pub struct Answer {
     pub flags: Flags,
     /// What passed through the stages.
     pub counts: Counts,
-    /// Microseconds, by stage or of all as one ([`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT)); empty where runs are not timed.
+    /// Microseconds, by stage or of all as one ([`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT)); empty where runs are
+    /// not timed.
     pub stage_times: Vec<(String, f64)>,
 }
 

@@ -245,7 +245,6 @@ void list_all() {
 
 void main() {
     find_candidates();
-    memoryBarrierBuffer();
     barrier();
     if (gl_LocalInvocationID.x == 0) {
         chunk_contacts[gl_WorkGroupID.x] = uvec2(colliding[0], colliding[1]);

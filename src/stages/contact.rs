@@ -55,7 +55,7 @@ pub struct Contact {
     candidates: Kernel,
     deepest: Kernel,
     response: Kernel,
-    nodes: usize,
+    has_nodes: bool,
     sort: Kernel,
     /// What the solver reads.
     pub touch: Touch,
@@ -97,7 +97,7 @@ impl Contact {
             candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &candidate)?,
             deepest: Kernel::new(context, "contact/deepest", Size::Group, &[("CAPACITY", count(capacity))])?,
             response: Kernel::new(context, "contact/response", Size::Group, &response)?,
-            nodes,
+            has_nodes: nodes > 0,
             sort: Kernel::new(context, "contact/sort", Size::Reduce, &[])?,
             touch: Touch {
                 contacts: zeros::<types::Contact>(context, "contacts", capacity)?,
@@ -123,7 +123,8 @@ impl Contact {
         })
     }
 
-    /// Three passes and a fill, each over no more than there is, and one more where contacts do not fit. Without a depth stage only half-spaces are met.
+    /// Three passes over no more than there is, a fill, and a pass of no workgroup unless contacts do not fit. Without a depth
+    /// stage only half-spaces are met.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -135,7 +136,7 @@ impl Contact {
     ) {
         recorder.stage("contact");
         let touch = &self.touch;
-        if self.nodes > 0 {
+        if self.has_nodes {
             // Long before it is read; only touched nodes' are written.
             recorder.fill(&touch.node_entries, 0);
         }
@@ -201,7 +202,7 @@ impl Contact {
             &common.args,
             args::CONTACTS,
         );
-        if self.nodes == 0 {
+        if !self.has_nodes {
             return;
         }
         let buffers = [
