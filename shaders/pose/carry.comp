@@ -14,15 +14,17 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint CARRIED_NODES = 0;
+layout(constant_id = 6) const uint RIGIDS = 0;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
 layout(scalar, binding = 2) readonly buffer CarriedNodes { uint carried_nodes[]; };
 layout(binding = 3) uniform usamplerBuffer node_info;       // frame in z
 layout(binding = 4) uniform samplerBuffer node_rest;
-layout(scalar, binding = 5) readonly buffer Cores { Core cores[]; };
-layout(scalar, binding = 6) writeonly buffer Velocity { vec4 velocity[]; };
-layout(scalar, binding = 7) writeonly buffer Solution { vec4 solution[]; };     // of dynamic cores only
+layout(scalar, binding = 5) readonly buffer SolveIn { Solve solve; };
+layout(scalar, binding = 6) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 7) writeonly buffer Velocity { vec4 velocity[]; };
+layout(scalar, binding = 8) writeonly buffer Solution { vec4 solution[]; };     // of dynamic cores only
 
 #include "shared/core.glsl"
 
@@ -37,7 +39,7 @@ void main() {
     if (frame.core != NONE) {
         vec3 arm = rotate(frame.rotation, r);
         velocity[node] = vec4(frame.linear + cross(frame.angular, arm), 0.0);
-        solution[node] = vec4(carry(cores[frame.core].x, arm), 0.0);
+        solution[node] = vec4(carry(iterates[solve.current * RIGIDS + frame.core].x, arm), 0.0);
         return;
     }
     velocity[node] = vec4(frame.linear + rotate(frame.rotation, turned(on, r)) / params.dt, 0.0);

@@ -10,3 +10,13 @@ vec3 gather_elements(uint first, uint quads) {
     }
     return sum;
 }
+
+vec3 gather_contacts(uint node) {
+    vec3 sum = vec3(0.0);
+    uvec2 run = node_entries[node];
+    for (uint k = run.x; k < run.x + run.y; k++) {
+        uvec2 entry = sorted[k];
+        sum += uintBitsToFloat(entry.y) * texelFetch(contact_forces, int(entry.x)).xyz;
+    }
+    return sum;
+}

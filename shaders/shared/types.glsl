@@ -30,20 +30,25 @@ struct Frame {
                                 // are its twist at the start, and turn means nothing
 };
 
-// A dynamic core: six unknowns, the change of its twist (linear, then angular), on which the nodes it carries hang.
-struct Core {
-    uint frame;
-    uint node_first, node_count;
+// A rigid body among the unknowns: a dynamic core, and after those the tool. Its six unknowns are the change of its twist
+// (linear, then angular; world axes), on which the nodes that a core carries hang.
+struct Rigid {
+    uint frame;                 // of a core
+    uint node_first, node_count;            // into block_nodes
+    uint block_first, block_count;          // blocks of those nodes
     vec3 hinge;                 // unit axis through its centre that is all it may turn about, world; zero: it moves freely
-    float inverse[36];          // of its block of the preconditioner
+    float inverse[36];          // of its diagonal block of A
     float b[6];
+    float leftover[6];          // b - A x of the last accepted step
+};
+
+// What iterations change of it. There are two sets: an iteration reads one and writes the other.
+struct RigidIterate {
     float x[6];
     float r[6];
-    float u[6];
+    float u[6];                 // M^-1 r
     float p[6];
-    float s[6];
-    float image[6];             // P^T A u of this iteration
-    float leftover[6];          // b - A x of the last accepted step
+    float s[6];                 // A p
 };
 
 // Where a point of one frame is in another, x_to = r + offset + (Q - I) r + Q d, r relative to the centres at rest, so that
@@ -178,23 +183,19 @@ struct Contact {
 
 // State of the linear solver that lives on the device between passes.
 struct Solve {
-    float gamma;                // r . M^-1 r
-    float alpha;
-    float beta;
     float warm;                 // factor on the last solution
     float rhs_norm2;            // b . M^-1 b
     float floor_norm2;          // what f32 rounding leaves of it
-    uint iterations;
     uint status;                // STATUS_*
+    uint current;               // the set that holds the newest iterate
     uint retries;               // how often it was solved again without the contacts that pulled
-    float tool_inverse[36];     // of the tool's diagonal block
-    float tool_b[6];
-    float tool_x[6];
-    float tool_r[6];
-    float tool_u[6];
-    float tool_p[6];
-    float tool_s[6];
-    float tool_leftover[6];     // b - A x of the last accepted step
+};
+
+// Scalars of an iteration, of which there are two sets as well.
+struct Iteration {
+    float gamma;                // r . M^-1 r
+    float alpha;
+    uint count;                 // iterations done
 };
 
 const uint STATUS_RUNNING = 0;      // not converged yet

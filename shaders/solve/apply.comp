@@ -10,9 +10,13 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 layout(constant_id = 2) const bool CONTACT = false;
+layout(constant_id = 6) const uint RIGIDS = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 
-layout(push_constant) uniform Which { uint of_tool; };      // twist change to apply: 0 tool_x, 1 tool_u
+layout(push_constant) uniform Which {
+    bool of_solution;           // of the tool: its x, else its u
+    uint set;                   // of iterates, that holds u
+};
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(binding = 1) uniform usamplerBuffer tetrahedra;
@@ -23,8 +27,9 @@ layout(scalar, binding = 5) readonly buffer Contacts { Contact contacts[]; };
 layout(binding = 6) uniform usamplerBuffer entry_nodes;
 layout(binding = 7) uniform samplerBuffer entry_weights;
 layout(scalar, binding = 8) readonly buffer SolveIn { Solve solve; };
-layout(scalar, binding = 9) writeonly buffer ElementForces { vec4 element_forces[]; };
-layout(scalar, binding = 10) writeonly buffer ContactForces { vec4 contact_forces[]; };  // of a contact; w: along n
+layout(scalar, binding = 9) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 10) writeonly buffer ElementForces { vec4 element_forces[]; };
+layout(scalar, binding = 11) writeonly buffer ContactForces { vec4 contact_forces[]; };  // of a contact; w: along n
 
 void apply_contact(uint c) {
     Contact contact = contacts[c];
@@ -39,10 +44,11 @@ void apply_contact(uint c) {
         if (FRICTION) relative += v;
     }
     if (contact.tool_sign != 0.0) {
+        uint tool = (of_solution ? solve.current : set) * RIGIDS + RIGIDS - 1;
         vec3 linear, angular;
         for (int k = 0; k < 3; k++) {
-            linear[k] = of_tool == 0 ? solve.tool_x[k] : solve.tool_u[k];
-            angular[k] = of_tool == 0 ? solve.tool_x[3 + k] : solve.tool_u[3 + k];
+            linear[k] = of_solution ? iterates[tool].x[k] : iterates[tool].u[k];
+            angular[k] = of_solution ? iterates[tool].x[3 + k] : iterates[tool].u[3 + k];
         }
         vec3 lever = contact.tool_sign * cross(contact.arm, contact.normal);
         speed += contact.tool_sign * dot(contact.normal, linear) + dot(lever, angular);

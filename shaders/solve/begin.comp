@@ -3,53 +3,76 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
-#include "shared/held.glsl"
 
-// Solve: the first iterate. x = warm x, r = b - warm A x, u = M^-1 r, search directions zero; a carried node has its core's. One invocation a node.
-// Oracle: oracle::step.
+// Solve: the first iterate. x = warm x, r = b - warm A x, u = M^-1 r, search directions zero; a carried node has its core's.
+// M^-1 is D^-1 plus, with a coarse level, P A_c^-1 P^T. A workgroup a block of nodes. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint NODES = 0;
-layout(constant_id = 6) const uint CORES = 0;
+layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 3) const bool COARSE = false;
 
 layout(scalar, binding = 0) readonly buffer SolveIn { Solve solve; };
-layout(binding = 1) uniform samplerBuffer rhs;
-layout(binding = 2) uniform samplerBuffer image;            // A x
-layout(binding = 3) uniform samplerBuffer inverse;
-layout(scalar, binding = 4) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 5) readonly buffer Cores { Core cores[]; };
-layout(binding = 6) uniform usamplerBuffer node_info;
-layout(binding = 7) uniform samplerBuffer node_rest;
-layout(scalar, binding = 8) buffer Solution { vec4 solution[]; };
-layout(scalar, binding = 9) writeonly buffer Residual { vec4 residual[]; };
-layout(scalar, binding = 10) writeonly buffer Preconditioned { vec4 preconditioned[]; };
-layout(scalar, binding = 11) writeonly buffer Direction { vec4 direction[]; };
-layout(scalar, binding = 12) writeonly buffer DirectionImage { vec4 direction_image[]; };
+layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(binding = 2) uniform usamplerBuffer blocks;
+layout(binding = 3) uniform usamplerBuffer block_nodes;
+layout(binding = 4) uniform samplerBuffer block_places;
+layout(binding = 5) uniform samplerBuffer node_rest;
+layout(binding = 6) uniform samplerBuffer rhs;
+layout(binding = 7) uniform samplerBuffer image;            // A x
+layout(binding = 8) uniform samplerBuffer inverse;
+layout(binding = 9) uniform samplerBuffer coarse_rhs;
+layout(binding = 10) uniform samplerBuffer coarse_image;
+layout(scalar, binding = 11) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 12) buffer Solution { vec4 solution[]; };
+layout(scalar, binding = 13) writeonly buffer Residual { vec4 residual[]; };
+layout(scalar, binding = 14) writeonly buffer Preconditioned { vec4 preconditioned[]; };
+layout(scalar, binding = 15) writeonly buffer Direction { vec4 direction[]; };
+layout(scalar, binding = 16) writeonly buffer DirectionImage { vec4 direction_image[]; };
+layout(scalar, binding = 17) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T s, of both sets
 
+#include "shared/blocks.glsl"
+#include "shared/modes.glsl"
 #include "shared/core.glsl"
 
-void main() {
-    uint i = gl_GlobalInvocationID.x;
-    if (i >= NODES) return;
-    direction[i] = vec4(0.0);
-    direction_image[i] = vec4(0.0);
-    if (CORES > 0) {
-        uvec4 info = texelFetch(node_info, int(i));
-        if (info.w == CARRIED) {
-            uint core = frames[info.z].core;
-            vec3 arm = arm_of(i, info.z);
-            solution[i] = vec4(carry(cores[core].x, arm), 0.0);
-            preconditioned[i] = vec4(carry(cores[core].u, arm), 0.0);
-            residual[i] = vec4(0.0);
-            return;
-        }
+// A_c^-1 P^T (b - warm A x), world axes.
+Modes coarse_start(uint b, vec4 turn) {
+    vec4 z[3];
+    for (int k = 0; k < 3; k++) {
+        z[k] = texelFetch(coarse_rhs, int(3 * b + k));
+        if (solve.warm != 0.0) z[k] -= solve.warm * texelFetch(coarse_image, int(3 * b + k));
     }
-    vec3 r = texelFetch(rhs, int(i)).xyz;
-    // Not a product with zero: what is left of a failed step may not be a number.
-    if (solve.warm != 0.0) r -= solve.warm * texelFetch(image, int(i)).xyz;
-    vec3 d = texelFetch(inverse, int(2 * i)).xyz, o = texelFetch(inverse, int(2 * i + 1)).xyz;
-    solution[i] = solve.warm != 0.0 ? solve.warm * solution[i] : vec4(0.0);
-    residual[i] = vec4(r, 0.0);
-    preconditioned[i] = vec4(d.x * r.x + o.x * r.y + o.y * r.z, o.x * r.x + d.y * r.y + o.z * r.z,
-        o.y * r.x + o.z * r.y + d.z * r.z, 0.0);
+    return to_world(unpacked(z[0], z[1], z[2]), turn);
+}
+
+void main() {
+    uint b = gl_WorkGroupID.x;
+    Block block = block_of(b);
+    vec4 place = texelFetch(block_places, int(b)), turn = frames[block.frame].rotation;
+    Modes modes = no_modes();
+    if (COARSE) {
+        modes = coarse_start(b, turn);
+        if (gl_LocalInvocationID.x < 3) restricted_direction[3 * b + gl_LocalInvocationID.x] = vec4(0.0);
+    }
+    for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
+        int i = int(block_node(block, at).x);
+        vec3 rest = texelFetch(node_rest, i).xyz;
+        direction[i] = vec4(0.0);
+        direction_image[i] = vec4(0.0);
+        if (block.rigid != NONE) {
+            vec3 arm = rotate(turn, rest);
+            solution[i] = vec4(carry(iterates[block.rigid].x, arm), 0.0);
+            preconditioned[i] = vec4(carry(iterates[block.rigid].u, arm), 0.0);
+            residual[i] = vec4(0.0);
+            continue;
+        }
+        vec3 r = texelFetch(rhs, i).xyz;
+        // Not a product with zero: what is left of a failed step may not be a number.
+        if (solve.warm != 0.0) r -= solve.warm * texelFetch(image, i).xyz;
+        vec3 d = texelFetch(inverse, 2 * i).xyz, o = texelFetch(inverse, 2 * i + 1).xyz;
+        vec3 u = vec3(d.x * r.x + o.x * r.y + o.y * r.z, o.x * r.x + d.y * r.y + o.z * r.z, o.y * r.x + o.z * r.y + d.z * r.z);
+        if (COARSE) u += moved_by(modes, (rest - place.xyz) * place.w);
+        solution[i] = solve.warm != 0.0 ? solve.warm * solution[i] : vec4(0.0);
+        residual[i] = vec4(r, 0.0);
+        preconditioned[i] = vec4(u, 0.0);
+    }
 }

@@ -12,7 +12,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
-layout(constant_id = 6) const uint CORES = 0;
+layout(constant_id = 6) const uint RIGIDS = 0;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
@@ -21,10 +21,11 @@ layout(binding = 3) uniform samplerBuffer solution;
 layout(binding = 4) uniform samplerBuffer rhs;
 layout(binding = 5) uniform samplerBuffer image;            // A x
 layout(binding = 6) uniform samplerBuffer node_rest;
-layout(scalar, binding = 7) readonly buffer Cores { Core cores[]; };
-layout(scalar, binding = 8) buffer Velocity { vec4 velocity[]; };
-layout(scalar, binding = 9) buffer Displacement { vec4 displacement[]; };
-layout(scalar, binding = 10) writeonly buffer Leftover { vec4 leftover[]; };
+layout(scalar, binding = 7) readonly buffer SolveIn { Solve solve; };
+layout(scalar, binding = 8) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 9) buffer Velocity { vec4 velocity[]; };
+layout(scalar, binding = 10) buffer Displacement { vec4 displacement[]; };
+layout(scalar, binding = 11) writeonly buffer Leftover { vec4 leftover[]; };
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -35,8 +36,8 @@ void main() {
     leftover[i] = texelFetch(rhs, int(i)) - texelFetch(image, int(i));
     velocity[i] = vec4(v, 0.0);
     Frame frame = frames[info.z];
-    if (CORES > 0 && frame.core != NONE) {
-        float x[6] = cores[frame.core].x;
+    if (RIGIDS > 0 && frame.core != NONE) {
+        float x[6] = iterates[solve.current * RIGIDS + frame.core].x;
         frame.linear += vec3(x[0], x[1], x[2]);
         // R1 = exp(h w1) R0, so dR = R1^T R0 is the turn by -h R0^T w1.
         vec3 turn = -params.dt * rotate_back(frame.rotation, frame.angular + vec3(x[3], x[4], x[5]));

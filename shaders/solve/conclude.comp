@@ -13,27 +13,28 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const uint NODES = 0;
-layout(constant_id = 3) const bool CONTACT = false;
+layout(constant_id = 1) const uint BLOCKS = 0;
+layout(constant_id = 2) const bool CONTACT = false;
+layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 4) const bool TOOL = false;
-layout(constant_id = 5) const uint PARTIALS = 1;
-layout(constant_id = 6) const uint CORES = 0;
-layout(constant_id = 7) const bool FRICTION = false;
+layout(constant_id = 6) const uint RIGIDS = 0;
+layout(constant_id = 8) const uint NODES = 0;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Dots { vec2 dots[]; };
-layout(scalar, binding = 2) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 3) buffer Contacts { Contact contacts[]; };
-layout(binding = 4) uniform samplerBuffer contact_forces;       // of the solution
-layout(scalar, binding = 5) readonly buffer Frames { Frame frames[]; };
-layout(binding = 6) uniform samplerBuffer node_rest;
-layout(scalar, binding = 7) readonly buffer CoreNodes { uint core_nodes[]; };
-layout(binding = 8) uniform samplerBuffer image;
-layout(scalar, binding = 9) buffer SolveInOut { Solve solve; };
-layout(scalar, binding = 10) buffer Cores { Core cores[]; };
-layout(scalar, binding = 11) writeonly buffer Args { uint args[]; };
-layout(scalar, binding = 12) writeonly buffer ReportOut { Report report; };
-layout(scalar, binding = 13) writeonly buffer CoreChanges { float core_changes[]; };     // six a core, for the host
+layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(scalar, binding = 2) readonly buffer Dots { vec2 dots[]; };              // of solve/gather, mode 2
+layout(scalar, binding = 3) readonly buffer CoarseDots { vec4 coarse_dots[]; };
+layout(binding = 4) uniform samplerBuffer restricted_image;     // P^T A x
+layout(binding = 5) uniform samplerBuffer contact_forces;       // of the solution
+layout(scalar, binding = 6) readonly buffer Iterations { Iteration iterations[2]; };
+layout(scalar, binding = 7) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 8) buffer CountsInOut { Counts counts; };
+layout(scalar, binding = 9) buffer Contacts { Contact contacts[]; };
+layout(scalar, binding = 10) buffer SolveInOut { Solve solve; };
+layout(scalar, binding = 11) buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
+layout(scalar, binding = 13) writeonly buffer ReportOut { Report report; };
+layout(scalar, binding = 14) writeonly buffer CoreChanges { float core_changes[]; };     // six a core, for the host
 
 const uint MAX_RETRIES = 4;
 
@@ -41,16 +42,14 @@ shared float deepest[SIZE];
 
 #include "shared/six.glsl"
 #include "shared/sum.glsl"
-#include "shared/tool.glsl"
-#include "shared/core.glsl"
-#include "shared/core_rows.glsl"
+#include "shared/rigid.glsl"
 #include "shared/pressure.glsl"
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
     uint contact_count = CONTACT ? counts.contacts : 0;
     vec4 sums = vec4(0.0);
-    for (uint k = lane; k < PARTIALS; k += SIZE) sums.x += dots[k].x;
+    for (uint k = lane; k < BLOCKS; k += SIZE) sums.x += dots[k].x + (COARSE ? coarse_dots[k].x : 0.0);
     float depth = 0.0;
     // y: contacts that push or are yet undecided, z: that pull.
     for (uint c = lane; c < contact_count; c += SIZE) {
@@ -75,36 +74,16 @@ void main() {
             }
         }
     }
-    float rest[6];
-    if (TOOL) {
-        float forces[6];
-        tool_contact_sum(contact_count, forces);
-        if (lane == 0) {
-            float base[36], inverse[36], x[6];
-            for (int k = 0; k < 36; k++) {
-                base[k] = params.tool_matrix[k];
-                inverse[k] = solve.tool_inverse[k];
-            }
-            for (int k = 0; k < 6; k++) x[k] = solve.tool_x[k];
-            float own[6] = times(base, x);
-            for (int k = 0; k < 6; k++) rest[k] = solve.tool_b[k] - own[k] - forces[k];
-            sums.x += inner(rest, times(inverse, rest));
-            for (int k = 0; k < 6; k++) report.tool_change[k] = x[k];
-        }
-    }
-    for (uint c = 0; c < CORES; c++) {
-        float core_y[6] = core_image(c);
-        if (lane == 0) {
-            float undone[6], inverse[36] = cores[c].inverse;
-            for (int k = 0; k < 6; k++) {
-                undone[k] = cores[c].b[k] - core_y[k];
-                core_changes[6 * c + k] = cores[c].x[k];
-            }
-            sums.x += inner(undone, times(inverse, undone));
-            cores[c].image = undone;
-        }
-    }
     if (lane != 0) return;
+    for (uint index = 0; index < RIGIDS; index++) {
+        float undone[6], y[6] = image_of(index), x[6] = iterates[solve.current * RIGIDS + index].x;
+        for (int k = 0; k < 6; k++) {
+            undone[k] = rigids[index].b[k] - y[k];
+            if (TOOL && index == RIGIDS - 1) report.tool_change[k] = x[k];
+            else core_changes[6 * index + k] = x[k];
+        }
+        sums.x += inner(undone, times(rigids[index].inverse, undone));
+    }
     float norm2 = max(solve.rhs_norm2, 1.0e-38);
     // Not max(sums.x, 0), which may take the zero of what is no number.
     float residual = solve.rhs_norm2 <= solve.floor_norm2 || sums.x < 0.0 ? 0.0 : sqrt(sums.x / norm2);
@@ -131,13 +110,15 @@ void main() {
             residual = 1.0;
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
         }
-        if (TOOL && finite) solve.tool_leftover = rest;
-        for (uint c = 0; c < CORES && finite; c++) cores[c].leftover = cores[c].image;
+        for (uint index = 0; index < RIGIDS && finite; index++) {
+            float y[6] = image_of(index);
+            for (int k = 0; k < 6; k++) rigids[index].leftover[k] = rigids[index].b[k] - y[k];
+        }
         args[3 * ARGS_COMMIT] = finite ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = finite ? 1 : 0;
     }
     report.verdict = verdict;
-    report.iterations = solve.iterations;
+    report.iterations = iterations[solve.current].count;
     report.residual = residual;
     report.residual_floor = residual_floor;
     report.contacts = uint(sums.y);

@@ -2,76 +2,165 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
+#include "shared/rotation.glsl"
 
-// Solve: w = A p of each node from what solve/apply left, and the two inner products that follow:
-//   MODE 0, warm start: w . M^-1 b, w . M^-1 w     (first = M^-1 b)
-//   MODE 1, iteration:  r . u, w . u               (first = u, second = r)
-//   MODE 2, at the end: (b - w) . M^-1 (b - w), 0  (second = b)
-// Rows of bound nodes count for nothing; those that dynamic cores carry are summed to their core's by what follows. One invocation a node; a sum a workgroup. Oracle: oracle::step.
+// Solve: w = A p of each node from what solve/apply left; the inner products that follow; and sums over the modes of the
+// block, P^T w (those of a core are its rows of A p) and P^T r:
+//   MODE 0, warm start: w . D^-1 b, w . D^-1 w     (first = D^-1 b)
+//   MODE 1, iteration:  r . u, w . u               (first = u, second = r); cores' and the tool's rows included
+//   MODE 2, at the end: r . D^-1 r, 0 with r = b - w  (second = b)
+// A workgroup a block of nodes; the last, where there is a tool, for its rows. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const uint NODES = 0;
+layout(constant_id = 1) const uint BLOCKS = 0;
 layout(constant_id = 2) const bool CONTACT = false;
-layout(constant_id = 3) const uint MODE = 1;
+layout(constant_id = 3) const bool COARSE = false;
+layout(constant_id = 4) const uint MODE = 1;
+layout(constant_id = 6) const uint RIGIDS = 0;
+layout(constant_id = 7) const bool FRICTION = false;
+
+layout(push_constant) uniform Which { uint set; };      // of iterates: what holds u and r in MODE 1
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Materials { vec4 materials[]; };
-layout(binding = 2) uniform usamplerBuffer node_info;
-layout(binding = 3) uniform samplerBuffer node_rest;
-layout(binding = 4) uniform usamplerBuffer node_elements;
-layout(binding = 5) uniform samplerBuffer element_forces;
-layout(scalar, binding = 6) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar, binding = 7) readonly buffer Sorted { uvec2 sorted[]; };
-layout(binding = 8) uniform samplerBuffer contact_forces;
-layout(binding = 9) uniform samplerBuffer change;           // p
-layout(binding = 10) uniform samplerBuffer first;
-layout(binding = 11) uniform samplerBuffer second;
-layout(binding = 12) uniform samplerBuffer inverse;
-layout(scalar, binding = 13) writeonly buffer Image { vec4 image[]; };      // w
-layout(scalar, binding = 14) writeonly buffer Dots { vec2 dots[]; };
+layout(scalar, binding = 2) readonly buffer Frames { Frame frames[]; };
+layout(binding = 3) uniform usamplerBuffer blocks;
+layout(binding = 4) uniform usamplerBuffer block_nodes;
+layout(binding = 5) uniform samplerBuffer block_places;
+layout(binding = 6) uniform samplerBuffer node_rest;
+layout(binding = 7) uniform usamplerBuffer node_elements;
+layout(binding = 8) uniform samplerBuffer element_forces;
+layout(scalar, binding = 9) readonly buffer NodeEntries { uvec2 node_entries[]; };
+layout(scalar, binding = 10) readonly buffer Sorted { uvec2 sorted[]; };
+layout(scalar, binding = 11) readonly buffer CountsIn { Counts counts; };
+layout(scalar, binding = 12) readonly buffer Contacts { Contact contacts[]; };
+layout(binding = 13) uniform samplerBuffer contact_forces;
+layout(binding = 14) uniform samplerBuffer change;          // p
+layout(binding = 15) uniform samplerBuffer first;
+layout(binding = 16) uniform samplerBuffer second;
+layout(binding = 17) uniform samplerBuffer inverse;
+layout(scalar, binding = 18) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 19) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 20) writeonly buffer Image { vec4 image[]; };      // w
+layout(scalar, binding = 21) writeonly buffer Dots { vec2 dots[]; };
+layout(scalar, binding = 22) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three a block
+layout(scalar, binding = 23) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
 
-#include "shared/sum.glsl"
+const uint SUMS = 7;
+
+#include "shared/sums.glsl"
+#include "shared/blocks.glsl"
+#include "shared/modes.glsl"
+#include "shared/core.glsl"
+#include "shared/followed.glsl"
 #include "shared/gather.glsl"
-#include "shared/held.glsl"
+#include "shared/six.glsl"
 
-vec3 precondition(uint i, vec3 b) {
-    vec3 d = texelFetch(inverse, int(2 * i)).xyz, o = texelFetch(inverse, int(2 * i + 1)).xyz;
+// This lane's share of the sum over contacts of their force along the tool's rows.
+void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torque_sum) {
+    for (uint c = gl_LocalInvocationID.x; c < contact_count; c += SIZE) {
+        float sign = contacts[c].tool_sign;
+        if (sign == 0.0) continue;
+        vec4 force = texelFetch(contact_forces, int(c));
+        vec3 along = sign * (FRICTION ? force.xyz : force.w * contacts[c].normal);
+        force_sum += along;
+        torque_sum += cross(contacts[c].arm, along);
+    }
+}
+
+vec3 precondition(int i, vec3 b) {
+    vec3 d = texelFetch(inverse, 2 * i).xyz, o = texelFetch(inverse, 2 * i + 1).xyz;
     return vec3(d.x * b.x + o.x * b.y + o.y * b.z, o.x * b.x + d.y * b.y + o.z * b.z, o.y * b.x + o.z * b.y + d.z * b.z);
 }
 
-void main() {
-    uint i = gl_GlobalInvocationID.x;
-    vec2 sums = vec2(0.0);
-    if (i < NODES) {
-        uvec4 info = texelFetch(node_info, int(i));
-        vec3 w = vec3(0.0);
-        if (info.w != HELD) {
-            float mass = texelFetch(node_rest, int(i)).w;
-            w = (1.0 + params.dt * materials[info.z].z) * mass * texelFetch(change, int(i)).xyz
-                + gather_elements(info.x, info.y);
-            if (CONTACT) {
-                uvec2 run = node_entries[i];
-                for (uint k = run.x; k < run.x + run.y; k++) {
-                    uvec2 entry = sorted[k];
-                    w += uintBitsToFloat(entry.y) * texelFetch(contact_forces, int(entry.x)).xyz;
-                }
-            }
-            // A carried node's row counts with its core's.
-            if (info.w != FREE) {
-                sums = vec2(0.0);
-            } else if (MODE == 0) {
-                sums = vec2(dot(w, texelFetch(first, int(i)).xyz), dot(w, precondition(i, w)));
-            } else if (MODE == 1) {
-                vec3 u = texelFetch(first, int(i)).xyz;
-                sums = vec2(dot(texelFetch(second, int(i)).xyz, u), dot(w, u));
-            } else {
-                vec3 residual = texelFetch(second, int(i)).xyz - w;
-                sums = vec2(dot(residual, precondition(i, residual)), 0.0);
-            }
-        }
+vec3 three(float six[6], int from) { return vec3(six[from], six[from + 1], six[from + 2]); }
+
+// The nodes of a block: their share of the inner products, and of the sums over modes, in world axes.
+void gather_block(uint b, inout vec2 sums, inout Modes of_image, inout Modes of_residual) {
+    Block block = block_of(b);
+    vec4 place = texelFetch(block_places, int(b)), turn = frames[block.frame].rotation;
+    float inertia = 1.0 + params.dt * materials[block.frame].z;
+    for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
+        uvec4 node = block_node(block, at);
+        int i = int(node.x);
+        vec4 rest = texelFetch(node_rest, i);
+        vec3 p = texelFetch(change, i).xyz;
+        vec3 w = inertia * rest.w * p + gather_elements(node.y, node.z);
+        if (CONTACT) w += gather_contacts(node.x);
         image[i] = vec4(w, 0.0);
+        if (block.rigid != NONE) {
+            of_image.c0 += w;
+            of_image.c1 += cross(rotate(turn, rest.xyz), w);
+            if (MODE == 1) sums.y += dot(w, p);
+            continue;
+        }
+        vec3 r = vec3(0.0);
+        if (MODE == 0) {
+            sums += vec2(dot(w, texelFetch(first, i).xyz), dot(w, precondition(i, w)));
+        } else if (MODE == 1) {
+            r = texelFetch(second, i).xyz;
+            vec3 u = texelFetch(first, i).xyz;
+            sums += vec2(dot(r, u), dot(w, u));
+        } else {
+            r = texelFetch(second, i).xyz - w;
+            sums.x += dot(r, precondition(i, r));
+        }
+        if (COARSE) {
+            vec3 where = (rest.xyz - place.xyz) * place.w;
+            if (MODE != 2) add_modes(of_image, w, where);
+            if (MODE != 0) add_modes(of_residual, r, where);
+        }
     }
-    vec4 total = workgroup_sum(vec4(sums, 0.0, 0.0));
-    if (gl_LocalInvocationID.x == 0) dots[gl_WorkGroupID.x] = total.xy;
+    if (block.rigid == NONE) return;
+    Rigid rigid = rigids[block.rigid];
+    follow(rigid.hinge, of_image.c0, of_image.c1);
+    if (MODE == 2) of_residual = Modes(-of_image.c0, -of_image.c1, vec3(0.0), vec3(0.0));
+    if (gl_LocalInvocationID.x != 0 || b != rigid.block_first) return;
+    if (MODE == 1) {
+        RigidIterate now = iterates[set * RIGIDS + block.rigid];
+        sums.x += inner(now.r, now.u);
+        of_residual = Modes(three(now.r, 0), three(now.r, 3), vec3(0.0), vec3(0.0));
+    } else if (MODE == 2) {
+        of_residual.c0 += three(rigid.b, 0);
+        of_residual.c1 += three(rigid.b, 3);
+    }
+}
+
+// The tool's rows, but for its inertia and coupling, which lane 0 adds in an iteration.
+void gather_tool(inout vec2 sums, inout Modes of_image) {
+    Modes rows = no_modes();
+    add_tool_contacts(CONTACT ? counts.contacts : 0, rows.c0, rows.c1);
+    of_image = rows;
+    if (MODE != 1) return;
+    RigidIterate now = iterates[set * RIGIDS + RIGIDS - 1];
+    sums.y = dot(rows.c0, three(now.u, 0)) + dot(rows.c1, three(now.u, 3));
+    if (gl_LocalInvocationID.x != 0) return;
+    float own[6] = times(params.tool_matrix, now.u);
+    of_image.c0 += three(own, 0);
+    of_image.c1 += three(own, 3);
+    sums += vec2(inner(now.r, now.u), inner(own, now.u));
+}
+
+void main() {
+    uint b = gl_WorkGroupID.x;
+    vec2 sums = vec2(0.0);
+    Modes of_image = no_modes(), of_residual = no_modes();
+    bool of_nodes = b < BLOCKS;
+    if (of_nodes) gather_block(b, sums, of_image, of_residual);
+    else gather_tool(sums, of_image);
+    vec4 w[3] = packed(of_image), r[3] = packed(of_residual);
+    vec4 totals[SUMS] = vec4[SUMS](vec4(sums, 0.0, 0.0), w[0], w[1], w[2], r[0], r[1], r[2]);
+    bool has_modes = COARSE || !of_nodes || texelFetch(blocks, int(b)).w != NONE;
+    workgroup_sums(totals, has_modes ? (COARSE ? 7 : 4) : 1);
+    if (gl_LocalInvocationID.x != 0) return;
+    dots[b] = totals[0].xy;
+    if (!has_modes) return;
+    vec4 turn = of_nodes ? frames[texelFetch(blocks, int(b)).z].rotation : vec4(0.0, 0.0, 0.0, 1.0);
+    w = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
+    r = packed(to_frame(unpacked(totals[4], totals[5], totals[6]), turn));
+    for (int k = 0; k < 3; k++) {
+        restricted_image[3 * b + k] = w[k];
+        if (COARSE) restricted_residual[3 * b + k] = r[k];
+    }
 }

@@ -2,54 +2,191 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
+#include "shared/args.glsl"
 #include "shared/rotation.glsl"
-#include "shared/held.glsl"
 
-// Solve: p = u + beta p, s = w + beta s, x += alpha p, r -= alpha s, u = M^-1 r; a carried node has its core's x and u.
-// One invocation a node.
-// Oracle: oracle::step (a direct solve).
+// Solve: one iteration of conjugate gradients with a single reduction (Chronopoulos and Gear 1989): gamma = r.u, delta =
+// w.u, beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'); p = u + beta p, s = w + beta s, x += alpha p,
+// r -= alpha s, u = M^-1 r. Every workgroup sums the inner products and the modes of its body for itself, in the same
+// order, so that nothing has to be told from one to another: what they read of it, they write to the other set. Converged,
+// or broken down: the loop's arguments become zero, and all later iterations cost nothing. A workgroup a block of nodes;
+// the last, where there is a tool, for its rows. Oracle: oracle::step (a direct solve).
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint NODES = 0;
-layout(constant_id = 6) const uint CORES = 0;
+layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 1) const uint BLOCKS = 0;
+layout(constant_id = 3) const bool COARSE = false;
+layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups: blocks, and the tool
+layout(constant_id = 6) const uint RIGIDS = 0;
 
-layout(scalar, binding = 0) readonly buffer SolveIn { Solve solve; };
-layout(binding = 1) uniform samplerBuffer image;            // w
-layout(binding = 2) uniform samplerBuffer inverse;
-layout(scalar, binding = 3) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 4) readonly buffer Cores { Core cores[]; };
-layout(binding = 5) uniform usamplerBuffer node_info;
-layout(binding = 6) uniform samplerBuffer node_rest;
-layout(scalar, binding = 7) buffer Solution { vec4 solution[]; };
-layout(scalar, binding = 8) buffer Residual { vec4 residual[]; };
-layout(scalar, binding = 9) buffer Preconditioned { vec4 preconditioned[]; };
-layout(scalar, binding = 10) buffer Direction { vec4 direction[]; };
-layout(scalar, binding = 11) buffer DirectionImage { vec4 direction_image[]; };
+layout(push_constant) uniform Which { uint set; };      // to read; the other is written
 
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(binding = 2) uniform usamplerBuffer blocks;
+layout(binding = 3) uniform usamplerBuffer block_nodes;
+layout(binding = 4) uniform samplerBuffer block_places;
+layout(binding = 5) uniform samplerBuffer node_rest;
+layout(binding = 6) uniform usamplerBuffer coarse_blocks;
+layout(binding = 7) uniform samplerBuffer coarse_inverse;
+layout(scalar, binding = 8) readonly buffer Dots { vec2 dots[]; };
+layout(binding = 9) uniform samplerBuffer restricted_image;         // P^T w
+layout(binding = 10) uniform samplerBuffer restricted_residual;     // P^T r
+layout(binding = 11) uniform samplerBuffer image;                   // w
+layout(binding = 12) uniform samplerBuffer inverse;
+layout(scalar, binding = 13) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 14) buffer SolveInOut { Solve solve; };
+layout(scalar, binding = 15) buffer Iterations { Iteration iterations[2]; };
+layout(scalar, binding = 16) buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 17) buffer RestrictedDirection { vec4 restricted_direction[]; };       // P^T s
+layout(scalar, binding = 18) buffer Solution { vec4 solution[]; };
+layout(scalar, binding = 19) buffer Residual { vec4 residual[]; };
+layout(scalar, binding = 20) buffer Preconditioned { vec4 preconditioned[]; };
+layout(scalar, binding = 21) buffer Direction { vec4 direction[]; };
+layout(scalar, binding = 22) buffer DirectionImage { vec4 direction_image[]; };
+layout(scalar, binding = 23) writeonly buffer Args { uint args[]; };
+
+const uint SUMS = 3;
+
+shared float rigid_x[6];
+shared float rigid_u[6];
+
+#include "shared/sums.glsl"
+#include "shared/six.glsl"
+#include "shared/blocks.glsl"
+#include "shared/modes.glsl"
+#include "shared/coarse.glsl"
 #include "shared/core.glsl"
 
-void main() {
-    uint i = gl_GlobalInvocationID.x;
-    // The pass that finds convergence leaves no work here: args are zero.
-    if (i >= NODES) return;
-    if (CORES > 0) {
-        uvec4 info = texelFetch(node_info, int(i));
-        if (info.w == CARRIED) {
-            uint core = frames[info.z].core;
-            vec3 arm = arm_of(i, info.z);
-            solution[i] = vec4(carry(cores[core].x, arm), 0.0);
-            preconditioned[i] = vec4(carry(cores[core].u, arm), 0.0);
-            return;
-        }
+struct Scalars {
+    float alpha, beta;
+};
+
+void stop(uint status) {
+    if (gl_WorkGroupID.x != 0 || gl_LocalInvocationID.x != 0) return;
+    solve.status = status;
+    args[3 * ARGS_LOOP_APPLY] = 0;
+    args[3 * ARGS_LOOP_BLOCKS] = 0;
+}
+
+// Of this iteration; false where there is none to do.
+bool next_scalars(out Scalars scalars) {
+    vec4 totals[SUMS] = vec4[SUMS](vec4(0.0), vec4(0.0), vec4(0.0));
+    for (uint k = gl_LocalInvocationID.x; k < PARTIALS; k += SIZE) totals[0].xy += dots[k];
+    workgroup_sums(totals, 1);
+    float gamma = totals[0].x, delta = totals[0].y;
+    Iteration last = iterations[set];
+    float enough = max(params.tolerance * params.tolerance * solve.rhs_norm2, solve.floor_norm2);
+    if (gamma <= enough) {
+        stop(STATUS_CONVERGED);
+        return false;
     }
-    vec4 p = preconditioned[i] + solve.beta * direction[i];
-    vec4 s = texelFetch(image, int(i)) + solve.beta * direction_image[i];
-    direction[i] = p;
-    direction_image[i] = s;
-    solution[i] += solve.alpha * p;
-    vec4 r = residual[i] - solve.alpha * s;
-    residual[i] = r;
-    vec3 d = texelFetch(inverse, int(2 * i)).xyz, o = texelFetch(inverse, int(2 * i + 1)).xyz;
-    preconditioned[i] = vec4(d.x * r.x + o.x * r.y + o.y * r.z, o.x * r.x + d.y * r.y + o.z * r.z,
-        o.y * r.x + o.z * r.y + d.z * r.z, 0.0);
+    scalars.beta = last.count == 0 ? 0.0 : gamma / last.gamma;
+    float curvature = last.count == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
+    if (last.count >= params.max_iterations || !(curvature > 0.0) || isinf(curvature) || isnan(gamma)) {
+        stop(STATUS_STOPPED);
+        return false;
+    }
+    scalars.alpha = gamma / curvature;
+    if (gl_WorkGroupID.x == 0 && gl_LocalInvocationID.x == 0) {
+        iterations[1 - set] = Iteration(gamma, scalars.alpha, last.count + 1);
+        solve.current = 1 - set;
+    }
+    return true;
+}
+
+// A_c^-1 P^T r of the block's modes with the new r, in their frame; the block's share of P^T s.
+vec4[3] coarse_correction(uint b, Scalars scalars) {
+    CoarseBlock block = coarse_block(b);
+    uint read = set * 3 * BLOCKS, write = (1 - set) * 3 * BLOCKS;
+    vec4 totals[SUMS] = vec4[SUMS](vec4(0.0), vec4(0.0), vec4(0.0));
+    for (uint k = gl_LocalInvocationID.x; k < block.texels; k += SIZE) {
+        uint at = block.first + k;
+        vec4 s = texelFetch(restricted_image, int(at)) + scalars.beta * restricted_direction[read + at];
+        vec4 products[3] = coarse_products(block, k, texelFetch(restricted_residual, int(at)) - scalars.alpha * s);
+        for (int row = 0; row < 3; row++) totals[row] += products[row];
+    }
+    if (gl_LocalInvocationID.x < 3) {
+        uint at = 3 * b + gl_LocalInvocationID.x;
+        restricted_direction[write + at] =
+            texelFetch(restricted_image, int(at)) + scalars.beta * restricted_direction[read + at];
+    }
+    workgroup_sums(totals, 3);
+    return totals;
+}
+
+// The rows of a core or of the tool, w, summed over its blocks; world axes.
+float[6] rows_of(uint first, uint count, vec4 turn) {
+    Modes rows = no_modes();
+    for (uint b = first; b < first + count; b++) {
+        vec4 low = texelFetch(restricted_image, int(3 * b)), high = texelFetch(restricted_image, int(3 * b + 1));
+        rows.c0 += low.xyz;
+        rows.c1 += vec3(low.w, high.xy);
+    }
+    vec3 force = rotate(turn, rows.c0), torque = rotate(turn, rows.c1);
+    return float[6](force.x, force.y, force.z, torque.x, torque.y, torque.z);
+}
+
+// The six unknowns of a core or of the tool; by one invocation. `coarse` is what the coarse level adds to u.
+void update_rigid(uint index, float rows[6], Scalars scalars, float coarse[6], bool writes) {
+    RigidIterate now = iterates[set * RIGIDS + index];
+    for (int k = 0; k < 6; k++) {
+        now.p[k] = now.u[k] + scalars.beta * now.p[k];
+        now.s[k] = rows[k] + scalars.beta * now.s[k];
+        now.x[k] += scalars.alpha * now.p[k];
+        now.r[k] -= scalars.alpha * now.s[k];
+    }
+    now.u = times(rigids[index].inverse, now.r);
+    for (int k = 0; k < 6; k++) now.u[k] += coarse[k];
+    if (writes) iterates[(1 - set) * RIGIDS + index] = now;
+    rigid_x = now.x;
+    rigid_u = now.u;
+}
+
+void main() {
+    Scalars scalars;
+    if (!next_scalars(scalars)) return;
+    uint b = gl_WorkGroupID.x, lane = gl_LocalInvocationID.x;
+    if (b >= BLOCKS) {
+        float nothing[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        vec4 unturned = vec4(0.0, 0.0, 0.0, 1.0);
+        if (lane == 0) update_rigid(RIGIDS - 1, rows_of(BLOCKS, 1, unturned), scalars, nothing, true);
+        return;
+    }
+    Block block = block_of(b);
+    vec4 place = texelFetch(block_places, int(b)), turn = frames[block.frame].rotation;
+    Modes modes = no_modes();
+    if (COARSE) {
+        vec4 z[3] = coarse_correction(b, scalars);
+        modes = to_world(unpacked(z[0], z[1], z[2]), turn);
+    }
+    if (block.rigid != NONE) {
+        uint first = rigids[block.rigid].block_first;
+        if (lane == 0) {
+            float coarse[6] = float[6](modes.c0.x, modes.c0.y, modes.c0.z, modes.c1.x, modes.c1.y, modes.c1.z);
+            update_rigid(block.rigid, rows_of(first, rigids[block.rigid].block_count, turn), scalars, coarse, b == first);
+        }
+        barrier();
+        for (uint at = lane; at < block.count; at += SIZE) {
+            int i = int(block_node(block, at).x);
+            vec3 arm = rotate(turn, texelFetch(node_rest, i).xyz);
+            solution[i] = vec4(carry(rigid_x, arm), 0.0);
+            preconditioned[i] = vec4(carry(rigid_u, arm), 0.0);
+        }
+        return;
+    }
+    for (uint at = lane; at < block.count; at += SIZE) {
+        int i = int(block_node(block, at).x);
+        vec4 p = preconditioned[i] + scalars.beta * direction[i];
+        vec4 s = texelFetch(image, i) + scalars.beta * direction_image[i];
+        direction[i] = p;
+        direction_image[i] = s;
+        solution[i] += scalars.alpha * p;
+        vec4 r = residual[i] - scalars.alpha * s;
+        residual[i] = r;
+        vec3 d = texelFetch(inverse, 2 * i).xyz, o = texelFetch(inverse, 2 * i + 1).xyz;
+        vec3 u = vec3(d.x * r.x + o.x * r.y + o.y * r.z, o.x * r.x + d.y * r.y + o.z * r.z, o.y * r.x + o.z * r.y + d.z * r.z);
+        if (COARSE) u += moved_by(modes, (texelFetch(node_rest, i).xyz - place.xyz) * place.w);
+        preconditioned[i] = vec4(u, 0.0);
+    }
 }

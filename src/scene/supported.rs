@@ -2,7 +2,7 @@
 //! whoever adds it deletes lines here.
 
 use super::keys::{Table, Value};
-use super::{Preconditioner, Scene, ToolShape};
+use super::{Scene, ToolShape};
 use crate::{Error, Result};
 
 /// Refuses a valid scene that asks for more than the engine does, naming the key.
@@ -10,9 +10,6 @@ pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
     let of = |table: &str, key: &str| root.need(table)?.unchecked_table()?.need(key);
     if scene.step.newton != 1 {
         return Err(refuse(&of("step", "newton")?, "leave it at 1"));
-    }
-    if scene.solver.preconditioner == Preconditioner::Coarse {
-        return Err(refuse(&of("solver", "preconditioner")?, "use \"auto\" or \"jacobi\""));
     }
     if scene.haptics.device != "scripted" {
         return Err(refuse(&of("haptics", "device")?, "use \"scripted\""));

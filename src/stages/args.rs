@@ -18,17 +18,13 @@ pub const NODES: u32 = 6;
 pub const APPLY: u32 = 7;
 /// The same in the solver's loop.
 pub const LOOP_APPLY: u32 = 8;
-/// Nodes, in workgroups that sum.
-pub const LOOP_GATHER: u32 = 9;
-/// One.
-pub const LOOP_ONE: u32 = 10;
-/// Nodes.
-pub const LOOP_UPDATE: u32 = 11;
+/// A workgroup a block of nodes, and the tool.
+pub const LOOP_BLOCKS: u32 = 9;
 /// Nodes, once the step is accepted.
-pub const COMMIT: u32 = 12;
+pub const COMMIT: u32 = 10;
 /// One, once the step is accepted.
-pub const WRENCH: u32 = 13;
+pub const WRENCH: u32 = 11;
 /// The draw, counted in VkDrawIndirectCommands.
-pub const DRAW: u32 = 12;
+pub const DRAW: u32 = 9;
 /// Words in the buffer.
-pub const WORDS: usize = 52;
+pub const WORDS: usize = 40;

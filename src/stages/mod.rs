@@ -3,7 +3,9 @@
 //! Sizes are in elements; `texels` arrays are read through texel buffer views, `words` through storage buffers.
 
 pub mod args;
+mod blocks;
 mod chunks;
+pub mod coarse;
 pub mod contact;
 pub mod cull;
 pub mod depth;

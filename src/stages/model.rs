@@ -5,6 +5,8 @@ use std::ops::Range;
 
 use glam::{DQuat, DVec3};
 
+use super::blocks::Blocks;
+use super::coarse::Coarse;
 use super::types::{Chunk, NONE, PAIR_REGIONS, Pair, Proxy, Slot};
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Material, Scene};
@@ -97,6 +99,10 @@ pub struct Model {
     pub carried_nodes: Vec<u32>,
     /// Dynamic cores.
     pub cores: Vec<Core>,
+    /// How nodes are shared out to workgroups.
+    pub blocks: Blocks,
+    /// The coarse level, of the bodies that have one.
+    pub coarse: Coarse,
     /// Floating frames.
     pub floating: Vec<Floating>,
     /// Frame of the tool.
@@ -166,6 +172,7 @@ impl Model {
     pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
         let all: Vec<&Body> = bodies.iter().chain(tool).collect();
         let (mut model, proxy_ranges) = Model::of_bodies(&all, bodies.len());
+        model.add_coarse(scene.step.dt, scene.solver.preconditioner);
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
         model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
         model

@@ -86,9 +86,10 @@ impl Carried {
         if model.carried_nodes.is_empty() {
             return Ok(None);
         }
-        let nodes = count(model.carried_nodes.len());
+        let nodes = ("CARRIED_NODES", count(model.carried_nodes.len()));
+        let rigids = ("RIGIDS", count(model.cores.len() + usize::from(model.tool_frame.is_some())));
         Ok(Some(Carried {
-            carry: Kernel::new(context, "pose/carry", Size::Group, &[("CARRIED_NODES", nodes)])?,
+            carry: Kernel::new(context, "pose/carry", Size::Group, &[nodes, rigids])?,
             count: model.carried_nodes.len() as u32,
             nodes: upload(context, "carried nodes", &model.carried_nodes)?,
         }))
@@ -103,7 +104,8 @@ impl Carried {
             &self.nodes,
             &elastic.node_info,
             &elastic.node_rest,
-            &solve.cores,
+            &solve.state,
+            &solve.iterates,
             &elastic.velocity,
             &solve.solution,
         ];

@@ -5,16 +5,16 @@ use std::sync::Arc;
 
 use super::contact::Touch;
 use super::elastic::Elastic;
-use super::model::Model;
+use super::model::{Core, Model};
 use super::{Common, args, array, count, types, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 
-/// The change of velocity that solve/apply takes: the solution, or the preconditioned residual.
+/// The change of velocity that solve/apply takes: the newest solution, or the preconditioned residual of a set of iterates.
 #[derive(Clone, Copy)]
 enum Change {
     Solution,
-    Preconditioned,
+    Preconditioned { set: u32 },
 }
 
 /// Kernels and vectors, a vec4 a node.
@@ -24,17 +24,34 @@ pub struct Solve {
     gather_warm: Kernel,
     gather_loop: Kernel,
     gather_final: Kernel,
+    coarse: Option<CoarseKernels>,
     start: Kernel,
     begin: Kernel,
-    scalars: Kernel,
     update: Kernel,
     conclude: Kernel,
     commit: Kernel,
     touch: Touch,
     has_contact: bool,
-    /// A [`types::Core`] a dynamic core.
-    pub cores: Buffer,
-    core_nodes: Buffer,
+    /// Blocks, and the tool.
+    groups: u32,
+    block_count: u32,
+    blocks: Buffer,
+    block_nodes: Buffer,
+    block_places: Buffer,
+    coarse_blocks: Buffer,
+    coarse_inverse: Buffer,
+    restricted_rhs: Buffer,
+    restricted_image: Buffer,
+    restricted_residual: Buffer,
+    restricted_direction: Buffer,
+    coarse_rhs: Buffer,
+    coarse_image: Buffer,
+    coarse_dots: Buffer,
+    /// A [`types::Rigid`] a dynamic core, and the tool.
+    pub rigids: Buffer,
+    /// Two sets of a [`types::RigidIterate`] each.
+    pub iterates: Buffer,
+    iterations: Buffer,
     /// Six numbers a dynamic core: the change of its twist, for the host.
     pub core_changes: Buffer,
     /// One [`types::Solve`].
@@ -53,43 +70,80 @@ pub struct Solve {
     dots: Buffer,
 }
 
+/// The coarse level outside the loop: before it, and at its end.
+struct CoarseKernels {
+    warm: Kernel,
+    end: Kernel,
+}
+
 impl Solve {
     /// Kernels and arrays for a model; `touch` is what it reads of contacts, if there can be any.
     pub fn new(context: &Arc<Context>, model: &Model, touch: Option<&Touch>) -> Result<Solve> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
-        let groups = nodes.div_ceil(context.reduce_size() as usize);
+        let (has_tool, is_coarse) = (model.tool_frame.is_some(), !model.coarse.bodies.is_empty());
+        let block_count = model.blocks.blocks.len();
+        let groups = block_count + usize::from(has_tool);
+        let rigid_count = model.cores.len() + usize::from(has_tool);
         let nodes_c = ("NODES", count(nodes));
         let tetrahedra_c = ("TETRAHEDRA", count(tetrahedra));
         let contact = ("CONTACT", Const::Bool(touch.is_some()));
         let friction = ("FRICTION", Const::Bool(model.friction[0] > 0.0));
-        let tool = ("TOOL", Const::Bool(model.tool_frame.is_some()));
+        let tool = ("TOOL", Const::Bool(has_tool));
+        let coarse = ("COARSE", Const::Bool(is_coarse));
+        let blocks = ("BLOCKS", count(block_count));
         let partials = ("PARTIALS", count(groups));
+        let rigids = ("RIGIDS", count(rigid_count));
         let group = ("GROUP", context.group_size().into());
-        let cores = ("CORES", count(model.cores.len()));
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
-        let gather = |mode: u32| reduce("solve/gather", &[nodes_c, contact, ("MODE", mode.into())]);
-        let by_node = |name: &str| Kernel::new(context, name, Size::Group, &[nodes_c, cores]);
+        let gather = |mode: u32| {
+            reduce("solve/gather", &[blocks, contact, friction, coarse, rigids, ("MODE", mode.into())])
+        };
+        let coarse_kernel = |warm: bool| reduce("solve/coarse", &[("WARM", warm.into())]);
+        let coarse_kernels = || Ok(CoarseKernels { warm: coarse_kernel(true)?, end: coarse_kernel(false)? });
         let vector = |name: &str| zeros::<[f32; 4]>(context, name, nodes);
-        let core_count = model.cores.len().max(1);
-        let mut core_nodes: Vec<u32> = model.cores.iter().flat_map(|core| core.nodes.clone()).collect();
-        core_nodes.resize(core_nodes.len().max(1), types::NONE);
+        let modes = |name: &str, sets: usize| zeros::<[f32; 4]>(context, name, 3 * groups * sets);
+        let coarse_modes = |name: &str, sets: usize| modes(name, if is_coarse { sets } else { 0 });
+        let all = 2 * rigid_count;
         Ok(Solve {
-            assemble: reduce("solve/assemble", &[nodes_c, contact, friction])?,
-            apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c, contact, friction])?,
+            assemble: reduce("solve/assemble", &[contact, friction, coarse])?,
+            apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c, contact, friction, rigids])?,
             gather_warm: gather(0)?,
             gather_loop: gather(1)?,
             gather_final: gather(2)?,
-            start: reduce("solve/start", &[nodes_c, tetrahedra_c, contact, friction, tool, partials, cores, group])?,
-            begin: by_node("solve/begin")?,
-            scalars: reduce("solve/scalars", &[contact, friction, tool, partials, cores])?,
-            update: by_node("solve/update")?,
-            conclude: reduce("solve/conclude", &[nodes_c, contact, friction, tool, partials, cores, group])?,
-            commit: by_node("solve/commit")?,
+            coarse: is_coarse.then(coarse_kernels).transpose()?,
+            start: reduce(
+                "solve/start",
+                &[tetrahedra_c, contact, friction, tool, coarse, blocks, rigids, group],
+            )?,
+            begin: reduce("solve/begin", &[coarse])?,
+            update: reduce("solve/update", &[blocks, coarse, partials, rigids])?,
+            conclude: reduce("solve/conclude", &[nodes_c, contact, tool, coarse, blocks, rigids, group])?,
+            commit: Kernel::new(context, "solve/commit", Size::Group, &[nodes_c, rigids])?,
             touch: touch.cloned().map_or_else(|| Touch::nothing(context), Ok)?,
             has_contact: touch.is_some(),
-            cores: upload(context, "cores", &cores_of(model))?,
-            core_nodes: upload(context, "nodes of cores", &core_nodes)?,
-            core_changes: Buffer::new(context, "changes of cores", (24 * core_count) as u64, Memory::Readback)?,
+            groups: groups as u32,
+            block_count: block_count as u32,
+            blocks: upload_or_nothing(context, "blocks", &model.blocks.blocks)?,
+            block_nodes: upload_or_nothing(context, "nodes of blocks", &model.blocks.nodes)?,
+            block_places: upload_or_nothing(context, "places of blocks", &model.blocks.places)?,
+            coarse_blocks: upload_or_nothing(context, "coarse blocks", &model.coarse.blocks)?,
+            coarse_inverse: upload_or_nothing(context, "coarse inverse", &model.coarse.inverse)?,
+            restricted_rhs: modes("restricted right-hand side", 1)?,
+            restricted_image: modes("restricted image", 1)?,
+            restricted_residual: coarse_modes("restricted residual", 1)?,
+            restricted_direction: coarse_modes("restricted direction", 2)?,
+            coarse_rhs: coarse_modes("coarse right-hand side", 1)?,
+            coarse_image: coarse_modes("coarse image", 1)?,
+            coarse_dots: coarse_modes("coarse inner products", 1)?,
+            rigids: upload_or_nothing(context, "rigid bodies", &rigids_of(model))?,
+            iterates: zeros::<types::RigidIterate>(context, "iterates of rigid bodies", all)?,
+            iterations: zeros::<types::Iteration>(context, "iterations", 2)?,
+            core_changes: Buffer::new(
+                context,
+                "changes of cores",
+                24 * model.cores.len().max(1) as u64,
+                Memory::Readback,
+            )?,
             state: zeros::<types::Solve>(context, "solver state", 1)?,
             rhs: vector("right-hand side")?,
             leftover: vector("leftover")?,
@@ -115,13 +169,15 @@ impl Solve {
     pub fn record_start(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
         let touch = &self.touch;
-        let nodes = elastic.node_count as u32;
-        recorder.dispatch(
+        recorder.dispatch_groups(
             &self.assemble,
             &[
                 &common.params,
                 &elastic.materials,
-                &elastic.node_info,
+                &common.frames,
+                &self.blocks,
+                &self.block_nodes,
+                &self.block_places,
                 &elastic.node_rest,
                 &elastic.velocity,
                 &elastic.node_elements,
@@ -131,106 +187,113 @@ impl Solve {
                 &touch.sorted,
                 &touch.contacts,
                 &self.leftover,
+                &self.rigids,
                 &self.rhs,
                 &self.preconditioned,
                 &self.inverse,
                 &self.partials,
+                &self.restricted_rhs,
             ],
             &[],
-            nodes,
+            self.block_count,
         );
         self.record_apply(recorder, common, elastic, Change::Solution, args::APPLY);
         self.record_gather(recorder, common, elastic, &self.gather_warm, None);
+        if let Some(coarse) = &self.coarse {
+            self.record_coarse(recorder, &coarse.warm, &self.restricted_rhs);
+        }
         recorder.dispatch_groups(
             &self.start,
             &[
                 &common.params,
-                &self.partials,
-                &self.dots,
+                &common.frames,
+                &self.block_nodes,
+                &elastic.node_rest,
                 &common.counts,
                 &touch.contacts,
-                &touch.contact_forces,
-                &common.frames,
-                &elastic.node_rest,
-                &self.core_nodes,
+                &self.partials,
+                &self.dots,
+                &self.coarse_dots,
+                &self.restricted_rhs,
+                &self.restricted_image,
+                &self.coarse_rhs,
+                &self.coarse_image,
                 &self.rhs,
                 &self.inverse,
-                &self.image,
+                &self.rigids,
+                &self.iterates,
                 &self.state,
-                &self.cores,
+                &self.iterations,
                 &common.args,
             ],
             &[],
             1,
         );
-        recorder.dispatch(
+        recorder.dispatch_groups(
             &self.begin,
             &[
                 &self.state,
+                &common.frames,
+                &self.blocks,
+                &self.block_nodes,
+                &self.block_places,
+                &elastic.node_rest,
                 &self.rhs,
                 &self.image,
                 &self.inverse,
-                &common.frames,
-                &self.cores,
-                &elastic.node_info,
-                &elastic.node_rest,
+                &self.coarse_rhs,
+                &self.coarse_image,
+                &self.iterates,
                 &self.solution,
                 &self.residual,
                 &self.preconditioned,
                 &self.direction,
                 &self.direction_image,
+                &self.restricted_direction,
             ],
             &[],
-            nodes,
+            self.block_count,
         );
     }
 
-    /// Iterations of four passes each; free once converged.
+    /// Iterations of three passes each, an even number of them; free once converged.
     pub fn record_iterations(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, iterations: u32) {
         recorder.stage("solve");
-        for _ in 0..iterations {
-            self.record_apply(recorder, common, elastic, Change::Preconditioned, args::LOOP_APPLY);
-            self.record_gather(recorder, common, elastic, &self.gather_loop, Some(args::LOOP_GATHER));
-            let touch = &self.touch;
-            recorder.dispatch_indirect(
-                &self.scalars,
-                &[
-                    &common.params,
-                    &self.dots,
-                    &common.counts,
-                    &touch.contacts,
-                    &touch.contact_forces,
-                    &common.frames,
-                    &elastic.node_rest,
-                    &self.core_nodes,
-                    &self.image,
-                    &self.state,
-                    &self.cores,
-                    &common.args,
-                ],
-                &[],
-                &common.args,
-                args::LOOP_ONE,
-            );
+        for iteration in 0..iterations.next_multiple_of(2) {
+            let set = iteration % 2;
+            self.record_apply(recorder, common, elastic, Change::Preconditioned { set }, args::LOOP_APPLY);
+            self.record_gather(recorder, common, elastic, &self.gather_loop, Some(set));
             recorder.dispatch_indirect(
                 &self.update,
                 &[
-                    &self.state,
+                    &common.params,
+                    &common.frames,
+                    &self.blocks,
+                    &self.block_nodes,
+                    &self.block_places,
+                    &elastic.node_rest,
+                    &self.coarse_blocks,
+                    &self.coarse_inverse,
+                    &self.dots,
+                    &self.restricted_image,
+                    &self.restricted_residual,
                     &self.image,
                     &self.inverse,
-                    &common.frames,
-                    &self.cores,
-                    &elastic.node_info,
-                    &elastic.node_rest,
+                    &self.rigids,
+                    &self.state,
+                    &self.iterations,
+                    &self.iterates,
+                    &self.restricted_direction,
                     &self.solution,
                     &self.residual,
                     &self.preconditioned,
                     &self.direction,
                     &self.direction_image,
+                    &common.args,
                 ],
-                &[],
+                bytemuck::bytes_of(&set),
                 &common.args,
-                args::LOOP_UPDATE,
+                args::LOOP_BLOCKS,
             );
         }
     }
@@ -241,20 +304,24 @@ impl Solve {
         let touch = &self.touch;
         self.record_apply(recorder, common, elastic, Change::Solution, args::APPLY);
         self.record_gather(recorder, common, elastic, &self.gather_final, None);
+        if let Some(coarse) = &self.coarse {
+            self.record_coarse(recorder, &coarse.end, &self.restricted_residual);
+        }
         recorder.dispatch_groups(
             &self.conclude,
             &[
                 &common.params,
+                &common.frames,
                 &self.dots,
+                &self.coarse_dots,
+                &self.restricted_image,
+                &touch.contact_forces,
+                &self.iterations,
+                &self.iterates,
                 &common.counts,
                 &touch.contacts,
-                &touch.contact_forces,
-                &common.frames,
-                &elastic.node_rest,
-                &self.core_nodes,
-                &self.image,
                 &self.state,
-                &self.cores,
+                &self.rigids,
                 &common.args,
                 &common.report,
                 &self.core_changes,
@@ -270,7 +337,8 @@ impl Solve {
             &self.rhs,
             &self.image,
             &elastic.node_rest,
-            &self.cores,
+            &self.state,
+            &self.iterates,
             &elastic.velocity,
             &elastic.displacement,
             &self.leftover,
@@ -278,10 +346,23 @@ impl Solve {
         recorder.dispatch_indirect(&self.commit, &buffers, &[], &common.args, args::COMMIT);
     }
 
+    fn record_coarse(&self, recorder: &mut Recorder, kernel: &Kernel, rhs: &Buffer) {
+        let buffers = [
+            &self.coarse_blocks,
+            &self.coarse_inverse,
+            rhs,
+            &self.restricted_image,
+            &self.coarse_rhs,
+            &self.coarse_image,
+            &self.coarse_dots,
+        ];
+        recorder.dispatch_groups(kernel, &buffers, &[], self.block_count);
+    }
+
     fn record_apply(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change, slot: u32) {
-        let (of_tool, vector) = match change {
-            Change::Solution => (0u32, &self.solution),
-            Change::Preconditioned => (1, &self.preconditioned),
+        let (push, vector) = match change {
+            Change::Solution => ([1, 0], &self.solution),
+            Change::Preconditioned { set } => ([0, set], &self.preconditioned),
         };
         let touch = &self.touch;
         let buffers = [
@@ -294,10 +375,11 @@ impl Solve {
             &touch.entry_nodes,
             &touch.entry_weights,
             &self.state,
+            &self.iterates,
             &elastic.element_forces,
             &touch.contact_forces,
         ];
-        let push = bytemuck::bytes_of(&of_tool);
+        let push = bytemuck::bytes_of(&push);
         if self.has_contact || slot != args::APPLY {
             recorder.dispatch_indirect(&self.apply, &buffers, push, &common.args, slot);
         } else {
@@ -305,16 +387,17 @@ impl Solve {
         }
     }
 
+    /// `set`: of iterates, in the loop.
     fn record_gather(
         &self,
         recorder: &mut Recorder,
         common: &Common,
         elastic: &Elastic,
         kernel: &Kernel,
-        slot: Option<u32>,
+        set: Option<u32>,
     ) {
         // What the inner products are taken with; see the modes of solve/gather.
-        let (change, first, second) = if slot.is_some() {
+        let (change, first, second) = if set.is_some() {
             (&self.preconditioned, &self.preconditioned, &self.residual)
         } else {
             (&self.solution, &self.preconditioned, &self.rhs)
@@ -323,38 +406,55 @@ impl Solve {
         let buffers = [
             &common.params,
             &elastic.materials,
-            &elastic.node_info,
+            &common.frames,
+            &self.blocks,
+            &self.block_nodes,
+            &self.block_places,
             &elastic.node_rest,
             &elastic.node_elements,
             &elastic.element_forces,
             &touch.node_entries,
             &touch.sorted,
+            &common.counts,
+            &touch.contacts,
             &touch.contact_forces,
             change,
             first,
             second,
             &self.inverse,
+            &self.rigids,
+            &self.iterates,
             &self.image,
             &self.dots,
+            &self.restricted_image,
+            &self.restricted_residual,
         ];
-        match slot {
-            Some(slot) => recorder.dispatch_indirect(kernel, &buffers, &[], &common.args, slot),
-            None => recorder.dispatch(kernel, &buffers, &[], elastic.node_count as u32),
+        let push = set.unwrap_or_default();
+        let push = bytemuck::bytes_of(&push);
+        match set {
+            Some(_) => recorder.dispatch_indirect(kernel, &buffers, push, &common.args, args::LOOP_BLOCKS),
+            None => recorder.dispatch_groups(kernel, &buffers, push, self.groups),
         }
     }
 }
 
-/// Dynamic cores at rest; one that is none where there are none.
-fn cores_of(model: &Model) -> Vec<types::Core> {
-    let mut first = 0;
-    let mut cores: Vec<types::Core> = Vec::new();
-    for core in &model.cores {
-        let node_count = core.nodes.len() as u32;
-        let nothing = <types::Core as bytemuck::Zeroable>::zeroed();
-        let hinge = core.hinge.as_vec3().to_array();
-        cores.push(types::Core { frame: core.frame as u32, node_first: first, node_count, hinge, ..nothing });
-        first += node_count;
-    }
-    cores.resize(cores.len().max(1), bytemuck::Zeroable::zeroed());
-    cores
+/// Dynamic cores, and the tool, at rest.
+fn rigids_of(model: &Model) -> Vec<types::Rigid> {
+    let nothing = <types::Rigid as bytemuck::Zeroable>::zeroed();
+    let core = |(core, blocks): (&Core, &[u32; 4])| types::Rigid {
+        frame: core.frame as u32,
+        node_first: blocks[0],
+        node_count: blocks[1],
+        block_first: blocks[2],
+        block_count: blocks[3],
+        hinge: core.hinge.as_vec3().to_array(),
+        ..nothing
+    };
+    let cores = model.cores.iter().zip(&model.blocks.cores).map(core);
+    cores.chain(model.tool_frame.map(|_| nothing)).collect()
+}
+
+/// A device array with these contents, or one of zeros that nobody reads.
+fn upload_or_nothing<T: bytemuck::Pod>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Buffer> {
+    if data.is_empty() { zeros::<T>(context, name, 1) } else { upload(context, name, data) }
 }

@@ -51,22 +51,34 @@ pub struct Frame {
     pub core: u32,
 }
 
-/// A dynamic core: its nodes, and its six rows of the system.
+/// A dynamic core, or the tool: its six rows of the system.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct Core {
+pub struct Rigid {
     /// Among the frames.
     pub frame: u32,
-    /// Into the nodes of cores.
+    /// Into the nodes of blocks.
     pub node_first: u32,
     /// Nodes it carries.
     pub node_count: u32,
+    /// First block of those.
+    pub block_first: u32,
+    /// How many.
+    pub block_count: u32,
     /// Unit axis through its centre that is all it may turn about, world; zero: it moves freely.
     pub hinge: [f32; 3],
-    /// Inverse of its block of the preconditioner.
+    /// Inverse of its diagonal block.
     pub inverse: [f32; 36],
     /// Right-hand side.
     pub b: [f32; 6],
+    /// b - A x of the last accepted step.
+    pub leftover: [f32; 6],
+}
+
+/// What iterations change of it.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct RigidIterate {
     /// Change of its twist.
     pub x: [f32; 6],
     /// Residual.
@@ -77,10 +89,6 @@ pub struct Core {
     pub p: [f32; 6],
     /// Its image.
     pub s: [f32; 6],
-    /// P^T A u of this iteration.
-    pub image: [f32; 6],
-    /// b - A x of the last accepted step.
-    pub leftover: [f32; 6],
 }
 
 /// Where points of one frame are in another.
@@ -334,42 +342,32 @@ pub struct Contact {
 
 /// State of the solver between passes.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Solve {
-    /// r . M^-1 r.
-    pub gamma: f32,
-    /// Step length.
-    pub alpha: f32,
-    /// Direction update.
-    pub beta: f32,
     /// Factor on the last solution.
     pub warm: f32,
     /// b . M^-1 b.
     pub rhs_norm2: f32,
     /// What rounding leaves of it.
     pub floor_norm2: f32,
-    /// Done so far.
-    pub iterations: u32,
     /// 0 running, 1 converged, 2 stopped.
     pub status: u32,
+    /// The set with the newest iterate.
+    pub current: u32,
     /// How often it was solved again without pulling contacts.
     pub retries: u32,
-    /// Inverse of the tool's block.
-    pub tool_inverse: [f32; 36],
-    /// The tool's rows of b, x, r, u, p, s.
-    pub tool_b: [f32; 6],
-    /// Solution.
-    pub tool_x: [f32; 6],
-    /// Residual.
-    pub tool_r: [f32; 6],
-    /// Preconditioned residual.
-    pub tool_u: [f32; 6],
-    /// Direction.
-    pub tool_p: [f32; 6],
-    /// Its image.
-    pub tool_s: [f32; 6],
-    /// b - A x of the last accepted step.
-    pub tool_leftover: [f32; 6],
+}
+
+/// Scalars of an iteration.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Iteration {
+    /// r . M^-1 r.
+    pub gamma: f32,
+    /// Step length.
+    pub alpha: f32,
+    /// Iterations done.
+    pub count: u32,
 }
 
 /// What the host reads back.

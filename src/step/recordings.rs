@@ -116,8 +116,9 @@ impl Recordings {
         let mut length = SHORTEST_PLAN;
         loop {
             let mut plan = recorder()?;
-            solve.record_iterations(&mut plan, common, elastic, length.min(max_iterations + 1));
-            iterate.push((length.min(max_iterations + 1), plan.finish()?));
+            let iterations = length.min((max_iterations + 1).next_multiple_of(2));
+            solve.record_iterations(&mut plan, common, elastic, iterations);
+            iterate.push((iterations, plan.finish()?));
             if length > max_iterations {
                 break;
             }

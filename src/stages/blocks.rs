@@ -1,0 +1,103 @@
+//! Blocks of nodes, a workgroup each in the solver's passes: free nodes of one frame that lie together, which are also the
+//! aggregates of the coarse level, and what dynamic cores carry.
+
+use glam::DVec3;
+
+use super::layers::held;
+use super::model::{Model, texel};
+use super::types::NONE;
+
+/// Free nodes of a block, where nothing but the sharing out of work asks for a number.
+const USUAL_NODES: usize = 128;
+/// Blocks of a body at most then: every workgroup sums over all of them.
+const MOST_BLOCKS: usize = 256;
+/// Carried nodes of a block.
+const CARRIED_NODES: usize = 256;
+
+/// What the solver's passes go by.
+#[derive(Debug, Clone, Default)]
+pub struct Blocks {
+    /// First of its nodes, their number, their frame, and the core that carries them or `NONE`.
+    pub blocks: Vec<[u32; 4]>,
+    /// Node, its first quad of elements, quads, 0; by block.
+    pub nodes: Vec<[u32; 4]>,
+    /// Middle of a block's nodes in their frame, m, and 1 over its size, 1/m.
+    pub places: Vec<[f32; 4]>,
+    /// Of each core: first node, nodes; first block, blocks.
+    pub cores: Vec<[u32; 4]>,
+}
+
+impl Model {
+    /// Shares out the nodes of all bodies; `aggregates`: blocks of free nodes of each soft body, or as usual.
+    pub(super) fn add_blocks(&mut self, aggregates: impl Fn(usize) -> Option<usize>) {
+        let mut blocks = Blocks::default();
+        for (index, soft) in self.soft.iter().enumerate() {
+            let free: Vec<u32> = soft.nodes.clone().filter(|n| self.node_info[*n][3] == held::FREE).map(|n| n as u32).collect();
+            let count = aggregates(index).unwrap_or(free.len().div_ceil(USUAL_NODES).min(MOST_BLOCKS));
+            for part in self.parts_of(free, count) {
+                blocks.push(self, &part, NONE);
+            }
+        }
+        for (index, core) in self.cores.iter().enumerate() {
+            let (node_first, block_first) = (blocks.nodes.len(), blocks.blocks.len());
+            for part in core.nodes.chunks(CARRIED_NODES) {
+                blocks.push(self, part, index as u32);
+            }
+            let (nodes, own) = (blocks.nodes.len() - node_first, blocks.blocks.len() - block_first);
+            blocks.cores.push([node_first, nodes, block_first, own].map(|x| x as u32));
+        }
+        self.blocks = blocks;
+    }
+
+    /// Nodes of one frame that lie together, about `count` parts of like size: recursive bisection across the longest side.
+    fn parts_of(&self, nodes: Vec<u32>, count: usize) -> Vec<Vec<u32>> {
+        let total = nodes.len().max(1);
+        let mut by_frame: Vec<Vec<u32>> = vec![Vec::new(); self.frames.len()];
+        nodes.iter().for_each(|n| by_frame[self.node_info[*n as usize][2] as usize].push(*n));
+        let mut parts = Vec::new();
+        for own in by_frame.into_iter().filter(|own| !own.is_empty()) {
+            let share = (count * own.len() + total / 2) / total;
+            self.bisect(own, share.max(1), &mut parts);
+        }
+        parts
+    }
+
+    fn bisect(&self, mut nodes: Vec<u32>, count: usize, parts: &mut Vec<Vec<u32>>) {
+        if count <= 1 || nodes.len() <= 1 {
+            // In the order of the arrays: neighbours there are read together.
+            nodes.sort_unstable();
+            parts.push(nodes);
+            return;
+        }
+        let place = |n: &u32| self.place_in_frame(*n);
+        let low = nodes.iter().map(place).fold(DVec3::INFINITY, DVec3::min);
+        let high = nodes.iter().map(place).fold(DVec3::NEG_INFINITY, DVec3::max);
+        let axis = (high - low).to_array();
+        let axis = (0..3).max_by(|a, b| axis[*a].total_cmp(&axis[*b])).unwrap_or(0);
+        nodes.sort_by(|a, b| place(a)[axis].total_cmp(&place(b)[axis]).then(a.cmp(b)));
+        let left = count / 2;
+        let rest = nodes.split_off((nodes.len() * left).div_ceil(count));
+        self.bisect(nodes, left, parts);
+        self.bisect(rest, count - left, parts);
+    }
+
+    /// Rest place of a node in its frame, m.
+    pub(super) fn place_in_frame(&self, node: u32) -> DVec3 {
+        let [x, y, z, _] = self.node_rest[node as usize].map(f64::from);
+        DVec3::new(x, y, z)
+    }
+}
+
+impl Blocks {
+    fn push(&mut self, model: &Model, nodes: &[u32], rigid: u32) {
+        let Some(first) = nodes.first() else { return };
+        let frame = model.node_info[*first as usize][2];
+        self.blocks.push([self.nodes.len() as u32, nodes.len() as u32, frame, rigid]);
+        let places = || nodes.iter().map(|n| model.place_in_frame(*n));
+        let middle = places().sum::<DVec3>() / nodes.len() as f64;
+        let size = places().map(|x| x.distance(middle)).fold(0.0, f64::max);
+        self.places.push(texel(middle, if size > 0.0 { 1.0 / size } else { 0.0 }));
+        let info = |n: &u32| model.node_info[*n as usize];
+        self.nodes.extend(nodes.iter().map(|n| [*n, info(n)[0], info(n)[1], 0]));
+    }
+}

@@ -1,0 +1,233 @@
+//! The coarse level of the preconditioner: what A does at rest to affine motions of each block of nodes, inverted once.
+//!
+//! Two-level additive Schwarz (Dryja and Widlund 1987) with aggregates in the place of subdomains: M^-1 = D^-1 + P A_c^-1
+//! P^T. P turns with the frames, so the matrix at rest serves whatever way a body has turned; contact and deformation are
+//! not in it, and need not be.
+
+use faer::linalg::solvers::DenseSolveCore;
+use faer::{Mat, Side};
+use glam::{DMat3, DVec3};
+
+use super::layers::held;
+use super::model::{Model, SoftRange};
+use super::types::NONE;
+use crate::scene::Preconditioner;
+
+/// Modes of a block: twelve affine ones of free nodes, or the six of a twist and six that are none.
+pub const MODES: usize = 12;
+/// Stiffness number from which the coarse level pays; see [`Model::stiffness_number`].
+const STIFF: f64 = 4.0;
+/// Nodes of an aggregate at least: fewer hardly know affine motions.
+const LEAST_NODES: usize = 8;
+/// Of the diagonal, added to it: what no node of a block feels of its modes would make the matrix singular.
+const REGULAR: f64 = 1e-6;
+
+/// The coarse level of all bodies that have one.
+#[derive(Debug, Clone, Default)]
+pub struct Coarse {
+    /// First texel of a block's rows, first block of its body, texels in a row, 0; by block. None where no body has any.
+    pub blocks: Vec<[u32; 4]>,
+    /// Rows of the inverses.
+    pub inverse: Vec<[f32; 4]>,
+    /// Bodies that have it, with their stiffness number and their aggregates.
+    pub bodies: Vec<(usize, f64, usize)>,
+}
+
+impl Model {
+    /// Blocks of all bodies, and the coarse level of those that are stiff enough at steps of `dt` seconds, or as asked.
+    pub(super) fn add_coarse(&mut self, dt: f64, asked: Preconditioner) {
+        let wanted = |index: usize| {
+            let number = self.stiffness_number(&self.soft[index], dt);
+            let has = match asked {
+                Preconditioner::Auto => number > STIFF,
+                Preconditioner::Jacobi => false,
+                Preconditioner::Coarse => number > 0.0,
+            };
+            has.then(|| (number, aggregates(self.free_count(&self.soft[index]))))
+        };
+        let wanted: Vec<_> = (0..self.soft.len()).map(wanted).collect();
+        self.add_blocks(|index| wanted[index].map(|(_, count)| count));
+        let mut coarse = Coarse::default();
+        if wanted.iter().any(Option::is_some) {
+            coarse.blocks = vec![[0; 4]; self.blocks.blocks.len()];
+        }
+        for (index, (number, count)) in wanted.iter().enumerate().filter_map(|(i, w)| w.map(|w| (i, w))) {
+            if self.invert_coarse(index, dt, &mut coarse) {
+                coarse.bodies.push((self.soft[index].body, number, count));
+            }
+        }
+        self.coarse = coarse;
+    }
+
+    fn free_count(&self, soft: &SoftRange) -> usize {
+        soft.nodes.clone().filter(|n| self.node_info[*n][3] == held::FREE).count()
+    }
+
+    /// (h^2 + h beta) (lambda + 2 mu) / (rho l^2), l the edge of a cube of a node's share of volume: how far a wave of
+    /// pressure runs through the layer's cells in a step, squared. 3x3 block Jacobi takes some 13 times its root of
+    /// iterations to 1e-4.
+    pub fn stiffness_number(&self, soft: &SoftRange, dt: f64) -> f64 {
+        let own = |t: &usize| soft.nodes.contains(&(self.tetrahedra[*t][0] as usize));
+        let (mut volume, mut stiffness) = (0.0, 0.0);
+        for t in (0..self.tetrahedra.len()).filter(own) {
+            let [mu, lambda, _, beta] = self.material_of(t);
+            let v = self.volume(t);
+            volume += v;
+            stiffness += v * (dt * dt + dt * beta) * (lambda + 2.0 * mu);
+        }
+        let mass: f64 = soft.nodes.clone().map(|n| f64::from(self.node_rest[n][3])).sum();
+        let edge2 = (volume / soft.nodes.len() as f64).powf(2.0 / 3.0);
+        if mass > 0.0 { stiffness / mass / edge2 } else { 0.0 }
+    }
+
+    fn material_of(&self, tetrahedron: usize) -> [f64; 4] {
+        let frame = self.rest_gradients[3 * tetrahedron + 2][3] as usize;
+        self.materials[frame].map(f64::from)
+    }
+
+    fn volume(&self, tetrahedron: usize) -> f64 {
+        f64::from(self.rest_gradients[3 * tetrahedron][3]).powi(2)
+    }
+
+    /// Adds the inverse of a body's coarse matrix; false where it has none (nothing is free, or it is singular).
+    fn invert_coarse(&self, index: usize, dt: f64, coarse: &mut Coarse) -> bool {
+        let soft = &self.soft[index];
+        let own = |b: &usize| {
+            let [first, count, ..] = self.blocks.blocks[*b];
+            count > 0 && soft.nodes.contains(&(self.blocks.nodes[first as usize][0] as usize))
+        };
+        let blocks: Vec<usize> = (0..self.blocks.blocks.len()).filter(own).collect();
+        let size = MODES * blocks.len();
+        let matrix = self.coarse_matrix(soft, &blocks, dt);
+        // Modes that move nothing: of cores, which have six, and of hinges.
+        let used: Vec<usize> = (0..size).filter(|i| matrix[(*i, *i)] > 0.0).collect();
+        let packed = Mat::from_fn(used.len(), used.len(), |i, j| {
+            matrix[(used[i], used[j])] * if i == j { 1.0 + REGULAR } else { 1.0 }
+        });
+        let Ok(factor) = packed.llt(Side::Lower) else { return false };
+        let inverse = factor.inverse();
+        let texels = size / 4;
+        let first_texel = coarse.inverse.len();
+        let mut rows = vec![[0.0f32; 4]; size * texels];
+        for (i, row) in used.iter().enumerate() {
+            for (j, column) in used.iter().enumerate() {
+                // Symmetric to the last bit.
+                rows[row * texels + column / 4][column % 4] = inverse[(i.max(j), i.min(j))] as f32;
+            }
+        }
+        coarse.inverse.extend(rows);
+        (0..blocks.len()).for_each(|k| {
+            let first = first_texel + k * MODES * texels;
+            coarse.blocks[blocks[k]] = [first as u32, blocks[0] as u32, texels as u32, 0];
+        });
+        true
+    }
+
+    /// P^T A P at rest, without contact.
+    fn coarse_matrix(&self, soft: &SoftRange, blocks: &[usize], dt: f64) -> Mat<f64> {
+        let mut bases: Vec<Option<(usize, Basis)>> = vec![None; soft.nodes.len()];
+        for (k, b) in blocks.iter().enumerate() {
+            let [first, count, frame, rigid] = self.blocks.blocks[*b];
+            for node in &self.blocks.nodes[first as usize..(first + count) as usize] {
+                let basis = Basis::new(self, *b, node[0], frame as usize, rigid);
+                bases[node[0] as usize - soft.nodes.start] = Some((MODES * k, basis));
+            }
+        }
+        let basis = |n: usize| bases[n - soft.nodes.start].as_ref();
+        let mut matrix = Mat::zeros(MODES * blocks.len(), MODES * blocks.len());
+        for n in soft.nodes.clone() {
+            let alpha = f64::from(self.materials[self.node_info[n][2] as usize][2]);
+            let mass = (1.0 + dt * alpha) * f64::from(self.node_rest[n][3]);
+            if let Some((at, basis)) = basis(n) {
+                add_product(&mut matrix, (*at, basis), (*at, basis), &(mass * DMat3::IDENTITY));
+            }
+        }
+        let own = |t: &usize| soft.nodes.contains(&(self.tetrahedra[*t][0] as usize));
+        for t in (0..self.tetrahedra.len()).filter(own) {
+            let [mu, lambda, _, beta] = self.material_of(t);
+            let factor = (dt * dt + dt * beta) * self.volume(t);
+            let wide = |k: usize| DVec3::from_slice(&self.rest_gradients[3 * t + k].map(f64::from)[..3]);
+            let g = [-wide(0) - wide(1) - wide(2), wide(0), wide(1), wide(2)];
+            for (i, k) in self.tetrahedra[t].iter().zip(g) {
+                for (j, l) in self.tetrahedra[t].iter().zip(g) {
+                    let (Some((row, left)), Some((column, right))) = (basis(*i as usize), basis(*j as usize)) else {
+                        continue;
+                    };
+                    let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
+                    let shear = DMat3::from_diagonal(DVec3::splat(k.dot(l))) + outer(l, k);
+                    let block = (mu * shear + lambda * outer(k, l)) * factor;
+                    add_product(&mut matrix, (*row, left), (*column, right), &block);
+                }
+            }
+        }
+        matrix
+    }
+}
+
+/// Aggregates of a body of so many free nodes.
+fn aggregates(nodes: usize) -> usize {
+    let wanted = 64.0 * (nodes as f64 / 2000.0).cbrt();
+    (wanted as usize).clamp(1, nodes.div_ceil(LEAST_NODES).max(1))
+}
+
+/// How a node moves with the modes of its block, in rest axes.
+#[derive(Debug, Clone)]
+enum Basis {
+    /// c0 + c1 x + c2 y + c3 z.
+    Affine([f64; 4]),
+    /// linear + angular x arm, as far as a hinge lets it.
+    Twist([DMat3; 2]),
+}
+
+impl Basis {
+    fn new(model: &Model, block: usize, node: u32, frame: usize, rigid: u32) -> Basis {
+        let place = model.place_in_frame(node);
+        if rigid == NONE {
+            let [x, y, z, inverse_size] = model.blocks.places[block].map(f64::from);
+            let at = (place - DVec3::new(x, y, z)) * inverse_size;
+            return Basis::Affine([1.0, at.x, at.y, at.z]);
+        }
+        let axis = model.frames[frame].orientation.conjugate() * model.cores[rigid as usize].hinge;
+        let (linear, angular) = if axis == DVec3::ZERO {
+            (DMat3::IDENTITY, DMat3::IDENTITY)
+        } else {
+            (DMat3::ZERO, DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z))
+        };
+        let cross = DMat3::from_cols(place.cross(DVec3::X), place.cross(DVec3::Y), place.cross(DVec3::Z));
+        Basis::Twist([linear, -cross * angular])
+    }
+
+    /// Its parts as 3x3 matrices of three modes each.
+    fn matrices(&self) -> Vec<DMat3> {
+        match self {
+            Basis::Affine(weights) => weights.iter().map(|w| DMat3::from_diagonal(DVec3::splat(*w))).collect(),
+            Basis::Twist(matrices) => matrices.to_vec(),
+        }
+    }
+}
+
+/// Adds left^T block right.
+fn add_product(matrix: &mut Mat<f64>, left: (usize, &Basis), right: (usize, &Basis), block: &DMat3) {
+    if let (Basis::Affine(a), Basis::Affine(b)) = (left.1, right.1) {
+        for (m, x) in b.iter().enumerate() {
+            for (k, y) in a.iter().enumerate() {
+                for column in 0..3 {
+                    for row in 0..3 {
+                        matrix[(left.0 + 3 * k + row, right.0 + 3 * m + column)] += x * y * block.col(column)[row];
+                    }
+                }
+            }
+        }
+        return;
+    }
+    for (k, a) in left.1.matrices().iter().enumerate() {
+        for (m, b) in right.1.matrices().iter().enumerate() {
+            let product = a.transpose() * *block * *b;
+            for column in 0..3 {
+                for row in 0..3 {
+                    matrix[(left.0 + 3 * k + row, right.0 + 3 * m + column)] += product.col(column)[row];
+                }
+            }
+        }
+    }
+}
