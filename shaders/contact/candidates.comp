@@ -17,7 +17,6 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const bool BLEND = true;         // without it the strongest region alone counts: depths are exact rays'
 layout(constant_id = 2) const uint CAPACITY = 1;
-layout(constant_id = 3) const uint TETRAHEDRA = 0;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) coherent buffer CountsInOut { Counts counts; };
@@ -240,7 +239,6 @@ void list_all() {
     counts.contacts = contacts;
     args[3 * ARGS_DEEPEST] = fits ? 0 : 1;
     args[3 * ARGS_CONTACTS] = groups_of(contacts);
-    args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA + contacts);
 }
 
 void main() {

@@ -14,7 +14,6 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const bool SPANS = false;       // whether a proxy may have nodes in other frames
-layout(constant_id = 3) const uint TETRAHEDRA = 0;
 layout(constant_id = 4) const uint BUCKETS = 1;
 
 layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };
@@ -48,7 +47,6 @@ void main() {
             args[3 * k + 1] = 1;
             args[3 * k + 2] = 1;
         }
-        args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA);
         args[3 * ARGS_DRAW + 1] = 0;
     }
     for (uint k = gl_GlobalInvocationID.x; k < BUCKETS; k += gl_NumWorkGroups.x * SIZE) buckets[k] = NONE;

@@ -1,5 +1,5 @@
 // Blocks of nodes, a workgroup each: free nodes of one frame that lie together, which are also an aggregate of the coarse
-// level, or nodes that one dynamic core carries. Needs `blocks`, `block_nodes` and `frames`.
+// level, or, after all of those, nodes that one dynamic core carries. Needs `blocks` and `block_nodes`.
 
 struct Block {
     uint first, count;          // into block_nodes
@@ -14,3 +14,6 @@ Block block_of(uint b) {
 
 // Node, first quad of elements, quads.
 uvec4 block_node(Block block, uint k) { return texelFetch(block_nodes, int(block.first + k)); }
+
+// Where its modes are among those of all blocks: a body's lie together. Needs `coarse_blocks`.
+uint slot_of(uint b) { return texelFetch(coarse_blocks, int(b)).w; }

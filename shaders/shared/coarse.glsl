@@ -1,10 +1,10 @@
 // The coarse level: what A does to the modes of a body's blocks, at rest, inverted. A block has twelve rows of that, each as
-// long as its body has modes. Needs `coarse_blocks` (first texel of its rows, first block of its body, texels in a row; none
-// where the body has no coarse level), `coarse_inverse` and SIZE.
+// long as its body has modes. Needs `coarse_blocks` (first texel of its rows, first slot of its body, texels in a row: none
+// where the body has no coarse level; its slot) and `coarse_inverse`.
 
 struct CoarseBlock {
     uint matrix;
-    uint first;                 // texel of the body's first mode
+    uint first;                 // texel of the body's first slot
     uint texels;                // of four modes each
 };
 

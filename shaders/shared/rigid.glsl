@@ -17,7 +17,7 @@ float[6] twist_of(samplerBuffer modes, uint first, uint count, vec4 turn) {
 // A x of the newest solution, in the rows of a rigid body.
 float[6] image_of(uint index) {
     bool is_tool = TOOL && index == RIGIDS - 1;
-    uint first = is_tool ? BLOCKS : rigids[index].block_first, count = is_tool ? 1 : rigids[index].block_count;
+    uint first = is_tool ? BLOCKS : rigids[index].slot_first, count = is_tool ? 1 : rigids[index].block_count;
     vec4 turn = is_tool ? vec4(0.0, 0.0, 0.0, 1.0) : frames[rigids[index].frame].rotation;
     float y[6] = twist_of(restricted_image, first, count, turn);
     if (is_tool) {

@@ -36,6 +36,7 @@ struct Rigid {
     uint frame;                 // of a core
     uint node_first, node_count;            // into block_nodes
     uint block_first, block_count;          // blocks of those nodes
+    uint slot_first;            // of their modes
     vec3 hinge;                 // unit axis through its centre that is all it may turn about, world; zero: it moves freely
     float inverse[36];          // of its diagonal block of A
     float b[6];

@@ -22,21 +22,22 @@ layout(scalar, binding = 2) readonly buffer Frames { Frame frames[]; };
 layout(binding = 3) uniform usamplerBuffer blocks;
 layout(binding = 4) uniform usamplerBuffer block_nodes;
 layout(binding = 5) uniform samplerBuffer block_places;     // middle in the frame, 1 / size
-layout(binding = 6) uniform samplerBuffer node_rest;        // w: mass, kg
-layout(binding = 7) uniform samplerBuffer velocity;
-layout(binding = 8) uniform usamplerBuffer node_elements;
-layout(binding = 9) uniform samplerBuffer element_forces;
-layout(binding = 10) uniform samplerBuffer gradients;
-layout(scalar, binding = 11) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar, binding = 12) readonly buffer Sorted { uvec2 sorted[]; };
-layout(scalar, binding = 13) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 14) uniform samplerBuffer leftover;        // b - A x of the last step
-layout(scalar, binding = 15) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 16) writeonly buffer Rhs { vec4 rhs[]; };
-layout(scalar, binding = 17) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
-layout(scalar, binding = 18) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
-layout(scalar, binding = 19) writeonly buffer Partials { vec2 partials[]; };
-layout(scalar, binding = 20) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a block
+layout(binding = 6) uniform usamplerBuffer coarse_blocks;
+layout(binding = 7) uniform samplerBuffer node_rest;        // w: mass, kg
+layout(binding = 8) uniform samplerBuffer velocity;
+layout(binding = 9) uniform usamplerBuffer node_elements;
+layout(binding = 10) uniform samplerBuffer element_forces;
+layout(binding = 11) uniform samplerBuffer gradients;
+layout(scalar, binding = 12) readonly buffer NodeEntries { uvec2 node_entries[]; };
+layout(scalar, binding = 13) readonly buffer Sorted { uvec2 sorted[]; };
+layout(scalar, binding = 14) readonly buffer Contacts { Contact contacts[]; };
+layout(binding = 15) uniform samplerBuffer leftover;        // b - A x of the last step
+layout(scalar, binding = 16) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 17) writeonly buffer Rhs { vec4 rhs[]; };
+layout(scalar, binding = 18) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
+layout(scalar, binding = 19) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
+layout(scalar, binding = 20) writeonly buffer Partials { vec2 partials[]; };
+layout(scalar, binding = 21) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
 
 const uint SUMS = 4;
 
@@ -155,5 +156,5 @@ void main() {
     if (lane != 0) return;
     partials[gl_WorkGroupID.x] = totals[0].xy;
     columns = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
-    for (int k = 0; k < 3; k++) restricted_rhs[3 * gl_WorkGroupID.x + k] = columns[k];
+    for (int k = 0; k < 3; k++) restricted_rhs[3 * slot_of(gl_WorkGroupID.x) + k] = columns[k];
 }

@@ -16,30 +16,31 @@ layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
 layout(binding = 2) uniform usamplerBuffer blocks;
 layout(binding = 3) uniform usamplerBuffer block_nodes;
 layout(binding = 4) uniform samplerBuffer block_places;
-layout(binding = 5) uniform samplerBuffer node_rest;
-layout(binding = 6) uniform samplerBuffer rhs;
-layout(binding = 7) uniform samplerBuffer image;            // A x
-layout(binding = 8) uniform samplerBuffer inverse;
-layout(binding = 9) uniform samplerBuffer coarse_rhs;
-layout(binding = 10) uniform samplerBuffer coarse_image;
-layout(scalar, binding = 11) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 12) buffer Solution { vec4 solution[]; };
-layout(scalar, binding = 13) writeonly buffer Residual { vec4 residual[]; };
-layout(scalar, binding = 14) writeonly buffer Preconditioned { vec4 preconditioned[]; };
-layout(scalar, binding = 15) writeonly buffer Direction { vec4 direction[]; };
-layout(scalar, binding = 16) writeonly buffer DirectionImage { vec4 direction_image[]; };
-layout(scalar, binding = 17) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T s, of both sets
+layout(binding = 5) uniform usamplerBuffer coarse_blocks;
+layout(binding = 6) uniform samplerBuffer node_rest;
+layout(binding = 7) uniform samplerBuffer rhs;
+layout(binding = 8) uniform samplerBuffer image;            // A x
+layout(binding = 9) uniform samplerBuffer inverse;
+layout(binding = 10) uniform samplerBuffer coarse_rhs;
+layout(binding = 11) uniform samplerBuffer coarse_image;
+layout(scalar, binding = 12) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 13) buffer Solution { vec4 solution[]; };
+layout(scalar, binding = 14) writeonly buffer Residual { vec4 residual[]; };
+layout(scalar, binding = 15) writeonly buffer Preconditioned { vec4 preconditioned[]; };
+layout(scalar, binding = 16) writeonly buffer Direction { vec4 direction[]; };
+layout(scalar, binding = 17) writeonly buffer DirectionImage { vec4 direction_image[]; };
+layout(scalar, binding = 18) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T s, of both sets
 
 #include "shared/blocks.glsl"
 #include "shared/modes.glsl"
 #include "shared/core.glsl"
 
 // A_c^-1 P^T (b - warm A x), world axes.
-Modes coarse_start(uint b, vec4 turn) {
+Modes coarse_start(uint slot, vec4 turn) {
     vec4 z[3];
     for (int k = 0; k < 3; k++) {
-        z[k] = texelFetch(coarse_rhs, int(3 * b + k));
-        if (solve.warm != 0.0) z[k] -= solve.warm * texelFetch(coarse_image, int(3 * b + k));
+        z[k] = texelFetch(coarse_rhs, int(3 * slot + k));
+        if (solve.warm != 0.0) z[k] -= solve.warm * texelFetch(coarse_image, int(3 * slot + k));
     }
     return to_world(unpacked(z[0], z[1], z[2]), turn);
 }
@@ -50,8 +51,9 @@ void main() {
     vec4 place = texelFetch(block_places, int(b)), turn = frames[block.frame].rotation;
     Modes modes = no_modes();
     if (COARSE) {
-        modes = coarse_start(b, turn);
-        if (gl_LocalInvocationID.x < 3) restricted_direction[3 * b + gl_LocalInvocationID.x] = vec4(0.0);
+        uint slot = slot_of(b);
+        modes = coarse_start(slot, turn);
+        if (gl_LocalInvocationID.x < 3) restricted_direction[3 * slot + gl_LocalInvocationID.x] = vec4(0.0);
     }
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         int i = int(block_node(block, at).x);

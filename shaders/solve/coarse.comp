@@ -15,7 +15,7 @@ layout(binding = 0) uniform usamplerBuffer coarse_blocks;
 layout(binding = 1) uniform samplerBuffer coarse_inverse;
 layout(binding = 2) uniform samplerBuffer restricted_rhs;           // P^T b
 layout(binding = 3) uniform samplerBuffer restricted_image;         // P^T A x
-layout(scalar, binding = 4) writeonly buffer CoarseRhs { vec4 coarse_rhs[]; };          // A_c^-1 P^T b, three a block
+layout(scalar, binding = 4) writeonly buffer CoarseRhs { vec4 coarse_rhs[]; };          // A_c^-1 P^T b, three a slot
 layout(scalar, binding = 5) writeonly buffer CoarseImage { vec4 coarse_image[]; };      // A_c^-1 P^T A x
 layout(scalar, binding = 6) writeonly buffer CoarseDots { vec4 coarse_dots[]; };        // b.z_b, Ax.z_b, Ax.z_Ax
 
@@ -38,8 +38,9 @@ void main() {
     workgroup_sums(totals, WARM ? 6 : 3);
     if (gl_LocalInvocationID.x != 0) return;
     vec4 sums = vec4(0.0);
+    uint slot = texelFetch(coarse_blocks, int(b)).w;
     for (int row = 0; row < 3; row++) {
-        uint at = 3 * b + row;
+        uint at = 3 * slot + row;
         coarse_rhs[at] = totals[row];
         sums.x += block.texels > 0 ? dot(texelFetch(restricted_rhs, int(at)), totals[row]) : 0.0;
         if (!WARM) continue;

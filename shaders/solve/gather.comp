@@ -9,7 +9,8 @@
 //   MODE 0, warm start: w . D^-1 b, w . D^-1 w     (first = D^-1 b)
 //   MODE 1, iteration:  r . u, w . u               (first = u, second = r); cores' and the tool's rows included
 //   MODE 2, at the end: r . D^-1 r, 0 with r = b - w  (second = b)
-// A workgroup a block of nodes; the last, where there is a tool, for its rows. Oracle: oracle::step.
+// A workgroup a block of free nodes, or of carried ones, or one for the tool's rows: variants that run side by side.
+// Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -19,6 +20,8 @@ layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 4) const uint MODE = 1;
 layout(constant_id = 6) const uint RIGIDS = 0;
 layout(constant_id = 7) const bool FRICTION = false;
+layout(constant_id = 8) const uint ROLE = 0;            // shared/roles.glsl
+layout(constant_id = 9) const uint FIRST = 0;           // of the role's blocks
 
 layout(push_constant) uniform Which { uint set; };      // of iterates: what holds u and r in MODE 1
 
@@ -28,27 +31,29 @@ layout(scalar, binding = 2) readonly buffer Frames { Frame frames[]; };
 layout(binding = 3) uniform usamplerBuffer blocks;
 layout(binding = 4) uniform usamplerBuffer block_nodes;
 layout(binding = 5) uniform samplerBuffer block_places;
-layout(binding = 6) uniform samplerBuffer node_rest;
-layout(binding = 7) uniform usamplerBuffer node_elements;
-layout(binding = 8) uniform samplerBuffer element_forces;
-layout(scalar, binding = 9) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar, binding = 10) readonly buffer Sorted { uvec2 sorted[]; };
-layout(scalar, binding = 11) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 12) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 13) uniform samplerBuffer contact_forces;
-layout(binding = 14) uniform samplerBuffer change;          // p
-layout(binding = 15) uniform samplerBuffer first;
-layout(binding = 16) uniform samplerBuffer second;
-layout(binding = 17) uniform samplerBuffer inverse;
-layout(scalar, binding = 18) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 19) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 20) writeonly buffer Image { vec4 image[]; };      // w
-layout(scalar, binding = 21) writeonly buffer Dots { vec2 dots[]; };
-layout(scalar, binding = 22) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three a block
-layout(scalar, binding = 23) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
+layout(binding = 6) uniform usamplerBuffer coarse_blocks;
+layout(binding = 7) uniform samplerBuffer node_rest;
+layout(binding = 8) uniform usamplerBuffer node_elements;
+layout(binding = 9) uniform samplerBuffer element_forces;
+layout(scalar, binding = 10) readonly buffer NodeEntries { uvec2 node_entries[]; };
+layout(scalar, binding = 11) readonly buffer Sorted { uvec2 sorted[]; };
+layout(scalar, binding = 12) readonly buffer CountsIn { Counts counts; };
+layout(scalar, binding = 13) readonly buffer Contacts { Contact contacts[]; };
+layout(binding = 14) uniform samplerBuffer contact_forces;
+layout(binding = 15) uniform samplerBuffer change;          // p
+layout(binding = 16) uniform samplerBuffer first;
+layout(binding = 17) uniform samplerBuffer second;
+layout(binding = 18) uniform samplerBuffer inverse;
+layout(scalar, binding = 19) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 20) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 21) writeonly buffer Image { vec4 image[]; };      // w
+layout(scalar, binding = 22) writeonly buffer Dots { vec2 dots[]; };
+layout(scalar, binding = 23) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three a slot
+layout(scalar, binding = 24) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
 
 const uint SUMS = 7;
 
+#include "shared/roles.glsl"
 #include "shared/sums.glsl"
 #include "shared/blocks.glsl"
 #include "shared/modes.glsl"
@@ -89,7 +94,7 @@ void gather_block(uint b, inout vec2 sums, inout Modes of_image, inout Modes of_
         vec3 w = inertia * rest.w * p + gather_elements(node.y, node.z);
         if (CONTACT) w += gather_contacts(node.x);
         image[i] = vec4(w, 0.0);
-        if (block.rigid != NONE) {
+        if (ROLE == CARRIED_NODES) {
             of_image.c0 += w;
             of_image.c1 += cross(rotate(turn, rest.xyz), w);
             if (MODE == 1) sums.y += dot(w, p);
@@ -112,7 +117,7 @@ void gather_block(uint b, inout vec2 sums, inout Modes of_image, inout Modes of_
             if (MODE != 0) add_modes(of_residual, r, where);
         }
     }
-    if (block.rigid == NONE) return;
+    if (ROLE != CARRIED_NODES) return;
     Rigid rigid = rigids[block.rigid];
     follow(rigid.hinge, of_image.c0, of_image.c1);
     if (MODE == 2) of_residual = Modes(-of_image.c0, -of_image.c1, vec3(0.0), vec3(0.0));
@@ -143,24 +148,23 @@ void gather_tool(inout vec2 sums, inout Modes of_image) {
 }
 
 void main() {
-    uint b = gl_WorkGroupID.x;
+    uint b = ROLE == TOOL_ROWS ? BLOCKS : FIRST + gl_WorkGroupID.x;
     vec2 sums = vec2(0.0);
     Modes of_image = no_modes(), of_residual = no_modes();
-    bool of_nodes = b < BLOCKS;
-    if (of_nodes) gather_block(b, sums, of_image, of_residual);
-    else gather_tool(sums, of_image);
+    if (ROLE == TOOL_ROWS) gather_tool(sums, of_image);
+    else gather_block(b, sums, of_image, of_residual);
     vec4 w[3] = packed(of_image), r[3] = packed(of_residual);
     vec4 totals[SUMS] = vec4[SUMS](vec4(sums, 0.0, 0.0), w[0], w[1], w[2], r[0], r[1], r[2]);
-    bool has_modes = COARSE || !of_nodes || texelFetch(blocks, int(b)).w != NONE;
-    workgroup_sums(totals, has_modes ? (COARSE ? 7 : 4) : 1);
+    workgroup_sums(totals, COARSE && ROLE != TOOL_ROWS ? 7 : (ROLE == FREE_NODES ? 1 : 4));
     if (gl_LocalInvocationID.x != 0) return;
     dots[b] = totals[0].xy;
-    if (!has_modes) return;
-    vec4 turn = of_nodes ? frames[texelFetch(blocks, int(b)).z].rotation : vec4(0.0, 0.0, 0.0, 1.0);
+    if (ROLE == FREE_NODES && !COARSE) return;
+    uint slot = ROLE == TOOL_ROWS ? BLOCKS : slot_of(b);
+    vec4 turn = ROLE == TOOL_ROWS ? vec4(0.0, 0.0, 0.0, 1.0) : frames[texelFetch(blocks, int(b)).z].rotation;
     w = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
     r = packed(to_frame(unpacked(totals[4], totals[5], totals[6]), turn));
     for (int k = 0; k < 3; k++) {
-        restricted_image[3 * b + k] = w[k];
-        if (COARSE) restricted_residual[3 * b + k] = r[k];
+        restricted_image[3 * slot + k] = w[k];
+        if (COARSE) restricted_residual[3 * slot + k] = r[k];
     }
 }

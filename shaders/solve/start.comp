@@ -19,6 +19,7 @@ layout(constant_id = 4) const bool TOOL = false;
 layout(constant_id = 6) const uint RIGIDS = 0;          // cores, and the tool
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 9) const uint TETRAHEDRA = 0;
+layout(constant_id = 11) const uint FREE_BLOCKS = 0;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
@@ -111,7 +112,7 @@ float assemble_core(uint c) {
         if (!(hinged ? invert_about(rigids[c].hinge, block, inverse_block) : invert(block, inverse_block)))
             inverse_block[0] = uintBitsToFloat(0x7fc00000u);
         rigids[c].inverse = inverse_block;
-        rigids[c].b = twist_of(restricted_rhs, rigids[c].block_first, rigids[c].block_count, frame.rotation);
+        rigids[c].b = twist_of(restricted_rhs, rigids[c].slot_first, rigids[c].block_count, frame.rotation);
         for (int k = 0; k < 6; k++) {
             float e = k < 3 ? force_size[k] : torque_size[k - 3];
             e2 += e * (e * inverse_block[7 * k]);
@@ -208,9 +209,9 @@ void main() {
         }
         now.u = times(rigids[index].inverse, now.r);
         if (COARSE && index < CORES) {
-            uint b = rigids[index].block_first;
-            float of_rhs[6] = twist_of(coarse_rhs, b, 1, frames[rigids[index].frame].rotation);
-            float of_image[6] = twist_of(coarse_image, b, 1, frames[rigids[index].frame].rotation);
+            uint slot = rigids[index].slot_first;
+            float of_rhs[6] = twist_of(coarse_rhs, slot, 1, frames[rigids[index].frame].rotation);
+            float of_image[6] = twist_of(coarse_image, slot, 1, frames[rigids[index].frame].rotation);
             for (int k = 0; k < 6; k++) now.u[k] += of_rhs[k] - (warm != 0.0 ? warm * of_image[k] : 0.0);
         }
         iterates[index] = now;
@@ -224,15 +225,15 @@ void main() {
     iterations[0] = Iteration(0.0, 0.0, 0);
     iterations[1] = Iteration(0.0, 0.0, 0);
     uint on = at_rest ? 0 : 1, contact_count = CONTACT ? counts.contacts : 0;
-    args[3 * ARGS_LOOP_APPLY] = on * groups_of(TETRAHEDRA + contact_count);
-    args[3 * ARGS_LOOP_BLOCKS] = on * (BLOCKS + (TOOL ? 1 : 0));
+    args[3 * ARGS_LOOP_APPLY] = on * groups_of(TETRAHEDRA);
+    args[3 * ARGS_LOOP_PRESS] = on * groups_of(contact_count);
+    args[3 * ARGS_LOOP_FREE] = on * FREE_BLOCKS;
+    args[3 * ARGS_LOOP_CARRIED] = on * (BLOCKS - FREE_BLOCKS);
+    args[3 * ARGS_LOOP_TOOL] = TOOL ? on : 0;
     for (uint k = ARGS_LOOP_APPLY; k <= ARGS_WRENCH; k++) {
         args[3 * k + 1] = 1;
         args[3 * k + 2] = 1;
     }
-    args[3 * ARGS_APPLY] = groups_of(TETRAHEDRA + contact_count);
-    args[3 * ARGS_APPLY + 1] = 1;
-    args[3 * ARGS_APPLY + 2] = 1;
     args[3 * ARGS_COMMIT] = 0;
     args[3 * ARGS_WRENCH] = 0;
 }

@@ -9,8 +9,8 @@
 // w.u, beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'); p = u + beta p, s = w + beta s, x += alpha p,
 // r -= alpha s, u = M^-1 r. Every workgroup sums the inner products and the modes of its body for itself, in the same
 // order, so that nothing has to be told from one to another: what they read of it, they write to the other set. Converged,
-// or broken down: the loop's arguments become zero, and all later iterations cost nothing. A workgroup a block of nodes;
-// the last, where there is a tool, for its rows. Oracle: oracle::step (a direct solve).
+// or broken down: the loop's arguments become zero, and all later iterations cost nothing. A workgroup a block of free nodes,
+// or of carried ones, or one for the tool's rows: variants that run side by side. Oracle: oracle::step (a direct solve).
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -18,6 +18,9 @@ layout(constant_id = 1) const uint BLOCKS = 0;
 layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups: blocks, and the tool
 layout(constant_id = 6) const uint RIGIDS = 0;
+layout(constant_id = 8) const uint ROLE = 0;            // shared/roles.glsl
+layout(constant_id = 9) const uint FIRST = 0;           // of the role's blocks
+layout(constant_id = 11) const bool LEADS = true;       // of the variants, the one that writes the scalars
 
 layout(push_constant) uniform Which { uint set; };      // to read; the other is written
 
@@ -51,6 +54,7 @@ const uint SUMS = 3;
 shared float rigid_x[6];
 shared float rigid_u[6];
 
+#include "shared/roles.glsl"
 #include "shared/sums.glsl"
 #include "shared/six.glsl"
 #include "shared/blocks.glsl"
@@ -63,10 +67,9 @@ struct Scalars {
 };
 
 void stop(uint status) {
-    if (gl_WorkGroupID.x != 0 || gl_LocalInvocationID.x != 0) return;
+    if (!LEADS || gl_WorkGroupID.x != 0 || gl_LocalInvocationID.x != 0) return;
     solve.status = status;
-    args[3 * ARGS_LOOP_APPLY] = 0;
-    args[3 * ARGS_LOOP_BLOCKS] = 0;
+    for (uint k = ARGS_LOOP_APPLY; k <= ARGS_LOOP_TOOL; k++) args[3 * k] = 0;
 }
 
 // Of this iteration; false where there is none to do.
@@ -88,7 +91,7 @@ bool next_scalars(out Scalars scalars) {
         return false;
     }
     scalars.alpha = gamma / curvature;
-    if (gl_WorkGroupID.x == 0 && gl_LocalInvocationID.x == 0) {
+    if (LEADS && gl_WorkGroupID.x == 0 && gl_LocalInvocationID.x == 0) {
         iterations[1 - set] = Iteration(gamma, scalars.alpha, last.count + 1);
         solve.current = 1 - set;
     }
@@ -107,7 +110,7 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
         for (int row = 0; row < 3; row++) totals[row] += products[row];
     }
     if (gl_LocalInvocationID.x < 3) {
-        uint at = 3 * b + gl_LocalInvocationID.x;
+        uint at = 3 * slot_of(b) + gl_LocalInvocationID.x;
         restricted_direction[write + at] =
             texelFetch(restricted_image, int(at)) + scalars.beta * restricted_direction[read + at];
     }
@@ -143,39 +146,30 @@ void update_rigid(uint index, float rows[6], Scalars scalars, float coarse[6], b
     rigid_u = now.u;
 }
 
-void main() {
-    Scalars scalars;
-    if (!next_scalars(scalars)) return;
-    uint b = gl_WorkGroupID.x, lane = gl_LocalInvocationID.x;
-    if (b >= BLOCKS) {
-        float nothing[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        vec4 unturned = vec4(0.0, 0.0, 0.0, 1.0);
-        if (lane == 0) update_rigid(RIGIDS - 1, rows_of(BLOCKS, 1, unturned), scalars, nothing, true);
-        return;
-    }
-    Block block = block_of(b);
-    vec4 place = texelFetch(block_places, int(b)), turn = frames[block.frame].rotation;
-    Modes modes = no_modes();
-    if (COARSE) {
-        vec4 z[3] = coarse_correction(b, scalars);
-        modes = to_world(unpacked(z[0], z[1], z[2]), turn);
-    }
-    if (block.rigid != NONE) {
+void update_tool(Scalars scalars) {
+    if (gl_LocalInvocationID.x != 0) return;
+    float nothing[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    update_rigid(RIGIDS - 1, rows_of(BLOCKS, 1, vec4(0.0, 0.0, 0.0, 1.0)), scalars, nothing, true);
+}
+
+void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars) {
+    if (gl_LocalInvocationID.x == 0) {
+        float coarse[6] = float[6](modes.c0.x, modes.c0.y, modes.c0.z, modes.c1.x, modes.c1.y, modes.c1.z);
         uint first = rigids[block.rigid].block_first;
-        if (lane == 0) {
-            float coarse[6] = float[6](modes.c0.x, modes.c0.y, modes.c0.z, modes.c1.x, modes.c1.y, modes.c1.z);
-            update_rigid(block.rigid, rows_of(first, rigids[block.rigid].block_count, turn), scalars, coarse, b == first);
-        }
-        barrier();
-        for (uint at = lane; at < block.count; at += SIZE) {
-            int i = int(block_node(block, at).x);
-            vec3 arm = rotate(turn, texelFetch(node_rest, i).xyz);
-            solution[i] = vec4(carry(rigid_x, arm), 0.0);
-            preconditioned[i] = vec4(carry(rigid_u, arm), 0.0);
-        }
-        return;
+        float rows[6] = rows_of(rigids[block.rigid].slot_first, rigids[block.rigid].block_count, turn);
+        update_rigid(block.rigid, rows, scalars, coarse, b == first);
     }
-    for (uint at = lane; at < block.count; at += SIZE) {
+    barrier();
+    for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
+        int i = int(block_node(block, at).x);
+        vec3 arm = rotate(turn, texelFetch(node_rest, i).xyz);
+        solution[i] = vec4(carry(rigid_x, arm), 0.0);
+        preconditioned[i] = vec4(carry(rigid_u, arm), 0.0);
+    }
+}
+
+void update_free(Block block, vec4 place, Modes modes, Scalars scalars) {
+    for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         int i = int(block_node(block, at).x);
         vec4 p = preconditioned[i] + scalars.beta * direction[i];
         vec4 s = texelFetch(image, i) + scalars.beta * direction_image[i];
@@ -189,4 +183,23 @@ void main() {
         if (COARSE) u += moved_by(modes, (texelFetch(node_rest, i).xyz - place.xyz) * place.w);
         preconditioned[i] = vec4(u, 0.0);
     }
+}
+
+void main() {
+    Scalars scalars;
+    if (!next_scalars(scalars)) return;
+    if (ROLE == TOOL_ROWS) {
+        update_tool(scalars);
+        return;
+    }
+    uint b = FIRST + gl_WorkGroupID.x;
+    Block block = block_of(b);
+    vec4 turn = frames[block.frame].rotation;
+    Modes modes = no_modes();
+    if (COARSE) {
+        vec4 z[3] = coarse_correction(b, scalars);
+        modes = to_world(unpacked(z[0], z[1], z[2]), turn);
+    }
+    if (ROLE == CARRIED_NODES) update_carried(b, block, turn, modes, scalars);
+    else update_free(block, texelFetch(block_places, int(b)), modes, scalars);
 }

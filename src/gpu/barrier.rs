@@ -31,6 +31,8 @@ pub(super) struct Hazards {
     barriers: u32,
     /// The recording draws, so barriers from here on also hold back drawing.
     draws: bool,
+    /// What passes that run side by side did so far, which none of them waits for.
+    together: Option<Vec<Use>>,
 }
 
 impl Hazards {
@@ -48,6 +50,26 @@ impl Hazards {
             }
         }
         let barrier = needed.then(|| self.barrier());
+        match &mut self.together {
+            Some(group) => group.extend_from_slice(uses),
+            None => self.note(uses),
+        }
+        barrier
+    }
+
+    /// From here on passes do not wait for each other, only for what came before.
+    pub fn begin_together(&mut self) {
+        self.together = Some(Vec::new());
+    }
+
+    /// Up to here.
+    pub fn end_together(&mut self) {
+        if let Some(group) = self.together.take() {
+            self.note(&group);
+        }
+    }
+
+    fn note(&mut self, uses: &[Use]) {
         for u in uses {
             if u.writes {
                 self.written.insert(u.id);
@@ -58,7 +80,6 @@ impl Hazards {
             self.stages |= u.stages;
             self.writes |= u.write_access;
         }
-        barrier
     }
 
     /// From all since the last barrier, to whatever may follow.
@@ -78,7 +99,8 @@ impl Hazards {
             .src_access_mask(self.writes)
             .dst_stage_mask(stages)
             .dst_access_mask(access);
-        *self = Hazards { barriers: self.barriers + 1, draws: self.draws, ..Hazards::default() };
+        let together = self.together.take();
+        *self = Hazards { barriers: self.barriers + 1, draws: self.draws, together, ..Hazards::default() };
         barrier
     }
 
@@ -134,6 +156,22 @@ mod tests {
             [false, false, true, false]
         );
         assert_eq!(barriers(&[&[write(1)], &[read(1), write(2)], &[read(1)], &[read(2)]]), [false, true, false, true]);
+    }
+
+    #[test]
+    fn passes_together_wait_for_what_was_before_and_hold_back_what_comes_after() {
+        let mut hazards = Hazards::default();
+        let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
+        assert!(!waits(&[write(1)]));
+        hazards.begin_together();
+        let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
+        assert!(!waits(&[write(2), write(3)]));
+        assert!(waits(&[read(1), write(2)]), "what was before");
+        assert!(!waits(&[read(1), write(2)]), "each other");
+        hazards.end_together();
+        let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
+        assert!(waits(&[read(3)]), "also what was written before a barrier among them");
+        assert!(!waits(&[read(2)]), "one barrier covers all");
     }
 
     #[test]

@@ -88,6 +88,14 @@ impl Recorder {
         self.labelled = true;
     }
 
+    /// Passes that run side by side: none waits for another, whatever it declares. They must not touch what another of them
+    /// writes.
+    pub fn together(&mut self, passes: impl FnOnce(&mut Recorder)) {
+        self.hazards.begin_together();
+        passes(self);
+        self.hazards.end_together();
+    }
+
     /// A pass over `elements` invocations, in groups of the kernel's local size; nothing for 0. `buffers` are in
     /// ascending order of binding, one for each reflected; `push` is as long as the kernel's push constants.
     pub fn dispatch(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], elements: u32) {

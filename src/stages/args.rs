@@ -14,17 +14,21 @@ pub const DEEPEST: u32 = 4;
 pub const CONTACTS: u32 = 5;
 /// A workgroup a touched node.
 pub const NODES: u32 = 6;
-/// Tetrahedra and contacts.
-pub const APPLY: u32 = 7;
-/// The same in the solver's loop.
-pub const LOOP_APPLY: u32 = 8;
-/// A workgroup a block of nodes, and the tool.
-pub const LOOP_BLOCKS: u32 = 9;
+/// Tetrahedra, in the solver's loop.
+pub const LOOP_APPLY: u32 = 7;
+/// Contacts.
+pub const LOOP_PRESS: u32 = 8;
+/// A workgroup a block of free nodes.
+pub const LOOP_FREE: u32 = 9;
+/// A workgroup a block of carried nodes.
+pub const LOOP_CARRIED: u32 = 10;
+/// One, for the tool.
+pub const LOOP_TOOL: u32 = 11;
 /// Nodes, once the step is accepted.
-pub const COMMIT: u32 = 10;
+pub const COMMIT: u32 = 12;
 /// One, once the step is accepted.
-pub const WRENCH: u32 = 11;
+pub const WRENCH: u32 = 13;
 /// The draw, counted in VkDrawIndirectCommands.
-pub const DRAW: u32 = 9;
+pub const DRAW: u32 = 12;
 /// Words in the buffer.
-pub const WORDS: usize = 40;
+pub const WORDS: usize = 52;

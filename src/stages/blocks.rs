@@ -1,6 +1,8 @@
 //! Blocks of nodes, a workgroup each in the solver's passes: free nodes of one frame that lie together, which are also the
 //! aggregates of the coarse level, and what dynamic cores carry.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::layers::held;
@@ -17,14 +19,18 @@ const CARRIED_NODES: usize = 256;
 /// What the solver's passes go by.
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
-    /// First of its nodes, their number, their frame, and the core that carries them or `NONE`.
+    /// First of its nodes, their number, their frame, and the core that carries them or `NONE`; those of free nodes first.
     pub blocks: Vec<[u32; 4]>,
+    /// Blocks of free nodes.
+    pub free: usize,
+    /// The place of a block's modes among those of all: a body's lie together.
+    pub slots: Vec<u32>,
     /// Node, its first quad of elements, quads, 0; by block.
     pub nodes: Vec<[u32; 4]>,
     /// Middle of a block's nodes in their frame, m, and 1 over its size, 1/m.
     pub places: Vec<[f32; 4]>,
-    /// Of each core: first node, nodes; first block, blocks.
-    pub cores: Vec<[u32; 4]>,
+    /// Of each core: nodes; blocks.
+    pub cores: Vec<(Range<usize>, Range<usize>)>,
 }
 
 impl Model {
@@ -38,15 +44,27 @@ impl Model {
                 blocks.push(self, &part, NONE);
             }
         }
+        blocks.free = blocks.blocks.len();
         for (index, core) in self.cores.iter().enumerate() {
             let (node_first, block_first) = (blocks.nodes.len(), blocks.blocks.len());
             for part in core.nodes.chunks(CARRIED_NODES) {
                 blocks.push(self, part, index as u32);
             }
-            let (nodes, own) = (blocks.nodes.len() - node_first, blocks.blocks.len() - block_first);
-            blocks.cores.push([node_first, nodes, block_first, own].map(|x| x as u32));
+            blocks.cores.push((node_first..blocks.nodes.len(), block_first..blocks.blocks.len()));
         }
+        // Bodies lie one after another among the nodes.
+        let mut order: Vec<usize> = (0..blocks.blocks.len()).collect();
+        let body = |b: &usize| self.body_of(blocks.nodes[blocks.blocks[*b][0] as usize][0]);
+        order.sort_by_key(body);
+        blocks.slots = vec![0; order.len()];
+        order.iter().enumerate().for_each(|(slot, b)| blocks.slots[*b] = slot as u32);
         self.blocks = blocks;
+    }
+
+    /// The soft body of a node; those of rigid bodies come after all of these.
+    pub(super) fn body_of(&self, node: u32) -> usize {
+        let own = self.soft.iter().position(|soft| soft.nodes.contains(&(node as usize)));
+        own.unwrap_or(self.soft.len())
     }
 
     /// Nodes of one frame that lie together, about `count` parts of like size: recursive bisection across the longest side.

@@ -25,7 +25,7 @@ const REGULAR: f64 = 1e-6;
 /// The coarse level of all bodies that have one.
 #[derive(Debug, Clone, Default)]
 pub struct Coarse {
-    /// First texel of a block's rows, first block of its body, texels in a row, 0; by block. None where no body has any.
+    /// First texel of a block's rows, first slot of its body, texels in a row (none without a coarse level), its slot.
     pub blocks: Vec<[u32; 4]>,
     /// Rows of the inverses.
     pub inverse: Vec<[f32; 4]>,
@@ -47,10 +47,8 @@ impl Model {
         };
         let wanted: Vec<_> = (0..self.soft.len()).map(wanted).collect();
         self.add_blocks(|index| wanted[index].map(|(_, count)| count));
-        let mut coarse = Coarse::default();
-        if wanted.iter().any(Option::is_some) {
-            coarse.blocks = vec![[0; 4]; self.blocks.blocks.len()];
-        }
+        let blocks = self.blocks.slots.iter().map(|slot| [0, 0, 0, *slot]).collect();
+        let mut coarse = Coarse { blocks, ..Coarse::default() };
         for (index, (number, count)) in wanted.iter().enumerate().filter_map(|(i, w)| w.map(|w| (i, w))) {
             if self.invert_coarse(index, dt, &mut coarse) {
                 coarse.bodies.push((self.soft[index].body, number, count));
@@ -92,11 +90,10 @@ impl Model {
     /// Adds the inverse of a body's coarse matrix; false where it has none (nothing is free, or it is singular).
     fn invert_coarse(&self, index: usize, dt: f64, coarse: &mut Coarse) -> bool {
         let soft = &self.soft[index];
-        let own = |b: &usize| {
-            let [first, count, ..] = self.blocks.blocks[*b];
-            count > 0 && soft.nodes.contains(&(self.blocks.nodes[first as usize][0] as usize))
-        };
-        let blocks: Vec<usize> = (0..self.blocks.blocks.len()).filter(own).collect();
+        let own = |b: &usize| self.body_of(self.blocks.nodes[self.blocks.blocks[*b][0] as usize][0]) == index;
+        let mut blocks: Vec<usize> = (0..self.blocks.blocks.len()).filter(own).collect();
+        blocks.sort_by_key(|b| self.blocks.slots[*b]);
+        let Some(first_slot) = blocks.first().map(|b| self.blocks.slots[*b]) else { return false };
         let size = MODES * blocks.len();
         let matrix = self.coarse_matrix(soft, &blocks, dt);
         // Modes that move nothing: of cores, which have six, and of hinges.
@@ -118,7 +115,7 @@ impl Model {
         coarse.inverse.extend(rows);
         (0..blocks.len()).for_each(|k| {
             let first = first_texel + k * MODES * texels;
-            coarse.blocks[blocks[k]] = [first as u32, blocks[0] as u32, texels as u32, 0];
+            coarse.blocks[blocks[k]] = [first as u32, first_slot, texels as u32, first_slot + k as u32];
         });
         true
     }

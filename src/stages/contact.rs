@@ -86,7 +86,6 @@ impl Contact {
         let candidate = [
             ("BLEND", blend.into()),
             ("CAPACITY", count(capacity)),
-            ("TETRAHEDRA", count(model.tetrahedra.len())),
             ("GROUP", context.group_size().into()),
         ];
         let [friction, speed] = model.friction;

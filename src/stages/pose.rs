@@ -33,9 +33,7 @@ impl Pose {
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Pose> {
         let constants = [
             ("SPANS", Const::Bool(model.spans_frames())),
-            ("TETRAHEDRA", count(model.tetrahedra.len())),
             ("BUCKETS", skin::buckets(model).into()),
-            ("GROUP", context.group_size().into()),
         ];
         Ok(Pose {
             place: Kernel::new(context, "pose/place", Size::Reduce, &constants)?,

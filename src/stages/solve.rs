@@ -1,6 +1,7 @@
 //! Solve: implicit Euler by preconditioned conjugate gradients with a single reduction, decided on the device.
 
 use std::mem::offset_of;
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::contact::Touch;
@@ -21,19 +22,18 @@ enum Change {
 pub struct Solve {
     assemble: Kernel,
     apply: Kernel,
-    gather_warm: Kernel,
-    gather_loop: Kernel,
-    gather_final: Kernel,
+    press: Kernel,
+    gather_warm: Vec<Variant>,
+    gather_loop: Vec<Variant>,
+    gather_final: Vec<Variant>,
     coarse: Option<CoarseKernels>,
     start: Kernel,
     begin: Kernel,
-    update: Kernel,
+    update: Vec<Variant>,
     conclude: Kernel,
     commit: Kernel,
     touch: Touch,
     has_contact: bool,
-    /// Blocks, and the tool.
-    groups: u32,
     block_count: u32,
     blocks: Buffer,
     block_nodes: Buffer,
@@ -70,6 +70,15 @@ pub struct Solve {
     dots: Buffer,
 }
 
+/// A kernel for what one role works on; see shaders/shared/roles.glsl.
+struct Variant {
+    kernel: Kernel,
+    /// Workgroups.
+    groups: u32,
+    /// Slot of the indirect arguments in the loop.
+    slot: u32,
+}
+
 /// The coarse level outside the loop: before it, and at its end.
 struct CoarseKernels {
     warm: Kernel,
@@ -95,8 +104,25 @@ impl Solve {
         let rigids = ("RIGIDS", count(rigid_count));
         let group = ("GROUP", context.group_size().into());
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
+        // Of each role that there is: its number, its first block, workgroups, arguments.
+        let (free, carried) = (model.blocks.free, block_count - model.blocks.free);
+        let roles = [
+            (0, 0, free, args::LOOP_FREE),
+            (1, free, carried, args::LOOP_CARRIED),
+            (2, 0, usize::from(has_tool), args::LOOP_TOOL),
+        ];
+        let roles: Vec<_> = roles.into_iter().filter(|(_, _, groups, _)| *groups > 0).collect();
+        let variants = |name: &str, constants: &[(&str, Const)]| -> Result<Vec<Variant>> {
+            let variant = |(role, first, groups, slot): &(u32, usize, usize, u32)| {
+                let own = [("ROLE", Const::Uint(*role)), ("FIRST", count(*first)), ("LEADS", (*role == roles[0].0).into())];
+                let own = if name == "solve/update" { &own[..] } else { &own[..2] };
+                let kernel = reduce(name, &[constants, own].concat())?;
+                Ok(Variant { kernel, groups: *groups as u32, slot: *slot })
+            };
+            roles.iter().map(variant).collect()
+        };
         let gather = |mode: u32| {
-            reduce("solve/gather", &[blocks, contact, friction, coarse, rigids, ("MODE", mode.into())])
+            variants("solve/gather", &[blocks, contact, friction, coarse, rigids, ("MODE", mode.into())])
         };
         let coarse_kernel = |warm: bool| reduce("solve/coarse", &[("WARM", warm.into())]);
         let coarse_kernels = || Ok(CoarseKernels { warm: coarse_kernel(true)?, end: coarse_kernel(false)? });
@@ -106,22 +132,22 @@ impl Solve {
         let all = 2 * rigid_count;
         Ok(Solve {
             assemble: reduce("solve/assemble", &[contact, friction, coarse])?,
-            apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c, contact, friction, rigids])?,
+            apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c])?,
+            press: Kernel::new(context, "solve/press", Size::Group, &[friction, rigids])?,
             gather_warm: gather(0)?,
             gather_loop: gather(1)?,
             gather_final: gather(2)?,
             coarse: is_coarse.then(coarse_kernels).transpose()?,
             start: reduce(
                 "solve/start",
-                &[tetrahedra_c, contact, friction, tool, coarse, blocks, rigids, group],
+                &[tetrahedra_c, contact, friction, tool, coarse, blocks, rigids, group, ("FREE_BLOCKS", count(free))],
             )?,
             begin: reduce("solve/begin", &[coarse])?,
-            update: reduce("solve/update", &[blocks, coarse, partials, rigids])?,
+            update: variants("solve/update", &[blocks, coarse, partials, rigids])?,
             conclude: reduce("solve/conclude", &[nodes_c, contact, tool, coarse, blocks, rigids, group])?,
             commit: Kernel::new(context, "solve/commit", Size::Group, &[nodes_c, rigids])?,
             touch: touch.cloned().map_or_else(|| Touch::nothing(context), Ok)?,
             has_contact: touch.is_some(),
-            groups: groups as u32,
             block_count: block_count as u32,
             blocks: upload_or_nothing(context, "blocks", &model.blocks.blocks)?,
             block_nodes: upload_or_nothing(context, "nodes of blocks", &model.blocks.nodes)?,
@@ -178,6 +204,7 @@ impl Solve {
                 &self.blocks,
                 &self.block_nodes,
                 &self.block_places,
+                &self.coarse_blocks,
                 &elastic.node_rest,
                 &elastic.velocity,
                 &elastic.node_elements,
@@ -197,7 +224,7 @@ impl Solve {
             &[],
             self.block_count,
         );
-        self.record_apply(recorder, common, elastic, Change::Solution, args::APPLY);
+        self.record_apply(recorder, common, elastic, Change::Solution);
         self.record_gather(recorder, common, elastic, &self.gather_warm, None);
         if let Some(coarse) = &self.coarse {
             self.record_coarse(recorder, &coarse.warm, &self.restricted_rhs);
@@ -237,6 +264,7 @@ impl Solve {
                 &self.blocks,
                 &self.block_nodes,
                 &self.block_places,
+                &self.coarse_blocks,
                 &elastic.node_rest,
                 &self.rhs,
                 &self.image,
@@ -256,45 +284,45 @@ impl Solve {
         );
     }
 
-    /// Iterations of three passes each, an even number of them; free once converged.
+    /// Iterations of three dependent passes each, an even number of them; free once converged.
     pub fn record_iterations(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, iterations: u32) {
         recorder.stage("solve");
         for iteration in 0..iterations.next_multiple_of(2) {
             let set = iteration % 2;
-            self.record_apply(recorder, common, elastic, Change::Preconditioned { set }, args::LOOP_APPLY);
+            self.record_apply(recorder, common, elastic, Change::Preconditioned { set });
             self.record_gather(recorder, common, elastic, &self.gather_loop, Some(set));
-            recorder.dispatch_indirect(
-                &self.update,
-                &[
-                    &common.params,
-                    &common.frames,
-                    &self.blocks,
-                    &self.block_nodes,
-                    &self.block_places,
-                    &elastic.node_rest,
-                    &self.coarse_blocks,
-                    &self.coarse_inverse,
-                    &self.dots,
-                    &self.restricted_image,
-                    &self.restricted_residual,
-                    &self.image,
-                    &self.inverse,
-                    &self.rigids,
-                    &self.state,
-                    &self.iterations,
-                    &self.iterates,
-                    &self.restricted_direction,
-                    &self.solution,
-                    &self.residual,
-                    &self.preconditioned,
-                    &self.direction,
-                    &self.direction_image,
-                    &common.args,
-                ],
-                bytemuck::bytes_of(&set),
+            let buffers = [
+                &common.params,
+                &common.frames,
+                &self.blocks,
+                &self.block_nodes,
+                &self.block_places,
+                &elastic.node_rest,
+                &self.coarse_blocks,
+                &self.coarse_inverse,
+                &self.dots,
+                &self.restricted_image,
+                &self.restricted_residual,
+                &self.image,
+                &self.inverse,
+                &self.rigids,
+                &self.state,
+                &self.iterations,
+                &self.iterates,
+                &self.restricted_direction,
+                &self.solution,
+                &self.residual,
+                &self.preconditioned,
+                &self.direction,
+                &self.direction_image,
                 &common.args,
-                args::LOOP_BLOCKS,
-            );
+            ];
+            let push = bytemuck::bytes_of(&set);
+            recorder.together(|recorder| {
+                for Variant { kernel, slot, .. } in &self.update {
+                    recorder.dispatch_indirect(kernel, &buffers, push, &common.args, *slot);
+                }
+            });
         }
     }
 
@@ -302,7 +330,7 @@ impl Solve {
     pub fn record_end(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
         let touch = &self.touch;
-        self.record_apply(recorder, common, elastic, Change::Solution, args::APPLY);
+        self.record_apply(recorder, common, elastic, Change::Solution);
         self.record_gather(recorder, common, elastic, &self.gather_final, None);
         if let Some(coarse) = &self.coarse {
             self.record_coarse(recorder, &coarse.end, &self.restricted_residual);
@@ -359,16 +387,15 @@ impl Solve {
         recorder.dispatch_groups(kernel, &buffers, &[], self.block_count);
     }
 
-    fn record_apply(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change, slot: u32) {
-        let (push, vector) = match change {
-            Change::Solution => ([1, 0], &self.solution),
-            Change::Preconditioned { set } => ([0, set], &self.preconditioned),
+    fn record_apply(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
+        let (push, vector, in_loop) = match change {
+            Change::Solution => ([1, 0], &self.solution, false),
+            Change::Preconditioned { set } => ([0, set], &self.preconditioned, true),
         };
         let touch = &self.touch;
-        let buffers = [
+        let of_elements = [&elastic.tetrahedra, &elastic.gradients, vector, &elastic.element_forces];
+        let of_contacts = [
             &common.params,
-            &elastic.tetrahedra,
-            &elastic.gradients,
             vector,
             &common.counts,
             &touch.contacts,
@@ -376,15 +403,19 @@ impl Solve {
             &touch.entry_weights,
             &self.state,
             &self.iterates,
-            &elastic.element_forces,
             &touch.contact_forces,
         ];
-        let push = bytemuck::bytes_of(&push);
-        if self.has_contact || slot != args::APPLY {
-            recorder.dispatch_indirect(&self.apply, &buffers, push, &common.args, slot);
-        } else {
-            recorder.dispatch(&self.apply, &buffers, push, elastic.tetrahedron_count as u32);
-        }
+        recorder.together(|recorder| {
+            if in_loop {
+                recorder.dispatch_indirect(&self.apply, &of_elements, &[], &common.args, args::LOOP_APPLY);
+            } else {
+                recorder.dispatch(&self.apply, &of_elements, &[], elastic.tetrahedron_count as u32);
+            }
+            if self.has_contact {
+                let slot = if in_loop { args::LOOP_PRESS } else { args::CONTACTS };
+                recorder.dispatch_indirect(&self.press, &of_contacts, bytemuck::bytes_of(&push), &common.args, slot);
+            }
+        });
     }
 
     /// `set`: of iterates, in the loop.
@@ -393,7 +424,7 @@ impl Solve {
         recorder: &mut Recorder,
         common: &Common,
         elastic: &Elastic,
-        kernel: &Kernel,
+        kernels: &[Variant],
         set: Option<u32>,
     ) {
         // What the inner products are taken with; see the modes of solve/gather.
@@ -410,6 +441,7 @@ impl Solve {
             &self.blocks,
             &self.block_nodes,
             &self.block_places,
+            &self.coarse_blocks,
             &elastic.node_rest,
             &elastic.node_elements,
             &elastic.element_forces,
@@ -431,22 +463,27 @@ impl Solve {
         ];
         let push = set.unwrap_or_default();
         let push = bytemuck::bytes_of(&push);
-        match set {
-            Some(_) => recorder.dispatch_indirect(kernel, &buffers, push, &common.args, args::LOOP_BLOCKS),
-            None => recorder.dispatch_groups(kernel, &buffers, push, self.groups),
-        }
+        recorder.together(|recorder| {
+            for Variant { kernel, groups, slot } in kernels {
+                match set {
+                    Some(_) => recorder.dispatch_indirect(kernel, &buffers, push, &common.args, *slot),
+                    None => recorder.dispatch_groups(kernel, &buffers, push, *groups),
+                }
+            }
+        });
     }
 }
 
 /// Dynamic cores, and the tool, at rest.
 fn rigids_of(model: &Model) -> Vec<types::Rigid> {
     let nothing = <types::Rigid as bytemuck::Zeroable>::zeroed();
-    let core = |(core, blocks): (&Core, &[u32; 4])| types::Rigid {
+    let core = |(core, (nodes, blocks)): (&Core, &(Range<usize>, Range<usize>))| types::Rigid {
         frame: core.frame as u32,
-        node_first: blocks[0],
-        node_count: blocks[1],
-        block_first: blocks[2],
-        block_count: blocks[3],
+        node_first: nodes.start as u32,
+        node_count: nodes.len() as u32,
+        block_first: blocks.start as u32,
+        block_count: blocks.len() as u32,
+        slot_first: model.blocks.slots.get(blocks.start).copied().unwrap_or_default(),
         hinge: core.hinge.as_vec3().to_array(),
         ..nothing
     };

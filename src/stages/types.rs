@@ -65,6 +65,8 @@ pub struct Rigid {
     pub block_first: u32,
     /// How many.
     pub block_count: u32,
+    /// First slot of their modes.
+    pub slot_first: u32,
     /// Unit axis through its centre that is all it may turn about, world; zero: it moves freely.
     pub hinge: [f32; 3],
     /// Inverse of its diagonal block.
