@@ -8,7 +8,7 @@
 // Solve: one iteration of conjugate gradients with a single reduction (Chronopoulos and Gear 1989): gamma = r.u, delta =
 // w.u, beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'); p = u + beta p, s = w + beta s, x += alpha p,
 // r -= alpha s, u = M^-1 r. Every workgroup sums the inner products and the modes of its body for itself, in the same
-// order, so that nothing has to be told from one to another: what they read of it, they write to the other set. Converged,
+// order, so that nothing has to be told from one to another; what is read of one set of iterates is written to the other. Converged,
 // or broken down: the loop's arguments become zero, and all later iterations cost nothing. A workgroup a block of free nodes,
 // or of carried ones, or one for the tool's rows: variants that run side by side. Oracle: oracle::step (a direct solve).
 
@@ -37,17 +37,21 @@ layout(binding = 9) uniform samplerBuffer restricted_image;         // P^T w
 layout(binding = 10) uniform samplerBuffer restricted_residual;     // P^T r
 layout(binding = 11) uniform samplerBuffer image;                   // w
 layout(binding = 12) uniform samplerBuffer inverse;
-layout(scalar, binding = 13) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 14) buffer SolveInOut { Solve solve; };
-layout(scalar, binding = 15) buffer Iterations { Iteration iterations[2]; };
-layout(scalar, binding = 16) buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 17) buffer RestrictedDirection { vec4 restricted_direction[]; };       // P^T s
-layout(scalar, binding = 18) buffer Solution { vec4 solution[]; };
-layout(scalar, binding = 19) buffer Residual { vec4 residual[]; };
-layout(scalar, binding = 20) buffer Preconditioned { vec4 preconditioned[]; };
-layout(scalar, binding = 21) buffer Direction { vec4 direction[]; };
-layout(scalar, binding = 22) buffer DirectionImage { vec4 direction_image[]; };
-layout(scalar, binding = 23) writeonly buffer Args { uint args[]; };
+layout(binding = 13) uniform samplerBuffer residual;
+layout(binding = 14) uniform samplerBuffer preconditioned;
+layout(binding = 15) uniform samplerBuffer direction;
+layout(binding = 16) uniform samplerBuffer direction_image;
+layout(scalar, binding = 17) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 18) buffer SolveInOut { Solve solve; };
+layout(scalar, binding = 19) buffer Iterations { Iteration iterations[2]; };
+layout(scalar, binding = 20) buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 21) buffer RestrictedDirection { vec4 restricted_direction[]; };       // P^T s
+layout(scalar, binding = 22) buffer Solution { vec4 solution[]; };
+layout(scalar, binding = 23) writeonly buffer NextResidual { vec4 next_residual[]; };
+layout(scalar, binding = 24) writeonly buffer NextPreconditioned { vec4 next_preconditioned[]; };
+layout(scalar, binding = 25) writeonly buffer NextDirection { vec4 next_direction[]; };
+layout(scalar, binding = 26) writeonly buffer NextDirectionImage { vec4 next_direction_image[]; };
+layout(scalar, binding = 27) writeonly buffer Args { uint args[]; };
 
 const uint SUMS = 3;
 
@@ -164,24 +168,24 @@ void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars
         int i = int(block_node(block, at).x);
         vec3 arm = rotate(turn, texelFetch(node_rest, i).xyz);
         solution[i] = vec4(carry(rigid_x, arm), 0.0);
-        preconditioned[i] = vec4(carry(rigid_u, arm), 0.0);
+        next_preconditioned[i] = vec4(carry(rigid_u, arm), 0.0);
     }
 }
 
 void update_free(Block block, vec4 place, Modes modes, Scalars scalars) {
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         int i = int(block_node(block, at).x);
-        vec4 p = preconditioned[i] + scalars.beta * direction[i];
-        vec4 s = texelFetch(image, i) + scalars.beta * direction_image[i];
-        direction[i] = p;
-        direction_image[i] = s;
+        vec4 p = texelFetch(preconditioned, i) + scalars.beta * texelFetch(direction, i);
+        vec4 s = texelFetch(image, i) + scalars.beta * texelFetch(direction_image, i);
+        next_direction[i] = p;
+        next_direction_image[i] = s;
         solution[i] += scalars.alpha * p;
-        vec4 r = residual[i] - scalars.alpha * s;
-        residual[i] = r;
+        vec4 r = texelFetch(residual, i) - scalars.alpha * s;
+        next_residual[i] = r;
         vec3 d = texelFetch(inverse, 2 * i).xyz, o = texelFetch(inverse, 2 * i + 1).xyz;
         vec3 u = vec3(d.x * r.x + o.x * r.y + o.y * r.z, o.x * r.x + d.y * r.y + o.z * r.z, o.y * r.x + o.z * r.y + d.z * r.z);
         if (COARSE) u += moved_by(modes, (texelFetch(node_rest, i).xyz - place.xyz) * place.w);
-        preconditioned[i] = vec4(u, 0.0);
+        next_preconditioned[i] = vec4(u, 0.0);
     }
 }
 

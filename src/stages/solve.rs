@@ -61,10 +61,10 @@ pub struct Solve {
     inverse: Buffer,
     /// Change of velocity; the next step's first guess.
     pub solution: Buffer,
-    residual: Buffer,
-    preconditioned: Buffer,
-    direction: Buffer,
-    direction_image: Buffer,
+    residual: [Buffer; 2],
+    preconditioned: [Buffer; 2],
+    direction: [Buffer; 2],
+    direction_image: [Buffer; 2],
     image: Buffer,
     partials: Buffer,
     dots: Buffer,
@@ -127,6 +127,7 @@ impl Solve {
         let coarse_kernel = |warm: bool| reduce("solve/coarse", &[("WARM", warm.into())]);
         let coarse_kernels = || Ok(CoarseKernels { warm: coarse_kernel(true)?, end: coarse_kernel(false)? });
         let vector = |name: &str| zeros::<[f32; 4]>(context, name, nodes);
+        let both = |name: &str| Ok([vector(name)?, vector(name)?]);
         let modes = |name: &str, sets: usize| zeros::<[f32; 4]>(context, name, 3 * groups * sets);
         let coarse_modes = |name: &str, sets: usize| modes(name, if is_coarse { sets } else { 0 });
         let all = 2 * rigid_count;
@@ -175,10 +176,10 @@ impl Solve {
             leftover: vector("leftover")?,
             inverse: zeros::<[f32; 4]>(context, "inverse blocks", 2 * nodes)?,
             solution: vector("solution")?,
-            residual: vector("residual")?,
-            preconditioned: vector("preconditioned residual")?,
-            direction: vector("direction")?,
-            direction_image: vector("image of the direction")?,
+            residual: both("residual")?,
+            preconditioned: both("preconditioned residual")?,
+            direction: both("direction")?,
+            direction_image: both("image of the direction")?,
             image: vector("image")?,
             partials: array::<[f32; 2]>(context, "partial sums", groups)?,
             dots: array::<[f32; 2]>(context, "inner products", groups)?,
@@ -216,7 +217,7 @@ impl Solve {
                 &self.leftover,
                 &self.rigids,
                 &self.rhs,
-                &self.preconditioned,
+                &self.preconditioned[0],
                 &self.inverse,
                 &self.partials,
                 &self.restricted_rhs,
@@ -273,10 +274,10 @@ impl Solve {
                 &self.coarse_image,
                 &self.iterates,
                 &self.solution,
-                &self.residual,
-                &self.preconditioned,
-                &self.direction,
-                &self.direction_image,
+                &self.residual[0],
+                &self.preconditioned[0],
+                &self.direction[0],
+                &self.direction_image[0],
                 &self.restricted_direction,
             ],
             &[],
@@ -289,6 +290,7 @@ impl Solve {
         recorder.stage("solve");
         for iteration in 0..iterations.next_multiple_of(2) {
             let set = iteration % 2;
+            let now = set as usize;
             self.record_apply(recorder, common, elastic, Change::Preconditioned { set });
             self.record_gather(recorder, common, elastic, &self.gather_loop, Some(set));
             let buffers = [
@@ -305,16 +307,20 @@ impl Solve {
                 &self.restricted_residual,
                 &self.image,
                 &self.inverse,
+                &self.residual[now],
+                &self.preconditioned[now],
+                &self.direction[now],
+                &self.direction_image[now],
                 &self.rigids,
                 &self.state,
                 &self.iterations,
                 &self.iterates,
                 &self.restricted_direction,
                 &self.solution,
-                &self.residual,
-                &self.preconditioned,
-                &self.direction,
-                &self.direction_image,
+                &self.residual[1 - now],
+                &self.preconditioned[1 - now],
+                &self.direction[1 - now],
+                &self.direction_image[1 - now],
                 &common.args,
             ];
             let push = bytemuck::bytes_of(&set);
@@ -390,7 +396,7 @@ impl Solve {
     fn record_apply(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
         let (push, vector, in_loop) = match change {
             Change::Solution => ([1, 0], &self.solution, false),
-            Change::Preconditioned { set } => ([0, set], &self.preconditioned, true),
+            Change::Preconditioned { set } => ([0, set], &self.preconditioned[set as usize], true),
         };
         let touch = &self.touch;
         let of_elements = [&elastic.tetrahedra, &elastic.gradients, vector, &elastic.element_forces];
@@ -428,10 +434,9 @@ impl Solve {
         set: Option<u32>,
     ) {
         // What the inner products are taken with; see the modes of solve/gather.
-        let (change, first, second) = if set.is_some() {
-            (&self.preconditioned, &self.preconditioned, &self.residual)
-        } else {
-            (&self.solution, &self.preconditioned, &self.rhs)
+        let (change, first, second) = match set.map(|set| set as usize) {
+            Some(now) => (&self.preconditioned[now], &self.preconditioned[now], &self.residual[now]),
+            None => (&self.solution, &self.preconditioned[0], &self.rhs),
         };
         let touch = &self.touch;
         let buffers = [
