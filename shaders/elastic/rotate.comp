@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
+#include "shared/polar.glsl"
 
 // Elastic: the rotation R of each tetrahedron (polar part of F = I + G, G = sum d_i g_i^T, by Mueller et al. 2016, "A Robust
 // Method to Extract the Rotational Part of Deformations", warm-started: proper, and steady under inversion); gradients
@@ -34,26 +35,6 @@ layout(scalar, binding = 12) writeonly buffer ElementForces { vec4 element_force
 const float LEAST = 0.3;
 const float STIFFENING = 10.0;
 const uint JACOBI_SWEEPS = 5;
-const uint POLAR_ROUNDS = 40;
-const float POLAR_DONE = 1.0e-7;        // rad; f32 resolves no less
-
-mat3 matrix_of(vec4 q) {
-    return mat3(rotate(q, vec3(1, 0, 0)), rotate(q, vec3(0, 1, 0)), rotate(q, vec3(0, 0, 1)));
-}
-
-vec4 polar(mat3 f, vec4 q) {
-    for (uint k = 0; k < POLAR_ROUNDS; k++) {
-        mat3 r = matrix_of(q);
-        vec3 turn = cross(r[0], f[0]) + cross(r[1], f[1]) + cross(r[2], f[2]);
-        float scale = abs(dot(r[0], f[0]) + dot(r[1], f[1]) + dot(r[2], f[2])) + 1.0e-9;
-        vec3 omega = turn / scale;
-        float angle = length(omega);
-        if (angle < POLAR_DONE) break;
-        q = normalize(compose(vec4(omega * (sin(0.5 * angle) / angle), cos(0.5 * angle)), q));
-    }
-    return q;
-}
-
 // 2 mu sym(E) + lambda tr(E) I.
 mat3 stress(mat3 e, float mu, float lambda) {
     float pressure = lambda * (e[0][0] + e[1][1] + e[2][2]);

@@ -1,25 +1,33 @@
-// The coarse level: what A does to the modes of a body's blocks, at rest, inverted. A block has twelve rows of that, each as
-// long as its body has modes. Needs `coarse_blocks` (first texel of its rows, first slot of its body, texels in a row: none
-// where the body has no coarse level; its slot) and `coarse_inverse`.
+// The coarse level: what A does to the modes of a body's blocks, at rest, inverted and scaled to a diagonal of one, in half
+// precision: eight numbers a texel. A block has twelve rows of that, each as long as its body has modes. Needs
+// `coarse_blocks` (first texel of its rows, first slot of its body, modes of that over four: none where the body has no
+// coarse level; its slot), `coarse_inverse` and `coarse_scales` (three a slot: the roots of the inverse's diagonal).
 
 struct CoarseBlock {
     uint matrix;
-    uint first;                 // texel of the body's first slot
-    uint texels;                // of four modes each
+    uint first;                 // texel of the body's first modes, four each
+    uint texels;
+    uint own;                   // texel of its own
 };
 
 CoarseBlock coarse_block(uint b) {
     uvec4 x = texelFetch(coarse_blocks, int(b));
-    return CoarseBlock(x.x, 3 * x.y, x.z);
+    return CoarseBlock(x.x, 3 * x.y, x.z, 3 * x.w);
 }
 
-// What the texel `k` of modes gives to the block's twelve products.
-vec4[3] coarse_products(CoarseBlock block, uint k, vec4 modes) {
-    vec4 products[3];
+// Texels of a row of the inverse.
+uint row_texels(CoarseBlock block) { return (block.texels + 1) / 2; }
+
+vec4 coarse_scale(uint at) { return texelFetch(coarse_scales, int(at)); }
+
+// What eight scaled modes, those of the texel `k` of a row, give to the block's twelve products.
+void add_products(inout vec4 products[3], CoarseBlock block, uint k, vec4 low, vec4 high) {
+    uint stride = row_texels(block);
     for (uint row = 0; row < 3; row++) {
         for (uint j = 0; j < 4; j++) {
-            products[row][j] = dot(texelFetch(coarse_inverse, int(block.matrix + (4 * row + j) * block.texels + k)), modes);
+            uvec4 halves = texelFetch(coarse_inverse, int(block.matrix + (4 * row + j) * stride + k));
+            products[row][j] += dot(vec4(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y)), low)
+                + dot(vec4(unpackHalf2x16(halves.z), unpackHalf2x16(halves.w)), high);
         }
     }
-    return products;
 }

@@ -7,7 +7,7 @@
 // + h c v_t) of each node, plus what the last solve left undone (its b - A x: impulse that would be lost, step by step in the
 // same smooth shapes, since a warm start leaves those to the end); the inverse of its 3x3 diagonal block of A; the sums
 // b . D^-1 b and (e . D^-1 e) eps^2, e the sum of the magnitudes that b is made of: what rounding leaves of b at rest; and
-// P^T b of the block's modes. Nodes that dynamic cores carry keep their blocks as they are, for the core's; held nodes are
+// P^T b of the block's modes, and how it has turned (the rotation of its nodes' affine fit). Nodes that dynamic cores carry keep their blocks as they are, for the core's; held nodes are
 // in no block. A workgroup a block of nodes. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
@@ -22,26 +22,31 @@ layout(scalar, binding = 2) readonly buffer Frames { Frame frames[]; };
 layout(binding = 3) uniform usamplerBuffer blocks;
 layout(binding = 4) uniform usamplerBuffer block_nodes;
 layout(binding = 5) uniform samplerBuffer block_places;     // middle in the frame, 1 / size
-layout(binding = 6) uniform usamplerBuffer coarse_blocks;
-layout(binding = 7) uniform samplerBuffer node_rest;        // w: mass, kg
-layout(binding = 8) uniform samplerBuffer velocity;
-layout(binding = 9) uniform usamplerBuffer node_elements;
-layout(binding = 10) uniform samplerBuffer element_forces;
-layout(binding = 11) uniform samplerBuffer gradients;
-layout(scalar, binding = 12) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar, binding = 13) readonly buffer Sorted { uvec2 sorted[]; };
-layout(scalar, binding = 14) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 15) uniform samplerBuffer leftover;        // b - A x of the last step
-layout(scalar, binding = 16) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 17) writeonly buffer Rhs { vec4 rhs[]; };
-layout(scalar, binding = 18) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
-layout(scalar, binding = 19) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
-layout(scalar, binding = 20) writeonly buffer Partials { vec2 partials[]; };
-layout(scalar, binding = 21) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
+layout(binding = 6) uniform samplerBuffer block_moments;    // inverse of sum x x^T: xx yy zz, xy xz yz
+layout(binding = 7) uniform usamplerBuffer coarse_blocks;
+layout(binding = 8) uniform samplerBuffer node_rest;        // w: mass, kg
+layout(binding = 9) uniform samplerBuffer velocity;
+layout(binding = 10) uniform samplerBuffer displacement;
+layout(binding = 11) uniform usamplerBuffer node_elements;
+layout(binding = 12) uniform samplerBuffer element_forces;
+layout(binding = 13) uniform samplerBuffer gradients;
+layout(scalar, binding = 14) readonly buffer NodeEntries { uvec2 node_entries[]; };
+layout(scalar, binding = 15) readonly buffer Sorted { uvec2 sorted[]; };
+layout(scalar, binding = 16) readonly buffer Contacts { Contact contacts[]; };
+layout(binding = 17) uniform samplerBuffer leftover;        // b - A x of the last step
+layout(scalar, binding = 18) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 19) writeonly buffer Rhs { vec4 rhs[]; };
+layout(scalar, binding = 20) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
+layout(scalar, binding = 21) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
+layout(scalar, binding = 22) writeonly buffer Partials { vec2 partials[]; };
+layout(scalar, binding = 23) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
+layout(scalar, binding = 24) buffer BlockRotations { vec4 block_rotations[]; };  // of blocks in their frames, kept as the next start
+layout(scalar, binding = 25) writeonly buffer BlockTurns { vec4 block_turns[]; };        // the same in the world: of their modes
 
-const uint SUMS = 4;
+const uint SUMS = 7;
 
 #include "shared/rotation.glsl"
+#include "shared/polar.glsl"
 #include "shared/sums.glsl"
 #include "shared/blocks.glsl"
 #include "shared/modes.glsl"
@@ -88,12 +93,19 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
     }
 }
 
+// How a block has turned in its frame: the polar part of I + sum d x^T (sum x x^T)^-1 / size; `sums`: d x^T.
+vec4 rotation_of(uint b, float inverse_size, mat3 sums) {
+    vec3 d = texelFetch(block_moments, int(2 * b)).xyz, o = texelFetch(block_moments, int(2 * b + 1)).xyz;
+    mat3 moments = mat3(d.x, o.x, o.y, o.x, d.y, o.z, o.y, o.z, d.z);
+    return polar(mat3(1.0) + inverse_size * sums * moments, block_rotations[b]);
+}
+
 void main() {
     uint lane = gl_LocalInvocationID.x;
     Block block = block_of(gl_WorkGroupID.x);
     vec4 place = texelFetch(block_places, int(gl_WorkGroupID.x)), turn = frames[block.frame].rotation;
     float h = params.dt, alpha = materials[block.frame].z;
-    Modes modes = no_modes();
+    Modes modes = no_modes(), moved = no_modes();
     vec2 sums = vec2(0.0);
     for (uint at = lane; at < block.count; at += SIZE) {
         uvec4 node = block_node(block, at);
@@ -136,7 +148,11 @@ void main() {
         vec3 z = vec3(diagonal.x * b.x + off.x * b.y + off.y * b.z, off.x * b.x + diagonal.y * b.y + off.z * b.z,
             off.y * b.x + off.z * b.y + diagonal.z * b.z);
         sums += vec2(dot(b, z), ROUNDING * dot(e, ROUNDING * e * diagonal));
-        if (COARSE) add_modes(modes, b, (rest.xyz - place.xyz) * place.w);
+        if (COARSE) {
+            vec3 where = (rest.xyz - place.xyz) * place.w;
+            add_modes(modes, b, where);
+            add_modes(moved, texelFetch(displacement, i).xyz, where);
+        }
         preconditioned[i] = vec4(z, 0.0);
         inverse[2 * i] = vec4(diagonal, 0.0);
         inverse[2 * i + 1] = vec4(off, 0.0);
@@ -150,11 +166,17 @@ void main() {
             modes.c1 += vec3(rigid.leftover[3], rigid.leftover[4], rigid.leftover[5]);
         }
     }
-    vec4 columns[3] = packed(modes);
-    vec4 totals[SUMS] = vec4[SUMS](vec4(sums, 0.0, 0.0), columns[0], columns[1], columns[2]);
-    workgroup_sums(totals, COARSE || block.rigid != NONE ? 4 : 1);
+    vec4 p[3] = packed(modes);
+    vec4 totals[SUMS] = vec4[SUMS](vec4(sums, 0.0, 0.0), p[0], p[1], p[2], vec4(moved.c1, 0.0), vec4(moved.c2, 0.0), vec4(moved.c3, 0.0));
+    workgroup_sums(totals, COARSE ? 7 : (block.rigid != NONE ? 4 : 1));
     if (lane != 0) return;
     partials[gl_WorkGroupID.x] = totals[0].xy;
-    columns = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
-    for (int k = 0; k < 3; k++) restricted_rhs[3 * slot_of(gl_WorkGroupID.x) + k] = columns[k];
+    if (COARSE && block.rigid == NONE) {
+        vec4 q = rotation_of(gl_WorkGroupID.x, place.w, mat3(totals[4].xyz, totals[5].xyz, totals[6].xyz));
+        block_rotations[gl_WorkGroupID.x] = q;
+        turn = compose(turn, q);
+    }
+    block_turns[gl_WorkGroupID.x] = turn;
+    p = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
+    for (int k = 0; k < 3; k++) restricted_rhs[3 * slot_of(gl_WorkGroupID.x) + k] = p[k];
 }

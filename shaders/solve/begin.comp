@@ -12,7 +12,7 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 3) const bool COARSE = false;
 
 layout(scalar, binding = 0) readonly buffer SolveIn { Solve solve; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(binding = 1) uniform samplerBuffer block_turns;
 layout(binding = 2) uniform usamplerBuffer blocks;
 layout(binding = 3) uniform usamplerBuffer block_nodes;
 layout(binding = 4) uniform samplerBuffer block_places;
@@ -48,7 +48,7 @@ Modes coarse_start(uint slot, vec4 turn) {
 void main() {
     uint b = gl_WorkGroupID.x;
     Block block = block_of(b);
-    vec4 place = texelFetch(block_places, int(b)), turn = frames[block.frame].rotation;
+    vec4 place = texelFetch(block_places, int(b)), turn = texelFetch(block_turns, int(b));
     Modes modes = no_modes();
     if (COARSE) {
         uint slot = slot_of(b);

@@ -27,7 +27,7 @@ layout(push_constant) uniform Which { uint set; };      // of iterates: what hol
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Materials { vec4 materials[]; };
-layout(scalar, binding = 2) readonly buffer Frames { Frame frames[]; };
+layout(binding = 2) uniform samplerBuffer block_turns;
 layout(binding = 3) uniform usamplerBuffer blocks;
 layout(binding = 4) uniform usamplerBuffer block_nodes;
 layout(binding = 5) uniform samplerBuffer block_places;
@@ -84,7 +84,7 @@ vec3 three(float six[6], int from) { return vec3(six[from], six[from + 1], six[f
 // The nodes of a block: their share of the inner products, and of the sums over modes, in world axes.
 void gather_block(uint b, inout vec2 sums, inout Modes of_image, inout Modes of_residual) {
     Block block = block_of(b);
-    vec4 place = texelFetch(block_places, int(b)), turn = frames[block.frame].rotation;
+    vec4 place = texelFetch(block_places, int(b)), turn = texelFetch(block_turns, int(b));
     float inertia = 1.0 + params.dt * materials[block.frame].z;
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uvec4 node = block_node(block, at);
@@ -160,7 +160,7 @@ void main() {
     dots[b] = totals[0].xy;
     if (ROLE == FREE_NODES && !COARSE) return;
     uint slot = ROLE == TOOL_ROWS ? BLOCKS : slot_of(b);
-    vec4 turn = ROLE == TOOL_ROWS ? vec4(0.0, 0.0, 0.0, 1.0) : frames[texelFetch(blocks, int(b)).z].rotation;
+    vec4 turn = ROLE == TOOL_ROWS ? vec4(0.0, 0.0, 0.0, 1.0) : texelFetch(block_turns, int(b));
     w = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
     r = packed(to_frame(unpacked(totals[4], totals[5], totals[6]), turn));
     for (int k = 0; k < 3; k++) {

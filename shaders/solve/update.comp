@@ -25,33 +25,34 @@ layout(constant_id = 11) const bool LEADS = true;       // of the variants, the 
 layout(push_constant) uniform Which { uint set; };      // to read; the other is written
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(binding = 1) uniform samplerBuffer block_turns;
 layout(binding = 2) uniform usamplerBuffer blocks;
 layout(binding = 3) uniform usamplerBuffer block_nodes;
 layout(binding = 4) uniform samplerBuffer block_places;
 layout(binding = 5) uniform samplerBuffer node_rest;
 layout(binding = 6) uniform usamplerBuffer coarse_blocks;
-layout(binding = 7) uniform samplerBuffer coarse_inverse;
-layout(scalar, binding = 8) readonly buffer Dots { vec2 dots[]; };
-layout(binding = 9) uniform samplerBuffer restricted_image;         // P^T w
-layout(binding = 10) uniform samplerBuffer restricted_residual;     // P^T r
-layout(binding = 11) uniform samplerBuffer image;                   // w
-layout(binding = 12) uniform samplerBuffer inverse;
-layout(binding = 13) uniform samplerBuffer residual;
-layout(binding = 14) uniform samplerBuffer preconditioned;
-layout(binding = 15) uniform samplerBuffer direction;
-layout(binding = 16) uniform samplerBuffer direction_image;
-layout(scalar, binding = 17) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 18) buffer SolveInOut { Solve solve; };
-layout(scalar, binding = 19) buffer Iterations { Iteration iterations[2]; };
-layout(scalar, binding = 20) buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 21) buffer RestrictedDirection { vec4 restricted_direction[]; };       // P^T s
-layout(scalar, binding = 22) buffer Solution { vec4 solution[]; };
-layout(scalar, binding = 23) writeonly buffer NextResidual { vec4 next_residual[]; };
-layout(scalar, binding = 24) writeonly buffer NextPreconditioned { vec4 next_preconditioned[]; };
-layout(scalar, binding = 25) writeonly buffer NextDirection { vec4 next_direction[]; };
-layout(scalar, binding = 26) writeonly buffer NextDirectionImage { vec4 next_direction_image[]; };
-layout(scalar, binding = 27) writeonly buffer Args { uint args[]; };
+layout(binding = 7) uniform usamplerBuffer coarse_inverse;
+layout(binding = 8) uniform samplerBuffer coarse_scales;
+layout(scalar, binding = 9) readonly buffer Dots { vec2 dots[]; };
+layout(binding = 10) uniform samplerBuffer restricted_image;         // P^T w
+layout(binding = 11) uniform samplerBuffer restricted_residual;     // P^T r
+layout(binding = 12) uniform samplerBuffer image;                   // w
+layout(binding = 13) uniform samplerBuffer inverse;
+layout(binding = 14) uniform samplerBuffer residual;
+layout(binding = 15) uniform samplerBuffer preconditioned;
+layout(binding = 16) uniform samplerBuffer direction;
+layout(binding = 17) uniform samplerBuffer direction_image;
+layout(scalar, binding = 18) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 19) buffer SolveInOut { Solve solve; };
+layout(scalar, binding = 20) buffer Iterations { Iteration iterations[2]; };
+layout(scalar, binding = 21) buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 22) buffer RestrictedDirection { vec4 restricted_direction[]; };       // P^T s
+layout(scalar, binding = 23) buffer Solution { vec4 solution[]; };
+layout(scalar, binding = 24) writeonly buffer NextResidual { vec4 next_residual[]; };
+layout(scalar, binding = 25) writeonly buffer NextPreconditioned { vec4 next_preconditioned[]; };
+layout(scalar, binding = 26) writeonly buffer NextDirection { vec4 next_direction[]; };
+layout(scalar, binding = 27) writeonly buffer NextDirectionImage { vec4 next_direction_image[]; };
+layout(scalar, binding = 28) writeonly buffer Args { uint args[]; };
 
 const uint SUMS = 3;
 
@@ -102,23 +103,30 @@ bool next_scalars(out Scalars scalars) {
     return true;
 }
 
+// Four scaled modes of the new r; zero beyond the body's.
+vec4 next_modes(CoarseBlock block, uint k, uint read, Scalars scalars) {
+    if (k >= block.texels) return vec4(0.0);
+    uint at = block.first + k;
+    vec4 s = texelFetch(restricted_image, int(at)) + scalars.beta * restricted_direction[read + at];
+    return coarse_scale(at) * (texelFetch(restricted_residual, int(at)) - scalars.alpha * s);
+}
+
 // A_c^-1 P^T r of the block's modes with the new r, in their frame; the block's share of P^T s.
 vec4[3] coarse_correction(uint b, Scalars scalars) {
     CoarseBlock block = coarse_block(b);
     uint read = set * 3 * BLOCKS, write = (1 - set) * 3 * BLOCKS;
     vec4 totals[SUMS] = vec4[SUMS](vec4(0.0), vec4(0.0), vec4(0.0));
-    for (uint k = gl_LocalInvocationID.x; k < block.texels; k += SIZE) {
-        uint at = block.first + k;
-        vec4 s = texelFetch(restricted_image, int(at)) + scalars.beta * restricted_direction[read + at];
-        vec4 products[3] = coarse_products(block, k, texelFetch(restricted_residual, int(at)) - scalars.alpha * s);
-        for (int row = 0; row < 3; row++) totals[row] += products[row];
+    for (uint k = gl_LocalInvocationID.x; k < row_texels(block); k += SIZE) {
+        vec4 low = next_modes(block, 2 * k, read, scalars), high = next_modes(block, 2 * k + 1, read, scalars);
+        add_products(totals, block, k, low, high);
     }
     if (gl_LocalInvocationID.x < 3) {
-        uint at = 3 * slot_of(b) + gl_LocalInvocationID.x;
+        uint at = block.own + gl_LocalInvocationID.x;
         restricted_direction[write + at] =
             texelFetch(restricted_image, int(at)) + scalars.beta * restricted_direction[read + at];
     }
     workgroup_sums(totals, 3);
+    for (int row = 0; row < 3; row++) totals[row] *= block.texels > 0 ? coarse_scale(block.own + row) : vec4(0.0);
     return totals;
 }
 
@@ -198,7 +206,7 @@ void main() {
     }
     uint b = FIRST + gl_WorkGroupID.x;
     Block block = block_of(b);
-    vec4 turn = frames[block.frame].rotation;
+    vec4 turn = texelFetch(block_turns, int(b));
     Modes modes = no_modes();
     if (COARSE) {
         vec4 z[3] = coarse_correction(b, scalars);

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use super::layers::held;
 use super::model::{Model, texel};
@@ -15,6 +15,9 @@ const USUAL_NODES: usize = 128;
 const MOST_BLOCKS: usize = 256;
 /// Carried nodes of a block.
 const CARRIED_NODES: usize = 256;
+
+/// Added to the moments of a block's shape, of its size squared.
+const LEAST_SPREAD: f64 = 1e-4;
 
 /// What the solver's passes go by.
 #[derive(Debug, Clone, Default)]
@@ -29,6 +32,8 @@ pub struct Blocks {
     pub nodes: Vec<[u32; 4]>,
     /// Middle of a block's nodes in their frame, m, and 1 over its size, 1/m.
     pub places: Vec<[f32; 4]>,
+    /// Inverse of the sum of x x^T over a block's nodes, x their places about its middle over its size: xx yy zz, xy xz yz.
+    pub moments: Vec<[f32; 4]>,
     /// Of each core: nodes; blocks.
     pub cores: Vec<(Range<usize>, Range<usize>)>,
 }
@@ -114,7 +119,14 @@ impl Blocks {
         let places = || nodes.iter().map(|n| model.place_in_frame(*n));
         let middle = places().sum::<DVec3>() / nodes.len() as f64;
         let size = places().map(|x| x.distance(middle)).fold(0.0, f64::max);
-        self.places.push(texel(middle, if size > 0.0 { 1.0 / size } else { 0.0 }));
+        let inverse_size = if size > 0.0 { 1.0 / size } else { 0.0 };
+        self.places.push(texel(middle, inverse_size));
+        let square = |x: DVec3| DMat3::from_cols(x * x.x, x * x.y, x * x.z);
+        let sum = places().fold(DMat3::ZERO, |sum, x| sum + square((x - middle) * inverse_size));
+        // Where nodes lie in a plane or a row: nothing is known across, and the fit leaves it as at rest.
+        let inverse = (sum + DMat3::IDENTITY * (LEAST_SPREAD * nodes.len() as f64)).inverse();
+        self.moments.push(texel(DVec3::new(inverse.x_axis.x, inverse.y_axis.y, inverse.z_axis.z), 0.0));
+        self.moments.push(texel(DVec3::new(inverse.y_axis.x, inverse.z_axis.x, inverse.z_axis.y), 0.0));
         let info = |n: &u32| model.node_info[*n as usize];
         self.nodes.extend(nodes.iter().map(|n| [*n, info(n)[0], info(n)[1], 0]));
     }

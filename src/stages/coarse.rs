@@ -25,10 +25,13 @@ const REGULAR: f64 = 1e-6;
 /// The coarse level of all bodies that have one.
 #[derive(Debug, Clone, Default)]
 pub struct Coarse {
-    /// First texel of a block's rows, first slot of its body, texels in a row (none without a coarse level), its slot.
+    /// First texel of a block's rows, first slot of its body, that body's modes over four (none without a coarse level), its
+    /// slot.
     pub blocks: Vec<[u32; 4]>,
-    /// Rows of the inverses.
-    pub inverse: Vec<[f32; 4]>,
+    /// Rows of the inverses, scaled to a diagonal of one: half precision, eight numbers a texel.
+    pub inverse: Vec<[u32; 4]>,
+    /// The roots of the inverses' diagonals; three texels a slot.
+    pub scales: Vec<[f32; 4]>,
     /// Bodies that have it, with their stiffness number and their aggregates.
     pub bodies: Vec<(usize, f64, usize)>,
 }
@@ -47,8 +50,9 @@ impl Model {
         };
         let wanted: Vec<_> = (0..self.soft.len()).map(wanted).collect();
         self.add_blocks(|index| wanted[index].map(|(_, count)| count));
-        let blocks = self.blocks.slots.iter().map(|slot| [0, 0, 0, *slot]).collect();
-        let mut coarse = Coarse { blocks, ..Coarse::default() };
+        let blocks: Vec<_> = self.blocks.slots.iter().map(|slot| [0, 0, 0, *slot]).collect();
+        let scales = vec![[0.0; 4]; if wanted.iter().any(Option::is_some) { 3 * blocks.len() } else { 0 }];
+        let mut coarse = Coarse { blocks, scales, ..Coarse::default() };
         for (index, (number, count)) in wanted.iter().enumerate().filter_map(|(i, w)| w.map(|w| (i, w))) {
             if self.invert_coarse(index, dt, &mut coarse) {
                 coarse.bodies.push((self.soft[index].body, number, count));
@@ -103,19 +107,23 @@ impl Model {
         });
         let Ok(factor) = packed.llt(Side::Lower) else { return false };
         let inverse = factor.inverse();
-        let texels = size / 4;
+        let texels = size.div_ceil(8);
         let first_texel = coarse.inverse.len();
-        let mut rows = vec![[0.0f32; 4]; size * texels];
+        let mut rows = vec![half::f16::ZERO; size * 8 * texels];
+        let scales: Vec<f64> = (0..used.len()).map(|i| inverse[(i, i)].sqrt()).collect();
         for (i, row) in used.iter().enumerate() {
             for (j, column) in used.iter().enumerate() {
                 // Symmetric to the last bit.
-                rows[row * texels + column / 4][column % 4] = inverse[(i.max(j), i.min(j))] as f32;
+                let value = inverse[(i.max(j), i.min(j))] / (scales[i] * scales[j]);
+                rows[row * 8 * texels + column] = half::f16::from_f64(value);
             }
+            coarse.scales[3 * first_slot as usize + row / 4][row % 4] = scales[i] as f32;
         }
-        coarse.inverse.extend(rows);
+        let pair = |x: &[half::f16]| u32::from(x[0].to_bits()) | u32::from(x[1].to_bits()) << 16;
+        coarse.inverse.extend(rows.chunks(8).map(|x| [0, 2, 4, 6].map(|k| pair(&x[k..]))));
         (0..blocks.len()).for_each(|k| {
             let first = first_texel + k * MODES * texels;
-            coarse.blocks[blocks[k]] = [first as u32, first_slot, texels as u32, first_slot + k as u32];
+            coarse.blocks[blocks[k]] = [first as u32, first_slot, (size / 4) as u32, first_slot + k as u32];
         });
         true
     }

@@ -18,6 +18,9 @@ enum Change {
     Preconditioned { set: u32 },
 }
 
+/// No rotation, a quaternion.
+const UNTURNED: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+
 /// Kernels and vectors, a vec4 a node.
 pub struct Solve {
     assemble: Kernel,
@@ -38,8 +41,12 @@ pub struct Solve {
     blocks: Buffer,
     block_nodes: Buffer,
     block_places: Buffer,
+    block_moments: Buffer,
+    block_rotations: Buffer,
+    block_turns: Buffer,
     coarse_blocks: Buffer,
     coarse_inverse: Buffer,
+    coarse_scales: Buffer,
     restricted_rhs: Buffer,
     restricted_image: Buffer,
     restricted_residual: Buffer,
@@ -153,8 +160,12 @@ impl Solve {
             blocks: upload_or_nothing(context, "blocks", &model.blocks.blocks)?,
             block_nodes: upload_or_nothing(context, "nodes of blocks", &model.blocks.nodes)?,
             block_places: upload_or_nothing(context, "places of blocks", &model.blocks.places)?,
+            block_moments: upload_or_nothing(context, "moments of blocks", &model.blocks.moments)?,
+            block_rotations: upload(context, "rotations of blocks", &vec![UNTURNED; block_count.max(1)])?,
+            block_turns: upload(context, "turns of blocks", &vec![UNTURNED; block_count.max(1)])?,
             coarse_blocks: upload_or_nothing(context, "coarse blocks", &model.coarse.blocks)?,
             coarse_inverse: upload_or_nothing(context, "coarse inverse", &model.coarse.inverse)?,
+            coarse_scales: upload_or_nothing(context, "coarse scales", &model.coarse.scales)?,
             restricted_rhs: modes("restricted right-hand side", 1)?,
             restricted_image: modes("restricted image", 1)?,
             restricted_residual: coarse_modes("restricted residual", 1)?,
@@ -205,9 +216,11 @@ impl Solve {
                 &self.blocks,
                 &self.block_nodes,
                 &self.block_places,
+                &self.block_moments,
                 &self.coarse_blocks,
                 &elastic.node_rest,
                 &elastic.velocity,
+                &elastic.displacement,
                 &elastic.node_elements,
                 &elastic.element_forces,
                 &elastic.gradients,
@@ -221,6 +234,8 @@ impl Solve {
                 &self.inverse,
                 &self.partials,
                 &self.restricted_rhs,
+                &self.block_rotations,
+                &self.block_turns,
             ],
             &[],
             self.block_count,
@@ -261,7 +276,7 @@ impl Solve {
             &self.begin,
             &[
                 &self.state,
-                &common.frames,
+                &self.block_turns,
                 &self.blocks,
                 &self.block_nodes,
                 &self.block_places,
@@ -295,13 +310,14 @@ impl Solve {
             self.record_gather(recorder, common, elastic, &self.gather_loop, Some(set));
             let buffers = [
                 &common.params,
-                &common.frames,
+                &self.block_turns,
                 &self.blocks,
                 &self.block_nodes,
                 &self.block_places,
                 &elastic.node_rest,
                 &self.coarse_blocks,
                 &self.coarse_inverse,
+                &self.coarse_scales,
                 &self.dots,
                 &self.restricted_image,
                 &self.restricted_residual,
@@ -384,6 +400,7 @@ impl Solve {
         let buffers = [
             &self.coarse_blocks,
             &self.coarse_inverse,
+            &self.coarse_scales,
             rhs,
             &self.restricted_image,
             &self.coarse_rhs,
@@ -442,7 +459,7 @@ impl Solve {
         let buffers = [
             &common.params,
             &elastic.materials,
-            &common.frames,
+            &self.block_turns,
             &self.blocks,
             &self.block_nodes,
             &self.block_places,
