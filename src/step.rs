@@ -31,6 +31,8 @@ use recordings::{Recordings, Stages};
 const SPARE_ITERATIONS: u32 = 4;
 /// Submits of one step at most; beyond, the device does not keep its word.
 const MOST_SUBMITS: u32 = 64;
+/// Tetrahedra below which one thread of a CPU is faster than two (see README, "Measured facts").
+const LITTLE_WORK: usize = 30_000;
 /// Every so many steps are timed, unless [`Simulation::time_every`] says otherwise: timestamps split the work and cost up to
 /// a millisecond on some drivers.
 pub const TIMED_EVERY: u64 = 8;
@@ -68,7 +70,8 @@ impl Simulation {
         let tool = scene.tool.as_ref().zip(tool_body.as_ref()).map(|(spec, body)| tool_of(scene, spec.mass, body));
         let (probes, probe_nodes) = probes_of(scene, &bodies, &model)?;
 
-        let context = Context::new(options)?;
+        let one_thread = options.one_thread && model.tetrahedra.len() < LITTLE_WORK;
+        let context = Context::new(&Options { one_thread, ..options.clone() })?;
         let asked = path.or(scene.contact.depth);
         let choice = if model.needs_depth() { Some(Choice::new(&context, asked, &Cache::of_user())?) } else { None };
         let path = choice.as_ref().map(|choice| choice.path);

@@ -18,7 +18,7 @@ const WINDOW: usize = 5;
 /// Runs a press that goes in at constant speed; the force is nothing before the touch, then rises smoothly; no flags.
 fn judge(name: &str, scene: &Scene, steps: usize) {
     // Validation is for the small scenes: these are long.
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false };
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() };
     let mut simulation = Simulation::new(scene, &options, None).unwrap();
     let rows: Vec<Row> = (0..steps).map(|_| simulation.step().unwrap()).collect();
     let force: Vec<f64> = rows.iter().map(|row| row.tool.unwrap().force.length()).collect();

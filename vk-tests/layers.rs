@@ -56,7 +56,7 @@ fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
 
 /// Validation is for the small scenes.
 fn options() -> Options {
-    Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false }
+    Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() }
 }
 
 /// The block's surface, cut as finely as `cells`.

@@ -1,7 +1,10 @@
-// The rotation nearest to a matrix, by Mueller et al. 2016, "A Robust Method to Extract the Rotational Part of Deformations":
-// started at a guess, proper, and steady under inversion. Needs shared/rotation.glsl.
+// The rotation nearest to a matrix F, from a guess. Where R^T F has a symmetric part S that is far from singular, Newton's
+// step to a symmetric R^T F, (tr(S) I - S) w = axial(R^T F), which converges quadratically: from the last step's rotation
+// mostly one round. Elsewhere the step of Mueller et al. 2016, "A Robust Method to Extract the Rotational Part of
+// Deformations", w = axial(R^T F) / |tr(R^T F)|: slower, but proper and steady under inversion. Needs shared/rotation.glsl.
 
 const uint POLAR_ROUNDS = 40;
+const float NEWTON_DONE = 1.0e-4;       // rad; what is left after such a step is its square
 const float POLAR_DONE = 1.0e-7;        // rad; f32 resolves no less
 
 mat3 matrix_of(vec4 q) {
@@ -10,13 +13,23 @@ mat3 matrix_of(vec4 q) {
 
 vec4 polar(mat3 f, vec4 q) {
     for (uint k = 0; k < POLAR_ROUNDS; k++) {
-        mat3 r = matrix_of(q);
-        vec3 turn = cross(r[0], f[0]) + cross(r[1], f[1]) + cross(r[2], f[2]);
-        float scale = abs(dot(r[0], f[0]) + dot(r[1], f[1]) + dot(r[2], f[2])) + 1.0e-9;
-        vec3 omega = turn / scale;
-        float angle = length(omega);
-        if (angle < POLAR_DONE) break;
-        q = normalize(compose(vec4(omega * (sin(0.5 * angle) / angle), cos(0.5 * angle)), q));
+        mat3 m = transpose(matrix_of(q)) * f;
+        vec3 axial = vec3(m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]);
+        // h = tr(S) I - S: diagonal `d`, off the diagonal `o` (yz, xz, xy); its adjugate the same way.
+        vec3 d = vec3(m[1][1] + m[2][2], m[0][0] + m[2][2], m[0][0] + m[1][1]);
+        vec3 o = -0.5 * vec3(m[1][2] + m[2][1], m[0][2] + m[2][0], m[0][1] + m[1][0]);
+        vec3 minor = d.yzx * d.zxy - o * o, across = o.yzx * o.zxy - o * d;
+        float determinant = d.x * minor.x + o.z * across.z + o.y * across.y;
+        float trace = m[0][0] + m[1][1] + m[2][2];
+        bool newton = d.x > 0.0 && minor.z > 0.0 && determinant > 0.05 * trace * trace * trace && trace > 0.0;
+        vec3 turn = vec3(minor.x * axial.x + across.z * axial.y + across.y * axial.z,
+            across.z * axial.x + minor.y * axial.y + across.x * axial.z,
+            across.y * axial.x + across.x * axial.y + minor.z * axial.z);
+        vec3 omega = newton ? turn / determinant : axial / (abs(trace) + 1.0e-9);
+        float angle2 = dot(omega, omega), done = newton ? NEWTON_DONE : POLAR_DONE;
+        if (!newton && angle2 < done * done) break;
+        q = normalize(compose(q, vec4(0.5 * omega, 1.0)));
+        if (newton && angle2 < done * done) break;
     }
     return q;
 }

@@ -1,18 +1,32 @@
-// Sums over a workgroup of several vectors at once, in fixed order (a tree); every lane gets the totals. Needs SIZE, a
-// power of two, and SUMS, how many vectors at most.
+// Sums over a workgroup of several vectors at once, in fixed order; every lane gets the totals. Lanes take numbers, not
+// vectors: each sums one number of all lanes, or of a part of them where there are lanes enough. Needs SIZE and SUMS, how
+// many vectors at most.
 
-shared vec4 sums_partial[SUMS * SIZE];
+const uint SUM_PARTS = SIZE > 32 ? SIZE / 32 : 1;
+const uint SUM_SHARE = SIZE / SUM_PARTS;
+
+shared float sums_of_lanes[4 * SUMS * SIZE];
+shared float sums_of_parts[4 * SUMS * SUM_PARTS];
 
 void workgroup_sums(inout vec4 values[SUMS], uint count) {
-    uint lane = gl_LocalInvocationID.x;
-    for (uint k = 0; k < count; k++) sums_partial[k * SIZE + lane] = values[k];
-    for (uint width = SIZE / 2; width > 0; width /= 2) {
-        barrier();
-        if (lane < width) {
-            for (uint k = 0; k < count; k++) sums_partial[k * SIZE + lane] += sums_partial[k * SIZE + lane + width];
-        }
+    uint lane = gl_LocalInvocationID.x, numbers = 4 * count;
+    for (uint k = 0; k < count; k++) {
+        for (uint l = 0; l < 4; l++) sums_of_lanes[(4 * k + l) * SIZE + lane] = values[k][l];
     }
     barrier();
-    for (uint k = 0; k < count; k++) values[k] = sums_partial[k * SIZE];
+    for (uint at = lane; at < numbers * SUM_PARTS; at += SIZE) {
+        uint first = (at / SUM_PARTS) * SIZE + (at % SUM_PARTS) * SUM_SHARE;
+        float sum = 0.0;
+        for (uint k = first; k < first + SUM_SHARE; k++) sum += sums_of_lanes[k];
+        sums_of_parts[at] = sum;
+    }
+    barrier();
+    for (uint k = 0; k < count; k++) {
+        for (uint l = 0; l < 4; l++) {
+            float sum = 0.0;
+            for (uint part = 0; part < SUM_PARTS; part++) sum += sums_of_parts[(4 * k + l) * SUM_PARTS + part];
+            values[k][l] = sum;
+        }
+    }
     barrier();
 }

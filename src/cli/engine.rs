@@ -52,7 +52,7 @@ pub struct SkinResult {
 impl Engine {
     /// Prepares the scene, opens the device (a name, an index, or the best one) and records the step.
     pub fn open(scene: &Scene, device: Option<&str>) -> Result<Self> {
-        let options = Options { device: device.map(String::from), validation: false };
+        let options = Options { device: device.map(String::from), one_thread: true, ..Options::default() };
         let simulation = Simulation::new(scene, &options, None)?;
         Ok(Engine { simulation, stages: Vec::new(), iterations: 0, steps: 0 })
     }

@@ -87,7 +87,7 @@ pub fn query(arguments: &Arguments) -> Result<()> {
     let mut settings = QuerySettings::of(&a.body, &b.body);
     settings.direction = arguments.direction;
     settings.depth_limit = arguments.depth_limit.unwrap_or(settings.depth_limit);
-    let options = Options { device: arguments.device.clone(), validation: false };
+    let options = Options { device: arguments.device.clone(), ..Options::default() };
     let mut query = Query::new(&a.body, &b.body, &settings, &options, None)?;
     for note in a.notes().iter().chain(b.notes()) {
         // A closed stderr does not stop a query; the report carries the notes too.

@@ -11,7 +11,7 @@ use gpu_allocator::vulkan as memory;
 
 use super::debug::{Labels, Messages};
 use super::device::{self, Candidate, DeviceInfo, DeviceKind};
-use super::{cache, failed};
+use super::{cache, failed, threads};
 use crate::error::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -29,6 +29,11 @@ pub struct Options {
     pub device: Option<String>,
     /// Use the Khronos validation layer with synchronisation validation.
     pub validation: bool,
+    /// Have lavapipe work on the calling thread, which is faster where work is little: waking its threads costs some 50 us a
+    /// pass. Sets `LP_NUM_THREADS` in the environment, unless it is set: ask for it only where no other thread of the
+    /// process looks at the environment meanwhile. A [`Simulation`](crate::step::Simulation) of more work than that leaves
+    /// it.
+    pub one_thread: bool,
 }
 
 /// An open device. All calls may come from any thread; submits are serialised.
@@ -57,6 +62,7 @@ pub struct Context {
 impl Context {
     /// Opens a device. [`Error::NoDevice`] says what is missing and how to get it.
     pub fn new(options: &Options) -> Result<Arc<Context>> {
+        threads::choose(options.one_thread);
         let entry = load()?;
         let messages = Box::new(Messages::default());
         let (instance, debug) = create_instance(&entry, options.validation, &messages)?;

@@ -18,6 +18,7 @@ mod raster;
 mod recorder;
 mod recording;
 pub mod spirv;
+mod threads;
 
 pub use buffer::{Buffer, Mapped, MappedMut, Memory};
 pub use context::{Context, Options};

@@ -13,6 +13,8 @@ use super::types::NONE;
 const USUAL_NODES: usize = 128;
 /// Blocks of a body at most then: every workgroup sums over all of them.
 const MOST_BLOCKS: usize = 256;
+/// Rounds of clustering: more hardly change anything.
+const ROUNDS: usize = 5;
 /// Carried nodes of a block.
 const CARRIED_NODES: usize = 256;
 
@@ -44,8 +46,7 @@ impl Model {
         let mut blocks = Blocks::default();
         for (index, soft) in self.soft.iter().enumerate() {
             let free: Vec<u32> = soft.nodes.clone().filter(|n| self.node_info[*n][3] == held::FREE).map(|n| n as u32).collect();
-            let count = aggregates(index).unwrap_or(free.len().div_ceil(USUAL_NODES).min(MOST_BLOCKS));
-            for part in self.parts_of(free, count) {
+            for part in self.parts_of(free, aggregates(index)) {
                 blocks.push(self, &part, NONE);
             }
         }
@@ -72,36 +73,26 @@ impl Model {
         own.unwrap_or(self.soft.len())
     }
 
-    /// Nodes of one frame that lie together, about `count` parts of like size: recursive bisection across the longest side.
-    fn parts_of(&self, nodes: Vec<u32>, count: usize) -> Vec<Vec<u32>> {
+    /// Parts of one frame's nodes: so many that lie together each, or, without a number, in the order of the arrays.
+    fn parts_of(&self, nodes: Vec<u32>, aggregates: Option<usize>) -> Vec<Vec<u32>> {
         let total = nodes.len().max(1);
+        let usual = USUAL_NODES.max(nodes.len().div_ceil(MOST_BLOCKS));
         let mut by_frame: Vec<Vec<u32>> = vec![Vec::new(); self.frames.len()];
         nodes.iter().for_each(|n| by_frame[self.node_info[*n as usize][2] as usize].push(*n));
         let mut parts = Vec::new();
         for own in by_frame.into_iter().filter(|own| !own.is_empty()) {
-            let share = (count * own.len() + total / 2) / total;
-            self.bisect(own, share.max(1), &mut parts);
+            match aggregates {
+                Some(count) => {
+                    let share = ((count * own.len() + total / 2) / total).max(1);
+                    let places: Vec<DVec3> = own.iter().map(|n| self.place_in_frame(*n)).collect();
+                    let mut clusters = vec![Vec::new(); share];
+                    nearest(&places, share).iter().zip(&own).for_each(|(k, n)| clusters[*k].push(*n));
+                    parts.extend(clusters.into_iter().filter(|part| !part.is_empty()));
+                }
+                None => parts.extend(own.chunks(usual).map(<[u32]>::to_vec)),
+            }
         }
         parts
-    }
-
-    fn bisect(&self, mut nodes: Vec<u32>, count: usize, parts: &mut Vec<Vec<u32>>) {
-        if count <= 1 || nodes.len() <= 1 {
-            // In the order of the arrays: neighbours there are read together.
-            nodes.sort_unstable();
-            parts.push(nodes);
-            return;
-        }
-        let place = |n: &u32| self.place_in_frame(*n);
-        let low = nodes.iter().map(place).fold(DVec3::INFINITY, DVec3::min);
-        let high = nodes.iter().map(place).fold(DVec3::NEG_INFINITY, DVec3::max);
-        let axis = (high - low).to_array();
-        let axis = (0..3).max_by(|a, b| axis[*a].total_cmp(&axis[*b])).unwrap_or(0);
-        nodes.sort_by(|a, b| place(a)[axis].total_cmp(&place(b)[axis]).then(a.cmp(b)));
-        let left = count / 2;
-        let rest = nodes.split_off((nodes.len() * left).div_ceil(count));
-        self.bisect(nodes, left, parts);
-        self.bisect(rest, count - left, parts);
     }
 
     /// Rest place of a node in its frame, m.
@@ -109,6 +100,32 @@ impl Model {
         let [x, y, z, _] = self.node_rest[node as usize].map(f64::from);
         DVec3::new(x, y, z)
     }
+}
+
+/// Which of `count` clusters each place belongs to: means (Lloyd 1982) of what is nearest, from points far from each other
+/// (Gonzalez 1985).
+fn nearest(places: &[DVec3], count: usize) -> Vec<usize> {
+    let Some(first) = places.first() else { return Vec::new() };
+    let mut centres = vec![*first];
+    let mut distances = vec![f64::INFINITY; places.len()];
+    while centres.len() < count {
+        let newest = centres[centres.len() - 1];
+        distances.iter_mut().zip(places).for_each(|(d, x)| *d = d.min(x.distance_squared(newest)));
+        let farthest = (0..places.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b]));
+        centres.push(places[farthest.unwrap_or_default()]);
+    }
+    let mut own = vec![0; places.len()];
+    for _ in 0..ROUNDS {
+        let mut sums = vec![(DVec3::ZERO, 0.0); count];
+        for (own, x) in own.iter_mut().zip(places) {
+            let to = |k: &usize| centres[*k].distance_squared(*x);
+            *own = (0..count).min_by(|a, b| to(a).total_cmp(&to(b))).unwrap_or_default();
+            sums[*own] = (sums[*own].0 + *x, sums[*own].1 + 1.0);
+        }
+        let means = sums.iter().zip(&mut centres).filter(|((_, n), _)| *n > 0.0);
+        means.for_each(|((sum, n), centre)| *centre = *sum / *n);
+    }
+    own
 }
 
 impl Blocks {

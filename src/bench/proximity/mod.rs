@@ -116,7 +116,7 @@ pub struct Results {
 pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
     // Scenes with mistakes are refused before minutes are spent.
     let read = scenes::read(settings)?;
-    let context = Context::new(&Options { device: settings.device.clone(), validation: false })?;
+    let context = Context::new(&Options { device: settings.device.clone(), ..Options::default() })?;
     let sensitivity = patches::sensitivity(&context, settings, watch)?;
     let area = patches::area(&context, settings, watch)?;
     let peers = peers::peers(&context, settings, watch)?;

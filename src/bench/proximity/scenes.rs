@@ -89,7 +89,8 @@ pub fn measure(scenes: Vec<Read>, settings: &Settings, watch: &mut dyn FnMut(&st
 
 /// Steps to the first contact untimed, since taking times takes time, and all after it timed.
 fn run(scene: &Scene, settings: &Settings) -> Result<Outcome> {
-    let mut simulation = Simulation::new(scene, &Options { device: settings.device.clone(), validation: false }, None)?;
+    let options = Options { device: settings.device.clone(), one_thread: true, ..Options::default() };
+    let mut simulation = Simulation::new(scene, &options, None)?;
     simulation.time_every(0);
     let begun = Instant::now();
     let (mut has_begun, mut before, mut steps, mut flags) = (false, 0, 0, 0);
