@@ -120,26 +120,34 @@ impl Model {
         let mut blocks: Vec<usize> = (0..self.blocks.blocks.len()).filter(own).collect();
         blocks.sort_by_key(|b| self.blocks.slots[*b]);
         let Some(first_slot) = blocks.first().map(|b| self.blocks.slots[*b]) else { return false };
+        // The blocks of one core have its six modes in common: those of the first stand for all.
+        let first_of = |k: usize| match self.blocks.blocks[blocks[k]][3] {
+            NONE => k,
+            core => (0..k).find(|l| self.blocks.blocks[blocks[*l]][3] == core).unwrap_or(k),
+        };
+        let stands: Vec<usize> = (0..blocks.len()).map(first_of).collect();
         let size = MODES * blocks.len();
-        let matrix = self.coarse_matrix(soft, &blocks, dt);
-        // Modes that move nothing: of cores, which have six, and of hinges.
+        let matrix = self.coarse_matrix(soft, &blocks, &stands, dt);
+        // The others move nothing: a core has six, fewer on a hinge.
         let used: Vec<usize> = (0..size).filter(|i| matrix[(*i, *i)] > 0.0).collect();
         let packed = Mat::from_fn(used.len(), used.len(), |i, j| {
             matrix[(used[i], used[j])] * if i == j { 1.0 + REGULAR } else { 1.0 }
         });
         let Ok(factor) = packed.llt(Side::Lower) else { return false };
         let inverse = factor.inverse();
+        let place = |mode: usize| used.binary_search(&(MODES * stands[mode / MODES] + mode % MODES)).ok();
+        let places: Vec<(usize, usize)> = (0..size).filter_map(|mode| Some((mode, place(mode)?))).collect();
         let texels = size.div_ceil(8);
         let first_texel = coarse.inverse.len();
         let mut rows = vec![half::f16::ZERO; size * 8 * texels];
         let scales: Vec<f64> = (0..used.len()).map(|i| inverse[(i, i)].sqrt()).collect();
-        for (i, row) in used.iter().enumerate() {
-            for (j, column) in used.iter().enumerate() {
+        for (row, i) in &places {
+            for (column, j) in &places {
                 // Symmetric to the last bit.
-                let value = inverse[(i.max(j), i.min(j))] / (scales[i] * scales[j]);
+                let value = inverse[(*i.max(j), *i.min(j))] / (scales[*i] * scales[*j]);
                 rows[row * 8 * texels + column] = half::f16::from_f64(value);
             }
-            coarse.scales[3 * first_slot as usize + row / 4][row % 4] = scales[i] as f32;
+            coarse.scales[3 * first_slot as usize + row / 4][row % 4] = scales[*i] as f32;
         }
         let pair = |x: &[half::f16]| u32::from(x[0].to_bits()) | u32::from(x[1].to_bits()) << 16;
         coarse.inverse.extend(rows.chunks(8).map(|x| [0, 2, 4, 6].map(|k| pair(&x[k..]))));
@@ -150,14 +158,14 @@ impl Model {
         true
     }
 
-    /// P^T A P at rest, without contact.
-    fn coarse_matrix(&self, soft: &SoftRange, blocks: &[usize], dt: f64) -> Mat<f64> {
+    /// P^T A P at rest, without contact; a block's modes stand where `stands` says.
+    fn coarse_matrix(&self, soft: &SoftRange, blocks: &[usize], stands: &[usize], dt: f64) -> Mat<f64> {
         let mut bases: Vec<Option<(usize, Basis)>> = vec![None; soft.nodes.len()];
         for (k, b) in blocks.iter().enumerate() {
             let [first, count, frame, rigid] = self.blocks.blocks[*b];
             for node in &self.blocks.nodes[first as usize..(first + count) as usize] {
                 let basis = Basis::new(self, *b, node[0], frame as usize, rigid);
-                bases[node[0] as usize - soft.nodes.start] = Some((MODES * k, basis));
+                bases[node[0] as usize - soft.nodes.start] = Some((MODES * stands[k], basis));
             }
         }
         let basis = |n: usize| bases[n - soft.nodes.start].as_ref();
