@@ -10,6 +10,8 @@ use crate::{Error, Result};
 const SIZE: (u32, u32) = (760, 420);
 /// Of a bar and the gap after it.
 const BAR_HEIGHT: u32 = 30;
+/// From here on a logarithmic axis has room for powers of ten alone.
+const CROWDED: f64 = 50.0;
 /// Of a row of panels.
 const PANEL_HEIGHT: u32 = 300;
 const COLOURS: [RGBColor; 7] = [
@@ -183,7 +185,8 @@ fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops
     let mut chart = builder.build_cartesian_2d(x.clone().log_scale(), y.clone().log_scale())?;
     let mut mesh = chart.configure_mesh();
     mesh.x_desc(axes.x).y_desc(axes.y).label_style(FONT).axis_desc_style(FONT);
-    mesh.x_label_formatter(&|at| power(*at)).y_label_formatter(&|at| power(*at));
+    let (x_name, y_name) = (|at: &f64| power(*at, x), |at: &f64| power(*at, y));
+    mesh.x_label_formatter(&x_name).y_label_formatter(&y_name);
     mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).draw()?;
     if let Some(level) = axes.level {
         let ends = [(x.start, level), (x.end, level)];
@@ -200,8 +203,14 @@ fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops
     draw_names(area, &panel.lines, ends)
 }
 
-/// As [`number`] where that is short, else as a power.
-fn power(x: f64) -> String {
+/// Of 1, 2 and 5 times a power of ten, or of that alone where many are in the span; as [`number`] where that is short.
+fn power(x: f64, span: &std::ops::Range<f64>) -> String {
+    let digit = (x / 10f64.powf((x.log10() + 1e-9).floor())).round() as u32;
+    match digit {
+        1 => (),
+        2 | 5 if span.end < CROWDED * span.start => (),
+        _ => return String::new(),
+    }
     if (0.01..1e4).contains(&x) { number(x) } else { format!("{x:.0e}") }
 }
 
@@ -254,5 +263,25 @@ mod tests {
         let svg = bars("time, ms", &[bar("one", 1.5, 0), bar("two", 3.0, 1)]).unwrap();
         assert!(["time, ms", "one", "two", "1.5"].iter().all(|text| svg.contains(text)), "{svg}");
         assert!(lines(&axis, "ms", &[]).is_ok() && bars("ms", &[]).is_ok());
+    }
+
+    #[test]
+    fn panels_are_logarithmic_and_leave_out_what_has_no_logarithm() {
+        let line = |points: &[(f64, f64)]| Line { name: "jacobi".into(), points: points.to_vec() };
+        let panel = |title: &str, points: &[(f64, f64)]| Panel { title: title.into(), lines: vec![line(points)] };
+        let axes = Logarithmic { x: "ms", y: "error", level: Some(1e-4) };
+        let drawn = [panel("soft", &[(20.0, 3e-6), (7.0, 0.0), (8.0, f64::NAN)]), panel("stiff", &[(4.0, 2e-5)])];
+        let svg = panels(&axes, &drawn).unwrap();
+        assert!(["soft", "stiff", "jacobi", "error", "1e-5", "10"].iter().all(|text| svg.contains(text)), "{svg}");
+        assert_eq!(spans(&axes, &drawn)[1], 1e-6..1e-3);
+        assert!(!svg.contains("NaN") && panels(&axes, &[]).is_ok() && panels(&axes, &[panel("none", &[])]).is_ok());
+    }
+
+    #[test]
+    fn crowded_axes_name_powers_of_ten_alone() {
+        let names = |end: f64| [1.0, 2.0, 3.0, 5.0, 10.0].map(|x| power(x, &(1.0..end)));
+        assert_eq!(names(20.0), ["1", "2", "", "5", "10"]);
+        assert_eq!(names(1e3), ["1", "", "", "", "10"]);
+        assert_eq!(power(1e-5, &(1e-6..1.0)), "1e-5");
     }
 }

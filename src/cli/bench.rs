@@ -4,7 +4,7 @@ use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
+use clap::builder::NonEmptyStringValueParser;
 use palpate::Result;
 use palpate::bench::{Document, proximity, solver};
 use palpate::report::Output;
@@ -25,8 +25,9 @@ pub struct Arguments {
     /// Of `proximity`: directory of the scenes to run
     #[arg(long, value_name = "DIR", default_value = "assets/scenes")]
     scenes: PathBuf,
-    /// Of `solver`: these cases alone, with commas between them
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(solver::NAMES))]
+    /// Of `solver`: these cases alone, with commas between them: block10k, block105k, human or scaling; `block10k-2MPa` and
+    /// `block10k-2MPa-1ms` are parts of the first
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = case_name)]
     cases: Vec<String>,
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
@@ -43,6 +44,11 @@ enum Name {
     Proximity,
     /// The step without contact: its time against the error that it leaves, against peers, and against mesh size
     Solver,
+}
+
+fn case_name(text: &str) -> std::result::Result<String, String> {
+    let problem = "is no case; give block10k, block105k, human or scaling, or a part such as block10k-2MPa-1ms";
+    if solver::Settings::knows(text) { Ok(text.into()) } else { Err(problem.into()) }
 }
 
 /// Runs the benchmarks that are named, or all.

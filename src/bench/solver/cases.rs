@@ -21,6 +21,46 @@ const POISSON: f64 = 0.45;
 /// kg/m^3.
 const DENSITY: f64 = 1000.0;
 
+/// A body, its material, and the time step.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Case {
+    /// The body.
+    pub mesh: Mesh,
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Time step, s.
+    pub dt: f64,
+    /// Steps from rest.
+    pub steps: usize,
+}
+
+impl Case {
+    /// Body, stiffness and time step: `block10k-20kPa-1ms`.
+    pub fn name(&self) -> String {
+        format!("{}-{}-{:.0}ms", self.mesh.name(), stiffness(self.young).replace(' ', ""), 1e3 * self.dt)
+    }
+
+    /// Whether a name is this one's, or as much of it as ends at a dash.
+    pub fn is_called(&self, name: &str) -> bool {
+        self.name().strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
+    }
+
+    /// Stiffness and time step, for readers.
+    pub fn label(&self) -> String {
+        format!("{}, {:.0} ms", stiffness(self.young), 1e3 * self.dt)
+    }
+
+    /// The scene, bound and at rest. Errors: a body that cannot be made.
+    pub fn scene(&self) -> Result<Scene> {
+        self.mesh.scene(self.young, self.dt)
+    }
+}
+
+/// Young's modulus with its unit.
+pub fn stiffness(young: f64) -> String {
+    if young < 1e6 { format!("{:.0} kPa", 1e-3 * young) } else { format!("{:.0} MPa", 1e-6 * young) }
+}
+
 /// A body that hangs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -102,6 +142,14 @@ pub fn layer(body: &Body) -> Result<&prepare::Layer> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cases_are_called_by_the_beginning_of_their_names() {
+        let case = Case { mesh: Mesh::Block(12), young: 2e6, dt: 0.01, steps: 1 };
+        assert_eq!((case.name().as_str(), case.label().as_str()), ("block10k-2MPa-10ms", "2 MPa, 10 ms"));
+        assert!(["block10k", "block10k-2MPa", "block10k-2MPa-10ms"].iter().all(|name| case.is_called(name)));
+        assert!(!["block1", "block10k-20kPa", "human", "", "block10k-2MPa-1"].iter().any(|name| case.is_called(name)));
+    }
 
     #[test]
     fn blocks_are_bound_on_one_face_and_the_human_about_its_middle() {

@@ -1,8 +1,9 @@
 //! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
 
+use super::cases::stiffness;
 use super::peers::{ALLOWED_ERROR, PEERS, Peer, fastest};
 use super::scaling::exponent;
-use super::{Case, PRECONDITIONERS, Results, Run, Size};
+use super::{Measured, PRECONDITIONERS, Results, Run, Size};
 use crate::Result;
 use crate::bench::plot::{Line, Logarithmic, Panel, panels};
 use crate::bench::{Document, Section, Table};
@@ -25,10 +26,10 @@ pub fn document(results: &Results) -> Result<Document> {
         results.version, settings.repetitions
     );
     let mut sections = Vec::new();
-    for group in cases.chunk_by(|a, b| a.mesh == b.mesh) {
+    for group in cases.chunk_by(|a, b| a.case.mesh == b.case.mesh) {
         sections.push(accuracy(group)?);
     }
-    let compared: Vec<(Peer, &Case)> =
+    let compared: Vec<(Peer, &Measured)> =
         PEERS.into_iter().filter_map(|peer| peer.case(cases).map(|case| (peer, case))).collect();
     if !compared.is_empty() {
         sections.push(peers(&compared));
@@ -37,15 +38,6 @@ pub fn document(results: &Results) -> Result<Document> {
         sections.push(growth(scaling)?);
     }
     Ok(Document { title: "What a step costs".into(), preface, sections })
-}
-
-/// Stiffness and time step.
-fn label(case: &Case) -> String {
-    format!("{}, {:.0} ms", stiffness(case.young), 1e3 * case.dt)
-}
-
-fn stiffness(young: f64) -> String {
-    if young < 1e6 { format!("{:.0} kPa", 1e-3 * young) } else { format!("{:.0} MPa", 1e-6 * young) }
 }
 
 /// Three digits.
@@ -62,14 +54,14 @@ fn setting(run: &Run) -> String {
 }
 
 /// The cases of one body.
-fn accuracy(cases: &[Case]) -> Result<Section> {
+fn accuracy(cases: &[Measured]) -> Result<Section> {
     let heads = ["case", "preconditioner", "tolerance", "ms", "best", "iterations", "flagged", "error"];
     let mut table = Table::new(heads);
     let mut drawn = Vec::new();
     for case in cases {
         for run in &case.runs {
             table.rows.push(vec![
-                label(case),
+                case.case.label(),
                 run.preconditioner.into(),
                 format!("{:.0e}", run.tolerance),
                 ms(run.ms()),
@@ -88,30 +80,31 @@ fn accuracy(cases: &[Case]) -> Result<Section> {
                 .map(|run| (run.ms(), run.error))
                 .collect(),
         };
-        drawn.push(Panel { title: label(case), lines: PRECONDITIONERS.iter().map(line).collect() });
+        drawn.push(Panel { title: case.case.label(), lines: PRECONDITIONERS.iter().map(line).collect() });
     }
     let axes = Logarithmic { x: "ms a step", y: "displacement error", level: Some(ALLOWED_ERROR) };
     let Some(first) = cases.first() else { return Ok(Section::default()) };
+    let name = first.case.mesh.name();
     Ok(Section {
-        title: format!("Time against error: {}", first.name),
+        title: format!("Time against error: {}", name),
         question: format!(
             "What does a smaller error cost, and which preconditioner gets there first? {} tetrahedra, {} nodes, {} steps. \
              In the plots tolerances fall from top to bottom; the dashed line is an error of {ALLOWED_ERROR:.0e}.",
-            first.tetrahedra, first.nodes, first.steps
+            first.tetrahedra, first.nodes, first.case.steps
         ),
         table,
-        plot: Some((format!("{}.svg", first.name), panels(&axes, &drawn)?)),
+        plot: Some((format!("{}.svg", name), panels(&axes, &drawn)?)),
         finding: accuracy_finding(cases),
     })
 }
 
-fn accuracy_finding(cases: &[Case]) -> String {
-    let best = |case: &Case| match fastest(case) {
+fn accuracy_finding(cases: &[Measured]) -> String {
+    let best = |case: &Measured| match fastest(case) {
         Some(run) => {
             let iterations = run.median_iterations();
-            format!("{} at {} ms ({}, {iterations:.0} iterations)", label(case), ms(run.ms()), setting(run))
+            format!("{} at {} ms ({}, {iterations:.0} iterations)", case.case.label(), ms(run.ms()), setting(run))
         }
-        None => format!("{} by no setting", label(case)),
+        None => format!("{} by no setting", case.case.label()),
     };
     let all: Vec<String> = cases.iter().map(best).collect();
     let mut flags: Vec<&str> = cases.iter().flat_map(|case| &case.runs).flat_map(|run| run.flags.clone()).collect();
@@ -121,7 +114,7 @@ fn accuracy_finding(cases: &[Case]) -> String {
     format!("An error of {ALLOWED_ERROR:.0e} is reached without flags: {}.{flags}", all.join("; "))
 }
 
-fn peers(compared: &[(Peer, &Case)]) -> Section {
+fn peers(compared: &[(Peer, &Measured)]) -> Section {
     let mut table = Table::new([
         "case",
         "Vega FEM ms",
@@ -138,7 +131,7 @@ fn peers(compared: &[(Peer, &Case)]) -> Section {
         let run = fastest(case);
         let cell = |text: &dyn Fn(&Run) -> String| run.map_or_else(|| "none".into(), text);
         table.rows.push(vec![
-            format!("{}, {}", case.name, label(case)),
+            format!("{}, {}", case.case.mesh.name(), case.case.label()),
             ms(peer.vega_ms),
             peer.mujoco_ms.map_or_else(String::new, ms),
             cell(&|run| ms(run.ms())),
@@ -151,8 +144,8 @@ fn peers(compared: &[(Peer, &Case)]) -> Section {
         met.push((run.map_or(0.0, |run| peer.best_ms() / run.ms()), peer, case));
     }
     let reached = met.iter().filter(|(factor, peer, _)| *factor >= peer.goal).count();
-    let factor = |(factor, peer, case): &(f64, &Peer, &&Case)| {
-        format!("{} at {}: {factor:.1} of {}", case.name, stiffness(case.young), peer.goal)
+    let factor = |(factor, peer, case): &(f64, &Peer, &&Measured)| {
+        format!("{} at {}: {factor:.1} of {}", case.case.mesh.name(), stiffness(case.case.young), peer.goal)
     };
     Section {
         title: "Peers on the same cases".into(),

@@ -1,5 +1,5 @@
 use super::*;
-use crate::bench::solver::{Iteration, Mesh, Steps};
+use crate::bench::solver::{Case, Iteration, Mesh, Steps};
 
 fn run(tolerance: f64, ms: f64, error: f64, flagged: usize) -> Run {
     Run {
@@ -14,14 +14,11 @@ fn run(tolerance: f64, ms: f64, error: f64, flagged: usize) -> Run {
     }
 }
 
-fn case(young: f64, runs: Vec<Run>) -> Case {
-    let mesh = Mesh::Block(12);
-    Case {
-        mesh,
-        name: mesh.name(),
-        young,
-        dt: 1e-3,
-        steps: 3,
+fn case(young: f64, runs: Vec<Run>) -> Measured {
+    let case = Case { mesh: Mesh::Block(12), young, dt: 1e-3, steps: 3 };
+    Measured {
+        name: case.name(),
+        case,
         tetrahedra: 10_368,
         nodes: 2_197,
         reference_seconds: 1.0,
@@ -45,14 +42,16 @@ fn the_fastest_setting_has_an_allowed_error_and_no_flags() {
 #[test]
 fn we_are_held_against_the_faster_peer() {
     let cases = [case(2e4, vec![run(1e-5, 5.0, 1e-5, 0)]), case(2e6, vec![run(1e-5, 96.0, 1e-5, 0)])];
-    let compared: Vec<(Peer, &Case)> = PEERS.into_iter().filter_map(|p| p.case(&cases).map(|case| (p, case))).collect();
+    let compared: Vec<(Peer, &Measured)> =
+        PEERS.into_iter().filter_map(|p| p.case(&cases).map(|case| (p, case))).collect();
     assert_eq!(compared.len(), 2);
     let section = peers(&compared);
     assert_eq!(section.table.rows[0][6..], ["3.80", "3.10", "2.5"]);
     assert_eq!(section.table.rows[1][6..], ["0.50", "0.50", "2.5"]);
     assert!(section.finding.starts_with("1 of 2 goals are reached"), "{}", section.finding);
     let none = [case(2e4, vec![run(1e-3, 1.0, 1e-2, 0)])];
-    let compared: Vec<(Peer, &Case)> = PEERS.into_iter().filter_map(|p| p.case(&none).map(|case| (p, case))).collect();
+    let compared: Vec<(Peer, &Measured)> =
+        PEERS.into_iter().filter_map(|p| p.case(&none).map(|case| (p, case))).collect();
     assert!(peers(&compared).table.rows[0].iter().filter(|cell| *cell == "none").count() == 5);
 }
 

@@ -9,10 +9,10 @@ mod speed;
 
 use serde::Serialize;
 
-pub use cases::Mesh;
+pub use cases::{Case, Mesh};
 pub use document::document;
 pub use scaling::{Iteration, Size, Steps};
-pub use speed::{Case, Run};
+pub use speed::{Measured, Run};
 
 use crate::Result;
 use crate::gpu::{Context, Options};
@@ -24,12 +24,8 @@ const PRECONDITIONERS: &[(&str, Preconditioner)] = &[("jacobi", Preconditioner::
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Bodies, and how many steps of each.
-    pub meshes: Vec<(Mesh, usize)>,
-    /// Young's moduli, Pa.
-    pub young: Vec<f64>,
-    /// Time steps, s.
-    pub dt: Vec<f64>,
+    /// Time against error.
+    pub cases: Vec<Case>,
     /// Residuals to stop at.
     pub tolerances: Vec<f64>,
     /// Iterations of a step at most.
@@ -52,9 +48,7 @@ impl Settings {
     /// All of it: the better part of an hour, and a quarter more where references are not cached yet.
     pub fn full() -> Settings {
         Settings {
-            meshes: vec![(Mesh::Block(12), 50), (Mesh::Block(26), 15), (Mesh::Human, 20)],
-            young: vec![2e4, 2e6],
-            dt: vec![1e-3, 1e-2],
+            cases: cases(&[(Mesh::Block(12), 50), (Mesh::Block(26), 15), (Mesh::Human, 20)]),
             tolerances: vec![1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6],
             max_iterations: 3_000,
             repetitions: 3,
@@ -69,7 +63,7 @@ impl Settings {
     /// The smaller bodies, and few samples: for a first look, not for figures.
     pub fn quick() -> Settings {
         Settings {
-            meshes: vec![(Mesh::Block(12), 50), (Mesh::Human, 20)],
+            cases: cases(&[(Mesh::Block(12), 50), (Mesh::Human, 20)]),
             tolerances: vec![1e-2, 1e-3, 1e-4, 1e-5],
             repetitions: 1,
             scaling: vec![12, 18, 26],
@@ -79,19 +73,34 @@ impl Settings {
         }
     }
 
-    /// The cases of these names and no others, quick or not.
+    /// Only what these names call, quick or not; see [`Settings::knows`].
     pub fn only(self, names: &[String]) -> Settings {
-        let is_named = |name: &str| names.iter().any(|asked| asked == name);
-        let meshes = Settings::full().meshes.into_iter().filter(|(mesh, _)| is_named(&mesh.name())).collect();
-        let scaling = if is_named(SCALING) { self.scaling } else { Vec::new() };
-        Settings { meshes, scaling, ..self }
+        let is_named = |case: &Case| names.iter().any(|name| case.is_called(name));
+        let cases = Settings::full().cases.into_iter().filter(is_named).collect();
+        let scaling = if names.iter().any(|name| name == SCALING) { self.scaling } else { Vec::new() };
+        Settings { cases, scaling, ..self }
+    }
+
+    /// Whether anything is called by a name: a body, with its stiffness or that and the time step if wanted, or `scaling`.
+    pub fn knows(name: &str) -> bool {
+        name == SCALING || Settings::full().cases.iter().any(|case| case.is_called(name))
     }
 }
 
-/// What [`Settings::only`] may name: the bodies of [`Settings::full`], and [`SCALING`].
-pub const NAMES: [&str; 4] = ["block10k", "block105k", "human", SCALING];
-/// Name of the blocks of several sizes among the cases.
+/// Name of the blocks of several sizes.
 const SCALING: &str = "scaling";
+/// Young's moduli, Pa.
+const YOUNG: [f64; 2] = [2e4, 2e6];
+/// Time steps, s.
+const DT: [f64; 2] = [1e-3, 1e-2];
+
+/// So many steps of each body, soft and stiff, with short steps and long ones.
+fn cases(meshes: &[(Mesh, usize)]) -> Vec<Case> {
+    let of = |&(mesh, steps): &(Mesh, usize)| {
+        YOUNG.into_iter().flat_map(move |young| DT.map(|dt| Case { mesh, young, dt, steps }))
+    };
+    meshes.iter().flat_map(of).collect()
+}
 
 /// The contents of `results.json`.
 #[derive(Debug, Clone, Serialize)]
@@ -111,7 +120,7 @@ pub struct Results {
     /// What was asked for.
     pub settings: Settings,
     /// Time against error.
-    pub cases: Vec<Case>,
+    pub cases: Vec<Measured>,
     /// Time and memory against size.
     pub scaling: Vec<Size>,
 }
@@ -141,13 +150,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cases_have_names() {
-        let full = Settings::full();
-        let names: Vec<String> = full.meshes.iter().map(|(mesh, _)| mesh.name()).chain([SCALING.into()]).collect();
-        assert_eq!(names, NAMES);
-        let some = Settings::quick().only(&["block105k".into()]);
-        assert!(some.meshes == [(Mesh::Block(26), 15)] && some.scaling.is_empty());
+    fn cases_are_asked_for_by_name() {
+        let some = Settings::quick().only(&["block105k-20kPa".into(), "human-2MPa-1ms".into()]);
+        let names: Vec<String> = some.cases.iter().map(Case::name).collect();
+        assert_eq!(names, ["block105k-20kPa-1ms", "block105k-20kPa-10ms", "human-2MPa-1ms"]);
+        assert!(some.scaling.is_empty());
         let some = Settings::quick().only(&["scaling".into()]);
-        assert!(some.meshes.is_empty() && some.scaling == Settings::quick().scaling);
+        assert!(some.cases.is_empty() && some.scaling == Settings::quick().scaling);
+        assert!(Settings::knows("scaling") && Settings::knows("human") && !Settings::knows("hum"));
     }
 }

@@ -1,6 +1,6 @@
 //! Others' times of the same cases, and ours that they are held against.
 
-use super::{Case, Mesh, Run};
+use super::{Case, Measured, Mesh, Run};
 
 /// The displacement error that a setting may have to be compared with others.
 pub const ALLOWED_ERROR: f64 = 1e-4;
@@ -32,8 +32,9 @@ pub const PEERS: [Peer; 4] = [
 
 impl Peer {
     /// Its case among those that were measured.
-    pub fn case<'a>(&self, cases: &'a [Case]) -> Option<&'a Case> {
-        cases.iter().find(|case| case.mesh == self.mesh && case.young == self.young && case.dt == DT)
+    pub fn case<'a>(&self, cases: &'a [Measured]) -> Option<&'a Measured> {
+        let is_its = |case: &Case| case.mesh == self.mesh && case.young == self.young && case.dt == DT;
+        cases.iter().find(|measured| is_its(&measured.case))
     }
 
     /// The fastest peer, ms.
@@ -43,7 +44,7 @@ impl Peer {
 }
 
 /// The fastest setting that raised no flag and whose error is allowed.
-pub fn fastest(case: &Case) -> Option<&Run> {
-    let good = case.runs.iter().filter(|run| run.flagged == 0 && run.error <= ALLOWED_ERROR);
+pub fn fastest(measured: &Measured) -> Option<&Run> {
+    let good = measured.runs.iter().filter(|run| run.flagged == 0 && run.error <= ALLOWED_ERROR);
     good.min_by(|a, b| a.ms().total_cmp(&b.ms()))
 }

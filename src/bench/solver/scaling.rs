@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::cases::{self, Mesh};
 use super::speed::{asking, open};
-use super::{PRECONDITIONERS, Settings};
+use super::{PRECONDITIONERS, Settings, YOUNG};
 use crate::Result;
 use crate::bench::median;
 use crate::report::Flags;
@@ -115,7 +115,7 @@ fn size(mesh: Mesh, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         }
         size.iterations.push(iteration);
     }
-    for &young in &settings.young {
+    for young in YOUNG {
         watch(&format!("{} tetrahedra, steps at {:.0} kPa", size.tetrahedra, 1e-3 * young));
         let scene = mesh.scene(young, DT)?;
         let tolerance = scene.solver.tolerance;

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::cases::{self, Mesh};
+use super::cases::{self, Case};
 use super::reference::reference;
 use super::{PRECONDITIONERS, Settings};
 use crate::Result;
@@ -15,19 +15,14 @@ use crate::report::Flags;
 use crate::scene::{Preconditioner, Scene};
 use crate::step::Simulation;
 
-/// A body, its material, and the time step.
+/// A case and what was found.
 #[derive(Debug, Clone, Serialize)]
-pub struct Case {
-    /// The body.
-    pub mesh: Mesh,
+pub struct Measured {
     /// Its name.
     pub name: String,
-    /// Young's modulus, Pa.
-    pub young: f64,
-    /// Time step, s.
-    pub dt: f64,
-    /// Steps from rest.
-    pub steps: usize,
+    /// What it is.
+    #[serde(flatten)]
+    pub case: Case,
     /// Of the body.
     pub tetrahedra: usize,
     /// Of the body, bound ones included.
@@ -84,32 +79,16 @@ impl Run {
 }
 
 /// Measures every case of the settings, and tells `watch` of it.
-pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Case>> {
-    let mut cases = Vec::new();
-    for &(mesh, steps) in &settings.meshes {
-        for &young in &settings.young {
-            for &dt in &settings.dt {
-                let name = format!("{}, {:.0} kPa, {:.0} ms", mesh.name(), 1e-3 * young, 1e3 * dt);
-                let mut watch = |what: &str| watch(&format!("{name}: {what}"));
-                cases.push(case(mesh, steps, young, dt, settings, &mut watch)?);
-            }
-        }
-    }
-    Ok(cases)
+pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Measured>> {
+    let tell = |case: &Case| measure_one(case, settings, &mut |what| watch(&format!("{}: {what}", case.name())));
+    settings.cases.iter().map(tell).collect()
 }
 
-fn case(
-    mesh: Mesh,
-    steps: usize,
-    young: f64,
-    dt: f64,
-    settings: &Settings,
-    watch: &mut dyn FnMut(&str),
-) -> Result<Case> {
-    let scene = mesh.scene(young, dt)?;
+fn measure_one(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Measured> {
+    let scene = case.scene()?;
     let body = cases::prepared(&scene)?;
     let layer = cases::layer(&body)?;
-    let reference = reference(&scene, &body, steps, &Cache::of_user(), watch)?;
+    let reference = reference(&scene, &body, case.steps, &Cache::of_user(), watch)?;
     let asked = PRECONDITIONERS.iter().flat_map(|p| settings.tolerances.iter().map(move |tolerance| (p, *tolerance)));
     let mut runs: Vec<(Scene, Run)> = asked
         .map(|(&(preconditioner, kind), tolerance)| {
@@ -127,19 +106,16 @@ fn case(
             }
             watch(&format!("{} to {:.0e}, run {}", run.preconditioner, run.tolerance, repetition + 1));
             let mut simulation = open(scene, settings)?;
-            add(run, &mut simulation, steps)?;
+            add(run, &mut simulation, case.steps)?;
             if let Some((displacement, _)) = simulation.nodes(0)? {
                 let error = reference.error(&displacement);
                 run.error = if error > run.error || error.is_nan() { error } else { run.error };
             }
         }
     }
-    Ok(Case {
-        mesh,
-        name: mesh.name(),
-        young,
-        dt,
-        steps,
+    Ok(Measured {
+        name: case.name(),
+        case: *case,
         tetrahedra: layer.tetrahedra.len(),
         nodes: layer.nodes.len(),
         reference_seconds: reference.seconds,
