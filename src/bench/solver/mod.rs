@@ -32,11 +32,11 @@ pub struct Settings {
     pub max_iterations: u32,
     /// Runs of each case with each preconditioner and tolerance, at most.
     pub repetitions: usize,
-    /// They are not run again where their steps would take more than this in all, s.
+    /// They are not run again where their steps would take more than this in all, and steps of a size end after it, s.
     pub seconds_each: f64,
     /// Cells an edge of the blocks of several sizes.
     pub scaling: Vec<u32>,
-    /// Steps of each of them.
+    /// Steps of each of them, at most.
     pub scaling_steps: usize,
     /// Whether this is a short form of the whole.
     pub is_quick: bool,

@@ -21,7 +21,7 @@ const NEVER: f64 = 1e-30;
 const STIFF: f64 = 2e6;
 /// Time step, s.
 const DT: f64 = 0.001;
-/// Steps before those that are measured.
+/// Steps before those that are measured, unless they take too long.
 const WARM_UP: usize = 2;
 
 /// A block's times.
@@ -121,13 +121,18 @@ fn size(mesh: Mesh, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         let tolerance = scene.solver.tolerance;
         let mut simulation = open(&asking(&scene, Preconditioner::Auto, tolerance, settings), settings)?;
         let mut steps = Steps { young, ..Steps::default() };
+        let all = Instant::now();
         for step in 0..WARM_UP + settings.scaling_steps {
             let begun = Instant::now();
             let row = simulation.step()?;
-            if step >= WARM_UP {
+            let is_late = all.elapsed().as_secs_f64() > settings.seconds_each;
+            if step >= WARM_UP || is_late {
                 steps.step_us.push(begun.elapsed().as_secs_f64() * 1e6);
                 steps.iterations.push(row.iterations);
                 steps.flagged += usize::from(row.flags != Flags::default());
+            }
+            if is_late {
+                break;
             }
         }
         size.steps.push(steps);
