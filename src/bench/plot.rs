@@ -12,6 +12,8 @@ const SIZE: (u32, u32) = (760, 420);
 const BAR_HEIGHT: u32 = 30;
 /// From here on a logarithmic axis has room for powers of ten alone.
 const CROWDED: f64 = 50.0;
+/// Of a power of ten.
+const ROUNDING: f64 = 1e-9;
 /// Of a row of panels.
 const PANEL_HEIGHT: u32 = 300;
 const COLOURS: [RGBColor; 7] = [
@@ -176,7 +178,9 @@ fn spans(axes: &Logarithmic, panels: &[Panel]) -> [std::ops::Range<f64>; 2] {
     let span = |[low, high]: [f64; 2]| if low <= high { low..high } else { 1.0..10.0 };
     let (x, y) = (span(x), span(y));
     let tens = |x: f64, way: fn(f64) -> f64| 10f64.powf(way(x.log10()));
-    [x.start / 1.5..x.end * 1.5, tens(y.start, |l| (l - 0.1).floor())..tens(y.end, |l| (l + 0.1).ceil())]
+    // A little beyond, so that rounding does not leave the outermost powers out.
+    let (low, high) = (tens(y.start, |l| (l - 0.1).floor()), tens(y.end, |l| (l + 0.1).ceil()));
+    [x.start / 1.5..x.end * 1.5, low * (1.0 - ROUNDING)..high * (1.0 + ROUNDING)]
 }
 
 fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops::Range<f64>; 2]) -> Drawn {
@@ -211,7 +215,7 @@ fn power(x: f64, span: &std::ops::Range<f64>) -> String {
         2 | 5 if span.end < CROWDED * span.start => (),
         _ => return String::new(),
     }
-    if (0.01..1e4).contains(&x) { number(x) } else { format!("{x:.0e}") }
+    if (0.1..1e4).contains(&x) { number(x) } else { format!("{x:.0e}") }
 }
 
 fn draw_bars(area: &Area, x_label: &str, bars: &[Bar]) -> Drawn {
@@ -273,7 +277,8 @@ mod tests {
         let drawn = [panel("soft", &[(20.0, 3e-6), (7.0, 0.0), (8.0, f64::NAN)]), panel("stiff", &[(4.0, 2e-5)])];
         let svg = panels(&axes, &drawn).unwrap();
         assert!(["soft", "stiff", "jacobi", "error", "1e-5", "10"].iter().all(|text| svg.contains(text)), "{svg}");
-        assert_eq!(spans(&axes, &drawn)[1], 1e-6..1e-3);
+        let y = &spans(&axes, &drawn)[1];
+        assert!((y.start / 1e-6 - 1.0).abs() < 1e-8 && (y.end / 1e-3 - 1.0).abs() < 1e-8, "{y:?}");
         assert!(!svg.contains("NaN") && panels(&axes, &[]).is_ok() && panels(&axes, &[panel("none", &[])]).is_ok());
     }
 

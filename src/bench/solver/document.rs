@@ -20,8 +20,8 @@ pub fn document(results: &Results) -> Result<Document> {
     let preface = format!(
         "Measured by palpate {} on {device} ({driver}), a machine of {threads} threads. Bodies hang from a fixed core under \
          gravity, untouched, from rest (Poisson's ratio 0.45, 1000 kg/m^3, no damping). `ms` is wall time of a step, pose in \
-         and wrench out: the median over the steps of a run, the median of at most {} runs, which take turns with those of \
-         all other settings; `best` is that of the fastest run. `error` is the largest distance of a node after the last \
+         and wrench out: the median over the steps of a run, the median of at most {} runs; all settings run a few steps in \
+         turn. `best` is that of the fastest run. `error` is the largest distance of a node after the last \
          step from where f64 steps solved directly have it, over the largest displacement.{quick}",
         results.version, settings.repetitions
     );

@@ -50,7 +50,7 @@ impl Settings {
         Settings {
             cases: cases(&[(Mesh::Block(12), 50), (Mesh::Block(26), 15), (Mesh::Human, 20)]),
             tolerances: vec![1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6],
-            max_iterations: 3_000,
+            max_iterations: 2_000,
             repetitions: 3,
             seconds_each: 60.0,
             scaling: vec![12, 18, 26, 38, 55],

@@ -5,7 +5,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::cases::{self, Case};
-use super::reference::reference;
+use super::reference::{Reference, reference};
 use super::{PRECONDITIONERS, Settings};
 use crate::Result;
 use crate::bench::median;
@@ -14,6 +14,9 @@ use crate::prepare::Cache;
 use crate::report::Flags;
 use crate::scene::{Preconditioner, Scene};
 use crate::step::Simulation;
+
+/// Steps of one setting before another has its turn: enough for what the first of them finds cold to be no median.
+const TURN: usize = 5;
 
 /// A case and what was found.
 #[derive(Debug, Clone, Serialize)]
@@ -73,6 +76,23 @@ impl Run {
         median(&self.iterations.iter().map(|&n| f64::from(n)).collect::<Vec<_>>())
     }
 
+    /// Whether one more repetition, as long as the others were, ends before so many seconds are spent on all of them.
+    fn is_worth_another(&self, seconds: f64) -> bool {
+        let spent = 1e-6 * self.step_us.iter().flatten().sum::<f64>();
+        let done = self.step_us.len() as f64;
+        done == 0.0 || spent * (done + 1.0) / done <= seconds
+    }
+
+    fn add_step(&mut self, simulation: &mut Simulation) -> Result<Flags> {
+        let begun = Instant::now();
+        let row = simulation.step()?;
+        let time = begun.elapsed().as_secs_f64() * 1e6;
+        self.step_us.last_mut().into_iter().for_each(|steps| steps.push(time));
+        self.iterations.push(row.iterations);
+        self.flagged += usize::from(row.flags != Flags::default());
+        Ok(row.flags)
+    }
+
     fn medians_ms(&self) -> Vec<f64> {
         self.step_us.iter().map(|steps| 1e-3 * median(steps)).collect()
     }
@@ -95,23 +115,9 @@ fn measure_one(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) ->
             (asking(&scene, kind, tolerance, settings), Run { preconditioner, tolerance, ..Run::default() })
         })
         .collect();
-    let count = runs.len();
     for repetition in 0..settings.repetitions {
-        // Each time another one goes first, so that what changes on the machine meanwhile favours none.
-        for k in 0..count {
-            let (scene, run) = &mut runs[(k + repetition) % count];
-            let spent: f64 = 1e-6 * run.step_us.iter().flatten().sum::<f64>();
-            if repetition > 0 && spent * (1.0 + 1.0 / repetition as f64) > settings.seconds_each {
-                continue;
-            }
-            watch(&format!("{} to {:.0e}, run {}", run.preconditioner, run.tolerance, repetition + 1));
-            let mut simulation = open(scene, settings)?;
-            add(run, &mut simulation, case.steps)?;
-            if let Some((displacement, _)) = simulation.nodes(0)? {
-                let error = reference.error(&displacement);
-                run.error = if error > run.error || error.is_nan() { error } else { run.error };
-            }
-        }
+        watch(&format!("run {} of {}", repetition + 1, settings.repetitions));
+        repeat(&mut runs, case.steps, &reference, settings)?;
     }
     Ok(Measured {
         name: case.name(),
@@ -140,20 +146,31 @@ pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     Ok(simulation)
 }
 
-fn add(run: &mut Run, simulation: &mut Simulation, steps: usize) -> Result<()> {
-    let (mut flags, mut times) = (Flags::default(), Vec::with_capacity(steps));
-    run.iterations.clear();
-    run.flagged = 0;
-    for _ in 0..steps {
-        let begun = Instant::now();
-        let row = simulation.step()?;
-        times.push(begun.elapsed().as_secs_f64() * 1e6);
-        run.iterations.push(row.iterations);
-        run.flagged += usize::from(row.flags != Flags::default());
-        flags |= row.flags;
+/// Runs all settings once more, a few steps of each in turn, so that what changes on the machine meanwhile favours none.
+fn repeat(runs: &mut [(Scene, Run)], steps: usize, reference: &Reference, settings: &Settings) -> Result<()> {
+    let mut under_way = Vec::new();
+    for (scene, run) in runs.iter_mut() {
+        if run.is_worth_another(settings.seconds_each) {
+            run.iterations.clear();
+            run.flagged = 0;
+            run.step_us.push(Vec::with_capacity(steps));
+            under_way.push((open(scene, settings)?, Flags::default(), run));
+        }
     }
-    run.flags = flags.names().collect();
-    run.bytes_device = simulation.context().bytes_allocated();
-    run.step_us.push(times);
+    for turn in (0..steps).step_by(TURN) {
+        for (simulation, flags, run) in &mut under_way {
+            for _ in turn..steps.min(turn + TURN) {
+                *flags |= run.add_step(simulation)?;
+            }
+        }
+    }
+    for (simulation, flags, run) in under_way {
+        run.flags = flags.names().collect();
+        run.bytes_device = simulation.context().bytes_allocated();
+        if let Some((displacement, _)) = simulation.nodes(0)? {
+            let error = reference.error(&displacement);
+            run.error = if error > run.error || error.is_nan() { error } else { run.error };
+        }
+    }
     Ok(())
 }
