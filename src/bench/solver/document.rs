@@ -145,7 +145,7 @@ fn peers(compared: &[(Peer, &Measured)]) -> Section {
     }
     let reached = met.iter().filter(|(factor, peer, _)| *factor >= peer.goal).count();
     let factor = |(factor, peer, case): &(f64, &Peer, &&Measured)| {
-        format!("{} at {}: {factor:.1} of {}", case.case.mesh.name(), stiffness(case.case.young), peer.goal)
+        format!("{} at {}: {factor:.2} of {}", case.case.mesh.name(), stiffness(case.case.young), peer.goal)
     };
     Section {
         title: "Peers on the same cases".into(),

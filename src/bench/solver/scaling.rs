@@ -10,7 +10,7 @@ use super::{PRECONDITIONERS, Settings, YOUNG};
 use crate::Result;
 use crate::bench::median;
 use crate::report::Flags;
-use crate::scene::Preconditioner;
+use crate::scene::{Preconditioner, Scene};
 use crate::step::Simulation;
 
 /// Iterations of the two steps whose difference is taken.
@@ -85,59 +85,82 @@ impl Steps {
 
 /// Measures every size of the settings.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Size>> {
-    let sizes = settings.scaling.iter();
-    sizes.map(|&cells| size(Mesh::Block(cells), settings, &mut |what| watch(&format!("scaling: {what}")))).collect()
+    let mut sizes = Vec::new();
+    let mut pairs = Vec::new();
+    for &cells in &settings.scaling {
+        watch(&format!("scaling: a block of {cells} cells an edge"));
+        let scene = Mesh::Block(cells).scene(STIFF, DT)?;
+        let body = cases::prepared(&scene)?;
+        let layer = cases::layer(&body)?;
+        let mut size = Size { tetrahedra: layer.tetrahedra.len(), nodes: layer.nodes.len(), ..Size::default() };
+        for &(preconditioner, kind) in PRECONDITIONERS {
+            let pair = pair_of(&asking(&scene, kind, NEVER, settings), settings)?;
+            let bytes_device = pair[0].context().bytes_allocated();
+            size.iterations.push(Iteration { preconditioner, bytes_device, ..Iteration::default() });
+            pairs.push(pair);
+        }
+        sizes.push(size);
+    }
+    for step in 1..=settings.scaling_steps {
+        watch(&format!("scaling: iterations, run {step} of {}", settings.scaling_steps));
+        // All in turn, so that what changes on the machine meanwhile favours no size.
+        let all = sizes.iter_mut().flat_map(|size| &mut size.iterations);
+        for (iteration, pair) in all.zip(&mut pairs) {
+            iteration.add_steps(pair)?;
+        }
+    }
+    drop(pairs);
+    for (size, &cells) in sizes.iter_mut().zip(&settings.scaling) {
+        for young in YOUNG {
+            watch(&format!("scaling: {} tetrahedra, steps at {:.0} kPa", size.tetrahedra, 1e-3 * young));
+            size.steps.push(steps(Mesh::Block(cells), young, settings)?);
+        }
+    }
+    Ok(sizes)
 }
 
-fn size(mesh: Mesh, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Size> {
-    let scene = mesh.scene(STIFF, DT)?;
-    let body = cases::prepared(&scene)?;
-    let layer = cases::layer(&body)?;
-    let mut size = Size { tetrahedra: layer.tetrahedra.len(), nodes: layer.nodes.len(), ..Size::default() };
-    for &(preconditioner, kind) in PRECONDITIONERS {
-        watch(&format!("{} tetrahedra, an iteration with {preconditioner}", size.tetrahedra));
-        let mut pair: Vec<Simulation> = Vec::new();
-        for iterations in ITERATIONS {
-            let mut scene = asking(&scene, kind, NEVER, settings);
-            scene.solver.max_iterations = iterations;
-            pair.push(open(&scene, settings)?);
-        }
-        let bytes_device = pair[0].context().bytes_allocated();
-        let mut iteration = Iteration { preconditioner, bytes_device, ..Iteration::default() };
-        for step in 0..WARM_UP + settings.scaling_steps {
-            for (k, simulation) in pair.iter_mut().enumerate() {
-                let begun = Instant::now();
-                iteration.iterations[k] = simulation.step()?.iterations;
-                if step >= WARM_UP {
-                    iteration.step_us[k].push(begun.elapsed().as_secs_f64() * 1e6);
-                }
-            }
-        }
-        size.iterations.push(iteration);
-    }
-    for young in YOUNG {
-        watch(&format!("{} tetrahedra, steps at {:.0} kPa", size.tetrahedra, 1e-3 * young));
-        let scene = mesh.scene(young, DT)?;
-        let tolerance = scene.solver.tolerance;
-        let mut simulation = open(&asking(&scene, Preconditioner::Auto, tolerance, settings), settings)?;
-        let mut steps = Steps { young, ..Steps::default() };
-        let all = Instant::now();
-        for step in 0..WARM_UP + settings.scaling_steps {
+fn pair_of(scene: &Scene, settings: &Settings) -> Result<[Simulation; 2]> {
+    let limited = |iterations: u32| {
+        let mut scene = scene.clone();
+        scene.solver.max_iterations = iterations;
+        open(&scene, settings)
+    };
+    Ok([limited(ITERATIONS[0])?, limited(ITERATIONS[1])?])
+}
+
+impl Iteration {
+    /// A step of each; another before it finds the caches cold and is not measured.
+    fn add_steps(&mut self, pair: &mut [Simulation; 2]) -> Result<()> {
+        for (k, simulation) in pair.iter_mut().enumerate() {
+            simulation.step()?;
             let begun = Instant::now();
-            let row = simulation.step()?;
-            let is_late = all.elapsed().as_secs_f64() > settings.seconds_each;
-            if step >= WARM_UP || is_late {
-                steps.step_us.push(begun.elapsed().as_secs_f64() * 1e6);
-                steps.iterations.push(row.iterations);
-                steps.flagged += usize::from(row.flags != Flags::default());
-            }
-            if is_late {
-                break;
-            }
+            self.iterations[k] = simulation.step()?.iterations;
+            self.step_us[k].push(begun.elapsed().as_secs_f64() * 1e6);
         }
-        size.steps.push(steps);
+        Ok(())
     }
-    Ok(size)
+}
+
+fn steps(mesh: Mesh, young: f64, settings: &Settings) -> Result<Steps> {
+    let scene = mesh.scene(young, DT)?;
+    let tolerance = scene.solver.tolerance;
+    let mut simulation = open(&asking(&scene, Preconditioner::Auto, tolerance, settings), settings)?;
+    let mut steps = Steps { young, ..Steps::default() };
+    let all = Instant::now();
+    for step in 0..WARM_UP + settings.scaling_steps {
+        let begun = Instant::now();
+        let row = simulation.step()?;
+        let is_late = all.elapsed().as_secs_f64() > settings.seconds_each;
+        if step >= WARM_UP || is_late {
+            steps.step_us.push(begun.elapsed().as_secs_f64() * 1e6);
+            steps.iterations.push(row.iterations);
+            steps.flagged += usize::from(row.flags != Flags::default());
+        }
+        if is_late {
+            break;
+        }
+    }
+    Ok(steps)
 }
 
 /// The exponent p of y = c x^p by least squares of the logarithms; `None` with fewer than two sizes.
