@@ -1,12 +1,13 @@
-//! `palpate bench proximity`: every question is answered, however small; what is written; bad input. No times are judged.
+//! `palpate bench`: every question is answered, however small; what is written; bad input. No times are judged.
 
 use std::path::PathBuf;
 use std::process::Command;
 
 use palpate::bench::proximity::{self, Outcome, Settings};
+use palpate::bench::solver::{self, Case, Mesh};
 
 #[test]
-fn a_tiny_run_answers_every_question() {
+fn a_tiny_run_answers_every_question_of_the_query() {
     let settings = Settings {
         runs: 3,
         warm_up: 1,
@@ -46,6 +47,47 @@ fn a_tiny_run_answers_every_question() {
     assert_eq!((depths("sensitivity"), depths("area")), (3, 2));
 }
 
+#[test]
+fn a_tiny_run_answers_every_question_of_the_solver() {
+    let block = |young, dt| Case { mesh: Mesh::Block(3), young, dt, steps: 4 };
+    let settings = solver::Settings {
+        cases: vec![block(2e4, 1e-3), block(2e6, 1e-2)],
+        tolerances: vec![1e-1, 1e-6],
+        repetitions: 2,
+        scaling: vec![3, 5],
+        scaling_steps: 2,
+        ..solver::Settings::quick()
+    };
+    let mut told = Vec::new();
+    let results = solver::run(&settings, &mut |what: &str| told.push(what.to_string())).unwrap();
+    assert!(told.iter().any(|what| what == "block0k-20kPa-1ms: run 2 of 2"), "{told:?}");
+
+    assert_eq!(results.cases.len(), 2);
+    for case in &results.cases {
+        let [loose, .., tight] = &case.runs[..] else { panic!("{case:?}") };
+        assert!(case.tetrahedra == 162 && case.nodes == 64 && case.largest_displacement > 0.0);
+        assert_eq!((loose.tolerance, tight.tolerance), (1e-1, 1e-6));
+        // On the stiff block with long steps 1e-6 is more than single precision can promise.
+        assert!(case.case.young > 2e4 || tight.flagged == 0, "{tight:?}");
+        // The solver's tolerance, and f32 displacements.
+        assert!(tight.error < 1e-5 && tight.error > 0.0 && tight.error < loose.error, "{case:?}");
+        assert!(tight.iterations.iter().zip(&loose.iterations).all(|(many, few)| many > few), "{case:?}");
+        assert!(tight.step_us.len() == 2 && tight.step_us.iter().all(|steps| steps.len() == 4));
+    }
+    let [small, large] = &results.scaling[..] else { panic!("{:?}", results.scaling) };
+    assert!((small.tetrahedra, large.tetrahedra) == (162, 750) && small.steps.len() == 2);
+    assert_eq!(large.iterations[0].iterations, [32, 8]);
+    assert!(large.iterations[0].bytes_device > 750 * 100 && large.iterations[0].step_us[1].len() == 2);
+
+    let text = solver::document(&results).unwrap().markdown(true);
+    let named = ["block0k.svg", "growth.svg", "1 ms at", "**Found:**", "quick run"];
+    assert!(named.iter().all(|word| text.contains(word)), "{text}");
+    let json = serde_json::to_value(&results).unwrap();
+    assert_eq!((&json["schema"], &json["benchmark"]), (&2.into(), &"solver".into()));
+    assert_eq!(json["cases"][1]["runs"][0]["step_us"][1].as_array().unwrap().len(), 4);
+    assert_eq!((&json["cases"][1]["young"], &json["cases"][1]["name"]), (&2e6.into(), &"block0k-2MPa-10ms".into()));
+}
+
 /// A folder without scenes.
 fn empty_folder() -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("no_scenes");
@@ -62,9 +104,14 @@ fn a_folder_of_scenes_that_is_none_is_refused_before_anything_is_measured() {
 }
 
 #[test]
-fn a_benchmark_of_no_such_name_is_refused() {
-    let run = Command::new(env!("CARGO_BIN_EXE_palpate")).args(["bench", "speed"]).output().unwrap();
-    let error = String::from_utf8(run.stderr).unwrap();
-    assert_eq!(run.status.code(), Some(2), "{error}");
-    assert!(error.contains("speed") && error.contains("proximity") && error.lines().count() == 1, "{error}");
+fn benchmarks_and_cases_of_no_such_name_are_refused() {
+    for (arguments, mistake, remedy) in [
+        (["bench", "speed", "--quick"], "speed", "proximity"),
+        (["bench", "solver", "--cases=human,ball"], "ball", "block105k"),
+    ] {
+        let run = Command::new(env!("CARGO_BIN_EXE_palpate")).args(arguments).output().unwrap();
+        let error = String::from_utf8(run.stderr).unwrap();
+        assert_eq!(run.status.code(), Some(2), "{error}");
+        assert!(error.contains(mistake) && error.contains(remedy) && error.lines().count() == 1, "{error}");
+    }
 }

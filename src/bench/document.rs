@@ -23,7 +23,7 @@ pub struct Section {
     /// What was measured.
     pub table: Table,
     /// File name and contents of a plot.
-    pub plot: Option<(&'static str, String)>,
+    pub plot: Option<(String, String)>,
     /// One sentence that the numbers say.
     pub finding: String,
 }
@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn a_table_is_aligned_and_a_plot_is_named_where_it_is() {
         let table = Table { rows: vec![vec!["a".into(), "12".into()]], ..Table::new(["name", "n"]) };
-        let plot = Some(("x.svg", String::new()));
+        let plot = Some(("x.svg".to_string(), String::new()));
         let section = Section { title: "T".into(), table, plot, finding: "So.".into(), ..Section::default() };
         let document = Document { sections: vec![section], ..Document::default() };
         let text = document.markdown(true);

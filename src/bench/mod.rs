@@ -5,6 +5,7 @@ pub mod document;
 pub mod plot;
 pub mod proximity;
 pub mod samples;
+pub mod solver;
 
 pub use document::{Document, Section, Table};
 pub use samples::{Samples, median};

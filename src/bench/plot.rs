@@ -10,6 +10,12 @@ use crate::{Error, Result};
 const SIZE: (u32, u32) = (760, 420);
 /// Of a bar and the gap after it.
 const BAR_HEIGHT: u32 = 30;
+/// From here on a logarithmic axis has room for powers of ten alone.
+const CROWDED: f64 = 50.0;
+/// Of a power of ten.
+const ROUNDING: f64 = 1e-9;
+/// Of a row of panels.
+const PANEL_HEIGHT: u32 = 300;
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 0, 0),
     RGBColor(213, 94, 0),
@@ -68,6 +74,37 @@ pub fn bars(x_label: &str, bars: &[Bar]) -> Result<String> {
     to_svg((SIZE.0, 90 + BAR_HEIGHT * bars.len() as u32), |area| draw_bars(area, x_label, bars))
 }
 
+/// What runs along the axes of [`panels`].
+#[derive(Debug, Clone, Copy)]
+pub struct Logarithmic<'a> {
+    /// With its unit.
+    pub x: &'a str,
+    /// With its unit.
+    pub y: &'a str,
+    /// A height to compare with, drawn dashed.
+    pub level: Option<f64>,
+}
+
+/// One of several plots side by side.
+#[derive(Debug, Clone)]
+pub struct Panel {
+    /// Above it.
+    pub title: String,
+    /// Points that are not above zero are left out.
+    pub lines: Vec<Line>,
+}
+
+/// Plots side by side, two in a row, with the same logarithmic axes.
+pub fn panels(axes: &Logarithmic, panels: &[Panel]) -> Result<String> {
+    let columns = panels.len().clamp(1, 2);
+    let rows = panels.len().div_ceil(columns).max(1);
+    let height = if columns == 1 { SIZE.1 } else { PANEL_HEIGHT * rows as u32 };
+    to_svg((SIZE.0, height), |area| {
+        let areas = area.split_evenly((rows, columns));
+        areas.iter().zip(panels).try_for_each(|(area, panel)| draw_panel(area, axes, panel, &spans(axes, panels)))
+    })
+}
+
 type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 
 fn to_svg(size: (u32, u32), draw: impl FnOnce(&Area) -> Drawn) -> Result<String> {
@@ -107,18 +144,78 @@ fn draw_lines(area: &Area, x: &Axis, y_label: &str, lines: &[Line]) -> Drawn {
         let dot = |&at: &(f64, f64)| Circle::new(at, if k == 0 { 4 } else { 3 }, style.filled());
         chart.draw_series(line.points.iter().map(dot))?;
     }
-    // From the lowest end up, each name clear of the one below it.
     let ends = lines.iter().enumerate().filter_map(|(k, line)| Some((k, chart.backend_coord(line.points.last()?))));
-    let mut ends: Vec<(usize, (i32, i32))> = ends.collect();
+    draw_names(area, lines, ends.collect())
+}
+
+/// From the lowest end up, each name clear of the one below it.
+fn draw_names(area: &Area, lines: &[Line], mut ends: Vec<(usize, (i32, i32))>) -> Drawn {
     ends.sort_by_key(|&(k, (_, y))| (std::cmp::Reverse(y), k));
     let mut free = i32::MAX;
     for (k, (x, y)) in ends {
         let y = y.min(free);
         free = y - FONT.1 as i32;
         let style = TextStyle::from(FONT.into_font()).color(&COLOURS[k % COLOURS.len()]);
-        area.draw_text(&lines[k].name, &style.pos(Pos::new(HPos::Left, VPos::Center)), (x + 10, y))?;
+        let (left, top) = area.get_base_pixel();
+        area.draw_text(&lines[k].name, &style.pos(Pos::new(HPos::Left, VPos::Center)), (x - left + 10, y - top))?;
     }
     Ok(())
+}
+
+fn is_drawn(&(x, y): &(f64, f64)) -> bool {
+    x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite()
+}
+
+/// What the axes of all panels span: whole powers of ten along y.
+fn spans(axes: &Logarithmic, panels: &[Panel]) -> [std::ops::Range<f64>; 2] {
+    let all = panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| &line.points).copied().filter(is_drawn);
+    let nothing = [[f64::INFINITY, 0.0]; 2];
+    let grown = |[low, high]: [f64; 2], x: f64| [low.min(x), high.max(x)];
+    let [x, mut y] = all.fold(nothing, |[xs, ys], (x, y)| [grown(xs, x), grown(ys, y)]);
+    if let Some(level) = axes.level {
+        y = grown(y, level);
+    }
+    let span = |[low, high]: [f64; 2]| if low <= high { low..high } else { 1.0..10.0 };
+    let (x, y) = (span(x), span(y));
+    let tens = |x: f64, way: fn(f64) -> f64| 10f64.powf(way(x.log10()));
+    // A little beyond, so that rounding does not leave the outermost powers out.
+    let (low, high) = (tens(y.start, |l| (l - 0.1).floor()), tens(y.end, |l| (l + 0.1).ceil()));
+    [x.start / 1.5..x.end * 1.5, low * (1.0 - ROUNDING)..high * (1.0 + ROUNDING)]
+}
+
+fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops::Range<f64>; 2]) -> Drawn {
+    let mut builder = ChartBuilder::on(area);
+    builder.margin(12).margin_right(NAMES).x_label_area_size(44).y_label_area_size(66).caption(&panel.title, FONT);
+    let mut chart = builder.build_cartesian_2d(x.clone().log_scale(), y.clone().log_scale())?;
+    let mut mesh = chart.configure_mesh();
+    mesh.x_desc(axes.x).y_desc(axes.y).label_style(FONT).axis_desc_style(FONT);
+    let (x_name, y_name) = (|at: &f64| power(*at, x), |at: &f64| power(*at, y));
+    mesh.x_label_formatter(&x_name).y_label_formatter(&y_name);
+    mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).draw()?;
+    if let Some(level) = axes.level {
+        let ends = [(x.start, level), (x.end, level)];
+        chart.draw_series(DashedLineSeries::new(ends, 5, 4, BLACK.mix(0.5).stroke_width(1)))?;
+    }
+    let mut ends = Vec::new();
+    for (k, line) in panel.lines.iter().enumerate() {
+        let points: Vec<(f64, f64)> = line.points.iter().copied().filter(is_drawn).collect();
+        let style = COLOURS[k % COLOURS.len()].stroke_width(2);
+        chart.draw_series(LineSeries::new(points.iter().copied(), style))?;
+        chart.draw_series(points.iter().map(|&at| Circle::new(at, 3, style.filled())))?;
+        ends.extend(points.last().map(|at| (k, chart.backend_coord(at))));
+    }
+    draw_names(area, &panel.lines, ends)
+}
+
+/// Of 1, 2 and 5 times a power of ten, or of that alone where many are in the span; as [`number`] where that is short.
+fn power(x: f64, span: &std::ops::Range<f64>) -> String {
+    let digit = (x / 10f64.powf((x.log10() + 1e-9).floor())).round() as u32;
+    match digit {
+        1 => (),
+        2 | 5 if span.end < CROWDED * span.start => (),
+        _ => return String::new(),
+    }
+    if (0.1..1e4).contains(&x) { number(x) } else { format!("{x:.0e}") }
 }
 
 fn draw_bars(area: &Area, x_label: &str, bars: &[Bar]) -> Drawn {
@@ -170,5 +267,26 @@ mod tests {
         let svg = bars("time, ms", &[bar("one", 1.5, 0), bar("two", 3.0, 1)]).unwrap();
         assert!(["time, ms", "one", "two", "1.5"].iter().all(|text| svg.contains(text)), "{svg}");
         assert!(lines(&axis, "ms", &[]).is_ok() && bars("ms", &[]).is_ok());
+    }
+
+    #[test]
+    fn panels_are_logarithmic_and_leave_out_what_has_no_logarithm() {
+        let line = |points: &[(f64, f64)]| Line { name: "jacobi".into(), points: points.to_vec() };
+        let panel = |title: &str, points: &[(f64, f64)]| Panel { title: title.into(), lines: vec![line(points)] };
+        let axes = Logarithmic { x: "ms", y: "error", level: Some(1e-4) };
+        let drawn = [panel("soft", &[(20.0, 3e-6), (7.0, 0.0), (8.0, f64::NAN)]), panel("stiff", &[(4.0, 2e-5)])];
+        let svg = panels(&axes, &drawn).unwrap();
+        assert!(["soft", "stiff", "jacobi", "error", "1e-5", "10"].iter().all(|text| svg.contains(text)), "{svg}");
+        let y = &spans(&axes, &drawn)[1];
+        assert!((y.start / 1e-6 - 1.0).abs() < 1e-8 && (y.end / 1e-3 - 1.0).abs() < 1e-8, "{y:?}");
+        assert!(!svg.contains("NaN") && panels(&axes, &[]).is_ok() && panels(&axes, &[panel("none", &[])]).is_ok());
+    }
+
+    #[test]
+    fn crowded_axes_name_powers_of_ten_alone() {
+        let names = |end: f64| [1.0, 2.0, 3.0, 5.0, 10.0].map(|x| power(x, &(1.0..end)));
+        assert_eq!(names(20.0), ["1", "2", "", "5", "10"]);
+        assert_eq!(names(1e3), ["1", "", "", "", "10"]);
+        assert_eq!(power(1e-5, &(1e-6..1.0)), "1e-5");
     }
 }

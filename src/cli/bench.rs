@@ -1,30 +1,34 @@
 //! `palpate bench`: measures, prints the report, and writes it with plots and raw samples.
 
 use std::io::{IsTerminal, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use clap::builder::NonEmptyStringValueParser;
 use palpate::Result;
-use palpate::bench::proximity::{self, Settings};
+use palpate::bench::{Document, proximity, solver};
 use palpate::report::Output;
+use serde::Serialize;
 
 use crate::print;
 
 const RESULTS: &str = "results.json";
-const REPORT: &str = "proximity.md";
 
 /// Options of `palpate bench`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// What to measure [default: everything]
+    /// What to measure [default: everything, each into a folder of its own]
     names: Vec<Name>,
-    /// Fewer sizes, runs and steps: a first look in less than a minute
+    /// Fewer cases, sizes, runs and steps: a first look
     #[arg(long)]
     quick: bool,
-    /// Directory of the scenes to run
+    /// Of `proximity`: directory of the scenes to run
     #[arg(long, value_name = "DIR", default_value = "assets/scenes")]
     scenes: PathBuf,
+    /// Of `solver`: these cases alone, with commas between them: block10k, block105k, human or scaling; `block10k-2MPa` and
+    /// `block10k-2MPa-1ms` are parts of the first
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = case_name)]
+    cases: Vec<String>,
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
@@ -38,28 +42,61 @@ pub struct Arguments {
 enum Name {
     /// The query: its time against mesh size, against contact area, against peers, and in the paper's scenes
     Proximity,
+    /// The step without contact: its time against the error that it leaves, against peers, and against mesh size
+    Solver,
+}
+
+fn case_name(text: &str) -> std::result::Result<String, String> {
+    let problem = "is no case; give block10k, block105k, human or scaling, or a part such as block10k-2MPa-1ms";
+    if solver::Settings::knows(text) { Ok(text.into()) } else { Err(problem.into()) }
 }
 
 /// Runs the benchmarks that are named, or all.
 pub fn bench(arguments: &Arguments) -> Result<()> {
-    if arguments.names.is_empty() || arguments.names.contains(&Name::Proximity) {
-        proximity(arguments)?;
+    let is_asked = |name: Name| arguments.names.is_empty() || arguments.names.contains(&name);
+    let asked: Vec<Name> = Name::value_variants().iter().copied().filter(|name| is_asked(*name)).collect();
+    for name in &asked {
+        let folder = if *name == Name::Proximity { "proximity" } else { "solver" };
+        let out = arguments.out.as_ref().map(|out| if asked.len() > 1 { out.join(folder) } else { out.clone() });
+        match name {
+            Name::Proximity => proximity(arguments, out.as_deref())?,
+            Name::Solver => solver(arguments, out.as_deref())?,
+        }
     }
     Ok(())
 }
 
-fn proximity(arguments: &Arguments) -> Result<()> {
+fn proximity(arguments: &Arguments, out: Option<&Path>) -> Result<()> {
+    use proximity::Settings;
     let settings = if arguments.quick { Settings::quick() } else { Settings::full() };
     let settings = Settings { scenes: arguments.scenes.clone(), device: arguments.device.clone(), ..settings };
-    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
-    let results = proximity::run(&settings, &mut watch)?;
-    let document = proximity::document(&results)?;
+    report(out, "proximity.md", || {
+        let results = proximity::run(&settings, &mut watch)?;
+        Ok((proximity::document(&results)?, results))
+    })
+}
+
+fn solver(arguments: &Arguments, out: Option<&Path>) -> Result<()> {
+    use solver::Settings;
+    let settings = if arguments.quick { Settings::quick() } else { Settings::full() };
+    let settings = if arguments.cases.is_empty() { settings } else { settings.only(&arguments.cases) };
+    let settings = Settings { device: arguments.device.clone(), ..settings };
+    report(out, "solver.md", || {
+        let results = solver::run(&settings, &mut watch)?;
+        Ok((solver::document(&results)?, results))
+    })
+}
+
+/// Measures, writes what was found into a directory, if there is one, and prints it.
+fn report<T: Serialize>(out: Option<&Path>, name: &str, run: impl FnOnce() -> Result<(Document, T)>) -> Result<()> {
+    let mut output = out.map(Output::create).transpose()?;
+    let (document, results) = run()?;
     if let Some(output) = &mut output {
         output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
         for (name, svg) in document.sections.iter().filter_map(|section| section.plot.as_ref()) {
             output.write(name, |w| w.write_all(svg.as_bytes()))?;
         }
-        output.write(REPORT, |w| w.write_all(document.markdown(true).as_bytes()))?;
+        output.write(name, |w| w.write_all(document.markdown(true).as_bytes()))?;
     }
     output.map_or(Ok(()), Output::commit)?;
     print(&document.markdown(false))

@@ -1,4 +1,4 @@
-//! The cache of prepared bodies: one file a body, named after a key of everything the body depends on.
+//! The cache of prepared bodies, and of references that take long: one file each, named after a key of everything it depends on.
 //!
 //! Only a help. An entry holds its own key and a checksum: what is damaged, cut short, of another version or under
 //! another's name is made again. Entries are written beside and renamed, so that readers and other writers never see
@@ -36,8 +36,13 @@ pub struct KeyMaker(Sha256);
 impl KeyMaker {
     /// Starts with the version of the algorithms: the sources themselves.
     pub fn new() -> Self {
+        Self::of(SOURCES)
+    }
+
+    /// Starts with other sources.
+    pub fn of(sources: &[&str]) -> Self {
         let mut maker = KeyMaker(Sha256::new());
-        SOURCES.iter().for_each(|source| maker.add(source.as_bytes()));
+        sources.iter().for_each(|source| maker.add(source.as_bytes()));
         maker
     }
 
@@ -123,7 +128,7 @@ impl Cache {
     pub fn store<T: Serialize>(&self, key: &Key, value: &T) -> Result<(), String> {
         let (Some(path), Some(folder)) = (self.path(key), &self.folder) else { return Ok(()) };
         let failed = |error: std::io::Error| format!("the cache in {} cannot be written: {error}", folder.display());
-        let payload = postcard::to_stdvec(value).map_err(|error| format!("the body cannot be cached: {error}"))?;
+        let payload = postcard::to_stdvec(value).map_err(|error| format!("it cannot be cached: {error}"))?;
         fs::create_dir_all(folder).map_err(failed)?;
         // Of this process and this call: two threads may make the same body at once.
         static CALLS: AtomicU64 = AtomicU64::new(0);

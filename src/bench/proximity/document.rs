@@ -85,7 +85,7 @@ fn sensitivity(rows: &[Sensitivity]) -> Result<Section> {
                    vertices, of both skins, were looked at."
             .into(),
         table,
-        plot: Some(("sensitivity.svg", lines(&axis, "median time, ms", &stage_lines(points))?)),
+        plot: Some(("sensitivity.svg".into(), lines(&axis, "median time, ms", &stage_lines(points))?)),
         finding: sensitivity_finding(rows) + &flags,
     })
 }
@@ -122,7 +122,7 @@ fn area(rows: &[Area]) -> Result<Section> {
              are pressed together; the area is what the contacts of both cover. The first row is a gap of 0.5 mm."
         ),
         table,
-        plot: Some(("area.svg", lines(&axis, "median time, ms", &stage_lines(points))?)),
+        plot: Some(("area.svg".into(), lines(&axis, "median time, ms", &stage_lines(points))?)),
         finding: area_finding(rows) + &flags,
     })
 }
@@ -191,7 +191,7 @@ fn peers(peers: &Peers) -> Result<Section> {
             1e3 * peers.reach
         ),
         table,
-        plot: Some(("peers.svg", bars("median time, ms", &drawn)?)),
+        plot: Some(("peers.svg".into(), bars("median time, ms", &drawn)?)),
         finding: peers_finding(peers) + &flagged(place.flags.iter()),
     })
 }
@@ -243,7 +243,7 @@ fn scenes(rows: &[SceneTimes]) -> Result<Section> {
         cells.extend([goal_ms, paper_ms].map(|time| format!("{time}")));
         table.rows.push(cells);
     }
-    let plot = if drawn.is_empty() { None } else { Some(("scenes.svg", bars("median time, ms", &drawn)?)) };
+    let plot = if drawn.is_empty() { None } else { Some(("scenes.svg".into(), bars("median time, ms", &drawn)?)) };
     Ok(Section {
         title: "The paper's scenes".into(),
         question:
