@@ -49,9 +49,9 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     uint contact_count = CONTACT ? counts.contacts : 0;
     vec4 sums = vec4(0.0);
-    for (uint k = lane; k < BLOCKS; k += SIZE) sums.x += dots[k].x + (COARSE ? coarse_dots[k].x : 0.0);
+    for (uint k = lane; k < BLOCKS; k += SIZE) sums.xw += dots[k] + (COARSE ? vec2(coarse_dots[k].x, 0.0) : vec2(0.0));
     float depth = 0.0;
-    // y: contacts that push or are yet undecided, z: that pull.
+    // y: contacts that push or are yet undecided, z: that pull; w: the square of what rounding leaves of the residual.
     for (uint c = lane; c < contact_count; c += SIZE) {
         Contact contact = contacts[c];
         if (contact.stiffness == 0.0) continue;
@@ -87,7 +87,7 @@ void main() {
     float norm2 = max(solve.rhs_norm2, 1.0e-38);
     // Not max(sums.x, 0), which may take the zero of what is no number.
     float residual = solve.rhs_norm2 <= solve.floor_norm2 || sums.x < 0.0 ? 0.0 : sqrt(sums.x / norm2);
-    float residual_floor = sqrt(solve.floor_norm2 / norm2);
+    float residual_floor = sqrt(max(solve.floor_norm2, sums.w) / norm2);
     uint verdict = VERDICT_DONE;
     if (solve.status == STATUS_RUNNING) verdict = VERDICT_CONTINUE;
     else if (again) verdict = VERDICT_RETRY;

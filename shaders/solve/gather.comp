@@ -8,7 +8,7 @@
 // block, P^T w (those of a core are its rows of A p) and P^T r:
 //   MODE 0, warm start: w . D^-1 b, w . D^-1 w     (first = D^-1 b)
 //   MODE 1, iteration:  r . u, w . u               (first = u, second = r); cores' and the tool's rows included
-//   MODE 2, at the end: r . D^-1 r, 0 with r = b - w  (second = b)
+//   MODE 2, at the end: r . D^-1 r with r = b - w; (eps x)^2 . D: what rounding of x itself makes of w  (second = b)
 // A workgroup a block of free nodes, or of carried ones, or one for the tool's rows: variants that run side by side.
 // Oracle: oracle::step.
 
@@ -52,6 +52,8 @@ layout(scalar, binding = 23) writeonly buffer RestrictedImage { vec4 restricted_
 layout(scalar, binding = 24) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
 
 const uint SUMS = 7;
+// Half a unit in the last place of f32.
+const float ROUNDING = 6.0e-8;
 
 #include "shared/roles.glsl"
 #include "shared/sums.glsl"
@@ -109,7 +111,8 @@ void gather_block(uint b, inout vec2 sums, inout Modes of_image, inout Modes of_
             sums += vec2(dot(r, u), dot(w, u));
         } else {
             r = texelFetch(second, i).xyz - w;
-            sums.x += dot(r, precondition(i, r));
+            vec3 lost = ROUNDING * p;
+            sums += vec2(dot(r, precondition(i, r)), dot(lost, lost / texelFetch(inverse, 2 * i).xyz));
         }
         if (COARSE) {
             vec3 where = (rest.xyz - place.xyz) * place.w;

@@ -19,7 +19,8 @@ use crate::gpu::{Context, Options};
 use crate::scene::Preconditioner;
 
 /// Every preconditioner that the engine knows, and what a scene calls it.
-const PRECONDITIONERS: &[(&str, Preconditioner)] = &[("jacobi", Preconditioner::Jacobi)];
+const PRECONDITIONERS: &[(&str, Preconditioner)] =
+    &[("jacobi", Preconditioner::Jacobi), ("coarse", Preconditioner::Coarse)];
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
@@ -127,7 +128,7 @@ pub struct Results {
 
 /// Measures everything; `watch` is told what begins. Errors: no device, a device or a reference that fails.
 pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
-    let context = Context::new(&Options { device: settings.device.clone(), validation: false })?;
+    let context = Context::new(&Options { device: settings.device.clone(), ..Options::default() })?;
     let (device, driver) = (context.device_name().into(), context.driver().into());
     drop(context);
     let cases = speed::measure(settings, watch)?;
