@@ -148,7 +148,7 @@ pub fn expect_of_largest(what: &str, got: &[f32], want: &[f64], share: f64) {
 fn a_tetrahedron_stretched_along_an_edge_by_hand() {
     // elastic/rotate: unit corner, 1 m; d_1 = (0.01, 0, 0): E = diag(0.01, 0, 0), P = 2 mu E + 0.01 lambda I, V = 1/6.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4] };
+    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
     let mut system = System::new(&[layered(layer, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system.velocity.fill([0.0; 4]);
     system.displacement[1] = [0.01, 0.0, 0.0, 0.0];

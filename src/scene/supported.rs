@@ -2,7 +2,7 @@
 //! whoever adds it deletes lines here.
 
 use super::keys::{Table, Value};
-use super::{Preconditioner, Scene, ToolShape};
+use super::{Dilatation, Preconditioner, Scene, ToolShape};
 use crate::{Error, Result};
 
 /// Refuses a valid scene that asks for more than the engine does, naming the key.
@@ -13,6 +13,10 @@ pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
     }
     if scene.solver.preconditioner == Preconditioner::Coarse {
         return Err(refuse(&of("solver", "preconditioner")?, "use \"auto\" or \"jacobi\""));
+    }
+    for (index, _) in scene.bodies.iter().enumerate().filter(|(_, body)| body.dilatation == Dilatation::Patch) {
+        let value = root.need("body")?.array()?[index].unchecked_table()?.need("dilatation")?;
+        return Err(refuse(&value, "use \"element\""));
     }
     if scene.haptics.device != "scripted" {
         return Err(refuse(&of("haptics", "device")?, "use \"scripted\""));
