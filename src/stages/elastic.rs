@@ -19,7 +19,8 @@ pub struct Elastic {
     /// Four nodes a tetrahedron.
     pub tetrahedra: Buffer,
     tetrahedron_links: Buffer,
-    rest_gradients: Buffer,
+    /// Three a tetrahedron, rest axes, and the square root of its volume.
+    pub(super) rest_gradients: Buffer,
     /// Position in the frame, mass.
     pub node_rest: Buffer,
     /// First quad of elements, quads, frame, and who holds it, as in shaders/shared/held.glsl.
@@ -78,6 +79,8 @@ impl Elastic {
                 &self.tetrahedron_links,
                 &self.node_rest,
                 &common.links,
+                // Nothing acts by patches.
+                &self.tetrahedra,
                 &self.rotations,
                 &self.gradients,
                 &self.element_forces,

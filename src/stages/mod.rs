@@ -7,6 +7,7 @@ mod chunks;
 pub mod contact;
 pub mod cull;
 pub mod depth;
+pub mod dilate;
 pub mod elastic;
 mod layers;
 pub mod model;
