@@ -52,8 +52,8 @@ fn dilate(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
         .constant("PATCHES", all.count() as u32)
         .constant("TETRAHEDRA", tetrahedra as u32)
         .input("params", &[system.params])
-        .input("patch_nodes", &all.nodes)
-        .input("patch_members", &all.padded_members())
+        .input("patch_nodes", &all.device_nodes())
+        .input("patch_members", &all.device_members())
         .input("patch_constants", &all.constants)
         .input("rest_gradients", &system.model.rest_gradients)
         .input("gradients", &gradients)
@@ -71,7 +71,7 @@ fn product(system: &System, all: &Patches, rows: &[[f32; 4]], change: &[[f32; 4]
     let outcome = case("test/product")
         .constant("PATCHES", all.count() as u32)
         .constant("TETRAHEDRA", system.model.tetrahedra.len() as u32)
-        .input("patch_nodes", &all.nodes)
+        .input("patch_nodes", &all.device_nodes())
         .input("patch_rows", rows)
         .input("change", change)
         .partial("element_forces", &vec![[0.0f32; 4]; first + MOST_NODES * all.count()])
@@ -84,7 +84,7 @@ fn product(system: &System, all: &Patches, rows: &[[f32; 4]], change: &[[f32; 4]
 fn gathered(system: &System, all: &Patches, forces: &[[f32; 4]]) -> Vec<f32> {
     let tetrahedra = system.model.tetrahedra.iter().flatten().copied().zip(0..);
     let first = 4 * (system.model.tetrahedra.len() as u32 + 1);
-    let of_patches = all.entries(0).map(|(node, entry)| (node, first + entry));
+    let of_patches = all.entries(0).map(|(node, [p, k])| (node, first + k * all.count() as u32 + p));
     let mut sums = vec![[0.0f64; 4]; system.model.node_rest.len()];
     for (node, entry) in tetrahedra.chain(of_patches) {
         (0..3).for_each(|k| sums[node as usize][k] += f64::from(forces[entry as usize][k]));
@@ -116,9 +116,8 @@ fn expect_oracle(what: &str, system: &System, seed: u64) {
         for row in body.elements.patch_rows(&q) {
             let along: f64 = row.iter().map(|(n, c)| c.dot(wide(&change[own.start + *n as usize]))).sum();
             row.iter().for_each(|(n, c)| products[*n as usize] += step * along * *c);
-            let places = entries.iter().filter(|(_, entry)| *entry as usize / MOST_NODES == patch);
-            for (node, entry) in places {
-                got.extend(&rows[*entry as usize][..3]);
+            for (node, [p, k]) in entries.iter().filter(|(_, [p, _])| *p as usize == patch) {
+                got.extend(&rows[*k as usize * all.count() + *p as usize][..3]);
                 want.extend((step.sqrt() * row[&(node - own.start as u32)]).to_array());
             }
             patch += 1;

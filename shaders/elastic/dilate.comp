@@ -14,7 +14,7 @@ layout(constant_id = 1) const uint PATCHES = 0;
 layout(constant_id = 2) const uint TETRAHEDRA = 0;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(binding = 1) uniform usamplerBuffer patch_nodes;         // three a patch: its nodes, the first again where there are fewer
+layout(binding = 1) uniform usamplerBuffer patch_nodes;         // three a patch: its nodes, the first again where there are fewer (shared/patch.glsl)
 layout(binding = 2) uniform usamplerBuffer patch_members;       // six a patch, two members each: a tetrahedron; places of its nodes, four bits each
 layout(binding = 3) uniform samplerBuffer patch_constants;      // V (m^3), lambda (Pa), beta (s)
 layout(binding = 4) uniform samplerBuffer rest_gradients;       // w of the first of three: sqrt(V)
@@ -25,16 +25,16 @@ layout(scalar, binding = 8) writeonly buffer ElementForces { vec4 element_forces
 
 #include "shared/patch.glsl"
 
-const int MEMBERS = 12;
+const uint MEMBERS = 12;
 
 void main() {
     uint p = gl_GlobalInvocationID.x;
     if (p >= PATCHES) return;
     vec3 row[PATCH_NODES];
-    for (int k = 0; k < PATCH_NODES; k++) row[k] = vec3(0.0);
+    for (uint k = 0; k < PATCH_NODES; k++) row[k] = vec3(0.0);
     float strain = 0.0;
-    for (int k = 0; k < MEMBERS; k++) {
-        uvec4 pair = texelFetch(patch_members, 6 * int(p) + k / 2);
+    for (uint k = 0; k < MEMBERS; k++) {
+        uvec4 pair = texelFetch(patch_members, int(PATCHES * (k / 2) + p));
         uvec2 member = k % 2 == 0 ? pair.xy : pair.zw;
         int t = int(member.x);
         float root = texelFetch(rest_gradients, 3 * t).w;
@@ -49,16 +49,16 @@ void main() {
     vec3 constants = texelFetch(patch_constants, int(p)).xyz;
     float volume = constants.x, lambda = constants.y, step = params.dt * (params.dt + constants.z);
     float scale = sqrt(step * lambda / volume);
-    vec3 v0 = texelFetch(velocity, int(patch_node(p, 0))).xyz;
+    vec3 v0 = texelFetch(velocity, int(patch_quad(p, 0).x)).xyz;
     float along = params.dt * strain * sqrt(lambda / (step * volume));
     row[0] = vec3(0.0);
-    for (int k = 1; k < PATCH_NODES; k++) {
+    for (uint k = 1; k < PATCH_NODES; k++) {
         row[k] *= scale;
         row[0] -= row[k];
-        along += dot(row[k], texelFetch(velocity, int(patch_node(p, k))).xyz - v0);
+        along += dot(row[k], texelFetch(velocity, int(patch_quad(p, k / 4)[k % 4])).xyz - v0);
     }
-    for (int k = 0; k < PATCH_NODES; k++) {
-        patch_rows[PATCH_NODES * p + k] = vec4(row[k], 0.0);
+    for (uint k = 0; k < PATCH_NODES; k++) {
+        patch_rows[patch_row(p, k)] = vec4(row[k], 0.0);
         element_forces[patch_entry(p, k)] = vec4(-along * row[k], 0.0);
     }
 }

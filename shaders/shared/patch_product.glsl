@@ -1,20 +1,35 @@
 // What a patch does to a change of velocity, c (c . p). Needs shared/patch.glsl, `patch_rows` (texels, from elastic/dilate),
 // `change` and `element_forces`. Oracle: oracle::elastic::Elements::patch_rows.
 
-// A row sums to zero, so what the first node has follows from the others: a common velocity gives no force at all.
+// Four entries c of a row, and their part of c . (p - p0). No array: one that a loop indexes may end up in memory.
+float patch_part(uint p, uint q, vec3 p0, out vec3 c0, out vec3 c1, out vec3 c2, out vec3 c3) {
+    uvec4 nodes = patch_quad(p, q);
+    c0 = texelFetch(patch_rows, int(patch_row(p, 4 * q))).xyz;
+    c1 = texelFetch(patch_rows, int(patch_row(p, 4 * q + 1))).xyz;
+    c2 = texelFetch(patch_rows, int(patch_row(p, 4 * q + 2))).xyz;
+    c3 = texelFetch(patch_rows, int(patch_row(p, 4 * q + 3))).xyz;
+    return dot(c0, texelFetch(change, int(nodes.x)).xyz - p0) + dot(c1, texelFetch(change, int(nodes.y)).xyz - p0)
+        + dot(c2, texelFetch(change, int(nodes.z)).xyz - p0) + dot(c3, texelFetch(change, int(nodes.w)).xyz - p0);
+}
+
+// Writes the forces of four nodes; returns their sum.
+vec3 patch_forces(uint p, uint q, vec3 f0, vec3 f1, vec3 f2, vec3 f3) {
+    element_forces[patch_entry(p, 4 * q)] = vec4(f0, 0.0);
+    element_forces[patch_entry(p, 4 * q + 1)] = vec4(f1, 0.0);
+    element_forces[patch_entry(p, 4 * q + 2)] = vec4(f2, 0.0);
+    element_forces[patch_entry(p, 4 * q + 3)] = vec4(f3, 0.0);
+    return f0 + f1 + f2 + f3;
+}
+
+// A row sums to zero: with velocities relative to the first node's, a common velocity gives no force at all.
 void apply_patch(uint p) {
-    vec3 row[PATCH_NODES];
-    vec3 p0 = texelFetch(change, int(patch_node(p, 0))).xyz;
-    float along = 0.0;
-    for (int k = 1; k < PATCH_NODES; k++) {
-        row[k] = texelFetch(patch_rows, PATCH_NODES * int(p) + k).xyz;
-        along += dot(row[k], texelFetch(change, int(patch_node(p, k))).xyz - p0);
-    }
-    vec3 first = vec3(0.0);
-    for (int k = 1; k < PATCH_NODES; k++) {
-        vec3 f = along * row[k];
-        first -= f;
-        element_forces[patch_entry(p, k)] = vec4(f, 0.0);
-    }
-    element_forces[patch_entry(p, 0)] = vec4(first, 0.0);
+    vec3 p0 = texelFetch(change, int(patch_quad(p, 0).x)).xyz;
+    vec3 c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11;
+    float along = patch_part(p, 0, p0, c0, c1, c2, c3) + patch_part(p, 1, p0, c4, c5, c6, c7)
+        + patch_part(p, 2, p0, c8, c9, c10, c11);
+    vec3 others = patch_forces(p, 1, along * c4, along * c5, along * c6, along * c7)
+        + patch_forces(p, 2, along * c8, along * c9, along * c10, along * c11);
+    vec3 f1 = along * c1, f2 = along * c2, f3 = along * c3;
+    // So that the forces sum to zero as well.
+    patch_forces(p, 0, -(f1 + f2 + f3 + others), f1, f2, f3);
 }

@@ -19,10 +19,10 @@ pub struct Patches {
     /// Patch of each tetrahedron, or `NONE`.
     pub of: Vec<u32>,
     /// Three a patch: its nodes, the first again where there are fewer.
-    pub nodes: Vec<[u32; 4]>,
+    nodes: Vec<[[u32; 4]; 3]>,
     /// Six a patch, two members each: a tetrahedron (`NONE`: no more), and where its nodes are among the patch's, four bits
     /// each.
-    pub members: Vec<[u32; 4]>,
+    members: Vec<[[u32; 4]; 6]>,
     /// Volume (m^3), lambda (Pa), beta (s); a patch.
     pub constants: Vec<[f32; 4]>,
     /// Nodes of each patch, in their order.
@@ -63,9 +63,12 @@ impl Patches {
             }
             let [lambda, beta] = material(own[0]).map(|x| x as f32);
             self.constants.push([volume as f32, lambda, beta, 0.0]);
-            self.members.extend(entries.chunks(2).map(|pair| [pair[0][0], pair[0][1], pair[1][0], pair[1][1]]));
+            self.members.push(std::array::from_fn(|k| {
+                let [[a, b], [c, d]] = [entries[2 * k], entries[2 * k + 1]];
+                [a, b, c, d]
+            }));
             let padded: [u32; MOST_NODES] = std::array::from_fn(|k| nodes.get(k).copied().unwrap_or(nodes[0]));
-            self.nodes.extend(padded.chunks(4).map(|four| [four[0], four[1], four[2], four[3]]));
+            self.nodes.push(std::array::from_fn(|q| std::array::from_fn(|k| padded[4 * q + k])));
             self.node_lists.push(nodes);
         }
     }
@@ -75,20 +78,29 @@ impl Patches {
         self.constants.len()
     }
 
-    /// Every node of every patch from `first` on, with its place among the forces of patches; those stand behind the forces
-    /// of all tetrahedra and four zeros.
-    pub fn entries(&self, first: usize) -> impl Iterator<Item = (u32, u32)> {
-        let of_patch = |(p, nodes): (usize, &Vec<u32>)| {
-            nodes.iter().enumerate().map(|(k, node)| (*node, (MOST_NODES * p + k) as u32)).collect::<Vec<_>>()
-        };
-        self.node_lists.iter().enumerate().skip(first).flat_map(of_patch)
+    /// Every node of every patch from `first` on, with the patch and its place in it. On the device its row, and its force
+    /// behind those of all tetrahedra and four zeros, stand at place times [`Patches::count`] plus patch.
+    pub fn entries(&self, first: usize) -> impl Iterator<Item = (u32, [u32; 2])> {
+        let lists = self.node_lists.iter().zip(0..).skip(first);
+        lists.flat_map(|(nodes, p)| nodes.iter().zip(0..).map(move |(node, k)| (*node, [p, k])))
     }
 
-    /// Members with their padding replaced by the tetrahedron that reads as nothing; called once all layers are in.
-    pub fn padded_members(&self) -> Vec<[u32; 4]> {
-        let nothing = self.of.len() as u32;
-        self.members.iter().map(|pair| pair.map(|x| if x == NONE { nothing } else { x })).collect()
+    /// Nodes as the device has them, patch beside patch.
+    pub fn device_nodes(&self) -> Vec<[u32; 4]> {
+        beside(&self.nodes)
     }
+
+    /// Members as the device has them, the padding replaced by the tetrahedron that reads as nothing; called once all layers
+    /// are in.
+    pub fn device_members(&self) -> Vec<[u32; 4]> {
+        let nothing = self.of.len() as u32;
+        beside(&self.members).iter().map(|pair| pair.map(|x| if x == NONE { nothing } else { x })).collect()
+    }
+}
+
+/// First every patch's first, then every one's second and so on, so that neighbouring invocations read side by side.
+fn beside<const N: usize>(rows: &[[[u32; 4]; N]]) -> Vec<[u32; 4]> {
+    (0..N).flat_map(|k| rows.iter().map(move |row| row[k])).collect()
 }
 
 /// The pass after elastic/rotate, and what the solver reads of patches.
@@ -114,8 +126,8 @@ impl Dilate {
             kernel: Kernel::new(context, "elastic/dilate", Size::Group, &constants)?,
             patch_count: patches.count(),
             patch_of: upload(context, "patches of tetrahedra", &patches.of)?,
-            nodes: upload(context, "nodes of patches", &patches.nodes)?,
-            members: upload(context, "tetrahedra of patches", &patches.padded_members())?,
+            nodes: upload(context, "nodes of patches", &patches.device_nodes())?,
+            members: upload(context, "tetrahedra of patches", &patches.device_members())?,
             constants: upload(context, "constants of patches", &patches.constants)?,
             rows: zeros::<[f32; 4]>(context, "rows of patches", MOST_NODES * patches.count())?,
         })
