@@ -68,7 +68,7 @@ fn dilate(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
 /// Forces of patches for a change of velocity, in the same array.
 fn product(system: &System, all: &Patches, rows: &[[f32; 4]], change: &[[f32; 4]]) -> Vec<[f32; 4]> {
     let first = 4 * (system.model.tetrahedra.len() + 1);
-    let outcome = case("test/product")
+    let outcome = case("solve/patches")
         .constant("PATCHES", all.count() as u32)
         .constant("TETRAHEDRA", system.model.tetrahedra.len() as u32)
         .input("patch_nodes", &all.device_nodes())

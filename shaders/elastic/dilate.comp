@@ -6,7 +6,7 @@
 // Elastic: patches, whose tetrahedra share one volumetric strain theta = sum V_e tr(E_e) / V, V = sum V_e. To the operator
 // (h^2 + h beta) K a patch is c c^T over its nodes, c_j = sqrt((h^2 + h beta) lambda / V) sum sqrt(V_e) g'_ej, and to the
 // right-hand side it gives h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 + h beta)) + c . v) c. Once a step, after
-// elastic/rotate; solve/apply uses the rows in every iteration (shared/patch.glsl). One invocation a patch.
+// elastic/rotate; solve/patches uses the rows in every iteration. One invocation a patch.
 // Oracle: oracle::elastic::Elements::patch_rows; de Souza Neto, Andrade Pires and Owen (2005).
 
 layout(local_size_x_id = 0) in;

@@ -14,7 +14,7 @@ pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
     if scene.solver.preconditioner == Preconditioner::Coarse {
         return Err(refuse(&of("solver", "preconditioner")?, "use \"auto\" or \"jacobi\""));
     }
-    for (index, _) in scene.bodies.iter().enumerate().filter(|(_, body)| body.dilatation == Dilatation::Patch) {
+    if let Some(index) = scene.bodies.iter().position(|body| body.dilatation == Dilatation::Patch) {
         let value = root.need("body")?.array()?[index].unchecked_table()?.need("dilatation")?;
         return Err(refuse(&value, "use \"element\""));
     }

@@ -1,6 +1,6 @@
 //! Patches on the device: tetrahedra that share one volumetric strain, against locking ([`crate::prepare::patch`]). A pass a
 //! step writes each patch's row of the operator and what it gives to the right-hand side; in the solver's loop a patch is one
-//! more element, so it adds no pass.
+//! more element, applied beside the tetrahedra and gathered with them.
 
 use std::sync::Arc;
 
