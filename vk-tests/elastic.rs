@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Const;
-use palpate::oracle::elastic::{lame, outer, polar_rotation};
+use palpate::oracle::elastic::{lame, outer, polar_rotation, strain};
 use palpate::prepare::Layer;
 
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
@@ -22,12 +22,13 @@ const FORCE: f64 = 1.0e-5;
 /// Of the largest value, at strains of 1e-6: what subtracting numbers of order one would leave is no better than 1e-1.
 const TINY_STRAIN: f64 = 5.0e-6;
 
-/// Runs elastic/rotate over a whole system.
-pub fn rotate(system: &System) -> Outcome {
+/// Runs elastic/rotate over a whole system; `patch_of`: each tetrahedron's patch or `NONE`, empty where nothing acts by them.
+pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
     let tetrahedra = system.model.tetrahedra.len();
     case("elastic/rotate")
         .constant("TETRAHEDRA", tetrahedra as u32)
         .constant("SPANS", Const::Bool(system.model.spans_frames()))
+        .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
         .input("params", &[system.params])
         .input("frames", &system.frames)
         .input("materials", &system.model.materials)
@@ -38,6 +39,7 @@ pub fn rotate(system: &System) -> Outcome {
         .input("tetrahedron_links", &system.model.tetrahedron_links)
         .input("node_rest", &system.model.node_rest)
         .input("links", &system.links)
+        .input("patch_of", if patch_of.is_empty() { &[0] } else { patch_of })
         .inout("rotations", &system.rotations)
         .output::<[f32; 4]>("gradients", 3 * tetrahedra)
         .output::<[f32; 4]>("element_forces", 4 * tetrahedra)
@@ -46,7 +48,7 @@ pub fn rotate(system: &System) -> Outcome {
 }
 
 /// `count` tetrahedra that share no node.
-fn scattered(count: usize, random: &mut Random) -> Layer {
+pub fn scattered(count: usize, random: &mut Random) -> Layer {
     let mut layer = Layer::default();
     for t in 0..count as u32 {
         let centre = 0.1 * random.vector();
@@ -125,17 +127,22 @@ fn expect_gradients(what: &str, system: &System) {
     let body = &system.twin.bodies[0];
     let (h, beta) = (system.twin.dt, body.material.damping_stiffness);
     let (mu, lambda) = lame(&body.material);
-    let (mut got, mut want) = (vec![], vec![]);
+    let (mut got, mut want, mut traces) = (vec![], vec![], (vec![], vec![]));
     let squeezed = body.elements.squeezed(&body.displacement, &quaternions(system));
     for (t, q) in quaternions(system).iter().enumerate() {
         let turn = body.elements.frame * DMat3::from_quat(q.normalize()) * body.elements.volumes[t].sqrt();
         let [h1, h2, h3] = &system.gradients[3 * t..3 * t + 3] else { panic!("three a tetrahedron") };
         got.extend([h1, h2, h3].iter().flat_map(|g| [g[0], g[1], g[2]]));
         want.extend(body.elements.gradients[t][1..].iter().flat_map(|g| (turn * *g).to_array()));
-        let moduli = [h * (h + beta) * (mu + squeezed.stiffer[t]), h * (h + beta) * lambda, 0.0];
-        expect_close("moduli", &[h1[3], h2[3], h3[3]], &moduli, Tolerance { abs: 0.0, rel: GRADIENT });
+        let moduli = [h * (h + beta) * (mu + squeezed.stiffer[t]), h * (h + beta) * lambda];
+        expect_close("moduli", &[h1[3], h2[3]], &moduli, Tolerance { abs: 0.0, rel: GRADIENT });
+        let e = strain(q.normalize(), body.elements.gradient(t, &body.displacement));
+        let trace = e.x_axis.x + e.y_axis.y + e.z_axis.z;
+        traces.0.push(h3[3]);
+        traces.1.push(trace);
     }
     expect_of_largest(&format!("{what}: gradients"), &got, &want, GRADIENT);
+    expect_of_largest(&format!("{what}: tr(E)"), &traces.0, &traces.1, FORCE);
 }
 
 /// Every value within `share` of the largest wanted.
@@ -148,7 +155,7 @@ pub fn expect_of_largest(what: &str, got: &[f32], want: &[f64], share: f64) {
 fn a_tetrahedron_stretched_along_an_edge_by_hand() {
     // elastic/rotate: unit corner, 1 m; d_1 = (0.01, 0, 0): E = diag(0.01, 0, 0), P = 2 mu E + 0.01 lambda I, V = 1/6.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4] };
+    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
     let mut system = System::new(&[layered(layer, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system.velocity.fill([0.0; 4]);
     system.displacement[1] = [0.01, 0.0, 0.0, 0.0];

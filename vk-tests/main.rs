@@ -13,6 +13,7 @@ mod continuity;
 mod crossings;
 mod cull;
 mod deep;
+mod dilate;
 mod dirty;
 mod elastic;
 mod energy;

@@ -232,7 +232,7 @@ impl System {
 
     /// Runs elastic/rotate and gives the oracle its rotations.
     pub fn rotate(&mut self) {
-        let outcome = elastic::rotate(self);
+        let outcome = elastic::rotate(self, &[]);
         self.rotations = outcome.get("rotations");
         self.gradients = outcome.get("gradients");
         self.gradients.extend([[0.0; 4]; 3]);

@@ -17,6 +17,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron may have nodes in several frames
+layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may act by patches (elastic/dilate)
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
@@ -28,9 +29,10 @@ layout(binding = 6) uniform samplerBuffer velocity;
 layout(binding = 7) uniform usamplerBuffer tetrahedron_links;   // from the first node's frame to each node's; 0: the same
 layout(binding = 8) uniform samplerBuffer node_rest;
 layout(scalar, binding = 9) readonly buffer Links { Link links[]; };
-layout(scalar, binding = 10) buffer Rotations { vec4 rotations[]; };
-layout(scalar, binding = 11) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, lambda
-layout(scalar, binding = 12) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
+layout(scalar, binding = 10) readonly buffer PatchOf { uint patch_of[]; };        // patch of each tetrahedron, or NONE
+layout(scalar, binding = 11) buffer Rotations { vec4 rotations[]; };
+layout(scalar, binding = 12) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, times lambda (0: by patch), tr(E)
+layout(scalar, binding = 13) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
 
 const float LEAST = 0.3;
 const float STIFFENING = 10.0;
@@ -109,16 +111,17 @@ void main() {
     vec3 h1 = root * rotate(world, g1.xyz), h2 = root * rotate(world, g2.xyz), h3 = root * rotate(world, g3.xyz);
     float scale = params.dt * (params.dt + material.w);
     gradients[3 * t] = vec4(h1, scale * operator_mu);
-    gradients[3 * t + 1] = vec4(h2, scale * lambda);
-    gradients[3 * t + 2] = vec4(h3, 0.0);
+    float own_lambda = PATCHES && patch_of[t] != NONE ? 0.0 : lambda;
+    gradients[3 * t + 1] = vec4(h2, scale * own_lambda);
+    gradients[3 * t + 2] = vec4(h3, e[0][0] + e[1][1] + e[2][2]);
 
-    mat3 p = stress(e, mu, lambda) + stiffening * squeezed;
+    mat3 p = stress(e, mu, own_lambda) + stiffening * squeezed;
     float impulse = -params.dt * root * root;
     vec3 v0 = texelFetch(velocity, int(nodes.x)).xyz;
     mat3 w = outerProduct(texelFetch(velocity, int(nodes.y)).xyz - v0, h1)
         + outerProduct(texelFetch(velocity, int(nodes.z)).xyz - v0, h2)
         + outerProduct(texelFetch(velocity, int(nodes.w)).xyz - v0, h3);
-    mat3 damping = stress(w, scale * operator_mu, scale * lambda);
+    mat3 damping = stress(w, scale * operator_mu, scale * own_lambda);
     vec3 f1 = impulse * rotate(world, p * g1.xyz) - damping * h1;
     vec3 f2 = impulse * rotate(world, p * g2.xyz) - damping * h2;
     vec3 f3 = impulse * rotate(world, p * g3.xyz) - damping * h3;

@@ -14,6 +14,8 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const bool COARSE = false;
+layout(constant_id = 4) const bool PATCHES = false;
+layout(constant_id = 5) const uint TETRAHEDRA = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
@@ -30,18 +32,19 @@ layout(binding = 10) uniform samplerBuffer displacement;
 layout(binding = 11) uniform usamplerBuffer node_elements;
 layout(binding = 12) uniform samplerBuffer element_forces;
 layout(binding = 13) uniform samplerBuffer gradients;
-layout(scalar, binding = 14) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar, binding = 15) readonly buffer Sorted { uvec2 sorted[]; };
-layout(scalar, binding = 16) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 17) uniform samplerBuffer leftover;        // b - A x of the last step
-layout(scalar, binding = 18) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 19) writeonly buffer Rhs { vec4 rhs[]; };
-layout(scalar, binding = 20) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
-layout(scalar, binding = 21) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
-layout(scalar, binding = 22) writeonly buffer Partials { vec2 partials[]; };
-layout(scalar, binding = 23) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
-layout(scalar, binding = 24) buffer BlockRotations { vec4 block_rotations[]; };  // of blocks in their frames, kept as the next start
-layout(scalar, binding = 25) writeonly buffer BlockTurns { vec4 block_turns[]; };        // the same in the world: of their modes
+layout(binding = 14) uniform samplerBuffer patch_rows;
+layout(scalar, binding = 15) readonly buffer NodeEntries { uvec2 node_entries[]; };
+layout(scalar, binding = 16) readonly buffer Sorted { uvec2 sorted[]; };
+layout(scalar, binding = 17) readonly buffer Contacts { Contact contacts[]; };
+layout(binding = 18) uniform samplerBuffer leftover;        // b - A x of the last step
+layout(scalar, binding = 19) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 20) writeonly buffer Rhs { vec4 rhs[]; };
+layout(scalar, binding = 21) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
+layout(scalar, binding = 22) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
+layout(scalar, binding = 23) writeonly buffer Partials { vec2 partials[]; };
+layout(scalar, binding = 24) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
+layout(scalar, binding = 25) buffer BlockRotations { vec4 block_rotations[]; };  // of blocks in their frames, kept as the next start
+layout(scalar, binding = 26) writeonly buffer BlockTurns { vec4 block_turns[]; };        // the same in the world: of their modes
 
 const uint SUMS = 7;
 
@@ -123,6 +126,12 @@ void main() {
                 vec3 f = texelFetch(element_forces, int(entry)).xyz;
                 b += f;
                 e += abs(f);
+                if (PATCHES && entry >= 4 * (TETRAHEDRA + 1)) {
+                    vec3 row = texelFetch(patch_rows, int(entry - 4 * (TETRAHEDRA + 1))).xyz;
+                    a += row * row;
+                    c += row.xxy * row.yzz;
+                    continue;
+                }
                 int t = int(entry / 4);
                 vec4 g1 = texelFetch(gradients, 3 * t), g2 = texelFetch(gradients, 3 * t + 1);
                 vec3 g3 = texelFetch(gradients, 3 * t + 2).xyz;

@@ -20,6 +20,7 @@ layout(constant_id = 6) const uint RIGIDS = 0;          // cores, and the tool
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 9) const uint TETRAHEDRA = 0;
 layout(constant_id = 11) const uint FREE_BLOCKS = 0;
+layout(constant_id = 12) const uint PATCHES = 0;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
@@ -227,6 +228,7 @@ void main() {
     uint on = at_rest ? 0 : 1, contact_count = CONTACT ? counts.contacts : 0;
     args[3 * ARGS_LOOP_APPLY] = on * groups_of(TETRAHEDRA);
     args[3 * ARGS_LOOP_PRESS] = on * groups_of(contact_count);
+    args[3 * ARGS_LOOP_PATCHES] = on * groups_of(PATCHES);
     args[3 * ARGS_LOOP_FREE] = on * FREE_BLOCKS;
     args[3 * ARGS_LOOP_CARRIED] = on * (BLOCKS - FREE_BLOCKS);
     args[3 * ARGS_LOOP_TOOL] = TOOL ? on : 0;

@@ -136,6 +136,7 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
             damping_mass: 0.0,
             damping_stiffness: 0.002,
         }),
+        dilatation: Default::default(),
         collides: None,
         cores: Vec::new(),
         skeleton: None,

@@ -170,6 +170,7 @@ impl Part {
             orientation: DQuat::IDENTITY,
             velocity: DVec3::ZERO,
             material: None,
+            dilatation: Default::default(),
             collides: None,
             cores: Vec::new(),
             repair: true,

@@ -1,7 +1,13 @@
 //! Corotational linear tetrahedra in f64: rotations, forces, the stiffness operator. Twin of the elastic stage.
 //!
+//! Where the layer has patches, the volumetric strain tr(E) of a tetrahedron is its patch's mean by volume, theta; the energy
+//! sum V (mu |E|^2 + lambda/2 theta^2) keeps the stiffness symmetric positive semi-definite, and the part of mu, which stays
+//! with tetrahedra, makes a patch within itself as stable as a material of Poisson's ratio zero.
+//!
 //! Müller and Gross, "Interactive Virtual Materials" (2004); the polar rotation by singular value decomposition with
 //! the sign convention of Irving, Teran and Fedkiw, "Invertible Finite Elements" (2004).
+
+use std::collections::BTreeMap;
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
@@ -34,6 +40,8 @@ pub struct Elements {
     pub lambda: f64,
     /// What the operator adds to the shear modulus of each tetrahedron, Pa; see [`Elements::squeezed`].
     pub stiffer: Vec<f64>,
+    /// Patch of each tetrahedron; empty: each has its own volumetric strain.
+    pub patches: Vec<u32>,
 }
 
 impl Elements {
@@ -56,7 +64,8 @@ impl Elements {
         }
         let (mu, lambda) = lame(material);
         let stiffer = vec![0.0; layer.tetrahedra.len()];
-        Self { tetrahedra: layer.tetrahedra.clone(), gradients, volumes, masses, frame, mu, lambda, stiffer }
+        let (tetrahedra, patches) = (layer.tetrahedra.clone(), layer.patches.clone());
+        Self { tetrahedra, gradients, volumes, masses, frame, mu, lambda, stiffer, patches }
     }
 
     /// Number of nodes.
@@ -82,10 +91,12 @@ impl Elements {
     /// Elastic forces on nodes, N, world axes. `d`: displacements, m, rest axes; `rotations`: one a tetrahedron.
     pub fn forces(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
         let mut forces = vec![DVec3::ZERO; self.node_count()];
+        let strains: Vec<_> = rotations.iter().enumerate().map(|(e, q)| self.strain(e, *q, d)).collect();
+        let dilatations = self.dilatations(&strains);
         for (e, nodes) in self.tetrahedra.iter().enumerate() {
-            let q = rotations[e].normalize();
-            let strain = strain(q, self.gradient(e, d));
-            let stress = DMat3::from_quat(q) * (self.stress(strain, 0.0) + self.squeeze(strain) * self.stiffening());
+            let stiffened = self.squeeze(strains[e]) * self.stiffening();
+            let stress = self.stress(strains[e], dilatations[e], 0.0) + stiffened;
+            let stress = DMat3::from_quat(rotations[e].normalize()) * stress;
             for (i, g) in nodes.iter().zip(&self.gradients[e]) {
                 forces[*i as usize] -= self.frame * (stress * *g) * self.volumes[e];
             }
@@ -98,9 +109,11 @@ impl Elements {
         let to_rest = self.frame.transpose();
         let local: Vec<DVec3> = p.iter().map(|p| to_rest * *p).collect();
         let mut product = vec![DVec3::ZERO; self.node_count()];
+        let turns: Vec<_> = rotations.iter().map(|q| DMat3::from_quat(q.normalize())).collect();
+        let strains: Vec<_> = turns.iter().enumerate().map(|(e, r)| r.transpose() * self.gradient(e, &local)).collect();
+        let dilatations = self.dilatations(&strains);
         for (e, nodes) in self.tetrahedra.iter().enumerate() {
-            let r = DMat3::from_quat(rotations[e].normalize());
-            let stress = r * self.stress(r.transpose() * self.gradient(e, &local), self.stiffer[e]);
+            let stress = turns[e] * self.stress(strains[e], dilatations[e], self.stiffer[e]);
             for (i, g) in nodes.iter().zip(&self.gradients[e]) {
                 product[*i as usize] += self.frame * (stress * *g) * self.volumes[e];
             }
@@ -109,25 +122,65 @@ impl Elements {
     }
 
     /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed:
-    /// V R (mu ((g_i . g_j) I + g_j g_i^T) + lambda g_i g_j^T) R^T.
+    /// V R (mu ((g_i . g_j) I + g_j g_i^T) + lambda g_i g_j^T) R^T, without lambda's part where there are patches
+    /// ([`Elements::patch_rows`]).
     pub fn stiffness_blocks(&self, element: usize, rotation: DQuat) -> [[DMat3; 4]; 4] {
         let r = self.frame * DMat3::from_quat(rotation.normalize());
         let g = self.gradients[element].map(|g| r * g);
+        let lambda = if self.patches.is_empty() { self.lambda } else { 0.0 };
         let block = |i: usize, j: usize| {
             let shear = DMat3::from_diagonal(DVec3::splat(g[i].dot(g[j]))) + outer(g[j], g[i]);
-            (shear * (self.mu + self.stiffer[element]) + outer(g[i], g[j]) * self.lambda) * self.volumes[element]
+            (shear * (self.mu + self.stiffer[element]) + outer(g[i], g[j]) * lambda) * self.volumes[element]
         };
         std::array::from_fn(|i| std::array::from_fn(|j| block(i, j)))
     }
 
-    /// Elastic energy sum V (mu |E|^2 + lambda/2 tr(E)^2), J, with E = sym(R^T F) - I, and that of squeezed axes.
+    /// What each patch adds to the stiffness, c c^T: its nodes and c_j = sqrt(lambda / V) sum V_e R_e g_ej, sqrt(N/m), world
+    /// axes; V the volume of the patch, the sum over its tetrahedra e.
+    pub fn patch_rows(&self, rotations: &[DQuat]) -> Vec<BTreeMap<u32, DVec3>> {
+        let volumes = self.patch_volumes();
+        let mut rows = vec![BTreeMap::new(); volumes.len()];
+        for (e, patch) in self.patches.iter().enumerate() {
+            let patch = *patch as usize;
+            let turn = self.frame * DMat3::from_quat(rotations[e].normalize());
+            let scale = (self.lambda / volumes[patch]).sqrt() * self.volumes[e];
+            for (i, g) in self.tetrahedra[e].iter().zip(&self.gradients[e]) {
+                *rows[patch].entry(*i).or_insert(DVec3::ZERO) += scale * (turn * *g);
+            }
+        }
+        rows
+    }
+
+    /// Volume of each patch, m^3.
+    fn patch_volumes(&self) -> Vec<f64> {
+        let mut volumes = vec![0.0; self.patches.iter().max().map_or(0, |last| *last as usize + 1)];
+        self.patches.iter().zip(&self.volumes).for_each(|(patch, volume)| volumes[*patch as usize] += volume);
+        volumes
+    }
+
+    /// Volumetric strain of each tetrahedron: tr(E), or its mean by volume over the patch.
+    pub fn dilatations(&self, strains: &[DMat3]) -> Vec<f64> {
+        if self.patches.is_empty() {
+            return strains.iter().map(|e| trace(*e)).collect();
+        }
+        let volumes = self.patch_volumes();
+        let mut means = vec![0.0; volumes.len()];
+        for (e, patch) in self.patches.iter().enumerate() {
+            means[*patch as usize] += self.volumes[e] * trace(strains[e]) / volumes[*patch as usize];
+        }
+        self.patches.iter().map(|patch| means[*patch as usize]).collect()
+    }
+
+    /// Elastic energy sum V (mu |E|^2 + lambda/2 theta^2), J, with E = sym(R^T F) - I, theta its trace or the patch's mean of
+    /// that, and the energy of squeezed axes.
     pub fn energy(&self, d: &[DVec3], rotations: &[DQuat]) -> f64 {
+        let strains: Vec<_> = rotations.iter().enumerate().map(|(e, q)| self.strain(e, *q, d)).collect();
+        let dilatations = self.dilatations(&strains);
         let density = |e: usize| {
-            let strain = symmetric(strain(rotations[e].normalize(), self.gradient(e, d)));
-            let trace = trace(strain);
+            let strain = symmetric(strains[e]);
             let square = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
             let squeezed = 0.5 * self.stiffening() * square(self.squeeze(strain));
-            self.mu * square(strain) + 0.5 * self.lambda * trace * trace + squeezed
+            self.mu * square(strain) + 0.5 * self.lambda * dilatations[e].powi(2) + squeezed
         };
         (0..self.tetrahedra.len()).map(|e| self.volumes[e] * density(e)).sum()
     }
@@ -136,7 +189,7 @@ impl Elements {
     /// which is at least as stiff in every direction as the stiffening, and isotropic.
     pub fn squeezed(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
         let more = |e: usize| {
-            let squeezed = self.squeeze(strain(rotations[e].normalize(), self.gradient(e, d))) != DMat3::ZERO;
+            let squeezed = self.squeeze(self.strain(e, rotations[e], d)) != DMat3::ZERO;
             if squeezed { 0.5 * self.stiffening() } else { 0.0 }
         };
         Self { stiffer: (0..self.tetrahedra.len()).map(more).collect(), ..self.clone() }
@@ -157,9 +210,14 @@ impl Elements {
         (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(axis(k), axis(k)) * (1.0 + values[k] - LEAST_STRETCH).min(0.0))
     }
 
-    /// 2 (mu + more) sym(E) + lambda tr(E) I.
-    fn stress(&self, strain: DMat3, more: f64) -> DMat3 {
-        symmetric(strain) * (2.0 * (self.mu + more)) + DMat3::from_diagonal(DVec3::splat(self.lambda * trace(strain)))
+    /// E of a tetrahedron.
+    fn strain(&self, element: usize, rotation: DQuat, d: &[DVec3]) -> DMat3 {
+        strain(rotation.normalize(), self.gradient(element, d))
+    }
+
+    /// 2 (mu + more) sym(E) + lambda theta I.
+    fn stress(&self, strain: DMat3, dilatation: f64, more: f64) -> DMat3 {
+        symmetric(strain) * (2.0 * (self.mu + more)) + DMat3::from_diagonal(DVec3::splat(self.lambda * dilatation))
     }
 }
 

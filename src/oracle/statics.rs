@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::Result;
-use crate::oracle::elastic::Elements;
+use crate::oracle::elastic::{Elements, outer};
 use crate::oracle::linear::{Entries, Solver};
 
 /// Displacements (m, world axes) under `loads` (N a node, world axes), small strain about rest. `fixed` holds single
@@ -23,6 +23,13 @@ pub fn solve(elements: &Elements, fixed: &[[bool; 3]], loads: &[DVec3]) -> Resul
         for (k, i) in nodes.iter().enumerate() {
             for (l, j) in nodes.iter().enumerate() {
                 add_block(&mut a, unknowns[*i as usize], unknowns[*j as usize], &blocks[k][l]);
+            }
+        }
+    }
+    for row in elements.patch_rows(&vec![DQuat::IDENTITY; elements.tetrahedra.len()]) {
+        for (i, left) in &row {
+            for (j, right) in &row {
+                add_block(&mut a, unknowns[*i as usize], unknowns[*j as usize], &outer(*left, *right));
             }
         }
     }

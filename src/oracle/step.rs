@@ -5,6 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::Result;
 pub use crate::oracle::body::{Core, SoftBody};
 use crate::oracle::contact::{Carrier, Contact, Point};
+use crate::oracle::elastic::outer;
 use crate::oracle::friction::Friction;
 use crate::oracle::linear::{Entries, Solver};
 use crate::oracle::tool::{self, Device, Tool};
@@ -202,6 +203,14 @@ impl Simulation {
             for (k, i) in nodes.iter().enumerate() {
                 for (l, j) in nodes.iter().enumerate() {
                     let block = blocks[k][l] * (h * h + h * beta);
+                    add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &block);
+                }
+            }
+        }
+        for row in elements.patch_rows(&rotations) {
+            for (i, left) in &row {
+                for (j, right) in &row {
+                    let block = outer(*left, *right) * (h * h + h * beta);
                     add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &block);
                 }
             }

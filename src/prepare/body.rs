@@ -8,9 +8,9 @@ use glam::DVec3;
 use super::cache::Cache;
 use super::prepared::{Prepared, Recipe};
 use super::report::{Log, Stage};
-use super::{Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, proxies, repair, ride, skin};
+use super::{Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, patch, proxies, repair, ride, skin};
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Motion, Scene, Surface, ToolShape};
+use crate::scene::{self, Dilatation, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
 
 /// A closed skin fills at least this share of its bounding box's diagonal cubed; less is rounding.
@@ -183,6 +183,9 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
         keys.error(key, problem, remedy)
     })?;
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
+    if body.dilatation == Dilatation::Patch {
+        layer.patches = patch::patches(&layer, |_| 0);
+    }
     let mesh = scaled(prepared.mesh, body.scale);
     let skin = skin::build(mesh.vertices, mesh.triangles);
     let embedding = prepared.embedding;

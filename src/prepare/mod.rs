@@ -15,6 +15,7 @@ mod lattice;
 pub mod layer;
 pub mod mass;
 pub mod model;
+pub mod patch;
 pub mod prepared;
 pub mod proxy;
 pub mod quality;
@@ -156,6 +157,9 @@ pub struct Layer {
     pub tetrahedra: Vec<[u32; 4]>,
     /// Whether each node rides on one of the body's cores.
     pub bound: Vec<bool>,
+    /// The patch of each tetrahedron whose volumetric strain is its patch's ([`patch::patches`]); empty: each has its own.
+    #[serde(skip)]
+    pub patches: Vec<u32>,
 }
 
 /// A triangle mesh that touches and is seen.

@@ -202,7 +202,7 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
         (scene::Layer::File(path), _) => {
             let mesh = tetrahedra::read(path)?;
             let bound = vec![false; mesh.nodes.len()];
-            let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound };
+            let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound, ..Layer::default() };
             Ok(Filled { layer, notes: mesh.notes, report: None })
         }
         (scene::Layer::Box { low, high, cells }, _) => {

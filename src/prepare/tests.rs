@@ -94,6 +94,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
             damping_mass: 0.0,
             damping_stiffness: 0.0,
         }),
+        dilatation: Default::default(),
         collides: None,
         cores: cores.iter().enumerate().map(core).collect(),
         repair: true,

@@ -10,7 +10,7 @@ use super::tetrahedra::EXTENSIONS;
 use super::{Bind, Body, Core, Hinge, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
 use crate::Result;
 
-const BODY_KEYS: [&str; 18] = [
+const BODY_KEYS: [&str; 19] = [
     "name",
     "surface",
     "layer",
@@ -21,6 +21,7 @@ const BODY_KEYS: [&str; 18] = [
     "orientation",
     "velocity",
     "material",
+    "dilatation",
     "collides",
     "core",
     "skeleton",
@@ -44,6 +45,21 @@ const MOST_ACROSS: u32 = 1000;
 pub const MOST_HULLS: u32 = 256;
 /// Least length of a plane's normal, or a hinge's axis, before it is normalised.
 const SHORTEST_NORMAL: f64 = 1e-9;
+
+/// Over what a soft body's dilatation (volumetric strain) is one number.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Dilatation {
+    /// A tetrahedron: linear ones lock as Poisson's ratio nears one half.
+    #[default]
+    Element,
+    /// The mean of a patch of neighbouring tetrahedra, against locking ([`crate::prepare::patch`]).
+    Patch,
+}
+
+impl Dilatation {
+    /// What a scene may ask for.
+    pub const CHOICES: [(&str, Dilatation); 2] = [("element", Dilatation::Element), ("patch", Dilatation::Patch)];
+}
 
 /// All bodies, in file order; names are unique and never `tool`.
 pub(super) fn read(root: &Table) -> Result<Vec<Body>> {
@@ -88,6 +104,8 @@ fn body(value: &Value) -> Result<Body> {
         orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
         velocity: table.or("velocity", DVec3::ZERO, Value::vector)?,
         material: table.option("material", material)?,
+        dilatation: table
+            .or("dilatation", Dilatation::Element, |value| value.one_of("dilatation", &Dilatation::CHOICES))?,
         collides: table.option("collides", |value| value.array()?.iter().map(Value::name).collect())?,
         cores,
         repair: table.or("repair", true, Value::truth)?,
@@ -133,6 +151,7 @@ fn shape(table: &Table) -> Result<Shape> {
                 let remedy = "add a `layer` for a soft body, or remove `material` for a rigid one";
                 return Err(table.error("material", "a rigid body has none", remedy));
             }
+            refuse(table, &["dilatation"], "belongs to a soft body, and this one is rigid")?;
             let why = "a rigid body has no [[body.core]]; its own keys are motion and mass";
             refuse(table, &["core", "skeleton"], why)?;
             Ok(Shape::Rigid { surface })

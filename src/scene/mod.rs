@@ -24,7 +24,7 @@ use std::path::PathBuf;
 use glam::{DQuat, DVec3};
 
 pub use crate::prepare::model::Model;
-pub use body::MOST_HULLS;
+pub use body::{Dilatation, MOST_HULLS};
 pub use keys::unit_quaternion;
 pub use skeleton::{Bone, Skeleton};
 
@@ -147,6 +147,8 @@ pub struct Body {
     pub velocity: DVec3,
     /// Elastic material; `None` for rigid bodies.
     pub material: Option<Material>,
+    /// Over what the volumetric strain of a soft body is one.
+    pub dilatation: Dilatation,
     /// Names of bodies it collides with ("tool" is the tool); `None`: every other.
     pub collides: Option<Vec<String>>,
     /// Rigid cores; first one a bone where there is a skeleton, in its order.

@@ -263,6 +263,7 @@ fn values_out_of_range_are_refused_by_key_and_line() {
         ("[0.3, 0.0, 0.2, 0.10]", "[0.3, 0.0, 0.2]", "`drive.keys[1]`: has 3 numbers"),
         ("{ inset = 0.03 }", "{ sphere = [0, 0, 0, 0] }", "has radius 0"),
         ("[tool]", "[tool", "not TOML"),
+        ("scale = 1.0", "dilatation = \"nodal\"", "`body.head.dilatation`: there is no dilatation \"nodal\""),
     ] {
         let message = folder.message(&with(old, new));
         assert!(message.contains(words), "`{new}`: {message}");
@@ -380,8 +381,9 @@ fn a_skeleton_gives_a_core_a_bone() {
     assert_eq!(body.skeleton.unwrap().bones[1].parent, Some(0));
     assert_eq!(folder.load(&text("")).unwrap().bodies[0].cores.len(), 2);
 
-    let rigid = "[[body]]\nname = \"a\"\nsurface = \"head.obj\"\nskeleton = \"bones.toml\"";
-    assert!(folder.message(rigid).contains("`body.a.skeleton`: a rigid body has no"));
+    let rigid = |more| folder.message(&format!("[[body]]\nname = \"a\"\nsurface = \"head.obj\"\n{more}"));
+    assert!(rigid("skeleton = \"bones.toml\"").contains("`body.a.skeleton`: a rigid body has no"));
+    assert!(rigid("dilatation = \"patch\"").contains("`body.a.dilatation`: belongs to a soft body"));
 }
 
 #[test]
@@ -391,6 +393,7 @@ fn what_the_engine_does_not_do_yet_is_refused_by_key() {
         ("newton = 1", "newton = 2", "`step.newton`"),
         ("preconditioner = \"auto\"", "preconditioner = \"coarse\"", "`solver.preconditioner`"),
         ("device = \"scripted\"", "device = \"phantom\"", "`haptics.device`"),
+        ("scale = 1.0", "dilatation = \"patch\"", "`body[0].dilatation`"),
     ] {
         let message = folder.message(&with(old, new));
         assert!(message.contains(&format!("{key}: this version does not do that yet")), "{message}");

@@ -18,16 +18,18 @@ pub const NODES: u32 = 6;
 pub const LOOP_APPLY: u32 = 7;
 /// Contacts.
 pub const LOOP_PRESS: u32 = 8;
+/// Patches.
+pub const LOOP_PATCHES: u32 = 9;
 /// A workgroup a block of free nodes.
-pub const LOOP_FREE: u32 = 9;
+pub const LOOP_FREE: u32 = 10;
 /// A workgroup a block of carried nodes.
-pub const LOOP_CARRIED: u32 = 10;
+pub const LOOP_CARRIED: u32 = 11;
 /// One, for the tool.
-pub const LOOP_TOOL: u32 = 11;
+pub const LOOP_TOOL: u32 = 12;
 /// Nodes, once the step is accepted.
-pub const COMMIT: u32 = 12;
+pub const COMMIT: u32 = 13;
 /// One, once the step is accepted.
-pub const WRENCH: u32 = 13;
+pub const WRENCH: u32 = 14;
 /// The draw, counted in VkDrawIndirectCommands.
 pub const DRAW: u32 = 12;
 /// Words in the buffer.

@@ -45,7 +45,8 @@ impl Model {
     pub(super) fn add_blocks(&mut self, aggregates: impl Fn(usize) -> Option<usize>) {
         let mut blocks = Blocks::default();
         for (index, soft) in self.soft.iter().enumerate() {
-            let free: Vec<u32> = soft.nodes.clone().filter(|n| self.node_info[*n][3] == held::FREE).map(|n| n as u32).collect();
+            let free: Vec<u32> =
+                soft.nodes.clone().filter(|n| self.node_info[*n][3] == held::FREE).map(|n| n as u32).collect();
             for part in self.parts_of(free, aggregates(index)) {
                 blocks.push(self, &part, NONE);
             }

@@ -4,6 +4,8 @@
 //! P^T. P turns with the frames, so the matrix at rest serves whatever way a body has turned; contact and deformation are
 //! not in it, and need not be.
 
+use std::collections::BTreeMap;
+
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
@@ -178,6 +180,7 @@ impl Model {
         }
         for t in self.tetrahedra_of(soft) {
             let [mu, lambda, _, beta] = self.material_of(t);
+            let lambda = if self.patches.of[t] == NONE { lambda } else { 0.0 };
             let factor = (dt * dt + dt * beta) * self.volume(t);
             let g = self.gradients_of(t);
             for (i, k) in self.tetrahedra[t].iter().zip(g) {
@@ -192,7 +195,37 @@ impl Model {
                 }
             }
         }
+        for p in self.patches.within(&soft.nodes) {
+            self.add_patch(&mut matrix, p, dt, &basis);
+        }
         matrix
+    }
+
+    /// Adds c c^T of a patch, c_j = sqrt((h^2 + h beta) lambda / V) sum V_e g_ej.
+    fn add_patch<'a>(
+        &self,
+        matrix: &mut Mat<f64>,
+        patch: usize,
+        dt: f64,
+        basis: &impl Fn(usize) -> Option<&'a (usize, Basis)>,
+    ) {
+        let [volume, lambda, beta, _] = self.patches.constants[patch].map(f64::from);
+        let scale = ((dt * dt + dt * beta) * lambda / volume).sqrt();
+        let mut row: BTreeMap<usize, f64> = BTreeMap::new();
+        for t in self.patches.members_of(patch) {
+            for (i, g) in self.tetrahedra[t].iter().zip(self.gradients_of(t)) {
+                let Some((at, basis)) = basis(*i as usize) else { continue };
+                for (k, part) in basis.matrices().iter().enumerate() {
+                    let along = scale * self.volume(t) * (part.transpose() * g);
+                    (0..3).for_each(|axis| *row.entry(at + 3 * k + axis).or_default() += along[axis]);
+                }
+            }
+        }
+        for (i, x) in &row {
+            for (j, y) in &row {
+                matrix[(*i, *j)] += x * y;
+            }
+        }
     }
 }
 

@@ -83,11 +83,8 @@ impl Contact {
         let nodes = model.node_rest.len();
         let candidates = CHUNK_VERTICES * model.most_chunks();
         let capacity = CAPACITY.min(candidates);
-        let candidate = [
-            ("BLEND", blend.into()),
-            ("CAPACITY", count(capacity)),
-            ("GROUP", context.group_size().into()),
-        ];
+        let candidate =
+            [("BLEND", blend.into()), ("CAPACITY", count(capacity)), ("GROUP", context.group_size().into())];
         let [friction, speed] = model.friction;
         let lists = context.reduce_size();
         let response =

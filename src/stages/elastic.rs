@@ -2,14 +2,18 @@
 
 use std::sync::Arc;
 
+use super::dilate::Dilate;
 use super::model::Model;
 use super::{Common, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Recorder, Size};
+use crate::prepare::patch::MOST_NODES;
 
 /// Nodes, tetrahedra and their state.
 pub struct Elastic {
     rotate: Kernel,
+    /// Patches, if there are any.
+    pub dilate: Option<Dilate>,
     /// Tetrahedra.
     pub tetrahedron_count: usize,
     /// Nodes.
@@ -19,7 +23,8 @@ pub struct Elastic {
     /// Four nodes a tetrahedron.
     pub tetrahedra: Buffer,
     tetrahedron_links: Buffer,
-    rest_gradients: Buffer,
+    /// Three a tetrahedron, rest axes, and the square root of its volume.
+    pub(super) rest_gradients: Buffer,
     /// Position in the frame, mass.
     pub node_rest: Buffer,
     /// First quad of elements, quads, frame, and who holds it, as in shaders/shared/held.glsl.
@@ -34,7 +39,7 @@ pub struct Elastic {
     pub rotations: Buffer,
     /// Three a tetrahedron, world axes.
     pub gradients: Buffer,
-    /// Four a tetrahedron, and one texel of zeros.
+    /// Four a tetrahedron, four zeros, and twelve a patch.
     pub element_forces: Buffer,
 }
 
@@ -42,8 +47,14 @@ impl Elastic {
     /// Kernels and arrays for a model, at rest.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Elastic> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
-        let constants = [("TETRAHEDRA", count(tetrahedra)), ("SPANS", Const::Bool(model.spans_frames()))];
+        let patches = model.patches.count();
+        let constants = [
+            ("TETRAHEDRA", count(tetrahedra)),
+            ("SPANS", Const::Bool(model.spans_frames())),
+            ("PATCHES", Const::Bool(patches > 0)),
+        ];
         Ok(Elastic {
+            dilate: (patches > 0).then(|| Dilate::new(context, &model.patches)).transpose()?,
             rotate: Kernel::new(context, "elastic/rotate", Size::Group, &constants)?,
             tetrahedron_count: tetrahedra,
             node_count: nodes,
@@ -58,11 +69,11 @@ impl Elastic {
             velocity: upload(context, "velocity", &model.velocity)?,
             rotations: upload(context, "rotations", &vec![[0.0f32, 0.0, 0.0, 1.0]; tetrahedra.max(1)])?,
             gradients: zeros::<[f32; 4]>(context, "gradients", 3 * (tetrahedra + 1))?,
-            element_forces: zeros::<[f32; 4]>(context, "element forces", 4 * (tetrahedra + 1))?,
+            element_forces: zeros::<[f32; 4]>(context, "element forces", 4 * (tetrahedra + 1) + MOST_NODES * patches)?,
         })
     }
 
-    /// One pass over tetrahedra.
+    /// One pass over tetrahedra, and one over patches.
     pub fn record(&self, recorder: &mut Recorder, common: &Common) {
         recorder.stage("elastic");
         recorder.dispatch(
@@ -78,6 +89,8 @@ impl Elastic {
                 &self.tetrahedron_links,
                 &self.node_rest,
                 &common.links,
+                // Without patches nobody reads of them.
+                self.dilate.as_ref().map_or(&self.tetrahedra, |dilate| &dilate.patch_of),
                 &self.rotations,
                 &self.gradients,
                 &self.element_forces,
@@ -85,5 +98,8 @@ impl Elastic {
             &[],
             self.tetrahedron_count as u32,
         );
+        if let Some(dilate) = &self.dilate {
+            dilate.record(recorder, common, self);
+        }
     }
 }

@@ -2,10 +2,14 @@
 
 use glam::{DMat3, DVec3};
 
-use super::model::{Core, FramePlace, Model, Motion, texel};
+use super::model::{Core, FramePlace, Model, Motion, lame, texel};
 use super::types::NONE;
+use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{FrameMotion, Layer, Skin};
 use crate::scene::Material;
+
+/// Marks an entry into the forces of patches until the number of all tetrahedra is known.
+pub(super) const OF_PATCH: u32 = 1 << 31;
 
 /// Who decides a node's motion, as in shaders/shared/held.glsl.
 pub(super) mod held {
@@ -109,6 +113,16 @@ impl Model {
                     entries[*n as usize].push((4 * (tetrahedron_first + t) + corner) as u32);
                 }
             }
+        }
+        let rigid = |t: usize| {
+            let nodes = layer.tetrahedra[t];
+            nodes.iter().all(|n| layer.bound[*n as usize] && frame_of(*n) == frame_of(nodes[0]))
+        };
+        let patch_first = self.patches.count();
+        let (_, lambda) = lame(material);
+        self.patches.add(layer, node_first, |_| [lambda, material.damping_stiffness], rigid);
+        for (node, [patch, place]) in self.patches.entries(patch_first) {
+            entries[node as usize - node_first].push(OF_PATCH | (MOST_NODES as u32 * patch + place));
         }
         for (i, rest) in layer.nodes.iter().enumerate() {
             let frame = frame_of(i as u32);

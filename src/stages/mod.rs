@@ -9,6 +9,7 @@ pub mod coarse;
 pub mod contact;
 pub mod cull;
 pub mod depth;
+pub mod dilate;
 pub mod elastic;
 mod layers;
 pub mod model;

@@ -7,7 +7,10 @@ use glam::{DQuat, DVec3};
 
 use super::blocks::Blocks;
 use super::coarse::Coarse;
+use super::dilate::Patches;
+use super::layers::OF_PATCH;
 use super::types::{Chunk, NONE, PAIR_REGIONS, Pair, Proxy, Slot};
+use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Material, Scene};
 
@@ -124,6 +127,9 @@ pub struct Model {
     pub tetrahedron_links: Vec<[u32; 4]>,
     /// Three a tetrahedron, and three zeros: gradients of its last three nodes; w: sqrt(V), -, frame.
     pub rest_gradients: Vec<[f32; 4]>,
+
+    /// Patches of tetrahedra that share a volumetric strain.
+    pub patches: Patches,
 
     /// Four nodes; `NONE` first on a rigid body.
     pub skin_nodes: Vec<[u32; 4]>,
@@ -318,15 +324,24 @@ impl Model {
         }
     }
 
-    /// Replaces the padding of node lists by the entry that reads as nothing; called once all bodies are in.
+    /// Replaces the padding of node lists by the entry that reads as nothing, and marks by the entries of patches, which stand
+    /// behind that; called once all bodies are in.
     pub fn padded_node_elements(&self) -> Vec<[u32; 4]> {
-        let nothing = 4 * self.tetrahedra.len() as u32;
-        self.node_elements.iter().map(|quad| quad.map(|e| if e == NONE { nothing } else { e })).collect()
+        let (nothing, patches) = (4 * self.tetrahedra.len() as u32, self.patches.count() as u32);
+        let entry = |e: u32| match e {
+            NONE => nothing,
+            e if e & OF_PATCH != 0 => {
+                let (patch, place) = ((e & !OF_PATCH) / MOST_NODES as u32, (e & !OF_PATCH) % MOST_NODES as u32);
+                nothing + 4 + place * patches + patch
+            }
+            e => e,
+        };
+        self.node_elements.iter().map(|quad| quad.map(entry)).collect()
     }
 }
 
 /// Lame's mu and lambda, Pa.
-fn lame(material: &Material) -> (f64, f64) {
+pub(super) fn lame(material: &Material) -> (f64, f64) {
     let mu = material.young / (2.0 * (1.0 + material.poisson));
     (mu, 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson))
 }

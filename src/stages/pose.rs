@@ -31,10 +31,7 @@ pub struct Pose {
 impl Pose {
     /// Kernels and arrays for a model.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Pose> {
-        let constants = [
-            ("SPANS", Const::Bool(model.spans_frames())),
-            ("BUCKETS", skin::buckets(model).into()),
-        ];
+        let constants = [("SPANS", Const::Bool(model.spans_frames())), ("BUCKETS", skin::buckets(model).into())];
         Ok(Pose {
             place: Kernel::new(context, "pose/place", Size::Reduce, &constants)?,
             proxy_count: model.proxies.len() as u32,

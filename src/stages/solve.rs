@@ -26,6 +26,7 @@ pub struct Solve {
     assemble: Kernel,
     apply: Kernel,
     press: Kernel,
+    patches: Option<Kernel>,
     gather_warm: Vec<Variant>,
     gather_loop: Vec<Variant>,
     gather_final: Vec<Variant>,
@@ -121,16 +122,19 @@ impl Solve {
         let roles: Vec<_> = roles.into_iter().filter(|(_, _, groups, _)| *groups > 0).collect();
         let variants = |name: &str, constants: &[(&str, Const)]| -> Result<Vec<Variant>> {
             let variant = |(role, first, groups, slot): &(u32, usize, usize, u32)| {
-                let own = [("ROLE", Const::Uint(*role)), ("FIRST", count(*first)), ("LEADS", (*role == roles[0].0).into())];
+                let own =
+                    [("ROLE", Const::Uint(*role)), ("FIRST", count(*first)), ("LEADS", (*role == roles[0].0).into())];
                 let own = if name == "solve/update" { &own[..] } else { &own[..2] };
                 let kernel = reduce(name, &[constants, own].concat())?;
                 Ok(Variant { kernel, groups: *groups as u32, slot: *slot })
             };
             roles.iter().map(variant).collect()
         };
-        let gather = |mode: u32| {
-            variants("solve/gather", &[blocks, contact, friction, coarse, rigids, ("MODE", mode.into())])
-        };
+        let gather =
+            |mode: u32| variants("solve/gather", &[blocks, contact, friction, coarse, rigids, ("MODE", mode.into())]);
+        let patch_count = model.patches.count();
+        let patches_c = ("PATCHES", count(patch_count));
+        let patches = || Kernel::new(context, "solve/patches", Size::Group, &[patches_c, tetrahedra_c]);
         let coarse_kernel = |warm: bool| reduce("solve/coarse", &[("WARM", warm.into())]);
         let coarse_kernels = || Ok(CoarseKernels { warm: coarse_kernel(true)?, end: coarse_kernel(false)? });
         let vector = |name: &str| zeros::<[f32; 4]>(context, name, nodes);
@@ -139,16 +143,31 @@ impl Solve {
         let coarse_modes = |name: &str, sets: usize| modes(name, if is_coarse { sets } else { 0 });
         let all = 2 * rigid_count;
         Ok(Solve {
-            assemble: reduce("solve/assemble", &[contact, friction, coarse])?,
+            assemble: reduce(
+                "solve/assemble",
+                &[contact, friction, coarse, tetrahedra_c, ("PATCHES", (patch_count > 0).into())],
+            )?,
             apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c])?,
             press: Kernel::new(context, "solve/press", Size::Group, &[friction, rigids])?,
+            patches: (patch_count > 0).then(patches).transpose()?,
             gather_warm: gather(0)?,
             gather_loop: gather(1)?,
             gather_final: gather(2)?,
             coarse: is_coarse.then(coarse_kernels).transpose()?,
             start: reduce(
                 "solve/start",
-                &[tetrahedra_c, contact, friction, tool, coarse, blocks, rigids, group, ("FREE_BLOCKS", count(free))],
+                &[
+                    tetrahedra_c,
+                    contact,
+                    friction,
+                    tool,
+                    coarse,
+                    blocks,
+                    rigids,
+                    group,
+                    ("FREE_BLOCKS", count(free)),
+                    patches_c,
+                ],
             )?,
             begin: reduce("solve/begin", &[coarse])?,
             update: variants("solve/update", &[blocks, coarse, partials, rigids])?,
@@ -224,6 +243,8 @@ impl Solve {
                 &elastic.node_elements,
                 &elastic.element_forces,
                 &elastic.gradients,
+                // Without patches nobody reads of them.
+                elastic.dilate.as_ref().map_or(&elastic.gradients, |dilate| &dilate.rows),
                 &touch.node_entries,
                 &touch.sorted,
                 &touch.contacts,
@@ -433,6 +454,13 @@ impl Solve {
                 recorder.dispatch_indirect(&self.apply, &of_elements, &[], &common.args, args::LOOP_APPLY);
             } else {
                 recorder.dispatch(&self.apply, &of_elements, &[], elastic.tetrahedron_count as u32);
+            }
+            if let (Some(kernel), Some(dilate)) = (&self.patches, &elastic.dilate) {
+                let buffers = [&dilate.nodes, &dilate.rows, vector, &elastic.element_forces];
+                match in_loop {
+                    true => recorder.dispatch_indirect(kernel, &buffers, &[], &common.args, args::LOOP_PATCHES),
+                    false => recorder.dispatch(kernel, &buffers, &[], dilate.patch_count as u32),
+                }
             }
             if self.has_contact {
                 let slot = if in_loop { args::LOOP_PRESS } else { args::CONTACTS };

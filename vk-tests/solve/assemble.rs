@@ -92,7 +92,8 @@ fn a_tetrahedron_at_rest_by_hand() {
     // which
     // for the gradient e_x of node 1 is diagonal; node 2 is bound.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let tetrahedron = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false, false, true, false] };
+    let tetrahedron =
+        Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false, false, true, false], ..Layer::default() };
     let mut system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system.velocity.fill([0.0; 4]);
     system.rotate();

@@ -74,7 +74,8 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     // solve/apply: gradients e_x, e_y, e_z with moduli 2 and 3, and node 1 moving along x at 1 m/s: W = diag(1, 0, 0),
     // S = diag(2 * 2 + 3, 3, 3).
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let tetrahedron = palpate::prepare::Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4] };
+    let tetrahedron =
+        palpate::prepare::Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Default::default() };
     let mut system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system = system.with_tool().with_contacts(3, 2);
     system.gradients[..3].copy_from_slice(&[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 1.0, 0.0]]);
@@ -106,8 +107,12 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
 fn nodes_gather_their_elements_by_hand() {
     // solve/gather, one tetrahedron: w = (1 + h alpha) m p + its force; no force on nodes from the padding.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let tetrahedron =
-        palpate::prepare::Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false, true, false, false] };
+    let tetrahedron = palpate::prepare::Layer {
+        nodes,
+        tetrahedra: vec![[0, 1, 2, 3]],
+        bound: vec![false, true, false, false],
+        ..Default::default()
+    };
     let system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     let mut passes = Passes::new(system);
     for k in 0..4 {

@@ -118,6 +118,7 @@ impl Mesh {
             material: Some(material),
             collides: None,
             cores,
+            dilatation: scene::Dilatation::Element,
             repair: true,
             skeleton: None,
         };

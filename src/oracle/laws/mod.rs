@@ -3,6 +3,7 @@
 mod contact;
 mod elastic;
 mod friction;
+mod locking;
 mod press;
 mod statics;
 mod step;

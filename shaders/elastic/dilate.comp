@@ -1,0 +1,64 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+
+// Elastic: patches, whose tetrahedra share one volumetric strain theta = sum V_e tr(E_e) / V, V = sum V_e. To the operator
+// (h^2 + h beta) K a patch is c c^T over its nodes, c_j = sqrt((h^2 + h beta) lambda / V) sum sqrt(V_e) g'_ej, and to the
+// right-hand side it gives h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 + h beta)) + c . v) c. Once a step, after
+// elastic/rotate; solve/patches uses the rows in every iteration. One invocation a patch.
+// Oracle: oracle::elastic::Elements::patch_rows; de Souza Neto, Andrade Pires and Owen (2005).
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const uint PATCHES = 0;
+layout(constant_id = 2) const uint TETRAHEDRA = 0;
+
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(binding = 1) uniform usamplerBuffer patch_nodes;         // three a patch: its nodes, the first again where there are fewer (shared/patch.glsl)
+layout(binding = 2) uniform usamplerBuffer patch_members;       // six a patch, two members each: a tetrahedron; places of its nodes, four bits each
+layout(binding = 3) uniform samplerBuffer patch_constants;      // V (m^3), lambda (Pa), beta (s)
+layout(binding = 4) uniform samplerBuffer rest_gradients;       // w of the first of three: sqrt(V)
+layout(binding = 5) uniform samplerBuffer gradients;            // three a tetrahedron, and three zeros; w of the third: tr(E)
+layout(binding = 6) uniform samplerBuffer velocity;
+layout(scalar, binding = 7) writeonly buffer PatchRows { vec4 patch_rows[]; };          // twelve a patch
+layout(scalar, binding = 8) writeonly buffer ElementForces { vec4 element_forces[]; };  // those of patches after all tetrahedra's
+
+#include "shared/patch.glsl"
+
+const uint MEMBERS = 12;
+
+void main() {
+    uint p = gl_GlobalInvocationID.x;
+    if (p >= PATCHES) return;
+    vec3 row[PATCH_NODES];
+    for (uint k = 0; k < PATCH_NODES; k++) row[k] = vec3(0.0);
+    float strain = 0.0;
+    for (uint k = 0; k < MEMBERS; k++) {
+        uvec4 pair = texelFetch(patch_members, int(PATCHES * (k / 2) + p));
+        uvec2 member = k % 2 == 0 ? pair.xy : pair.zw;
+        int t = int(member.x);
+        float root = texelFetch(rest_gradients, 3 * t).w;
+        vec3 g1 = texelFetch(gradients, 3 * t).xyz, g2 = texelFetch(gradients, 3 * t + 1).xyz;
+        vec4 g3 = texelFetch(gradients, 3 * t + 2);
+        row[member.y & 15] -= root * (g1 + g2 + g3.xyz);
+        row[member.y >> 4 & 15] += root * g1;
+        row[member.y >> 8 & 15] += root * g2;
+        row[member.y >> 12 & 15] += root * g3.xyz;
+        strain += root * root * g3.w;
+    }
+    vec3 constants = texelFetch(patch_constants, int(p)).xyz;
+    float volume = constants.x, lambda = constants.y, step = params.dt * (params.dt + constants.z);
+    float scale = sqrt(step * lambda / volume);
+    vec3 v0 = texelFetch(velocity, int(patch_quad(p, 0).x)).xyz;
+    float along = params.dt * strain * sqrt(lambda / (step * volume));
+    row[0] = vec3(0.0);
+    for (uint k = 1; k < PATCH_NODES; k++) {
+        row[k] *= scale;
+        row[0] -= row[k];
+        along += dot(row[k], texelFetch(velocity, int(patch_quad(p, k / 4)[k % 4])).xyz - v0);
+    }
+    for (uint k = 0; k < PATCH_NODES; k++) {
+        patch_rows[patch_row(p, k)] = vec4(row[k], 0.0);
+        element_forces[patch_entry(p, k)] = vec4(-along * row[k], 0.0);
+    }
+}

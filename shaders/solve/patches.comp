@@ -1,0 +1,53 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+
+// Solve: what a patch does to a change of velocity p, c (c . p), beside solve/apply, which it need not wait for. A kernel of
+// its own, since some devices run the untaken branches of a shared one masked: 350 instead of 130 us an iteration on lavapipe,
+// block of 10,368 tetrahedra. One invocation a patch. Oracle: oracle::elastic::Elements::patch_rows.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const uint PATCHES = 0;
+layout(constant_id = 2) const uint TETRAHEDRA = 0;
+
+layout(binding = 0) uniform usamplerBuffer patch_nodes;
+layout(binding = 1) uniform samplerBuffer patch_rows;       // from elastic/dilate
+layout(binding = 2) uniform samplerBuffer change;
+layout(scalar, binding = 3) writeonly buffer ElementForces { vec4 element_forces[]; };
+
+#include "shared/patch.glsl"
+
+// Four entries c of a row, and their part of c . (p - p0). No array: one that a loop indexes may end up in memory.
+float patch_part(uint p, uint q, vec3 p0, out vec3 c0, out vec3 c1, out vec3 c2, out vec3 c3) {
+    uvec4 nodes = patch_quad(p, q);
+    c0 = texelFetch(patch_rows, int(patch_row(p, 4 * q))).xyz;
+    c1 = texelFetch(patch_rows, int(patch_row(p, 4 * q + 1))).xyz;
+    c2 = texelFetch(patch_rows, int(patch_row(p, 4 * q + 2))).xyz;
+    c3 = texelFetch(patch_rows, int(patch_row(p, 4 * q + 3))).xyz;
+    return dot(c0, texelFetch(change, int(nodes.x)).xyz - p0) + dot(c1, texelFetch(change, int(nodes.y)).xyz - p0)
+        + dot(c2, texelFetch(change, int(nodes.z)).xyz - p0) + dot(c3, texelFetch(change, int(nodes.w)).xyz - p0);
+}
+
+// Writes the forces of four nodes; returns their sum.
+vec3 patch_forces(uint p, uint q, vec3 f0, vec3 f1, vec3 f2, vec3 f3) {
+    element_forces[patch_entry(p, 4 * q)] = vec4(f0, 0.0);
+    element_forces[patch_entry(p, 4 * q + 1)] = vec4(f1, 0.0);
+    element_forces[patch_entry(p, 4 * q + 2)] = vec4(f2, 0.0);
+    element_forces[patch_entry(p, 4 * q + 3)] = vec4(f3, 0.0);
+    return f0 + f1 + f2 + f3;
+}
+
+// A row sums to zero: with velocities relative to the first node's, a common velocity gives no force at all.
+void main() {
+    uint p = gl_GlobalInvocationID.x;
+    if (p >= PATCHES) return;
+    vec3 p0 = texelFetch(change, int(patch_quad(p, 0).x)).xyz;
+    vec3 c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11;
+    float along = patch_part(p, 0, p0, c0, c1, c2, c3) + patch_part(p, 1, p0, c4, c5, c6, c7)
+        + patch_part(p, 2, p0, c8, c9, c10, c11);
+    vec3 others = patch_forces(p, 1, along * c4, along * c5, along * c6, along * c7)
+        + patch_forces(p, 2, along * c8, along * c9, along * c10, along * c11);
+    vec3 f1 = along * c1, f2 = along * c2, f3 = along * c3;
+    // So that the forces sum to zero as well.
+    patch_forces(p, 0, -(f1 + f2 + f3 + others), f1, f2, f3);
+}
