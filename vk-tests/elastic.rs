@@ -4,6 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Const;
 use palpate::oracle::elastic::{lame, outer, polar_rotation};
 use palpate::prepare::Layer;
+use palpate::scene::Material;
 
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 use crate::random::Random;
@@ -113,26 +114,29 @@ fn expect_oracle(what: &str, system: &System, force: f64) {
         assert!(angle(*q, want) < ANGLE, "{what} [{t}]: {q} is {:e} rad from {want}", angle(*q, want));
     }
     expect_gradients(what, system);
-    let (h, beta) = (system.twin.dt, body.material.damping_stiffness);
+    let h = system.twin.dt;
     let elastic = body.elements.forces(&body.displacement, &found);
-    let viscous = body.elements.squeezed(&body.displacement, &found).apply_stiffness(&body.velocity, &found);
-    let want = elastic.iter().zip(&viscous).flat_map(|(f, kv)| (h * *f - (h * h + h * beta) * *kv).to_array());
+    let weight = |material: &Material| h * (h + material.damping_stiffness);
+    let viscous = body.elements.linearised(&body.displacement, &found).apply_weighted(&body.velocity, &found, weight);
+    let want = elastic.iter().zip(&viscous).flat_map(|(f, kv)| (h * *f - *kv).to_array());
     let got = &system.element_forces[..system.element_forces.len() - 4];
     expect_of_largest(&format!("{what}: forces"), &crate::system::triples(got), &want.collect::<Vec<_>>(), force);
 }
 
 fn expect_gradients(what: &str, system: &System) {
     let body = &system.twin.bodies[0];
-    let (h, beta) = (system.twin.dt, body.material.damping_stiffness);
-    let (mu, lambda) = lame(&body.material);
+    let h = system.twin.dt;
     let (mut got, mut want) = (vec![], vec![]);
-    let squeezed = body.elements.squeezed(&body.displacement, &quaternions(system));
+    let operators = body.elements.linearised(&body.displacement, &quaternions(system)).operators;
     for (t, q) in quaternions(system).iter().enumerate() {
-        let turn = body.elements.frame * DMat3::from_quat(q.normalize()) * body.elements.volumes[t].sqrt();
+        let operator = &operators[t];
+        let turn =
+            body.elements.frame * DMat3::from_quat(q.normalize()) * operator.fold * body.elements.volumes[t].sqrt();
         let [h1, h2, h3] = &system.gradients[3 * t..3 * t + 3] else { panic!("three a tetrahedron") };
         got.extend([h1, h2, h3].iter().flat_map(|g| [g[0], g[1], g[2]]));
         want.extend(body.elements.gradients[t][1..].iter().flat_map(|g| (turn * *g).to_array()));
-        let moduli = [h * (h + beta) * (mu + squeezed.stiffer[t]), h * (h + beta) * lambda, 0.0];
+        let scale = h * (h + body.elements.materials[t].damping_stiffness);
+        let moduli = [scale * operator.mu, scale * operator.lambda, 0.0];
         expect_close("moduli", &[h1[3], h2[3], h3[3]], &moduli, Tolerance { abs: 0.0, rel: GRADIENT });
     }
     expect_of_largest(&format!("{what}: gradients"), &got, &want, GRADIENT);
@@ -248,7 +252,7 @@ fn rigid_motions_give_no_force_and_forces_balance() {
     system.velocity = twist.map(|v| [v.x, v.y, v.z, 0.0]).collect();
     system.rotate();
     let body = &system.twin.bodies[0];
-    let (h, (mu, lambda)) = (system.twin.dt, lame(&body.material));
+    let (h, (mu, lambda)) = (system.twin.dt, lame(&body.elements.materials[0]));
     let unit: Vec<f64> = (0..300)
         .map(|t| h * body.elements.volumes[t] * (2.0 * mu + lambda) * body.elements.gradients[t][1].length())
         .collect();

@@ -19,9 +19,9 @@ layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 2) readonly buffer Materials { vec4 materials[]; };     // mu, lambda (Pa), alpha (1/s), beta (s); a frame
+layout(scalar, binding = 2) readonly buffer Materials { vec4 materials[]; };     // mu, lambda (Pa), law, beta (s); a material
 layout(binding = 3) uniform usamplerBuffer tetrahedra;
-layout(binding = 4) uniform samplerBuffer rest_gradients;       // three a tetrahedron: g of its last three nodes (1/m); w: sqrt(V), -, frame
+layout(binding = 4) uniform samplerBuffer rest_gradients;       // three a tetrahedron: g of its last three nodes (1/m); w: sqrt(V), material, frame
 layout(binding = 5) uniform samplerBuffer displacement;
 layout(binding = 6) uniform samplerBuffer velocity;
 layout(binding = 7) uniform usamplerBuffer tetrahedron_links;   // from the first node's frame to each node's; 0: the same
@@ -103,7 +103,7 @@ void main() {
     vec4 g1 = texelFetch(rest_gradients, int(3 * t)), g2 = texelFetch(rest_gradients, int(3 * t + 1)),
         g3 = texelFetch(rest_gradients, int(3 * t + 2));
     uint frame = uint(g3.w);
-    vec4 material = materials[frame];
+    vec4 material = materials[uint(g2.w)];
     float mu = material.x, lambda = material.y, root = g1.w;
     uvec4 link = SPANS ? texelFetch(tetrahedron_links, int(t)) : uvec4(0);
     vec3 d0 = texelFetch(displacement, int(nodes.x)).xyz;

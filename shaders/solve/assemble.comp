@@ -17,7 +17,7 @@ layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 7) const bool FRICTION = false;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Materials { vec4 materials[]; };
+layout(scalar, binding = 1) readonly buffer NodeDamping { float node_damping[]; };    // alpha m, kg/s
 layout(binding = 2) uniform usamplerBuffer node_info;       // first quad of elements, quads, frame, and who holds it (shared/held.glsl)
 layout(binding = 3) uniform samplerBuffer node_rest;        // w: mass, kg
 layout(binding = 4) uniform samplerBuffer velocity;
@@ -54,12 +54,12 @@ void main() {
         uvec4 info = texelFetch(node_info, int(i));
         vec3 b = vec3(0.0), z = vec3(0.0), diagonal = vec3(0.0), off = vec3(0.0);
         if (info.w != HELD) {
-            float h = params.dt, mass = texelFetch(node_rest, int(i)).w, alpha = materials[info.z].z;
+            float h = params.dt, mass = texelFetch(node_rest, int(i)).w, damping = node_damping[i];
             vec3 v = texelFetch(velocity, int(i)).xyz;
-            b = h * mass * (params.gravity - alpha * v) + texelFetch(leftover, int(i)).xyz;
-            vec3 e = abs(h * mass * params.gravity) + abs(h * mass * alpha * v);
+            b = h * (mass * params.gravity - damping * v) + texelFetch(leftover, int(i)).xyz;
+            vec3 e = abs(h * mass * params.gravity) + abs(h * damping * v);
             // The block: xx yy zz in `a`, xy xz yz in `c`.
-            vec3 a = vec3((1.0 + h * alpha) * mass), c = vec3(0.0);
+            vec3 a = vec3(mass + h * damping), c = vec3(0.0);
             for (uint k = 0; k < info.y; k++) {
                 uvec4 entries = texelFetch(node_elements, int(info.x + k));
                 for (uint l = 0; l < 4; l++) {

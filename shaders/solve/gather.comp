@@ -16,7 +16,7 @@ layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const uint MODE = 1;
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Materials { vec4 materials[]; };
+layout(scalar, binding = 1) readonly buffer NodeDamping { float node_damping[]; };    // alpha m, kg/s
 layout(binding = 2) uniform usamplerBuffer node_info;
 layout(binding = 3) uniform samplerBuffer node_rest;
 layout(binding = 4) uniform usamplerBuffer node_elements;
@@ -48,7 +48,7 @@ void main() {
         vec3 w = vec3(0.0);
         if (info.w != HELD) {
             float mass = texelFetch(node_rest, int(i)).w;
-            w = (1.0 + params.dt * materials[info.z].z) * mass * texelFetch(change, int(i)).xyz
+            w = (mass + params.dt * node_damping[i]) * texelFetch(change, int(i)).xyz
                 + gather_elements(info.x, info.y);
             if (CONTACT) {
                 uvec2 run = node_entries[i];

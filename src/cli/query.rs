@@ -170,6 +170,7 @@ impl Part {
             orientation: DQuat::IDENTITY,
             velocity: DVec3::ZERO,
             material: None,
+            regions: Vec::new(),
             collides: None,
             cores: Vec::new(),
             repair: true,

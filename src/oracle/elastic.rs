@@ -1,4 +1,4 @@
-//! Corotational linear tetrahedra in f64: rotations, forces, the stiffness operator. Twin of the elastic stage.
+//! Tetrahedra in f64: rotations, forces, the stiffness operator, corotational and (`neo_hookean.rs`) neo-Hookean. Twin of the elastic stage.
 //!
 //! Müller and Gross, "Interactive Virtual Materials" (2004); the polar rotation by singular value decomposition with
 //! the sign convention of Irving, Teran and Fedkiw, "Invertible Finite Elements" (2004).
@@ -6,8 +6,9 @@
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::prepare::Layer;
-use crate::scene::Material;
+use super::neo_hookean;
+use crate::prepare::{Layer, Materials};
+use crate::scene::{Law, Material};
 
 /// A principal stretch below which a tetrahedron stiffens: corotational elasticity by itself offers no more to a
 /// tetrahedron pressed flat than to one half way there, and turns it inside out.
@@ -26,23 +27,43 @@ pub struct Elements {
     pub volumes: Vec<f64>,
     /// Lumped node masses, kg: density times a quarter of each adjacent volume.
     pub masses: Vec<f64>,
+    /// Damping by mass of each node, kg/s: the same of density times alpha.
+    pub damping: Vec<f64>,
     /// World from rest axes.
     pub frame: DMat3,
-    /// Lamé's second parameter (shear modulus), Pa.
+    /// The material of each tetrahedron.
+    pub materials: Vec<Material>,
+    /// What K is made of; see [`Elements::linearised`].
+    pub operators: Vec<Operator>,
+}
+
+/// Of a tetrahedron, K p = V (2 mu sym(W) + lambda tr(W) I) g'_i with W = sum p_i g'_i^T, g'_i = R `fold` g_i.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Operator {
+    /// Pa.
     pub mu: f64,
-    /// Lamé's first parameter, Pa.
+    /// Pa.
     pub lambda: f64,
-    /// What the operator adds to the shear modulus of each tetrahedron, Pa; see [`Elements::squeezed`].
-    pub stiffer: Vec<f64>,
+    /// Symmetric.
+    pub fold: DMat3,
+}
+
+impl Operator {
+    /// 2 mu sym(E) + lambda tr(E) I.
+    fn stress(&self, strain: DMat3) -> DMat3 {
+        symmetric(strain) * (2.0 * self.mu) + DMat3::from_diagonal(DVec3::splat(self.lambda * trace(strain)))
+    }
 }
 
 impl Elements {
     /// Precomputes gradients, volumes and masses. `frame` turns rest axes into world axes.
-    pub fn new(layer: &Layer, material: &Material, frame: DMat3) -> Self {
-        let mut masses = vec![0.0; layer.nodes.len()];
+    pub fn new(layer: &Layer, materials: impl Into<Materials>, frame: DMat3) -> Self {
+        let all = materials.into();
+        let (mut masses, mut damping) = (vec![0.0; layer.nodes.len()], vec![0.0; layer.nodes.len()]);
         let mut gradients = Vec::with_capacity(layer.tetrahedra.len());
         let mut volumes = Vec::with_capacity(layer.tetrahedra.len());
-        for nodes in &layer.tetrahedra {
+        let materials: Vec<Material> = (0..layer.tetrahedra.len()).map(|t| *all.of(t)).collect();
+        for (nodes, material) in layer.tetrahedra.iter().zip(&materials) {
             let [x0, x1, x2, x3] = nodes.map(|i| layer.nodes[i as usize]);
             let edges = DMat3::from_cols(x1 - x0, x2 - x0, x3 - x0);
             let volume = edges.determinant() / 6.0;
@@ -52,11 +73,12 @@ impl Elements {
             volumes.push(volume);
             for &i in nodes {
                 masses[i as usize] += material.density * volume / 4.0;
+                damping[i as usize] += material.damping_mass * material.density * volume / 4.0;
             }
         }
-        let (mu, lambda) = lame(material);
-        let stiffer = vec![0.0; layer.tetrahedra.len()];
-        Self { tetrahedra: layer.tetrahedra.clone(), gradients, volumes, masses, frame, mu, lambda, stiffer }
+        let operators = materials.iter().map(|material| at_rest(lame(material))).collect();
+        let tetrahedra = layer.tetrahedra.clone();
+        Self { tetrahedra, gradients, volumes, masses, damping, frame, materials, operators }
     }
 
     /// Number of nodes.
@@ -85,7 +107,12 @@ impl Elements {
         for (e, nodes) in self.tetrahedra.iter().enumerate() {
             let q = rotations[e].normalize();
             let strain = strain(q, self.gradient(e, d));
-            let stress = DMat3::from_quat(q) * (self.stress(strain, 0.0) + self.squeeze(strain) * self.stiffening());
+            let lame = lame(&self.materials[e]);
+            let of_law = match self.materials[e].law {
+                Law::Corotational => at_rest(lame).stress(strain),
+                Law::NeoHookean => neo_hookean::stress(lame, strain),
+            };
+            let stress = DMat3::from_quat(q) * (of_law + squeeze(strain) * stiffening(lame));
             for (i, g) in nodes.iter().zip(&self.gradients[e]) {
                 forces[*i as usize] -= self.frame * (stress * *g) * self.volumes[e];
             }
@@ -95,72 +122,89 @@ impl Elements {
 
     /// K p with rotations held fixed, world axes in and out.
     pub fn apply_stiffness(&self, p: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
+        self.apply_weighted(p, rotations, |_| 1.0)
+    }
+
+    /// The same with every tetrahedron's K times a weight of its material's.
+    pub fn apply_weighted(&self, p: &[DVec3], rotations: &[DQuat], weight: impl Fn(&Material) -> f64) -> Vec<DVec3> {
         let to_rest = self.frame.transpose();
         let local: Vec<DVec3> = p.iter().map(|p| to_rest * *p).collect();
         let mut product = vec![DVec3::ZERO; self.node_count()];
         for (e, nodes) in self.tetrahedra.iter().enumerate() {
-            let r = DMat3::from_quat(rotations[e].normalize());
-            let stress = r * self.stress(r.transpose() * self.gradient(e, &local), self.stiffer[e]);
+            let (r, operator) = (DMat3::from_quat(rotations[e].normalize()), &self.operators[e]);
+            let stress = r * operator.stress(r.transpose() * self.gradient(e, &local) * operator.fold) * operator.fold;
+            let volume = weight(&self.materials[e]) * self.volumes[e];
             for (i, g) in nodes.iter().zip(&self.gradients[e]) {
-                product[*i as usize] += self.frame * (stress * *g) * self.volumes[e];
+                product[*i as usize] += self.frame * (stress * *g) * volume;
             }
         }
         product
     }
 
     /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed:
-    /// V R (mu ((g_i . g_j) I + g_j g_i^T) + lambda g_i g_j^T) R^T.
+    /// V (mu ((g'_i . g'_j) I + g'_j g'_i^T) + lambda g'_i g'_j^T).
     pub fn stiffness_blocks(&self, element: usize, rotation: DQuat) -> [[DMat3; 4]; 4] {
-        let r = self.frame * DMat3::from_quat(rotation.normalize());
+        let operator = &self.operators[element];
+        let r = self.frame * DMat3::from_quat(rotation.normalize()) * operator.fold;
         let g = self.gradients[element].map(|g| r * g);
         let block = |i: usize, j: usize| {
             let shear = DMat3::from_diagonal(DVec3::splat(g[i].dot(g[j]))) + outer(g[j], g[i]);
-            (shear * (self.mu + self.stiffer[element]) + outer(g[i], g[j]) * self.lambda) * self.volumes[element]
+            (shear * operator.mu + outer(g[i], g[j]) * operator.lambda) * self.volumes[element]
         };
         std::array::from_fn(|i| std::array::from_fn(|j| block(i, j)))
     }
 
-    /// Elastic energy sum V (mu |E|^2 + lambda/2 tr(E)^2), J, with E = sym(R^T F) - I, and that of squeezed axes.
+    /// Elastic energy, J: of corotational tetrahedra V (mu |E|^2 + lambda/2 tr(E)^2) with E = sym(R^T F) - I, of others
+    /// their law's; and that of squeezed axes.
     pub fn energy(&self, d: &[DVec3], rotations: &[DQuat]) -> f64 {
         let density = |e: usize| {
-            let strain = symmetric(strain(rotations[e].normalize(), self.gradient(e, d)));
-            let trace = trace(strain);
+            let strain = strain(rotations[e].normalize(), self.gradient(e, d));
+            let (mu, lambda) = lame(&self.materials[e]);
             let square = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
-            let squeezed = 0.5 * self.stiffening() * square(self.squeeze(strain));
-            self.mu * square(strain) + 0.5 * self.lambda * trace * trace + squeezed
+            let squeezed = 0.5 * stiffening((mu, lambda)) * square(squeeze(strain));
+            let of_law = match self.materials[e].law {
+                Law::Corotational => mu * square(symmetric(strain)) + 0.5 * lambda * trace(strain).powi(2),
+                Law::NeoHookean => neo_hookean::energy((mu, lambda), strain),
+            };
+            of_law + squeezed
         };
         (0..self.tetrahedra.len()).map(|e| self.volumes[e] * density(e)).sum()
     }
 
-    /// These elements with the operator of a state: half the stiffening more shear modulus where a tetrahedron is squeezed,
-    /// which is at least as stiff in every direction as the stiffening, and isotropic.
-    pub fn squeezed(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
-        let more = |e: usize| {
-            let squeezed = self.squeeze(strain(rotations[e].normalize(), self.gradient(e, d))) != DMat3::ZERO;
-            if squeezed { 0.5 * self.stiffening() } else { 0.0 }
+    /// These elements with the operator of a state. A corotational tetrahedron that is squeezed gets half the stiffening
+    /// more shear modulus, which is at least as stiff in every direction as the stiffening, and isotropic.
+    pub fn linearised(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
+        let operator = |e: usize| {
+            let strain = strain(rotations[e].normalize(), self.gradient(e, d));
+            let (squeezed, lame) = (squeeze(strain), lame(&self.materials[e]));
+            match self.materials[e].law {
+                Law::NeoHookean => neo_hookean::operator(lame, strain, squeezed),
+                Law::Corotational if squeezed == DMat3::ZERO => at_rest(lame),
+                Law::Corotational => Operator { mu: lame.0 + 0.5 * stiffening(lame), ..at_rest(lame) },
+            }
         };
-        Self { stiffer: (0..self.tetrahedra.len()).map(more).collect(), ..self.clone() }
+        Self { operators: (0..self.tetrahedra.len()).map(operator).collect(), ..self.clone() }
     }
+}
 
-    /// Stiffness along a squeezed axis, Pa.
-    fn stiffening(&self) -> f64 {
-        STIFFENING * (self.lambda + 2.0 * self.mu)
-    }
+/// Hooke's law.
+fn at_rest((mu, lambda): (f64, f64)) -> Operator {
+    Operator { mu, lambda, fold: DMat3::IDENTITY }
+}
 
-    /// sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over the principal stretches s_k and axes n_k of I + sym(E).
-    fn squeeze(&self, strain: DMat3) -> DMat3 {
-        let stretch = symmetric(strain);
-        let matrix = Mat::from_fn(3, 3, |i, j| stretch.col(j)[i]);
-        let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };
-        let (values, vectors) = (eigen.S(), eigen.U());
-        let axis = |k: usize| DVec3::new(vectors[(0, k)], vectors[(1, k)], vectors[(2, k)]);
-        (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(axis(k), axis(k)) * (1.0 + values[k] - LEAST_STRETCH).min(0.0))
-    }
+/// Stiffness along a squeezed axis, Pa; of mu and lambda.
+pub(super) fn stiffening((mu, lambda): (f64, f64)) -> f64 {
+    STIFFENING * (lambda + 2.0 * mu)
+}
 
-    /// 2 (mu + more) sym(E) + lambda tr(E) I.
-    fn stress(&self, strain: DMat3, more: f64) -> DMat3 {
-        symmetric(strain) * (2.0 * (self.mu + more)) + DMat3::from_diagonal(DVec3::splat(self.lambda * trace(strain)))
-    }
+/// sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over the principal stretches s_k and axes n_k of I + sym(E).
+pub(super) fn squeeze(strain: DMat3) -> DMat3 {
+    let stretch = symmetric(strain);
+    let matrix = Mat::from_fn(3, 3, |i, j| stretch.col(j)[i]);
+    let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };
+    let (values, vectors) = (eigen.S(), eigen.U());
+    let axis = |k: usize| DVec3::new(vectors[(0, k)], vectors[(1, k)], vectors[(2, k)]);
+    (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(axis(k), axis(k)) * (1.0 + values[k] - LEAST_STRETCH).min(0.0))
 }
 
 /// Shear modulus and Lamé's first parameter, Pa.
@@ -195,10 +239,10 @@ pub fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-fn symmetric(m: DMat3) -> DMat3 {
+pub(super) fn symmetric(m: DMat3) -> DMat3 {
     (m + m.transpose()) * 0.5
 }
 
-fn trace(m: DMat3) -> f64 {
+pub(super) fn trace(m: DMat3) -> f64 {
     m.x_axis.x + m.y_axis.y + m.z_axis.z
 }

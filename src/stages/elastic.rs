@@ -14,14 +14,15 @@ pub struct Elastic {
     pub tetrahedron_count: usize,
     /// Nodes.
     pub node_count: usize,
-    /// mu, lambda, alpha, beta; a frame.
-    pub materials: Buffer,
+    materials: Buffer,
     /// Four nodes a tetrahedron.
     pub tetrahedra: Buffer,
     tetrahedron_links: Buffer,
     rest_gradients: Buffer,
     /// Position in the frame, mass.
     pub node_rest: Buffer,
+    /// Damping by mass, kg/s.
+    pub node_damping: Buffer,
     /// First quad of elements, quads, frame, and who holds it, as in shaders/shared/held.glsl.
     pub node_info: Buffer,
     /// Entries into element forces, four a texel.
@@ -52,6 +53,7 @@ impl Elastic {
             tetrahedron_links: upload(context, "links of tetrahedra", &model.tetrahedron_links)?,
             rest_gradients: upload(context, "gradients at rest", &model.rest_gradients)?,
             node_rest: upload(context, "nodes at rest", &model.node_rest)?,
+            node_damping: upload(context, "damping of nodes", &model.node_damping)?,
             node_info: upload(context, "node info", &model.node_info)?,
             node_elements: upload(context, "elements of nodes", &model.padded_node_elements())?,
             displacement: zeros::<[f32; 4]>(context, "displacement", nodes)?,

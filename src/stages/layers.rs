@@ -4,8 +4,8 @@ use glam::{DMat3, DVec3};
 
 use super::model::{Core, FramePlace, Model, Motion, texel};
 use super::types::NONE;
-use crate::prepare::{FrameMotion, Layer, Skin};
-use crate::scene::Material;
+use crate::prepare::{FrameMotion, Layer, Materials, Skin};
+use crate::scene::{Law, Material};
 
 /// Who decides a node's motion, as in shaders/shared/held.glsl.
 pub(super) mod held {
@@ -58,6 +58,7 @@ impl Model {
             self.carried_nodes.push(self.node_rest.len() as u32);
             self.node_info.push([self.node_elements.len() as u32, 0, frame as u32, held::CARRIED]);
             self.node_rest.push(texel(shape * corner + centre - self.frames[frame].rest_centre, 0.25 * mass));
+            self.node_damping.push(0.0);
             self.velocity.push(texel(velocity, 0.0));
         }
         let back = shape.inverse();
@@ -74,12 +75,14 @@ impl Model {
         &mut self,
         layer: &Layer,
         node_frames: &[u32],
-        material: &Material,
+        materials: &Materials,
         frame_first: usize,
         velocity: DVec3,
     ) {
         let node_first = self.node_rest.len();
         let tetrahedron_first = self.tetrahedra.len();
+        let material_first = self.materials.len();
+        self.materials.extend(materials.all.iter().map(moduli));
         let frame_of = |n: u32| frame_first as u32 + node_frames[n as usize];
         let dynamic = |frame: u32| match self.frames[frame as usize].motion {
             Motion::Prepared(FrameMotion::Dynamic { mass, .. }) => Some(mass),
@@ -88,6 +91,7 @@ impl Model {
         let carries: Vec<Option<Option<f64>>> =
             (0..layer.nodes.len()).map(|n| if layer.bound[n] { dynamic(frame_of(n as u32)) } else { None }).collect();
         let mut mass = vec![0.0; layer.nodes.len()];
+        let mut damping = mass.clone();
         let mut entries = vec![Vec::new(); layer.nodes.len()];
         for (t, nodes) in layer.tetrahedra.iter().enumerate() {
             let x = nodes.map(|n| layer.nodes[n as usize]);
@@ -99,10 +103,12 @@ impl Model {
             self.tetrahedra.push(nodes.map(|n| n + node_first as u32));
             self.tetrahedron_links.push(links);
             self.rest_gradients.push(texel(gradients.x_axis, volume.sqrt()));
-            self.rest_gradients.push(texel(gradients.y_axis, 0.0));
+            let material = materials.of(t);
+            self.rest_gradients.push(texel(gradients.y_axis, (material_first + materials.index(t)) as f64));
             self.rest_gradients.push(texel(gradients.z_axis, f64::from(frame)));
             for (corner, n) in nodes.iter().enumerate() {
                 mass[*n as usize] += 0.25 * material.density * volume;
+                damping[*n as usize] += 0.25 * material.damping_mass * material.density * volume;
                 // Within a core nothing deforms: there a core feels no element.
                 let within = nodes.iter().all(|n| layer.bound[*n as usize] && frame_of(*n) == frame);
                 if !(within && carries[*n as usize].is_some()) {
@@ -130,6 +136,7 @@ impl Model {
                 self.node_elements.push(std::array::from_fn(|k| quad.get(k).copied().unwrap_or(NONE)));
             }
             self.node_rest.push(texel(*rest - place.rest_centre, mass[i]));
+            self.node_damping.push(damping[i] as f32);
             self.velocity.push(texel(if holder == held::HELD { DVec3::ZERO } else { velocity }, 0.0));
         }
         for frame in frame_first..self.frames.len() {
@@ -138,11 +145,25 @@ impl Model {
                 let nodes: Vec<u32> = (0..layer.nodes.len()).filter(own).map(|n| (node_first + n) as u32).collect();
                 let own_mass: f64 = nodes.iter().map(|n| mass[*n as usize - node_first]).sum();
                 let factor = wanted.map_or(1.0, |wanted| wanted / own_mass);
-                nodes.iter().for_each(|n| self.node_rest[*n as usize][3] *= factor as f32);
+                for node in &nodes {
+                    self.node_rest[*node as usize][3] *= factor as f32;
+                    self.node_damping[*node as usize] *= factor as f32;
+                }
                 self.cores.push(Core { frame, nodes, hinge: self.hinge(frame) });
             }
         }
     }
+}
+
+/// mu, lambda, law, beta.
+fn moduli(material: &Material) -> [f32; 4] {
+    let mu = material.young / (2.0 * (1.0 + material.poisson));
+    let lambda = 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson);
+    let law = match material.law {
+        Law::Corotational => 0.0,
+        Law::NeoHookean => 1.0,
+    };
+    [mu as f32, lambda as f32, law, material.damping_stiffness as f32]
 }
 
 /// L with L L^T = a symmetric positive definite matrix (Cholesky).

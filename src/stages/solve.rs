@@ -120,7 +120,7 @@ impl Solve {
             &self.assemble,
             &[
                 &common.params,
-                &elastic.materials,
+                &elastic.node_damping,
                 &elastic.node_info,
                 &elastic.node_rest,
                 &elastic.velocity,
@@ -322,7 +322,7 @@ impl Solve {
         let touch = &self.touch;
         let buffers = [
             &common.params,
-            &elastic.materials,
+            &elastic.node_damping,
             &elastic.node_info,
             &elastic.node_rest,
             &elastic.node_elements,

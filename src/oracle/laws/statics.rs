@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::material;
-use crate::oracle::elastic::Elements;
+use crate::oracle::elastic::{Elements, lame};
 use crate::oracle::testing::boundary;
 use crate::oracle::{skin, statics};
 use crate::prepare::layer::kuhn_box;
@@ -21,7 +21,8 @@ fn column(cells: u32, gravity: f64, pressure: f64) -> f64 {
     let load = |(m, a): (&f64, &f64)| DVec3::new(0.0, -m * gravity - a * pressure, 0.0);
     let loads: Vec<_> = elements.masses.iter().zip(&areas).map(load).collect();
     let u = statics::solve(&elements, &fixed, &loads).unwrap();
-    let modulus = elements.lambda + 2.0 * elements.mu;
+    let (mu, lambda) = lame(&elements.materials[0]);
+    let modulus = lambda + 2.0 * mu;
     let exact = |y: f64| -(1000.0 * gravity * (height * y - 0.5 * y * y) + pressure * y) / modulus;
     let section = |level: u32| {
         let y = height * level as f64 / cells as f64;
