@@ -113,6 +113,14 @@ pub fn material(young: f64) -> Material {
     Material { law, young, poisson: 0.45, density: 1e3, damping_mass: 0.5, damping_stiffness: 2e-3 }
 }
 
+/// Both laws, each with its own stiffness, density and damping, by turns over as many `tetrahedra`, or more.
+pub fn mixed(tetrahedra: usize) -> Materials {
+    let soft = material(2e4);
+    let dense = Material { law: Law::NeoHookean, density: 1.5e3, damping_mass: 3.0, ..material(4e4) };
+    let light = Material { law: Law::NeoHookean, poisson: 0.0, damping_stiffness: 5e-4, ..material(1e4) };
+    Materials { all: vec![soft, dense, light], which: (0..tetrahedra as u32).map(|t| t % 3).collect() }
+}
+
 fn narrow(x: DVec3) -> [f32; 4] {
     [x.x as f32, x.y as f32, x.z as f32, 0.0]
 }
@@ -453,12 +461,12 @@ enum Side {
     Fixed,
 }
 
-/// Two layers, of 100 and 60 nodes and different stiffness, turned; part of the second bound.
+/// Two layers, of 100 and 60 nodes, turned: of mixed materials, and stiffer; part of the second bound.
 pub fn two_layers() -> Vec<Body> {
     let mut second = layer(60);
     second.bound[..9].fill(true);
     vec![
-        layered(layer(100), material(2e4), DQuat::from_scaled_axis(DVec3::new(0.4, 1.0, -0.3))),
+        layered(layer(100), &mixed(384), DQuat::from_scaled_axis(DVec3::new(0.4, 1.0, -0.3))),
         layered(second, material(2e5), DQuat::from_scaled_axis(DVec3::new(-2.0, 0.3, 0.8))),
     ]
 }

@@ -43,7 +43,11 @@ impl Elastic {
     /// Kernels and arrays for a model, at rest.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Elastic> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
-        let constants = [("TETRAHEDRA", count(tetrahedra)), ("SPANS", Const::Bool(model.spans_frames()))];
+        let constants = [
+            ("TETRAHEDRA", count(tetrahedra)),
+            ("SPANS", Const::Bool(model.spans_frames())),
+            ("NEO_HOOKEAN", Const::Bool(model.has_neo_hookean())),
+        ];
         Ok(Elastic {
             rotate: Kernel::new(context, "elastic/rotate", Size::Group, &constants)?,
             tetrahedron_count: tetrahedra,

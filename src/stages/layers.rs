@@ -17,6 +17,12 @@ pub(super) mod held {
     pub const CARRIED: u32 = 2;
 }
 
+/// Laws of materials, as in shaders/elastic/rotate.comp.
+mod law {
+    pub const COROTATIONAL: f32 = 0.0;
+    pub const NEO_HOOKEAN: f32 = 1.0;
+}
+
 impl Model {
     /// Inertia of what a dynamic core carries about its frame's centre, frame axes, kg m^2.
     pub fn inertia_of(&self, core: &Core) -> DMat3 {
@@ -27,6 +33,11 @@ impl Model {
                 - DMat3::from_cols(r * r.x, r * r.y, r * r.z))
         };
         core.nodes.iter().map(point).fold(DMat3::ZERO, |sum, part| sum + part)
+    }
+
+    /// Whether any material is neo-Hookean.
+    pub fn has_neo_hookean(&self) -> bool {
+        self.materials.iter().any(|material| material[2] == law::NEO_HOOKEAN)
     }
 
     /// The world axis that a frame is hinged to; zero: to none.
@@ -160,8 +171,8 @@ fn moduli(material: &Material) -> [f32; 4] {
     let mu = material.young / (2.0 * (1.0 + material.poisson));
     let lambda = 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson);
     let law = match material.law {
-        Law::Corotational => 0.0,
-        Law::NeoHookean => 1.0,
+        Law::Corotational => law::COROTATIONAL,
+        Law::NeoHookean => law::NEO_HOOKEAN,
     };
     [mu as f32, lambda as f32, law, material.damping_stiffness as f32]
 }
