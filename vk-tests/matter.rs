@@ -17,8 +17,8 @@ const FORCE: f64 = 1.0e-5;
 const TINY_STRAIN: f64 = 5.0e-6;
 /// By hand: a dozen roundings.
 const BY_HAND: f64 = 1.0e-6;
-/// Displacements after 20 steps, of the largest; as free fall of the human, whose solver stops there too.
-const STEPS: f64 = 2.0e-5;
+/// Displacements after 20 steps, of the largest: ten times what is found, and the solver stops at 1e-6.
+const STEPS: f64 = 3.0e-6;
 
 #[test]
 fn a_neo_hookean_tetrahedron_stretched_by_half_by_hand() {

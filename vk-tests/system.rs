@@ -461,12 +461,12 @@ enum Side {
     Fixed,
 }
 
-/// Two layers, of 100 and 60 nodes, turned: of mixed materials, and stiffer; part of the second bound.
+/// Two layers, of 100 and 60 nodes and different stiffness, turned; part of the second bound.
 pub fn two_layers() -> Vec<Body> {
     let mut second = layer(60);
     second.bound[..9].fill(true);
     vec![
-        layered(layer(100), &mixed(384), DQuat::from_scaled_axis(DVec3::new(0.4, 1.0, -0.3))),
+        layered(layer(100), material(2e4), DQuat::from_scaled_axis(DVec3::new(0.4, 1.0, -0.3))),
         layered(second, material(2e5), DQuat::from_scaled_axis(DVec3::new(-2.0, 0.3, 0.8))),
     ]
 }
