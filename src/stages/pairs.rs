@@ -121,3 +121,30 @@ fn mean_edge(layer: &Layer) -> f64 {
     let length = |e: &[u32; 2]| layer.nodes[e[0] as usize].distance(layer.nodes[e[1] as usize]);
     edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::body;
+
+    /// N/m^3, of a cube of three cells a side whose region is much softer than the rest.
+    fn stiffness(sphere: &str) -> f64 {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scene.toml");
+        let text = format!(
+            "[[body]]\nname = \"a\"\nlayer = {{ box = [[0, 0, 0], [3, 3, 3]], cells = [3, 3, 3] }}\n\
+             material = {{ young = 3e5, poisson = 0.0, density = 1000 }}\n\
+             [[body.region]]\nsphere = {sphere}\nmaterial = {{ young = 1e5 }}\n"
+        );
+        std::fs::write(&file, text).unwrap();
+        let scene = Scene::load(&file).unwrap();
+        let body = body(&scene.bodies[0], &scene).unwrap();
+        auto_stiffness(&[&body], &[&body])
+    }
+
+    #[test]
+    fn the_softest_material_under_the_skin_decides() {
+        let (inside, corner) = (stiffness("[1.5, 1.5, 1.5, 0.5]"), stiffness("[0, 0, 0, 1]"));
+        assert!((inside / corner - 3.0).abs() < 1e-12, "{inside} {corner}");
+    }
+}

@@ -163,6 +163,8 @@ enum Linear {
     Rest,
     /// In gradients of the deformed tetrahedron, isotropic: the engine's.
     Deformed,
+    /// The same and a third modulus, against rotation of the deformed tetrahedron.
+    Turning,
     /// All of the second derivative, projected.
     Full,
     /// The same, to convergence.
@@ -196,12 +198,27 @@ impl Block {
     fn stiffness(&self, how: Linear, d: &[DVec3], mut add: impl FnMut(usize, usize, DMat3)) {
         let rotations = self.elements.rotations(d);
         let now = match how {
-            Linear::Deformed => &self.elements.linearised(d, &rotations),
+            Linear::Deformed | Linear::Turning => &self.elements.linearised(d, &rotations),
             _ => &self.elements,
         };
         for (e, nodes) in now.tetrahedra.iter().enumerate() {
             let blocks = match how {
                 Linear::Rest | Linear::Deformed => now.stiffness_blocks(e, rotations[e]),
+                Linear::Turning => {
+                    let (e_now, fold) = (strain(rotations[e], now.gradient(e, d)), now.operators[e].fold);
+                    let f = DMat3::IDENTITY + e_now;
+                    let pull = (inner(stress(lame(&now.materials[e]), e_now), f) / 3.0).max(0.0);
+                    let turn = DMat3::from_quat(rotations[e]) * fold;
+                    let g = now.gradients[e].map(|g| turn * g);
+                    let mut blocks = now.stiffness_blocks(e, rotations[e]);
+                    for (i, row) in blocks.iter_mut().enumerate() {
+                        for (j, block) in row.iter_mut().enumerate() {
+                            let all = DMat3::from_diagonal(DVec3::splat(g[i].dot(g[j])));
+                            *block += (all - outer(g[j], g[i])) * (0.5 * pull * now.volumes[e]);
+                        }
+                    }
+                    blocks
+                }
                 _ => {
                     let f = DMat3::IDENTITY + now.gradient(e, d);
                     let h = projected(lame(&now.materials[e]), f);
@@ -313,9 +330,13 @@ fn a_step_in_deformed_gradients_is_near_a_converged_one() {
             })
             .collect();
         let of = |how: Linear, h: f64| error(how, h, &reference, deform);
-        let [rest, deformed, full] = [Linear::Rest, Linear::Deformed, Linear::Full].map(|how| of(how, 1e-3));
+        let hows = [Linear::Rest, Linear::Deformed, Linear::Turning, Linear::Full];
+        let [rest, deformed, turning, full] = hows.map(|how| of(how, 1e-3));
         let finer = of(Linear::Newton, 2.5e-4);
-        println!("{name}: at rest {rest:.2e}, deformed {deformed:.2e}, full {full:.2e}; step itself {finer:.2e}");
+        println!(
+            "{name}: at rest {rest:.2e}, deformed {deformed:.2e}, turning too {turning:.2e}, full {full:.2e}; \
+             step itself {finer:.2e}"
+        );
         assert!(full < deformed && deformed < share * finer, "{name}: linearising costs less than the step's length");
     }
 }
