@@ -35,12 +35,6 @@ impl From<Material> for Materials {
     }
 }
 
-impl From<&Material> for Materials {
-    fn from(material: &Material) -> Self {
-        (*material).into()
-    }
-}
-
 impl From<&Materials> for Materials {
     fn from(materials: &Materials) -> Self {
         materials.clone()

@@ -141,8 +141,8 @@ fn contacts_count_in_the_right_hand_side_and_the_blocks() {
 fn mixed_materials_count_with_their_own_density_and_damping() {
     // solve/assemble: alpha and density of each element in its nodes, laws and beta in the gradients.
     let bodies = [
-        layered(layer(200), &mixed(1000), DQuat::from_rotation_y(2.0)),
-        layered(layer(65), &mixed(300), DQuat::from_rotation_x(-1.0)),
+        layered(layer(200), mixed(1000), DQuat::from_rotation_y(2.0)),
+        layered(layer(65), mixed(300), DQuat::from_rotation_x(-1.0)),
     ];
     expect_oracle("mixed materials", System::new(&bodies, 0.004, 3));
 }

@@ -149,7 +149,7 @@ fn products_agree_with_the_assembled_matrix_at_every_size() {
 #[test]
 fn products_agree_with_the_assembled_matrix_for_mixed_materials() {
     // solve/gather: damping of each node's own elements.
-    let bodies = [layered(layer(200), &mixed(1000), DQuat::from_rotation_x(1.0))];
+    let bodies = [layered(layer(200), mixed(1000), DQuat::from_rotation_x(1.0))];
     expect_oracle("mixed materials", System::new(&bodies, AMPLITUDE, 3), 4);
 }
 

@@ -17,7 +17,7 @@ fn bent_box(seed: u64) -> (Layer, Elements, Vec<DVec3>) {
     let mut layer = kuhn_box(DVec3::ZERO, DVec3::new(0.3, 0.2, 0.1), [3, 2, 2]);
     let mut random = Random(seed);
     layer.nodes.iter_mut().for_each(|x| *x += 0.005 * random.vector());
-    let elements = Elements::new(&layer, &material(2e4, 0.4), DMat3::from_quat(DQuat::from_rotation_y(0.7)));
+    let elements = Elements::new(&layer, material(2e4, 0.4), DMat3::from_quat(DQuat::from_rotation_y(0.7)));
     let d = layer.nodes.iter().map(|_| 0.02 * random.vector()).collect();
     (layer, elements, d)
 }
