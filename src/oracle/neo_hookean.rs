@@ -51,7 +51,7 @@ pub fn stress(lame: (f64, f64), strain: DMat3) -> DMat3 {
 /// c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m (b:D)^2 / (I + 1)^2: isotropic but for b. For b stands
 /// its mean, or half its greatest value where the whole would be less (a linearised implicit step is stable where it has
 /// half the true stiffness of every wave); O, rotation alone, is left out. `squeezed`: as of
-/// [`super::elastic::squeeze`], it keeps S from being singular.
+/// `squeeze` in elastic.rs, it keeps S from being singular.
 pub fn operator(lame: (f64, f64), strain: DMat3, squeezed: DMat3) -> Operator {
     let (mu, _) = lame;
     let (m, l) = parameters(lame);
