@@ -6,6 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::{Const, Size};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
+use palpate::scene::Material;
 use palpate::stages::args;
 use palpate::stages::model::FramePlace;
 use palpate::stages::types::{
@@ -116,16 +117,17 @@ fn tetrahedra_that_span_two_frames_have_the_oracles_forces() {
         // The twin's rotations are its own: of the whole deformation, from rest axes.
         let rotations = body.elements.rotations(&body.displacement);
         let elastic = body.elements.forces(&body.displacement, &rotations);
-        let viscous =
-            body.elements.squeezed(&body.displacement, &rotations).apply_stiffness(&body.velocity, &rotations);
-        let (h, beta) = (system.twin.dt, body.material.damping_stiffness);
+        let h = system.twin.dt;
+        let weight = |material: &Material| h * (h + material.damping_stiffness);
+        let linearised = body.elements.linearised(&body.displacement, &rotations);
+        let viscous = linearised.apply_weighted(&body.velocity, &rotations, weight);
         let mut got = vec![DVec3::ZERO; elastic.len()];
         for (t, nodes) in system.model.tetrahedra.iter().enumerate() {
             for (corner, node) in nodes.iter().enumerate() {
                 got[*node as usize] += wide(&system.element_forces[4 * t + corner]);
             }
         }
-        let want: Vec<DVec3> = elastic.iter().zip(&viscous).map(|(f, kv)| h * *f - (h * h + h * beta) * *kv).collect();
+        let want: Vec<DVec3> = elastic.iter().zip(&viscous).map(|(f, kv)| h * *f - *kv).collect();
         let largest = want.iter().map(|f| f.length()).fold(0.0, f64::max);
         let error = got.iter().zip(&want).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / largest;
         assert!(error < FORCE, "frames {angle} rad apart: {error:e}");

@@ -10,8 +10,8 @@ use palpate::oracle::linear::Entries;
 use palpate::oracle::step::{Simulation, SoftBody};
 use palpate::oracle::tool::{Device, Tool};
 use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::{self, Body, FrameMotion, Layer, Shape, Skin};
-use palpate::scene::{self, Coupling, Hinge, Material, Scene};
+use palpate::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
+use palpate::scene::{self, Coupling, Hinge, Law, Material, Scene};
 use palpate::stages::model::Model;
 use palpate::stages::types::{Contact, Core, Counts, Frame, Link, NONE, StepParams};
 
@@ -79,10 +79,11 @@ pub fn middle(layer: &Layer) -> prepare::Frame {
 }
 
 /// A body that is a layer and nothing else.
-pub fn layered(layer: Layer, material: Material, orientation: DQuat) -> Body {
+pub fn layered(layer: Layer, material: impl Into<Materials>, orientation: DQuat) -> Body {
     let (skin, proxies) = (Skin::default(), vec![]);
     let (frames, node_frames) = (vec![middle(&layer)], vec![0; layer.nodes.len()]);
-    let shape = Shape::Soft { layer, frames, node_frames, material, embedding: vec![], skin, proxies };
+    let materials = material.into();
+    let shape = Shape::Soft { layer, frames, node_frames, materials, embedding: vec![], skin, proxies };
     Body {
         name: "layer".into(),
         shape,
@@ -108,7 +109,16 @@ pub fn layer(nodes: usize) -> Layer {
 
 /// Soft, damped.
 pub fn material(young: f64) -> Material {
-    Material { young, poisson: 0.45, density: 1e3, damping_mass: 0.5, damping_stiffness: 2e-3 }
+    let law = Law::Corotational;
+    Material { law, young, poisson: 0.45, density: 1e3, damping_mass: 0.5, damping_stiffness: 2e-3 }
+}
+
+/// Both laws, each with its own stiffness, density and damping, by turns over as many `tetrahedra`, or more.
+pub fn mixed(tetrahedra: usize) -> Materials {
+    let soft = material(2e4);
+    let dense = Material { law: Law::NeoHookean, density: 1.5e3, damping_mass: 3.0, ..material(4e4) };
+    let light = Material { law: Law::NeoHookean, poisson: 0.0, damping_stiffness: 5e-4, ..material(1e4) };
+    Materials { all: vec![soft, dense, light], which: (0..tetrahedra as u32).map(|t| t % 3).collect() }
 }
 
 fn narrow(x: DVec3) -> [f32; 4] {
@@ -147,8 +157,8 @@ impl System {
         let gravity = DVec3::new(1.5, -9.75, 0.5);
         let mut twin = Simulation::new(f64::from(DT), gravity);
         for (body, range) in bodies.iter().zip(&model.soft) {
-            let Shape::Soft { layer, material, .. } = &body.shape else { panic!("{} is not soft", body.name) };
-            let mut soft = SoftBody::new(layer.clone(), *material, body.position, body.orientation, DVec3::ZERO);
+            let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("{} is not soft", body.name) };
+            let mut soft = SoftBody::new(layer.clone(), materials, body.position, body.orientation, DVec3::ZERO);
             let own = range.nodes.clone();
             soft.displacement = displacement[own.clone()].iter().map(wide).collect();
             soft.velocity = velocity[own].iter().map(wide).collect();
@@ -469,8 +479,8 @@ pub fn triples(nodes: &[[f32; 4]]) -> Vec<f32> {
 /// The same, the second's bound nodes on a dynamic core.
 pub fn two_layers_one_on_a_core() -> Vec<Body> {
     let mut bodies = two_layers();
-    if let Shape::Soft { layer, frames, material, .. } = &mut bodies[1].shape {
-        let masses = palpate::oracle::elastic::Elements::new(layer, material, DMat3::IDENTITY).masses;
+    if let Shape::Soft { layer, frames, materials, .. } = &mut bodies[1].shape {
+        let masses = palpate::oracle::elastic::Elements::new(layer, &*materials, DMat3::IDENTITY).masses;
         let bound = (0..masses.len()).filter(|n| layer.bound[*n]);
         let (sum, mass) = bound.fold((DVec3::ZERO, 0.0), |(s, m), n| (s + masses[n] * layer.nodes[n], m + masses[n]));
         frames[0] = prepare::Frame { centre: sum / mass, motion: FrameMotion::Dynamic { mass: None, hinge: None } };

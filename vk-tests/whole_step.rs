@@ -47,8 +47,8 @@ pub fn run(simulation: &mut Simulation, steps: usize) -> Vec<Row> {
 /// The oracle's twin of a soft body.
 pub fn soft_twin(simulation: &Simulation, body: usize) -> oracle::step::SoftBody {
     let body = &simulation.bodies()[body];
-    let Shape::Soft { layer, material, .. } = &body.shape else { panic!("{} is not soft", body.name) };
-    oracle::step::SoftBody::new(layer.clone(), *material, body.position, body.orientation, body.velocity)
+    let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("{} is not soft", body.name) };
+    oracle::step::SoftBody::new(layer.clone(), materials, body.position, body.orientation, body.velocity)
 }
 
 /// Largest difference over largest value.

@@ -22,6 +22,7 @@ pub mod cull;
 pub mod elastic;
 pub mod friction;
 pub mod linear;
+pub mod neo_hookean;
 pub mod proximity;
 pub mod rays;
 pub mod regions;

@@ -30,7 +30,7 @@ pub struct Blocks {
     pub free: usize,
     /// The place of a block's modes among those of all: a body's lie together.
     pub slots: Vec<u32>,
-    /// Node, its first quad of elements, quads, 0; by block.
+    /// Node, its first quad of elements, quads, bits of its damping by mass (kg/s); by block.
     pub nodes: Vec<[u32; 4]>,
     /// Middle of a block's nodes in their frame, m, and 1 over its size, 1/m.
     pub places: Vec<[f32; 4]>,
@@ -146,6 +146,7 @@ impl Blocks {
         self.moments.push(texel(DVec3::new(inverse.x_axis.x, inverse.y_axis.y, inverse.z_axis.z), 0.0));
         self.moments.push(texel(DVec3::new(inverse.y_axis.x, inverse.z_axis.x, inverse.z_axis.y), 0.0));
         let info = |n: &u32| model.node_info[*n as usize];
-        self.nodes.extend(nodes.iter().map(|n| [*n, info(n)[0], info(n)[1], 0]));
+        let damping = |n: &u32| model.node_damping[*n as usize].to_bits();
+        self.nodes.extend(nodes.iter().map(|n| [*n, info(n)[0], info(n)[1], damping(n)]));
     }
 }

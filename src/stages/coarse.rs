@@ -77,7 +77,7 @@ impl Model {
     pub fn stiffness_number(&self, soft: &SoftRange, dt: f64) -> f64 {
         let mut stiffness = vec![0.0; soft.nodes.len()];
         for t in self.tetrahedra_of(soft) {
-            let [mu, lambda, _, beta] = self.material_of(t);
+            let [mu, lambda, beta] = self.material_of(t);
             let factor = (dt * dt + dt * beta) * self.volume(t);
             for (i, g) in self.tetrahedra[t].iter().zip(self.gradients_of(t)) {
                 stiffness[*i as usize - soft.nodes.start] += factor * (4.0 * mu + lambda) * g.length_squared();
@@ -94,10 +94,9 @@ impl Model {
         (0..self.tetrahedra.len()).filter(|t| soft.nodes.contains(&(self.tetrahedra[*t][0] as usize)))
     }
 
-    /// (1 + h alpha) m of a node, kg.
+    /// m + h alpha m of a node, kg.
     fn inertia(&self, node: usize, dt: f64) -> f64 {
-        let alpha = f64::from(self.materials[self.node_info[node][2] as usize][2]);
-        (1.0 + dt * alpha) * f64::from(self.node_rest[node][3])
+        f64::from(self.node_rest[node][3]) + dt * f64::from(self.node_damping[node])
     }
 
     /// Gradients of a tetrahedron's four shape functions at rest, 1/m.
@@ -106,9 +105,10 @@ impl Model {
         [-wide(0) - wide(1) - wide(2), wide(0), wide(1), wide(2)]
     }
 
-    fn material_of(&self, tetrahedron: usize) -> [f64; 4] {
-        let frame = self.rest_gradients[3 * tetrahedron + 2][3] as usize;
-        self.materials[frame].map(f64::from)
+    /// mu, lambda, Pa, and beta, s.
+    fn material_of(&self, tetrahedron: usize) -> [f64; 3] {
+        let [mu, lambda, _, beta] = self.materials[self.rest_gradients[3 * tetrahedron + 1][3] as usize];
+        [mu, lambda, beta].map(f64::from)
     }
 
     fn volume(&self, tetrahedron: usize) -> f64 {
@@ -179,7 +179,7 @@ impl Model {
             }
         }
         for t in self.tetrahedra_of(soft) {
-            let [mu, lambda, _, beta] = self.material_of(t);
+            let [mu, lambda, beta] = self.material_of(t);
             let lambda = if self.patches.of[t] == NONE { lambda } else { 0.0 };
             let factor = (dt * dt + dt * beta) * self.volume(t);
             let g = self.gradients_of(t);

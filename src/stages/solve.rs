@@ -230,7 +230,6 @@ impl Solve {
             &self.assemble,
             &[
                 &common.params,
-                &elastic.materials,
                 &common.frames,
                 &self.blocks,
                 &self.block_nodes,
@@ -486,7 +485,6 @@ impl Solve {
         let touch = &self.touch;
         let buffers = [
             &common.params,
-            &elastic.materials,
             &self.block_turns,
             &self.blocks,
             &self.block_nodes,

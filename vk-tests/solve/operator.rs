@@ -6,7 +6,7 @@ use super::passes::{Change, Passes};
 use crate::elastic::expect_of_largest;
 use crate::harness::{Tolerance, context, expect_close};
 use crate::random::Random;
-use crate::system::{DT, System, layer, layered, material, triples, two_layers};
+use crate::system::{DT, System, layer, layered, material, mixed, triples, two_layers};
 
 /// Of the largest value of a body's rows: a few dozen terms, each a dozen roundings of 6e-8 away from the input.
 const PRODUCT: f64 = 2.0e-6;
@@ -149,6 +149,13 @@ fn products_agree_with_the_assembled_matrix_at_every_size() {
             expect_oracle(&format!("{nodes} nodes and contacts"), system, 4);
         }
     }
+}
+
+#[test]
+fn products_agree_with_the_assembled_matrix_for_mixed_materials() {
+    // solve/gather: damping of each node's own elements.
+    let bodies = [layered(layer(200), mixed(1000), DQuat::from_rotation_x(1.0))];
+    expect_oracle("mixed materials", System::new(&bodies, AMPLITUDE, 3), 4);
 }
 
 #[test]
