@@ -223,6 +223,7 @@ struct Report {
 const uint VERDICT_DONE = 0;
 const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out
 const uint VERDICT_RETRY = 2;       // contacts pulled: dropped, solve again
+const uint VERDICT_FAILED = 3;      // not finite, or worth nothing: the state stays
 
 const uint FLAG_NOT_CONVERGED = 1;
 const uint FLAG_REGION_OVERFLOW = 2;

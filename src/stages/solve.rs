@@ -39,6 +39,7 @@ pub struct Solve {
     touch: Touch,
     has_contact: bool,
     block_count: u32,
+    rigid_count: usize,
     blocks: Buffer,
     block_nodes: Buffer,
     block_places: Buffer,
@@ -176,6 +177,7 @@ impl Solve {
             touch: touch.cloned().map_or_else(|| Touch::nothing(context), Ok)?,
             has_contact: touch.is_some(),
             block_count: block_count as u32,
+            rigid_count,
             blocks: upload_or_nothing(context, "blocks", &model.blocks.blocks)?,
             block_nodes: upload_or_nothing(context, "nodes of blocks", &model.blocks.nodes)?,
             block_places: upload_or_nothing(context, "places of blocks", &model.blocks.places)?,
@@ -414,6 +416,18 @@ impl Solve {
             &self.leftover,
         ];
         recorder.dispatch_indirect(&self.commit, &buffers, &[], &common.args, args::COMMIT);
+    }
+
+    /// Nothing moves, nothing is left over.
+    pub fn record_stop(&self, recorder: &mut Recorder, elastic: &Elastic) {
+        recorder.stage("solve");
+        for buffer in [&elastic.velocity, &self.leftover, &self.solution, &self.iterates] {
+            recorder.fill(buffer, 0);
+        }
+        for rigid in 0..self.rigid_count {
+            let first = rigid * size_of::<types::Rigid>() + offset_of!(types::Rigid, leftover);
+            recorder.fill_range(&self.rigids, first as u64, 24, 0);
+        }
     }
 
     fn record_coarse(&self, recorder: &mut Recorder, kernel: &Kernel, rhs: &Buffer) {

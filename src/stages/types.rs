@@ -376,7 +376,7 @@ pub struct Iteration {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Report {
-    /// 0 done, 1 continue, 2 retry.
+    /// 0 done, or one of [`verdict`].
     pub verdict: u32,
     /// Done.
     pub iterations: u32,
@@ -410,4 +410,6 @@ pub mod verdict {
     pub const CONTINUE: u32 = 1;
     /// Contacts pulled and were dropped: solve again.
     pub const RETRY: u32 = 2;
+    /// Not finite, or worth nothing: the state stays as it was.
+    pub const FAILED: u32 = 3;
 }
