@@ -201,7 +201,8 @@ struct Iteration {
 
 const uint STATUS_RUNNING = 0;      // not converged yet
 const uint STATUS_CONVERGED = 1;
-const uint STATUS_STOPPED = 2;      // at max_iterations, or broke down
+const uint STATUS_STOPPED = 2;      // at max_iterations
+const uint STATUS_BROKEN = 3;       // the operator seems not positive, or something is no number
 
 // What the host reads back after the step.
 struct Report {

@@ -37,6 +37,8 @@ layout(scalar, binding = 13) writeonly buffer ReportOut { Report report; };
 layout(scalar, binding = 14) writeonly buffer CoreChanges { float core_changes[]; };     // six a core, for the host
 
 const uint MAX_RETRIES = 4;
+// Residual above which a broken solve is not accepted.
+const float WORTHLESS = 0.1;
 
 shared float deepest[SIZE];
 
@@ -101,14 +103,14 @@ void main() {
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
         if (sums.z > 0.0) flags |= FLAG_PULLING;
         // A solution that is not finite is not committed, nor one whose right-hand side or its rounding overflow: then nothing
-        // can be said of the residual. Nor one that stagnated and leaves more than it was given.
+        // can be said of the residual. Nor one that broke down early; what merely ran out of iterations is nearer than before.
         float all = sums.x + solve.rhs_norm2 + solve.floor_norm2;
         bool finite = !isnan(all) && !isinf(all);
         if (!finite) {
             flags |= FLAG_NON_FINITE;
             residual = 1.0;
         }
-        bool failed = !finite || (solve.status == STATUS_STOPPED && residual > max(1.0, 10.0 * residual_floor));
+        bool failed = !finite || (solve.status == STATUS_BROKEN && residual > max(WORTHLESS, 10.0 * residual_floor));
         if (failed) {
             verdict = VERDICT_FAILED;
             // Nothing was solved, nothing applied.

@@ -91,8 +91,9 @@ bool next_scalars(out Scalars scalars) {
     }
     scalars.beta = last.count == 0 ? 0.0 : gamma / last.gamma;
     float curvature = last.count == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
-    if (last.count >= params.max_iterations || !(curvature > 0.0) || isinf(curvature) || isnan(gamma)) {
-        stop(STATUS_STOPPED);
+    bool broken = !(curvature > 0.0) || isinf(curvature) || isnan(gamma);
+    if (broken || last.count >= params.max_iterations) {
+        stop(broken ? STATUS_BROKEN : STATUS_STOPPED);
         return false;
     }
     scalars.alpha = gamma / curvature;

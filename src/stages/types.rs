@@ -352,7 +352,7 @@ pub struct Solve {
     pub rhs_norm2: f32,
     /// What rounding leaves of it.
     pub floor_norm2: f32,
-    /// 0 running, 1 converged, 2 stopped.
+    /// 0 running, 1 converged, 2 stopped, 3 broke down.
     pub status: u32,
     /// The set with the newest iterate.
     pub current: u32,

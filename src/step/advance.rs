@@ -12,8 +12,8 @@ const SPARE_ITERATIONS: u32 = 4;
 const MOST_SUBMITS: u32 = 64;
 
 impl Simulation {
-    /// Advances by `h` seconds from the time `from`. A step that fails (not finite, or stagnated with a residual above the
-    /// right-hand side's norm) leaves the state as it was, and is done in halves, up to so many times; where even those
+    /// Advances by `h` seconds from the time `from`. A step that fails (not finite, or broken down with a tenth of the
+    /// right-hand side's norm left) leaves the state as it was, and is done in halves, up to so many times; where even those
     /// fail, everything stops where it is: nothing ever leaps.
     pub(super) fn advance(&mut self, from: f64, h: f64, halvings: u32) -> Result<Report> {
         let device = self.drive.device(from + h, h);
