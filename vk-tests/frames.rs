@@ -9,7 +9,8 @@ use palpate::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
 use palpate::stages::args;
 use palpate::stages::model::FramePlace;
 use palpate::stages::types::{
-    ActiveChunk, Chunk, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, Region, RigidIterate, Slot, Solve, StepParams,
+    ActiveChunk, Chunk, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, Region, RigidIterate, Slot, Solve,
+    StepParams,
 };
 
 use crate::harness::{Tolerance, case, context, expect_close};
@@ -343,7 +344,7 @@ fn what_dynamic_cores_carry_has_their_twist_and_its_first_guess() {
             .input("carried_nodes", &(0..count as u32).collect::<Vec<_>>())
             .input("node_info", &vec![[0u32; 4]; count])
             .input("node_rest", &rest)
-            .constant("RIGIDS", 2)
+            .constant("RIGIDS", 2u32)
             .input("solve", &[Solve { current, ..Solve::zeroed() }])
             .input("iterates", &iterates)
             .output::<[f32; 4]>("velocity", count)

@@ -147,10 +147,7 @@ fn contacts_solver_and_report() {
             barycentric,
         }
     );
-    same_layout!(
-        "solve/start",
-        Solve { warm, rhs_norm2, floor_norm2, status, current, retries }
-    );
+    same_layout!("solve/start", Solve { warm, rhs_norm2, floor_norm2, status, current, retries });
     same_layout!("solve/update", Iteration { gamma, alpha, count });
     same_layout!(
         "wrench/reduce",

@@ -5,7 +5,7 @@ use palpate::stages::args;
 use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, NONE, PAIR_REGIONS, ProxyBounds};
 
 use super::{FIELD_WORDS, Flow, fours, some};
-use crate::harness::{case, context};
+use crate::harness::case;
 
 /// Nodes with their links, two a texel.
 fn pairs(nodes: &[[u32; 2]]) -> Vec<u32> {

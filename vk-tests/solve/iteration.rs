@@ -142,7 +142,8 @@ fn vectors_follow_the_scalars_at_every_size() {
     // solve/update: p = u + beta p, s = w + beta s, x += alpha p, r -= alpha s, u = M^-1 r.
     let width = context().reduce_size() as usize;
     let large = context().group_size() as usize;
-    for (case, nodes) in [0, 1, width - 1, width, width + 1, large - 1, large, large + 1, 1234].into_iter().enumerate() {
+    for (case, nodes) in [0, 1, width - 1, width, width + 1, large - 1, large, large + 1, 1234].into_iter().enumerate()
+    {
         let bodies =
             if nodes == 0 { vec![] } else { vec![layered(layer(nodes), material(2e4), glam::DQuat::IDENTITY)] };
         let mut passes = Passes::new(System::new(&bodies, 0.0, 1));
@@ -159,11 +160,11 @@ fn vectors_follow_the_scalars_at_every_size() {
         let share = 1.0 / passes.blocks().max(1) as f32;
         passes.dots = vec![[share, share * (1.0 / 0.7 - 0.4)]; passes.blocks()];
         let wide = |x: &[[f32; 4]]| -> Vec<f64> { triples(x).into_iter().map(f64::from).collect() };
-        let combined = |x: &[f64], factor: f64, y: &[f64]| -> Vec<f64> {
-            x.iter().zip(y).map(|(x, y)| x + factor * y).collect()
-        };
+        let combined =
+            |x: &[f64], factor: f64, y: &[f64]| -> Vec<f64> { x.iter().zip(y).map(|(x, y)| x + factor * y).collect() };
         let [image, solution] = [wide(&passes.image), wide(&passes.solution)];
-        let before = [&passes.preconditioned, &passes.direction, &passes.direction_image, &passes.residual].map(|x| wide(x));
+        let before =
+            [&passes.preconditioned, &passes.direction, &passes.direction_image, &passes.residual].map(|x| wide(x));
         passes.update();
         if passes.blocks() == 0 {
             continue;

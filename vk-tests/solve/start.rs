@@ -43,7 +43,8 @@ fn the_warm_factor_and_the_arguments_by_hand() {
     for slot in args::LOOP_APPLY..=args::WRENCH {
         assert_eq!(passes.args[3 * slot as usize + 1..][..2], [1, 1], "slot {slot}");
     }
-    let others = [&passes.args[..3 * args::LOOP_APPLY as usize], &passes.args[3 * args::WRENCH as usize + 3..]].concat();
+    let others =
+        [&passes.args[..3 * args::LOOP_APPLY as usize], &passes.args[3 * args::WRENCH as usize + 3..]].concat();
     assert!(others.iter().all(|word| *word == UNTOUCHED), "other stages' arguments stay");
 }
 

@@ -101,12 +101,14 @@ fn half_precision_leaves_the_preconditioner_positive() {
         let p = modes(&system.twin, &blocks_of(&system, &rest_turns(&system)));
         let (a, _) = system.twin.assemble(None, &[]);
         let all = jacobi(&system, &a) + &p * host_inverse(&system.model, false) * p.transpose();
-        let scaled = Mat::from_fn(all.nrows(), all.ncols(), |i, j| {
-            all[(i, j)] / (all[(i, i)] * all[(j, j)]).sqrt()
-        });
+        let scaled = Mat::from_fn(all.nrows(), all.ncols(), |i, j| all[(i, j)] / (all[(i, i)] * all[(j, j)]).sqrt());
         let values = scaled.self_adjoint_eigenvalues(Side::Lower).unwrap();
         let number = system.model.coarse.bodies[0].1;
-        println!("{what}, stiffness number {number:.1e}: eigenvalues from {:.1e} to {:.1e}", values[0], values[values.len() - 1]);
+        println!(
+            "{what}, stiffness number {number:.1e}: eigenvalues from {:.1e} to {:.1e}",
+            values[0],
+            values[values.len() - 1]
+        );
         assert!(values[0] > 0.0, "{what}: {:e}", values[0]);
     }
 }

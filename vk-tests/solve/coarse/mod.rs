@@ -14,7 +14,9 @@ use palpate::scene::Hinge;
 use palpate::stages::model::Model;
 use palpate::stages::types::NONE;
 
-use crate::system::{System, layer, layered, material, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
+use crate::system::{
+    System, layer, layered, material, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge,
+};
 
 /// The model's blocks by slot, for the oracle.
 fn blocks_of(system: &System, turns: &[[f32; 4]]) -> Vec<Block> {
@@ -98,7 +100,7 @@ fn two_frames() -> Body {
 }
 
 /// A body whose core carries more nodes than a block has.
-fn large_core(hinged: bool) -> Body {
+pub fn large_core(hinged: bool) -> Body {
     let mut body = turned(boxed([6, 6, 8], |x| x.z < 0.03));
     if let Shape::Soft { layer, frames, material, .. } = &mut body.shape {
         let masses = palpate::oracle::elastic::Elements::new(layer, material, glam::DMat3::IDENTITY).masses;
@@ -112,14 +114,14 @@ fn large_core(hinged: bool) -> Body {
 }
 
 /// One soft enough to go without where the other has a coarse level.
-fn soft_and_stiff() -> Vec<Body> {
+pub fn soft_and_stiff() -> Vec<Body> {
     let mut second = layer(60);
     second.bound[..9].fill(true);
     vec![layered(layer(100), material(2e3), DQuat::from_rotation_x(1.0)), turned(second)]
 }
 
 /// Bodies of every kind that the coarse level knows.
-fn kinds() -> Vec<(&'static str, Vec<Body>)> {
+pub fn kinds() -> Vec<(&'static str, Vec<Body>)> {
     vec![
         ("one aggregate", vec![turned(layer(8))]),
         ("several", vec![turned(layer(100))]),

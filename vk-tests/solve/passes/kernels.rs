@@ -112,9 +112,8 @@ impl Passes {
         let dots = merged("dots", &unwritten::<[f32; 2]>(groups), &outcomes);
         self.dots = settled("dots", dots, |_| true);
         let modes = |name: &str| merged(name, &unwritten::<[f32; 4]>(3 * groups), &outcomes);
-        self.restricted_image = settled("restricted_image", modes("restricted_image"), |i| {
-            self.coarse || self.role_of_slot(i / 3) != FREE
-        });
+        self.restricted_image =
+            settled("restricted_image", modes("restricted_image"), |i| self.coarse || self.role_of_slot(i / 3) != FREE);
         self.restricted_residual = settled("restricted_residual", modes("restricted_residual"), |_| self.coarse);
     }
 
