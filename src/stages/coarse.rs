@@ -107,20 +107,13 @@ impl Model {
         let half = combined(&motions, matrix.as_ref());
         let reduced = combined(&motions, half.transpose());
         let Ok(factor) = reduced.llt(Side::Lower) else { return false };
-        let half = spread(&motions, factor.inverse().as_ref(), size);
-        let inverse = spread(&motions, half.transpose(), size);
+        let Some(inverse) = HalfInverse::new(&motions, &factor.inverse(), size) else { return false };
         let texels = size.div_ceil(8);
         let first_texel = coarse.inverse.len();
         let mut rows = vec![half::f16::ZERO; size * 8 * texels];
-        let scales: Vec<f64> = (0..size).map(|i| inverse[(i, i)].max(0.0).sqrt()).collect();
-        let used: Vec<usize> = (0..size).filter(|i| scales[*i] > 0.0).collect();
-        for i in &used {
-            for j in &used {
-                // Symmetric to the last bit.
-                let value = inverse[(*i.max(j), *i.min(j))] / (scales[*i] * scales[*j]);
-                rows[i * 8 * texels + j] = half::f16::from_f64(value);
-            }
-            coarse.scales[3 * first_slot as usize + i / 4][i % 4] = scales[*i] as f32;
+        for i in 0..size {
+            (0..size).for_each(|j| rows[i * 8 * texels + j] = inverse.values[i * size + j]);
+            coarse.scales[3 * first_slot as usize + i / 4][i % 4] = inverse.scales[i] as f32;
         }
         let pair = |x: &[half::f16]| u32::from(x[0].to_bits()) | u32::from(x[1].to_bits()) << 16;
         coarse.inverse.extend(rows.chunks(8).map(|x| [0, 2, 4, 6].map(|k| pair(&x[k..]))));
@@ -229,6 +222,48 @@ impl Model {
 fn aggregates(nodes: usize) -> usize {
     let wanted = 64.0 * (nodes as f64 / 2000.0).cbrt();
     (wanted as usize).clamp(1, nodes.div_ceil(LEAST_NODES).max(1))
+}
+
+/// E X E^T with E the motions, scaled to a diagonal of one and rounded to half precision.
+struct HalfInverse {
+    /// By rows.
+    values: Vec<half::f16>,
+    /// The roots of what its diagonal was; zero where no motion has a mode.
+    scales: Vec<f64>,
+}
+
+impl HalfInverse {
+    /// Of X symmetric and positive definite; what rounding would make of it is not where bodies are stiff, and conjugate
+    /// gradients need that. So its diagonal grows until it is: by some thousandths, 2^-5 at most (else `None`).
+    fn new(motions: &[Vec<(usize, f64)>], x: &Mat<f64>, size: usize) -> Option<HalfInverse> {
+        let shifts = std::iter::once(0.0).chain((5..=11).rev().map(|k| 0.5f64.powi(k)));
+        shifts.map(|shift| HalfInverse::shifted(motions, x, size, shift)).find(|half| half.is_positive(motions, size))
+    }
+
+    fn shifted(motions: &[Vec<(usize, f64)>], x: &Mat<f64>, size: usize, shift: f64) -> HalfInverse {
+        let mut x = x.clone();
+        (0..x.nrows()).for_each(|k| x[(k, k)] *= 1.0 + shift);
+        let half = spread(motions, x.as_ref(), size);
+        let inverse = spread(motions, half.transpose(), size);
+        let scales: Vec<f64> = (0..size).map(|i| inverse[(i, i)].max(0.0).sqrt()).collect();
+        let mut values = vec![half::f16::ZERO; size * size];
+        for i in (0..size).filter(|i| scales[*i] > 0.0) {
+            for j in (0..size).filter(|j| scales[*j] > 0.0) {
+                // Symmetric to the last bit.
+                let value = inverse[(i.max(j), i.min(j))] / (scales[i] * scales[j]);
+                values[i * size + j] = half::f16::from_f64(value);
+            }
+        }
+        HalfInverse { values, scales }
+    }
+
+    /// Whether it is positive definite as to the motions.
+    fn is_positive(&self, motions: &[Vec<(usize, f64)>], size: usize) -> bool {
+        let value = |i: usize, j: usize| self.values[i * size + j].to_f64() * self.scales[i] * self.scales[j];
+        let all = Mat::from_fn(size, size, value);
+        let half = combined(motions, all.as_ref());
+        combined(motions, half.transpose()).llt(Side::Lower).is_ok()
+    }
 }
 
 /// E^T matrix, E the motions.
