@@ -11,6 +11,7 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 
+use crate::Result;
 use crate::gpu::{Buffer, Context, Options, Recorder};
 use crate::haptics::drive::{Device, Drive};
 use crate::haptics::tool::Tool;
@@ -22,7 +23,6 @@ use crate::stages::depth::Path;
 use crate::stages::model::{self, Model};
 use crate::stages::query_as_one;
 use crate::stages::types::{self, Counts, Frame, Link, Pair, Region, Report, StepParams};
-use crate::Result;
 use choice::Choice;
 use frames::Frames;
 use probes::{ProbePlace, probes_of};

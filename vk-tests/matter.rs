@@ -26,7 +26,7 @@ fn a_neo_hookean_tetrahedron_stretched_by_half_by_hand() {
     // elastic/rotate: unit corner, F = diag(1.5, 1, 1): I = 4.25, J = 1.5, cofactors diag(1, 1.5, 1.5), V = 1/6,
     // P = 4/3 mu (1 - 1 / 5.25) F + ((lambda + 5/6 mu) / 2 - mu) cofactors.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4] };
+    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
     let soft = Material { law: Law::NeoHookean, ..material(2e4) };
     let mut system = System::new(&[layered(layer, soft, DQuat::IDENTITY)], 0.0, 1);
     system.velocity.fill([0.0; 4]);

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
 use palpate::oracle::contact::{Carrier, Contact as Twin, Point};
 use palpate::oracle::friction::Friction;
@@ -11,9 +10,9 @@ use palpate::oracle::step::{Simulation, SoftBody};
 use palpate::oracle::tool::{Device, Tool};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
-use palpate::scene::{self, Coupling, Hinge, Law, Material, Scene};
+use palpate::scene::{self, Coupling, Hinge, Law, Material, Preconditioner, Scene};
 use palpate::stages::model::Model;
-use palpate::stages::types::{Contact, Core, Counts, Frame, Link, NONE, StepParams};
+use palpate::stages::types::{Contact, Counts, Frame, Link, NONE, StepParams};
 
 use crate::elastic;
 use crate::random::Random;
@@ -27,8 +26,6 @@ pub struct System {
     pub params: StepParams,
     pub frames: Vec<Frame>,
     pub links: Vec<Link>,
-    pub cores: Vec<Core>,
-    pub core_nodes: Vec<u32>,
     pub node_elements: Vec<[u32; 4]>,
     pub displacement: Vec<[f32; 4]>,
     pub velocity: Vec<[f32; 4]>,
@@ -48,11 +45,11 @@ pub struct System {
 }
 
 /// A scene of which nothing matters to a layer.
-fn scene() -> Scene {
+fn scene(preconditioner: Preconditioner) -> Scene {
     Scene {
         file: "none".into(),
         step: scene::Step { dt: f64::from(DT), gravity: DVec3::ZERO, newton: 1 },
-        solver: scene::Solver { tolerance: 1e-5, max_iterations: 10, preconditioner: scene::Preconditioner::Auto },
+        solver: scene::Solver { tolerance: 1e-5, max_iterations: 10, preconditioner },
         contact: scene::Contact {
             stiffness: Some(1e6),
             damping: Some(1e3),
@@ -146,8 +143,13 @@ impl System {
     /// Layers whose nodes are displaced at random by up to `amplitude` (m); velocities of 0.1 m/s. Rotations and what
     /// follows from them come from elastic/rotate, and the oracle is given the same rotations.
     pub fn new(bodies: &[Body], amplitude: f64, seed: u64) -> System {
+        System::preconditioned(bodies, amplitude, seed, Preconditioner::Jacobi)
+    }
+
+    /// The same, with a coarse level for the bodies that this asks for.
+    pub fn preconditioned(bodies: &[Body], amplitude: f64, seed: u64, preconditioner: Preconditioner) -> System {
         let mut random = Random(seed);
-        let model = Model::new(&scene(), bodies, None);
+        let model = Model::new(&scene(preconditioner), bodies, None);
         let nodes = model.node_rest.len();
         let field = |scale: f64, random: &mut Random| -> Vec<[f32; 4]> {
             let free = |info: &[u32; 4]| if info[3] == 0 { 1.0 } else { 0.0 };
@@ -175,9 +177,7 @@ impl System {
         params.max_iterations = 1000;
         let mut system = System {
             frames: model.frames.iter().map(frame).collect(),
-            links: vec![Link::default(); model.links.len()],
-            cores: vec![Core::zeroed()],
-            core_nodes: vec![NONE],
+            links: vec![Link { turn: [0.0, 0.0, 0.0, 1.0], ..Link::default() }; model.links.len()],
             node_elements: model.padded_node_elements(),
             rotations: vec![[0.0, 0.0, 0.0, 1.0]; model.tetrahedra.len()],
             gradients: vec![],
@@ -203,7 +203,6 @@ impl System {
 
     /// Dynamic cores under way: twists, and the velocities of what they carry.
     fn start_cores(&mut self) {
-        let mut first = 0;
         for (index, core) in self.model.cores.iter().enumerate() {
             let place = self.model.frames[core.frame].clone();
             let centre = place.position + place.orientation * place.rest_centre;
@@ -228,15 +227,6 @@ impl System {
             }
             let local = core.nodes.iter().map(|n| (body, n - node_first as u32)).collect();
             self.twin.cores.push(palpate::oracle::step::Core { nodes: local, centre, velocity, spin, hinge });
-            let node_count = core.nodes.len() as u32;
-            let hinge = core.hinge.as_vec3().to_array();
-            let core_state = Core { frame: core.frame as u32, node_first: first, node_count, hinge, ..Core::zeroed() };
-            if index == 0 {
-                (self.cores, self.core_nodes) = (vec![], vec![]);
-            }
-            self.cores.push(core_state);
-            self.core_nodes.extend(&core.nodes);
-            first += node_count;
         }
     }
 
