@@ -363,8 +363,9 @@ impl Solve {
             ];
             let push = bytemuck::bytes_of(&set);
             recorder.together(|recorder| {
-                for Variant { kernel, slot, .. } in &self.update {
-                    recorder.dispatch_indirect(kernel, &buffers, push, &common.args, *slot);
+                // Not by the loop's arguments, which one of them may write while others would read them.
+                for Variant { kernel, groups, .. } in &self.update {
+                    recorder.dispatch_groups(kernel, &buffers, push, *groups);
                 }
             });
         }

@@ -61,6 +61,10 @@ fn it_stops_where_it_should() {
         if status != 0 {
             assert_eq!(Solve { status: 0, ..state }, before, "the state stays");
             assert_eq!(passes.iterations, iterations, "the scalars stay");
+            // Nor does it go on from there, whatever it is given.
+            (passes.dots, passes.system.params.max_iterations) = (vec![[5.0, 100.0]], 100);
+            passes.update();
+            assert_eq!((passes.state, passes.iterations), (state, iterations), "it goes on after status {status}");
         }
         status
     };

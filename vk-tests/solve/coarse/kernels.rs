@@ -8,21 +8,21 @@ use palpate::prepare::Body;
 use palpate::scene::Preconditioner;
 
 use super::super::passes::{Change, Passes};
-use super::{blocks_of, host_inverse, kinds, large_core, soft_and_stiff, turned};
+use super::{blocks_of, host_inverse, kinds, large_core, product, soft_and_stiff, turned};
 use crate::harness::context;
 use crate::random::Random;
 use crate::system::{System, layer, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 
 /// Sums of f32 products, of the sum of magnitudes: some hundred roundings that mostly cancel.
-const SUM: f64 = 2.0e-6;
+pub const SUM: f64 = 2.0e-6;
 /// The same behind a few iterations, whose P^T r is a recurrence's, and through blocks inverted in f32.
 const ROUNDS: f64 = 5.0e-6;
 /// m: of cells of 20 mm; blocks of eight nodes turn by some degrees.
 const AMPLITUDE: f64 = 0.004;
 
 /// P and what the kernels have as A_c^-1.
-struct Twin {
-    p: Mat<f64>,
+pub struct Twin {
+    pub p: Mat<f64>,
     inverse: Mat<f64>,
 }
 
@@ -34,20 +34,12 @@ fn flat(modes: &[[f32; 4]]) -> Vec<f64> {
     wide(modes.as_flattened())
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn magnitudes(a: &[f64]) -> Vec<f64> {
+pub fn magnitudes(a: &[f64]) -> Vec<f64> {
     a.iter().map(|a| a.abs()).collect()
-}
-
-fn product(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
-    let mut y = vec![0.0; matrix.nrows()];
-    for (j, x) in x.iter().enumerate() {
-        y.iter_mut().enumerate().for_each(|(i, y)| *y += matrix[(i, j)] * x);
-    }
-    y
 }
 
 fn transposed(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
@@ -68,7 +60,7 @@ fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f6
 
 impl Twin {
     /// With the blocks turned as solve/assemble found them.
-    fn new(passes: &Passes) -> Twin {
+    pub fn new(passes: &Passes) -> Twin {
         let p = modes(&passes.system.twin, &blocks_of(&passes.system, &passes.block_turns));
         Twin { p, inverse: host_inverse(&passes.system.model, false) }
     }
@@ -94,7 +86,7 @@ impl Twin {
     }
 
     /// The sums of magnitudes that M^-1 x is made of.
-    fn sizes(&self, passes: &Passes, x: &[f64]) -> Vec<f64> {
+    pub fn sizes(&self, passes: &Passes, x: &[f64]) -> Vec<f64> {
         let x = magnitudes(x);
         self.absolute().correction(&x).iter().zip(diagonal(passes, &x, f64::abs)).map(|(z, d)| z + d).collect()
     }
@@ -137,7 +129,7 @@ fn summed(passes: &Passes, mut modes: Vec<f64>) -> Vec<f64> {
 
 /// Random unknowns as the device can hold them; what a hinge does not let move is zero. The tool's and the cores' are
 /// `rigid` times as large.
-fn random_unknowns(system: &System, random: &mut Random, rigid: f64) -> Vec<f64> {
+pub fn random_unknowns(system: &System, random: &mut Random, rigid: f64) -> Vec<f64> {
     let unknowns = system.twin.unknowns();
     let mut x: Vec<f64> = (0..unknowns.count).map(|_| f64::from(random.next() as f32)).collect();
     for (core, first) in system.twin.cores.iter().zip(&unknowns.cores) {
@@ -153,20 +145,20 @@ fn random_unknowns(system: &System, random: &mut Random, rigid: f64) -> Vec<f64>
 }
 
 /// The six numbers of a core or of the tool among the unknowns.
-fn six(passes: &Passes, index: usize, x: &[f64]) -> [f32; 6] {
+pub fn six(passes: &Passes, index: usize, x: &[f64]) -> [f32; 6] {
     let unknowns = passes.system.twin.unknowns();
     let first = unknowns.cores.get(index).copied().unwrap_or(unknowns.tool);
     std::array::from_fn(|k| x[first + k] as f32)
 }
 
 /// Node vectors: of free nodes their own, of carried ones what their core gives them.
-fn node_vectors(system: &System, x: &[f64]) -> Vec<[f32; 4]> {
+pub fn node_vectors(system: &System, x: &[f64]) -> Vec<[f32; 4]> {
     let (bodies, _) = system.rows(x);
     bodies.iter().flat_map(|rows| rows.chunks(3)).map(|v| [v[0] as f32, v[1] as f32, v[2] as f32, 0.0]).collect()
 }
 
 /// Without what cores carry.
-fn only_free(passes: &Passes, mut nodes: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
+pub fn only_free(passes: &Passes, mut nodes: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
     nodes.iter_mut().zip(passes.roles()).filter(|(_, role)| *role != Some(0)).for_each(|(x, _)| *x = [0.0; 4]);
     nodes
 }
@@ -353,7 +345,7 @@ fn expect_preconditioned(what: &str, passes: &Passes, twin: &Twin) -> f64 {
     worst
 }
 
-fn coarse(bodies: &[Body], seed: u64) -> System {
+pub fn coarse(bodies: &[Body], seed: u64) -> System {
     System::preconditioned(bodies, AMPLITUDE, seed, Preconditioner::Coarse)
 }
 
@@ -401,72 +393,6 @@ fn passes_follow_the_oracle_at_every_size() {
         println!("{nodes} nodes, {free} of them free: {} blocks", system.model.blocks.free);
         if free > 0 {
             follow(&format!("{nodes} nodes"), system);
-        }
-    }
-}
-
-/// M^-1 of a vector, by an iteration that steps by one from there with nothing in the way.
-fn device_preconditioned(passes: &mut Passes, r: &[f64]) -> Vec<f64> {
-    let zeros = vec![[0.0; 4]; passes.nodes()];
-    passes.residual = only_free(passes, node_vectors(&passes.system, r));
-    (passes.preconditioned, passes.direction, passes.direction_image) = (zeros.clone(), zeros.clone(), zeros);
-    passes.restricted_direction.fill([0.0; 4]);
-    for index in 0..passes.rigids.len() {
-        let own = six(passes, index, r);
-        *passes.rigid(index) = bytemuck::Zeroable::zeroed();
-        passes.rigid(index).r = own;
-    }
-    passes.iterations = bytemuck::Zeroable::zeroed();
-    passes.apply(Change::Preconditioned);
-    passes.gather(1);
-    passes.dots.fill([0.0; 2]);
-    passes.dots[0] = [1.0, 1.0];
-    passes.update();
-    assert_eq!(passes.state.status, 0);
-    passes.unknowns(&passes.preconditioned, |now| now.u)
-}
-
-#[test]
-fn the_preconditioner_is_symmetric_and_positive() {
-    // x.M^-1 y = y.M^-1 x and x.M^-1 x > 0, random x and what moves blocks as wholes; also under stiff contacts.
-    let bodies = [
-        ("layers", two_layers(), false),
-        ("stiff contacts", two_layers(), true),
-        ("a core", two_layers_one_on_a_core(), true),
-        ("a hinge", two_layers_one_on_a_hinge(), true),
-        ("a core of several blocks", vec![large_core(false)], true),
-        ("a hinge of several blocks", vec![large_core(true)], false),
-    ];
-    for (what, bodies, stiff) in bodies {
-        let mut system = coarse(&bodies, 9).with_tool().with_friction().with_contacts(100, 90);
-        system.contacts.iter_mut().filter(|_| stiff).for_each(|contact| {
-            contact.damping *= 100.0;
-            contact.friction *= 100.0;
-        });
-        let mut passes = Passes::new(system);
-        passes.record_start();
-        let twin = Twin::new(&passes);
-        (passes.system.params.tolerance, passes.state.floor_norm2) = (0.0, 0.0);
-        let mut random = Random(91);
-        let mut vectors: Vec<Vec<f64>> = (0..4).map(|_| random_unknowns(&passes.system, &mut random, 1.0)).collect();
-        for _ in 0..3 {
-            let z: Vec<f64> = (0..twin.p.ncols()).map(|_| random.next()).collect();
-            vectors.push(product(&twin.p, &z).iter().map(|x| f64::from(*x as f32)).collect());
-        }
-        // The cores alone.
-        let mut rigid = vectors[0].clone();
-        let firsts = passes.system.twin.unknowns().cores;
-        let own = |i: usize| firsts.iter().any(|first| (*first..first + 6).contains(&i));
-        rigid.iter_mut().enumerate().filter(|(i, _)| !own(*i)).for_each(|(_, x)| *x = 0.0);
-        vectors.extend((!firsts.is_empty()).then_some(rigid));
-        let images: Vec<Vec<f64>> = vectors.iter().map(|x| device_preconditioned(&mut passes, x)).collect();
-        for (i, (x, mx)) in vectors.iter().zip(&images).enumerate() {
-            assert!(dot(x, mx) > 0.0, "{what}: {i}: x.M^-1 x = {:e}", dot(x, mx));
-            for (j, (y, my)) in vectors.iter().zip(&images).enumerate().take(i) {
-                let size = dot(&magnitudes(x), &twin.sizes(&passes, y));
-                let apart = dot(x, my) - dot(y, mx);
-                assert!(apart.abs() < SUM * size, "{what}: {i}, {j}: {:e} and {:e}", dot(x, my), dot(y, mx));
-            }
         }
     }
 }

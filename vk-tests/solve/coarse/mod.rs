@@ -3,6 +3,7 @@
 mod kernels;
 mod law;
 mod matrix;
+mod symmetry;
 mod turns;
 
 use faer::Mat;
@@ -137,4 +138,12 @@ pub fn kinds() -> Vec<(&'static str, Vec<Body>)> {
         ("a tilted row", vec![turned(tilted(row()))]),
         ("nothing free", vec![turned(boxed([2, 2, 2], |_| true)), turned(layer(27))]),
     ]
+}
+
+fn product(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
+    let mut y = vec![0.0; matrix.nrows()];
+    for (j, x) in x.iter().enumerate() {
+        y.iter_mut().enumerate().for_each(|(i, y)| *y += matrix[(i, j)] * x);
+    }
+    y
 }
