@@ -33,7 +33,10 @@ pub struct Solve {
     coarse: Option<CoarseKernels>,
     start: Kernel,
     begin: Kernel,
+    /// The first leads.
     update: Vec<Variant>,
+    /// What the others of these are given for arguments.
+    no_args: Buffer,
     conclude: Kernel,
     commit: Kernel,
     touch: Touch,
@@ -172,6 +175,7 @@ impl Solve {
             )?,
             begin: reduce("solve/begin", &[coarse])?,
             update: variants("solve/update", &[blocks, coarse, partials, rigids])?,
+            no_args: zeros::<u32>(context, "no arguments", 1)?,
             conclude: reduce("solve/conclude", &[nodes_c, contact, tool, coarse, blocks, rigids, group])?,
             commit: Kernel::new(context, "solve/commit", Size::Group, &[nodes_c, rigids])?,
             touch: touch.cloned().map_or_else(|| Touch::nothing(context), Ok)?,
@@ -330,42 +334,48 @@ impl Solve {
             let now = set as usize;
             self.record_apply(recorder, common, elastic, Change::Preconditioned { set });
             self.record_gather(recorder, common, elastic, &self.gather_loop, Some(set));
-            let buffers = [
-                &common.params,
-                &self.block_turns,
-                &self.blocks,
-                &self.block_nodes,
-                &self.block_places,
-                &elastic.node_rest,
-                &self.coarse_blocks,
-                &self.coarse_inverse,
-                &self.coarse_scales,
-                &self.dots,
-                &self.restricted_image,
-                &self.restricted_residual,
-                &self.image,
-                &self.inverse,
-                &self.residual[now],
-                &self.preconditioned[now],
-                &self.direction[now],
-                &self.direction_image[now],
-                &self.rigids,
-                &self.state,
-                &self.iterations,
-                &self.iterates,
-                &self.restricted_direction,
-                &self.solution,
-                &self.residual[1 - now],
-                &self.preconditioned[1 - now],
-                &self.direction[1 - now],
-                &self.direction_image[1 - now],
-                &common.args,
-            ];
+            let buffers = |args| {
+                [
+                    &common.params,
+                    &self.block_turns,
+                    &self.blocks,
+                    &self.block_nodes,
+                    &self.block_places,
+                    &elastic.node_rest,
+                    &self.coarse_blocks,
+                    &self.coarse_inverse,
+                    &self.coarse_scales,
+                    &self.dots,
+                    &self.restricted_image,
+                    &self.restricted_residual,
+                    &self.image,
+                    &self.inverse,
+                    &self.residual[now],
+                    &self.preconditioned[now],
+                    &self.direction[now],
+                    &self.direction_image[now],
+                    &self.rigids,
+                    &self.state,
+                    &self.iterations,
+                    &self.iterates,
+                    &self.restricted_direction,
+                    &self.solution,
+                    &self.residual[1 - now],
+                    &self.preconditioned[1 - now],
+                    &self.direction[1 - now],
+                    &self.direction_image[1 - now],
+                    args,
+                ]
+            };
             let push = bytemuck::bytes_of(&set);
             recorder.together(|recorder| {
-                // Not by the loop's arguments, which one of them may write while others would read them.
-                for Variant { kernel, groups, .. } in &self.update {
-                    recorder.dispatch_groups(kernel, &buffers, push, *groups);
+                // One goes by the loop's arguments, and writes them; the others must do neither at the same time.
+                for (index, Variant { kernel, groups, slot }) in self.update.iter().enumerate() {
+                    if index == 0 {
+                        recorder.dispatch_indirect(kernel, &buffers(&common.args), push, &common.args, *slot);
+                    } else {
+                        recorder.dispatch_groups(kernel, &buffers(&self.no_args), push, *groups);
+                    }
                 }
             });
         }

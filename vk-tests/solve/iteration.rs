@@ -68,12 +68,12 @@ fn it_stops_where_it_should() {
         }
         status
     };
-    let (running, converged, broken) = (0, 1, 2);
+    let (running, converged, stopped_at_most, broken) = (0, 1, 2, 3);
     assert_eq!(stopped(1.01, 10.0, |_| ()), running);
     assert_eq!(stopped(0.99, 10.0, |_| ()), converged);
     assert_eq!(stopped(1.99, 10.0, |p| p.state.floor_norm2 = 2.0), converged);
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 9), running);
-    assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 10), broken);
+    assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 10), stopped_at_most);
     assert_eq!(stopped(2.0, -10.0, |_| ()), broken);
     assert_eq!(stopped(2.0, 1.0, |_| ()), broken, "delta - beta gamma / alpha = 0");
     for bad in [f32::NAN, f32::INFINITY] {

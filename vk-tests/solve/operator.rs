@@ -255,7 +255,13 @@ fn inner_products_of_every_mode() {
             let pairs = match mode {
                 0 => [(w.clone(), first), (w.clone(), conditioned(&w))],
                 1 => [(wide(&passes.residual), first.clone()), (w, first)],
-                _ => [(left.clone(), conditioned(&left)), (vec![], vec![])],
+                // (eps x)^2 . D: what rounding of x makes of its image.
+                _ => {
+                    let lost: Vec<f64> = wide(&passes.solution).iter().map(|x| 6e-8 * x).collect();
+                    let diagonal = |i: usize| 1.0 / f64::from(passes.inverse[2 * (i / 3)][i % 3]);
+                    let moved = lost.iter().enumerate().map(|(i, x)| if *x == 0.0 { 0.0 } else { x * diagonal(i) });
+                    [(left.clone(), conditioned(&left)), (lost.clone(), moved.collect())]
+                }
             };
             for (k, (a, b)) in pairs.iter().enumerate() {
                 let got: f64 = passes.dots.iter().map(|d| f64::from(d[k])).sum();

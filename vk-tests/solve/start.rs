@@ -39,7 +39,7 @@ fn the_warm_factor_and_the_arguments_by_hand() {
     assert_eq!((s.current, s.status, s.retries), (0, 0, 3));
     assert_eq!(passes.iterations, [Iteration { gamma: 0.0, alpha: 0.0, count: 0 }; 2]);
     let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
-    assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 2, 0, 0, 0, 0]);
+    assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 0, 2, 0, 0, 0, 0]);
     for slot in args::LOOP_APPLY..=args::WRENCH {
         assert_eq!(passes.args[3 * slot as usize + 1..][..2], [1, 1], "slot {slot}");
     }
@@ -56,7 +56,7 @@ fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
     (passes.partials, passes.dots) = (vec![[0.5, 0.5]], vec![[1.0, 1.0]]);
     passes.start();
     assert_eq!((passes.state.warm, passes.state.status), (0.0, 1));
-    assert_eq!(loop_groups(&passes.args), [0; 7]);
+    assert_eq!(loop_groups(&passes.args), [0; 8]);
     for bad in [[f32::NAN; 2], [f32::INFINITY; 2], [f32::NEG_INFINITY, f32::INFINITY], [1.0, 0.0], [f32::NAN, 1.0]] {
         (passes.partials, passes.dots) = (vec![[2.0, 0.5]], vec![bad]);
         passes.start();
