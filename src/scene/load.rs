@@ -288,7 +288,7 @@ fn check_names(root: &Table, scene: &Scene) -> Result<()> {
         let Some(body) = scene.held_body().map(|body| &scene.bodies[body]) else { return Err(unknown(value, name)) };
         if !matches!(body.cores.first(), Some(Core { motion: Motion::Dynamic, .. })) {
             let problem = format!("the first core of \"{name}\", by which it is held, is not dynamic");
-            return Err(value.error(problem, "give the body a first [[body.core]] with motion = \"dynamic\""));
+            return Err(value.error(problem, "give its first [[body.core]], or the rigid body, motion = \"dynamic\""));
         }
     }
     Ok(())
