@@ -5,6 +5,7 @@ pub(crate) mod choice;
 pub mod frames;
 mod probes;
 pub(crate) mod recordings;
+mod tools;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -31,7 +32,7 @@ use recordings::{Recordings, Stages};
 /// How often a step that fails is halved: eighths of it at last.
 const MOST_HALVINGS: u32 = 3;
 /// Tetrahedra below which one thread of a CPU is faster than two (see README, "Measured facts").
-const LITTLE_WORK: usize = 30_000;
+const LITTLE_WORK: usize = 20_000;
 /// Every so many steps are timed, unless [`Simulation::time_every`] says otherwise: timestamps split the work and cost up to
 /// a millisecond on some drivers.
 pub const TIMED_EVERY: u64 = 8;
@@ -64,9 +65,10 @@ impl Simulation {
     /// `path` of the depth stage wins over the scene's.
     pub fn new(scene: &Scene, options: &Options, path: Option<Path>) -> Result<Simulation> {
         let bodies = scene.bodies.iter().map(|body| prepare::body(body, scene)).collect::<Result<Vec<_>>>()?;
-        let tool_body = scene.tool.as_ref().map(|tool| prepare::tool(tool, scene)).transpose()?;
+        let tool_body = scene.rigid_tool().map(|tool| prepare::tool(tool, scene)).transpose()?;
         let model = Model::new(scene, &bodies, tool_body.as_ref());
-        let tool = scene.tool.as_ref().zip(tool_body.as_ref()).map(|(spec, body)| tool_of(scene, spec.mass, body));
+        let frames = Frames::new(&model, |frame| velocity_of(&bodies, &model, frame));
+        let tool = tools::tool_of(scene, tool_body.as_ref(), &model, &frames)?;
         let (probes, probe_nodes) = probes_of(scene, &bodies, &model)?;
 
         let one_thread = options.one_thread && model.tetrahedra.len() < LITTLE_WORK;
@@ -83,7 +85,6 @@ impl Simulation {
         let timed = [timed(|stage| stage)?, timed(query_as_one)?];
         let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
         let plan = Plan::new(scene, &model, choice.map(|choice| choice.to_string()));
-        let frames = Frames::new(&model, |frame| velocity_of(&bodies, &model, frame));
         Ok(Simulation {
             drive: Drive::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
             scene: scene.clone(),
@@ -176,7 +177,7 @@ impl Simulation {
         bodies.chain(self.tool_report.iter().map(|report| ("tool", report)))
     }
 
-    /// The tool, if the scene has one.
+    /// The tool, if the scene has one; of a body that is held, its core.
     pub fn tool(&self) -> Option<&Tool> {
         self.tool.as_ref()
     }
@@ -250,7 +251,10 @@ impl Simulation {
             ..bytemuck::Zeroable::zeroed()
         };
         if let Some(tool) = &self.tool {
-            let rows = tool.rows(h, step.gravity, device);
+            let rows = match self.model.held {
+                Some(_) => tool.coupling_rows(h, device),
+                None => tool.rows(h, step.gravity, device),
+            };
             params.tool_matrix = std::array::from_fn(|k| rows.matrix[k / 6][k % 6] as f32);
             params.tool_rhs = rows.rhs.map(|x| x as f32);
             let (v, w) = (tool.velocity, tool.angular_velocity);
@@ -316,21 +320,4 @@ impl Simulation {
 fn velocity_of(bodies: &[Body], model: &Model, frame: usize) -> DVec3 {
     let owner = model.body_frames.iter().rposition(|&first| first != types::NONE && first as usize <= frame);
     owner.and_then(|body| bodies.get(body)).map_or(DVec3::ZERO, |body| body.velocity)
-}
-
-/// The tool as the scene starts it, its inertia that of its surface filled evenly.
-fn tool_of(scene: &Scene, mass: f64, body: &Body) -> Tool {
-    let inertia = match &body.shape {
-        Shape::Rigid { volume, inertia, .. } => *inertia * (mass / volume),
-        _ => glam::DMat3::IDENTITY,
-    };
-    Tool {
-        mass,
-        inertia,
-        coupling: scene.coupling,
-        centre: body.position,
-        orientation: body.orientation,
-        velocity: body.velocity,
-        angular_velocity: DVec3::ZERO,
-    }
 }

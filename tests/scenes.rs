@@ -22,7 +22,7 @@ fn sizes(name: &str) -> Vec<usize> {
 
 #[test]
 fn every_scene_is_read() {
-    assert!(scenes().len() >= 7);
+    assert!(scenes().len() >= 8);
     for file in scenes() {
         let scene = Scene::load(&file).unwrap_or_else(|error| panic!("{error}"));
         for probe in &scene.probes {

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use palpate::oracle;
 use palpate::oracle::contact::{self, Law, Support, Surface};
 use palpate::oracle::friction::Friction;
-use palpate::oracle::step::auto_stiffness;
+use palpate::oracle::step::{Held, auto_stiffness};
 use palpate::oracle::tool;
 use palpate::prepare::{self, Embedding, Shape, Skin};
 use palpate::report::{Flags, Row};
@@ -19,8 +19,8 @@ const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 
 /// The oracle's twin of a scene with one pair of bodies: two soft ones, or a soft one or the tool against a half-space, or
 /// a soft one and the tool. Its contacts are its own; only the direction of a region is the device's.
-struct Twin {
-    oracle: oracle::step::Simulation,
+pub struct Twin {
+    pub oracle: oracle::step::Simulation,
     soft: Vec<(Skin, Vec<Embedding>)>,
     tool: Option<Skin>,
     plane: Option<(DVec3, f64)>,
@@ -36,6 +36,10 @@ impl Twin {
                 Shape::Soft { skin, embedding, layer, materials, .. } => {
                     soft.push((skin.clone(), embedding.clone()));
                     layers.push((layer, &materials.all[0]));
+                    if let (true, Some(coupling)) = (scene.held_body() == Some(index), scene.coupling) {
+                        let (core, orientation) = (oracle.cores.len(), body.orientation);
+                        oracle.held = Some(Held { core, orientation, coupling });
+                    }
                     oracle.cores.extend(twin_cores(simulation, index));
                     oracle.bodies.push(soft_twin(simulation, index));
                 }
@@ -46,7 +50,7 @@ impl Twin {
         for core in &oracle.cores {
             core.nodes.iter().for_each(|(b, n)| oracle.bodies[*b].velocity[*n as usize] = core.velocity);
         }
-        let tool = scene.tool.as_ref().map(|spec| {
+        let tool = scene.rigid_tool().map(|spec| {
             let body = prepare::tool(spec, scene).unwrap();
             let Shape::Rigid { skin, centroid, volume, inertia, .. } = body.shape else { panic!("a soft tool") };
             oracle.tool = Some(tool::Tool {
@@ -83,6 +87,12 @@ impl Twin {
         }
     }
 
+    /// Where the tool is, or the core that is held.
+    fn tool_centre(&self) -> DVec3 {
+        let held = || self.oracle.cores[self.oracle.held.unwrap().core].centre;
+        self.oracle.tool.as_ref().map_or_else(held, |tool| tool.centre)
+    }
+
     /// Linear momentum, and angular about the origin.
     fn momentum(&self) -> (DVec3, DVec3) {
         momentum(self.oracle.bodies.iter())
@@ -112,16 +122,18 @@ fn device_momentum(simulation: &Simulation, count: usize) -> (DVec3, DVec3) {
     momentum(bodies.iter())
 }
 
-/// How far the device went from the oracle: tool force (of the largest), tool position (m), displacements (of the largest).
+/// How far the device went from the oracle: tool force and torque (of the largest), tool position (m), displacements (of
+/// the largest).
 #[derive(Debug, Default)]
-struct Errors {
-    force: f64,
-    place: f64,
-    shape: f64,
+pub struct Errors {
+    pub force: f64,
+    pub torque: f64,
+    pub place: f64,
+    pub shape: f64,
 }
 
 /// Runs a scene beside the oracle. `each`: what else to look at after a step.
-fn beside(
+pub fn beside(
     scene: &Scene,
     steps: usize,
     mut each: impl FnMut(&Row, &Simulation, &Twin, &oracle::step::Report),
@@ -129,7 +141,7 @@ fn beside(
     let mut simulation = open(scene, None);
     let mut twin = Twin::new(scene, &simulation);
     let mut errors = Errors::default();
-    let (mut forces, h) = ((vec![], vec![]), scene.step.dt);
+    let (mut forces, mut torques, h) = ((vec![], vec![]), (vec![], vec![]), scene.step.dt);
     for _ in 0..steps {
         let row = run(&mut simulation, 1).remove(0);
         assert_eq!(row.flags, Flags::default(), "step {}", row.step);
@@ -148,7 +160,9 @@ fn beside(
         if let Some(tool) = row.tool {
             forces.0.push(tool.force);
             forces.1.push(report.wrench.force);
-            errors.place = errors.place.max(tool.tool.position.distance(twin.oracle.tool.as_ref().unwrap().centre));
+            torques.0.push(tool.torque);
+            torques.1.push(report.wrench.torque);
+            errors.place = errors.place.max(tool.tool.position.distance(twin.tool_centre()));
         }
         for (index, body) in twin.oracle.bodies.iter().enumerate() {
             let (moved, _) = simulation.nodes(index).unwrap().unwrap();
@@ -160,6 +174,7 @@ fn beside(
     }
     if !forces.0.is_empty() {
         errors.force = relative_error(&forces.0, &forces.1);
+        errors.torque = relative_error(&torques.0, &torques.1);
     }
     errors
 }

@@ -25,6 +25,7 @@ mod gpu;
 mod harness;
 mod harness_self_test;
 mod heads;
+mod held;
 mod hinges;
 mod judge;
 mod laws;

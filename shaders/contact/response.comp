@@ -14,6 +14,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const float FRICTION_COEFFICIENT = 0.0;     // mu
 layout(constant_id = 2) const float FRICTION_SPEED = 1.0;           // m/s; below it friction is viscous
+layout(constant_id = 4) const bool TOOL = true;              // else tool_sign marks a held body, which its nodes move
 layout(constant_id = 3) const uint LISTS = 8;                // a node; as many as a workgroup of sort.comp has lanes
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
@@ -96,18 +97,19 @@ void main() {
         }
     }
     // s1 and s2 are on one line along n: where a rigid skin feels the pressure, either will do. Friction is felt at the point
-    // of the body it meets, so that the two forces of a pair act at one point.
+    // of the body it meets, so that the two forces of a pair act at one point. A held body feels it at its own.
     vec3 at = texelFetch(skin, int(vertex)).xyz;
     if (FRICTION_COEFFICIENT > 0.0) {
-        bool first = pair.tool_sign > 0.0 || (pair.tool_sign == 0.0 && pair.driven_frame[0] != NONE);
-        bool second = pair.tool_sign < 0.0 || pair.driven_frame[1] != NONE;
+        float rigid = TOOL ? pair.tool_sign : -pair.tool_sign;
+        bool first = rigid > 0.0 || (rigid == 0.0 && pair.driven_frame[0] != NONE);
+        bool second = rigid < 0.0 || pair.driven_frame[1] != NONE;
         if ((side & 1) == 0 ? first : second && !first) at -= sign * found.x * n;
     }
     vec3 arm = at - params.tool_centre;
     vec3 lever = pair.tool_sign * cross(arm, n);
     vec3 linear = vec3(params.tool_twist[0], params.tool_twist[1], params.tool_twist[2]);
     vec3 angular = vec3(params.tool_twist[3], params.tool_twist[4], params.tool_twist[5]);
-    if (pair.tool_sign != 0.0) {
+    if (TOOL && pair.tool_sign != 0.0) {
         rate += pair.tool_sign * dot(n, linear) + dot(lever, angular);
         relative += pair.tool_sign * (linear + cross(angular, arm));
     }

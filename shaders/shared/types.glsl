@@ -12,9 +12,10 @@ struct StepParams {
     vec3 gravity;               // m/s^2
     float depth_limit;          // m
     float texel;                // edge of the squares of the depth stage, m; 0: from the skins
-    float tool_matrix[36];      // operator of the tool's twist without contact: inertia and virtual coupling
+    float tool_matrix[36];      // operator of the tool's twist without contact: inertia and virtual coupling; of a held core
+                                // the coupling alone, its nodes have the inertia
     float tool_rhs[6];          // right-hand side of the same
-    float tool_twist[6];        // linear (m/s) and angular (rad/s) velocity at the start
+    float tool_twist[6];        // linear (m/s) and angular (rad/s) velocity at the start; of a held core unused
     vec3 tool_centre;           // m, relative to the origin
 };
 
@@ -76,7 +77,7 @@ struct Pair {
     uint first_slot;            // a slot each proxy of a, then of b
     float stiffness;            // N/m^3
     float damping;              // N s/m^3
-    float tool_sign;            // 1: a is the tool, -1: b is, 0: neither
+    float tool_sign;            // 1: a is the tool or the body that is held, -1: b is, 0: neither
     uint is_plane;
     uint driven_frame[2];       // of a and b where their skins are rigid, or NONE
     vec4 direction;             // w != 0: the normal to use, whatever culling finds

@@ -17,6 +17,7 @@ layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 4) const bool PATCHES = false;
 layout(constant_id = 5) const uint TETRAHEDRA = 0;
 layout(constant_id = 7) const bool FRICTION = false;
+layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
@@ -168,7 +169,13 @@ void main() {
     }
     if (block.rigid != NONE) {
         Rigid rigid = rigids[block.rigid];
-        if (lane == 0 && gl_WorkGroupID.x == rigid.block_first) modes.c1 += frames[block.frame].gyroscopic;
+        if (lane == 0 && gl_WorkGroupID.x == rigid.block_first) {
+            modes.c1 += frames[block.frame].gyroscopic;
+            if (HELD != NONE && block.rigid == HELD) {
+                modes.c0 += vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]);
+                modes.c1 += vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]);
+            }
+        }
         follow(rigid.hinge, modes.c0, modes.c1);
         if (lane == 0 && gl_WorkGroupID.x == rigid.block_first) {
             modes.c0 += vec3(rigid.leftover[0], rigid.leftover[1], rigid.leftover[2]);

@@ -22,6 +22,7 @@ layout(constant_id = 6) const uint RIGIDS = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const uint ROLE = 0;            // shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // of the role's blocks
+layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
 
 layout(push_constant) uniform Which { uint set; };      // of iterates: what holds u and r in MODE 1
 
@@ -49,6 +50,7 @@ layout(scalar, binding = 20) writeonly buffer Image { vec4 image[]; };      // w
 layout(scalar, binding = 21) writeonly buffer Dots { vec2 dots[]; };
 layout(scalar, binding = 22) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three a slot
 layout(scalar, binding = 23) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
+layout(scalar, binding = 24) readonly buffer SolveIn { Solve solve; };
 
 const uint SUMS = 7;
 // Half a unit in the last place of f32.
@@ -120,6 +122,14 @@ void gather_block(uint b, inout vec2 sums, inout Modes of_image, inout Modes of_
     }
     if (ROLE != CARRIED_NODES) return;
     Rigid rigid = rigids[block.rigid];
+    if (HELD != NONE && block.rigid == HELD && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
+        // The rows of the coupling.
+        RigidIterate now = iterates[(MODE == 1 ? set : solve.current) * RIGIDS + HELD];
+        float p[6] = MODE == 1 ? now.u : now.x, own[6] = times(params.tool_matrix, p);
+        of_image.c0 += three(own, 0);
+        of_image.c1 += three(own, 3);
+        if (MODE == 1) sums.y += inner(own, p);
+    }
     follow(rigid.hinge, of_image.c0, of_image.c1);
     if (MODE == 2) of_residual = Modes(-of_image.c0, -of_image.c1, vec3(0.0), vec3(0.0));
     if (gl_LocalInvocationID.x != 0 || b != rigid.block_first) return;

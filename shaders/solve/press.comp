@@ -8,6 +8,7 @@
 // every tetrahedron where lanes are masked. One invocation a contact. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
+layout(constant_id = 4) const bool TOOL = true;         // else tool_sign marks a held body, which its nodes move
 layout(constant_id = 6) const uint RIGIDS = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 
@@ -40,7 +41,7 @@ void main() {
         speed += dot(contact.normal, v);
         if (FRICTION) relative += v;
     }
-    if (contact.tool_sign != 0.0) {
+    if (TOOL && contact.tool_sign != 0.0) {
         uint tool = (of_solution ? solve.current : set) * RIGIDS + RIGIDS - 1;
         vec3 linear, angular;
         for (int k = 0; k < 3; k++) {

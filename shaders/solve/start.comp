@@ -21,6 +21,7 @@ layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 9) const uint TETRAHEDRA = 0;
 layout(constant_id = 11) const uint FREE_BLOCKS = 0;
 layout(constant_id = 12) const uint PATCHES = 0;
+layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
@@ -78,7 +79,7 @@ bool invert_about(vec3 axis, float block[36], out float inverse[36]) {
     return moment > 0.0;
 }
 
-// The inverse of a core's block of A, sum P_i^T D_i P_i over the nodes it carries; e^2 of the rounding of its b.
+// The inverse of a core's block of A, sum P_i^T D_i P_i over the nodes it carries and its coupling if it is held; e^2 of the rounding of its b.
 float assemble_core(uint c) {
     Frame frame = frames[rigids[c].frame];
     float block[36];
@@ -109,6 +110,11 @@ float assemble_core(uint c) {
     float e2 = 0.0;
     if (gl_LocalInvocationID.x == 0) {
         float inverse_block[36];
+        if (HELD != NONE && c == HELD) {
+            for (int k = 0; k < 36; k++) block[k] += params.tool_matrix[k];
+            force_size += abs(vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]));
+            torque_size += abs(vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]));
+        }
         bool hinged = rigids[c].hinge != vec3(0.0);
         if (!(hinged ? invert_about(rigids[c].hinge, block, inverse_block) : invert(block, inverse_block)))
             inverse_block[0] = uintBitsToFloat(0x7fc00000u);

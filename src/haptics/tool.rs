@@ -1,5 +1,6 @@
 //! The tool: a rigid body of six unknowns. The host keeps its pose and twist in f64 and gives the device its part of the
-//! step's linear system, inertia and virtual coupling; the solver on the device gives back the change of its twist.
+//! step's linear system, inertia and virtual coupling; the solver on the device gives back the change of its twist. Where
+//! the tool is a soft body, it is that body's first core, and only the coupling is added to that core's rows.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -42,27 +43,33 @@ impl Tool {
     /// coupling towards the device's pose and twist at the end of the step.
     pub fn rows(&self, h: f64, gravity: DVec3, device: &Device) -> Rows {
         let turn = DMat3::from_quat(self.orientation);
-        let mut angular = turn * self.inertia * turn.transpose();
-        let (v, w) = (self.velocity, self.angular_velocity);
-        let mut linear = self.mass;
-        let mut force = self.mass * gravity;
-        let gyroscopic = gyroscopic_impulse(angular, w, h);
-        let mut torque = DVec3::ZERO;
-        if let Some(c) = &self.coupling {
-            linear += h * (h * c.stiffness + c.damping);
-            angular += DMat3::from_diagonal(DVec3::splat(h * (h * c.angular_stiffness + c.angular_damping)));
-            let turn = rotation_vector(device.orientation * self.orientation.conjugate());
-            force += c.stiffness * (device.position - self.centre - h * v) + c.damping * (device.velocity - v);
-            torque += c.angular_stiffness * (turn - h * w) + c.angular_damping * (device.angular_velocity - w);
-        }
-        let mut rows = Rows { matrix: [[0.0; 6]; 6], rhs: [0.0; 6] };
+        let inertia = turn * self.inertia * turn.transpose();
+        let gyroscopic = gyroscopic_impulse(inertia, self.angular_velocity, h);
+        let mut rows = self.coupling_rows(h, device);
         for i in 0..3 {
-            rows.matrix[i][i] = linear;
-            rows.rhs[i] = h * force[i];
-            rows.rhs[3 + i] = h * torque[i] + gyroscopic[i];
+            rows.matrix[i][i] += self.mass;
+            rows.rhs[i] += h * self.mass * gravity[i];
+            rows.rhs[3 + i] += gyroscopic[i];
             for k in 0..3 {
-                rows.matrix[3 + i][3 + k] = angular.col(k)[i];
+                rows.matrix[3 + i][3 + k] += inertia.col(k)[i];
             }
+        }
+        rows
+    }
+
+    /// What the coupling alone adds to the rows: h^2 K + h D, and its impulse; zero where nothing holds the tool.
+    pub fn coupling_rows(&self, h: f64, device: &Device) -> Rows {
+        let mut rows = Rows { matrix: [[0.0; 6]; 6], rhs: [0.0; 6] };
+        let Some(c) = &self.coupling else { return rows };
+        let (v, w) = (self.velocity, self.angular_velocity);
+        let turn = rotation_vector(device.orientation * self.orientation.conjugate());
+        let force = c.stiffness * (device.position - self.centre - h * v) + c.damping * (device.velocity - v);
+        let torque = c.angular_stiffness * (turn - h * w) + c.angular_damping * (device.angular_velocity - w);
+        for i in 0..3 {
+            rows.matrix[i][i] = h * (h * c.stiffness + c.damping);
+            rows.matrix[3 + i][3 + i] = h * (h * c.angular_stiffness + c.angular_damping);
+            rows.rhs[i] = h * force[i];
+            rows.rhs[3 + i] = h * torque[i];
         }
         rows
     }

@@ -4,8 +4,11 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::oracle::contact::{Support, Surface};
 use crate::oracle::elastic::Elements;
+use crate::oracle::linear::Entries;
 use crate::oracle::skin;
+use crate::oracle::tool::{self, Device};
 use crate::prepare::{Embedding, Layer, Materials, Skin};
+use crate::scene::Coupling;
 
 /// A soft body and its state.
 #[derive(Debug, Clone)]
@@ -100,6 +103,37 @@ pub struct Core {
     pub spin: DVec3,
     /// Unit axis, world, of a hinge through the centre, which rests; about it the core may turn, and that is all.
     pub hinge: Option<DVec3>,
+}
+
+/// A dynamic core that the device holds.
+#[derive(Debug, Clone, Copy)]
+pub struct Held {
+    /// Index of the core.
+    pub core: usize,
+    /// World from core axes, the device's orientation where the coupling is relaxed.
+    pub orientation: DQuat,
+    /// Spring and damper to the device.
+    pub coupling: Coupling,
+}
+
+impl Held {
+    /// Adds the coupling to the rows of its core, from unknown `first` on, as far as a hinge lets the core follow; step of `h`
+    /// seconds.
+    pub fn add_terms(&self, core: &Core, a: &mut Entries, b: &mut [f64], first: usize, h: f64, device: &Device) {
+        let (pose, twist) = ((core.centre, self.orientation), (core.velocity, core.spin));
+        let (sizes, impulses) = tool::coupling_terms(&self.coupling, pose, twist, h, device);
+        let (linear, angular) = core.freedom();
+        for (part, freedom) in [linear, angular].into_iter().enumerate() {
+            let (at, impulse) = (first + 3 * part, freedom * impulses[part]);
+            a.add_block(at, at, &(freedom * sizes[part]));
+            (0..3).for_each(|axis| b[at + axis] += impulse[axis]);
+        }
+    }
+
+    /// Turns with its core for `h` seconds.
+    pub fn turn(&mut self, h: f64, core: &Core) {
+        self.orientation = (DQuat::from_scaled_axis(h * core.spin) * self.orientation).normalize();
+    }
 }
 
 impl Core {

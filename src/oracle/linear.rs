@@ -4,6 +4,7 @@ use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use faer::{Col, Side};
+use glam::DMat3;
 
 use crate::{Error, Result};
 
@@ -20,6 +21,13 @@ impl Entries {
         if row >= column {
             self.places.push((row, column));
             self.values.push(value);
+        }
+    }
+
+    /// Adds a 3x3 block whose first element is at (row, column).
+    pub fn add_block(&mut self, row: usize, column: usize, block: &DMat3) {
+        for r in 0..3 {
+            (0..3).for_each(|c| self.add(row + r, column + c, block.col(c)[r]));
         }
     }
 

@@ -3,7 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::Result;
-pub use crate::oracle::body::{Core, SoftBody};
+pub use crate::oracle::body::{Core, Held, SoftBody};
 use crate::oracle::contact::{Carrier, Contact, Point};
 use crate::oracle::elastic::outer;
 use crate::oracle::friction::Friction;
@@ -38,7 +38,7 @@ pub struct Resolved {
 pub struct Report {
     /// Every contact offered to the step, in the same order.
     pub contacts: Vec<Resolved>,
-    /// Wrench on the tool; zero without a tool.
+    /// Wrench on the tool, or on the held core's body; zero without either.
     pub wrench: Wrench,
     /// Bit mask of the trace.
     pub flags: u32,
@@ -57,6 +57,8 @@ pub struct Simulation {
     pub tool: Option<Tool>,
     /// Dynamic cores.
     pub cores: Vec<Core>,
+    /// Which of them the device holds.
+    pub held: Option<Held>,
     /// Friction of all contacts, if there is any.
     pub friction: Option<Friction>,
     /// Direct solver; keeps its symbolic factorisation.
@@ -124,8 +126,11 @@ impl Simulation {
             active: active[j],
         };
         let contacts: Vec<_> = (0..contacts.len()).map(resolve).collect();
-        let centre = self.tool.as_ref().map_or(DVec3::ZERO, |t| t.centre);
-        let wrench = wrench::on_tool(&contacts, centre);
+        let wrench = match (&self.tool, &self.held) {
+            (Some(tool), _) => wrench::on_tool(&contacts, tool.centre),
+            (None, Some(held)) => wrench::on_core(&contacts, &self.cores[held.core]),
+            (None, None) => Wrench::default(),
+        };
         self.commit(&unknowns, &change);
         Ok(Report { contacts, wrench, flags })
     }
@@ -180,12 +185,15 @@ impl Simulation {
             let (linear, angular) = core.freedom();
             if core.hinge.is_some() {
                 // No spin about an axis that rests has such a torque about it. Unknowns that move nothing are zero.
-                add_block(&mut a, *first, *first, &(DMat3::IDENTITY - linear));
-                add_block(&mut a, first + 3, first + 3, &(DMat3::IDENTITY - angular));
+                a.add_block(*first, *first, &(DMat3::IDENTITY - linear));
+                a.add_block(first + 3, first + 3, &(DMat3::IDENTITY - angular));
                 continue;
             }
             let gyroscopic = tool::gyroscopic(inertia, core.spin, self.dt);
             (0..3).for_each(|axis| b[first + 3 + axis] += gyroscopic[axis]);
+        }
+        if let (Some(held), Some(device)) = (&self.held, device) {
+            held.add_terms(&self.cores[held.core], &mut a, &mut b, unknowns.cores[held.core], self.dt, device);
         }
         if let Some(tool) = &self.tool {
             tool.add_terms(&mut a, &mut b, unknowns.tool, self.dt, self.gravity, device);
@@ -330,6 +338,9 @@ impl Simulation {
                 body.velocity[node] = core.velocity + core.spin.cross(arm);
             }
         }
+        if let Some(held) = &mut self.held {
+            held.turn(self.dt, &self.cores[held.core]);
+        }
         if let Some(tool) = &mut self.tool {
             let twist = std::array::from_fn(|k| change[unknowns.tool + k]);
             tool.advance(self.dt, twist);
@@ -351,7 +362,7 @@ fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &C
 fn add_mapped(a: &mut Entries, rows: &Map, columns: &Map, block: &DMat3) {
     for (row, left) in rows {
         for (column, right) in columns {
-            add_block(a, *row, *column, &(left.transpose() * *block * *right));
+            a.add_block(*row, *column, &(left.transpose() * *block * *right));
         }
     }
 }
@@ -359,14 +370,6 @@ fn add_mapped(a: &mut Entries, rows: &Map, columns: &Map, block: &DMat3) {
 /// [v]x with [v]x p = v x p.
 fn cross_matrix(v: DVec3) -> DMat3 {
     DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0))
-}
-
-fn add_block(a: &mut Entries, row: usize, column: usize, block: &DMat3) {
-    for r in 0..3 {
-        for c in 0..3 {
-            a.add(row + r, column + c, block.col(c)[r]);
-        }
-    }
 }
 
 pub(super) fn dot(row: &[(usize, f64)], x: &[f64]) -> f64 {

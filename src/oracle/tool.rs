@@ -68,21 +68,20 @@ impl Tool {
         gravity: DVec3,
         device: Option<&Device>,
     ) {
-        let (u, w) = (self.velocity, self.angular_velocity);
         let inertia = self.world_inertia();
         let mut linear = DMat3::from_diagonal(DVec3::splat(self.mass));
         let mut angular = inertia;
         let mut impulse = gravity * self.mass * h;
-        let mut twist = gyroscopic(inertia, w, h);
+        let mut twist = gyroscopic(inertia, self.angular_velocity, h);
         if let (Some(spring), Some(device)) = (&self.coupling, device) {
+            let pose = (self.centre, self.orientation);
+            let ([along, about], [push, wrest]) =
+                coupling_terms(spring, pose, (self.velocity, self.angular_velocity), h, device);
             let identity = |x: f64| DMat3::from_diagonal(DVec3::splat(x));
-            let turn = rotation_vector(device.orientation * self.orientation.conjugate());
-            linear += identity(h * h * spring.stiffness + h * spring.damping);
-            angular += identity(h * h * spring.angular_stiffness + h * spring.angular_damping);
-            let pull = spring.stiffness * (device.position - self.centre - h * u);
-            impulse += h * (pull + spring.damping * (device.velocity - u));
-            let wrest = spring.angular_stiffness * (turn - h * w);
-            twist += h * (wrest + spring.angular_damping * (device.angular_velocity - w));
+            linear += identity(along);
+            angular += identity(about);
+            impulse += push;
+            twist += wrest;
         }
         for i in 0..3 {
             for j in 0..3 {
@@ -117,6 +116,23 @@ impl Tool {
         let w = self.angular_velocity;
         0.5 * (self.mass * self.velocity.length_squared() + w.dot(self.world_inertia() * w))
     }
+}
+
+/// What a virtual coupling gives to the rows of a body at `pose` (centre, orientation) that moves with `twist` (linear,
+/// angular) in a step of `h` seconds: h^2 K + h D of its linear and of its angular part, and the two impulses.
+pub fn coupling_terms(
+    spring: &Coupling,
+    pose: (DVec3, DQuat),
+    (u, w): (DVec3, DVec3),
+    h: f64,
+    device: &Device,
+) -> ([f64; 2], [DVec3; 2]) {
+    let turn = rotation_vector(device.orientation * pose.1.conjugate());
+    let pull = spring.stiffness * (device.position - pose.0 - h * u) + spring.damping * (device.velocity - u);
+    let wrest = spring.angular_stiffness * (turn - h * w) + spring.angular_damping * (device.angular_velocity - w);
+    let along = h * h * spring.stiffness + h * spring.damping;
+    let about = h * h * spring.angular_stiffness + h * spring.angular_damping;
+    ([along, about], [h * pull, h * wrest])
 }
 
 /// The rotation vector of a unit quaternion, the shorter way round, rad.

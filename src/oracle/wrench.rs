@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::oracle::contact::Carrier;
-use crate::oracle::step::Resolved;
+use crate::oracle::step::{Core, Resolved};
 
 /// What the contacts do to the tool, world axes, about its centre; rows and columns are force, then torque.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -18,14 +18,27 @@ pub struct Wrench {
     pub damping: [[f64; 6]; 6],
 }
 
-/// Sums the contacts of which one point rides on the tool; `centre` is the tool's, at the start of the step.
+/// Sums the contacts of which one point rides on the tool; `centre` is the tool's, at the start of the step. Friction acts
+/// at the other body's point.
 pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
+    sum(contacts, centre, |carrier| matches!(carrier, Carrier::Tool), false)
+}
+
+/// Sums the contacts of a soft body about its held core's centre at the start of the step, as if all of it were rigid.
+/// Friction acts at the body's own point.
+pub fn on_core(contacts: &[Resolved], core: &Core) -> Wrench {
+    let body = core.nodes.first().map(|(body, _)| *body);
+    sum(contacts, core.centre, |carrier| matches!(carrier, Carrier::Nodes(own, _) if Some(*own) == body), true)
+}
+
+fn sum(contacts: &[Resolved], centre: DVec3, is_held: impl Fn(&Carrier) -> bool, friction_at_own: bool) -> Wrench {
     let mut sum = Wrench::default();
     for resolved in contacts.iter().filter(|r| r.active) {
         let contact = &resolved.contact;
-        let (point, direction) = match (&contact.first.carrier, &contact.second.carrier) {
-            (Carrier::Tool, _) => (&contact.first, -contact.normal),
-            (_, Carrier::Tool) => (&contact.second, contact.normal),
+        let of_first = is_held(&contact.first.carrier);
+        let (point, other, direction) = match (of_first, is_held(&contact.second.carrier)) {
+            (true, _) => (&contact.first, &contact.second, -contact.normal),
+            (_, true) => (&contact.second, &contact.first, contact.normal),
             _ => continue,
         };
         let moment = (point.position - centre).cross(direction);
@@ -33,10 +46,8 @@ pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
         sum.torque += moment * resolved.force;
         add_outer(&mut sum.stiffness, direction, moment, contact.stiffness * contact.area);
         add_outer(&mut sum.damping, direction, moment, contact.damping * contact.area);
-        let (at, drag) = match contact.first.carrier {
-            Carrier::Tool => (contact.second.position - centre, resolved.friction),
-            _ => (contact.first.position - centre, -resolved.friction),
-        };
+        let at = if friction_at_own { point.position } else { other.position } - centre;
+        let drag = if of_first { resolved.friction } else { -resolved.friction };
         sum.force += drag;
         sum.torque += at.cross(drag);
         for along in <[DVec3; 2]>::from(contact.normal.any_orthonormal_pair()) {

@@ -9,8 +9,8 @@ use glam::{DQuat, DVec3};
 
 use super::keys::{Source, Table, Value};
 use super::{
-    Body, Contact, Coupling, DepthPath, Haptics, Preconditioner, Probe, Scene, Shape, Solver, Step, Tool, ToolShape,
-    body, drive, supported,
+    Body, Contact, Core, Coupling, DepthPath, Haptics, Motion, Preconditioner, Probe, Scene, Shape, Solver, Step, Tool,
+    ToolShape, body, drive, supported,
 };
 use crate::{Error, Result};
 
@@ -91,6 +91,19 @@ impl Scene {
     /// The scene's name: its file's stem.
     pub fn name(&self) -> String {
         self.file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+
+    /// The body that the device holds, among the bodies.
+    pub fn held_body(&self) -> Option<usize> {
+        match &self.tool.as_ref()?.shape {
+            ToolShape::Body(name) => self.bodies.iter().position(|body| body.name == *name),
+            _ => None,
+        }
+    }
+
+    /// The tool, where it is one of its own and no body of the scene.
+    pub fn rigid_tool(&self) -> Option<&Tool> {
+        self.tool.as_ref().filter(|tool| !matches!(tool.shape, ToolShape::Body(_)))
     }
 
     /// How long to run when nobody says, s: to the device's last key, else one second.
@@ -245,11 +258,15 @@ fn check_names(root: &Table, scene: &Scene) -> Result<()> {
         let Some(names) = &body.collides else { continue };
         for name in names {
             let value = || root.need("body")?.array()?[index].unchecked_table()?.need("collides");
+            let of_body = scene.tool.is_some() && scene.rigid_tool().is_none();
             if *name == body.name {
                 return Err(value()?.error("names the body itself", "a body never collides with itself"));
             }
             if name == TOOL && scene.tool.is_none() {
                 return Err(value()?.error("there is no [tool]", "add one, or remove \"tool\""));
+            }
+            if name == TOOL && of_body {
+                return Err(value()?.error("names the tool, which is a body", "give that body's name"));
             }
             if name != TOOL && !bodies.contains(&name.as_str()) {
                 return Err(unknown(value()?, name));
@@ -266,10 +283,13 @@ fn check_names(root: &Table, scene: &Scene) -> Result<()> {
             Some(_) => {}
         }
     }
-    if let Some(Tool { shape: ToolShape::Body(name), .. }) = &scene.tool
-        && !bodies.contains(&name.as_str())
-    {
-        return Err(unknown(root.need("tool")?.unchecked_table()?.need("body")?, name));
+    if let Some(Tool { shape: ToolShape::Body(name), .. }) = &scene.tool {
+        let value = root.need("tool")?.unchecked_table()?.need("body")?;
+        let Some(body) = scene.held_body().map(|body| &scene.bodies[body]) else { return Err(unknown(value, name)) };
+        if !matches!(body.cores.first(), Some(Core { motion: Motion::Dynamic, .. })) {
+            let problem = format!("the first core of \"{name}\", by which it is held, is not dynamic");
+            return Err(value.error(problem, "give its first [[body.core]], or the rigid body, motion = \"dynamic\""));
+        }
     }
     Ok(())
 }

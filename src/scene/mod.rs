@@ -345,7 +345,7 @@ pub enum ToolShape {
     Sphere(f64),
     /// A closed surface, an OBJ file.
     Surface(PathBuf),
-    /// A body of the scene, held by its first core.
+    /// A body of the scene, held by its first core, which is dynamic.
     Body(String),
 }
 

@@ -1,8 +1,8 @@
 //! What the scene format knows and the engine does not do yet. Each feature is refused here and nowhere else, so that
 //! whoever adds it deletes lines here.
 
+use super::Scene;
 use super::keys::{Table, Value};
-use super::{Scene, ToolShape};
 use crate::{Error, Result};
 
 /// Refuses a valid scene that asks for more than the engine does, naming the key.
@@ -13,11 +13,6 @@ pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
     }
     if scene.haptics.device != "scripted" {
         return Err(refuse(&of("haptics", "device")?, "use \"scripted\""));
-    }
-    if let Some(tool) = &scene.tool
-        && let ToolShape::Body(_) = tool.shape
-    {
-        return Err(refuse(&of("tool", "body")?, "use `sphere` or `surface`"));
     }
     Ok(())
 }

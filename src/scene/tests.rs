@@ -396,6 +396,25 @@ fn what_the_engine_does_not_do_yet_is_refused_by_key() {
         let message = folder.message(&with(old, new));
         assert!(message.contains(&format!("{key}: this version does not do that yet")), "{message}");
     }
-    let held = "[[body]]\nname = \"a\"\nsurface = \"head.obj\"\n[tool]\nbody = \"a\"";
-    assert!(folder.message(held).contains("`tool.body`: this version"));
+}
+
+#[test]
+fn a_held_body_has_a_dynamic_core_and_no_keys_of_its_own() {
+    let folder = Folder::new();
+    let held = |body: &str, tool: &str| {
+        format!("[[body]]\nname = \"a\"\nsurface = \"head.obj\"\n{body}\n[tool]\nbody = \"a\"\n{tool}")
+    };
+    let dynamic = "motion = \"dynamic\"\nmass = 0.1";
+    let scene = folder.load(&held(dynamic, "")).unwrap();
+    assert!(scene.held_body() == Some(0) && scene.rigid_tool().is_none());
+    let message = |body: &str, tool: &str| folder.message(&held(body, tool));
+    assert!(message("", "").contains("`tool.body`: the first core of \"a\""));
+    assert!(message(dynamic, "sphere = 0.1").contains("given beside"));
+    for key in ["mass = 1.0", "position = [0.0, 0.0, 0.0]", "velocity = [0.0, 0.0, 0.0]", "scale = 2.0"] {
+        let name = key.split(' ').next().unwrap();
+        assert!(message(dynamic, key).contains(&format!("`tool.{name}`: has no meaning beside `body`")), "{key}");
+    }
+    let other = "[[body]]\nname = \"b\"\nsurface = \"head.obj\"\ncollides = [\"tool\"]";
+    assert!(message(dynamic, other).contains("give that body's name"));
+    assert!(message(&format!("{dynamic}\ncollides = [\"a\"]"), "").contains("names the body itself"));
 }

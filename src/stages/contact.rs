@@ -87,8 +87,12 @@ impl Contact {
             [("BLEND", blend.into()), ("CAPACITY", count(capacity)), ("GROUP", context.group_size().into())];
         let [friction, speed] = model.friction;
         let lists = context.reduce_size();
-        let response =
-            [("FRICTION_COEFFICIENT", friction.into()), ("FRICTION_SPEED", speed.into()), ("LISTS", lists.into())];
+        let response = [
+            ("FRICTION_COEFFICIENT", friction.into()),
+            ("FRICTION_SPEED", speed.into()),
+            ("LISTS", lists.into()),
+            ("TOOL", model.tool_frame.is_some().into()),
+        ];
         Ok(Contact {
             candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &candidate)?,
             deepest: Kernel::new(context, "contact/deepest", Size::Group, &[("CAPACITY", count(capacity))])?,

@@ -110,6 +110,8 @@ pub struct Model {
     pub floating: Vec<Floating>,
     /// Frame of the tool.
     pub tool_frame: Option<usize>,
+    /// The dynamic core that the device holds, where the tool is a body.
+    pub held: Option<usize>,
     /// Soft bodies.
     pub soft: Vec<SoftRange>,
 
@@ -182,6 +184,8 @@ impl Model {
         let (mut model, proxy_ranges) = Model::of_bodies(&all, bodies.len());
         model.add_coarse(scene.step.dt, scene.solver.preconditioner);
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
+        let held_frame = scene.held_body().map(|body| model.body_frames[body] as usize);
+        model.held = model.cores.iter().position(|core| Some(core.frame) == held_frame);
         model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
         model
     }

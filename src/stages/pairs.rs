@@ -19,6 +19,7 @@ impl Model {
             let list = scene.bodies.get(i).and_then(|body| body.collides.as_ref());
             list.is_none_or(|names| names.iter().any(|n| n == name))
         };
+        let held = scene.held_body().unwrap_or(tool);
         let moves = |i: usize| match &all[i].shape {
             Shape::Soft { .. } | Shape::Rigid { motion: FrameMotion::Dynamic { .. }, .. } => true,
             _ => i == tool,
@@ -33,17 +34,17 @@ impl Model {
                 let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&[all[a], all[b]], all));
                 // As if the penalty relaxed over one step.
                 let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
-                self.add_pair(all, (a, b), tool, ranges, [stiffness, damping]);
+                self.add_pair(all, (a, b), held, ranges, [stiffness, damping]);
             }
         }
     }
 
-    /// Adds a pair of bodies; `law`: stiffness (N/m^3) and damping (N s/m^3).
+    /// Adds a pair of bodies; `held`: the tool or the held body, `law`: stiffness (N/m^3) and damping (N s/m^3).
     pub(super) fn add_pair(
         &mut self,
         all: &[&Body],
         (a, b): (usize, usize),
-        tool: usize,
+        held: usize,
         ranges: &[Range<usize>],
         law: [f64; 2],
     ) {
@@ -75,7 +76,7 @@ impl Model {
             first_slot,
             stiffness: law[0] as f32,
             damping: law[1] as f32,
-            tool_sign: if a == tool { 1.0 } else { -f32::from(u8::from(b == tool)) },
+            tool_sign: if a == held { 1.0 } else { -f32::from(u8::from(b == held)) },
             is_plane: u32::from(plane.is_some()),
             driven_frame: [driven_frame(a), driven_frame(b)],
             direction: [0.0; 4],

@@ -110,6 +110,7 @@ impl Solve {
         let contact = ("CONTACT", Const::Bool(touch.is_some()));
         let friction = ("FRICTION", Const::Bool(model.friction[0] > 0.0));
         let tool = ("TOOL", Const::Bool(has_tool));
+        let held = ("HELD", Const::Uint(model.held.map_or(types::NONE, |core| core as u32)));
         let coarse = ("COARSE", Const::Bool(is_coarse));
         let blocks = ("BLOCKS", count(block_count));
         let partials = ("PARTIALS", count(groups));
@@ -134,8 +135,9 @@ impl Solve {
             };
             roles.iter().map(variant).collect()
         };
-        let gather =
-            |mode: u32| variants("solve/gather", &[blocks, contact, friction, coarse, rigids, ("MODE", mode.into())]);
+        let gather = |mode: u32| {
+            variants("solve/gather", &[blocks, contact, friction, coarse, rigids, held, ("MODE", mode.into())])
+        };
         let patch_count = model.patches.count();
         let patches_c = ("PATCHES", count(patch_count));
         let patches = || Kernel::new(context, "solve/patches", Size::Group, &[patches_c, tetrahedra_c]);
@@ -149,10 +151,10 @@ impl Solve {
         Ok(Solve {
             assemble: reduce(
                 "solve/assemble",
-                &[contact, friction, coarse, tetrahedra_c, ("PATCHES", (patch_count > 0).into())],
+                &[contact, friction, coarse, held, tetrahedra_c, ("PATCHES", (patch_count > 0).into())],
             )?,
             apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c])?,
-            press: Kernel::new(context, "solve/press", Size::Group, &[friction, rigids])?,
+            press: Kernel::new(context, "solve/press", Size::Group, &[friction, tool, rigids])?,
             patches: (patch_count > 0).then(patches).transpose()?,
             gather_warm: gather(0)?,
             gather_loop: gather(1)?,
@@ -171,6 +173,7 @@ impl Solve {
                     group,
                     ("FREE_BLOCKS", count(free)),
                     patches_c,
+                    held,
                 ],
             )?,
             begin: reduce("solve/begin", &[coarse])?,
@@ -533,6 +536,7 @@ impl Solve {
             &self.dots,
             &self.restricted_image,
             &self.restricted_residual,
+            &self.state,
         ];
         let push = set.unwrap_or_default();
         let push = bytemuck::bytes_of(&push);

@@ -21,7 +21,7 @@ pub struct StepParams {
     pub depth_limit: f32,
     /// Edge of the squares of the depth stage, m; 0: from the skins.
     pub texel: f32,
-    /// Operator of the tool's twist without contact.
+    /// Operator of the tool's twist without contact; of a held core its coupling alone.
     pub tool_matrix: [f32; 36],
     /// Right-hand side of the same.
     pub tool_rhs: [f32; 6],
@@ -135,7 +135,7 @@ pub struct Pair {
     pub stiffness: f32,
     /// N s/m^3.
     pub damping: f32,
-    /// 1: a is the tool, -1: b is, 0: neither.
+    /// 1: a is the tool or the body that is held, -1: b is, 0: neither.
     pub tool_sign: f32,
     /// b is a half-space.
     pub is_plane: u32,

@@ -1,6 +1,6 @@
 //! One step on the device: submitted, continued where it was too short, halved where it failed.
 
-use super::Simulation;
+use super::{Simulation, tools};
 use crate::gpu::Recording;
 use crate::report::Flags;
 use crate::stages::types::{Fit, Report, verdict};
@@ -21,10 +21,12 @@ impl Simulation {
         self.write_inputs(h, &device)?;
         let mut report = self.submit()?;
         if report.verdict != verdict::FAILED {
-            if let Some(tool) = &mut self.tool {
-                tool.advance(h, report.tool_change);
-            }
             self.arrive(h, true)?;
+            match (&mut self.tool, self.model.held) {
+                (Some(tool), Some(core)) => tools::follow(tool, &self.frames, self.model.cores[core].frame),
+                (Some(tool), None) => tool.advance(h, report.tool_change),
+                _ => {}
+            }
             return Ok(report);
         }
         if halvings == 0 {

@@ -84,10 +84,8 @@ impl Stages {
         let common = Common::new(context, model)?;
         let touch = if model.pairs.is_empty() { None } else { Some(TouchStages::new(context, model, path, true)?) };
         let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;
-        let wrench = match (&model.tool_frame, &touch) {
-            (Some(_), Some(_)) => Some(Wrench::new(context, model)?),
-            _ => None,
-        };
+        let held = model.tool_frame.or(model.held);
+        let wrench = if held.is_some() && touch.is_some() { Some(Wrench::new(context, model)?) } else { None };
         let probes = if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes)?) };
         let (carried, floating) = (pose::Carried::new(context, model)?, pose::Floating::new(context, model)?);
         Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes, carried, floating })

@@ -1,0 +1,63 @@
+//! The tool of a scene: one of its own, or the core of a body that is held.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::frames::Frames;
+use crate::haptics::tool::Tool;
+use crate::prepare::{Body, Shape};
+use crate::scene::Scene;
+use crate::stages::model::Model;
+use crate::{Error, Result};
+
+/// The tool as the scene starts it; `body`: its own, prepared.
+pub(super) fn tool_of(scene: &Scene, body: Option<&Body>, model: &Model, frames: &Frames) -> Result<Option<Tool>> {
+    let Some(spec) = &scene.tool else { return Ok(None) };
+    let problem = "the body has no first core that is dynamic";
+    let missing = || Error::key(&scene.file, "tool.body", problem, "add one: it is held by that");
+    match body {
+        Some(body) => Ok(Some(rigid(scene, spec.mass, body))),
+        None => Ok(Some(held(scene, model, model.held.ok_or_else(missing)?, frames))),
+    }
+}
+
+/// Its inertia is that of its surface filled evenly.
+fn rigid(scene: &Scene, mass: f64, body: &Body) -> Tool {
+    let inertia = match &body.shape {
+        Shape::Rigid { volume, inertia, .. } => *inertia * (mass / volume),
+        _ => DMat3::IDENTITY,
+    };
+    Tool {
+        mass,
+        inertia,
+        coupling: scene.coupling,
+        centre: body.position,
+        orientation: body.orientation,
+        velocity: body.velocity,
+        angular_velocity: DVec3::ZERO,
+    }
+}
+
+/// The core that is held, with what it carries.
+fn held(scene: &Scene, model: &Model, core: usize, frames: &Frames) -> Tool {
+    let core = &model.cores[core];
+    let mut tool = Tool {
+        mass: core.nodes.iter().map(|n| f64::from(model.node_rest[*n as usize][3])).sum(),
+        inertia: model.inertia_of(core),
+        coupling: scene.coupling,
+        centre: DVec3::ZERO,
+        orientation: DQuat::IDENTITY,
+        velocity: DVec3::ZERO,
+        angular_velocity: DVec3::ZERO,
+    };
+    follow(&mut tool, frames, core.frame);
+    tool
+}
+
+/// Takes a held tool to where its core's frame is.
+pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
+    let place = frames.place(frame);
+    (tool.centre, tool.orientation) = (place.centre, place.rotation);
+    if let Some((linear, angular)) = frames.twist(frame) {
+        (tool.velocity, tool.angular_velocity) = (linear, angular);
+    }
+}
