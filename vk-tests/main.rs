@@ -31,6 +31,7 @@ mod laws;
 mod layers;
 mod layouts;
 mod lists;
+mod motion;
 mod overflows;
 mod paths;
 mod pose;
