@@ -33,6 +33,7 @@ mod layers;
 mod layouts;
 mod lists;
 mod matter;
+mod motion;
 mod overflows;
 mod paths;
 mod pose;

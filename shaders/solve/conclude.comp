@@ -87,8 +87,9 @@ void main() {
         sums.x += inner(undone, times(rigids[index].inverse, undone));
     }
     float norm2 = max(solve.rhs_norm2, 1.0e-38);
-    // Not max(sums.x, 0), which may take the zero of what is no number.
-    float residual = solve.rhs_norm2 <= solve.floor_norm2 || sums.x < 0.0 ? 0.0 : sqrt(sums.x / norm2);
+    // The magnitude: far below zero something is as wrong as far above. Not max(sums.x, 0), which may take the zero of what is
+    // no number.
+    float residual = solve.rhs_norm2 <= solve.floor_norm2 ? 0.0 : sqrt(abs(sums.x) / norm2);
     float residual_floor = sqrt(max(solve.floor_norm2, sums.w) / norm2);
     uint verdict = VERDICT_DONE;
     if (solve.status == STATUS_RUNNING) verdict = VERDICT_CONTINUE;

@@ -8,7 +8,8 @@
 // block, P^T w (those of a core are its rows of A p) and P^T r:
 //   MODE 0, warm start: w . D^-1 b, w . D^-1 w     (first = D^-1 b)
 //   MODE 1, iteration:  r . u, w . u               (first = u, second = r); cores' and the tool's rows included
-//   MODE 2, at the end: r . D^-1 r with r = b - w; (eps x)^2 . D: what rounding of x itself makes of w  (second = b)
+//   MODE 2, at the end: r . D^-1 r with r = b - w; e . M^-1 e with e = eps D x: what rounding of x makes of w, node by node
+//     by chance  (second = b)
 // A workgroup a block of free nodes, or of carried ones, or one for the tool's rows: variants that run side by side.
 // Oracle: oracle::step.
 
@@ -51,6 +52,7 @@ layout(scalar, binding = 21) writeonly buffer Dots { vec2 dots[]; };
 layout(scalar, binding = 22) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three a slot
 layout(scalar, binding = 23) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
 layout(scalar, binding = 24) readonly buffer SolveIn { Solve solve; };
+layout(binding = 25) uniform samplerBuffer coarse_scales;
 
 const uint SUMS = 7;
 // Half a unit in the last place of f32.
@@ -85,7 +87,7 @@ vec3 precondition(int i, vec3 b) {
 vec3 three(float six[6], int from) { return vec3(six[from], six[from + 1], six[from + 2]); }
 
 // The nodes of a block: their share of the inner products, and of the sums over modes, in world axes.
-void gather_block(uint b, inout vec2 sums, inout Modes of_image, inout Modes of_residual) {
+void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_residual) {
     Block block = block_of(b);
     vec4 place = texelFetch(block_places, int(b)), turn = texelFetch(block_turns, int(b));
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
@@ -104,15 +106,16 @@ void gather_block(uint b, inout vec2 sums, inout Modes of_image, inout Modes of_
         }
         vec3 r = vec3(0.0);
         if (MODE == 0) {
-            sums += vec2(dot(w, texelFetch(first, i).xyz), dot(w, precondition(i, w)));
+            sums.xy += vec2(dot(w, texelFetch(first, i).xyz), dot(w, precondition(i, w)));
         } else if (MODE == 1) {
             r = texelFetch(second, i).xyz;
             vec3 u = texelFetch(first, i).xyz;
-            sums += vec2(dot(r, u), dot(w, u));
+            sums.xy += vec2(dot(r, u), dot(w, u));
         } else {
             r = texelFetch(second, i).xyz - w;
-            vec3 lost = ROUNDING * p;
-            sums += vec2(dot(r, precondition(i, r)), dot(lost, lost / texelFetch(inverse, 2 * i).xyz));
+            vec3 lost = ROUNDING * p, e = lost / texelFetch(inverse, 2 * i).xyz;
+            sums.xy += vec2(dot(r, precondition(i, r)), dot(lost, e));
+            if (COARSE) sums.z += dot(e, e);
         }
         if (COARSE) {
             vec3 where = (rest.xyz - place.xyz) * place.w;
@@ -144,7 +147,7 @@ void gather_block(uint b, inout vec2 sums, inout Modes of_image, inout Modes of_
 }
 
 // The tool's rows, but for its inertia and coupling, which lane 0 adds in an iteration.
-void gather_tool(inout vec2 sums, inout Modes of_image) {
+void gather_tool(inout vec3 sums, inout Modes of_image) {
     Modes rows = no_modes();
     add_tool_contacts(CONTACT ? counts.contacts : 0, rows.c0, rows.c1);
     of_image = rows;
@@ -155,22 +158,35 @@ void gather_tool(inout vec2 sums, inout Modes of_image) {
     float own[6] = times(params.tool_matrix, now.u);
     of_image.c0 += three(own, 0);
     of_image.c1 += three(own, 3);
-    sums += vec2(inner(now.r, now.u), inner(own, now.u));
+    sums.xy += vec2(inner(now.r, now.u), inner(own, now.u));
 }
 
 void main() {
     uint b = ROLE == TOOL_ROWS ? BLOCKS : FIRST + gl_WorkGroupID.x;
-    vec2 sums = vec2(0.0);
+    vec3 sums = vec3(0.0);
     Modes of_image = no_modes(), of_residual = no_modes();
     if (ROLE == TOOL_ROWS) gather_tool(sums, of_image);
     else gather_block(b, sums, of_image, of_residual);
     vec4 w[3] = packed(of_image), r[3] = packed(of_residual);
-    vec4 totals[SUMS] = vec4[SUMS](vec4(sums, 0.0, 0.0), w[0], w[1], w[2], r[0], r[1], r[2]);
+    vec4 totals[SUMS] = vec4[SUMS](vec4(sums, 0.0), w[0], w[1], w[2], r[0], r[1], r[2]);
     workgroup_sums(totals, COARSE && ROLE != TOOL_ROWS ? 7 : (ROLE == FREE_NODES ? 1 : 4));
     if (gl_LocalInvocationID.x != 0) return;
-    dots[b] = totals[0].xy;
-    if (ROLE == FREE_NODES && !COARSE) return;
+    vec2 products = totals[0].xy;
+    if (ROLE == FREE_NODES && !COARSE) {
+        dots[b] = products;
+        return;
+    }
     uint slot = ROLE == TOOL_ROWS ? BLOCKS : slot_of(b);
+    if (MODE == 2 && COARSE && ROLE == FREE_NODES) {
+        // The scales are the roots of the coarse inverse's diagonal; an axis has a third of the modes.
+        float share = 0.0;
+        for (uint k = 0; k < 3; k++) {
+            vec4 scale = texelFetch(coarse_scales, int(3 * slot + k));
+            share += dot(scale, scale) / 3.0;
+        }
+        products.y += share * totals[0].z;
+    }
+    dots[b] = products;
     vec4 turn = ROLE == TOOL_ROWS ? vec4(0.0, 0.0, 0.0, 1.0) : texelFetch(block_turns, int(b));
     w = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
     r = packed(to_frame(unpacked(totals[4], totals[5], totals[6]), turn));

@@ -85,13 +85,14 @@ bool next_scalars(out Scalars scalars) {
     float gamma = totals[0].x, delta = totals[0].y;
     Iteration last = iterations[set];
     float enough = max(params.tolerance * params.tolerance * solve.rhs_norm2, solve.floor_norm2);
-    if (gamma <= enough) {
+    // Far below zero the preconditioner is not positive: nothing that it says can be trusted.
+    if (abs(gamma) <= enough) {
         stop(STATUS_CONVERGED);
         return false;
     }
     scalars.beta = last.count == 0 ? 0.0 : gamma / last.gamma;
     float curvature = last.count == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
-    bool broken = !(curvature > 0.0) || isinf(curvature) || isnan(gamma);
+    bool broken = gamma < 0.0 || !(curvature > 0.0) || isinf(curvature) || isnan(gamma);
     if (broken || last.count >= params.max_iterations) {
         stop(broken ? STATUS_BROKEN : STATUS_STOPPED);
         return false;

@@ -537,6 +537,7 @@ impl Solve {
             &self.restricted_image,
             &self.restricted_residual,
             &self.state,
+            &self.coarse_scales,
         ];
         let push = set.unwrap_or_default();
         let push = bytemuck::bytes_of(&push);

@@ -156,6 +156,8 @@ impl Passes {
             .partial("dots", &unwritten::<[f32; 2]>(groups))
             .partial("restricted_image", &unwritten::<[f32; 4]>(3 * groups))
             .partial("restricted_residual", &unwritten::<[f32; 4]>(3 * groups))
+            .input("solve", &[self.state])
+            .input("coarse_scales", &s.model.coarse.scales)
             .push(&if mode == 1 { self.state.current } else { 0 })
             .groups(variant.groups)
             .run()
