@@ -1,5 +1,6 @@
 //! The step: which stages a scene needs, in which order they run, and the host's part of it, pose in and wrench out.
 
+mod advance;
 pub(crate) mod choice;
 pub mod frames;
 mod probes;
@@ -11,7 +12,8 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 
-use crate::gpu::{Buffer, Context, Options, Recorder, Recording};
+use crate::Result;
+use crate::gpu::{Buffer, Context, Options, Recorder};
 use crate::haptics::drive::{Device, Drive};
 use crate::haptics::tool::Tool;
 use crate::plan::Plan;
@@ -21,17 +23,14 @@ use crate::scene::{Key, Scene};
 use crate::stages::depth::Path;
 use crate::stages::model::{self, Model};
 use crate::stages::query_as_one;
-use crate::stages::types::{self, Counts, Fit, Frame, Link, Pair, Region, Report, StepParams, verdict};
-use crate::{Error, Result};
+use crate::stages::types::{self, Counts, Frame, Link, Pair, Region, Report, StepParams};
 use choice::Choice;
 use frames::Frames;
 use probes::{ProbePlace, probes_of};
 use recordings::{Recordings, Stages};
 
-/// Iterations a plan has over the last step's count, so that most steps need one submit.
-const SPARE_ITERATIONS: u32 = 4;
-/// Submits of one step at most; beyond, the device does not keep its word.
-const MOST_SUBMITS: u32 = 64;
+/// How often a step that fails is halved: eighths of it at last.
+const MOST_HALVINGS: u32 = 3;
 /// Tetrahedra below which one thread of a CPU is faster than two (see README, "Measured facts").
 const LITTLE_WORK: usize = 30_000;
 /// Every so many steps are timed, unless [`Simulation::time_every`] says otherwise: timestamps split the work and cost up to
@@ -114,18 +113,8 @@ impl Simulation {
         self.step += 1;
         let h = self.scene.step.dt;
         let time = self.step as f64 * h;
+        let report = self.advance(time - h, h, MOST_HALVINGS)?;
         let device = self.drive.device(time, h);
-        let origin = self.origin();
-        self.frames.set_out(time, h, self.tool.as_ref());
-        self.write_inputs(origin, &device)?;
-        let report = self.submit()?;
-        let accepted = !Flags(report.flags).contains(Flags::NON_FINITE);
-        self.arrive(accepted)?;
-        match (&mut self.tool, self.model.held) {
-            (Some(tool), Some(core)) => tools::follow(tool, &self.frames, self.model.cores[core].frame),
-            (Some(tool), None) if accepted => tool.advance(h, report.tool_change),
-            _ => {}
-        }
         let probes = self.read_probes()?;
         Ok(self.row(&report, time, &device, probes, begun))
     }
@@ -250,10 +239,10 @@ impl Simulation {
         self.tool.as_ref().map_or(first, |tool| tool.centre)
     }
 
-    fn write_inputs(&self, origin: DVec3, device: &Device) -> Result<()> {
-        let step = &self.scene.step;
+    fn write_inputs(&self, h: f64, device: &Device) -> Result<()> {
+        let (step, origin) = (&self.scene.step, self.origin());
         let mut params = StepParams {
-            dt: step.dt as f32,
+            dt: h as f32,
             tolerance: self.scene.solver.tolerance as f32,
             max_iterations: self.scene.solver.max_iterations,
             gravity: step.gravity.as_vec3().to_array(),
@@ -263,8 +252,8 @@ impl Simulation {
         };
         if let Some(tool) = &self.tool {
             let rows = match self.model.held {
-                Some(_) => tool.coupling_rows(step.dt, device),
-                None => tool.rows(step.dt, step.gravity, device),
+                Some(_) => tool.coupling_rows(h, device),
+                None => tool.rows(h, step.gravity, device),
             };
             params.tool_matrix = std::array::from_fn(|k| rows.matrix[k / 6][k % 6] as f32);
             params.tool_rhs = rows.rhs.map(|x| x as f32);
@@ -276,7 +265,7 @@ impl Simulation {
 
         let mut frames = self.stages.common.frames.mapped_mut::<Frame>()?;
         let mut links = self.stages.common.links.mapped_mut::<Link>()?;
-        self.frames.write(origin, step.dt, &mut frames, &mut links);
+        self.frames.write(origin, h, &mut frames, &mut links);
         if let Some(touch) = &self.stages.touch {
             let mut pairs = touch.cull.pairs.mapped_mut::<Pair>()?;
             for (i, (pair, plane)) in self.model.pairs.iter().zip(&self.model.pair_planes).enumerate() {
@@ -287,48 +276,6 @@ impl Simulation {
                 }
             }
         }
-        Ok(())
-    }
-
-    /// Submits the step; where it ran out of iterations, or contacts pulled, what is missing.
-    fn submit(&mut self) -> Result<Report> {
-        let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
-        let set = match timed {
-            true => &self.timed[(self.step / self.timed_every % 2) as usize],
-            false => &self.plain,
-        };
-        let wanted = self.last_iterations + SPARE_ITERATIONS;
-        let mut parts = vec![&set.begin, set.plan(wanted), &set.end];
-        let mut times = Vec::new();
-        for _ in 0..MOST_SUBMITS {
-            Recording::submit_all(&parts)?;
-            if timed {
-                parts.iter().for_each(|part| add_times(&mut times, part.stage_times()));
-            }
-            let report = self.stages.common.report.mapped::<Report>()?[0];
-            match report.verdict {
-                verdict::CONTINUE => parts = vec![set.plan(wanted), &set.end],
-                verdict::RETRY => parts = vec![&set.again, set.plan(wanted), &set.end],
-                _ => {
-                    self.last_iterations = report.iterations;
-                    self.last_timed = timed.then_some(times);
-                    return Ok(report);
-                }
-            }
-        }
-        Err(Error::Simulation(format!("step {}: the solver reached no verdict", self.step)))
-    }
-
-    /// Frames to the end of the step; those that float to where their nodes are, those that are dynamic as they were pushed.
-    fn arrive(&mut self, accepted: bool) -> Result<()> {
-        let (mut fits, mut changes) = (Vec::new(), Vec::new());
-        if accepted && let Some(floating) = &self.stages.floating {
-            fits = floating.fits.mapped::<Fit>()?.to_vec();
-        }
-        if accepted && !self.model.cores.is_empty() {
-            changes = self.stages.solve.core_changes.mapped::<[f32; 6]>()?.to_vec();
-        }
-        self.frames.arrive(self.scene.step.dt, &fits, &changes);
         Ok(())
     }
 
@@ -365,15 +312,6 @@ impl Simulation {
             flags: Flags(report.flags),
             step_us: begun.elapsed().as_secs_f64() * 1e6,
             probes,
-        }
-    }
-}
-
-fn add_times(sums: &mut Vec<(String, f64)>, times: Vec<(String, f64)>) {
-    for (name, us) in times {
-        match sums.iter_mut().find(|(known, _)| *known == name) {
-            Some((_, sum)) => *sum += us,
-            None => sums.push((name, us)),
         }
     }
 }

@@ -65,6 +65,15 @@ fn mistakes_in_a_scene() {
         (body.replace("2e4", "-5.0"), "`body.a.material.young`: is -5"),
         (body.replace("0.4", "0.5"), "`body.a.material.poisson`: is 0.5"),
         (body.replace("cube.obj", "cub.obj"), "there is no file"),
+        (
+            format!("{body}[[body.region]]\ngroup = \"fat\"\nmaterial = {{ young = 1e3 }}\n"),
+            "`body.a.region[0].group`: the layer is made here and has no groups; give `box` or `sphere`",
+        ),
+        (
+            format!("{body}[[body.region]]\nsphere = [9, 9, 9, 1]\nmaterial = {{ young = 1e3 }}\n"),
+            "`body.a.region[0].sphere`: no tetrahedron has its centroid in the region; enlarge the region, or remove it",
+        ),
+        (body.replace("young", "law = \"hooke\", young"), "`body.a.material.law`: there is no law \"hooke\""),
         (soft(cube, "\"none.msh\""), "`body.a.layer`: there is no file"),
         (soft("", "{ cell = 0.5 }"), "`body.a.surface`: missing"),
         (format!("{body}[contact]\nfriction = -0.5\n"), "`contact.friction`: is -0.5; give zero or a number greater"),

@@ -62,7 +62,17 @@ fn msh_4(big: bool, node_count: i64) -> Vec<u8> {
         .text("$MeshFormat\n4.1 1 8\n")
         .ints([1])
         .text("\n$EndMeshFormat\n$Entities\n")
-        .sizes([0, 0, 0, 1])
+        // A surface in no physical group and without borders; a volume in group 4, with that border.
+        .sizes([0, 0, 1, 1])
+        .ints([1])
+        .reals([0.0; 6])
+        .sizes([0, 0])
+        .ints([1])
+        .reals([0.0; 6])
+        .sizes([1])
+        .ints([4])
+        .sizes([1])
+        .ints([1])
         .text("\n$EndEntities\n$Nodes\n")
         // A parametric point on a surface first, as Gmsh writes it.
         .sizes([2, 5, 3, 70])
@@ -143,6 +153,12 @@ fn every_format_gives_the_same_mesh_bit_by_bit() {
             false => &["elements that are no four-node tetrahedra left out: 1 triangles"],
         };
         assert_eq!(mesh.notes, notes, "{name}");
+        let group = match name {
+            "little_4.msh" | "big_4.msh" => Some(4),
+            "little_2.msh" | "big_2.msh" => Some(1),
+            _ => None,
+        };
+        assert_eq!(mesh.groups.of, [group; 2], "{name}");
     }
 }
 

@@ -34,7 +34,7 @@ const THROWN: usize = 10_000;
 /// Without validation: this asks ten thousand times.
 fn device() -> Arc<Context> {
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    Context::new(&Options { device, validation: false }).unwrap_or_else(|e| panic!("{e}"))
+    Context::new(&Options { device, validation: false, ..Options::default() }).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// How far b, far away along `towards`, moves back until a vertex of either meets a triangle of the other.

@@ -92,11 +92,12 @@ pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec
     let reach = mesh.0.iter().fold(DVec3::ZERO, |reach, x| reach.max(x.abs()));
     let layer = layer::kuhn_box(-1.05 * reach, 1.05 * reach, [4, 4, 4]);
     let embedding = prepare::embed(&mesh.0, &layer).unwrap();
-    let material = Material { young: 2e4, poisson: 0.45, density: 1e3, damping_mass: 0.0, damping_stiffness: 0.0 };
+    let material = Material { damping_mass: 0.0, damping_stiffness: 0.0, ..crate::system::material(2e4) };
+    let materials = material.into();
     let skin = skin::build(mesh.0, mesh.1);
     let proxies = cut(&skin);
     let (frames, node_frames) = (vec![crate::system::middle(&layer)], vec![0; layer.nodes.len()]);
-    let shape = Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies };
+    let shape = Shape::Soft { layer, frames, node_frames, materials, embedding, skin, proxies };
     Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 

@@ -66,7 +66,8 @@ fn open(sweep: &Sweep, from: DVec3, to: DVec3) -> Simulation {
         row(from),
         row(to)
     );
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false };
+    let options =
+        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::default() };
     Simulation::new(&scene(&text), &options, None).unwrap()
 }
 

@@ -60,7 +60,8 @@ fn press(deep: &Deep) {
         from.y,
         from.z
     );
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false };
+    let options =
+        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::default() };
     let mut simulation = Simulation::new(&scene(&text), &options, None).unwrap();
     let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
     let layer = layer.clone();

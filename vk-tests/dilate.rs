@@ -1,6 +1,7 @@
 //! Patches that share a volumetric strain: their rows, what they give to the right-hand side, and their product.
 
 use glam::{DQuat, DVec3};
+use palpate::oracle::elastic::lame;
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::patch::{MOST_NODES, patches};
 use palpate::prepare::{Body, Shape};
@@ -33,7 +34,8 @@ fn patched(mut bodies: Vec<Body>, on: impl Fn(usize) -> bool) -> Vec<Body> {
 fn arrays(system: &System) -> Patches {
     let mut all = Patches::default();
     for (body, range) in system.twin.bodies.iter().zip(&system.model.soft) {
-        let constants = [body.elements.lambda, body.material.damping_stiffness];
+        let material = body.elements.materials[0];
+        let constants = [lame(&material).1, material.damping_stiffness];
         all.add(&body.layer, range.nodes.start, |_| constants, |_| false);
     }
     all
@@ -108,7 +110,7 @@ fn expect_oracle(what: &str, system: &System, seed: u64) {
     for (index, (body, range)) in system.twin.bodies.iter().zip(&system.model.soft).enumerate() {
         let what = format!("{what}, body {index}");
         let (own, own3) = (range.nodes.clone(), 3 * range.nodes.start..3 * range.nodes.end);
-        let (h, beta) = (system.twin.dt, body.material.damping_stiffness);
+        let (h, beta) = (system.twin.dt, body.elements.materials[0].damping_stiffness);
         let step = h * h + h * beta;
         let q: Vec<DQuat> = body.given_rotations.clone().unwrap();
         let (mut got, mut want) = (vec![], vec![]);
@@ -126,7 +128,7 @@ fn expect_oracle(what: &str, system: &System, seed: u64) {
         let want: Vec<f64> = products.iter().flat_map(|x| x.to_array()).collect();
         expect_of_largest(&format!("{what}: product"), &image[own3.clone()], &want, PRODUCT);
         let elastic = body.elements.forces(&body.displacement, &q);
-        let viscous = body.elements.squeezed(&body.displacement, &q).apply_stiffness(&body.velocity, &q);
+        let viscous = body.elements.linearised(&body.displacement, &q).apply_stiffness(&body.velocity, &q);
         let want = elastic.iter().zip(&viscous).flat_map(|(f, kv)| (h * *f - step * *kv).to_array());
         expect_of_largest(&format!("{what}: right-hand side"), &right[own3], &want.collect::<Vec<_>>(), FORCE);
     }

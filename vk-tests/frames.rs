@@ -6,10 +6,12 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::{Const, Size};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
+use palpate::scene::Material;
 use palpate::stages::args;
 use palpate::stages::model::FramePlace;
 use palpate::stages::types::{
-    ActiveChunk, Chunk, Core, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, Region, Slot, StepParams,
+    ActiveChunk, Chunk, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, Region, RigidIterate, Slot, Solve,
+    StepParams,
 };
 
 use crate::harness::{Tolerance, case, context, expect_close};
@@ -116,16 +118,17 @@ fn tetrahedra_that_span_two_frames_have_the_oracles_forces() {
         // The twin's rotations are its own: of the whole deformation, from rest axes.
         let rotations = body.elements.rotations(&body.displacement);
         let elastic = body.elements.forces(&body.displacement, &rotations);
-        let viscous =
-            body.elements.squeezed(&body.displacement, &rotations).apply_stiffness(&body.velocity, &rotations);
-        let (h, beta) = (system.twin.dt, body.material.damping_stiffness);
+        let h = system.twin.dt;
+        let weight = |material: &Material| h * (h + material.damping_stiffness);
+        let linearised = body.elements.linearised(&body.displacement, &rotations);
+        let viscous = linearised.apply_weighted(&body.velocity, &rotations, weight);
         let mut got = vec![DVec3::ZERO; elastic.len()];
         for (t, nodes) in system.model.tetrahedra.iter().enumerate() {
             for (corner, node) in nodes.iter().enumerate() {
                 got[*node as usize] += wide(&system.element_forces[4 * t + corner]);
             }
         }
-        let want: Vec<DVec3> = elastic.iter().zip(&viscous).map(|(f, kv)| h * *f - (h * h + h * beta) * *kv).collect();
+        let want: Vec<DVec3> = elastic.iter().zip(&viscous).map(|(f, kv)| h * *f - *kv).collect();
         let largest = want.iter().map(|f| f.length()).fold(0.0, f64::max);
         let error = got.iter().zip(&want).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / largest;
         assert!(error < FORCE, "frames {angle} rad apart: {error:e}");
@@ -274,7 +277,8 @@ fn the_new_state_is_the_same_place_seen_from_the_frames_end() {
             .input("rhs", &vec![[0.0f32; 4]; some])
             .input("image", &vec![[0.0f32; 4]; some])
             .input("node_rest", &rest)
-            .input("cores", &[Core::zeroed()])
+            .input("solve", &[Solve::zeroed()])
+            .input("iterates", &[RigidIterate::zeroed()])
             .inout("velocity", &v)
             .inout("displacement", &d)
             .output::<[f32; 4]>("leftover", count)
@@ -303,7 +307,8 @@ fn driven_nodes_go_where_their_frame_takes_them() {
             .input("carried_nodes", &driven)
             .input("node_info", &vec![[0u32; 4]; 2 * count])
             .input("node_rest", &rest)
-            .input("cores", &[Core::zeroed()])
+            .input("solve", &[Solve::zeroed()])
+            .input("iterates", &[RigidIterate::zeroed()])
             .partial("velocity", &vec![[-7.0f32; 4]; 2 * count])
             .partial("solution", &vec![[-8.0f32; 4]; 2 * count])
             .elements(count)
@@ -329,6 +334,10 @@ fn what_dynamic_cores_carry_has_their_twist_and_its_first_guess() {
         let (linear, angular) = (random.vector(), random.vector());
         let frame = Frame { core: 1, linear: linear.as_vec3().into(), angular: angular.as_vec3().into(), ..frame };
         let x: [f32; 6] = std::array::from_fn(|_| random.next() as f32);
+        // The second of two, in either set.
+        let current = count as u32 % 2;
+        let mut iterates = [RigidIterate::zeroed(); 4];
+        iterates[2 * current as usize + 1].x = x;
         let rest: Vec<[f32; 4]> = (0..count).map(|_| narrow(0.2 * random.vector())).collect();
         let out = case("pose/carry")
             .constant("CARRIED_NODES", count as u32)
@@ -337,7 +346,9 @@ fn what_dynamic_cores_carry_has_their_twist_and_its_first_guess() {
             .input("carried_nodes", &(0..count as u32).collect::<Vec<_>>())
             .input("node_info", &vec![[0u32; 4]; count])
             .input("node_rest", &rest)
-            .input("cores", &[Core::zeroed(), Core { x, ..Core::zeroed() }])
+            .constant("RIGIDS", 2u32)
+            .input("solve", &[Solve { current, ..Solve::zeroed() }])
+            .input("iterates", &iterates)
             .output::<[f32; 4]>("velocity", count)
             .output::<[f32; 4]>("solution", count)
             .elements(count)

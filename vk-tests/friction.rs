@@ -33,9 +33,9 @@ impl Twin {
         let mut oracle = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
         for (index, body) in simulation.bodies().iter().enumerate() {
             match &body.shape {
-                Shape::Soft { skin, embedding, layer, material, .. } => {
+                Shape::Soft { skin, embedding, layer, materials, .. } => {
                     soft.push((skin.clone(), embedding.clone()));
-                    layers.push((layer, material));
+                    layers.push((layer, &materials.all[0]));
                     if let (true, Some(coupling)) = (scene.held_body() == Some(index), scene.coupling) {
                         let (core, orientation) = (oracle.cores.len(), body.orientation);
                         oracle.held = Some(Held { core, orientation, coupling });

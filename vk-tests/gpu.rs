@@ -140,8 +140,12 @@ fn arrays_come_back_as_they_went() {
 #[test]
 fn device_bytes_are_counted_and_given_back() {
     // A context of its own, since other tests allocate at the same time.
-    let context =
-        Context::new(&Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: true }).unwrap();
+    let context = Context::new(&Options {
+        device: std::env::var("PALPATE_TEST_DEVICE").ok(),
+        validation: true,
+        ..Options::default()
+    })
+    .unwrap();
     assert_eq!(context.bytes_allocated(), 0);
     let _upload = Buffer::new(&context, "upload", 1 << 20, Memory::Upload).unwrap();
     assert_eq!(context.bytes_allocated(), 0, "mapped memory does not count");
@@ -177,7 +181,8 @@ fn threads_share_the_queue() {
 #[test]
 fn a_device_is_found_by_index_and_by_part_of_its_name() {
     let list = Context::list().unwrap();
-    let open = |device: &str| Context::new(&Options { device: Some(device.into()), validation: false });
+    let open =
+        |device: &str| Context::new(&Options { device: Some(device.into()), validation: false, ..Options::default() });
     let usable = list.iter().find(|d| d.usable.is_ok()).expect("a usable device");
     assert_eq!(open(&usable.index.to_string()).unwrap().device_name(), usable.name);
     let part = usable.name.to_uppercase();

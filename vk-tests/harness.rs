@@ -17,7 +17,8 @@ pub fn context() -> &'static Arc<Context> {
     static CONTEXT: OnceLock<Arc<Context>> = OnceLock::new();
     CONTEXT.get_or_init(|| {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-        let context = Context::new(&Options { device, validation: true }).unwrap_or_else(|e| panic!("{e}"));
+        let context =
+            Context::new(&Options { device, validation: true, ..Options::default() }).unwrap_or_else(|e| panic!("{e}"));
         assert_clean(&context, "set-up");
         context
     })

@@ -99,7 +99,7 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
             // Implicit stiffness with the rotations of the step's start has a torque of its own, of second order in the
             // strain; the law holds beside it. Everything else acts in pairs on one line.
             let body = &before.twin;
-            let operator = body.elements.squeezed(&body.displacement, &body.rotations());
+            let operator = body.elements.linearised(&body.displacement, &body.rotations());
             let stiff = operator.apply_stiffness(&after.twin.velocity, &body.rotations());
             let turn: DVec3 = body.world_nodes().iter().zip(&stiff).map(|(x, f)| x.cross(*f)).sum();
             let h = scene.step.dt;

@@ -52,9 +52,10 @@ fn step_params_and_frame() {
     same_layout!("pose/place", Frame { rotation, centre, linear, angular, turn, gyroscopic, core });
     same_layout!("elastic/rotate", Link { turn, offset });
     same_layout!(
-        "solve/scalars",
-        Core { frame, node_first, node_count, hinge, inverse, b, x, r, u, p, s, image, leftover }
+        "solve/start",
+        Rigid { frame, node_first, node_count, block_first, block_count, slot_first, hinge, inverse, b, leftover }
     );
+    same_layout!("solve/update", RigidIterate { x, r, u, p, s });
     same_layout!("pose/fit", Fit { shift, twist, momentum, spin });
 }
 
@@ -146,28 +147,8 @@ fn contacts_solver_and_report() {
             barycentric,
         }
     );
-    same_layout!(
-        "solve/start",
-        Solve {
-            gamma,
-            alpha,
-            beta,
-            warm,
-            rhs_norm2,
-            floor_norm2,
-            iterations,
-            status,
-            retries,
-            tool_inverse,
-            tool_b,
-            tool_x,
-            tool_r,
-            tool_u,
-            tool_p,
-            tool_s,
-            tool_leftover,
-        }
-    );
+    same_layout!("solve/start", Solve { warm, rhs_norm2, floor_norm2, status, current, retries });
+    same_layout!("solve/update", Iteration { gamma, alpha, count });
     same_layout!(
         "wrench/reduce",
         Report {

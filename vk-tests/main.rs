@@ -32,6 +32,7 @@ mod laws;
 mod layers;
 mod layouts;
 mod lists;
+mod matter;
 mod overflows;
 mod paths;
 mod pose;

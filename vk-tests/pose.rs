@@ -14,7 +14,6 @@ use crate::random::Random;
 const PLACED: Tolerance = Tolerance { abs: 2e-6, rel: 1e-6 };
 /// The bound adds a thousandth and a micrometre of its own, so that rounding never makes it too small.
 const BOUND: Tolerance = Tolerance { abs: 1.1e-6, rel: 1.1e-3 };
-const TETRAHEDRA: u32 = 1000;
 const BUCKETS: u32 = 100;
 /// What the last step counted.
 const LAST: Counts = Counts {
@@ -72,9 +71,7 @@ impl Given {
         case("pose/place")
             .size(Size::Reduce)
             .constant("SPANS", self.links.len() > 1)
-            .constant("TETRAHEDRA", TETRAHEDRA)
             .constant("BUCKETS", BUCKETS)
-            .constant("GROUP", context().group_size())
             .input("frames", &self.frames)
             .input("proxies", &self.proxies)
             .input("hull_rest", &self.hull)
@@ -136,8 +133,7 @@ fn a_quarter_turn_by_hand() {
     assert_eq!(out.get::<u32>("buckets"), [NONE; BUCKETS as usize]);
     let slots: Vec<u32> = out.get("args");
     for slot in 0..args::LOOP_APPLY {
-        let groups = if slot == args::APPLY { TETRAHEDRA.div_ceil(context().group_size()) } else { 0 };
-        assert_eq!(slots[3 * slot as usize..][..3], [groups, 1, 1], "slot {slot}");
+        assert_eq!(slots[3 * slot as usize..][..3], [0, 1, 1], "slot {slot}");
     }
     let instances = 4 * args::DRAW as usize + 1;
     assert_eq!(slots[instances], 0, "nothing to draw");

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
 use palpate::oracle::contact::{Carrier, Contact as Twin, Point};
 use palpate::oracle::friction::Friction;
@@ -10,10 +9,10 @@ use palpate::oracle::linear::Entries;
 use palpate::oracle::step::{Simulation, SoftBody};
 use palpate::oracle::tool::{Device, Tool};
 use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::{self, Body, FrameMotion, Layer, Shape, Skin};
-use palpate::scene::{self, Coupling, Hinge, Material, Scene};
+use palpate::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
+use palpate::scene::{self, Coupling, Hinge, Law, Material, Preconditioner, Scene};
 use palpate::stages::model::Model;
-use palpate::stages::types::{Contact, Core, Counts, Frame, Link, NONE, StepParams};
+use palpate::stages::types::{Contact, Counts, Frame, Link, NONE, StepParams};
 
 use crate::elastic;
 use crate::random::Random;
@@ -27,8 +26,6 @@ pub struct System {
     pub params: StepParams,
     pub frames: Vec<Frame>,
     pub links: Vec<Link>,
-    pub cores: Vec<Core>,
-    pub core_nodes: Vec<u32>,
     pub node_elements: Vec<[u32; 4]>,
     pub displacement: Vec<[f32; 4]>,
     pub velocity: Vec<[f32; 4]>,
@@ -48,11 +45,11 @@ pub struct System {
 }
 
 /// A scene of which nothing matters to a layer.
-fn scene() -> Scene {
+fn scene(preconditioner: Preconditioner) -> Scene {
     Scene {
         file: "none".into(),
         step: scene::Step { dt: f64::from(DT), gravity: DVec3::ZERO, newton: 1 },
-        solver: scene::Solver { tolerance: 1e-5, max_iterations: 10, preconditioner: scene::Preconditioner::Auto },
+        solver: scene::Solver { tolerance: 1e-5, max_iterations: 10, preconditioner },
         contact: scene::Contact {
             stiffness: Some(1e6),
             damping: Some(1e3),
@@ -79,10 +76,11 @@ pub fn middle(layer: &Layer) -> prepare::Frame {
 }
 
 /// A body that is a layer and nothing else.
-pub fn layered(layer: Layer, material: Material, orientation: DQuat) -> Body {
+pub fn layered(layer: Layer, material: impl Into<Materials>, orientation: DQuat) -> Body {
     let (skin, proxies) = (Skin::default(), vec![]);
     let (frames, node_frames) = (vec![middle(&layer)], vec![0; layer.nodes.len()]);
-    let shape = Shape::Soft { layer, frames, node_frames, material, embedding: vec![], skin, proxies };
+    let materials = material.into();
+    let shape = Shape::Soft { layer, frames, node_frames, materials, embedding: vec![], skin, proxies };
     Body {
         name: "layer".into(),
         shape,
@@ -108,7 +106,16 @@ pub fn layer(nodes: usize) -> Layer {
 
 /// Soft, damped.
 pub fn material(young: f64) -> Material {
-    Material { young, poisson: 0.45, density: 1e3, damping_mass: 0.5, damping_stiffness: 2e-3 }
+    let law = Law::Corotational;
+    Material { law, young, poisson: 0.45, density: 1e3, damping_mass: 0.5, damping_stiffness: 2e-3 }
+}
+
+/// Both laws, each with its own stiffness, density and damping, by turns over as many `tetrahedra`, or more.
+pub fn mixed(tetrahedra: usize) -> Materials {
+    let soft = material(2e4);
+    let dense = Material { law: Law::NeoHookean, density: 1.5e3, damping_mass: 3.0, ..material(4e4) };
+    let light = Material { law: Law::NeoHookean, poisson: 0.0, damping_stiffness: 5e-4, ..material(1e4) };
+    Materials { all: vec![soft, dense, light], which: (0..tetrahedra as u32).map(|t| t % 3).collect() }
 }
 
 fn narrow(x: DVec3) -> [f32; 4] {
@@ -136,8 +143,13 @@ impl System {
     /// Layers whose nodes are displaced at random by up to `amplitude` (m); velocities of 0.1 m/s. Rotations and what
     /// follows from them come from elastic/rotate, and the oracle is given the same rotations.
     pub fn new(bodies: &[Body], amplitude: f64, seed: u64) -> System {
+        System::preconditioned(bodies, amplitude, seed, Preconditioner::Jacobi)
+    }
+
+    /// The same, with a coarse level for the bodies that this asks for.
+    pub fn preconditioned(bodies: &[Body], amplitude: f64, seed: u64, preconditioner: Preconditioner) -> System {
         let mut random = Random(seed);
-        let model = Model::new(&scene(), bodies, None);
+        let model = Model::new(&scene(preconditioner), bodies, None);
         let nodes = model.node_rest.len();
         let field = |scale: f64, random: &mut Random| -> Vec<[f32; 4]> {
             let free = |info: &[u32; 4]| if info[3] == 0 { 1.0 } else { 0.0 };
@@ -147,8 +159,8 @@ impl System {
         let gravity = DVec3::new(1.5, -9.75, 0.5);
         let mut twin = Simulation::new(f64::from(DT), gravity);
         for (body, range) in bodies.iter().zip(&model.soft) {
-            let Shape::Soft { layer, material, .. } = &body.shape else { panic!("{} is not soft", body.name) };
-            let mut soft = SoftBody::new(layer.clone(), *material, body.position, body.orientation, DVec3::ZERO);
+            let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("{} is not soft", body.name) };
+            let mut soft = SoftBody::new(layer.clone(), materials, body.position, body.orientation, DVec3::ZERO);
             let own = range.nodes.clone();
             soft.displacement = displacement[own.clone()].iter().map(wide).collect();
             soft.velocity = velocity[own].iter().map(wide).collect();
@@ -165,9 +177,7 @@ impl System {
         params.max_iterations = 1000;
         let mut system = System {
             frames: model.frames.iter().map(frame).collect(),
-            links: vec![Link::default(); model.links.len()],
-            cores: vec![Core::zeroed()],
-            core_nodes: vec![NONE],
+            links: vec![Link { turn: [0.0, 0.0, 0.0, 1.0], ..Link::default() }; model.links.len()],
             node_elements: model.padded_node_elements(),
             rotations: vec![[0.0, 0.0, 0.0, 1.0]; model.tetrahedra.len()],
             gradients: vec![],
@@ -193,7 +203,6 @@ impl System {
 
     /// Dynamic cores under way: twists, and the velocities of what they carry.
     fn start_cores(&mut self) {
-        let mut first = 0;
         for (index, core) in self.model.cores.iter().enumerate() {
             let place = self.model.frames[core.frame].clone();
             let centre = place.position + place.orientation * place.rest_centre;
@@ -218,15 +227,6 @@ impl System {
             }
             let local = core.nodes.iter().map(|n| (body, n - node_first as u32)).collect();
             self.twin.cores.push(palpate::oracle::step::Core { nodes: local, centre, velocity, spin, hinge });
-            let node_count = core.nodes.len() as u32;
-            let hinge = core.hinge.as_vec3().to_array();
-            let core_state = Core { frame: core.frame as u32, node_first: first, node_count, hinge, ..Core::zeroed() };
-            if index == 0 {
-                (self.cores, self.core_nodes) = (vec![], vec![]);
-            }
-            self.cores.push(core_state);
-            self.core_nodes.extend(&core.nodes);
-            first += node_count;
         }
     }
 
@@ -469,8 +469,8 @@ pub fn triples(nodes: &[[f32; 4]]) -> Vec<f32> {
 /// The same, the second's bound nodes on a dynamic core.
 pub fn two_layers_one_on_a_core() -> Vec<Body> {
     let mut bodies = two_layers();
-    if let Shape::Soft { layer, frames, material, .. } = &mut bodies[1].shape {
-        let masses = palpate::oracle::elastic::Elements::new(layer, material, DMat3::IDENTITY).masses;
+    if let Shape::Soft { layer, frames, materials, .. } = &mut bodies[1].shape {
+        let masses = palpate::oracle::elastic::Elements::new(layer, &*materials, DMat3::IDENTITY).masses;
         let bound = (0..masses.len()).filter(|n| layer.bound[*n]);
         let (sum, mass) = bound.fold((DVec3::ZERO, 0.0), |(s, m), n| (s + masses[n] * layer.nodes[n], m + masses[n]));
         frames[0] = prepare::Frame { centre: sum / mass, motion: FrameMotion::Dynamic { mass: None, hinge: None } };

@@ -67,10 +67,10 @@ impl Twin {
             angular_velocity: DVec3::ZERO,
             coupling: scene.coupling,
         });
-        let Shape::Soft { layer, material, skin, embedding, .. } = &simulation.bodies()[0].shape else {
+        let Shape::Soft { layer, materials, skin, embedding, .. } = &simulation.bodies()[0].shape else {
             panic!("rigid")
         };
-        let stiffness = auto_stiffness(&[(layer, material)]).unwrap();
+        let stiffness = auto_stiffness(&[(layer, &materials.all[0])]).unwrap();
         let law = Law { stiffness, damping: stiffness * scene.step.dt, depth_limit: scene.contact.depth_limit };
         Twin { oracle, skin: (skin.clone(), embedding.clone()), tool, law }
     }

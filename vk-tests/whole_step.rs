@@ -32,7 +32,7 @@ pub fn scene(text: &str) -> Scene {
 
 /// The engine on a scene, with validation on.
 pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: true };
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: true, ..Options::default() };
     Simulation::new(scene, &options, path).unwrap()
 }
 
@@ -47,8 +47,8 @@ pub fn run(simulation: &mut Simulation, steps: usize) -> Vec<Row> {
 /// The oracle's twin of a soft body.
 pub fn soft_twin(simulation: &Simulation, body: usize) -> oracle::step::SoftBody {
     let body = &simulation.bodies()[body];
-    let Shape::Soft { layer, material, .. } = &body.shape else { panic!("{} is not soft", body.name) };
-    oracle::step::SoftBody::new(layer.clone(), *material, body.position, body.orientation, body.velocity)
+    let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("{} is not soft", body.name) };
+    oracle::step::SoftBody::new(layer.clone(), materials, body.position, body.orientation, body.velocity)
 }
 
 /// Largest difference over largest value.

@@ -11,19 +11,20 @@
 // h f - (h^2 + h beta) K v, f_i = -V P g_i, P = R (2 mu sym(E) + lambda tr(E) I), E = R^T G + (R^T - I).
 // A principal stretch s below LEAST adds STIFFENING (lambda + 2 mu) (s - LEAST) along its axis, since corotational elasticity
 // alone lets a tetrahedron be pressed flat and turn inside out; the operator gets half of it as shear modulus, isotropic
-// and at least as stiff. A tetrahedron whose nodes ride on several frames is evaluated in the first node's. One invocation a tetrahedron.
+// and at least as stiff. Neo-Hookean ones: shared/neo_hookean.glsl. A tetrahedron whose nodes ride on several frames is evaluated in the first node's. One invocation a tetrahedron.
 // Oracle: oracle::elastic.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron may have nodes in several frames
 layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may act by patches (elastic/dilate)
+layout(constant_id = 4) const bool NEO_HOOKEAN = false; // whether any material is of that law
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 2) readonly buffer Materials { vec4 materials[]; };     // mu, lambda (Pa), alpha (1/s), beta (s); a frame
+layout(scalar, binding = 2) readonly buffer Materials { vec4 materials[]; };     // mu, lambda (Pa), law, beta (s); a material
 layout(binding = 3) uniform usamplerBuffer tetrahedra;
-layout(binding = 4) uniform samplerBuffer rest_gradients;       // three a tetrahedron: g of its last three nodes (1/m); w: sqrt(V), -, frame
+layout(binding = 4) uniform samplerBuffer rest_gradients;       // three a tetrahedron: g of its last three nodes (1/m); w: sqrt(V), material, frame
 layout(binding = 5) uniform samplerBuffer displacement;
 layout(binding = 6) uniform samplerBuffer velocity;
 layout(binding = 7) uniform usamplerBuffer tetrahedron_links;   // from the first node's frame to each node's; 0: the same
@@ -36,6 +37,7 @@ layout(scalar, binding = 13) writeonly buffer ElementForces { vec4 element_force
 
 const float LEAST = 0.3;
 const float STIFFENING = 10.0;
+const float COROTATIONAL = 0.0;     // the law of a material
 const uint JACOBI_SWEEPS = 5;
 // 2 mu sym(E) + lambda tr(E) I.
 mat3 stress(mat3 e, float mu, float lambda) {
@@ -44,6 +46,7 @@ mat3 stress(mat3 e, float mu, float lambda) {
 }
 
 #include "shared/link.glsl"
+#include "shared/neo_hookean.glsl"
 
 // A node's displacement in the tetrahedron's frame.
 vec3 displacement_in(uint node, uint link) {
@@ -86,7 +89,7 @@ void main() {
     vec4 g1 = texelFetch(rest_gradients, int(3 * t)), g2 = texelFetch(rest_gradients, int(3 * t + 1)),
         g3 = texelFetch(rest_gradients, int(3 * t + 2));
     uint frame = uint(g3.w);
-    vec4 material = materials[frame];
+    vec4 material = materials[uint(g2.w)];
     float mu = material.x, lambda = material.y, root = g1.w;
     uvec4 link = SPANS ? texelFetch(tetrahedron_links, int(t)) : uvec4(0);
     vec3 d0 = texelFetch(displacement, int(nodes.x)).xyz;
@@ -106,22 +109,32 @@ void main() {
     }
     mat3 squeezed = squeeze(e);
     float stiffening = STIFFENING * (lambda + 2.0 * mu);
-    float operator_mu = squeezed == mat3(0.0) ? mu : mu + 0.5 * stiffening;
+    float operator_mu = squeezed == mat3(0.0) ? mu : mu + 0.5 * stiffening, operator_lambda = PATCHES && patch_of[t] != NONE ? 0.0 : lambda;
+    vec3 k1 = g1.xyz, k2 = g2.xyz, k3 = g3.xyz;
+    mat3 p = stress(e, mu, operator_lambda);
+    if (NEO_HOOKEAN && material.z != COROTATIONAL) {
+        NeoHookean law = neo_hookean(e, mu, lambda, squeezed);
+        p = law.stress;
+        operator_mu = law.mu;
+        operator_lambda = law.lambda;
+        k1 = law.fold * k1;
+        k2 = law.fold * k2;
+        k3 = law.fold * k3;
+    }
+    p += stiffening * squeezed;
     vec4 world = compose(frames[frame].rotation, q);
-    vec3 h1 = root * rotate(world, g1.xyz), h2 = root * rotate(world, g2.xyz), h3 = root * rotate(world, g3.xyz);
+    vec3 h1 = root * rotate(world, k1), h2 = root * rotate(world, k2), h3 = root * rotate(world, k3);
     float scale = params.dt * (params.dt + material.w);
     gradients[3 * t] = vec4(h1, scale * operator_mu);
-    float own_lambda = PATCHES && patch_of[t] != NONE ? 0.0 : lambda;
-    gradients[3 * t + 1] = vec4(h2, scale * own_lambda);
+    gradients[3 * t + 1] = vec4(h2, scale * operator_lambda);
     gradients[3 * t + 2] = vec4(h3, e[0][0] + e[1][1] + e[2][2]);
 
-    mat3 p = stress(e, mu, own_lambda) + stiffening * squeezed;
     float impulse = -params.dt * root * root;
     vec3 v0 = texelFetch(velocity, int(nodes.x)).xyz;
     mat3 w = outerProduct(texelFetch(velocity, int(nodes.y)).xyz - v0, h1)
         + outerProduct(texelFetch(velocity, int(nodes.z)).xyz - v0, h2)
         + outerProduct(texelFetch(velocity, int(nodes.w)).xyz - v0, h3);
-    mat3 damping = stress(w, scale * operator_mu, scale * own_lambda);
+    mat3 damping = stress(w, scale * operator_mu, scale * operator_lambda);
     vec3 f1 = impulse * rotate(world, p * g1.xyz) - damping * h1;
     vec3 f2 = impulse * rotate(world, p * g2.xyz) - damping * h2;
     vec3 f3 = impulse * rotate(world, p * g3.xyz) - damping * h3;

@@ -12,8 +12,11 @@ Block block_of(uint b) {
     return Block(x.x, x.y, x.z, x.w);
 }
 
-// Node, first quad of elements, quads.
+// Node, first quad of elements, quads, bits of its damping.
 uvec4 block_node(Block block, uint k) { return texelFetch(block_nodes, int(block.first + k)); }
+
+// alpha m, kg/s.
+float node_damping(uvec4 node) { return uintBitsToFloat(node.w); }
 
 // Where its modes are among those of all blocks: a body's lie together. Needs `coarse_blocks`.
 uint slot_of(uint b) { return texelFetch(coarse_blocks, int(b)).w; }

@@ -202,7 +202,8 @@ struct Iteration {
 
 const uint STATUS_RUNNING = 0;      // not converged yet
 const uint STATUS_CONVERGED = 1;
-const uint STATUS_STOPPED = 2;      // at max_iterations, or broke down
+const uint STATUS_STOPPED = 2;      // at max_iterations
+const uint STATUS_BROKEN = 3;       // the operator seems not positive, or something is no number
 
 // What the host reads back after the step.
 struct Report {
@@ -224,6 +225,7 @@ struct Report {
 const uint VERDICT_DONE = 0;
 const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out
 const uint VERDICT_RETRY = 2;       // contacts pulled: dropped, solve again
+const uint VERDICT_FAILED = 3;      // not finite, or worth nothing: the state stays
 
 const uint FLAG_NOT_CONVERGED = 1;
 const uint FLAG_REGION_OVERFLOW = 2;

@@ -20,32 +20,31 @@ layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Materials { vec4 materials[]; };
-layout(scalar, binding = 2) readonly buffer Frames { Frame frames[]; };
-layout(binding = 3) uniform usamplerBuffer blocks;
-layout(binding = 4) uniform usamplerBuffer block_nodes;
-layout(binding = 5) uniform samplerBuffer block_places;     // middle in the frame, 1 / size
-layout(binding = 6) uniform samplerBuffer block_moments;    // inverse of sum x x^T: xx yy zz, xy xz yz
-layout(binding = 7) uniform usamplerBuffer coarse_blocks;
-layout(binding = 8) uniform samplerBuffer node_rest;        // w: mass, kg
-layout(binding = 9) uniform samplerBuffer velocity;
-layout(binding = 10) uniform samplerBuffer displacement;
-layout(binding = 11) uniform usamplerBuffer node_elements;
-layout(binding = 12) uniform samplerBuffer element_forces;
-layout(binding = 13) uniform samplerBuffer gradients;
-layout(binding = 14) uniform samplerBuffer patch_rows;
-layout(scalar, binding = 15) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar, binding = 16) readonly buffer Sorted { uvec2 sorted[]; };
-layout(scalar, binding = 17) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 18) uniform samplerBuffer leftover;        // b - A x of the last step
-layout(scalar, binding = 19) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 20) writeonly buffer Rhs { vec4 rhs[]; };
-layout(scalar, binding = 21) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
-layout(scalar, binding = 22) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
-layout(scalar, binding = 23) writeonly buffer Partials { vec2 partials[]; };
-layout(scalar, binding = 24) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
-layout(scalar, binding = 25) buffer BlockRotations { vec4 block_rotations[]; };  // of blocks in their frames, kept as the next start
-layout(scalar, binding = 26) writeonly buffer BlockTurns { vec4 block_turns[]; };        // the same in the world: of their modes
+layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(binding = 2) uniform usamplerBuffer blocks;
+layout(binding = 3) uniform usamplerBuffer block_nodes;
+layout(binding = 4) uniform samplerBuffer block_places;     // middle in the frame, 1 / size
+layout(binding = 5) uniform samplerBuffer block_moments;    // inverse of sum x x^T: xx yy zz, xy xz yz
+layout(binding = 6) uniform usamplerBuffer coarse_blocks;
+layout(binding = 7) uniform samplerBuffer node_rest;        // w: mass, kg
+layout(binding = 8) uniform samplerBuffer velocity;
+layout(binding = 9) uniform samplerBuffer displacement;
+layout(binding = 10) uniform usamplerBuffer node_elements;
+layout(binding = 11) uniform samplerBuffer element_forces;
+layout(binding = 12) uniform samplerBuffer gradients;
+layout(binding = 13) uniform samplerBuffer patch_rows;
+layout(scalar, binding = 14) readonly buffer NodeEntries { uvec2 node_entries[]; };
+layout(scalar, binding = 15) readonly buffer Sorted { uvec2 sorted[]; };
+layout(scalar, binding = 16) readonly buffer Contacts { Contact contacts[]; };
+layout(binding = 17) uniform samplerBuffer leftover;        // b - A x of the last step
+layout(scalar, binding = 18) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 19) writeonly buffer Rhs { vec4 rhs[]; };
+layout(scalar, binding = 20) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
+layout(scalar, binding = 21) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
+layout(scalar, binding = 22) writeonly buffer Partials { vec2 partials[]; };
+layout(scalar, binding = 23) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
+layout(scalar, binding = 24) buffer BlockRotations { vec4 block_rotations[]; };  // of blocks in their frames, kept as the next start
+layout(scalar, binding = 25) writeonly buffer BlockTurns { vec4 block_turns[]; };        // the same in the world: of their modes
 
 const uint SUMS = 7;
 
@@ -108,7 +107,7 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     Block block = block_of(gl_WorkGroupID.x);
     vec4 place = texelFetch(block_places, int(gl_WorkGroupID.x)), turn = frames[block.frame].rotation;
-    float h = params.dt, alpha = materials[block.frame].z;
+    float h = params.dt;
     Modes modes = no_modes(), moved = no_modes();
     vec2 sums = vec2(0.0);
     for (uint at = lane; at < block.count; at += SIZE) {
@@ -116,10 +115,11 @@ void main() {
         int i = int(node.x);
         vec4 rest = texelFetch(node_rest, i);
         vec3 v = texelFetch(velocity, i).xyz;
-        vec3 b = h * rest.w * (params.gravity - alpha * v) + texelFetch(leftover, i).xyz;
-        vec3 e = abs(h * rest.w * params.gravity) + abs(h * rest.w * alpha * v);
+        float damping = node_damping(node);
+        vec3 b = h * (rest.w * params.gravity - damping * v) + texelFetch(leftover, i).xyz;
+        vec3 e = abs(h * rest.w * params.gravity) + abs(h * damping * v);
         // The diagonal block: xx yy zz in `a`, xy xz yz in `c`.
-        vec3 a = vec3((1.0 + h * alpha) * rest.w), c = vec3(0.0);
+        vec3 a = vec3(rest.w + h * damping), c = vec3(0.0);
         for (uint k = 0; k < node.z; k++) {
             uvec4 entries = texelFetch(node_elements, int(node.y + k));
             for (uint l = 0; l < 4; l++) {

@@ -5,7 +5,7 @@
 
 // Solve: the coarse level outside the loop, z = A_c^-1 P^T b of each block and its share of inner products; before the first
 // iteration also of A x, for the warm start. Two-level additive Schwarz (Dryja and Widlund 1987) with affine modes of
-// aggregates and the matrix at rest. A workgroup a block. Oracle: vk_tests::solve::coarse, a product in f64.
+// aggregates and the matrix at rest. A workgroup a block. Oracle: oracle::coarse.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

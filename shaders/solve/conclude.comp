@@ -37,6 +37,8 @@ layout(scalar, binding = 13) writeonly buffer ReportOut { Report report; };
 layout(scalar, binding = 14) writeonly buffer CoreChanges { float core_changes[]; };     // six a core, for the host
 
 const uint MAX_RETRIES = 4;
+// Residual above which a broken solve is not accepted.
+const float WORTHLESS = 0.1;
 
 shared float deepest[SIZE];
 
@@ -100,22 +102,26 @@ void main() {
         // Written so that a residual that is not a number raises the flag as well.
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
         if (sums.z > 0.0) flags |= FLAG_PULLING;
-        // A solution that is not finite is not committed: the state stays as it was, and the flag says so.
-        // Nor is one whose right-hand side or its rounding overflow: then nothing can be said of the residual.
+        // A solution that is not finite is not committed, nor one whose right-hand side or its rounding overflow: then nothing
+        // can be said of the residual. Nor one that broke down early; what merely ran out of iterations is nearer than before.
         float all = sums.x + solve.rhs_norm2 + solve.floor_norm2;
         bool finite = !isnan(all) && !isinf(all);
         if (!finite) {
             flags |= FLAG_NON_FINITE;
-            // Nothing was solved, nothing applied.
             residual = 1.0;
+        }
+        bool failed = !finite || (solve.status == STATUS_BROKEN && residual > max(WORTHLESS, 10.0 * residual_floor));
+        if (failed) {
+            verdict = VERDICT_FAILED;
+            // Nothing was solved, nothing applied.
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
         }
-        for (uint index = 0; index < RIGIDS && finite; index++) {
+        for (uint index = 0; index < RIGIDS && !failed; index++) {
             float y[6] = image_of(index);
             for (int k = 0; k < 6; k++) rigids[index].leftover[k] = rigids[index].b[k] - y[k];
         }
-        args[3 * ARGS_COMMIT] = finite ? groups_of(NODES) : 0;
-        args[3 * ARGS_WRENCH] = finite ? 1 : 0;
+        args[3 * ARGS_COMMIT] = failed ? 0 : groups_of(NODES);
+        args[3 * ARGS_WRENCH] = failed ? 0 : 1;
     }
     report.verdict = verdict;
     report.iterations = iterations[solve.current].count;

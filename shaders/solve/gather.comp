@@ -27,31 +27,30 @@ layout(constant_id = 13) const uint HELD = NONE;        // the core that the dev
 layout(push_constant) uniform Which { uint set; };      // of iterates: what holds u and r in MODE 1
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Materials { vec4 materials[]; };
-layout(binding = 2) uniform samplerBuffer block_turns;
-layout(binding = 3) uniform usamplerBuffer blocks;
-layout(binding = 4) uniform usamplerBuffer block_nodes;
-layout(binding = 5) uniform samplerBuffer block_places;
-layout(binding = 6) uniform usamplerBuffer coarse_blocks;
-layout(binding = 7) uniform samplerBuffer node_rest;
-layout(binding = 8) uniform usamplerBuffer node_elements;
-layout(binding = 9) uniform samplerBuffer element_forces;
-layout(scalar, binding = 10) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar, binding = 11) readonly buffer Sorted { uvec2 sorted[]; };
-layout(scalar, binding = 12) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 13) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 14) uniform samplerBuffer contact_forces;
-layout(binding = 15) uniform samplerBuffer change;          // p
-layout(binding = 16) uniform samplerBuffer first;
-layout(binding = 17) uniform samplerBuffer second;
-layout(binding = 18) uniform samplerBuffer inverse;
-layout(scalar, binding = 19) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 20) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 21) writeonly buffer Image { vec4 image[]; };      // w
-layout(scalar, binding = 22) writeonly buffer Dots { vec2 dots[]; };
-layout(scalar, binding = 23) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three a slot
-layout(scalar, binding = 24) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
-layout(scalar, binding = 25) readonly buffer SolveIn { Solve solve; };
+layout(binding = 1) uniform samplerBuffer block_turns;
+layout(binding = 2) uniform usamplerBuffer blocks;
+layout(binding = 3) uniform usamplerBuffer block_nodes;
+layout(binding = 4) uniform samplerBuffer block_places;
+layout(binding = 5) uniform usamplerBuffer coarse_blocks;
+layout(binding = 6) uniform samplerBuffer node_rest;
+layout(binding = 7) uniform usamplerBuffer node_elements;
+layout(binding = 8) uniform samplerBuffer element_forces;
+layout(scalar, binding = 9) readonly buffer NodeEntries { uvec2 node_entries[]; };
+layout(scalar, binding = 10) readonly buffer Sorted { uvec2 sorted[]; };
+layout(scalar, binding = 11) readonly buffer CountsIn { Counts counts; };
+layout(scalar, binding = 12) readonly buffer Contacts { Contact contacts[]; };
+layout(binding = 13) uniform samplerBuffer contact_forces;
+layout(binding = 14) uniform samplerBuffer change;          // p
+layout(binding = 15) uniform samplerBuffer first;
+layout(binding = 16) uniform samplerBuffer second;
+layout(binding = 17) uniform samplerBuffer inverse;
+layout(scalar, binding = 18) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 19) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 20) writeonly buffer Image { vec4 image[]; };      // w
+layout(scalar, binding = 21) writeonly buffer Dots { vec2 dots[]; };
+layout(scalar, binding = 22) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three a slot
+layout(scalar, binding = 23) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
+layout(scalar, binding = 24) readonly buffer SolveIn { Solve solve; };
 
 const uint SUMS = 7;
 // Half a unit in the last place of f32.
@@ -89,13 +88,12 @@ vec3 three(float six[6], int from) { return vec3(six[from], six[from + 1], six[f
 void gather_block(uint b, inout vec2 sums, inout Modes of_image, inout Modes of_residual) {
     Block block = block_of(b);
     vec4 place = texelFetch(block_places, int(b)), turn = texelFetch(block_turns, int(b));
-    float inertia = 1.0 + params.dt * materials[block.frame].z;
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uvec4 node = block_node(block, at);
         int i = int(node.x);
         vec4 rest = texelFetch(node_rest, i);
         vec3 p = texelFetch(change, i).xyz;
-        vec3 w = inertia * rest.w * p + gather_elements(node.y, node.z);
+        vec3 w = (rest.w + params.dt * node_damping(node)) * p + gather_elements(node.y, node.z);
         if (CONTACT) w += gather_contacts(node.x);
         image[i] = vec4(w, 0.0);
         if (ROLE == CARRIED_NODES) {

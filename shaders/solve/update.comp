@@ -9,7 +9,7 @@
 // w.u, beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'); p = u + beta p, s = w + beta s, x += alpha p,
 // r -= alpha s, u = M^-1 r. Every workgroup sums the inner products and the modes of its body for itself, in the same
 // order, so that nothing has to be told from one to another; what is read of one set of iterates is written to the other. Converged,
-// or broken down: the loop's arguments become zero, and all later iterations cost nothing. A workgroup a block of free nodes,
+// or broken down: the loop's arguments become zero, and all later iterations cost next to nothing. A workgroup a block of free nodes,
 // or of carried ones, or one for the tool's rows: variants that run side by side. Oracle: oracle::step (a direct solve).
 
 layout(local_size_x_id = 0) in;
@@ -91,8 +91,9 @@ bool next_scalars(out Scalars scalars) {
     }
     scalars.beta = last.count == 0 ? 0.0 : gamma / last.gamma;
     float curvature = last.count == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
-    if (last.count >= params.max_iterations || !(curvature > 0.0) || isinf(curvature) || isnan(gamma)) {
-        stop(STATUS_STOPPED);
+    bool broken = !(curvature > 0.0) || isinf(curvature) || isnan(gamma);
+    if (broken || last.count >= params.max_iterations) {
+        stop(broken ? STATUS_BROKEN : STATUS_STOPPED);
         return false;
     }
     scalars.alpha = gamma / curvature;
@@ -199,7 +200,9 @@ void update_free(Block block, vec4 place, Modes modes, Scalars scalars) {
 
 void main() {
     Scalars scalars;
-    if (!next_scalars(scalars)) return;
+    // Variants that do not lead run in every iteration. The leader writes this in the one that stops, whose workgroups all
+    // return, whichever value they read.
+    if (solve.status != STATUS_RUNNING || !next_scalars(scalars)) return;
     if (ROLE == TOOL_ROWS) {
         update_tool(scalars);
         return;

@@ -11,7 +11,7 @@ use palpate::prepare::report::peak_memory;
 use palpate::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
 use palpate::report::picture::Picture;
 use palpate::report::{Output, figure};
-use palpate::scene::{self, Material, Model, Scene, Surface, gmsh, obj};
+use palpate::scene::{self, Law, Material, Model, Scene, Surface, gmsh, obj};
 use palpate::{Error, Result};
 
 use crate::press::{self, Press};
@@ -130,6 +130,7 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
         orientation: DQuat::IDENTITY,
         velocity: DVec3::ZERO,
         material: Some(Material {
+            law: Law::Corotational,
             young: 2e4,
             poisson: 0.45,
             density: 1000.0,
@@ -137,6 +138,7 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
             damping_stiffness: 0.002,
         }),
         dilatation: Default::default(),
+        regions: Vec::new(),
         collides: None,
         cores: Vec::new(),
         skeleton: None,

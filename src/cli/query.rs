@@ -171,6 +171,7 @@ impl Part {
             velocity: DVec3::ZERO,
             material: None,
             dilatation: Default::default(),
+            regions: Vec::new(),
             collides: None,
             cores: Vec::new(),
             repair: true,

@@ -7,8 +7,8 @@ use crate::oracle::elastic::Elements;
 use crate::oracle::linear::Entries;
 use crate::oracle::skin;
 use crate::oracle::tool::{self, Device};
-use crate::prepare::{Embedding, Layer, Skin};
-use crate::scene::{Coupling, Material};
+use crate::prepare::{Embedding, Layer, Materials, Skin};
+use crate::scene::Coupling;
 
 /// A soft body and its state.
 #[derive(Debug, Clone)]
@@ -17,8 +17,6 @@ pub struct SoftBody {
     pub elements: Elements,
     /// The layer at rest.
     pub layer: Layer,
-    /// The material.
-    pub material: Material,
     /// World position of the rest frame's origin, m; the frame rests.
     pub position: DVec3,
     /// Displacement of each node from rest, rest axes, m.
@@ -32,8 +30,14 @@ pub struct SoftBody {
 
 impl SoftBody {
     /// A body at rest in shape, placed by `position` and `orientation`; free nodes move with `velocity` (world).
-    pub fn new(layer: Layer, material: Material, position: DVec3, orientation: DQuat, velocity: DVec3) -> Self {
-        let elements = Elements::new(&layer, &material, DMat3::from_quat(orientation.normalize()));
+    pub fn new(
+        layer: Layer,
+        materials: impl Into<Materials>,
+        position: DVec3,
+        orientation: DQuat,
+        velocity: DVec3,
+    ) -> Self {
+        let elements = Elements::new(&layer, materials, DMat3::from_quat(orientation.normalize()));
         let start = |bound: &bool| if *bound { DVec3::ZERO } else { velocity };
         Self {
             displacement: vec![DVec3::ZERO; layer.nodes.len()],
@@ -41,7 +45,6 @@ impl SoftBody {
             given_rotations: None,
             elements,
             layer,
-            material,
             position,
         }
     }

@@ -1,4 +1,4 @@
-//! Corotational linear tetrahedra in f64: rotations, forces, the stiffness operator. Twin of the elastic stage.
+//! Tetrahedra in f64: rotations, forces, the stiffness operator, corotational and (`neo_hookean.rs`) neo-Hookean. Twin of the elastic stage.
 //!
 //! Where the layer has patches, the volumetric strain tr(E) of a tetrahedron is its patch's mean by volume, theta; the energy
 //! sum V (mu |E|^2 + lambda/2 theta^2) keeps the stiffness symmetric positive semi-definite, and the part of mu, which stays
@@ -12,8 +12,9 @@ use std::collections::BTreeMap;
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::prepare::Layer;
-use crate::scene::Material;
+use super::neo_hookean;
+use crate::prepare::{Layer, Materials};
+use crate::scene::{Law, Material};
 
 /// A principal stretch below which a tetrahedron stiffens: corotational elasticity by itself offers no more to a
 /// tetrahedron pressed flat than to one half way there, and turns it inside out.
@@ -32,25 +33,45 @@ pub struct Elements {
     pub volumes: Vec<f64>,
     /// Lumped node masses, kg: density times a quarter of each adjacent volume.
     pub masses: Vec<f64>,
+    /// Damping by mass of each node, kg/s: the same of density times alpha.
+    pub damping: Vec<f64>,
     /// World from rest axes.
     pub frame: DMat3,
-    /// Lamé's second parameter (shear modulus), Pa.
-    pub mu: f64,
-    /// Lamé's first parameter, Pa.
-    pub lambda: f64,
-    /// What the operator adds to the shear modulus of each tetrahedron, Pa; see [`Elements::squeezed`].
-    pub stiffer: Vec<f64>,
-    /// Patch of each tetrahedron; empty: each has its own volumetric strain.
+    /// The material of each tetrahedron.
+    pub materials: Vec<Material>,
+    /// What K is made of; see [`Elements::linearised`].
+    pub operators: Vec<Operator>,
+    /// Patch of each tetrahedron, all of them corotational; empty: each has its own volumetric strain.
     pub patches: Vec<u32>,
+}
+
+/// Of a tetrahedron, K p = V (2 mu sym(W) + lambda tr(W) I) g'_i with W = sum p_i g'_i^T, g'_i = R `fold` g_i.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Operator {
+    /// Pa.
+    pub mu: f64,
+    /// Pa.
+    pub lambda: f64,
+    /// Symmetric.
+    pub fold: DMat3,
+}
+
+impl Operator {
+    /// 2 mu sym(E) + lambda tr(E) I.
+    fn stress(&self, strain: DMat3) -> DMat3 {
+        symmetric(strain) * (2.0 * self.mu) + DMat3::from_diagonal(DVec3::splat(self.lambda * trace(strain)))
+    }
 }
 
 impl Elements {
     /// Precomputes gradients, volumes and masses. `frame` turns rest axes into world axes.
-    pub fn new(layer: &Layer, material: &Material, frame: DMat3) -> Self {
-        let mut masses = vec![0.0; layer.nodes.len()];
+    pub fn new(layer: &Layer, materials: impl Into<Materials>, frame: DMat3) -> Self {
+        let all = materials.into();
+        let (mut masses, mut damping) = (vec![0.0; layer.nodes.len()], vec![0.0; layer.nodes.len()]);
         let mut gradients = Vec::with_capacity(layer.tetrahedra.len());
         let mut volumes = Vec::with_capacity(layer.tetrahedra.len());
-        for nodes in &layer.tetrahedra {
+        let materials: Vec<Material> = (0..layer.tetrahedra.len()).map(|t| *all.of(t)).collect();
+        for (nodes, material) in layer.tetrahedra.iter().zip(&materials) {
             let [x0, x1, x2, x3] = nodes.map(|i| layer.nodes[i as usize]);
             let edges = DMat3::from_cols(x1 - x0, x2 - x0, x3 - x0);
             let volume = edges.determinant() / 6.0;
@@ -60,12 +81,14 @@ impl Elements {
             volumes.push(volume);
             for &i in nodes {
                 masses[i as usize] += material.density * volume / 4.0;
+                damping[i as usize] += material.damping_mass * material.density * volume / 4.0;
             }
         }
-        let (mu, lambda) = lame(material);
-        let stiffer = vec![0.0; layer.tetrahedra.len()];
         let (tetrahedra, patches) = (layer.tetrahedra.clone(), layer.patches.clone());
-        Self { tetrahedra, gradients, volumes, masses, frame, mu, lambda, stiffer, patches }
+        let mut elements =
+            Self { tetrahedra, gradients, volumes, masses, damping, frame, materials, operators: Vec::new(), patches };
+        elements.operators = (0..elements.tetrahedra.len()).map(|e| at_rest(elements.own(e))).collect();
+        elements
     }
 
     /// Number of nodes.
@@ -91,12 +114,16 @@ impl Elements {
     /// Elastic forces on nodes, N, world axes. `d`: displacements, m, rest axes; `rotations`: one a tetrahedron.
     pub fn forces(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
         let mut forces = vec![DVec3::ZERO; self.node_count()];
-        let strains: Vec<_> = rotations.iter().enumerate().map(|(e, q)| self.strain(e, *q, d)).collect();
-        let dilatations = self.dilatations(&strains);
+        let strains: Vec<_> =
+            (0..rotations.len()).map(|e| strain(rotations[e].normalize(), self.gradient(e, d))).collect();
+        let pressures = self.patch_pressures(&strains);
         for (e, nodes) in self.tetrahedra.iter().enumerate() {
-            let stiffened = self.squeeze(strains[e]) * self.stiffening();
-            let stress = self.stress(strains[e], dilatations[e], 0.0) + stiffened;
-            let stress = DMat3::from_quat(rotations[e].normalize()) * stress;
+            let (strain, lame) = (strains[e], lame(&self.materials[e]));
+            let of_law = match self.materials[e].law {
+                Law::Corotational => at_rest(self.own(e)).stress(strain) + pressures[e],
+                Law::NeoHookean => neo_hookean::stress(lame, strain),
+            };
+            let stress = DMat3::from_quat(rotations[e].normalize()) * (of_law + squeeze(strain) * stiffening(lame));
             for (i, g) in nodes.iter().zip(&self.gradients[e]) {
                 forces[*i as usize] -= self.frame * (stress * *g) * self.volumes[e];
             }
@@ -106,31 +133,39 @@ impl Elements {
 
     /// K p with rotations held fixed, world axes in and out.
     pub fn apply_stiffness(&self, p: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
+        self.apply_weighted(p, rotations, |_| 1.0)
+    }
+
+    /// The same with every tetrahedron's K times a weight of its material's.
+    pub fn apply_weighted(&self, p: &[DVec3], rotations: &[DQuat], weight: impl Fn(&Material) -> f64) -> Vec<DVec3> {
         let to_rest = self.frame.transpose();
         let local: Vec<DVec3> = p.iter().map(|p| to_rest * *p).collect();
         let mut product = vec![DVec3::ZERO; self.node_count()];
         let turns: Vec<_> = rotations.iter().map(|q| DMat3::from_quat(q.normalize())).collect();
-        let strains: Vec<_> = turns.iter().enumerate().map(|(e, r)| r.transpose() * self.gradient(e, &local)).collect();
-        let dilatations = self.dilatations(&strains);
+        let strain = |(e, r): (usize, &DMat3)| r.transpose() * self.gradient(e, &local) * self.operators[e].fold;
+        let strains: Vec<_> = turns.iter().enumerate().map(strain).collect();
+        let pressures = self.patch_pressures(&strains);
         for (e, nodes) in self.tetrahedra.iter().enumerate() {
-            let stress = turns[e] * self.stress(strains[e], dilatations[e], self.stiffer[e]);
+            let operator = &self.operators[e];
+            let stress = turns[e] * (operator.stress(strains[e]) + pressures[e]) * operator.fold;
+            let volume = weight(&self.materials[e]) * self.volumes[e];
             for (i, g) in nodes.iter().zip(&self.gradients[e]) {
-                product[*i as usize] += self.frame * (stress * *g) * self.volumes[e];
+                product[*i as usize] += self.frame * (stress * *g) * volume;
             }
         }
         product
     }
 
     /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed:
-    /// V R (mu ((g_i . g_j) I + g_j g_i^T) + lambda g_i g_j^T) R^T, without lambda's part where there are patches
+    /// V (mu ((g'_i . g'_j) I + g'_j g'_i^T) + lambda g'_i g'_j^T), without lambda's part where there are patches
     /// ([`Elements::patch_rows`]).
     pub fn stiffness_blocks(&self, element: usize, rotation: DQuat) -> [[DMat3; 4]; 4] {
-        let r = self.frame * DMat3::from_quat(rotation.normalize());
+        let operator = &self.operators[element];
+        let r = self.frame * DMat3::from_quat(rotation.normalize()) * operator.fold;
         let g = self.gradients[element].map(|g| r * g);
-        let lambda = if self.patches.is_empty() { self.lambda } else { 0.0 };
         let block = |i: usize, j: usize| {
             let shear = DMat3::from_diagonal(DVec3::splat(g[i].dot(g[j]))) + outer(g[j], g[i]);
-            (shear * (self.mu + self.stiffer[element]) + outer(g[i], g[j]) * lambda) * self.volumes[element]
+            (shear * operator.mu + outer(g[i], g[j]) * operator.lambda) * self.volumes[element]
         };
         std::array::from_fn(|i| std::array::from_fn(|j| block(i, j)))
     }
@@ -138,12 +173,22 @@ impl Elements {
     /// What each patch adds to the stiffness, c c^T: its nodes and c_j = sqrt(lambda / V) sum V_e R_e g_ej, sqrt(N/m), world
     /// axes; V the volume of the patch, the sum over its tetrahedra e.
     pub fn patch_rows(&self, rotations: &[DQuat]) -> Vec<BTreeMap<u32, DVec3>> {
+        self.weighted_patch_rows(rotations, |_| 1.0)
+    }
+
+    /// The same with every patch's stiffness times a weight of its material's.
+    pub fn weighted_patch_rows(
+        &self,
+        rotations: &[DQuat],
+        weight: impl Fn(&Material) -> f64,
+    ) -> Vec<BTreeMap<u32, DVec3>> {
         let volumes = self.patch_volumes();
         let mut rows = vec![BTreeMap::new(); volumes.len()];
         for (e, patch) in self.patches.iter().enumerate() {
             let patch = *patch as usize;
             let turn = self.frame * DMat3::from_quat(rotations[e].normalize());
-            let scale = (self.lambda / volumes[patch]).sqrt() * self.volumes[e];
+            let stiffness = weight(&self.materials[e]) * lame(&self.materials[e]).1;
+            let scale = (stiffness / volumes[patch]).sqrt() * self.volumes[e];
             for (i, g) in self.tetrahedra[e].iter().zip(&self.gradients[e]) {
                 *rows[patch].entry(*i).or_insert(DVec3::ZERO) += scale * (turn * *g);
             }
@@ -156,6 +201,22 @@ impl Elements {
         let mut volumes = vec![0.0; self.patches.iter().max().map_or(0, |last| *last as usize + 1)];
         self.patches.iter().zip(&self.volumes).for_each(|(patch, volume)| volumes[*patch as usize] += volume);
         volumes
+    }
+
+    /// lambda theta I of the patch of each tetrahedron, theta the mean of tr(E) by volume; zero without patches. Pa.
+    fn patch_pressures(&self, strains: &[DMat3]) -> Vec<DMat3> {
+        if self.patches.is_empty() {
+            return vec![DMat3::ZERO; strains.len()];
+        }
+        let means = self.dilatations(strains);
+        let pressure = |(e, theta)| DMat3::from_diagonal(DVec3::splat(lame(&self.materials[e]).1 * theta));
+        means.into_iter().enumerate().map(pressure).collect()
+    }
+
+    /// Lame's mu and lambda that a tetrahedron has for itself, Pa: no lambda where patches have it.
+    fn own(&self, element: usize) -> (f64, f64) {
+        let (mu, lambda) = lame(&self.materials[element]);
+        (mu, if self.patches.is_empty() { lambda } else { 0.0 })
     }
 
     /// Volumetric strain of each tetrahedron: tr(E), or its mean by volume over the patch.
@@ -171,54 +232,60 @@ impl Elements {
         self.patches.iter().map(|patch| means[*patch as usize]).collect()
     }
 
-    /// Elastic energy sum V (mu |E|^2 + lambda/2 theta^2), J, with E = sym(R^T F) - I, theta its trace or the patch's mean of
-    /// that, and the energy of squeezed axes.
+    /// Elastic energy, J: of corotational tetrahedra V (mu |E|^2 + lambda/2 theta^2) with E = sym(R^T F) - I, theta its trace
+    /// or the patch's mean of that; of others their law's; and that of squeezed axes.
     pub fn energy(&self, d: &[DVec3], rotations: &[DQuat]) -> f64 {
-        let strains: Vec<_> = rotations.iter().enumerate().map(|(e, q)| self.strain(e, *q, d)).collect();
+        let strains: Vec<_> =
+            (0..rotations.len()).map(|e| strain(rotations[e].normalize(), self.gradient(e, d))).collect();
         let dilatations = self.dilatations(&strains);
         let density = |e: usize| {
-            let strain = symmetric(strains[e]);
+            let strain = strains[e];
+            let (mu, lambda) = lame(&self.materials[e]);
             let square = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
-            let squeezed = 0.5 * self.stiffening() * square(self.squeeze(strain));
-            self.mu * square(strain) + 0.5 * self.lambda * dilatations[e].powi(2) + squeezed
+            let squeezed = 0.5 * stiffening((mu, lambda)) * square(squeeze(strain));
+            let of_law = match self.materials[e].law {
+                Law::Corotational => mu * square(symmetric(strain)) + 0.5 * lambda * dilatations[e].powi(2),
+                Law::NeoHookean => neo_hookean::energy((mu, lambda), strain),
+            };
+            of_law + squeezed
         };
         (0..self.tetrahedra.len()).map(|e| self.volumes[e] * density(e)).sum()
     }
 
-    /// These elements with the operator of a state: half the stiffening more shear modulus where a tetrahedron is squeezed,
-    /// which is at least as stiff in every direction as the stiffening, and isotropic.
-    pub fn squeezed(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
-        let more = |e: usize| {
-            let squeezed = self.squeeze(self.strain(e, rotations[e], d)) != DMat3::ZERO;
-            if squeezed { 0.5 * self.stiffening() } else { 0.0 }
+    /// These elements with the operator of a state. A corotational tetrahedron that is squeezed gets half the stiffening
+    /// more shear modulus, which is at least as stiff in every direction as the stiffening, and isotropic.
+    pub fn linearised(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
+        let operator = |e: usize| {
+            let strain = strain(rotations[e].normalize(), self.gradient(e, d));
+            let (squeezed, lame) = (squeeze(strain), lame(&self.materials[e]));
+            match self.materials[e].law {
+                Law::NeoHookean => neo_hookean::operator(lame, strain, squeezed),
+                Law::Corotational if squeezed == DMat3::ZERO => at_rest(self.own(e)),
+                Law::Corotational => Operator { mu: lame.0 + 0.5 * stiffening(lame), ..at_rest(self.own(e)) },
+            }
         };
-        Self { stiffer: (0..self.tetrahedra.len()).map(more).collect(), ..self.clone() }
+        Self { operators: (0..self.tetrahedra.len()).map(operator).collect(), ..self.clone() }
     }
+}
 
-    /// Stiffness along a squeezed axis, Pa.
-    fn stiffening(&self) -> f64 {
-        STIFFENING * (self.lambda + 2.0 * self.mu)
-    }
+/// Hooke's law.
+fn at_rest((mu, lambda): (f64, f64)) -> Operator {
+    Operator { mu, lambda, fold: DMat3::IDENTITY }
+}
 
-    /// sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over the principal stretches s_k and axes n_k of I + sym(E).
-    fn squeeze(&self, strain: DMat3) -> DMat3 {
-        let stretch = symmetric(strain);
-        let matrix = Mat::from_fn(3, 3, |i, j| stretch.col(j)[i]);
-        let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };
-        let (values, vectors) = (eigen.S(), eigen.U());
-        let axis = |k: usize| DVec3::new(vectors[(0, k)], vectors[(1, k)], vectors[(2, k)]);
-        (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(axis(k), axis(k)) * (1.0 + values[k] - LEAST_STRETCH).min(0.0))
-    }
+/// Stiffness along a squeezed axis, Pa; of mu and lambda.
+pub(super) fn stiffening((mu, lambda): (f64, f64)) -> f64 {
+    STIFFENING * (lambda + 2.0 * mu)
+}
 
-    /// E of a tetrahedron.
-    fn strain(&self, element: usize, rotation: DQuat, d: &[DVec3]) -> DMat3 {
-        strain(rotation.normalize(), self.gradient(element, d))
-    }
-
-    /// 2 (mu + more) sym(E) + lambda theta I.
-    fn stress(&self, strain: DMat3, dilatation: f64, more: f64) -> DMat3 {
-        symmetric(strain) * (2.0 * (self.mu + more)) + DMat3::from_diagonal(DVec3::splat(self.lambda * dilatation))
-    }
+/// sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over the principal stretches s_k and axes n_k of I + sym(E).
+pub(super) fn squeeze(strain: DMat3) -> DMat3 {
+    let stretch = symmetric(strain);
+    let matrix = Mat::from_fn(3, 3, |i, j| stretch.col(j)[i]);
+    let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };
+    let (values, vectors) = (eigen.S(), eigen.U());
+    let axis = |k: usize| DVec3::new(vectors[(0, k)], vectors[(1, k)], vectors[(2, k)]);
+    (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(axis(k), axis(k)) * (1.0 + values[k] - LEAST_STRETCH).min(0.0))
 }
 
 /// Shear modulus and Lamé's first parameter, Pa.
@@ -253,10 +320,10 @@ pub fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-fn symmetric(m: DMat3) -> DMat3 {
+pub(super) fn symmetric(m: DMat3) -> DMat3 {
     (m + m.transpose()) * 0.5
 }
 
-fn trace(m: DMat3) -> f64 {
+pub(super) fn trace(m: DMat3) -> f64 {
     m.x_axis.x + m.y_axis.y + m.z_axis.z
 }

@@ -13,15 +13,18 @@
 //! | [`regions`] | boxes of chunks, what a vertex makes of several regions |
 //! | [`contact`], [`rays`] | depth by exact rays, gathered contacts |
 //! | [`linear`], [`step`] | the implicit step, solved directly |
+//! | [`coarse`] | the coarse level of the solver's preconditioner |
 //! | [`wrench`] | net force, torque, stiffness and damping on the tool |
 //! | [`statics`] | linear static equilibrium, for laws only |
 
 pub mod body;
+pub mod coarse;
 pub mod contact;
 pub mod cull;
 pub mod elastic;
 pub mod friction;
 pub mod linear;
+pub mod neo_hookean;
 pub mod proximity;
 pub mod rays;
 pub mod regions;

@@ -201,35 +201,35 @@ impl Simulation {
         (a, b)
     }
 
-    /// (1 + h alpha) M + (h^2 + h beta) K, and h [M g + f_el - alpha M v - (beta + h) K v].
+    /// (1 + h alpha) M + (h^2 + h beta) K, and h [M g + f_el - alpha M v - (beta + h) K v]; alpha, beta of each element.
     fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, unknowns: &[Map]) {
-        let (alpha, beta) = (body.material.damping_mass, body.material.damping_stiffness);
         let rotations = body.rotations();
-        let (h, elements) = (self.dt, &body.elements.squeezed(&body.displacement, &rotations));
+        let (h, elements) = (self.dt, &body.elements.linearised(&body.displacement, &rotations));
+        let weight = |material: &Material| h * (h + material.damping_stiffness);
         for (e, nodes) in elements.tetrahedra.iter().enumerate() {
             let blocks = elements.stiffness_blocks(e, rotations[e]);
             for (k, i) in nodes.iter().enumerate() {
                 for (l, j) in nodes.iter().enumerate() {
-                    let block = blocks[k][l] * (h * h + h * beta);
+                    let block = blocks[k][l] * weight(&elements.materials[e]);
                     add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &block);
                 }
             }
         }
-        for row in elements.patch_rows(&rotations) {
+        for row in elements.weighted_patch_rows(&rotations, weight) {
             for (i, left) in &row {
                 for (j, right) in &row {
-                    let block = outer(*left, *right) * (h * h + h * beta);
+                    let block = outer(*left, *right);
                     add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &block);
                 }
             }
         }
         let elastic = elements.forces(&body.displacement, &rotations);
-        let stiff = elements.apply_stiffness(&body.velocity, &rotations);
+        let stiff = elements.apply_weighted(&body.velocity, &rotations, weight);
         for (i, map) in unknowns.iter().enumerate() {
-            let mass = elements.masses[i];
-            let inertial = mass * (self.gravity - alpha * body.velocity[i]);
-            let load = h * (inertial + elastic[i] - (beta + h) * stiff[i]);
-            add_mapped(a, map, map, &DMat3::from_diagonal(DVec3::splat((1.0 + h * alpha) * mass)));
+            let (mass, damping) = (elements.masses[i], elements.damping[i]);
+            let inertial = mass * self.gravity - damping * body.velocity[i];
+            let load = h * (inertial + elastic[i]) - stiff[i];
+            add_mapped(a, map, map, &DMat3::from_diagonal(DVec3::splat(mass + h * damping)));
             for (first, matrix) in map {
                 let mapped = matrix.transpose() * load;
                 (0..3).for_each(|axis| b[first + axis] += mapped[axis]);

@@ -8,9 +8,11 @@ use glam::DVec3;
 use super::cache::Cache;
 use super::prepared::{Prepared, Recipe};
 use super::report::{Log, Stage};
-use super::{Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, patch, proxies, repair, ride, skin};
+use super::{
+    Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, materials, patch, proxies, repair, ride, skin,
+};
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Dilatation, Motion, Scene, Surface, ToolShape};
+use crate::scene::{self, Dilatation, Law, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
 
 /// A closed skin fills at least this share of its bounding box's diagonal cubed; less is rounding.
@@ -176,24 +178,28 @@ fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Re
 
 /// A layer that deforms and its skin.
 fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
-    let material = body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
     let mut layer = prepared.layer.unwrap_or_default();
+    let materials = materials::materials(keys, body, &layer, &prepared.groups)?;
     let numbers = &prepared.node_numbers;
     let node_frames = cores::bind(body, &mut layer, numbers, &prepared.mesh, |key, problem, remedy| {
         keys.error(key, problem, remedy)
     })?;
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
     if body.dilatation == Dilatation::Patch {
-        layer.patches = patch::patches(&layer, |_| 0);
+        if materials.all.iter().any(|material| material.law != Law::Corotational) {
+            let problem = "patches share the volumetric strain of the corotational law";
+            return Err(keys.error("dilatation", problem, "use \"element\", or law = \"corotational\" everywhere"));
+        }
+        layer.patches = patch::patches(&layer, |t| materials.index(t) as u32);
     }
     let mesh = scaled(prepared.mesh, body.scale);
     let skin = skin::build(mesh.vertices, mesh.triangles);
     let embedding = prepared.embedding;
     let proxies = scaled_proxies(prepared.proxies, body.scale);
     let proxies = ride::on_frames(proxies, &skin, &layer, &embedding, &node_frames);
-    let frames = cores::frames(body, &layer, &node_frames, &material)
+    let frames = cores::frames(body, &layer, &node_frames, &materials)
         .map_err(|(key, problem, remedy)| keys.error(&key, problem, remedy))?;
-    Ok(Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies })
+    Ok(Shape::Soft { layer, frames, node_frames, materials, embedding, skin, proxies })
 }
 
 /// How the one core of a rigid body moves.

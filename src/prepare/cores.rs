@@ -5,10 +5,10 @@ use std::collections::BinaryHeap;
 
 use glam::{DMat3, DVec3};
 
-use super::{Frame, FrameMotion, Layer, NONE, bind};
+use super::{Frame, FrameMotion, Layer, Materials, NONE, bind};
 use crate::Result;
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{Bind, Body, Hinge, Material, Motion};
+use crate::scene::{Bind, Body, Hinge, Motion};
 
 /// Determinant of a dynamic core's inertia against the cube of its mean, or inertia about its hinge against the mean, at
 /// least: less is a line of nodes.
@@ -114,12 +114,12 @@ pub fn frames(
     body: &Body,
     layer: &Layer,
     holders: &[u32],
-    material: &Material,
+    materials: &Materials,
 ) -> std::result::Result<Vec<Frame>, (String, &'static str, &'static str)> {
     if body.cores.is_empty() {
-        return Ok(vec![floating(layer, material)]);
+        return Ok(vec![floating(layer, materials)]);
     }
-    let masses = masses(layer, material);
+    let masses = masses(layer, materials);
     let frame = |(index, core): (usize, &crate::scene::Core)| {
         let carried = (0..holders.len()).filter(|&n| layer.bound[n] && holders[n] == index as u32);
         let add = |(sum, mass): (DVec3, f64), n: usize| (sum + masses[n] * layer.nodes[n], mass + masses[n]);
@@ -160,8 +160,8 @@ pub fn dynamic(core: &crate::scene::Core, scale: f64) -> FrameMotion {
 }
 
 /// A frame that follows the nodes: mass, centre and inertia of the lumped layer.
-pub fn floating(layer: &Layer, material: &Material) -> Frame {
-    let masses = masses(layer, material);
+pub fn floating(layer: &Layer, materials: &Materials) -> Frame {
+    let masses = masses(layer, materials);
     let weighted = || masses.iter().zip(&layer.nodes);
     let mass: f64 = masses.iter().sum();
     let centre = weighted().map(|(m, x)| *m * *x).sum::<DVec3>() / mass;
@@ -173,11 +173,11 @@ pub fn floating(layer: &Layer, material: &Material) -> Frame {
 }
 
 /// Lumped masses of the nodes, kg.
-fn masses(layer: &Layer, material: &Material) -> Vec<f64> {
+fn masses(layer: &Layer, materials: &Materials) -> Vec<f64> {
     let mut masses = vec![0.0; layer.nodes.len()];
-    for t in &layer.tetrahedra {
+    for (index, t) in layer.tetrahedra.iter().enumerate() {
         let [a, b, c, d] = t.map(|n| layer.nodes[n as usize]);
-        let quarter = material.density * DMat3::from_cols(b - a, c - a, d - a).determinant() / 24.0;
+        let quarter = materials.of(index).density * DMat3::from_cols(b - a, c - a, d - a).determinant() / 24.0;
         t.iter().for_each(|&n| masses[n as usize] += quarter);
     }
     masses
@@ -192,6 +192,7 @@ fn point_inertia(mass: f64, r: DVec3) -> DMat3 {
 mod tests {
     use super::*;
     use crate::prepare::layer;
+    use crate::scene::Material;
 
     #[test]
     fn a_free_node_follows_the_core_it_reaches_first_along_the_layer() {
@@ -214,7 +215,7 @@ mod tests {
     fn a_hinge_through_all_nodes_of_its_core_is_refused() {
         let mut block = layer::kuhn_box(DVec3::ZERO, DVec3::splat(0.2), [2, 2, 2]);
         block.bound = block.nodes.iter().map(|x| x.x == 0.0 && x.y == 0.0).collect();
-        let material = Material { young: 1.0, poisson: 0.3, density: 500.0, damping_mass: 0.0, damping_stiffness: 0.0 };
+        let material = Material { density: 500.0, ..crate::prepare::tests::MATERIAL }.into();
         let mut scene = crate::prepare::tests::scene(
             crate::scene::Shape::Rigid { surface: crate::scene::Surface::File("a.obj".into()) },
             &[Bind::All],
@@ -233,7 +234,7 @@ mod tests {
     #[test]
     fn a_floating_frame_has_the_mass_and_inertia_of_a_block() {
         let block = layer::kuhn_box(DVec3::ZERO, DVec3::new(0.2, 0.4, 0.6), [16, 16, 16]);
-        let material = Material { young: 1.0, poisson: 0.3, density: 500.0, damping_mass: 0.0, damping_stiffness: 0.0 };
+        let material = Material { density: 500.0, ..crate::prepare::tests::MATERIAL }.into();
         let frame = floating(&block, &material);
         let FrameMotion::Floating { mass, inertia } = frame.motion else { panic!("not floating") };
         assert!((mass - 24.0).abs() < 1e-9 && frame.centre.distance(DVec3::new(0.1, 0.2, 0.3)) < 0.002);

@@ -14,6 +14,7 @@ pub mod hull;
 mod lattice;
 pub mod layer;
 pub mod mass;
+mod materials;
 pub mod model;
 pub mod patch;
 pub mod prepared;
@@ -35,10 +36,11 @@ use serde::{Deserialize, Serialize};
 pub use body::{body, body_and_report, tool};
 pub use cache::Cache;
 pub use embed::embed;
+pub use materials::Materials;
 pub use proxy::proxies;
 pub use report::{Report, Stage};
 
-use crate::scene::{Hinge, Key, Material};
+use crate::scene::{Hinge, Key};
 
 /// No element: the index that points nowhere.
 pub const NONE: u32 = u32::MAX;
@@ -82,8 +84,8 @@ pub enum Shape {
         frames: Vec<Frame>,
         /// Frame of each node.
         node_frames: Vec<u32>,
-        /// Elastic material.
-        material: Material,
+        /// What each tetrahedron is made of.
+        materials: Materials,
         /// Embedding of each skin vertex.
         embedding: Vec<Embedding>,
         /// Skin.

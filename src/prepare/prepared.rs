@@ -13,6 +13,7 @@ use super::report::{CacheUse, Log, Stage};
 use super::stuffing::{self, LayerReport, Options, stuff};
 use super::{Embedding, Layer, Proxy, Skin, embed, layer, proxies, proxy, skin};
 use crate::Result;
+use crate::scene::groups::Groups;
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Surface, obj, tetrahedra};
 
@@ -37,6 +38,8 @@ pub struct Prepared {
     pub mesh: TriangleMesh,
     /// The layer of a soft body, nothing bound.
     pub layer: Option<Layer>,
+    /// Groups of the layer's file.
+    pub groups: Groups,
     /// What came of filling the surface with cells.
     pub filling: Option<LayerReport>,
     /// The number that each node has in the layer's file, ascending: nodes of no tetrahedron are left out.
@@ -116,7 +119,8 @@ impl Recipe<'_> {
             (surface, _) => (surface, None),
         };
         let made = self.layer.map(|source| log.stage(Stage::Layer, || make_layer(keys, surface.as_ref(), source)));
-        let Filled { mut layer, notes: mut layer_notes, report: filling } = made.transpose()?.unwrap_or_default();
+        let Filled { mut layer, groups, notes: mut layer_notes, report: filling } =
+            made.transpose()?.unwrap_or_default();
         let (node_numbers, dropped) = drop_unused(&mut layer);
         layer_notes.extend(dropped);
         let layer = self.layer.map(|_| layer);
@@ -138,7 +142,7 @@ impl Recipe<'_> {
             None => Vec::new(),
         };
         let (mesh, proxies) = log.stage(Stage::Proxies, || cover(keys, mesh, self.hulls))?;
-        Ok(Prepared { mesh, layer, filling, node_numbers, layer_notes, embedding, proxies, repair })
+        Ok(Prepared { mesh, layer, groups, filling, node_numbers, layer_notes, embedding, proxies, repair })
     }
 }
 
@@ -182,6 +186,7 @@ fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result
 #[derive(Default)]
 struct Filled {
     layer: Layer,
+    groups: Groups,
     notes: Vec<String>,
     report: Option<LayerReport>,
 }
@@ -203,7 +208,7 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
             let mesh = tetrahedra::read(path)?;
             let bound = vec![false; mesh.nodes.len()];
             let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound, ..Layer::default() };
-            Ok(Filled { layer, notes: mesh.notes, report: None })
+            Ok(Filled { layer, groups: mesh.groups, notes: mesh.notes, report: None })
         }
         (scene::Layer::Box { low, high, cells }, _) => {
             let count = cells.iter().map(|&c| f64::from(c)).product::<f64>() * 6.0;
@@ -221,7 +226,8 @@ fn fill(mesh: &TriangleMesh, options: Options) -> std::result::Result<Filled, St
     // Holes are closed, so that volumes are compared with those of the same solid.
     let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
     let (layer, report) = stuff(&vertices, &triangles, &options)?;
-    Ok(Filled { layer, notes: notes_of(&report), report: Some(report) })
+    let notes = notes_of(&report);
+    Ok(Filled { layer, notes, report: Some(report), ..Filled::default() })
 }
 
 /// Leaves out nodes of no tetrahedron, which have no mass and whose motion has no meaning; the number in the file of each

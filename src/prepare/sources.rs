@@ -43,11 +43,14 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("stuffing/volume.rs"),
     include_str!("../scene/cursor.rs"),
     include_str!("../scene/gmsh.rs"),
+    include_str!("../scene/gmsh/groups.rs"),
+    include_str!("../scene/groups.rs"),
     include_str!("../scene/obj.rs"),
     include_str!("../scene/tetgen.rs"),
     include_str!("../scene/tetrahedra.rs"),
     include_str!("../scene/triangulate.rs"),
     include_str!("../scene/vtk.rs"),
+    include_str!("../scene/vtk/data.rs"),
 ];
 
 #[cfg(test)]
@@ -56,7 +59,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     /// Files that the cached parts do not depend on.
-    const OTHERS: [&str; 23] = [
+    const OTHERS: [&str; 25] = [
         "prepare/bind.rs",
         "prepare/body.rs",
         "prepare/cache.rs",
@@ -65,6 +68,7 @@ mod tests {
         "prepare/model/tests.rs",
         "prepare/patch.rs",
         "prepare/repair/tests.rs",
+        "prepare/materials.rs",
         "prepare/report.rs",
         "prepare/ride.rs",
         "prepare/sources.rs",
@@ -76,6 +80,7 @@ mod tests {
         "scene/drive.rs",
         "scene/keys.rs",
         "scene/load.rs",
+        "scene/material.rs",
         "scene/mod.rs",
         "scene/skeleton.rs",
         "scene/supported.rs",

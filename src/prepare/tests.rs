@@ -9,9 +9,19 @@ use glam::{DQuat, DVec3};
 use super::{Body, Layer, NONE, Shape, body, embed, layer, mass, proxies, skin, stuffing, tool};
 use crate::Result;
 use crate::scene::{
-    self, Bind, Contact, Core, Haptics, Material, Model, Motion, Preconditioner, Scene, Solver, Step, Surface,
+    self, Bind, Contact, Core, Haptics, Law, Material, Model, Motion, Preconditioner, Scene, Solver, Step, Surface,
 };
 use crate::scene::{Tool, ToolShape, obj};
+
+/// Soft.
+pub const MATERIAL: Material = Material {
+    law: Law::Corotational,
+    young: 2e4,
+    poisson: 0.45,
+    density: 1000.0,
+    damping_mass: 0.0,
+    damping_stiffness: 0.0,
+};
 
 /// The folder of meshes, or one visible line and nothing.
 pub fn meshes(test: &str) -> Option<PathBuf> {
@@ -87,13 +97,8 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         position: DVec3::X,
         orientation: DQuat::IDENTITY,
         velocity: DVec3::ZERO,
-        material: Some(Material {
-            young: 2e4,
-            poisson: 0.45,
-            density: 1000.0,
-            damping_mass: 0.0,
-            damping_stiffness: 0.0,
-        }),
+        material: Some(MATERIAL),
+        regions: Vec::new(),
         dilatation: Default::default(),
         collides: None,
         cores: cores.iter().enumerate().map(core).collect(),

@@ -6,11 +6,12 @@ use glam::{DQuat, DVec3};
 
 use super::keys::{Table, Value, suggest};
 use super::load::TOOL;
+use super::material::{material, regions};
 use super::tetrahedra::EXTENSIONS;
-use super::{Bind, Body, Core, Hinge, Layer, Material, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
+use super::{Bind, Body, Core, Hinge, Layer, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
 use crate::Result;
 
-const BODY_KEYS: [&str; 19] = [
+const BODY_KEYS: [&str; 20] = [
     "name",
     "surface",
     "layer",
@@ -21,6 +22,7 @@ const BODY_KEYS: [&str; 19] = [
     "orientation",
     "velocity",
     "material",
+    "region",
     "dilatation",
     "collides",
     "core",
@@ -95,6 +97,11 @@ fn body(value: &Value) -> Result<Body> {
     ) {
         refuse(&table, &["repair"], "has no meaning without a surface from a file")?;
     }
+    let material = table.option("material", |value| material(value, None))?;
+    let regions = match (&shape, &material) {
+        (Shape::Soft { layer, .. }, Some(base)) => regions(&table, base, matches!(layer, Layer::File(_)))?,
+        _ => Vec::new(),
+    };
     Ok(Body {
         name,
         shape,
@@ -103,7 +110,8 @@ fn body(value: &Value) -> Result<Body> {
         position: table.or("position", DVec3::ZERO, Value::vector)?,
         orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
         velocity: table.or("velocity", DVec3::ZERO, Value::vector)?,
-        material: table.option("material", material)?,
+        material,
+        regions,
         dilatation: table
             .or("dilatation", Dilatation::Element, |value| value.one_of("dilatation", &Dilatation::CHOICES))?,
         collides: table.option("collides", |value| value.array()?.iter().map(Value::name).collect())?,
@@ -154,6 +162,7 @@ fn shape(table: &Table) -> Result<Shape> {
             refuse(table, &["dilatation"], "belongs to a soft body, and this one is rigid")?;
             let why = "a rigid body has no [[body.core]]; its own keys are motion and mass";
             refuse(table, &["core", "skeleton"], why)?;
+            refuse(table, &["region"], "has no meaning for a rigid body, which has no material")?;
             Ok(Shape::Rigid { surface })
         }
         (None, None) => {
@@ -218,7 +227,7 @@ fn grade(value: &Value) -> Result<u32> {
 }
 
 /// `[[x, y, z], [x, y, z]]`, the first below the second on every axis.
-fn corners(value: &Value) -> Result<(DVec3, DVec3)> {
+pub(super) fn corners(value: &Value) -> Result<(DVec3, DVec3)> {
     let [low, high] = value.array_of(Value::vector)?;
     if low.cmplt(high).all() {
         Ok((low, high))
@@ -227,19 +236,13 @@ fn corners(value: &Value) -> Result<(DVec3, DVec3)> {
     }
 }
 
-fn material(value: &Value) -> Result<Material> {
-    let table = value.table(&["young", "poisson", "density", "damping_mass", "damping_stiffness"])?;
-    let poisson = table.need("poisson")?;
-    Ok(Material {
-        young: table.need("young")?.positive()?,
-        poisson: match poisson.number()? {
-            x if (0.0..0.5).contains(&x) => x,
-            x => return Err(poisson.error(format!("is {x:?}"), "give a number from 0 to below 0.5")),
-        },
-        density: table.need("density")?.positive()?,
-        damping_mass: table.or("damping_mass", 0.0, Value::not_negative)?,
-        damping_stiffness: table.or("damping_stiffness", 0.0, Value::not_negative)?,
-    })
+/// `[x, y, z, radius]`.
+pub(super) fn sphere(value: &Value) -> Result<(DVec3, f64)> {
+    let [x, y, z, radius] = value.array_of(Value::number)?;
+    if radius <= 0.0 {
+        return Err(value.error(format!("has radius {radius:?}"), "give x, y, z and a radius above zero"));
+    }
+    Ok((DVec3::new(x, y, z), radius))
 }
 
 /// One core a bone, fixed where `[[body.core]]` of the same name does not say more; then the other cores.
@@ -335,13 +338,7 @@ fn bind(value: &Value) -> Result<Bind> {
     match kind {
         "inset" => value.not_negative().map(Bind::Inset),
         "box" => corners(&value).map(|(low, high)| Bind::Box { low, high }),
-        "sphere" => {
-            let [x, y, z, radius] = value.array_of(Value::number)?;
-            if radius <= 0.0 {
-                return Err(value.error(format!("has radius {radius:?}"), "give x, y, z and a radius above zero"));
-            }
-            Ok(Bind::Sphere { centre: DVec3::new(x, y, z), radius })
-        }
+        "sphere" => sphere(&value).map(|(centre, radius)| Bind::Sphere { centre, radius }),
         "nodes" => {
             let nodes: Vec<u32> =
                 value.array()?.iter().map(|node| node.whole(0, u32::MAX - 1)).collect::<Result<_>>()?;

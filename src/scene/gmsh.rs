@@ -2,6 +2,9 @@
 //!
 //! Format: Gmsh reference manual, "MSH file format" and "MSH file format version 2 (Legacy)".
 
+mod groups;
+
+use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
 
@@ -14,6 +17,8 @@ use crate::Result;
 const REMEDY: &str = "export the mesh again as MSH 2.2 or 4.1";
 /// Gmsh's type number of the four-node tetrahedron.
 const TETRAHEDRON: u64 = 4;
+/// The physical group that is none, in version 2.
+const UNGROUPED: i64 = 0;
 /// Nodes of each of Gmsh's element types, from type 1; 0 where this list does not know.
 const NODE_COUNTS: [usize; 31] =
     [2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9, 10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56];
@@ -21,7 +26,8 @@ const NODE_COUNTS: [usize; 31] =
 const TYPE_COUNT: u64 = 200;
 
 /// Reads the nodes and the four-node tetrahedra of an MSH file; other elements are left out and counted in the notes.
-/// Node ids need not be dense.
+/// Node ids need not be dense. Groups are the physical ones: of an element its first tag (2.2), or the first of its
+/// volume's (4.1).
 pub fn read(path: &Path) -> Result<TetMesh> {
     parse(&cursor::bytes(path)?, path)
 }
@@ -30,13 +36,15 @@ pub fn read(path: &Path) -> Result<TetMesh> {
 pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     let mut cursor = Cursor::new(path, bytes, REMEDY);
     let version = header(&mut cursor)?;
-    let mut file = Contents::default();
+    let (mut file, mut volumes) = (Contents::default(), HashMap::new());
     while let Some(head) = cursor.next_filled() {
         match head {
             "$Nodes" if version == Version::V2 => nodes_v2(&mut cursor, &mut file)?,
             "$Nodes" => nodes_v4(&mut cursor, &mut file)?,
             "$Elements" if version == Version::V2 => elements_v2(&mut cursor, &mut file)?,
-            "$Elements" => elements_v4(&mut cursor, &mut file)?,
+            "$Elements" => elements_v4(&mut cursor, &mut file, &volumes)?,
+            "$PhysicalNames" => groups::names(&mut cursor, &mut file)?,
+            "$Entities" if version == Version::V4 => volumes = groups::volumes(&mut cursor, &mut file)?,
             other if other.starts_with('$') => cursor.skip_past(&format!("$End{}", &other[1..]))?,
             other => return Err(cursor.error(format!("\"{}\" stands outside any section", short(other)))),
         }
@@ -139,10 +147,16 @@ fn nodes_v4(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
 }
 
 /// Adds the element read last, or counts it where it is no four-node tetrahedron.
-fn add_element(cursor: &Cursor, file: &mut Contents, kind: u64, id: u64, nodes: &[u64]) -> Result<()> {
+fn add_element(
+    cursor: &Cursor,
+    file: &mut Contents,
+    kind: u64,
+    (id, group): (u64, Option<i64>),
+    nodes: &[u64],
+) -> Result<()> {
     match (kind, nodes) {
         (TETRAHEDRON, &[a, b, c, d]) => {
-            file.elements.push(Element { id, mark: cursor.mark(), nodes: [a, b, c, d] });
+            file.elements.push(Element { id, mark: cursor.mark(), nodes: [a, b, c, d], group });
         }
         (TETRAHEDRON, _) => return Err(cursor.error(format!("tetrahedron {id} has {} nodes", nodes.len()))),
         (0 | TYPE_COUNT.., _) => return Err(cursor.error(format!("element {id} is of the unknown type {kind}"))),
@@ -184,7 +198,8 @@ fn elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
         let ids: Vec<u64> = words.iter().map(|&word| word.max(0) as u64).collect();
         let first = usize::try_from(ids[2]).ok().and_then(|tags| tags.checked_add(3));
         let nodes = first.and_then(|first| ids.get(first..)).unwrap_or_default();
-        add_element(cursor, file, ids[1], ids[0], nodes)?;
+        let group = if ids[2] > 0 { words.get(3).copied() } else { None };
+        add_element(cursor, file, ids[1], (ids[0], group.filter(|&group| group != UNGROUPED)), nodes)?;
         done += 1;
     }
     cursor.expect("$EndElements")
@@ -200,24 +215,26 @@ fn binary_elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<u64> {
     let nodes = nodes_of(cursor, kind)?;
     for _ in 0..count {
         let id = cursor.i32("an element")?.max(0) as u64;
-        cursor.take(4 * tags, "an element's tags")?;
+        let tags = (0..tags).map(|_| cursor.i32("an element's tags")).collect::<Result<Vec<_>>>()?;
+        let group = tags.first().map(|&group| group.into()).filter(|&group| group != UNGROUPED);
         let words = whole(cursor, "an element's nodes", nodes, 0)?;
         let words: Vec<u64> = words.iter().map(|&word| word.max(0) as u64).collect();
-        add_element(cursor, file, kind, id, &words)?;
+        add_element(cursor, file, kind, (id, group), &words)?;
     }
     Ok(count)
 }
 
-fn elements_v4(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
+fn elements_v4(cursor: &mut Cursor, file: &mut Contents, volumes: &HashMap<i64, i64>) -> Result<()> {
     let blocks = whole(cursor, "the counts of $Elements", 0, 4)?[0];
     for _ in 0..cursor.natural(blocks, "the number of blocks")? {
         let head = whole(cursor, "a block of elements (dimension, tag, type, count)", 3, 1)?;
         let kind = cursor.natural(head[2], "a type of elements")?;
+        let group = volumes.get(&head[1]).copied();
         let nodes = if cursor.order.is_some() { nodes_of(cursor, kind)? } else { 1 };
         for _ in 0..cursor.natural(head[3], "the number of elements in a block")? {
             let words = whole(cursor, "an element (id, nodes)", 0, 1 + nodes)?;
             let words: Vec<u64> = words.iter().map(|&word| word.max(0) as u64).collect();
-            add_element(cursor, file, kind, words[0], &words[1..])?;
+            add_element(cursor, file, kind, (words[0], group), &words[1..])?;
         }
     }
     cursor.expect("$EndElements")

@@ -218,6 +218,13 @@ impl<'a> Value<'a> {
             .ok_or_else(|| self.error(format!("is {integer}"), format!("give a whole number from {low} to {high}")))
     }
 
+    /// A whole number of either sign.
+    pub fn integer(&self) -> Result<i64> {
+        let DeValue::Integer(integer) = self.value.get_ref() else { return Err(self.wrong_type("a whole number")) };
+        i64::from_str_radix(integer.as_str(), integer.radix())
+            .map_err(|_| self.error(format!("is {integer}"), "give a whole number of 64 bits"))
+    }
+
     /// A boolean that must be `true` (`all = true`).
     pub fn must_be_true(&self) -> Result<()> {
         match self.value.get_ref().as_bool() {

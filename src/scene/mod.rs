@@ -7,8 +7,10 @@ mod body;
 mod cursor;
 mod drive;
 pub mod gmsh;
+pub mod groups;
 mod keys;
 mod load;
+mod material;
 pub mod obj;
 mod skeleton;
 mod supported;
@@ -26,6 +28,7 @@ use glam::{DQuat, DVec3};
 pub use crate::prepare::model::Model;
 pub use body::{Dilatation, MOST_HULLS};
 pub use keys::unit_quaternion;
+pub use material::{Group, Law, Material, Place, Region};
 pub use skeleton::{Bone, Skeleton};
 
 /// A whole scene, as written.
@@ -149,6 +152,8 @@ pub struct Body {
     pub material: Option<Material>,
     /// Over what the volumetric strain of a soft body is one.
     pub dilatation: Dilatation,
+    /// Where the material is another; of a soft body.
+    pub regions: Vec<Region>,
     /// Names of bodies it collides with ("tool" is the tool); `None`: every other.
     pub collides: Option<Vec<String>>,
     /// Rigid cores; first one a bone where there is a skeleton, in its order.
@@ -229,21 +234,6 @@ pub enum Layer {
         /// Cells per axis.
         cells: [u32; 3],
     },
-}
-
-/// Linear elastic material.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Material {
-    /// Young's modulus, Pa.
-    pub young: f64,
-    /// Poisson's ratio.
-    pub poisson: f64,
-    /// Density, kg/m^3.
-    pub density: f64,
-    /// Rayleigh damping alpha, 1/s.
-    pub damping_mass: f64,
-    /// Rayleigh damping beta, s.
-    pub damping_stiffness: f64,
 }
 
 /// `[[body.core]]`.

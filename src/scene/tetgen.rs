@@ -10,7 +10,7 @@ use crate::{Error, Result};
 
 const REMEDY: &str = "export the mesh again with TetGen";
 
-/// Reads a pair of files, of which either may be named.
+/// Reads a pair of files, of which either may be named. A tetrahedron's first attribute is its group.
 pub fn read(path: &Path) -> Result<TetMesh> {
     let (nodes, elements) = (path.with_extension("node"), path.with_extension("ele"));
     if let Some(missing) = [&nodes, &elements].into_iter().find(|path| !path.is_file()) {
@@ -85,15 +85,25 @@ fn read_elements(cursor: &mut Cursor, contents: &mut Contents) -> Result<()> {
         let problem = format!("tetrahedra of {corners} nodes are not read");
         return Err(cursor.error_at(cursor.mark(), problem, "export first-order tetrahedra, of 4 nodes"));
     }
+    let mut odd = 0;
     rows(cursor, count, "a tetrahedron (id, four nodes)", |cursor, row| {
         let id = natural(cursor, row, 0, "a tetrahedron's id")?;
         let mut nodes = [0; 4];
         for (k, node) in nodes.iter_mut().enumerate() {
             *node = natural(cursor, row, 1 + k, "a node of a tetrahedron")?;
         }
-        contents.elements.push(Element { id, mark: cursor.mark(), nodes });
+        let group = row.get(5).copied();
+        // Exact up to 2^53, as ids are.
+        let is_whole = |number: &f64| number.fract() == 0.0 && number.abs() < 2f64.powi(53);
+        odd += u64::from(group.is_some_and(|number| !is_whole(&number)));
+        let group = group.filter(is_whole).map(|number| number as i64);
+        contents.elements.push(Element { id, mark: cursor.mark(), nodes, group });
         Ok(())
-    })
+    })?;
+    if odd > 0 {
+        contents.notes.push(format!("{odd} tetrahedra have an attribute that is no whole number, and are in no group"));
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -119,6 +129,11 @@ mod tests {
     fn either_base_attributes_markers_and_comments() {
         let zero = mesh(NODES, ELEMENTS).unwrap();
         assert_eq!((zero.nodes.len(), &zero.tetrahedra[..], zero.notes.len()), (4, &[[0, 1, 2, 3]][..], 0));
+        assert_eq!(zero.groups.of, [Some(5)]);
+        let odd = mesh(NODES, "1 4 1\n0 0 1 2 3 0.5\n").unwrap();
+        assert!(odd.groups.of == [None] && odd.notes[0].contains("1 tetrahedra have an attribute"), "{:?}", odd.notes);
+        let zero = mesh(NODES, "1 4 0\n0 0 1 2 3\n").unwrap();
+        assert_eq!(zero.groups.of, [None]);
         let nodes = "4 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n";
         assert_eq!(mesh(nodes, "1 4 0\n1 1 2 3 4\n").unwrap(), zero);
         assert_eq!(mesh(nodes, "1 4 0\n1 1 2 4 3\n").unwrap(), zero, "turned");

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::cursor::Cursor;
+use super::groups::Groups;
 use super::{gmsh, tetgen, vtk};
 use crate::{Error, Result};
 
@@ -26,6 +27,8 @@ pub struct TetMesh {
     pub nodes: Vec<DVec3>,
     /// Zero-based nodes of each tetrahedron, positive volume (two nodes are swapped where the file's is negative).
     pub tetrahedra: Vec<[u32; 4]>,
+    /// Which group of the file each tetrahedron is in.
+    pub groups: Groups,
     /// What of the file was left out or changed, a sentence each.
     pub notes: Vec<String>,
 }
@@ -63,6 +66,10 @@ pub(super) struct Contents {
     pub elements: Vec<Element>,
     /// Elements that are no four-node tetrahedra, by what they are.
     pub skipped: BTreeMap<String, usize>,
+    /// Names of groups.
+    pub groups: BTreeMap<i64, String>,
+    /// What else there is to say, a sentence each.
+    pub notes: Vec<String>,
 }
 
 /// A tetrahedron as the file names it.
@@ -71,6 +78,7 @@ pub(super) struct Element {
     /// Where it stands in the file.
     pub mark: usize,
     pub nodes: [u64; 4],
+    pub group: Option<i64>,
 }
 
 impl Contents {
@@ -129,11 +137,12 @@ pub(super) fn settle(file: Contents, cursor: &Cursor) -> Result<TetMesh> {
         tetrahedra.push(nodes);
     }
     let notes = notes(&file, turned, &tetrahedra);
-    Ok(TetMesh { nodes: file.nodes, tetrahedra, notes })
+    let groups = Groups { of: file.elements.iter().map(|element| element.group).collect(), names: file.groups };
+    Ok(TetMesh { nodes: file.nodes, tetrahedra, groups, notes })
 }
 
 fn notes(file: &Contents, turned: usize, tetrahedra: &[[u32; 4]]) -> Vec<String> {
-    let mut notes = Vec::new();
+    let mut notes = file.notes.clone();
     if !file.skipped.is_empty() {
         let kinds: Vec<String> = file.skipped.iter().map(|(what, count)| format!("{count} {what}")).collect();
         notes.push(format!("elements that are no four-node tetrahedra left out: {}", kinds.join(", ")));

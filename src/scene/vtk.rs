@@ -3,11 +3,14 @@
 //!
 //! Format: "VTK File Formats", simple legacy formats, versions 1 to 4 and 5.1; ASCII, and binary (big-endian always).
 
+mod data;
+
 use std::io::Write;
 use std::path::Path;
 
 use glam::DVec3;
 
+use self::data::CellData;
 use super::cursor::{self, Cursor, Order, short};
 use super::tetrahedra::{Contents, Element, TetMesh, settle};
 use crate::Result;
@@ -17,7 +20,8 @@ const REMEDY: &str = "export the mesh again as a legacy VTK unstructured grid";
 const TETRAHEDRON: u64 = 10;
 
 /// Reads the points and the four-node tetrahedra of an unstructured grid; other cells are left out and counted in the
-/// notes. Data on points and cells is passed over.
+/// notes. Groups are the data on cells called `group`, else the first that are whole numbers, one a cell; data that
+/// cannot be read are no error, but a note.
 pub fn read(path: &Path) -> Result<TetMesh> {
     parse(&cursor::bytes(path)?, path)
 }
@@ -27,6 +31,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     let mut cursor = Cursor::new(path, bytes, REMEDY);
     header(&mut cursor)?;
     let (mut file, mut cells, mut types) = (Contents::default(), Cells::default(), Vec::new());
+    let mut on_cells = CellData::default();
     while let Some(line) = cursor.next_filled() {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[0].to_uppercase().as_str() {
@@ -41,12 +46,23 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
             }
             "FIELD" => field(&mut cursor, &words)?,
             "METADATA" => while cursor.next_line().is_some_and(|line| !line.is_empty()) {},
-            // Nothing that follows is a mesh.
-            "POINT_DATA" | "CELL_DATA" => break,
+            // Nothing that follows is a mesh, or keeps one from being read.
+            "POINT_DATA" | "CELL_DATA" => {
+                if let Err(error) = on_cells.read(&mut cursor, &words) {
+                    file.notes.push(format!("data on points and cells left out: {error}"));
+                    on_cells = CellData::default();
+                }
+                break;
+            }
             other => return Err(cursor.error(format!("unknown keyword \"{}\"", short(other)))),
         }
     }
-    cells.elements(&cursor, &types, &mut file)?;
+    if !on_cells.groups.is_empty() && on_cells.groups.len() != types.len() {
+        let (count, cells) = (on_cells.groups.len(), types.len());
+        file.notes.push(format!("data on cells left out: they are of {count} cells, and there are {cells}"));
+        on_cells = CellData::default();
+    }
+    cells.elements(&cursor, (&types, &on_cells.groups), &mut file)?;
     settle(file, &cursor)
 }
 
@@ -192,7 +208,7 @@ impl Cells {
     }
 
     /// Resolves cells and their types to tetrahedra.
-    fn elements(&self, cursor: &Cursor, types: &[u64], file: &mut Contents) -> Result<()> {
+    fn elements(&self, cursor: &Cursor, (types, groups): (&[u64], &[i64]), file: &mut Contents) -> Result<()> {
         let cells = self.offsets.len().saturating_sub(1);
         if types.len() != cells {
             return Err(cursor.error(format!("{cells} cells, and {} types", types.len())));
@@ -209,7 +225,7 @@ impl Cells {
             match (kind, corners) {
                 (TETRAHEDRON, &[a, b, c, d]) => {
                     let nodes = [a.0, b.0, c.0, d.0];
-                    file.elements.push(Element { id: id as u64, mark: a.1, nodes });
+                    file.elements.push(Element { id: id as u64, mark: a.1, nodes, group: groups.get(id).copied() });
                 }
                 _ => file.skip(&name),
             }

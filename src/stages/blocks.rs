@@ -3,6 +3,7 @@
 
 use std::ops::Range;
 
+use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
 
 use super::layers::held;
@@ -18,7 +19,7 @@ const ROUNDS: usize = 5;
 /// Carried nodes of a block.
 const CARRIED_NODES: usize = 256;
 
-/// Added to the moments of a block's shape, of its size squared.
+/// Moments of a block's shape from which it is not flat, of its size squared.
 const LEAST_SPREAD: f64 = 1e-4;
 
 /// What the solver's passes go by.
@@ -30,7 +31,7 @@ pub struct Blocks {
     pub free: usize,
     /// The place of a block's modes among those of all: a body's lie together.
     pub slots: Vec<u32>,
-    /// Node, its first quad of elements, quads, 0; by block.
+    /// Node, its first quad of elements, quads, bits of its damping by mass (kg/s); by block.
     pub nodes: Vec<[u32; 4]>,
     /// Middle of a block's nodes in their frame, m, and 1 over its size, 1/m.
     pub places: Vec<[f32; 4]>,
@@ -141,11 +142,23 @@ impl Blocks {
         self.places.push(texel(middle, inverse_size));
         let square = |x: DVec3| DMat3::from_cols(x * x.x, x * x.y, x * x.z);
         let sum = places().fold(DMat3::ZERO, |sum, x| sum + square((x - middle) * inverse_size));
-        // Where nodes lie in a plane or a row: nothing is known across, and the fit leaves it as at rest.
-        let inverse = (sum + DMat3::IDENTITY * (LEAST_SPREAD * nodes.len() as f64)).inverse();
+        // Where nodes lie in a plane or a row nothing is known across, and the fit leaves it as at rest.
+        let inverse = inverse_within(sum, LEAST_SPREAD * nodes.len() as f64);
         self.moments.push(texel(DVec3::new(inverse.x_axis.x, inverse.y_axis.y, inverse.z_axis.z), 0.0));
         self.moments.push(texel(DVec3::new(inverse.y_axis.x, inverse.z_axis.x, inverse.z_axis.y), 0.0));
         let info = |n: &u32| model.node_info[*n as usize];
-        self.nodes.extend(nodes.iter().map(|n| [*n, info(n)[0], info(n)[1], 0]));
+        let damping = |n: &u32| model.node_damping[*n as usize].to_bits();
+        self.nodes.extend(nodes.iter().map(|n| [*n, info(n)[0], info(n)[1], damping(n)]));
     }
+}
+
+/// The inverse of a symmetric matrix along those of its axes where it exceeds `least`, and nothing along the others.
+fn inverse_within(matrix: DMat3, least: f64) -> DMat3 {
+    let wide = Mat::from_fn(3, 3, |i, j| matrix.col(j)[i]);
+    let Ok(eigen) = wide.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };
+    let (values, vectors) = (eigen.S(), eigen.U());
+    (0..3).filter(|k| values[*k] > least).fold(DMat3::ZERO, |sum, k| {
+        let axis = DVec3::new(vectors[(0, k)], vectors[(1, k)], vectors[(2, k)]);
+        sum + DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z) * (1.0 / values[k])
+    })
 }

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use faer::linalg::solvers::DenseSolveCore;
-use faer::{Mat, Side};
+use faer::{Mat, MatRef, Side};
 use glam::{DMat3, DVec3};
 
 use super::layers::held;
@@ -25,8 +25,9 @@ const LEAST_AGGREGATES: usize = 64;
 const MOST_AGGREGATES: usize = 200;
 /// Nodes of an aggregate at least: fewer hardly know affine motions.
 const LEAST_NODES: usize = 8;
-/// Of the diagonal, added to it: what no node of a block feels of its modes would make the matrix singular.
-const REGULAR: f64 = 1e-6;
+/// Mean square of a motion over a block's nodes, over the largest, from which it is one of its own: in a plane or a row some
+/// affine motions are others as well.
+const LEAST_MOTION: f64 = 1e-4;
 
 /// The coarse level of all bodies that have one.
 #[derive(Debug, Clone, Default)]
@@ -77,7 +78,7 @@ impl Model {
     pub fn stiffness_number(&self, soft: &SoftRange, dt: f64) -> f64 {
         let mut stiffness = vec![0.0; soft.nodes.len()];
         for t in self.tetrahedra_of(soft) {
-            let [mu, lambda, _, beta] = self.material_of(t);
+            let [mu, lambda, beta] = self.material_of(t);
             let factor = (dt * dt + dt * beta) * self.volume(t);
             for (i, g) in self.tetrahedra[t].iter().zip(self.gradients_of(t)) {
                 stiffness[*i as usize - soft.nodes.start] += factor * (4.0 * mu + lambda) * g.length_squared();
@@ -94,10 +95,9 @@ impl Model {
         (0..self.tetrahedra.len()).filter(|t| soft.nodes.contains(&(self.tetrahedra[*t][0] as usize)))
     }
 
-    /// (1 + h alpha) m of a node, kg.
+    /// m + h alpha m of a node, kg.
     fn inertia(&self, node: usize, dt: f64) -> f64 {
-        let alpha = f64::from(self.materials[self.node_info[node][2] as usize][2]);
-        (1.0 + dt * alpha) * f64::from(self.node_rest[node][3])
+        f64::from(self.node_rest[node][3]) + dt * f64::from(self.node_damping[node])
     }
 
     /// Gradients of a tetrahedron's four shape functions at rest, 1/m.
@@ -106,9 +106,10 @@ impl Model {
         [-wide(0) - wide(1) - wide(2), wide(0), wide(1), wide(2)]
     }
 
-    fn material_of(&self, tetrahedron: usize) -> [f64; 4] {
-        let frame = self.rest_gradients[3 * tetrahedron + 2][3] as usize;
-        self.materials[frame].map(f64::from)
+    /// mu, lambda, Pa, and beta, s.
+    fn material_of(&self, tetrahedron: usize) -> [f64; 3] {
+        let [mu, lambda, _, beta] = self.materials[self.rest_gradients[3 * tetrahedron + 1][3] as usize];
+        [mu, lambda, beta].map(f64::from)
     }
 
     fn volume(&self, tetrahedron: usize) -> f64 {
@@ -122,34 +123,19 @@ impl Model {
         let mut blocks: Vec<usize> = (0..self.blocks.blocks.len()).filter(own).collect();
         blocks.sort_by_key(|b| self.blocks.slots[*b]);
         let Some(first_slot) = blocks.first().map(|b| self.blocks.slots[*b]) else { return false };
-        // The blocks of one core have its six modes in common: those of the first stand for all.
-        let first_of = |k: usize| match self.blocks.blocks[blocks[k]][3] {
-            NONE => k,
-            core => (0..k).find(|l| self.blocks.blocks[blocks[*l]][3] == core).unwrap_or(k),
-        };
-        let stands: Vec<usize> = (0..blocks.len()).map(first_of).collect();
         let size = MODES * blocks.len();
-        let matrix = self.coarse_matrix(soft, &blocks, &stands, dt);
-        // The others move nothing: a core has six, fewer on a hinge.
-        let used: Vec<usize> = (0..size).filter(|i| matrix[(*i, *i)] > 0.0).collect();
-        let packed = Mat::from_fn(used.len(), used.len(), |i, j| {
-            matrix[(used[i], used[j])] * if i == j { 1.0 + REGULAR } else { 1.0 }
-        });
-        let Ok(factor) = packed.llt(Side::Lower) else { return false };
-        let inverse = factor.inverse();
-        let place = |mode: usize| used.binary_search(&(MODES * stands[mode / MODES] + mode % MODES)).ok();
-        let places: Vec<(usize, usize)> = (0..size).filter_map(|mode| Some((mode, place(mode)?))).collect();
+        // E^T A_c E and E (E^T A_c E)^-1 E^T with E the motions of their own.
+        let (matrix, motions) = (self.coarse_matrix(soft, &blocks, dt), self.motions(&blocks));
+        let half = combined(&motions, matrix.as_ref());
+        let reduced = combined(&motions, half.transpose());
+        let Ok(factor) = reduced.llt(Side::Lower) else { return false };
+        let Some(inverse) = HalfInverse::new(&motions, &factor.inverse(), size) else { return false };
         let texels = size.div_ceil(8);
         let first_texel = coarse.inverse.len();
         let mut rows = vec![half::f16::ZERO; size * 8 * texels];
-        let scales: Vec<f64> = (0..used.len()).map(|i| inverse[(i, i)].sqrt()).collect();
-        for (row, i) in &places {
-            for (column, j) in &places {
-                // Symmetric to the last bit.
-                let value = inverse[(*i.max(j), *i.min(j))] / (scales[*i] * scales[*j]);
-                rows[row * 8 * texels + column] = half::f16::from_f64(value);
-            }
-            coarse.scales[3 * first_slot as usize + row / 4][row % 4] = scales[*i] as f32;
+        for i in 0..size {
+            (0..size).for_each(|j| rows[i * 8 * texels + j] = inverse.values[i * size + j]);
+            coarse.scales[3 * first_slot as usize + i / 4][i % 4] = inverse.scales[i] as f32;
         }
         let pair = |x: &[half::f16]| u32::from(x[0].to_bits()) | u32::from(x[1].to_bits()) << 16;
         coarse.inverse.extend(rows.chunks(8).map(|x| [0, 2, 4, 6].map(|k| pair(&x[k..]))));
@@ -160,14 +146,67 @@ impl Model {
         true
     }
 
-    /// P^T A P at rest, without contact; a block's modes stand where `stands` says.
-    fn coarse_matrix(&self, soft: &SoftRange, blocks: &[usize], stands: &[usize], dt: f64) -> Mat<f64> {
+    /// Motions of a body's blocks, each a combination of their modes (index, weight), of which none is made of others: all
+    /// blocks of a core move as one, and those on a hinge only about that.
+    fn motions(&self, blocks: &[usize]) -> Vec<Vec<(usize, f64)>> {
+        let mut motions = Vec::new();
+        let mut cores: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (k, b) in blocks.iter().enumerate() {
+            let [.., rigid] = self.blocks.blocks[*b];
+            if rigid != NONE {
+                cores.entry(rigid).or_default().push(MODES * k);
+                continue;
+            }
+            for weights in self.affine_motions(*b) {
+                let mode = |axis: usize| weights.iter().enumerate().map(move |(m, w)| (MODES * k + 3 * m + axis, *w));
+                motions.extend((0..3).map(|axis| mode(axis).filter(|(_, w)| *w != 0.0).collect()));
+            }
+        }
+        for (rigid, modes) in cores {
+            let core = &self.cores[rigid as usize];
+            let axis = self.frames[core.frame].orientation.conjugate() * core.hinge;
+            let along = |from: usize, axis: DVec3| -> Vec<(usize, f64)> {
+                let of_block = |first: &usize| (0..3).map(|k| (first + from + k, axis[k])).collect::<Vec<_>>();
+                modes.iter().flat_map(of_block).filter(|(_, w)| *w != 0.0).collect()
+            };
+            if axis != DVec3::ZERO {
+                motions.push(along(3, axis));
+                continue;
+            }
+            motions.extend([0, 3].iter().flat_map(|from| DVec3::AXES.map(|axis| along(*from, axis))));
+        }
+        motions
+    }
+
+    /// Combinations of 1, x, y and z that a block's nodes tell from each other; those themselves where they do of all.
+    fn affine_motions(&self, block: usize) -> Vec<[f64; 4]> {
+        let [first, count, ..] = self.blocks.blocks[block];
+        let nodes = &self.blocks.nodes[first as usize..(first + count) as usize];
+        let weights: Vec<_> = nodes.iter().map(|n| self.affine_weights(block, n[0])).collect();
+        let square = Mat::from_fn(4, 4, |i, j| weights.iter().map(|w| w[i] * w[j]).sum::<f64>());
+        let Ok(eigen) = square.self_adjoint_eigen(Side::Lower) else { return Vec::new() };
+        let own: Vec<usize> = (0..4).filter(|k| eigen.S()[*k] > LEAST_MOTION * eigen.S()[3]).collect();
+        let unit = |k: usize| std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 });
+        if own.len() == 4 {
+            return (0..4).map(unit).collect();
+        }
+        own.iter().map(|k| std::array::from_fn(|i| eigen.U()[(i, *k)])).collect()
+    }
+
+    fn affine_weights(&self, block: usize, node: u32) -> [f64; 4] {
+        let [x, y, z, inverse_size] = self.blocks.places[block].map(f64::from);
+        let at = (self.place_in_frame(node) - DVec3::new(x, y, z)) * inverse_size;
+        [1.0, at.x, at.y, at.z]
+    }
+
+    /// P^T A P at rest, without contact; of cores as if none was hinged.
+    fn coarse_matrix(&self, soft: &SoftRange, blocks: &[usize], dt: f64) -> Mat<f64> {
         let mut bases: Vec<Option<(usize, Basis)>> = vec![None; soft.nodes.len()];
         for (k, b) in blocks.iter().enumerate() {
-            let [first, count, frame, rigid] = self.blocks.blocks[*b];
+            let [first, count, _, rigid] = self.blocks.blocks[*b];
             for node in &self.blocks.nodes[first as usize..(first + count) as usize] {
-                let basis = Basis::new(self, *b, node[0], frame as usize, rigid);
-                bases[node[0] as usize - soft.nodes.start] = Some((MODES * stands[k], basis));
+                let basis = Basis::new(self, *b, node[0], rigid);
+                bases[node[0] as usize - soft.nodes.start] = Some((MODES * k, basis));
             }
         }
         let basis = |n: usize| bases[n - soft.nodes.start].as_ref();
@@ -179,7 +218,7 @@ impl Model {
             }
         }
         for t in self.tetrahedra_of(soft) {
-            let [mu, lambda, _, beta] = self.material_of(t);
+            let [mu, lambda, beta] = self.material_of(t);
             let lambda = if self.patches.of[t] == NONE { lambda } else { 0.0 };
             let factor = (dt * dt + dt * beta) * self.volume(t);
             let g = self.gradients_of(t);
@@ -236,38 +275,87 @@ fn aggregates(nodes: usize) -> usize {
     wanted.clamp(LEAST_AGGREGATES, MOST_AGGREGATES).min(nodes.div_ceil(LEAST_NODES)).max(1)
 }
 
+/// E X E^T with E the motions, scaled to a diagonal of one and rounded to half precision.
+struct HalfInverse {
+    /// By rows.
+    values: Vec<half::f16>,
+    /// The roots of what its diagonal was; zero where no motion has a mode.
+    scales: Vec<f64>,
+}
+
+impl HalfInverse {
+    /// Of X symmetric and positive definite; what rounding would make of it is not where bodies are stiff, and conjugate
+    /// gradients need that. So its diagonal grows until it is: by some thousandths, 2^-5 at most (else `None`).
+    fn new(motions: &[Vec<(usize, f64)>], x: &Mat<f64>, size: usize) -> Option<HalfInverse> {
+        let shifts = std::iter::once(0.0).chain((5..=11).rev().map(|k| 0.5f64.powi(k)));
+        shifts.map(|shift| HalfInverse::shifted(motions, x, size, shift)).find(|half| half.is_positive(motions, size))
+    }
+
+    fn shifted(motions: &[Vec<(usize, f64)>], x: &Mat<f64>, size: usize, shift: f64) -> HalfInverse {
+        let mut x = x.clone();
+        (0..x.nrows()).for_each(|k| x[(k, k)] *= 1.0 + shift);
+        let half = spread(motions, x.as_ref(), size);
+        let inverse = spread(motions, half.transpose(), size);
+        let scales: Vec<f64> = (0..size).map(|i| inverse[(i, i)].max(0.0).sqrt()).collect();
+        let mut values = vec![half::f16::ZERO; size * size];
+        for i in (0..size).filter(|i| scales[*i] > 0.0) {
+            for j in (0..size).filter(|j| scales[*j] > 0.0) {
+                // Symmetric to the last bit.
+                let value = inverse[(i.max(j), i.min(j))] / (scales[i] * scales[j]);
+                values[i * size + j] = half::f16::from_f64(value);
+            }
+        }
+        HalfInverse { values, scales }
+    }
+
+    /// Whether it is positive definite as to the motions.
+    fn is_positive(&self, motions: &[Vec<(usize, f64)>], size: usize) -> bool {
+        let value = |i: usize, j: usize| self.values[i * size + j].to_f64() * self.scales[i] * self.scales[j];
+        let all = Mat::from_fn(size, size, value);
+        let half = combined(motions, all.as_ref());
+        combined(motions, half.transpose()).llt(Side::Lower).is_ok()
+    }
+}
+
+/// E^T matrix, E the motions.
+fn combined(motions: &[Vec<(usize, f64)>], matrix: MatRef<f64>) -> Mat<f64> {
+    Mat::from_fn(motions.len(), matrix.ncols(), |i, j| motions[i].iter().map(|(k, w)| w * matrix[(*k, j)]).sum::<f64>())
+}
+
+/// E matrix, E the motions of so many modes.
+fn spread(motions: &[Vec<(usize, f64)>], matrix: MatRef<f64>, modes: usize) -> Mat<f64> {
+    let mut all = Mat::zeros(modes, matrix.ncols());
+    for (i, motion) in motions.iter().enumerate() {
+        for (k, w) in motion {
+            (0..matrix.ncols()).for_each(|j| all[(*k, j)] += w * matrix[(i, j)]);
+        }
+    }
+    all
+}
+
 /// How a node moves with the modes of its block, in rest axes.
 #[derive(Debug, Clone)]
 enum Basis {
     /// c0 + c1 x + c2 y + c3 z.
     Affine([f64; 4]),
-    /// linear + angular x arm, as far as a hinge lets it.
-    Twist([DMat3; 2]),
+    /// linear + angular x arm, as the matrix of the second.
+    Twist(DMat3),
 }
 
 impl Basis {
-    fn new(model: &Model, block: usize, node: u32, frame: usize, rigid: u32) -> Basis {
-        let place = model.place_in_frame(node);
+    fn new(model: &Model, block: usize, node: u32, rigid: u32) -> Basis {
         if rigid == NONE {
-            let [x, y, z, inverse_size] = model.blocks.places[block].map(f64::from);
-            let at = (place - DVec3::new(x, y, z)) * inverse_size;
-            return Basis::Affine([1.0, at.x, at.y, at.z]);
+            return Basis::Affine(model.affine_weights(block, node));
         }
-        let axis = model.frames[frame].orientation.conjugate() * model.cores[rigid as usize].hinge;
-        let (linear, angular) = if axis == DVec3::ZERO {
-            (DMat3::IDENTITY, DMat3::IDENTITY)
-        } else {
-            (DMat3::ZERO, DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z))
-        };
-        let cross = DMat3::from_cols(place.cross(DVec3::X), place.cross(DVec3::Y), place.cross(DVec3::Z));
-        Basis::Twist([linear, -cross * angular])
+        let place = model.place_in_frame(node);
+        Basis::Twist(DMat3::from_cols(DVec3::X.cross(place), DVec3::Y.cross(place), DVec3::Z.cross(place)))
     }
 
     /// Its parts as 3x3 matrices of three modes each.
     fn matrices(&self) -> Vec<DMat3> {
         match self {
             Basis::Affine(weights) => weights.iter().map(|w| DMat3::from_diagonal(DVec3::splat(*w))).collect(),
-            Basis::Twist(matrices) => matrices.to_vec(),
+            Basis::Twist(angular) => vec![DMat3::IDENTITY, *angular],
         }
     }
 }

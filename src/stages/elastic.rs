@@ -18,8 +18,7 @@ pub struct Elastic {
     pub tetrahedron_count: usize,
     /// Nodes.
     pub node_count: usize,
-    /// mu, lambda, alpha, beta; a frame.
-    pub materials: Buffer,
+    materials: Buffer,
     /// Four nodes a tetrahedron.
     pub tetrahedra: Buffer,
     tetrahedron_links: Buffer,
@@ -52,6 +51,7 @@ impl Elastic {
             ("TETRAHEDRA", count(tetrahedra)),
             ("SPANS", Const::Bool(model.spans_frames())),
             ("PATCHES", Const::Bool(patches > 0)),
+            ("NEO_HOOKEAN", Const::Bool(model.has_neo_hookean())),
         ];
         Ok(Elastic {
             dilate: (patches > 0).then(|| Dilate::new(context, &model.patches)).transpose()?,

@@ -2,11 +2,11 @@
 
 use glam::{DMat3, DVec3};
 
-use super::model::{Core, FramePlace, Model, Motion, lame, texel};
+use super::model::{Core, FramePlace, Model, Motion, texel};
 use super::types::NONE;
 use crate::prepare::patch::MOST_NODES;
-use crate::prepare::{FrameMotion, Layer, Skin};
-use crate::scene::Material;
+use crate::prepare::{FrameMotion, Layer, Materials, Skin};
+use crate::scene::{Law, Material};
 
 /// Marks an entry into the forces of patches until the number of all tetrahedra is known.
 pub(super) const OF_PATCH: u32 = 1 << 31;
@@ -21,6 +21,12 @@ pub(super) mod held {
     pub const CARRIED: u32 = 2;
 }
 
+/// Laws of materials, as in shaders/elastic/rotate.comp.
+mod law {
+    pub const COROTATIONAL: f32 = 0.0;
+    pub const NEO_HOOKEAN: f32 = 1.0;
+}
+
 impl Model {
     /// Inertia of what a dynamic core carries about its frame's centre, frame axes, kg m^2.
     pub fn inertia_of(&self, core: &Core) -> DMat3 {
@@ -31,6 +37,11 @@ impl Model {
                 - DMat3::from_cols(r * r.x, r * r.y, r * r.z))
         };
         core.nodes.iter().map(point).fold(DMat3::ZERO, |sum, part| sum + part)
+    }
+
+    /// Whether any material is neo-Hookean.
+    pub fn has_neo_hookean(&self) -> bool {
+        self.materials.iter().any(|material| material[2] == law::NEO_HOOKEAN)
     }
 
     /// The world axis that a frame is hinged to; zero: to none.
@@ -62,6 +73,7 @@ impl Model {
             self.carried_nodes.push(self.node_rest.len() as u32);
             self.node_info.push([self.node_elements.len() as u32, 0, frame as u32, held::CARRIED]);
             self.node_rest.push(texel(shape * corner + centre - self.frames[frame].rest_centre, 0.25 * mass));
+            self.node_damping.push(0.0);
             self.velocity.push(texel(velocity, 0.0));
         }
         let back = shape.inverse();
@@ -78,12 +90,14 @@ impl Model {
         &mut self,
         layer: &Layer,
         node_frames: &[u32],
-        material: &Material,
+        materials: &Materials,
         frame_first: usize,
         velocity: DVec3,
     ) {
         let node_first = self.node_rest.len();
         let tetrahedron_first = self.tetrahedra.len();
+        let material_first = self.materials.len();
+        self.materials.extend(materials.all.iter().map(moduli));
         let frame_of = |n: u32| frame_first as u32 + node_frames[n as usize];
         let dynamic = |frame: u32| match self.frames[frame as usize].motion {
             Motion::Prepared(FrameMotion::Dynamic { mass, .. }) => Some(mass),
@@ -92,6 +106,7 @@ impl Model {
         let carries: Vec<Option<Option<f64>>> =
             (0..layer.nodes.len()).map(|n| if layer.bound[n] { dynamic(frame_of(n as u32)) } else { None }).collect();
         let mut mass = vec![0.0; layer.nodes.len()];
+        let mut damping = mass.clone();
         let mut entries = vec![Vec::new(); layer.nodes.len()];
         for (t, nodes) in layer.tetrahedra.iter().enumerate() {
             let x = nodes.map(|n| layer.nodes[n as usize]);
@@ -103,10 +118,12 @@ impl Model {
             self.tetrahedra.push(nodes.map(|n| n + node_first as u32));
             self.tetrahedron_links.push(links);
             self.rest_gradients.push(texel(gradients.x_axis, volume.sqrt()));
-            self.rest_gradients.push(texel(gradients.y_axis, 0.0));
+            let material = materials.of(t);
+            self.rest_gradients.push(texel(gradients.y_axis, (material_first + materials.index(t)) as f64));
             self.rest_gradients.push(texel(gradients.z_axis, f64::from(frame)));
             for (corner, n) in nodes.iter().enumerate() {
                 mass[*n as usize] += 0.25 * material.density * volume;
+                damping[*n as usize] += 0.25 * material.damping_mass * material.density * volume;
                 // Within a core nothing deforms: there a core feels no element.
                 let within = nodes.iter().all(|n| layer.bound[*n as usize] && frame_of(*n) == frame);
                 if !(within && carries[*n as usize].is_some()) {
@@ -119,8 +136,11 @@ impl Model {
             nodes.iter().all(|n| layer.bound[*n as usize] && frame_of(*n) == frame_of(nodes[0]))
         };
         let patch_first = self.patches.count();
-        let (_, lambda) = lame(material);
-        self.patches.add(layer, node_first, |_| [lambda, material.damping_stiffness], rigid);
+        let moduli = |t: usize| {
+            let [_, lambda, _, beta] = moduli(materials.of(t)).map(f64::from);
+            [lambda, beta]
+        };
+        self.patches.add(layer, node_first, moduli, rigid);
         for (node, [patch, place]) in self.patches.entries(patch_first) {
             entries[node as usize - node_first].push(OF_PATCH | (MOST_NODES as u32 * patch + place));
         }
@@ -144,6 +164,7 @@ impl Model {
                 self.node_elements.push(std::array::from_fn(|k| quad.get(k).copied().unwrap_or(NONE)));
             }
             self.node_rest.push(texel(*rest - place.rest_centre, mass[i]));
+            self.node_damping.push(damping[i] as f32);
             self.velocity.push(texel(if holder == held::HELD { DVec3::ZERO } else { velocity }, 0.0));
         }
         for frame in frame_first..self.frames.len() {
@@ -152,11 +173,25 @@ impl Model {
                 let nodes: Vec<u32> = (0..layer.nodes.len()).filter(own).map(|n| (node_first + n) as u32).collect();
                 let own_mass: f64 = nodes.iter().map(|n| mass[*n as usize - node_first]).sum();
                 let factor = wanted.map_or(1.0, |wanted| wanted / own_mass);
-                nodes.iter().for_each(|n| self.node_rest[*n as usize][3] *= factor as f32);
+                for node in &nodes {
+                    self.node_rest[*node as usize][3] *= factor as f32;
+                    self.node_damping[*node as usize] *= factor as f32;
+                }
                 self.cores.push(Core { frame, nodes, hinge: self.hinge(frame) });
             }
         }
     }
+}
+
+/// mu, lambda, law, beta.
+fn moduli(material: &Material) -> [f32; 4] {
+    let mu = material.young / (2.0 * (1.0 + material.poisson));
+    let lambda = 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson);
+    let law = match material.law {
+        Law::Corotational => law::COROTATIONAL,
+        Law::NeoHookean => law::NEO_HOOKEAN,
+    };
+    [mu as f32, lambda as f32, law, material.damping_stiffness as f32]
 }
 
 /// L with L L^T = a symmetric positive definite matrix (Cholesky).

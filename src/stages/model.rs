@@ -12,7 +12,7 @@ use super::layers::OF_PATCH;
 use super::types::{Chunk, NONE, PAIR_REGIONS, Pair, Proxy, Slot};
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 
 /// Active chunks times their regions at most, a workgroup each on any device: four million vertices; more raise the region
 /// overflow flag.
@@ -92,7 +92,7 @@ pub struct Model {
     pub frames: Vec<FramePlace>,
     /// Coefficient, and the speed below which friction is viscous, m/s.
     pub friction: [f32; 2],
-    /// mu, lambda (Pa), alpha (1/s), beta (s); a frame.
+    /// mu, lambda (Pa), law (0 corotational, 1 neo-Hookean), beta (s); a material.
     pub materials: Vec<[f32; 4]>,
     /// First frame of each body; `NONE` for a half-space.
     pub body_frames: Vec<u32>,
@@ -117,6 +117,8 @@ pub struct Model {
 
     /// Rest position in the frame, mass.
     pub node_rest: Vec<[f32; 4]>,
+    /// Damping by mass, kg/s: of a node's share of its elements, density times alpha.
+    pub node_damping: Vec<f32>,
     /// First quad of elements, quads, frame, and 0 where free, 1 where held, 2 where a dynamic core carries it.
     pub node_info: Vec<[u32; 4]>,
     /// Entries into element forces, four a texel.
@@ -127,7 +129,7 @@ pub struct Model {
     pub tetrahedra: Vec<[u32; 4]>,
     /// Links from the frame of a tetrahedron (its first node's) to those of its nodes.
     pub tetrahedron_links: Vec<[u32; 4]>,
-    /// Three a tetrahedron, and three zeros: gradients of its last three nodes; w: sqrt(V), -, frame.
+    /// Three a tetrahedron, and three zeros: gradients of its last three nodes; w: sqrt(V), material, frame.
     pub rest_gradients: Vec<[f32; 4]>,
 
     /// Patches of tetrahedra that share a volumetric strain.
@@ -217,14 +219,14 @@ impl Model {
     fn add_body(&mut self, index: usize, body: &Body, is_tool: bool) {
         match &body.shape {
             Shape::Plane { .. } => self.body_frames.push(NONE),
-            Shape::Soft { layer, frames, node_frames, material, embedding, skin, proxies } => {
+            Shape::Soft { layer, frames, node_frames, materials, embedding, skin, proxies } => {
                 let frame_first = self.frames.len();
                 self.body_frames.push(frame_first as u32);
                 for frame in frames {
-                    self.add_frame(body, frame.centre, Motion::Prepared(frame.motion.clone()), Some(material));
+                    self.add_frame(body, frame.centre, Motion::Prepared(frame.motion.clone()));
                 }
                 let node_first = self.node_rest.len();
-                self.add_layer(layer, node_frames, material, frame_first, body.velocity);
+                self.add_layer(layer, node_frames, materials, frame_first, body.velocity);
                 let nodes = node_first..self.node_rest.len();
                 if let FrameMotion::Floating { .. } = frames[0].motion {
                     self.floating.push(Floating { frame: frame_first, nodes: nodes.clone() });
@@ -248,7 +250,7 @@ impl Model {
                     FrameMotion::Dynamic { hinge: Some(hinge), .. } if !is_tool => hinge.point,
                     _ => *centroid,
                 };
-                self.add_frame(body, centre, mover, None);
+                self.add_frame(body, centre, mover);
                 self.tool_frame = if is_tool { Some(frame) } else { self.tool_frame };
                 let vertex_first = self.skin_nodes.len();
                 match motion {
@@ -269,13 +271,9 @@ impl Model {
         }
     }
 
-    fn add_frame(&mut self, body: &Body, rest_centre: DVec3, motion: Motion, material: Option<&Material>) {
+    fn add_frame(&mut self, body: &Body, rest_centre: DVec3, motion: Motion) {
         let Body { position, orientation, .. } = *body;
         self.frames.push(FramePlace { position, orientation, rest_centre, motion });
-        self.materials.push(material.map_or([0.0; 4], |m| {
-            let (mu, lambda) = lame(m);
-            [mu as f32, lambda as f32, m.damping_mass as f32, m.damping_stiffness as f32]
-        }));
     }
 
     /// The link from frame `to` to frame `from`: where a point that rides on `from` is in `to`.
@@ -342,12 +340,6 @@ impl Model {
         };
         self.node_elements.iter().map(|quad| quad.map(entry)).collect()
     }
-}
-
-/// Lame's mu and lambda, Pa.
-pub(super) fn lame(material: &Material) -> (f64, f64) {
-    let mu = material.young / (2.0 * (1.0 + material.poisson));
-    (mu, 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson))
 }
 
 /// A vec4 of the device.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::model::{Model, Plane};
 use super::types::{NONE, Pair, Slot};
 use crate::prepare::{Body, FrameMotion, Layer, Shape};
-use crate::scene::Scene;
+use crate::scene::{Material, Scene};
 
 /// Stiffness (N/m^3) where nothing soft is near to take it from: that of 20 kPa, nu 0.45, at a cell of 10 mm.
 const RIGID_STIFFNESS: f64 = 5.0e7;
@@ -91,12 +91,16 @@ impl Model {
     }
 }
 
-/// 20 E / (1 - nu^2) / (mean layer edge) of the softer body, N/m^3; of the softest of the scene where neither is soft.
+/// 20 E / (1 - nu^2) / (mean layer edge) of the softer body, N/m^3; of the softest of the scene where neither is soft. A
+/// body of several materials counts with the softest that carries skin: it gives way first, and what lies deeper is felt
+/// through it.
 fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
     let of = |bodies: &[&Body]| {
         let soft = bodies.iter().filter_map(|body| match &body.shape {
-            Shape::Soft { layer, material, .. } => {
-                Some(20.0 * material.young / (1.0 - material.poisson.powi(2)) / mean_edge(layer))
+            Shape::Soft { layer, materials, embedding, .. } => {
+                let of_skin = embedding.iter().map(|e| materials.of(e.tetrahedron as usize));
+                let modulus = |material: &Material| material.young / (1.0 - material.poisson.powi(2));
+                of_skin.map(modulus).reduce(f64::min).map(|modulus| 20.0 * modulus / mean_edge(layer))
             }
             _ => None,
         });
@@ -117,4 +121,31 @@ fn mean_edge(layer: &Layer) -> f64 {
     edges.dedup();
     let length = |e: &[u32; 2]| layer.nodes[e[0] as usize].distance(layer.nodes[e[1] as usize]);
     edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::body;
+
+    /// N/m^3, of a cube of three cells a side whose region is much softer than the rest.
+    fn stiffness(sphere: &str) -> f64 {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scene.toml");
+        let text = format!(
+            "[[body]]\nname = \"a\"\nlayer = {{ box = [[0, 0, 0], [3, 3, 3]], cells = [3, 3, 3] }}\n\
+             material = {{ young = 3e5, poisson = 0.0, density = 1000 }}\n\
+             [[body.region]]\nsphere = {sphere}\nmaterial = {{ young = 1e5 }}\n"
+        );
+        std::fs::write(&file, text).unwrap();
+        let scene = Scene::load(&file).unwrap();
+        let body = body(&scene.bodies[0], &scene).unwrap();
+        auto_stiffness(&[&body], &[&body])
+    }
+
+    #[test]
+    fn the_softest_material_under_the_skin_decides() {
+        let (inside, corner) = (stiffness("[1.5, 1.5, 1.5, 0.5]"), stiffness("[0, 0, 0, 1]"));
+        assert!((inside / corner - 3.0).abs() < 1e-12, "{inside} {corner}");
+    }
 }

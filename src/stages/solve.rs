@@ -33,12 +33,16 @@ pub struct Solve {
     coarse: Option<CoarseKernels>,
     start: Kernel,
     begin: Kernel,
+    /// The first leads.
     update: Vec<Variant>,
+    /// What the others of these are given for arguments.
+    no_args: Buffer,
     conclude: Kernel,
     commit: Kernel,
     touch: Touch,
     has_contact: bool,
     block_count: u32,
+    rigid_count: usize,
     blocks: Buffer,
     block_nodes: Buffer,
     block_places: Buffer,
@@ -174,11 +178,13 @@ impl Solve {
             )?,
             begin: reduce("solve/begin", &[coarse])?,
             update: variants("solve/update", &[blocks, coarse, partials, rigids])?,
+            no_args: zeros::<u32>(context, "no arguments", 1)?,
             conclude: reduce("solve/conclude", &[nodes_c, contact, tool, coarse, blocks, rigids, group])?,
             commit: Kernel::new(context, "solve/commit", Size::Group, &[nodes_c, rigids])?,
             touch: touch.cloned().map_or_else(|| Touch::nothing(context), Ok)?,
             has_contact: touch.is_some(),
             block_count: block_count as u32,
+            rigid_count,
             blocks: upload_or_nothing(context, "blocks", &model.blocks.blocks)?,
             block_nodes: upload_or_nothing(context, "nodes of blocks", &model.blocks.nodes)?,
             block_places: upload_or_nothing(context, "places of blocks", &model.blocks.places)?,
@@ -233,7 +239,6 @@ impl Solve {
             &self.assemble,
             &[
                 &common.params,
-                &elastic.materials,
                 &common.frames,
                 &self.blocks,
                 &self.block_nodes,
@@ -332,41 +337,48 @@ impl Solve {
             let now = set as usize;
             self.record_apply(recorder, common, elastic, Change::Preconditioned { set });
             self.record_gather(recorder, common, elastic, &self.gather_loop, Some(set));
-            let buffers = [
-                &common.params,
-                &self.block_turns,
-                &self.blocks,
-                &self.block_nodes,
-                &self.block_places,
-                &elastic.node_rest,
-                &self.coarse_blocks,
-                &self.coarse_inverse,
-                &self.coarse_scales,
-                &self.dots,
-                &self.restricted_image,
-                &self.restricted_residual,
-                &self.image,
-                &self.inverse,
-                &self.residual[now],
-                &self.preconditioned[now],
-                &self.direction[now],
-                &self.direction_image[now],
-                &self.rigids,
-                &self.state,
-                &self.iterations,
-                &self.iterates,
-                &self.restricted_direction,
-                &self.solution,
-                &self.residual[1 - now],
-                &self.preconditioned[1 - now],
-                &self.direction[1 - now],
-                &self.direction_image[1 - now],
-                &common.args,
-            ];
+            let buffers = |args| {
+                [
+                    &common.params,
+                    &self.block_turns,
+                    &self.blocks,
+                    &self.block_nodes,
+                    &self.block_places,
+                    &elastic.node_rest,
+                    &self.coarse_blocks,
+                    &self.coarse_inverse,
+                    &self.coarse_scales,
+                    &self.dots,
+                    &self.restricted_image,
+                    &self.restricted_residual,
+                    &self.image,
+                    &self.inverse,
+                    &self.residual[now],
+                    &self.preconditioned[now],
+                    &self.direction[now],
+                    &self.direction_image[now],
+                    &self.rigids,
+                    &self.state,
+                    &self.iterations,
+                    &self.iterates,
+                    &self.restricted_direction,
+                    &self.solution,
+                    &self.residual[1 - now],
+                    &self.preconditioned[1 - now],
+                    &self.direction[1 - now],
+                    &self.direction_image[1 - now],
+                    args,
+                ]
+            };
             let push = bytemuck::bytes_of(&set);
             recorder.together(|recorder| {
-                for Variant { kernel, slot, .. } in &self.update {
-                    recorder.dispatch_indirect(kernel, &buffers, push, &common.args, *slot);
+                // One goes by the loop's arguments, and writes them; the others must do neither at the same time.
+                for (index, Variant { kernel, groups, slot }) in self.update.iter().enumerate() {
+                    if index == 0 {
+                        recorder.dispatch_indirect(kernel, &buffers(&common.args), push, &common.args, *slot);
+                    } else {
+                        recorder.dispatch_groups(kernel, &buffers(&self.no_args), push, *groups);
+                    }
                 }
             });
         }
@@ -418,6 +430,18 @@ impl Solve {
             &self.leftover,
         ];
         recorder.dispatch_indirect(&self.commit, &buffers, &[], &common.args, args::COMMIT);
+    }
+
+    /// Nothing moves, nothing is left over.
+    pub fn record_stop(&self, recorder: &mut Recorder, elastic: &Elastic) {
+        recorder.stage("solve");
+        for buffer in [&elastic.velocity, &self.leftover, &self.solution, &self.iterates] {
+            recorder.fill(buffer, 0);
+        }
+        for rigid in 0..self.rigid_count {
+            let first = rigid * size_of::<types::Rigid>() + offset_of!(types::Rigid, leftover);
+            recorder.fill_range(&self.rigids, first as u64, 24, 0);
+        }
     }
 
     fn record_coarse(&self, recorder: &mut Recorder, kernel: &Kernel, rhs: &Buffer) {
@@ -489,7 +513,6 @@ impl Solve {
         let touch = &self.touch;
         let buffers = [
             &common.params,
-            &elastic.materials,
             &self.block_turns,
             &self.blocks,
             &self.block_nodes,

@@ -352,7 +352,7 @@ pub struct Solve {
     pub rhs_norm2: f32,
     /// What rounding leaves of it.
     pub floor_norm2: f32,
-    /// 0 running, 1 converged, 2 stopped.
+    /// 0 running, 1 converged, 2 stopped, 3 broke down.
     pub status: u32,
     /// The set with the newest iterate.
     pub current: u32,
@@ -376,7 +376,7 @@ pub struct Iteration {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Report {
-    /// 0 done, 1 continue, 2 retry.
+    /// 0 done, or one of [`verdict`].
     pub verdict: u32,
     /// Done.
     pub iterations: u32,
@@ -410,4 +410,6 @@ pub mod verdict {
     pub const CONTINUE: u32 = 1;
     /// Contacts pulled and were dropped: solve again.
     pub const RETRY: u32 = 2;
+    /// Not finite, or worth nothing: the state stays as it was.
+    pub const FAILED: u32 = 3;
 }

@@ -146,6 +146,18 @@ impl Frames {
             }
         }
     }
+
+    /// Stops frames that float or are dynamic where they are.
+    pub fn stop(&mut self) {
+        for state in &mut self.states {
+            let (velocity, spin) = match &mut state.mover {
+                Mover::Floating(floating) => (&mut floating.velocity, &mut floating.spin),
+                Mover::Dynamic { velocity, spin, .. } => (velocity, spin),
+                Mover::Fixed | Mover::Driven(_) | Mover::Tool => continue,
+            };
+            (*velocity, *spin) = (DVec3::ZERO, DVec3::ZERO);
+        }
+    }
 }
 
 impl State {

@@ -48,6 +48,8 @@ pub struct Recordings {
     pub iterate: Vec<(u32, Recording)>,
     /// The verdict, the new state, the wrench.
     pub end: Recording,
+    /// Where no step succeeds: everything stops.
+    pub stop: Recording,
 }
 
 impl TouchStages {
@@ -134,7 +136,10 @@ impl Recordings {
         if let Some(probes) = probes {
             probes.record(&mut end, elastic);
         }
-        Ok(Recordings { begin: begin.finish()?, again: again.finish()?, iterate, end: end.finish()? })
+        let mut stop = recorder()?;
+        solve.record_stop(&mut stop, elastic);
+        let (begin, again, end, stop) = (begin.finish()?, again.finish()?, end.finish()?, stop.finish()?);
+        Ok(Recordings { begin, again, iterate, end, stop })
     }
 
     /// Every part once.

@@ -14,7 +14,6 @@ impl Flow {
         let out = case("contact/candidates")
             .size(Size::Reduce)
             .constant("CAPACITY", self.capacity as u32)
-            .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
             .constant("GROUP", context().group_size())
             .input("params", &[self.params])
             .inout("counts", &[self.counts])

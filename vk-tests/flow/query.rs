@@ -5,7 +5,7 @@ use palpate::stages::args;
 use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, NONE, PAIR_REGIONS, ProxyBounds};
 
 use super::{FIELD_WORDS, Flow, fours, some};
-use crate::harness::{case, context};
+use crate::harness::case;
 
 /// Nodes with their links, two a texel.
 fn pairs(nodes: &[[u32; 2]]) -> Vec<u32> {
@@ -18,9 +18,7 @@ impl Flow {
         let out = case("pose/place")
             .size(Size::Reduce)
             .constant("SPANS", self.model.spans_frames())
-            .constant("TETRAHEDRA", self.model.tetrahedra.len() as u32)
             .constant("BUCKETS", self.bucket_count)
-            .constant("GROUP", context().group_size())
             .input("frames", &self.frames)
             .input("proxies", &some(&self.model.proxies))
             .input("hull_rest", &some(&self.model.hull))

@@ -9,7 +9,7 @@ use super::passes::Passes;
 use crate::elastic::expect_of_largest;
 use crate::harness::{Tolerance, context, expect_close};
 use crate::random::Random;
-use crate::system::{DT, System, layer, layered, material, triples, two_layers};
+use crate::system::{DT, System, layer, layered, material, mixed, triples, two_layers};
 
 /// Of the largest value of a body's rows: elastic terms of strains of order one, known to 1e-7, a few dozen each.
 const RHS: f64 = 4.0e-6;
@@ -136,6 +136,16 @@ fn contacts_count_in_the_right_hand_side_and_the_blocks() {
         let system = System::new(&two_layers(), 0.004, seed).with_tool().with_friction().with_contacts(100, seed + 80);
         expect_oracle("friction", system);
     }
+}
+
+#[test]
+fn mixed_materials_count_with_their_own_density_and_damping() {
+    // solve/assemble: alpha and density of each element in its nodes, laws and beta in the gradients.
+    let bodies = [
+        layered(layer(200), mixed(1000), DQuat::from_rotation_y(2.0)),
+        layered(layer(65), mixed(300), DQuat::from_rotation_x(-1.0)),
+    ];
+    expect_oracle("mixed materials", System::new(&bodies, 0.004, 3));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Solve: the operator, the system, the iteration, the verdict; and all of it on small systems.
 
 mod assemble;
+mod coarse;
 mod end;
 mod iteration;
 mod operator;

@@ -2,6 +2,7 @@
 
 use palpate::oracle::linear::{Entries, Solver};
 use palpate::stages::args;
+use palpate::stages::types::Iteration;
 
 use super::passes::{Change, Passes, UNTOUCHED};
 use crate::elastic::expect_of_largest;
@@ -21,32 +22,29 @@ const FACTOR: f64 = 1.0e-4;
 
 /// Slots' first words in their order from `LOOP_APPLY` on.
 fn loop_groups(args: &[u32]) -> Vec<u32> {
-    let slots = [args::LOOP_APPLY, args::LOOP_GATHER, args::LOOP_ONE, args::LOOP_UPDATE, args::COMMIT, args::WRENCH];
-    slots.iter().map(|slot| args[3 * *slot as usize]).collect()
+    (args::LOOP_APPLY..=args::WRENCH).map(|slot| args[3 * slot as usize]).collect()
 }
 
 #[test]
 fn the_warm_factor_and_the_arguments_by_hand() {
-    // solve/start: y.M^-1 b = 3, y.M^-1 y = 4: w = 3/4; 65 nodes, 6 tetrahedra's worth of groups.
-    let system = System::new(&[layered(layer(65), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1);
+    // solve/start: y.M^-1 b = 3, y.M^-1 y = 4: w = 3/4; blocks of 80 and 80 nodes.
+    let system = System::new(&[layered(layer(160), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1);
     let mut passes = Passes::new(system);
     (passes.partials, passes.dots) = (vec![[2.0, 0.25], [1.0, 0.5]], vec![[1.0, 1.5], [2.0, 2.5]]);
-    passes.state.iterations = 9;
-    passes.state.retries = 3;
+    passes.iterations[0] = Iteration { gamma: 1.0, alpha: 2.0, count: 9 };
+    (passes.state.retries, passes.state.current) = (3, 1);
     passes.start();
     let s = &passes.state;
     assert_eq!((s.warm, s.rhs_norm2, s.floor_norm2), (0.75, 3.0, 0.75));
-    assert_eq!((s.gamma, s.alpha, s.beta, s.iterations, s.status, s.retries), (0.0, 0.0, 0.0, 0, 0, 3));
-    let by = |n: usize, size: u32| n.div_ceil(size as usize) as u32;
-    let (large, small) = (context().group_size(), context().reduce_size());
-    let tetrahedra = by(passes.tetrahedra(), large);
-    assert_eq!(loop_groups(&passes.args), [tetrahedra, by(65, small), 1, by(65, large), 0, 0]);
-    assert_eq!(passes.args[3 * args::APPLY as usize..][..3], [tetrahedra, 1, 1]);
+    assert_eq!((s.current, s.status, s.retries), (0, 0, 3));
+    assert_eq!(passes.iterations, [Iteration { gamma: 0.0, alpha: 0.0, count: 0 }; 2]);
+    let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
+    assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 0, 2, 0, 0, 0, 0]);
     for slot in args::LOOP_APPLY..=args::WRENCH {
         assert_eq!(passes.args[3 * slot as usize + 1..][..2], [1, 1], "slot {slot}");
     }
-    let draw = args::DRAW as usize * 4;
-    let others = [&passes.args[..3 * args::APPLY as usize], &passes.args[draw..]].concat();
+    let others =
+        [&passes.args[..3 * args::LOOP_APPLY as usize], &passes.args[3 * args::WRENCH as usize + 3..]].concat();
     assert!(others.iter().all(|word| *word == UNTOUCHED), "other stages' arguments stay");
 }
 
@@ -54,10 +52,11 @@ fn the_warm_factor_and_the_arguments_by_hand() {
 fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
     // solve/start: b within rounding stops before the first iteration; A x that overflowed gives no factor.
     let mut passes = Passes::new(System::new(&[], 0.0, 1));
+    passes.block_count = 1;
     (passes.partials, passes.dots) = (vec![[0.5, 0.5]], vec![[1.0, 1.0]]);
     passes.start();
     assert_eq!((passes.state.warm, passes.state.status), (0.0, 1));
-    assert_eq!(loop_groups(&passes.args), [0; 6]);
+    assert_eq!(loop_groups(&passes.args), [0; 8]);
     for bad in [[f32::NAN; 2], [f32::INFINITY; 2], [f32::NEG_INFINITY, f32::INFINITY], [1.0, 0.0], [f32::NAN, 1.0]] {
         (passes.partials, passes.dots) = (vec![[2.0, 0.5]], vec![bad]);
         passes.start();
@@ -106,24 +105,26 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         // Large, so that the tool has its say in the factor.
         let tool_x: [f32; 6] = std::array::from_fn(|_| 20.0 * random.next() as f32);
         passes.solution = x.clone();
-        passes.state.tool_x = tool_x;
-        passes.state.tool_leftover = std::array::from_fn(|_| 1e-3 * random.next() as f32);
+        // Of whichever set the last step left.
+        passes.state.current = seed as u32 % 2;
+        passes.tool_iterate_mut().x = tool_x;
+        passes.rigids[0].leftover = std::array::from_fn(|_| 1e-3 * random.next() as f32);
         passes.assemble();
         passes.apply(Change::Solution);
         passes.gather(0);
-        let left = passes.state.tool_leftover.map(f64::from);
+        let left = passes.rigids[0].leftover.map(f64::from);
         passes.start();
 
-        let (s, state) = (&passes.system, &passes.state);
+        let (s, state, own, tool_now) = (&passes.system, &passes.state, &passes.rigids[0], passes.tool_iterate());
         let (a, mut b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
         let tool = s.twin.unknowns().tool;
         (0..6).for_each(|k| b[tool + k] += left[k]);
-        expect_of_largest("tool's b, force", &state.tool_b[..3], &b[tool..tool + 3], SUM);
-        expect_of_largest("tool's b, torque", &state.tool_b[3..], &b[tool + 3..], SUM);
+        expect_of_largest("tool's b, force", &own.b[..3], &b[tool..tool + 3], SUM);
+        expect_of_largest("tool's b, torque", &own.b[3..], &b[tool + 3..], SUM);
         let inverse = tool_block(s);
         for k in 0..36 {
             let (i, j) = (k / 6, k % 6);
-            let error = (f64::from(state.tool_inverse[k]) - inverse[i][j]).abs();
+            let error = (f64::from(own.inverse[k]) - inverse[i][j]).abs();
             assert!(error < INVERSE * (inverse[i][i] * inverse[j][j]).sqrt(), "inverse [{i}][{j}] is off by {error:e}");
         }
         let y = a.multiply(&s.unknowns(&x, &tool_x));
@@ -137,23 +138,23 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         let warm = f64::from(state.warm);
         let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm * y).collect();
         let scaled: Vec<f64> = tool_x.iter().map(|x| warm * f64::from(*x)).collect();
-        expect_close("tool's x", &state.tool_x, &scaled, ROUNDING);
+        expect_close("tool's x", &tool_now.x, &scaled, ROUNDING);
         let magnitude = |rows: std::ops::Range<usize>| -> f64 {
             rows.map(|k| b[tool + k].abs().max((warm * y[tool + k]).abs())).fold(0.0, f64::max)
         };
         for rows in [0..3, 3..6] {
             let allowed = Tolerance { abs: 2.0 * SUM * magnitude(rows.clone()), rel: 0.0 };
-            expect_close("tool's r", &state.tool_r[rows.clone()], &r[tool..][rows], allowed);
+            expect_close("tool's r", &tool_now.r[rows.clone()], &r[tool..][rows], allowed);
         }
-        let own = state.tool_r.map(f64::from);
+        let residual = tool_now.r.map(f64::from);
         let u: Vec<f64> =
-            (0..6).map(|i| (0..6).map(|k| f64::from(state.tool_inverse[6 * i + k]) * own[k]).sum()).collect();
+            (0..6).map(|i| (0..6).map(|k| f64::from(own.inverse[6 * i + k]) * residual[k]).sum()).collect();
         let sizes =
-            (0..6).map(|i| (0..6).map(|k| (f64::from(state.tool_inverse[6 * i + k]) * own[k]).abs()).sum::<f64>());
+            (0..6).map(|i| (0..6).map(|k| (f64::from(own.inverse[6 * i + k]) * residual[k]).abs()).sum::<f64>());
         for (i, size) in sizes.enumerate() {
-            expect_close("tool's u", &state.tool_u[i..=i], &u[i..=i], Tolerance { abs: SUM * size, rel: 0.0 });
+            expect_close("tool's u", &tool_now.u[i..=i], &u[i..=i], Tolerance { abs: SUM * size, rel: 0.0 });
         }
-        assert_eq!((state.tool_p, state.tool_s), ([0.0; 6], [0.0; 6]));
+        assert_eq!((tool_now.p, tool_now.s), ([0.0; 6], [0.0; 6]));
         // The property that it is for: never a greater residual than that of no warm start.
         assert!(dot(&r, &preconditioned(&passes, &inverse, &r)) <= dot(&b, &zb) * (1.0 + FACTOR));
     }
@@ -169,15 +170,16 @@ fn the_first_iterate_at_every_size() {
                 if nodes == 0 { vec![] } else { vec![layered(layer(nodes), material(2e4), glam::DQuat::IDENTITY)] };
             let mut passes = Passes::new(System::new(&bodies, 0.0, 1));
             let mut random = Random(nodes as u64);
-            let mut field = |count: usize| -> Vec<[f32; 4]> {
-                (0..count).map(|_| [random.next() as f32, random.next() as f32, random.next() as f32, 0.0]).collect()
-            };
-            (passes.solution, passes.rhs, passes.image) = (field(nodes), field(nodes), field(nodes));
-            passes.inverse = field(2 * nodes);
+            let mut field = || passes.system.random_field(&mut random);
+            (passes.solution, passes.rhs, passes.image) = (field(), field(), field());
+            passes.inverse = [field(), field()].concat();
             passes.state.warm = warm;
             if warm == 0.0 {
-                passes.image.fill([f32::NAN; 4]);
-                passes.solution.fill([f32::NAN; 4]);
+                // Held nodes, which are in no block, keep their zeros.
+                for (i, role) in passes.roles().iter().enumerate().filter(|(_, role)| role.is_some()) {
+                    assert_eq!(*role, Some(0), "node {i}");
+                    (passes.image[i], passes.solution[i]) = ([f32::NAN; 4], [f32::NAN; 4]);
+                }
             }
             let (x, y) = (triples(&passes.solution), triples(&passes.image));
             passes.begin();

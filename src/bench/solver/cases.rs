@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use serde::Serialize;
 
 use crate::prepare::{self, Body, Shape};
-use crate::scene::{self, Bind, Core, Layer, Material, Model, Motion, Scene, Surface};
+use crate::scene::{self, Bind, Core, Law, Layer, Material, Model, Motion, Scene, Surface};
 use crate::{Error, Result};
 
 /// Edge of the blocks, m.
@@ -104,8 +104,14 @@ impl Mesh {
                 (Some(surface), Layer::Cell { cell: HUMAN_CELL, grade: 1, thickness: None })
             }
         };
-        let material =
-            Material { young, poisson: POISSON, density: DENSITY, damping_mass: 0.0, damping_stiffness: 0.0 };
+        let material = Material {
+            young,
+            poisson: POISSON,
+            density: DENSITY,
+            damping_mass: 0.0,
+            damping_stiffness: 0.0,
+            law: Law::Corotational,
+        };
         let body = scene::Body {
             name: self.name(),
             shape: scene::Shape::Soft { surface, layer },
@@ -118,6 +124,7 @@ impl Mesh {
             material: Some(material),
             collides: None,
             cores,
+            regions: Vec::new(),
             dilatation: scene::Dilatation::Element,
             repair: true,
             skeleton: None,

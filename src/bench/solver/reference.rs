@@ -56,10 +56,10 @@ pub fn reference(
     cache: &Cache,
     watch: &mut dyn FnMut(&str),
 ) -> Result<Reference> {
-    let Shape::Soft { layer, material, .. } = &body.shape else {
+    let Shape::Soft { layer, materials, .. } = &body.shape else {
         return Err(Error::Simulation(format!("`{}` is not soft", body.name)));
     };
-    let twin = SoftBody::new(layer.clone(), *material, body.position, body.orientation, body.velocity);
+    let twin = SoftBody::new(layer.clone(), materials, body.position, body.orientation, body.velocity);
     let key = key(scene, &twin, steps)?;
     if let Entry::Found(reference) = cache.load(&key) {
         return Ok(reference);
@@ -86,7 +86,14 @@ fn key(scene: &Scene, twin: &SoftBody, steps: usize) -> Result<Key> {
     maker.add(bytemuck::cast_slice(&twin.layer.tetrahedra));
     maker.add(&twin.layer.bound.iter().map(|bound| u8::from(*bound)).collect::<Vec<_>>());
     // The debug form of a number is the shortest that reads back as the same.
-    let rest = (twin.material, twin.position, twin.elements.frame, &twin.velocity, scene.step.dt, scene.step.gravity);
+    let rest = (
+        &twin.elements.materials[..1],
+        twin.position,
+        twin.elements.frame,
+        &twin.velocity,
+        scene.step.dt,
+        scene.step.gravity,
+    );
     maker.add(format!("{rest:?} {steps}").as_bytes());
     Ok(maker.finish())
 }

@@ -4,13 +4,14 @@ mod contact;
 mod elastic;
 mod friction;
 mod locking;
+mod neo_hookean;
 mod press;
 mod statics;
 mod step;
 
-use crate::scene::Material;
+use crate::scene::{Law, Material};
 
 /// A soft, slightly compressible material; no damping.
 pub(crate) fn material(young: f64, poisson: f64) -> Material {
-    Material { young, poisson, density: 1000.0, damping_mass: 0.0, damping_stiffness: 0.0 }
+    Material { law: Law::Corotational, young, poisson, density: 1000.0, damping_mass: 0.0, damping_stiffness: 0.0 }
 }

@@ -22,7 +22,7 @@ fn block(half: f64, cells: u32, centre: DVec3, velocity: DVec3) -> SoftBody {
 }
 
 fn law(body: &SoftBody) -> Law {
-    let stiffness = auto_stiffness(&[(&body.layer, &body.material)]).unwrap();
+    let stiffness = auto_stiffness(&[(&body.layer, &body.elements.materials[0])]).unwrap();
     Law { stiffness, damping: stiffness * 1e-3, depth_limit: 0.02 }
 }
 
@@ -60,7 +60,7 @@ fn the_wrench_at_rest_balances_the_coupling() {
     let mut simulation = Simulation::new(2e-3, DVec3::ZERO);
     let mut body = block(0.05, 6, DVec3::ZERO, DVec3::ZERO);
     body.layer.bound = body.layer.nodes.iter().map(|x| x.y < -0.049).collect();
-    body.material.damping_mass = 20.0;
+    body.elements.damping = body.elements.masses.iter().map(|mass| 20.0 * mass).collect();
     let law = law(&body);
     simulation.bodies.push(body);
     let mut tool = Tool::sphere(0.02, 0.05, DVec3::new(0.004, 0.0701, -0.003));

@@ -79,7 +79,8 @@ fn one_step_satisfies_the_equation_of_motion() {
     // M (v1 - v0) = h [M g + f(d0) - h K v1 - alpha M v1 - beta K v1]: the linearised force at the end of the step.
     let (h, rotations) = (2e-3, before.rotations());
     let force = before.elements.forces(&before.displacement, &rotations);
-    let stiff = before.elements.squeezed(&before.displacement, &rotations).apply_stiffness(&after.velocity, &rotations);
+    let stiff =
+        before.elements.linearised(&before.displacement, &rotations).apply_stiffness(&after.velocity, &rotations);
     for i in (0..force.len()).filter(|i| !before.layer.bound[*i]) {
         let m = before.elements.masses[i];
         let v1 = after.velocity[i];

@@ -1,0 +1,74 @@
+//! The stable neo-Hookean law of one tetrahedron in f64.
+//!
+//! Smith, de Goes and Kim, "Stable Neo-Hookean Flesh Simulation" (2018), equation 14: energy density
+//! m/2 (I - 3) + l/2 (J - a)^2 - m/2 log(I + 1), I = tr(F^T F), J = det F, a = 1 + 3 m / (4 l); at small strain it is
+//! Hooke's law where m = 4/3 mu and l = lambda + 5/6 mu (their section 3.4).
+
+use glam::{DMat3, DVec3};
+
+use super::elastic::{LEAST_STRETCH, Operator, stiffening, symmetric, trace};
+
+/// |M|^2.
+fn square(m: DMat3) -> f64 {
+    m.to_cols_array().iter().map(|x| x * x).sum()
+}
+
+/// The matrix of cofactors.
+fn cofactors(m: DMat3) -> DMat3 {
+    let [a, b, c] = [m.x_axis, m.y_axis, m.z_axis];
+    DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b))
+}
+
+/// m and l of a material, Pa.
+fn parameters((mu, lambda): (f64, f64)) -> (f64, f64) {
+    (4.0 / 3.0 * mu, lambda + 5.0 / 6.0 * mu)
+}
+
+/// Energy density, J/m^3, zero at rest; `lame`: mu and lambda, Pa; `strain`: R^T F - I with any rotation R.
+pub fn energy(lame: (f64, f64), strain: DMat3) -> f64 {
+    let (m, l) = parameters(lame);
+    let f = DMat3::IDENTITY + strain;
+    let a = 1.0 + 0.75 * m / l;
+    let density = |square: f64, j: f64| 0.5 * (m * (square - 3.0 - (square + 1.0).ln()) + l * (j - a) * (j - a));
+    density(square(f), f.determinant()) - density(3.0, 1.0)
+}
+
+/// First Piola-Kirchhoff stress R^T P, Pa, free of cancellation at small strain.
+pub fn stress(lame: (f64, f64), strain: DMat3) -> DMat3 {
+    let (mu, _) = lame;
+    let (_, l) = parameters(lame);
+    let (e, tr) = (strain, trace(strain));
+    let (cofactors, more) = (cofactors(e), 2.0 * tr + square(e));
+    let volume = tr + 0.5 * (tr * tr - trace(e * e)) + e.determinant();
+    let all_cofactors = DMat3::from_diagonal(DVec3::splat(1.0 + tr)) - e.transpose() + cofactors;
+    (e + e.transpose() - DMat3::from_diagonal(DVec3::splat(tr)) - cofactors) * mu
+        + (DMat3::IDENTITY + e) * (mu / 3.0 * more / (4.0 + more))
+        + all_cofactors * (l * volume)
+}
+
+/// The operator at a state. In gradients of the deformed tetrahedron, S^-1 g, with p = l (J - 1) - mu, b = S^2,
+/// c = m (1 - 1 / (I + 1)), and D and O the symmetric and skew parts of L, the second derivative of the law is
+/// c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m (b:D)^2 / (I + 1)^2: isotropic but for b. For b stands
+/// its mean, or half its greatest value where the whole would be less (a linearised implicit step is stable where it has
+/// half the true stiffness of every wave); O, rotation alone, is left out. `squeezed`: as of
+/// `squeeze` in elastic.rs, it keeps S from being singular.
+pub fn operator(lame: (f64, f64), strain: DMat3, squeezed: DMat3) -> Operator {
+    let (mu, _) = lame;
+    let (m, l) = parameters(lame);
+    let f = DMat3::IDENTITY + strain;
+    let stretch = symmetric(f) - squeezed;
+    let (invariant, volume) = (square(f), stretch.determinant());
+    let pressure = l * (f.determinant() - 1.0) - mu;
+    let c = m * (1.0 - 1.0 / (invariant + 1.0));
+    let b = stretch * stretch;
+    let mean = trace(b) / 3.0;
+    let spread = square(b - DMat3::from_diagonal(DVec3::splat(mean)));
+    let greatest = mean + (2.0 / 3.0 * spread).sqrt();
+    let more = if squeezed == DMat3::ZERO { 0.0 } else { 0.5 * LEAST_STRETCH * LEAST_STRETCH * stiffening(lame) };
+    let rank_one = 2.0 * m * (mean / (invariant + 1.0)).powi(2);
+    Operator {
+        mu: 0.5 * (c * mean - pressure * volume).max(c * greatest) + more,
+        lambda: (volume * (l * volume + pressure) + rank_one).max(0.0),
+        fold: stretch.inverse(),
+    }
+}

@@ -1,0 +1,184 @@
+//! Physical groups of a Gmsh mesh: their names, and in MSH 4.1 which of them each volume is in.
+
+use std::collections::HashMap;
+
+use super::super::cursor::{Cursor, short};
+use super::super::tetrahedra::Contents;
+use super::{real, whole};
+use crate::Result;
+
+/// Dimension of volumes, to whose groups tetrahedra belong.
+const VOLUME: usize = 3;
+
+/// `$PhysicalNames`: a line each of dimension, number and name in quotes; text in binary files too.
+pub(super) fn names(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
+    const WHAT: &str = "a physical name (dimension, number, name)";
+    let line = cursor.need("the number of physical names")?;
+    for _ in 0..cursor.parse::<u64>(line, "the number of physical names")? {
+        let line = cursor.need(WHAT)?;
+        let mut words = line.splitn(3, char::is_whitespace);
+        let (dimension, number) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+        let name = words.next().unwrap_or_default().trim();
+        let Some(name) = name.strip_prefix('"').and_then(|name| name.strip_suffix('"')) else {
+            return Err(cursor.error(format!("\"{}\" in {WHAT}", short(line))));
+        };
+        let (dimension, number): (usize, i64) = (cursor.parse(dimension, WHAT)?, cursor.parse(number, WHAT)?);
+        if dimension == VOLUME {
+            file.groups.insert(number, name.into());
+        }
+    }
+    cursor.expect("$EndPhysicalNames")
+}
+
+/// `$Entities` of MSH 4.1: the first physical group of each volume, by the volume's tag. A further one is told.
+pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMap<i64, i64>> {
+    let counts = whole(cursor, "the counts of $Entities", 0, 4)?;
+    let mut groups = HashMap::new();
+    for (dimension, &count) in counts[..=VOLUME].iter().enumerate() {
+        for _ in 0..cursor.natural(count, "a count of $Entities")? {
+            let (tag, physical) = entity(cursor, dimension)?;
+            let (VOLUME, Some(&first)) = (dimension, physical.first()) else { continue };
+            // A negative one is the same group, turned.
+            groups.insert(tag, first.abs());
+            if physical.len() > 1 {
+                let all: Vec<String> = physical.iter().map(i64::to_string).collect();
+                let all = all.join(", ");
+                file.notes.push(format!("volume {tag} is in physical groups {all}; the first is taken"));
+            }
+        }
+    }
+    cursor.expect("$EndEntities")?;
+    Ok(groups)
+}
+
+/// Tag and physical groups of an entity: tag, a point or a box, counted groups and, but for points, counted boundaries.
+fn entity(cursor: &mut Cursor, dimension: usize) -> Result<(i64, Vec<i64>)> {
+    const WHAT: &str = "an entity (tag, place, physical groups)";
+    let reals = if dimension == 0 { 3 } else { 6 };
+    if cursor.order.is_none() {
+        let line = cursor.need(WHAT)?;
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let Some(count) = words.get(reals + 1) else {
+            return Err(cursor.error(format!("{} numbers in {WHAT}", words.len())));
+        };
+        let tag = cursor.parse(words[0], WHAT)?;
+        let count: usize = cursor.parse(count, WHAT)?;
+        let physical = count.checked_add(reals + 2).and_then(|end| words.get(reals + 2..end));
+        let physical = physical.ok_or_else(|| cursor.error(format!("{} numbers in {WHAT}", words.len())))?;
+        return Ok((tag, physical.iter().map(|word| cursor.parse(word, WHAT)).collect::<Result<_>>()?));
+    }
+    let tag = whole(cursor, WHAT, 1, 0)?[0];
+    real(cursor, WHAT, reals)?;
+    let physical = counted(cursor, WHAT)?;
+    if dimension > 0 {
+        counted(cursor, WHAT)?;
+    }
+    Ok((tag, physical))
+}
+
+/// Binary integers after their number.
+fn counted(cursor: &mut Cursor, what: &str) -> Result<Vec<i64>> {
+    let count = whole(cursor, what, 0, 1)?[0];
+    (0..cursor.natural(count, what)?).map(|_| cursor.i32(what).map(i64::from)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::super::parse;
+    use crate::Result;
+    use crate::scene::tetrahedra::TetMesh;
+
+    const NODES: &str = "$Nodes\n5\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n$EndNodes\n";
+
+    fn v2(names: &str, elements: &str) -> Result<TetMesh> {
+        let text = format!(
+            "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n{names}\n$EndPhysicalNames\n{NODES}$Elements\n2\n\
+             {elements}\n$EndElements\n"
+        );
+        parse(text.as_bytes(), Path::new("t.msh"))
+    }
+
+    fn v4(entities: &str) -> Result<TetMesh> {
+        let text = format!(
+            "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n2 5 \"skin\"\n3 5 \"fat\"\n$EndPhysicalNames\n\
+             $Entities\n{entities}\n$EndEntities\n$Nodes\n1 5 1 5\n3 1 0 5\n1\n2\n3\n4\n5\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n\
+             1 1 1\n$EndNodes\n$Elements\n2 2 1 2\n3 1 4 1\n1 1 2 3 4\n3 8 4 1\n2 2 3 4 5\n$EndElements\n"
+        );
+        parse(text.as_bytes(), Path::new("t.msh"))
+    }
+
+    #[test]
+    fn version_2_2_takes_the_first_tag() {
+        let mesh = v2("2\n2 5 \"skin\"\n3 7 \"soft fat\"", "1 4 2 7 1 1 2 3 4\n2 4 2 0 1 2 3 4 5").unwrap();
+        assert_eq!(mesh.groups.of, [Some(7), None]);
+        assert_eq!(mesh.groups.names, [(7, "soft fat".to_string())].into());
+        assert_eq!(v2("0", "1 4 0 1 2 3 4\n2 4 1 3 2 3 4 5").unwrap().groups.of, [None, Some(3)]);
+    }
+
+    #[test]
+    fn version_4_1_takes_the_first_group_of_the_volume() {
+        let mesh =
+            v4("1 1 0 2\n1 0 0 0 0\n1 0 0 0 1 1 1 0 2 1 -1\n1 0 0 0 1 1 1 0 0\n8 0 0 0 1 1 1 2 -5 6 1 2").unwrap();
+        assert_eq!(mesh.groups.of, [None, Some(5)]);
+        assert_eq!(mesh.groups.names, [(5, "fat".to_string())].into());
+        assert!(mesh.notes.iter().any(|note| note.contains("volume 8 is in physical groups -5, 6; the first")));
+    }
+
+    #[test]
+    fn binary_entities_are_as_those_in_text() {
+        for big in [false, true] {
+            let mut bytes = b"$MeshFormat\n4.1 1 8\n".to_vec();
+            let mut put = |raw: &[u8]| bytes.extend(raw.iter().rev().copied().collect::<Vec<_>>());
+            let int = |x: i32| if big { x.to_le_bytes() } else { x.to_be_bytes() };
+            let size = |x: u64| if big { x.to_le_bytes() } else { x.to_be_bytes() };
+            let real = |x: f64| if big { x.to_le_bytes() } else { x.to_be_bytes() };
+            put(&int(1));
+            put(b"\n$Entities\n".iter().rev().copied().collect::<Vec<_>>().as_slice());
+            [0, 1, 0, 1].iter().for_each(|&n| put(&size(n)));
+            for groups in [vec![], vec![4, 9]] {
+                put(&int(2));
+                (0..6).for_each(|_| put(&real(0.5)));
+                put(&size(groups.len() as u64));
+                groups.iter().for_each(|&group| put(&int(group)));
+                put(&size(1));
+                put(&int(3));
+            }
+            bytes.extend(b"\n$EndEntities\n");
+            let mut cursor = super::Cursor::new(Path::new("t.msh"), &bytes, "");
+            let mut file = super::Contents::default();
+            cursor.expect("$MeshFormat").unwrap();
+            cursor.next_line();
+            cursor.order =
+                Some(if big { crate::scene::cursor::Order::Big } else { crate::scene::cursor::Order::Little });
+            cursor.i32("one").unwrap();
+            cursor.expect("$Entities").unwrap();
+            assert_eq!(super::volumes(&mut cursor, &mut file).unwrap(), [(2, 4)].into());
+        }
+    }
+
+    #[test]
+    fn damage_is_told_by_line() {
+        let tetrahedra = "1 4 2 7 1 1 2 3 4\n2 4 2 7 1 2 3 4 5";
+        for (names, words) in [
+            ("1\n3 7 fat", "t.msh:6: \"3 7 fat\" in a physical name"),
+            ("1\n3 x \"fat\"", "t.msh:6: \"x\" in a physical name"),
+            ("many", "t.msh:5: \"many\" in the number of physical names"),
+            ("2\n3 7 \"fat\"", "t.msh:7: \"$EndPhysicalNames\" in a physical name"),
+        ] {
+            let message = v2(names, tetrahedra).unwrap_err().to_string();
+            assert!(message.contains(words), "{words}: {message}");
+        }
+        for (entities, words) in [
+            ("0 0 0 1\n1 0 0 0 1 1 1", "t.msh:11: 7 numbers in an entity"),
+            ("0 0 0 1\n1 0 0 0 1 1 1 3 5", "t.msh:11: 9 numbers in an entity"),
+            ("0 0 0 1\n1 0 0 0 1 1 1 18446744073709551615 5", "t.msh:11: 9 numbers in an entity"),
+            ("0 0 0 2\n1 0 0 0 1 1 1 0 0", "t.msh:12: 1 numbers in an entity"),
+            ("0 0 0 -1", "t.msh:10: -1 as a count"),
+        ] {
+            let message = v4(entities).unwrap_err().to_string();
+            assert!(message.contains(words), "{words}: {message}");
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! One step on the device: submitted, continued where it was too short, halved where it failed.
+
+use super::{Simulation, tools};
+use crate::gpu::Recording;
+use crate::report::Flags;
+use crate::stages::types::{Fit, Report, verdict};
+use crate::{Error, Result};
+
+/// Iterations a plan has over the last step's count, so that most steps need one submit.
+const SPARE_ITERATIONS: u32 = 4;
+/// Submits of one step at most; beyond, the device does not keep its word.
+const MOST_SUBMITS: u32 = 64;
+
+impl Simulation {
+    /// Advances by `h` seconds from the time `from`. A step that fails (not finite, or broken down with a tenth of the
+    /// right-hand side's norm left) leaves the state as it was, and is done in halves, up to so many times; where even those
+    /// fail, everything stops where it is: nothing ever leaps.
+    pub(super) fn advance(&mut self, from: f64, h: f64, halvings: u32) -> Result<Report> {
+        let device = self.drive.device(from + h, h);
+        self.frames.set_out(from + h, h, self.tool.as_ref());
+        self.write_inputs(h, &device)?;
+        let mut report = self.submit()?;
+        if report.verdict != verdict::FAILED {
+            if let (Some(tool), None) = (&mut self.tool, self.model.held) {
+                tool.advance(h, report.tool_change);
+            }
+            self.arrive(h, true)?;
+            return Ok(report);
+        }
+        if halvings == 0 {
+            self.stop(h)?;
+            report.flags |= Flags::FROZEN.0;
+            return Ok(report);
+        }
+        let first = self.advance(from, 0.5 * h, halvings - 1)?;
+        let mut last = first;
+        if !Flags(first.flags).contains(Flags::FROZEN) {
+            last = self.advance(from + 0.5 * h, 0.5 * h, halvings - 1)?;
+            last.iterations += first.iterations;
+        }
+        last.iterations += report.iterations;
+        // Whether the solver converged is said by the steps that count.
+        last.flags |= first.flags | (report.flags & !Flags::NOT_CONVERGED.0) | Flags::STEP_RETRIED.0;
+        Ok(last)
+    }
+
+    /// No step succeeded: all that moves by itself stands still; what is driven goes on.
+    fn stop(&mut self, h: f64) -> Result<()> {
+        Recording::submit_all(&[&self.plain.stop])?;
+        if let Some(tool) = &mut self.tool {
+            (tool.velocity, tool.angular_velocity) = Default::default();
+        }
+        self.frames.stop();
+        self.arrive(h, false)
+    }
+
+    /// Submits the step; where it ran out of iterations, or contacts pulled, what is missing.
+    fn submit(&mut self) -> Result<Report> {
+        let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
+        let set = match timed {
+            true => &self.timed[(self.step / self.timed_every % 2) as usize],
+            false => &self.plain,
+        };
+        let wanted = self.last_iterations + SPARE_ITERATIONS;
+        let mut parts = vec![&set.begin, set.plan(wanted), &set.end];
+        let mut times = Vec::new();
+        for _ in 0..MOST_SUBMITS {
+            Recording::submit_all(&parts)?;
+            if timed {
+                parts.iter().for_each(|part| add_times(&mut times, part.stage_times()));
+            }
+            let report = self.stages.common.report.mapped::<Report>()?[0];
+            match report.verdict {
+                verdict::CONTINUE => parts = vec![set.plan(wanted), &set.end],
+                verdict::RETRY => parts = vec![&set.again, set.plan(wanted), &set.end],
+                _ => {
+                    self.last_iterations = report.iterations;
+                    self.last_timed = timed.then_some(times);
+                    return Ok(report);
+                }
+            }
+        }
+        Err(Error::Simulation(format!("step {}: the solver reached no verdict", self.step)))
+    }
+
+    /// Frames to the end of the step; those that float to where their nodes are, those that are dynamic as they were pushed.
+    fn arrive(&mut self, h: f64, accepted: bool) -> Result<()> {
+        let (mut fits, mut changes) = (Vec::new(), Vec::new());
+        if accepted && let Some(floating) = &self.stages.floating {
+            fits = floating.fits.mapped::<Fit>()?.to_vec();
+        }
+        if accepted && !self.model.cores.is_empty() {
+            changes = self.stages.solve.core_changes.mapped::<[f32; 6]>()?.to_vec();
+        }
+        self.frames.arrive(h, &fits, &changes);
+        if let (Some(tool), Some(core)) = (&mut self.tool, self.model.held) {
+            tools::follow(tool, &self.frames, self.model.cores[core].frame);
+        }
+        Ok(())
+    }
+}
+
+fn add_times(sums: &mut Vec<(String, f64)>, times: Vec<(String, f64)>) {
+    for (name, us) in times {
+        match sums.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, sum)) => *sum += us,
+            None => sums.push((name, us)),
+        }
+    }
+}

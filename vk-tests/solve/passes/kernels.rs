@@ -1,0 +1,393 @@
+//! The cases, a method each.
+
+use palpate::gpu::Size;
+use palpate::stages::types::{Contact, Iteration};
+
+use super::side_by_side::{FREE, Variant, merged, settled, unwritten};
+use super::{Change, Passes};
+use crate::harness::{Case, Outcome, case, context};
+
+type Quads = Vec<[f32; 4]>;
+
+impl Passes {
+    fn reduce(&self, name: &str) -> Case {
+        case(name).size(Size::Reduce).constant("COARSE", self.coarse)
+    }
+
+    fn rigid_count(&self) -> u32 {
+        self.rigids.len() as u32
+    }
+
+    /// Blocks, and the tool.
+    fn groups(&self) -> usize {
+        self.blocks() + usize::from(self.tool)
+    }
+
+    pub fn assemble(&mut self) {
+        let (s, nodes, blocks) = (&self.system, self.nodes(), self.blocks());
+        let outcome = self
+            .reduce("solve/assemble")
+            .constant("CONTACT", self.contact)
+            .constant("FRICTION", self.friction)
+            .input("params", &[s.params])
+            .input("frames", &s.frames)
+            .input("blocks", &s.model.blocks.blocks)
+            .input("block_nodes", &s.model.blocks.nodes)
+            .input("block_places", &s.model.blocks.places)
+            .input("block_moments", &s.model.blocks.moments)
+            .input("coarse_blocks", &s.model.coarse.blocks)
+            .input("node_rest", &s.model.node_rest)
+            .input("velocity", &s.velocity)
+            .input("displacement", &s.displacement)
+            .input("node_elements", &s.node_elements)
+            .input("element_forces", &s.element_forces)
+            .input("gradients", &s.gradients)
+            // Without patches nobody reads of them.
+            .input("patch_rows", &s.gradients)
+            .input("node_entries", &s.node_entries)
+            .input("sorted", &s.sorted)
+            .input("contacts", &s.contacts)
+            .input("leftover", &self.leftover)
+            .input("rigids", &self.rigids)
+            .partial("rhs", &unwritten::<[f32; 4]>(nodes))
+            .partial("preconditioned", &unwritten::<[f32; 4]>(nodes))
+            .partial("inverse", &unwritten::<[f32; 4]>(2 * nodes))
+            .output::<[f32; 2]>("partials", blocks)
+            .output::<[f32; 4]>("restricted_rhs", 3 * blocks)
+            .inout("block_rotations", &self.block_rotations)
+            .output::<[f32; 4]>("block_turns", blocks)
+            .groups(blocks)
+            .run();
+        let roles = self.roles();
+        let of_nodes = |name: &str| settled(name, outcome.get(name), |i| roles[i].is_some());
+        (self.rhs, self.preconditioned) = (of_nodes("rhs"), of_nodes("preconditioned"));
+        self.inverse = settled("inverse", outcome.get("inverse"), |i| roles[i / 2].is_some());
+        self.partials = outcome.get("partials");
+        self.restricted_rhs = outcome.get("restricted_rhs");
+        self.block_rotations = outcome.get("block_rotations");
+        self.block_turns = outcome.get("block_turns");
+    }
+
+    /// solve/apply and, with contacts, solve/press.
+    pub fn apply(&mut self, change: Change) {
+        let (s, tetrahedra) = (&self.system, self.tetrahedra());
+        let of_solution = change == Change::Solution;
+        let vector = if of_solution { &self.solution } else { &self.preconditioned };
+        let outcome = case("solve/apply")
+            .constant("TETRAHEDRA", tetrahedra as u32)
+            .input("tetrahedra", &s.model.tetrahedra)
+            .input("gradients", &s.gradients)
+            .input("change", vector)
+            .output::<[f32; 4]>("element_forces", 4 * tetrahedra)
+            .elements(tetrahedra)
+            .run();
+        let mut forces: Quads = outcome.get("element_forces");
+        forces.extend([[0.0; 4]; 4]);
+        if self.contact {
+            let outcome = case("solve/press")
+                .constant("FRICTION", self.friction)
+                .constant("RIGIDS", self.rigid_count())
+                .input("params", &[s.params])
+                .input("change", vector)
+                .input("counts", &[s.counts])
+                .input("contacts", &s.contacts)
+                .input("entry_nodes", &s.entry_nodes)
+                .input("entry_weights", &s.entry_weights)
+                .input("solve", &[self.state])
+                .input("iterates", &self.iterates)
+                .output::<[f32; 4]>("contact_forces", s.contacts.len())
+                .push(&[u32::from(of_solution), self.state.current])
+                .elements(s.contacts.len())
+                .run();
+            self.contact_forces = outcome.get("contact_forces");
+        }
+        self.element_forces = forces;
+    }
+
+    /// `mode` as in the kernel's header; what the inner products are taken with follows from it.
+    pub fn gather(&mut self, mode: u32) {
+        let outcomes: Vec<_> = self.variants().iter().map(|variant| self.gather_variant(mode, variant)).collect();
+        let (roles, groups) = (self.roles(), self.groups());
+        let image = merged("image", &unwritten::<[f32; 4]>(self.nodes()), &outcomes);
+        self.image = settled("image", image, |i| roles[i].is_some());
+        let dots = merged("dots", &unwritten::<[f32; 2]>(groups), &outcomes);
+        self.dots = settled("dots", dots, |_| true);
+        let modes = |name: &str| merged(name, &unwritten::<[f32; 4]>(3 * groups), &outcomes);
+        self.restricted_image =
+            settled("restricted_image", modes("restricted_image"), |i| self.coarse || self.role_of_slot(i / 3) != FREE);
+        self.restricted_residual = settled("restricted_residual", modes("restricted_residual"), |_| self.coarse);
+    }
+
+    fn gather_variant(&self, mode: u32, variant: &Variant) -> Outcome {
+        let (s, groups) = (&self.system, self.groups());
+        let (change, first, second) = match mode {
+            1 => (&self.preconditioned, &self.preconditioned, &self.residual),
+            _ => (&self.solution, &self.preconditioned, &self.rhs),
+        };
+        self.reduce("solve/gather")
+            .constant("BLOCKS", self.blocks() as u32)
+            .constant("CONTACT", self.contact)
+            .constant("FRICTION", self.friction)
+            .constant("RIGIDS", self.rigid_count())
+            .constant("MODE", mode)
+            .constant("ROLE", variant.role)
+            .constant("FIRST", variant.first as u32)
+            .input("params", &[s.params])
+            .input("block_turns", &self.block_turns)
+            .input("blocks", &s.model.blocks.blocks)
+            .input("block_nodes", &s.model.blocks.nodes)
+            .input("block_places", &s.model.blocks.places)
+            .input("coarse_blocks", &s.model.coarse.blocks)
+            .input("node_rest", &s.model.node_rest)
+            .input("node_elements", &s.node_elements)
+            .input("element_forces", &self.element_forces)
+            .input("node_entries", &s.node_entries)
+            .input("sorted", &s.sorted)
+            .input("counts", &[s.counts])
+            .input("contacts", &s.contacts)
+            .input("contact_forces", &self.contact_forces)
+            .input("change", change)
+            .input("first", first)
+            .input("second", second)
+            .input("inverse", &self.inverse)
+            .input("rigids", &self.rigids)
+            .input("iterates", &self.iterates)
+            .partial("image", &unwritten::<[f32; 4]>(self.nodes()))
+            .partial("dots", &unwritten::<[f32; 2]>(groups))
+            .partial("restricted_image", &unwritten::<[f32; 4]>(3 * groups))
+            .partial("restricted_residual", &unwritten::<[f32; 4]>(3 * groups))
+            .input("solve", &[self.state])
+            .push(&if mode == 1 { self.state.current } else { 0 })
+            .groups(variant.groups)
+            .run()
+    }
+
+    /// The coarse level before the loop, or at the end of it, of what is left then.
+    pub fn coarse(&mut self, warm: bool) {
+        let (coarse, blocks) = (&self.system.model.coarse, self.blocks());
+        let outcome = case("solve/coarse")
+            .size(Size::Reduce)
+            .constant("WARM", warm)
+            .input("coarse_blocks", &coarse.blocks)
+            .input("coarse_inverse", &coarse.inverse)
+            .input("coarse_scales", &coarse.scales)
+            .input("restricted_rhs", if warm { &self.restricted_rhs } else { &self.restricted_residual })
+            .input("restricted_image", &self.restricted_image)
+            .output::<[f32; 4]>("coarse_rhs", 3 * blocks)
+            .partial("coarse_image", &unwritten::<[f32; 4]>(3 * blocks))
+            .output::<[f32; 4]>("coarse_dots", blocks)
+            .groups(blocks)
+            .run();
+        self.coarse_rhs = outcome.get("coarse_rhs");
+        self.coarse_image = settled("coarse_image", outcome.get("coarse_image"), |_| warm);
+        self.coarse_dots = outcome.get("coarse_dots");
+    }
+
+    pub fn start(&mut self) {
+        let s = &self.system;
+        let outcome = self
+            .reduce("solve/start")
+            .constant("TETRAHEDRA", self.tetrahedra() as u32)
+            .constant("CONTACT", self.contact)
+            .constant("FRICTION", self.friction)
+            .constant("TOOL", self.tool)
+            .constant("BLOCKS", self.block_count as u32)
+            .constant("FREE_BLOCKS", s.model.blocks.free as u32)
+            .constant("RIGIDS", self.rigid_count())
+            .constant("GROUP", context().group_size())
+            .input("params", &[s.params])
+            .input("frames", &s.frames)
+            .input("block_nodes", &s.model.blocks.nodes)
+            .input("node_rest", &s.model.node_rest)
+            .input("counts", &[s.counts])
+            .input("contacts", &s.contacts)
+            .input("partials", &self.partials)
+            .input("dots", &self.dots)
+            .input("coarse_dots", &self.coarse_dots)
+            .input("restricted_rhs", &self.restricted_rhs)
+            .input("restricted_image", &self.restricted_image)
+            .input("coarse_rhs", &self.coarse_rhs)
+            .input("coarse_image", &self.coarse_image)
+            .input("rhs", &self.rhs)
+            .input("inverse", &self.inverse)
+            .inout("rigids", &self.rigids)
+            .inout("iterates", &self.iterates)
+            .inout("solve", &[self.state])
+            .output::<[u32; 3]>("iterations", 2)
+            .partial("args", &self.args)
+            .groups(1)
+            .run();
+        self.rigids = outcome.get("rigids");
+        self.iterates = outcome.get("iterates");
+        self.state = outcome.get("solve")[0];
+        let iterations: Vec<Iteration> = outcome.get("iterations");
+        self.iterations = [iterations[0], iterations[1]];
+        self.args = outcome.get("args");
+    }
+
+    pub fn begin(&mut self) {
+        let (s, nodes) = (&self.system, self.nodes());
+        let outcome = self
+            .reduce("solve/begin")
+            .input("solve", &[self.state])
+            .input("block_turns", &self.block_turns)
+            .input("blocks", &s.model.blocks.blocks)
+            .input("block_nodes", &s.model.blocks.nodes)
+            .input("block_places", &s.model.blocks.places)
+            .input("coarse_blocks", &s.model.coarse.blocks)
+            .input("node_rest", &s.model.node_rest)
+            .input("rhs", &self.rhs)
+            .input("image", &self.image)
+            .input("inverse", &self.inverse)
+            .input("coarse_rhs", &self.coarse_rhs)
+            .input("coarse_image", &self.coarse_image)
+            .input("iterates", &self.iterates)
+            .inout("solution", &self.solution)
+            .partial("residual", &unwritten::<[f32; 4]>(nodes))
+            .partial("preconditioned", &unwritten::<[f32; 4]>(nodes))
+            .partial("direction", &unwritten::<[f32; 4]>(nodes))
+            .partial("direction_image", &unwritten::<[f32; 4]>(nodes))
+            .partial("restricted_direction", &unwritten::<[f32; 4]>(self.restricted_direction.len()))
+            .groups(self.blocks())
+            .run();
+        let roles = self.roles();
+        let of_nodes = |name: &str| settled(name, outcome.get(name), |i| roles[i].is_some());
+        self.solution = outcome.get("solution");
+        (self.residual, self.preconditioned) = (of_nodes("residual"), of_nodes("preconditioned"));
+        (self.direction, self.direction_image) = (of_nodes("direction"), of_nodes("direction_image"));
+        let first_set = self.restricted_direction.len() / 2;
+        let directions = outcome.get("restricted_direction");
+        self.restricted_direction = settled("restricted_direction", directions, |i| self.coarse && i < first_set);
+    }
+
+    pub fn update(&mut self) {
+        let outcomes: Vec<_> = (self.variants().iter().enumerate())
+            .map(|(index, variant)| self.update_variant(index == 0, variant))
+            .collect();
+        if outcomes.is_empty() {
+            return;
+        }
+        let before = self.state;
+        self.state = merged("solve", &[self.state], &outcomes)[0];
+        let iterations = merged("iterations", &self.iterations, &outcomes);
+        self.iterations = [iterations[0], iterations[1]];
+        self.iterates = merged("iterates", &self.iterates, &outcomes);
+        self.restricted_direction = merged("restricted_direction", &self.restricted_direction, &outcomes);
+        self.solution = merged("solution", &self.solution, &outcomes);
+        self.args = merged("args", &self.args, &outcomes);
+        let (roles, goes_on) = (self.roles(), self.state.current != before.current);
+        let next = |name: &str, carried: bool| {
+            let values = merged(name, &unwritten::<[f32; 4]>(self.nodes()), &outcomes);
+            settled(name, values, |i| goes_on && roles[i].is_some_and(|role| role == FREE || carried))
+        };
+        let (residual, preconditioned) = (next("next_residual", false), next("next_preconditioned", true));
+        let (direction, image) = (next("next_direction", false), next("next_direction_image", false));
+        if goes_on {
+            (self.residual, self.preconditioned) = (residual, preconditioned);
+            (self.direction, self.direction_image) = (direction, image);
+        }
+    }
+
+    fn update_variant(&self, leads: bool, variant: &Variant) -> Outcome {
+        let s = &self.system;
+        self.reduce("solve/update")
+            .constant("BLOCKS", self.blocks() as u32)
+            .constant("PARTIALS", self.dots.len() as u32)
+            .constant("RIGIDS", self.rigid_count())
+            .constant("ROLE", variant.role)
+            .constant("FIRST", variant.first as u32)
+            .constant("LEADS", leads)
+            .input("params", &[s.params])
+            .input("block_turns", &self.block_turns)
+            .input("blocks", &s.model.blocks.blocks)
+            .input("block_nodes", &s.model.blocks.nodes)
+            .input("block_places", &s.model.blocks.places)
+            .input("node_rest", &s.model.node_rest)
+            .input("coarse_blocks", &s.model.coarse.blocks)
+            .input("coarse_inverse", &s.model.coarse.inverse)
+            .input("coarse_scales", &s.model.coarse.scales)
+            .input("dots", &self.dots)
+            .input("restricted_image", &self.restricted_image)
+            .input("restricted_residual", &self.restricted_residual)
+            .input("image", &self.image)
+            .input("inverse", &self.inverse)
+            .input("residual", &self.residual)
+            .input("preconditioned", &self.preconditioned)
+            .input("direction", &self.direction)
+            .input("direction_image", &self.direction_image)
+            .input("rigids", &self.rigids)
+            .inout("solve", &[self.state])
+            .inout("iterations", &self.iterations)
+            .inout("iterates", &self.iterates)
+            .inout("restricted_direction", &self.restricted_direction)
+            .inout("solution", &self.solution)
+            .partial("next_residual", &unwritten::<[f32; 4]>(self.nodes()))
+            .partial("next_preconditioned", &unwritten::<[f32; 4]>(self.nodes()))
+            .partial("next_direction", &unwritten::<[f32; 4]>(self.nodes()))
+            .partial("next_direction_image", &unwritten::<[f32; 4]>(self.nodes()))
+            .partial("args", &self.args)
+            .push(&self.state.current)
+            .groups(variant.groups)
+            .run()
+    }
+
+    pub fn conclude(&mut self) {
+        let s = &self.system;
+        let outcome = self
+            .reduce("solve/conclude")
+            .constant("NODES", self.nodes() as u32)
+            .constant("CONTACT", self.contact)
+            .constant("TOOL", self.tool)
+            .constant("BLOCKS", self.block_count as u32)
+            .constant("RIGIDS", self.rigid_count())
+            .constant("GROUP", context().group_size())
+            .input("params", &[s.params])
+            .input("frames", &s.frames)
+            .input("dots", &self.dots)
+            .input("coarse_dots", &self.coarse_dots)
+            .input("restricted_image", &self.restricted_image)
+            .input("contact_forces", &self.contact_forces)
+            .input("iterations", &self.iterations)
+            .input("iterates", &self.iterates)
+            .inout("counts", &[s.counts])
+            .inout("contacts", &s.contacts)
+            .inout("solve", &[self.state])
+            .inout("rigids", &self.rigids)
+            .partial("args", &self.args)
+            .partial("report", &[self.report])
+            .output::<f32>("core_changes", 6 * s.model.cores.len())
+            .groups(1)
+            .run();
+        self.state = outcome.get("solve")[0];
+        self.rigids = outcome.get("rigids");
+        self.core_changes = outcome.get("core_changes");
+        self.args = outcome.get("args");
+        self.report = outcome.get("report")[0];
+        self.system.counts = outcome.get("counts")[0];
+        self.system.contacts = outcome.get::<Contact>("contacts");
+    }
+
+    pub fn commit(&mut self) {
+        let s = &self.system;
+        let outcome = case("solve/commit")
+            .constant("NODES", self.nodes() as u32)
+            .constant("RIGIDS", self.rigid_count())
+            .input("params", &[s.params])
+            .input("frames", &s.frames)
+            .input("node_info", &s.model.node_info)
+            .input("solution", &self.solution)
+            .input("rhs", &self.rhs)
+            .input("image", &self.image)
+            .input("node_rest", &s.model.node_rest)
+            .input("solve", &[self.state])
+            .input("iterates", &self.iterates)
+            .inout("velocity", &s.velocity)
+            .inout("displacement", &s.displacement)
+            .partial("leftover", &self.leftover)
+            .elements(self.nodes())
+            .run();
+        self.leftover = outcome.get("leftover");
+        self.system.velocity = outcome.get("velocity");
+        self.system.displacement = outcome.get("displacement");
+    }
+}

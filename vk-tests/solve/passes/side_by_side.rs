@@ -1,0 +1,88 @@
+//! Variants of a kernel that run side by side: each is given what was there before all of them, and no two write the same
+//! word.
+
+use bytemuck::Pod;
+
+use super::Passes;
+use crate::harness::{CANARY, Outcome};
+
+/// What a variant works on; see shaders/shared/roles.glsl.
+pub const FREE: u32 = 0;
+/// Nodes of dynamic cores.
+pub const CARRIED: u32 = 1;
+/// The tool.
+const TOOL: u32 = 2;
+
+/// A variant: its role, its first block, its workgroups.
+pub struct Variant {
+    pub role: u32,
+    pub first: usize,
+    pub groups: usize,
+}
+
+/// An array that nothing has been written to.
+pub fn unwritten<T: Pod>(len: usize) -> Vec<T> {
+    bytemuck::allocation::pod_collect_to_vec(&vec![CANARY; len * size_of::<T>() / 4])
+}
+
+/// An array after all variants.
+pub fn merged<T: Pod>(name: &str, given: &[T], outcomes: &[Outcome]) -> Vec<T> {
+    let before: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(given);
+    let mut words = before.clone();
+    for outcome in outcomes {
+        for (i, after) in outcome.get::<u32>(name).into_iter().enumerate().filter(|(i, after)| *after != before[*i]) {
+            assert_eq!(words[i], before[i], "word {i} of {name} is written by two variants");
+            words[i] = after;
+        }
+    }
+    bytemuck::allocation::pod_collect_to_vec(&words)
+}
+
+/// What was to be written is, and nothing else, which then is zero.
+pub fn settled<const N: usize>(
+    name: &str,
+    mut values: Vec<[f32; N]>,
+    written: impl Fn(usize) -> bool,
+) -> Vec<[f32; N]> {
+    for (i, value) in values.iter_mut().enumerate() {
+        let blank = value.iter().filter(|x| x.to_bits() == CANARY).count();
+        assert_eq!(blank, if written(i) { 0 } else { N }, "{name} [{i}]: words that were not written");
+        if blank > 0 {
+            *value = [0.0; N];
+        }
+    }
+    values
+}
+
+impl Passes {
+    /// Variants of which the model has any.
+    pub fn variants(&self) -> Vec<Variant> {
+        let (free, all) = (self.system.model.blocks.free, self.blocks());
+        let roles = [(FREE, 0, free), (CARRIED, free, all - free), (TOOL, 0, usize::from(self.tool))];
+        let variants = roles.into_iter().map(|(role, first, groups)| Variant { role, first, groups });
+        variants.filter(|variant| variant.groups > 0).collect()
+    }
+
+    /// The role of the block that each node is in.
+    pub fn roles(&self) -> Vec<Option<u32>> {
+        let mut roles = vec![None; self.nodes()];
+        let blocks = &self.system.model.blocks;
+        for (b, [first, count, ..]) in blocks.blocks.iter().enumerate() {
+            for node in &blocks.nodes[*first as usize..(first + count) as usize] {
+                assert_eq!(roles[node[0] as usize], None, "node {} is in two blocks", node[0]);
+                roles[node[0] as usize] = Some(if b < blocks.free { FREE } else { CARRIED });
+            }
+        }
+        roles
+    }
+
+    /// The role of the block whose modes are at a slot.
+    pub fn role_of_slot(&self, slot: usize) -> u32 {
+        let blocks = &self.system.model.blocks;
+        match blocks.slots.iter().position(|own| *own as usize == slot) {
+            Some(b) if b < blocks.free => FREE,
+            Some(_) => CARRIED,
+            None => TOOL,
+        }
+    }
+}
