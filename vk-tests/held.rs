@@ -11,8 +11,8 @@ use crate::friction::beside;
 use crate::whole_step::{run, scene, soft_twin};
 
 /// A cube of 36 mm and 47 g held by what is in its middle, above a block with a fixed bottom; it is taken 5 mm into that
-/// in 50 ms, and `aside`, turned.
-fn pad(young: f64, coupling: &str, more: &str, aside: DVec3) -> String {
+/// in 50 ms, and `aside`, to the orientation `turn`.
+fn pad(young: f64, coupling: &str, more: &str, aside: DVec3, turn: [f64; 4]) -> String {
     let end = DVec3::new(0.004, 0.0435, -0.003) + aside;
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[contact]\nstiffness = 3e7\n{more}\n\
@@ -28,11 +28,13 @@ fn pad(young: f64, coupling: &str, more: &str, aside: DVec3) -> String {
          bind = {{ box = [[-0.007, -0.007, -0.007], [0.007, 0.007, 0.007]] }}\n\
          [tool]\nbody = \"pad\"\n[coupling]\n{coupling}\n\
          [drive]\nkeys = [[0.0, 0.004, 0.0485, -0.003, 0.0, 0.06, 0.0, 0.9981983770774224], \
-         [0.05, {:?}, {:?}, {:?}, 0.1, 0.06, 0.05, 0.9919173352]]\n",
-        end.x, end.y, end.z
+         [0.05, {:?}, {:?}, {:?}, {:?}, {:?}, {:?}, {:?}]]\n",
+        end.x, end.y, end.z, turn[0], turn[1], turn[2], turn[3]
     )
 }
 
+/// How the pad lies at the start.
+const START: [f64; 4] = [0.0, 0.06, 0.0, 0.9981983770774224];
 /// Force and torque on the body, of the largest; displacements, of the largest; place of the core, m.
 const FORCE: f64 = 5.0e-5;
 const TORQUE: f64 = 1.0e-4;
@@ -43,8 +45,8 @@ const PLACE: f64 = 1.0e-7;
 fn a_held_pad_presses_and_rubs_as_the_oracles() {
     let coupling = "stiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.002";
     for (young, friction) in [(2e4, 0.0), (2e6, 0.0), (2e4, 0.5)] {
-        let aside = DVec3::new(0.004, 0.0, 0.002);
-        let scene = scene(&pad(young, coupling, &format!("friction = {friction:?}"), aside));
+        let (aside, turn) = (DVec3::new(0.004, 0.0, 0.002), [0.1, 0.06, 0.05, 0.9919173352]);
+        let scene = scene(&pad(young, coupling, &format!("friction = {friction:?}"), aside, turn));
         let (mut peak, mut turned, mut iterations) = (0.0f64, 0.0f64, 0);
         let errors = beside(&scene, 80, |row, simulation, twin, report| {
             peak = peak.max(report.wrench.force.length());
@@ -61,12 +63,11 @@ fn a_held_pad_presses_and_rubs_as_the_oracles() {
     }
 }
 
-/// Energy after 100 ms at most, of that at 100 ms, with a coupling that damps and without: what presses here and there as
-/// contacts come and go has no potential.
-const GROWTH: [f64; 2] = [1.2, 2.0];
-/// The last energy, of that at 100 ms; the last speed, of the highest.
-const LAST: f64 = 1.1;
-const REST: f64 = 0.03;
+/// Energy after 100 ms at most, of that at 100 ms. The pad goes straight down: the force of a tilted one turns with the
+/// region's normal, which goes on following its contacts, and that does work.
+const GROWTH: f64 = 1.005;
+/// The last speed, of the highest.
+const REST: f64 = 0.02;
 /// kg: of the pad.
 const MASS: f64 = 0.0467;
 
@@ -88,12 +89,12 @@ fn energy_and_speed(scene: &Scene, simulation: &Simulation, row: &Row) -> (f64, 
     (energy, speed)
 }
 
-/// Presses for 500 steps. Energy after 100 ms, twice as long as the device moves: at most and at last, of that then; the last
-/// speed, of the highest.
-fn held(young: f64, stiffness: f64, damping: f64) -> (f64, f64, f64) {
+/// Presses for 500 steps. The most energy after 100 ms, twice as long as the device moves, of that then; the last speed, of
+/// the highest.
+fn held(young: f64, stiffness: f64, damping: f64) -> (f64, f64) {
     let coupling =
         format!("stiffness = {stiffness:?}\ndamping = {damping:?}\nangular_stiffness = 0.5\nangular_damping = 0.005");
-    let scene = scene(&pad(young, &coupling, "", DVec3::ZERO));
+    let scene = scene(&pad(young, &coupling, "", DVec3::ZERO, START));
     // Long runs: validation is for the short ones.
     let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() };
     let mut simulation = Simulation::new(&scene, &options, None).unwrap();
@@ -110,19 +111,22 @@ fn held(young: f64, stiffness: f64, damping: f64) -> (f64, f64, f64) {
          {:.2e} J at last; up to {fastest:.2e}, at last {:.2e} m/s",
         seen[9].0, seen[49].0, seen[49].1
     );
-    (most / seen[9].0, seen[49].0 / seen[9].0, seen[49].1 / fastest)
+    (most / seen[9].0, seen[49].1 / fastest)
 }
 
 #[test]
 fn a_held_pad_comes_to_rest_at_any_stiffness_of_the_coupling() {
+    // What lies between was seen to do the same.
     for young in [2e4, 2e6] {
-        for stiffness in [10.0, 100.0, 500.0, 2000.0, 5000.0] {
+        for stiffness in [10.0, 500.0, 5000.0] {
             let critical = 2.0 * f64::sqrt(stiffness * MASS);
-            let (most, last, speed) = held(young, stiffness, critical);
-            assert!(most < GROWTH[0] && last < LAST && speed < REST, "{young:e} Pa, {stiffness} N/m");
-            // Undamped it swings, and gains nothing.
-            let (most, last, _) = held(young, stiffness, 0.0);
-            assert!(most < GROWTH[1] && last < LAST, "{young:e} Pa, {stiffness} N/m, undamped");
+            let (most, speed) = held(young, stiffness, critical);
+            assert!(most < GROWTH && speed < REST, "{young:e} Pa, {stiffness} N/m");
         }
+    }
+    // Undamped it comes to rest later, and gains nothing.
+    for stiffness in [10.0, 5000.0] {
+        let (most, _) = held(2e6, stiffness, 0.0);
+        assert!(most < GROWTH, "{stiffness} N/m, undamped");
     }
 }

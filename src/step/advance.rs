@@ -21,12 +21,10 @@ impl Simulation {
         self.write_inputs(h, &device)?;
         let mut report = self.submit()?;
         if report.verdict != verdict::FAILED {
-            self.arrive(h, true)?;
-            match (&mut self.tool, self.model.held) {
-                (Some(tool), Some(core)) => tools::follow(tool, &self.frames, self.model.cores[core].frame),
-                (Some(tool), None) => tool.advance(h, report.tool_change),
-                _ => {}
+            if let (Some(tool), None) = (&mut self.tool, self.model.held) {
+                tool.advance(h, report.tool_change);
             }
+            self.arrive(h, true)?;
             return Ok(report);
         }
         if halvings == 0 {
@@ -95,6 +93,9 @@ impl Simulation {
             changes = self.stages.solve.core_changes.mapped::<[f32; 6]>()?.to_vec();
         }
         self.frames.arrive(h, &fits, &changes);
+        if let (Some(tool), Some(core)) = (&mut self.tool, self.model.held) {
+            tools::follow(tool, &self.frames, self.model.cores[core].frame);
+        }
         Ok(())
     }
 }
