@@ -11,8 +11,8 @@
 // h f - (h^2 + h beta) K v, f_i = -V P g_i, P = R (2 mu sym(E) + lambda tr(E) I), E = R^T G + (R^T - I).
 // A principal stretch s below LEAST adds STIFFENING (lambda + 2 mu) (s - LEAST) along its axis, since corotational elasticity
 // alone lets a tetrahedron be pressed flat and turn inside out; the operator gets half of it as shear modulus, isotropic
-// and at least as stiff. Neo-Hookean ones: shared/neo_hookean.glsl. A tetrahedron whose nodes ride on several frames is evaluated in the first node's. One invocation a tetrahedron.
-// Oracle: oracle::elastic.
+// and at least as stiff. Neo-Hookean ones: shared/neo_hookean.glsl. A tetrahedron whose nodes ride on several frames is
+// evaluated in the first node's. One invocation a tetrahedron. Oracle: oracle::elastic.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;

@@ -3,12 +3,13 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 
-// Solve: right-hand side b = h m g - h alpha m v + sum (h f - (h^2 + h beta) K v) - sum w ((h a k delta + (h^2 k + h d) a delta') n
-// + h c v_t) of each node, plus what the last solve left undone (its b - A x: impulse that would be lost, step by step in the
-// same smooth shapes, since a warm start leaves those to the end); the inverse of its 3x3 diagonal block of A; the sums
-// b . D^-1 b and (e . D^-1 e) eps^2, e the sum of the magnitudes that b is made of: what rounding leaves of b at rest; and
-// P^T b of the block's modes, and how it has turned (the rotation of its nodes' affine fit). Nodes that dynamic cores carry keep their blocks as they are, for the core's; held nodes are
-// in no block. A workgroup a block of nodes. Oracle: oracle::step.
+// Solve: right-hand side b = h m g - h alpha m v + sum (h f - (h^2 + h beta) K v) - sum w ((h a k delta + (h^2 k + h d) a
+// delta') n + h c v_t) of each node, plus what the last solve left undone (its b - A x: impulse that would be lost, step by
+// step in the same smooth shapes, since a warm start leaves those to the end); the inverse of its 3x3 diagonal block of A;
+// the sums b . D^-1 b and (e . D^-1 e) eps^2, e the sum of the magnitudes that b is made of: what rounding leaves of b at
+// rest; and P^T b of the block's modes, and how it has turned (the rotation of its nodes' affine fit). Nodes that dynamic
+// cores carry keep their blocks as they are, for the core's; held nodes are in no block. A workgroup a block of nodes.
+// Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

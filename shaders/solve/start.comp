@@ -5,9 +5,9 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: before the first iteration. Sums over workgroups; the 6x6 blocks of the tool and of dynamic cores, their inverses and
-// right-hand sides; the factor on the last step's solution that leaves the least residual, w = (y . M^-1 b) / (y . M^-1 y)
-// with y = A x (so a warm start never begins worse than none); the loop's indirect arguments. A body at rest (b within
+// Solve: before the first iteration. Sums over workgroups; the 6x6 blocks of the tool and of dynamic cores, their inverses
+// and right-hand sides; the factor on the last step's solution that leaves the least residual, w = (y . M^-1 b) / (y . M^-1
+// y) with y = A x (so a warm start never begins worse than none); the loop's indirect arguments. A body at rest (b within
 // rounding) stops at once. One workgroup. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
@@ -79,7 +79,8 @@ bool invert_about(vec3 axis, float block[36], out float inverse[36]) {
     return moment > 0.0;
 }
 
-// The inverse of a core's block of A, sum P_i^T D_i P_i over the nodes it carries and its coupling if it is held; e^2 of the rounding of its b.
+// The inverse of a core's block of A, sum P_i^T D_i P_i over the nodes it carries and its coupling if it is held; e^2 of
+// the rounding of its b.
 float assemble_core(uint c) {
     Frame frame = frames[rigids[c].frame];
     float block[36];

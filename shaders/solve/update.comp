@@ -8,9 +8,10 @@
 // Solve: one iteration of conjugate gradients with a single reduction (Chronopoulos and Gear 1989): gamma = r.u, delta =
 // w.u, beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'); p = u + beta p, s = w + beta s, x += alpha p,
 // r -= alpha s, u = M^-1 r. Every workgroup sums the inner products and the modes of its body for itself, in the same
-// order, so that nothing has to be told from one to another; what is read of one set of iterates is written to the other. Converged,
-// or broken down: the loop's arguments become zero, and all later iterations cost next to nothing. A workgroup a block of free nodes,
-// or of carried ones, or one for the tool's rows: variants that run side by side. Oracle: oracle::step (a direct solve).
+// order, so that nothing has to be told from one to another; what is read of one set of iterates is written to the other.
+// Converged, or broken down: the loop's arguments become zero, and all later iterations cost next to nothing. A workgroup a
+// block of free nodes, or of carried ones, or one for the tool's rows: variants that run side by side. Oracle: oracle::step
+// (a direct solve).
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
