@@ -46,6 +46,7 @@ layout(scalar, binding = 22) writeonly buffer Partials { vec2 partials[]; };
 layout(scalar, binding = 23) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
 layout(scalar, binding = 24) buffer BlockRotations { vec4 block_rotations[]; };  // of blocks in their frames, kept as the next start
 layout(scalar, binding = 25) writeonly buffer BlockTurns { vec4 block_turns[]; };        // the same in the world: of their modes
+layout(binding = 26) uniform samplerBuffer coarse_scales;
 
 const uint SUMS = 7;
 
@@ -56,6 +57,7 @@ const uint SUMS = 7;
 #include "shared/modes.glsl"
 #include "shared/core.glsl"
 #include "shared/followed.glsl"
+#include "shared/share.glsl"
 
 // Half a unit in the last place of f32, for each of a handful of roundings on the way to b.
 const float ROUNDING = 1.0e-7;
@@ -110,7 +112,7 @@ void main() {
     vec4 place = texelFetch(block_places, int(gl_WorkGroupID.x)), turn = frames[block.frame].rotation;
     float h = params.dt;
     Modes modes = no_modes(), moved = no_modes();
-    vec2 sums = vec2(0.0);
+    vec3 sums = vec3(0.0);
     for (uint at = lane; at < block.count; at += SIZE) {
         uvec4 node = block_node(block, at);
         int i = int(node.x);
@@ -158,8 +160,9 @@ void main() {
         invert(a, c, diagonal, off);
         vec3 z = vec3(diagonal.x * b.x + off.x * b.y + off.y * b.z, off.x * b.x + diagonal.y * b.y + off.z * b.z,
             off.y * b.x + off.z * b.y + diagonal.z * b.z);
-        sums += vec2(dot(b, z), ROUNDING * dot(e, ROUNDING * e * diagonal));
+        sums.xy += vec2(dot(b, z), ROUNDING * dot(e, ROUNDING * e * diagonal));
         if (COARSE) {
+            sums.z += ROUNDING * dot(e, ROUNDING * e);
             vec3 where = (rest.xyz - place.xyz) * place.w;
             add_modes(modes, b, where);
             add_modes(moved, texelFetch(displacement, i).xyz, where);
@@ -184,10 +187,12 @@ void main() {
         }
     }
     vec4 p[3] = packed(modes);
-    vec4 totals[SUMS] = vec4[SUMS](vec4(sums, 0.0, 0.0), p[0], p[1], p[2], vec4(moved.c1, 0.0), vec4(moved.c2, 0.0), vec4(moved.c3, 0.0));
+    vec4 totals[SUMS] = vec4[SUMS](vec4(sums, 0.0), p[0], p[1], p[2], vec4(moved.c1, 0.0), vec4(moved.c2, 0.0), vec4(moved.c3, 0.0));
     workgroup_sums(totals, COARSE ? 7 : (block.rigid != NONE ? 4 : 1));
     if (lane != 0) return;
-    partials[gl_WorkGroupID.x] = totals[0].xy;
+    vec2 products = totals[0].xy;
+    if (COARSE && block.rigid == NONE) products.y += coarse_share(slot_of(gl_WorkGroupID.x)) * totals[0].z;
+    partials[gl_WorkGroupID.x] = products;
     if (COARSE && block.rigid == NONE) {
         vec4 q = rotation_of(gl_WorkGroupID.x, place.w, mat3(totals[4].xyz, totals[5].xyz, totals[6].xyz));
         block_rotations[gl_WorkGroupID.x] = q;

@@ -64,6 +64,7 @@ const float ROUNDING = 6.0e-8;
 #include "shared/modes.glsl"
 #include "shared/core.glsl"
 #include "shared/followed.glsl"
+#include "shared/share.glsl"
 #include "shared/gather.glsl"
 #include "shared/six.glsl"
 
@@ -177,15 +178,7 @@ void main() {
         return;
     }
     uint slot = ROLE == TOOL_ROWS ? BLOCKS : slot_of(b);
-    if (MODE == 2 && COARSE && ROLE == FREE_NODES) {
-        // The scales are the roots of the coarse inverse's diagonal; an axis has a third of the modes.
-        float share = 0.0;
-        for (uint k = 0; k < 3; k++) {
-            vec4 scale = texelFetch(coarse_scales, int(3 * slot + k));
-            share += dot(scale, scale) / 3.0;
-        }
-        products.y += share * totals[0].z;
-    }
+    if (MODE == 2 && COARSE && ROLE == FREE_NODES) products.y += coarse_share(slot) * totals[0].z;
     dots[b] = products;
     vec4 turn = ROLE == TOOL_ROWS ? vec4(0.0, 0.0, 0.0, 1.0) : texelFetch(block_turns, int(b));
     w = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));

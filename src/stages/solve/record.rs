@@ -55,6 +55,7 @@ impl Solve {
                 &self.restricted_rhs,
                 &self.block_rotations,
                 &self.block_turns,
+                &self.coarse_scales,
             ],
             &[],
             self.block_count,

@@ -56,6 +56,7 @@ impl Passes {
             .output::<[f32; 4]>("restricted_rhs", 3 * blocks)
             .inout("block_rotations", &self.block_rotations)
             .output::<[f32; 4]>("block_turns", blocks)
+            .input("coarse_scales", &s.model.coarse.scales)
             .groups(blocks)
             .run();
         let roles = self.roles();
