@@ -49,6 +49,11 @@ impl Plan {
             0 => format!("{} nodes", model.node_rest.len()),
             cores => format!("{} nodes, {cores} dynamic cores", model.node_rest.len()),
         };
+        let coarse = |(body, number, aggregates): &(usize, f64, usize)| {
+            let name = scene.bodies.get(*body).map_or("", |body| &body.name);
+            format!(", coarse level of `{name}`: stiffness number {number:.0}, {aggregates} aggregates")
+        };
+        let solve = solve + &model.coarse.bodies.iter().map(coarse).collect::<String>();
         add("solve", true, solve, "");
         let wrench = touches && scene.tool.is_some();
         add("wrench", wrench, "the tool's".into(), if scene.tool.is_some() { nothing } else { "no tool" });

@@ -44,7 +44,9 @@ fn bodies_in_the_same_place_are_seen_to_overlap() {
 fn what_overflows_is_flagged_and_moves_nothing() {
     let mut simulation = press(SPHERE, "[step]\ngravity = [0.0, -1e30, 0.0]\n");
     for row in run(&mut simulation, 3) {
-        assert!(row.flags.contains(Flags::NON_FINITE), "{row:?}");
+        // Halves, quarters and eighths overflow as well: everything stands still.
+        let said = Flags::NON_FINITE | Flags::STEP_RETRIED | Flags::FROZEN;
+        assert!(row.flags.contains(said), "{row:?}");
         let tool = row.tool.unwrap();
         assert_eq!((tool.force.length(), tool.torque.length(), row.residual), (0.0, 0.0, 1.0));
     }
