@@ -3,6 +3,7 @@
 mod advance;
 pub(crate) mod choice;
 pub mod frames;
+pub mod joints;
 mod probes;
 pub(crate) mod recordings;
 mod tools;
@@ -21,6 +22,7 @@ use crate::prepare::{self, Body, BodyReport, Cache, Shape};
 use crate::report::{Flags, Pose, Row, ToolRow};
 use crate::scene::{Key, Scene};
 use crate::stages::depth::Path;
+use crate::stages::joints::Joint;
 use crate::stages::model::{self, Model};
 use crate::stages::query_as_one;
 use crate::stages::types::{self, Counts, Frame, Link, Pair, Region, Report, StepParams};
@@ -222,6 +224,11 @@ impl Simulation {
         (0..count).map(|k| self.frames.place(first as usize + k)).collect()
     }
 
+    /// Joints between frames of all bodies, one body's after another's.
+    pub fn joints(&self) -> &[Joint] {
+        &self.model.joints
+    }
+
     /// The region of each pair of bodies and the contacts of the last step, as the device left them (a dropped contact has
     /// stiffness 0); empty where nothing can touch. Positions are relative to the origin of that step. Costs transfers of
     /// its own: for tests and export.
@@ -266,6 +273,7 @@ impl Simulation {
         let mut frames = self.stages.common.frames.mapped_mut::<Frame>()?;
         let mut links = self.stages.common.links.mapped_mut::<Link>()?;
         self.frames.write(origin, h, &mut frames, &mut links);
+        joints::write(&self.model.joints, &self.frames, h, &mut self.stages.common.joints.mapped_mut()?);
         if let Some(touch) = &self.stages.touch {
             let mut pairs = touch.cull.pairs.mapped_mut::<Pair>()?;
             for (i, (pair, plane)) in self.model.pairs.iter().zip(&self.model.pair_planes).enumerate() {

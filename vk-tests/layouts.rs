@@ -53,8 +53,27 @@ fn step_params_and_frame() {
     same_layout!("elastic/rotate", Link { turn, offset });
     same_layout!(
         "solve/start",
-        Rigid { frame, node_first, node_count, block_first, block_count, slot_first, hinge, inverse, b, leftover }
+        Rigid {
+            frame,
+            node_first,
+            node_count,
+            block_first,
+            block_count,
+            slot_first,
+            hinge,
+            joint_first,
+            joint_count,
+            group_first,
+            group_count,
+            parent,
+            inverse_first,
+            rounding,
+            b,
+            image,
+            leftover
+        }
     );
+    same_layout!("solve/cores", Joint { rigid, arm, linear, angular, impulse, twist });
     same_layout!("solve/update", RigidIterate { x, r, u, p, s });
     same_layout!("pose/fit", Fit { shift, twist, momentum, spin });
 }

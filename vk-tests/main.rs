@@ -27,6 +27,7 @@ mod harness_self_test;
 mod heads;
 mod held;
 mod hinges;
+mod joints;
 mod judge;
 mod laws;
 mod layers;

@@ -1,18 +1,5 @@
-// Rows of rigid bodies. Needs `params`, `frames`, `rigids`, `iterates`, `solve`, `restricted_image`, BLOCKS, RIGIDS, TOOL,
-// shared/rotation.glsl and shared/six.glsl.
-
-// A rigid body's twist from sums over its blocks of modes, world axes.
-float[6] twist_of(samplerBuffer modes, uint first, uint count, vec4 turn) {
-    vec3 linear = vec3(0.0), angular = vec3(0.0);
-    for (uint b = first; b < first + count; b++) {
-        vec4 low = texelFetch(modes, int(3 * b)), high = texelFetch(modes, int(3 * b + 1));
-        linear += low.xyz;
-        angular += vec3(low.w, high.xy);
-    }
-    linear = rotate(turn, linear);
-    angular = rotate(turn, angular);
-    return float[6](linear.x, linear.y, linear.z, angular.x, angular.y, angular.z);
-}
+// Rows of rigid bodies. Needs `params`, `frames`, `rigids`, `rigid_inverses`, `iterates`, `solve`, `restricted_image`, BLOCKS,
+// RIGIDS, TOOL, shared/rotation.glsl, shared/twist.glsl and shared/six.glsl.
 
 // A x of the newest solution, in the rows of a rigid body.
 float[6] image_of(uint index) {
@@ -25,4 +12,18 @@ float[6] image_of(uint index) {
         for (int k = 0; k < 6; k++) y[k] += own[k];
     }
     return y;
+}
+
+// M^-1 times the b of a rigid body's group, or its image; rows of that body.
+float[6] preconditioned_rows(uint index, bool of_image) {
+    uint first = rigids[index].group_first, count = rigids[index].group_count;
+    uint base = rigids[index].inverse_first + 36 * count * (index - first);
+    float z[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    for (uint k = 0; k < count; k++) {
+        for (uint j = 0; j < 6; j++) {
+            float v = of_image ? rigids[first + k].image[j] : rigids[first + k].b[j];
+            for (uint i = 0; i < 6; i++) z[i] += rigid_inverses[base + 6 * (count * i + k) + j] * v;
+        }
+    }
+    return z;
 }

@@ -39,8 +39,13 @@ struct Rigid {
     uint block_first, block_count;          // blocks of those nodes
     uint slot_first;            // of their modes
     vec3 hinge;                 // unit axis through its centre that is all it may turn about, world; zero: it moves freely
-    float inverse[36];          // of its diagonal block of A
+    uint joint_first, joint_count;          // into joint_sides
+    uint group_first, group_count;          // the rigid bodies that joints join to it, itself included
+    uint parent;                // the one of its group that it hangs on, or NONE
+    uint inverse_first;         // of its group's inverse, into rigid_inverses
+    float rounding;             // e . M^-1 e, e the magnitudes that b is made of
     float b[6];
+    float image[6];             // before the loop A x, after it b - A x
     float leftover[6];          // b - A x of the last accepted step
 };
 
@@ -51,6 +56,17 @@ struct RigidIterate {
     float u[6];                 // M^-1 r
     float p[6];
     float s[6];                 // A p
+};
+
+// A ball joint of which a dynamic core is a side. Both sides feel it at one point between them, so that neither force nor
+// torque appears from nothing. Written by the host each step.
+struct Joint {
+    uint rigid[2];              // its sides; NONE: one whose motion is known
+    vec3 arm[2];                // from the centre of each to the joint, world axes, m
+    float linear;               // h^2 k, kg
+    float angular[6];           // h^2 K + h D of the relative spin: xx yy zz, xy xz yz, world axes, kg m^2
+    vec3 impulse;               // on the first side, N s
+    vec3 twist;                 // on the first side besides, N m s
 };
 
 // Where a point of one frame is in another, x_to = r + offset + (Q - I) r + Q d, r relative to the centres at rest, so that

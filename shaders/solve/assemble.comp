@@ -18,6 +18,7 @@ layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 4) const bool PATCHES = false;
 layout(constant_id = 5) const uint TETRAHEDRA = 0;
 layout(constant_id = 7) const bool FRICTION = false;
+layout(constant_id = 8) const bool JOINTS = false;
 layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
@@ -47,6 +48,8 @@ layout(scalar, binding = 23) writeonly buffer RestrictedRhs { vec4 restricted_rh
 layout(scalar, binding = 24) buffer BlockRotations { vec4 block_rotations[]; };  // of blocks in their frames, kept as the next start
 layout(scalar, binding = 25) writeonly buffer BlockTurns { vec4 block_turns[]; };        // the same in the world: of their modes
 layout(binding = 26) uniform samplerBuffer coarse_scales;
+layout(scalar, binding = 27) readonly buffer Joints { Joint joints[]; };
+layout(scalar, binding = 28) readonly buffer JointSides { uint joint_sides[]; };
 
 const uint SUMS = 7;
 
@@ -58,6 +61,7 @@ const uint SUMS = 7;
 #include "shared/core.glsl"
 #include "shared/followed.glsl"
 #include "shared/share.glsl"
+#include "shared/joint.glsl"
 
 // Half a unit in the last place of f32, for each of a handful of roundings on the way to b.
 const float ROUNDING = 1.0e-7;
@@ -178,6 +182,11 @@ void main() {
             if (HELD != NONE && block.rigid == HELD) {
                 modes.c0 += vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]);
                 modes.c1 += vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]);
+            }
+        }
+        if (JOINTS && lane == 0 && gl_WorkGroupID.x == rigid.block_first) {
+            for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
+                add_springs(joint_sides[k] / 2, joint_sides[k] % 2, modes.c0, modes.c1);
             }
         }
         follow(rigid.hinge, modes.c0, modes.c1);

@@ -31,10 +31,11 @@ layout(scalar, binding = 7) readonly buffer Iterates { RigidIterate iterates[]; 
 layout(scalar, binding = 8) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 9) buffer Contacts { Contact contacts[]; };
 layout(scalar, binding = 10) buffer SolveInOut { Solve solve; };
-layout(scalar, binding = 11) buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 11) coherent buffer Rigids { Rigid rigids[]; };
 layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
 layout(scalar, binding = 13) writeonly buffer ReportOut { Report report; };
 layout(scalar, binding = 14) writeonly buffer CoreChanges { float core_changes[]; };     // six a core, for the host
+layout(scalar, binding = 15) readonly buffer RigidInverses { float rigid_inverses[]; };
 
 const uint MAX_RETRIES = 4;
 // Residual above which a broken solve is not accepted.
@@ -44,8 +45,20 @@ shared float deepest[SIZE];
 
 #include "shared/six.glsl"
 #include "shared/sum.glsl"
+#include "shared/settle.glsl"
+#include "shared/twist.glsl"
 #include "shared/rigid.glsl"
 #include "shared/pressure.glsl"
+
+// b - A x in a rigid body's image, and what it is told to the host.
+void leave_undone(uint index) {
+    float y[6] = image_of(index), x[6] = iterates[solve.current * RIGIDS + index].x;
+    for (int k = 0; k < 6; k++) {
+        rigids[index].image[k] = rigids[index].b[k] - y[k];
+        if (TOOL && index == RIGIDS - 1) report.tool_change[k] = x[k];
+        else core_changes[6 * index + k] = x[k];
+    }
+}
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
@@ -63,6 +76,11 @@ void main() {
         sums.z += pulls ? 1.0 : 0.0;
     }
     deepest[lane] = depth;
+    for (uint index = lane; index < RIGIDS; index += SIZE) leave_undone(index);
+    settle();
+    for (uint index = lane; index < RIGIDS; index += SIZE) {
+        sums.x += inner(rigids[index].image, preconditioned_rows(index, true));
+    }
     sums = workgroup_sum(sums);
     bool again = solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retries < MAX_RETRIES;
     if (again) {
@@ -77,15 +95,6 @@ void main() {
         }
     }
     if (lane != 0) return;
-    for (uint index = 0; index < RIGIDS; index++) {
-        float undone[6], y[6] = image_of(index), x[6] = iterates[solve.current * RIGIDS + index].x;
-        for (int k = 0; k < 6; k++) {
-            undone[k] = rigids[index].b[k] - y[k];
-            if (TOOL && index == RIGIDS - 1) report.tool_change[k] = x[k];
-            else core_changes[6 * index + k] = x[k];
-        }
-        sums.x += inner(undone, times(rigids[index].inverse, undone));
-    }
     float norm2 = max(solve.rhs_norm2, 1.0e-38);
     // The magnitude: far below zero something is as wrong as far above. Not max(sums.x, 0), which may take the zero of what is
     // no number.
@@ -117,10 +126,7 @@ void main() {
             // Nothing was solved, nothing applied.
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
         }
-        for (uint index = 0; index < RIGIDS && !failed; index++) {
-            float y[6] = image_of(index);
-            for (int k = 0; k < 6; k++) rigids[index].leftover[k] = rigids[index].b[k] - y[k];
-        }
+        for (uint index = 0; index < RIGIDS && !failed; index++) rigids[index].leftover = rigids[index].image;
         args[3 * ARGS_COMMIT] = failed ? 0 : groups_of(NODES);
         args[3 * ARGS_WRENCH] = failed ? 0 : 1;
     }

@@ -23,6 +23,7 @@ layout(constant_id = 6) const uint RIGIDS = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const uint ROLE = 0;            // shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // of the role's blocks
+layout(constant_id = 10) const bool JOINTS = false;
 layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
 
 layout(push_constant) uniform Which { uint set; };      // of iterates: what holds u and r in MODE 1
@@ -53,6 +54,8 @@ layout(scalar, binding = 22) writeonly buffer RestrictedImage { vec4 restricted_
 layout(scalar, binding = 23) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
 layout(scalar, binding = 24) readonly buffer SolveIn { Solve solve; };
 layout(binding = 25) uniform samplerBuffer coarse_scales;
+layout(scalar, binding = 26) readonly buffer Joints { Joint joints[]; };
+layout(scalar, binding = 27) readonly buffer JointSides { uint joint_sides[]; };
 
 const uint SUMS = 7;
 // Half a unit in the last place of f32.
@@ -67,6 +70,7 @@ const float ROUNDING = 6.0e-8;
 #include "shared/share.glsl"
 #include "shared/gather.glsl"
 #include "shared/six.glsl"
+#include "shared/joint.glsl"
 
 // This lane's share of the sum over contacts of their force along the tool's rows.
 void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torque_sum) {
@@ -86,6 +90,39 @@ vec3 precondition(int i, vec3 b) {
 }
 
 vec3 three(float six[6], int from) { return vec3(six[from], six[from + 1], six[from + 2]); }
+
+// The rows of a core's joints.
+void add_joints(Rigid rigid, inout vec3 force, inout vec3 torque) {
+    for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
+        uint joint = joint_sides[k] / 2, side = joint_sides[k] % 2;
+        for (uint from = 0; from < 2; from++) {
+            uint other = joints[joint].rigid[from];
+            if (other == NONE) continue;
+            RigidIterate now = iterates[(MODE == 1 ? set : solve.current) * RIGIDS + other];
+            float p[6] = MODE == 1 ? now.u : now.x;
+            add_joint(joint, side, from, three(p, 0), three(p, 3), force, torque);
+        }
+    }
+}
+
+// e . M^-1 e at most, with e what rounding of x makes of the core's joints with those behind it: theirs are small
+// differences, J^T G J of which the preconditioner knows, so J M^-1 J^T <= G^-1.
+float lost_in_joints(uint index, Rigid rigid) {
+    float sum = 0.0;
+    for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
+        uint joint = joint_sides[k] / 2, other = joints[joint].rigid[1 - joint_sides[k] % 2];
+        if (other < index) continue;
+        vec2 lost = vec2(0.0);
+        for (uint side = 0; side < 2; side++) {
+            if (joints[joint].rigid[side] == NONE) continue;
+            float x[6] = iterates[solve.current * RIGIDS + joints[joint].rigid[side]].x;
+            lost += ROUNDING * vec2(length(three(x, 0)) + length(cross(three(x, 3), joints[joint].arm[side])), length(three(x, 3)));
+        }
+        float w[6] = joints[joint].angular;
+        sum += joints[joint].linear * lost.x * lost.x + (w[0] + w[1] + w[2]) * lost.y * lost.y;
+    }
+    return sum;
+}
 
 // The nodes of a block: their share of the inner products, and of the sums over modes, in world axes.
 void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_residual) {
@@ -133,6 +170,17 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
         of_image.c0 += three(own, 0);
         of_image.c1 += three(own, 3);
         if (MODE == 1) sums.y += inner(own, p);
+    }
+    if (JOINTS && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
+        vec3 force = vec3(0.0), torque = vec3(0.0);
+        add_joints(rigid, force, torque);
+        of_image.c0 += force;
+        of_image.c1 += torque;
+        if (MODE == 1) {
+            float p[6] = iterates[set * RIGIDS + block.rigid].u;
+            sums.y += dot(force, three(p, 0)) + dot(torque, three(p, 3));
+        }
+        if (MODE == 2) sums.y += lost_in_joints(block.rigid, rigid);
     }
     follow(rigid.hinge, of_image.c0, of_image.c1);
     if (MODE == 2) of_residual = Modes(-of_image.c0, -of_image.c1, vec3(0.0), vec3(0.0));

@@ -5,8 +5,7 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: before the first iteration. Sums over workgroups; the 6x6 blocks of the tool and of dynamic cores, their inverses
-// and right-hand sides; the factor on the last step's solution that leaves the least residual, w = (y . M^-1 b) / (y . M^-1
+// Solve: before the first iteration. Sums over workgroups; the tool's 6x6 block, its inverse and right-hand side; the factor on the last step's solution that leaves the least residual, w = (y . M^-1 b) / (y . M^-1
 // y) with y = A x (so a warm start never begins worse than none); the loop's indirect arguments. A body at rest (b within
 // rounding) stops at once. One workgroup. Oracle: oracle::step.
 
@@ -21,33 +20,29 @@ layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 9) const uint TETRAHEDRA = 0;
 layout(constant_id = 11) const uint FREE_BLOCKS = 0;
 layout(constant_id = 12) const uint PATCHES = 0;
-layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(binding = 2) uniform usamplerBuffer block_nodes;
-layout(binding = 3) uniform samplerBuffer node_rest;
-layout(scalar, binding = 4) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 5) readonly buffer Contacts { Contact contacts[]; };
-layout(scalar, binding = 6) readonly buffer Partials { vec2 partials[]; };      // of solve/assemble
-layout(scalar, binding = 7) readonly buffer Dots { vec2 dots[]; };              // of solve/gather, mode 0
-layout(scalar, binding = 8) readonly buffer CoarseDots { vec4 coarse_dots[]; };
-layout(binding = 9) uniform samplerBuffer restricted_rhs;       // P^T b
-layout(binding = 10) uniform samplerBuffer restricted_image;    // P^T A x
-layout(binding = 11) uniform samplerBuffer coarse_rhs;
-layout(binding = 12) uniform samplerBuffer coarse_image;
-layout(binding = 13) uniform samplerBuffer rhs;
-layout(binding = 14) uniform samplerBuffer inverse;             // of carried nodes: their diagonal blocks as they are
-layout(scalar, binding = 15) buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 16) buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 17) buffer SolveInOut { Solve solve; };
-layout(scalar, binding = 18) writeonly buffer Iterations { Iteration iterations[2]; };
-layout(scalar, binding = 19) writeonly buffer Args { uint args[]; };
+layout(scalar, binding = 2) readonly buffer CountsIn { Counts counts; };
+layout(scalar, binding = 3) readonly buffer Contacts { Contact contacts[]; };
+layout(scalar, binding = 4) readonly buffer Partials { vec2 partials[]; };      // of solve/assemble
+layout(scalar, binding = 5) readonly buffer Dots { vec2 dots[]; };              // of solve/gather, mode 0
+layout(scalar, binding = 6) readonly buffer CoarseDots { vec4 coarse_dots[]; };
+layout(binding = 7) uniform samplerBuffer restricted_image;    // P^T A x
+layout(binding = 8) uniform samplerBuffer coarse_rhs;
+layout(binding = 9) uniform samplerBuffer coarse_image;
+layout(scalar, binding = 10) coherent buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 11) coherent buffer RigidInverses { float rigid_inverses[]; };
+layout(scalar, binding = 12) buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 13) buffer SolveInOut { Solve solve; };
+layout(scalar, binding = 14) writeonly buffer Iterations { Iteration iterations[2]; };
+layout(scalar, binding = 15) writeonly buffer Args { uint args[]; };
 
 #include "shared/six.glsl"
 #include "shared/sum.glsl"
 #include "shared/tool.glsl"
-#include "shared/core.glsl"
+#include "shared/twist.glsl"
+#include "shared/settle.glsl"
 #include "shared/rigid.glsl"
 
 const uint CORES = RIGIDS - (TOOL ? 1 : 0);
@@ -60,77 +55,8 @@ float warm_factor(vec4 sums) {
     return sums.x > sums.y && sums.w > 0.0 && !isnan(factor) && !isinf(factor) ? factor : 0.0;
 }
 
-// D of a carried node times a vector.
-vec3 block_times(uint node, vec3 v) {
-    vec3 d = texelFetch(inverse, int(2 * node)).xyz, o = texelFetch(inverse, int(2 * node + 1)).xyz;
-    return vec3(d.x * v.x + o.x * v.y + o.y * v.z, o.x * v.x + d.y * v.y + o.z * v.z, o.y * v.x + o.z * v.y + d.z * v.z);
-}
-
-// P (P^T D P)^-1 P^T where P maps a spin about `axis` to a twist; false where D has no inertia about it.
-bool invert_about(vec3 axis, float block[36], out float inverse[36]) {
-    float moment = 0.0;
-    for (int i = 0; i < 3; i++) {
-        for (int k = 0; k < 3; k++) moment += axis[i] * block[6 * (3 + i) + 3 + k] * axis[k];
-    }
-    for (int k = 0; k < 36; k++) inverse[k] = 0.0;
-    for (int i = 0; i < 3; i++) {
-        for (int k = 0; k < 3; k++) inverse[6 * (3 + i) + 3 + k] = axis[i] * axis[k] / moment;
-    }
-    return moment > 0.0;
-}
-
-// The inverse of a core's block of A, sum P_i^T D_i P_i over the nodes it carries and its coupling if it is held; e^2 of
-// the rounding of its b.
-float assemble_core(uint c) {
-    Frame frame = frames[rigids[c].frame];
-    float block[36];
-    for (int k = 0; k < 36; k++) block[k] = 0.0;
-    vec3 force_size = vec3(0.0), torque_size = vec3(0.0);
-    for (uint k = gl_LocalInvocationID.x; k < rigids[c].node_count; k += SIZE) {
-        uint node = texelFetch(block_nodes, int(rigids[c].node_first + k)).x;
-        vec3 arm = arm_of(node, frame.rotation);
-        vec3 f = texelFetch(rhs, int(node)).xyz;
-        force_size += abs(f);
-        torque_size += abs(cross(arm, f));
-        for (int j = 0; j < 6; j++) {
-            vec3 axis = vec3(j % 3 == 0, j % 3 == 1, j % 3 == 2);
-            vec3 moved = block_times(node, j < 3 ? axis : cross(axis, arm));
-            vec3 turned = cross(arm, moved);
-            for (int i = 0; i < 3; i++) {
-                block[6 * i + j] += moved[i];
-                block[6 * (3 + i) + j] += turned[i];
-            }
-        }
-    }
-    for (int k = 0; k < 36; k += 4) {
-        vec4 part = workgroup_sum(vec4(block[k], block[k + 1], block[k + 2], block[k + 3]));
-        for (int l = 0; l < 4; l++) block[k + l] = part[l];
-    }
-    force_size = workgroup_sum(vec4(force_size, 0.0)).xyz;
-    torque_size = workgroup_sum(vec4(torque_size, 0.0)).xyz;
-    float e2 = 0.0;
-    if (gl_LocalInvocationID.x == 0) {
-        float inverse_block[36];
-        if (HELD != NONE && c == HELD) {
-            for (int k = 0; k < 36; k++) block[k] += params.tool_matrix[k];
-            force_size += abs(vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]));
-            torque_size += abs(vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]));
-        }
-        bool hinged = rigids[c].hinge != vec3(0.0);
-        if (!(hinged ? invert_about(rigids[c].hinge, block, inverse_block) : invert(block, inverse_block)))
-            inverse_block[0] = uintBitsToFloat(0x7fc00000u);
-        rigids[c].inverse = inverse_block;
-        rigids[c].b = twist_of(restricted_rhs, rigids[c].slot_first, rigids[c].block_count, frame.rotation);
-        for (int k = 0; k < 6; k++) {
-            float e = k < 3 ? force_size[k] : torque_size[k - 3];
-            e2 += e * (e * inverse_block[7 * k]);
-        }
-    }
-    return e2;
-}
-
-// The inverse of the tool's block, its right-hand side; e^2 of the rounding of that.
-float assemble_tool() {
+// The inverse of the tool's block, its right-hand side, and the rounding of that.
+void assemble_tool() {
     // Four numbers at a time: rows of the upper triangle, then b.
     float block[28];
     for (int k = 0; k < 28; k++) block[k] = 0.0;
@@ -165,28 +91,46 @@ float assemble_tool() {
         vec4 part = workgroup_sum(vec4(block[k], block[k + 1], block[k + 2], block[k + 3]));
         for (int l = 0; l < 4; l++) block[k + l] = part[l];
     }
-    float e2 = 0.0;
-    if (gl_LocalInvocationID.x == 0) {
-        float matrix[36], inverse_block[36], b[6];
-        int at = 0;
-        for (int i = 0; i < 6; i++) {
-            for (int k = i; k < 6; k++) {
-                matrix[6 * i + k] = params.tool_matrix[6 * i + k] + block[at];
-                matrix[6 * k + i] = params.tool_matrix[6 * k + i] + block[at];
-                at += 1;
-            }
+    if (gl_LocalInvocationID.x != 0) return;
+    float matrix[36], inverse_block[36], rounding = 0.0;
+    int at = 0;
+    for (int i = 0; i < 6; i++) {
+        for (int k = i; k < 6; k++) {
+            matrix[6 * i + k] = params.tool_matrix[6 * i + k] + block[at];
+            matrix[6 * k + i] = params.tool_matrix[6 * k + i] + block[at];
+            at += 1;
         }
-        // Singular in f32: not a number, so that the step is not accepted and its flag says so.
-        if (!invert(matrix, inverse_block)) inverse_block[0] = uintBitsToFloat(0x7fc00000u);
-        for (int i = 0; i < 6; i++) {
-            b[i] = params.tool_rhs[i] + block[at + i] + rigids[RIGIDS - 1].leftover[i];
-            float e = abs(params.tool_rhs[i]) + abs(block[at + i]);
-            e2 += e * (e * inverse_block[7 * i]);
-        }
-        rigids[RIGIDS - 1].inverse = inverse_block;
-        rigids[RIGIDS - 1].b = b;
     }
-    return e2;
+    // Singular in f32: not a number, so that the step is not accepted and its flag says so.
+    if (!invert(matrix, inverse_block)) inverse_block[0] = uintBitsToFloat(0x7fc00000u);
+    for (int i = 0; i < 6; i++) {
+        rigids[RIGIDS - 1].b[i] = params.tool_rhs[i] + block[at + i] + rigids[RIGIDS - 1].leftover[i];
+        float e = abs(params.tool_rhs[i]) + abs(block[at + i]);
+        rounding += e * (e * inverse_block[7 * i]);
+    }
+    for (int k = 0; k < 36; k++) rigid_inverses[rigids[RIGIDS - 1].inverse_first + k] = inverse_block[k];
+    rigids[RIGIDS - 1].rounding = rounding;
+}
+
+// The first iterate; what is left of M^-1 b and M^-1 y is in its u and s.
+void start_rigid(uint index, float warm) {
+    RigidIterate now = iterates[index];
+    float last[6] = iterates[solve.current * RIGIDS + index].x;
+    for (int k = 0; k < 6; k++) {
+        // Not products with zero: what is left of a failed step may not be a number.
+        now.x[k] = warm != 0.0 ? warm * last[k] : 0.0;
+        now.r[k] = rigids[index].b[k] - (warm != 0.0 ? warm * rigids[index].image[k] : 0.0);
+        now.u[k] -= warm != 0.0 ? warm * now.s[k] : 0.0;
+        now.p[k] = 0.0;
+        now.s[k] = 0.0;
+    }
+    if (COARSE && index < CORES) {
+        uint slot = rigids[index].slot_first;
+        float of_rhs[6] = twist_of(coarse_rhs, slot, 1, frames[rigids[index].frame].rotation);
+        float of_image[6] = twist_of(coarse_image, slot, 1, frames[rigids[index].frame].rotation);
+        for (int k = 0; k < 6; k++) now.u[k] += of_rhs[k] - (warm != 0.0 ? warm * of_image[k] : 0.0);
+    }
+    iterates[index] = now;
 }
 
 void main() {
@@ -196,34 +140,22 @@ void main() {
         sums += vec4(partials[k], dots[k]);
         if (COARSE) sums += vec4(coarse_dots[k].x, 0.0, coarse_dots[k].yz);
     }
+    if (TOOL) assemble_tool();
+    settle();
+    for (uint index = lane; index < RIGIDS; index += SIZE) rigids[index].image = image_of(index);
+    settle();
+    for (uint index = lane; index < RIGIDS; index += SIZE) {
+        float b[6] = rigids[index].b, y[6] = rigids[index].image;
+        float z[6] = preconditioned_rows(index, false), of_image[6] = preconditioned_rows(index, true);
+        sums += vec4(inner(b, z), ROUNDING * ROUNDING * rigids[index].rounding, inner(y, z), inner(y, of_image));
+        iterates[index].u = z;
+        iterates[index].s = of_image;
+    }
     sums = workgroup_sum(sums);
-    for (uint index = 0; index < RIGIDS; index++) {
-        float e2 = index < CORES ? assemble_core(index) : assemble_tool();
-        if (lane == 0) {
-            float b[6] = rigids[index].b, y[6] = image_of(index), z[6] = times(rigids[index].inverse, b);
-            sums += vec4(inner(b, z), ROUNDING * ROUNDING * e2, inner(y, z), inner(y, times(rigids[index].inverse, y)));
-        }
-    }
-    if (lane != 0) return;
     float warm = warm_factor(sums);
-    for (uint index = 0; index < RIGIDS; index++) {
-        RigidIterate now;
-        float y[6] = image_of(index), last[6] = iterates[solve.current * RIGIDS + index].x;
-        for (int k = 0; k < 6; k++) {
-            now.x[k] = warm != 0.0 ? warm * last[k] : 0.0;
-            now.r[k] = rigids[index].b[k] - (warm != 0.0 ? warm * y[k] : 0.0);
-            now.p[k] = 0.0;
-            now.s[k] = 0.0;
-        }
-        now.u = times(rigids[index].inverse, now.r);
-        if (COARSE && index < CORES) {
-            uint slot = rigids[index].slot_first;
-            float of_rhs[6] = twist_of(coarse_rhs, slot, 1, frames[rigids[index].frame].rotation);
-            float of_image[6] = twist_of(coarse_image, slot, 1, frames[rigids[index].frame].rotation);
-            for (int k = 0; k < 6; k++) now.u[k] += of_rhs[k] - (warm != 0.0 ? warm * of_image[k] : 0.0);
-        }
-        iterates[index] = now;
-    }
+    for (uint index = lane; index < RIGIDS; index += SIZE) start_rigid(index, warm);
+    barrier();
+    if (lane != 0) return;
     bool at_rest = !(sums.x > sums.y);
     solve.warm = warm;
     solve.rhs_norm2 = sums.x;

@@ -21,6 +21,7 @@ layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups: blocks, a
 layout(constant_id = 6) const uint RIGIDS = 0;
 layout(constant_id = 8) const uint ROLE = 0;            // shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // of the role's blocks
+layout(constant_id = 12) const uint WIDEST = 1;         // rigid bodies of the largest group
 layout(constant_id = 11) const bool LEADS = true;       // of the variants, the one that writes the scalars
 
 layout(push_constant) uniform Which { uint set; };      // to read; the other is written
@@ -54,11 +55,13 @@ layout(scalar, binding = 25) writeonly buffer NextPreconditioned { vec4 next_pre
 layout(scalar, binding = 26) writeonly buffer NextDirection { vec4 next_direction[]; };
 layout(scalar, binding = 27) writeonly buffer NextDirectionImage { vec4 next_direction_image[]; };
 layout(scalar, binding = 28) writeonly buffer Args { uint args[]; };
+layout(scalar, binding = 29) readonly buffer RigidInverses { float rigid_inverses[]; };
 
 const uint SUMS = 3;
 
 shared float rigid_x[6];
 shared float rigid_u[6];
+shared float group_residuals[6 * WIDEST];
 
 #include "shared/roles.glsl"
 #include "shared/sums.glsl"
@@ -145,34 +148,64 @@ float[6] rows_of(uint first, uint count, vec4 turn) {
     return float[6](force.x, force.y, force.z, torque.x, torque.y, torque.z);
 }
 
-// The six unknowns of a core or of the tool; by one invocation. `coarse` is what the coarse level adds to u.
-void update_rigid(uint index, float rows[6], Scalars scalars, float coarse[6], bool writes) {
+// The six unknowns of a core or of the tool but for u, and their residual; by one invocation.
+void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float residual[6]) {
+    bool is_tool = ROLE == TOOL_ROWS;
+    float rows[6] = rows_of(is_tool ? BLOCKS : rigids[index].slot_first, is_tool ? 1 : rigids[index].block_count, turn);
     RigidIterate now = iterates[set * RIGIDS + index];
     for (int k = 0; k < 6; k++) {
         now.p[k] = now.u[k] + scalars.beta * now.p[k];
         now.s[k] = rows[k] + scalars.beta * now.s[k];
         now.x[k] += scalars.alpha * now.p[k];
         now.r[k] -= scalars.alpha * now.s[k];
+        rigid_x[k] = now.x[k];
     }
-    now.u = times(rigids[index].inverse, now.r);
-    for (int k = 0; k < 6; k++) now.u[k] += coarse[k];
-    if (writes) iterates[(1 - set) * RIGIDS + index] = now;
-    rigid_x = now.x;
-    rigid_u = now.u;
+    residual = now.r;
+    if (!writes) return;
+    uint next = (1 - set) * RIGIDS + index;
+    iterates[next].x = now.x;
+    iterates[next].r = now.r;
+    iterates[next].p = now.p;
+    iterates[next].s = now.s;
+}
+
+// The next residual of another core.
+float[6] residual_of(uint index, Scalars scalars) {
+    vec4 turn = texelFetch(block_turns, int(rigids[index].block_first));
+    float rows[6] = rows_of(rigids[index].slot_first, rigids[index].block_count, turn);
+    RigidIterate now = iterates[set * RIGIDS + index];
+    for (int k = 0; k < 6; k++) now.r[k] -= scalars.alpha * (rows[k] + scalars.beta * now.s[k]);
+    return now.r;
 }
 
 void update_tool(Scalars scalars) {
     if (gl_LocalInvocationID.x != 0) return;
-    float nothing[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    update_rigid(RIGIDS - 1, rows_of(BLOCKS, 1, vec4(0.0, 0.0, 0.0, 1.0)), scalars, nothing, true);
+    float residual[6], block[36];
+    update_rigid(RIGIDS - 1, vec4(0.0, 0.0, 0.0, 1.0), scalars, true, residual);
+    for (uint k = 0; k < 36; k++) block[k] = rigid_inverses[rigids[RIGIDS - 1].inverse_first + k];
+    iterates[(1 - set) * RIGIDS + RIGIDS - 1].u = times(block, residual);
 }
 
+// `modes`: what the coarse level adds to u.
 void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars) {
-    if (gl_LocalInvocationID.x == 0) {
-        float coarse[6] = float[6](modes.c0.x, modes.c0.y, modes.c0.z, modes.c1.x, modes.c1.y, modes.c1.z);
-        uint first = rigids[block.rigid].block_first;
-        float rows[6] = rows_of(rigids[block.rigid].slot_first, rigids[block.rigid].block_count, turn);
-        update_rigid(block.rigid, rows, scalars, coarse, b == first);
+    Rigid own = rigids[block.rigid];
+    bool writes = b == own.block_first;
+    // Every core of the group, for the product with their inverse.
+    for (uint k = gl_LocalInvocationID.x; k < own.group_count; k += SIZE) {
+        float residual[6];
+        uint index = own.group_first + k;
+        if (index == block.rigid) update_rigid(index, turn, scalars, writes, residual);
+        else residual = residual_of(index, scalars);
+        for (int i = 0; i < 6; i++) group_residuals[6 * k + i] = residual[i];
+    }
+    barrier();
+    float coarse[6] = float[6](modes.c0.x, modes.c0.y, modes.c0.z, modes.c1.x, modes.c1.y, modes.c1.z);
+    uint width = 6 * own.group_count, base = own.inverse_first + 6 * width * (block.rigid - own.group_first);
+    for (uint i = gl_LocalInvocationID.x; i < 6; i += SIZE) {
+        float sum = 0.0;
+        for (uint k = 0; k < width; k++) sum += rigid_inverses[base + width * i + k] * group_residuals[k];
+        rigid_u[i] = sum + coarse[i];
+        if (writes) iterates[(1 - set) * RIGIDS + block.rigid].u[i] = rigid_u[i];
     }
     barrier();
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {

@@ -141,6 +141,7 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
         regions: Vec::new(),
         collides: None,
         cores: Vec::new(),
+        joints: Vec::new(),
         skeleton: None,
     };
     Ok(Scene::of_body(&arguments.surface, body))

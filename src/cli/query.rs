@@ -175,6 +175,7 @@ impl Part {
             collides: None,
             cores: Vec::new(),
             repair: true,
+            joints: Vec::new(),
             skeleton: None,
         };
         let scene = Scene::of_body(text, body);

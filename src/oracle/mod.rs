@@ -13,6 +13,7 @@
 //! | [`regions`] | boxes of chunks, what a vertex makes of several regions |
 //! | [`contact`], [`rays`] | depth by exact rays, gathered contacts |
 //! | [`linear`], [`step`] | the implicit step, solved directly |
+//! | [`joint`] | springs between dynamic cores |
 //! | [`coarse`] | the coarse level of the solver's preconditioner |
 //! | [`wrench`] | net force, torque, stiffness and damping on the tool |
 //! | [`statics`] | linear static equilibrium, for laws only |
@@ -23,6 +24,7 @@ pub mod contact;
 pub mod cull;
 pub mod elastic;
 pub mod friction;
+pub mod joint;
 pub mod linear;
 pub mod neo_hookean;
 pub mod proximity;

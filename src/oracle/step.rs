@@ -7,6 +7,7 @@ pub use crate::oracle::body::{Core, Held, SoftBody};
 use crate::oracle::contact::{Carrier, Contact, Point};
 use crate::oracle::elastic::outer;
 use crate::oracle::friction::Friction;
+use crate::oracle::joint::Joint;
 use crate::oracle::linear::{Entries, Solver};
 use crate::oracle::tool::{self, Device, Tool};
 use crate::oracle::wrench::{self, Wrench};
@@ -57,7 +58,9 @@ pub struct Simulation {
     pub tool: Option<Tool>,
     /// Dynamic cores.
     pub cores: Vec<Core>,
-    /// Which of them the device holds.
+    /// Joints between them.
+    pub joints: Vec<Joint>,
+    /// Which of the cores the device holds.
     pub held: Option<Held>,
     /// Friction of all contacts, if there is any.
     pub friction: Option<Friction>,
@@ -191,6 +194,9 @@ impl Simulation {
             }
             let gyroscopic = tool::gyroscopic(inertia, core.spin, self.dt);
             (0..3).for_each(|axis| b[first + 3 + axis] += gyroscopic[axis]);
+        }
+        for joint in &self.joints {
+            joint.add_terms(&self.cores, &unknowns.cores, &mut a, &mut b, self.dt);
         }
         if let (Some(held), Some(device)) = (&self.held, device) {
             held.add_terms(&self.cores[held.core], &mut a, &mut b, unknowns.cores[held.core], self.dt, device);
@@ -338,6 +344,7 @@ impl Simulation {
                 body.velocity[node] = core.velocity + core.spin.cross(arm);
             }
         }
+        self.joints.iter_mut().for_each(|joint| joint.advance(&self.cores, self.dt));
         if let Some(held) = &mut self.held {
             held.turn(self.dt, &self.cores[held.core]);
         }

@@ -199,7 +199,9 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let proxies = ride::on_frames(proxies, &skin, &layer, &embedding, &node_frames);
     let frames = cores::frames(body, &layer, &node_frames, &materials)
         .map_err(|(key, problem, remedy)| keys.error(&key, problem, remedy))?;
-    Ok(Shape::Soft { layer, frames, node_frames, materials, embedding, skin, proxies })
+    let scaled_joint = |joint: &scene::Joint| scene::Joint { point: body.scale * joint.point, ..*joint };
+    let joints = body.joints.iter().map(scaled_joint).collect();
+    Ok(Shape::Soft { layer, frames, node_frames, joints, materials, embedding, skin, proxies })
 }
 
 /// How the one core of a rigid body moves.

@@ -40,7 +40,7 @@ pub use materials::Materials;
 pub use proxy::proxies;
 pub use report::{Report, Stage};
 
-use crate::scene::{Hinge, Key};
+use crate::scene::{Hinge, Joint, Key};
 
 /// No element: the index that points nowhere.
 pub const NONE: u32 = u32::MAX;
@@ -84,6 +84,8 @@ pub enum Shape {
         frames: Vec<Frame>,
         /// Frame of each node.
         node_frames: Vec<u32>,
+        /// Joints between frames; points in the rest frame, m.
+        joints: Vec<Joint>,
         /// What each tetrahedron is made of.
         materials: Materials,
         /// Embedding of each skin vertex.

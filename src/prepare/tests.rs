@@ -103,6 +103,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         collides: None,
         cores: cores.iter().enumerate().map(core).collect(),
         repair: true,
+        joints: Vec::new(),
         skeleton: None,
     };
     Scene {

@@ -8,10 +8,10 @@ use super::keys::{Table, Value, suggest};
 use super::load::TOOL;
 use super::material::{material, regions};
 use super::tetrahedra::EXTENSIONS;
-use super::{Bind, Body, Core, Hinge, Layer, Model, Motion, Shape, Skeleton, Surface, drive, skeleton};
+use super::{Bind, Body, Core, Hinge, Layer, Model, Motion, Shape, Skeleton, Surface, drive, joint, skeleton};
 use crate::Result;
 
-const BODY_KEYS: [&str; 20] = [
+const BODY_KEYS: [&str; 22] = [
     "name",
     "surface",
     "layer",
@@ -26,7 +26,9 @@ const BODY_KEYS: [&str; 20] = [
     "dilatation",
     "collides",
     "core",
+    "joint",
     "skeleton",
+    "bones",
     "motion",
     "keys",
     "mass",
@@ -91,6 +93,7 @@ fn body(value: &Value) -> Result<Body> {
         Shape::Rigid { .. } => vec![rigid_core(&table, &name)?],
         Shape::Plane { .. } => Vec::new(),
     };
+    let joints = joint::read(&table, skeleton.as_ref(), &cores)?;
     if !matches!(
         shape,
         Shape::Soft { surface: Some(Surface::File(_)), .. } | Shape::Rigid { surface: Surface::File(_) }
@@ -116,6 +119,7 @@ fn body(value: &Value) -> Result<Body> {
             .or("dilatation", Dilatation::Element, |value| value.one_of("dilatation", &Dilatation::CHOICES))?,
         collides: table.option("collides", |value| value.array()?.iter().map(Value::name).collect())?,
         cores,
+        joints,
         repair: table.or("repair", true, Value::truth)?,
         skeleton,
     })
@@ -161,7 +165,7 @@ fn shape(table: &Table) -> Result<Shape> {
             }
             refuse(table, &["dilatation"], "belongs to a soft body, and this one is rigid")?;
             let why = "a rigid body has no [[body.core]]; its own keys are motion and mass";
-            refuse(table, &["core", "skeleton"], why)?;
+            refuse(table, &["core", "joint", "skeleton", "bones"], why)?;
             refuse(table, &["region"], "has no meaning for a rigid body, which has no material")?;
             Ok(Shape::Rigid { surface })
         }
@@ -248,9 +252,17 @@ pub(super) fn sphere(value: &Value) -> Result<(DVec3, f64)> {
 /// One core a bone, fixed where `[[body.core]]` of the same name does not say more; then the other cores.
 fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
     let bones = skeleton.map_or(&[][..], |skeleton| &skeleton.bones);
+    if bones.is_empty() {
+        refuse(table, &["bones"], "says how the bones of a `skeleton` move, and there is none")?;
+    }
+    let motions = [("fixed", false), ("dynamic", true)];
+    let usual = match table.or("bones", false, |value| value.one_of("motion", &motions))? {
+        true => Motion::Dynamic,
+        false => Motion::Fixed,
+    };
     let bone_core = |bone: &skeleton::Bone| {
         let bind = Some(Bind::Capsule(bone.capsule));
-        Core { name: bone.name.clone(), motion: Motion::Fixed, bind, mass: None, hinge: None }
+        Core { name: bone.name.clone(), motion: usual.clone(), bind, mass: None, hinge: None }
     };
     let mut cores: Vec<Core> = bones.iter().map(bone_core).collect();
     let mut named: Vec<String> = Vec::new();

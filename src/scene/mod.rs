@@ -8,6 +8,7 @@ mod cursor;
 mod drive;
 pub mod gmsh;
 pub mod groups;
+mod joint;
 mod keys;
 mod load;
 mod material;
@@ -27,6 +28,7 @@ use glam::{DQuat, DVec3};
 
 pub use crate::prepare::model::Model;
 pub use body::{Dilatation, MOST_HULLS};
+pub use joint::{Joint, Resistance};
 pub use keys::unit_quaternion;
 pub use material::{Group, Law, Material, Place, Region};
 pub use skeleton::{Bone, Skeleton};
@@ -158,6 +160,8 @@ pub struct Body {
     pub collides: Option<Vec<String>>,
     /// Rigid cores; first one a bone where there is a skeleton, in its order.
     pub cores: Vec<Core>,
+    /// What joins cores to each other.
+    pub joints: Vec<Joint>,
     /// Whether the surface's file is repaired where it needs it; else it is refused.
     pub repair: bool,
     /// Bones, and how they hang together.

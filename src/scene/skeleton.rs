@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 
 use super::Capsule;
+use super::joint::{self, Resistance};
 use super::keys::{Source, Table, Value, suggest};
 use crate::{Error, Result};
 
@@ -29,6 +30,8 @@ pub struct Bone {
     pub parent: Option<usize>,
     /// Where it turns about its parent.
     pub joint: DVec3,
+    /// What resists turning there; limits are about the capsule's axis.
+    pub resistance: Resistance,
     /// Its nodes are within.
     pub capsule: Capsule,
 }
@@ -52,7 +55,8 @@ pub(super) fn read(value: &Value) -> Result<Skeleton> {
 }
 
 fn bone(value: &Value, before: &[Bone]) -> Result<Bone> {
-    let unnamed = value.table(&["name", "parent", "joint", "ends", "radius", "radii"])?;
+    let unnamed =
+        value.table(&[&["name", "parent", "joint", "ends", "radius", "radii"][..], &joint::KEYS[..]].concat())?;
     let name = unnamed.need("name")?.name()?;
     let table = unnamed.renamed(format!("bone.{name}"));
     if before.iter().any(|other| other.name == name) {
@@ -72,7 +76,11 @@ fn bone(value: &Value, before: &[Bone]) -> Result<Bone> {
         _ => table.need("radii")?.array_of(Value::positive)?,
     };
     let joint = table.need("joint")?.vector()?;
-    Ok(Bone { name, parent, joint, capsule: Capsule { ends, radii } })
+    let resistance = joint::resistance(&table, Some(ends[1] - ends[0]))?;
+    if let (None, Some(key)) = (parent, joint::KEYS.iter().find(|key| table.has(key))) {
+        return Err(table.error(key, "a root turns about nothing", "remove it, or give the bone a `parent`"));
+    }
+    Ok(Bone { name, parent, joint, resistance, capsule: Capsule { ends, radii } })
 }
 
 #[cfg(test)]

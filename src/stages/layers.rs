@@ -44,6 +44,11 @@ impl Model {
         self.materials.iter().any(|material| material[2] == law::NEO_HOOKEAN)
     }
 
+    fn add_core(&mut self, frame: usize, nodes: Vec<u32>) {
+        let own = self.cores.len();
+        self.cores.push(Core { frame, nodes, hinge: self.hinge(frame), group: own..own + 1, parent: None });
+    }
+
     /// The world axis that a frame is hinged to; zero: to none.
     fn hinge(&self, frame: usize) -> DVec3 {
         let FramePlace { orientation, motion, .. } = &self.frames[frame];
@@ -82,7 +87,7 @@ impl Model {
             self.skin_nodes.push([0, 1, 2, 3].map(|k| node_first + k));
             self.skin_weights.push(corners.map(|corner| (0.25 * (1.0 + corner.dot(at))) as f32));
         }
-        self.cores.push(Core { frame, nodes: (node_first..node_first + 4).collect(), hinge: self.hinge(frame) });
+        self.add_core(frame, (node_first..node_first + 4).collect());
     }
 
     /// Nodes and tetrahedra of a soft body whose frames, from `frame_first` on, are in already; `node_frames` count from there.
@@ -177,7 +182,7 @@ impl Model {
                     self.node_rest[*node as usize][3] *= factor as f32;
                     self.node_damping[*node as usize] *= factor as f32;
                 }
-                self.cores.push(Core { frame, nodes, hinge: self.hinge(frame) });
+                self.add_core(frame, nodes);
             }
         }
     }

@@ -11,6 +11,7 @@ pub mod cull;
 pub mod depth;
 pub mod dilate;
 pub mod elastic;
+pub mod joints;
 mod layers;
 pub mod model;
 mod pairs;
@@ -27,7 +28,7 @@ use bytemuck::Pod;
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Memory};
 use model::Model;
-use types::{Counts, Frame, Link, Report, StepParams};
+use types::{Counts, Frame, Joint, Link, Report, StepParams};
 
 /// The stages of the proximity query, in their order.
 pub const QUERY: [&str; 5] = ["pose", "cull", "skin", "depth", "contact"];
@@ -46,6 +47,8 @@ pub struct Common {
     pub params: Buffer,
     /// A [`Frame`] a frame of the model.
     pub frames: Buffer,
+    /// A [`Joint`] a joint of the model.
+    pub joints: Buffer,
     /// A [`Link`] a pair of frames that something spans.
     pub links: Buffer,
     /// One [`Counts`].
@@ -60,9 +63,11 @@ impl Common {
     /// Arrays for a model; counters and arguments zero.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Common> {
         let frames = model.frames.len().max(1) * size_of::<Frame>();
+        let joints = model.joints.len().max(1) * size_of::<Joint>();
         Ok(Common {
             params: Buffer::new(context, "params", size_of::<StepParams>() as u64, Memory::Upload)?,
             frames: Buffer::new(context, "frames", frames as u64, Memory::Upload)?,
+            joints: Buffer::new(context, "joints", joints as u64, Memory::Upload)?,
             links: Buffer::new(context, "links", (model.links.len() * size_of::<Link>()) as u64, Memory::Upload)?,
             counts: zeros::<Counts>(context, "counts", 1)?,
             args: zeros::<u32>(context, "args", args::WORDS)?,

@@ -8,6 +8,7 @@ use glam::{DQuat, DVec3};
 use super::blocks::Blocks;
 use super::coarse::Coarse;
 use super::dilate::Patches;
+use super::joints::Joint;
 use super::layers::OF_PATCH;
 use super::types::{Chunk, NONE, PAIR_REGIONS, Pair, Proxy, Slot};
 use crate::prepare::patch::MOST_NODES;
@@ -83,6 +84,10 @@ pub struct Core {
     pub nodes: Vec<u32>,
     /// Unit axis through its centre that is all it may turn about, world; zero: it moves freely.
     pub hinge: DVec3,
+    /// The cores that joints join it to, itself included: they lie together, each after the one it hangs on.
+    pub group: Range<usize>,
+    /// The one it hangs on.
+    pub parent: Option<usize>,
 }
 
 /// All static arrays.
@@ -102,6 +107,8 @@ pub struct Model {
     pub carried_nodes: Vec<u32>,
     /// Dynamic cores.
     pub cores: Vec<Core>,
+    /// Joints between frames.
+    pub joints: Vec<Joint>,
     /// How nodes are shared out to workgroups.
     pub blocks: Blocks,
     /// The coarse level, of the bodies that have one.
@@ -182,6 +189,8 @@ impl Model {
     pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
         let all: Vec<&Body> = bodies.iter().chain(tool).collect();
         let (mut model, proxy_ranges) = Model::of_bodies(&all, bodies.len());
+        model.group_cores();
+        model.stiffen_joints(scene.step.dt);
         model.add_coarse(scene.step.dt, scene.solver.preconditioner);
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
         let held_frame = scene.held_body().map(|body| model.body_frames[body] as usize);
@@ -219,7 +228,7 @@ impl Model {
     fn add_body(&mut self, index: usize, body: &Body, is_tool: bool) {
         match &body.shape {
             Shape::Plane { .. } => self.body_frames.push(NONE),
-            Shape::Soft { layer, frames, node_frames, materials, embedding, skin, proxies } => {
+            Shape::Soft { layer, frames, node_frames, joints, materials, embedding, skin, proxies } => {
                 let frame_first = self.frames.len();
                 self.body_frames.push(frame_first as u32);
                 for frame in frames {
@@ -227,6 +236,7 @@ impl Model {
                 }
                 let node_first = self.node_rest.len();
                 self.add_layer(layer, node_frames, materials, frame_first, body.velocity);
+                self.add_joints(joints, frame_first);
                 let nodes = node_first..self.node_rest.len();
                 if let FrameMotion::Floating { .. } = frames[0].motion {
                     self.floating.push(Floating { frame: frame_first, nodes: nodes.clone() });

@@ -2,11 +2,10 @@
 
 mod record;
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use super::contact::Touch;
-use super::model::{Core, Model};
+use super::model::Model;
 use super::{args, array, count, types, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Size};
@@ -24,6 +23,8 @@ pub struct Solve {
     gather_loop: Vec<Variant>,
     gather_final: Vec<Variant>,
     coarse: Option<CoarseKernels>,
+    /// Where there are dynamic cores.
+    cores: Option<Kernel>,
     start: Kernel,
     begin: Kernel,
     /// The first leads.
@@ -36,6 +37,7 @@ pub struct Solve {
     has_contact: bool,
     block_count: u32,
     rigid_count: usize,
+    core_count: usize,
     blocks: Buffer,
     block_nodes: Buffer,
     block_places: Buffer,
@@ -56,6 +58,12 @@ pub struct Solve {
     pub rigids: Buffer,
     /// Two sets of a [`types::RigidIterate`] each.
     pub iterates: Buffer,
+    /// 72 numbers a dynamic core, while their inverse is made.
+    rigid_blocks: Buffer,
+    /// Of each group of rigid bodies, by rows.
+    rigid_inverses: Buffer,
+    /// Twice the joint, and which of its sides; by dynamic core.
+    joint_sides: Buffer,
     iterations: Buffer,
     /// Six numbers a dynamic core: the change of its twist, for the host.
     pub core_changes: Buffer,
@@ -109,6 +117,9 @@ impl Solve {
         let partials = ("PARTIALS", count(groups));
         let rigids = ("RIGIDS", count(rigid_count));
         let group = ("GROUP", context.group_size().into());
+        let joints = ("JOINTS", Const::Bool(!model.joints.is_empty()));
+        let widest = model.cores.iter().map(|core| core.group.len()).max().unwrap_or(1);
+        let (rigids_at_rest, inverse_numbers) = rigids_of(model);
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
         // Of each role that there is: its number, its first block, workgroups, arguments.
         let (free, carried) = (model.blocks.free, block_count - model.blocks.free);
@@ -129,7 +140,7 @@ impl Solve {
             roles.iter().map(variant).collect()
         };
         let gather = |mode: u32| {
-            variants("solve/gather", &[blocks, contact, friction, coarse, rigids, held, ("MODE", mode.into())])
+            variants("solve/gather", &[blocks, contact, friction, coarse, rigids, joints, held, ("MODE", mode.into())])
         };
         let patch_count = model.patches.count();
         let patches_c = ("PATCHES", count(patch_count));
@@ -144,7 +155,7 @@ impl Solve {
         Ok(Solve {
             assemble: reduce(
                 "solve/assemble",
-                &[contact, friction, coarse, held, tetrahedra_c, ("PATCHES", (patch_count > 0).into())],
+                &[contact, friction, coarse, joints, held, tetrahedra_c, ("PATCHES", (patch_count > 0).into())],
             )?,
             apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c])?,
             press: Kernel::new(context, "solve/press", Size::Group, &[friction, tool, rigids])?,
@@ -153,6 +164,7 @@ impl Solve {
             gather_loop: gather(1)?,
             gather_final: gather(2)?,
             coarse: is_coarse.then(coarse_kernels).transpose()?,
+            cores: (!model.cores.is_empty()).then(|| reduce("solve/cores", &[joints, held])).transpose()?,
             start: reduce(
                 "solve/start",
                 &[
@@ -166,11 +178,10 @@ impl Solve {
                     group,
                     ("FREE_BLOCKS", count(free)),
                     patches_c,
-                    held,
                 ],
             )?,
             begin: reduce("solve/begin", &[coarse])?,
-            update: variants("solve/update", &[blocks, coarse, partials, rigids])?,
+            update: variants("solve/update", &[blocks, coarse, partials, rigids, ("WIDEST", count(widest))])?,
             no_args: zeros::<u32>(context, "no arguments", 1)?,
             conclude: reduce("solve/conclude", &[nodes_c, contact, tool, coarse, blocks, rigids, group])?,
             commit: Kernel::new(context, "solve/commit", Size::Group, &[nodes_c, rigids])?,
@@ -178,6 +189,7 @@ impl Solve {
             has_contact: touch.is_some(),
             block_count: block_count as u32,
             rigid_count,
+            core_count: model.cores.len(),
             blocks: upload_or_nothing(context, "blocks", &model.blocks.blocks)?,
             block_nodes: upload_or_nothing(context, "nodes of blocks", &model.blocks.nodes)?,
             block_places: upload_or_nothing(context, "places of blocks", &model.blocks.places)?,
@@ -194,7 +206,10 @@ impl Solve {
             coarse_rhs: coarse_modes("coarse right-hand side", 1)?,
             coarse_image: coarse_modes("coarse image", 1)?,
             coarse_dots: coarse_modes("coarse inner products", 1)?,
-            rigids: upload_or_nothing(context, "rigid bodies", &rigids_of(model))?,
+            rigids: upload_or_nothing(context, "rigid bodies", &rigids_at_rest)?,
+            rigid_blocks: array::<f32>(context, "blocks of cores", 72 * model.cores.len())?,
+            rigid_inverses: array::<f32>(context, "inverses of rigid bodies", inverse_numbers)?,
+            joint_sides: upload_or_nothing(context, "sides of joints", &sides_of(model).concat())?,
             iterates: zeros::<types::RigidIterate>(context, "iterates of rigid bodies", all)?,
             iterations: zeros::<types::Iteration>(context, "iterations", 2)?,
             core_changes: Buffer::new(
@@ -219,21 +234,51 @@ impl Solve {
     }
 }
 
-/// Dynamic cores, and the tool, at rest.
-fn rigids_of(model: &Model) -> Vec<types::Rigid> {
-    let nothing = <types::Rigid as bytemuck::Zeroable>::zeroed();
-    let core = |(core, (nodes, blocks)): (&Core, &(Range<usize>, Range<usize>))| types::Rigid {
-        frame: core.frame as u32,
-        node_first: nodes.start as u32,
-        node_count: nodes.len() as u32,
-        block_first: blocks.start as u32,
-        block_count: blocks.len() as u32,
-        slot_first: model.blocks.slots.get(blocks.start).copied().unwrap_or_default(),
-        hinge: core.hinge.as_vec3().to_array(),
-        ..nothing
-    };
-    let cores = model.cores.iter().zip(&model.blocks.cores).map(core);
-    cores.chain(model.tool_frame.map(|_| nothing)).collect()
+/// Dynamic cores, and the tool, at rest; how many numbers their inverses have.
+fn rigids_of(model: &Model) -> (Vec<types::Rigid>, usize) {
+    let nothing = types::Rigid { parent: types::NONE, ..bytemuck::Zeroable::zeroed() };
+    let (mut joint_first, mut numbers) = (0, 0);
+    let mut rigids = Vec::new();
+    for (index, (core, sides)) in model.cores.iter().zip(sides_of(model)).enumerate() {
+        let (nodes, blocks) = &model.blocks.cores[index];
+        rigids.push(types::Rigid {
+            frame: core.frame as u32,
+            node_first: nodes.start as u32,
+            node_count: nodes.len() as u32,
+            block_first: blocks.start as u32,
+            block_count: blocks.len() as u32,
+            slot_first: model.blocks.slots.get(blocks.start).copied().unwrap_or_default(),
+            hinge: core.hinge.as_vec3().to_array(),
+            joint_first,
+            joint_count: sides.len() as u32,
+            group_first: core.group.start as u32,
+            group_count: core.group.len() as u32,
+            parent: core.parent.map_or(types::NONE, |parent| parent as u32),
+            inverse_first: numbers as u32,
+            ..nothing
+        });
+        joint_first += sides.len() as u32;
+        if index + 1 == core.group.end {
+            numbers += 36 * core.group.len().pow(2);
+        }
+    }
+    if model.tool_frame.is_some() {
+        let (group_first, inverse_first) = (rigids.len() as u32, numbers as u32);
+        rigids.push(types::Rigid { group_first, group_count: 1, inverse_first, ..nothing });
+        numbers += 36;
+    }
+    (rigids, numbers)
+}
+
+/// Of each dynamic core its sides of joints: twice the joint, and which side.
+fn sides_of(model: &Model) -> Vec<Vec<u32>> {
+    let mut sides = vec![Vec::new(); model.cores.len()];
+    for (index, joint) in model.joints.iter().enumerate() {
+        for (side, core) in joint.cores.iter().enumerate() {
+            core.iter().for_each(|core| sides[*core].push(2 * index as u32 + side as u32));
+        }
+    }
+    sides
 }
 
 /// A device array with these contents, or one of zeros that nobody reads.

@@ -69,10 +69,24 @@ pub struct Rigid {
     pub slot_first: u32,
     /// Unit axis through its centre that is all it may turn about, world; zero: it moves freely.
     pub hinge: [f32; 3],
-    /// Inverse of its diagonal block.
-    pub inverse: [f32; 36],
+    /// First of the joints at its nodes' core, into the sides of joints.
+    pub joint_first: u32,
+    /// How many.
+    pub joint_count: u32,
+    /// First of its group: the rigid bodies that joints join to it, itself included.
+    pub group_first: u32,
+    /// How many.
+    pub group_count: u32,
+    /// The one of its group that it hangs on, or [`NONE`].
+    pub parent: u32,
+    /// First number of its group's inverse.
+    pub inverse_first: u32,
+    /// e . M^-1 e, e the magnitudes that b is made of: what rounding leaves of it at rest, but for the unit of rounding.
+    pub rounding: f32,
     /// Right-hand side.
     pub b: [f32; 6],
+    /// Before the loop A x, after it b - A x, of the newest solution.
+    pub image: [f32; 6],
     /// b - A x of the last accepted step.
     pub leftover: [f32; 6],
 }
@@ -91,6 +105,24 @@ pub struct RigidIterate {
     pub p: [f32; 6],
     /// Its image.
     pub s: [f32; 6],
+}
+
+/// A ball joint of which a dynamic core is a side.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Joint {
+    /// Its sides among the rigid bodies; [`NONE`]: its motion is known.
+    pub rigid: [u32; 2],
+    /// From the centre of each to the joint, world axes, m.
+    pub arm: [[f32; 3]; 2],
+    /// h^2 k, kg.
+    pub linear: f32,
+    /// h^2 K + h D of the relative spin: xx yy zz, xy xz yz, world axes, kg m^2.
+    pub angular: [f32; 6],
+    /// On the first side, N s.
+    pub impulse: [f32; 3],
+    /// On the first side besides, N m s.
+    pub twist: [f32; 3],
 }
 
 /// Where points of one frame are in another.

@@ -95,6 +95,11 @@ impl Frames {
         }
     }
 
+    /// Where a frame is at the end of the step that it has set out for; of a dynamic core nobody knows.
+    pub fn end(&self, frame: usize) -> Place {
+        self.states[frame].end
+    }
+
     /// A point of the rest frame's coordinates relative to the frame's centre, in the world.
     pub fn world(&self, frame: usize, local: DVec3) -> DVec3 {
         let Place { centre, rotation } = self.states[frame].start;
@@ -277,6 +282,6 @@ impl Floating {
 }
 
 /// The same rotation with w not negative, so that it is near the identity where the rotation is.
-fn unwound(q: DQuat) -> DQuat {
+pub(super) fn unwound(q: DQuat) -> DQuat {
     if q.w < 0.0 { -q } else { q }
 }

@@ -157,8 +157,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
             norm2 += passes.precondition(i, r).iter().zip(r).map(|(z, r)| z * r).sum::<f64>();
         }
         let r = &left[places.tool..];
-        let entry = |i: usize, k: usize| f64::from(passes.rigids[0].inverse[6 * i + k]);
-        norm2 += (0..36).map(|k| r[k / 6] * entry(k / 6, k % 6) * r[k % 6]).sum::<f64>();
+        norm2 += (0..36).map(|k| r[k / 6] * passes.rigid_inverse(0, k / 6, k % 6) * r[k % 6]).sum::<f64>();
         let want = (norm2 / f64::from(passes.state.rhs_norm2)).sqrt();
 
         let pressures = pressures(s, &x);

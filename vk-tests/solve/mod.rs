@@ -4,6 +4,7 @@ mod assemble;
 mod coarse;
 mod end;
 mod iteration;
+mod joints;
 mod operator;
 pub mod passes;
 mod start;

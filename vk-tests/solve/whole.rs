@@ -12,7 +12,7 @@ use crate::system::{System, triples, two_layers, two_layers_one_on_a_core, two_l
 
 /// Of the largest value of a body: the solver stops at 1e-6 of the right-hand side's norm, the condition (behind the
 /// preconditioner) is some hundreds, and f32 rounding in b and A is of the same size.
-const SOLUTION: f64 = 1.0e-4;
+pub const SOLUTION: f64 = 1.0e-4;
 /// Iterations at most; there are less than 500 unknowns.
 const LIMIT: usize = 300;
 

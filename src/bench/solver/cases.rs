@@ -127,6 +127,7 @@ impl Mesh {
             regions: Vec::new(),
             dilatation: scene::Dilatation::Element,
             repair: true,
+            joints: Vec::new(),
             skeleton: None,
         };
         Scene::of_body(self.name(), body)

@@ -56,10 +56,13 @@ impl Solve {
                 &self.block_rotations,
                 &self.block_turns,
                 &self.coarse_scales,
+                &common.joints,
+                &self.joint_sides,
             ],
             &[],
             self.block_count,
         );
+        self.record_cores(recorder, common, elastic);
         self.record_apply(recorder, common, elastic, Change::Solution);
         self.record_gather(recorder, common, elastic, &self.gather_warm, None);
         if let Some(coarse) = &self.coarse {
@@ -70,20 +73,16 @@ impl Solve {
             &[
                 &common.params,
                 &common.frames,
-                &self.block_nodes,
-                &elastic.node_rest,
                 &common.counts,
                 &touch.contacts,
                 &self.partials,
                 &self.dots,
                 &self.coarse_dots,
-                &self.restricted_rhs,
                 &self.restricted_image,
                 &self.coarse_rhs,
                 &self.coarse_image,
-                &self.rhs,
-                &self.inverse,
                 &self.rigids,
+                &self.rigid_inverses,
                 &self.iterates,
                 &self.state,
                 &self.iterations,
@@ -159,6 +158,7 @@ impl Solve {
                     &self.direction[1 - now],
                     &self.direction_image[1 - now],
                     args,
+                    &self.rigid_inverses,
                 ]
             };
             let push = bytemuck::bytes_of(&set);
@@ -202,6 +202,7 @@ impl Solve {
                 &common.args,
                 &common.report,
                 &self.core_changes,
+                &self.rigid_inverses,
             ],
             &[],
             1,
@@ -247,6 +248,26 @@ impl Solve {
             &self.coarse_dots,
         ];
         recorder.dispatch_groups(kernel, &buffers, &[], self.block_count);
+    }
+
+    /// A group's first core has a workgroup; those of the others have nothing to do.
+    fn record_cores(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+        let Some(kernel) = &self.cores else { return };
+        let buffers = [
+            &common.params,
+            &common.frames,
+            &self.block_nodes,
+            &elastic.node_rest,
+            &self.rhs,
+            &self.inverse,
+            &self.restricted_rhs,
+            &common.joints,
+            &self.joint_sides,
+            &self.rigids,
+            &self.rigid_blocks,
+            &self.rigid_inverses,
+        ];
+        recorder.dispatch_groups(kernel, &buffers, &[], self.core_count as u32);
     }
 
     fn record_apply(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
@@ -329,6 +350,8 @@ impl Solve {
             &self.restricted_residual,
             &self.state,
             &self.coarse_scales,
+            &common.joints,
+            &self.joint_sides,
         ];
         let push = set.unwrap_or_default();
         let push = bytemuck::bytes_of(&push);

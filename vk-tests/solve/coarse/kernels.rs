@@ -105,9 +105,9 @@ fn diagonal(passes: &Passes, x: &[f64], of: fn(f64) -> f64) -> Vec<f64> {
         }
     }
     let firsts = unknowns.cores.iter().copied().chain(passes.tool.then_some(unknowns.tool));
-    for (rigid, first) in passes.rigids.iter().zip(firsts) {
+    for (index, first) in firsts.enumerate() {
         for k in 0..36 {
-            z[first + k / 6] += of(f64::from(rigid.inverse[k])) * x[first + k % 6];
+            z[first + k / 6] += of(passes.rigid_inverse(index, k / 6, k % 6)) * x[first + k % 6];
         }
     }
     z
@@ -185,6 +185,7 @@ fn follow(what: &str, system: System) -> f64 {
     b.iter_mut().zip(&left).for_each(|(b, left)| *b += left);
 
     passes.assemble();
+    passes.cores();
     let twin = Twin::new(&passes);
     let absolute = twin.absolute();
     let mut worst = 0.0f64;

@@ -57,6 +57,9 @@ impl Passes {
             .inout("block_rotations", &self.block_rotations)
             .output::<[f32; 4]>("block_turns", blocks)
             .input("coarse_scales", &s.model.coarse.scales)
+            .constant("JOINTS", !self.joints.is_empty())
+            .input("joints", &self.joints)
+            .input("joint_sides", &self.joint_sides)
             .groups(blocks)
             .run();
         let roles = self.roles();
@@ -67,6 +70,33 @@ impl Passes {
         self.restricted_rhs = outcome.get("restricted_rhs");
         self.block_rotations = outcome.get("block_rotations");
         self.block_turns = outcome.get("block_turns");
+    }
+
+    /// Where there are dynamic cores.
+    pub fn cores(&mut self) {
+        let (s, cores) = (&self.system, self.system.model.cores.len());
+        if cores == 0 {
+            return;
+        }
+        let outcome = case("solve/cores")
+            .size(Size::Reduce)
+            .constant("JOINTS", !self.joints.is_empty())
+            .input("params", &[s.params])
+            .input("frames", &s.frames)
+            .input("block_nodes", &s.model.blocks.nodes)
+            .input("node_rest", &s.model.node_rest)
+            .input("rhs", &self.rhs)
+            .input("inverse", &self.inverse)
+            .input("restricted_rhs", &self.restricted_rhs)
+            .input("joints", &self.joints)
+            .input("joint_sides", &self.joint_sides)
+            .inout("rigids", &self.rigids)
+            .partial("rigid_blocks", &unwritten::<f32>(72 * cores))
+            .partial("rigid_inverses", &self.rigid_inverses)
+            .groups(cores)
+            .run();
+        self.rigids = outcome.get("rigids");
+        self.rigid_inverses = outcome.get("rigid_inverses");
     }
 
     /// solve/apply and, with contacts, solve/press.
@@ -159,6 +189,9 @@ impl Passes {
             .partial("restricted_residual", &unwritten::<[f32; 4]>(3 * groups))
             .input("solve", &[self.state])
             .input("coarse_scales", &s.model.coarse.scales)
+            .constant("JOINTS", !self.joints.is_empty())
+            .input("joints", &self.joints)
+            .input("joint_sides", &self.joint_sides)
             .push(&if mode == 1 { self.state.current } else { 0 })
             .groups(variant.groups)
             .run()
@@ -199,20 +232,16 @@ impl Passes {
             .constant("GROUP", context().group_size())
             .input("params", &[s.params])
             .input("frames", &s.frames)
-            .input("block_nodes", &s.model.blocks.nodes)
-            .input("node_rest", &s.model.node_rest)
             .input("counts", &[s.counts])
             .input("contacts", &s.contacts)
             .input("partials", &self.partials)
             .input("dots", &self.dots)
             .input("coarse_dots", &self.coarse_dots)
-            .input("restricted_rhs", &self.restricted_rhs)
             .input("restricted_image", &self.restricted_image)
             .input("coarse_rhs", &self.coarse_rhs)
             .input("coarse_image", &self.coarse_image)
-            .input("rhs", &self.rhs)
-            .input("inverse", &self.inverse)
             .inout("rigids", &self.rigids)
+            .partial("rigid_inverses", &self.rigid_inverses)
             .inout("iterates", &self.iterates)
             .inout("solve", &[self.state])
             .output::<[u32; 3]>("iterations", 2)
@@ -220,6 +249,7 @@ impl Passes {
             .groups(1)
             .run();
         self.rigids = outcome.get("rigids");
+        self.rigid_inverses = outcome.get("rigid_inverses");
         self.iterates = outcome.get("iterates");
         self.state = outcome.get("solve")[0];
         let iterations: Vec<Iteration> = outcome.get("iterations");
@@ -295,6 +325,7 @@ impl Passes {
         self.reduce("solve/update")
             .constant("BLOCKS", self.blocks() as u32)
             .constant("PARTIALS", self.dots.len() as u32)
+            .constant("WIDEST", self.rigids.iter().map(|rigid| rigid.group_count).max().unwrap_or(1))
             .constant("RIGIDS", self.rigid_count())
             .constant("ROLE", variant.role)
             .constant("FIRST", variant.first as u32)
@@ -328,6 +359,7 @@ impl Passes {
             .partial("next_direction", &unwritten::<[f32; 4]>(self.nodes()))
             .partial("next_direction_image", &unwritten::<[f32; 4]>(self.nodes()))
             .partial("args", &self.args)
+            .input("rigid_inverses", &self.rigid_inverses)
             .push(&self.state.current)
             .groups(variant.groups)
             .run()
@@ -358,6 +390,7 @@ impl Passes {
             .partial("args", &self.args)
             .partial("report", &[self.report])
             .output::<f32>("core_changes", 6 * s.model.cores.len())
+            .input("rigid_inverses", &self.rigid_inverses)
             .groups(1)
             .run();
         self.state = outcome.get("solve")[0];

@@ -6,7 +6,7 @@ mod side_by_side;
 use bytemuck::Zeroable;
 use palpate::gpu::Size;
 use palpate::stages::args;
-use palpate::stages::types::{Iteration, NONE, Report, Rigid, RigidIterate, Solve};
+use palpate::stages::types::{Iteration, Joint, NONE, Report, Rigid, RigidIterate, Solve};
 
 use crate::harness::case;
 use crate::system::System;
@@ -55,6 +55,12 @@ pub struct Passes {
     pub coarse_dots: Vec<[f32; 4]>,
     /// Dynamic cores, and the tool.
     pub rigids: Vec<Rigid>,
+    /// As the host writes them.
+    pub joints: Vec<Joint>,
+    /// Twice the joint and which side, by dynamic core.
+    pub joint_sides: Vec<u32>,
+    /// Of each group of rigid bodies, by rows.
+    pub rigid_inverses: Vec<f32>,
     /// Of both sets.
     pub iterates: Vec<RigidIterate>,
     pub iterations: [Iteration; 2],
@@ -73,7 +79,7 @@ impl Passes {
         let model = &system.model;
         let (nodes, blocks, tool) = (model.node_rest.len(), model.blocks.blocks.len(), system.twin.tool.is_some());
         let zeros = vec![[0.0f32; 4]; nodes];
-        let rigids = rigids(&system);
+        let (rigids, inverse_numbers, joint_sides) = rigids(&system);
         // As solve/assemble leaves them of bodies at rest.
         let turns = model.blocks.blocks.iter().map(|block| system.frames[block[2] as usize].rotation).collect();
         let modes = vec![[0.0; 4]; 3 * (blocks + usize::from(tool))];
@@ -106,6 +112,9 @@ impl Passes {
             coarse_image: vec![],
             coarse_dots: vec![],
             iterates: vec![RigidIterate::zeroed(); 2 * rigids.len()],
+            joints: vec![],
+            joint_sides,
+            rigid_inverses: vec![0.0; inverse_numbers],
             rigids,
             iterations: [Iteration::zeroed(); 2],
             state: Solve::zeroed(),
@@ -170,6 +179,7 @@ impl Passes {
     /// Everything before the first iteration.
     pub fn record_start(&mut self) {
         self.assemble();
+        self.cores();
         self.apply(Change::Solution);
         self.gather(0);
         if self.coarse {
@@ -217,6 +227,11 @@ impl Passes {
         self.report = outcome.get("report")[0];
     }
 
+    /// An entry of the inverse of a rigid body's own block, where no joint joins it to another.
+    pub fn rigid_inverse(&self, index: usize, i: usize, k: usize) -> f64 {
+        f64::from(self.rigid_inverses[self.rigids[index].inverse_first as usize + 6 * i + k])
+    }
+
     /// The diagonal block's inverse times a vector, in f64.
     pub fn precondition(&self, node: usize, b: [f64; 3]) -> [f64; 3] {
         let [d, o] = [0, 1].map(|k| self.inverse[2 * node + k].map(f64::from));
@@ -225,13 +240,20 @@ impl Passes {
     }
 }
 
-/// Dynamic cores and the tool, from the model's blocks.
-fn rigids(system: &System) -> Vec<Rigid> {
+/// Dynamic cores and the tool, from the model's blocks and joints; how many numbers their inverses have; the sides of joints
+/// at each core.
+fn rigids(system: &System) -> (Vec<Rigid>, usize, Vec<u32>) {
     let (model, blocks) = (&system.model, &system.model.blocks.blocks);
-    let mut rigids = Vec::new();
+    let (mut rigids, mut numbers, mut sides) = (Vec::new(), 0, Vec::new());
     for (index, core) in model.cores.iter().enumerate() {
         let own: Vec<usize> = (0..blocks.len()).filter(|b| blocks[*b][3] == index as u32).collect();
         let first = own.first().copied().unwrap_or_default();
+        let joint_first = sides.len() as u32;
+        for (joint, side) in (0..2 * model.joints.len()).map(|k| (k / 2, k % 2)) {
+            if model.joints[joint].cores[side] == Some(index) {
+                sides.push((2 * joint + side) as u32);
+            }
+        }
         rigids.push(Rigid {
             frame: core.frame as u32,
             node_first: blocks[first][0],
@@ -240,11 +262,22 @@ fn rigids(system: &System) -> Vec<Rigid> {
             block_count: own.len() as u32,
             slot_first: model.blocks.slots[first],
             hinge: core.hinge.as_vec3().to_array(),
+            joint_first,
+            joint_count: sides.len() as u32 - joint_first,
+            group_first: core.group.start as u32,
+            group_count: core.group.len() as u32,
+            parent: core.parent.map_or(NONE, |parent| parent as u32),
+            inverse_first: numbers as u32,
             ..Rigid::zeroed()
         });
+        if index + 1 == core.group.end {
+            numbers += 36 * core.group.len() * core.group.len();
+        }
     }
     if system.twin.tool.is_some() {
-        rigids.push(Rigid { frame: NONE, ..Rigid::zeroed() });
+        let (group_first, inverse_first) = (rigids.len() as u32, numbers as u32);
+        rigids.push(Rigid { frame: NONE, group_first, group_count: 1, parent: NONE, inverse_first, ..Rigid::zeroed() });
+        numbers += 36;
     }
-    rigids
+    (rigids, numbers, sides)
 }

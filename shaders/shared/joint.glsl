@@ -1,0 +1,19 @@
+// Joints at a dynamic core. Needs `joints` and `joint_sides` (twice the joint, and the core's side of it; by core).
+
+// What a joint gives to the rows of its side `to` where its side `from` changes its twist.
+void add_joint(uint joint, uint to, uint from, vec3 linear, vec3 angular, inout vec3 force, inout vec3 torque) {
+    float sign = to == from ? 1.0 : -1.0, w[6] = joints[joint].angular;
+    vec3 along = sign * joints[joint].linear * (linear + cross(angular, joints[joint].arm[from]));
+    vec3 about = vec3(w[0] * angular.x + w[3] * angular.y + w[4] * angular.z,
+        w[3] * angular.x + w[1] * angular.y + w[5] * angular.z, w[4] * angular.x + w[5] * angular.y + w[2] * angular.z);
+    force += along;
+    torque += cross(joints[joint].arm[to], along) + sign * about;
+}
+
+// What a joint's springs give to the right-hand side of its side.
+void add_springs(uint joint, uint side, inout vec3 force, inout vec3 torque) {
+    float sign = side == 0 ? 1.0 : -1.0;
+    vec3 along = sign * joints[joint].impulse;
+    force += along;
+    torque += cross(joints[joint].arm[side], along) + sign * joints[joint].twist;
+}

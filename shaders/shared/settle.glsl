@@ -1,0 +1,6 @@
+// What a workgroup wrote to coherent buffers is there for all of it.
+
+void settle() {
+    memoryBarrierBuffer();
+    barrier();
+}

@@ -1,0 +1,191 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+#include "shared/rotation.glsl"
+
+// Solve: the preconditioner of dynamic cores, and their right-hand sides. A core's block is sum P_i^T D_i P_i over the nodes
+// that it carries, with its joints and, if it is held, its coupling. Joints are stiffer than what they join, so the cores
+// that they join are inverted as one: they form trees, and elimination from the leaves to the root fills nothing in; then
+// the inverse, from the root to the leaves (S_c the block of c without what hangs on it, T_c = S_c^-1 A_cp):
+//   A^-1_cj = -T_c A^-1_pj for j before c,  A^-1_cc = S_c^-1 - A^-1_cp T_c^T.
+// On a hinge S_c is inverted along it alone. A workgroup a group; the others of its cores' return at once.
+// Oracle: oracle::step.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 1) const bool JOINTS = false;
+layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
+
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(binding = 2) uniform usamplerBuffer block_nodes;
+layout(binding = 3) uniform samplerBuffer node_rest;
+layout(binding = 4) uniform samplerBuffer rhs;
+layout(binding = 5) uniform samplerBuffer inverse;              // of carried nodes: their diagonal blocks as they are
+layout(binding = 6) uniform samplerBuffer restricted_rhs;       // P^T b
+layout(scalar, binding = 7) readonly buffer Joints { Joint joints[]; };
+layout(scalar, binding = 8) readonly buffer JointSides { uint joint_sides[]; };
+layout(scalar, binding = 9) coherent buffer Rigids { Rigid rigids[]; };
+layout(scalar, binding = 10) coherent buffer RigidBlocks { float rigid_blocks[]; };      // S or its inverse, and T, of each
+layout(scalar, binding = 11) coherent buffer RigidInverses { float rigid_inverses[]; };
+
+#include "shared/six.glsl"
+#include "shared/sum.glsl"
+#include "shared/settle.glsl"
+#include "shared/core.glsl"
+#include "shared/joint.glsl"
+#include "shared/twist.glsl"
+
+const uint NUMBERS = 72;        // of rigid_blocks, a core
+
+// D of a carried node times a vector.
+vec3 block_times(uint node, vec3 v) {
+    vec3 d = texelFetch(inverse, int(2 * node)).xyz, o = texelFetch(inverse, int(2 * node + 1)).xyz;
+    return vec3(d.x * v.x + o.x * v.y + o.y * v.z, o.x * v.x + d.y * v.y + o.z * v.z, o.y * v.x + o.z * v.y + d.z * v.z);
+}
+
+// P (P^T D P)^-1 P^T where P maps a spin about `axis` to a twist; false where D has no inertia about it.
+bool invert_about(vec3 axis, float block[36], out float inverse[36]) {
+    float moment = 0.0;
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++) moment += axis[i] * block[6 * (3 + i) + 3 + k] * axis[k];
+    }
+    for (int k = 0; k < 36; k++) inverse[k] = 0.0;
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++) inverse[6 * (3 + i) + 3 + k] = axis[i] * axis[k] / moment;
+    }
+    return moment > 0.0;
+}
+
+// Adds what joint's side `from` does to its side `to`, a column a unit of the six of its twist.
+void add_joint_block(uint joint, uint to, uint from, inout float block[36]) {
+    for (int j = 0; j < 6; j++) {
+        vec3 axis = vec3(j % 3 == 0, j % 3 == 1, j % 3 == 2), force = vec3(0.0), torque = vec3(0.0);
+        add_joint(joint, to, from, j < 3 ? axis : vec3(0.0), j < 3 ? vec3(0.0) : axis, force, torque);
+        for (int i = 0; i < 3; i++) {
+            block[6 * i + j] += force[i];
+            block[6 * (3 + i) + j] += torque[i];
+        }
+    }
+}
+
+// The block of a core, its right-hand side, and, in its image, the magnitudes that this is made of.
+void assemble(uint c) {
+    Rigid core = rigids[c];
+    vec4 turn = frames[core.frame].rotation;
+    float block[36];
+    for (int k = 0; k < 36; k++) block[k] = 0.0;
+    vec3 force_size = vec3(0.0), torque_size = vec3(0.0);
+    for (uint k = gl_LocalInvocationID.x; k < core.node_count; k += SIZE) {
+        uint node = texelFetch(block_nodes, int(core.node_first + k)).x;
+        vec3 arm = arm_of(node, turn);
+        vec3 f = texelFetch(rhs, int(node)).xyz;
+        force_size += abs(f);
+        torque_size += abs(cross(arm, f));
+        for (int j = 0; j < 6; j++) {
+            vec3 axis = vec3(j % 3 == 0, j % 3 == 1, j % 3 == 2);
+            vec3 moved = block_times(node, j < 3 ? axis : cross(axis, arm));
+            vec3 turned = cross(arm, moved);
+            for (int i = 0; i < 3; i++) {
+                block[6 * i + j] += moved[i];
+                block[6 * (3 + i) + j] += turned[i];
+            }
+        }
+    }
+    for (int k = 0; k < 36; k += 4) {
+        vec4 part = workgroup_sum(vec4(block[k], block[k + 1], block[k + 2], block[k + 3]));
+        for (int l = 0; l < 4; l++) block[k + l] = part[l];
+    }
+    force_size = workgroup_sum(vec4(force_size, 0.0)).xyz;
+    torque_size = workgroup_sum(vec4(torque_size, 0.0)).xyz;
+    if (gl_LocalInvocationID.x != 0) return;
+    if (HELD != NONE && c == HELD) {
+        for (int k = 0; k < 36; k++) block[k] += params.tool_matrix[k];
+        force_size += abs(vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]));
+        torque_size += abs(vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]));
+    }
+    for (uint k = 0; JOINTS && k < core.joint_count; k++) {
+        uint joint = joint_sides[core.joint_first + k] / 2, side = joint_sides[core.joint_first + k] % 2;
+        add_joint_block(joint, side, side, block);
+        vec3 force = vec3(0.0), torque = vec3(0.0);
+        add_springs(joint, side, force, torque);
+        force_size += abs(force);
+        torque_size += abs(torque);
+    }
+    for (int k = 0; k < 36; k++) rigid_blocks[NUMBERS * c + k] = block[k];
+    rigids[c].b = twist_of(restricted_rhs, core.slot_first, core.block_count, turn);
+    rigids[c].image =
+        float[6](force_size.x, force_size.y, force_size.z, torque_size.x, torque_size.y, torque_size.z);
+}
+
+// S_c^-1 and T_c, from the last core of a group to the first; by one invocation.
+void eliminate(uint c) {
+    Rigid core = rigids[c];
+    float block[36], inverse_block[36];
+    for (int k = 0; k < 36; k++) block[k] = rigid_blocks[NUMBERS * c + k];
+    bool hinged = core.hinge != vec3(0.0);
+    // Singular in f32: not a number, so that the step is not accepted and its flag says so.
+    if (!(hinged ? invert_about(core.hinge, block, inverse_block) : invert(block, inverse_block)))
+        inverse_block[0] = uintBitsToFloat(0x7fc00000u);
+    for (int k = 0; k < 36; k++) rigid_blocks[NUMBERS * c + k] = inverse_block[k];
+    if (!JOINTS || core.parent == NONE) return;
+    float across[36];
+    for (int k = 0; k < 36; k++) across[k] = 0.0;
+    for (uint k = 0; k < core.joint_count; k++) {
+        uint joint = joint_sides[core.joint_first + k] / 2, side = joint_sides[core.joint_first + k] % 2;
+        if (joints[joint].rigid[1 - side] == core.parent) add_joint_block(joint, side, 1 - side, across);
+    }
+    for (int j = 0; j < 6; j++) {
+        float column[6];
+        for (int i = 0; i < 6; i++) column[i] = across[6 * i + j];
+        column = times(inverse_block, column);
+        for (int i = 0; i < 6; i++) {
+            rigid_blocks[NUMBERS * c + 36 + 6 * i + j] = column[i];
+            float taken = 0.0;
+            for (int l = 0; l < 6; l++) taken += across[6 * l + i] * column[l];
+            rigid_blocks[NUMBERS * core.parent + 6 * i + j] -= taken;
+        }
+    }
+}
+
+// Rows and columns of the inverse of a group of `count` cores from the first to c, where those before c are there.
+void spread(uint c, uint first, uint count, uint base) {
+    uint width = 6 * count, row = 6 * (c - first);
+    uint parent_row = JOINTS ? 6 * (rigids[c].parent - first) : 0;
+    bool hangs = JOINTS && rigids[c].parent != NONE;
+    for (uint k = gl_LocalInvocationID.x; hangs && k < 6 * row; k += SIZE) {
+        uint i = k % 6, j = k / 6;
+        float sum = 0.0;
+        for (uint l = 0; l < 6; l++) {
+            sum -= rigid_blocks[NUMBERS * c + 36 + 6 * i + l] * rigid_inverses[base + (parent_row + l) * width + j];
+        }
+        rigid_inverses[base + (row + i) * width + j] = sum;
+        rigid_inverses[base + j * width + row + i] = sum;
+    }
+    settle();
+    for (uint k = gl_LocalInvocationID.x; k < 36; k += SIZE) {
+        uint i = max(k / 6, k % 6), j = min(k / 6, k % 6);
+        float sum = rigid_blocks[NUMBERS * c + 6 * i + j];
+        for (uint l = 0; hangs && l < 6; l++) {
+            sum -= rigid_inverses[base + (row + i) * width + parent_row + l] * rigid_blocks[NUMBERS * c + 36 + 6 * j + l];
+        }
+        rigid_inverses[base + (row + k / 6) * width + row + k % 6] = sum;
+    }
+    settle();
+}
+
+void main() {
+    uint first = rigids[gl_WorkGroupID.x].group_first, count = rigids[gl_WorkGroupID.x].group_count;
+    if (gl_WorkGroupID.x != first) return;
+    for (uint c = first; c < first + count; c++) assemble(c);
+    for (uint k = count; k > 0 && gl_LocalInvocationID.x == 0; k--) eliminate(first + k - 1);
+    settle();
+    uint base = rigids[first].inverse_first;
+    for (uint c = first; c < first + count; c++) spread(c, first, count, base);
+    for (uint k = gl_LocalInvocationID.x; k < count; k += SIZE) {
+        float rounding = 0.0, e[6] = rigids[first + k].image;
+        for (uint i = 0; i < 6; i++) rounding += e[i] * (e[i] * rigid_inverses[base + (6 * k + i) * (6 * count + 1)]);
+        rigids[first + k].rounding = rounding;
+    }
+}

@@ -1,0 +1,202 @@
+//! Joints between cores of a body: `[[body.joint]]`, and those of a skeleton's bones with their parents. Called by `body.rs`.
+
+use glam::DVec3;
+
+use super::keys::{Table, Value, suggest};
+use super::{Core, Motion, Skeleton};
+use crate::Result;
+
+/// What a joint is described by, at a bone of a skeleton as well as in `[[body.joint]]`.
+pub(super) const KEYS: [&str; 4] = ["stiffness", "damping", "swing", "twist"];
+/// Least length of an axis before it is normalised.
+const SHORTEST_AXIS: f64 = 1e-9;
+
+/// A ball joint: a point that two cores of a body share, one of them dynamic at least.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Joint {
+    /// Indices among the body's cores; the second turns about the first.
+    pub cores: [usize; 2],
+    /// Where, in file coordinates, before scale and pose.
+    pub point: DVec3,
+    /// What resists turning.
+    pub resistance: Resistance,
+}
+
+/// What resists the turning of a joint's second core about its first.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Resistance {
+    /// Towards the orientation at rest, N m/rad.
+    pub stiffness: f64,
+    /// N m s/rad.
+    pub damping: f64,
+    /// Along the second core, unit, file coordinates; zero where nothing is limited.
+    pub axis: DVec3,
+    /// How far the axis may turn away from where it is at rest, rad.
+    pub swing: Option<f64>,
+    /// How far the core may turn about its axis, either way, rad.
+    pub twist: Option<f64>,
+}
+
+/// `stiffness`, `damping`, `swing` and `twist` of a table; `axis`: along the core, any length.
+pub(super) fn resistance(table: &Table, axis: Option<DVec3>) -> Result<Resistance> {
+    let angle = |value: &Value| {
+        let angle = value.positive()?;
+        match angle < std::f64::consts::PI {
+            true => Ok(angle),
+            false => {
+                Err(value.error(format!("is {angle}"), "give an angle below pi (rad), or leave it out for no limit"))
+            }
+        }
+    };
+    let (swing, twist) = (table.option("swing", angle)?, table.option("twist", angle)?);
+    let limited = if swing.is_some() { Some("swing") } else { twist.map(|_| "twist") };
+    let axis = match (limited, axis) {
+        (None, _) => DVec3::ZERO,
+        (Some(_), Some(axis)) if axis.length() > SHORTEST_AXIS => axis.normalize(),
+        (Some(key), _) => {
+            return Err(table.error(
+                key,
+                "nothing says along which axis the core lies",
+                "give an axis that is not zero",
+            ));
+        }
+    };
+    let (stiffness, damping) =
+        (table.or("stiffness", 0.0, Value::not_negative)?, table.or("damping", 0.0, Value::not_negative)?);
+    Ok(Resistance { stiffness, damping, axis, swing, twist })
+}
+
+/// The joints of a body: its own, and those of bones whose parents they do not name, where one of the two is dynamic.
+pub(super) fn read(table: &Table, skeleton: Option<&Skeleton>, cores: &[Core]) -> Result<Vec<Joint>> {
+    let mut joints: Vec<Joint> = Vec::new();
+    if let Some(array) = table.get("joint") {
+        for element in array.array()? {
+            let joint = joint(&element, cores)?;
+            if closes_loop(&joints, &joint, cores) {
+                let [a, b] = joint.cores.map(|core| &cores[core].name);
+                let problem = format!("\"{a}\" and \"{b}\" hang together already, by other cores");
+                return Err(element.error(problem, "remove one: dynamic cores with joints form trees"));
+            }
+            joints.push(joint);
+        }
+    }
+    let same = |a: &Joint, b: &Joint| a.cores == b.cores || a.cores == [b.cores[1], b.cores[0]];
+    for (index, bone) in skeleton.iter().flat_map(|skeleton| &skeleton.bones).enumerate() {
+        let Some(parent) = bone.parent else { continue };
+        let joint = Joint { cores: [parent, index], point: bone.joint, resistance: bone.resistance };
+        if !is_dynamic(&joint, cores) || joints.iter().any(|other| same(other, &joint)) {
+            continue;
+        }
+        if closes_loop(&joints, &joint, cores) {
+            let problem =
+                format!("with them, bone \"{}\" and its parent hang together by other cores as well", bone.name);
+            return Err(table.error("joint", problem, "remove one: dynamic cores with joints form trees"));
+        }
+        joints.push(joint);
+    }
+    Ok(joints)
+}
+
+fn joint(value: &Value, cores: &[Core]) -> Result<Joint> {
+    let table = value.table(&[&["cores", "point", "axis"][..], &KEYS[..]].concat())?;
+    let names = table.need("cores")?;
+    let [a, b] = names.array()?.try_into().map_err(|_| names.error("is not two names", "name two cores"))?;
+    let index = |name: &Value| {
+        let text = name.text()?;
+        cores.iter().position(|core| core.name == text).ok_or_else(|| {
+            let known: Vec<&str> = cores.iter().map(|core| core.name.as_str()).collect();
+            name.error(format!("no core is called \"{}\"", text.escape_debug()), suggest(text, &known))
+        })
+    };
+    let axis = table.option("axis", Value::vector)?;
+    let joint = Joint {
+        cores: [index(&a)?, index(&b)?],
+        point: table.need("point")?.vector()?,
+        resistance: resistance(&table, axis)?,
+    };
+    if joint.cores[0] == joint.cores[1] {
+        return Err(b.error("is the same core", "name two cores"));
+    }
+    if !is_dynamic(&joint, cores) {
+        return Err(
+            names.error("neither core is dynamic", "give one of them motion = \"dynamic\", or remove the joint")
+        );
+    }
+    Ok(joint)
+}
+
+fn is_dynamic(joint: &Joint, cores: &[Core]) -> bool {
+    joint.cores.iter().any(|core| matches!(cores[*core].motion, Motion::Dynamic))
+}
+
+/// Whether a joint joins two dynamic cores that others join already, but not as directly as it does.
+fn closes_loop(joints: &[Joint], joint: &Joint, cores: &[Core]) -> bool {
+    let dynamic = |joint: &&Joint| joint.cores.iter().all(|core| matches!(cores[*core].motion, Motion::Dynamic));
+    let beside = |other: &&Joint| !joint.cores.iter().all(|core| other.cores.contains(core));
+    let mut group: Vec<usize> = (0..cores.len()).collect();
+    for other in joints.iter().filter(dynamic).filter(beside) {
+        let [a, b] = other.cores.map(|core| group[core]);
+        group.iter_mut().filter(|g| **g == a).for_each(|g| *g = b);
+    }
+    dynamic(&joint) && group[joint.cores[0]] == group[joint.cores[1]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    const CORES: &str = "[[body]]\nname = \"arm\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [4, 1, 1] }\n\
+                         material = { young = 2e4, poisson = 0.4, density = 1000 }\n";
+
+    fn scene(text: &str) -> Result<Scene> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.toml");
+        std::fs::write(&path, text).unwrap();
+        Scene::load(&path)
+    }
+
+    fn with(joints: &str) -> Result<Vec<Joint>> {
+        let mut text = CORES.to_owned();
+        for (k, motion) in ["fixed", "dynamic", "dynamic", "dynamic", "fixed"].iter().enumerate() {
+            let x = k as f64 / 4.0;
+            text += &format!("[[body.core]]\nname = \"c{k}\"\nmotion = \"{motion}\"\n");
+            text += &format!("bind = {{ box = [[{}, -1, -1], [{}, 2, 2]] }}\n", x - 0.1, x + 0.1);
+        }
+        scene(&(text + joints)).map(|scene| scene.bodies[0].joints.clone())
+    }
+
+    fn of(a: u32, b: u32) -> String {
+        format!("[[body.joint]]\ncores = [\"c{a}\", \"c{b}\"]\npoint = [0.5, 0, 0]\n")
+    }
+
+    #[test]
+    fn joints_are_read_and_what_makes_no_sense_is_refused_by_name() {
+        assert_eq!(with("").unwrap(), []);
+        let all = "stiffness = 2\ndamping = 0.1\naxis = [2, 0, 0]\nswing = 1.2\ntwist = 0.3\n";
+        let joints = with(&(of(0, 1) + &of(2, 1) + all + &of(2, 1))).unwrap();
+        let resistance =
+            Resistance { stiffness: 2.0, damping: 0.1, axis: DVec3::X, swing: Some(1.2), twist: Some(0.3) };
+        let joint = |cores, resistance| Joint { cores, point: DVec3::new(0.5, 0.0, 0.0), resistance };
+        let plain = Resistance::default();
+        assert_eq!(joints, [joint([0, 1], plain), joint([2, 1], resistance), joint([2, 1], plain)]);
+        for (text, problem) in [
+            (of(0, 4), "neither core is dynamic"),
+            (of(1, 1), "is the same core"),
+            (of(1, 7), "no core is called \"c7\""),
+            (of(1, 2).replace("\"c2\"", "\"c2\", \"c3\""), "is not two names"),
+            (of(1, 2) + &of(2, 3) + &of(3, 1), "hang together already"),
+            (of(1, 2) + "swing = 1\n", "along which axis"),
+            (of(1, 2) + "axis = [0, 0, 0]\ntwist = 1\n", "along which axis"),
+            (of(1, 2) + "axis = [1, 0, 0]\ntwist = 3.2\n", "is 3.2"),
+            (of(1, 2) + "stiffness = -1\n", "stiffness"),
+            (of(1, 2) + "stifness = 1\n", "did you mean `stiffness`"),
+            (of(1, 2).replace("point", "points"), "did you mean `point`"),
+        ] {
+            let error = with(&text).unwrap_err().to_string();
+            assert!(error.contains(problem) && error.contains("scene.toml:"), "{text}: {error}");
+        }
+        // Over a core that rests, a loop is none.
+        assert_eq!(with(&(of(1, 2) + &of(0, 1) + &of(0, 2))).unwrap().len(), 3);
+    }
+}

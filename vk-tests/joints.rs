@@ -1,0 +1,219 @@
+//! Cores that joints join: whole steps against the oracle, and laws.
+
+use glam::{DQuat, DVec3};
+use palpate::haptics::drive::Drive;
+use palpate::oracle;
+use palpate::oracle::joint::Side;
+use palpate::prepare::{Frame, FrameMotion, Shape};
+use palpate::report::Flags;
+use palpate::scene::{Key, Resistance};
+use palpate::stages::joints::Joint;
+use palpate::step::Simulation;
+
+use crate::bones::{SHAPE, SPEED, carry, keys, twin_cores};
+use crate::whole_step::{open, relative_error, run, scene, soft_twin};
+
+/// A bar of 20 cm with three cores, the first moving as `root` says, a joint between each two.
+fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
+    let core = |name: &str, motion: &str, from: f64, to: f64| {
+        format!(
+            "[[body.core]]\nname = \"{name}\"\n{motion}\n\
+             bind = {{ box = [[{from}, -0.1, -0.1], [{to}, 0.1, 0.1]] }}\n"
+        )
+    };
+    let joint = |names: &str, x: f64, keys: &str| {
+        format!("[[body.joint]]\ncores = [{names}]\npoint = [{x}, 0.004, -0.003]\n{keys}\n")
+    };
+    let dynamic = "motion = \"dynamic\"";
+    format!(
+        "[step]\n{step}\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \"bar\"\n\
+         layer = {{ box = [[-0.1, -0.02, -0.02], [0.1, 0.02, 0.02]], cells = [12, 3, 3] }}\n\
+         position = [0.4, 0.1, -0.2]\norientation = [0.1, 0.2, 0.3, 0.9273618495495703]\n\
+         material = {{ young = {young:e}, poisson = 0.4, density = 1000.0, damping_stiffness = 0.002 }}\n{}{}{}{}{}",
+        // Not in the order of the chain.
+        core("tip", dynamic, 0.08, 0.2),
+        core("root", root, -0.2, -0.08),
+        core("middle", dynamic, -0.02, 0.02),
+        joint("\"root\", \"middle\"", -0.05, joints[0]),
+        joint("\"tip\", \"middle\"", 0.05, joints[1]),
+    )
+}
+
+/// Frames of a simulation's first body.
+fn frames(simulation: &Simulation) -> &[palpate::prepare::Frame] {
+    let Shape::Soft { frames, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
+    frames
+}
+
+/// The oracle's joints of a simulation's first body, whose cores are at rest.
+fn twin_joints(simulation: &Simulation) -> Vec<oracle::joint::Joint> {
+    let (places, orientation) = (simulation.frames(0), simulation.bodies()[0].orientation);
+    let is_dynamic = |frame: &usize| matches!(frames(simulation)[*frame].motion, FrameMotion::Dynamic { .. });
+    let dynamic: Vec<usize> = (0..places.len()).filter(is_dynamic).collect();
+    let side = |frame: usize, arm: DVec3| {
+        let end = places[frame].centre + places[frame].rotation * arm;
+        let core = dynamic.iter().position(|dynamic| *dynamic == frame);
+        Side { core, end, turn: DQuat::IDENTITY, next: (end, DQuat::IDENTITY) }
+    };
+    let twin = |joint: &Joint| oracle::joint::Joint {
+        sides: [0, 1].map(|k| side(joint.frames[k], joint.arms[k])),
+        stiffness: joint.stiffness,
+        limit_stiffness: joint.limit_stiffness,
+        resistance: Resistance { axis: orientation * joint.resistance.axis, ..joint.resistance },
+    };
+    simulation.joints().iter().map(twin).collect()
+}
+
+/// Tells the twin's joints where driven cores are at the end of the step that ends at `time`.
+fn drive(twin: &mut oracle::step::Simulation, simulation: &Simulation, time: f64) {
+    let orientation = simulation.bodies()[0].orientation;
+    for (joint, model) in twin.joints.iter_mut().zip(simulation.joints()) {
+        for (side, frame, arm) in [0, 1].map(|k| (k, model.frames[k], model.arms[k])) {
+            let Frame { centre, motion: FrameMotion::Driven(keys) } = &frames(simulation)[frame] else { continue };
+            let drive = Drive::new(keys, Key { time: 0.0, position: DVec3::ZERO, orientation: DQuat::IDENTITY });
+            let (position, turned) = drive.pose(time);
+            joint.sides[side].next = (position + turned * (*centre + arm), turned * orientation.inverse());
+        }
+    }
+}
+
+/// The widest gap of a joint, m.
+fn gap(simulation: &Simulation) -> f64 {
+    let places = simulation.frames(0);
+    let gap = |joint: &Joint| {
+        let [a, b] = [0, 1].map(|k| places[joint.frames[k]].centre + places[joint.frames[k]].rotation * joint.arms[k]);
+        a.distance(b)
+    };
+    simulation.joints().iter().map(gap).fold(0.0, f64::max)
+}
+
+/// How far the second side of a joint is turned about the first.
+fn turn(simulation: &Simulation, joint: usize) -> DQuat {
+    let places = simulation.frames(0);
+    let [a, b] = simulation.joints()[joint].frames.map(|frame| places[frame].rotation);
+    a.inverse() * b
+}
+
+/// Steps beside the oracle: shape and speed, of the largest.
+fn beside(name: &str, text: &str, steps: usize) -> Simulation {
+    let scene = scene(text);
+    let mut simulation = open(&scene, None);
+    let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
+    twin.bodies.push(soft_twin(&simulation, 0));
+    twin.cores = twin_cores(&simulation, 0);
+    twin.joints = twin_joints(&simulation);
+    let (mut shape, mut speed, mut widest, mut iterations) = (0.0f64, 0.0f64, 0.0f64, 0);
+    for step in 1..=steps {
+        let row = run(&mut simulation, 1).remove(0);
+        assert!(row.flags == Flags::default(), "{name}, step {step}: flags {:?}", row.flags);
+        carry(&mut twin.bodies[0], &simulation, 0, row.time, scene.step.dt);
+        drive(&mut twin, &simulation, row.time);
+        twin.step(None, &[]).unwrap();
+        (widest, iterations) = (widest.max(gap(&simulation)), iterations.max(row.iterations));
+        if step % 10 == 0 {
+            let (moved, velocities) = simulation.nodes(0).unwrap().unwrap();
+            shape = shape.max(relative_error(&moved, &twin.bodies[0].displacement));
+            speed = speed.max(relative_error(&velocities, &twin.bodies[0].velocity));
+        }
+    }
+    let turns = [0, 1].map(|joint| turn(&simulation, joint).to_scaled_axis().length());
+    println!(
+        "{name}: shape {shape:.1e}, speed {speed:.1e}, joints turned {turns:.2?} rad, open by {widest:.1e} m, up to \
+         {iterations} iterations"
+    );
+    assert!(shape < SHAPE && speed < SPEED, "{name}: {shape:e} {speed:e}");
+    simulation
+}
+
+/// How far a joint that carries 60 g at six times gravity may be open at steps of 1 ms, m; it goes with the step's square.
+const OPEN: f64 = 3e-4;
+/// Pulled aside by some g.
+const PULLED: &str = "gravity = [10.0, -60.0, 20.0]";
+
+#[test]
+fn chains_of_cores_move_as_the_oracles() {
+    for (young, dt) in [(2e4, 0.001), (1e6, 0.001), (2e4, 0.004)] {
+        let text = chain(young, "", ["", ""], &format!("{PULLED}\ndt = {dt}"));
+        let simulation = beside(&format!("hanging, {young:e} Pa, {dt} s"), &text, 60);
+        let open = gap(&simulation);
+        assert!(open < OPEN * (dt / 1e-3) * (dt / 1e-3), "{open:e} m");
+    }
+    let hinge = "motion = \"dynamic\"\nhinge = { point = [-0.1, 0.0, 0.01], axis = [0.0, 3.0, 4.0] }";
+    beside("on a hinge", &chain(2e4, hinge, ["", ""], PULLED), 60);
+    beside("flying", &chain(2e4, "motion = \"dynamic\"", ["", "stiffness = 3.0"], PULLED), 60);
+}
+
+#[test]
+fn joints_resist_and_end_as_the_oracles() {
+    let (orientation, position) = (DQuat::from_xyzw(0.1, 0.2, 0.3, 0.9273618495495703), DVec3::new(0.4, 0.1, -0.2));
+    for (name, limits) in [
+        ("springs", ["stiffness = 4.0\ndamping = 0.02", "stiffness = 1.0\ndamping = 0.1"]),
+        ("swing", ["axis = [1.0, 0.0, 0.0]\nswing = 0.1", "axis = [1.0, 0.0, 0.0]\nswing = 0.05"]),
+        ("twist", ["axis = [1.0, 0.0, 0.0]\ntwist = 0.05", "axis = [1.0, 0.0, 0.0]\ntwist = 0.03"]),
+        (
+            "all",
+            [
+                "axis = [1.0, 0.0, 0.0]\ntwist = 0.05\nswing = 0.1\nstiffness = 0.5\ndamping = 0.01",
+                "axis = [-2.0, 0.0, 0.0]\ntwist = 0.03\nswing = 0.05\nstiffness = 0.1",
+            ],
+        ),
+    ] {
+        // About the bar and across it.
+        let keys = keys(position, orientation, 0.5, DVec3::new(-0.02, 0.03, 0.01));
+        let text = chain(2e4, &format!("motion = \"driven\"\nkeys = {keys}"), limits, PULLED);
+        let simulation = beside(name, &text, 60);
+        for (joint, model) in simulation.joints().iter().enumerate() {
+            let Resistance { axis, swing, twist, .. } = model.resistance;
+            let turn = turn(&simulation, joint);
+            if let Some(limit) = swing {
+                println!("{name}, joint {joint}: swing {:.4} of {limit}", axis.angle_between(turn * axis));
+                assert!(axis.angle_between(turn * axis) < limit + 0.01);
+            }
+            if let Some(limit) = twist {
+                let about = 2.0 * turn.xyz().dot(axis).atan2(turn.w);
+                println!("{name}, joint {joint}: twist {about:.4} of {limit}");
+                assert!(about.abs() < limit + 0.01, "{about}");
+            }
+        }
+    }
+}
+
+/// Linear momentum lost in the flight.
+const MOMENTUM: f64 = 1e-6;
+/// Angular momentum gained in a step, of the linear times half the bar: rotations frozen over a step have a torque of their
+/// own, as in vk-tests/laws.rs.
+const SPIN: f64 = 4e-6;
+
+#[test]
+fn a_free_chain_keeps_its_momentum() {
+    // A ball strikes it off its middle, in no gravity, and is gone: it folds at its joints and at their limits.
+    let limits = "axis = [1.0, 0.0, 0.0]\nswing = 0.1\nstiffness = 0.2\ndamping = 0.002";
+    let text = chain(2e4, "motion = \"dynamic\"", [limits, ""], "gravity = [0.0, 0.0, 0.0]").replace(
+        "position = [0.4, 0.1, -0.2]\norientation = [0.1, 0.2, 0.3, 0.9273618495495703]",
+        "velocity = [0.1, 0.5, 0.2]",
+    ) + "[tool]\nsphere = 0.01\nmass = 0.05\nposition = [-0.08, 0.035, 0.004]\nvelocity = [0.0, -3.0, 0.0]\n";
+    let mut simulation = open(&scene(&text), None);
+    let momentum = |simulation: &Simulation| {
+        let mut twin = soft_twin(simulation, 0);
+        (twin.displacement, twin.velocity) = simulation.nodes(0).unwrap().unwrap();
+        let nodes = twin.elements.masses.iter().zip(twin.world_nodes()).zip(&twin.velocity);
+        nodes.fold((DVec3::ZERO, DVec3::ZERO), |(p, l), ((m, x), v)| (p + *m * *v, l + *m * x.cross(*v)))
+    };
+    let mut gone = 0;
+    for _ in 0..200 {
+        let row = run(&mut simulation, 1).remove(0);
+        gone = if row.contacts == Some(0) { gone + 1 } else { 0 };
+    }
+    assert!(gone > 100, "the ball is there still");
+    let (before, spin) = momentum(&simulation);
+    let folded = [0, 1].map(|joint| turn(&simulation, joint).to_scaled_axis().length());
+    let rows = run(&mut simulation, 300);
+    assert!(rows.iter().all(|row| row.flags == Flags::default() && row.contacts == Some(0)));
+    let (after, spun) = momentum(&simulation);
+    let lost = before.distance(after) / before.length();
+    let gained = spin.distance(spun) / (before.length() * 0.1 * 300.0);
+    println!(
+        "free chain, folded by {folded:.2?} rad: lost {lost:.1e} of its momentum, a step gains {gained:.1e} of spin"
+    );
+    assert!(folded[1] > 0.05 && lost < MOMENTUM && gained < SPIN, "{folded:?} {lost:e} {gained:e}");
+}
