@@ -12,20 +12,21 @@ use glam::DVec3;
 
 /// Rounds: more hardly change anything.
 const ROUNDS: usize = 5;
+/// Edges over which sizes are evened out: clusters follow how fine a mesh is from place to place, not its single tetrahedra,
+/// small ones at a skin among them.
+const EVENED: usize = 4;
 
 /// Nodes, and which of them touch.
 pub struct Graph {
-    /// Of each node, m.
-    pub places: Vec<DVec3>,
-    /// Of each node, in any unit: the edge of what lies there.
-    pub sizes: Vec<f64>,
+    places: Vec<DVec3>,
+    sizes: Vec<f64>,
     /// First neighbour of each node, and their number last.
     first: Vec<usize>,
     neighbours: Vec<u32>,
 }
 
 impl Graph {
-    /// `elements`: of a node, those of which touch each other; nodes count from 0.
+    /// Places of nodes, m; the size of what lies there, in any unit, above 0; and the nodes of each element, which touch.
     pub fn new(places: Vec<DVec3>, sizes: Vec<f64>, elements: impl Iterator<Item = Vec<u32>>) -> Graph {
         let mut edges: Vec<(u32, u32)> = Vec::new();
         for element in elements {
@@ -36,7 +37,23 @@ impl Graph {
         edges.sort_unstable();
         edges.dedup();
         let first = (0..=places.len()).map(|i| edges.partition_point(|edge| (edge.0 as usize) < i)).collect();
-        Graph { places, sizes, first, neighbours: edges.into_iter().map(|edge| edge.1).collect() }
+        let neighbours = edges.into_iter().map(|edge| edge.1).collect();
+        let mut graph = Graph { places, sizes, first, neighbours };
+        for _ in 0..EVENED {
+            graph.sizes = (0..graph.sizes.len()).map(|node| graph.mean_size(node)).collect();
+        }
+        graph
+    }
+
+    fn neighbours(&self, node: usize) -> &[u32] {
+        &self.neighbours[self.first[node]..self.first[node + 1]]
+    }
+
+    /// Of a node and its neighbours.
+    fn mean_size(&self, node: usize) -> f64 {
+        let others = self.neighbours(node);
+        let sum = others.iter().fold(self.sizes[node], |sum, other| sum + self.sizes[*other as usize]);
+        sum / (1 + others.len()) as f64
     }
 
     /// Which of `count` clusters, one at least, each node belongs to; some may be empty.
@@ -79,7 +96,7 @@ impl Graph {
                 continue;
             }
             own[node] = cluster;
-            for &other in &self.neighbours[self.first[node]..self.first[node + 1]] {
+            for &other in self.neighbours(node) {
                 let (other, distance) = (other as usize, to(other as usize, cluster));
                 if own[other] == usize::MAX && distance < least[other] {
                     least[other] = distance;
