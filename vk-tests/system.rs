@@ -44,11 +44,11 @@ pub struct System {
     pub device: Option<Device>,
 }
 
-/// A scene of which nothing matters to a layer.
-fn scene(preconditioner: Preconditioner) -> Scene {
+/// A scene of which nothing matters to a layer. `dt`: s.
+fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
     Scene {
         file: "none".into(),
-        step: scene::Step { dt: f64::from(DT), gravity: DVec3::ZERO, newton: 1 },
+        step: scene::Step { dt: f64::from(dt), gravity: DVec3::ZERO, newton: 1 },
         solver: scene::Solver { tolerance: 1e-5, max_iterations: 10, preconditioner },
         contact: scene::Contact {
             stiffness: Some(1e6),
@@ -148,8 +148,21 @@ impl System {
 
     /// The same, with a coarse level for the bodies that this asks for.
     pub fn preconditioned(bodies: &[Body], amplitude: f64, seed: u64, preconditioner: Preconditioner) -> System {
+        System::stepping(bodies, DT, amplitude, seed, preconditioner)
+    }
+
+    /// The same with steps of `dt` seconds, from rest.
+    pub fn at_rest(bodies: &[Body], dt: f32, preconditioner: Preconditioner) -> System {
+        let mut system = System::stepping(bodies, dt, 0.0, 1, preconditioner);
+        system.velocity.fill([0.0; 4]);
+        system.twin.bodies.iter_mut().for_each(|body| body.velocity.fill(DVec3::ZERO));
+        system.rotate();
+        system
+    }
+
+    fn stepping(bodies: &[Body], dt: f32, amplitude: f64, seed: u64, preconditioner: Preconditioner) -> System {
         let mut random = Random(seed);
-        let model = Model::new(&scene(preconditioner), bodies, None);
+        let model = Model::new(&scene(dt, preconditioner), bodies, None);
         let nodes = model.node_rest.len();
         let field = |scale: f64, random: &mut Random| -> Vec<[f32; 4]> {
             let free = |info: &[u32; 4]| if info[3] == 0 { 1.0 } else { 0.0 };
@@ -157,7 +170,7 @@ impl System {
         };
         let (displacement, velocity) = (field(amplitude, &mut random), field(0.1, &mut random));
         let gravity = DVec3::new(1.5, -9.75, 0.5);
-        let mut twin = Simulation::new(f64::from(DT), gravity);
+        let mut twin = Simulation::new(f64::from(dt), gravity);
         for (body, range) in bodies.iter().zip(&model.soft) {
             let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("{} is not soft", body.name) };
             let mut soft = SoftBody::new(layer.clone(), materials, body.position, body.orientation, DVec3::ZERO);
@@ -172,7 +185,7 @@ impl System {
             ..Frame::default()
         };
         let mut params: StepParams = bytemuck::Zeroable::zeroed();
-        params.dt = DT;
+        params.dt = dt;
         params.gravity = gravity.as_vec3().to_array();
         params.max_iterations = 1000;
         let mut system = System {

@@ -90,3 +90,21 @@ fn free_fall_of_a_bound_human_agrees_with_the_oracle() {
         assert!(error < FREE_FALL, "{young:e} Pa: {error:e}");
     }
 }
+
+/// Of all arrays on the device, a tetrahedron, where nothing touches.
+const BYTES: f64 = 400.0;
+
+#[test]
+fn a_tetrahedron_takes_little_memory() {
+    for young in [2.0e4, 2.0e6] {
+        let text = format!(
+            "[[body]]\nname = \"block\"\nhulls = 1\n\
+             layer = {{ box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]], cells = [12, 12, 12] }}\n\
+             material = {{ young = {young:e}, poisson = 0.45, density = 1000.0 }}\n[[body.core]]\nname = \"core\"\n\
+             bind = {{ box = [[-1e-6, -1e-6, -1e-6], [1e-6, 1.0, 1.0]] }}\n"
+        );
+        let bytes = open(&scene(&text), None).context().bytes_allocated() as f64 / f64::from(6 * 12u32.pow(3));
+        println!("{young:e} Pa: {bytes:.0} bytes a tetrahedron");
+        assert!(bytes <= BYTES, "{young:e} Pa: {bytes}");
+    }
+}

@@ -6,6 +6,7 @@ use std::ops::Range;
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
 
+use super::clusters::Graph;
 use super::layers::held;
 use super::model::{Model, texel};
 use super::types::NONE;
@@ -14,8 +15,6 @@ use super::types::NONE;
 const USUAL_NODES: usize = 128;
 /// Blocks of a body at most then: every workgroup sums over all of them.
 const MOST_BLOCKS: usize = 256;
-/// Rounds of clustering: more hardly change anything.
-const ROUNDS: usize = 5;
 /// Carried nodes of a block.
 const CARRIED_NODES: usize = 256;
 
@@ -86,9 +85,8 @@ impl Model {
             match aggregates {
                 Some(count) => {
                     let share = ((count * own.len() + total / 2) / total).max(1);
-                    let places: Vec<DVec3> = own.iter().map(|n| self.place_in_frame(*n)).collect();
                     let mut clusters = vec![Vec::new(); share];
-                    nearest(&places, share).iter().zip(&own).for_each(|(k, n)| clusters[*k].push(*n));
+                    self.graph(&own).clusters(share).iter().zip(&own).for_each(|(k, n)| clusters[*k].push(*n));
                     parts.extend(clusters.into_iter().filter(|part| !part.is_empty()));
                 }
                 None => parts.extend(own.chunks(usual).map(<[u32]>::to_vec)),
@@ -97,37 +95,21 @@ impl Model {
         parts
     }
 
+    /// What some nodes of a frame are to each other; the cube root of a node's mass stands for the edges there.
+    fn graph(&self, nodes: &[u32]) -> Graph {
+        let places = nodes.iter().map(|n| self.place_in_frame(*n)).collect();
+        let sizes = nodes.iter().map(|n| f64::from(self.node_rest[*n as usize][3]).cbrt()).collect();
+        let mut index = vec![NONE; self.node_rest.len()];
+        nodes.iter().enumerate().for_each(|(k, n)| index[*n as usize] = k as u32);
+        let own = |t: &[u32; 4]| t.map(|n| index[n as usize]).into_iter().filter(|k| *k != NONE).collect();
+        Graph::new(places, sizes, self.tetrahedra.iter().map(own))
+    }
+
     /// Rest place of a node in its frame, m.
     pub(super) fn place_in_frame(&self, node: u32) -> DVec3 {
         let [x, y, z, _] = self.node_rest[node as usize].map(f64::from);
         DVec3::new(x, y, z)
     }
-}
-
-/// Which of `count` clusters each place belongs to: means (Lloyd 1982) of what is nearest, from points far from each other
-/// (Gonzalez 1985).
-fn nearest(places: &[DVec3], count: usize) -> Vec<usize> {
-    let Some(first) = places.first() else { return Vec::new() };
-    let mut centres = vec![*first];
-    let mut distances = vec![f64::INFINITY; places.len()];
-    while centres.len() < count {
-        let newest = centres[centres.len() - 1];
-        distances.iter_mut().zip(places).for_each(|(d, x)| *d = d.min(x.distance_squared(newest)));
-        let farthest = (0..places.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b]));
-        centres.push(places[farthest.unwrap_or_default()]);
-    }
-    let mut own = vec![0; places.len()];
-    for _ in 0..ROUNDS {
-        let mut sums = vec![(DVec3::ZERO, 0.0); count];
-        for (own, x) in own.iter_mut().zip(places) {
-            let to = |k: &usize| centres[*k].distance_squared(*x);
-            *own = (0..count).min_by(|a, b| to(a).total_cmp(&to(b))).unwrap_or_default();
-            sums[*own] = (sums[*own].0 + *x, sums[*own].1 + 1.0);
-        }
-        let means = sums.iter().zip(&mut centres).filter(|((_, n), _)| *n > 0.0);
-        means.for_each(|((sum, n), centre)| *centre = *sum / *n);
-    }
-    own
 }
 
 impl Blocks {

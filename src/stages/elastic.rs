@@ -21,7 +21,8 @@ pub struct Elastic {
     materials: Buffer,
     /// Four nodes a tetrahedron.
     pub tetrahedra: Buffer,
-    tetrahedron_links: Buffer,
+    /// Where something spans frames.
+    tetrahedron_links: Option<Buffer>,
     /// Three a tetrahedron, rest axes, and the square root of its volume.
     pub(super) rest_gradients: Buffer,
     /// Position in the frame, mass.
@@ -53,6 +54,7 @@ impl Elastic {
             ("PATCHES", Const::Bool(patches > 0)),
             ("NEO_HOOKEAN", Const::Bool(model.has_neo_hookean())),
         ];
+        let links = || upload(context, "links of tetrahedra", &model.tetrahedron_links);
         Ok(Elastic {
             dilate: (patches > 0).then(|| Dilate::new(context, &model.patches)).transpose()?,
             rotate: Kernel::new(context, "elastic/rotate", Size::Group, &constants)?,
@@ -60,7 +62,7 @@ impl Elastic {
             node_count: nodes,
             materials: upload(context, "materials", &model.materials)?,
             tetrahedra: upload(context, "tetrahedra", &model.tetrahedra)?,
-            tetrahedron_links: upload(context, "links of tetrahedra", &model.tetrahedron_links)?,
+            tetrahedron_links: model.spans_frames().then(links).transpose()?,
             rest_gradients: upload(context, "gradients at rest", &model.rest_gradients)?,
             node_rest: upload(context, "nodes at rest", &model.node_rest)?,
             node_info: upload(context, "node info", &model.node_info)?,
@@ -86,7 +88,8 @@ impl Elastic {
                 &self.rest_gradients,
                 &self.displacement,
                 &self.velocity,
-                &self.tetrahedron_links,
+                // Where nothing spans frames nobody reads of them.
+                self.tetrahedron_links.as_ref().unwrap_or(&self.tetrahedra),
                 &self.node_rest,
                 &common.links,
                 // Without patches nobody reads of them.

@@ -5,6 +5,7 @@
 pub mod args;
 mod blocks;
 mod chunks;
+mod clusters;
 pub mod coarse;
 pub mod contact;
 pub mod cull;

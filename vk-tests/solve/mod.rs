@@ -2,6 +2,7 @@
 
 mod assemble;
 mod coarse;
+mod convergence;
 mod end;
 mod iteration;
 mod joints;

@@ -3,12 +3,12 @@
 
 use faer::Mat;
 use glam::{DMat3, DVec3};
-use palpate::oracle::coarse::{MODES, modes};
+use palpate::oracle::coarse::MODES;
 use palpate::prepare::Body;
 use palpate::scene::Preconditioner;
 
 use super::super::passes::{Change, Passes};
-use super::{blocks_of, host_inverse, kinds, large_core, product, soft_and_stiff, turned};
+use super::{host_inverse, kinds, large_core, modes_of, product, soft_and_stiff, turned};
 use crate::harness::context;
 use crate::random::Random;
 use crate::system::{System, layer, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
@@ -61,7 +61,7 @@ fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f6
 impl Twin {
     /// With the blocks turned as solve/assemble found them.
     pub fn new(passes: &Passes) -> Twin {
-        let p = modes(&passes.system.twin, &blocks_of(&passes.system, &passes.block_turns));
+        let p = modes_of(&passes.system, &passes.block_turns);
         Twin { p, inverse: host_inverse(&passes.system.model, false) }
     }
 

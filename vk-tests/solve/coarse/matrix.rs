@@ -2,11 +2,11 @@
 
 use faer::{Mat, Side};
 use glam::DQuat;
-use palpate::oracle::coarse::{correction, matrix, modes};
+use palpate::oracle::coarse::{correction, matrix};
 use palpate::oracle::linear::Entries;
 use palpate::scene::Preconditioner;
 
-use super::{blocks_of, host_inverse, kinds, large_core, rest_turns};
+use super::{host_inverse, kinds, large_core, modes_of, rest_turns};
 use crate::system::{System, layer, layered, material};
 
 /// Half a unit in the last place of half precision.
@@ -24,7 +24,7 @@ fn the_host_s_inverse_is_the_oracle_s() {
     // What the coarse level makes of any residual, P A_c^-1 P^T, with both: whatever modes depend on each other.
     for (what, bodies) in kinds() {
         let system = System::preconditioned(&bodies, 0.0, 1, Preconditioner::Coarse);
-        let p = modes(&system.twin, &blocks_of(&system, &rest_turns(&system)));
+        let p = modes_of(&system, &rest_turns(&system));
         let (a, _) = system.twin.assemble(None, &[]);
         let want = correction(&a, &p).unwrap();
         // The oracle's own: nothing that the modes can do is left undone.
@@ -105,7 +105,7 @@ fn half_precision_leaves_the_preconditioner_positive() {
     }
     cases.push(("2e7 Pa on a core".into(), System::preconditioned(&[stiff], 0.0, 1, Preconditioner::Coarse)));
     for (what, system) in cases {
-        let p = modes(&system.twin, &blocks_of(&system, &rest_turns(&system)));
+        let p = modes_of(&system, &rest_turns(&system));
         let (a, _) = system.twin.assemble(None, &[]);
         let coarse = &p * host_inverse(&system.model, false) * p.transpose();
         let values = scaled_eigenvalues(&(jacobi(&system, &a) + &coarse));

@@ -8,7 +8,7 @@ mod turns;
 
 use faer::Mat;
 use glam::{DQuat, DVec3};
-use palpate::oracle::coarse::{Block, MODES};
+use palpate::oracle::coarse::{Block, MODES, modes};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame, FrameMotion, Layer, Shape};
 use palpate::scene::Hinge;
@@ -37,6 +37,16 @@ fn blocks_of(system: &System, turns: &[[f32; 4]]) -> Vec<Block> {
         }
     };
     order.into_iter().map(block).collect()
+}
+
+/// A node's place across a plane that its block lies in, over the block's size: rounding of the mean in f64.
+const NOTHING: f64 = 1.0e-12;
+
+/// P, by slot.
+fn modes_of(system: &System, turns: &[[f32; 4]]) -> Mat<f64> {
+    let mut all = modes(&system.twin, &blocks_of(system, turns));
+    all.col_iter_mut().flat_map(|column| column.iter_mut()).filter(|x| x.abs() < NOTHING).for_each(|x| *x = 0.0);
+    all
 }
 
 /// Frames' rotations: the blocks' of bodies at rest.

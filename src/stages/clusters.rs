@@ -1,0 +1,179 @@
+//! Clusters of nodes that lie together and hang together: the aggregates of the coarse level.
+//!
+//! Lloyd's rounds (1982) over the mesh, as Bell (2008) has them for algebraic multigrid: a cluster grows from the node nearest
+//! to its centre, always by the nearest of all nodes that touch it, so fingers that nearly meet stay apart, and its centre
+//! becomes the mean of its nodes. They begin far from each other (Gonzalez 1985) in units of what lies there: small tetrahedra
+//! are stiff, and a cluster of many of them would leave too much to Jacobi.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::DVec3;
+
+/// Rounds: more hardly change anything.
+const ROUNDS: usize = 5;
+/// Edges over which sizes are evened out: clusters follow how fine a mesh is from place to place, not its single tetrahedra,
+/// small ones at a skin among them.
+const EVENED: usize = 4;
+
+/// Nodes, and which of them touch.
+pub struct Graph {
+    places: Vec<DVec3>,
+    sizes: Vec<f64>,
+    /// First neighbour of each node, and their number last.
+    first: Vec<usize>,
+    neighbours: Vec<u32>,
+}
+
+impl Graph {
+    /// Places of nodes, m; the size of what lies there, in any unit, above 0; and the nodes of each element, which touch.
+    pub fn new(places: Vec<DVec3>, sizes: Vec<f64>, elements: impl Iterator<Item = Vec<u32>>) -> Graph {
+        let mut edges: Vec<(u32, u32)> = Vec::new();
+        for element in elements {
+            for i in &element {
+                edges.extend(element.iter().filter(|j| *j != i).map(|j| (*i, *j)));
+            }
+        }
+        edges.sort_unstable();
+        edges.dedup();
+        let first = (0..=places.len()).map(|i| edges.partition_point(|edge| (edge.0 as usize) < i)).collect();
+        let neighbours = edges.into_iter().map(|edge| edge.1).collect();
+        let mut graph = Graph { places, sizes, first, neighbours };
+        for _ in 0..EVENED {
+            graph.sizes = (0..graph.sizes.len()).map(|node| graph.mean_size(node)).collect();
+        }
+        graph
+    }
+
+    fn neighbours(&self, node: usize) -> &[u32] {
+        &self.neighbours[self.first[node]..self.first[node + 1]]
+    }
+
+    /// Of a node and its neighbours.
+    fn mean_size(&self, node: usize) -> f64 {
+        let others = self.neighbours(node);
+        let sum = others.iter().fold(self.sizes[node], |sum, other| sum + self.sizes[*other as usize]);
+        sum / (1 + others.len()) as f64
+    }
+
+    /// Which of `count` clusters, one at least, each node belongs to; some may be empty.
+    pub fn clusters(&self, count: usize) -> Vec<usize> {
+        let mut seeds = self.far_apart(count);
+        let mut centres: Vec<DVec3> = seeds.iter().map(|seed| self.places[*seed]).collect();
+        let mut own = self.grown(&seeds, &centres);
+        for _ in 1..ROUNDS {
+            self.centre(&own, &mut seeds, &mut centres);
+            own = self.grown(&seeds, &centres);
+        }
+        own
+    }
+
+    /// Nodes each as far from those before it as can be, in its own size.
+    fn far_apart(&self, count: usize) -> Vec<usize> {
+        let mut seeds = Vec::new();
+        let mut distances = vec![f64::INFINITY; self.places.len()];
+        let mut newest = (!self.places.is_empty()).then_some(0);
+        while let Some(seed) = newest {
+            seeds.push(seed);
+            let centre = self.places[seed];
+            distances.iter_mut().zip(&self.places).for_each(|(d, x)| *d = d.min(x.distance_squared(centre)));
+            let far = |i: &usize| distances[*i] / (self.sizes[*i] * self.sizes[*i]);
+            newest = (0..distances.len()).filter(|_| seeds.len() < count).max_by(|a, b| far(a).total_cmp(&far(b)));
+        }
+        seeds
+    }
+
+    /// Clusters from a node each; where none comes, the nearest has it.
+    fn grown(&self, seeds: &[usize], centres: &[DVec3]) -> Vec<usize> {
+        let mut own = vec![usize::MAX; self.places.len()];
+        let mut least = vec![u64::MAX; self.places.len()];
+        let mut next = BinaryHeap::new();
+        // Of numbers that are not negative the bits are in their order.
+        let to = |node: usize, cluster: usize| self.places[node].distance_squared(centres[cluster]).to_bits();
+        next.extend(seeds.iter().enumerate().map(|(cluster, seed)| Reverse((to(*seed, cluster), *seed, cluster))));
+        while let Some(Reverse((_, node, cluster))) = next.pop() {
+            if own[node] != usize::MAX {
+                continue;
+            }
+            own[node] = cluster;
+            for &other in self.neighbours(node) {
+                let (other, distance) = (other as usize, to(other as usize, cluster));
+                if own[other] == usize::MAX && distance < least[other] {
+                    least[other] = distance;
+                    next.push(Reverse((distance, other, cluster)));
+                }
+            }
+        }
+        for (node, own) in own.iter_mut().enumerate().filter(|(_, own)| **own == usize::MAX) {
+            *own = (0..centres.len()).min_by_key(|cluster| to(node, *cluster)).unwrap_or_default();
+        }
+        own
+    }
+
+    /// Moves centres to the means of their nodes, and seeds to the nodes nearest to those.
+    fn centre(&self, own: &[usize], seeds: &mut [usize], centres: &mut [DVec3]) {
+        let mut sums = vec![(DVec3::ZERO, 0.0); centres.len()];
+        own.iter().zip(&self.places).for_each(|(own, x)| sums[*own] = (sums[*own].0 + *x, sums[*own].1 + 1.0));
+        let means = sums.iter().zip(centres.iter_mut()).filter(|((_, n), _)| *n > 0.0);
+        means.for_each(|((sum, n), centre)| *centre = *sum / *n);
+        let mut least = vec![f64::INFINITY; centres.len()];
+        for (node, (own, x)) in own.iter().zip(&self.places).enumerate() {
+            let distance = x.distance_squared(centres[*own]);
+            if distance < least[*own] {
+                (least[*own], seeds[*own]) = (distance, node);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows of nodes along x, one m apart, each joined to the next in its row; of so large a size.
+    fn rows(rows: &[(f64, usize, f64)]) -> Graph {
+        let (mut places, mut sizes, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
+        for (y, count, size) in rows {
+            let first = places.len() as u32;
+            places.extend((0..*count).map(|i| DVec3::new(i as f64, *y, 0.0)));
+            sizes.extend(vec![*size; *count]);
+            pairs.extend((1..*count as u32).map(|i| vec![first + i - 1, first + i]));
+        }
+        Graph::new(places, sizes, pairs.into_iter())
+    }
+
+    /// Nodes of each cluster.
+    fn counts(own: &[usize], count: usize) -> Vec<usize> {
+        (0..count).map(|k| own.iter().filter(|own| **own == k).count()).collect()
+    }
+
+    #[test]
+    fn a_row_falls_into_parts_of_about_one_size() {
+        let own = rows(&[(0.0, 12, 1.0)]).clusters(3);
+        assert!(counts(&own, 3).iter().all(|count| (3..=5).contains(count)), "{own:?}");
+        assert_eq!(own.windows(2).filter(|pair| pair[0] != pair[1]).count(), 2, "{own:?}");
+    }
+
+    #[test]
+    fn rows_that_nearly_meet_stay_apart() {
+        let own = rows(&[(0.0, 20, 1.0), (0.1, 20, 1.0)]).clusters(4);
+        assert!((0..4).all(|k| own[..20].contains(&k) != own[20..].contains(&k)), "{own:?}");
+    }
+
+    #[test]
+    fn small_tetrahedra_get_more_clusters() {
+        let own = rows(&[(0.0, 30, 1.0), (1000.0, 30, 0.2)]).clusters(12);
+        let of = |part: &[usize]| (0..12).filter(|k| part.contains(k)).count();
+        assert!(of(&own[30..]) >= 2 * of(&own[..30]), "{own:?}");
+    }
+
+    #[test]
+    fn every_node_is_in_one_whatever_the_count() {
+        assert!(rows(&[]).clusters(3).is_empty());
+        assert_eq!(rows(&[(0.0, 5, 1.0)]).clusters(0), [0; 5]);
+        // Pieces that none starts in.
+        assert_eq!(rows(&[(0.0, 3, 1.0), (1.0, 3, 1.0)]).clusters(1), [0; 6]);
+        let own = rows(&[(0.0, 3, 1.0)]).clusters(7);
+        assert!(own[0] != own[1] && own[1] != own[2] && own[0] != own[2]);
+    }
+}
