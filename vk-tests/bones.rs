@@ -37,7 +37,7 @@ pub fn bar(young: f64, keys: &str) -> String {
 }
 
 /// Poses of the body's rest frame, from where it was placed, turned by up to `angle` and shifted within 40 ms.
-fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3) -> String {
+pub fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3) -> String {
     let mut text = String::from("[");
     for (time, share) in [(0.0, 0.0), (0.02, 0.4), (0.04, 1.0)] {
         let q = DQuat::from_scaled_axis(angle * share * DVec3::new(0.6, 0.0, 0.8)) * orientation;
@@ -49,7 +49,7 @@ fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3) -> 
 }
 
 /// Gives the twin's bound nodes the velocities of their frames over the step that ends at `time`.
-fn carry(twin: &mut oracle::step::SoftBody, simulation: &Simulation, body: usize, time: f64, h: f64) {
+pub fn carry(twin: &mut oracle::step::SoftBody, simulation: &Simulation, body: usize, time: f64, h: f64) {
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
     for (i, rest) in layer.nodes.iter().enumerate().filter(|(i, _)| layer.bound[*i]) {

@@ -34,6 +34,7 @@ mod layouts;
 mod lists;
 mod matter;
 mod motion;
+mod newton;
 mod overflows;
 mod paths;
 mod pose;
