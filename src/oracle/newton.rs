@@ -37,7 +37,14 @@ impl Simulation {
     /// v_t its velocity; alpha, beta of each element.
     pub(super) fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, trial: &Trial, unknowns: &[Map]) {
         let Trial { displacement, rotations, .. } = trial;
-        let (h, elements) = (self.dt, &body.elements.linearised(displacement, rotations));
+        let (h, mut elements) = (self.dt, body.elements.linearised(displacement, rotations));
+        for (nodes, operator) in elements.tetrahedra.iter().zip(&mut elements.operators) {
+            // Within a core nothing deforms. The operator of a trial does not know that: the core's arms are those of the start.
+            let [first, others @ ..] = nodes.map(|n| &unknowns[n as usize]);
+            if first.len() > 1 && others.iter().all(|map| map.len() > 1 && map[0].0 == first[0].0) {
+                (operator.mu, operator.lambda) = (0.0, 0.0);
+            }
+        }
         let weight = |material: &Material| h * (h + material.damping_stiffness);
         for (e, nodes) in elements.tetrahedra.iter().enumerate() {
             let blocks = elements.stiffness_blocks(e, rotations[e]);
