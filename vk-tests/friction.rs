@@ -20,7 +20,7 @@ const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 /// The oracle's twin of a scene with one pair of bodies: two soft ones, or a soft one or the tool against a half-space, or
 /// a soft one and the tool. Its contacts are its own; only the direction of a region is the device's.
 pub struct Twin {
-    oracle: oracle::step::Simulation,
+    pub oracle: oracle::step::Simulation,
     soft: Vec<(Skin, Vec<Embedding>)>,
     tool: Option<Skin>,
     plane: Option<(DVec3, f64)>,
