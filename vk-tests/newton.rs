@@ -41,8 +41,10 @@ fn trial_displacements_are_where_the_solution_leads() {
         let frame = |i: usize| Frame {
             rotation: DQuat::from_scaled_axis(3.0 * wide(&kinds[i % some])).as_quat().to_array(),
             linear: (0.5 * wide(&v[i % some])).as_vec3().to_array(),
-            angular: (if i % 8 == 0 { 1e-3 } else { 20.0 } * wide(&kinds[(i + 1) % some])).as_vec3().to_array(),
-            core: if i % 2 == 0 { (i / 2) as u32 } else { NONE },
+            angular: (if i.is_multiple_of(8) { 1e-3 } else { 20.0 } * wide(&kinds[(i + 1) % some]))
+                .as_vec3()
+                .to_array(),
+            core: if i.is_multiple_of(2) { (i / 2) as u32 } else { NONE },
             ..Frame::default()
         };
         let frames: Vec<Frame> = (0..frames).map(frame).collect();
