@@ -44,7 +44,8 @@ impl Plan {
         add("depth", depth.is_some(), depth.unwrap_or_default(), if touches { planes } else { nothing });
         add("contact", touches, pairs, nothing);
         let soft = !model.tetrahedra.is_empty();
-        add("elastic", soft, format!("{} tetrahedra", model.tetrahedra.len()), "no soft body");
+        let times = if model.newton > 1 { format!(", linearised {} times", model.newton) } else { String::new() };
+        add("elastic", soft, format!("{} tetrahedra{times}", model.tetrahedra.len()), "no soft body");
         let solve = match model.cores.len() {
             0 => format!("{} nodes", model.node_rest.len()),
             cores => format!("{} nodes, {cores} dynamic cores", model.node_rest.len()),

@@ -153,8 +153,11 @@ impl Simulation {
         let (length, iterate) = &self.plain.iterate[0];
         let mut stages: Vec<(String, u32)> = Vec::new();
         let mut dependent = 0;
+        let newton = f64::from(self.scene.step.newton);
+        let again = self.plain.newton.iter().map(|[first, _]| (first, newton - 1.0));
+        let iterate = (iterate, f64::from(iterations) / f64::from(*length));
         for (recording, share) in
-            [(&self.plain.begin, 1.0), (iterate, f64::from(iterations) / f64::from(*length)), (&self.plain.end, 1.0)]
+            [(&self.plain.begin, 1.0), iterate, (&self.plain.end, newton)].into_iter().chain(again)
         {
             for part in recording.passes() {
                 let passes = (f64::from(part.dispatches) * share).round() as u32;
@@ -252,6 +255,7 @@ impl Simulation {
             dt: h as f32,
             tolerance: self.scene.solver.tolerance as f32,
             max_iterations: self.scene.solver.max_iterations,
+            newton: step.newton,
             gravity: step.gravity.as_vec3().to_array(),
             depth_limit: self.scene.contact.depth_limit as f32,
             texel: self.scene.contact.texel.unwrap_or(0.0) as f32,

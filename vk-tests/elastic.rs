@@ -34,6 +34,7 @@ pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
         .constant("SPANS", Const::Bool(system.model.spans_frames()))
         .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
         .constant("NEO_HOOKEAN", Const::Bool(system.model.has_neo_hookean()))
+        .constant("AGAIN", Const::Bool(!system.trial_change.is_empty()))
         .input("params", &[system.params])
         .input("frames", &system.frames)
         .input("materials", &system.model.materials)
@@ -45,6 +46,7 @@ pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
         .input("node_rest", &system.model.node_rest)
         .input("links", &system.links)
         .input("patch_of", if patch_of.is_empty() { &[0] } else { patch_of })
+        .input("trial_change", system.trial())
         .inout("rotations", &system.rotations)
         .output::<[f32; 4]>("gradients", 3 * tetrahedra)
         .output::<[f32; 4]>("element_forces", 4 * tetrahedra)
@@ -133,8 +135,10 @@ pub fn expect_oracle(what: &str, system: &System, force: f64) {
     let h = system.twin.dt;
     let elastic = body.elements.forces(&body.displacement, &found);
     let weight = |material: &Material| h * (h + material.damping_stiffness);
-    let viscous = body.elements.linearised(&body.displacement, &found).apply_weighted(&body.velocity, &found, weight);
-    let want = elastic.iter().zip(&viscous).flat_map(|(f, kv)| (h * *f - *kv).to_array());
+    let elements = body.elements.linearised(&body.displacement, &found);
+    let viscous = elements.apply_weighted(&body.velocity, &found, weight);
+    let held = elements.apply_weighted(&system.held_velocity(0), &found, |_| h * h);
+    let want = elastic.iter().zip(&viscous).zip(&held).flat_map(|((f, kv), held)| (h * *f - *kv + *held).to_array());
     let got = &system.element_forces[..system.element_forces.len() - 4];
     expect_of_largest(&format!("{what}: forces"), &crate::system::triples(got), &want.collect::<Vec<_>>(), force);
 }
@@ -203,6 +207,9 @@ fn rotations_and_forces_agree_with_the_oracle_at_every_size() {
         sync(&mut system);
         system.rotate();
         expect_oracle(&format!("elastic/rotate of {count}"), &system, FORCE);
+        system.trial_change = system.random_field(&mut random).iter().map(|v| v.map(|x| 0.1 * x)).collect();
+        system.rotate();
+        expect_oracle(&format!("elastic/rotate of {count}, again"), &system, FORCE);
     }
 }
 

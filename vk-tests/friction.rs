@@ -31,6 +31,7 @@ impl Twin {
     fn new(scene: &Scene, simulation: &Simulation) -> Twin {
         let (mut soft, mut plane, mut layers) = (vec![], None, vec![]);
         let mut oracle = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
+        oracle.newton = scene.step.newton as usize;
         for (index, body) in simulation.bodies().iter().enumerate() {
             match &body.shape {
                 Shape::Soft { skin, embedding, layer, materials, .. } => {
@@ -211,7 +212,7 @@ fn a_tool_dragged_over_a_block_rubs_as_the_oracles() {
 }
 
 /// A soft block thrown on a plane; `core`: more of it.
-fn thrown(young: f64, friction: f64, core: &str) -> String {
+pub fn thrown(young: f64, friction: f64, core: &str) -> String {
     format!(
         "[solver]\n{TIGHT}\n[contact]\nfriction = {friction:?}\n[[body]]\nname = \"block\"\n\
          layer = {{ box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }}\n\

@@ -25,6 +25,7 @@ fn step_params_and_frame() {
             dt,
             tolerance,
             max_iterations,
+            newton,
             gravity,
             depth_limit,
             texel,
@@ -40,6 +41,7 @@ fn step_params_and_frame() {
             dt,
             tolerance,
             max_iterations,
+            newton,
             gravity,
             depth_limit,
             texel,
@@ -166,7 +168,7 @@ fn contacts_solver_and_report() {
             barycentric,
         }
     );
-    same_layout!("solve/start", Solve { warm, rhs_norm2, floor_norm2, status, current, retries });
+    same_layout!("solve/start", Solve { warm, rhs_norm2, floor_norm2, status, current, retries, linearisations });
     same_layout!("solve/update", Iteration { gamma, alpha, count });
     same_layout!(
         "wrench/reduce",

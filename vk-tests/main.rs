@@ -35,6 +35,7 @@ mod layouts;
 mod lists;
 mod matter;
 mod motion;
+mod newton;
 mod overflows;
 mod paths;
 mod pose;

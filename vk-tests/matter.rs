@@ -53,11 +53,14 @@ fn mixed_tetrahedra_agree_with_the_oracle_at_every_size() {
             let least = 0.8 + 0.1 * random.next();
             stretched(turn, least, random)
         });
-        let velocity = system.random_field(&mut Random(8));
+        let [velocity, change] = [8, 9].map(|seed| system.random_field(&mut Random(seed)));
         system.velocity = velocity.iter().map(|v| v.map(|x| 0.1 * x)).collect();
         sync(&mut system);
         system.rotate();
         expect_oracle(&format!("{count} of mixed materials"), &system, FORCE);
+        system.trial_change = change.iter().map(|v| v.map(|x| 0.1 * x)).collect();
+        system.rotate();
+        expect_oracle(&format!("{count} of mixed materials, again"), &system, FORCE);
     }
 }
 

@@ -29,6 +29,8 @@ pub struct System {
     pub node_elements: Vec<[u32; 4]>,
     pub displacement: Vec<[f32; 4]>,
     pub velocity: Vec<[f32; 4]>,
+    /// Where elasticity is linearised again; empty: at the start.
+    pub trial_change: Vec<[f32; 4]>,
     /// As elastic/rotate leaves them; with the zeros that pad node lists.
     pub rotations: Vec<[f32; 4]>,
     pub gradients: Vec<[f32; 4]>,
@@ -195,6 +197,7 @@ impl System {
             rotations: vec![[0.0, 0.0, 0.0, 1.0]; model.tetrahedra.len()],
             gradients: vec![],
             element_forces: vec![],
+            trial_change: vec![],
             counts: Counts::default(),
             contacts: vec![],
             entry_nodes: vec![],
@@ -255,6 +258,18 @@ impl System {
         for body in &mut self.twin.bodies {
             body.given_rotations = Some(rotations.by_ref().take(body.layer.tetrahedra.len()).collect());
         }
+    }
+
+    /// The trial change as elastic/rotate is given it.
+    pub fn trial(&self) -> &[[f32; 4]] {
+        if self.trial_change.is_empty() { &[[0.0; 4]] } else { &self.trial_change }
+    }
+
+    /// End velocities that a body's displacements hold already, m/s.
+    pub fn held_velocity(&self, body: usize) -> Vec<DVec3> {
+        let own = self.model.soft.get(body).map_or(0..0, |soft| soft.nodes.clone());
+        let gained = |i: usize| self.trial_change.get(i).map(|x| wide(&self.velocity[i]) + wide(x));
+        own.map(|i| gained(i).unwrap_or_default()).collect()
     }
 
     /// Adds a tool held by a device.

@@ -6,12 +6,13 @@
 // Elastic: patches, whose tetrahedra share one volumetric strain theta = sum V_e tr(E_e) / V, V = sum V_e. To the operator
 // (h^2 + h beta) K a patch is c c^T over its nodes, c_j = sqrt((h^2 + h beta) lambda / V) sum sqrt(V_e) g'_ej, and to the
 // right-hand side it gives h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 + h beta)) + c . v) c. Once a step, after
-// elastic/rotate; solve/patches uses the rows in every iteration. One invocation a patch.
-// Oracle: oracle::elastic::Elements::patch_rows; de Souza Neto, Andrade Pires and Owen (2005).
+// elastic/rotate (again where that is: shared/lag.glsl in place of v); solve/patches uses the rows in every iteration. One
+// invocation a patch. Oracle: oracle::elastic::Elements::patch_rows; de Souza Neto, Andrade Pires and Owen (2005).
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
 layout(constant_id = 2) const uint TETRAHEDRA = 0;
+layout(constant_id = 5) const bool AGAIN = false;       // as in elastic/rotate
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(binding = 1) uniform usamplerBuffer patch_nodes;         // three a patch: its nodes, the first again where there are fewer (shared/patch.glsl)
@@ -20,10 +21,12 @@ layout(binding = 3) uniform samplerBuffer patch_constants;      // V (m^3), lamb
 layout(binding = 4) uniform samplerBuffer rest_gradients;       // w of the first of three: sqrt(V)
 layout(binding = 5) uniform samplerBuffer gradients;            // three a tetrahedron, and three zeros; w of the third: tr(E)
 layout(binding = 6) uniform samplerBuffer velocity;
-layout(scalar, binding = 7) writeonly buffer PatchRows { vec4 patch_rows[]; };          // twelve a patch
-layout(scalar, binding = 8) writeonly buffer ElementForces { vec4 element_forces[]; };  // those of patches after all tetrahedra's
+layout(binding = 7) uniform samplerBuffer trial_change;
+layout(scalar, binding = 8) writeonly buffer PatchRows { vec4 patch_rows[]; };          // twelve a patch
+layout(scalar, binding = 9) writeonly buffer ElementForces { vec4 element_forces[]; };  // those of patches after all tetrahedra's
 
 #include "shared/patch.glsl"
+#include "shared/lag.glsl"
 
 const uint MEMBERS = 12;
 
@@ -47,15 +50,15 @@ void main() {
         strain += root * root * g3.w;
     }
     vec3 constants = texelFetch(patch_constants, int(p)).xyz;
-    float volume = constants.x, lambda = constants.y, step = params.dt * (params.dt + constants.z);
+    float volume = constants.x, lambda = constants.y, beta = constants.z, step = params.dt * (params.dt + beta);
     float scale = sqrt(step * lambda / volume);
-    vec3 v0 = texelFetch(velocity, int(patch_quad(p, 0).x)).xyz;
+    vec3 v0 = lag(patch_quad(p, 0).x, beta);
     float along = params.dt * strain * sqrt(lambda / (step * volume));
     row[0] = vec3(0.0);
     for (uint k = 1; k < PATCH_NODES; k++) {
         row[k] *= scale;
         row[0] -= row[k];
-        along += dot(row[k], texelFetch(velocity, int(patch_quad(p, k / 4)[k % 4])).xyz - v0);
+        along += dot(row[k], lag(patch_quad(p, k / 4)[k % 4], beta) - v0);
     }
     for (uint k = 0; k < PATCH_NODES; k++) {
         patch_rows[patch_row(p, k)] = vec4(row[k], 0.0);

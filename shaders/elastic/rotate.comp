@@ -12,13 +12,16 @@
 // A principal stretch s below LEAST adds STIFFENING (lambda + 2 mu) (s - LEAST) along its axis, since corotational elasticity
 // alone lets a tetrahedron be pressed flat and turn inside out; the operator gets half of it as shear modulus, isotropic
 // and at least as stiff. Neo-Hookean ones: shared/neo_hookean.glsl. A tetrahedron whose nodes ride on several frames is
-// evaluated in the first node's. One invocation a tetrahedron. Oracle: oracle::elastic.
+// evaluated in the first node's. Linearised again (elastic/trial), it reads trial displacements, and gives
+// h f + h^2 K x - h beta K v for the trial change x, which they hold already.
+// One invocation a tetrahedron. Oracle: oracle::elastic, oracle::newton.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron may have nodes in several frames
 layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may act by patches (elastic/dilate)
 layout(constant_id = 4) const bool NEO_HOOKEAN = false; // whether any material is of that law
+layout(constant_id = 5) const bool AGAIN = false;       // linearised where the last solve leads
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
@@ -31,9 +34,10 @@ layout(binding = 7) uniform usamplerBuffer tetrahedron_links;   // from the firs
 layout(binding = 8) uniform samplerBuffer node_rest;
 layout(scalar, binding = 9) readonly buffer Links { Link links[]; };
 layout(scalar, binding = 10) readonly buffer PatchOf { uint patch_of[]; };        // patch of each tetrahedron, or NONE
-layout(scalar, binding = 11) buffer Rotations { vec4 rotations[]; };
-layout(scalar, binding = 12) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, times lambda (0: by patch), tr(E)
-layout(scalar, binding = 13) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
+layout(binding = 11) uniform samplerBuffer trial_change;
+layout(scalar, binding = 12) buffer Rotations { vec4 rotations[]; };
+layout(scalar, binding = 13) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, times lambda (0: by patch), tr(E)
+layout(scalar, binding = 14) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
 
 const float LEAST = 0.3;
 const float STIFFENING = 10.0;
@@ -47,6 +51,7 @@ mat3 stress(mat3 e, float mu, float lambda) {
 
 #include "shared/link.glsl"
 #include "shared/neo_hookean.glsl"
+#include "shared/lag.glsl"
 
 // A node's displacement in the tetrahedron's frame.
 vec3 displacement_in(uint node, uint link) {
@@ -98,7 +103,8 @@ void main() {
     vec3 d3 = displacement_in(nodes.w, link.w) - d0;
     mat3 g = outerProduct(d1, g1.xyz) + outerProduct(d2, g2.xyz) + outerProduct(d3, g3.xyz);
     vec4 q = polar(mat3(1.0) + g, rotations[t]);
-    rotations[t] = q;
+    // The next start must be a rotation, whatever a trial that overflows makes of it.
+    rotations[t] = dot(q, q) < 2.0 ? q : vec4(0.0, 0.0, 0.0, 1.0);
 
     // R^T - I = 2 [v]x [v]x - 2 w [v]x, column by column, without cancellation.
     mat3 e;
@@ -130,10 +136,9 @@ void main() {
     gradients[3 * t + 2] = vec4(h3, e[0][0] + e[1][1] + e[2][2]);
 
     float impulse = -params.dt * root * root;
-    vec3 v0 = texelFetch(velocity, int(nodes.x)).xyz;
-    mat3 w = outerProduct(texelFetch(velocity, int(nodes.y)).xyz - v0, h1)
-        + outerProduct(texelFetch(velocity, int(nodes.z)).xyz - v0, h2)
-        + outerProduct(texelFetch(velocity, int(nodes.w)).xyz - v0, h3);
+    vec3 v0 = lag(nodes.x, material.w);
+    mat3 w = outerProduct(lag(nodes.y, material.w) - v0, h1) + outerProduct(lag(nodes.z, material.w) - v0, h2)
+        + outerProduct(lag(nodes.w, material.w) - v0, h3);
     mat3 damping = stress(w, scale * operator_mu, scale * operator_lambda);
     vec3 f1 = impulse * rotate(world, p * g1.xyz) - damping * h1;
     vec3 f2 = impulse * rotate(world, p * g2.xyz) - damping * h2;

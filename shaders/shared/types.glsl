@@ -9,6 +9,7 @@ struct StepParams {
     float dt;                   // s
     float tolerance;            // residual to stop at
     uint max_iterations;
+    uint newton;                // linearisations of elasticity in a step
     vec3 gravity;               // m/s^2
     float depth_limit;          // m
     float texel;                // edge of the squares of the depth stage, m; 0: from the skins
@@ -207,6 +208,7 @@ struct Solve {
     uint status;                // STATUS_*
     uint current;               // the set that holds the newest iterate
     uint retries;               // how often it was solved again without the contacts that pulled
+    uint linearisations;        // how often elasticity was linearised again in this step
 };
 
 // Scalars of an iteration, of which there are two sets as well.
@@ -242,6 +244,7 @@ const uint VERDICT_DONE = 0;
 const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out
 const uint VERDICT_RETRY = 2;       // contacts pulled: dropped, solve again
 const uint VERDICT_FAILED = 3;      // not finite, or worth nothing: the state stays
+const uint VERDICT_RELINEARISE = 4; // solved: linearise elasticity where that leads, solve again
 
 const uint FLAG_NOT_CONVERGED = 1;
 const uint FLAG_REGION_OVERFLOW = 2;

@@ -40,9 +40,7 @@ void main() {
         float x[6] = iterates[solve.current * RIGIDS + frame.core].x;
         frame.linear += vec3(x[0], x[1], x[2]);
         // R1 = exp(h w1) R0, so dR = R1^T R0 is the turn by -h R0^T w1.
-        vec3 turn = -params.dt * rotate_back(frame.rotation, frame.angular + vec3(x[3], x[4], x[5]));
-        float angle = length(turn);
-        frame.turn = vec4(turn * (angle > 1.0e-6 ? sin(0.5 * angle) / angle : 0.5), cos(0.5 * angle));
+        frame.turn = turn_by(-params.dt * rotate_back(frame.rotation, frame.angular + vec3(x[3], x[4], x[5])));
     }
     vec3 d = displacement[i].xyz;
     // R1^T = dR R0^T.

@@ -8,7 +8,7 @@
 // Solve: the verdict. The residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed, not the recurrence's. A
 // contact pulls when k delta + (h k + d) delta' at the end < 0: contacts never adhere, so those are dropped and the host
 // has the step solved again, MAX_RETRIES times at most (each starts at the last solution and is short); those that pull even
-// then count as zero and a flag says so. One workgroup.
+// then count as zero and a flag says so. Solved, a step may be linearised again. One workgroup.
 // Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
@@ -126,9 +126,15 @@ void main() {
             // Nothing was solved, nothing applied.
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
         }
-        for (uint index = 0; index < RIGIDS && !failed; index++) rigids[index].leftover = rigids[index].image;
-        args[3 * ARGS_COMMIT] = failed ? 0 : groups_of(NODES);
-        args[3 * ARGS_WRENCH] = failed ? 0 : 1;
+        if (!failed && solve.linearisations + 1 < params.newton) {
+            verdict = VERDICT_RELINEARISE;
+            solve.linearisations += 1;
+            solve.retries = 0;
+        }
+        bool done = verdict == VERDICT_DONE;
+        for (uint index = 0; index < RIGIDS && done; index++) rigids[index].leftover = rigids[index].image;
+        args[3 * ARGS_COMMIT] = done ? groups_of(NODES) : 0;
+        args[3 * ARGS_WRENCH] = done ? 1 : 0;
     }
     report.verdict = verdict;
     report.iterations = iterations[solve.current].count;

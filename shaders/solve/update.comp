@@ -96,6 +96,11 @@ bool next_scalars(out Scalars scalars) {
     }
     scalars.beta = last.count == 0 ? 0.0 : gamma / last.gamma;
     float curvature = last.count == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
+    // Where the residual leaps up, rounding may leave nothing of the difference: then directions start anew from u.
+    if (scalars.beta > 1.0 && curvature <= 0.0 && !isinf(curvature) && delta > 0.0) {
+        scalars.beta = 0.0;
+        curvature = delta;
+    }
     bool broken = gamma < 0.0 || !(curvature > 0.0) || isinf(curvature) || isnan(gamma);
     if (broken || last.count >= params.max_iterations) {
         stop(broken ? STATUS_BROKEN : STATUS_STOPPED);

@@ -12,7 +12,7 @@
 //! | [`proximity`] | placement, bounds, directions |
 //! | [`regions`] | boxes of chunks, what a vertex makes of several regions |
 //! | [`contact`], [`rays`] | depth by exact rays, gathered contacts |
-//! | [`linear`], [`step`] | the implicit step, solved directly |
+//! | [`linear`], [`step`], `newton` | the implicit step, solved directly |
 //! | [`joint`] | springs between dynamic cores |
 //! | [`coarse`] | the coarse level of the solver's preconditioner |
 //! | [`wrench`] | net force, torque, stiffness and damping on the tool |
@@ -27,6 +27,7 @@ pub mod friction;
 pub mod joint;
 pub mod linear;
 pub mod neo_hookean;
+mod newton;
 pub mod proximity;
 pub mod rays;
 pub mod regions;

@@ -5,10 +5,10 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::Result;
 pub use crate::oracle::body::{Core, Held, SoftBody};
 use crate::oracle::contact::{Carrier, Contact, Point};
-use crate::oracle::elastic::outer;
 use crate::oracle::friction::Friction;
 use crate::oracle::joint::Joint;
 use crate::oracle::linear::{Entries, Solver};
+use crate::oracle::newton::Trial;
 use crate::oracle::tool::{self, Device, Tool};
 use crate::oracle::wrench::{self, Wrench};
 use crate::prepare::Layer;
@@ -64,6 +64,8 @@ pub struct Simulation {
     pub held: Option<Held>,
     /// Friction of all contacts, if there is any.
     pub friction: Option<Friction>,
+    /// Linearisations of elasticity in a step.
+    pub newton: usize,
     /// Direct solver; keeps its symbolic factorisation.
     pub solver: Solver,
 }
@@ -87,14 +89,14 @@ pub struct Unknowns {
 impl Simulation {
     /// An empty scene.
     pub fn new(dt: f64, gravity: DVec3) -> Self {
-        Self { dt, gravity, ..Self::default() }
+        Self { dt, gravity, newton: 1, ..Self::default() }
     }
 
     /// Advances by one step. `device`: pose and twist at the end of the step; `contacts`: gathered from the present
     /// state. Errors where the system cannot be factorised.
     pub fn step(&mut self, device: Option<&Device>, contacts: &[Contact]) -> Result<Report> {
         let unknowns = self.unknowns();
-        let (base, load) = self.system(&unknowns, device);
+        let mut trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
         let rows: Vec<_> = contacts.iter().map(|c| self.row(&unknowns, c)).collect();
         let start = self.velocities(&unknowns);
         let known: Vec<f64> = contacts.iter().map(|c| self.known_rate(&unknowns, c)).collect();
@@ -103,23 +105,30 @@ impl Simulation {
         let mut change = Vec::new();
         let mut pressures = Vec::new();
         let mut flags = 0;
-        for attempt in 0..=MAX_RETRIES {
-            let (mut a, mut b) = (base.clone(), load.clone());
-            for j in (0..contacts.len()).filter(|&j| active[j]) {
-                let rate = known[j] + dot(&rows[j], &start);
-                add_contact(&mut a, &mut b, &rows[j], &contacts[j], rate, self.dt);
-                drags[j].add(&mut a, &mut b, self.dt);
+        for left in (0..self.newton).rev() {
+            let (base, load) = self.system(&unknowns, &trials, device);
+            for attempt in 0..=MAX_RETRIES {
+                let (mut a, mut b) = (base.clone(), load.clone());
+                for j in (0..contacts.len()).filter(|&j| active[j]) {
+                    let rate = known[j] + dot(&rows[j], &start);
+                    add_contact(&mut a, &mut b, &rows[j], &contacts[j], rate, self.dt);
+                    drags[j].add(&mut a, &mut b, self.dt);
+                }
+                change = self.solver.solve(&a, &b)?;
+                let end: Vec<f64> = start.iter().zip(&change).map(|(v, dv)| v + dv).collect();
+                let rate = |j: usize| known[j] + dot(&rows[j], &end);
+                pressures = contacts.iter().enumerate().map(|(j, c)| self.pressure(c, rate(j))).collect();
+                let pulling = (0..contacts.len()).filter(|&j| active[j] && pressures[j] < 0.0).collect::<Vec<_>>();
+                // What still pulls after the last repeated solve may push in the next linearisation.
+                if pulling.is_empty() || (attempt == MAX_RETRIES && left > 0) {
+                    break;
+                }
+                pulling.iter().for_each(|&j| active[j] = false);
+                flags |= if attempt == MAX_RETRIES { ADHESIVE_TWICE } else { 0 };
             }
-            change = self.solver.solve(&a, &b)?;
-            let end: Vec<f64> = start.iter().zip(&change).map(|(v, dv)| v + dv).collect();
-            let rate = |j: usize| known[j] + dot(&rows[j], &end);
-            pressures = contacts.iter().enumerate().map(|(j, c)| self.pressure(c, rate(j))).collect();
-            let pulling = (0..contacts.len()).filter(|&j| active[j] && pressures[j] < 0.0).collect::<Vec<_>>();
-            if pulling.is_empty() {
-                break;
+            if left > 0 {
+                trials = self.trials(&unknowns, &change);
             }
-            pulling.iter().for_each(|&j| active[j] = false);
-            flags |= if attempt == MAX_RETRIES { ADHESIVE_TWICE } else { 0 };
         }
         let resolve = |j: usize| Resolved {
             contact: contacts[j].clone(),
@@ -163,7 +172,8 @@ impl Simulation {
     /// A and b of the next step with all of these contacts in it.
     pub fn assemble(&self, device: Option<&Device>, contacts: &[Contact]) -> (Entries, Vec<f64>) {
         let unknowns = self.unknowns();
-        let (mut a, mut b) = self.system(&unknowns, device);
+        let trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
+        let (mut a, mut b) = self.system(&unknowns, &trials, device);
         let start = self.velocities(&unknowns);
         for contact in contacts {
             let row = self.row(&unknowns, contact);
@@ -174,11 +184,11 @@ impl Simulation {
         (a, b)
     }
 
-    /// A and b without contacts.
-    fn system(&self, unknowns: &Unknowns, device: Option<&Device>) -> (Entries, Vec<f64>) {
+    /// A and b without contacts, linearised at these places of the bodies.
+    fn system(&self, unknowns: &Unknowns, trials: &[Trial], device: Option<&Device>) -> (Entries, Vec<f64>) {
         let (mut a, mut b) = (Entries::default(), vec![0.0; unknowns.count]);
-        for (body, nodes) in self.bodies.iter().zip(&unknowns.nodes) {
-            self.add_body(&mut a, &mut b, body, nodes);
+        for ((body, nodes), trial) in self.bodies.iter().zip(&unknowns.nodes).zip(trials) {
+            self.add_body(&mut a, &mut b, body, trial, nodes);
         }
         for (core, first) in self.cores.iter().zip(&unknowns.cores) {
             let inertia = core.nodes.iter().fold(DMat3::ZERO, |sum, (body, node)| {
@@ -205,42 +215,6 @@ impl Simulation {
             tool.add_terms(&mut a, &mut b, unknowns.tool, self.dt, self.gravity, device);
         }
         (a, b)
-    }
-
-    /// (1 + h alpha) M + (h^2 + h beta) K, and h [M g + f_el - alpha M v - (beta + h) K v]; alpha, beta of each element.
-    fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, unknowns: &[Map]) {
-        let rotations = body.rotations();
-        let (h, elements) = (self.dt, &body.elements.linearised(&body.displacement, &rotations));
-        let weight = |material: &Material| h * (h + material.damping_stiffness);
-        for (e, nodes) in elements.tetrahedra.iter().enumerate() {
-            let blocks = elements.stiffness_blocks(e, rotations[e]);
-            for (k, i) in nodes.iter().enumerate() {
-                for (l, j) in nodes.iter().enumerate() {
-                    let block = blocks[k][l] * weight(&elements.materials[e]);
-                    add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &block);
-                }
-            }
-        }
-        for row in elements.weighted_patch_rows(&rotations, weight) {
-            for (i, left) in &row {
-                for (j, right) in &row {
-                    let block = outer(*left, *right);
-                    add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &block);
-                }
-            }
-        }
-        let elastic = elements.forces(&body.displacement, &rotations);
-        let stiff = elements.apply_weighted(&body.velocity, &rotations, weight);
-        for (i, map) in unknowns.iter().enumerate() {
-            let (mass, damping) = (elements.masses[i], elements.damping[i]);
-            let inertial = mass * self.gravity - damping * body.velocity[i];
-            let load = h * (inertial + elastic[i]) - stiff[i];
-            add_mapped(a, map, map, &DMat3::from_diagonal(DVec3::splat(mass + h * damping)));
-            for (first, matrix) in map {
-                let mapped = matrix.transpose() * load;
-                (0..3).for_each(|axis| b[first + axis] += mapped[axis]);
-            }
-        }
     }
 
     /// The row c with depth rate = c . velocities.
@@ -366,7 +340,7 @@ fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &C
 }
 
 /// The block between two nodes as the unknowns behind them feel it, P_i^T B P_j.
-fn add_mapped(a: &mut Entries, rows: &Map, columns: &Map, block: &DMat3) {
+pub(super) fn add_mapped(a: &mut Entries, rows: &Map, columns: &Map, block: &DMat3) {
     for (row, left) in rows {
         for (column, right) in columns {
             a.add_block(*row, *column, &(left.transpose() * *block * *right));

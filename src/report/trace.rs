@@ -27,7 +27,7 @@ pub struct Row {
     pub max_depth: Option<f64>,
     /// How far the normal of a region turned in the step at most, rad; `None` where nothing can collide.
     pub normal_turn: Option<f64>,
-    /// Conjugate gradient iterations.
+    /// Conjugate gradient iterations of all solves of the step.
     pub iterations: u32,
     /// Relative residual at the end of the solve.
     pub residual: f64,

@@ -8,9 +8,6 @@ use crate::{Error, Result};
 /// Refuses a valid scene that asks for more than the engine does, naming the key.
 pub(super) fn check(root: &Table, scene: &Scene) -> Result<()> {
     let of = |table: &str, key: &str| root.need(table)?.unchecked_table()?.need(key);
-    if scene.step.newton != 1 {
-        return Err(refuse(&of("step", "newton")?, "leave it at 1"));
-    }
     if scene.haptics.device != "scripted" {
         return Err(refuse(&of("haptics", "device")?, "use \"scripted\""));
     }

@@ -237,6 +237,8 @@ fn values_out_of_range_are_refused_by_key_and_line() {
         ("dt = 0.001", "dt = nan", "press.toml:2: `step.dt`: is NaN"),
         ("dt = 0.001", "dt = -1", "press.toml:2: `step.dt`: is -1"),
         ("dt = 0.001", "dt = \"1\"", "press.toml:2: `step.dt`: is of type string"),
+        ("newton = 1", "newton = 0", "`step.newton`: is 0; give a whole number from 1 to 100"),
+        ("newton = 1", "newton = 101", "`step.newton`: is 101"),
         ("gravity = [0.0, ", "gravity = [inf, ", "`step.gravity[0]`: is inf"),
         ("gravity = [0.0, ", "gravity = [", "`step.gravity`: has 2 elements"),
         ("young = 2e4", "young = 0", "press.toml:27: `body.head.material.young`: is 0"),
@@ -389,13 +391,8 @@ fn a_skeleton_gives_a_core_a_bone() {
 #[test]
 fn what_the_engine_does_not_do_yet_is_refused_by_key() {
     let folder = Folder::new();
-    for (old, new, key) in [
-        ("newton = 1", "newton = 2", "`step.newton`"),
-        ("device = \"scripted\"", "device = \"phantom\"", "`haptics.device`"),
-    ] {
-        let message = folder.message(&with(old, new));
-        assert!(message.contains(&format!("{key}: this version does not do that yet")), "{message}");
-    }
+    let message = folder.message(&with("device = \"scripted\"", "device = \"phantom\""));
+    assert!(message.contains("`haptics.device`: this version does not do that yet"), "{message}");
 }
 
 #[test]

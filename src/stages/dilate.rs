@@ -118,6 +118,8 @@ fn beside<const N: usize>(rows: &[[[u32; 4]; N]]) -> Vec<[u32; 4]> {
 /// The pass after elastic/rotate, and what the solver reads of patches.
 pub struct Dilate {
     kernel: Kernel,
+    /// Of a step that is linearised again.
+    again: Option<Kernel>,
     /// How many.
     pub patch_count: usize,
     /// Patch of each tetrahedron, for elastic/rotate.
@@ -131,11 +133,16 @@ pub struct Dilate {
 }
 
 impl Dilate {
-    /// Kernel and arrays; made only where there are patches.
-    pub fn new(context: &Arc<Context>, patches: &Patches) -> Result<Dilate> {
+    /// Kernels and arrays; made only where there are patches. `again`: whether a step may be linearised again.
+    pub fn new(context: &Arc<Context>, patches: &Patches, again: bool) -> Result<Dilate> {
         let constants = [("PATCHES", count(patches.count())), ("TETRAHEDRA", count(patches.of.len()))];
+        let kernel = |again: bool| {
+            let constants = [&constants[..], &[("AGAIN", again.into())]].concat();
+            Kernel::new(context, "elastic/dilate", Size::Group, &constants)
+        };
         Ok(Dilate {
-            kernel: Kernel::new(context, "elastic/dilate", Size::Group, &constants)?,
+            kernel: kernel(false)?,
+            again: again.then(|| kernel(true)).transpose()?,
             patch_count: patches.count(),
             patch_of: upload(context, "patches of tetrahedra", &patches.of)?,
             nodes: upload(context, "nodes of patches", &patches.device_nodes())?,
@@ -145,11 +152,11 @@ impl Dilate {
         })
     }
 
-    /// One pass over patches, after elastic/rotate.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+    /// One pass over patches, after elastic/rotate. `trial_change`: of the solve where the step is linearised again.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, trial_change: Option<&Buffer>) {
         recorder.stage("elastic");
         recorder.dispatch(
-            &self.kernel,
+            self.again.as_ref().filter(|_| trial_change.is_some()).unwrap_or(&self.kernel),
             &[
                 &common.params,
                 &self.nodes,
@@ -158,6 +165,7 @@ impl Dilate {
                 &elastic.rest_gradients,
                 &elastic.gradients,
                 &elastic.velocity,
+                trial_change.unwrap_or(&elastic.velocity),
                 &self.rows,
                 &elastic.element_forces,
             ],

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::dilate::Dilate;
 use super::model::Model;
+use super::solve::Solve;
 use super::{Common, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Recorder, Size};
@@ -12,6 +13,7 @@ use crate::prepare::patch::MOST_NODES;
 /// Nodes, tetrahedra and their state.
 pub struct Elastic {
     rotate: Kernel,
+    again: Option<Again>,
     /// Patches, if there are any.
     pub dilate: Option<Dilate>,
     /// Tetrahedra.
@@ -43,21 +45,46 @@ pub struct Elastic {
     pub element_forces: Buffer,
 }
 
+/// What a step needs besides that is linearised more than once.
+struct Again {
+    trial: Kernel,
+    rotate: Kernel,
+    /// Where the last solve would take each node, frame axes at the start, m.
+    displacement: Buffer,
+    /// Its change of velocity, world axes, m/s.
+    change: Buffer,
+}
+
 impl Elastic {
     /// Kernels and arrays for a model, at rest.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Elastic> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
         let patches = model.patches.count();
-        let constants = [
-            ("TETRAHEDRA", count(tetrahedra)),
-            ("SPANS", Const::Bool(model.spans_frames())),
-            ("PATCHES", Const::Bool(patches > 0)),
-            ("NEO_HOOKEAN", Const::Bool(model.has_neo_hookean())),
-        ];
+        let constants = |again: bool| {
+            [
+                ("AGAIN", Const::Bool(again)),
+                ("TETRAHEDRA", count(tetrahedra)),
+                ("SPANS", Const::Bool(model.spans_frames())),
+                ("PATCHES", Const::Bool(patches > 0)),
+                ("NEO_HOOKEAN", Const::Bool(model.has_neo_hookean())),
+            ]
+        };
+        let rotate = |again: bool| Kernel::new(context, "elastic/rotate", Size::Group, &constants(again));
+        let rigids = ("RIGIDS", count(model.cores.len() + usize::from(model.tool_frame.is_some())));
+        let again = || -> Result<Again> {
+            Ok(Again {
+                trial: Kernel::new(context, "elastic/trial", Size::Group, &[("NODES", count(nodes)), rigids])?,
+                rotate: rotate(true)?,
+                displacement: zeros::<[f32; 4]>(context, "trial displacement", nodes)?,
+                change: zeros::<[f32; 4]>(context, "trial change", nodes)?,
+            })
+        };
+        let repeats = model.newton > 1;
         let links = || upload(context, "links of tetrahedra", &model.tetrahedron_links);
         Ok(Elastic {
-            dilate: (patches > 0).then(|| Dilate::new(context, &model.patches)).transpose()?,
-            rotate: Kernel::new(context, "elastic/rotate", Size::Group, &constants)?,
+            dilate: (patches > 0).then(|| Dilate::new(context, &model.patches, repeats)).transpose()?,
+            again: repeats.then(again).transpose()?,
+            rotate: rotate(false)?,
             tetrahedron_count: tetrahedra,
             node_count: nodes,
             materials: upload(context, "materials", &model.materials)?,
@@ -75,18 +102,56 @@ impl Elastic {
         })
     }
 
+    /// Whether a step may be linearised again.
+    pub fn repeats(&self) -> bool {
+        self.again.is_some()
+    }
+
     /// One pass over tetrahedra, and one over patches.
     pub fn record(&self, recorder: &mut Recorder, common: &Common) {
+        self.record_at(recorder, common, None);
+    }
+
+    /// Where the last solve would take the nodes: one pass over them. Only of a step that is linearised more than once.
+    pub fn record_trial(&self, recorder: &mut Recorder, common: &Common, solve: &Solve) {
+        let Some(again) = &self.again else { return };
         recorder.stage("elastic");
         recorder.dispatch(
-            &self.rotate,
+            &again.trial,
+            &[
+                &common.params,
+                &common.frames,
+                &self.node_info,
+                &self.node_rest,
+                &self.displacement,
+                &self.velocity,
+                &solve.solution,
+                &solve.state,
+                &solve.iterates,
+                &again.displacement,
+                &again.change,
+            ],
+            &[],
+            self.node_count as u32,
+        );
+    }
+
+    /// As [`Elastic::record`], at the trial.
+    pub fn record_again(&self, recorder: &mut Recorder, common: &Common) {
+        self.record_at(recorder, common, self.again.as_ref());
+    }
+
+    fn record_at(&self, recorder: &mut Recorder, common: &Common, again: Option<&Again>) {
+        recorder.stage("elastic");
+        recorder.dispatch(
+            again.map_or(&self.rotate, |again| &again.rotate),
             &[
                 &common.params,
                 &common.frames,
                 &self.materials,
                 &self.tetrahedra,
                 &self.rest_gradients,
-                &self.displacement,
+                again.map_or(&self.displacement, |again| &again.displacement),
                 &self.velocity,
                 // Where nothing spans frames nobody reads of them.
                 self.tetrahedron_links.as_ref().unwrap_or(&self.tetrahedra),
@@ -94,6 +159,8 @@ impl Elastic {
                 &common.links,
                 // Without patches nobody reads of them.
                 self.dilate.as_ref().map_or(&self.tetrahedra, |dilate| &dilate.patch_of),
+                // Nobody reads of it at the start.
+                again.map_or(&self.velocity, |again| &again.change),
                 &self.rotations,
                 &self.gradients,
                 &self.element_forces,
@@ -102,7 +169,7 @@ impl Elastic {
             self.tetrahedron_count as u32,
         );
         if let Some(dilate) = &self.dilate {
-            dilate.record(recorder, common, self);
+            dilate.record(recorder, common, self, again.map(|again| &again.change));
         }
     }
 }

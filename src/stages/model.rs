@@ -97,6 +97,8 @@ pub struct Model {
     pub frames: Vec<FramePlace>,
     /// Coefficient, and the speed below which friction is viscous, m/s.
     pub friction: [f32; 2],
+    /// Linearisations of elasticity in a step.
+    pub newton: u32,
     /// mu, lambda (Pa), law (0 corotational, 1 neo-Hookean), beta (s); a material.
     pub materials: Vec<[f32; 4]>,
     /// First frame of each body; `NONE` for a half-space.
@@ -193,6 +195,7 @@ impl Model {
         model.stiffen_joints(scene.step.dt);
         model.add_coarse(scene.step.dt, scene.solver.preconditioner);
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
+        model.newton = scene.step.newton;
         let held_frame = scene.held_body().map(|body| model.body_frames[body] as usize);
         model.held = model.cores.iter().position(|core| Some(core.frame) == held_frame);
         model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);

@@ -15,6 +15,8 @@ pub struct StepParams {
     pub tolerance: f32,
     /// Iterations at most.
     pub max_iterations: u32,
+    /// Linearisations of elasticity in a step.
+    pub newton: u32,
     /// m/s^2.
     pub gravity: [f32; 3],
     /// m.
@@ -390,6 +392,8 @@ pub struct Solve {
     pub current: u32,
     /// How often it was solved again without pulling contacts.
     pub retries: u32,
+    /// How often elasticity was linearised again in this step.
+    pub linearisations: u32,
 }
 
 /// Scalars of an iteration.
@@ -444,4 +448,6 @@ pub mod verdict {
     pub const RETRY: u32 = 2;
     /// Not finite, or worth nothing: the state stays as it was.
     pub const FAILED: u32 = 3;
+    /// Solved: linearise elasticity where that leads, solve again.
+    pub const RELINEARISE: u32 = 4;
 }

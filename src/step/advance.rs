@@ -8,7 +8,7 @@ use crate::{Error, Result};
 
 /// Iterations a plan has over the last step's count, so that most steps need one submit.
 const SPARE_ITERATIONS: u32 = 4;
-/// Submits of one step at most; beyond, the device does not keep its word.
+/// Submits of one linearisation at most; beyond, the device does not keep its word.
 const MOST_SUBMITS: u32 = 64;
 
 impl Simulation {
@@ -54,7 +54,8 @@ impl Simulation {
         self.arrive(h, false)
     }
 
-    /// Submits the step; where it ran out of iterations, or contacts pulled, what is missing.
+    /// Submits the step; where it ran out of iterations, contacts pulled, or it is to be linearised again, what is missing.
+    /// Iterations are those of all solves.
     fn submit(&mut self) -> Result<Report> {
         let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
         let set = match timed {
@@ -63,18 +64,29 @@ impl Simulation {
         };
         let wanted = self.last_iterations + SPARE_ITERATIONS;
         let mut parts = vec![&set.begin, set.plan(wanted), &set.end];
-        let mut times = Vec::new();
-        for _ in 0..MOST_SUBMITS {
+        let (mut again, mut times) = (&set.again, Vec::new());
+        // Of solves before the last, and of the longest linearisation.
+        let (mut earlier, mut longest) = (0, 0);
+        for _ in 0..MOST_SUBMITS * self.scene.step.newton {
             Recording::submit_all(&parts)?;
             if timed {
                 parts.iter().for_each(|part| add_times(&mut times, part.stage_times()));
             }
-            let report = self.stages.common.report.mapped::<Report>()?[0];
+            let mut report = self.stages.common.report.mapped::<Report>()?[0];
             match report.verdict {
                 verdict::CONTINUE => parts = vec![set.plan(wanted), &set.end],
-                verdict::RETRY => parts = vec![&set.again, set.plan(wanted), &set.end],
+                verdict::RETRY => {
+                    earlier += report.iterations;
+                    parts = vec![again, set.plan(wanted), &set.end];
+                }
+                verdict::RELINEARISE => {
+                    let Some([first, others]) = &set.newton else { break };
+                    (earlier, longest) = (earlier + report.iterations, longest.max(report.iterations));
+                    (again, parts) = (others, vec![first, set.plan(wanted), &set.end]);
+                }
                 _ => {
-                    self.last_iterations = report.iterations;
+                    self.last_iterations = longest.max(report.iterations);
+                    report.iterations += earlier;
                     self.last_timed = timed.then_some(times);
                     return Ok(report);
                 }

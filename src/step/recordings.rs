@@ -44,6 +44,8 @@ pub struct Recordings {
     pub begin: Recording,
     /// The solver's set-up once more, after contacts were dropped.
     pub again: Recording,
+    /// The same two, of a step that is linearised once more, where there are any.
+    pub newton: Option<[Recording; 2]>,
     /// Iterations, in plans of graded length.
     pub iterate: Vec<(u32, Recording)>,
     /// The verdict, the new state, the wrench.
@@ -112,6 +114,19 @@ impl Recordings {
         elastic.record(&mut again, common);
         solve.record_start(&mut again, common, elastic);
 
+        let newton = match elastic.repeats() {
+            true => {
+                let [mut first, mut again] = [recorder()?, recorder()?];
+                elastic.record_trial(&mut first, common, solve);
+                for part in [&mut first, &mut again] {
+                    elastic.record_again(part, common);
+                    solve.record_start(part, common, elastic);
+                }
+                Some([first.finish()?, again.finish()?])
+            }
+            false => None,
+        };
+
         let mut iterate = Vec::new();
         let mut length = SHORTEST_PLAN;
         loop {
@@ -139,12 +154,13 @@ impl Recordings {
         let mut stop = recorder()?;
         solve.record_stop(&mut stop, elastic);
         let (begin, again, end, stop) = (begin.finish()?, again.finish()?, end.finish()?, stop.finish()?);
-        Ok(Recordings { begin, again, iterate, end, stop })
+        Ok(Recordings { begin, again, newton, iterate, end, stop })
     }
 
     /// Every part once.
     pub fn submit_once(&self) -> Result<()> {
         let mut parts = vec![&self.begin, &self.again];
+        parts.extend(self.newton.iter().flatten());
         parts.extend(self.iterate.iter().map(|(_, plan)| plan));
         parts.push(&self.end);
         Recording::submit_all(&parts)

@@ -75,6 +75,22 @@ fn verdicts_by_hand() {
     assert_eq!((passes.report.verdict, passes.report.flags), (DONE, NOT_CONVERGED));
     assert_eq!(granted(&passes), [groups, 1]);
 
+    // Solved, but to be linearised once more: nothing is committed; the last time it is.
+    passes = some_nodes();
+    passes.system.params.newton = 3;
+    (passes.state.linearisations, passes.state.retries) = (1, 2);
+    with_dots(&mut passes, &[[0.16, 0.0]]);
+    passes.conclude();
+    assert_eq!((passes.report.verdict, granted(&passes)), (verdict::RELINEARISE, [0; 2]));
+    assert_eq!((passes.state.linearisations, passes.state.retries), (2, 0), "contacts that pull may be dropped again");
+    passes.conclude();
+    assert_eq!((passes.report.verdict, granted(&passes)), (DONE, [groups, 1]));
+    // Not where there is nothing to go on from.
+    passes.state.linearisations = 0;
+    with_dots(&mut passes, &[[f32::NAN, 0.0]]);
+    passes.conclude();
+    assert_eq!((passes.report.verdict, passes.state.linearisations), (verdict::FAILED, 0));
+
     // At rest the residual is nothing.
     passes = some_nodes();
     (passes.state.rhs_norm2, passes.state.floor_norm2) = (1e-9, 1e-8);

@@ -76,6 +76,8 @@ fn it_stops_where_it_should() {
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 10), stopped_at_most);
     assert_eq!(stopped(2.0, -10.0, |_| ()), broken);
     assert_eq!(stopped(2.0, 1.0, |_| ()), broken, "delta - beta gamma / alpha = 0");
+    assert_eq!(stopped(20.0, 1.0, |_| ()), running, "the same where the residual leapt up: anew");
+    assert_eq!(stopped(20.0, -1.0, |_| ()), broken);
     for bad in [f32::NAN, f32::INFINITY] {
         assert_eq!(stopped(bad, 10.0, |_| ()), broken);
         assert_eq!(stopped(2.0, bad, |_| ()), broken);

@@ -5,6 +5,7 @@ mod elastic;
 mod friction;
 mod locking;
 mod neo_hookean;
+mod newton;
 mod press;
 mod statics;
 mod step;

@@ -15,10 +15,10 @@ enum Change {
 }
 
 impl Solve {
-    /// A new step: contacts that pulled last time say nothing about this one.
+    /// A new step: contacts that pulled last time say nothing about this one, and it is linearised at its start.
     pub fn record_reset(&self, recorder: &mut Recorder) {
         recorder.stage("solve");
-        recorder.fill_range(&self.state, offset_of!(types::Solve, retries) as u64, 4, 0);
+        recorder.fill_range(&self.state, offset_of!(types::Solve, retries) as u64, 8, 0);
     }
 
     /// Right-hand side, preconditioner, warm start, first residual.
