@@ -50,6 +50,10 @@ impl Plan {
             0 => format!("{} nodes", model.node_rest.len()),
             cores => format!("{} nodes, {cores} dynamic cores", model.node_rest.len()),
         };
+        let solve = match model.joints.len() {
+            0 => solve,
+            joints => format!("{solve}, {joints} joints"),
+        };
         let coarse = |(body, number, aggregates): &(usize, f64, usize)| {
             let name = scene.bodies.get(*body).map_or("", |body| &body.name);
             format!(", coarse level of `{name}`: stiffness number {number:.0}, {aggregates} aggregates")

@@ -217,3 +217,39 @@ fn a_free_chain_keeps_its_momentum() {
     );
     assert!(folded[1] > 0.05 && lost < MOMENTUM && gained < SPIN, "{folded:?} {lost:e} {gained:e}");
 }
+
+/// Time at which the human's arm is bent and the ball still on it, in steps.
+const BENT: usize = 500;
+
+#[test]
+fn a_human_is_posed_by_pushing_its_arm() {
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/pose-human.toml");
+    let scene = palpate::scene::Scene::load(&file).unwrap();
+    let mut simulation = open(&scene, None);
+    let bones = &scene.bodies[0].skeleton.as_ref().unwrap().bones;
+    let bone = |name: &str| bones.iter().position(|bone| bone.name == name).unwrap();
+    let start = simulation.frames(0);
+    let mut widest = 0.0f64;
+    for row in (0..BENT).map(|_| run(&mut simulation, 1).remove(0)) {
+        assert!(row.flags == Flags::default(), "step {}: flags {:?}", row.step, row.flags);
+        widest = widest.max(gap(&simulation));
+    }
+    let places = simulation.frames(0);
+    let turned = |name: &str| (places[bone(name)].rotation * start[bone(name)].rotation.inverse()).to_scaled_axis();
+    let (arm, forearm, other) = (turned("left_upper_arm"), turned("left_forearm"), turned("right_forearm"));
+    println!(
+        "human: upper arm turned by {:.2}, forearm {:.2}, the other {:.3} rad; joints open by {widest:.1e} m",
+        arm.length(),
+        forearm.length(),
+        other.length()
+    );
+    // Down: about the front, clockwise.
+    assert!(arm.z < -0.2 && forearm.z < -0.4 && other.length() < 0.1, "{arm} {forearm} {other}");
+    assert_eq!(places[bone("pelvis")], start[bone("pelvis")]);
+    assert!(widest < 1e-4, "{widest:e}");
+    for (joint, model) in simulation.joints().iter().enumerate() {
+        let (turn, Resistance { axis, swing, twist, .. }) = (turn(&simulation, joint), model.resistance);
+        let angles = (axis.angle_between(turn * axis), 2.0 * turn.xyz().dot(axis).atan2(turn.w).abs());
+        assert!(angles.0 < swing.unwrap() + 0.01 && angles.1 < twist.unwrap() + 0.01, "joint {joint}: {angles:?}");
+    }
+}

@@ -199,4 +199,35 @@ mod tests {
         // Over a core that rests, a loop is none.
         assert_eq!(with(&(of(1, 2) + &of(0, 1) + &of(0, 2))).unwrap().len(), 3);
     }
+
+    #[test]
+    fn bones_are_joined_to_their_parents_where_one_of_the_two_moves() {
+        let joints = |body: &str| {
+            let file = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/human-skeleton.toml");
+            let text = CORES.to_owned() + &format!("skeleton = {file:?}\n{body}");
+            scene(&text).map(|scene| scene.bodies[0].clone())
+        };
+        assert_eq!(joints("").unwrap().joints, []);
+        let body = joints("bones = \"dynamic\"\n[[body.core]]\nname = \"pelvis\"\n").unwrap();
+        assert_eq!(body.joints.len(), body.cores.len() - 1);
+        let (forearm, core) =
+            (body.cores.iter().position(|core| core.name == "left_forearm").unwrap(), |name: &str| {
+                body.cores.iter().position(|core| core.name == name).unwrap()
+            });
+        let joint = body.joints.iter().find(|joint| joint.cores[1] == forearm).unwrap();
+        assert_eq!((joint.cores[0], joint.point), (core("left_upper_arm"), DVec3::new(0.445, 1.395, -0.012)));
+        assert!(joint.resistance.axis == DVec3::X && joint.resistance.swing.is_some());
+        // One bone alone, and a joint of one's own in the place of the skeleton's, whichever way round.
+        let arm = "[[body.core]]\nname = \"left_forearm\"\nmotion = \"dynamic\"\n";
+        let own = "[[body.joint]]\ncores = [\"left_forearm\", \"left_upper_arm\"]\npoint = [0.4, 1.4, 0]\n";
+        assert_eq!(joints(arm).unwrap().joints.len(), 2);
+        let body = joints(&(arm.to_owned() + own)).unwrap();
+        assert_eq!((body.joints.len(), body.joints[0].point), (2, DVec3::new(0.4, 1.4, 0.0)));
+        let loops = "[[body.joint]]\ncores = [\"left_hand\", \"head\"]\npoint = [0, 0, 0]\n";
+        let error = joints(&format!("bones = \"dynamic\"\n{loops}")).unwrap_err().to_string();
+        assert!(error.contains("bone \"") && error.contains("hang together"), "{error}");
+        assert!(
+            scene(&(CORES.to_owned() + "bones = \"dynamic\"\n")).unwrap_err().to_string().contains("there is none")
+        );
+    }
 }

@@ -175,6 +175,10 @@ mod tests {
         let bones = skeleton(TWO).unwrap().bones;
         assert_eq!((bones[0].parent, bones[1].parent, bones[1].joint), (None, Some(0), DVec3::X));
         assert_eq!((bones[0].capsule.radii, bones[1].capsule.radii), ([0.1; 2], [0.1, 0.2]));
+        let limp = skeleton(&(TWO.to_owned() + "damping = 0.5\ntwist = 0.3\n")).unwrap().bones;
+        assert_eq!(bones[1].resistance, Resistance::default());
+        let resistance = Resistance { damping: 0.5, twist: Some(0.3), axis: DVec3::X, ..Resistance::default() };
+        assert_eq!(limp[1].resistance, resistance);
         for (old, new, words) in [
             ("parent = \"hip\"", "parent = \"hop\"", "bones.toml:9: `bone.shin.parent`: no bone \"hop\""),
             ("parent = \"hip\"", "parent = \"hop\"", "did you mean \"hip\"?"),
@@ -186,6 +190,13 @@ mod tests {
             ("radius = 0.1", "radius = 0.1\nradii = [1, 1]", "`bone.hip.radii`: given beside `radius`"),
             ("joint = [0, 0, 0]", "", "`bone.hip.joint`: missing"),
             ("joint = [0, 0, 0]", "joint = [0, nan, 0]", "`bone.hip.joint[1]`: is NaN"),
+            ("radius = 0.1", "radius = 0.1\nstiffness = 1", "`bone.hip.stiffness`: a root turns about nothing"),
+            ("radii = [0.1, 0.2]", "radius = 0.1\nswing = 4", "bones.toml:13: `bone.shin.swing`: is 4"),
+            (
+                "[2, 0, 0]]\nradii = [0.1, 0.2]",
+                "[1, 0, 0]]\nradius = 0.1\ntwist = 1",
+                "`bone.shin.twist`: nothing says",
+            ),
             ("[[bone]]", "[[bones]]", "unknown key `bones`"),
             ("[[bone]]", "[[bone]", "bones.toml:1: not TOML"),
         ] {
