@@ -23,7 +23,7 @@ pub const MODES: usize = 12;
 /// than half as many with the coarse level, each of which takes twice as long on a CPU.
 const STIFF: f64 = 25.0;
 /// Aggregates of a body that has enough nodes for them.
-const LEAST_AGGREGATES: usize = 60;
+const LEAST_AGGREGATES: usize = 64;
 /// And at most.
 const MOST_AGGREGATES: usize = 200;
 /// Nodes of an aggregate at least: fewer hardly know affine motions.
