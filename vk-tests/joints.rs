@@ -94,15 +94,23 @@ fn turn(simulation: &Simulation, joint: usize) -> DQuat {
     a.inverse() * b
 }
 
-/// Steps beside the oracle: shape and speed, of the largest.
-fn beside(name: &str, text: &str, steps: usize) -> Simulation {
+/// How far a joint's axis has swung, and how far it is twisted, rad.
+fn angles(simulation: &Simulation, joint: usize) -> [f64; 2] {
+    let (turn, axis) = (turn(simulation, joint), simulation.joints()[joint].resistance.axis);
+    [(turn * axis).angle_between(axis), (2.0 * turn.xyz().dot(axis).atan2(turn.w)).abs()]
+}
+
+/// Steps beside the oracle: shape and speed, of the largest. Returns how far each joint swung and was twisted at most.
+fn beside(name: &str, text: &str, steps: usize) -> (Simulation, [[f64; 2]; 2]) {
     let scene = scene(text);
     let mut simulation = open(&scene, None);
     let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
     twin.bodies.push(soft_twin(&simulation, 0));
     twin.cores = twin_cores(&simulation, 0);
     twin.joints = twin_joints(&simulation);
+    twin.newton = scene.step.newton as usize;
     let (mut shape, mut speed, mut widest, mut iterations) = (0.0f64, 0.0f64, 0.0f64, 0);
+    let mut most = [[0.0f64; 2]; 2];
     for step in 1..=steps {
         let row = run(&mut simulation, 1).remove(0);
         assert!(row.flags == Flags::default(), "{name}, step {step}: flags {:?}", row.flags);
@@ -110,6 +118,10 @@ fn beside(name: &str, text: &str, steps: usize) -> Simulation {
         drive(&mut twin, &simulation, row.time);
         twin.step(None, &[]).unwrap();
         (widest, iterations) = (widest.max(gap(&simulation)), iterations.max(row.iterations));
+        for (joint, most) in most.iter_mut().enumerate() {
+            let now = angles(&simulation, joint);
+            *most = [0, 1].map(|k| most[k].max(now[k]));
+        }
         if step % 10 == 0 {
             let (moved, velocities) = simulation.nodes(0).unwrap().unwrap();
             shape = shape.max(relative_error(&moved, &twin.bodies[0].displacement));
@@ -122,11 +134,14 @@ fn beside(name: &str, text: &str, steps: usize) -> Simulation {
          {iterations} iterations"
     );
     assert!(shape < SHAPE && speed < SPEED, "{name}: {shape:e} {speed:e}");
-    simulation
+    (simulation, most)
 }
 
 /// How far a joint that carries 60 g at six times gravity may be open at steps of 1 ms, m; it goes with the step's square.
 const OPEN: f64 = 3e-4;
+/// How far a limit may be passed where the bar is turned by half a radian in 40 ms, rad: it holds along the way that the
+/// axis leans at the step's start, and the tip swings sideways by some hundredths of a radian a step.
+const BEYOND: f64 = 0.04;
 /// Pulled aside by some g.
 const PULLED: &str = "gravity = [10.0, -60.0, 20.0]";
 
@@ -134,12 +149,14 @@ const PULLED: &str = "gravity = [10.0, -60.0, 20.0]";
 fn chains_of_cores_move_as_the_oracles() {
     for (young, dt) in [(2e4, 0.001), (1e6, 0.001), (2e4, 0.004)] {
         let text = chain(young, "", ["", ""], &format!("{PULLED}\ndt = {dt}"));
-        let simulation = beside(&format!("hanging, {young:e} Pa, {dt} s"), &text, 60);
+        let (simulation, _) = beside(&format!("hanging, {young:e} Pa, {dt} s"), &text, 60);
         let open = gap(&simulation);
         assert!(open < OPEN * (dt / 1e-3) * (dt / 1e-3), "{open:e} m");
     }
     let hinge = "motion = \"dynamic\"\nhinge = { point = [-0.1, 0.0, 0.01], axis = [0.0, 3.0, 4.0] }";
     beside("on a hinge", &chain(2e4, hinge, ["", ""], PULLED), 60);
+    let newton = "\ndt = 0.004\nnewton = 3";
+    beside("linearised three times", &chain(2e4, "", ["", "stiffness = 0.5"], &(PULLED.to_owned() + newton)), 40);
     beside("flying", &chain(2e4, "motion = \"dynamic\"", ["", "stiffness = 3.0"], PULLED), 60);
 }
 
@@ -160,22 +177,40 @@ fn joints_resist_and_end_as_the_oracles() {
     ] {
         // About the bar and across it.
         let keys = keys(position, orientation, 0.5, DVec3::new(-0.02, 0.03, 0.01));
-        let text = chain(2e4, &format!("motion = \"driven\"\nkeys = {keys}"), limits, PULLED);
-        let simulation = beside(name, &text, 60);
+        let text = chain(2e4, &format!("motion = \"driven\"\nkeys = {keys}"), limits, "gravity = [5.0, -25.0, 8.0]");
+        let (simulation, most) = beside(name, &text, 60);
         for (joint, model) in simulation.joints().iter().enumerate() {
-            let Resistance { axis, swing, twist, .. } = model.resistance;
-            let turn = turn(&simulation, joint);
-            if let Some(limit) = swing {
-                println!("{name}, joint {joint}: swing {:.4} of {limit}", axis.angle_between(turn * axis));
-                assert!(axis.angle_between(turn * axis) < limit + 0.01);
-            }
-            if let Some(limit) = twist {
-                let about = 2.0 * turn.xyz().dot(axis).atan2(turn.w);
-                println!("{name}, joint {joint}: twist {about:.4} of {limit}");
-                assert!(about.abs() < limit + 0.01, "{about}");
+            let limits = [model.resistance.swing, model.resistance.twist];
+            for (kind, limit, most) in [0, 1].map(|k| (["swing", "twist"][k], limits[k], most[joint][k])) {
+                let Some(limit) = limit else { continue };
+                println!("{name}, joint {joint}: {kind} up to {most:.4} of {limit}");
+                assert!(most > 0.99 * limit && most < limit + BEYOND, "{kind} {most} of {limit}");
             }
         }
     }
+}
+
+#[test]
+fn a_joint_is_a_hundred_times_stiffer_than_what_it_holds() {
+    // Flesh like air: a core of mass m and inertia I about its middle, held at its middle, and from aside, where turning
+    // gives way as well: 1/m + d^2 / I along the two directions across the arm d.
+    let of = |x: f64| {
+        let text = chain(1e-3, "", ["", ""], "")
+            .replace("point = [-0.05, 0.004, -0.003]", &format!("point = [{x}, 0.0, 0.0]"));
+        let simulation = open(&scene(&text), None);
+        let twin = soft_twin(&simulation, 0);
+        let core = &twin_cores(&simulation, 0)[1];
+        let all = core.nodes.iter().map(|(_, n)| (twin.elements.masses[*n as usize], twin.layer.nodes[*n as usize]));
+        let (mass, inertia) =
+            all.fold((0.0, 0.0), |(m, i), (own, at)| (m + own, i + own * (at.x * at.x + at.y * at.y)));
+        (simulation.joints()[0].stiffness, mass, inertia)
+    };
+    let ((middle, mass, inertia), (aside, ..)) = (of(0.0), of(-0.05));
+    let want = |readiness: f64| 100.0 / (readiness * 1e-6);
+    let (at_middle, beside) = (want(1.0 / mass), want(1.0 / mass + 2.0 / 3.0 * 0.05 * 0.05 / inertia));
+    println!("joint: {middle:.4e} for {at_middle:.4e} N/m, {aside:.4e} for {beside:.4e} N/m");
+    // The lumped masses are not quite symmetric: their inertia has other entries as well.
+    assert!((middle / at_middle - 1.0).abs() < 1e-3 && (aside / beside - 1.0).abs() < 3e-3);
 }
 
 /// Linear momentum lost in the flight.
@@ -186,7 +221,7 @@ const SPIN: f64 = 4e-6;
 
 #[test]
 fn a_free_chain_keeps_its_momentum() {
-    // A ball strikes it off its middle, in no gravity, and is gone: it folds at its joints and at their limits.
+    // A ball strikes it off its middle, in no gravity, and is gone: it folds at its joints.
     let limits = "axis = [1.0, 0.0, 0.0]\nswing = 0.1\nstiffness = 0.2\ndamping = 0.002";
     let text = chain(2e4, "motion = \"dynamic\"", [limits, ""], "gravity = [0.0, 0.0, 0.0]").replace(
         "position = [0.4, 0.1, -0.2]\norientation = [0.1, 0.2, 0.3, 0.9273618495495703]",
@@ -246,11 +281,10 @@ fn a_human_is_posed_by_pushing_its_arm() {
     );
     // Down: about the front, clockwise.
     assert!(arm.z < -0.2 && forearm.z < -0.4 && other.length() < 0.1, "{arm} {forearm} {other}");
-    assert_eq!(places[bone("pelvis")], start[bone("pelvis")]);
-    assert!(widest < 1e-4, "{widest:e}");
+    assert!(widest < 1e-5, "{widest:e}");
     for (joint, model) in simulation.joints().iter().enumerate() {
-        let (turn, Resistance { axis, swing, twist, .. }) = (turn(&simulation, joint), model.resistance);
-        let angles = (axis.angle_between(turn * axis), 2.0 * turn.xyz().dot(axis).atan2(turn.w).abs());
-        assert!(angles.0 < swing.unwrap() + 0.01 && angles.1 < twist.unwrap() + 0.01, "joint {joint}: {angles:?}");
+        let ([swing, twist], limits) = (angles(&simulation, joint), model.resistance);
+        let within = swing < limits.swing.unwrap() + 0.01 && twist < limits.twist.unwrap() + 0.01;
+        assert!(within, "joint {joint}: {swing} {twist}");
     }
 }

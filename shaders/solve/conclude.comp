@@ -94,6 +94,8 @@ void main() {
             }
         }
     }
+    // All have read what lane 0 changes.
+    barrier();
     if (lane != 0) return;
     float norm2 = max(solve.rhs_norm2, 1.0e-38);
     // The magnitude: far below zero something is as wrong as far above. Not max(sums.x, 0), which may take the zero of what is

@@ -5,9 +5,10 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: before the first iteration. Sums over workgroups; the tool's 6x6 block, its inverse and right-hand side; the factor on the last step's solution that leaves the least residual, w = (y . M^-1 b) / (y . M^-1
-// y) with y = A x (so a warm start never begins worse than none); the loop's indirect arguments. A body at rest (b within
-// rounding) stops at once. One workgroup. Oracle: oracle::step.
+// Solve: before the first iteration. Sums over workgroups; the tool's 6x6 block, its inverse and right-hand side; the factor
+// on the last step's solution that leaves the least residual, w = (y . M^-1 b) / (y . M^-1 y) with y = A x (so a warm start
+// never begins worse than none); the loop's indirect arguments. A body at rest (b within rounding) stops at once. One
+// workgroup. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

@@ -21,8 +21,8 @@ layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups: blocks, a
 layout(constant_id = 6) const uint RIGIDS = 0;
 layout(constant_id = 8) const uint ROLE = 0;            // shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // of the role's blocks
-layout(constant_id = 12) const uint WIDEST = 1;         // rigid bodies of the largest group
 layout(constant_id = 11) const bool LEADS = true;       // of the variants, the one that writes the scalars
+layout(constant_id = 12) const uint WIDEST = 1;         // rigid bodies of the largest group
 
 layout(push_constant) uniform Which { uint set; };      // to read; the other is written
 
@@ -70,6 +70,7 @@ shared float group_residuals[6 * WIDEST];
 #include "shared/modes.glsl"
 #include "shared/coarse.glsl"
 #include "shared/core.glsl"
+#include "shared/twist.glsl"
 
 struct Scalars {
     float alpha, beta;
@@ -141,22 +142,10 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
     return totals;
 }
 
-// The rows of a core or of the tool, w, summed over its blocks; world axes.
-float[6] rows_of(uint first, uint count, vec4 turn) {
-    Modes rows = no_modes();
-    for (uint b = first; b < first + count; b++) {
-        vec4 low = texelFetch(restricted_image, int(3 * b)), high = texelFetch(restricted_image, int(3 * b + 1));
-        rows.c0 += low.xyz;
-        rows.c1 += vec3(low.w, high.xy);
-    }
-    vec3 force = rotate(turn, rows.c0), torque = rotate(turn, rows.c1);
-    return float[6](force.x, force.y, force.z, torque.x, torque.y, torque.z);
-}
-
 // The six unknowns of a core or of the tool but for u, and their residual; by one invocation.
 void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float residual[6]) {
     bool is_tool = ROLE == TOOL_ROWS;
-    float rows[6] = rows_of(is_tool ? BLOCKS : rigids[index].slot_first, is_tool ? 1 : rigids[index].block_count, turn);
+    float rows[6] = twist_of(restricted_image, is_tool ? BLOCKS : rigids[index].slot_first, is_tool ? 1 : rigids[index].block_count, turn);
     RigidIterate now = iterates[set * RIGIDS + index];
     for (int k = 0; k < 6; k++) {
         now.p[k] = now.u[k] + scalars.beta * now.p[k];
@@ -177,7 +166,7 @@ void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float
 // The next residual of another core.
 float[6] residual_of(uint index, Scalars scalars) {
     vec4 turn = texelFetch(block_turns, int(rigids[index].block_first));
-    float rows[6] = rows_of(rigids[index].slot_first, rigids[index].block_count, turn);
+    float rows[6] = twist_of(restricted_image, rigids[index].slot_first, rigids[index].block_count, turn);
     RigidIterate now = iterates[set * RIGIDS + index];
     for (int k = 0; k < 6; k++) now.r[k] -= scalars.alpha * (rows[k] + scalars.beta * now.s[k]);
     return now.r;

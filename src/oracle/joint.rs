@@ -29,8 +29,8 @@ pub struct Joint {
     pub sides: [Side; 2],
     /// Of the spring between the two ends, N/m.
     pub stiffness: f64,
-    /// Of the springs beyond the limits, N m/rad.
-    pub limit_stiffness: f64,
+    /// Of the springs beyond the limits of swing and of twist, N m/rad.
+    pub limit_stiffness: [f64; 2],
     /// What resists turning; its axis at rest in the world.
     pub resistance: Resistance,
 }
@@ -64,17 +64,21 @@ impl Joint {
                 pull,
             );
         }
-        for (limit, angle) in [
+        let limits = [
             (self.resistance.swing, swing as fn(DVec3, DQuat, DQuat) -> f64),
             (self.resistance.twist, |axis, first, second| twist(axis, first, second).abs()),
-        ] {
+        ];
+        for ((limit, angle), stiffness) in limits.into_iter().zip(self.limit_stiffness) {
+            let Some(limit) = limit else { continue };
             let of = |turn: DVec3| angle(self.resistance.axis, first.turn, DQuat::from_scaled_axis(turn) * second.turn);
-            let Some(limit) = limit.filter(|limit| of(DVec3::ZERO) > *limit) else { continue };
             let slope = |axis: DVec3| (of(DIFFERENCE * axis) - of(-DIFFERENCE * axis)) / (2.0 * DIFFERENCE);
-            let about = DVec3::AXES.map(slope).into();
-            let beyond = of(DVec3::ZERO) - limit + DVec3::dot(about, ways[1].1 - ways[0].1);
-            let row = self.row(cores, firsts, [DVec3::ZERO; 2], [-about, -about]);
-            add_spring(a, b, &row, h * h * self.limit_stiffness, -h * self.limit_stiffness * beyond);
+            let about = DVec3::from(DVec3::AXES.map(slope));
+            // By the end of the step, if nothing is done.
+            let beyond = of(DVec3::ZERO) - limit + about.dot(ways[1].1 - ways[0].1);
+            if beyond > 0.0 {
+                let row = self.row(cores, firsts, [DVec3::ZERO; 2], [-about, -about]);
+                add_spring(a, b, &row, h * h * stiffness, -h * stiffness * beyond);
+            }
         }
     }
 

@@ -256,7 +256,7 @@ fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
         refuse(table, &["bones"], "says how the bones of a `skeleton` move, and there is none")?;
     }
     let motions = [("fixed", false), ("dynamic", true)];
-    let usual = match table.or("bones", false, |value| value.one_of("motion", &motions))? {
+    let usual = match table.or("bones", false, |value| value.one_of("motion of all bones", &motions))? {
         true => Motion::Dynamic,
         false => Motion::Fixed,
     };

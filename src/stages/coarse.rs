@@ -19,9 +19,8 @@ use crate::scene::Preconditioner;
 
 /// Modes of a block: twelve affine ones of free nodes, or the six of a twist and six that are none.
 pub const MODES: usize = 12;
-/// Stiffness number from which the coarse level pays; see [`Model::stiffness_number`]. Below, Jacobi's 45 iterations cost less
-/// than half as many with the coarse level, each of which takes twice as long on a CPU.
-const STIFF: f64 = 25.0;
+/// Stiffness number from which the coarse level pays, of one node an aggregate; see [`least_number`].
+const STIFF: f64 = 2.4;
 /// Aggregates of a body that has enough nodes for them.
 const LEAST_AGGREGATES: usize = 64;
 /// And at most.
@@ -52,7 +51,7 @@ impl Model {
         let wanted = |index: usize| {
             let number = self.stiffness_number(&self.soft[index], dt);
             let has = match asked {
-                Preconditioner::Auto => number > STIFF,
+                Preconditioner::Auto => number > least_number(self.free_count(&self.soft[index])),
                 Preconditioner::Jacobi => false,
                 Preconditioner::Coarse => number > 0.0,
             };
@@ -208,6 +207,13 @@ impl Model {
 fn aggregates(nodes: usize) -> usize {
     let wanted = (0.95 * (nodes as f64).sqrt()) as usize;
     wanted.clamp(LEAST_AGGREGATES, MOST_AGGREGATES).min(nodes.div_ceil(LEAST_NODES)).max(1)
+}
+
+/// Stiffness number from which the coarse level pays for a body of so many free nodes. Its root is how many nodes' distance a
+/// wave goes in a step, which is as far as Jacobi's iterations have to tell; the coarse level leaves them the width of an
+/// aggregate, and costs some three iterations each.
+fn least_number(nodes: usize) -> f64 {
+    STIFF * (nodes as f64 / aggregates(nodes) as f64).powf(2.0 / 3.0)
 }
 
 /// E X E^T with E the motions, scaled to a diagonal of one and rounded to half precision.

@@ -24,8 +24,8 @@ pub struct Joint {
     pub resistance: Resistance,
     /// What holds the two together, N/m.
     pub stiffness: f64,
-    /// What holds the second within its limits, N m/rad.
-    pub limit_stiffness: f64,
+    /// What holds the second within its limits of swing and of twist, N m/rad.
+    pub limit_stiffness: [f64; 2],
 }
 
 impl Model {
@@ -35,7 +35,7 @@ impl Model {
             let frames = joint.cores.map(|core| frame_first + core);
             let arms = frames.map(|frame| joint.point - self.frames[frame].rest_centre);
             let resistance = joint.resistance;
-            let (stiffness, limit_stiffness) = (0.0, 0.0);
+            let (stiffness, limit_stiffness) = (0.0, [0.0; 2]);
             self.joints.push(Joint { frames, cores: [None; 2], arms, resistance, stiffness, limit_stiffness });
         }
     }
@@ -83,32 +83,29 @@ impl Model {
             return;
         }
         let blocks: Vec<Mat<f64>> = self.cores.iter().map(|core| self.core_block(core, dt)).collect();
-        // How readily a core is pushed at the joint, 1/kg, and turned, 1/(kg m^2), by mean over directions.
-        let readiness = |core: usize, arm: DVec3| {
-            let Ok(factor) = blocks[core].llt(Side::Lower) else { return [0.0; 2] };
-            let mean = |six: &dyn Fn(DVec3) -> [f64; 6]| {
-                let of = |axis: DVec3| {
-                    let row = six(axis);
-                    let column = Mat::from_fn(6, 1, |i, _| row[i]);
-                    (column.transpose() * factor.solve(&column))[(0, 0)] / 3.0
-                };
-                DVec3::AXES.map(of).iter().sum::<f64>()
+        // How readily the two sides part along a direction at the joint, 1/kg, and turn about one, 1/(kg m^2).
+        let readiness = |joint: &Joint, along: DVec3, about: DVec3| -> f64 {
+            let side = |(core, arm): (&Option<usize>, &DVec3)| {
+                let Some(core) = *core else { return 0.0 };
+                let turn = about + arm.cross(along);
+                let six = [along.x, along.y, along.z, turn.x, turn.y, turn.z];
+                let hinge = self.frames[self.cores[core].frame].orientation.conjugate() * self.cores[core].hinge;
+                answer(&blocks[core], hinge, six)
             };
-            let push = |axis: DVec3| {
-                let moment = arm.cross(axis);
-                [axis.x, axis.y, axis.z, moment.x, moment.y, moment.z]
-            };
-            [mean(&push), mean(&|axis| [0.0, 0.0, 0.0, axis.x, axis.y, axis.z])]
+            joint.cores.iter().zip(&joint.arms).map(side).sum()
         };
         let stiffness = |joint: &Joint| {
-            let sides = joint.cores.iter().zip(&joint.arms);
-            let both = sides.filter_map(|(core, arm)| core.map(|core| readiness(core, *arm)));
-            let [along, about] = both.fold([0.0, 0.0], |sum, side| [sum[0] + side[0], sum[1] + side[1]]);
-            [along, about].map(|readiness| STIFFNESS_RATIO / (readiness * dt * dt))
+            let axis = joint.resistance.axis;
+            let all = |of: &dyn Fn(DVec3) -> f64| DVec3::AXES.map(of).iter().sum::<f64>();
+            let apart = all(&|d| readiness(joint, d, DVec3::ZERO)) / 3.0;
+            let twist = readiness(joint, DVec3::ZERO, axis);
+            let swing = (all(&|d| readiness(joint, DVec3::ZERO, d)) - twist) / 2.0;
+            // What cannot part needs no spring.
+            [apart, swing, twist].map(|r| if r > 0.0 { STIFFNESS_RATIO / (r * dt * dt) } else { 0.0 })
         };
-        let all: Vec<[f64; 2]> = self.joints.iter().map(stiffness).collect();
-        for (joint, [along, about]) in self.joints.iter_mut().zip(all) {
-            (joint.stiffness, joint.limit_stiffness) = (along, about);
+        let all: Vec<[f64; 3]> = self.joints.iter().map(stiffness).collect();
+        for (joint, [apart, swing, twist]) in self.joints.iter_mut().zip(all) {
+            (joint.stiffness, joint.limit_stiffness) = (apart, [swing, twist]);
         }
     }
 
@@ -139,6 +136,19 @@ impl Model {
             }
         }
     }
+}
+
+/// How far what a core's block resists goes along a row of its twist, if pushed along it: row . block^-1 row; of one on a
+/// hinge (its axis, or zero) what that allows.
+fn answer(block: &Mat<f64>, hinge: DVec3, row: [f64; 6]) -> f64 {
+    let angular = |i: usize, k: usize| hinge[i] * block[(3 + i, 3 + k)] * hinge[k];
+    let spin = DVec3::from_slice(&row[3..]).dot(hinge).powi(2);
+    let alone = || (0..3).flat_map(|i| (0..3).map(move |k| (i, k))).map(|(i, k)| angular(i, k)).sum::<f64>();
+    if hinge != DVec3::ZERO {
+        return spin / alone();
+    }
+    let column = Mat::from_fn(6, 1, |i, _| row[i]);
+    block.llt(Side::Lower).map_or(0.0, |factor| (column.transpose() * factor.solve(&column))[(0, 0)])
 }
 
 /// Adds size row row^T.

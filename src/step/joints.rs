@@ -7,6 +7,10 @@ use crate::haptics::drive::rotation_vector;
 use crate::stages::joints::Joint;
 use crate::stages::types::{self, NONE};
 
+/// 1 + cos of a swing at least, for the twist: with the axis turned nearly back to front (beyond 155 degrees), where it is
+/// hardly defined, its spring pulls more softly.
+const LEAST_ALONG: f64 = 0.1;
+
 /// Writes the device's joints for a step of `h` seconds.
 pub fn write(joints: &[Joint], frames: &Frames, h: f64, out: &mut [types::Joint]) {
     for (out, joint) in out.iter_mut().zip(joints) {
@@ -31,7 +35,7 @@ fn at_start(joint: &Joint, frames: &Frames, h: f64) -> types::Joint {
     let ways = [way(0), way(1)];
     let gap = ends[0] - ends[1] + ways[0].0 - ways[1].0;
     let spin = (ways[0].1 - ways[1].1) / h;
-    let (operator, torque) = turning(joint, places.map(|place| place.rotation), h);
+    let (operator, torque) = turning(joint, places.map(|place| place.rotation), h * spin, h);
     let twist = h * torque - operator * spin;
     let [x, y, z] = [operator.x_axis, operator.y_axis, operator.z_axis];
     types::Joint {
@@ -44,31 +48,32 @@ fn at_start(joint: &Joint, frames: &Frames, h: f64) -> types::Joint {
     }
 }
 
-/// What resists turning, towards the orientation at rest, and back from the limits where the second side is beyond them:
-/// h^2 K + h D (kg m^2), and the torque on the first side at the start (N m).
-fn turning(joint: &Joint, [first, second]: [DQuat; 2], h: f64) -> (DMat3, DVec3) {
+/// What resists turning, towards the orientation at rest, and back to the limits where the second side would be beyond them at
+/// the end, if the first goes on to turn by `way` (rad) against it: h^2 K + h D (kg m^2), and the torque on the first side at
+/// the start (N m).
+fn turning(joint: &Joint, [first, second]: [DQuat; 2], way: DVec3, h: f64) -> (DMat3, DVec3) {
     let resistance = &joint.resistance;
     let away = rotation_vector(unwound(second * first.conjugate()));
     let mut operator = DMat3::from_diagonal(DVec3::splat(h * (h * resistance.stiffness + resistance.damping)));
     let mut torque = resistance.stiffness * away;
-    let mut push_back = |beyond: f64, about: DVec3| {
-        if beyond > 0.0 {
-            torque += joint.limit_stiffness * beyond * about;
-            let square = DMat3::from_cols(about * about.x, about * about.y, about * about.z);
-            operator += h * h * joint.limit_stiffness * square;
+    let mut push_back = |stiffness: f64, beyond: f64, about: DVec3| {
+        if beyond > about.dot(way) {
+            torque += stiffness * beyond * about;
+            operator += h * h * stiffness * DMat3::from_cols(about * about.x, about * about.y, about * about.z);
         }
     };
+    let [swing_stiffness, twist_stiffness] = joint.limit_stiffness;
     let axes = [first * resistance.axis, second * resistance.axis];
     let (across, along) = (axes[0].cross(axes[1]), axes[0].dot(axes[1]));
     if let Some(limit) = resistance.swing {
-        push_back(across.length().atan2(along) - limit, across.normalize_or_zero());
+        push_back(swing_stiffness, across.length().atan2(along) - limit, across.normalize_or_zero());
     }
     if let Some(limit) = resistance.twist {
         // Swing and twist of a rotation, and how the twist answers to a spin (P. Dobrowolski 2015).
         let turn = unwound(first.conjugate() * second);
         let twist = 2.0 * DVec3::new(turn.x, turn.y, turn.z).dot(resistance.axis).atan2(turn.w);
-        let about = (axes[0] + axes[1]) / (1.0 + along).max(f64::EPSILON);
-        push_back(twist.abs() - limit, twist.signum() * about);
+        let about = (axes[0] + axes[1]) / (1.0 + along).max(LEAST_ALONG);
+        push_back(twist_stiffness, twist.abs() - limit, twist.signum() * about);
     }
     (operator, torque)
 }

@@ -69,7 +69,7 @@ fn passes(with: Preconditioner) -> Passes {
         let mut some = |scale: f64| (scale * random.vector()).as_vec3().to_array();
         let arms = joint.arms.map(|arm| (orientation * arm).as_vec3().to_array());
         let square = some(1.0).map(f64::from);
-        let size = h * h * joint.limit_stiffness;
+        let size = h * h * joint.limit_stiffness[0];
         let entry = |i: usize, j: usize| (size * (square[i] * square[j] + f64::from(u8::from(i == j)))) as f32;
         types::Joint {
             rigid: joint.cores.map(|core| core.map_or(NONE, |core| core as u32)),
