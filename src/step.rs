@@ -15,7 +15,8 @@ use glam::{DQuat, DVec3};
 
 use crate::Result;
 use crate::gpu::{Buffer, Context, Options, Recorder};
-use crate::haptics::drive::{Device, Drive};
+use crate::haptics::RigidState;
+use crate::haptics::drive::Drive;
 use crate::haptics::tool::Tool;
 use crate::plan::Plan;
 use crate::prepare::{self, Body, BodyReport, Cache, Shape};
@@ -249,7 +250,7 @@ impl Simulation {
         self.tool.as_ref().map_or(first, |tool| tool.centre)
     }
 
-    fn write_inputs(&self, h: f64, device: &Device) -> Result<()> {
+    fn write_inputs(&self, h: f64, device: &RigidState) -> Result<()> {
         let (step, origin) = (&self.scene.step, self.origin());
         let mut params = StepParams {
             dt: h as f32,
@@ -304,7 +305,7 @@ impl Simulation {
         Ok(self.probes.iter().zip(moved.chunks(4)).map(place).collect())
     }
 
-    fn row(&self, report: &Report, time: f64, device: &Device, probes: Vec<DVec3>, begun: Instant) -> Row {
+    fn row(&self, report: &Report, time: f64, device: &RigidState, probes: Vec<DVec3>, begun: Instant) -> Row {
         let vector = |x: [f32; 3]| DVec3::new(x[0].into(), x[1].into(), x[2].into());
         let touch = self.stages.touch.is_some();
         Row {

@@ -5,7 +5,8 @@ use std::fmt::Write;
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Options;
-use palpate::haptics::drive::{Device, Drive};
+use palpate::haptics::RigidState;
+use palpate::haptics::drive::Drive;
 use palpate::haptics::tool::Tool;
 use palpate::oracle;
 use palpate::prepare::{FrameMotion, Shape, layer};
@@ -103,9 +104,9 @@ fn pressed(scene: &Scene, steps: usize) -> (f64, f64, f64) {
         assert!(row.flags == Flags::default(), "step {}: flags {:?}", row.step, row.flags);
         let normal = DVec3::from(simulation.touch().unwrap().0[0].normal.map(f64::from));
         let contacts = if normal == DVec3::ZERO { vec![] } else { twin.contacts(normal.normalize()) };
-        let Device { position, orientation, velocity, angular_velocity } =
+        let RigidState { position, orientation, velocity, angular_velocity } =
             Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
-        let device = oracle::tool::Device { position, orientation, velocity, angular_velocity };
+        let device = oracle::tool::RigidState { position, orientation, velocity, angular_velocity };
         let report = twin.oracle.step(Some(&device), &contacts).unwrap();
         forces.0.push(row.tool.unwrap().force);
         forces.1.push(report.wrench.force);
@@ -289,7 +290,7 @@ fn a_slab_that_tumbles_gains_no_energy() {
             0.5 * w.dot(turn * tool.inertia * turn.transpose() * w)
         };
         let (start, mut most) = (energy(&tool), 0.0f64);
-        let still = Device { position, orientation: DQuat::IDENTITY, velocity, angular_velocity: DVec3::ZERO };
+        let still = RigidState { position, orientation: DQuat::IDENTITY, velocity, angular_velocity: DVec3::ZERO };
         for _ in 0..(20.0 / dt) as usize {
             let rows = tool.rows(dt, DVec3::ZERO, &still);
             let block = DMat3::from_cols_array_2d(&[0, 1, 2].map(|c| [0, 1, 2].map(|r| rows.matrix[3 + r][3 + c])));

@@ -2,20 +2,8 @@
 
 use glam::{DQuat, DVec3};
 
+use super::device::RigidState;
 use crate::scene::Key;
-
-/// Pose and twist of the device at the end of a step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Device {
-    /// World position, m.
-    pub position: DVec3,
-    /// World orientation.
-    pub orientation: DQuat,
-    /// World velocity, m/s.
-    pub velocity: DVec3,
-    /// World angular velocity, rad/s.
-    pub angular_velocity: DVec3,
-}
 
 /// Keys of the device's pose.
 #[derive(Debug, Clone)]
@@ -41,10 +29,10 @@ impl Drive {
     }
 
     /// Pose at `time`, with the mean twist over the `h` seconds before it.
-    pub fn device(&self, time: f64, h: f64) -> Device {
+    pub fn device(&self, time: f64, h: f64) -> RigidState {
         let (position, orientation) = self.pose(time);
         let (last, turned) = self.pose(time - h);
-        Device {
+        RigidState {
             position,
             orientation,
             velocity: (position - last) / h,

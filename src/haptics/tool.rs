@@ -4,7 +4,8 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::drive::{Device, rotation_vector};
+use super::device::RigidState;
+use super::drive::rotation_vector;
 use crate::scene::Coupling;
 
 /// Newton's rounds for the gyroscopic term; it converges quadratically from the start's spin.
@@ -41,7 +42,7 @@ pub struct Rows {
 impl Tool {
     /// Implicit Euler over `h` seconds, linearised about the start: gravity, gyroscopic torque, and the
     /// coupling towards the device's pose and twist at the end of the step.
-    pub fn rows(&self, h: f64, gravity: DVec3, device: &Device) -> Rows {
+    pub fn rows(&self, h: f64, gravity: DVec3, device: &RigidState) -> Rows {
         let turn = DMat3::from_quat(self.orientation);
         let inertia = turn * self.inertia * turn.transpose();
         let gyroscopic = gyroscopic_impulse(inertia, self.angular_velocity, h);
@@ -58,7 +59,7 @@ impl Tool {
     }
 
     /// What the coupling alone adds to the rows: h^2 K + h D, and its impulse; zero where nothing holds the tool.
-    pub fn coupling_rows(&self, h: f64, device: &Device) -> Rows {
+    pub fn coupling_rows(&self, h: f64, device: &RigidState) -> Rows {
         let mut rows = Rows { matrix: [[0.0; 6]; 6], rhs: [0.0; 6] };
         let Some(c) = &self.coupling else { return rows };
         let (v, w) = (self.velocity, self.angular_velocity);

@@ -1,0 +1,89 @@
+//! What every haptic device does: it is read once a tick and told once a tick what to play.
+
+use glam::{DQuat, DVec3};
+
+use super::profile::Profile;
+
+/// Pose and twist of something rigid, world axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigidState {
+    /// World position, m.
+    pub position: DVec3,
+    /// To world.
+    pub orientation: DQuat,
+    /// World velocity, m/s.
+    pub velocity: DVec3,
+    /// World angular velocity, rad/s.
+    pub angular_velocity: DVec3,
+}
+
+impl RigidState {
+    /// At rest in a pose.
+    pub fn at_rest(position: DVec3, orientation: DQuat) -> RigidState {
+        RigidState { position, orientation, velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO }
+    }
+
+    /// Whether all of it is finite, and the orientation a unit quaternion to 1e-3.
+    pub fn is_valid(&self) -> bool {
+        let finite = [self.position, self.velocity, self.angular_velocity].iter().all(|v| v.is_finite());
+        finite && (self.orientation.length() - 1.0).abs() < 1e-3
+    }
+}
+
+/// What a device says of itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// When it was measured: s on the clock that [`Device::read`] was given.
+    pub time: f64,
+    /// Where the device is; a device that does not sense rotation reports the identity.
+    pub state: RigidState,
+    /// A bit each, the first button in the lowest; 1: pressed.
+    pub buttons: u32,
+}
+
+/// A force and a torque, world axes.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Wrench {
+    /// N.
+    pub force: DVec3,
+    /// N m, about the device's position.
+    pub torque: DVec3,
+}
+
+impl Wrench {
+    /// Nothing.
+    pub const ZERO: Wrench = Wrench { force: DVec3::ZERO, torque: DVec3::ZERO };
+
+    /// Whether all of it is finite.
+    pub fn is_finite(&self) -> bool {
+        self.force.is_finite() && self.torque.is_finite()
+    }
+}
+
+/// Why a device could not be read or written. None of them ends the loop: it plays nothing until the device is back.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Fault {
+    /// It is unplugged, or its service does not answer: what was found, and what to do.
+    #[error("the haptic device is lost: {0}")]
+    Lost(String),
+    /// It answers with what cannot be: what was found.
+    #[error("the haptic device says what cannot be: {0}")]
+    Garbled(String),
+}
+
+/// A haptic device, or what stands in for one. The loop's thread alone uses it; no call may wait for longer than a small
+/// part of a tick.
+pub trait Device: Send {
+    /// Makes ready to be read; the force is zero afterwards.
+    fn open(&mut self) -> Result<(), Fault>;
+    /// What it may be asked to play.
+    fn profile(&self) -> &Profile;
+    /// Where it is at `time`, s since the loop began. Simulated devices move up to that time; others report the newest that
+    /// they know.
+    fn read(&mut self, time: f64) -> Result<Reading, Fault>;
+    /// Plays a wrench from now until the next; what the hand is pushed with. It lies within the profile's limits; the torque
+    /// is zero where the profile has none.
+    fn write(&mut self, wrench: &Wrench) -> Result<(), Fault>;
+    /// Plays nothing, and lets go. Called once at the end, after whatever happened.
+    fn close(&mut self);
+}

@@ -1,0 +1,96 @@
+//! What devices can do, as CHAI3D publishes it (`cHapticDeviceInfo` of its drivers, version 3.2). Stiffness and damping are
+//! the greatest that a device renders stably at 1 kHz, not those of its mechanism.
+
+/// Limits and axes of a device.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profile {
+    /// Its name in a scene.
+    pub name: &'static str,
+    /// Greatest force, N.
+    pub max_force: f64,
+    /// Greatest torque, N m; 0: it plays none.
+    pub max_torque: f64,
+    /// Greatest linear stiffness at 1 kHz, N/m.
+    pub stiffness: f64,
+    /// Greatest linear damping at 1 kHz, N s/m.
+    pub damping: f64,
+    /// Greatest angular stiffness at 1 kHz, N m/rad.
+    pub angular_stiffness: f64,
+    /// Greatest angular damping at 1 kHz, N m s/rad.
+    pub angular_damping: f64,
+    /// Radius of its workspace about where it was opened, m.
+    pub workspace: f64,
+    /// Whether it senses rotation.
+    pub senses_rotation: bool,
+}
+
+/// All that are built in. `scripted` is no hardware's: it follows a script, or stands for what nobody holds.
+pub const PROFILES: [Profile; 8] = [
+    profile("scripted", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true),
+    profile("premium", [8.5, 0.188], [800.0, 5.0], [0.3, 0.004], 0.12, true),
+    profile("touch", [3.3, 0.0], [400.0, 4.0], [0.0, 0.0], 0.075, true),
+    profile("omega.x", [12.0, 0.0], [5000.0, 30.0], [0.0, 0.0], 0.075, false),
+    profile("delta.6", [20.0, 0.2], [5000.0, 30.0], [1.0, 0.0], 0.15, true),
+    profile("sigma.7", [12.0, 0.2], [4000.0, 30.0], [1.0, 0.07], 0.075, true),
+    profile("falcon", [8.0, 0.0], [3000.0, 20.0], [0.0, 0.0], 0.04, false),
+    profile("inverse3", [10.0, 0.0], [1000.0, 6.0], [0.0, 0.0], 0.15, false),
+];
+
+const fn profile(
+    name: &'static str,
+    [max_force, max_torque]: [f64; 2],
+    [stiffness, damping]: [f64; 2],
+    [angular_stiffness, angular_damping]: [f64; 2],
+    workspace: f64,
+    senses_rotation: bool,
+) -> Profile {
+    Profile {
+        name,
+        max_force,
+        max_torque,
+        stiffness,
+        damping,
+        angular_stiffness,
+        angular_damping,
+        workspace,
+        senses_rotation,
+    }
+}
+
+impl Profile {
+    /// The profile of a name; `None` where there is none.
+    pub fn named(name: &str) -> Option<&'static Profile> {
+        PROFILES.iter().find(|profile| profile.name == name)
+    }
+
+    /// Whether it can play torque.
+    pub fn plays_torque(&self) -> bool {
+        self.max_torque > 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The figures that CHAI3D publishes: force, torque, stiffness, damping.
+    const PUBLISHED: [(&str, [f64; 4]); 7] = [
+        ("premium", [8.5, 0.188, 800.0, 5.0]),
+        ("touch", [3.3, 0.0, 400.0, 4.0]),
+        ("omega.x", [12.0, 0.0, 5000.0, 30.0]),
+        ("delta.6", [20.0, 0.2, 5000.0, 30.0]),
+        ("sigma.7", [12.0, 0.2, 4000.0, 30.0]),
+        ("falcon", [8.0, 0.0, 3000.0, 20.0]),
+        ("inverse3", [10.0, 0.0, 1000.0, 6.0]),
+    ];
+
+    #[test]
+    fn profiles_hold_the_published_figures() {
+        for (name, figures) in PUBLISHED {
+            let p = Profile::named(name).unwrap();
+            assert_eq!([p.max_force, p.max_torque, p.stiffness, p.damping], figures, "{name}");
+            assert_eq!(p.plays_torque(), figures[1] > 0.0, "{name}");
+        }
+        assert_eq!(Profile::named("omni"), None);
+    }
+}
