@@ -106,7 +106,7 @@ fn pressed(scene: &Scene, steps: usize) -> (f64, f64, f64) {
         let contacts = if normal == DVec3::ZERO { vec![] } else { twin.contacts(normal.normalize()) };
         let RigidState { position, orientation, velocity, angular_velocity } =
             Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
-        let device = oracle::tool::RigidState { position, orientation, velocity, angular_velocity };
+        let device = oracle::tool::Device { position, orientation, velocity, angular_velocity };
         let report = twin.oracle.step(Some(&device), &contacts).unwrap();
         forces.0.push(row.tool.unwrap().force);
         forces.1.push(report.wrench.force);
