@@ -17,6 +17,8 @@ use crate::Result;
 use crate::gpu::{Buffer, Context, Options, Recorder};
 use crate::haptics::RigidState;
 use crate::haptics::drive::Drive;
+use crate::haptics::local_model::ContactWrench;
+use crate::haptics::servo_thread::Held;
 use crate::haptics::tool::Tool;
 use crate::plan::Plan;
 use crate::prepare::{self, Body, BodyReport, Cache, Shape};
@@ -58,6 +60,13 @@ pub struct Simulation {
     plan: Plan,
     path: Option<Path>,
     step: u64,
+    /// At the end of the last step, s.
+    time: f64,
+    /// Whether the tool, or the body that is held, has weight; the loop carries it.
+    has_weight: bool,
+    /// Of the body that is held, kg.
+    held_mass: f64,
+    last_wrench: Option<ContactWrench>,
     last_iterations: u32,
     last_timed: Option<Vec<(String, f64)>>,
     timed_every: u64,
@@ -88,6 +97,7 @@ impl Simulation {
         let timed = [timed(|stage| stage)?, timed(query_as_one)?];
         let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
         let plan = Plan::new(scene, &model, choice.map(|choice| choice.to_string()));
+        let held_mass = tools::held_mass(&model);
         Ok(Simulation {
             drive: Drive::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
             scene: scene.clone(),
@@ -104,21 +114,54 @@ impl Simulation {
             plan,
             path,
             step: 0,
+            time: 0.0,
+            has_weight: true,
+            held_mass,
+            last_wrench: None,
             last_iterations: 0,
             last_timed: None,
             timed_every: TIMED_EVERY,
         })
     }
 
-    /// One step: pose in, wrench out.
+    /// One step of the scene's `dt`, with the device where the scene's keys put it: pose in, wrench out.
     pub fn step(&mut self) -> Result<Row> {
+        let h = self.scene.step.dt;
+        self.has_weight = true;
+        self.step_to((self.step + 1) as f64 * h, h)
+    }
+
+    /// A step of `h` s for the loop: from its device, which goes on as it moves, and its tool. A tool that is a soft body's
+    /// core stays the simulation's. Weight is not felt: what the hand holds is carried.
+    pub fn step_held(&mut self, held: &Held, h: f64) -> Result<Row> {
+        let time = self.time + h;
+        self.has_weight = false;
+        self.drive = Drive::onward(self.time, &held.device, h);
+        if let (Some(tool), None) = (&mut self.tool, self.model.held) {
+            let RigidState { position, orientation, velocity, angular_velocity } = held.tool;
+            (tool.centre, tool.orientation) = (position, orientation);
+            (tool.velocity, tool.angular_velocity) = (velocity, angular_velocity);
+        }
+        let row = self.step_to(time, h)?;
+        if let Some(wrench) = &mut self.last_wrench {
+            wrench.time = held.time;
+        }
+        Ok(row)
+    }
+
+    /// What the tool felt in the last step, with stiffness and damping; `None`: there is no tool, or was no step.
+    pub fn contact_wrench(&self) -> Option<&ContactWrench> {
+        self.last_wrench.as_ref()
+    }
+
+    fn step_to(&mut self, time: f64, h: f64) -> Result<Row> {
         let begun = Instant::now();
         self.step += 1;
-        let h = self.scene.step.dt;
-        let time = self.step as f64 * h;
         let report = self.advance(time - h, h, MOST_HALVINGS)?;
+        self.time = time;
         let device = self.drive.device(time, h);
         let probes = self.read_probes()?;
+        self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report));
         Ok(self.row(&report, time, &device, probes, begun))
     }
 
@@ -263,10 +306,14 @@ impl Simulation {
             ..bytemuck::Zeroable::zeroed()
         };
         if let Some(tool) = &self.tool {
-            let rows = match self.model.held {
+            let gravity = if self.has_weight { step.gravity } else { DVec3::ZERO };
+            let mut rows = match self.model.held {
                 Some(_) => tool.coupling_rows(h, device),
-                None => tool.rows(h, step.gravity, device),
+                None => tool.rows(h, gravity, device),
             };
+            if self.model.held.is_some() && !self.has_weight {
+                (0..3).for_each(|k| rows.rhs[k] -= h * self.held_mass * step.gravity[k]);
+            }
             params.tool_matrix = std::array::from_fn(|k| rows.matrix[k / 6][k % 6] as f32);
             params.tool_rhs = rows.rhs.map(|x| x as f32);
             let (v, w) = (tool.velocity, tool.angular_velocity);

@@ -295,7 +295,7 @@ fn a_slab_that_tumbles_gains_no_energy() {
             let rows = tool.rows(dt, DVec3::ZERO, &still);
             let block = DMat3::from_cols_array_2d(&[0, 1, 2].map(|c| [0, 1, 2].map(|r| rows.matrix[3 + r][3 + c])));
             let change = (block.inverse() * DVec3::from_slice(&rows.rhs[3..])).as_vec3();
-            tool.advance(dt, [0.0, 0.0, 0.0, change.x, change.y, change.z]);
+            tool.advance(dt, [0.0, 0.0, 0.0, change.x.into(), change.y.into(), change.z.into()]);
             most = most.max(energy(&tool));
         }
         println!(

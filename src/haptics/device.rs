@@ -1,11 +1,12 @@
 //! What every haptic device does: it is read once a tick and told once a tick what to play.
 
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::profile::Profile;
 
 /// Pose and twist of something rigid, world axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RigidState {
     /// World position, m.
     pub position: DVec3,
@@ -31,7 +32,7 @@ impl RigidState {
 }
 
 /// What a device says of itself.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
     /// When it was measured: s on the clock that [`Device::read`] was given.
     pub time: f64,
@@ -42,7 +43,7 @@ pub struct Reading {
 }
 
 /// A force and a torque, world axes.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Wrench {
     /// N.
     pub force: DVec3,

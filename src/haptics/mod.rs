@@ -1,10 +1,19 @@
 //! The hand's side, in f64 on the host: devices, the tool that the hand holds by virtual coupling, and the loop that plays
 //! its force a thousand times a second.
 
+pub mod clock;
+pub mod coupling;
 pub mod device;
 pub mod devices;
 pub mod drive;
+pub mod event;
+pub mod local_model;
+pub mod passivity;
 pub mod profile;
+pub mod safety;
+pub mod sense;
+pub mod servo;
+pub mod servo_thread;
 pub mod tool;
 
 pub use device::{Device, Fault, Reading, RigidState, Wrench};

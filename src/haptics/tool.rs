@@ -4,7 +4,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::device::RigidState;
+use super::device::{RigidState, Wrench};
 use super::drive::rotation_vector;
 use crate::scene::Coupling;
 
@@ -75,9 +75,31 @@ impl Tool {
         rows
     }
 
+    /// What the coupling pulls the tool with now, towards a device.
+    pub fn pull(&self, device: &RigidState) -> Wrench {
+        let Some(c) = &self.coupling else { return Wrench::ZERO };
+        let turn = rotation_vector(device.orientation * self.orientation.conjugate());
+        Wrench {
+            force: c.stiffness * (device.position - self.centre) + c.damping * (device.velocity - self.velocity),
+            torque: c.angular_stiffness * turn + c.angular_damping * (device.angular_velocity - self.angular_velocity),
+        }
+    }
+
+    /// What the coupling and the tool's motion store, J.
+    pub fn stored(&self, device: &RigidState) -> f64 {
+        let turn = DMat3::from_quat(self.orientation);
+        let (v, w) = (self.velocity, turn.transpose() * self.angular_velocity);
+        let motion = 0.5 * self.mass * v.length_squared() + 0.5 * w.dot(self.inertia * w);
+        let springs = self.coupling.map_or(0.0, |c| {
+            let turn = rotation_vector(device.orientation * self.orientation.conjugate());
+            let stretch = device.position - self.centre;
+            0.5 * c.stiffness * stretch.length_squared() + 0.5 * c.angular_stiffness * turn.length_squared()
+        });
+        motion + springs
+    }
+
     /// Takes the solved change of the twist and moves for `h` seconds.
-    pub fn advance(&mut self, h: f64, change: [f32; 6]) {
-        let change = change.map(f64::from);
+    pub fn advance(&mut self, h: f64, change: [f64; 6]) {
         self.velocity += DVec3::from_slice(&change[..3]);
         self.angular_velocity += DVec3::from_slice(&change[3..]);
         self.centre += h * self.velocity;

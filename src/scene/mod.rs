@@ -25,6 +25,7 @@ pub mod vtk;
 use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
 pub use crate::prepare::model::Model;
 pub use body::{Dilatation, MOST_HULLS};
@@ -354,7 +355,7 @@ pub enum ToolShape {
 }
 
 /// `[coupling]`.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Coupling {
     /// N/m.
     pub stiffness: f64,

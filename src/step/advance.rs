@@ -22,7 +22,7 @@ impl Simulation {
         let mut report = self.submit()?;
         if report.verdict != verdict::FAILED {
             if let (Some(tool), None) = (&mut self.tool, self.model.held) {
-                tool.advance(h, report.tool_change);
+                tool.advance(h, report.tool_change.map(f64::from));
             }
             self.arrive(h, true)?;
             return Ok(report);

@@ -3,10 +3,14 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::frames::Frames;
+use crate::haptics::Wrench;
+use crate::haptics::local_model::ContactWrench;
+use crate::haptics::servo::state_of;
 use crate::haptics::tool::Tool;
 use crate::prepare::{Body, Shape};
 use crate::scene::Scene;
 use crate::stages::model::Model;
+use crate::stages::types::Report;
 use crate::{Error, Result};
 
 /// The tool as the scene starts it; `body`: its own, prepared.
@@ -53,6 +57,17 @@ fn held(scene: &Scene, model: &Model, core: usize, frames: &Frames) -> Tool {
     tool
 }
 
+/// Mass of all that hangs on the core that is held, kg; 0 where none is.
+pub(super) fn held_mass(model: &Model) -> f64 {
+    let Some(core) = model.held.map(|core| &model.cores[core]) else { return 0.0 };
+    let mass = |node: usize| f64::from(model.node_rest[node][3]);
+    let holds = |nodes: &std::ops::Range<usize>| core.nodes.iter().any(|n| nodes.contains(&(*n as usize)));
+    match model.soft.iter().find(|soft| holds(&soft.nodes)) {
+        Some(soft) => soft.nodes.clone().map(mass).sum(),
+        None => core.nodes.iter().map(|n| mass(*n as usize)).sum(),
+    }
+}
+
 /// Takes a held tool to where its core's frame is.
 pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
     let place = frames.place(frame);
@@ -60,4 +75,28 @@ pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
     if let Some((linear, angular)) = frames.twist(frame) {
         (tool.velocity, tool.angular_velocity) = (linear, angular);
     }
+}
+
+/// What the device says that the tool feels.
+pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> ContactWrench {
+    let vector = |x: [f32; 3]| DVec3::from(x.map(f64::from));
+    ContactWrench {
+        step,
+        time: 0.0,
+        tool: state_of(tool),
+        wrench: Wrench { force: vector(report.force), torque: vector(report.torque) },
+        stiffness: symmetric(&report.stiffness),
+        damping: symmetric(&report.damping),
+        depth: report.max_depth.into(),
+    }
+}
+
+/// Of the upper triangle, by rows.
+fn symmetric(upper: &[f32; 21]) -> [[f64; 6]; 6] {
+    let mut matrix = [[0.0; 6]; 6];
+    let pairs = (0..6).flat_map(|i| (i..6).map(move |k| (i, k)));
+    for ((i, k), x) in pairs.zip(upper) {
+        (matrix[i][k], matrix[k][i]) = (f64::from(*x), f64::from(*x));
+    }
+    matrix
 }

@@ -1,0 +1,169 @@
+//! Contact between two wrenches: F = F0 - K (y - y0) - D (v - v0) about the tool's pose y0 and twist v0 of the newest one.
+//! K holds the body still, so it is what the tool feels in the first moment and more than it feels later.
+//!
+//! K. Mahvash and V. Hayward, "High-fidelity haptic synthesis of contact with deformable bodies" (2004), and M. Otaduy and
+//! M. Lin, "A modular haptic rendering algorithm for stable and transparent 6-DOF manipulation" (2006), do the like.
+
+use glam::DVec3;
+use nalgebra::{Matrix6, Vector6};
+use serde::{Deserialize, Serialize};
+
+use super::device::{RigidState, Wrench};
+use super::drive::rotation_vector;
+
+/// Share of the force that one side's springs would give at the greatest depth, below which contacts are taken to press
+/// from several sides: a sphere that is pressed from one side gives a half, a flat face all of it.
+const ONE_SIDED: f64 = 0.2;
+
+/// What a step of the simulation gives back to the loop.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ContactWrench {
+    /// Steps done, this one included; 0: there was none yet.
+    pub step: u64,
+    /// When the step's inputs were taken, s on the loop's clock.
+    pub time: f64,
+    /// The tool at the end of the step.
+    pub tool: RigidState,
+    /// Of all contacts on the tool, about its centre, world axes.
+    pub wrench: Wrench,
+    /// N/m, N/rad, N m/m, N m/rad: rows and columns linear, then angular; symmetric.
+    pub stiffness: [[f64; 6]; 6],
+    /// The same, times s.
+    pub damping: [[f64; 6]; 6],
+    /// Greatest depth of a contact, m.
+    pub depth: f64,
+}
+
+impl ContactWrench {
+    /// Before the first step: no contact.
+    pub fn none(tool: RigidState) -> ContactWrench {
+        let zero = [[0.0; 6]; 6];
+        ContactWrench { step: 0, time: 0.0, tool, wrench: Wrench::ZERO, stiffness: zero, damping: zero, depth: 0.0 }
+    }
+
+    /// Whether all of it is finite.
+    pub fn is_finite(&self) -> bool {
+        let numbers = self.stiffness.iter().chain(&self.damping).flatten();
+        self.tool.is_valid()
+            && self.wrench.is_finite()
+            && self.depth.is_finite()
+            && numbers.into_iter().all(|x| x.is_finite())
+    }
+}
+
+/// Force (linear, then angular) at a state, and its slopes: F falls by K per displacement and by D per velocity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tangent {
+    /// N, N m.
+    pub force: Vector6<f64>,
+    /// Symmetric positive semi-definite.
+    pub stiffness: Matrix6<f64>,
+    /// Symmetric positive semi-definite.
+    pub damping: Matrix6<f64>,
+}
+
+impl Tangent {
+    /// No contact.
+    pub fn zero() -> Tangent {
+        Tangent { force: Vector6::zeros(), stiffness: Matrix6::zeros(), damping: Matrix6::zeros() }
+    }
+
+    /// (1 - share) of this and `share` of another.
+    pub fn blend(&self, other: &Tangent, share: f64) -> Tangent {
+        let mix = |a: Matrix6<f64>, b: Matrix6<f64>| a * (1.0 - share) + b * share;
+        Tangent {
+            force: self.force * (1.0 - share) + other.force * share,
+            stiffness: mix(self.stiffness, other.stiffness),
+            damping: mix(self.damping, other.damping),
+        }
+    }
+}
+
+/// The model of one wrench.
+#[derive(Debug, Clone, Copy)]
+pub struct LocalModel {
+    tool: RigidState,
+    at: Tangent,
+    depth: f64,
+    /// Rotations count as displacements at this arm, m.
+    arm: f64,
+    /// How far from the wrench's pose it is trusted, m.
+    trust: f64,
+}
+
+impl LocalModel {
+    /// The model of a wrench; `arm`: m, the radius of the tool; `trust`: m. K and D lose what is not symmetric positive
+    /// semi-definite about them.
+    pub fn new(wrench: &ContactWrench, arm: f64, trust: f64) -> LocalModel {
+        let at = Tangent {
+            force: vector(wrench.wrench.force, wrench.wrench.torque),
+            stiffness: project(&wrench.stiffness, arm),
+            damping: project(&wrench.damping, arm),
+        };
+        LocalModel { tool: wrench.tool, at, depth: wrench.depth, arm, trust }
+    }
+
+    /// The same without K and D: the raw force, whatever the tool does.
+    pub fn raw(wrench: &ContactWrench) -> LocalModel {
+        let at = Tangent { force: vector(wrench.wrench.force, wrench.wrench.torque), ..Tangent::zero() };
+        LocalModel { tool: wrench.tool, at, depth: 0.0, arm: 1.0, trust: f64::INFINITY }
+    }
+
+    /// Force, torque and slopes where the tool is now, and whether it is beyond trust. Contact that lets go pulls nothing.
+    pub fn evaluate(&self, tool: &RigidState) -> (Tangent, bool) {
+        let moved = tool.position - self.tool.position;
+        let turned = rotation_vector(tool.orientation * self.tool.orientation.conjugate());
+        let length = moved.length().hypot(self.arm * turned.length());
+        let share = if length > self.trust { self.trust / length } else { 1.0 };
+        let faster = vector(tool.velocity - self.tool.velocity, tool.angular_velocity - self.tool.angular_velocity);
+        let (stiffness, damping) = (self.at.stiffness * share, self.at.damping);
+        let force = self.at.force - stiffness * vector(moved, turned) - damping * faster;
+        let is_beyond = length > self.trust && self.at.stiffness.trace() > 0.0;
+        if self.has_let_go(&force) {
+            return (Tangent::zero(), is_beyond);
+        }
+        (Tangent { force, stiffness, damping }, is_beyond)
+    }
+
+    /// Contacts that press from one side pull where the model is followed past the point at which they part.
+    fn has_let_go(&self, force: &Vector6<f64>) -> bool {
+        let start = self.at.force.fixed_rows::<3>(0);
+        let size = start.norm();
+        if size == 0.0 {
+            return false;
+        }
+        let normal = start / size;
+        let slope = (normal.transpose() * self.at.stiffness.fixed_view::<3, 3>(0, 0) * normal).x;
+        let is_one_sided = size >= ONE_SIDED * slope * self.depth;
+        is_one_sided && slope > 0.0 && normal.dot(&force.fixed_rows::<3>(0)) <= 0.0
+    }
+
+    /// The force along the wrench's own direction that K foretells at another pose, and that direction; for comparison
+    /// with what came.
+    pub fn foretell(&self, tool: &RigidState) -> Option<(DVec3, f64)> {
+        let start = DVec3::new(self.at.force[0], self.at.force[1], self.at.force[2]);
+        let normal = start.try_normalize()?;
+        let moved = tool.position - self.tool.position;
+        let turned = rotation_vector(tool.orientation * self.tool.orientation.conjugate());
+        let change = self.at.stiffness * vector(moved, turned);
+        Some((normal, -normal.dot(DVec3::new(change[0], change[1], change[2]))))
+    }
+}
+
+/// Linear and angular as one.
+pub fn vector(linear: DVec3, angular: DVec3) -> Vector6<f64> {
+    Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
+}
+
+/// The nearest symmetric positive semi-definite matrix (in the Frobenius norm, rotations measured at `arm`).
+fn project(rows: &[[f64; 6]; 6], arm: f64) -> Matrix6<f64> {
+    let unit = |k: usize| if k < 3 { 1.0 } else { arm };
+    let scaled = Matrix6::from_fn(|i, k| 0.5 * (rows[i][k] + rows[k][i]) / (unit(i) * unit(k)));
+    if scaled.iter().all(|x| *x == 0.0) {
+        return Matrix6::zeros();
+    }
+    let mut parts = scaled.symmetric_eigen();
+    parts.eigenvalues.apply(|x| *x = x.max(0.0));
+    let nearest = parts.recompose();
+    Matrix6::from_fn(|i, k| 0.5 * (nearest[(i, k)] + nearest[(k, i)]) * unit(i) * unit(k))
+}

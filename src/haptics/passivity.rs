@@ -1,0 +1,198 @@
+//! Time-domain passivity: an observer of the energy that the hand receives, and a controller that takes away what would
+//! make it more than the hand gave (B. Hannaford and J.-H. Ryu, "Time-domain passivity control of haptic interfaces",
+//! 2002).
+//!
+//! The force is held from one tick to the next, so F . dx between two readings is the energy exactly, up to the
+//! encoder's quantum. Each axis is observed by itself; the controller looks at what a device plays as one port, for energy
+//! that enters along one axis may rightly leave along another (press down, slide off sideways).
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::device::{RigidState, Wrench};
+use super::drive::rotation_vector;
+
+/// Energy over a run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Energy {
+    /// That the hand gave, J, an axis each: x, y, z, then about them.
+    pub taken: [f64; 6],
+    /// That the hand received, J, an axis each.
+    pub given: [f64; 6],
+    /// That the controller took from what was to be played, J.
+    pub damped: f64,
+}
+
+impl Energy {
+    /// That the hand received more than it gave, J, of all axes.
+    pub fn net(&self) -> f64 {
+        self.given.iter().sum::<f64>() - self.taken.iter().sum::<f64>()
+    }
+}
+
+/// Observer and controller.
+#[derive(Debug, Clone)]
+pub struct Passivity {
+    /// Whether the controller acts.
+    is_on: bool,
+    /// Greatest damping that it may inject beyond taking the force away, N s/m.
+    most_damping: f64,
+    energy: Energy,
+    /// What the hand gave and has not received back, J; below zero: it received more.
+    budget: f64,
+    last: Option<RigidState>,
+    played: Wrench,
+}
+
+/// What the controller did in a tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Control {
+    /// What may be played.
+    pub wrench: Wrench,
+    /// Damping that it took, N s/m (of the force alone).
+    pub damping: f64,
+    /// Whether it wanted more than the bound.
+    pub is_limited: bool,
+}
+
+impl Passivity {
+    /// An observer; with a controller where `is_on`, of such damping at most, N s/m.
+    pub fn new(is_on: bool, most_damping: f64) -> Passivity {
+        let energy = Energy::default();
+        Passivity { is_on, most_damping, energy, budget: 0.0, last: None, played: Wrench::ZERO }
+    }
+
+    /// Takes a reading: the force played since the last one did its work.
+    pub fn observe(&mut self, device: &RigidState) {
+        if let Some(last) = self.last {
+            let moved = device.position - last.position;
+            let turned = rotation_vector(device.orientation * last.orientation.conjugate());
+            let work = [self.played.force * moved, self.played.torque * turned];
+            for (k, work) in work.iter().flat_map(|work| work.to_array()).enumerate() {
+                self.energy.given[k] += work.max(0.0);
+                self.energy.taken[k] += (-work).max(0.0);
+                self.budget -= work;
+            }
+        }
+        self.last = Some(*device);
+    }
+
+    /// Without contact nothing but what the coupling and the tool's motion store may be given back; `stored`: J.
+    pub fn forget(&mut self, stored: f64) {
+        self.budget = self.budget.min(stored);
+    }
+
+    /// Takes from a wrench what would give more, over the `period` (s) to come, than the budget holds; and where the budget
+    /// is overdrawn, damps.
+    pub fn control(&mut self, wanted: Wrench, device: &RigidState, period: f64) -> Control {
+        let Wrench { force, torque } = wanted;
+        let (v, w) = (device.velocity, device.angular_velocity);
+        let power = force.dot(v) + torque.dot(w);
+        let most = self.budget / period;
+        let excess = power - most;
+        let none = Control { wrench: wanted, damping: 0.0, is_limited: false };
+        if !self.is_on || excess <= 0.0 || (v == DVec3::ZERO && w == DVec3::ZERO) {
+            return none;
+        }
+        // First what pushes the way that the hand goes, as far as needed; it is there to take.
+        let pushing = force.dot(v).max(0.0) + torque.dot(w).max(0.0);
+        let taken = excess.min(pushing);
+        let share = if pushing > 0.0 { taken / pushing } else { 0.0 };
+        let along = |f: DVec3, v: DVec3| if f.dot(v) > 0.0 { f.dot(v) / v.length_squared() * v } else { DVec3::ZERO };
+        let mut wrench = Wrench { force: force - share * along(force, v), torque: torque - share * along(torque, w) };
+        // Then what was given too much already, by damping.
+        let owed = (excess - taken).max(0.0);
+        let wanted_damping = if owed > 0.0 && v != DVec3::ZERO { owed / v.length_squared() } else { 0.0 };
+        let damping = wanted_damping.min(self.most_damping);
+        wrench.force -= damping * v;
+        let gone = power - wrench.force.dot(v) - wrench.torque.dot(w);
+        self.energy.damped += gone * period;
+        let total = if v == DVec3::ZERO { 0.0 } else { gone / v.length_squared() };
+        Control { wrench, damping: total, is_limited: wanted_damping > damping }
+    }
+
+    /// What is played until the next reading.
+    pub fn play(&mut self, wrench: Wrench) {
+        self.played = wrench;
+    }
+
+    /// The device is elsewhere all at once: what moved it is no work.
+    pub fn jump(&mut self) {
+        self.last = None;
+        self.budget = self.budget.min(0.0);
+    }
+
+    /// Energies so far.
+    pub fn energy(&self) -> Energy {
+        self.energy
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+
+    fn at(x: f64, v: f64) -> RigidState {
+        RigidState { velocity: DVec3::X * v, ..RigidState::at_rest(DVec3::X * x, DQuat::IDENTITY) }
+    }
+
+    /// Presses a spring of `k` (N/m, one-sided, felt a tick late) by `depth` and leaves it, `ticks` each way; the energy given.
+    fn press(passivity: &mut Passivity, k: f64, depth: f64, ticks: i32) -> f64 {
+        let (period, mut late) = (1e-3, 0.0);
+        let step = depth / f64::from(ticks);
+        for tick in 0..=2 * ticks + 20 {
+            let x = f64::from(tick.min(2 * ticks + 20 - tick).min(ticks) - 10) * step;
+            let way = if tick < ticks { 1.0 } else { -1.0 };
+            let device = at(x, way * step / period);
+            passivity.observe(&device);
+            let force = Wrench { force: DVec3::X * late, ..Wrench::ZERO };
+            late = -k * x.max(0.0);
+            let control = passivity.control(force, &device, period);
+            passivity.play(control.wrench);
+        }
+        passivity.energy().net()
+    }
+
+    #[test]
+    fn a_late_spring_gives_energy_and_the_controller_takes_it() {
+        let mut without = Passivity::new(false, 10.0);
+        let free = press(&mut without, 1000.0, 0.01, 100);
+        // By hand: each tick the force is 1.5 ticks old on average: 2 x 1.5 x k depth step.
+        assert!(free > 1e-3, "{free}");
+        assert_eq!(without.energy().damped, 0.0);
+        let mut with = Passivity::new(true, 10.0);
+        let held = press(&mut with, 1000.0, 0.01, 100);
+        assert!(held < 1e-9, "{held}");
+        assert!(with.energy().damped > 0.9 * free, "{:?}", with.energy());
+    }
+
+    #[test]
+    fn what_a_prompt_spring_gives_back_is_left_alone() {
+        let mut passivity = Passivity::new(true, 10.0);
+        for k in (0..100).chain((0..100).rev()) {
+            let way = if k < 99 { 1.0 } else { -1.0 };
+            let device = at(1e-4 * f64::from(k), 0.0);
+            passivity.observe(&device);
+            let force = Wrench { force: DVec3::X * -0.1 * f64::from(k), ..Wrench::ZERO };
+            let control = passivity.control(force, &at(0.0, 0.05 * way), 1e-3);
+            passivity.play(control.wrench);
+        }
+        // Held forces give back k h v^2 T less a little; the controller may take no more than that.
+        assert!(passivity.energy().damped < 1e-3 * 0.05 * 0.1 * 200.0, "{:?}", passivity.energy());
+    }
+
+    #[test]
+    fn energy_that_enters_along_one_axis_may_leave_along_another() {
+        let mut passivity = Passivity::new(true, 10.0);
+        passivity.observe(&at(0.0, 0.0));
+        passivity.play(Wrench { force: DVec3::X * -2.0, ..Wrench::ZERO });
+        passivity.observe(&at(0.01, 0.0));
+        let sideways = RigidState { velocity: DVec3::Y * 0.1, ..at(0.01, 0.0) };
+        let push = Wrench { force: DVec3::Y, ..Wrench::ZERO };
+        assert_eq!(passivity.control(push, &sideways, 1e-3).wrench, push);
+        passivity.forget(0.0);
+        assert_eq!(passivity.control(push, &sideways, 1e-3).wrench.force, DVec3::ZERO);
+    }
+}

@@ -1,0 +1,197 @@
+//! What stands between any force and the hand: nothing that a scene, a simulation or a device does goes around it.
+
+use serde::{Deserialize, Serialize};
+
+use super::device::Wrench;
+use super::event::{Event, Events};
+use super::profile::Profile;
+
+/// The force may go from nothing to its limit in this time at the fastest, s.
+const SLEW_TIME: f64 = 4e-3;
+/// A force that must go fades in this time, s.
+pub const FADE_TIME: f64 = 0.05;
+/// A force that comes, first or again, rises in this time, s.
+pub const ENGAGE_TIME: f64 = 0.2;
+/// A wrench may be this old at most before the force fades, s, unless a scene wants it fresher.
+pub const WATCHDOG: f64 = 0.1;
+
+/// Limits of what is played.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Limits {
+    /// Greatest force, N.
+    pub force: f64,
+    /// Greatest torque, N m; 0: none is played.
+    pub torque: f64,
+    /// Greatest change of the force, N/s.
+    pub slew: f64,
+    /// Greatest change of the torque, N m/s.
+    pub angular_slew: f64,
+    /// Radius of the workspace about where the device was first read, m.
+    pub workspace: f64,
+    /// Age from which a wrench makes the force fade, s.
+    pub watchdog: f64,
+}
+
+/// What a scene asks of the limits; it can lower them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Lowered {
+    /// N.
+    pub force: Option<f64>,
+    /// N m.
+    pub torque: Option<f64>,
+    /// N/s.
+    pub slew: Option<f64>,
+    /// m.
+    pub workspace: Option<f64>,
+    /// s.
+    pub watchdog: Option<f64>,
+}
+
+impl Limits {
+    /// A profile's, lowered where a scene asks for less; what asks for more is named in the second.
+    pub fn new(profile: &Profile, lowered: &Lowered) -> (Limits, Vec<&'static str>) {
+        let mut refused = Vec::new();
+        let mut least = |name: &'static str, limit: f64, asked: Option<f64>| {
+            if asked.is_some_and(|asked| asked > limit) {
+                refused.push(name);
+            }
+            // NaN asks for nothing.
+            asked.map_or(limit, |asked| limit.min(asked)).max(0.0)
+        };
+        let force = least("max_force", profile.max_force, lowered.force);
+        let torque = least("max_torque", profile.max_torque, lowered.torque);
+        let slew = least("max_slew", profile.max_force / SLEW_TIME, lowered.slew);
+        let workspace = least("workspace", profile.workspace, lowered.workspace);
+        let watchdog = least("watchdog", WATCHDOG, lowered.watchdog);
+        let angular_slew = profile.max_torque / SLEW_TIME;
+        (Limits { force, torque, slew, angular_slew, workspace, watchdog }, refused)
+    }
+}
+
+/// How much of the force is played: 1 all, 0 none. It falls quickly and rises slowly.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Gain(f64);
+
+impl Gain {
+    /// Goes on for `period` s, up where all is well, else down.
+    pub fn go(&mut self, is_well: bool, period: f64) {
+        let change = if is_well { period / ENGAGE_TIME } else { -period / FADE_TIME };
+        self.0 = (self.0 + change).clamp(0.0, 1.0);
+    }
+
+    /// Nothing, at once.
+    pub fn drop(&mut self) {
+        self.0 = 0.0;
+    }
+
+    /// From 0 to 1.
+    pub fn value(self) -> f64 {
+        self.0
+    }
+}
+
+/// The last word on what is played. Remembers what was played before.
+#[derive(Debug, Clone)]
+pub struct Guard {
+    limits: Limits,
+    last: Wrench,
+}
+
+impl Guard {
+    /// Nothing was played yet.
+    pub fn new(limits: Limits) -> Guard {
+        Guard { limits, last: Wrench::ZERO }
+    }
+
+    /// What is played of what is wanted, `period` s after the last: finite, within the limits, and no faster than they say.
+    pub fn pass(&mut self, wanted: Wrench, period: f64, events: &mut Events) -> Wrench {
+        if !wanted.is_finite() {
+            events.raise(Event::BadForce);
+            return self.cut();
+        }
+        let Limits { force, torque, slew, angular_slew, .. } = self.limits;
+        let short =
+            Wrench { force: wanted.force.clamp_length_max(force), torque: wanted.torque.clamp_length_max(torque) };
+        // A device without torque is not told of it.
+        let is_clamped = short.force != wanted.force || (torque > 0.0 && short.torque != wanted.torque);
+        let change = Wrench { force: short.force - self.last.force, torque: short.torque - self.last.torque };
+        let (most, most_angular) = (slew * period, angular_slew * period);
+        let slow = Wrench {
+            force: self.last.force + change.force.clamp_length_max(most),
+            torque: self.last.torque + change.torque.clamp_length_max(most_angular),
+        };
+        let is_slow = change.force.length() > most || change.torque.length() > most_angular;
+        // Rounding of a sum of vectors within a ball may leave it by a bit.
+        self.last = Wrench { force: slow.force.clamp_length_max(force), torque: slow.torque.clamp_length_max(torque) };
+        for (event, is_raised) in [(Event::Clamped, is_clamped), (Event::SlewLimited, is_slow)] {
+            if is_raised {
+                events.raise(event);
+            }
+        }
+        self.last
+    }
+
+    /// Nothing, at once.
+    pub fn cut(&mut self) -> Wrench {
+        self.last = Wrench::ZERO;
+        Wrench::ZERO
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn a_scene_lowers_limits_and_never_raises_them() {
+        let profile = Profile::named("premium").unwrap();
+        let (whole, _) = Limits::new(profile, &Lowered::default());
+        assert_eq!((whole.force, whole.torque, whole.workspace, whole.watchdog), (8.5, 0.188, 0.12, 0.1));
+        let ask = |x| Lowered { force: Some(x), torque: Some(x), slew: Some(x), workspace: Some(x), watchdog: Some(x) };
+        let (low, refused) = Limits::new(profile, &ask(0.01));
+        assert_eq!([low.force, low.torque, low.slew, low.workspace, low.watchdog], [0.01; 5]);
+        assert!(refused.is_empty());
+        let (high, refused) = Limits::new(profile, &ask(1e9));
+        assert_eq!(high, whole);
+        assert_eq!(refused, ["max_force", "max_torque", "max_slew", "workspace", "watchdog"]);
+        for odd in [f64::NAN, -1.0, f64::INFINITY] {
+            let (limits, _) = Limits::new(profile, &ask(odd));
+            assert!(limits.force <= whole.force && limits.force >= 0.0 && limits.watchdog <= whole.watchdog, "{odd}");
+        }
+    }
+
+    #[test]
+    fn no_force_passes_that_is_too_great_too_sudden_or_no_number() {
+        let (limits, _) = Limits::new(Profile::named("premium").unwrap(), &Lowered::default());
+        let mut guard = Guard::new(limits);
+        let mut last = Wrench::ZERO;
+        let force = |x: f64, y: f64| Wrench { force: DVec3::new(x, y, 0.0), torque: DVec3::new(y, 0.0, x) };
+        let wanted =
+            [(1e9, 0.0), (1e300, -1e300), (3.0, 3.0), (0.0, 0.0), (-1e9, 2.0), (f64::INFINITY, 0.0), (1.0, 0.0)];
+        for (x, y) in wanted.into_iter().flat_map(|pair| [pair; 7]) {
+            let mut events = Events::default();
+            let played = guard.pass(force(x, y), 1e-3, &mut events);
+            assert!(played.force.length() <= limits.force && played.torque.length() <= limits.torque, "{x} {y}");
+            let step = (played.force - last.force).length();
+            assert!(step <= limits.slew * 1e-3 * (1.0 + 1e-12) || events.has(Event::BadForce), "{x} {y}: {step}");
+            last = played;
+        }
+        let mut events = Events::default();
+        assert_eq!(guard.pass(force(f64::NAN, 0.0), 1e-3, &mut events), Wrench::ZERO);
+        assert!(events.has(Event::BadForce));
+        let mut events = Events::default();
+        guard.pass(force(1e9, 0.0), 1e-3, &mut events);
+        assert!(events.has(Event::Clamped) && events.has(Event::SlewLimited));
+    }
+
+    #[test]
+    fn a_force_fades_in_fifty_milliseconds_and_returns_in_two_hundred() {
+        let mut gain = Gain::default();
+        (0..200).for_each(|_| gain.go(true, 1e-3));
+        assert!((gain.value() - 1.0).abs() < 1e-9);
+        (0..50).for_each(|_| gain.go(false, 1e-3));
+        assert!(gain.value() < 1e-9, "{gain:?}");
+    }
+}

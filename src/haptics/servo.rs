@@ -1,0 +1,333 @@
+//! One tick of the loop, from a reading to what is played: no clock, no thread, no allocation, and the same bits for the
+//! same inputs.
+//!
+//! The tool follows the device by virtual coupling and feels contact by the local model of the newest wrench. What the
+//! coupling pulls the tool with, the hand feels.
+
+use glam::DVec3;
+use nalgebra::{Matrix6, Vector6};
+use serde::{Deserialize, Serialize};
+
+use super::device::{Fault, Reading, RigidState, Wrench};
+use super::event::{Event, Events};
+use super::local_model::{ContactWrench, LocalModel, Tangent};
+use super::passivity::{Energy, Passivity};
+use super::safety::{Gain, Guard, Limits};
+use super::sense::Sense;
+use super::servo_thread::Held;
+use super::tool::Tool;
+
+/// A tick is late from here on, s.
+const LATE: f64 = 2e-3;
+/// Periods that a tick may integrate over at most, whatever the clock says.
+const LONGEST_TICK: f64 = 4.0;
+/// Of the period, the least.
+const SHORTEST_TICK: f64 = 0.25;
+
+/// What a servo is made with; with the readings and the wrenches it decides every bit of what is played.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Of a tick, s.
+    pub period: f64,
+    /// Of what is played.
+    pub limits: Limits,
+    /// Whether contact is followed between wrenches; else the force of the newest is kept as it is.
+    pub local_model: bool,
+    /// Whether the passivity controller acts; energy is observed in any case.
+    pub passivity: bool,
+    /// Greatest damping that it may inject, N s/m.
+    pub most_damping: f64,
+    /// How far from its pose the local model is trusted, m.
+    pub trust: f64,
+    /// At which rotations of the tool count as displacements, m.
+    pub arm: f64,
+}
+
+/// What a tick did.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Tick {
+    /// From 0.
+    pub index: u64,
+    /// When it began, s on the loop's clock.
+    pub time: f64,
+    /// By how much it came after it was due, s.
+    pub late: f64,
+    /// What the device said; `None`: nothing that can be used.
+    pub reading: Option<Reading>,
+    /// The device as taken.
+    pub device: RigidState,
+    /// The tool at the end of the tick.
+    pub tool: RigidState,
+    /// Of contact on the tool, as the local model has it.
+    pub contact: Wrench,
+    /// What the hand is pushed with.
+    pub played: Wrench,
+    /// Steps of the simulation done by the newest wrench.
+    pub step: u64,
+    /// Of the newest wrench: time since its step's inputs were taken, s.
+    pub age: f64,
+    /// Share of the force that is played, from 0 to 1.
+    pub gain: f64,
+    /// Damping that passivity control took, N s/m.
+    pub damping: f64,
+    /// Observed so far.
+    pub energy: Energy,
+    /// What happened.
+    pub events: Events,
+}
+
+/// The loop's state.
+#[derive(Debug, Clone)]
+pub struct Servo {
+    settings: Settings,
+    tool: Tool,
+    sense: Sense,
+    device: RigidState,
+    newest: ContactWrench,
+    /// Models of the newest wrench and the one before.
+    models: [LocalModel; 2],
+    /// When the newest wrench was taken, and the time to blend it in over, s.
+    taken: (f64, f64),
+    gain: Gain,
+    guard: Guard,
+    passivity: Passivity,
+    index: u64,
+    time: Option<f64>,
+    home: DVec3,
+    played: Wrench,
+}
+
+impl Servo {
+    /// A tool that rests where it is, coupled to a device that has not been read yet.
+    pub fn new(settings: Settings, tool: Tool) -> Servo {
+        let start = state_of(&tool);
+        let newest = ContactWrench::none(start);
+        let model = LocalModel::raw(&newest);
+        Servo {
+            sense: Sense::new(start),
+            device: start,
+            newest,
+            models: [model, model],
+            taken: (0.0, 0.0),
+            gain: Gain::default(),
+            guard: Guard::new(settings.limits),
+            passivity: Passivity::new(settings.passivity, settings.most_damping),
+            index: 0,
+            time: None,
+            home: start.position,
+            played: Wrench::ZERO,
+            settings,
+            tool,
+        }
+    }
+
+    /// One tick at `time` (s), `late` s after it was due: the device's reading in, what to play out. `newest` is the newest
+    /// wrench there is, whether it was there before or not.
+    pub fn tick(&mut self, time: f64, late: f64, reading: Result<Reading, Fault>, newest: &ContactWrench) -> Tick {
+        let mut events = Events::default();
+        let period = self.clock(time, late, &mut events);
+        let (device, is_well) = self.feel_for(&reading, period, &mut events);
+        self.take(newest, time, &mut events);
+        let age = if self.newest.step > 0 { time - self.newest.time } else { 0.0 };
+        if age > self.settings.limits.watchdog || (self.newest.step > 0 && age.is_nan()) {
+            events.raise(Event::StaleWrench);
+        }
+        if (device.position - self.home).length() > self.settings.limits.workspace {
+            events.raise(Event::OutsideWorkspace);
+        }
+        let fading = events.has_any(&[Event::StaleWrench, Event::OutsideWorkspace]);
+        self.gain.go(is_well && !fading && self.newest.step > 0, period);
+        if events.has_any(&[Event::DeviceLost, Event::ClockJump]) {
+            self.gain.drop();
+        }
+        if self.gain.value() < 1.0 {
+            events.raise(Event::Engaging);
+        }
+        self.device = device;
+        let contact = self.move_tool(&device, time, period, &mut events);
+        let (played, damping) = self.play(&device, contact, period, &mut events);
+        let tick = Tick {
+            index: self.index,
+            time,
+            late,
+            reading: reading.ok(),
+            device,
+            tool: state_of(&self.tool),
+            contact,
+            played,
+            step: self.newest.step,
+            age,
+            gain: self.gain.value(),
+            damping,
+            energy: self.passivity.energy(),
+            events,
+        };
+        self.index += 1;
+        tick
+    }
+
+    /// What a step of the simulation starts from now.
+    pub fn held(&self) -> Held {
+        let time = self.time.unwrap_or(0.0);
+        Held { ticks: self.index, time, device: self.device, tool: state_of(&self.tool) }
+    }
+
+    /// The newest wrench.
+    pub fn newest(&self) -> ContactWrench {
+        self.newest
+    }
+
+    /// Of a tick, s.
+    pub fn period(&self) -> f64 {
+        self.settings.period
+    }
+
+    /// The device did not take what was to be played: nothing is, and the force starts again from zero.
+    pub fn unplayed(&mut self, tick: &mut Tick) {
+        tick.events.raise(Event::DeviceLost);
+        tick.played = self.guard.cut();
+        self.played = tick.played;
+        self.gain.drop();
+        self.passivity.play(tick.played);
+    }
+
+    /// Time to integrate over, s.
+    fn clock(&mut self, time: f64, late: f64, events: &mut Events) -> f64 {
+        if late > LATE {
+            events.raise(Event::LateTick);
+        }
+        let nominal = self.settings.period;
+        let elapsed = self.time.map_or(nominal, |last| time - last);
+        self.time = Some(time);
+        if !(elapsed > 0.0 && elapsed < self.settings.limits.watchdog.max(LONGEST_TICK * nominal)) {
+            events.raise(Event::ClockJump);
+            return nominal;
+        }
+        elapsed.clamp(SHORTEST_TICK * nominal, LONGEST_TICK * nominal)
+    }
+
+    /// The device as it can be used, and whether all is well with it.
+    fn feel_for(&mut self, reading: &Result<Reading, Fault>, period: f64, events: &mut Events) -> (RigidState, bool) {
+        let has_faded = self.gain.value() == 0.0;
+        let sensed = self.sense.take(reading, period, has_faded, events);
+        if sensed.is_first {
+            self.home = sensed.state.position;
+        }
+        if sensed.has_jumped {
+            self.passivity.jump();
+        }
+        if sensed.is_well {
+            self.passivity.observe(&sensed.state);
+        }
+        (sensed.state, sensed.is_well)
+    }
+
+    /// A wrench that is new becomes the newest.
+    fn take(&mut self, newest: &ContactWrench, time: f64, events: &mut Events) {
+        if newest.step == self.newest.step {
+            return;
+        }
+        if !newest.is_finite() {
+            events.raise(Event::BadWrench);
+            return;
+        }
+        let model = match self.settings.local_model {
+            true => LocalModel::new(newest, self.settings.arm, self.settings.trust),
+            false => LocalModel::raw(newest),
+        };
+        self.models = [model, self.models[0]];
+        // Neither what came before the first wrench nor a stall is an interval to blend over.
+        let interval = if self.newest.step > 0 { time - self.taken.0 } else { 0.0 };
+        self.taken = (time, interval.clamp(0.0, self.settings.limits.watchdog));
+        self.newest = *newest;
+    }
+
+    /// Contact where the tool is: the newest model, blended in over one interval.
+    fn contact(&self, time: f64, events: &mut Events) -> Tangent {
+        let tool = state_of(&self.tool);
+        let [(newest, is_beyond), (before, _)] = self.models.map(|model| model.evaluate(&tool));
+        if is_beyond {
+            events.raise(Event::BeyondTrust);
+        }
+        let (since, interval) = (time - self.taken.0, self.taken.1);
+        let share = if self.settings.local_model && interval > 0.0 { (since / interval).clamp(0.0, 1.0) } else { 1.0 };
+        before.blend(&newest, share)
+    }
+
+    /// Moves the tool by implicit Euler: coupling towards the device as it is now, and contact.
+    fn move_tool(&mut self, device: &RigidState, time: f64, h: f64, events: &mut Events) -> Wrench {
+        let contact = self.contact(time, events);
+        let rows = self.tool.rows(h, DVec3::ZERO, &self.within_reach(device));
+        let twist = super::local_model::vector(self.tool.velocity, self.tool.angular_velocity);
+        let matrix = Matrix6::from_fn(|i, k| rows.matrix[i][k]) + h * (contact.damping + h * contact.stiffness);
+        let rhs = Vector6::from(rows.rhs) + h * (contact.force - h * (contact.stiffness * twist));
+        let before = state_of(&self.tool);
+        let change = matrix.cholesky().map(|factor| factor.solve(&rhs));
+        let Some(change) = change.filter(|change| change.iter().all(|x| x.is_finite())) else {
+            events.raise(Event::BadForce);
+            self.still_at(&before);
+            return Wrench::ZERO;
+        };
+        self.tool.advance(h, change.into());
+        if !state_of(&self.tool).is_valid() {
+            events.raise(Event::BadForce);
+            self.still_at(&before);
+            return Wrench::ZERO;
+        }
+        let force = contact.force - h * (contact.stiffness * (twist + change)) - contact.damping * change;
+        wrench(&force)
+    }
+
+    fn still_at(&mut self, state: &RigidState) {
+        (self.tool.centre, self.tool.orientation) = (state.position, state.orientation);
+        (self.tool.velocity, self.tool.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
+    }
+
+    /// The device, drawn up to the tool so far that the coupling pulls no harder than may be played.
+    fn within_reach(&self, device: &RigidState) -> RigidState {
+        let Some(coupling) = self.tool.coupling.filter(|coupling| coupling.stiffness > 0.0) else { return *device };
+        let reach = self.settings.limits.force / coupling.stiffness;
+        let away = device.position - self.tool.centre;
+        RigidState { position: self.tool.centre + away.clamp_length_max(reach), ..*device }
+    }
+
+    /// What the coupling pulls the tool with, the other way round; then what passivity and safety leave of it.
+    fn play(&mut self, device: &RigidState, contact: Wrench, h: f64, events: &mut Events) -> (Wrench, f64) {
+        let pull = self.tool.pull(&self.within_reach(device));
+        let gain = self.gain.value();
+        let plays_torque = self.settings.limits.torque > 0.0;
+        let torque = if plays_torque { -gain * pull.torque } else { DVec3::ZERO };
+        let wanted = Wrench { force: -gain * pull.force, torque };
+        if contact == Wrench::ZERO {
+            self.passivity.forget(self.tool.stored(device));
+        }
+        let control = self.passivity.control(wanted, device, h);
+        if control.wrench != wanted {
+            events.raise(Event::Damped);
+        }
+        if control.is_limited {
+            events.raise(Event::DampingLimited);
+        }
+        let played = match events.has_any(&[Event::DeviceLost, Event::BadForce]) {
+            true => self.guard.cut(),
+            false => self.guard.pass(control.wrench, h, events),
+        };
+        self.played = played;
+        self.passivity.play(played);
+        (played, control.damping)
+    }
+}
+
+/// Where the tool is.
+pub fn state_of(tool: &Tool) -> RigidState {
+    RigidState {
+        position: tool.centre,
+        orientation: tool.orientation,
+        velocity: tool.velocity,
+        angular_velocity: tool.angular_velocity,
+    }
+}
+
+fn wrench(v: &Vector6<f64>) -> Wrench {
+    Wrench { force: DVec3::new(v[0], v[1], v[2]), torque: DVec3::new(v[3], v[4], v[5]) }
+}
