@@ -6,6 +6,7 @@ pub mod coupling;
 pub mod device;
 pub mod devices;
 pub mod drive;
+pub mod environment;
 pub mod event;
 pub mod local_model;
 pub mod passivity;

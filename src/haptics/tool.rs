@@ -3,6 +3,7 @@
 //! the tool is a soft body, it is that body's first core, and only the coupling is added to that core's rows.
 
 use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::device::{RigidState, Wrench};
 use super::drive::rotation_vector;
@@ -12,7 +13,7 @@ use crate::scene::Coupling;
 const GYROSCOPIC_ROUNDS: usize = 4;
 
 /// The tool's state and constants.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tool {
     /// kg.
     pub mass: f64,
