@@ -137,6 +137,9 @@ impl Simulation {
         let time = self.time + h;
         self.has_weight = false;
         self.drive = Drive::onward(self.time, &held.device, h);
+        if let Some(tool) = &mut self.tool {
+            tool.coupling = held.coupling;
+        }
         if let (Some(tool), None) = (&mut self.tool, self.model.held) {
             let RigidState { position, orientation, velocity, angular_velocity } = held.tool;
             (tool.centre, tool.orientation) = (position, orientation);

@@ -65,7 +65,7 @@ fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
         tool: None,
         coupling: None,
         drive: vec![],
-        haptics: scene::Haptics { device: "scripted".into(), rate: 1000.0, max_force: None },
+        haptics: scene::Haptics::default(),
         probes: vec![],
     }
 }

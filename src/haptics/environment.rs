@@ -42,6 +42,7 @@ impl Environment for Wall {
     /// As a simulation does: the tool by implicit Euler towards where the device will be, then the force at the end.
     fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
         let tool = &mut self.tool;
+        tool.coupling = held.coupling;
         let RigidState { position, orientation, velocity, angular_velocity } = held.tool;
         (tool.centre, tool.orientation) = (position, orientation);
         (tool.velocity, tool.angular_velocity) = (velocity, angular_velocity);

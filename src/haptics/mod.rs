@@ -15,7 +15,9 @@ pub mod safety;
 pub mod sense;
 pub mod servo;
 pub mod servo_thread;
+pub mod session;
 pub mod tool;
+pub mod virtual_time;
 
 pub use device::{Device, Fault, Reading, RigidState, Wrench};
 pub use profile::Profile;

@@ -169,7 +169,8 @@ impl Servo {
     /// What a step of the simulation starts from now.
     pub fn held(&self) -> Held {
         let time = self.time.unwrap_or(0.0);
-        Held { ticks: self.index, time, device: self.device, tool: state_of(&self.tool) }
+        let coupling = self.tool.coupling.filter(|_| self.index > 0);
+        Held { ticks: self.index, time, device: self.device, tool: state_of(&self.tool), coupling }
     }
 
     /// The newest wrench.

@@ -6,19 +6,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use thread_priority::{ThreadPriority, set_current_thread_priority};
+use serde::{Deserialize, Serialize};
+use thread_priority::ThreadPriority;
 
 use super::clock::{Lateness, Metronome};
 use super::device::{Device, Fault, RigidState};
 use super::event::Event;
 use super::local_model::ContactWrench;
 use super::servo::{Servo, Tick};
+use crate::scene::Coupling;
 
 /// Ticks that wait to be taken at most: what comes after is lost, and said so.
 const ROOM: usize = 1 << 14;
+/// Of 0 to 99.
+#[cfg(unix)]
+const MIDDLE: u8 = 50;
 
 /// What a step of the simulation starts from.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Held {
     /// Ticks done.
     pub ticks: u64,
@@ -28,6 +33,8 @@ pub struct Held {
     pub device: RigidState,
     /// The tool.
     pub tool: RigidState,
+    /// What joins them; `None` before the first tick.
+    pub coupling: Option<Coupling>,
 }
 
 /// A loop that runs. Dropping it stops it.
@@ -139,18 +146,19 @@ fn tick_until_stopped(mut device: Opened, mut servo: Servo, mut links: Links, mu
 }
 
 /// Before all threads that are not pressed for time, where that is permitted.
+#[cfg(unix)]
 pub fn raise_priority() -> Result<(), String> {
-    #[cfg(unix)]
-    {
-        use thread_priority::{RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, thread_native_id};
-        let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-        let middle = ThreadPriority::Crossplatform(50u8.try_into().map_err(|_| "no such priority".to_string())?);
-        let _ = set_current_thread_priority;
-        thread_priority::set_thread_priority_and_policy(thread_native_id(), middle, policy)
-            .map_err(|error| format!("{error:?}"))
-    }
-    #[cfg(not(unix))]
-    set_current_thread_priority(ThreadPriority::Max).map_err(|error| format!("{error:?}"))
+    use thread_priority::{RealtimeThreadSchedulePolicy, ThreadSchedulePolicy};
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    let middle = ThreadPriority::Crossplatform(MIDDLE.try_into().map_err(|_| "no such priority".to_string())?);
+    let this = thread_priority::thread_native_id();
+    thread_priority::set_thread_priority_and_policy(this, middle, policy).map_err(|error| format!("{error:?}"))
+}
+
+/// Before all threads that are not pressed for time, where that is permitted.
+#[cfg(not(unix))]
+pub fn raise_priority() -> Result<(), String> {
+    ThreadPriority::Max.set_for_current().map_err(|error| format!("{error:?}"))
 }
 
 /// A thread that does nothing but wake at the same deadlines, to compare the loop with.

@@ -78,13 +78,13 @@ mod tests {
         "prepare/tests.rs",
         "scene/body.rs",
         "scene/drive.rs",
+        "scene/haptics.rs",
         "scene/joint.rs",
         "scene/keys.rs",
         "scene/load.rs",
         "scene/material.rs",
         "scene/mod.rs",
         "scene/skeleton.rs",
-        "scene/supported.rs",
         "scene/tests.rs",
     ];
 

@@ -123,7 +123,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         tool: None,
         coupling: None,
         drive: Vec::new(),
-        haptics: Haptics { device: "scripted".into(), rate: 1000.0, max_force: None },
+        haptics: Haptics::default(),
         probes: Vec::new(),
     }
 }

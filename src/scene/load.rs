@@ -1,7 +1,7 @@
 //! [`Scene::load`]: from a TOML file to a checked [`Scene`].
 //!
-//! Bodies are read in `body.rs`, device poses in `drive.rs`; what the format knows and the engine does not yet do is
-//! refused in `supported.rs`. Meshes are looked for here, not read.
+//! Bodies are read in `body.rs`, device poses in `drive.rs`, the loop's settings in `haptics.rs`. Meshes are looked for
+//! here, not read.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use super::keys::{Source, Table, Value};
 use super::{
     Body, Contact, Core, Coupling, DepthPath, Haptics, Motion, Preconditioner, Probe, Scene, Shape, Solver, Step, Tool,
-    ToolShape, body, drive, supported,
+    ToolShape, body, drive, haptics,
 };
 use crate::{Error, Result};
 
@@ -55,7 +55,7 @@ impl Scene {
             tool: root.option("tool", tool)?,
             coupling: root.option("coupling", coupling)?,
             drive: root.option("drive", drive::read)?.unwrap_or_default(),
-            haptics: haptics(&root)?,
+            haptics: haptics::read(&root)?,
             probes: probes(&root)?,
         };
         if scene.bodies.is_empty() && scene.tool.is_none() {
@@ -63,7 +63,6 @@ impl Scene {
             return Err(Error::input(path, None, problem, "add a [[body]] or a [tool]"));
         }
         check_names(&root, &scene)?;
-        supported::check(&root, &scene)?;
         Ok(scene)
     }
 
@@ -83,7 +82,7 @@ impl Scene {
             tool: None,
             coupling: None,
             drive: Vec::new(),
-            haptics: Haptics { device: "scripted".into(), rate: 1000.0, max_force: None },
+            haptics: Haptics::default(),
             probes: Vec::new(),
         }
     }
@@ -213,17 +212,6 @@ fn coupling(value: &Value) -> Result<Coupling> {
     })
 }
 
-fn haptics(root: &Table) -> Result<Haptics> {
-    let Some(table) = section(root, "haptics", &["device", "rate", "max_force"])? else {
-        return Ok(Haptics { device: "scripted".into(), rate: 1000.0, max_force: None });
-    };
-    Ok(Haptics {
-        device: table.or("device", "scripted".into(), |value| value.text().map(Into::into))?,
-        rate: table.or("rate", 1000.0, Value::positive)?,
-        max_force: table.option("max_force", Value::positive)?,
-    })
-}
-
 fn probes(root: &Table) -> Result<Vec<Probe>> {
     let Some(array) = root.get("probe") else { return Ok(Vec::new()) };
     let mut probes: Vec<Probe> = Vec::new();
@@ -244,7 +232,7 @@ fn probes(root: &Table) -> Result<Vec<Probe>> {
 
 /// Names that refer to bodies must resolve, and tables that serve the tool need one.
 fn check_names(root: &Table, scene: &Scene) -> Result<()> {
-    for key in ["coupling", "drive"] {
+    for key in ["coupling", "drive", "haptics"] {
         if scene.tool.is_none() && root.has(key) {
             return Err(root.error(key, "there is no [tool] to hold", "add a [tool], or remove the table"));
         }

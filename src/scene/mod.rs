@@ -8,13 +8,13 @@ mod cursor;
 mod drive;
 pub mod gmsh;
 pub mod groups;
+mod haptics;
 mod joint;
 mod keys;
 mod load;
 mod material;
 pub mod obj;
 mod skeleton;
-mod supported;
 #[cfg(test)]
 mod tests;
 pub mod tetgen;
@@ -29,6 +29,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::prepare::model::Model;
 pub use body::{Dilatation, MOST_HULLS};
+pub use haptics::{DeviceKind, Haptics};
 pub use joint::{Joint, Resistance};
 pub use keys::unit_quaternion;
 pub use material::{Group, Law, Material, Place, Region};
@@ -365,17 +366,6 @@ pub struct Coupling {
     pub angular_stiffness: f64,
     /// N m s/rad.
     pub angular_damping: f64,
-}
-
-/// `[haptics]`.
-#[derive(Debug, Clone)]
-pub struct Haptics {
-    /// Name of the device.
-    pub device: String,
-    /// Rate of the host loop, Hz.
-    pub rate: f64,
-    /// Greatest force to play, N; `None`: the device profile's.
-    pub max_force: Option<f64>,
 }
 
 /// `[[probe]]`: a skin vertex to follow.

@@ -140,7 +140,7 @@ fn the_example_is_read_in_full() {
     assert_eq!((tool.mass, tool.scale, tool.orientation), (0.05, 1.0, DQuat::IDENTITY));
     assert_eq!(scene.coupling.unwrap().angular_damping, 0.002);
     assert_eq!((scene.drive.len(), scene.drive[1].position.z, scene.drive[1].time), (2, 0.1, 0.3));
-    assert_eq!((scene.haptics.rate, scene.haptics.max_force), (1000.0, Some(8.0)));
+    assert_eq!((scene.haptics.rate, scene.haptics.limits.force), (1000.0, Some(8.0)));
     assert_eq!((scene.probes[0].body.as_str(), scene.probes[0].nearest.z), ("head", 0.1));
 }
 
@@ -389,10 +389,24 @@ fn a_skeleton_gives_a_core_a_bone() {
 }
 
 #[test]
-fn what_the_engine_does_not_do_yet_is_refused_by_key() {
+fn haptics_are_read_and_what_no_device_has_is_refused() {
     let folder = Folder::new();
-    let message = folder.message(&with("device = \"scripted\"", "device = \"phantom\""));
-    assert!(message.contains("`haptics.device`: this version does not do that yet"), "{message}");
+    let haptics = |line: &str| with("device = \"scripted\"", line);
+    let read = folder.load(&haptics("device = \"hand\"\nprofile = \"touch\"\nlocal_model = false")).unwrap().haptics;
+    assert_eq!((read.device, read.profile.unwrap().name), (DeviceKind::Hand, "touch"));
+    assert!(!read.local_model && read.passivity);
+    for (line, message) in [
+        ("device = \"phantom\"", "`haptics.device`"),
+        ("profile = \"omni\"", "`haptics.profile`"),
+        ("address = \"ws://localhost:1\"", "`haptics.address`: belongs to device = \"haply\""),
+        ("max_torque = -1", "`haptics.max_torque`"),
+        ("device = \"haply\"\nprofile = \"touch\"", "`haptics.profile`: is not that of a Haply"),
+    ] {
+        let said = folder.message(&haptics(line));
+        assert!(said.contains(message), "{line}: {said}");
+    }
+    let fast = folder.message(&with("rate = 1000 ", "rate = 9000 "));
+    assert!(fast.contains("`haptics.rate`: is 9000.0; give 50.0 to 4000.0 Hz"), "{fast}");
 }
 
 #[test]

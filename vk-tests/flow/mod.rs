@@ -120,7 +120,7 @@ fn scene() -> Scene {
         tool: None,
         coupling: None,
         drive: vec![],
-        haptics: scene::Haptics { device: "scripted".into(), rate: 1000.0, max_force: None },
+        haptics: scene::Haptics::default(),
         probes: vec![],
     }
 }

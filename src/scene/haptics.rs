@@ -1,0 +1,151 @@
+//! `[haptics]`: the device, the loop, and limits lower than the device's. Called by `load.rs`.
+
+use std::path::PathBuf;
+
+use super::keys::{Table, Value};
+use crate::Result;
+use crate::haptics::profile::{PROFILES, Profile};
+use crate::haptics::safety::Lowered;
+
+/// Rates that the loop can keep, Hz.
+const RATES: [f64; 2] = [50.0, 4000.0];
+/// How far the local model is trusted unless a scene says otherwise, m.
+const TRUST: f64 = 2e-3;
+/// The longest step of the simulation that the loop asks for, s.
+const LONGEST_STEP: f64 = 0.05;
+
+/// `[haptics]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Haptics {
+    /// Which device.
+    pub device: DeviceKind,
+    /// The profile that a simulated device has; `None`: its own.
+    pub profile: Option<&'static Profile>,
+    /// Rate of the loop, Hz.
+    pub rate: f64,
+    /// Limits lower than the profile's.
+    pub limits: Lowered,
+    /// Whether contact is followed between wrenches.
+    pub local_model: bool,
+    /// How far, m.
+    pub trust: f64,
+    /// Whether the passivity controller acts.
+    pub passivity: bool,
+    /// The longest step of the simulation, s: where it takes longer than this, bodies move slower than in the world.
+    pub longest_step: f64,
+    /// Of the service that a device is reached by; `None`: its own.
+    pub address: Option<String>,
+    /// The session that is played again.
+    pub recording: Option<PathBuf>,
+}
+
+/// Which device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DeviceKind {
+    /// Follows `[drive]`.
+    Scripted,
+    /// A simulated human who means to follow `[drive]`.
+    Hand,
+    /// Plays the readings of a recorded session again.
+    Replay,
+    /// Haply's Inverse3.
+    Haply,
+}
+
+impl DeviceKind {
+    /// Every kind by its name.
+    pub const CHOICES: [(&'static str, DeviceKind); 4] = [
+        ("scripted", DeviceKind::Scripted),
+        ("hand", DeviceKind::Hand),
+        ("replay", DeviceKind::Replay),
+        ("haply", DeviceKind::Haply),
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        DeviceKind::CHOICES.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
+    }
+}
+
+impl Default for Haptics {
+    fn default() -> Haptics {
+        Haptics {
+            device: DeviceKind::Scripted,
+            profile: None,
+            rate: 1000.0,
+            limits: Lowered::default(),
+            local_model: true,
+            trust: TRUST,
+            passivity: true,
+            longest_step: LONGEST_STEP,
+            address: None,
+            recording: None,
+        }
+    }
+}
+
+const KEYS: [&str; 14] = [
+    "device",
+    "profile",
+    "rate",
+    "max_force",
+    "max_torque",
+    "max_slew",
+    "workspace",
+    "watchdog",
+    "local_model",
+    "trust",
+    "passivity",
+    "longest_step",
+    "address",
+    "recording",
+];
+
+/// The table, if there is one.
+pub(super) fn read(root: &Table) -> Result<Haptics> {
+    let default = Haptics::default();
+    let Some(table) = root.get("haptics").map(|value| value.table(&KEYS)).transpose()? else { return Ok(default) };
+    let limit = |key: &str| table.option(key, Value::positive);
+    let haptics = Haptics {
+        device: table.or("device", default.device, |value| value.one_of("a device", &DeviceKind::CHOICES))?,
+        profile: table.option("profile", profile)?,
+        rate: table.or("rate", default.rate, rate)?,
+        limits: Lowered {
+            force: limit("max_force")?,
+            torque: limit("max_torque")?,
+            slew: limit("max_slew")?,
+            workspace: limit("workspace")?,
+            watchdog: limit("watchdog")?,
+        },
+        local_model: table.or("local_model", true, Value::truth)?,
+        trust: table.or("trust", default.trust, Value::positive)?,
+        passivity: table.or("passivity", true, Value::truth)?,
+        longest_step: table.or("longest_step", default.longest_step, Value::positive)?,
+        address: table.option("address", |value| value.text().map(Into::into))?,
+        recording: table.option("recording", Value::file)?,
+    };
+    let needs = |key: &str, is_there: bool, kind: DeviceKind| match is_there && haptics.device != kind {
+        true => Err(table.error(key, format!("belongs to device = \"{}\"", kind.name()), "remove it, or the device")),
+        false => Ok(()),
+    };
+    needs("address", haptics.address.is_some(), DeviceKind::Haply)?;
+    needs("recording", haptics.recording.is_some(), DeviceKind::Replay)?;
+    if haptics.device == DeviceKind::Haply && haptics.profile.is_some_and(|profile| profile.name != "inverse3") {
+        return Err(table.error("profile", "is not that of a Haply", "remove it"));
+    }
+    Ok(haptics)
+}
+
+fn profile(value: &Value) -> Result<&'static Profile> {
+    let choices: Vec<(&str, &Profile)> = PROFILES.iter().map(|profile| (profile.name, profile)).collect();
+    value.one_of("a profile", &choices)
+}
+
+fn rate(value: &Value) -> Result<f64> {
+    let rate = value.positive()?;
+    let [low, high] = RATES;
+    if (low..=high).contains(&rate) {
+        return Ok(rate);
+    }
+    Err(value.error(format!("is {rate:?}"), format!("give {low:?} to {high:?} Hz")))
+}
