@@ -6,6 +6,7 @@ pub mod devices;
 pub mod drive;
 pub mod profile;
 pub mod tool;
+pub mod velocity;
 
 pub use device::{Device, Fault, Reading, RigidState, Wrench};
 pub use profile::Profile;
