@@ -17,6 +17,7 @@ pub mod servo;
 pub mod servo_thread;
 pub mod session;
 pub mod tool;
+pub mod velocity;
 pub mod virtual_time;
 
 pub use device::{Device, Fault, Reading, RigidState, Wrench};

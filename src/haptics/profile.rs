@@ -63,6 +63,31 @@ impl Profile {
         PROFILES.iter().find(|profile| profile.name == name)
     }
 
+    /// Whether figures from outside can be used: each finite and not negative, the workspace greater than zero.
+    ///
+    /// # Errors
+    /// The first that cannot, one line.
+    pub fn check(&self) -> Result<(), String> {
+        let figures = [
+            ("max_force", self.max_force),
+            ("max_torque", self.max_torque),
+            ("stiffness", self.stiffness),
+            ("damping", self.damping),
+            ("angular_stiffness", self.angular_stiffness),
+            ("angular_damping", self.angular_damping),
+            ("workspace", self.workspace),
+        ];
+        let fits =
+            |name: &str, figure: f64| figure.is_finite() && figure >= 0.0 && (figure > 0.0 || name != "workspace");
+        match figures.into_iter().find(|&(name, figure)| !fits(name, figure)) {
+            Some(("workspace", figure)) => {
+                Err(format!("profile {}: workspace is {figure}; give a radius greater than 0", self.name))
+            }
+            Some((name, figure)) => Err(format!("profile {}: {name} is {figure}; give 0 or more", self.name)),
+            None => Ok(()),
+        }
+    }
+
     /// Whether it can play torque.
     pub fn plays_torque(&self) -> bool {
         self.max_torque > 0.0
@@ -92,5 +117,34 @@ mod tests {
             assert_eq!(p.plays_torque(), figures[1] > 0.0, "{name}");
         }
         assert_eq!(Profile::named("omni"), None);
+    }
+
+    type Change = fn(&mut Profile, f64);
+
+    #[test]
+    fn only_figures_that_can_be_are_accepted() {
+        let changes: [(&str, Change); 7] = [
+            ("max_force", |p, x| p.max_force = x),
+            ("max_torque", |p, x| p.max_torque = x),
+            ("stiffness", |p, x| p.stiffness = x),
+            ("damping", |p, x| p.damping = x),
+            ("angular_stiffness", |p, x| p.angular_stiffness = x),
+            ("angular_damping", |p, x| p.angular_damping = x),
+            ("workspace", |p, x| p.workspace = x),
+        ];
+        for profile in PROFILES {
+            assert_eq!(profile.check(), Ok(()), "{}", profile.name);
+            for (name, change) in changes {
+                for (figure, fits) in
+                    [(0.0, name != "workspace"), (-1.0, false), (f64::NAN, false), (f64::INFINITY, false)]
+                {
+                    let mut changed = profile.clone();
+                    change(&mut changed, figure);
+                    let said = changed.check();
+                    assert_eq!(said.is_ok(), fits, "{name} {figure}");
+                    assert!(said.err().is_none_or(|line| line.contains(name) && !line.contains('\n')));
+                }
+            }
+        }
     }
 }
