@@ -68,7 +68,7 @@ impl Lateness {
     pub fn add(&mut self, late: f64, period: f64) {
         self.ticks += 1;
         self.worst = self.worst.max(late);
-        self.histogram[((late * 1e6) as usize).min(LONGEST)] += 1;
+        self.histogram[((late * 1e6).round() as usize).min(LONGEST)] += 1;
         if late > MISSED {
             self.missed += ((late - MISSED) / period).ceil().max(1.0) as u64;
         }
@@ -82,7 +82,7 @@ impl Lateness {
             seen += count;
             seen >= wanted
         });
-        at.map_or(0.0, |us| if us == LONGEST { self.worst } else { us as f64 * 1e-6 })
+        at.map_or(0.0, |us| if us == LONGEST { self.worst } else { us as f64 / 1e6 })
     }
 
     /// Ticks.

@@ -114,15 +114,21 @@ impl LocalModel {
         let moved = tool.position - self.tool.position;
         let turned = rotation_vector(tool.orientation * self.tool.orientation.conjugate());
         let length = moved.length().hypot(self.arm * turned.length());
-        let share = if length > self.trust { self.trust / length } else { 1.0 };
         let faster = vector(tool.velocity - self.tool.velocity, tool.angular_velocity - self.tool.angular_velocity);
-        let (stiffness, damping) = (self.at.stiffness * share, self.at.damping);
-        let force = self.at.force - stiffness * vector(moved, turned) - damping * faster;
-        let is_beyond = length > self.trust && self.at.stiffness.trace() > 0.0;
-        if self.has_let_go(&force) {
-            return (Tangent::zero(), is_beyond);
+        let (moved, damped) = (vector(moved, turned), self.at.damping * faster);
+        // Trust limits how far the force grows, not that it ends.
+        if self.has_let_go(&(self.at.force - self.at.stiffness * moved - damped)) {
+            return (Tangent::zero(), false);
         }
-        (Tangent { force, stiffness, damping }, is_beyond)
+        let is_beyond = length > self.trust && self.has_contact();
+        let stiffness = if is_beyond { self.at.stiffness * (self.trust / length) } else { self.at.stiffness };
+        let force = self.at.force - stiffness * moved - damped;
+        (Tangent { force, stiffness, damping: self.at.damping }, is_beyond)
+    }
+
+    /// Whether the wrench had contact.
+    pub fn has_contact(&self) -> bool {
+        self.at.stiffness.trace() > 0.0
     }
 
     /// Contacts that press from one side pull where the model is followed past the point at which they part.

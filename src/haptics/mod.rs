@@ -2,6 +2,8 @@
 //! its force a thousand times a second.
 
 pub mod clock;
+#[cfg(test)]
+mod closed_loop;
 pub mod coupling;
 pub mod device;
 pub mod devices;

@@ -236,7 +236,12 @@ impl Servo {
             true => LocalModel::new(newest, self.settings.arm, self.settings.trust),
             false => LocalModel::raw(newest),
         };
-        self.models = [model, self.models[0]];
+        // Where a wrench finds no contact, and the last one that did says the same of that place, it says where contact
+        // begins again: a tool that bounces meets it between two wrenches.
+        let remembered = self.models[0].evaluate(&newest.tool).0 == Tangent::zero();
+        if model.has_contact() || !(self.models[0].has_contact() && remembered) {
+            self.models = [model, self.models[0]];
+        }
         // Neither what came before the first wrench nor a stall is an interval to blend over.
         let interval = if self.newest.step > 0 { time - self.taken.0 } else { 0.0 };
         self.taken = (time, interval.clamp(0.0, self.settings.limits.watchdog));
