@@ -123,6 +123,15 @@ mod tests {
         assert!(found[41..].iter().all(|&v| v == 0.0), "{found:?}");
     }
 
+    /// By hand: a tick after a stop from two quanta a tick, the line over two ticks still passes within a quantum of the one
+    /// between, and that over three does not; a tick later only lines at rest do.
+    #[test]
+    fn a_slow_stop_is_seen_as_soon_as_a_quantum_allows() {
+        let quanta: Vec<f64> = (0..60).map(|i: i32| 2.0 * f64::from(i.min(40))).collect();
+        let found: Vec<f64> = estimates(&quanta)[40..44].iter().map(|v| v * TICK / QUANTUM).collect();
+        assert_eq!(found, [2.0, 1.0, 0.0, 0.0]);
+    }
+
     #[test]
     fn a_position_that_is_no_later_is_left_out() {
         let mut window = AdaptiveWindow::new(0.0);

@@ -198,7 +198,7 @@ impl Device for Hand {
         }
         let torque = if self.profile.plays_torque() { wrench.torque } else { DVec3::ZERO };
         let due = self.done + self.parameters.delay_substeps();
-        // Of several told at one time the last is played.
+        // Of several told at one time only the last is played, and the others need no room.
         if self.coming.back().is_some_and(|(last, _)| *last == due) {
             self.coming.pop_back();
         }

@@ -257,6 +257,7 @@ fn a_delayed_force_acts_from_its_time_plus_the_delay() {
         hand.read(0.004).unwrap();
         hand.write(&push(DVec3::ONE * 9.0)).unwrap();
         hand.write(&push(DVec3::X)).unwrap();
+        assert_eq!(hand.coming.len(), 1);
         assert_eq!(hand.read(0.004 + delay).unwrap().state.position, DVec3::ZERO, "{delay}");
         let after = hand.read(0.0041 + delay).unwrap();
         let accelerated = 0.5 * 1e-8 / 0.1;
@@ -286,8 +287,8 @@ fn delayed_forces_keep_their_order() {
 #[test]
 fn two_runs_are_the_same_bits() {
     let keys = [key(0.0, DVec3::ZERO, DVec3::ZERO), key(0.3, DVec3::new(0.02, 0.01, 0.0), DVec3::new(0.1, 0.2, 0.0))];
-    let run = || {
-        let mut hand = hand(HandParameters { delay: 0.001, ..Default::default() }, &keys);
+    let run = |delay: f64| {
+        let mut hand = hand(HandParameters { delay, ..Default::default() }, &keys);
         let mut bits = Vec::new();
         for tick in 1..=1000 {
             let state = hand.read(f64::from(tick) * TICK).unwrap().state;
@@ -300,7 +301,8 @@ fn two_runs_are_the_same_bits() {
         bits.push(hand.energy().received().to_bits());
         bits
     };
-    assert_eq!(run(), run());
+    assert_eq!(run(0.001), run(0.001));
+    assert_ne!(run(0.001), run(0.002));
 }
 
 #[test]
