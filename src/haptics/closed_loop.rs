@@ -50,17 +50,33 @@ fn make(profile: &Profile, stiffness: f64, adjust: impl FnOnce(&mut Settings)) -
     (Servo::new(settings, tool), wall)
 }
 
-/// Presses by an intended way and holds; all ticks.
+/// Presses by an intended way and holds.
 fn press(profile: &str, stiffness: f64, rate: f64, adjust: impl FnOnce(&mut Settings)) -> (Vec<Tick>, Hand) {
+    follow(&[key(0.0, 0.005), key(0.3, 0.005), key(0.6, -0.01)], profile, stiffness, rate, adjust)
+}
+
+/// Three seconds of a hand that means to follow keys; all ticks.
+fn follow(
+    keys: &[Key],
+    profile: &str,
+    stiffness: f64,
+    rate: f64,
+    adjust: impl FnOnce(&mut Settings),
+) -> (Vec<Tick>, Hand) {
     let profile = Profile::named(profile).unwrap();
     let (mut servo, mut wall) = make(profile, stiffness, adjust);
-    let keys = [key(0.0, 0.005), key(0.3, 0.005), key(0.6, -0.01)];
-    let mut hand = Hand::new(HandParameters::default(), Drive::new(&keys, keys[0]), profile.clone()).unwrap();
+    let mut hand = Hand::new(HandParameters::default(), Drive::new(keys, keys[0]), profile.clone()).unwrap();
     hand.open().unwrap();
     let mut ticks = Vec::new();
     let schedule = Schedule::at(rate, PERIOD);
     virtual_time::run(&mut hand, &mut servo, &mut wall, schedule, 3000, |tick| ticks.push(*tick)).unwrap();
     (ticks, hand)
+}
+
+/// Presses, holds and releases.
+fn cycle(profile: &str, stiffness: f64, rate: f64, adjust: impl FnOnce(&mut Settings)) -> (Vec<Tick>, Hand) {
+    let keys = [key(0.0, 0.005), key(0.3, 0.005), key(0.6, -0.01), key(1.6, -0.01), key(2.0, 0.01)];
+    follow(&keys, profile, stiffness, rate, adjust)
 }
 
 /// Mean and standard deviation of the force played over the last second, N.
@@ -71,22 +87,55 @@ fn force_at_end(ticks: &[Tick]) -> (f64, f64) {
 }
 
 #[test]
-fn explore() {
-    for profile in ["sigma.7", "premium"] {
-        for rate in [50.0, 30.0] {
+fn the_local_model_holds_contact_where_the_raw_force_swings() {
+    for profile in ["premium", "touch", "inverse3", "sigma.7"] {
+        for (rate, stiffness) in [(50.0, 1000.0), (50.0, 2000.0), (30.0, 300.0), (30.0, 5000.0)] {
+            let with = |local_model: bool| {
+                force_at_end(
+                    &press(profile, stiffness, rate, |s| (s.local_model, s.passivity) = (local_model, false)).0,
+                )
+            };
+            let ((mean, deviation), (_, raw)) = (with(true), with(false));
+            println!("{profile}, {stiffness} N/m at {rate} Hz: {mean:.3} N, swings {deviation:.4} N; raw {raw:.2} N");
+            assert!(mean > 1.0 && deviation < 0.001 * mean, "{profile} {rate} {stiffness}: {mean} +- {deviation}");
+            assert!(raw > 0.5, "{profile} {rate} {stiffness}: the raw force swings by {raw} N only");
+        }
+    }
+}
+
+#[test]
+fn a_prompt_force_is_the_same_with_and_without_the_local_model() {
+    for profile in ["premium", "touch", "inverse3", "sigma.7"] {
+        let with =
+            |local_model: bool| force_at_end(&press(profile, 300.0, 1000.0, |s| s.local_model = local_model).0).0;
+        let (local, raw) = (with(true), with(false));
+        // Arm, coupling and wall in series; friction holds the hand within 0.05 N of balance.
+        let coupling = coupling::choose(Profile::named(profile).unwrap(), PERIOD, 0.0, 0.05, 2e-6, None).coupling;
+        let exact = 0.01 / (1.0 / 300.0 + 1.0 / 300.0 + 1.0 / coupling.stiffness);
+        assert!((local - exact).abs() < 0.05 && (raw - exact).abs() < 0.05, "{profile}: {local} {raw}, {exact} N");
+    }
+}
+
+#[test]
+fn a_press_and_release_gives_the_hand_no_energy() {
+    for profile in ["premium", "touch", "inverse3", "sigma.7"] {
+        for (rate, stiffness) in [(1000.0, 2000.0), (200.0, 2000.0), (50.0, 2000.0), (30.0, 5000.0)] {
             for local_model in [true, false] {
-                for passivity in [true, false] {
-                    let (ticks, hand) = press(profile, 2000.0, rate, |s| {
-                        s.local_model = local_model;
-                        s.passivity = passivity;
-                    });
-                    let (mean, deviation) = force_at_end(&ticks);
-                    println!(
-                        "{profile} {rate} local {local_model} passivity {passivity}: {mean:.3} N +- {deviation:.4}, net {:.2e}, hand {:.2e}",
-                        ticks.last().unwrap().energy.net(), hand.energy().received()
-                    );
-                }
+                let (ticks, hand) = cycle(profile, stiffness, rate, |s| s.local_model = local_model);
+                let peak = ticks.iter().map(|tick| tick.played.force.length()).fold(0.0, f64::max);
+                let most = (HandParameters::default().quantum * peak).max(1e-6);
+                let (seen, received) = (ticks.last().unwrap().energy.net(), hand.energy().received());
+                println!(
+                    "{profile}, {stiffness} N/m at {rate} Hz, local model {local_model}: {received:.1e} J of {most:.1e}"
+                );
+                assert!(peak > 0.3, "{profile} {stiffness} {rate} {local_model}: {peak} N");
+                assert!(
+                    received <= most && seen <= most,
+                    "{profile} {stiffness} {rate} {local_model}: {received} {seen}"
+                );
             }
         }
     }
+    let (_, hand) = cycle("premium", 2000.0, 50.0, |s| (s.local_model, s.passivity) = (false, false));
+    assert!(hand.energy().received() > 0.1, "without control the raw force gives energy: {:?}", hand.energy());
 }
