@@ -7,6 +7,7 @@ mod engine;
 mod prepare;
 mod press;
 mod query;
+mod replay;
 mod run;
 
 use std::io::Write;
@@ -27,6 +28,8 @@ struct Arguments {
 enum Command {
     /// Simulate a scene and record what the tool feels
     Run(run::Arguments),
+    /// Run a recorded session again, and say where it differs
+    Replay(replay::Arguments),
     /// Make a layered body of a surface, with a report, pictures and a scene
     Prepare(prepare::Arguments),
     /// Find where two surfaces overlap, undeformed
@@ -44,6 +47,7 @@ fn main() -> ExitCode {
     };
     let result = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Replay(arguments) => replay::replay(&arguments),
         Command::Prepare(arguments) => prepare::prepare(&arguments),
         Command::Query(arguments) => query::query(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
 use thread_priority::{ThreadPriority, set_current_thread_priority};
 
 use super::clock::{Lateness, Metronome};
@@ -18,7 +19,7 @@ use super::servo::{Servo, Tick};
 const ROOM: usize = 1 << 14;
 
 /// What a step of the simulation starts from.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Held {
     /// Ticks done.
     pub ticks: u64,

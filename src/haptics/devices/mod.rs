@@ -1,1 +1,5 @@
 //! Devices, real and simulated.
+
+mod replay;
+
+pub use replay::Replay;
