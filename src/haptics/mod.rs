@@ -13,6 +13,8 @@ pub mod event;
 pub mod local_model;
 pub mod passivity;
 pub mod profile;
+pub mod record;
+pub mod replay;
 pub mod safety;
 pub mod sense;
 pub mod servo;

@@ -2,8 +2,10 @@
 
 pub mod callback;
 pub mod hand;
+mod replay;
 pub mod scripted;
 
 pub use callback::Callback;
 pub use hand::{Hand, HandEnergy, HandParameters};
+pub use replay::Replay;
 pub use scripted::Scripted;
