@@ -10,6 +10,8 @@ pub mod devices;
 pub mod drive;
 pub mod environment;
 pub mod event;
+#[cfg(test)]
+mod faults;
 pub mod local_model;
 pub mod passivity;
 pub mod profile;
