@@ -22,6 +22,7 @@ mod flow;
 mod frames;
 mod friction;
 mod gpu;
+mod haptics;
 mod harness;
 mod harness_self_test;
 mod heads;
