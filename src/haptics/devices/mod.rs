@@ -1,1 +1,3 @@
 //! Devices, real and simulated.
+
+pub mod haply;
