@@ -6,6 +6,7 @@ use std::net::{IpAddr, Shutdown, SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 use serde::Deserialize;
+use tungstenite::error::ProtocolError;
 use tungstenite::http::Uri;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message, Utf8Bytes, WebSocket};
@@ -41,19 +42,27 @@ impl Address {
     /// Where it is no such URL, or its host is neither `localhost` nor a loopback address and not trusted.
     pub fn new(url: &str, trust_remote: bool) -> Result<Address, Fault> {
         let refuse = |why: &str| Err(Fault::Lost(format!("{url:?} {why}")));
-        let Some((uri, host)) = url.parse::<Uri>().ok().and_then(|uri| uri.host().map(String::from).map(|h| (uri, h)))
-        else {
+        let Some(uri) = url.parse::<Uri>().ok().filter(|uri| uri.host().is_some()) else {
             return refuse("is no address: use one such as ws://localhost:10001");
         };
         if uri.scheme_str() != Some("ws") {
             return refuse("is no WebSocket without TLS: use one such as ws://localhost:10001");
         }
-        let host = host.trim_matches(['[', ']']).to_string();
+        let name = uri.host().unwrap_or_default();
+        // `Uri` tells no difference between a port that is missing and one that is too large.
+        let port = match uri.authority().and_then(|all| all.as_str().strip_prefix(name)) {
+            Some("") => Some(PORT),
+            rest => rest.and_then(|rest| rest.strip_prefix(':')).and_then(|port| port.parse().ok()),
+        };
+        let Some(port) = port else {
+            return refuse("has no such port: use one such as ws://localhost:10001");
+        };
+        let host = name.trim_matches(['[', ']']).to_string();
         let loopback = host.parse::<IpAddr>().map_or(host.eq_ignore_ascii_case("localhost"), |ip| ip.is_loopback());
         if !loopback && !trust_remote {
             return refuse("is not on this machine: use localhost, or say that a remote service is trusted");
         }
-        Ok(Address { url: url.into(), host, port: uri.port_u16().unwrap_or(PORT), trust_remote })
+        Ok(Address { url: url.into(), host, port, trust_remote })
     }
 
     /// As it was given.
@@ -147,6 +156,7 @@ impl Link {
                 Ok(_) => {}
                 Err(Error::Io(e)) if e.kind() == ErrorKind::WouldBlock => return Ok(None),
                 Err(e @ (Error::Io(_) | Error::ConnectionClosed | Error::AlreadyClosed)) => return Err(lost(&e)),
+                Err(e @ Error::Protocol(ProtocolError::ResetWithoutClosingHandshake)) => return Err(lost(&e)),
                 Err(e) => return Err(Fault::Garbled(e.to_string())),
             }
         }
@@ -244,8 +254,15 @@ mod tests {
             assert!(matches!(Address::new(url, false), Err(Fault::Lost(why)) if why.contains("trusted")), "{url}");
             assert!(Address::new(url, true).is_ok(), "{url}");
         }
-        for url in ["", "localhost", "wss://localhost:10001", "http://localhost:10001", "ws://", "ws://localhost:99999"]
-        {
+        for url in [
+            "",
+            "localhost",
+            "wss://localhost:10001",
+            "http://localhost:10001",
+            "ws://",
+            "ws://localhost:99999",
+            "ws://a@localhost",
+        ] {
             assert!(
                 matches!(Address::new(url, true), Err(Fault::Lost(why)) if why.contains("ws://localhost")),
                 "{url}"

@@ -282,6 +282,7 @@ fn a_service_that_hangs_up_is_lost_and_found_again_where_the_device_was() {
         assert_eq!(device.counts().connections, connections);
     }
     assert_eq!(device.read(0.0).unwrap().state.position, DVec3::new(1.0, 2.0, 3.0));
+    assert_eq!(device.counts().garbled, 0);
     let starts = fake.heard().into_iter().filter(|h| h.message.get("session").is_some());
     assert!(starts.map(|h| force(&h)).eq([DVec3::ZERO; 3]));
 }
