@@ -116,6 +116,8 @@ impl Exchange {
         let inventory = link.receive(Instant::now() + INVENTORY_WAIT)?;
         let inventory = inventory.ok_or_else(|| Fault::Lost("the service sends no inventory".into()))?;
         let (device_id, _) = protocol::find(&inventory, self.device_id.as_deref())?;
+        // From now on this one and no other, which would be somewhere else.
+        self.device_id = Some(device_id.clone());
         let told = || link.version().and_then(|version| Dialect::of_version(&version));
         let dialect = self.dialect.or_else(told).unwrap_or(Dialect::Vector);
         link.send(protocol::greeting(&device_id, dialect))?;
@@ -151,7 +153,7 @@ impl Exchange {
             }
             patience = self.shot.state.map_or(patience, |(at, _)| at.max(patience));
             if owed >= MOST_OWED || patience.elapsed() > PATIENCE {
-                return Err(self.shot.trouble.clone().unwrap_or(Fault::Lost("the service does not keep up".into())));
+                return Err(Fault::Lost("the service does not keep up, or says nothing of use".into()));
             }
             sent = Instant::now();
             let force = self.wanted();
@@ -175,11 +177,15 @@ impl Exchange {
     }
 
     fn report(&mut self, fault: Fault) {
-        if matches!(fault, Fault::Garbled(_)) {
-            count(&self.tally.garbled);
-            self.shot.garbled += 1;
-        }
-        self.shot.trouble = Some(fault);
+        let url = self.address.url();
+        self.shot.trouble = Some(match fault {
+            Fault::Lost(why) => Fault::Lost(format!("{url}: {why}")),
+            Fault::Garbled(why) => {
+                count(&self.tally.garbled);
+                self.shot.garbled += 1;
+                Fault::Garbled(format!("{url}: {why}"))
+            }
+        });
         self.shots.write(self.shot.clone());
     }
 

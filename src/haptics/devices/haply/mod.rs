@@ -81,11 +81,11 @@ pub struct Haply {
     settings: Settings,
     profile: Profile,
     tally: Arc<Tally>,
-    thread: Option<Thread>,
+    line: Option<Line>,
 }
 
 /// The loop's side of the exchange.
-struct Thread {
+struct Line {
     shots: Output<Shot>,
     orders: Input<Order>,
     stop: Arc<AtomicBool>,
@@ -100,7 +100,7 @@ struct Thread {
 impl Haply {
     /// A device that is not open yet; nothing is asked of the service.
     pub fn new(settings: Settings) -> Haply {
-        Haply { settings, profile: INVERSE3, tally: Arc::default(), thread: None }
+        Haply { settings, profile: INVERSE3, tally: Arc::default(), line: None }
     }
 
     /// What has happened so far.
@@ -115,7 +115,7 @@ impl Haply {
         }
     }
 
-    fn start(&self) -> Result<Thread, Fault> {
+    fn start(&self) -> Result<Line, Fault> {
         let address = Address::new(&self.settings.url, self.settings.trust_remote)?;
         let rate = self.settings.rate;
         if !RATES.contains(&rate) {
@@ -139,7 +139,7 @@ impl Haply {
         };
         let spawned = thread::Builder::new().name("haply".into()).spawn(move || exchange.run());
         let handle = spawned.map_err(|e| Fault::Lost(format!("no thread for it: {e}")))?;
-        Ok(Thread { shots, orders, stop, handle, url, offset: DVec3::ZERO, orientation: DQuat::IDENTITY })
+        Ok(Line { shots, orders, stop, handle, url, offset: DVec3::ZERO, orientation: DQuat::IDENTITY })
     }
 }
 
@@ -147,21 +147,23 @@ impl Device for Haply {
     /// Connects and waits for the first state, 2 s at most.
     fn open(&mut self) -> Result<(), Fault> {
         self.close();
-        let thread = self.thread.insert(self.start()?);
+        let line = self.line.insert(self.start()?);
         let started = Instant::now();
         while started.elapsed() < OPEN_WAIT {
-            if let Some((_, first)) = thread.shots.read().state {
-                thread.offset = self.settings.home - first.position;
+            if let Some((_, first)) = line.shots.read().state {
+                line.offset = self.settings.home - first.position;
                 self.profile.senses_rotation = first.orientation.is_some();
                 return Ok(());
             }
             thread::sleep(Duration::from_millis(1));
         }
-        let trouble = thread.shots.read().trouble.as_ref().map_or(String::from("no answer"), reason);
-        let url = thread.url.clone();
+        let trouble = match &line.shots.read().trouble {
+            Some(Fault::Lost(why) | Fault::Garbled(why)) => why.clone(),
+            None => format!("{}: no answer", line.url),
+        };
         self.close();
         let remedy = "start the Inverse service with an Inverse3 plugged in, or check the address";
-        Err(Fault::Lost(format!("{url} gave no state in {} s ({trouble}): {remedy}", OPEN_WAIT.as_secs())))
+        Err(Fault::Lost(format!("no state in {} s ({trouble}): {remedy}", OPEN_WAIT.as_secs())))
     }
 
     fn profile(&self) -> &Profile {
@@ -170,19 +172,19 @@ impl Device for Haply {
 
     /// The newest state. Never waits.
     fn read(&mut self, time: f64) -> Result<Reading, Fault> {
-        let thread = self.thread.as_mut().ok_or_else(closed)?;
-        let shot = thread.shots.read();
+        let line = self.line.as_mut().ok_or_else(closed)?;
+        let shot = line.shots.read();
         let age = shot.state.map(|(at, _)| at.elapsed());
         let (Some((_, state)), Some(age)) = (shot.state, age.filter(|age| *age <= STATE_LIFE)) else {
-            let silent = || Fault::Lost(format!("no state from {} for {} ms", thread.url, STATE_LIFE.as_millis()));
+            let silent = || Fault::Lost(format!("no state from {} for {} ms", line.url, STATE_LIFE.as_millis()));
             return Err(shot.trouble.clone().unwrap_or_else(silent));
         };
         match &shot.trouble {
             Some(trouble) if shot.garbled >= MANY_GARBLED => return Err(trouble.clone()),
             _ => {}
         }
-        thread.orientation = state.orientation.unwrap_or(thread.orientation);
-        let mut rigid = RigidState::at_rest(thread.offset + state.position, thread.orientation);
+        line.orientation = state.orientation.unwrap_or(line.orientation);
+        let mut rigid = RigidState::at_rest(line.offset + state.position, line.orientation);
         rigid.velocity = state.velocity;
         Ok(Reading { time: time - age.as_secs_f64(), state: rigid, buttons: state.buttons })
     }
@@ -190,17 +192,17 @@ impl Device for Haply {
     /// The force goes out with the thread's next message; the torque is not played. Never waits. A force that is not
     /// followed by another within 20 ms is followed by nothing.
     fn write(&mut self, wrench: &Wrench) -> Result<(), Fault> {
-        let thread = self.thread.as_mut().ok_or_else(closed)?;
-        thread.orders.write(Order { force: wrench.force, written: Some(Instant::now()) });
+        let line = self.line.as_mut().ok_or_else(closed)?;
+        line.orders.write(Order { force: wrench.force, written: Some(Instant::now()) });
         Ok(())
     }
 
     fn close(&mut self) {
-        let Some(thread) = self.thread.take() else { return };
-        thread.stop.store(true, Relaxed);
-        thread.handle.thread().unpark();
+        let Some(line) = self.line.take() else { return };
+        line.stop.store(true, Relaxed);
+        line.handle.thread().unpark();
         let asked = Instant::now();
-        while !thread.handle.is_finished() && asked.elapsed() < CLOSE_WAIT {
+        while !line.handle.is_finished() && asked.elapsed() < CLOSE_WAIT {
             thread::sleep(Duration::from_millis(1));
         }
     }
@@ -214,10 +216,4 @@ impl Drop for Haply {
 
 fn closed() -> Fault {
     Fault::Lost("it is not open".into())
-}
-
-fn reason(fault: &Fault) -> String {
-    match fault {
-        Fault::Lost(why) | Fault::Garbled(why) => why.clone(),
-    }
 }
