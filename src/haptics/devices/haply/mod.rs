@@ -4,6 +4,8 @@
 mod exchange;
 #[cfg(test)]
 mod fake;
+#[cfg(test)]
+mod faults;
 mod link;
 mod protocol;
 #[cfg(test)]
