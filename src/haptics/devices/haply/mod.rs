@@ -1,5 +1,6 @@
 //! The Haply Inverse3, through the Inverse service's WebSocket. Spoken over `tungstenite` and not over the crate `haply`
-//! (1.3), which bounds no message beyond 64 MiB, spins once a connection has ended, and speaks to service 3.5 only.
+//! (1.3): that holds 1 kHz too, but takes messages of up to 64 MiB and what it can save of malformed ones, speaks to
+//! service 3.5 only, and spins without end once a connection has ended.
 
 mod exchange;
 #[cfg(test)]
@@ -35,7 +36,7 @@ const RATES: std::ops::RangeInclusive<f64> = 50.0..=4000.0;
 /// Where the service is, and how it is used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Of the service; its host must be `localhost` or a loopback address.
+    /// Of the service, `ws://HOST:PORT`; its host must be `localhost` or a loopback address.
     pub url: String,
     /// Whether the service may be on another machine.
     pub trust_remote: bool,
