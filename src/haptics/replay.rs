@@ -78,7 +78,7 @@ pub fn reading_of(tick: &Tick) -> std::result::Result<Reading, Fault> {
 /// order), and where the environment does.
 pub fn replay(recorded: Recorded, environment: &mut dyn Environment) -> Result<Replayed> {
     let mut replay = Replay {
-        source: Source { recorded, ticks: VecDeque::new(), step: None, is_over: false, is_whole: false },
+        source: Source { recorded, ticks: VecDeque::new(), steps: VecDeque::new(), is_over: false, is_whole: false },
         environment,
         wrenches: VecDeque::new(),
         done: (0, 0),
@@ -92,18 +92,18 @@ pub fn replay(recorded: Recorded, environment: &mut dyn Environment) -> Result<R
 struct Source {
     recorded: Recorded,
     ticks: VecDeque<Box<Tick>>,
-    step: Option<Box<Step>>,
+    steps: VecDeque<Box<Step>>,
     is_over: bool,
     is_whole: bool,
 }
 
 impl Source {
-    /// Reads on until the next step is known, or there is none.
+    /// Reads on until the next tick and the next step are known, or there are none.
     fn look_ahead(&mut self) -> Result<()> {
-        while self.step.is_none() && !self.is_over {
+        while (self.ticks.is_empty() || self.steps.is_empty()) && !self.is_over {
             match self.recorded.next().transpose()? {
                 Some(Entry::Tick(tick)) => self.ticks.push_back(tick),
-                Some(Entry::Step(step)) => self.step = Some(step),
+                Some(Entry::Step(step)) => self.steps.push_back(step),
                 Some(Entry::Begin(_)) => return Err(self.wrong("the servo begins twice".into())),
                 Some(Entry::End(_)) => self.is_whole = true,
                 None => self.is_over = true,
@@ -146,7 +146,8 @@ impl Replay<'_> {
         let mut servo = Servo::new(settings, tool);
         loop {
             self.source.look_ahead()?;
-            if let Some(step) = self.source.step.take_if(|step| step.held.ticks <= self.done.0) {
+            let is_due = self.source.steps.front().is_some_and(|step| step.held.ticks <= self.done.0);
+            if is_due && let Some(step) = self.source.steps.pop_front() {
                 if let Some(difference) = self.step(&step, Some(&servo))? {
                     return Ok(Some(difference));
                 }
@@ -158,7 +159,7 @@ impl Replay<'_> {
                 return Ok(Some(difference));
             }
         }
-        match &self.source.step {
+        match self.source.steps.front() {
             Some(step) if self.source.is_whole => {
                 let problem = format!("step {} starts from tick {}, after the last", self.done.1 + 1, step.held.ticks);
                 Err(self.source.wrong(problem))

@@ -235,7 +235,7 @@ fn every_way_a_file_can_be_wrong_is_one_line_that_says_where() {
         (put(at, &[1, 0, 16, 0]), format!("{}: it is 1048577 bytes long", damaged(at))),
         (put(at, &[255; 4]), damaged(at)),
         (put(at + 4, &[9]), damaged(at)),
-        (put(end + 5, &[0]), format!("{}: it ends with", damaged(end))),
+        (put(end + 5, &[0xf5]), format!("{}: it ends with", damaged(end))),
         (Box::new(|b| b.push(0)), format!("{}: more follows", damaged(bytes.len()))),
         (Box::new(move |b| b.splice(at..at, b[at - 1000..at].to_vec()).for_each(drop)), "is damaged".into()),
     ];

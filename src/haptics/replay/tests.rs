@@ -81,7 +81,7 @@ fn one_bit_is_found_and_named_where_it_is() {
     );
     let moved = tick(200, |tick| flip(&mut tick.reading.as_mut().unwrap().state.position.y));
     starts(difference(moved), "tick 200 differs first in device_y: ");
-    starts(difference(tick(200, |tick| flip(&mut tick.time))), "tick 200 differs first in age_s: ");
+    starts(difference(tick(200, |tick| flip(&mut tick.time))), "tick 200 differs first in tool_y: ");
     let unread = tick(200, |tick| tick.reading = None);
     starts(difference(unread), "tick 200 differs first in device_vy: ");
     let later = tick(145, |tick| tick.step -= 1);
