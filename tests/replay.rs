@@ -94,6 +94,11 @@ fn a_session_is_replayed_to_the_same_bits_and_written_as_a_table() {
     let (status, _, error) = palpate(&["replay", file, "--scene", scene.to_str().unwrap()]);
     assert_eq!(status, 4);
     assert!(error.contains("step ") && error.contains(" differs first in "), "{error}");
+
+    fs::remove_file(&scene).unwrap();
+    let (status, _, error) = palpate(&["replay", file]);
+    assert_eq!(status, 2);
+    assert!(error.contains("scene.toml is not there; name it by --scene"), "{error}");
 }
 
 #[test]

@@ -85,6 +85,10 @@ fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
 /// The scene that was recorded; another only where the user names it.
 fn scene_of(header: &Header, arguments: &Arguments) -> Result<Scene> {
     let path = arguments.scene.as_deref().unwrap_or(Path::new(&header.scene));
+    if arguments.scene.is_none() && !path.exists() {
+        let problem = format!("its scene {} is not there", path.display());
+        return Err(Error::input(&arguments.file, None, problem, "name it by --scene"));
+    }
     let scene = Scene::load(path)?;
     if record::digest(path)? != header.scene_digest {
         let problem = "is not the scene as it was recorded";
