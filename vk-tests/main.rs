@@ -43,6 +43,7 @@ mod pose;
 mod query;
 mod random;
 mod regions;
+mod replay;
 mod response;
 mod scenes;
 mod sights;

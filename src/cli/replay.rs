@@ -1,7 +1,7 @@
 //! `palpate replay`: a recorded session again, compared bit for bit; or its ticks as a table.
 
 use std::fs::File;
-use std::io::{BufReader, Write};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
@@ -14,7 +14,7 @@ use palpate::scene::{DepthPath, Scene};
 use palpate::step::Simulation;
 use palpate::{Error, Result};
 
-use crate::print;
+use crate::{print, tell};
 
 /// Options of `palpate replay`.
 #[derive(clap::Args)]
@@ -58,24 +58,18 @@ fn open(path: &Path) -> Result<(Recorded, ProgressBar)> {
     Ok((Recorded::read(path, BufReader::new(bar.wrap_read(file)))?, bar))
 }
 
-fn note(text: &str) {
-    // A closed stderr does not stop a replay.
-    let _ = writeln!(std::io::stderr(), "note: {text}");
-}
-
 const CUT_SHORT: &str = "the recording was cut short; this is what there is of it";
 
 fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
     let header = recorded.header.clone();
-    let mut scene = scene_of(&header, arguments)?;
-    scene.coupling = header.coupling;
+    let scene = scene_of(&header, arguments)?;
     let options = Options { device: arguments.device.clone(), one_thread: true, ..Options::default() };
     let mut simulation = Simulation::new(&scene, &options, depth_of(&header, &arguments.file)?)?;
     let context = simulation.context();
     let now = [env!("CARGO_PKG_VERSION"), context.device_name(), context.driver()];
     for (then, now) in [&header.program, &header.device, &header.driver].into_iter().zip(now) {
         if then != now {
-            note(&format!("recorded with {then}, replayed with {now}: that need not give the same bits"));
+            tell(&format!("recorded with {then}, replayed with {now}: that need not give the same bits"));
         }
     }
     let replayed = replay::replay(recorded, &mut simulation)?;
@@ -83,7 +77,7 @@ fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
         return Err(Error::Simulation(format!("{}: {difference}", arguments.file.display())));
     }
     if !replayed.is_whole {
-        note(CUT_SHORT);
+        tell(CUT_SHORT);
     }
     Ok(format!("replayed {} ticks and {} steps: the same bits\n", replayed.ticks, replayed.steps))
 }
@@ -91,13 +85,17 @@ fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
 /// The scene that was recorded; another only where the user names it.
 fn scene_of(header: &Header, arguments: &Arguments) -> Result<Scene> {
     let path = arguments.scene.as_deref().unwrap_or(Path::new(&header.scene));
+    if arguments.scene.is_none() && !path.exists() {
+        let problem = format!("its scene {} is not there", path.display());
+        return Err(Error::input(&arguments.file, None, problem, "name it by --scene"));
+    }
     let scene = Scene::load(path)?;
     if record::digest(path)? != header.scene_digest {
         let problem = "is not the scene as it was recorded";
         if arguments.scene.is_none() {
             return Err(Error::input(path, None, problem, "restore it, or name by --scene the one to replay with"));
         }
-        note(&format!("{} {problem}", path.display()));
+        tell(&format!("{} {problem}", path.display()));
     }
     Ok(scene)
 }
@@ -133,7 +131,7 @@ fn export(recorded: Recorded, out: &Path) -> Result<String> {
     table.finish().map_err(failed)?;
     output.commit()?;
     if !is_whole {
-        note(CUT_SHORT);
+        tell(CUT_SHORT);
     }
     Ok(format!("wrote {ticks} ticks\n"))
 }

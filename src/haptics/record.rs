@@ -22,7 +22,7 @@ use super::local_model::ContactWrench;
 use super::servo::{Settings, Tick};
 use super::servo_thread::Held;
 use super::tool::Tool;
-use crate::scene::{Coupling, Scene};
+use crate::scene::Scene;
 use crate::step::Simulation;
 use crate::{Error, Result};
 pub use read::Recorded;
@@ -52,8 +52,6 @@ pub struct Header {
     pub driver: String,
     /// Path of the depth stage, by [`name`](crate::scene::DepthPath::name), where the step has one.
     pub depth: Option<String>,
-    /// With which the simulation itself holds the tool.
-    pub coupling: Option<Coupling>,
     /// Name of the haptic device's profile.
     pub profile: String,
     /// The haptic device, as the user names it.
@@ -73,7 +71,6 @@ impl Header {
             device: context.device_name().into(),
             driver: context.driver().into(),
             depth: simulation.depth_path().map(|path| path.name().into()),
-            coupling: simulation.tool().and_then(|tool| tool.coupling),
             profile: profile.into(),
             haptic_device: haptic_device.into(),
         })
@@ -121,7 +118,7 @@ pub struct Totals {
 /// What a recording holds, in order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Entry {
-    /// The servo begins. Before it there are only steps that no tick saw.
+    /// The servo, as it begins: the first entry.
     Begin(Box<Begin>),
     /// A tick of the loop.
     Tick(Box<Tick>),
@@ -142,7 +139,7 @@ pub struct Recording {
 
 enum Sink {
     Binary(BufWriter<File>),
-    Csv(Table<BufWriter<File>>),
+    Csv(Box<Table<BufWriter<File>>>),
 }
 
 impl Recording {
@@ -153,7 +150,7 @@ impl Recording {
         let failed = |source| Error::Output { file: path.into(), source };
         let mut file = BufWriter::with_capacity(BUFFER, File::create(path).map_err(failed)?);
         let sink = match is_table {
-            true => Sink::Csv(Table::new(file)),
+            true => Sink::Csv(Box::new(Table::new(file))),
             false => {
                 let opening = [MAGIC.as_slice(), &VERSION.to_le_bytes()].concat();
                 file.write_all(&opening).and_then(|()| write(&mut file, header)).map_err(failed)?;
@@ -163,7 +160,7 @@ impl Recording {
         Ok(Recording { file: path.into(), sink, totals: Totals::default(), next: 0 })
     }
 
-    /// The servo begins.
+    /// The servo, as it begins: before all ticks and steps.
     pub fn begin(&mut self, settings: &Settings, tool: &Tool) -> Result<()> {
         self.put(Entry::Begin(Box::new(Begin { settings: *settings, tool: tool.clone() })))
     }

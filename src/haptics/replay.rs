@@ -10,7 +10,8 @@ use super::event::Event;
 use super::local_model::ContactWrench;
 use super::record::fields::{self, Field};
 use super::record::{Begin, Entry, Recorded, Step};
-use super::servo::{Servo, Tick};
+use super::safety::Limits;
+use super::servo::{Servo, Settings, Tick};
 use crate::{Error, Result};
 
 /// What came of a replay.
@@ -78,7 +79,7 @@ pub fn reading_of(tick: &Tick) -> std::result::Result<Reading, Fault> {
 /// order), and where the environment does.
 pub fn replay(recorded: Recorded, environment: &mut dyn Environment) -> Result<Replayed> {
     let mut replay = Replay {
-        source: Source { recorded, ticks: VecDeque::new(), step: None, is_over: false, is_whole: false },
+        source: Source { recorded, ticks: VecDeque::new(), steps: VecDeque::new(), is_over: false, is_whole: false },
         environment,
         wrenches: VecDeque::new(),
         done: (0, 0),
@@ -92,18 +93,18 @@ pub fn replay(recorded: Recorded, environment: &mut dyn Environment) -> Result<R
 struct Source {
     recorded: Recorded,
     ticks: VecDeque<Box<Tick>>,
-    step: Option<Box<Step>>,
+    steps: VecDeque<Box<Step>>,
     is_over: bool,
     is_whole: bool,
 }
 
 impl Source {
-    /// Reads on until the next step is known, or there is none.
+    /// Reads on until the next tick and the next step are known, or there are none.
     fn look_ahead(&mut self) -> Result<()> {
-        while self.step.is_none() && !self.is_over {
+        while (self.ticks.is_empty() || self.steps.is_empty()) && !self.is_over {
             match self.recorded.next().transpose()? {
                 Some(Entry::Tick(tick)) => self.ticks.push_back(tick),
-                Some(Entry::Step(step)) => self.step = Some(step),
+                Some(Entry::Step(step)) => self.steps.push_back(step),
                 Some(Entry::Begin(_)) => return Err(self.wrong("the servo begins twice".into())),
                 Some(Entry::End(_)) => self.is_whole = true,
                 None => self.is_over = true,
@@ -129,25 +130,22 @@ struct Replay<'a> {
 
 impl Replay<'_> {
     fn run(&mut self) -> Result<Option<Difference>> {
-        let begin = loop {
-            match self.source.recorded.next().transpose()? {
-                Some(Entry::Begin(begin)) => break begin,
-                Some(Entry::Step(step)) => {
-                    if let Some(difference) = self.step(&step, None)? {
-                        return Ok(Some(difference));
-                    }
-                }
-                Some(Entry::Tick(_)) => return Err(self.source.wrong("a tick comes before the servo begins".into())),
-                Some(Entry::End(_)) => self.source.is_whole = true,
-                None => return Ok(None),
-            }
+        let begin = match self.source.recorded.next().transpose()? {
+            Some(Entry::Begin(begin)) => begin,
+            // Cut short before it.
+            None => return Ok(None),
+            Some(_) => return Err(self.source.wrong("the servo does not come first".into())),
         };
+        if let Some(problem) = problem_of(&begin.settings) {
+            return Err(self.source.wrong(problem));
+        }
         let Begin { settings, tool } = *begin;
         let mut servo = Servo::new(settings, tool);
         loop {
             self.source.look_ahead()?;
-            if let Some(step) = self.source.step.take_if(|step| step.held.ticks <= self.done.0) {
-                if let Some(difference) = self.step(&step, Some(&servo))? {
+            let is_due = self.source.steps.front().is_some_and(|step| step.held.ticks <= self.done.0);
+            if is_due && let Some(step) = self.source.steps.pop_front() {
+                if let Some(difference) = self.step(&step, &servo)? {
                     return Ok(Some(difference));
                 }
                 continue;
@@ -158,7 +156,7 @@ impl Replay<'_> {
                 return Ok(Some(difference));
             }
         }
-        match &self.source.step {
+        match self.source.steps.front() {
             Some(step) if self.source.is_whole => {
                 let problem = format!("step {} starts from tick {}, after the last", self.done.1 + 1, step.held.ticks);
                 Err(self.source.wrong(problem))
@@ -167,17 +165,17 @@ impl Replay<'_> {
         }
     }
 
-    /// A step, from what the servo holds; before there is one, from what was recorded.
-    fn step(&mut self, recorded: &Step, servo: Option<&Servo>) -> Result<Option<Difference>> {
+    /// A step, from what the servo holds.
+    fn step(&mut self, recorded: &Step, servo: &Servo) -> Result<Option<Difference>> {
         let number = self.done.1 + 1;
-        if servo.is_some() && recorded.held.ticks < self.done.0 {
+        if recorded.held.ticks < self.done.0 {
             let problem = format!("step {number} starts from tick {}, which is long past", recorded.held.ticks);
             return Err(self.source.wrong(problem));
         }
         if !(recorded.h > 0.0 && recorded.h.is_finite()) {
             return Err(self.source.wrong(format!("step {number} is {:?} s long", recorded.h)));
         }
-        let held = servo.map_or(recorded.held, Servo::held);
+        let held = servo.held();
         let wrench = self.environment.feel(&held, recorded.h)?;
         let step = Step { held, wrench, ..*recorded };
         let difference = first_difference(Place::Step(number), &fields::of_step(recorded), &fields::of_step(&step));
@@ -228,6 +226,18 @@ impl Replay<'_> {
         }
         Ok(difference)
     }
+}
+
+/// What no servo can be made with: files come from anywhere.
+fn problem_of(settings: &Settings) -> Option<String> {
+    let Settings { period, limits, most_damping, trust, arm, .. } = *settings;
+    let Limits { force, torque, slew, angular_slew, workspace, watchdog } = limits;
+    let rest = [most_damping, trust, arm, force, torque, slew, angular_slew, workspace, watchdog];
+    if !(period > 0.0 && period.is_finite()) {
+        return Some(format!("its ticks are {period:?} s long"));
+    }
+    let wrong = rest.into_iter().find(|x| x.is_nan() || *x < 0.0)?;
+    Some(format!("a limit of the servo is {wrong:?}"))
 }
 
 fn first_difference(place: Place, recorded: &[Field], replayed: &[Field]) -> Option<Difference> {

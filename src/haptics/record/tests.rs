@@ -8,11 +8,12 @@ use crate::haptics::event::Event;
 use crate::haptics::safety::{Limits, Lowered};
 use crate::haptics::servo::Servo;
 use crate::haptics::{Fault, Profile, Reading, RigidState};
+use crate::scene::Coupling;
 
 /// Ticks from one step to the next, and from a step's beginning until its wrench is there.
 const EVERY: u64 = 20;
 const DELAY: u64 = 5;
-/// Steps that are done before the servo begins.
+/// Steps before the first tick.
 const FIRST: u64 = 2;
 /// Ticks at which the device is lost, garbled, says no numbers, takes no force.
 const FAULTS: [u64; 4] = [301, 351, 401, 451];
@@ -26,7 +27,6 @@ pub fn header() -> Header {
         device: "none".into(),
         driver: "none".into(),
         depth: Some("compute".into()),
-        coupling: None,
         profile: "premium".into(),
         haptic_device: "scripted".into(),
     }
@@ -65,9 +65,9 @@ impl Environment for Walled {
 
 /// A device that goes up and down through the wall's face.
 fn reading(time: f64) -> Reading {
-    let turn = 8.0 * time;
+    let turn = 20.0 * time;
     let state = RigidState {
-        velocity: DVec3::Y * -0.04 * turn.sin(),
+        velocity: DVec3::Y * -0.1 * turn.sin(),
         ..RigidState::at_rest(DVec3::Y * 5e-3 * turn.cos(), DQuat::from_rotation_z(0.1 * turn.sin()))
     };
     Reading { time, state, buttons: u32::from(time > 0.1) }
@@ -87,11 +87,11 @@ fn session(mut keep: impl FnMut(Entry)) {
     };
     let mut walled = Walled::new();
     let mut servo = Servo::new(settings, tool());
+    keep(Entry::Begin(Box::new(Begin { settings, tool: tool() })));
     for _ in 0..FIRST {
         let (held, h) = (servo.held(), 0.01);
         keep(Entry::Step(Box::new(Step { held, h, wrench: walled.feel(&held, h).unwrap() })));
     }
-    keep(Entry::Begin(Box::new(Begin { settings, tool: tool() })));
     let (mut newest, mut under_way, mut waiting) = (servo.newest(), None, Vec::new());
     for k in 0..TICKS {
         if k % EVERY == 0 {
@@ -117,7 +117,7 @@ fn session(mut keep: impl FnMut(Entry)) {
         // Steps are on record before the first tick that feels them, except every third one.
         if k % EVERY == DELAY + 2 || k + 1 == TICKS {
             let step = under_way.take().map(|step| Entry::Step(Box::new(step)));
-            let at = if k / EVERY % 3 == 0 { waiting.len() } else { 0 };
+            let at = if (k / EVERY).is_multiple_of(3) { waiting.len() } else { 0 };
             waiting.splice(at..at, step);
             waiting.drain(..).for_each(&mut keep);
         }
@@ -235,7 +235,7 @@ fn every_way_a_file_can_be_wrong_is_one_line_that_says_where() {
         (put(at, &[1, 0, 16, 0]), format!("{}: it is 1048577 bytes long", damaged(at))),
         (put(at, &[255; 4]), damaged(at)),
         (put(at + 4, &[9]), damaged(at)),
-        (put(end + 5, &[0]), format!("{}: it ends with", damaged(end))),
+        (put(end + 5, &[0xf5]), format!("{}: it ends with", damaged(end))),
         (Box::new(|b| b.push(0)), format!("{}: more follows", damaged(bytes.len()))),
         (Box::new(move |b| b.splice(at..at, b[at - 1000..at].to_vec()).for_each(drop)), "is damaged".into()),
     ];
