@@ -24,7 +24,7 @@ const YOUNG: f64 = 1.5e5;
 /// A block of 80 mm with a fixed bottom, its top at y = 0, and a sphere above it.
 fn block() -> Simulation {
     let text = format!(
-        "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\nmax_iterations = 1000\n\
+        "[step]\ndt = 0.02\ngravity = [0.0, 0.0, 0.0]\n[solver]\nmax_iterations = 1000\n[contact]\ndamping = 2e5\n\
          [[body]]\nname = \"block\"\n\
          layer = {{ box = [[-0.04, -0.05, -0.04], [0.04, 0.0, 0.04]], cells = [10, 6, 10] }}\n\
          material = {{ young = {YOUNG:e}, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }}\n\

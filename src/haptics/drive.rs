@@ -17,18 +17,6 @@ impl Drive {
         Drive { keys: if keys.is_empty() { vec![start] } else { keys.to_vec() } }
     }
 
-    /// From a state at `time` on with its twist, for `span` s.
-    pub fn onward(time: f64, state: &RigidState, span: f64) -> Drive {
-        let first = Key { time, position: state.position, orientation: state.orientation };
-        let turn = DQuat::from_scaled_axis(span * state.angular_velocity);
-        let last = Key {
-            time: time + span,
-            position: state.position + span * state.velocity,
-            orientation: (turn * state.orientation).normalize(),
-        };
-        Drive { keys: vec![first, last] }
-    }
-
     /// Pose at a time, s.
     pub fn pose(&self, time: f64) -> (DVec3, DQuat) {
         let next = self.keys.partition_point(|key| key.time <= time);

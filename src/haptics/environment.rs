@@ -3,7 +3,6 @@
 use glam::DVec3;
 
 use super::device::{RigidState, Wrench};
-use super::drive::Drive;
 use super::local_model::ContactWrench;
 use super::servo::state_of;
 use super::servo_thread::Held;
@@ -39,14 +38,14 @@ pub struct Wall {
 }
 
 impl Environment for Wall {
-    /// As a simulation does: the tool by implicit Euler towards where the device will be, then the force at the end.
+    /// As a simulation does: the tool by implicit Euler towards the device as it is, then the force at the end.
     fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
         let tool = &mut self.tool;
         tool.coupling = held.coupling;
         let RigidState { position, orientation, velocity, angular_velocity } = held.tool;
         (tool.centre, tool.orientation) = (position, orientation);
         (tool.velocity, tool.angular_velocity) = (velocity, angular_velocity);
-        let device = Drive::onward(0.0, &held.device, h).device(h, h);
+        let device = RigidState::at_rest(held.device.position, held.device.orientation);
         let rows = tool.rows(h, DVec3::ZERO, &device);
         let force = |y: f64, v: f64| -self.stiffness * y - self.damping * v;
         let mut change: [f64; 6] = std::array::from_fn(|k| rows.rhs[k] / rows.matrix[k][k]);

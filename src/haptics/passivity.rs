@@ -17,6 +17,10 @@ const QUICKEST: f64 = 40.0;
 /// Nor does it turn more quickly, rad/s^2: 0.2 N m on 5e-4 kg m^2.
 const QUICKEST_TURN: f64 = 400.0;
 
+/// What may be given unpaid, J. Without it a slow hand could not begin: nothing would be played before it had given, and it
+/// gives nothing to what pushes back with nothing. Once it is used up, damping earns it again.
+const ALLOWANCE: f64 = 1e-6;
+
 /// Energy over a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Energy {
@@ -99,8 +103,8 @@ impl Passivity {
         let power = force.dot(v) + torque.dot(w);
         let unforeseen = period * period * (force.length() * QUICKEST + torque.length() * QUICKEST_TURN);
         let asked = power * period + unforeseen;
-        let share = if asked > self.budget { (self.budget / asked).clamp(0.0, 1.0) } else { 1.0 };
-        let share = if asked > 0.0 { share } else { 1.0 };
+        let left = self.budget + ALLOWANCE;
+        let share = if asked > left.max(0.0) { (left / asked).max(0.0) } else { 1.0 };
         let owed = if v == DVec3::ZERO { 0.0 } else { (-self.budget).max(0.0) / (period * v.length_squared()) };
         let damping = owed.min(self.most_damping);
         if share == 1.0 && damping == 0.0 {
@@ -195,6 +199,24 @@ mod tests {
         let push = Wrench { force: DVec3::Y, ..Wrench::ZERO };
         assert_eq!(passivity.control(push, &sideways, 1e-3).wrench, push);
         passivity.forget(0.0);
-        assert_eq!(passivity.control(push, &sideways, 1e-3).wrench.force, DVec3::ZERO);
+        // The allowance alone is left: 1e-6 J of the 1.4e-4 J that the push may give in a tick.
+        assert!(passivity.control(push, &sideways, 1e-3).wrench.force.length() < 0.01);
+    }
+
+    #[test]
+    fn a_slow_hand_is_let_to_begin() {
+        for speed in [1e-4, 1e-3, 0.01, 0.1] {
+            let mut passivity = Passivity::new(true, 5.0);
+            let (mut played, mut wanted) = (0.0, 0.0);
+            for tick in 0..(0.005 / (speed * 1e-3)) as u64 {
+                let device = at(-speed * 1e-3 * tick as f64, -speed);
+                passivity.observe(&device);
+                wanted = -500.0 * device.position.x;
+                let control = passivity.control(Wrench { force: DVec3::X * wanted, ..Wrench::ZERO }, &device, 1e-3);
+                played = control.wrench.force.x;
+                passivity.play(control.wrench);
+            }
+            assert!(wanted > 2.0 && (played - wanted).abs() < 0.01 * wanted, "{speed} m/s: {played} of {wanted} N");
+        }
     }
 }
