@@ -183,6 +183,7 @@ fn contacts_solver_and_report() {
             flags,
             force,
             torque,
+            pressing,
             tool_change,
             stiffness,
             damping,

@@ -29,7 +29,8 @@ fn reduce(system: &System, forces: &[[f32; 4]]) -> Report {
         .groups(1)
         .run();
     let after = outcome.get::<Report>("report")[0];
-    let rest = Report { force: before.force, torque: before.torque, stiffness: [0.0; 21], damping: [0.0; 21], ..after };
+    let kept = Report { pressing: before.pressing, ..after };
+    let rest = Report { force: before.force, torque: before.torque, stiffness: [0.0; 21], damping: [0.0; 21], ..kept };
     assert_eq!(bytemuck::bytes_of(&rest), bytemuck::bytes_of(&before), "the rest of the report");
     after
 }
@@ -54,6 +55,7 @@ fn one_contact_by_hand() {
     let rounding = Tolerance { abs: 0.0, rel: 1e-6 };
     expect_close("force", &report.force, &[0.0, 0.0, -5.0], rounding);
     expect_close("torque", &report.torque, &[-10.0, 0.0, 0.0], rounding);
+    expect_close("pressing", &[report.pressing], &[5.0], rounding);
     // Rows x, y, z, rx, ry, rz of the upper triangle: zz, z rx and rx rx are not zero.
     let (mut stiffness, mut damping) = ([0.0; 21], [0.0; 21]);
     for (at, value) in [(11, 50.0), (12, 100.0), (15, 200.0)] {
@@ -161,6 +163,7 @@ fn agree(system: System, seed: u64) {
     let within = |scale: f64| Tolerance { abs: SUM * scale, rel: 0.0 };
     expect_close("force", &report.force, &want.force.to_array(), within(size));
     expect_close("torque", &report.torque, &want.torque.to_array(), within(0.2 * size));
+    expect_close("pressing", &[report.pressing], &[want.pressing], within(size));
     for (got, matrix) in [(report.stiffness, want.stiffness), (report.damping, want.damping)] {
         for (got, (want, scale)) in got.iter().zip(triangle(&matrix)) {
             expect_close("matrix", &[*got], &[want], within(scale));

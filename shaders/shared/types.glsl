@@ -235,6 +235,7 @@ struct Report {
     uint flags;
     float force[3];             // on the tool, N
     float torque[3];            // about its centre, N m
+    float pressing;             // forces along the normals, sizes summed, N
     float tool_change[6];       // of its twist
     float stiffness[21];        // contact stiffness seen by the tool, upper triangle by rows
     float damping[21];

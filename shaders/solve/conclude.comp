@@ -127,6 +127,7 @@ void main() {
             verdict = VERDICT_FAILED;
             // Nothing was solved, nothing applied.
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
+            report.pressing = 0.0;
         }
         if (!failed && solve.linearisations + 1 < params.newton) {
             verdict = VERDICT_RELINEARISE;

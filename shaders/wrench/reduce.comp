@@ -23,9 +23,9 @@ layout(scalar, binding = 4) writeonly buffer ReportOut { Report report; };
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
-    // Force, torque, upper triangles of stiffness and damping.
-    float sums[48];
-    for (int k = 0; k < 48; k++) sums[k] = 0.0;
+    // Force, torque, upper triangles of stiffness and damping, sizes of forces; the rest fills the last quad.
+    float sums[52];
+    for (int k = 0; k < 52; k++) sums[k] = 0.0;
     for (uint c = lane; c < counts.contacts; c += SIZE) {
         Contact contact = contacts[c];
         if (contact.stiffness == 0.0 || contact.tool_sign == 0.0) continue;
@@ -35,6 +35,7 @@ void main() {
         float column[6];
         tool_column(contact, contact.normal, column);
         for (int k = 0; k < 6; k++) sums[k] -= force * column[k];
+        sums[48] += force;
         int at = 6;
         for (int i = 0; i < 6; i++) {
             for (int k = i; k < 6; k++) {
@@ -55,7 +56,7 @@ void main() {
             }
         }
     }
-    for (int k = 0; k < 48; k += 4) {
+    for (int k = 0; k < 52; k += 4) {
         vec4 part = workgroup_sum(vec4(sums[k], sums[k + 1], sums[k + 2], sums[k + 3]));
         for (int l = 0; l < 4; l++) sums[k + l] = part[l];
     }
@@ -64,6 +65,7 @@ void main() {
         report.force[k] = sums[k];
         report.torque[k] = sums[3 + k];
     }
+    report.pressing = sums[48];
     for (int k = 0; k < 21; k++) {
         report.stiffness[k] = sums[6 + k];
         report.damping[k] = sums[27 + k];

@@ -61,7 +61,7 @@ impl Environment for Wall {
             step: self.steps,
             time: held.time,
             wrench: Wrench { force: DVec3::Y * push, torque: DVec3::ZERO },
-            depth,
+            pressing: push,
             ..ContactWrench::none(state_of(tool))
         };
         if push > 0.0 {

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 use super::device::{RigidState, Wrench};
 use super::drive::rotation_vector;
 
-/// Share of the force that one side's springs would give at the greatest depth, below which contacts are taken to press
-/// from several sides: a sphere that is pressed from one side gives a half, a flat face all of it.
-const ONE_SIDED: f64 = 0.2;
+/// Of the sizes of the contacts' forces summed, the size of their sum from which on they count as pressing from one side:
+/// half a sphere, pressed evenly, has 0.5; two sides have 0.
+const ONE_SIDED: f64 = 0.3;
 
 /// What a step of the simulation gives back to the loop.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -30,15 +30,15 @@ pub struct ContactWrench {
     pub stiffness: [[f64; 6]; 6],
     /// The same, times s.
     pub damping: [[f64; 6]; 6],
-    /// Greatest depth of a contact, m.
-    pub depth: f64,
+    /// Sizes of the contacts' forces along their normals, summed, N: as large as the force where all press the same way.
+    pub pressing: f64,
 }
 
 impl ContactWrench {
     /// Before the first step: no contact.
     pub fn none(tool: RigidState) -> ContactWrench {
         let zero = [[0.0; 6]; 6];
-        ContactWrench { step: 0, time: 0.0, tool, wrench: Wrench::ZERO, stiffness: zero, damping: zero, depth: 0.0 }
+        ContactWrench { step: 0, time: 0.0, tool, wrench: Wrench::ZERO, stiffness: zero, damping: zero, pressing: 0.0 }
     }
 
     /// Whether all of it is finite.
@@ -46,7 +46,7 @@ impl ContactWrench {
         let numbers = self.stiffness.iter().chain(&self.damping).flatten();
         self.tool.is_valid()
             && self.wrench.is_finite()
-            && self.depth.is_finite()
+            && self.pressing.is_finite()
             && numbers.into_iter().all(|x| x.is_finite())
     }
 }
@@ -84,7 +84,7 @@ impl Tangent {
 pub struct LocalModel {
     tool: RigidState,
     at: Tangent,
-    depth: f64,
+    pressing: f64,
     /// Rotations count as displacements at this arm, m.
     arm: f64,
     /// How far from the wrench's pose it is trusted, m.
@@ -100,13 +100,13 @@ impl LocalModel {
             stiffness: project(&wrench.stiffness, arm),
             damping: project(&wrench.damping, arm),
         };
-        LocalModel { tool: wrench.tool, at, depth: wrench.depth, arm, trust }
+        LocalModel { tool: wrench.tool, at, pressing: wrench.pressing, arm, trust }
     }
 
     /// The same without K and D: the raw force, whatever the tool does.
     pub fn raw(wrench: &ContactWrench) -> LocalModel {
         let at = Tangent { force: vector(wrench.wrench.force, wrench.wrench.torque), ..Tangent::zero() };
-        LocalModel { tool: wrench.tool, at, depth: 0.0, arm: 1.0, trust: f64::INFINITY }
+        LocalModel { tool: wrench.tool, at, pressing: 0.0, arm: 1.0, trust: f64::INFINITY }
     }
 
     /// Force, torque and slopes where the tool is now, and whether it is beyond trust. Contact that lets go pulls nothing.
@@ -140,8 +140,7 @@ impl LocalModel {
         }
         let normal = start / size;
         let slope = (normal.transpose() * self.at.stiffness.fixed_view::<3, 3>(0, 0) * normal).x;
-        let is_one_sided = size >= ONE_SIDED * slope * self.depth;
-        is_one_sided && slope > 0.0 && normal.dot(&force.fixed_rows::<3>(0)) <= 0.0
+        size >= ONE_SIDED * self.pressing && slope > 0.0 && normal.dot(&force.fixed_rows::<3>(0)) <= 0.0
     }
 
     /// The force along the wrench's own direction that K foretells at another pose, and that direction; for comparison

@@ -12,6 +12,8 @@ pub struct Wrench {
     pub force: DVec3,
     /// Net torque about the centre, N m.
     pub torque: DVec3,
+    /// Sum of the sizes of the contacts' forces along their normals, N.
+    pub pressing: f64,
     /// K = sum k a c c^T with c = (n, (s - centre) x n), over the contacts that push; symmetric positive semi-definite.
     pub stiffness: [[f64; 6]; 6],
     /// D = sum d a c c^T, and of friction the same along two tangents, where the other body's point is.
@@ -44,6 +46,7 @@ fn sum(contacts: &[Resolved], centre: DVec3, is_held: impl Fn(&Carrier) -> bool,
         let moment = (point.position - centre).cross(direction);
         sum.force += direction * resolved.force;
         sum.torque += moment * resolved.force;
+        sum.pressing += resolved.force;
         add_outer(&mut sum.stiffness, direction, moment, contact.stiffness * contact.area);
         add_outer(&mut sum.damping, direction, moment, contact.damping * contact.area);
         let at = if friction_at_own { point.position } else { other.position } - centre;

@@ -330,6 +330,8 @@ pub struct Report {
     pub force: [f32; 3],
     /// About its centre, N m.
     pub torque: [f32; 3],
+    /// Sizes of the contacts' forces along their normals, summed, N.
+    pub pressing: f32,
     /// Change of its twist.
     pub tool_change: [f32; 6],
     /// Upper triangle by rows, N/m.

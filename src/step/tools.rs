@@ -87,7 +87,7 @@ pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> Contact
         wrench: Wrench { force: vector(report.force), torque: vector(report.torque) },
         stiffness: symmetric(&report.stiffness),
         damping: symmetric(&report.damping),
-        depth: report.max_depth.into(),
+        pressing: report.pressing.into(),
     }
 }
 

@@ -116,7 +116,7 @@ pub fn of_step(step: &Step) -> Vec<Field> {
     fields.add(["held_stiffness", "_angular", ""], gain(|c| c.angular_stiffness));
     fields.add(["held_damping", "_angular", ""], gain(|c| c.angular_damping));
     fields.number("h_s", h);
-    let ContactWrench { step, time, tool, wrench, stiffness, damping, depth } = wrench;
+    let ContactWrench { step, time, tool, wrench, stiffness, damping, pressing } = wrench;
     fields.count("step", step);
     fields.number("time_s", time);
     fields.state("tool", &tool);
@@ -126,7 +126,7 @@ pub fn of_step(step: &Step) -> Vec<Field> {
             SIX.into_iter().zip(numbers).for_each(|(k, x)| fields.add([group, row, k], Value::Number(x)));
         }
     }
-    fields.number("depth_m", depth);
+    fields.number("pressing_n", pressing);
     fields.0
 }
 

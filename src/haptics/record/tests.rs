@@ -57,7 +57,7 @@ impl Environment for Walled {
     fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
         let mut wrench = self.0.feel(held, h)?;
         if wrench.step == 12 {
-            wrench.depth = f64::NAN;
+            wrench.pressing = f64::NAN;
         }
         Ok(wrench)
     }
