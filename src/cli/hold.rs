@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use palpate::haptics::devices::{Hand, HandParameters, Replay, Scripted};
+use palpate::haptics::devices::{Hand, Haply, Replay, Scripted, haply};
 use palpate::haptics::drive::Drive;
 use palpate::haptics::environment::Environment;
 use palpate::haptics::local_model::ContactWrench;
@@ -32,7 +32,7 @@ fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
     Ok(match haptics.device {
         DeviceKind::Scripted => Box::new(Scripted::new(drive, profile_of(scene, "scripted"), 1.0 / haptics.rate)),
         DeviceKind::Hand => {
-            let hand = Hand::new(HandParameters::default(), drive, profile_of(scene, "premium"));
+            let hand = Hand::new(haptics.hand, drive, profile_of(scene, "premium"));
             Box::new(hand.map_err(|problem| Error::key(&scene.file, "haptics.hand", problem, "correct it"))?)
         }
         DeviceKind::Replay => {
@@ -40,7 +40,8 @@ fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
             Box::new(Replay::open(haptics.recording.as_ref().ok_or_else(missing)?)?)
         }
         DeviceKind::Haply => {
-            return Err(Error::key(&scene.file, "haptics.device", "is not there yet", "use another"));
+            let settings = haply::Settings { home: start.position, rate: haptics.rate, ..haptics.haply.clone() };
+            Box::new(Haply::new(settings))
         }
     })
 }

@@ -89,7 +89,8 @@ fn scene_of(header: &Header, arguments: &Arguments) -> Result<Scene> {
         let problem = format!("its scene {} is not there", path.display());
         return Err(Error::input(&arguments.file, None, problem, "name it by --scene"));
     }
-    let scene = Scene::load(path)?;
+    let mut scene = Scene::load(path)?;
+    scene.haptics.is_held = true;
     if record::digest(path)? != header.scene_digest {
         let problem = "is not the scene as it was recorded";
         if arguments.scene.is_none() {

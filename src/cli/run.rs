@@ -90,9 +90,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let kind = DeviceKind::CHOICES.iter().find(|(known, _)| known == name);
         scene.haptics.device = kind.map_or(scene.haptics.device, |(_, kind)| *kind);
     }
-    let is_held = arguments.haptics.is_some() || arguments.record.is_some();
-    let is_held = is_held || scene.haptics.device != DeviceKind::Scripted;
-    let extent = if is_held { Extent::Seconds(seconds_of(arguments, &scene)?) } else { steps_of(arguments, &scene)? };
+    scene.haptics.is_held |= arguments.haptics.is_some() || arguments.record.is_some();
+    let extent = if scene.haptics.is_held {
+        Extent::Seconds(seconds_of(arguments, &scene)?)
+    } else {
+        steps_of(arguments, &scene)?
+    };
     let engine = Engine::open(&scene, arguments.device.as_deref())?;
     engine.notes().for_each(tell);
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;

@@ -91,6 +91,11 @@ impl Passivity {
         self.budget = self.budget.min(stored);
     }
 
+    /// A force that comes back, in a place where the hand sank in while there was none, may push it out again: `stored`, J.
+    pub fn lend(&mut self, stored: f64) {
+        self.budget += stored;
+    }
+
     /// Shortens a wrench to what the budget holds over the `period` (s) to come, for the way that the hand goes and as much
     /// more as it may go unforeseen; where the budget is overdrawn, damps.
     pub fn control(&mut self, wanted: Wrench, device: &RigidState, period: f64) -> Control {

@@ -89,6 +89,7 @@ pub struct Servo {
     /// When the newest wrench was taken, and the time to blend it in over, s.
     taken: (f64, f64),
     gain: Gain,
+    last_gain: f64,
     guard: Guard,
     passivity: Passivity,
     index: u64,
@@ -110,6 +111,7 @@ impl Servo {
             models: [model, model],
             taken: (0.0, 0.0),
             gain: Gain::default(),
+            last_gain: 0.0,
             guard: Guard::new(settings.limits),
             passivity: Passivity::new(settings.passivity, settings.most_damping),
             index: 0,
@@ -302,6 +304,8 @@ impl Servo {
     fn play(&mut self, device: &RigidState, contact: Wrench, h: f64, events: &mut Events) -> (Wrench, f64) {
         let pull = self.tool.pull(&self.within_reach(device));
         let gain = self.gain.value();
+        let risen = gain - std::mem::replace(&mut self.last_gain, gain);
+        self.passivity.lend(risen.max(0.0) * self.tool.stored(&self.within_reach(device)));
         let plays_torque = self.settings.limits.torque > 0.0;
         let torque = if plays_torque { -gain * pull.torque } else { DVec3::ZERO };
         let wanted = Wrench { force: -gain * pull.force, torque };

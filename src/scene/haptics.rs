@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::keys::{Table, Value};
 use crate::Result;
+use crate::haptics::devices::{HandParameters, haply};
 use crate::haptics::profile::{PROFILES, Profile};
 use crate::haptics::safety::Lowered;
 
@@ -17,6 +18,8 @@ const LONGEST_STEP: f64 = 0.02;
 /// `[haptics]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Haptics {
+    /// Whether a device holds the tool in the world's time; else the scene's keys lead it, a step after another.
+    pub is_held: bool,
     /// Which device.
     pub device: DeviceKind,
     /// The profile that a simulated device has; `None`: its own.
@@ -33,8 +36,10 @@ pub struct Haptics {
     pub passivity: bool,
     /// The longest step of the simulation, s: where it takes longer than this, bodies move slower than in the world.
     pub longest_step: f64,
-    /// Of the service that a device is reached by; `None`: its own.
-    pub address: Option<String>,
+    /// The simulated human, of device = "hand".
+    pub hand: HandParameters,
+    /// How a Haply is reached: all but home and rate, which the session knows.
+    pub haply: haply::Settings,
     /// The session that is played again.
     pub recording: Option<PathBuf>,
 }
@@ -70,6 +75,7 @@ impl DeviceKind {
 impl Default for Haptics {
     fn default() -> Haptics {
         Haptics {
+            is_held: false,
             device: DeviceKind::Scripted,
             profile: None,
             rate: 1000.0,
@@ -78,13 +84,14 @@ impl Default for Haptics {
             trust: TRUST,
             passivity: true,
             longest_step: LONGEST_STEP,
-            address: None,
+            hand: HandParameters::default(),
+            haply: haply::Settings::default(),
             recording: None,
         }
     }
 }
 
-const KEYS: [&str; 14] = [
+const KEYS: [&str; 15] = [
     "device",
     "profile",
     "rate",
@@ -97,7 +104,8 @@ const KEYS: [&str; 14] = [
     "trust",
     "passivity",
     "longest_step",
-    "address",
+    "hand",
+    "haply",
     "recording",
 ];
 
@@ -106,8 +114,10 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
     let default = Haptics::default();
     let Some(table) = root.get("haptics").map(|value| value.table(&KEYS)).transpose()? else { return Ok(default) };
     let limit = |key: &str| table.option(key, Value::positive);
+    let device = table.or("device", default.device, |value| value.one_of("a device", &DeviceKind::CHOICES))?;
     let haptics = Haptics {
-        device: table.or("device", default.device, |value| value.one_of("a device", &DeviceKind::CHOICES))?,
+        is_held: device != DeviceKind::Scripted,
+        device,
         profile: table.option("profile", profile)?,
         rate: table.or("rate", default.rate, rate)?,
         limits: Lowered {
@@ -121,19 +131,70 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
         trust: table.or("trust", default.trust, Value::positive)?,
         passivity: table.or("passivity", true, Value::truth)?,
         longest_step: table.or("longest_step", default.longest_step, Value::positive)?,
-        address: table.option("address", |value| value.text().map(Into::into))?,
+        hand: table.or("hand", default.hand, hand)?,
+        haply: table.or("haply", default.haply.clone(), haply)?,
         recording: table.option("recording", Value::file)?,
     };
     let needs = |key: &str, is_there: bool, kind: DeviceKind| match is_there && haptics.device != kind {
         true => Err(table.error(key, format!("belongs to device = \"{}\"", kind.name()), "remove it, or the device")),
         false => Ok(()),
     };
-    needs("address", haptics.address.is_some(), DeviceKind::Haply)?;
+    needs("hand", table.has("hand"), DeviceKind::Hand)?;
+    needs("haply", table.has("haply"), DeviceKind::Haply)?;
     needs("recording", haptics.recording.is_some(), DeviceKind::Replay)?;
     if haptics.device == DeviceKind::Haply && haptics.profile.is_some_and(|profile| profile.name != "inverse3") {
         return Err(table.error("profile", "is not that of a Haply", "remove it"));
     }
     Ok(haptics)
+}
+
+/// `hand = { mass = 0.15, .. }`.
+fn hand(value: &Value) -> Result<HandParameters> {
+    const KEYS: [&str; 10] = [
+        "mass",
+        "stiffness",
+        "damping",
+        "device_damping",
+        "friction",
+        "inertia",
+        "angular_stiffness",
+        "angular_damping",
+        "quantum",
+        "delay",
+    ];
+    let (table, mut hand) = (value.table(&KEYS)?, HandParameters::default());
+    let places = [
+        &mut hand.mass,
+        &mut hand.stiffness,
+        &mut hand.damping,
+        &mut hand.device_damping,
+        &mut hand.friction,
+        &mut hand.inertia,
+        &mut hand.angular_stiffness,
+        &mut hand.angular_damping,
+        &mut hand.quantum,
+        &mut hand.delay,
+    ];
+    for (key, place) in KEYS.into_iter().zip(places) {
+        *place = table.or(key, *place, Value::not_negative)?;
+    }
+    hand.check().map_err(|problem| value.error(problem, "see the README's table of the hand"))?;
+    Ok(hand)
+}
+
+/// `haply = { address = "ws://localhost:10001", .. }`.
+fn haply(value: &Value) -> Result<haply::Settings> {
+    let (table, default) =
+        (value.table(&["address", "trust_remote", "device_id", "force_key"])?, haply::Settings::default());
+    let text = |value: &Value| value.text().map(String::from);
+    let dialects = [("vector", haply::Dialect::Vector), ("values", haply::Dialect::Values)];
+    Ok(haply::Settings {
+        url: table.or("address", default.url.clone(), text)?,
+        trust_remote: table.or("trust_remote", default.trust_remote, Value::truth)?,
+        device_id: table.option("device_id", text)?,
+        dialect: table.option("force_key", |value| value.one_of("a key of forces", &dialects))?,
+        ..default
+    })
 }
 
 fn profile(value: &Value) -> Result<&'static Profile> {

@@ -87,6 +87,11 @@ impl Scene {
         }
     }
 
+    /// The longest step that the simulation does, s: a session with a haptic device stretches steps to the time they take.
+    pub fn longest_step(&self) -> f64 {
+        if self.haptics.is_held { self.haptics.longest_step.max(self.step.dt) } else { self.step.dt }
+    }
+
     /// The scene's name: its file's stem.
     pub fn name(&self) -> String {
         self.file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()

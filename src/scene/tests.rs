@@ -398,7 +398,9 @@ fn haptics_are_read_and_what_no_device_has_is_refused() {
     for (line, message) in [
         ("device = \"phantom\"", "`haptics.device`"),
         ("profile = \"omni\"", "`haptics.profile`"),
-        ("address = \"ws://localhost:1\"", "`haptics.address`: belongs to device = \"haply\""),
+        ("haply = { address = \"ws://localhost:1\" }", "`haptics.haply`: belongs to device = \"haply\""),
+        ("device = \"hand\"\nhand = { mass = 100 }", "`haptics.hand`: the hand's mass is 100 kg"),
+        ("device = \"hand\"\nhand = { weight = 1 }", "`haptics.hand.weight`"),
         ("max_torque = -1", "`haptics.max_torque`"),
         ("device = \"haply\"\nprofile = \"touch\"", "`haptics.profile`: is not that of a Haply"),
     ] {

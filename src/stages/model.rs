@@ -193,7 +193,7 @@ impl Model {
         let (mut model, proxy_ranges) = Model::of_bodies(&all, bodies.len());
         model.group_cores();
         model.stiffen_joints(scene.step.dt);
-        model.add_coarse(scene.step.dt, scene.solver.preconditioner);
+        model.add_coarse(scene.longest_step(), scene.solver.preconditioner);
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
         model.newton = scene.step.newton;
         let held_frame = scene.held_body().map(|body| model.body_frames[body] as usize);

@@ -8,6 +8,7 @@ use crate::haptics::local_model::ContactWrench;
 use crate::haptics::servo::state_of;
 use crate::haptics::tool::Tool;
 use crate::prepare::{Body, Shape};
+use crate::report::Flags;
 use crate::scene::Scene;
 use crate::stages::model::Model;
 use crate::stages::types::Report;
@@ -80,13 +81,16 @@ pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
 /// What the device says that the tool feels.
 pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> ContactWrench {
     let vector = |x: [f32; 3]| DVec3::from(x.map(f64::from));
+    // A step that was frozen applied nothing.
+    let is_frozen = Flags(report.flags).contains(Flags::FROZEN);
+    let matrix = |upper: &[f32; 21]| if is_frozen { [[0.0; 6]; 6] } else { symmetric(upper) };
     ContactWrench {
         step,
         time: 0.0,
         tool: state_of(tool),
         wrench: Wrench { force: vector(report.force), torque: vector(report.torque) },
-        stiffness: symmetric(&report.stiffness),
-        damping: symmetric(&report.damping),
+        stiffness: matrix(&report.stiffness),
+        damping: matrix(&report.damping),
         pressing: report.pressing.into(),
     }
 }
