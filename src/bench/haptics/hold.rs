@@ -4,7 +4,8 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::head::{self, CHEEK, Skin};
-use super::rig::{PERIOD, Rig, Spread, key, tool, wall};
+use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
+use super::width::{STILL, STILL_SHARE};
 use super::{Settings, profile};
 use crate::Result;
 use crate::haptics::devices::hand::HandParameters;
@@ -12,6 +13,8 @@ use crate::haptics::environment::Environment;
 use crate::haptics::servo::Tick;
 use crate::haptics::virtual_time::Schedule;
 
+/// A hand that presses a few millimetres deep and feels less than this has been left without a force, N.
+pub const LEAST: f64 = 0.05;
 /// Above what is pressed at the start, m.
 const ABOVE: f64 = 0.003;
 /// Below it where the person means to be, m.
@@ -36,8 +39,8 @@ pub struct Held {
     pub profile: &'static str,
     /// Of the simulation, Hz.
     pub rate: f64,
-    /// Whether with the local model; else with the raw force.
-    pub local_model: bool,
+    /// What the loop did.
+    pub mode: Mode,
     /// What was played, N.
     pub force: Spread,
     /// Where the device said that it was, m.
@@ -47,9 +50,14 @@ pub struct Held {
 }
 
 impl Held {
-    /// Whether the force's noise is within what is allowed: its standard deviation, `allowed` N or that share of its mean.
-    pub fn is_still(&self, share: f64, newtons: f64) -> bool {
-        self.force.deviation <= (share * self.force.mean).max(newtons) && self.force.mean > 0.0
+    /// Whether there is a force, and its standard deviation is within [`STILL_SHARE`] of it or [`STILL`].
+    pub fn is_still(&self) -> bool {
+        self.force.deviation <= (STILL_SHARE * self.force.mean).max(STILL) && self.is_there()
+    }
+
+    /// Whether there is a force at all.
+    pub fn is_there(&self) -> bool {
+        self.force.mean > LEAST
     }
 }
 
@@ -60,27 +68,27 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<H
         watch(&format!("hold: a wall of {stiffness} N/m"));
         let start = DVec3::Y * ABOVE;
         let touch = DVec3::ZERO;
-        for (name, rate, local_model) in cases(&settings.devices, &settings.rates) {
+        for (name, rate, mode) in cases(&settings.devices, &settings.rates) {
             let mut wall = wall(stiffness, 0.0, start);
-            holds.push(hold(Met::Wall(stiffness), [start, touch - DVec3::Y * WITHIN], name, rate, local_model, &mut wall)?);
+            holds.push(hold(Met::Wall(stiffness), [start, touch - DVec3::Y * WITHIN], name, rate, mode, &mut wall)?);
         }
     }
     let touch = Skin::of(&head::scene(settings, DVec3::ZERO))?.touch(CHEEK)?;
     let start = touch + DVec3::Z * ABOVE;
     let scene = head::scene(settings, start);
-    for (name, rate, local_model) in cases(&settings.slide_devices, &settings.head_rates) {
+    for (name, rate, mode) in cases(&settings.slide_devices, &settings.head_rates) {
         watch(&format!("hold: the head, {name} at {rate} Hz"));
         let mut simulation = head::open(&scene, settings)?;
-        holds.push(hold(Met::Head, [start, touch - DVec3::Z * WITHIN], name, rate, local_model, &mut simulation)?);
+        holds.push(hold(Met::Head, [start, touch - DVec3::Z * WITHIN], name, rate, mode, &mut simulation)?);
     }
     Ok(holds)
 }
 
-/// Every device at every rate, with the local model and without.
-pub fn cases(devices: &[&'static str], rates: &[f64]) -> Vec<(&'static str, f64, bool)> {
+/// Every device at every rate in every mode.
+pub fn cases(devices: &[&'static str], rates: &[f64]) -> Vec<(&'static str, f64, Mode)> {
     let of = |name: &&'static str| {
         let name = *name;
-        rates.iter().flat_map(move |&rate| [true, false].map(|local_model| (name, rate, local_model)))
+        rates.iter().flat_map(move |&rate| Mode::ALL.map(|(mode, _)| (name, rate, mode)))
     };
     devices.iter().flat_map(of).collect()
 }
@@ -90,10 +98,10 @@ fn hold(
     [start, end]: [DVec3; 2],
     name: &'static str,
     rate: f64,
-    local_model: bool,
+    mode: Mode,
     environment: &mut dyn Environment,
 ) -> Result<Held> {
-    let rig = Rig { profile: profile(name)?, hand: HandParameters::default(), local_model, passivity: true };
+    let rig = Rig { profile: profile(name)?, hand: HandParameters::default(), mode };
     let keys = [key(0.0, start), key(0.3, start), key(0.6, end), key(3.0, end)];
     let ticks = rig.follow(&keys, &tool(start), environment, Schedule::at(rate, PERIOD))?;
     let last = &ticks[ticks.len().saturating_sub((1.0 / PERIOD) as usize)..];
@@ -102,7 +110,7 @@ fn hold(
         met,
         profile: name,
         rate,
-        local_model,
+        mode,
         force: of(|tick| tick.played.force),
         reading: of(|tick| tick.device.position),
         quantum_force: rig.hand.quantum * rig.coupling().stiffness,

@@ -16,6 +16,8 @@ use crate::haptics::environment::Environment;
 use crate::haptics::session::{Options, hold};
 use crate::scene::Haptics;
 
+/// Of all deadlines, the share that the loop may miss beyond what the bare timer misses.
+pub const MORE: f64 = 1e-3;
 /// Of the device, whose force is not felt.
 const DEVICE: &str = "scripted";
 /// Above the skin at the start and below it later, m.
@@ -38,6 +40,13 @@ pub struct Punctual {
     pub age: [f64; 2],
     /// What the session said of itself.
     pub notes: Vec<String>,
+}
+
+impl Punctual {
+    /// Whether the loop misses no more than the bare timer does, and [`MORE`] besides; without a bare timer, than that.
+    pub fn is_punctual(&self) -> bool {
+        self.servo.share_missed <= self.bare.map_or(0.0, |bare| bare.share_missed) + MORE
+    }
 }
 
 /// How late ticks came.

@@ -14,7 +14,7 @@ use serde::Serialize;
 pub use document::document;
 pub use hold::{Held, Met};
 pub use jitter::Punctual;
-pub use rig::Spread;
+pub use rig::{Mode, Spread};
 pub use slide::{Change, Changes, Slid};
 pub use width::{Limit, Width};
 
@@ -166,11 +166,42 @@ mod explore {
         s.bisected = 0.1;
         let mut w = |t: &str| eprintln!("{t}");
         let t = std::time::Instant::now();
-        if part.contains('w') { for x in width::by_damping(&s, &mut w).unwrap() { println!("{x:?}"); } println!("{:?}", t.elapsed()); }
-        if part.contains('d') { for x in width::by_delay(&s, &mut w).unwrap() { println!("{x:?}"); } println!("{:?}", t.elapsed()); }
-        if part.contains('r') { for x in width::by_rate(&s, &mut w).unwrap() { println!("{x:?}"); } println!("{:?}", t.elapsed()); }
-        if part.contains('h') { for x in hold::measure(&s, &mut w).unwrap() { println!("{x:?}"); } println!("{:?}", t.elapsed()); }
-        if part.contains('s') { for mut x in slide::measure(&s, &mut w).unwrap() { x.trace.truncate(if part.contains('t') {9999} else {3}); println!("{x:?}"); } println!("{:?}", t.elapsed()); }
-        if part.contains('j') { for x in jitter::measure(&s, &mut w).unwrap() { println!("{x:?}"); } println!("{:?}", t.elapsed()); }
+        if part.contains('w') {
+            for x in width::by_damping(&s, &mut w).unwrap() {
+                println!("{x:?}");
+            }
+            println!("{:?}", t.elapsed());
+        }
+        if part.contains('d') {
+            for x in width::by_delay(&s, &mut w).unwrap() {
+                println!("{x:?}");
+            }
+            println!("{:?}", t.elapsed());
+        }
+        if part.contains('r') {
+            for x in width::by_rate(&s, &mut w).unwrap() {
+                println!("{x:?}");
+            }
+            println!("{:?}", t.elapsed());
+        }
+        if part.contains('h') {
+            for x in hold::measure(&s, &mut w).unwrap() {
+                println!("{x:?}");
+            }
+            println!("{:?}", t.elapsed());
+        }
+        if part.contains('s') {
+            for mut x in slide::measure(&s, &mut w).unwrap() {
+                x.trace.truncate(if part.contains('t') { 9999 } else { 3 });
+                println!("{x:?}");
+            }
+            println!("{:?}", t.elapsed());
+        }
+        if part.contains('j') {
+            for x in jitter::measure(&s, &mut w).unwrap() {
+                println!("{x:?}");
+            }
+            println!("{:?}", t.elapsed());
+        }
     }
 }

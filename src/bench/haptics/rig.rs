@@ -23,6 +23,24 @@ pub const RADIUS: f64 = 0.01;
 /// Of the tool, kg.
 pub const MASS: f64 = 0.05;
 
+/// What the loop does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// What a session does unless told otherwise: the local model and passivity control.
+    Session,
+    /// The local model alone.
+    Local,
+    /// The raw force, kept as it is from wrench to wrench.
+    Raw,
+}
+
+impl Mode {
+    /// Every mode and its name.
+    pub const ALL: [(Mode, &'static str); 3] =
+        [(Mode::Session, "as in a session"), (Mode::Local, "no passivity control"), (Mode::Raw, "raw force")];
+}
+
 /// A device, who holds it, and what the loop does.
 #[derive(Debug, Clone, Copy)]
 pub struct Rig {
@@ -30,10 +48,8 @@ pub struct Rig {
     pub profile: &'static Profile,
     /// Who holds it.
     pub hand: HandParameters,
-    /// Whether contact is followed between wrenches.
-    pub local_model: bool,
-    /// Whether passivity control acts.
-    pub passivity: bool,
+    /// What the loop does.
+    pub mode: Mode,
 }
 
 impl Rig {
@@ -54,8 +70,8 @@ impl Rig {
         let settings = Settings {
             period: PERIOD,
             limits: Limits::new(self.profile, &Lowered::default()).0,
-            local_model: self.local_model,
-            passivity: self.passivity,
+            local_model: self.mode != Mode::Raw,
+            passivity: self.mode == Mode::Session,
             most_damping: self.profile.damping,
             trust: Haptics::default().trust,
             arm: RADIUS,
@@ -161,7 +177,7 @@ mod tests {
     #[test]
     fn a_rig_presses_against_a_wall_and_gives_the_same_bits_twice() {
         let profile = Profile::named("premium").unwrap();
-        let rig = Rig { profile, hand: HandParameters::default(), local_model: true, passivity: true };
+        let rig = Rig { profile, hand: HandParameters::default(), mode: Mode::Local };
         let start = DVec3::Y * 0.002;
         let keys = [key(0.0, start), key(0.3, start), key(0.4, DVec3::Y * -0.005), key(1.0, DVec3::Y * -0.005)];
         let run = || {
@@ -176,6 +192,10 @@ mod tests {
         assert!((force - exact).abs() < 0.05, "{force} N, {exact} N");
         assert_eq!((ticks, steps), (1000, 100));
         assert_eq!(run().0.to_bits(), force.to_bits());
-        assert!(rig.follow(&keys[..1], &tool(start), &mut wall(1.0, 0.0, start), Schedule::at(100.0, PERIOD)).unwrap().is_empty());
+        assert!(
+            rig.follow(&keys[..1], &tool(start), &mut wall(1.0, 0.0, start), Schedule::at(100.0, PERIOD))
+                .unwrap()
+                .is_empty()
+        );
     }
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::head::{self, CHEEK, Skin};
 use super::hold::cases;
-use super::rig::{PERIOD, Recorded, Rig, Spread, key, tool};
+use super::rig::{Mode, PERIOD, Recorded, Rig, Spread, key, tool};
 use super::{Settings, profile};
 use crate::Result;
 use crate::haptics::devices::hand::HandParameters;
@@ -64,8 +64,8 @@ pub struct Slid {
     pub profile: &'static str,
     /// Of the simulation, Hz.
     pub rate: f64,
-    /// Whether with the local model; else with the raw force.
-    pub local_model: bool,
+    /// What the loop did.
+    pub mode: Mode,
     /// While sliding, N.
     pub force: Spread,
     /// From the first touch until the slide begins.
@@ -81,13 +81,13 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<S
     let keys = way(&Skin::of(&head::scene(settings, DVec3::ZERO))?)?;
     let scene = head::scene(settings, keys[0].position);
     let mut slides = Vec::new();
-    for (name, rate, local_model) in cases(&settings.slide_devices, &settings.slide_rates) {
+    for (name, rate, mode) in cases(&settings.slide_devices, &settings.slide_rates) {
         watch(&format!("slide: {name} at {rate} Hz"));
-        let rig = Rig { profile: profile(name)?, hand: HandParameters::default(), local_model, passivity: true };
+        let rig = Rig { profile: profile(name)?, hand: HandParameters::default(), mode };
         let mut simulation = head::open(&scene, settings)?;
         let mut recorded = Recorded { inner: &mut simulation, wrenches: Vec::new() };
         let ticks = rig.follow(&keys, &tool(keys[0].position), &mut recorded, Schedule::at(rate, PERIOD))?;
-        slides.push(judge(name, rate, local_model, &ticks, &recorded.wrenches));
+        slides.push(judge(name, rate, mode, &ticks, &recorded.wrenches));
     }
     Ok(slides)
 }
@@ -106,13 +106,7 @@ fn way(skin: &Skin) -> Result<Vec<Key>> {
     Ok(keys)
 }
 
-fn judge(
-    profile: &'static str,
-    rate: f64,
-    local_model: bool,
-    ticks: &[Tick],
-    wrenches: &[ContactWrench],
-) -> Slid {
+fn judge(profile: &'static str, rate: f64, mode: Mode, ticks: &[Tick], wrenches: &[ContactWrench]) -> Slid {
     let slides = TIMES[2];
     let changes = |is_in: &dyn Fn(f64) -> bool| {
         let of_ticks = |force: fn(&Tick) -> DVec3| worst(ticks.iter().map(|t| (t.time, force(t))), is_in);
@@ -128,7 +122,7 @@ fn judge(
     Slid {
         profile,
         rate,
-        local_model,
+        mode,
         force: Spread::of(sliding.iter().map(|tick| tick.played.force.length())),
         touch: changes(&|time| time < slides),
         slide: changes(&|time| time >= slides),

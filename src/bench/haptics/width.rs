@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Settings;
-use super::rig::{PERIOD, Rig, Spread, key, tool, wall};
+use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 use crate::Result;
 use crate::haptics::devices::hand::HandParameters;
 use crate::haptics::servo::Tick;
@@ -43,6 +43,9 @@ const WITHIN: f64 = 0.01;
 /// Swings that are smaller are rounding, N.
 const NOTHING: f64 = 1e-6;
 
+const DELAY: &str = "delay";
+const RATE: &str = "rate";
+
 /// The stiffest wall that keeps still, N/m: 0 where none does, the end of [`RANGE`] where all do.
 pub type Stiffest = f64;
 
@@ -55,12 +58,14 @@ pub struct Width {
     pub coupling: f64,
     /// Of the wall, N s/m.
     pub damping: f64,
+    /// With the local model and passivity control.
+    pub session: Stiffest,
     /// With the local model.
     pub local: Stiffest,
-    /// With the local model and passivity control.
-    pub passive: Stiffest,
     /// With the raw force.
     pub raw: Stiffest,
+    /// That passivity by Colgate and Schenkel allows without a coupling, N/m.
+    pub colgate: f64,
 }
 
 /// By delay or rate.
@@ -80,7 +85,7 @@ pub struct Limit {
     pub raw: Stiffest,
     /// Of a wall that is sampled at that rate without further delay, by Colgate and Schenkel, N/m.
     pub colgate: f64,
-    /// Of the same with the delay, by Gil and others, N/m.
+    /// Of the same with the delay, and by rate an interval more, by Gil and others, N/m.
     pub gil: f64,
 }
 
@@ -100,13 +105,14 @@ pub fn by_damping(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Ve
     for profile in settings.profiles()? {
         watch(&format!("walls: {} by damping", profile.name));
         for &damping in &settings.dampings {
-            let of = |local_model: bool, passivity: bool| {
-                let rig = Rig { profile, hand: CRITICAL, local_model, passivity };
+            let of = |mode: Mode| {
+                let rig = Rig { mode, ..rig_of(profile) };
                 stiffest(settings, |stiffness| press(&rig, stiffness, damping, 1.0 / PERIOD))
             };
-            let coupling = rig_of(profile).coupling().stiffness;
-            let (local, passive, raw) = (of(true, false)?, of(true, true)?, of(false, false)?);
-            widths.push(Width { profile: profile.name, coupling, damping, local, passive, raw });
+            let stiffness = rig_of(profile).coupling().stiffness;
+            let colgate = coupling::stiffest(dissipation(), damping, PERIOD, 0.0);
+            let (session, local, raw) = (of(Mode::Session)?, of(Mode::Local)?, of(Mode::Raw)?);
+            widths.push(Width { profile: profile.name, coupling: stiffness, damping, session, local, raw, colgate });
         }
     }
     Ok(widths)
@@ -115,42 +121,36 @@ pub fn by_damping(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Ve
 /// By the delay of the force at 1 kHz.
 pub fn by_delay(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
     let cases: Vec<(f64, f64)> = settings.delays.iter().map(|&delay| (delay, 1.0 / PERIOD)).collect();
-    limits(settings, "delay", &cases, watch)
+    limits(settings, DELAY, &cases, watch)
 }
 
 /// By the rate of the simulation, whose wrench arrives one interval later.
 pub fn by_rate(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
     let cases: Vec<(f64, f64)> = settings.rates.iter().map(|&rate| (0.0, rate)).collect();
-    limits(settings, "rate", &cases, watch)
+    limits(settings, RATE, &cases, watch)
 }
 
-fn limits(
-    settings: &Settings,
-    what: &str,
-    cases: &[(f64, f64)],
-    watch: &mut dyn FnMut(&str),
-) -> Result<Vec<Limit>> {
+fn limits(settings: &Settings, what: &str, cases: &[(f64, f64)], watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
     let mut limits = Vec::new();
     for profile in settings.profiles()? {
         watch(&format!("walls: {} by {what}", profile.name));
         for &(delay, rate) in cases {
-            let of = |local_model: bool| {
-                let hand = HandParameters { delay, ..CRITICAL };
-                let rig = Rig { hand, local_model, ..rig_of(profile) };
+            let of = |mode: Mode| {
+                let rig = Rig { hand: HandParameters { delay, ..CRITICAL }, mode, ..rig_of(profile) };
                 stiffest(settings, |stiffness| press(&rig, stiffness, 0.0, rate))
             };
-            let whole = whole_interval(rate);
-            // At the loop's own rate what is found is played in the next tick; else it is an interval old when it comes.
-            let age = delay + if whole > PERIOD { whole } else { 0.0 };
+            let interval = interval(rate);
+            // What is found comes an interval later, unless the local model makes up for it.
+            let late = delay + if what == RATE { interval } else { 0.0 };
             limits.push(Limit {
                 profile: profile.name,
                 coupling: rig_of(profile).coupling().stiffness,
                 delay,
                 rate,
-                local: of(true)?,
-                raw: of(false)?,
-                colgate: coupling::stiffest(dissipation(), 0.0, whole, 0.0),
-                gil: dissipation() / (0.5 * whole + age),
+                local: of(Mode::Local)?,
+                raw: of(Mode::Raw)?,
+                colgate: coupling::stiffest(dissipation(), 0.0, interval, 0.0),
+                gil: dissipation() / (0.5 * interval + late),
             });
         }
     }
@@ -158,12 +158,12 @@ fn limits(
 }
 
 /// Between steps, in whole ticks, s.
-fn whole_interval(rate: f64) -> f64 {
+fn interval(rate: f64) -> f64 {
     f64::from(Schedule::at(rate, PERIOD).ticks_a_step) * PERIOD
 }
 
 fn rig_of(profile: &'static Profile) -> Rig {
-    Rig { profile, hand: CRITICAL, local_model: true, passivity: false }
+    Rig { profile, hand: CRITICAL, mode: Mode::Local }
 }
 
 /// The hand means to be so far within the wall; whether the force is there, and keeps still.
@@ -237,7 +237,9 @@ mod tests {
             keeps_still(&ticks, balance)
         };
         let wave = |t: f64| (40.0 * t).sin();
-        assert!(judge(3.0, &|_| 3.0) && judge(3.0, &|t| 3.0 + 0.01 * wave(t)) && judge(0.1, &|t| 0.1 + 0.004 * wave(t)));
+        assert!(
+            judge(3.0, &|_| 3.0) && judge(3.0, &|t| 3.0 + 0.01 * wave(t)) && judge(0.1, &|t| 0.1 + 0.004 * wave(t))
+        );
         assert!(!judge(3.0, &|t| 3.0 + 0.03 * wave(t)) && !judge(0.1, &|t| 0.1 + 0.006 * wave(t)));
         assert!(!judge(3.0, &|t| 3.0 + 0.003 * t * wave(t)) && !judge(3.0, &|_| f64::NAN) && !judge(3.0, &|_| 0.0));
     }
