@@ -40,20 +40,31 @@ fn the_local_model_may_be_better_or_worse() {
 fn held(mode: Mode, mean: f64, deviation: f64) -> Held {
     let force = Spread { mean, deviation, swing: 4.0 * deviation };
     let reading = Spread { swing: 2e-5, ..Spread::default() };
-    Held { met: Met::Wall(500.0), profile: "touch", rate: 50.0, mode, force, reading, quantum_force: 0.008 }
+    Held {
+        met: Met::Wall(500.0),
+        profile: "touch",
+        rate: 50.0,
+        mode,
+        force,
+        no_friction: Some(force),
+        reading,
+        quantum_forces: [0.008, 0.04],
+    }
 }
 
 #[test]
 fn a_force_that_is_gone_is_not_still() {
     let all = [held(Mode::Session, 0.0, 0.0), held(Mode::Local, 2.0, 0.019), held(Mode::Raw, 2.0, 0.3)];
     let section = forces::holds(&all).unwrap();
-    let told = "as in a session 0 of 1 (the noisiest 0.00 mN of 0.00 N: wall, 500 N/m, touch, 50 Hz), and 1 are left without a \
-                force; no passivity control 1 of 1 (the noisiest 19.00 mN of 2.00 N: wall, 500 N/m, touch, 50 Hz); raw force 0 \
-                of 1 (the noisiest 300.00 mN of 2.00 N: wall, 500 N/m, touch, 50 Hz).";
+    let told = "as in a session 0 of 1, 1 left without a force; without friction 0 of 1, 1 left without a force; no passivity \
+                control 1 of 1 (the noisiest 19.00 mN of 2.00 N: wall, 500 N/m, touch, 50 Hz); without friction 1 of 1 (the \
+                noisiest 19.00 mN of 2.00 N: wall, 500 N/m, touch, 50 Hz); raw force 0 of 1 (the noisiest 300.00 mN of 2.00 N: \
+                wall, 500 N/m, touch, 50 Hz); without friction 0 of 1 (the noisiest 300.00 mN of 2.00 N: wall, 500 N/m, touch, \
+                50 Hz).";
     assert!(section.finding.ends_with(told), "{}", section.finding);
     let row = &section.table.rows[0];
-    assert_eq!(row[..6], ["wall, 500 N/m", "touch", "50", "0.000", "0.00", "0.00"]);
-    assert_eq!((&row[9..], row.len()), (&["2.000", "300.00", "1200.00", "20", "8.0"].map(String::from)[..], 14));
+    assert_eq!(row[..6], ["wall, 500 N/m", "touch", "50", "0.000", "0.00 (0.00)", "0.00 (0.00)"]);
+    assert_eq!(row[9..], ["2.000", "300.00 (1200.00)", "300.00 (1200.00)", "20", "8 + 40"]);
     assert_eq!(section.table.heads.len(), row.len());
     let noisy = forces::holds(&[held(Mode::Local, 2.0, 0.021)]).unwrap().finding;
     assert!(noisy.contains("no passivity control 0 of 1"), "{noisy}");
@@ -63,21 +74,24 @@ fn a_force_that_is_gone_is_not_still() {
 fn jumps_are_judged_while_touching_and_while_sliding() {
     let change =
         |newtons: f64, force: f64| Change { newtons, force, time: 0.0, excess: newtons / 0.05f64.max(0.05 * force) };
-    let slid = |mode: Mode, touch: f64, slide: f64| Slid {
+    let slid = |mode: Mode, mean: f64, touch: f64, slide: f64| Slid {
         profile: "touch",
         rate: 50.0,
         mode,
-        force: Spread { mean: 1.0, ..Spread::default() },
+        force: Spread { mean, ..Spread::default() },
+        quantum_forces: [0.008, 0.04],
         touch: Changes { played: change(touch, 0.5), ..Changes::default() },
         slide: Changes { played: change(slide, 2.0), raw: change(0.2, 2.0), ..Changes::default() },
         trace: vec![[1.0, 1.0, 1.1, 1.2], [1.1, 1.2, 1.1, 1.2]],
     };
-    let section = forces::slides(&[slid(Mode::Session, 0.06, 0.09), slid(Mode::Raw, 0.01, 0.2)]).unwrap();
+    let all =
+        [slid(Mode::Session, 1.0, 0.06, 0.09), slid(Mode::Session, 0.0, 0.0, 0.0), slid(Mode::Raw, 1.0, 0.01, 0.2)];
+    let section = forces::slides(&all).unwrap();
     let told = [
-        "as in a session at worst 60.0 mN (12.0 %) while touching, beyond what is allowed and 90.0 mN (4.5 %) while \
-                 sliding, within what is allowed;",
-        "raw force at worst 10.0 mN (2.0 %) while touching, within",
-        "200.0 mN (10.0 %) while sliding, beyond",
+        "as in a session 0 of 2 while touching (at worst 60.0 mN, 12.0 %: touch, 50 Hz), 1 of 2 while sliding (at worst 90.0 mN, \
+         4.5 %: touch, 50 Hz), 1 of 2 left without a force;",
+        "raw force 1 of 1 while touching (at worst 10.0 mN, 2.0 %",
+        "0 of 1 while sliding (at worst 200.0 mN, 10.0 %",
         "jumps by 200.0 mN",
     ];
     assert!(told.iter().all(|told| section.finding.contains(told)), "{}", section.finding);

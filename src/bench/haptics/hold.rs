@@ -14,7 +14,7 @@ use crate::haptics::servo::Tick;
 use crate::haptics::virtual_time::Schedule;
 
 /// A hand that presses a few millimetres deep and feels less than this has been left without a force, N.
-pub const LEAST: f64 = 0.05;
+const LEAST: f64 = 0.05;
 /// Above what is pressed at the start, m.
 const ABOVE: f64 = 0.003;
 /// Below it where the person means to be, m.
@@ -43,22 +43,22 @@ pub struct Held {
     pub mode: Mode,
     /// What was played, N.
     pub force: Spread,
+    /// The same where the device has no friction to rest in; walls alone.
+    pub no_friction: Option<Spread>,
     /// Where the device said that it was, m.
     pub reading: Spread,
-    /// What one step of its encoders is worth by the coupling, N.
-    pub quantum_force: f64,
+    /// What one step of its encoders is worth by the coupling's stiffness and by its damping, N.
+    pub quantum_forces: [f64; 2],
 }
 
-impl Held {
-    /// Whether there is a force, and its standard deviation is within [`STILL_SHARE`] of it or [`STILL`].
-    pub fn is_still(&self) -> bool {
-        self.force.deviation <= (STILL_SHARE * self.force.mean).max(STILL) && self.is_there()
-    }
+/// Whether there is a force, and its standard deviation is within [`STILL_SHARE`] of it or [`STILL`].
+pub fn is_still(force: &Spread) -> bool {
+    force.deviation <= (STILL_SHARE * force.mean).max(STILL) && is_there(force)
+}
 
-    /// Whether there is a force at all.
-    pub fn is_there(&self) -> bool {
-        self.force.mean > LEAST
-    }
+/// Whether there is a force at all.
+pub fn is_there(force: &Spread) -> bool {
+    force.mean > LEAST
 }
 
 /// Holds against walls and the head.
@@ -104,15 +104,28 @@ fn hold(
     let rig = Rig { profile: profile(name)?, hand: HandParameters::default(), mode };
     let keys = [key(0.0, start), key(0.3, start), key(0.6, end), key(3.0, end)];
     let ticks = rig.follow(&keys, &tool(start), environment, Schedule::at(rate, PERIOD))?;
-    let last = &ticks[ticks.len().saturating_sub((1.0 / PERIOD) as usize)..];
-    let of = |vector: fn(&Tick) -> DVec3| Spread::of_vectors(&last.iter().map(vector).collect::<Vec<_>>());
+    let no_friction = match met {
+        Met::Wall(stiffness) => {
+            let rig = Rig { hand: HandParameters { friction: 0.0, ..rig.hand }, ..rig };
+            let mut wall = wall(stiffness, 0.0, start);
+            Some(at_end(&rig.follow(&keys, &tool(start), &mut wall, Schedule::at(rate, PERIOD))?, |t| t.played.force))
+        }
+        Met::Head => None,
+    };
     Ok(Held {
         met,
         profile: name,
         rate,
         mode,
-        force: of(|tick| tick.played.force),
-        reading: of(|tick| tick.device.position),
-        quantum_force: rig.hand.quantum * rig.coupling().stiffness,
+        force: at_end(&ticks, |tick| tick.played.force),
+        no_friction,
+        reading: at_end(&ticks, |tick| tick.device.position),
+        quantum_forces: rig.quantum_forces(),
     })
+}
+
+/// Over the last second.
+fn at_end(ticks: &[Tick], vector: fn(&Tick) -> DVec3) -> Spread {
+    let last = &ticks[ticks.len().saturating_sub((1.0 / PERIOD) as usize)..];
+    Spread::of_vectors(&last.iter().map(vector).collect::<Vec<_>>())
 }

@@ -12,7 +12,7 @@ mod width;
 use serde::Serialize;
 
 pub use document::document;
-pub use hold::{Held, Met};
+pub use hold::{Held, Met, is_still};
 pub use jitter::Punctual;
 pub use rig::{Mode, Spread};
 pub use slide::{Change, Changes, Slid};
@@ -154,54 +154,4 @@ pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> 
         slides: slide::measure(settings, watch)?,
         jitter: jitter::measure(settings, watch)?,
     })
-}
-
-#[cfg(test)]
-mod explore {
-    use super::*;
-    #[test]
-    fn explore() {
-        let part = std::env::var("PART").unwrap_or_default();
-        let mut s = if std::env::var("FULL").is_ok() { Settings::full() } else { Settings::quick() };
-        s.bisected = 0.1;
-        let mut w = |t: &str| eprintln!("{t}");
-        let t = std::time::Instant::now();
-        if part.contains('w') {
-            for x in width::by_damping(&s, &mut w).unwrap() {
-                println!("{x:?}");
-            }
-            println!("{:?}", t.elapsed());
-        }
-        if part.contains('d') {
-            for x in width::by_delay(&s, &mut w).unwrap() {
-                println!("{x:?}");
-            }
-            println!("{:?}", t.elapsed());
-        }
-        if part.contains('r') {
-            for x in width::by_rate(&s, &mut w).unwrap() {
-                println!("{x:?}");
-            }
-            println!("{:?}", t.elapsed());
-        }
-        if part.contains('h') {
-            for x in hold::measure(&s, &mut w).unwrap() {
-                println!("{x:?}");
-            }
-            println!("{:?}", t.elapsed());
-        }
-        if part.contains('s') {
-            for mut x in slide::measure(&s, &mut w).unwrap() {
-                x.trace.truncate(if part.contains('t') { 9999 } else { 3 });
-                println!("{x:?}");
-            }
-            println!("{:?}", t.elapsed());
-        }
-        if part.contains('j') {
-            for x in jitter::measure(&s, &mut w).unwrap() {
-                println!("{x:?}");
-            }
-            println!("{:?}", t.elapsed());
-        }
-    }
 }

@@ -58,6 +58,13 @@ impl Rig {
         coupling::choose(self.profile, PERIOD, 0.0, MASS, inertia(), None).coupling
     }
 
+    /// What one step of the hand's encoders is worth by the coupling, N: by its stiffness, and by its damping where the
+    /// velocity is told from a tick.
+    pub fn quantum_forces(&self) -> [f64; 2] {
+        let Coupling { stiffness, damping, .. } = self.coupling();
+        [self.hand.quantum * stiffness, self.hand.quantum * damping / PERIOD]
+    }
+
     /// Follows keys to the last; all ticks. `tool`: where it starts.
     pub fn follow(
         &self,

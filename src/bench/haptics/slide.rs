@@ -68,6 +68,8 @@ pub struct Slid {
     pub mode: Mode,
     /// While sliding, N.
     pub force: Spread,
+    /// What one step of the encoders is worth by the coupling's stiffness and by its damping, N.
+    pub quantum_forces: [f64; 2],
     /// From the first touch until the slide begins.
     pub touch: Changes,
     /// While sliding.
@@ -87,7 +89,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<S
         let mut simulation = head::open(&scene, settings)?;
         let mut recorded = Recorded { inner: &mut simulation, wrenches: Vec::new() };
         let ticks = rig.follow(&keys, &tool(keys[0].position), &mut recorded, Schedule::at(rate, PERIOD))?;
-        slides.push(judge(name, rate, mode, &ticks, &recorded.wrenches));
+        slides.push(judge(&rig, rate, &ticks, &recorded.wrenches));
     }
     Ok(slides)
 }
@@ -106,7 +108,7 @@ fn way(skin: &Skin) -> Result<Vec<Key>> {
     Ok(keys)
 }
 
-fn judge(profile: &'static str, rate: f64, mode: Mode, ticks: &[Tick], wrenches: &[ContactWrench]) -> Slid {
+fn judge(rig: &Rig, rate: f64, ticks: &[Tick], wrenches: &[ContactWrench]) -> Slid {
     let slides = TIMES[2];
     let changes = |is_in: &dyn Fn(f64) -> bool| {
         let of_ticks = |force: fn(&Tick) -> DVec3| worst(ticks.iter().map(|t| (t.time, force(t))), is_in);
@@ -120,9 +122,10 @@ fn judge(profile: &'static str, rate: f64, mode: Mode, ticks: &[Tick], wrenches:
     let found = |tick: &Tick| wrenches.iter().find(|w| w.step == tick.step).map_or(0.0, |w| w.wrench.force.length());
     let point = |t: &&Tick| [t.time, t.played.force.length(), t.contact.force.length(), found(t)];
     Slid {
-        profile,
+        profile: rig.profile.name,
         rate,
-        mode,
+        mode: rig.mode,
+        quantum_forces: rig.quantum_forces(),
         force: Spread::of(sliding.iter().map(|tick| tick.played.force.length())),
         touch: changes(&|time| time < slides),
         slide: changes(&|time| time >= slides),
