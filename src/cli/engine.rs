@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 use palpate::gpu::{Context, DeviceInfo, Options};
+use palpate::haptics::local_model::ContactWrench;
+use palpate::haptics::servo_thread::Held;
 use palpate::prepare::{Embedding, Shape};
 use palpate::report::{Facts, Plan, Row, StageSamples};
 use palpate::scene::Scene;
@@ -62,9 +64,25 @@ impl Engine {
         self.simulation.reports().flat_map(|(_, report)| report.notes.iter().map(String::as_str))
     }
 
-    /// One step.
+    /// One step of the scene's own.
     pub fn step(&mut self) -> Result<Row> {
         let row = self.simulation.step()?;
+        Ok(self.counted(row))
+    }
+
+    /// A step of `h` s from what the loop holds, and what the tool felt in it.
+    pub fn step_held(&mut self, held: &Held, h: f64) -> Result<(Row, ContactWrench)> {
+        let row = self.simulation.step_held(held, h)?;
+        let wrench = self.simulation.contact_wrench().copied().unwrap_or(ContactWrench::none(held.tool));
+        Ok((self.counted(row), wrench))
+    }
+
+    /// The simulation itself.
+    pub fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    fn counted(&mut self, row: Row) -> Row {
         self.steps += 1;
         self.iterations += u64::from(row.iterations);
         for (stage, us) in self.simulation.stage_times().unwrap_or_default() {
@@ -73,7 +91,7 @@ impl Engine {
                 None => self.stages.push(StageSamples { stage: stage.clone(), passes: 0, us: vec![*us] }),
             }
         }
-        Ok(row)
+        row
     }
 
     /// Reads back what is left.

@@ -4,9 +4,11 @@
 mod bench;
 mod devices;
 mod engine;
+mod hold;
 mod prepare;
 mod press;
 mod query;
+mod replay;
 mod run;
 
 use std::io::Write;
@@ -27,6 +29,8 @@ struct Arguments {
 enum Command {
     /// Simulate a scene and record what the tool feels
     Run(run::Arguments),
+    /// Run a recorded session again, and say where it differs
+    Replay(replay::Arguments),
     /// Make a layered body of a surface, with a report, pictures and a scene
     Prepare(prepare::Arguments),
     /// Find where two surfaces overlap, undeformed
@@ -44,6 +48,7 @@ fn main() -> ExitCode {
     };
     let result = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Replay(arguments) => replay::replay(&arguments),
         Command::Prepare(arguments) => prepare::prepare(&arguments),
         Command::Query(arguments) => query::query(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
@@ -71,6 +76,11 @@ fn usage(error: &clap::Error) -> ExitCode {
     // A closed stderr leaves the exit status to speak.
     let _ = writeln!(std::io::stderr(), "{}", lines.join("; "));
     ExitCode::from(error.exit_code() as u8)
+}
+
+/// Something to know, on standard error; a closed one stops nothing.
+fn tell(note: &str) {
+    drop(writeln!(std::io::stderr(), "note: {note}"));
 }
 
 /// Prints to standard output. Whoever closed the other end has read enough: that is not an error.

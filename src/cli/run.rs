@@ -1,17 +1,18 @@
 //! `palpate run`: a scene from the first step to the last, a trace of it, and its state at the end.
 
-use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::Result;
+use palpate::haptics::session::Report;
+use palpate::report::haptics::Closing;
 use palpate::report::summary::ClosingTable;
-use palpate::report::{Output, Summary, Tally, Trace};
-use palpate::scene::{DepthPath, Scene, obj, vtk};
+use palpate::report::{self, Output, Row, Summary, Tally, Trace};
+use palpate::scene::{DepthPath, DeviceKind, Scene, obj, vtk};
 
 use crate::engine::{Engine, Outcome};
-use crate::print;
+use crate::{hold, print, tell};
 
 const TRACE: &str = "trace.csv";
 const SUMMARY: &str = "summary.json";
@@ -35,6 +36,12 @@ pub struct Arguments {
     /// Path of the depth stage, whatever the scene says [default: the faster one, measured once a device]
     #[arg(long, value_name = "PATH", value_parser = PossibleValuesParser::new(DepthPath::CHOICES.map(|(name, _)| name)))]
     depth: Option<String>,
+    /// Hold the tool by this device, with a force a thousand times a second, in the world's time [default: the scene's]
+    #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DeviceKind::CHOICES.map(|(name, _)| name)))]
+    haptics: Option<String>,
+    /// File to record every tick of the loop into, for `palpate replay`; a table if its name ends in .csv
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     /// Directory to write results into; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -52,12 +59,22 @@ fn steps(text: &str) -> std::result::Result<u64, String> {
     steps.ok_or_else(|| format!("give a whole number from 1 to {MOST_STEPS}"))
 }
 
+/// How long a device is held: one that a person holds, until told to end.
+fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
+    if let Some(steps) = arguments.steps {
+        let problem = format!("{steps} steps were asked for, and a session with a haptic device lasts some time");
+        return Err(palpate::Error::key(&scene.file, "haptics.device", problem, "give --seconds instead of --steps"));
+    }
+    let is_endless = scene.haptics.device == DeviceKind::Haply;
+    Ok(arguments.seconds.unwrap_or(if is_endless { f64::INFINITY } else { scene.duration() }))
+}
+
 /// How many steps to do; refuses more than anyone waits for.
-fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<u64> {
+fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
     let seconds = arguments.seconds.unwrap_or(scene.duration());
     let steps = arguments.steps.unwrap_or_else(|| (seconds / scene.step.dt).round().max(1.0) as u64);
     if steps <= MOST_STEPS {
-        return Ok(steps);
+        return Ok(Extent::Steps(steps));
     }
     let problem = format!("{seconds:?} s are more than {MOST_STEPS} steps of {:?} s", scene.step.dt);
     Err(palpate::Error::key(&scene.file, "step.dt", problem, "give a longer step, or fewer by --steps or --seconds"))
@@ -69,26 +86,52 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(name) = &arguments.depth {
         scene.contact.depth = DepthPath::CHOICES.iter().find(|(known, _)| known == name).and_then(|(_, path)| *path);
     }
-    let steps = steps_of(arguments, &scene)?;
+    if let Some(name) = &arguments.haptics {
+        let kind = DeviceKind::CHOICES.iter().find(|(known, _)| known == name);
+        scene.haptics.device = kind.map_or(scene.haptics.device, |(_, kind)| *kind);
+    }
+    let is_held = arguments.haptics.is_some() || arguments.record.is_some();
+    let is_held = is_held || scene.haptics.device != DeviceKind::Scripted;
+    let extent = if is_held { Extent::Seconds(seconds_of(arguments, &scene)?) } else { steps_of(arguments, &scene)? };
     let engine = Engine::open(&scene, arguments.device.as_deref())?;
-    // A closed stderr does not stop a run; the summary carries the notes too.
-    engine.notes().for_each(|note| drop(writeln!(std::io::stderr(), "note: {note}")));
+    engine.notes().for_each(tell);
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
-    let (tally, outcome) = simulate(engine, &scene, steps, output.as_mut())?;
+    let done = simulate(engine, &scene, &extent, arguments.record.as_deref(), output.as_mut())?;
     if let Some(mut output) = output {
-        write_end(&mut output, &scene, &tally, &outcome)?;
+        write_end(&mut output, &scene, &done)?;
         output.commit()?;
     }
-    print(&ClosingTable { facts: &outcome.facts, tally: &tally }.to_string())
+    let closing = done.report.as_ref().map(|report| Closing(report).to_string());
+    print(&format!(
+        "{}{}",
+        ClosingTable { facts: &done.outcome.facts, tally: &done.tally },
+        closing.unwrap_or_default()
+    ))
+}
+
+/// How far a run goes.
+enum Extent {
+    /// Steps of the scene's `dt`.
+    Steps(u64),
+    /// Of the world's time, held by a device.
+    Seconds(f64),
+}
+
+/// What a run leaves.
+struct Done {
+    tally: Tally,
+    outcome: Outcome,
+    report: Option<Report>,
 }
 
 /// All steps, each with its row in the trace.
 fn simulate(
     mut engine: Engine,
     scene: &Scene,
-    steps: u64,
+    extent: &Extent,
+    record: Option<&Path>,
     mut output: Option<&mut Output>,
-) -> Result<(Tally, Outcome)> {
+) -> Result<Done> {
     let probes: Vec<String> = scene.probes.iter().map(|probe| probe.name.clone()).collect();
     let file = output.as_ref().map(|output| output.path(TRACE)).unwrap_or_default();
     let failed = |source| palpate::Error::Output { file: file.clone(), source };
@@ -96,17 +139,25 @@ fn simulate(
         Some(output) => Some(Trace::new(output.file(TRACE)?, &probes).map_err(failed)?),
         None => None,
     };
-    let bar = progress(steps);
+    let bar = progress(extent);
     let mut tally = Tally::default();
-    for _ in 0..steps {
-        let row = engine.step()?;
+    let mut watch = |row: &Row| {
         if let Some(trace) = &mut trace {
-            trace.write(&row).map_err(failed)?;
+            trace.write(row).map_err(failed)?;
         }
-        tally.add(&row);
-        bar.inc(1);
-    }
+        tally.add(row);
+        match extent {
+            Extent::Steps(_) => bar.inc(1),
+            Extent::Seconds(_) => bar.set_position(bar.elapsed().as_millis() as u64),
+        }
+        Ok(())
+    };
+    let report = match extent {
+        Extent::Steps(steps) => (0..*steps).try_for_each(|_| watch(&engine.step()?)).map(|()| None),
+        Extent::Seconds(seconds) => hold::hold(&mut engine, scene, *seconds, record, &mut watch).map(Some),
+    }?;
     bar.finish_and_clear();
+    let steps = tally.steps;
     if tally.raised().any(|(name, count)| name == "non_finite" && count == steps) {
         let problem = format!("none of the {steps} steps had a finite solution, and nothing moved");
         let remedy = "bring the scene's numbers (sizes, masses, stiffnesses, the time step) closer to one another";
@@ -115,20 +166,25 @@ fn simulate(
     if let Some(trace) = trace {
         trace.finish().map_err(failed)?;
     }
-    Ok((tally, engine.finish()?))
+    Ok(Done { tally, outcome: engine.finish()?, report })
 }
 
 /// A bar on standard error, drawn only where that is a terminal.
-fn progress(steps: u64) -> ProgressBar {
-    let bar = ProgressBar::new(steps).with_finish(ProgressFinish::AndClear);
-    match ProgressStyle::with_template("{wide_bar} {pos}/{len} steps, {eta} left") {
+fn progress(extent: &Extent) -> ProgressBar {
+    let (length, template) = match extent {
+        Extent::Steps(steps) => (*steps, "{wide_bar} {pos}/{len} steps, {eta} left"),
+        Extent::Seconds(seconds) => ((1e3 * seconds) as u64, "{wide_bar} {elapsed} of the session, {eta} left"),
+    };
+    let bar = ProgressBar::new(length).with_finish(ProgressFinish::AndClear);
+    match ProgressStyle::with_template(template) {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }
 }
 
 /// The files that are written once, at the end.
-fn write_end(output: &mut Output, scene: &Scene, tally: &Tally, outcome: &Outcome) -> Result<()> {
+fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
+    let Done { tally, outcome, report } = done;
     for layer in &outcome.layers {
         let name = format!("{}.vtk", layer.name);
         output.write(&name, |w| vtk::write_layer(w, &layer.nodes, &layer.tetrahedra, &layer.displacement))?;
@@ -136,6 +192,7 @@ fn write_end(output: &mut Output, scene: &Scene, tally: &Tally, outcome: &Outcom
     for skin in &outcome.skins {
         output.write(&format!("{}.obj", skin.name), |w| obj::write(w, &skin.vertices, &skin.triangles))?;
     }
-    let summary = Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally);
+    let haptics = report.as_ref().map(report::haptics::summary);
+    let summary = Summary { haptics, ..Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally) };
     output.write(SUMMARY, |w| serde_json::to_writer_pretty(w, &summary).map_err(Into::into))
 }

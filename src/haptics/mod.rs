@@ -10,9 +10,13 @@ pub mod devices;
 pub mod drive;
 pub mod environment;
 pub mod event;
+#[cfg(test)]
+mod faults;
 pub mod local_model;
 pub mod passivity;
 pub mod profile;
+pub mod record;
+pub mod replay;
 pub mod safety;
 pub mod sense;
 pub mod servo;

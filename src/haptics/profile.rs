@@ -33,8 +33,11 @@ pub const PROFILES: [Profile; 8] = [
     profile("delta.6", [20.0, 0.2], [5000.0, 30.0], [1.0, 0.0], 0.15, true),
     profile("sigma.7", [12.0, 0.2], [4000.0, 30.0], [1.0, 0.07], 0.075, true),
     profile("falcon", [8.0, 0.0], [3000.0, 20.0], [0.0, 0.0], 0.04, false),
-    profile("inverse3", [10.0, 0.0], [1000.0, 6.0], [0.0, 0.0], 0.15, false),
+    INVERSE3,
 ];
+
+/// The Haply Inverse3's.
+pub const INVERSE3: Profile = profile("inverse3", [10.0, 0.0], [1000.0, 6.0], [0.0, 0.0], 0.15, false);
 
 const fn profile(
     name: &'static str,

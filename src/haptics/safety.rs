@@ -80,7 +80,7 @@ impl Gain {
     }
 
     /// Nothing, at once.
-    pub fn drop(&mut self) {
+    pub fn cut(&mut self) {
         self.0 = 0.0;
     }
 

@@ -129,7 +129,8 @@ impl Servo {
         let (device, is_well) = self.feel_for(&reading, period, &mut events);
         self.take(newest, time, &mut events);
         let age = if self.newest.step > 0 { time - self.newest.time } else { 0.0 };
-        if age > self.settings.limits.watchdog || (self.newest.step > 0 && age.is_nan()) {
+        // A wrench from the future tells as little as one that is old, or of no known age.
+        if age.is_nan() || age.abs() > self.settings.limits.watchdog {
             events.raise(Event::StaleWrench);
         }
         if (device.position - self.home).length() > self.settings.limits.workspace {
@@ -138,7 +139,7 @@ impl Servo {
         let fading = events.has_any(&[Event::StaleWrench, Event::OutsideWorkspace]);
         self.gain.go(is_well && !fading && self.newest.step > 0, period);
         if events.has_any(&[Event::DeviceLost, Event::ClockJump]) {
-            self.gain.drop();
+            self.gain.cut();
         }
         if self.gain.value() < 1.0 {
             events.raise(Event::Engaging);
@@ -188,7 +189,7 @@ impl Servo {
         tick.events.raise(Event::DeviceLost);
         tick.played = self.guard.cut();
         self.played = tick.played;
-        self.gain.drop();
+        self.gain.cut();
         self.passivity.play(tick.played);
     }
 

@@ -196,3 +196,170 @@ impl Drop for BareTimer {
         self.stop.store(true, Ordering::Relaxed);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+    use std::time::Duration;
+
+    use glam::{DMat3, DQuat, DVec3};
+
+    use super::*;
+    use crate::haptics::safety::{Limits, Lowered};
+    use crate::haptics::servo::Settings;
+    use crate::haptics::tool::Tool;
+    use crate::haptics::{Profile, Reading, Wrench};
+
+    /// What a device was told, in order; `None`: it was closed.
+    type Told = Arc<Mutex<Vec<Option<Wrench>>>>;
+
+    /// Swings about a place; fails in one way or another at its n-th reading.
+    struct Swinging {
+        profile: Profile,
+        told: Told,
+        readings: u32,
+        panics_at: Option<u32>,
+    }
+
+    impl Device for Swinging {
+        fn open(&mut self) -> Result<(), Fault> {
+            Ok(())
+        }
+
+        fn profile(&self) -> &Profile {
+            &self.profile
+        }
+
+        fn read(&mut self, time: f64) -> Result<Reading, Fault> {
+            self.readings += 1;
+            assert!(Some(self.readings) != self.panics_at, "a driver that fails");
+            let position = DVec3::Y * 0.01 * (20.0 * time).sin();
+            Ok(Reading { time, state: RigidState::at_rest(position, DQuat::IDENTITY), buttons: 0 })
+        }
+
+        fn write(&mut self, wrench: &Wrench) -> Result<(), Fault> {
+            self.told.lock().unwrap().push(Some(*wrench));
+            Ok(())
+        }
+
+        fn close(&mut self) {
+            self.told.lock().unwrap().push(None);
+        }
+    }
+
+    fn start(panics_at: Option<u32>) -> (ServoThread, Told) {
+        let (settings, tool, device, told) = making(panics_at);
+        (ServoThread::start(device, Servo::new(settings, tool), Arc::default()).unwrap(), told)
+    }
+
+    fn making(panics_at: Option<u32>) -> (Settings, Tool, Box<dyn Device>, Told) {
+        let profile = Profile::named("premium").unwrap().clone();
+        let (limits, _) = Limits::new(&profile, &Lowered::default());
+        let coupling = Coupling { stiffness: 500.0, damping: 2.0, angular_stiffness: 0.1, angular_damping: 1e-3 };
+        let tool = Tool {
+            mass: 0.05,
+            inertia: DMat3::IDENTITY * 2e-6,
+            coupling: Some(coupling),
+            centre: DVec3::ZERO,
+            orientation: DQuat::IDENTITY,
+            velocity: DVec3::ZERO,
+            angular_velocity: DVec3::ZERO,
+        };
+        let settings = Settings {
+            period: 1e-3,
+            limits,
+            local_model: true,
+            passivity: false,
+            most_damping: 5.0,
+            trust: 2e-3,
+            arm: 6e-3,
+        };
+        let told = Told::default();
+        let device = Swinging { profile, told: told.clone(), readings: 0, panics_at };
+        (settings, tool, Box::new(device), told)
+    }
+
+    /// Waits for `done`, at most ten seconds.
+    fn wait_for(mut done: impl FnMut() -> bool) {
+        let begun = Instant::now();
+        while !done() {
+            assert!(begun.elapsed() < Duration::from_secs(10), "it does not come");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Gives wrenches so that the force is not stale.
+    fn feed(thread: &mut ServoThread) {
+        let held = thread.newest();
+        let step = held.ticks + 1;
+        thread.give(ContactWrench { step, time: held.time, ..ContactWrench::none(held.tool) });
+    }
+
+    #[test]
+    fn a_loop_that_is_stopped_or_dropped_closes_its_device() {
+        for is_dropped in [true, false] {
+            let (mut thread, told) = start(None);
+            wait_for(|| {
+                feed(&mut thread);
+                told.lock().unwrap().iter().flatten().any(|wrench| wrench.force.length() > 0.0)
+            });
+            let held = thread.newest();
+            assert!(held.ticks > 0 && held.coupling.is_some() && thread.is_running());
+            let ticks: Vec<Tick> = thread.ticks().collect();
+            assert!(ticks.iter().enumerate().all(|(k, tick)| tick.index == k as u64));
+            match is_dropped {
+                true => drop(thread),
+                false => assert!(thread.stop() && !thread.is_running()),
+            }
+            let told = told.lock().unwrap();
+            assert_eq!(told.last(), Some(&None), "closed, and told nothing after that");
+            assert_eq!(told.iter().filter(|told| told.is_none()).count(), 1);
+        }
+    }
+
+    #[test]
+    fn a_flag_from_outside_stops_the_loop_as_a_signal_does() {
+        let (thread, told) = start(None);
+        thread.stop.store(true, Ordering::Relaxed);
+        wait_for(|| !thread.is_running());
+        assert_eq!(told.lock().unwrap().last(), Some(&None));
+    }
+
+    #[test]
+    fn a_driver_that_panics_still_lets_go() {
+        let (mut thread, told) = start(Some(100));
+        wait_for(|| {
+            feed(&mut thread);
+            !thread.is_running()
+        });
+        assert!(!thread.stop(), "the loop did not end in order");
+        assert_eq!(told.lock().unwrap().last(), Some(&None));
+    }
+
+    #[test]
+    fn a_record_with_ticks_missing_says_where() {
+        let (settings, tool, device, told) = making(None);
+        let servo = Servo::new(settings, tool);
+        let (record, mut ticks) = rtrb::RingBuffer::new(4);
+        let (_wrenches, newest) = triple_buffer::triple_buffer(&servo.newest());
+        let (out, _states) = triple_buffer::triple_buffer(&servo.held());
+        let stop = Arc::<AtomicBool>::default();
+        let links = Links { newest, out, record, stop: stop.clone() };
+        let work = move || tick_until_stopped(Opened(device), servo, links, Metronome::new(1e-3));
+        let thread = std::thread::spawn(work);
+        wait_for(|| told.lock().unwrap().len() > 20);
+        let mut taken = Vec::new();
+        wait_for(|| {
+            taken.extend(ticks.pop());
+            taken.len() > 8
+        });
+        stop.store(true, Ordering::Relaxed);
+        thread.join().unwrap();
+        let indices: Vec<u64> = taken.iter().map(|tick| tick.index).collect();
+        assert_eq!(indices[..4], [0, 1, 2, 3]);
+        assert!(indices[4] > 4, "{indices:?}");
+        for (last, tick) in taken.iter().zip(&taken[1..]) {
+            assert_eq!(tick.events.has(Event::RecordLost), tick.index != last.index + 1, "{indices:?}");
+        }
+    }
+}

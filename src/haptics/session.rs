@@ -42,6 +42,8 @@ pub struct Options {
 /// What a session records, in order.
 #[derive(Debug, Clone, Copy)]
 pub enum Moment<'a> {
+    /// Something the user should know before the loop begins.
+    Note(&'a str),
     /// The servo as it begins.
     Begin(&'a Settings, &'a Tool),
     /// A tick of the loop.
@@ -108,7 +110,6 @@ impl Ages {
 pub fn hold(
     device: Box<dyn Device>,
     tool: &Tool,
-    arm: f64,
     haptics: &Haptics,
     environment: &mut dyn Environment,
     options: &Options,
@@ -133,7 +134,7 @@ pub fn hold(
         passivity: haptics.passivity,
         most_damping: profile.damping,
         trust: haptics.trust,
-        arm,
+        arm: (inertia / tool.mass).sqrt(),
     };
     let tool = Tool { coupling: Some(gains.coupling), ..tool.clone() };
     record(Moment::Begin(&settings, &tool))?;
@@ -149,6 +150,7 @@ pub fn hold(
             "the loop has no elevated priority ({reason}): allow real-time scheduling for fewer late ticks"
         ));
     }
+    notes.iter().try_for_each(|note| record(Moment::Note(note)))?;
     let mut session = Session::new(thread, profile.name, notes, period, &settings);
     let ended = session.run(environment, options, haptics, &first, &mut record);
     session.thread.stop();

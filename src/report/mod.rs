@@ -3,6 +3,7 @@
 pub mod field;
 pub mod figure;
 pub mod flags;
+pub mod haptics;
 mod letters;
 pub mod output;
 pub mod picture;

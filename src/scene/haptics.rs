@@ -12,7 +12,7 @@ const RATES: [f64; 2] = [50.0, 4000.0];
 /// How far the local model is trusted unless a scene says otherwise, m.
 const TRUST: f64 = 2e-3;
 /// The longest step of the simulation that the loop asks for, s.
-const LONGEST_STEP: f64 = 0.05;
+const LONGEST_STEP: f64 = 0.02;
 
 /// `[haptics]`.
 #[derive(Debug, Clone, PartialEq)]

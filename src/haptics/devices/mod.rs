@@ -2,8 +2,12 @@
 
 pub mod callback;
 pub mod hand;
+pub mod haply;
+mod replay;
 pub mod scripted;
 
 pub use callback::Callback;
 pub use hand::{Hand, HandEnergy, HandParameters};
+pub use haply::Haply;
+pub use replay::Replay;
 pub use scripted::Scripted;

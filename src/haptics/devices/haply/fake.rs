@@ -1,0 +1,201 @@
+//! An Inverse service of the tests' own: one inventory a connection, then what a script says for each message.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::SeqCst};
+use std::sync::{Arc, Mutex};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+use serde_json::{Value, json};
+use tungstenite::{Error, Message};
+
+/// What the service does with a message.
+pub enum Act {
+    /// Answers.
+    Reply(String),
+    /// Answers later; nothing else is done meanwhile.
+    Late(Duration, String),
+    /// Answers with what is no text.
+    Binary,
+    /// Answers so many times.
+    Flood(usize, String),
+    /// Does not answer.
+    Silence,
+    /// Ends the connection.
+    HangUp,
+}
+
+/// A message that came.
+#[derive(Debug, Clone)]
+pub struct Heard {
+    pub at: Instant,
+    pub connection: usize,
+    pub message: Value,
+}
+
+impl Heard {
+    /// Its force under a key of `set_cursor_force`, service's axes, N.
+    pub fn force(&self, key: &str) -> Option<DVec3> {
+        let vector = &self.message["inverse3"][0]["commands"]["set_cursor_force"][key];
+        Some(DVec3::new(vector["x"].as_f64()?, vector["y"].as_f64()?, vector["z"].as_f64()?))
+    }
+}
+
+/// Says what to do with a message, by its connection's number and its own in it, both from 0.
+pub type Script = dyn Fn(usize, usize) -> Act + Send + Sync;
+
+/// What all threads of a service share.
+struct Shared {
+    version: Option<&'static str>,
+    inventory: String,
+    script: Box<Script>,
+    heard: Mutex<Vec<Heard>>,
+    sent: AtomicUsize,
+    connections: AtomicUsize,
+    stop: AtomicBool,
+}
+
+/// A service on a port of its own; ends when it is dropped.
+pub struct Fake {
+    shared: Arc<Shared>,
+    url: String,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// A frame of one device, without grips.
+pub fn frame(id: &str, position: [f64; 3], velocity: [f64; 3]) -> String {
+    json!({"session_id": 7, "inverse3": [arm(id, position, velocity)], "verse_grip": []}).to_string()
+}
+
+/// A frame of one resting device with grips.
+pub fn grips(id: &str, wired: Value, wireless: Value) -> String {
+    let arms = [arm(id, [0.0; 3], [0.0; 3])];
+    json!({"inverse3": arms, "verse_grip": wired, "wireless_verse_grip": wireless}).to_string()
+}
+
+/// One device in a frame.
+pub fn arm(id: &str, position: [f64; 3], velocity: [f64; 3]) -> Value {
+    let vector = |[x, y, z]: [f64; 3]| json!({"x": x, "y": y, "z": z});
+    let state =
+        json!({"cursor_position": vector(position), "cursor_velocity": vector(velocity), "control_mode": "idle"});
+    json!({"device_id": id, "config": {"type": "inverse3"}, "state": state, "status": {"ready": true}})
+}
+
+impl Fake {
+    /// Starts one with a device "A" at (0, -0.12, 0.15) m.
+    pub fn start(script: impl Fn(usize, usize) -> Act + Send + Sync + 'static) -> Fake {
+        Fake::with(Some("3.5.0"), resting(), script)
+    }
+
+    /// Starts one of a version and an inventory.
+    pub fn with(
+        version: Option<&'static str>,
+        inventory: String,
+        script: impl Fn(usize, usize) -> Act + Send + Sync + 'static,
+    ) -> Fake {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        listener.set_nonblocking(true).unwrap();
+        let url = format!("ws://{}", listener.local_addr().unwrap());
+        let shared = Arc::new(Shared {
+            version,
+            inventory,
+            script: Box::new(script),
+            heard: Mutex::default(),
+            sent: AtomicUsize::new(0),
+            connections: AtomicUsize::new(0),
+            stop: AtomicBool::new(false),
+        });
+        let ours = shared.clone();
+        let thread = Some(thread::spawn(move || accept(&listener, &ours)));
+        Fake { shared, url, thread }
+    }
+
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// All messages so far.
+    pub fn heard(&self) -> Vec<Heard> {
+        self.shared.heard.lock().unwrap().clone()
+    }
+
+    /// Frames sent so far, without inventories.
+    pub fn sent(&self) -> usize {
+        self.shared.sent.load(SeqCst)
+    }
+}
+
+impl Drop for Fake {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, SeqCst);
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+/// The frame of "A" at rest.
+pub fn resting() -> String {
+    frame("A", [0.0, -0.12, 0.15], [0.0; 3])
+}
+
+fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
+    let mut serving = Vec::new();
+    while !shared.stop.load(SeqCst) {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                let ours = shared.clone();
+                serving.push(thread::spawn(move || serve(stream, &ours)));
+            }
+            Err(_) => thread::sleep(Duration::from_millis(1)),
+        }
+    }
+    serving.into_iter().for_each(|thread| drop(thread.join()));
+}
+
+fn serve(mut stream: TcpStream, shared: &Shared) -> Option<()> {
+    stream.set_nonblocking(false).ok()?;
+    stream.set_nodelay(true).ok()?;
+    stream.set_read_timeout(Some(Duration::from_millis(500))).ok()?;
+    let mut start = [0; 12];
+    stream.peek(&mut start).ok()?;
+    if start == *b"GET /version" {
+        let _ = stream.read(&mut [0; 1024]);
+        let body = shared.version.map(|version| json!({"project_version": version}).to_string());
+        let status = if body.is_some() { "200 OK" } else { "404 Not Found" };
+        return write!(stream, "HTTP/1.1 {status}\r\nContent-Type: x\r\n\r\n{}", body.unwrap_or_default()).ok();
+    }
+    let mut socket = tungstenite::accept(stream).ok()?;
+    socket.get_mut().set_read_timeout(Some(Duration::from_millis(10))).ok()?;
+    let connection = shared.connections.fetch_add(1, SeqCst);
+    socket.send(Message::text(shared.inventory.as_str())).ok()?;
+    let mut number = 0;
+    while !shared.stop.load(SeqCst) {
+        let text = match socket.read() {
+            Ok(Message::Text(text)) => text,
+            Ok(_) => continue,
+            Err(Error::Io(e)) if e.kind() == ErrorKind::WouldBlock || e.kind() == ErrorKind::TimedOut => continue,
+            Err(_) => return None,
+        };
+        let message = serde_json::from_str(&text).unwrap_or(Value::Null);
+        shared.heard.lock().unwrap().push(Heard { at: Instant::now(), connection, message });
+        let answers = match (shared.script)(connection, number) {
+            Act::Reply(text) => vec![Message::text(text)],
+            Act::Late(delay, text) => {
+                thread::sleep(delay);
+                vec![Message::text(text)]
+            }
+            Act::Binary => vec![Message::binary(vec![1, 2, 3])],
+            Act::Flood(count, text) => vec![Message::text(text); count],
+            Act::Silence => Vec::new(),
+            Act::HangUp => return None,
+        };
+        number += 1;
+        for answer in answers {
+            shared.sent.fetch_add(1, SeqCst);
+            // A client that has gone may still have said something: read on.
+            let _ = socket.send(answer);
+        }
+    }
+    None
+}

@@ -1,0 +1,139 @@
+//! `palpate replay` through the built program: a session with the engine again, and every reason not to.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use glam::DVec3;
+use palpate::gpu::Options;
+use palpate::haptics::environment::Environment;
+use palpate::haptics::record::{Header, Recording};
+use palpate::haptics::safety::{Limits, Lowered};
+use palpate::haptics::servo::{Servo, Settings, Tick};
+use palpate::haptics::{Profile, Reading, RigidState};
+use palpate::scene::Scene;
+use palpate::step::Simulation;
+
+/// A ball of 50 g that is pushed into a soft block.
+const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
+    layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
+    material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
+    [[body.core]]\nname = \"bottom\"\nbind = { box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }\n\
+    [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0505, 0.0]\n\
+    [coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
+const TICKS: u64 = 120;
+/// Ticks from one step to the next; a wrench is there at once.
+const EVERY: u64 = 15;
+
+/// Exit status, standard output and standard error.
+fn palpate(arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_palpate")).args(arguments).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+/// A scene and a session with it; `spoil` sees every tick before it is recorded.
+fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, PathBuf) {
+    let (scene, file) = (folder.join("scene.toml"), folder.join("session"));
+    fs::write(&scene, SCENE).unwrap();
+    let loaded = Scene::load(&scene).unwrap();
+    let mut simulation = Simulation::new(&loaded, &Options::default(), None).unwrap();
+    let tool = simulation.tool().unwrap().clone();
+    let (limits, _) = Limits::new(Profile::named("scripted").unwrap(), &Lowered::default());
+    let (local_model, passivity) = (true, true);
+    let settings =
+        Settings { period: 1e-3, limits, local_model, passivity, most_damping: 30.0, trust: 5e-3, arm: 0.02 };
+    let mut recording =
+        Recording::create(&file, &Header::new(&loaded, &simulation, "scripted", "down").unwrap()).unwrap();
+    recording.begin(&settings, &tool).unwrap();
+    let mut servo = Servo::new(settings, tool.clone());
+    let mut newest = servo.newest();
+    for k in 0..TICKS {
+        let time = 1e-3 * k as f64;
+        if k % EVERY == 0 {
+            let held = servo.held();
+            newest = simulation.feel(&held, 0.015).unwrap();
+            recording.step(&held, 0.015, &newest).unwrap();
+        }
+        let state = RigidState::at_rest(tool.centre - DVec3::Y * 0.05 * time, tool.orientation);
+        let mut tick = servo.tick(time, 0.0, Ok(Reading { time, state, buttons: 0 }), &newest);
+        spoil(&mut tick);
+        recording.tick(&tick).unwrap();
+    }
+    assert!(newest.wrench.force.y > 0.05, "{newest:?}");
+    if has_end {
+        recording.finish().unwrap();
+    }
+    (scene, file)
+}
+
+#[test]
+fn a_session_is_replayed_to_the_same_bits_and_written_as_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, file) = record(folder.path(), true, |_| {});
+    let file = file.to_str().unwrap();
+    let same = format!("replayed {TICKS} ticks and 8 steps: the same bits\n");
+    assert_eq!(palpate(&["replay", file]), (0, same.clone(), String::new()));
+
+    let table = folder.path().join("ticks");
+    let wrote = palpate(&["replay", file, "--csv", table.to_str().unwrap()]);
+    assert_eq!(wrote, (0, format!("wrote {TICKS} ticks\n"), String::new()));
+    assert_eq!(fs::read_to_string(&table).unwrap().lines().count(), 1 + TICKS as usize);
+
+    // A scene that says the same in other words has other bytes.
+    let elsewhere = folder.path().join("elsewhere.toml");
+    fs::write(&elsewhere, format!("# The same.\n{SCENE}")).unwrap();
+    let (status, out, notes) = palpate(&["replay", file, "--scene", elsewhere.to_str().unwrap()]);
+    assert_eq!((status, out), (0, same));
+    assert!(notes.starts_with("note: ") && notes.contains("is not the scene as it was recorded"), "{notes}");
+
+    fs::write(&scene, SCENE.replace("2e4", "3e4")).unwrap();
+    let (status, _, error) = palpate(&["replay", file]);
+    assert_eq!(status, 2);
+    assert!(error.contains("scene.toml: is not the scene as it was recorded; restore it"), "{error}");
+    let (status, _, error) = palpate(&["replay", file, "--scene", scene.to_str().unwrap()]);
+    assert_eq!(status, 4);
+    assert!(error.contains("step ") && error.contains(" differs first in "), "{error}");
+
+    fs::remove_file(&scene).unwrap();
+    let (status, _, error) = palpate(&["replay", file]);
+    assert_eq!(status, 2);
+    assert!(error.contains("scene.toml is not there; name it by --scene"), "{error}");
+}
+
+#[test]
+fn what_differs_is_named_and_what_was_cut_short_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, file) = record(folder.path(), false, |_| {});
+    let (status, out, notes) = palpate(&["replay", file.to_str().unwrap()]);
+    assert_eq!((status, out), (0, format!("replayed {TICKS} ticks and 8 steps: the same bits\n")));
+    assert!(notes.starts_with("note: ") && notes.contains("cut short") && notes.lines().count() == 1, "{notes}");
+
+    let (_, file) = record(folder.path(), true, |tick| {
+        if tick.index == 77 {
+            tick.played.force.y = f64::from_bits(tick.played.force.y.to_bits() ^ 1);
+        }
+    });
+    let (status, out, error) = palpate(&["replay", file.to_str().unwrap()]);
+    assert_eq!((status, out.as_str(), error.lines().count()), (4, "", 1), "{error}");
+    assert!(error.contains("tick 77 differs first in played_force_y: "), "{error}");
+}
+
+#[test]
+fn what_is_no_recording_is_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, table) = (folder.path().join("session"), folder.path().join("made/ticks.csv"));
+    fs::write(&file, "tick,time_s\n").unwrap();
+    for arguments in [vec![], vec!["--csv", table.to_str().unwrap()]] {
+        let (status, _, error) = palpate(&[&["replay", file.to_str().unwrap()], arguments.as_slice()].concat());
+        assert_eq!((status, error.lines().count()), (2, 1), "{error}");
+        assert!(error.contains("session: is no recording"), "{error}");
+    }
+    assert!(!folder.path().join("made").exists());
+    let missing = folder.path().join("missing");
+    let (status, _, error) = palpate(&["replay", missing.to_str().unwrap()]);
+    assert_eq!(status, 2);
+    assert!(error.contains("missing: cannot be read"), "{error}");
+    let (status, _, error) = palpate(&["replay", folder.path().to_str().unwrap()]);
+    assert_eq!((status, error.lines().count()), (2, 1), "{error}");
+}
