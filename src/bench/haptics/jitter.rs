@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::head::{self, CHEEK, Skin};
-use super::rig::{PERIOD, RADIUS, key, tool, wall};
+use super::rig::{PERIOD, key, tool, wall};
 use super::{Settings, profile};
 use crate::Result;
 use crate::haptics::clock::Lateness;
@@ -107,7 +107,7 @@ fn session(
         stop: Arc::default(),
         bare_timer: true,
     };
-    let report = hold(Box::new(device), &tool(start), RADIUS, &Haptics::default(), environment, &options, |_| Ok(()))?;
+    let report = hold(Box::new(device), &tool(start), &Haptics::default(), environment, &options, |_| Ok(()))?;
     Ok(Punctual {
         is_loaded,
         servo: Late::of(&report.lateness),

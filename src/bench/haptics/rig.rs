@@ -18,7 +18,7 @@ use crate::{Error, Result};
 
 /// Of the loop, s.
 pub const PERIOD: f64 = 1e-3;
-/// Of the tool, a sphere, m; also the arm at which its rotations count.
+/// Of the tool, a sphere, m.
 pub const RADIUS: f64 = 0.01;
 /// Of the tool, kg.
 pub const MASS: f64 = 0.05;
@@ -81,7 +81,7 @@ impl Rig {
             passivity: self.mode == Mode::Session,
             most_damping: self.profile.damping,
             trust: Haptics::default().trust,
-            arm: RADIUS,
+            arm: (inertia() / MASS).sqrt(),
         };
         let mut servo = Servo::new(settings, Tool { coupling: Some(self.coupling()), ..tool.clone() });
         let hand = Hand::new(self.hand, Drive::new(keys, *first), self.profile.clone());
