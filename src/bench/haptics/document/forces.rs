@@ -67,7 +67,8 @@ pub fn holds(holds: &[Held]) -> Result<Section> {
 
 /// The worst of all devices by rate, a line each mode; rates as they come.
 fn noise(holds: &[Held]) -> Panel {
-    let line = |(mode, name): (Mode, &str)| {
+    let short = [(Mode::Session, "session"), (Mode::Local, "local"), (Mode::Raw, "raw")];
+    let line = |(mode, name)| {
         let mut points: Vec<(f64, f64)> = Vec::new();
         for held in holds.iter().filter(|held| held.mode == mode && is_there(&held.force)) {
             let noise = held.force.deviation.max(DRAWN);
@@ -76,9 +77,9 @@ fn noise(holds: &[Held]) -> Panel {
                 None => points.push((held.rate, noise)),
             }
         }
-        Line { name: name.split(' ').next_back().unwrap_or(name).into(), points }
+        Line { name: String::from(name), points }
     };
-    Panel { title: holds.first().map(|held| name_of(held.met)).unwrap_or_default(), lines: Mode::ALL.map(line).into() }
+    Panel { title: holds.first().map(|held| name_of(held.met)).unwrap_or_default(), lines: short.map(line).into() }
 }
 
 fn hold_finding(holds: &[Held]) -> String {
