@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
+use palpate::bench::haptics;
 use palpate::bench::proximity::{self, Outcome, Settings};
 use palpate::bench::solver::{self, Case, Mesh};
 
@@ -90,6 +91,53 @@ fn a_tiny_run_answers_every_question_of_the_solver() {
     assert_eq!((&json["schema"], &json["benchmark"]), (&2.into(), &"solver".into()));
     assert_eq!(json["cases"][1]["runs"][0]["step_us"][1].as_array().unwrap().len(), 4);
     assert_eq!((&json["cases"][1]["young"], &json["cases"][1]["name"]), (&2e6.into(), &"block0k-2MPa-10ms".into()));
+}
+
+#[test]
+fn a_tiny_run_answers_every_question_of_the_loop() {
+    let settings = haptics::Settings {
+        dampings: vec![0.0],
+        delays: vec![0.0, 20e-3],
+        rates: vec![50.0],
+        bisected: 0.5,
+        walls: vec![2000.0],
+        vertices: 4_000,
+        cell: 0.04,
+        jitter_seconds: 0.3,
+        ..haptics::Settings::quick()
+    };
+    let mut told = Vec::new();
+    let results = haptics::run(&settings, &mut |what: &str| told.push(what.to_string())).unwrap();
+    assert!(told.iter().any(|what| what == "slide: premium at 50 Hz"), "{told:?}");
+
+    let [width] = &results.widths[..] else { panic!("{:?}", results.widths) };
+    assert!((width.profile, width.damping, width.coupling) == ("premium", 0.0, 800.0) && width.local >= width.raw);
+    let [prompt, late] = &results.delays[..] else { panic!("{:?}", results.delays) };
+    assert!(prompt.local > late.local && late.local > late.gil && prompt.delay == 0.0, "{prompt:?} {late:?}");
+    let [slow] = &results.rates[..] else { panic!("{:?}", results.rates) };
+    // The raw force of a slow simulation swings on walls that the local model holds: that is what it is for.
+    assert!(slow.rate == 50.0 && slow.local > 10.0 * slow.raw, "{slow:?}");
+
+    use haptics::{Met, Mode};
+    assert_eq!(results.holds.len(), 2 * Mode::ALL.len());
+    let held = |met: Met, mode: Mode| results.holds.iter().find(|held| held.met == met && held.mode == mode).unwrap();
+    let wall = held(Met::Wall(2000.0), Mode::Local);
+    assert!(haptics::is_still(&wall.force) && wall.reading.swing <= 2e-5 && wall.force.mean > 0.5, "{wall:?}");
+    assert!(!haptics::is_still(&held(Met::Wall(2000.0), Mode::Raw).force), "{:?}", results.holds);
+    assert!(held(Met::Head, Mode::Local).force.mean > 0.1, "{:?}", results.holds);
+    for slid in &results.slides {
+        assert!(slid.rate == 50.0 && slid.slide.raw.newtons > 0.0 && slid.slide.contact.newtons > 0.0, "{slid:?}");
+        assert_eq!(slid.trace.len(), 300);
+    }
+    let [idle, loaded] = &results.jitter[..] else { panic!("{:?}", results.jitter) };
+    assert!(loaded.is_loaded && !idle.is_loaded && loaded.servo.ticks > 0 && loaded.steps > 0);
+
+    let text = haptics::document(&results).unwrap().markdown(true);
+    let plots = ["width.svg", "delay.svg", "rate.svg", "hold.svg", "slide.svg", "ticks.svg"];
+    assert!(plots.iter().chain(&["**Found:**", "quick run"]).all(|word| text.contains(word)), "{text}");
+    let json = serde_json::to_value(&results).unwrap();
+    assert_eq!((&json["schema"], &json["benchmark"]), (&2.into(), &"haptics".into()));
+    assert_eq!((&json["holds"][0]["met"]["wall"], &json["holds"][2]["mode"]), (&2000.0.into(), &"raw".into()));
 }
 
 /// A folder without scenes.

@@ -2,6 +2,7 @@
 //! questions, tables and findings are set.
 
 pub mod document;
+pub mod haptics;
 pub mod plot;
 pub mod proximity;
 pub mod samples;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use clap::builder::NonEmptyStringValueParser;
 use palpate::Result;
-use palpate::bench::{Document, proximity, solver};
+use palpate::bench::{Document, haptics, proximity, solver};
 use palpate::report::Output;
 use serde::Serialize;
 
@@ -44,6 +44,8 @@ enum Name {
     Proximity,
     /// The step without contact: its time against the error that it leaves, against peers, and against mesh size
     Solver,
+    /// The loop: how stiff a wall may be, how still a force keeps, how far it jumps, and how punctual its ticks are
+    Haptics,
 }
 
 fn case_name(text: &str) -> std::result::Result<String, String> {
@@ -56,11 +58,16 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     let is_asked = |name: Name| arguments.names.is_empty() || arguments.names.contains(&name);
     let asked: Vec<Name> = Name::value_variants().iter().copied().filter(|name| is_asked(*name)).collect();
     for name in &asked {
-        let folder = if *name == Name::Proximity { "proximity" } else { "solver" };
+        let folder = match name {
+            Name::Proximity => "proximity",
+            Name::Solver => "solver",
+            Name::Haptics => "haptics",
+        };
         let out = arguments.out.as_ref().map(|out| if asked.len() > 1 { out.join(folder) } else { out.clone() });
         match name {
             Name::Proximity => proximity(arguments, out.as_deref())?,
             Name::Solver => solver(arguments, out.as_deref())?,
+            Name::Haptics => haptics(arguments, out.as_deref())?,
         }
     }
     Ok(())
@@ -84,6 +91,16 @@ fn solver(arguments: &Arguments, out: Option<&Path>) -> Result<()> {
     report(out, "solver.md", || {
         let results = solver::run(&settings, &mut watch)?;
         Ok((solver::document(&results)?, results))
+    })
+}
+
+fn haptics(arguments: &Arguments, out: Option<&Path>) -> Result<()> {
+    use haptics::Settings;
+    let settings = if arguments.quick { Settings::quick() } else { Settings::full() };
+    let settings = Settings { device: arguments.device.clone(), ..settings };
+    report(out, "haptics.md", || {
+        let results = haptics::run(&settings, &mut watch)?;
+        Ok((haptics::document(&results)?, results))
     })
 }
 
