@@ -13,7 +13,7 @@ pub const FADE_TIME: f64 = 0.05;
 /// A force that comes, first or again, rises in this time, s.
 pub const ENGAGE_TIME: f64 = 0.2;
 /// A wrench may be this old at most before the force fades, s, unless a scene wants it fresher.
-pub const WATCHDOG: f64 = 0.1;
+pub const WATCHDOG: f64 = 0.25;
 
 /// Limits of what is played.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -148,7 +148,7 @@ mod tests {
     fn a_scene_lowers_limits_and_never_raises_them() {
         let profile = Profile::named("premium").unwrap();
         let (whole, _) = Limits::new(profile, &Lowered::default());
-        assert_eq!((whole.force, whole.torque, whole.workspace, whole.watchdog), (8.5, 0.188, 0.12, 0.1));
+        assert_eq!((whole.force, whole.torque, whole.workspace, whole.watchdog), (8.5, 0.188, 0.12, 0.25));
         let ask = |x| Lowered { force: Some(x), torque: Some(x), slew: Some(x), workspace: Some(x), watchdog: Some(x) };
         let (low, refused) = Limits::new(profile, &ask(0.01));
         assert_eq!([low.force, low.torque, low.slew, low.workspace, low.watchdog], [0.01; 5]);

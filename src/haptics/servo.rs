@@ -21,6 +21,9 @@ use super::tool::Tool;
 const LATE: f64 = 2e-3;
 /// Periods that a tick may integrate over at most, whatever the clock says.
 const LONGEST_TICK: f64 = 4.0;
+/// Times over which the device's velocity and position are smoothed, s.
+const VELOCITY_SMOOTHING: f64 = 0.005;
+const POSITION_SMOOTHING: f64 = 0.002;
 /// Of the period, the least.
 const SHORTEST_TICK: f64 = 0.25;
 
@@ -82,6 +85,8 @@ pub struct Servo {
     settings: Settings,
     tool: Tool,
     sense: Sense,
+    /// The device as read and believed, and smoothed.
+    sensed: RigidState,
     device: RigidState,
     newest: ContactWrench,
     /// Models of the newest wrench and the one before.
@@ -106,6 +111,7 @@ impl Servo {
         let model = LocalModel::raw(&newest);
         Servo {
             sense: Sense::new(start),
+            sensed: start,
             device: start,
             newest,
             models: [model, model],
@@ -223,7 +229,25 @@ impl Servo {
         if sensed.is_well {
             self.passivity.observe(&sensed.state);
         }
-        (sensed.state, sensed.is_well)
+        self.sensed = sensed.state;
+        let goes_on = sensed.is_well && !sensed.is_first && !sensed.has_jumped;
+        (if goes_on { self.smooth(sensed.state, period) } else { sensed.state }, sensed.is_well)
+    }
+
+    /// The device as the coupling has it, by an alpha-beta filter: through stiffness and damping an encoder's steps are jumps of
+    /// the force. It does not lag behind a device that moves evenly.
+    fn smooth(&mut self, device: RigidState, period: f64) -> RigidState {
+        let share = |time: f64| period / (period + time);
+        let last = self.device;
+        let velocity = last.velocity.lerp(device.velocity, share(VELOCITY_SMOOTHING));
+        let angular_velocity = last.angular_velocity.lerp(device.angular_velocity, share(VELOCITY_SMOOTHING));
+        let foreseen = last.position + period * velocity;
+        RigidState {
+            position: foreseen.lerp(device.position, share(POSITION_SMOOTHING)),
+            velocity,
+            angular_velocity,
+            ..device
+        }
     }
 
     /// A wrench that is new becomes the newest.
@@ -312,7 +336,7 @@ impl Servo {
         if contact == Wrench::ZERO {
             self.passivity.forget(self.tool.stored(device));
         }
-        let control = self.passivity.control(wanted, device, h);
+        let control = self.passivity.control(wanted, &self.sensed, h);
         if control.wrench != wanted {
             events.raise(Event::Damped);
         }
