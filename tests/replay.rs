@@ -36,7 +36,8 @@ fn palpate(arguments: &[&str]) -> (i32, String, String) {
 fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, PathBuf) {
     let (scene, file) = (folder.join("scene.toml"), folder.join("session"));
     fs::write(&scene, SCENE).unwrap();
-    let loaded = Scene::load(&scene).unwrap();
+    let mut loaded = Scene::load(&scene).unwrap();
+    loaded.haptics.is_held = true;
     let mut simulation = Simulation::new(&loaded, &Options::default(), None).unwrap();
     let tool = simulation.tool().unwrap().clone();
     let (limits, _) = Limits::new(Profile::named("scripted").unwrap(), &Lowered::default());

@@ -5,7 +5,7 @@
 //! M. Lin, "A modular haptic rendering algorithm for stable and transparent 6-DOF manipulation" (2006), do the like.
 
 use glam::DVec3;
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::device::{RigidState, Wrench};
@@ -14,6 +14,11 @@ use super::drive::rotation_vector;
 /// Of the sizes of the contacts' forces summed, the size of their sum from which on they count as pressing from one side:
 /// half a sphere, pressed evenly, has 0.5; two sides have 0.
 const ONE_SIDED: f64 = 0.3;
+
+/// An arm is taken for no shorter, m: a tool of one point has none.
+const SHORTEST_ARM: f64 = 1e-4;
+/// Rounds of the eigenvalue iteration at most; it takes about ten.
+const MOST_ROUNDS: usize = 200;
 
 /// What a step of the simulation gives back to the loop.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -95,6 +100,7 @@ impl LocalModel {
     /// The model of a wrench; `arm`: m, the radius of the tool; `trust`: m. K and D lose what is not symmetric positive
     /// semi-definite about them.
     pub fn new(wrench: &ContactWrench, arm: f64, trust: f64) -> LocalModel {
+        let arm = arm.max(SHORTEST_ARM);
         let at = Tangent {
             force: vector(wrench.wrench.force, wrench.wrench.torque),
             stiffness: project(&wrench.stiffness, arm),
@@ -167,8 +173,73 @@ fn project(rows: &[[f64; 6]; 6], arm: f64) -> Matrix6<f64> {
     if scaled.iter().all(|x| *x == 0.0) {
         return Matrix6::zeros();
     }
-    let mut parts = scaled.symmetric_eigen();
+    // Numbers so large that their squares overflow have no such parts, and are followed as a raw force is.
+    let Some(mut parts) = SymmetricEigen::try_new(scaled, f64::EPSILON, MOST_ROUNDS) else { return Matrix6::zeros() };
     parts.eigenvalues.apply(|x| *x = x.max(0.0));
     let nearest = parts.recompose();
     Matrix6::from_fn(|i, k| 0.5 * (nearest[(i, k)] + nearest[(k, i)]) * unit(i) * unit(k))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+
+    fn at(y: f64) -> RigidState {
+        RigidState::at_rest(DVec3::Y * y, DQuat::IDENTITY)
+    }
+
+    /// 2 N upwards at y = 0 from 1000 N/m below.
+    fn pressed(pressing: f64) -> ContactWrench {
+        let mut wrench = ContactWrench { step: 1, pressing, ..ContactWrench::none(at(0.0)) };
+        wrench.wrench.force = DVec3::Y * 2.0;
+        wrench.stiffness[1][1] = 1000.0;
+        wrench.damping[1][1] = 3.0;
+        wrench
+    }
+
+    #[test]
+    fn force_follows_the_tool_and_lets_go_without_pulling() {
+        let model = LocalModel::new(&pressed(2.0), 0.01, 1e-3);
+        let force = |y: f64| model.evaluate(&at(y)).0.force[1];
+        assert!((force(-5e-4) - 2.5).abs() < 1e-12 && (force(5e-4) - 1.5).abs() < 1e-12);
+        // Beyond trust no stiffer, and let go of at 2 mm.
+        assert!((force(-0.01) - 3.0).abs() < 1e-12 && model.evaluate(&at(-0.01)).1);
+        assert_eq!(model.evaluate(&at(2.1e-3)), (Tangent::zero(), false));
+        let leaving = RigidState { velocity: DVec3::Y * 0.1, ..at(0.0) };
+        assert!((model.evaluate(&leaving).0.force[1] - 1.7).abs() < 1e-12);
+        // From two sides, 6 N and 4 N, it pushes back either way.
+        let between = LocalModel::new(&pressed(10.0), 0.01, 1.0);
+        assert!((between.evaluate(&at(5e-3)).0.force[1] + 3.0).abs() < 1e-12);
+        assert_eq!(LocalModel::raw(&pressed(2.0)).evaluate(&at(-0.1)).0.force[1], 2.0);
+    }
+
+    #[test]
+    fn what_is_not_positive_semi_definite_is_taken_away() {
+        let mut wrench = pressed(2.0);
+        wrench.stiffness[0][0] = -50.0;
+        (wrench.stiffness[3][3], wrench.stiffness[3][1], wrench.stiffness[1][3]) = (0.1, 30.0, 30.0);
+        let before = Matrix6::from_fn(|i, k| wrench.stiffness[i][k]);
+        assert!(before.symmetric_eigenvalues().min() < -1.0);
+        for arm in [0.01, 0.0] {
+            let (tangent, _) = LocalModel::new(&wrench, arm, 1.0).evaluate(&at(0.0));
+            let least = tangent.stiffness.symmetric_eigenvalues().min();
+            assert!(least > -1e-9 && tangent.stiffness == tangent.stiffness.transpose(), "{arm}: {least}");
+            assert!(tangent.stiffness[(0, 0)].abs() < 1e-9 && tangent.stiffness[(1, 1)] > 100.0, "{arm}");
+        }
+        // One that is positive semi-definite stays as it is.
+        let (tangent, _) = LocalModel::new(&pressed(2.0), 0.01, 1.0).evaluate(&at(0.0));
+        assert!((tangent.stiffness[(1, 1)] - 1000.0).abs() < 1e-9);
+        wrench.stiffness = [[1e200; 6]; 6];
+        assert!(LocalModel::new(&wrench, 0.01, 1.0).evaluate(&at(0.0)).0.stiffness.iter().all(|x| x.is_finite()));
+    }
+
+    #[test]
+    fn the_change_that_k_foretells() {
+        let model = LocalModel::new(&pressed(2.0), 0.01, 1.0);
+        let (normal, change) = model.foretell(&at(-1e-3)).unwrap();
+        assert!(normal == DVec3::Y && (change - 1.0).abs() < 1e-12);
+        assert!(LocalModel::new(&ContactWrench::none(at(0.0)), 0.01, 1.0).foretell(&at(1.0)).is_none());
+    }
 }

@@ -144,7 +144,7 @@ pub fn hold(
     let servo = Servo::new(settings, tool);
     let bare = options.bare_timer.then(|| BareTimer::start(period));
     let thread = ServoThread::start(device, servo, options.stop.clone());
-    let thread = thread.map_err(|fault| Error::Simulation(fault.to_string()))?;
+    let thread = thread.map_err(|fault| Error::NoDevice(fault.to_string()))?;
     if let Err(reason) = &thread.priority {
         notes.push(format!(
             "the loop has no elevated priority ({reason}): allow real-time scheduling for fewer late ticks"

@@ -1,0 +1,129 @@
+//! Sessions with a haptic device through the built program: held, recorded, replayed, stopped, refused.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// A ball of 50 g above a soft block, and a device that goes down into it.
+const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
+    layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
+    material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
+    [[body.core]]\nname = \"bottom\"\nbind = { box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }\n\
+    [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.053, 0.0]\n\
+    [drive]\nkeys = [[0.0, 0.0, 0.053, 0.0], [0.3, 0.0, 0.053, 0.0], [0.6, 0.0, 0.04, 0.0]]\n";
+
+fn program() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_palpate"))
+}
+
+/// Exit status, standard output and standard error.
+fn palpate(arguments: &[&str]) -> (i32, String, String) {
+    let output = program().args(arguments).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+fn scene(folder: &Path, more: &str) -> PathBuf {
+    let file = folder.join("scene.toml");
+    fs::write(&file, format!("{SCENE}{more}")).unwrap();
+    file
+}
+
+/// Holds for a second and a half; the summary's part on it.
+fn hold(folder: &Path, more: &str) -> Value {
+    let (scene, out, record) = (scene(folder, more), folder.join("out"), folder.join("session.palpate"));
+    let [scene, out_name, record] = [&scene, &out, &record].map(|path| path.to_str().unwrap());
+    let arguments = ["run", scene, "--seconds", "1.5", "--out", out_name, "--record", record];
+    let (status, _, stderr) = palpate(&arguments);
+    assert_eq!(status, 0, "{stderr}");
+    assert!(stderr.contains("coupling "), "the gains are told: {stderr}");
+    let summary: Value = serde_json::from_str(&fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
+    summary["haptics"].clone()
+}
+
+#[test]
+fn a_session_is_held_recorded_and_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = hold(folder.path(), "[haptics]\ndevice = \"hand\"\nprofile = \"touch\"\n");
+    let record = folder.path().join("session.palpate");
+    let (status, text, stderr) = palpate(&["replay", record.to_str().unwrap()]);
+    let (ticks, steps) = (report["ticks"].as_u64().unwrap(), report["steps"].as_u64().unwrap());
+    assert!(ticks > 100 && steps > 10, "{report}");
+    // Steps before the first tick are recorded as well.
+    assert!(text.starts_with(&format!("replayed {ticks} ticks and ")), "{text} {stderr} {report}");
+    assert_eq!((status, text.contains("the same bits")), (0, true), "{text} {stderr}");
+    let peak = report["peak_force_n"].as_f64().unwrap();
+    assert!(peak > 0.05 && peak <= 3.3, "{report}");
+    assert_eq!(report["profile"], "touch");
+    assert!(report["age_ms"]["p99"].as_f64().unwrap() > 0.0 && report["bare_timer"]["p99_us"].is_number(), "{report}");
+    assert!(report["energy_j"]["net_given"].as_f64().unwrap() <= 3.3 * 2e-5, "{report}");
+}
+
+#[test]
+fn a_scene_lowers_limits_and_is_told_where_it_would_raise_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let haptics = |more: &str| format!("[haptics]\ndevice = \"hand\"\nprofile = \"touch\"\n{more}");
+    let low = hold(folder.path(), &haptics("max_force = 0.03\n"));
+    let peak = low["peak_force_n"].as_f64().unwrap();
+    assert!(peak > 0.0 && peak <= 0.03, "{low}");
+    let high = hold(folder.path(), &haptics("max_force = 300.0\nmax_torque = 5.0\nworkspace = 9.0\n"));
+    assert!(high["peak_force_n"].as_f64().unwrap() <= 3.3, "{high}");
+    let notes = high["notes"].to_string();
+    for key in ["haptics.max_force", "haptics.max_torque", "haptics.workspace"] {
+        assert!(notes.contains(&format!("{key} is above what the profile touch allows")), "{notes}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_ends_a_session_in_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, record) = (scene(folder.path(), ""), folder.path().join("session.palpate"));
+    let [scene, file] = [&scene, &record].map(|path| path.to_str().unwrap());
+    let mut child = program();
+    child.args(["run", scene, "--haptics", "scripted", "--seconds", "600", "--record", file]);
+    let child = child.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let begun = Instant::now();
+    while fs::metadata(&record).map_or(0, |data| data.len()) < 200_000 {
+        assert!(begun.elapsed() < Duration::from_secs(120), "nothing is recorded");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{text} {}", String::from_utf8_lossy(&output.stderr));
+    assert!(text.contains("ended early: it was stopped"), "{text}");
+    let (status, text, notes) = palpate(&["replay", file]);
+    assert!(status == 0 && text.contains("the same bits") && notes.is_empty(), "{text} {notes}");
+}
+
+#[test]
+fn what_cannot_be_held_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scene(folder.path(), "");
+    let file = file.to_str().unwrap();
+    let missing = folder.path().join("no/such/session.palpate");
+    let refused = |arguments: &[&str], words: &str| {
+        let (status, _, stderr) = palpate(&[&["run", file], arguments].concat());
+        assert!(status == 2 && stderr.contains(words) && !stderr.contains("panicked"), "{arguments:?}: {stderr}");
+    };
+    refused(&["--haptics", "phantom"], "possible values: scripted, hand, replay, haply");
+    refused(&["--haptics", "hand", "--steps", "10"], "give --seconds instead of --steps");
+    refused(&["--haptics", "replay"], "`haptics.recording`");
+    refused(&["--haptics", "scripted", "--seconds", "1", "--record", missing.to_str().unwrap()], "session.palpate");
+    let (status, _, stderr) = {
+        let bare = folder.path().join("bare.toml");
+        fs::write(&bare, &SCENE[..SCENE.find("[tool]").unwrap()]).unwrap();
+        palpate(&["run", bare.to_str().unwrap(), "--haptics", "hand"])
+    };
+    assert!(status == 2 && stderr.contains("`tool`") && stderr.contains("add a [tool]"), "{stderr}");
+    let (status, _, stderr) = {
+        let haply =
+            scene(folder.path(), "[haptics]\ndevice = \"haply\"\nhaply = { address = \"ws://192.0.2.1:10001\" }\n");
+        palpate(&["run", haply.to_str().unwrap(), "--seconds", "1"])
+    };
+    assert!(status != 0 && stderr.contains("192.0.2.1") && !stderr.contains("panicked"), "{stderr}");
+}
