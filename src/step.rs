@@ -124,7 +124,8 @@ impl Simulation {
         })
     }
 
-    /// One step of the scene's `dt`, with the device where the scene's keys put it: pose in, wrench out.
+    /// One step of the scene's `dt`, with the device where the scene's keys put it: pose in, wrench out. Not to be mixed with
+    /// [`Simulation::step_held`], which leaves the keys for good.
     pub fn step(&mut self) -> Result<Row> {
         let h = self.scene.step.dt;
         self.has_weight = true;

@@ -19,6 +19,12 @@ use palpate::{Error, Result};
 use crate::engine::Engine;
 use crate::tell;
 
+/// Besides those that end a program: the terminal has gone, or wants it to sleep with the last force standing.
+#[cfg(unix)]
+const OTHER_SIGNALS: &[i32] = &[signal_hook::consts::SIGHUP, signal_hook::consts::SIGTSTP];
+#[cfg(not(unix))]
+const OTHER_SIGNALS: &[i32] = &[];
+
 /// A profile that is built in: the one a scene names, else this.
 fn profile_of(scene: &Scene, default: &str) -> Profile {
     let profile = scene.haptics.profile.or_else(|| Profile::named(default));
@@ -92,6 +98,11 @@ pub fn hold(
 }
 
 fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> Result<Recording> {
+    let same = |other: &Path| matches!((path.canonicalize(), other.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    if same(&scene.file) || scene.haptics.recording.as_deref().is_some_and(same) {
+        let problem = "is what this run reads, and would be lost";
+        return Err(Error::input(path, None, problem, "record into another file"));
+    }
     let header = Header::new(scene, engine.simulation(), profile.name, scene.haptics.device.name())?;
     Recording::create(path, &header)
 }
@@ -100,7 +111,7 @@ fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> 
 fn stopped_by_signals() -> Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     let failed = |error| Error::Simulation(format!("signals cannot be heard: {error}"));
-    for signal in signal_hook::consts::TERM_SIGNALS {
+    for signal in signal_hook::consts::TERM_SIGNALS.iter().chain(OTHER_SIGNALS) {
         signal_hook::flag::register_conditional_default(*signal, stop.clone()).map_err(failed)?;
         signal_hook::flag::register(*signal, stop.clone()).map_err(failed)?;
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::Result;
+use palpate::haptics::devices::Replay;
 use palpate::haptics::session::Report;
 use palpate::report::haptics::Closing;
 use palpate::report::summary::ClosingTable;
@@ -59,14 +60,18 @@ fn steps(text: &str) -> std::result::Result<u64, String> {
     steps.ok_or_else(|| format!("give a whole number from 1 to {MOST_STEPS}"))
 }
 
-/// How long a device is held: one that a person holds, until told to end.
+/// How long a device is held: one that a person holds, until told to end; a recorded one, as long as it lasted at that rate.
 fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
     if let Some(steps) = arguments.steps {
         let problem = format!("{steps} steps were asked for, and a session with a haptic device lasts some time");
         return Err(palpate::Error::key(&scene.file, "haptics.device", problem, "give --seconds instead of --steps"));
     }
-    let is_endless = scene.haptics.device == DeviceKind::Haply;
-    Ok(arguments.seconds.unwrap_or(if is_endless { f64::INFINITY } else { scene.duration() }))
+    match (arguments.seconds, scene.haptics.device, &scene.haptics.recording) {
+        (Some(seconds), ..) => Ok(seconds),
+        (None, DeviceKind::Haply, _) => Ok(f64::INFINITY),
+        (None, DeviceKind::Replay, Some(recording)) => Ok(Replay::open(recording)?.ticks() as f64 / scene.haptics.rate),
+        _ => Ok(scene.duration()),
+    }
 }
 
 /// How many steps to do; refuses more than anyone waits for.

@@ -10,7 +10,7 @@ pub const MISSED: f64 = 2e-3;
 pub struct Metronome {
     begun: Instant,
     period: Duration,
-    next: u32,
+    next: u64,
 }
 
 /// A tick that is due.
@@ -30,10 +30,10 @@ impl Metronome {
 
     /// Sleeps until the next deadline. Deadlines that passed meanwhile are not made up for.
     pub fn wait(&mut self) -> Beat {
-        let due = self.period * self.next;
+        let due = Duration::from_nanos(self.period.as_nanos() as u64 * self.next);
         std::thread::sleep((self.begun + due).saturating_duration_since(Instant::now()));
         let now = self.begun.elapsed();
-        let passed = (now.as_nanos() / self.period.as_nanos().max(1)) as u32;
+        let passed = (now.as_nanos() / self.period.as_nanos().max(1)) as u64;
         self.next = passed.max(self.next) + 1;
         Beat { time: now.as_secs_f64(), late: now.saturating_sub(due).as_secs_f64() }
     }

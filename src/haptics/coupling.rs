@@ -53,17 +53,16 @@ pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f6
         false => (stiffness * inertia / mass, damping * inertia / mass),
     };
     let most = Coupling { stiffness, damping, angular_stiffness, angular_damping };
-    let limits = Coupling { damping: 2.0 * damping, angular_damping: 2.0 * angular_damping, ..most };
     let (coupling, origin) = match asked {
         None => (most, "chosen"),
         Some(asked) => {
             let free = !profile.plays_torque();
             let least = |asked: f64, limit: f64, unlimited: bool| if unlimited { asked } else { asked.min(limit) };
             let coupling = Coupling {
-                stiffness: asked.stiffness.min(limits.stiffness),
-                damping: asked.damping.min(limits.damping),
-                angular_stiffness: least(asked.angular_stiffness, limits.angular_stiffness, free),
-                angular_damping: least(asked.angular_damping, limits.angular_damping, free),
+                stiffness: asked.stiffness.min(most.stiffness),
+                damping: asked.damping.min(most.damping),
+                angular_stiffness: least(asked.angular_stiffness, most.angular_stiffness, free),
+                angular_damping: least(asked.angular_damping, most.angular_damping, free),
             };
             (coupling, if coupling == *asked { "the scene's" } else { "the scene's, lowered to the limits" })
         }

@@ -91,14 +91,17 @@ impl Passivity {
         self.budget = self.budget.min(stored);
     }
 
-    /// A force that comes back, in a place where the hand sank in while there was none, may push it out again: `stored`, J.
-    pub fn lend(&mut self, stored: f64) {
-        self.budget += stored;
+    /// A force that comes back, in a place where the hand sank in while there was none, may push it out again, as far as what
+    /// it stores: `risen` (J) more, up to `stored` (J) in all.
+    pub fn lend(&mut self, risen: f64, stored: f64) {
+        if self.budget < stored {
+            self.budget = (self.budget + risen).min(stored);
+        }
     }
 
     /// Shortens a wrench to what the budget holds over the `period` (s) to come, for the way that the hand goes and as much
-    /// more as it may go unforeseen; where the budget is overdrawn, damps.
-    pub fn control(&mut self, wanted: Wrench, device: &RigidState, period: f64) -> Control {
+    /// more as it may go unforeseen; where the budget is overdrawn, damps, as far as the force is played at all (`gain`, 0 to 1).
+    pub fn control(&mut self, wanted: Wrench, device: &RigidState, period: f64, gain: f64) -> Control {
         let none = Control { wrench: wanted, damping: 0.0, is_limited: false };
         if !self.is_on {
             return none;
@@ -111,7 +114,7 @@ impl Passivity {
         let left = self.budget + ALLOWANCE;
         let share = if asked > left.max(0.0) { (left / asked).max(0.0) } else { 1.0 };
         let owed = if v == DVec3::ZERO { 0.0 } else { (-self.budget).max(0.0) / (period * v.length_squared()) };
-        let damping = owed.min(self.most_damping);
+        let damping = owed.min(gain * self.most_damping);
         if share == 1.0 && damping == 0.0 {
             return none;
         }
@@ -160,7 +163,7 @@ mod tests {
             passivity.observe(&device);
             let force = Wrench { force: DVec3::X * late, ..Wrench::ZERO };
             late = -k * x.max(0.0);
-            let control = passivity.control(force, &device, period);
+            let control = passivity.control(force, &device, period, 1.0);
             passivity.play(control.wrench);
         }
         passivity.energy().net()
@@ -187,7 +190,7 @@ mod tests {
             let device = at(1e-4 * f64::from(k), 0.0);
             passivity.observe(&device);
             let force = Wrench { force: DVec3::X * -0.1 * f64::from(k), ..Wrench::ZERO };
-            let control = passivity.control(force, &at(0.0, 0.05 * way), 1e-3);
+            let control = passivity.control(force, &at(0.0, 0.05 * way), 1e-3, 1.0);
             passivity.play(control.wrench);
         }
         // Held forces give back k h v^2 T less a little; the controller may take no more than that.
@@ -202,10 +205,20 @@ mod tests {
         passivity.observe(&at(0.01, 0.0));
         let sideways = RigidState { velocity: DVec3::Y * 0.1, ..at(0.01, 0.0) };
         let push = Wrench { force: DVec3::Y, ..Wrench::ZERO };
-        assert_eq!(passivity.control(push, &sideways, 1e-3).wrench, push);
+        assert_eq!(passivity.control(push, &sideways, 1e-3, 1.0).wrench, push);
         passivity.forget(0.0);
         // The allowance alone is left: 1e-6 J of the 1.4e-4 J that the push may give in a tick.
-        assert!(passivity.control(push, &sideways, 1e-3).wrench.force.length() < 0.01);
+        assert!(passivity.control(push, &sideways, 1e-3, 1.0).wrench.force.length() < 0.01);
+    }
+
+    #[test]
+    fn a_force_that_comes_and_goes_lends_no_more_than_it_stores() {
+        let mut passivity = Passivity::new(true, 5.0);
+        (0..1000).for_each(|_| passivity.lend(0.005 * 0.01, 0.01));
+        assert!((passivity.budget - 0.01).abs() < 1e-12);
+        passivity.budget = 0.02;
+        passivity.lend(0.01, 0.01);
+        assert_eq!(passivity.budget, 0.02);
     }
 
     #[test]
@@ -217,7 +230,8 @@ mod tests {
                 let device = at(-speed * 1e-3 * tick as f64, -speed);
                 passivity.observe(&device);
                 wanted = -500.0 * device.position.x;
-                let control = passivity.control(Wrench { force: DVec3::X * wanted, ..Wrench::ZERO }, &device, 1e-3);
+                let control =
+                    passivity.control(Wrench { force: DVec3::X * wanted, ..Wrench::ZERO }, &device, 1e-3, 1.0);
                 played = control.wrench.force.x;
                 passivity.play(control.wrench);
             }

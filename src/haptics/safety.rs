@@ -115,7 +115,10 @@ impl Guard {
         // A device without torque is not told of it.
         let is_clamped = short.force != wanted.force || (torque > 0.0 && short.torque != wanted.torque);
         let change = Wrench { force: short.force - self.last.force, torque: short.torque - self.last.torque };
-        let (most, most_angular) = (slew * period, angular_slew * period);
+        // A force that falls may do so as fast as one that fades: a low slew must not keep it.
+        let rate = |slew: f64, limit: f64, falls: bool| if falls { slew.max(limit / FADE_TIME) } else { slew };
+        let most = period * rate(slew, force, short.force.length() < self.last.force.length());
+        let most_angular = period * rate(angular_slew, torque, short.torque.length() < self.last.torque.length());
         let slow = Wrench {
             force: self.last.force + change.force.clamp_length_max(most),
             torque: self.last.torque + change.torque.clamp_length_max(most_angular),
@@ -184,6 +187,22 @@ mod tests {
         let mut events = Events::default();
         guard.pass(force(1e9, 0.0), 1e-3, &mut events);
         assert!(events.has(Event::Clamped) && events.has(Event::SlewLimited));
+    }
+
+    #[test]
+    fn a_low_slew_does_not_keep_a_force_that_fades() {
+        let lowered = Lowered { slew: Some(1.0), ..Lowered::default() };
+        let (limits, _) = Limits::new(Profile::named("premium").unwrap(), &lowered);
+        let (mut guard, mut events) = (Guard::new(limits), Events::default());
+        let wanted = Wrench { force: DVec3::X * 8.0, ..Wrench::ZERO };
+        for _ in 0..8000 {
+            guard.pass(wanted, 1e-3, &mut events);
+        }
+        assert!((guard.last.force.x - 8.0).abs() < 1e-6, "{guard:?}");
+        for _ in 0..50 {
+            guard.pass(Wrench::ZERO, 1e-3, &mut events);
+        }
+        assert!(guard.last.force.length() < 1e-9, "{guard:?}");
     }
 
     #[test]

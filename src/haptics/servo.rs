@@ -21,9 +21,12 @@ use super::tool::Tool;
 const LATE: f64 = 2e-3;
 /// Periods that a tick may integrate over at most, whatever the clock says.
 const LONGEST_TICK: f64 = 4.0;
-/// Times over which the device's velocity and position are smoothed, s.
-const VELOCITY_SMOOTHING: f64 = 0.005;
-const POSITION_SMOOTHING: f64 = 0.002;
+/// A coarse encoder's step, m.
+const ENCODER_STEP: f64 = 2e-5;
+/// What such a step may change the force by, through the coupling's stiffness and through its damping, N.
+const STEP_FORCE: f64 = 0.025;
+/// The device is smoothed over this time at most, s: smoothing is delay, and delay costs stability.
+const LONGEST_SMOOTHING: f64 = 0.005;
 /// Of the period, the least.
 const SHORTEST_TICK: f64 = 0.25;
 
@@ -237,17 +240,15 @@ impl Servo {
     /// The device as the coupling has it, by an alpha-beta filter: through stiffness and damping an encoder's steps are jumps of
     /// the force. It does not lag behind a device that moves evenly.
     fn smooth(&mut self, device: RigidState, period: f64) -> RigidState {
-        let share = |time: f64| period / (period + time);
+        let (stiffness, damping) = self.tool.coupling.map_or((0.0, 0.0), |c| (c.stiffness, c.damping));
+        // Of what a step through a gain (N/m) would change the force by.
+        let share = |gain: f64| (STEP_FORCE / (gain * ENCODER_STEP)).clamp(period / (period + LONGEST_SMOOTHING), 1.0);
+        let (of_position, of_velocity) = (share(stiffness), share(damping / period));
         let last = self.device;
-        let velocity = last.velocity.lerp(device.velocity, share(VELOCITY_SMOOTHING));
-        let angular_velocity = last.angular_velocity.lerp(device.angular_velocity, share(VELOCITY_SMOOTHING));
+        let velocity = last.velocity.lerp(device.velocity, of_velocity);
+        let angular_velocity = last.angular_velocity.lerp(device.angular_velocity, of_velocity);
         let foreseen = last.position + period * velocity;
-        RigidState {
-            position: foreseen.lerp(device.position, share(POSITION_SMOOTHING)),
-            velocity,
-            angular_velocity,
-            ..device
-        }
+        RigidState { position: foreseen.lerp(device.position, of_position), velocity, angular_velocity, ..device }
     }
 
     /// A wrench that is new becomes the newest.
@@ -266,9 +267,8 @@ impl Servo {
         // Where a wrench finds no contact, and the last one that did says the same of that place, it says where contact
         // begins again: a tool that bounces meets it between two wrenches.
         let remembered = self.models[0].evaluate(&newest.tool).0 == Tangent::zero();
-        if model.has_contact() || !(self.models[0].has_contact() && remembered) {
-            self.models = [model, self.models[0]];
-        }
+        let is_kept = !model.has_contact() && self.models[0].has_contact() && remembered;
+        self.models = [if is_kept { self.models[0] } else { model }, self.models[0]];
         // Neither what came before the first wrench nor a stall is an interval to blend over.
         let interval = if self.newest.step > 0 { time - self.taken.0 } else { 0.0 };
         self.taken = (time, interval.clamp(0.0, self.settings.limits.watchdog));
@@ -329,14 +329,15 @@ impl Servo {
         let pull = self.tool.pull(&self.within_reach(device));
         let gain = self.gain.value();
         let risen = gain - std::mem::replace(&mut self.last_gain, gain);
-        self.passivity.lend(risen.max(0.0) * self.tool.stored(&self.within_reach(device)));
+        let stored = self.tool.stored(&self.within_reach(device));
+        self.passivity.lend(risen.max(0.0) * stored, gain * stored);
         let plays_torque = self.settings.limits.torque > 0.0;
         let torque = if plays_torque { -gain * pull.torque } else { DVec3::ZERO };
         let wanted = Wrench { force: -gain * pull.force, torque };
         if contact == Wrench::ZERO {
             self.passivity.forget(self.tool.stored(device));
         }
-        let control = self.passivity.control(wanted, &self.sensed, h);
+        let control = self.passivity.control(wanted, &self.sensed, h, gain);
         if control.wrench != wanted {
             events.raise(Event::Damped);
         }

@@ -77,6 +77,8 @@ pub struct Report {
     pub steps: u64,
     /// Simulated time by time that passed: below 1 bodies moved slower than in the world.
     pub pace: f64,
+    /// Ticks that were done and are neither counted here nor recorded, nobody having taken them in time.
+    pub lost: u64,
     /// Why it ended before its time, where it did.
     pub ended: Option<String>,
 }
@@ -153,10 +155,15 @@ pub fn hold(
     notes.iter().try_for_each(|note| record(Moment::Note(note)))?;
     let mut session = Session::new(thread, profile.name, notes, period, &settings);
     let ended = session.run(environment, options, haptics, &first, &mut record);
-    session.thread.stop();
-    session.take_ticks(&mut record)?;
+    let has_failed = !session.thread.stop();
+    let taken = session.take_ticks(&mut record);
+    session.report.lost = session.thread.newest().ticks.saturating_sub(session.report.lateness.ticks());
     session.report.bare = bare.and_then(BareTimer::stop);
-    ended.map(|()| session.report)
+    ended.and(taken)?;
+    match has_failed {
+        true => Err(Error::Simulation("the haptic loop failed; its device was let go of".into())),
+        false => Ok(session.report),
+    }
 }
 
 /// What was learned before the loop began.
@@ -213,6 +220,7 @@ impl Session {
             foretold: (0.0, 0.0),
             steps: 0,
             pace: 1.0,
+            lost: 0,
             ended: None,
         };
         Session { thread, report, period, settings: *settings, before: None, lost_since: None }

@@ -20,6 +20,7 @@ pub fn summary(report: &Report) -> Value {
         "profile": report.profile,
         "notes": report.notes,
         "ticks": report.lateness.ticks(),
+        "ticks_lost": report.lost,
         "lateness": lateness(&report.lateness),
         "bare_timer": report.bare.as_ref().map(lateness),
         "age_ms": {
@@ -73,6 +74,9 @@ impl fmt::Display for Closing<'_> {
         line(f, "loop", &report.lateness)?;
         if let Some(bare) = &report.bare {
             line(f, "bare timer", bare)?;
+        }
+        if report.lost > 0 {
+            writeln!(f, "lost: {} ticks are not counted, nor recorded", report.lost)?;
         }
         let ages = [0.5, 0.99, 1.0].map(|share| 1e3 * report.age.quantile(share));
         let (steps, pace) = (report.steps, 100.0 * report.pace);

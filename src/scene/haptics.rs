@@ -178,7 +178,7 @@ fn hand(value: &Value) -> Result<HandParameters> {
     for (key, place) in KEYS.into_iter().zip(places) {
         *place = table.or(key, *place, Value::not_negative)?;
     }
-    hand.check().map_err(|problem| value.error(problem, "see the README's table of the hand"))?;
+    hand.check().map_err(|problem| value.error(problem, "give a number in that range"))?;
     Ok(hand)
 }
 

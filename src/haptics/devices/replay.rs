@@ -34,6 +34,11 @@ impl Replay {
         }
         Ok(Replay { profile, readings: readings.into_iter(), last: None })
     }
+
+    /// Ticks that are still to come.
+    pub fn ticks(&self) -> usize {
+        self.readings.len()
+    }
 }
 
 impl Device for Replay {

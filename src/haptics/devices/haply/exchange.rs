@@ -12,6 +12,7 @@ use triple_buffer::{Input, Output};
 use super::link::{Address, Link};
 use super::protocol::{self, Dialect, State};
 use crate::haptics::Fault;
+use crate::haptics::servo_thread::raise_priority;
 
 /// Oldest state that is still true of the device, and the longest wait for an answer before the next message.
 pub const STATE_LIFE: Duration = Duration::from_millis(50);
@@ -92,6 +93,8 @@ struct Partner {
 impl Exchange {
     /// Connects, and connects again, until told to stop.
     pub fn run(mut self) {
+        // The loop says where this is not permitted: it asks for the same.
+        let _ = raise_priority();
         let mut wait = FIRST_WAIT;
         while !self.stopping() {
             let before = self.shot.state.map(|(at, _)| at);
