@@ -41,9 +41,13 @@ fn a_service_that_stalls_and_then_answers_all_is_caught_up_with() {
     tick_until(&mut device, DVec3::X, |reading| reading.is_err());
     tick_until(&mut device, DVec3::X, |reading| reading.is_ok());
     tick_until(&mut device, DVec3::X, |_| last_force(&fake) == DVec3::X);
-    let (sent, counts) = (fake.sent(), device.counts());
-    assert_eq!(counts.connections, 1);
-    assert!(counts.frames as usize + 3 >= sent, "{} of {sent} frames read", counts.frames);
+    // What had been sent by now is read soon, however busy the machine is.
+    let (sent, begun) = (fake.sent(), Instant::now());
+    while (device.counts().frames as usize) < sent {
+        assert!(begun.elapsed() < ms(5000), "{} of {sent} frames read", device.counts().frames);
+        tick_until(&mut device, DVec3::X, |_| true);
+    }
+    assert_eq!(device.counts().connections, 1);
 }
 
 #[test]
