@@ -26,7 +26,7 @@ const ENCODER_STEP: f64 = 2e-5;
 /// What such a step may change the force by, through the coupling's stiffness and through its damping, N.
 const STEP_FORCE: f64 = 0.02;
 /// The device is smoothed over this time at most, s: smoothing is delay, and delay costs stability.
-const LONGEST_SMOOTHING: f64 = 0.005;
+const LONGEST_SMOOTHING: f64 = 0.001;
 /// Of the period, the least.
 const SHORTEST_TICK: f64 = 0.25;
 
