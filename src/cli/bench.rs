@@ -101,11 +101,10 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
 
 /// Benchmark and part of all that the names call. Errors: a name that calls nothing.
 fn asked(names: &[String], benchmarks: &[Box<dyn Benchmark>]) -> Result<Vec<(&'static str, String)>> {
-    let of = |benchmark: &Box<dyn Benchmark>| {
-        let name = benchmark.name();
-        benchmark.parts().into_iter().map(move |part| (name, part))
-    };
-    let all: Vec<(&'static str, String)> = benchmarks.iter().flat_map(of).collect();
+    let mut all: Vec<(&'static str, String)> = Vec::new();
+    for benchmark in benchmarks {
+        all.extend(benchmark.parts().into_iter().map(|part| (benchmark.name(), part)));
+    }
     let calls = |asked: &str, (name, part): &(&'static str, String)| {
         asked == *name
             || asked.strip_prefix(name).and_then(|rest| rest.strip_prefix('/')).is_some_and(|asked| {
