@@ -3,6 +3,7 @@
 use std::process::{Command, Output};
 
 use palpate::bench::haptics::{self, Haptics};
+use palpate::bench::paper::{self, Paper};
 use palpate::bench::proximity::{self, Proximity};
 use palpate::bench::solver::{self, Case, Mesh, Solver};
 use palpate::bench::suite::{self, Head, Shard};
@@ -142,6 +143,51 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
 
     assert_eq!(page.matches("<figure>").count(), 6, "{page}");
     assert_eq!((&json["hold"][0]["met"]["wall"], &json["hold"][2]["mode"]), (&2000.0.into(), &"raw".into()));
+}
+
+#[test]
+fn a_tiny_run_answers_every_question_of_the_papers_scenes() {
+    let folder = tempfile::tempdir().unwrap();
+    // Five names for one small scene.
+    for told in paper::SCENES {
+        let scene = include_str!("../assets/scenes/touch-head.toml").replace("44000", "4000").replace("0.018", "0.04");
+        std::fs::write(folder.path().join(format!("{}.toml", told.name)), scene.replace("0.092", "0.084")).unwrap();
+    }
+    let settings = paper::Settings {
+        scenes: folder.path().into(),
+        steps: 8,
+        radii: vec![0.005, 0.02],
+        vertices: vec![4e3, 8e3],
+        cells: vec![0.06, 0.04],
+        bodies: vec![1.0, 2.0],
+        growth_steps: 1,
+        ..paper::Settings::quick()
+    };
+    let (json, told, page) = measure(Box::new(Paper(settings.clone())));
+    assert!(told.iter().any(|what| what == "bodies: 2"), "{told:?}");
+    let results = paper::Results::of(&json).unwrap();
+    assert_eq!(results.scenes.len(), 5);
+    for ran in &results.scenes {
+        let paper::Times { touching, query_us, step_us, stages_us, areas, .. } = &ran.times;
+        assert!(ran.vertices == 4000 && ran.tetrahedra > 100 && *touching > 3 && areas[0] > 1e-6, "{ran:?}");
+        assert!(query_us.len() + step_us.len() + stages_us["solve"].len() == *touching, "{ran:?}");
+        assert!(ran.times.query_ms() > 0.0 && ran.times.step_ms() > ran.times.query_ms());
+    }
+    for (by, rows) in &results.growth {
+        let [small, large] = &rows[..] else { panic!("{rows:?}") };
+        assert!(small.times.contacts() > 0.0 && large.times.contacts() > 0.0, "{by:?} {rows:?}");
+        let is_larger = match by {
+            paper::By::Area => small.times.area() < large.times.area(),
+            paper::By::Skin => 2 * small.vertices == large.vertices,
+            paper::By::Layer => small.tetrahedra < large.tetrahedra,
+            paper::By::Bodies => 2.0 * small.times.contacts() == large.times.contacts(),
+        };
+        assert!(is_larger, "{by:?} {rows:?}");
+    }
+    assert_eq!(page.matches("<figure>").count(), 5, "{page}");
+    let nowhere = paper::Settings { scenes: "no such folder".into(), ..settings };
+    let error = Paper(nowhere).measure("gears", &mut |_| ()).unwrap_err().to_string();
+    assert!(error.contains("no such folder/gears.toml") && error.contains("--scenes"), "{error}");
 }
 
 fn palpate(arguments: &[&str]) -> Output {

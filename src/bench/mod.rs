@@ -4,8 +4,10 @@
 pub mod accuracy;
 pub mod compare;
 pub mod document;
+pub mod fit;
 pub mod haptics;
 mod page;
+pub mod paper;
 pub mod plot;
 pub mod proximity;
 pub mod samples;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::builder::NonEmptyStringValueParser;
 use palpate::bench::compare::{self, Verdict};
 use palpate::bench::haptics::{self, Haptics};
+use palpate::bench::paper::{self, Paper};
 use palpate::bench::proximity::{self, Proximity};
 use palpate::bench::solver::{self, Solver};
 use palpate::bench::suite::{self, Head, Shard};
@@ -64,7 +65,10 @@ fn benchmarks(arguments: &Arguments) -> Vec<Box<dyn Benchmark>> {
     let proximity = if arguments.quick { proximity::Settings::quick() } else { proximity::Settings::full() };
     let solver = if arguments.quick { solver::Settings::quick() } else { solver::Settings::full() };
     let haptics = if arguments.quick { haptics::Settings::quick() } else { haptics::Settings::full() };
+    let paper = if arguments.quick { paper::Settings::quick() } else { paper::Settings::full() };
+    let paper = paper::Settings { scenes: arguments.scenes.clone(), device: device(), ..paper };
     vec![
+        Box::new(Paper(paper)),
         Box::new(Proximity(proximity::Settings { device: device(), ..proximity })),
         Box::new(Solver(solver::Settings { device: device(), ..solver })),
         Box::new(Haptics(haptics::Settings { device: device(), ..haptics })),

@@ -4,9 +4,9 @@ use serde_json::Value;
 
 use super::cases::stiffness;
 use super::peers::{ALLOWED_ERROR, PEERS, Peer, fastest};
-use super::scaling::exponent;
 use super::{Measured, PRECONDITIONERS, Results, Run, Size};
 use crate::Result;
+use crate::bench::fit::exponent;
 use crate::bench::plot::{Line, Logarithmic, Panel, panels};
 use crate::bench::{Section, Table};
 
