@@ -5,6 +5,8 @@ use std::fmt::Write;
 use super::{Document, Section, Table};
 
 const STYLE: &str = include_str!("page.css");
+/// Characters; a longer cell is words.
+const LONGEST_NUMBER: usize = 20;
 
 impl Document {
     /// The page. What is said between backquotes is set as code, as in Markdown.
@@ -71,10 +73,12 @@ fn write_table(page: &mut String, table: &Table) {
     if table.rows.is_empty() {
         return;
     }
+    let is_text: Vec<bool> = (0..table.heads.len()).map(|k| k == 0 || is_text(table, k)).collect();
     let row = |page: &mut String, cells: &[String], tag: &str| {
         page.push_str("<tr>");
-        for cell in cells {
-            let _ = write!(page, "<{tag}>{}</{tag}>", set(cell));
+        for (k, cell) in cells.iter().enumerate() {
+            let class = if is_text.get(k) == Some(&true) { " class=\"text\"" } else { "" };
+            let _ = write!(page, "<{tag}{class}>{}</{tag}>", set(cell));
         }
         page.push_str("</tr>\n");
     };
@@ -83,6 +87,12 @@ fn write_table(page: &mut String, table: &Table) {
     page.push_str("</thead>\n<tbody>\n");
     table.rows.iter().for_each(|cells| row(page, cells, "td"));
     page.push_str("</tbody>\n</table></div>\n");
+}
+
+/// Whether a column holds words, to be set flush left; else numbers.
+fn is_text(table: &Table, column: usize) -> bool {
+    let mut cells = table.rows.iter().filter_map(|row| row.get(column));
+    cells.any(|cell| cell.chars().count() > LONGEST_NUMBER && cell.contains(' '))
 }
 
 fn escaped(text: &str) -> String {
@@ -115,7 +125,7 @@ mod tests {
         let chapter = Chapter { title: "C".into(), preface: "How.".into(), sections: vec![section.clone(), section] };
         let page = Document { title: "R".into(), preface: "Where.".into(), chapters: vec![chapter] }.html();
         let parts =
-            ["<td>a &lt; b</td><td>12</td>", "<code>x</code>", "T &amp; U", "<figure><svg width", "#c0s1", "Where."];
+            ["<td class=\"text\">a &lt; b</td><td>12</td>", "<code>x</code>", "T &amp; U", "<figure><svg width", "#c0s1", "Where."];
         assert!(parts.iter().all(|part| page.contains(part)), "{page}");
         assert!(!page.contains("<?xml") && !page.contains("<script") && !page.contains("href=\"http"), "{page}");
         assert_eq!(page.matches("<section").count(), page.matches("</section>").count());
