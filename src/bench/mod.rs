@@ -1,6 +1,7 @@
 //! Benchmarks, and the reports made by them. Each has a folder of its own; they share samples, plots and the way that
 //! questions, tables and findings are set.
 
+pub mod accuracy;
 pub mod document;
 pub mod haptics;
 pub mod plot;

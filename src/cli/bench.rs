@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use clap::builder::NonEmptyStringValueParser;
 use palpate::Result;
-use palpate::bench::{Document, haptics, proximity, solver};
+use palpate::bench::{Document, accuracy, haptics, proximity, solver};
 use palpate::report::Output;
 use serde::Serialize;
 
@@ -29,6 +29,9 @@ pub struct Arguments {
     /// `block10k-2MPa-1ms` are parts of the first
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = case_name)]
     cases: Vec<String>,
+    /// Of `accuracy`: these curves alone, with commas between them
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = curve_name)]
+    only: Vec<String>,
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
@@ -46,11 +49,18 @@ enum Name {
     Solver,
     /// The loop: how stiff a wall may be, how still a force keeps, how far it jumps, and how punctual its ticks are
     Haptics,
+    /// Error against run time: what each knob of a scene buys
+    Accuracy,
 }
 
 fn case_name(text: &str) -> std::result::Result<String, String> {
     let problem = "is no case; give block10k, block105k, human or scaling, or a part such as block10k-2MPa-1ms";
     if solver::Settings::knows(text) { Ok(text.into()) } else { Err(problem.into()) }
+}
+
+fn curve_name(text: &str) -> std::result::Result<String, String> {
+    let known: Vec<&str> = accuracy::names().collect();
+    if known.contains(&text) { Ok(text.into()) } else { Err(format!("is no curve; give {}", known.join(", "))) }
 }
 
 /// Runs the benchmarks that are named, or all.
@@ -62,12 +72,14 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
             Name::Proximity => "proximity",
             Name::Solver => "solver",
             Name::Haptics => "haptics",
+            Name::Accuracy => "accuracy",
         };
         let out = arguments.out.as_ref().map(|out| if asked.len() > 1 { out.join(folder) } else { out.clone() });
         match name {
             Name::Proximity => proximity(arguments, out.as_deref())?,
             Name::Solver => solver(arguments, out.as_deref())?,
             Name::Haptics => haptics(arguments, out.as_deref())?,
+            Name::Accuracy => accuracy(arguments, out.as_deref())?,
         }
     }
     Ok(())
@@ -101,6 +113,17 @@ fn haptics(arguments: &Arguments, out: Option<&Path>) -> Result<()> {
     report(out, "haptics.md", || {
         let results = haptics::run(&settings, &mut watch)?;
         Ok((haptics::document(&results)?, results))
+    })
+}
+
+fn accuracy(arguments: &Arguments, out: Option<&Path>) -> Result<()> {
+    use accuracy::Settings;
+    let settings = if arguments.quick { Settings::quick() } else { Settings::full() };
+    let settings = if arguments.only.is_empty() { settings } else { settings.only(&arguments.only) };
+    let settings = Settings { device: arguments.device.clone(), ..settings };
+    report(out, "accuracy.md", || {
+        let results = accuracy::run(&settings, &mut watch)?;
+        Ok((accuracy::document(&results)?, results))
     })
 }
 

@@ -2,10 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bench::median;
+use crate::bench::{median, solver};
 
 /// Changes of a force that a person just notices, of the force (see README, "bench").
 pub const JUST_NOTICEABLE: f64 = 0.07;
+/// An order is as theory has it when it is this near.
+pub const NEAR_ORDER: f64 = 0.25;
+/// Errors should span so many powers of ten.
+pub const DECADES: f64 = 2.0;
+/// Points of an asymptotic part: errors from this ...
+const ASYMPTOTIC: f64 = 0.1;
+/// ... down to so many times the line's least, where rounding or the reference's own error may be in it.
+const FLOOR: f64 = 3.0;
+/// A power is fitted to so many points at least.
+const LEAST_POINTS: usize = 3;
 
 /// What one knob of a scene buys: error and time of each of its settings, measured turn by turn.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -26,6 +36,19 @@ pub struct Curve {
     pub expected: Option<Expected>,
     /// Why the order is another, or the errors span less than two decades; empty where neither is so.
     pub reason: String,
+    /// The most accurate setting of each line must have a force within this of the reference, of it.
+    pub bound: f64,
+}
+
+/// A line of a curve: points of one panel and name, in the order of the knob.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line<'a> {
+    /// Title of the plot that it is in.
+    pub panel: &'a str,
+    /// Its name there.
+    pub name: &'a str,
+    /// Its points.
+    pub points: Vec<&'a Point>,
 }
 
 /// What theory says of an error: that it falls as a power of the knob.
@@ -38,12 +61,14 @@ pub struct Expected {
 }
 
 /// A setting and what was measured.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// What it is called in a table: `jacobi to 1e-4`.
     pub setting: String,
     /// Which of the curve's lines it is on; empty where there is one.
     pub line: String,
+    /// Title of the plot that the line is in, of several; empty where there is one.
+    pub panel: String,
     /// The knob's number.
     pub value: f64,
     /// Error of the net force, of the reference's; `None`: nothing is touched, or it is not finite.
@@ -72,8 +97,163 @@ impl Point {
     pub fn stage_ms(&self) -> f64 {
         ms(&self.stage_us)
     }
+
+    /// From the fastest to the slowest round, milliseconds a step.
+    pub fn step_range_ms(&self) -> [f64; 2] {
+        let rounds: Vec<f64> = self.step_us.iter().map(|round| 1e-3 * median(round)).collect();
+        [rounds.iter().copied().fold(f64::INFINITY, f64::min), rounds.iter().copied().fold(0.0, f64::max)]
+    }
+
+    /// What is paid: milliseconds of a step, or where steps differ in length their time over the time that they simulate.
+    pub fn cost(&self) -> f64 {
+        if self.simulated_s > 0.0 { 1e-3 * self.step_ms() / self.simulated_s } else { self.step_ms() }
+    }
+
+    /// The error that counts: of the force, or of the displacements where nothing is touched.
+    pub fn error(&self) -> Option<f64> {
+        self.force_error.or(self.displacement_error)
+    }
+
+    /// Whether no other is at once cheaper and no less accurate, or as cheap and more accurate; flagged ones do not count.
+    fn is_best_of(&self, others: &[Point]) -> bool {
+        let Some(error) = self.error().filter(|_| self.flags.is_empty()) else { return false };
+        let is_better = |other: &Point| match other.error().filter(|_| other.flags.is_empty()) {
+            Some(its) => its <= error && other.cost() <= self.cost() && (its < error || other.cost() < self.cost()),
+            None => false,
+        };
+        !others.iter().any(is_better)
+    }
+}
+
+impl Curve {
+    /// Its lines, in order of their first points.
+    pub fn lines(&self) -> Vec<Line<'_>> {
+        let mut lines: Vec<Line> = Vec::new();
+        for point in &self.points {
+            match lines.iter_mut().find(|line| line.panel == point.panel && line.name == point.line) {
+                Some(line) => line.points.push(point),
+                None => lines.push(Line { panel: &point.panel, name: &point.line, points: vec![point] }),
+            }
+        }
+        lines
+    }
+
+    /// Which points are the best buys among those of their panel: no other is both faster and more accurate.
+    pub fn best(&self) -> Vec<bool> {
+        let panel = |name: &str| self.points.iter().filter(|other| other.panel == name).cloned().collect::<Vec<_>>();
+        self.points.iter().map(|point| point.is_best_of(&panel(&point.panel))).collect()
+    }
+
+    /// Powers of ten between the least and the greatest error above zero.
+    pub fn decades(&self) -> f64 {
+        let errors = || self.points.iter().filter_map(Point::error).filter(|error| *error > 0.0);
+        let (low, high) = errors().fold((f64::INFINITY, 0.0f64), |(a, b), x| (a.min(x), b.max(x)));
+        if low < high { (high / low).log10() } else { 0.0 }
+    }
+
+    /// Lines whose most accurate setting is beyond the bound, or has no error that is a number, and that error.
+    pub fn beyond(&self) -> Vec<(Line<'_>, Option<f64>)> {
+        let all = self.lines().into_iter().map(|line| line.least()).zip(self.lines());
+        let beyond = all.filter(|(least, _)| least.is_none_or(|least| least > self.bound));
+        beyond.map(|(least, line)| (line, least)).collect()
+    }
+
+    /// Whether every line is within the bound.
+    pub fn is_within(&self) -> bool {
+        !self.points.is_empty() && self.beyond().is_empty()
+    }
+}
+
+impl Line<'_> {
+    /// Its panel and its name, as far as it has them.
+    pub fn title(&self) -> String {
+        let parts = [self.panel, self.name];
+        parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The least error.
+    pub fn least(&self) -> Option<f64> {
+        self.points.iter().filter_map(|point| point.error()).min_by(f64::total_cmp)
+    }
+
+    /// The power of the knob by which the error falls: least squares of the logarithms over the asymptotic part, and how many
+    /// points are in it. That part is what has errors under a tenth and above thrice the least of the line, below which the
+    /// error of something else may be in it; `None` with fewer than three.
+    pub fn order(&self) -> Option<(f64, usize)> {
+        let floor = FLOOR * self.least()?;
+        let pairs = self.points.iter().filter_map(|point| Some((point.value, point.error()?)));
+        let fitted: Vec<(f64, f64)> = pairs.filter(|(_, e)| *e < ASYMPTOTIC && *e > floor).collect();
+        let order = (fitted.len() >= LEAST_POINTS).then(|| solver::exponent(&fitted)).flatten()?;
+        Some((order, fitted.len()))
+    }
 }
 
 fn ms(rounds: &[Vec<f64>]) -> f64 {
     1e-3 * median(&rounds.iter().map(|round| median(round)).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(value: f64, ms: f64, error: Option<f64>) -> Point {
+        Point { value, force_error: error, step_us: vec![vec![1e3 * ms]], ..Point::default() }
+    }
+
+    fn curve(points: Vec<Point>) -> Curve {
+        Curve { points, bound: 1e-3, ..Curve::default() }
+    }
+
+    #[test]
+    fn the_best_buys_are_those_that_nothing_beats_in_both() {
+        let mut flagged = point(1.0, 0.5, Some(1e-6));
+        flagged.flags = vec!["not_converged".into()];
+        let mut elsewhere = point(1.0, 9.0, Some(0.9));
+        elsewhere.panel = "stiff".into();
+        let all = vec![
+            point(1.0, 1.0, Some(0.1)),
+            point(2.0, 2.0, Some(0.2)),
+            point(3.0, 2.0, Some(0.01)),
+            point(4.0, 2.5, Some(0.01)),
+            point(5.0, 3.0, None),
+            flagged,
+            elsewhere,
+        ];
+        assert_eq!(curve(all).best(), [true, false, true, false, false, false, true]);
+    }
+
+    #[test]
+    fn steps_of_different_lengths_are_paid_by_the_time_they_simulate() {
+        let mut long = point(1.0, 2.0, Some(0.1));
+        long.simulated_s = 0.01;
+        let short = Point { simulated_s: 0.001, ..point(1.0, 1.0, Some(0.1)) };
+        assert!((long.cost() - 0.2).abs() < 1e-12 && (short.cost() - 1.0).abs() < 1e-12);
+        assert_eq!(curve(vec![long, short]).best(), [true, false]);
+    }
+
+    #[test]
+    fn orders_are_fitted_where_errors_fall_and_not_to_floor_or_ceiling() {
+        let second = |h: f64| Some((0.5 * h * h).max(1e-5));
+        let points = [1.0, 0.4, 0.2, 0.1, 0.05, 0.001, 0.0005].map(|h| point(h, 1.0, second(h))).to_vec();
+        let all = curve(points);
+        let lines = all.lines();
+        let (order, count) = lines[0].order().unwrap();
+        // From 0.4, whose error is under a tenth, to 0.05.
+        assert!((order - 2.0).abs() < 1e-9 && count == 4, "{order} of {count}");
+        assert!((all.decades() - (0.5f64 / 1e-5).log10()).abs() < 1e-9);
+        assert!(curve(vec![point(1.0, 1.0, Some(0.05)); 2]).lines()[0].order().is_none());
+    }
+
+    #[test]
+    fn a_line_beyond_its_bound_or_without_a_number_spoils_the_verdict() {
+        let named = |line: &str, error| Point { line: line.into(), ..point(1.0, 1.0, error) };
+        let good = vec![named("a", Some(0.5)), named("a", Some(1e-4)), named("b", Some(9e-4))];
+        assert!(curve(good.clone()).is_within());
+        for bad in [Some(2e-3), None] {
+            let all = curve([good.clone(), vec![named("c", bad)]].concat());
+            let beyond = all.beyond();
+            assert!(!all.is_within() && beyond.len() == 1 && beyond[0].0.name == "c" && beyond[0].1 == bad);
+        }
+        assert!(!curve(Vec::new()).is_within());
+    }
 }

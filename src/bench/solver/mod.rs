@@ -9,9 +9,9 @@ mod speed;
 
 use serde::Serialize;
 
-pub use cases::{Case, Mesh};
+pub use cases::{Case, Mesh, stiffness};
 pub use document::document;
-pub use scaling::{Iteration, Size, Steps};
+pub use scaling::{Iteration, Size, Steps, exponent};
 pub use speed::{Measured, Run};
 
 use crate::Result;
