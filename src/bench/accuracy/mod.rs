@@ -4,6 +4,7 @@ mod curve;
 mod document;
 mod press;
 pub mod race;
+mod space;
 mod tolerance;
 mod twin;
 
@@ -38,7 +39,15 @@ pub struct Settings {
 type Measure = fn(&Settings, &mut dyn FnMut(&str)) -> Result<Curve>;
 
 /// Every curve, and what measures it.
-const CURVES: &[(&str, Measure)] = &[("tolerance", tolerance::by_tolerance), ("iterations", tolerance::by_iterations)];
+const CURVES: &[(&str, Measure)] = &[
+    ("tolerance", tolerance::by_tolerance),
+    ("iterations", tolerance::by_iterations),
+    ("layer", space::by_layer),
+    ("skin", space::by_skin),
+    ("stiffness", space::by_stiffness),
+    ("texel", space::by_texel),
+    ("proxies", space::by_proxies),
+];
 
 impl Settings {
     /// All of it.
