@@ -2,8 +2,11 @@
 
 mod curve;
 mod document;
+mod front;
+mod precision;
 mod press;
 pub mod race;
+mod steps;
 mod tolerance;
 mod twin;
 
@@ -38,7 +41,14 @@ pub struct Settings {
 type Measure = fn(&Settings, &mut dyn FnMut(&str)) -> Result<Curve>;
 
 /// Every curve, and what measures it.
-const CURVES: &[(&str, Measure)] = &[("tolerance", tolerance::by_tolerance), ("iterations", tolerance::by_iterations)];
+const CURVES: &[(&str, Measure)] = &[
+    ("tolerance", tolerance::by_tolerance),
+    ("iterations", tolerance::by_iterations),
+    ("time-step", steps::by_time_step),
+    ("newton", steps::by_newton),
+    ("precision", precision::measure),
+    (front::NAME, front::measure),
+];
 
 impl Settings {
     /// All of it.
