@@ -38,6 +38,8 @@ pub struct Curve {
     pub reason: String,
     /// The most accurate setting of each line must have a force within this of the reference, of it.
     pub bound: f64,
+    /// Whether the lines are one set of settings: then one of all must be within the bound.
+    pub is_one: bool,
 }
 
 /// A line of a curve: points of one panel and name, in the order of the knob.
@@ -58,6 +60,8 @@ pub struct Expected {
     pub order: f64,
     /// By which law.
     pub law: String,
+    /// Whether it is told from the displacements, and not from the force.
+    pub is_of_shape: bool,
 }
 
 /// A setting and what was measured.
@@ -83,6 +87,8 @@ pub struct Point {
     pub stage_us: Vec<Vec<f64>>,
     /// Microseconds of a step, pose in and wrench out, for each round.
     pub step_us: Vec<Vec<f64>>,
+    /// Keys of a scene and what the setting has there, where a preset may come of it.
+    pub keys: Vec<(String, String)>,
     /// Seconds of the simulated world that a step is, where points differ in it; else 0.
     pub simulated_s: f64,
 }
@@ -153,6 +159,11 @@ impl Curve {
 
     /// Lines whose most accurate setting is beyond the bound, or has no error that is a number, and that error.
     pub fn beyond(&self) -> Vec<(Line<'_>, Option<f64>)> {
+        if self.is_one {
+            let all = Line { panel: "", name: "all", points: self.points.iter().collect() };
+            let least = all.least();
+            return if least.is_none_or(|least| least > self.bound) { vec![(all, least)] } else { Vec::new() };
+        }
         let all = self.lines().into_iter().map(|line| line.least()).zip(self.lines());
         let beyond = all.filter(|(least, _)| least.is_none_or(|least| least > self.bound));
         beyond.map(|(least, line)| (line, least)).collect()
@@ -179,9 +190,11 @@ impl Line<'_> {
     /// The power of the knob by which the error falls: least squares of the logarithms over the asymptotic part, and how many
     /// points are in it. That part is what has errors under a tenth and above thrice the least of the line, below which the
     /// error of something else may be in it; `None` with fewer than three.
-    pub fn order(&self) -> Option<(f64, usize)> {
-        let floor = FLOOR * self.least()?;
-        let pairs = self.points.iter().filter_map(|point| Some((point.value, point.error()?)));
+    pub fn order(&self, is_of_shape: bool) -> Option<(f64, usize)> {
+        let error = |point: &Point| if is_of_shape { point.displacement_error } else { point.error() };
+        let pairs = || self.points.iter().filter_map(|point| Some((point.value, error(point)?)));
+        let floor = FLOOR * pairs().map(|(_, error)| error).min_by(f64::total_cmp)?;
+        let pairs = pairs();
         let fitted: Vec<(f64, f64)> = pairs.filter(|(_, e)| *e < ASYMPTOTIC && *e > floor).collect();
         let order = (fitted.len() >= LEAST_POINTS).then(|| solver::exponent(&fitted)).flatten()?;
         Some((order, fitted.len()))
@@ -237,11 +250,11 @@ mod tests {
         let points = [1.0, 0.4, 0.2, 0.1, 0.05, 0.001, 0.0005].map(|h| point(h, 1.0, second(h))).to_vec();
         let all = curve(points);
         let lines = all.lines();
-        let (order, count) = lines[0].order().unwrap();
+        let (order, count) = lines[0].order(false).unwrap();
         // From 0.4, whose error is under a tenth, to 0.05.
         assert!((order - 2.0).abs() < 1e-9 && count == 4, "{order} of {count}");
         assert!((all.decades() - (0.5f64 / 1e-5).log10()).abs() < 1e-9);
-        assert!(curve(vec![point(1.0, 1.0, Some(0.05)); 2]).lines()[0].order().is_none());
+        assert!(curve(vec![point(1.0, 1.0, Some(0.05)); 2]).lines()[0].order(false).is_none());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The report of the curves. Findings are computed: no number of a measurement is written here.
 
 use super::curve::{DECADES, JUST_NOTICEABLE, NEAR_ORDER};
-use super::{Curve, Point, Results};
+use super::{Curve, Point, Results, front};
 use crate::Result;
 use crate::bench::plot::{self, Logarithmic, Panel, panels};
 use crate::bench::{Document, Section, Table};
@@ -20,7 +20,8 @@ pub fn document(results: &Results) -> Result<Document> {
         settings.rounds,
         percent(JUST_NOTICEABLE)
     );
-    let sections = curves.iter().map(section).collect::<Result<_>>()?;
+    let mut sections = curves.iter().map(section).collect::<Result<Vec<_>>>()?;
+    sections.extend(curves.iter().find(|curve| curve.name == front::NAME).map(front::section));
     Ok(Document { title: "What accuracy costs".into(), preface, sections })
 }
 
@@ -134,7 +135,7 @@ fn bought(curve: &Curve) -> String {
 fn orders(curve: &Curve) -> String {
     let Some(expected) = &curve.expected else { return String::new() };
     let mut is_other = false;
-    let one = |line: &super::Line| match line.order() {
+    let one = |line: &super::Line| match line.order(expected.is_of_shape) {
         Some((order, count)) => {
             is_other |= (order - expected.order).abs() > NEAR_ORDER;
             format!("{order:.2}{} ({count} points)", named(line))
@@ -147,8 +148,9 @@ fn orders(curve: &Curve) -> String {
     let all: Vec<String> = curve.lines().iter().map(one).collect();
     let as_expected = if is_other { format!("; {}", reason(curve)) } else { ", which is near enough".into() };
     format!(
-        "Order of convergence by least squares of the logarithms, between {} and thrice the least error of the line: {}; \
+        "Order of convergence of the {} by least squares of the logarithms, between {} and thrice the least error of the line: {}; \
          theory has {} ({}){as_expected}.",
+        if expected.is_of_shape { "shape" } else { "force" },
         percent(0.1),
         all.join(", "),
         expected.order,
@@ -184,7 +186,7 @@ pub(super) fn ms(time: f64) -> String {
     }
 }
 
-fn digits(x: f64) -> String {
+pub(super) fn digits(x: f64) -> String {
     if x < 0.01 { format!("{x:.0e}") } else { ms(x) }
 }
 

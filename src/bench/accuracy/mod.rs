@@ -2,9 +2,12 @@
 
 mod curve;
 mod document;
+mod front;
+mod precision;
 mod press;
 pub mod race;
 mod space;
+mod steps;
 mod tolerance;
 mod twin;
 
@@ -47,6 +50,10 @@ const CURVES: &[(&str, Measure)] = &[
     ("stiffness", space::by_stiffness),
     ("texel", space::by_texel),
     ("proxies", space::by_proxies),
+    ("time-step", steps::by_time_step),
+    ("newton", steps::by_newton),
+    ("precision", precision::measure),
+    (front::NAME, front::measure),
 ];
 
 impl Settings {

@@ -30,10 +30,16 @@ fn press(settings: &Settings, young: f64) -> Press {
     Press { cells: settings.cells, young, ..Press::default() }
 }
 
+/// In short only what a user gets and the plainest.
+fn preconditioners(settings: &Settings) -> impl Iterator<Item = &'static (&'static str, Preconditioner)> {
+    let is_quick = settings.is_quick;
+    PRECONDITIONERS.iter().filter(move |(_, kind)| !is_quick || *kind != Preconditioner::Coarse)
+}
+
 /// Residual to stop at, with every preconditioner, on a soft and on a stiff block.
 pub fn by_tolerance(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let of = |young: f64| {
-        PRECONDITIONERS.iter().flat_map(move |&(name, kind)| {
+        preconditioners(settings).flat_map(move |&(name, kind)| {
             TOLERANCES.map(|tolerance| {
                 let mut scene = press(settings, young).scene();
                 scene.solver.preconditioner = kind;
@@ -45,7 +51,8 @@ pub fn by_tolerance(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         })
     };
     let points = compared(YOUNG.into_iter().flat_map(of).collect(), settings, watch)?;
-    let expected = Expected { order: 1.0, law: "an error of a linear system is proportionate to its residual".into() };
+    let law = "the error of a linear system is proportionate to its residual".into();
+    let expected = Expected { order: 1.0, law, is_of_shape: true };
     Ok(Curve {
         name: "tolerance".into(),
         title: "Solver tolerance and preconditioner".into(),
@@ -57,8 +64,8 @@ pub fn by_tolerance(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         stage: STAGES.concat(),
         points,
         expected: Some(expected),
-        reason: String::new(),
         bound: BOUND,
+        ..Curve::default()
     })
 }
 
@@ -81,9 +88,8 @@ pub fn by_iterations(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result
         knob: "iterations at most".into(),
         stage: STAGES.concat(),
         points,
-        expected: None,
-        reason: String::new(),
         bound: BOUND,
+        ..Curve::default()
     })
 }
 

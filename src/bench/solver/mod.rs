@@ -9,7 +9,7 @@ mod speed;
 
 use serde::Serialize;
 
-pub use cases::{Case, Mesh, stiffness};
+pub use cases::{Case, Mesh, layer, prepared, stiffness};
 pub use document::document;
 pub use scaling::{Iteration, Size, Steps, exponent};
 pub use speed::{Measured, Run};
