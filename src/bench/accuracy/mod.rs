@@ -50,6 +50,7 @@ const CURVES: &[(&str, Measure)] = &[
     ("stiffness", space::by_stiffness),
     ("texel", space::by_texel),
     ("proxies", space::by_proxies),
+    ("sides", space::by_sides),
     ("time-step", steps::by_time_step),
     ("newton", steps::by_newton),
     ("precision", precision::measure),

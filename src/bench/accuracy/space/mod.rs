@@ -13,7 +13,7 @@ mod texel;
 
 pub use layer::by_layer;
 pub use proxies::by_proxies;
-pub use skin::by_skin;
+pub use skin::{by_sides, by_skin};
 pub use stiffness::by_stiffness;
 pub use texel::by_texel;
 

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use glam::{DQuat, DVec3};
 
 use crate::scene::{
-    self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Scene, Surface, Tool, ToolShape,
+    self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Scene, Sides, Surface, Tool,
+    ToolShape,
 };
 
 /// Time step, s: what matters is where everything comes to rest.
@@ -32,6 +33,9 @@ pub const YOUNG: f64 = 2e4;
 /// Of the ball, kg.
 const MASS: f64 = 0.05;
 
+/// Of contact unless said otherwise, N/m^3.
+pub const STIFFNESS: f64 = 2e7;
+
 /// A press.
 #[derive(Debug, Clone)]
 pub struct Press {
@@ -49,6 +53,8 @@ pub struct Press {
     pub depth: f64,
     /// Contact stiffness, N/m^3; `None`: the engine's.
     pub stiffness: Option<f64>,
+    /// Whose vertices are asked.
+    pub sides: Sides,
     /// Residual to stop at.
     pub tolerance: f64,
 }
@@ -72,7 +78,8 @@ impl Press {
             radius: 0.06,
             ball: None,
             depth: 0.003,
-            stiffness: Some(2e7),
+            stiffness: Some(STIFFNESS),
+            sides: Sides::Both,
             tolerance: 1e-6,
         }
     }
@@ -117,6 +124,7 @@ impl Press {
         // A body at rest keeps its shape.
         scene.step.gravity = DVec3::ZERO;
         scene.contact.stiffness = self.stiffness;
+        scene.contact.sides = self.sides;
         scene.contact.depth_limit = 0.02;
         scene.solver.tolerance = self.tolerance;
         scene.solver.max_iterations = 1000;
@@ -131,7 +139,7 @@ impl Press {
             }
             Body::Head(vertices, hulls) => {
                 let surface = Surface::Model { model: Model::Head, vertices: *vertices };
-                let layer = Layer::Cell { cell: 0.022, grade: 1, thickness: None };
+                let layer = Layer::Cell { cell: 0.03, grade: 1, thickness: None };
                 (Some(surface), layer, *hulls, Bind::Inset(0.03))
             }
         };

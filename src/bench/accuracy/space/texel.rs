@@ -28,8 +28,10 @@ const RADIUS: f64 = 0.02;
 const STAGES: &[&str] = &["depth"];
 /// The finest texels, and every one of the engine's.
 const BOUND: f64 = 0.01;
-/// Name of the line of sampled depths.
-const CPU: &str = "depths at texels' middles (f64, CPU)";
+/// Title of the engine's plot, which is empty: zeros have no logarithm.
+const ENGINE: &str = "the engine: rays, no error to draw";
+/// And of that of sampled depths, whose time is no step's.
+const CPU: &str = "depths at texels' middles, f64, CPU";
 
 /// Squares of the depth stage by both paths, and sampled depths.
 pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
@@ -43,7 +45,7 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
         for texel in TEXELS {
             let setting = format!("{}, {} mm", path.name(), 1e3 * texel);
             let scene = by_path(&press, path, Some(texel));
-            entrants.push(Entrant { scene, ..entrant(&press, "", path.name(), setting, texel) });
+            entrants.push(Entrant { scene, ..entrant(&press, ENGINE, path.name(), setting, texel) });
         }
     }
     let rules = Rules { rounds: settings.rounds, stages: STAGES, options: &options };
@@ -75,6 +77,7 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
              from the reference's, and the errors that there are belong to sampled depths"
         ),
         bound: BOUND,
+        is_one: false,
     })
 }
 
@@ -108,7 +111,7 @@ fn sampled(press: &Press, rounds: usize) -> Result<Vec<Point>> {
     let one = |texel: f64| {
         let mut point = Point {
             setting: format!("at middles, {} mm", 1e3 * texel),
-            line: CPU.into(),
+            panel: CPU.into(),
             value: texel,
             ..Point::default()
         };
