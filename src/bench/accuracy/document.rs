@@ -86,10 +86,14 @@ fn verdict(curve: &Curve) -> String {
     let bound = percent(curve.bound);
     let beyond = curve.beyond();
     if beyond.is_empty() {
-        let worst = lines.iter().filter_map(|line| line.least()).fold(0.0, f64::max);
+        let least = || lines.iter().filter_map(|line| line.least());
+        if curve.is_one {
+            let best = least().fold(f64::INFINITY, f64::min);
+            return format!("The most accurate setting is within {bound} of the reference ({}).", percent(best));
+        }
+        let worst = percent(least().fold(0.0, f64::max));
         return format!(
-            "The most accurate setting of each line is within {bound} of the reference ({} at worst).",
-            percent(worst)
+            "The most accurate setting of each line is within {bound} of the reference ({worst} at worst)."
         );
     }
     let name = |(line, least): &(super::Line, Option<f64>)| {
@@ -133,7 +137,7 @@ fn bought(curve: &Curve) -> String {
 
 /// Orders of convergence beside what theory has.
 fn orders(curve: &Curve) -> String {
-    let Some(expected) = &curve.expected else { return String::new() };
+    let Some(expected) = &curve.expected else { return shares(curve) };
     let mut is_other = false;
     let one = |line: &super::Line| match line.order(expected.is_of_shape) {
         Some((order, count)) => {
@@ -148,14 +152,26 @@ fn orders(curve: &Curve) -> String {
     let all: Vec<String> = curve.lines().iter().map(one).collect();
     let as_expected = if is_other { format!("; {}", reason(curve)) } else { ", which is near enough".into() };
     format!(
-        "Order of convergence of the {} by least squares of the logarithms, between {} and thrice the least error of the line: {}; \
+        "Order of convergence of the {}, by least squares of the logarithms over the finest settings above the floor: {}; \
          theory has {} ({}){as_expected}.",
         if expected.is_of_shape { "shape" } else { "force" },
-        percent(0.1),
         all.join(", "),
         expected.order,
         expected.law
     )
+}
+
+/// What is left of the error with each unit of the knob.
+fn shares(curve: &Curve) -> String {
+    if curve.share.is_empty() {
+        return String::new();
+    }
+    let one = |line: &super::Line| {
+        let share = line.share().map_or("not to be told".into(), |(x, count)| format!("{x:.2} ({count} points)"));
+        format!("{share}{}", named(line))
+    };
+    let all: Vec<String> = curve.lines().iter().map(one).collect();
+    format!("Each more leaves this of the error: {}; theory has a share, not a power: {}.", all.join(", "), curve.share)
 }
 
 fn named(line: &super::Line) -> String {

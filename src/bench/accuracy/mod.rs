@@ -29,6 +29,12 @@ pub struct Settings {
     pub cells: [u32; 3],
     /// Steps of a press.
     pub steps: usize,
+    /// Halvings of the longest time step.
+    pub halvings: u32,
+    /// Of the head's skin.
+    pub vertices: usize,
+    /// Lattice cell of the head's layer, m.
+    pub cell: f64,
     /// Whether this is a short form of the whole.
     pub is_quick: bool,
     /// Device, by name or index; `None`: the best.
@@ -58,6 +64,9 @@ impl Settings {
             rounds: 3,
             cells: [8, 5, 8],
             steps: 60,
+            halvings: 7,
+            vertices: 6_000,
+            cell: 0.03,
             is_quick: false,
             device: None,
             replaced: Vec::new(),
