@@ -1,28 +1,36 @@
 //! The report of the curves. Findings are computed: no number of a measurement is written here.
 
+use serde_json::Value;
+
 use super::curve::{DECADES, JUST_NOTICEABLE, NEAR_ORDER};
-use super::{Curve, Point, Results, front};
+use super::{Curve, Point, front};
 use crate::Result;
 use crate::bench::plot::{self, Logarithmic, Panel, panels};
-use crate::bench::{Document, Section, Table};
+use crate::bench::{Section, Table};
 
-/// The report, its plots drawn.
-pub fn document(results: &Results) -> Result<Document> {
-    let Results { device, driver, threads, settings, curves, .. } = results;
-    let quick = if settings.is_quick { " This is a quick run: its figures are a first look." } else { "" };
-    let preface = format!(
-        "Measured by palpate {} on {device} ({driver}), a machine of {threads} threads. `ms` is wall time of a step, pose in \
-         and wrench out: the median over the steps of a run, the median of {} runs; all settings of a curve run a few steps \
-         in turn. `error` is the largest difference of the force on the tool from the reference's, over its largest force; \
-         `shape` the same of the nodes' displacements. `*` marks the best buys: nothing else in the plot is both faster and \
-         more accurate, flagged settings left out. The dashed line is {}, which a person just notices.{quick}",
-        results.version,
-        settings.rounds,
+/// How it was measured.
+pub fn preface(settings: &Value) -> String {
+    let rounds = settings.get("rounds").and_then(Value::as_u64).unwrap_or(0);
+    format!(
+        "`ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of runs ({rounds} \
+         of each setting); all settings of a curve run a few steps in turn. `error` is the largest difference of the force on \
+         the tool from the reference's, over its largest force; `shape` the same of the nodes' displacements. `*` marks the \
+         best buys: nothing else in the plot is both faster and more accurate, flagged settings left out. The dashed line is \
+         {}, which a person just notices.",
         percent(JUST_NOTICEABLE)
-    );
-    let mut sections = curves.iter().map(section).collect::<Result<Vec<_>>>()?;
-    sections.extend(curves.iter().find(|curve| curve.name == front::NAME).map(front::section));
-    Ok(Document { title: "What accuracy costs".into(), preface, sections })
+    )
+}
+
+/// A section for each curve, and the presets after theirs.
+pub fn sections(curves: &[Curve]) -> Result<Vec<Section>> {
+    let mut sections = Vec::new();
+    for curve in curves {
+        sections.push(section(curve)?);
+        if curve.name == front::NAME {
+            sections.push(front::section(curve));
+        }
+    }
+    Ok(sections)
 }
 
 /// A curve's table, plot and finding.
@@ -44,7 +52,7 @@ pub fn section(curve: &Curve) -> Result<Section> {
         title: curve.title.clone(),
         question: curve.question.clone(),
         table: table(curve, is_by_time),
-        plot: Some((format!("{}.svg", curve.name), panels(&axes, &drawn)?)),
+        plot: Some(panels(&axes, &drawn)?),
         finding: finding(curve),
     })
 }
