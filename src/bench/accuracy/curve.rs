@@ -10,11 +10,13 @@ pub const JUST_NOTICEABLE: f64 = 0.07;
 pub const NEAR_ORDER: f64 = 0.25;
 /// Errors should span so many powers of ten.
 pub const DECADES: f64 = 2.0;
-/// Points of an asymptotic part: errors from this ...
+/// Points of an asymptotic part have errors below this.
 const ASYMPTOTIC: f64 = 0.1;
-/// ... down to so many times the line's least, where rounding or the reference's own error may be in it.
-const FLOOR: f64 = 3.0;
-/// A power is fitted to so many points at least.
+/// The finest settings are on a floor, where something else has the error, while the error falls by less than this power.
+const FLOOR: f64 = 0.3;
+/// A power is fitted to so many points at most, the finest above the floor ...
+const MOST_POINTS: usize = 5;
+/// ... and at least.
 const LEAST_POINTS: usize = 3;
 
 /// What one knob of a scene buys: error and time of each of its settings, measured turn by turn.
@@ -34,6 +36,8 @@ pub struct Curve {
     pub points: Vec<Point>,
     /// The order of convergence that theory expects of the force, and why; `None`: the knob has none.
     pub expected: Option<Expected>,
+    /// Instead of a power: by which law the error falls by a share with each unit of the knob; empty: by none.
+    pub share: String,
     /// Why the order is another, or the errors span less than two decades; empty where neither is so.
     pub reason: String,
     /// The most accurate setting of each line must have a force within this of the reference, of it.
@@ -187,17 +191,32 @@ impl Line<'_> {
         self.points.iter().filter_map(|point| point.error()).min_by(f64::total_cmp)
     }
 
-    /// The power of the knob by which the error falls: least squares of the logarithms over the asymptotic part, and how many
-    /// points are in it. That part is what has errors under a tenth and above thrice the least of the line, below which the
-    /// error of something else may be in it; `None` with fewer than three.
+    /// The power of the knob by which the error falls, of the displacements or of the force, and of how many points: least
+    /// squares of the logarithms over the asymptotic part; `None` where that has fewer than three.
     pub fn order(&self, is_of_shape: bool) -> Option<(f64, usize)> {
+        let fitted = self.asymptotic(is_of_shape);
+        Some((solver::exponent(&fitted)?, fitted.len()))
+    }
+
+    /// What a unit of the knob leaves of the error, and of how many points: the same with the knob itself.
+    pub fn share(&self) -> Option<(f64, usize)> {
+        let fitted: Vec<(f64, f64)> = self.asymptotic(false).iter().map(|(x, y)| (x.exp(), *y)).collect();
+        Some((solver::exponent(&fitted)?.exp(), fitted.len()))
+    }
+
+    /// Knob and error of the finest settings whose errors are small, without those that are no better than a coarser one.
+    fn asymptotic(&self, is_of_shape: bool) -> Vec<(f64, f64)> {
         let error = |point: &Point| if is_of_shape { point.displacement_error } else { point.error() };
-        let pairs = || self.points.iter().filter_map(|point| Some((point.value, error(point)?)));
-        let floor = FLOOR * pairs().map(|(_, error)| error).min_by(f64::total_cmp)?;
-        let pairs = pairs();
-        let fitted: Vec<(f64, f64)> = pairs.filter(|(_, e)| *e < ASYMPTOTIC && *e > floor).collect();
-        let order = (fitted.len() >= LEAST_POINTS).then(|| solver::exponent(&fitted)).flatten()?;
-        Some((order, fitted.len()))
+        let all = self.points.iter().filter_map(|point| Some((point.value, error(point)?)));
+        let mut all: Vec<(f64, f64)> = all.filter(|(_, error)| *error > 0.0).collect();
+        let is_first_coarse = all.first().zip(all.last()).is_some_and(|(a, b)| a.1 > b.1);
+        if is_first_coarse {
+            all.reverse();
+        }
+        let falls = |pair: &[(f64, f64)]| (pair[1].1 / pair[0].1).ln() > FLOOR * (pair[1].0 / pair[0].0).ln().abs();
+        let floor = all.windows(2).position(falls).unwrap_or(all.len());
+        let fitted: Vec<_> = all[floor..].iter().copied().filter(|(_, e)| *e < ASYMPTOTIC).take(MOST_POINTS).collect();
+        if fitted.len() < LEAST_POINTS { Vec::new() } else { fitted }
     }
 }
 
@@ -248,13 +267,26 @@ mod tests {
     fn orders_are_fitted_where_errors_fall_and_not_to_floor_or_ceiling() {
         let second = |h: f64| Some((0.5 * h * h).max(1e-5));
         let points = [1.0, 0.4, 0.2, 0.1, 0.05, 0.001, 0.0005].map(|h| point(h, 1.0, second(h))).to_vec();
-        let all = curve(points);
-        let lines = all.lines();
-        let (order, count) = lines[0].order(false).unwrap();
-        // From 0.4, whose error is under a tenth, to 0.05.
+        let all = curve(points.clone());
+        let (order, count) = all.lines()[0].order(false).unwrap();
+        // From 0.4, whose error is under a tenth; 0.001 is where the floor begins, and is not as fine as it says.
+        assert!(count == 5 && order < 2.0, "{order} of {count}");
+        let all = curve(points[..5].to_vec());
+        let (order, count) = all.lines()[0].order(false).unwrap();
         assert!((order - 2.0).abs() < 1e-9 && count == 4, "{order} of {count}");
-        assert!((all.decades() - (0.5f64 / 1e-5).log10()).abs() < 1e-9);
+        assert!((all.decades() - (0.5f64 / 0.5 / 0.0025).log10()).abs() < 1e-9);
+        // The other way round, and of the displacements.
+        let turned = curve(points[..5].iter().rev().cloned().collect());
+        assert!((turned.lines()[0].order(false).unwrap().0 - 2.0).abs() < 1e-9);
+        assert!(turned.lines()[0].order(true).is_none());
         assert!(curve(vec![point(1.0, 1.0, Some(0.05)); 2]).lines()[0].order(false).is_none());
+    }
+
+    #[test]
+    fn shares_are_what_a_unit_leaves() {
+        let points = (1..=6).map(|n| point(f64::from(n), 1.0, Some(0.2f64.powi(n)))).collect();
+        let (share, count) = curve(points).lines()[0].share().unwrap();
+        assert!((share - 0.2).abs() < 1e-9 && count == 5, "{share} of {count}");
     }
 
     #[test]

@@ -1,28 +1,36 @@
 //! The report of the curves. Findings are computed: no number of a measurement is written here.
 
+use serde_json::Value;
+
 use super::curve::{DECADES, JUST_NOTICEABLE, NEAR_ORDER};
-use super::{Curve, Point, Results, front};
+use super::{Curve, Point, front};
 use crate::Result;
 use crate::bench::plot::{self, Logarithmic, Panel, panels};
-use crate::bench::{Document, Section, Table};
+use crate::bench::{Section, Table};
 
-/// The report, its plots drawn.
-pub fn document(results: &Results) -> Result<Document> {
-    let Results { device, driver, threads, settings, curves, .. } = results;
-    let quick = if settings.is_quick { " This is a quick run: its figures are a first look." } else { "" };
-    let preface = format!(
-        "Measured by palpate {} on {device} ({driver}), a machine of {threads} threads. `ms` is wall time of a step, pose in \
-         and wrench out: the median over the steps of a run, the median of {} runs; all settings of a curve run a few steps \
-         in turn. `error` is the largest difference of the force on the tool from the reference's, over its largest force; \
-         `shape` the same of the nodes' displacements. `*` marks the best buys: nothing else in the plot is both faster and \
-         more accurate, flagged settings left out. The dashed line is {}, which a person just notices.{quick}",
-        results.version,
-        settings.rounds,
+/// How it was measured.
+pub fn preface(settings: &Value) -> String {
+    let rounds = settings.get("rounds").and_then(Value::as_u64).unwrap_or(0);
+    format!(
+        "`ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of runs ({rounds} \
+         of each setting); all settings of a curve run a few steps in turn. `error` is the largest difference of the force on \
+         the tool from the reference's, over its largest force; `shape` the same of the nodes' displacements. `*` marks the \
+         best buys: nothing else in the plot is both faster and more accurate, flagged settings left out. The dashed line is \
+         {}, which a person just notices.",
         percent(JUST_NOTICEABLE)
-    );
-    let mut sections = curves.iter().map(section).collect::<Result<Vec<_>>>()?;
-    sections.extend(curves.iter().find(|curve| curve.name == front::NAME).map(front::section));
-    Ok(Document { title: "What accuracy costs".into(), preface, sections })
+    )
+}
+
+/// A section for each curve, and the presets after theirs.
+pub fn sections(curves: &[Curve]) -> Result<Vec<Section>> {
+    let mut sections = Vec::new();
+    for curve in curves {
+        sections.push(section(curve)?);
+        if curve.name == front::NAME {
+            sections.push(front::section(curve));
+        }
+    }
+    Ok(sections)
 }
 
 /// A curve's table, plot and finding.
@@ -44,7 +52,7 @@ pub fn section(curve: &Curve) -> Result<Section> {
         title: curve.title.clone(),
         question: curve.question.clone(),
         table: table(curve, is_by_time),
-        plot: Some((format!("{}.svg", curve.name), panels(&axes, &drawn)?)),
+        plot: Some(panels(&axes, &drawn)?),
         finding: finding(curve),
     })
 }
@@ -86,10 +94,14 @@ fn verdict(curve: &Curve) -> String {
     let bound = percent(curve.bound);
     let beyond = curve.beyond();
     if beyond.is_empty() {
-        let worst = lines.iter().filter_map(|line| line.least()).fold(0.0, f64::max);
+        let least = || lines.iter().filter_map(|line| line.least());
+        if curve.is_one {
+            let best = least().fold(f64::INFINITY, f64::min);
+            return format!("The most accurate setting is within {bound} of the reference ({}).", percent(best));
+        }
+        let worst = percent(least().fold(0.0, f64::max));
         return format!(
-            "The most accurate setting of each line is within {bound} of the reference ({} at worst).",
-            percent(worst)
+            "The most accurate setting of each line is within {bound} of the reference ({worst} at worst)."
         );
     }
     let name = |(line, least): &(super::Line, Option<f64>)| {
@@ -133,7 +145,7 @@ fn bought(curve: &Curve) -> String {
 
 /// Orders of convergence beside what theory has.
 fn orders(curve: &Curve) -> String {
-    let Some(expected) = &curve.expected else { return String::new() };
+    let Some(expected) = &curve.expected else { return shares(curve) };
     let mut is_other = false;
     let one = |line: &super::Line| match line.order(expected.is_of_shape) {
         Some((order, count)) => {
@@ -148,14 +160,26 @@ fn orders(curve: &Curve) -> String {
     let all: Vec<String> = curve.lines().iter().map(one).collect();
     let as_expected = if is_other { format!("; {}", reason(curve)) } else { ", which is near enough".into() };
     format!(
-        "Order of convergence of the {} by least squares of the logarithms, between {} and thrice the least error of the line: {}; \
+        "Order of convergence of the {}, by least squares of the logarithms over the finest settings above the floor: {}; \
          theory has {} ({}){as_expected}.",
         if expected.is_of_shape { "shape" } else { "force" },
-        percent(0.1),
         all.join(", "),
         expected.order,
         expected.law
     )
+}
+
+/// What is left of the error with each unit of the knob.
+fn shares(curve: &Curve) -> String {
+    if curve.share.is_empty() {
+        return String::new();
+    }
+    let one = |line: &super::Line| {
+        let share = line.share().map_or("not to be told".into(), |(x, count)| format!("{x:.2} ({count} points)"));
+        format!("{share}{}", named(line))
+    };
+    let all: Vec<String> = curve.lines().iter().map(one).collect();
+    format!("Each more leaves this of the error: {}; theory has a share, not a power: {}.", all.join(", "), curve.share)
 }
 
 fn named(line: &super::Line) -> String {

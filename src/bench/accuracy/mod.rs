@@ -1,6 +1,6 @@
 //! `palpate bench accuracy`: what each knob of a scene buys: the error of the force against the time of a step.
 
-mod curve;
+pub mod curve;
 mod document;
 mod front;
 mod precision;
@@ -12,24 +12,32 @@ mod tolerance;
 mod twin;
 
 use serde::Serialize;
+use serde_json::{Map, Value};
 
 pub use curve::{Curve, Expected, JUST_NOTICEABLE, Line, Point};
-pub use document::{document, section};
+pub use document::section;
+pub use front::presets;
 
-use crate::gpu::{Context, Options};
+use super::suite::{from_value, to_value};
+use super::{Benchmark, Section};
+use crate::gpu::Options;
 use crate::{Error, Result};
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Names of the curves.
-    pub curves: Vec<&'static str>,
     /// Runs of each setting.
     pub rounds: usize,
     /// Of the blocks that are pressed, an edge.
     pub cells: [u32; 3],
     /// Steps of a press.
     pub steps: usize,
+    /// Halvings of the longest time step.
+    pub halvings: u32,
+    /// Of the head's skin.
+    pub vertices: usize,
+    /// Lattice cell of the head's layer, m.
+    pub cell: f64,
     /// Whether this is a short form of the whole.
     pub is_quick: bool,
     /// Device, by name or index; `None`: the best.
@@ -61,10 +69,12 @@ impl Settings {
     /// All of it.
     pub fn full() -> Settings {
         Settings {
-            curves: names().collect(),
             rounds: 3,
             cells: [8, 5, 8],
             steps: 60,
+            halvings: 7,
+            vertices: 6_000,
+            cell: 0.03,
             is_quick: false,
             device: None,
             replaced: Vec::new(),
@@ -74,12 +84,6 @@ impl Settings {
     /// Smaller bodies, one run: for a first look, not for figures.
     pub fn quick() -> Settings {
         Settings { rounds: 1, cells: [7, 4, 7], steps: 50, is_quick: true, ..Settings::full() }
-    }
-
-    /// Only the curves of these names, in the usual order.
-    pub fn only(self, names: &[String]) -> Settings {
-        let curves = self.curves.iter().copied().filter(|name| names.iter().any(|asked| asked == name)).collect();
-        Settings { curves, ..self }
     }
 
     /// What the engine is opened with.
@@ -100,40 +104,36 @@ pub fn measure(name: &str, settings: &Settings, watch: &mut dyn FnMut(&str)) -> 
     measure(settings, &mut |what| watch(&format!("{name}: {what}")))
 }
 
-/// The contents of `results.json`.
-#[derive(Debug, Clone, Serialize)]
-pub struct Results {
-    /// [`super::SCHEMA`].
-    pub schema: u32,
-    /// Always `accuracy`.
-    pub benchmark: &'static str,
-    /// Version of palpate.
-    pub version: &'static str,
-    /// Name of the device.
-    pub device: String,
-    /// Name and version of its driver.
-    pub driver: String,
-    /// Threads that this machine runs at once.
-    pub threads: usize,
-    /// What was asked for.
-    pub settings: Settings,
-    /// What was found.
-    pub curves: Vec<Curve>,
-}
+/// The benchmark: a part for each curve.
+pub struct Accuracy(pub Settings);
 
-/// Measures everything; `watch` is told what begins. Errors: no device, a device or a reference that fails.
-pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
-    let context = Context::new(&settings.options())?;
-    let (device, driver) = (context.device_name().into(), context.driver().into());
-    drop(context);
-    Ok(Results {
-        schema: super::SCHEMA,
-        benchmark: "accuracy",
-        version: env!("CARGO_PKG_VERSION"),
-        device,
-        driver,
-        threads: std::thread::available_parallelism().map_or(1, Into::into),
-        settings: settings.clone(),
-        curves: settings.curves.iter().map(|name| measure(name, settings, watch)).collect::<Result<_>>()?,
-    })
+impl Benchmark for Accuracy {
+    fn name(&self) -> &'static str {
+        "accuracy"
+    }
+
+    fn title(&self) -> &'static str {
+        "What accuracy costs"
+    }
+
+    fn settings(&self) -> Result<Value> {
+        to_value(&self.0)
+    }
+
+    fn parts(&self) -> Vec<String> {
+        names().map(Into::into).collect()
+    }
+
+    fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
+        to_value(&measure(part, &self.0, watch)?)
+    }
+
+    fn preface(&self, settings: &Value) -> Result<String> {
+        Ok(document::preface(settings))
+    }
+
+    fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
+        let curves: Vec<Curve> = names().filter_map(|name| parts.get(name)).map(from_value).collect::<Result<_>>()?;
+        document::sections(&curves)
+    }
 }

@@ -15,7 +15,7 @@ const GAP: f64 = 0.0005;
 /// Nodes this near the bottom are fixed, of half the height.
 const ON_FACE: f64 = 0.03;
 
-/// A press. Lengths, masses and the hand follow `size`, so that shapes are alike.
+/// A press. Lengths, masses and the hand follow `size`; with times that do so too the motions are alike.
 #[derive(Debug, Clone, Copy)]
 pub struct Press {
     /// Of the block, an edge.
@@ -32,6 +32,8 @@ pub struct Press {
     pub seconds: f64,
     /// Rayleigh damping by stiffness, s.
     pub damping: f64,
+    /// Of the hand, N s/m.
+    pub hand_damping: f64,
     /// All lengths, of the usual.
     pub size: f64,
     /// Of the world's origin from the block, along x and z, m.
@@ -49,6 +51,7 @@ impl Default for Press {
             travel: 0.005,
             seconds: 0.04,
             damping: 0.002,
+            hand_damping: 2.0,
             size: 1.0,
             offset: 0.0,
         }
@@ -61,7 +64,7 @@ impl Press {
         let origin = DVec3::new(self.offset, 0.0, self.offset);
         let start = origin + self.size * (HALF.y + RADIUS + GAP) * DVec3::Y;
         let key = |time: f64, position: DVec3| Key { time, position, orientation: DQuat::IDENTITY };
-        // Of the mass: the cube of the size; of the hand's springs: its first power, as of the block's own.
+        // As the block's own do: masses by the cube of the size, springs by its first power, dampers between them.
         let (mass, size) = (MASS * self.size.powi(3), self.size);
         let tool = Tool {
             shape: ToolShape::Sphere(RADIUS * size),
@@ -74,9 +77,9 @@ impl Press {
         };
         let coupling = Coupling {
             stiffness: 500.0 * size,
-            damping: 2.0 * size,
+            damping: self.hand_damping * size.powi(2),
             angular_stiffness: 0.5 * size.powi(3),
-            angular_damping: 0.002 * size.powi(3),
+            angular_damping: 0.002 * size.powi(4),
         };
         let mut scene = Scene {
             tool: Some(tool),

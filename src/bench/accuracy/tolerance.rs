@@ -84,6 +84,7 @@ pub fn by_iterations(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result
     Ok(Curve {
         name: "iterations".into(),
         title: "Cap on the solver's iterations".into(),
+        share: "conjugate gradients, by the condition of the system".into(),
         question: question("What is lost where a step may not take the iterations that it needs?", settings),
         knob: "iterations at most".into(),
         stage: STAGES.concat(),
