@@ -136,7 +136,7 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
         }),
         reason,
         bound: BOUND,
-        is_one: false,
+        ..Curve::default()
     })
 }
 

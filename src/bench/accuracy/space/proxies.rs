@@ -51,6 +51,6 @@ pub fn by_proxies(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Cu
             high / low - 1.0
         ),
         bound: BOUND,
-        is_one: false,
+        ..Curve::default()
     })
 }

@@ -107,7 +107,7 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
             orders.join(", ")
         ),
         bound: BOUND,
-        is_one: false,
+        ..Curve::default()
     })
 }
 

@@ -77,7 +77,7 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
              from the reference's, and the errors that there are belong to sampled depths"
         ),
         bound: BOUND,
-        is_one: false,
+        ..Curve::default()
     })
 }
 
