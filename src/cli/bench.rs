@@ -4,6 +4,7 @@ use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
+use palpate::bench::accuracy::{self, Accuracy};
 use palpate::bench::compare::{self, Verdict};
 use palpate::bench::haptics::{self, Haptics};
 use palpate::bench::paper::{self, Paper};
@@ -67,11 +68,13 @@ fn benchmarks(arguments: &Arguments) -> Vec<Box<dyn Benchmark>> {
     let haptics = if arguments.quick { haptics::Settings::quick() } else { haptics::Settings::full() };
     let paper = if arguments.quick { paper::Settings::quick() } else { paper::Settings::full() };
     let paper = paper::Settings { scenes: arguments.scenes.clone(), device: device(), ..paper };
+    let accuracy = if arguments.quick { accuracy::Settings::quick() } else { accuracy::Settings::full() };
     vec![
         Box::new(Paper(paper)),
         Box::new(Proximity(proximity::Settings { device: device(), ..proximity })),
         Box::new(Solver(solver::Settings { device: device(), ..solver })),
         Box::new(Haptics(haptics::Settings { device: device(), ..haptics })),
+        Box::new(Accuracy(accuracy::Settings { device: device(), ..accuracy })),
     ]
 }
 

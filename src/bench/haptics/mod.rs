@@ -2,7 +2,7 @@
 //! jumps, and how punctual its ticks are.
 
 mod document;
-mod head;
+pub(super) mod head;
 mod hold;
 mod jitter;
 mod rig;

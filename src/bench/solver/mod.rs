@@ -10,8 +10,8 @@ mod speed;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-pub use cases::{Case, Mesh};
-pub use scaling::{Iteration, Size, Steps};
+pub use cases::{Case, Mesh, layer, prepared, stiffness};
+pub use scaling::{Iteration, Size, Steps, exponent};
 pub use speed::{Measured, Run};
 
 use super::suite::{from_value, part, to_value};

@@ -1,0 +1,226 @@
+//! The report of the curves. Findings are computed: no number of a measurement is written here.
+
+use serde_json::Value;
+
+use super::curve::{DECADES, JUST_NOTICEABLE, NEAR_ORDER};
+use super::{Curve, Point, front};
+use crate::Result;
+use crate::bench::plot::{self, Logarithmic, Panel, panels};
+use crate::bench::{Section, Table};
+
+/// How it was measured.
+pub fn preface(settings: &Value) -> String {
+    let rounds = settings.get("rounds").and_then(Value::as_u64).unwrap_or(0);
+    format!(
+        "`ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of runs ({rounds} \
+         of each setting); all settings of a curve run a few steps in turn. `error` is the largest difference of the force on \
+         the tool from the reference's, over its largest force; `shape` the same of the nodes' displacements. `*` marks the \
+         best buys: nothing else in the plot is both faster and more accurate, flagged settings left out. The dashed line is \
+         {}, which a person just notices.",
+        percent(JUST_NOTICEABLE)
+    )
+}
+
+/// A section for each curve, and the presets after theirs.
+pub fn sections(curves: &[Curve]) -> Result<Vec<Section>> {
+    let mut sections = Vec::new();
+    for curve in curves {
+        sections.push(section(curve)?);
+        if curve.name == front::NAME {
+            sections.push(front::section(curve));
+        }
+    }
+    Ok(sections)
+}
+
+/// A curve's table, plot and finding.
+pub fn section(curve: &Curve) -> Result<Section> {
+    let is_by_time = curve.points.iter().any(|point| point.simulated_s > 0.0);
+    let x = if is_by_time { "computing time over simulated time" } else { "ms a step" };
+    let axes = Logarithmic { x, y: "force error, %", level: Some(100.0 * JUST_NOTICEABLE) };
+    let mut drawn: Vec<Panel> = Vec::new();
+    for line in curve.lines() {
+        let at = |point: &&Point| Some((point.cost(), 100.0 * point.error()?));
+        let points = line.points.iter().filter_map(at).collect();
+        let new = plot::Line { name: line.name.into(), points };
+        match drawn.iter_mut().find(|panel| panel.title == line.panel) {
+            Some(panel) => panel.lines.push(new),
+            None => drawn.push(Panel { title: line.panel.into(), lines: vec![new] }),
+        }
+    }
+    Ok(Section {
+        title: curve.title.clone(),
+        question: curve.question.clone(),
+        table: table(curve, is_by_time),
+        plot: Some(panels(&axes, &drawn)?),
+        finding: finding(curve),
+    })
+}
+
+fn table(curve: &Curve, is_by_time: bool) -> Table {
+    let stage = format!("ms of {}", curve.stage);
+    let mut heads = vec!["setting", "ms", "from", "to", stage.as_str()];
+    if is_by_time {
+        heads.push("of real time");
+    }
+    heads.extend(["iterations", "error", "shape", "flags", "best"]);
+    let mut table = Table::new(heads);
+    for (point, is_best) in curve.points.iter().zip(curve.best()) {
+        let [low, high] = point.step_range_ms();
+        let mut row = vec![point.setting.clone(), ms(point.step_ms()), ms(low), ms(high), ms(point.stage_ms())];
+        if is_by_time {
+            row.push(digits(point.cost()));
+        }
+        row.push(format!("{:.0}", point.iterations));
+        row.extend([point.force_error, point.displacement_error].map(|error| error.map_or("none".into(), percent)));
+        row.push(if point.flags.is_empty() { "-".into() } else { point.flags.join(", ") });
+        row.push(if is_best { "*".into() } else { String::new() });
+        table.rows.push(row);
+    }
+    table
+}
+
+fn finding(curve: &Curve) -> String {
+    [verdict(curve), bought(curve), orders(curve), span(curve)]
+        .into_iter()
+        .filter(|text| !text.is_empty())
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+/// What the most accurate settings promise.
+fn verdict(curve: &Curve) -> String {
+    let lines = curve.lines();
+    let bound = percent(curve.bound);
+    let beyond = curve.beyond();
+    if beyond.is_empty() {
+        let least = || lines.iter().filter_map(|line| line.least());
+        if curve.is_one {
+            let best = least().fold(f64::INFINITY, f64::min);
+            return format!("The most accurate setting is within {bound} of the reference ({}).", percent(best));
+        }
+        let worst = percent(least().fold(0.0, f64::max));
+        return format!(
+            "The most accurate setting of each line is within {bound} of the reference ({worst} at worst)."
+        );
+    }
+    let name = |(line, least): &(super::Line, Option<f64>)| {
+        format!("{} ({})", line.title(), least.map_or("no finite force".into(), percent))
+    };
+    let all: Vec<String> = beyond.iter().map(name).collect();
+    format!("NOT within {bound} of the reference: {}.", all.join("; "))
+}
+
+/// The cheapest setting below what is noticed, of each panel, and what the most accurate one costs beside it.
+fn bought(curve: &Curve) -> String {
+    let best = curve.best();
+    let mut panels: Vec<&str> = curve.points.iter().map(|point| point.panel.as_str()).collect();
+    panels.dedup();
+    let one = |panel: &&str| {
+        let own: Vec<(f64, &Point)> = curve
+            .points
+            .iter()
+            .zip(&best)
+            .filter(|(point, is_best)| point.panel == **panel && **is_best)
+            .filter_map(|(point, _)| Some((point.error()?, point)))
+            .collect();
+        let unnoticed = own.iter().filter(|(error, _)| *error < JUST_NOTICEABLE);
+        let cheapest = unnoticed.min_by(|a, b| a.1.cost().total_cmp(&b.1.cost()))?;
+        let finest = own.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let cheap =
+            format!("{} at {} ms a step ({})", cheapest.1.setting, ms(cheapest.1.step_ms()), percent(cheapest.0));
+        Some(if finest.1.setting == cheapest.1.setting {
+            cheap
+        } else {
+            let times = digits(finest.1.cost() / cheapest.1.cost());
+            format!("{cheap}, and {times} times its cost buys {} ({})", percent(finest.0), finest.1.setting)
+        })
+    };
+    let all: Vec<String> = panels.iter().filter_map(one).collect();
+    match all.is_empty() {
+        true => format!("No setting without a flag has an error below {}.", percent(JUST_NOTICEABLE)),
+        false => format!("Cheapest below {} without a flag: {}.", percent(JUST_NOTICEABLE), all.join("; ")),
+    }
+}
+
+/// Orders of convergence beside what theory has.
+fn orders(curve: &Curve) -> String {
+    let Some(expected) = &curve.expected else { return shares(curve) };
+    let mut is_other = false;
+    let one = |line: &super::Line| match line.order(expected.is_of_shape) {
+        Some((order, count)) => {
+            is_other |= (order - expected.order).abs() > NEAR_ORDER;
+            format!("{order:.2}{} ({count} points)", named(line))
+        }
+        None => {
+            is_other = true;
+            format!("not to be told{}", named(line))
+        }
+    };
+    let all: Vec<String> = curve.lines().iter().map(one).collect();
+    let as_expected = if is_other { format!("; {}", reason(curve)) } else { ", which is near enough".into() };
+    format!(
+        "Order of convergence of the {}, by least squares of the logarithms over the finest settings above the floor: {}; \
+         theory has {} ({}){as_expected}.",
+        if expected.is_of_shape { "shape" } else { "force" },
+        all.join(", "),
+        expected.order,
+        expected.law
+    )
+}
+
+/// What is left of the error with each unit of the knob.
+fn shares(curve: &Curve) -> String {
+    if curve.share.is_empty() {
+        return String::new();
+    }
+    let one = |line: &super::Line| {
+        let share = line.share().map_or("not to be told".into(), |(x, count)| format!("{x:.2} ({count} points)"));
+        format!("{share}{}", named(line))
+    };
+    let all: Vec<String> = curve.lines().iter().map(one).collect();
+    format!("Each more leaves this of the error: {}; theory has a share, not a power: {}.", all.join(", "), curve.share)
+}
+
+fn named(line: &super::Line) -> String {
+    let title = line.title();
+    if title.is_empty() { title } else { format!(" for {title}") }
+}
+
+fn span(curve: &Curve) -> String {
+    let decades = curve.decades();
+    if decades >= DECADES {
+        return String::new();
+    }
+    // Said once.
+    let why = if curve.expected.is_some() { String::new() } else { format!(": {}", reason(curve)) };
+    format!("The errors span {decades:.1} powers of ten{why}.")
+}
+
+fn reason(curve: &Curve) -> &str {
+    if curve.reason.is_empty() { "why is not known" } else { &curve.reason }
+}
+
+/// Three digits.
+pub(super) fn ms(time: f64) -> String {
+    match time {
+        t if t < 10.0 => format!("{t:.2}"),
+        t if t < 100.0 => format!("{t:.1}"),
+        t => format!("{t:.0}"),
+    }
+}
+
+pub(super) fn digits(x: f64) -> String {
+    if x < 0.01 { format!("{x:.0e}") } else { ms(x) }
+}
+
+/// Two digits.
+pub(super) fn percent(share: f64) -> String {
+    match 100.0 * share {
+        x if x == 0.0 => "0 %".into(),
+        x if x < 0.01 => format!("{x:.1e} %"),
+        x if x < 1.0 => format!("{x:.2} %"),
+        x if x < 10.0 => format!("{x:.1} %"),
+        x => format!("{x:.0} %"),
+    }
+}

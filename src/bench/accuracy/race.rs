@@ -1,0 +1,170 @@
+//! The settings of a curve against each other: each does a few steps in turn, and the other way round in the next turn, so
+//! that what changes on the machine meanwhile favours none.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::curve::Point;
+use crate::Result;
+use crate::gpu::Options;
+use crate::report::Flags;
+use crate::scene::Scene;
+use crate::step::Simulation;
+
+/// Parts of a run that are done in turn.
+const TURNS: usize = 10;
+/// Steps whose stages are timed, which costs time of its own: every so many.
+const TIMED_EVERY: u64 = 4;
+/// Steps before those that count: they find caches cold.
+const WARM_UP: usize = 1;
+
+/// Who takes part: a setting, its scene, and how many steps of it.
+#[derive(Debug, Clone)]
+pub struct Entrant {
+    /// Its names and number; times and errors are filled in.
+    pub point: Point,
+    /// With the setting in it.
+    pub scene: Scene,
+    /// From rest.
+    pub steps: usize,
+}
+
+/// How it is run.
+#[derive(Debug, Clone, Copy)]
+pub struct Rules<'a> {
+    /// Runs of each entrant.
+    pub rounds: usize,
+    /// The stages whose times are summed; see [`crate::stages`].
+    pub stages: &'a [&'a str],
+    /// The device.
+    pub options: &'a Options,
+}
+
+/// What a run found.
+#[derive(Debug, Clone, Default)]
+pub struct Run {
+    /// Ends of the steps, s.
+    pub times: Vec<f64>,
+    /// Force on the tool at each of them, world, N; empty without a tool.
+    pub forces: Vec<DVec3>,
+    /// Displacements of the first body's nodes after the last step, rest axes, m; empty where it is not soft.
+    pub displacement: Vec<DVec3>,
+    /// Of each step.
+    pub iterations: Vec<u32>,
+    /// All that were raised.
+    pub flags: Flags,
+    step_us: Vec<f64>,
+    stage_us: Vec<f64>,
+}
+
+/// Errors of a run: of the force and of the displacements; `None`: not finite, or there is none.
+pub type Errors = (Option<f64>, Option<f64>);
+
+/// Runs all of them; `errors` judges the first run of each, by its index.
+pub fn race(
+    entrants: Vec<Entrant>,
+    rules: &Rules,
+    watch: &mut dyn FnMut(&str),
+    errors: &mut dyn FnMut(usize, &Run) -> Errors,
+) -> Result<Vec<Point>> {
+    let mut points: Vec<Point> = entrants.iter().map(|entrant| entrant.point.clone()).collect();
+    for round in 0..rules.rounds {
+        watch(&format!("run {} of {}", round + 1, rules.rounds));
+        for (index, (run, point)) in rounds(&entrants, rules)?.into_iter().zip(&mut points).enumerate() {
+            if round == 0 {
+                (point.force_error, point.displacement_error) = errors(index, &run);
+                point.iterations = crate::bench::median(&run.iterations.iter().map(|&n| n.into()).collect::<Vec<_>>());
+                point.flags = run.flags.names().map(String::from).collect();
+            }
+            point.step_us.push(run.step_us);
+            point.stage_us.push(run.stage_us);
+        }
+    }
+    Ok(points)
+}
+
+/// One scene by itself: for references.
+pub fn run(scene: &Scene, steps: usize, options: &Options) -> Result<Run> {
+    let mut simulation = Simulation::new(scene, options, None)?;
+    let mut run = Run::default();
+    run.add_steps(&mut simulation, steps, &[])?;
+    run.finish(&simulation)
+}
+
+fn rounds(entrants: &[Entrant], rules: &Rules) -> Result<Vec<Run>> {
+    let open = |entrant: &Entrant| -> Result<(Simulation, Run)> {
+        let mut simulation = Simulation::new(&entrant.scene, rules.options, None)?;
+        simulation.time_every(TIMED_EVERY);
+        Ok((simulation, Run::default()))
+    };
+    let mut under_way = entrants.iter().map(open).collect::<Result<Vec<_>>>()?;
+    for turn in 1..=TURNS {
+        let forward = (0..under_way.len()).collect::<Vec<_>>();
+        let order = if turn % 2 == 1 { forward } else { forward.into_iter().rev().collect() };
+        for index in order {
+            let (simulation, run) = &mut under_way[index];
+            let due = (entrants[index].steps * turn).div_ceil(TURNS) - run.times.len();
+            run.add_steps(simulation, due, rules.stages)?;
+        }
+    }
+    under_way.into_iter().map(|(simulation, run)| run.finish(&simulation)).collect()
+}
+
+impl Run {
+    fn add_steps(&mut self, simulation: &mut Simulation, steps: usize, stages: &[&str]) -> Result<()> {
+        for _ in 0..steps {
+            let begun = Instant::now();
+            let row = simulation.step()?;
+            let time = begun.elapsed().as_secs_f64() * 1e6;
+            if self.times.len() >= WARM_UP {
+                match simulation.stage_times() {
+                    Some(times) => self.add_stage(times, stages),
+                    None => self.step_us.push(time),
+                }
+            }
+            self.times.push(row.time);
+            self.forces.extend(row.tool.map(|tool| tool.force));
+            self.iterations.push(row.iterations);
+            self.flags |= row.flags;
+        }
+        Ok(())
+    }
+
+    /// In every second timed step the query's stages are one, and those that are asked for may not be there.
+    fn add_stage(&mut self, times: &[(String, f64)], stages: &[&str]) {
+        let own: Vec<f64> =
+            times.iter().filter(|(name, _)| stages.contains(&name.as_str())).map(|(_, us)| *us).collect();
+        if !own.is_empty() {
+            self.stage_us.push(own.iter().sum());
+        }
+    }
+
+    fn finish(mut self, simulation: &Simulation) -> Result<Run> {
+        self.displacement = simulation.nodes(0)?.map_or(Vec::new(), |(displacement, _)| displacement);
+        Ok(self)
+    }
+}
+
+/// The largest difference over the largest of the reference; `None` where that is no number, or the reference is zero.
+pub fn relative_error(found: &[DVec3], reference: &[DVec3]) -> Option<f64> {
+    let largest = reference.iter().map(|x| x.length()).fold(0.0, f64::max);
+    let differences = found.iter().zip(reference).map(|(a, b)| a.distance(*b));
+    let error = differences.fold(0.0, |a: f64, b| if b.is_nan() { b } else { a.max(b) }) / largest;
+    (error.is_finite() && largest > 0.0 && found.len() == reference.len()).then_some(error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_of_the_largest_and_none_where_they_are_no_numbers() {
+        let reference = [DVec3::ZERO, DVec3::new(0.0, 3.0, 4.0)];
+        assert_eq!(relative_error(&[DVec3::X * 0.5, reference[1]], &reference), Some(0.1));
+        for found in [vec![DVec3::NAN, reference[1]], vec![DVec3::ZERO, DVec3::NAN], vec![DVec3::ZERO]] {
+            assert_eq!(relative_error(&found, &reference), None);
+        }
+        assert_eq!(relative_error(&[DVec3::X], &[DVec3::ZERO]), None);
+    }
+}

@@ -1,0 +1,144 @@
+//! How fine skins must be: the same block in skins of any fineness, and the same ball, for neither should count.
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+
+use super::layer::block;
+use super::limit::limit;
+use super::press::{Body, HALF_WIDTH, HEIGHT, Press};
+use super::shapes::{Folder, ball, block_skin};
+use super::{entrant, error_against, errors_of, force, local_orders};
+use crate::Result;
+use crate::bench::accuracy::race::{Entrant, Rules, race};
+use crate::bench::accuracy::{Curve, Expected, Point, Settings};
+use crate::scene::{Sides, Surface};
+use crate::stages::QUERY;
+
+/// Cells across the block's skin, and a quarter of the ball's girth.
+const CELLS: [u32; 6] = [6, 8, 12, 16, 24, 32];
+/// Of the skins that the reference is extrapolated from.
+const REFERENCE: [u32; 2] = [32, 64];
+/// Of the other side, while one is varied: not a divisor of theirs.
+const OTHER: u32 = 44;
+/// Vertices are the finer by one more than this where they touch.
+const GRADE: f64 = 2.0;
+/// Across the layer.
+const LAYER: u32 = 10;
+const ORDER: f64 = 2.0;
+/// The finest skin.
+const BOUND: f64 = 0.02;
+/// What is varied, the block's skin or the ball's or both, and whose vertices are asked.
+struct Line {
+    name: &'static str,
+    is_varied: [bool; 2],
+    sides: Sides,
+}
+
+const EITHER: [Line; 2] = [
+    Line { name: "the block's skin", is_varied: [true, false], sides: Sides::Both },
+    Line { name: "the ball's mesh", is_varied: [false, true], sides: Sides::Both },
+];
+const BOTH: [Line; 2] = [
+    Line { name: "both sides", is_varied: [true, true], sides: Sides::Both },
+    Line { name: "one side", is_varied: [true, true], sides: Sides::One },
+];
+
+/// Vertices of either skin.
+pub fn by_skin(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let (points, orders) = compared(&EITHER, settings, watch)?;
+    Ok(Curve {
+        name: "skin".into(),
+        title: "Resolution of the skin".into(),
+        question: format!(
+            "Does the force depend on how finely skins are cut? {} Either skin is varied while the other has {OTHER} cells.",
+            scene()
+        ),
+        reason: format!(
+            "either side carries half of the force, so that coarse vertices of one spoil half at most; and whether a vertex \
+             lies just within the rim or without is chance: from skin to finer skin the order is {orders}"
+        ),
+        ..curve(points)
+    })
+}
+
+/// Contact at the vertices of both skins, or of the finer one alone.
+pub fn by_sides(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let (points, orders) = compared(&BOTH, settings, watch)?;
+    Ok(Curve {
+        name: "sides".into(),
+        title: "Two-sided and one-sided contact".into(),
+        question: format!(
+            "What do the vertices of the second skin buy? {} Both skins are varied, with `sides = \"both\"` and with \"one\".",
+            scene()
+        ),
+        reason: format!(
+            "whether a vertex lies just within the rim or without is chance: from skin to finer skin the order is {orders}"
+        ),
+        ..curve(points)
+    })
+}
+
+fn scene() -> String {
+    format!(
+        "A ball of 6 cm goes 3 mm into a block of {LAYER} cells across, with skins of ever more vertices, three times as fine \
+         where they touch. Against the limit of skins of {} and {} cells, extrapolated with order 2.",
+        REFERENCE[0], REFERENCE[1]
+    )
+}
+
+fn curve(points: Vec<Point>) -> Curve {
+    let law = "sums over vertices of a pressure without jumps".into();
+    Curve {
+        knob: "one over the skin's cells".into(),
+        stage: "pose to contact".into(),
+        points,
+        expected: Some(Expected { order: ORDER, law, is_of_shape: false }),
+        bound: BOUND,
+        ..Curve::default()
+    }
+}
+
+impl Line {
+    fn press(&self, folder: &Folder, cells: u32) -> Result<Press> {
+        let [of_block, of_ball] = self.is_varied.map(|is_varied| if is_varied { cells } else { OTHER });
+        let surface = Some(Surface::File(skin(folder, of_block)?));
+        let mut press = Press::new(Body::Based(surface, block(folder, LAYER)?));
+        press.ball = Some(folder.surface(&format!("ball{of_ball}"), &ball(press.radius, of_ball, GRADE))?);
+        press.sides = self.sides;
+        Ok(press)
+    }
+}
+
+/// The points of all lines, and what their orders are from skin to finer skin.
+fn compared(lines: &[Line], settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<(Vec<Point>, String)> {
+    let folder = Folder::new()?;
+    let mut entrants: Vec<Entrant> = Vec::new();
+    let mut references = Vec::new();
+    for line in lines {
+        let mut last = [(0.0, 0.0); 2];
+        for (last, cells) in last.iter_mut().zip(REFERENCE) {
+            watch(&format!("reference: {}, {cells} cells", line.name));
+            *last = (1.0 / f64::from(cells), force(&line.press(&folder, cells)?.scene(), settings)?);
+        }
+        for cells in CELLS {
+            let setting = format!("{}, {cells} cells", line.name);
+            entrants.push(entrant(&line.press(&folder, cells)?, "", line.name, setting, 1.0 / f64::from(cells)));
+            references.push(limit(last, ORDER));
+        }
+    }
+    let rules = Rules { rounds: settings.rounds, stages: &QUERY, options: &settings.options() };
+    let points = race(entrants, &rules, watch, &mut |index, run| error_against(references[index], run))?;
+    let told = lines.iter().map(|line| {
+        let orders = local_orders(&errors_of(&points, "", line.name));
+        format!("{} ({})", orders.iter().map(|order| format!("{order:.1}")).collect::<Vec<_>>().join(", "), line.name)
+    });
+    let told = told.collect::<Vec<_>>().join("; ");
+    Ok((points, told))
+}
+
+fn skin(folder: &Folder, cells: u32) -> Result<PathBuf> {
+    let size = DVec3::new(HALF_WIDTH, HEIGHT, HALF_WIDTH);
+    let mesh = block_skin(size, [cells, cells.div_ceil(2), cells], DVec3::new(GRADE, 1.0, GRADE));
+    folder.surface(&format!("skin{cells}"), &mesh)
+}

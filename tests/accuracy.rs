@@ -1,0 +1,100 @@
+//! `palpate bench accuracy`: every curve, however small, against its reference; a fault planted in a kernel shows in the
+//! verdict; what is refused. No times are judged.
+
+mod spoil;
+
+use palpate::bench::accuracy::{self, Curve, Settings};
+
+/// Of blocks and heads that are quickly solved, both by engine and by reference.
+fn tiny() -> Settings {
+    Settings {
+        device: std::env::var("PALPATE_TEST_DEVICE").ok(),
+        cells: [4, 3, 4],
+        steps: 30,
+        halvings: 5,
+        vertices: 2_000,
+        cell: 0.05,
+        ..Settings::quick()
+    }
+}
+
+fn measure(name: &str, settings: &Settings) -> Curve {
+    let mut told = Vec::new();
+    let curve = accuracy::measure(name, settings, &mut |what: &str| told.push(what.to_string())).unwrap();
+    assert!(told.iter().all(|what| what.starts_with(&format!("{name}: "))) && !told.is_empty(), "{told:?}");
+    assert!(curve.name == name && curve.points.len() >= 6, "{curve:?}");
+    for point in &curve.points {
+        assert!(point.step_us.len() == settings.rounds && point.step_ms() > 0.0, "{point:?}");
+    }
+    let text = accuracy::section(&curve).unwrap();
+    assert!(text.plot.is_some() && !text.finding.is_empty() && text.table.rows.len() == curve.points.len());
+    println!("{name}: {}", text.finding);
+    curve
+}
+
+#[test]
+fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
+    let curve = measure("tolerance", &tiny());
+    assert!(curve.is_within(), "{:?}", curve.beyond());
+    assert!(curve.decades() > 2.0 && curve.lines().len() == 4);
+    for line in curve.lines() {
+        let [loose, .., tight] = &line.points[..] else { panic!("{line:?}") };
+        assert!(loose.error().unwrap() > 20.0 * tight.error().unwrap(), "{line:?}");
+        assert!(tight.iterations > loose.iterations && tight.flags.is_empty(), "{line:?}");
+    }
+    let curve = measure("iterations", &tiny());
+    let [first, .., last] = &curve.lines()[1].points[..] else { panic!("{curve:?}") };
+    assert!(first.flags == ["not_converged"] && last.flags.is_empty() && curve.is_within(), "{curve:?}");
+}
+
+#[test]
+fn shorter_steps_and_more_linearisations_are_more_accurate() {
+    let curve = measure("time-step", &tiny());
+    let errors: Vec<f64> = curve.points.iter().map(|point| point.error().unwrap()).collect();
+    assert!(errors.len() == 6 && errors[0] > 5.0 * errors[5], "{errors:?}");
+    let curve = measure("newton", &tiny());
+    assert!(curve.is_within() && curve.decades() > 2.0, "{curve:?}");
+    for line in curve.lines() {
+        let (share, _) = line.share().unwrap();
+        assert!(share > 0.02 && share < 0.5, "{}: {share}", line.title());
+    }
+}
+
+#[test]
+fn single_precision_loses_little_of_the_force_wherever_it_is() {
+    let curve = measure("precision", &tiny());
+    assert!(curve.is_within() && curve.lines().len() == 4, "{curve:?}");
+    assert!(curve.points.iter().all(|point| point.error().is_some()), "{curve:?}");
+}
+
+#[test]
+fn presets_are_settings_that_were_measured() {
+    let curve = measure("presets", &tiny());
+    let best = curve.best();
+    for (name, below, point) in accuracy::presets(&curve) {
+        let Some(point) = point else { continue };
+        let index = curve.points.iter().position(|other| other == point).unwrap();
+        assert!(point.error().unwrap() < below && best[index] && point.keys.len() == 4, "{name}: {point:?}");
+    }
+}
+
+#[test]
+fn a_wrong_sign_in_a_kernel_turns_the_verdict_red() {
+    let bytes =
+        spoil::spoiled("solve/press", "contact.stiffness + contact.damping", "contact.stiffness - contact.damping");
+    let curve = measure("tolerance", &Settings { replaced: vec![("solve/press".into(), bytes)], ..tiny() });
+    let finding = accuracy::section(&curve).unwrap().finding;
+    assert!(!curve.is_within() && finding.contains("NOT within"), "{finding}");
+}
+
+#[test]
+fn curves_of_no_such_name_are_refused() {
+    let error = accuracy::measure("speed", &tiny(), &mut |_| ()).unwrap_err().to_string();
+    assert!(error.contains("`speed`"), "{error}");
+    let run = std::process::Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(["bench", "accuracy/tolerance", "accuracy/speed"])
+        .output()
+        .unwrap();
+    let error = String::from_utf8(run.stderr).unwrap();
+    assert!(run.status.code() == Some(2) && error.contains("accuracy/speed") && error.lines().count() == 1, "{error}");
+}
