@@ -62,7 +62,8 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
 
 #[test]
 fn single_precision_loses_little_of_the_force_wherever_it_is() {
-    let curve = measure("precision", &tiny());
+    // In fewer steps the shortest run would touch nothing.
+    let curve = measure("precision", &Settings { steps: 50, ..tiny() });
     assert!(curve.is_within() && curve.lines().len() == 4, "{curve:?}");
     assert!(curve.points.iter().all(|point| point.error().is_some()), "{curve:?}");
 }
