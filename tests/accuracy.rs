@@ -62,7 +62,8 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
 
 #[test]
 fn single_precision_loses_little_of_the_force_wherever_it_is() {
-    let curve = measure("precision", &tiny());
+    // In fewer steps the shortest run would touch nothing.
+    let curve = measure("precision", &Settings { steps: 50, ..tiny() });
     assert!(curve.is_within() && curve.lines().len() == 4, "{curve:?}");
     assert!(curve.points.iter().all(|point| point.error().is_some()), "{curve:?}");
 }
@@ -80,9 +81,9 @@ fn presets_are_settings_that_were_measured() {
 
 #[test]
 fn a_wrong_sign_in_a_kernel_turns_the_verdict_red() {
-    let bytes =
-        spoil::spoiled("solve/press", "contact.stiffness + contact.damping", "contact.stiffness - contact.damping");
-    let curve = measure("tolerance", &Settings { replaced: vec![("solve/press".into(), bytes)], ..tiny() });
+    // Contacts pull where they should push; the solver does not mind.
+    let bytes = spoil::spoiled("solve/assemble", "b -= f * n;", "b += f * n;");
+    let curve = measure("tolerance", &Settings { replaced: vec![("solve/assemble".into(), bytes)], ..tiny() });
     let finding = accuracy::section(&curve).unwrap().finding;
     assert!(!curve.is_within() && finding.contains("NOT within"), "{finding}");
 }

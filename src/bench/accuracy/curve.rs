@@ -12,7 +12,8 @@ pub const NEAR_ORDER: f64 = 0.25;
 pub const DECADES: f64 = 2.0;
 /// Points of an asymptotic part have errors below this.
 const ASYMPTOTIC: f64 = 0.1;
-/// The finest settings are on a floor, where something else has the error, while the error falls by less than this power.
+/// The finest settings are on a floor, where something else has the error, while the logarithm of the error falls by
+/// less than this with the knob, or with its logarithm where a power is sought.
 const FLOOR: f64 = 0.3;
 /// A power is fitted to so many points at most, the finest above the floor ...
 const MOST_POINTS: usize = 5;
@@ -194,26 +195,29 @@ impl Line<'_> {
     /// The power of the knob by which the error falls, of the displacements or of the force, and of how many points: least
     /// squares of the logarithms over the asymptotic part; `None` where that has fewer than three.
     pub fn order(&self, is_of_shape: bool) -> Option<(f64, usize)> {
-        let fitted = self.asymptotic(is_of_shape);
+        let error = |point: &Point| if is_of_shape { point.displacement_error } else { point.error() };
+        let fitted = self.asymptotic(&error, f64::ln);
         Some((solver::exponent(&fitted)?, fitted.len()))
     }
 
     /// What a unit of the knob leaves of the error, and of how many points: the same with the knob itself.
     pub fn share(&self) -> Option<(f64, usize)> {
-        let fitted: Vec<(f64, f64)> = self.asymptotic(false).iter().map(|(x, y)| (x.exp(), *y)).collect();
+        let fitted = self.asymptotic(&Point::error, |x| x);
+        let fitted: Vec<(f64, f64)> = fitted.iter().map(|(x, y)| (x.exp(), *y)).collect();
         Some((solver::exponent(&fitted)?.exp(), fitted.len()))
     }
 
     /// Knob and error of the finest settings whose errors are small, without those that are no better than a coarser one.
-    fn asymptotic(&self, is_of_shape: bool) -> Vec<(f64, f64)> {
-        let error = |point: &Point| if is_of_shape { point.displacement_error } else { point.error() };
+    /// `scale`: of the knob, along which the error falls evenly.
+    fn asymptotic(&self, error: &dyn Fn(&Point) -> Option<f64>, scale: fn(f64) -> f64) -> Vec<(f64, f64)> {
         let all = self.points.iter().filter_map(|point| Some((point.value, error(point)?)));
         let mut all: Vec<(f64, f64)> = all.filter(|(_, error)| *error > 0.0).collect();
         let is_first_coarse = all.first().zip(all.last()).is_some_and(|(a, b)| a.1 > b.1);
         if is_first_coarse {
             all.reverse();
         }
-        let falls = |pair: &[(f64, f64)]| (pair[1].1 / pair[0].1).ln() > FLOOR * (pair[1].0 / pair[0].0).ln().abs();
+        let falls =
+            |pair: &[(f64, f64)]| (pair[1].1 / pair[0].1).ln() > FLOOR * (scale(pair[1].0) - scale(pair[0].0)).abs();
         let floor = all.windows(2).position(falls).unwrap_or(all.len());
         let fitted: Vec<_> = all[floor..].iter().copied().filter(|(_, e)| *e < ASYMPTOTIC).take(MOST_POINTS).collect();
         if fitted.len() < LEAST_POINTS { Vec::new() } else { fitted }

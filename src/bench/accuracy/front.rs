@@ -24,8 +24,9 @@ const UNITS: usize = 3;
 const TIGHT: (f64, u32) = (1e-5, 3);
 /// The force of the most accurate setting, of the reference's.
 const BOUND: f64 = 0.05;
-/// Names, and below which error the cheapest setting has each.
-pub const PRESETS: [(&str, f64); 3] = [("fast", JUST_NOTICEABLE), ("balanced", 0.03), ("accurate", 0.01)];
+/// Names, and below which error the cheapest setting has each: what is just noticed, its half, its quarter.
+pub const PRESETS: [(&str, f64); 3] =
+    [("fast", JUST_NOTICEABLE), ("balanced", JUST_NOTICEABLE / 2.0), ("accurate", JUST_NOTICEABLE / 4.0)];
 
 struct Grid {
     tolerances: &'static [f64],
