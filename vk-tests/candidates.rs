@@ -49,7 +49,8 @@ impl Given {
     fn new(side: u32, normals: &[DVec3]) -> Given {
         let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, glam::DQuat::IDENTITY);
         let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
-        let pair = Pair { proxy_count: [2, 2], first_proxy_pair: FIRST_PROXY_PAIR, ..Pair::default() };
+        let pair =
+            Pair { proxy_count: [2, 2], first_slot: [0, 2], first_proxy_pair: FIRST_PROXY_PAIR, ..Pair::default() };
         flow.pairs = vec![pair];
         flow.regions = vec![Region::default(); PAIR_REGIONS];
         for (region, normal) in flow.regions.iter_mut().zip(normals) {
@@ -156,7 +157,7 @@ impl Given {
             }
         }
         flow.counts = Default::default();
-        flow.args[3 * args::ACTIVE as usize] = chunks;
+        flow.args[3 * args::GATHERING as usize] = chunks;
         flow.candidates();
     }
 

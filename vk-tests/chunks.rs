@@ -245,6 +245,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             .size(Size::Reduce)
             .constant("SLOTS", 3u32)
             .constant("MOST_ITEMS", 12 * count.max(1))
+            .constant("GATHERING", 3u32)
             .input("pairs", &[Pair::default()])
             .input("slots", &slots)
             .input("active_slots", &[2u32, 0, 1])

@@ -8,6 +8,7 @@ use palpate::gpu::Size;
 use palpate::oracle::contact::{self as oracle, Carrier, Law, Support, Surface};
 use palpate::oracle::skin as embedded;
 use palpate::prepare::{Body, Shape};
+use palpate::scene::Sides;
 use palpate::stages::args;
 use palpate::stages::depth::Path;
 use palpate::stages::types::{CHUNK_VERTICES, Contact, Counts, NONE, PAIR_REGIONS};
@@ -30,15 +31,23 @@ const NOT_HEIGHT_FIELD: u32 = 16;
 
 /// Two soft balls side by side, deformed and moving, on a floor, and a tool that presses on both.
 pub fn crowd(path: Path) -> (Vec<Body>, Body, Flow) {
+    crowd_of(path, Sides::Both, [3; 3])
+}
+
+/// The same; `sides`: whose vertices gather; `levels`: how fine the balls and the tool are.
+fn crowd_of(path: Path, sides: Sides, levels: [u32; 3]) -> (Vec<Body>, Body, Flow) {
     let mut random = Random(52);
-    let ball = |name: &str, x: f64, random: &mut Random| {
-        soft(name, sphere(RADIUS, 3), octants, DVec3::new(x, 0.92 * RADIUS, 0.0), random.turn(3.0))
+    let ball = |name: &str, level: u32, x: f64, random: &mut Random| {
+        soft(name, sphere(RADIUS, level), octants, DVec3::new(x, 0.92 * RADIUS, 0.0), random.turn(3.0))
     };
-    let bodies =
-        vec![ball("a", -0.9 * RADIUS, &mut random), ball("b", 0.95 * RADIUS, &mut random), half_space(DVec3::Y, 0.0)];
+    let bodies = vec![
+        ball("a", levels[0], -0.9 * RADIUS, &mut random),
+        ball("b", levels[1], 0.95 * RADIUS, &mut random),
+        half_space(DVec3::Y, 0.0),
+    ];
     let place = DVec3::new(0.1 * RADIUS, 2.3 * RADIUS, 0.2 * RADIUS);
-    let tool = rigid("tool", sphere(RADIUS, 3), whole, place, random.turn(3.0));
-    let mut flow = Flow::new(&bodies, Some(&tool), place);
+    let tool = rigid("tool", sphere(RADIUS, levels[2]), whole, place, random.turn(3.0));
+    let mut flow = Flow::of_sides(&bodies, Some(&tool), place, sides);
     for (d, v) in flow.displacement.iter_mut().zip(&mut flow.velocity) {
         *d = (0.02 * RADIUS * random.vector()).as_vec3().extend(0.0).to_array();
         *v = (0.1 * random.vector()).as_vec3().extend(0.0).to_array();
@@ -78,7 +87,7 @@ fn surface<'a>(flow: &Flow, body: &'a Body, index: usize, origin: DVec3) -> Surf
 }
 
 /// The oracle's contacts of every pair, by side and vertex of the device's numbering.
-fn wanted(bodies: &[Body], tool: &Body, flow: &Flow) -> BTreeMap<(u32, u32), oracle::Contact> {
+fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(u32, u32), oracle::Contact> {
     let all: Vec<&Body> = bodies.iter().chain([tool]).collect();
     let law = Law { stiffness: 1e6, damping: 1e3, depth_limit: 1.0 };
     let mut firsts = vec![0];
@@ -107,7 +116,11 @@ fn wanted(bodies: &[Body], tool: &Body, flow: &Flow) -> BTreeMap<(u32, u32), ora
                     continue;
                 }
                 let normal = vector(&regions[0].normal).normalize();
-                oracle::gather(normal, &first, &surface(flow, all[b], b, tool.position), &law)
+                let second = surface(flow, all[b], b, tool.position);
+                match sides {
+                    Sides::Both => oracle::gather(normal, &first, &second, &law),
+                    Sides::One => oracle::gather_finer(normal, &first, &second, &law),
+                }
             }
         };
         for contact in found {
@@ -172,24 +185,31 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
 #[test]
 fn a_crowd_of_soft_and_rigid_bodies_against_the_oracle() {
     for path in PATHS {
-        let (bodies, tool, flow) = crowd(path);
-        let want = wanted(&bodies, &tool, &flow);
-        assert_eq!(flow.counts.flags & !NOT_HEIGHT_FIELD, 0, "{}", path.name());
-        let got: BTreeMap<_, _> = flow.contacts.iter().enumerate().map(|(c, x)| ((x.side, x.vertex), c)).collect();
-        assert_eq!(got.len(), flow.counts.contacts as usize, "each vertex at most once a side");
-        for (key, contact) in &want {
-            match got.get(key) {
-                Some(c) => check(&flow, *c, contact),
-                None => assert!(contact.depth < DEPTH, "{}: {key:?} {} deep is missed", path.name(), contact.depth),
-            }
-        }
-        for (key, c) in &got {
-            assert!(want.contains_key(key) || f64::from(flow.contacts[*c].depth) < DEPTH, "{key:?} is no contact");
-        }
-        let sides: Vec<usize> = (0..12).map(|s| got.keys().filter(|k| k.0 == s).count()).collect();
-        // All but the tool and the floor touch; a half-space gathers nothing.
-        assert!([0, 1, 2, 4, 5, 6, 8, 9].iter().all(|s| sides[*s] > 2) && sides[10] == 0, "{sides:?}");
+        check_crowd(path, Sides::Both, [3; 3], &[0, 1, 2, 4, 5, 6, 8, 9], &[10]);
+        // The finer skin of each pair gathers: of a and b, a and the tool, b and the tool.
+        check_crowd(path, Sides::One, [3, 4, 2], &[1, 2, 4, 6, 8], &[0, 5, 9, 10]);
     }
+}
+
+/// `gather`: sides that must have contacts; `silent`: that must have none.
+fn check_crowd(path: Path, sides: Sides, levels: [u32; 3], gather: &[usize], silent: &[usize]) {
+    let (bodies, tool, flow) = crowd_of(path, sides, levels);
+    let want = wanted(&bodies, &tool, &flow, sides);
+    assert_eq!(flow.counts.flags & !NOT_HEIGHT_FIELD, 0, "{}", path.name());
+    let got: BTreeMap<_, _> = flow.contacts.iter().enumerate().map(|(c, x)| ((x.side, x.vertex), c)).collect();
+    assert_eq!(got.len(), flow.counts.contacts as usize, "each vertex at most once a side");
+    for (key, contact) in &want {
+        match got.get(key) {
+            Some(c) => check(&flow, *c, contact),
+            None => assert!(contact.depth < DEPTH, "{}: {key:?} {} deep is missed", path.name(), contact.depth),
+        }
+    }
+    for (key, c) in &got {
+        assert!(want.contains_key(key) || f64::from(flow.contacts[*c].depth) < DEPTH, "{key:?} is no contact");
+    }
+    let sides: Vec<usize> = (0..12).map(|s| got.keys().filter(|k| k.0 == s).count()).collect();
+    // All but the tool and the floor touch; a half-space gathers nothing.
+    assert!(gather.iter().all(|s| sides[*s] > 2) && silent.iter().all(|s| sides[*s] == 0), "{sides:?}");
 }
 
 #[test]
@@ -216,7 +236,7 @@ fn deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
         .size(Size::Group)
         .constant("CAPACITY", capacity as u32)
         .input("candidate_hits", &hits)
-        .input("counts", &[Counts { chunks: (depths.len() / CHUNK_VERTICES) as u32, ..Counts::default() }])
+        .input("counts", &[Counts { gathering: (depths.len() / CHUNK_VERTICES) as u32, ..Counts::default() }])
         .partial("contact_source", &vec![NONE; capacity + 1])
         .input("chunk_contacts", &colliding)
         .groups(1)

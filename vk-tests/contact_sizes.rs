@@ -44,8 +44,8 @@ fn loose(n: usize, random: &mut Random) -> Flow {
     flow.active_chunks =
         (0..chunks).map(|chunk| ActiveChunk { chunk, regions: 1, first_item: chunk, ..Default::default() }).collect();
     flow.regions[0].normal = [0.0, -1.0, 0.0];
-    flow.counts = Counts { chunks, ..Counts::default() };
-    flow.args[3 * args::ACTIVE as usize] = chunks;
+    flow.counts = Counts { gathering: chunks, ..Counts::default() };
+    flow.args[3 * args::GATHERING as usize] = chunks;
     flow.capacity = n;
     flow
 }

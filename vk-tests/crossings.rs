@@ -31,7 +31,7 @@ pub fn meshes(sides: [&Mesh; 2], regions: &[Region]) -> Flow {
     let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
     flow.frames[0].rotation = [0.0, 0.0, 0.0, 1.0];
-    flow.pairs = vec![Pair { proxy_count: [1, 1], ..Pair::default() }];
+    flow.pairs = vec![Pair { proxy_count: [1, 1], first_slot: [0, 1], ..Pair::default() }];
     flow.regions = regions.to_vec();
     flow.regions.resize(PAIR_REGIONS, Region::default());
     let model = &mut flow.model;

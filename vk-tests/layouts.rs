@@ -95,6 +95,7 @@ fn pairs_proxies_and_bounds() {
             tool_sign,
             is_plane,
             driven_frame,
+            lone_side,
             direction,
             plane,
         }
@@ -142,7 +143,20 @@ fn regions_lists_and_counters() {
     same_layout!("cull/meet", ActiveChunk { chunk, slot, side, regions, first_item });
     same_layout!(
         "pose/place",
-        Counts { chunks, items, slots_met, hits, chunks_asked, contacts, entries, pulling, turn, last_contacts, flags }
+        Counts {
+            chunks,
+            items,
+            gathering,
+            slots_met,
+            hits,
+            chunks_asked,
+            contacts,
+            entries,
+            pulling,
+            turn,
+            last_contacts,
+            flags
+        }
     );
 }
 

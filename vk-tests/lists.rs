@@ -36,12 +36,14 @@ fn lists_of_slots_are_joined_in_order() {
         let mut active: Vec<u32> =
             (0..slots as u32).filter(|s| proxies[*s as usize].chunk_count > 0 || s % 2 == 0).collect();
         (1..active.len()).for_each(|k| active.swap(k, random.below(k + 1)));
+        let gathering = random.below(slots + 1);
         for most in [all.max(1) as usize, all as usize + 3, (all as usize / 2).max(1)] {
             // Of half-spaces, so that every chunk meets.
             let out = case("cull/meet")
                 .size(Size::Reduce)
                 .constant("SLOTS", slots as u32)
                 .constant("MOST_ITEMS", most as u32)
+                .constant("GATHERING", gathering as u32)
                 .input("pairs", &vec![Pair { is_plane: 1, ..Pair::default() }; slots / 5 + 1])
                 .input("slots", &given)
                 .input("active_slots", &active)
@@ -86,6 +88,8 @@ fn lists_of_slots_are_joined_in_order() {
             let words: Vec<u32> = out.get("args");
             let groups = |slot: u32| words[3 * slot as usize] as usize;
             assert_eq!([groups(args::ACTIVE), groups(args::ITEMS)], [want.len(), items.len()]);
+            let gather = want.iter().filter(|entry| (entry.slot as usize) < gathering).count();
+            assert_eq!([groups(args::GATHERING), count.gathering as usize], [gather; 2]);
             assert_eq!(words[3 * 16 + 1] as usize, items.len(), "instances to draw");
         }
     }

@@ -19,6 +19,7 @@ const BUCKETS: u32 = 100;
 const LAST: Counts = Counts {
     chunks: 1,
     items: 2,
+    gathering: 12,
     slots_met: 10,
     hits: 3,
     chunks_asked: 11,

@@ -40,7 +40,13 @@ impl Given {
     /// Cubes about the origin; directions of all pairs in turn, with their weights; no pushes.
     fn new(counts: [u32; 2], directions: &[(DVec3, f64)], random: &mut Random) -> Given {
         let pairs = counts[0] * counts[1];
-        let pair = Pair { proxy_pair_count: pairs, first_proxy: [0, counts[0]], proxy_count: counts, ..Pair::zeroed() };
+        let pair = Pair {
+            proxy_pair_count: pairs,
+            first_proxy: [0, counts[0]],
+            proxy_count: counts,
+            first_slot: [0, counts[0]],
+            ..Pair::zeroed()
+        };
         let both = |k: u32| {
             let (n, w) = directions[k as usize % directions.len()];
             [n.as_vec3().extend(w as f32).to_array(), [0.0; 4]]

@@ -58,6 +58,7 @@ fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
             friction: 0.0,
             friction_speed: 1e-3,
             texel: None,
+            sides: scene::Sides::Both,
             depth_limit: 0.02,
             depth: None,
         },

@@ -6,7 +6,7 @@ use palpate::oracle::contact::{self, Law, Support, Surface};
 use palpate::oracle::step::{self, auto_stiffness};
 use palpate::prepare::{self, Shape};
 use palpate::report::{Flags, Row};
-use palpate::scene::Scene;
+use palpate::scene::{Scene, Sides};
 use palpate::stages::depth;
 use palpate::stages::types::Contact;
 use palpate::step::Simulation;
@@ -48,6 +48,7 @@ pub struct Twin {
     skin: (prepare::Skin, Vec<prepare::Embedding>),
     tool: prepare::Skin,
     law: Law,
+    sides: Sides,
 }
 
 impl Twin {
@@ -72,7 +73,7 @@ impl Twin {
         };
         let stiffness = auto_stiffness(&[(layer, &materials.all[0])]).unwrap();
         let law = Law { stiffness, damping: stiffness * scene.step.dt, depth_limit: scene.contact.depth_limit };
-        Twin { oracle, skin: (skin.clone(), embedding.clone()), tool, law }
+        Twin { oracle, skin: (skin.clone(), embedding.clone()), tool, law, sides: scene.contact.sides }
     }
 
     /// Contacts of the present state along `normal` (from the body to the tool).
@@ -84,7 +85,11 @@ impl Twin {
             areas: &self.tool.areas,
             support: Support::Tool,
         };
-        contact::gather(normal, &self.oracle.bodies[0].surface(0, &self.skin.0, &self.skin.1), &tool, &self.law)
+        let body = self.oracle.bodies[0].surface(0, &self.skin.0, &self.skin.1);
+        match self.sides {
+            Sides::Both => contact::gather(normal, &body, &tool, &self.law),
+            Sides::One => contact::gather_finer(normal, &body, &tool, &self.law),
+        }
     }
 }
 
@@ -121,8 +126,11 @@ fn touch_agrees_with_the_oracle_and_the_depth_paths_with_each_other() {
     let straight = Place::default();
     let slide = DVec3::new(0.012, 0.0, -0.007);
     let oblique = Place { shift: DVec3::new(0.3, -0.1, 0.2), turn: DQuat::from_rotation_z(0.5), slide };
-    for (young, place) in [(2.0e4, straight), (5.0e5, straight), (2.0e4, oblique)] {
-        let scene = scene(&press(young, 0.001, place, TIGHT));
+    let (both, one) = (Sides::Both, Sides::One);
+    let cases = [(2.0e4, straight, both), (5.0e5, straight, both), (2.0e4, oblique, both), (2.0e4, oblique, one)];
+    for (young, place, sides) in cases {
+        let mut scene = scene(&press(young, 0.001, place, TIGHT));
+        scene.contact.sides = sides;
         let paths = [depth::Path::Compute, depth::Path::Graphics];
         let [(compute, found), (graphics, found_too)] = paths.map(|path| against_the_oracle(&scene, path, young));
         assert_eq!(found, found_too, "contacts of the two depth paths");
@@ -186,6 +194,8 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Row>
         rows.iter().map(|r| r.iterations).max().unwrap()
     );
     assert!(peak > 0.05 && rows.iter().all(|row| row.flags == Flags::default()));
+    let gathers = |side: u32| found.iter().flatten().any(|(s, _)| *s == side);
+    assert_eq!(gathers(0) && gathers(1), twin.sides == Sides::Both, "which sides gather");
     assert!(lone.0 < LONE_DEPTH && force < FORCE && pose < POSE && shapes < DISPLACEMENT);
     (rows, found)
 }

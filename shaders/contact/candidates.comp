@@ -4,12 +4,12 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Contact: the depth of every skin vertex of an active chunk. In each region that sees it, the nearest of the crossings on its
+// Contact: the depth of every skin vertex of an active chunk that gathers contacts. In each region that sees it, the nearest of the crossings on its
 // ray decides: through the front of a triangle it lies within the other body, through the back it does not. It is one contact,
 // however many regions see it: of depths d_r with shares w_r the one with the greatest w / d^2 stands; others count in depth
 // and normal from half of that on, fully where they are equal, so that none takes over with a jump. A half-space needs no
 // crossing: depth = offset - N.x. Only vertices that face the other body take part; the area is the rest area projected
-// along the normal, half of it where both bodies gather. One workgroup an active chunk; the last to finish lists those of all
+// along the normal, half of it where both bodies gather. One workgroup such a chunk; the last to finish lists those of all
 // that collide, in their order whatever the device, where there is room (else deepest.comp does, and a flag says so).
 // Oracle: oracle::contact::ray_depths.
 
@@ -181,7 +181,8 @@ void find_candidates() {
         normal = normalize(normal);
         vec3 outward = (side_b ? -1.0 : 1.0) * outward_normal(vertex);
         float facing = dot(outward, normal);
-        float area = (pair.is_plane != 0 ? 1.0 : 0.5) * facing * areas[vertex];
+        bool alone = pair.is_plane != 0 || pair.lone_side != 0;
+        float area = (alone ? 1.0 : 0.5) * facing * areas[vertex];
         if (area <= 0.0) continue;
         if (folded) atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
         if (depth > params.depth_limit) {
@@ -196,8 +197,8 @@ void find_candidates() {
         uint proxy_pair = NONE;
         if (pair.is_plane == 0) {
             uint other = active_chunks[items[opposing].x].slot;
-            uint a = (side_b ? other : entry.slot) - pair.first_slot;
-            uint b = (side_b ? entry.slot : other) - pair.first_slot - pair.proxy_count[0];
+            uint a = (side_b ? other : entry.slot) - pair.first_slot[0];
+            uint b = (side_b ? entry.slot : other) - pair.first_slot[1];
             proxy_pair = pair.first_proxy_pair + a * pair.proxy_count[1] + b;
         }
         candidate_pushes[at] = vec4(depth * areas[vertex] * outward, uintBitsToFloat(proxy_pair));
@@ -209,8 +210,8 @@ void find_candidates() {
 // All that collide; each lane takes a contiguous run of chunks.
 void list_all() {
     uint lane = gl_LocalInvocationID.x;
-    uint run = (counts.chunks + SIZE - 1) / SIZE;
-    uint begin = min(lane * run, counts.chunks), end = min(begin + run, counts.chunks);
+    uint run = (counts.gathering + SIZE - 1) / SIZE;
+    uint begin = min(lane * run, counts.gathering), end = min(begin + run, counts.gathering);
     uint own = 0;
     for (uint e = begin; e < end; e++) own += bitCount(chunk_contacts[e].x) + bitCount(chunk_contacts[e].y);
     totals[lane] = own;

@@ -119,7 +119,7 @@ void list(inout uint at, inout uint ties, uint i, float least, uint room) {
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
-    uint candidates = counts.chunks * CHUNK_VERTICES;
+    uint candidates = counts.gathering * CHUNK_VERTICES;
     uint run = (candidates / BATCH + SIZE - 1) / SIZE * BATCH;
     begin = min(lane * run, candidates);
     end = min(begin + run, candidates);

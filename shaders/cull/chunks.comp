@@ -75,7 +75,7 @@ vec3 plane_of(vec3 centre, vec3 normal, float thickness, uint side, float extrem
 }
 
 bool meets(Pair pair, uint side, uint r, vec3 least, vec3 greatest) {
-    uint begin = pair.first_slot + (side == 0 ? pair.proxy_count[0] : 0), count = pair.proxy_count[1 - side];
+    uint begin = pair.first_slot[1 - side], count = pair.proxy_count[1 - side];
     for (uint slot = begin; slot < begin + count; slot++) {
         if ((slot_regions[slot] & (1u << r)) == 0) continue;
         vec3 low = boxes[2 * (slot * PAIR_REGIONS + r)], high = boxes[2 * (slot * PAIR_REGIONS + r) + 1];

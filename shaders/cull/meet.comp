@@ -7,13 +7,14 @@
 
 // Cull: of the chunks of an active slot, those that may lie beyond what the other side's chunks reach in some square of their
 // region, in their order. One workgroup an active slot; the last to finish makes one list of all in the order of slots, a work
-// item each chunk and region, and the indirect arguments of everything downstream. What exceeds MOST_ITEMS raises the region
-// overflow flag. Oracle: every chunk against every opposing chunk, and the lists joined, by its test.
+// item each chunk and region, and the indirect arguments of everything downstream. Slots whose vertices gather contacts come
+// first, so what is kept of vertices needs no room for the others. What exceeds MOST_ITEMS raises the region overflow flag. Oracle: every chunk against every opposing chunk, and the lists joined, by its test.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint SLOTS = 1;
 layout(constant_id = 2) const uint MOST_ITEMS = 1;
+layout(constant_id = 3) const uint GATHERING = 1;       // slots: the first, whose vertices gather contacts
 
 layout(scalar, binding = 0) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar, binding = 1) readonly buffer Slots { Slot slots[]; };
@@ -130,9 +131,12 @@ void list_all() {
     // More than fits; or a driver left the loop early.
     if (all.y > MOST_ITEMS || done != (used + SIZE - 1 - lane) / SIZE) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
     if (lane != 0) return;
+    uint gathering = min(GATHERING < SLOTS ? slot_counts[GATHERING].x : all.x, used);
     counts.chunks = used;
+    counts.gathering = gathering;
     counts.items = listed;
     args[3 * ARGS_ACTIVE] = used;
+    args[3 * ARGS_GATHERING] = gathering;
     args[3 * ARGS_ITEMS] = listed;
     args[3 * ARGS_DRAW] = 6 * CHUNK_TRIANGLES;
     args[3 * ARGS_DRAW + 1] = listed;

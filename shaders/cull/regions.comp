@@ -223,14 +223,15 @@ void share_out(Pair pair) {
             sum += share[r];
             all += strength[r];
         }
+        uint slot = slot_of(pair, s);
         for (uint r = 0; r < PAIR_REGIONS; r++) {
             float own = (members & (1u << r)) != 0 ? max(LEAST_SHARE, share[r] / sum) : 0.0;
             // The strong regions see the others' vertices too: theirs may be the shorter way out.
             if (near && r < region_count) own = max(own, GUEST_SHARE * max(0.0, strength[r] / all - GUESTS_FROM));
-            shares[(pair.first_slot + s) * PAIR_REGIONS + r] = own;
+            shares[slot * PAIR_REGIONS + r] = own;
         }
-        slot_regions[pair.first_slot + s] = members << PAIR_REGIONS;
-        slot_counts[pair.first_slot + s] = uvec2(0);
+        slot_regions[slot] = members << PAIR_REGIONS;
+        slot_counts[slot] = uvec2(0);
     }
     memoryBarrierBuffer();
     barrier();
@@ -298,8 +299,8 @@ void open_region(Pair pair, uint r, uint first_region) {
     mat3 axes = axes_of(normals[r]);
     vec3 side_low[2], side_high[2];
     float edge[2];
-    uint begin = pair.first_slot;
     for (uint side = 0; side < 2; side++) {
+        uint begin = pair.first_slot[side];
         vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
         vec4 edges = vec4(0.0);
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
@@ -317,12 +318,11 @@ void open_region(Pair pair, uint r, uint first_region) {
         side_low[side] = least;
         side_high[side] = greatest;
         edge[side] = edges.x / max(edges.y, 1.0);
-        begin += pair.proxy_count[side];
     }
     vec2 column_low = max(side_low[0].xy, side_low[1].xy), column_high = min(side_high[0].xy, side_high[1].xy);
     bool touches = all(lessThanEqual(column_low, column_high)) && side_high[0].z >= side_low[1].z;
-    begin = pair.first_slot;
     for (uint side = 0; side < 2; side++) {
+        uint begin = pair.first_slot[side];
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
             uint slot = begin + p;
             bool near = (slot_regions[slot] & member) != 0;
@@ -337,7 +337,6 @@ void open_region(Pair pair, uint r, uint first_region) {
                 boxes[2 * (slot * PAIR_REGIONS + r) + 1] = box_high;
             }
         }
-        begin += pair.proxy_count[side];
     }
     clear_fields(first_region + r, lane);
     if (lane != 0) return;
@@ -367,7 +366,7 @@ void open_plane(Pair pair, uint first_region) {
     uint lane = gl_LocalInvocationID.x;
     mat3 axes = axes_of(-pair.plane.xyz);
     for (uint p = lane; p < pair.proxy_count[0]; p += SIZE) {
-        uint slot = pair.first_slot + p;
+        uint slot = pair.first_slot[0] + p;
         vec3 box_low, box_high;
         hull_box(pair.first_proxy[0] + p, axes, true, box_low, box_high);
         bool within = box_high.z >= -pair.plane.w;
@@ -417,8 +416,9 @@ void main() {
     barrier();
     uint slots = pair.proxy_count[0] + (pair.is_plane != 0 ? 0 : pair.proxy_count[1]);
     for (uint s = lane; s < slots; s += SIZE) {
-        if ((slot_regions[pair.first_slot + s] & ((1u << PAIR_REGIONS) - 1u)) != 0) {
-            active_slots[atomicAdd(args[3 * ARGS_CHUNKS], 1)] = pair.first_slot + s;
+        uint slot = slot_of(pair, s);
+        if ((slot_regions[slot] & ((1u << PAIR_REGIONS) - 1u)) != 0) {
+            active_slots[atomicAdd(args[3 * ARGS_CHUNKS], 1)] = slot;
         }
     }
 }

@@ -55,7 +55,9 @@ void main() {
     vec3 corners[3];
     ivec2 first, last;
     // Triangles and squares of this lane, and those that it came to: drivers may leave loops early (see README).
-    uint triangle_count = pairs[entry.side / 2].is_plane != 0 ? 0 : chunk.triangle_count;     // half-spaces need no rays
+    // Half-spaces need no rays, nor do vertices that gather no contacts.
+    Pair pair = pairs[entry.side / 2];
+    uint triangle_count = pair.is_plane != 0 || !gathers(pair, other) ? 0 : chunk.triangle_count;
     uint due = turns_of(triangle_count), done = 0;
     // Those that may cross anything, so that lanes work side by side on these alone.
     if (lane == 0) listed_count = large_count = 0;

@@ -33,8 +33,9 @@ void main() {
     Chunk chunk = chunks[entry.chunk];
     gl_Position = no_squares();
     uint t = gl_VertexIndex / 6;
-    if (t >= chunk.triangle_count || pairs[entry.side / 2].is_plane != 0) return;
+    Pair pair = pairs[entry.side / 2];
     uint side = entry.side & 1, at = chunk.triangle_first + t;
+    if (t >= chunk.triangle_count || pair.is_plane != 0 || !gathers(pair, 1 - side)) return;
     uint triangle = texelFetch(chunk_triangles, int(at / 4))[at % 4];
     ivec2 first, last;
     bool any_covered = covered_squares(regions[item.y], item.y, side, triangle, corners, first, last);

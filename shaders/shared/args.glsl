@@ -7,14 +7,15 @@ const uint ARGS_ITEMS = 3;          // a workgroup an active chunk and region
 const uint ARGS_DEEPEST = 4;        // one, or none where all contacts fit
 const uint ARGS_CONTACTS = 5;
 const uint ARGS_NODES = 6;          // a workgroup a touched node
-const uint ARGS_LOOP_APPLY = 7;     // in its loop: tetrahedra; all of these are zero once converged
-const uint ARGS_LOOP_PRESS = 8;     // contacts
-const uint ARGS_LOOP_PATCHES = 9;
-const uint ARGS_LOOP_FREE = 10;     // a workgroup a block of free nodes
-const uint ARGS_LOOP_CARRIED = 11;  // a workgroup a block of nodes that cores carry
-const uint ARGS_LOOP_TOOL = 12;     // one
-const uint ARGS_COMMIT = 13;        // every node, once the step is accepted
-const uint ARGS_WRENCH = 14;
+const uint ARGS_GATHERING = 7;      // a workgroup an active chunk whose vertices gather contacts
+const uint ARGS_LOOP_APPLY = 8;     // in its loop: tetrahedra; all of these are zero once converged
+const uint ARGS_LOOP_PRESS = 9;     // contacts
+const uint ARGS_LOOP_PATCHES = 10;
+const uint ARGS_LOOP_FREE = 11;     // a workgroup a block of free nodes
+const uint ARGS_LOOP_CARRIED = 12;  // a workgroup a block of nodes that cores carry
+const uint ARGS_LOOP_TOOL = 13;     // one
+const uint ARGS_COMMIT = 14;        // every node, once the step is accepted
+const uint ARGS_WRENCH = 15;
 const uint ARGS_DRAW = 16;          // VkDrawIndirectCommand: four words at 3 * 16, a multiple of 16 bytes
 
 layout(constant_id = 10) const uint GROUP = 64;   // local size of the kernels that are dispatched by elements

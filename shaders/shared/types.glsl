@@ -91,15 +91,24 @@ struct Pair {
     uint proxy_pair_count;
     uint first_proxy[2];        // proxies of a and b
     uint proxy_count[2];
-    uint first_slot;            // a slot each proxy of a, then of b
+    uint first_slot[2];         // a slot each proxy of a, and of b
     float stiffness;            // N/m^3
     float damping;              // N s/m^3
     float tool_sign;            // 1: a is the tool or the body that is held, -1: b is, 0: neither
     uint is_plane;
     uint driven_frame[2];       // of a and b where their skins are rigid, or NONE
+    uint lone_side;             // 0: vertices of both gather contacts; 1: a's alone, 2: b's alone
     vec4 direction;             // w != 0: the normal to use, whatever culling finds
     vec4 plane;                 // unit normal, offset
 };
+
+// The slot of the s-th proxy of a pair, a's before b's.
+uint slot_of(Pair pair, uint s) {
+    uint a_count = pair.proxy_count[0];
+    return s < a_count ? pair.first_slot[0] + s : pair.first_slot[1] + s - a_count;
+}
+
+bool gathers(Pair pair, uint side) { return pair.lone_side == 0 || pair.lone_side == side + 1; }
 
 // A convex hull that rides on a frame.
 struct Proxy {
@@ -170,6 +179,7 @@ struct ActiveChunk {
 struct Counts {
     uint chunks;                // active
     uint items;                 // chunks times their regions
+    uint gathering;             // the first of the chunks: those whose vertices gather contacts
     uint slots_met;             // whose chunks were looked at
     uint hits;                  // crossings found
     uint chunks_asked;          // for contacts

@@ -6,7 +6,8 @@
 
 // Skin: positions of the skin of an active chunk, x = sum w_i (c_i + R_i (r_i + d_i)) (or c + R r on a rigid body), and of the
 // neighbours that its normals need; a vertex that several chunks list is written by each of them with the same value. Its
-// own vertices go into the squares of its regions, where triangles will find them. One workgroup an active chunk.
+// own vertices go into the squares of its regions, where triangles will find them, if they gather contacts. One workgroup an
+// active chunk.
 // Oracle: oracle::proximity::embed; the bins' contents listed by its test.
 
 layout(local_size_x_id = 0) in;
@@ -74,8 +75,9 @@ void main() {
         if (l < chunk.vertex_count) own[l] = x;
     }
     barrier();
-    if (pairs[entry.side / 2].is_plane != 0) return;
+    Pair pair = pairs[entry.side / 2];
     uint side = entry.side & 1, item = entry.first_item;
+    if (pair.is_plane != 0 || !gathers(pair, side)) return;
     for (uint r = 0; r < PAIR_REGIONS; r++) {
         if ((entry.regions & (1u << r)) == 0) continue;
         uint region_index = (entry.side / 2) * PAIR_REGIONS + r, region_side = 2 * region_index + side;

@@ -147,12 +147,22 @@ pub fn ray_depths(
 /// Contacts of two skins along a region's normal: first A's vertices, then B's, in ascending order. Each side counts
 /// half, since both gather.
 pub fn gather(normal: DVec3, a: &Surface, b: &Surface, law: &Law) -> Vec<Contact> {
-    let mut contacts = gather_side(normal, a, b, law, true);
-    contacts.extend(gather_side(-normal, b, a, law, false));
+    let mut contacts = gather_side(normal, a, b, law, true, 0.5);
+    contacts.extend(gather_side(-normal, b, a, law, false, 0.5));
     contacts
 }
 
-fn gather_side(outward: DVec3, own: &Surface, other: &Surface, law: &Law, of_first: bool) -> Vec<Contact> {
+/// The same of one skin alone, whole: of that which has less area to a vertex, A's where both have the same.
+pub fn gather_finer(normal: DVec3, a: &Surface, b: &Surface, law: &Law) -> Vec<Contact> {
+    let mean_area = |surface: &Surface| surface.areas.iter().sum::<f64>() / surface.areas.len() as f64;
+    if mean_area(b) < mean_area(a) {
+        gather_side(-normal, b, a, law, false, 1.0)
+    } else {
+        gather_side(normal, a, b, law, true, 1.0)
+    }
+}
+
+fn gather_side(outward: DVec3, own: &Surface, other: &Surface, law: &Law, of_first: bool, share: f64) -> Vec<Contact> {
     let hits = ray_depths(outward, &own.positions, own.triangles, &other.positions, other.triangles, law.depth_limit);
     let facing = skin::normals(&own.positions, own.triangles);
     let contact = |(vertex, hit): (usize, Hit)| {
@@ -163,7 +173,7 @@ fn gather_side(outward: DVec3, own: &Surface, other: &Surface, law: &Law, of_fir
         let (first, second) = if of_first { (mine, theirs) } else { (theirs, mine) };
         Contact {
             normal: if of_first { outward } else { -outward },
-            area: 0.5 * own.areas[vertex] * facing[vertex].dot(outward),
+            area: share * own.areas[vertex] * facing[vertex].dot(outward),
             depth: hit.depth,
             stiffness: law.stiffness,
             damping: law.damping,

@@ -118,6 +118,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
             texel: None,
             depth_limit: 0.02,
             depth: None,
+            sides: crate::scene::Sides::Both,
         },
         bodies: vec![body],
         tool: None,

@@ -9,8 +9,8 @@ use glam::{DQuat, DVec3};
 
 use super::keys::{Source, Table, Value};
 use super::{
-    Body, Contact, Core, Coupling, DepthPath, Haptics, Motion, Preconditioner, Probe, Scene, Shape, Solver, Step, Tool,
-    ToolShape, body, drive, haptics,
+    Body, Contact, Core, Coupling, DepthPath, Haptics, Motion, Preconditioner, Probe, Scene, Shape, Sides, Solver,
+    Step, Tool, ToolShape, body, drive, haptics,
 };
 use crate::{Error, Result};
 
@@ -29,6 +29,7 @@ const CONTACT: Contact = Contact {
     texel: None,
     depth_limit: 0.02,
     depth: None,
+    sides: Sides::Both,
 };
 /// Iterations at most: they are recorded beforehand, four passes each.
 const MOST_ITERATIONS: u32 = 10_000;
@@ -156,7 +157,7 @@ fn solver(root: &Table) -> Result<Solver> {
 const SLOWEST: f64 = 1e-6;
 
 fn contact(root: &Table) -> Result<Contact> {
-    let known = ["stiffness", "damping", "friction", "friction_speed", "texel", "depth_limit", "depth"];
+    let known = ["stiffness", "damping", "friction", "friction_speed", "texel", "depth_limit", "depth", "sides"];
     let Some(table) = section(root, "contact", &known)? else {
         return Ok(CONTACT);
     };
@@ -168,6 +169,7 @@ fn contact(root: &Table) -> Result<Contact> {
         texel: table.or("texel", None, Value::auto_or_positive)?,
         depth_limit: table.or("depth_limit", 0.02, Value::positive)?,
         depth: table.or("depth", None, |value| value.one_of("path", &DepthPath::CHOICES))?,
+        sides: table.or("sides", Sides::Both, |value| value.one_of("choice of sides", &Sides::CHOICES))?,
     };
     if contact.friction_speed < SLOWEST {
         let problem = format!("is {:?}", contact.friction_speed);

@@ -110,6 +110,22 @@ pub struct Contact {
     pub depth_limit: f64,
     /// Path of the depth stage.
     pub depth: Option<DepthPath>,
+    /// Whose vertices gather contacts.
+    pub sides: Sides,
+}
+
+/// Whose vertices gather contacts where two bodies touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sides {
+    /// Both skins', each side counting half.
+    Both,
+    /// Those of the finer skin alone (less area to a vertex), counting whole.
+    One,
+}
+
+impl Sides {
+    /// What a scene may ask for.
+    pub const CHOICES: [(&str, Sides); 2] = [("both", Sides::Both), ("one", Sides::One)];
 }
 
 /// How triangles find the vertices that they lie over; the answer is the same.

@@ -251,6 +251,11 @@ fn values_out_of_range_are_refused_by_key_and_line() {
         ("max_iterations = 200", "max_iterations = 0", "`solver.max_iterations`: is 0"),
         ("stiffness = \"auto\"", "stiffness = \"hard\"", "`contact.stiffness`: is \"hard\""),
         ("depth_limit = 0.02", "depth = \"grafics\"", "`contact.depth`: there is no path \"grafics\"; did you mean"),
+        (
+            "depth_limit = 0.02",
+            "sides = \"bothh\"",
+            "`contact.sides`: there is no choice of sides \"bothh\"; did you mean \"both\"?",
+        ),
         ("mass = 0.05", "mass = 0", "`tool.mass`: is 0"),
         ("damping = 2.0", "damping = -2.0", "`coupling.damping`: is -2"),
         ("scale = 1.0", "scale = 0.0", "`body.head.scale`: is 0"),

@@ -14,22 +14,24 @@ pub const DEEPEST: u32 = 4;
 pub const CONTACTS: u32 = 5;
 /// A workgroup a touched node.
 pub const NODES: u32 = 6;
+/// A workgroup an active chunk whose vertices gather contacts.
+pub const GATHERING: u32 = 7;
 /// Tetrahedra, in the solver's loop.
-pub const LOOP_APPLY: u32 = 7;
+pub const LOOP_APPLY: u32 = 8;
 /// Contacts.
-pub const LOOP_PRESS: u32 = 8;
+pub const LOOP_PRESS: u32 = 9;
 /// Patches.
-pub const LOOP_PATCHES: u32 = 9;
+pub const LOOP_PATCHES: u32 = 10;
 /// A workgroup a block of free nodes.
-pub const LOOP_FREE: u32 = 10;
+pub const LOOP_FREE: u32 = 11;
 /// A workgroup a block of carried nodes.
-pub const LOOP_CARRIED: u32 = 11;
+pub const LOOP_CARRIED: u32 = 12;
 /// One, for the tool.
-pub const LOOP_TOOL: u32 = 12;
+pub const LOOP_TOOL: u32 = 13;
 /// Nodes, once the step is accepted.
-pub const COMMIT: u32 = 13;
+pub const COMMIT: u32 = 14;
 /// One, once the step is accepted.
-pub const WRENCH: u32 = 14;
+pub const WRENCH: u32 = 15;
 /// The draw, counted in VkDrawIndirectCommands.
 pub const DRAW: u32 = 12;
 /// Words in the buffer.

@@ -81,7 +81,7 @@ impl Contact {
     /// jumps; otherwise the stronger one's, so that every depth is that of a ray along its normal.
     pub fn new(context: &Arc<Context>, model: &Model, blend: bool) -> Result<Contact> {
         let nodes = model.node_rest.len();
-        let candidates = CHUNK_VERTICES * model.most_chunks();
+        let candidates = CHUNK_VERTICES * model.most_gathering();
         let capacity = CAPACITY.min(candidates);
         let candidate =
             [("BLEND", blend.into()), ("CAPACITY", count(capacity)), ("GROUP", context.group_size().into())];
@@ -169,7 +169,7 @@ impl Contact {
             ],
             &[],
             &common.args,
-            args::ACTIVE,
+            args::GATHERING,
         );
         let buffers = [&self.candidate_hits, &common.counts, &self.source, &self.chunk_contacts];
         recorder.dispatch_indirect(&self.deepest, &buffers, &[], &common.args, args::DEEPEST);

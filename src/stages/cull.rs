@@ -64,7 +64,7 @@ impl Cull {
         let follow: f32 = if smooth { 0.25 } else { 1.0 };
         let spans = ("SPANS", Const::Bool(model.spans_frames()));
         let buckets = skin::buckets(model);
-        let list = [("SLOTS", count(slots)), ("MOST_ITEMS", count(items))];
+        let list = [("SLOTS", count(slots)), ("MOST_ITEMS", count(items)), ("GATHERING", count(model.gathering_slots))];
         // So many pairs of proxies a workgroup that those whose boxes meet fill its lanes, and so few that a lane has eight at most.
         let lanes = context.reduce_size();
         let share = (8 * lanes).min(lanes.max(128));

@@ -38,7 +38,7 @@ enum Cross {
 impl Depth {
     /// Kernels and arrays for a model. The graphics path needs [`Context::fragment_stores`].
     pub fn new(context: &Arc<Context>, model: &Model, path: Path) -> Result<Depth> {
-        let hits = (2 * CHUNK_VERTICES * model.most_items()).clamp(LEAST_HITS, MOST_HITS);
+        let hits = (2 * CHUNK_VERTICES * model.most_gathering_items()).clamp(LEAST_HITS, MOST_HITS);
         let constants =
             [("BUCKETS", skin::buckets(model).into()), ("MOST_HITS", count(hits)), ("SQUARES", SQUARES.into())];
         let cross = match path {

@@ -13,7 +13,7 @@ use super::layers::OF_PATCH;
 use super::types::{Chunk, NONE, PAIR_REGIONS, Pair, Proxy, Slot};
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
-use crate::scene::Scene;
+use crate::scene::{Scene, Sides};
 
 /// Active chunks times their regions at most, a workgroup each on any device: four million vertices; more raise the region
 /// overflow flag.
@@ -184,6 +184,10 @@ pub struct Model {
     pub slots: Vec<Slot>,
     /// Chunks of all slots.
     pub slot_chunks: usize,
+    /// Slots whose vertices gather contacts: the first.
+    pub gathering_slots: usize,
+    /// Their chunks.
+    pub gathering_chunks: usize,
 }
 
 impl Model {
@@ -207,7 +211,8 @@ impl Model {
         let all = [a, b];
         let (mut model, proxy_ranges) = Model::of_bodies(&all, all.len());
         // No force comes of it: any law will do.
-        model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, [1.0, 0.0]);
+        model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, [1.0, 0.0], Sides::Both);
+        model.add_slots();
         model
     }
 
@@ -314,9 +319,14 @@ impl Model {
         self.links.len() > 1
     }
 
-    /// Chunks of all slots, as many as can be active at once.
-    pub fn most_chunks(&self) -> usize {
-        self.slot_chunks.min(MOST_ITEMS)
+    /// Chunks whose vertices gather contacts, as many as can be active at once.
+    pub fn most_gathering(&self) -> usize {
+        self.gathering_chunks.min(MOST_ITEMS)
+    }
+
+    /// The same, times their regions.
+    pub fn most_gathering_items(&self) -> usize {
+        (PAIR_REGIONS * self.gathering_chunks).min(MOST_ITEMS)
     }
 
     /// Chunks times regions that can be active at once.

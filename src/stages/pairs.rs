@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::model::{Model, Plane};
 use super::types::{NONE, Pair, Slot};
 use crate::prepare::{Body, FrameMotion, Layer, Shape};
-use crate::scene::{Material, Scene};
+use crate::scene::{Material, Scene, Sides};
 
 /// Stiffness (N/m^3) where nothing soft is near to take it from: that of 20 kPa, nu 0.45, at a cell of 10 mm.
 const RIGID_STIFFNESS: f64 = 5.0e7;
@@ -34,9 +34,54 @@ impl Model {
                 let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&[all[a], all[b]], all));
                 // As if the penalty relaxed over one step.
                 let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
-                self.add_pair(all, (a, b), held, ranges, [stiffness, damping]);
+                self.add_pair(all, (a, b), held, ranges, [stiffness, damping], scene.contact.sides);
             }
         }
+        self.add_slots();
+    }
+
+    /// The slots of all pairs, in their order: first those whose vertices gather contacts, then the others.
+    pub(super) fn add_slots(&mut self) {
+        for gathering in [true, false] {
+            for (index, pair) in self.pairs.iter_mut().enumerate() {
+                for side in 0..2 {
+                    let gathers = pair.lone_side == 0 || pair.lone_side == side as u32 + 1;
+                    if gathers != gathering {
+                        continue;
+                    }
+                    pair.first_slot[side] = self.slots.len() as u32;
+                    for proxy in (pair.first_proxy[side]..).take(pair.proxy_count[side] as usize) {
+                        let chunk_first = self.slot_chunks as u32;
+                        self.slots.push(Slot { pair: index as u32, side: side as u32, proxy, chunk_first });
+                        self.slot_chunks += self.proxies[proxy as usize].chunk_count as usize;
+                    }
+                }
+            }
+            if gathering {
+                (self.gathering_slots, self.gathering_chunks) = (self.slots.len(), self.slot_chunks);
+            }
+        }
+        self.drop_unused_fans();
+    }
+
+    /// Normals are asked of vertices that gather contacts alone: the triangles around others are dropped.
+    fn drop_unused_fans(&mut self) {
+        let mut gathers = vec![false; self.skin_nodes.len()];
+        for slot in &self.slots[..self.gathering_slots] {
+            let proxy = &self.proxies[slot.proxy as usize];
+            for chunk in &self.chunks[proxy.chunk_first as usize..][..proxy.chunk_count as usize] {
+                let own = &self.chunk_vertices[chunk.vertex_first as usize..][..chunk.vertex_count as usize];
+                own.iter().for_each(|vertex| gathers[*vertex as usize] = true);
+            }
+        }
+        let (mut first, mut fans) = (vec![0], Vec::new());
+        for (range, gathers) in self.fan_first.windows(2).zip(gathers) {
+            if gathers {
+                fans.extend(&self.fans[range[0] as usize..range[1] as usize]);
+            }
+            first.push(fans.len() as u32);
+        }
+        (self.fan_first, self.fans) = (first, fans);
     }
 
     /// Adds a pair of bodies; `held`: the tool or the held body, `law`: stiffness (N/m^3) and damping (N s/m^3).
@@ -47,23 +92,21 @@ impl Model {
         held: usize,
         ranges: &[Range<usize>],
         law: [f64; 2],
+        sides: Sides,
     ) {
         let plane = match all[b].shape {
             Shape::Plane { normal, offset } => Some(Plane { normal, offset }),
             _ => None,
         };
-        let pair = self.pairs.len() as u32;
         let (a_proxies, b_proxies) = (ranges[a].clone(), ranges[b].clone());
         let first_proxy_pair = self.proxy_pairs.len() as u32;
         for p in a_proxies.clone() {
             self.proxy_pairs.extend(b_proxies.clone().map(|q| [p as u32, q as u32, 0, 0]));
         }
-        let first_slot = self.slots.len() as u32;
-        for (side, proxy) in a_proxies.clone().map(|p| (0, p)).chain(b_proxies.clone().map(|q| (1, q))) {
-            let chunk_first = self.slot_chunks as u32;
-            self.slots.push(Slot { pair, side, proxy: proxy as u32, chunk_first });
-            self.slot_chunks += self.proxies[proxy].chunk_count as usize;
-        }
+        let lone_side = match sides {
+            Sides::One if plane.is_none() => 1 + u32::from(mean_area(all[b]) < mean_area(all[a])),
+            _ => 0,
+        };
         let driven_frame = |index: usize| match &all[index].shape {
             Shape::Rigid { motion: FrameMotion::Driven(_), .. } => self.body_frames[index],
             _ => NONE,
@@ -73,12 +116,14 @@ impl Model {
             proxy_pair_count: self.proxy_pairs.len() as u32 - first_proxy_pair,
             first_proxy: [a_proxies.start as u32, b_proxies.start as u32],
             proxy_count: [a_proxies.len() as u32, b_proxies.len() as u32],
-            first_slot,
+            // Slots are made when all pairs are known.
+            first_slot: [0; 2],
             stiffness: law[0] as f32,
             damping: law[1] as f32,
             tool_sign: if a == held { 1.0 } else { -f32::from(u8::from(b == held)) },
             is_plane: u32::from(plane.is_some()),
             driven_frame: [driven_frame(a), driven_frame(b)],
+            lone_side,
             direction: [0.0; 4],
             plane: [0.0; 4],
         });
@@ -107,6 +152,17 @@ fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
         soft.reduce(f64::min)
     };
     of(pair).or_else(|| of(all)).unwrap_or(RIGID_STIFFNESS)
+}
+
+/// Skin to a vertex of a body, m^2: where one side of a pair gathers, it is the one with less, whose vertices say more of where
+/// the two meet; of equals the first.
+fn mean_area(body: &Body) -> f64 {
+    match &body.shape {
+        Shape::Soft { skin, .. } | Shape::Rigid { skin, .. } => {
+            skin.areas.iter().sum::<f64>() / skin.areas.len().max(1) as f64
+        }
+        Shape::Plane { .. } => f64::INFINITY,
+    }
 }
 
 /// Mean length of a layer's edges, each counted once, m.

@@ -93,8 +93,8 @@ pub struct Pair {
     pub first_proxy: [u32; 2],
     /// Of a and b.
     pub proxy_count: [u32; 2],
-    /// A [`Slot`] each proxy of a, then of b.
-    pub first_slot: u32,
+    /// A [`Slot`] each proxy of a, and of b.
+    pub first_slot: [u32; 2],
     /// N/m^3.
     pub stiffness: f32,
     /// N s/m^3.
@@ -105,6 +105,8 @@ pub struct Pair {
     pub is_plane: u32,
     /// The driven frame of a and b where their skins are rigid, or [`NONE`].
     pub driven_frame: [u32; 2],
+    /// 0: vertices of both gather contacts; 1: a's alone, 2: b's alone.
+    pub lone_side: u32,
     /// w not 0: the normal to use, whatever culling finds.
     pub direction: [f32; 4],
     /// Unit normal, offset relative to the origin.
@@ -250,6 +252,8 @@ pub struct Counts {
     pub chunks: u32,
     /// Chunks times their regions.
     pub items: u32,
+    /// The first of the chunks: those whose vertices gather contacts.
+    pub gathering: u32,
     /// Slots whose chunks were looked at.
     pub slots_met: u32,
     /// Crossings found.

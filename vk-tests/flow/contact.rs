@@ -10,7 +10,7 @@ use crate::harness::{case, context};
 impl Flow {
     pub fn candidates(&mut self) {
         self.counts.chunks_asked = 0;
-        let (count, model) = (CHUNK_VERTICES * self.groups(args::ACTIVE), &self.model);
+        let (count, model) = (CHUNK_VERTICES * self.groups(args::GATHERING), &self.model);
         let out = case("contact/candidates")
             .size(Size::Reduce)
             .constant("CAPACITY", self.capacity as u32)
@@ -38,7 +38,7 @@ impl Flow {
             .partial("contact_source", &vec![NONE; self.capacity])
             .partial("args", &self.args)
             .inout("chunk_contacts", &vec![[9u32; 2]; (count / CHUNK_VERTICES).max(1)])
-            .groups(self.groups(args::ACTIVE))
+            .groups(self.groups(args::GATHERING))
             .run();
         self.source = out.get("contact_source");
         self.args = out.get("args");

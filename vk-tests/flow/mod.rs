@@ -7,7 +7,7 @@ mod query;
 use bytemuck::{Pod, Zeroable};
 use glam::{DQuat, DVec3};
 use palpate::prepare::Body;
-use palpate::scene::{self, Scene};
+use palpate::scene::{self, Scene, Sides};
 use palpate::stages::args;
 use palpate::stages::depth::Path;
 use palpate::stages::model::{Model, texel};
@@ -102,7 +102,7 @@ pub fn fours(data: &[u32]) -> Vec<u32> {
 }
 
 /// A scene of which only the contact law and the time step matter.
-fn scene() -> Scene {
+fn scene(sides: Sides) -> Scene {
     Scene {
         file: "none".into(),
         step: scene::Step { dt: 1e-3, gravity: DVec3::ZERO, newton: 1 },
@@ -115,6 +115,7 @@ fn scene() -> Scene {
             texel: None,
             depth_limit: 0.02,
             depth: None,
+            sides,
         },
         bodies: vec![],
         tool: None,
@@ -128,7 +129,12 @@ fn scene() -> Scene {
 impl Flow {
     /// Bodies where they are, positions relative to `origin`.
     pub fn new(bodies: &[Body], tool: Option<&Body>, origin: DVec3) -> Flow {
-        let model = Model::new(&scene(), bodies, tool);
+        Flow::of_sides(bodies, tool, origin, Sides::Both)
+    }
+
+    /// The same; `sides`: whose vertices gather contacts.
+    pub fn of_sides(bodies: &[Body], tool: Option<&Body>, origin: DVec3, sides: Sides) -> Flow {
+        let model = Model::new(&scene(sides), bodies, tool);
         let frame = |(centre, rotation): (DVec3, DQuat)| Frame {
             rotation: rotation.as_quat().to_array(),
             centre: (centre - origin).as_vec3().to_array(),
@@ -152,7 +158,7 @@ impl Flow {
             most_items: model.most_items(),
             most_hits: 1 << 16,
             bucket_count: LEAST_BUCKETS,
-            capacity: CHUNK_VERTICES * model.most_chunks(),
+            capacity: CHUNK_VERTICES * model.most_gathering(),
             hull: vec![],
             faces: vec![],
             bounds: vec![],

@@ -153,6 +153,7 @@ impl Flow {
             .size(Size::Reduce)
             .constant("SLOTS", self.model.slots.len() as u32)
             .constant("MOST_ITEMS", self.most_items as u32)
+            .constant("GATHERING", self.model.gathering_slots as u32)
             .input("pairs", &self.pairs)
             .input("slots", &self.model.slots)
             .input("active_slots", &self.active_slots)
