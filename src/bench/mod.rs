@@ -4,6 +4,7 @@
 pub mod accuracy;
 pub mod compare;
 pub mod document;
+pub mod features;
 pub mod haptics;
 mod page;
 pub mod plot;

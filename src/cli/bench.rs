@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
 use palpate::bench::compare::{self, Verdict};
+use palpate::bench::features::{self, Features};
 use palpate::bench::haptics::{self, Haptics};
 use palpate::bench::proximity::{self, Proximity};
 use palpate::bench::solver::{self, Solver};
@@ -64,10 +65,12 @@ fn benchmarks(arguments: &Arguments) -> Vec<Box<dyn Benchmark>> {
     let proximity = if arguments.quick { proximity::Settings::quick() } else { proximity::Settings::full() };
     let solver = if arguments.quick { solver::Settings::quick() } else { solver::Settings::full() };
     let haptics = if arguments.quick { haptics::Settings::quick() } else { haptics::Settings::full() };
+    let features = if arguments.quick { features::Settings::quick() } else { features::Settings::full() };
     vec![
         Box::new(Proximity(proximity::Settings { device: device(), ..proximity })),
         Box::new(Solver(solver::Settings { device: device(), ..solver })),
         Box::new(Haptics(haptics::Settings { device: device(), ..haptics })),
+        Box::new(Features(features::Settings { device: device(), ..features })),
     ]
 }
 

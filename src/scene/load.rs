@@ -38,7 +38,12 @@ impl Scene {
     pub fn load(path: &Path) -> Result<Scene> {
         let text = std::fs::read_to_string(path)
             .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give a scene file"))?;
-        let source = Source { file: path, text: &text };
+        Scene::of_text(path, &text)
+    }
+
+    /// The same of a text; `path` is what errors name, and where it looks for files.
+    pub fn of_text(path: &Path, text: &str) -> Result<Scene> {
+        let source = Source { file: path, text };
         let document = source.parse()?;
         let root = Table::root(&source, &document, &ROOT_KEYS)?;
         let preset = root.option("preset", preset_of)?;
