@@ -1,7 +1,17 @@
-//! The step plan: which stages a scene needs, and why the others are left out. Said in `summary.json`.
+//! The step plan: which stages a scene needs, and why the others are left out. Said in `summary.json`; pass by pass by
+//! `palpate run --explain`.
 
+mod explanation;
+mod features;
+mod kernels;
+
+use crate::prepare::Body;
 use crate::scene::Scene;
 use crate::stages::model::Model;
+
+pub use explanation::{Array, Explanation, KernelUse, StageUse};
+pub use features::Feature;
+pub(crate) use kernels::{stage_of, why_not};
 
 /// A stage, recorded or not.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -19,11 +29,14 @@ pub struct Entry {
 pub struct Plan {
     /// Stage by stage.
     pub entries: Vec<Entry>,
+    /// The depth stage's path and why, where it is recorded.
+    pub depth: Option<String>,
 }
 
 impl Plan {
     /// The plan of a scene; `depth`: the depth stage's path and why, where it is recorded.
     pub fn new(scene: &Scene, model: &Model, depth: Option<String>) -> Plan {
+        let path = depth.clone();
         let touches = !model.pairs.is_empty();
         let nothing = match (&scene.tool, scene.bodies.len()) {
             (None, 0 | 1) => "a single body and no tool: nothing to touch",
@@ -64,6 +77,11 @@ impl Plan {
         add("wrench", wrench, "the tool's".into(), if scene.tool.is_some() { nothing } else { "no tool" });
         add("fit", floating > 0, format!("{floating} floating frames"), "no frame floats");
         add("probe", !scene.probes.is_empty(), format!("{} vertices", scene.probes.len()), "no probes");
-        Plan { entries }
+        Plan { entries, depth: path }
+    }
+
+    /// What the scene has of all that one can have; `bodies`: without the tool; `timed_every`: so many steps, 0: none.
+    pub fn features(&self, scene: &Scene, model: &Model, bodies: &[Body], timed_every: u64) -> Vec<Feature> {
+        features::features(&features::Known { scene, model, bodies, depth: self.depth.as_deref(), timed_every })
     }
 }

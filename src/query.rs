@@ -257,7 +257,7 @@ impl Query {
     }
 
     /// Passes of each stage.
-    pub fn passes(&self) -> &[StagePasses] {
+    pub fn passes(&self) -> Vec<StagePasses> {
         self.record().passes()
     }
 

@@ -2,6 +2,7 @@
 
 mod advance;
 pub(crate) mod choice;
+mod explain;
 pub mod frames;
 pub mod joints;
 mod probes;
@@ -52,7 +53,7 @@ pub struct Simulation {
     stages: Stages,
     plain: Recordings,
     /// Timed by stage; with the query's stages as one.
-    timed: [Recordings; 2],
+    timed: Option<[Recordings; 2]>,
     tool: Option<Tool>,
     frames: Frames,
     drive: Drive,
@@ -92,9 +93,7 @@ impl Simulation {
         // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
         Recordings::new(&stages, 0, || Recorder::warm_up(&context))?.submit_once()?;
         let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(&context))?;
-        let timed =
-            |timers| Recordings::new(&stages, scene.solver.max_iterations, || Recorder::timed_by(&context, timers));
-        let timed = [timed(|stage| stage)?, timed(query_as_one)?];
+        let timed = Some(timed(&context, &stages, scene)?);
         let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
         let plan = Plan::new(scene, &model, choice.map(|choice| choice.to_string()));
         let held_mass = tools::held_mass(&model);
@@ -155,7 +154,8 @@ impl Simulation {
         Ok(row)
     }
 
-    /// What the tool felt in the last step, with stiffness and damping; `None`: there is no tool, or was no step.
+    /// What the tool felt in the last step, with stiffness and damping if that was [`Simulation::step_held`] (else zero: nobody
+    /// asks); `None`: there is no tool, or was no step.
     pub fn contact_wrench(&self) -> Option<&ContactWrench> {
         self.last_wrench.as_ref()
     }
@@ -186,9 +186,16 @@ impl Simulation {
         self.path
     }
 
-    /// Times every so many steps from now on, in turn stage by stage, and the query's stages as one; 0: none.
-    pub fn time_every(&mut self, steps: u64) {
+    /// Times every so many steps from now on, in turn stage by stage, and the query's stages as one; 0: none, and the
+    /// recordings with timestamps go.
+    pub fn time_every(&mut self, steps: u64) -> Result<()> {
         self.timed_every = steps;
+        match steps {
+            0 => self.timed = None,
+            _ if self.timed.is_none() => self.timed = Some(timed(&self.context, &self.stages, &self.scene)?),
+            _ => {}
+        }
+        Ok(())
     }
 
     /// Times of the stages in the last step, microseconds, where it was a timed one; in every second such step those of the
@@ -200,15 +207,9 @@ impl Simulation {
     /// Dispatches, draws, fills and copies of each stage in a step of `iterations` solver iterations, and how many passes
     /// of the whole wait for an earlier one.
     pub fn passes(&self, iterations: u32) -> (Vec<(String, u32)>, u32) {
-        let (length, iterate) = &self.plain.iterate[0];
         let mut stages: Vec<(String, u32)> = Vec::new();
         let mut dependent = 0;
-        let newton = f64::from(self.scene.step.newton);
-        let again = self.plain.newton.iter().map(|[first, _]| (first, newton - 1.0));
-        let iterate = (iterate, f64::from(iterations) / f64::from(*length));
-        for (recording, share) in
-            [(&self.plain.begin, 1.0), iterate, (&self.plain.end, newton)].into_iter().chain(again)
-        {
+        for (recording, share) in self.parts(iterations) {
             for part in recording.passes() {
                 let passes = (f64::from(part.dispatches) * share).round() as u32;
                 dependent += (f64::from(part.dependent) * share).round() as u32;
@@ -309,6 +310,7 @@ impl Simulation {
             gravity: step.gravity.as_vec3().to_array(),
             depth_limit: self.scene.contact.depth_limit as f32,
             texel: self.scene.contact.texel.unwrap_or(0.0) as f32,
+            is_held: u32::from(!self.has_weight),
             ..bytemuck::Zeroable::zeroed()
         };
         if let Some(tool) = &self.tool {
@@ -380,6 +382,12 @@ impl Simulation {
             probes,
         }
     }
+}
+
+/// The step with timestamps: stage by stage, and with the query's stages as one.
+fn timed(context: &Arc<Context>, stages: &Stages, scene: &Scene) -> Result<[Recordings; 2]> {
+    let timed = |timers| Recordings::new(stages, scene.solver.max_iterations, || Recorder::timed_by(context, timers));
+    Ok([timed(|stage| stage)?, timed(query_as_one)?])
 }
 
 /// The initial velocity of a frame's body.

@@ -46,7 +46,8 @@ fn dependent_passes_run_in_order_and_independent_ones_do_not_wait() {
     recording.submit_and_wait().unwrap();
     assert_eq!(a.read::<u32>().unwrap(), folded(1, 0..20));
     assert_eq!(b.read::<u32>().unwrap(), folded(1, (0..20).chain([5])));
-    let passes: Vec<_> = recording.passes().iter().map(|p| (p.stage.as_str(), p.dispatches, p.dependent)).collect();
+    let passes = recording.passes();
+    let passes: Vec<_> = passes.iter().map(|p| (p.stage.as_str(), p.dispatches, p.dependent)).collect();
     assert_eq!(passes, [("first", 42, 22)], "20 dependent pairs, a copy, and what follows it");
     let times = recording.stage_times();
     assert_eq!(times.iter().map(|t| t.0.as_str()).collect::<Vec<_>>(), ["first", "second"]);

@@ -17,6 +17,7 @@ mod dilate;
 mod dirty;
 mod elastic;
 mod energy;
+mod explain;
 mod extremes;
 mod flow;
 mod frames;

@@ -20,7 +20,7 @@ fn a_replaced_kernel_runs_in_its_place_and_an_unknown_name_is_refused() {
         let mut recorder = Recorder::new(&context).unwrap();
         recorder.stage("bump");
         recorder.dispatch(&kernel, &[&cells], &bytemuck::cast::<[u32; 2], [u8; 8]>([10, 5]), 5);
-        recorder.finish().unwrap().submit().unwrap();
+        recorder.finish().unwrap().submit_and_wait().unwrap();
         assert_eq!(cells.read::<u32>().unwrap(), [expected; 5]);
         assert_clean(&context, "a replaced kernel");
     }

@@ -68,6 +68,7 @@ fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
         drive: vec![],
         haptics: scene::Haptics::default(),
         probes: vec![],
+        preset: None,
     }
 }
 

@@ -4,7 +4,7 @@ use glam::DVec3;
 use palpate::gpu::Size;
 use palpate::oracle::step::Resolved;
 use palpate::oracle::wrench;
-use palpate::stages::types::{Contact, Report};
+use palpate::stages::types::{Contact, Report, StepParams};
 
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::random::Random;
@@ -16,12 +16,20 @@ const SUM: f64 = 2.0e-6;
 
 /// Runs wrench/reduce; every other word of the report must stay.
 fn reduce(system: &System, forces: &[[f32; 4]]) -> Report {
+    let [held, loose] = [true, false].map(|is_held| reduce_as(system, forces, is_held));
+    // Where no loop holds the tool it feels the same, and nobody asks for more.
+    let want = Report { stiffness: [0.0; 21], damping: [0.0; 21], ..held };
+    assert_eq!(bytemuck::bytes_of(&loose), bytemuck::bytes_of(&want));
+    held
+}
+
+fn reduce_as(system: &System, forces: &[[f32; 4]], is_held: bool) -> Report {
     let mut before: Report = bytemuck::Zeroable::zeroed();
     (before.verdict, before.iterations, before.tool_change) = (5, 6, [7.0; 6]);
     let outcome = case("wrench/reduce")
         .size(Size::Reduce)
         .constant("FRICTION", system.twin.friction.is_some())
-        .input("params", &[system.params])
+        .input("params", &[StepParams { is_held: u32::from(is_held), ..system.params }])
         .input("counts", &[system.counts])
         .input("contacts", &system.contacts)
         .input("contact_forces", forces)

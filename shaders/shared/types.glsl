@@ -13,6 +13,7 @@ struct StepParams {
     vec3 gravity;               // m/s^2
     float depth_limit;          // m
     float texel;                // edge of the squares of the depth stage, m; 0: from the skins
+    uint is_held;               // 1: a loop holds the tool, and asks for the wrench's stiffness and damping
     float tool_matrix[36];      // operator of the tool's twist without contact: inertia and virtual coupling; of a held core
                                 // the coupling alone, its nodes have the inertia
     float tool_rhs[6];          // right-hand side of the same

@@ -5,7 +5,8 @@
 
 // Wrench: net force and torque on the tool, about its centre, of what the solver applied: a max(0, k delta + d delta') and
 // friction at the end of the step; the contact stiffness and damping that the tool sees, sum a k J^T n n^T J and
-// sum J^T (a d n n^T + c (I - n n^T)) J with J of the tool, the body held still. One workgroup. Oracle: oracle::wrench.
+// sum J^T (a d n n^T + c (I - n n^T)) J with J of the tool, the body held still; zero where no loop holds the tool, and so
+// nobody asks. One workgroup. Oracle: oracle::wrench.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -23,6 +24,7 @@ layout(scalar, binding = 4) writeonly buffer ReportOut { Report report; };
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
+    bool is_held = params.is_held != 0;
     // Force, torque, upper triangles of stiffness and damping, sizes of forces; the rest fills the last quad.
     float sums[52];
     for (int k = 0; k < 52; k++) sums[k] = 0.0;
@@ -37,7 +39,7 @@ void main() {
         for (int k = 0; k < 6; k++) sums[k] -= force * column[k];
         sums[48] += force;
         int at = 6;
-        for (int i = 0; i < 6; i++) {
+        for (int i = 0; i < (is_held ? 6 : 0); i++) {
             for (int k = i; k < 6; k++) {
                 sums[at] += contact.area * contact.stiffness * column[i] * column[k];
                 sums[at + 21] += contact.area * contact.damping * column[i] * column[k];
@@ -51,12 +53,13 @@ void main() {
             tool_column(contact, along[t], column);
             for (int k = 0; k < 6; k++) sums[k] -= dot(drag, along[t]) * column[k];
             at = 27;
-            for (int i = 0; i < 6; i++) {
+            for (int i = 0; i < (is_held ? 6 : 0); i++) {
                 for (int k = i; k < 6; k++) sums[at++] += contact.friction * column[i] * column[k];
             }
         }
     }
     for (int k = 0; k < 52; k += 4) {
+        if (!is_held && k >= 8 && k < 48) continue;
         vec4 part = workgroup_sum(vec4(sums[k], sums[k + 1], sums[k + 2], sums[k + 3]));
         for (int l = 0; l < 4; l++) sums[k + l] = part[l];
     }

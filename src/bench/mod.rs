@@ -4,6 +4,7 @@
 pub mod accuracy;
 pub mod compare;
 pub mod document;
+pub mod features;
 pub mod fit;
 pub mod haptics;
 mod page;

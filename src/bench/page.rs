@@ -124,8 +124,14 @@ mod tests {
             Section { title: "T & U".into(), question: "Is `x` so?".into(), table, plot, finding: "So.".into() };
         let chapter = Chapter { title: "C".into(), preface: "How.".into(), sections: vec![section.clone(), section] };
         let page = Document { title: "R".into(), preface: "Where.".into(), chapters: vec![chapter] }.html();
-        let parts =
-            ["<td class=\"text\">a &lt; b</td><td>12</td>", "<code>x</code>", "T &amp; U", "<figure><svg width", "#c0s1", "Where."];
+        let parts = [
+            "<td class=\"text\">a &lt; b</td><td>12</td>",
+            "<code>x</code>",
+            "T &amp; U",
+            "<figure><svg width",
+            "#c0s1",
+            "Where.",
+        ];
         assert!(parts.iter().all(|part| page.contains(part)), "{page}");
         assert!(!page.contains("<?xml") && !page.contains("<script") && !page.contains("href=\"http"), "{page}");
         assert_eq!(page.matches("<section").count(), page.matches("</section>").count());

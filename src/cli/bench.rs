@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::builder::NonEmptyStringValueParser;
 use palpate::bench::accuracy::{self, Accuracy};
 use palpate::bench::compare::{self, Verdict};
+use palpate::bench::features::{self, Features};
 use palpate::bench::haptics::{self, Haptics};
 use palpate::bench::paper::{self, Paper};
 use palpate::bench::proximity::{self, Proximity};
@@ -69,12 +70,14 @@ fn benchmarks(arguments: &Arguments) -> Vec<Box<dyn Benchmark>> {
     let paper = if arguments.quick { paper::Settings::quick() } else { paper::Settings::full() };
     let paper = paper::Settings { scenes: arguments.scenes.clone(), device: device(), ..paper };
     let accuracy = if arguments.quick { accuracy::Settings::quick() } else { accuracy::Settings::full() };
+    let features = if arguments.quick { features::Settings::quick() } else { features::Settings::full() };
     vec![
         Box::new(Paper(paper)),
         Box::new(Proximity(proximity::Settings { device: device(), ..proximity })),
         Box::new(Solver(solver::Settings { device: device(), ..solver })),
         Box::new(Haptics(haptics::Settings { device: device(), ..haptics })),
         Box::new(Accuracy(accuracy::Settings { device: device(), ..accuracy })),
+        Box::new(Features(features::Settings { device: device(), ..features })),
     ]
 }
 

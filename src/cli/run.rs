@@ -19,6 +19,9 @@ const TRACE: &str = "trace.csv";
 const SUMMARY: &str = "summary.json";
 /// A day at one kilohertz, and some; the times of all steps are kept for the closing table.
 const MOST_STEPS: u64 = 100_000_000;
+/// As a scene's cap.
+const MOST_ITERATIONS: u32 = 10_000;
+const EXPLANATION: &str = "explain.json";
 
 /// Options of `palpate run`.
 #[derive(clap::Args)]
@@ -43,6 +46,10 @@ pub struct Arguments {
     /// File to record every tick of the loop into, for `palpate replay`; a table if its name ends in .csv
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+    /// Do not simulate: say which passes a step of N solver iterations records and leaves out, and why [default N: 16]
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "16",
+        conflicts_with_all = ["steps", "seconds", "record"], value_parser = iterations)]
+    explain: Option<u32>,
     /// Directory to write results into; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -53,6 +60,11 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
         Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
         _ => Err("give a number greater than zero".into()),
     }
+}
+
+fn iterations(text: &str) -> std::result::Result<u32, String> {
+    let iterations = text.parse().ok().filter(|iterations| (1..=MOST_ITERATIONS).contains(iterations));
+    iterations.ok_or_else(|| format!("give a whole number from 1 to {MOST_ITERATIONS}"))
 }
 
 fn steps(text: &str) -> std::result::Result<u64, String> {
@@ -96,6 +108,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         scene.haptics.device = kind.map_or(scene.haptics.device, |(_, kind)| *kind);
     }
     scene.haptics.is_held |= arguments.haptics.is_some() || arguments.record.is_some();
+    if let Some(iterations) = arguments.explain {
+        return explain(arguments, &scene, iterations);
+    }
     let extent = if scene.haptics.is_held {
         Extent::Seconds(seconds_of(arguments, &scene)?)
     } else {
@@ -115,6 +130,19 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ClosingTable { facts: &done.outcome.facts, tally: &done.tally },
         closing.unwrap_or_default()
     ))
+}
+
+/// Says what a step does, and what it leaves out.
+fn explain(arguments: &Arguments, scene: &Scene, iterations: u32) -> Result<()> {
+    let engine = Engine::open(scene, arguments.device.as_deref())?;
+    engine.notes().for_each(tell);
+    let explanation = engine.simulation().explain(iterations);
+    if let Some(folder) = &arguments.out {
+        let mut output = Output::create(folder)?;
+        output.write(EXPLANATION, |w| serde_json::to_writer_pretty(w, &explanation).map_err(Into::into))?;
+        output.commit()?;
+    }
+    print(&explanation.to_string())
 }
 
 /// How far a run goes.
@@ -201,6 +229,7 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
         output.write(&format!("{}.obj", skin.name), |w| obj::write(w, &skin.vertices, &skin.triangles))?;
     }
     let haptics = report.as_ref().map(report::haptics::summary);
-    let summary = Summary { haptics, ..Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally) };
+    let preset = scene.preset.clone();
+    let summary = Summary { haptics, preset, ..Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally) };
     output.write(SUMMARY, |w| serde_json::to_writer_pretty(w, &summary).map_err(Into::into))
 }

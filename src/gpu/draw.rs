@@ -49,7 +49,7 @@ impl Recorder {
             return Ok(());
         }
         self.add_args(&mut uses, args);
-        self.pass(&uses);
+        self.pass("", &format!("{0}.vert, {0}.frag", interface.name), &uses);
         self.commands.keep(pipeline.0.pipeline.as_raw(), &pipeline.0);
         self.bind(interface, buffers, push, vk::PipelineBindPoint::GRAPHICS)?;
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width: side, height: side } };

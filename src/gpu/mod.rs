@@ -26,7 +26,7 @@ pub use device::{DeviceInfo, DeviceKind};
 pub use kernel::{Const, Kernel, Size, shader_names};
 pub use raster::RasterPipeline;
 pub use recorder::Recorder;
-pub use recording::{Recording, StagePasses};
+pub use recording::{ArrayUse, Pass, Recording, StagePasses};
 
 use crate::error::Error;
 

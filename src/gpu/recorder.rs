@@ -10,10 +10,10 @@ use std::sync::Arc;
 use ash::vk::{self, AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
 
 use super::barrier::{Hazards, Use};
-use super::buffer::Buffer;
+use super::buffer::{Buffer, Memory};
 use super::context::Context;
 use super::kernel::{Interface, Kernel, descriptor_type};
-use super::recording::{Commands, Recording, StagePasses};
+use super::recording::{ArrayUse, Commands, Pass, Recording};
 use super::spirv::BindingKind;
 use crate::error::{Error, Result};
 
@@ -169,7 +169,7 @@ impl Recorder {
         if bytes == 0 || self.error.is_some() {
             return;
         }
-        self.pass(&[transfer(src, false), transfer(dst, true)]);
+        self.pass("copy", dst.name(), &[transfer(src, false), transfer(dst, true)]);
         self.keep(src);
         self.keep(dst);
         let region = [vk::BufferCopy { src_offset: src_byte, dst_offset: dst_byte, size: bytes }];
@@ -196,7 +196,7 @@ impl Recorder {
         if self.error.is_some() {
             return;
         }
-        self.pass(&[transfer(buffer, true)]);
+        self.pass("fill", buffer.name(), &[transfer(buffer, true)]);
         self.keep(buffer);
         // SAFETY: recording; the buffer is alive and kept; the range was checked, or is the whole.
         unsafe {
@@ -222,7 +222,7 @@ impl Recorder {
         if let Some(args) = args {
             self.add_args(&mut uses, args);
         }
-        self.pass(&uses);
+        self.pass("", kernel.name(), &uses);
         if self.bound != inner.pipeline {
             self.bound = inner.pipeline;
             self.commands.keep(inner.pipeline.as_raw(), inner);
@@ -296,17 +296,12 @@ impl Recorder {
         Ok(set)
     }
 
-    /// Notes a pass and puts a barrier before it where it must wait.
-    pub(super) fn pass(&mut self, uses: &[Use]) {
+    /// Notes a pass (`verb`: of one that runs no kernel) and puts a barrier before it where it must wait.
+    pub(super) fn pass(&mut self, verb: &str, name: &str, uses: &[Use]) {
         let barrier = self.hazards.before(uses);
-        let stages = &mut self.commands.stages;
-        let first = stages.iter().all(|s| s.dispatches == 0);
-        let at = stages.iter().position(|s| s.stage == self.stage).unwrap_or_else(|| {
-            stages.push(StagePasses { stage: self.stage.clone(), dispatches: 0, dependent: 0 });
-            stages.len() - 1
-        });
-        stages[at].dispatches += 1;
-        stages[at].dependent += u32::from(first) + u32::from(barrier.is_some());
+        let passes = &mut self.commands.passes;
+        let (what, waits) = (format!("{verb} {name}").trim().to_string(), passes.is_empty() || barrier.is_some());
+        passes.push(Pass { stage: self.stage.clone(), what, is_kernel: verb.is_empty(), waits });
         if let Some(barrier) = barrier {
             self.barrier(barrier);
         }
@@ -320,7 +315,13 @@ impl Recorder {
     }
 
     pub(super) fn keep(&mut self, buffer: &Buffer) {
-        self.commands.keep(buffer.0.handle.as_raw(), &buffer.0);
+        let id = buffer.0.handle.as_raw();
+        if !self.commands.keeps(id) {
+            let (stage, name) = (self.stage.clone(), buffer.name().to_string());
+            let on_device = buffer.memory() == Memory::Device;
+            self.commands.arrays.push(ArrayUse { id, stage, name, bytes: buffer.bytes(), on_device });
+        }
+        self.commands.keep(id, &buffer.0);
     }
 
     fn end_label(&mut self) {
@@ -363,7 +364,7 @@ fn transfer(buffer: &Buffer, writes: bool) -> Use {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Memory, Options, Size};
+    use super::super::{Options, Size};
     use super::*;
 
     /// Without its barrier, a pass that reads what another wrote must be reported: the tests rely on this validation.

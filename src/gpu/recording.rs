@@ -26,6 +26,34 @@ pub struct StagePasses {
     pub dependent: u32,
 }
 
+/// A pass, in the order of recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pass {
+    /// The stage.
+    pub stage: String,
+    /// The kernel, or what is filled or copied to.
+    pub what: String,
+    /// Whether it is a kernel.
+    pub is_kernel: bool,
+    /// Whether it waits for an earlier one; the first always does.
+    pub waits: bool,
+}
+
+/// An array that a recording binds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ArrayUse {
+    /// The same in all recordings that bind it.
+    pub id: u64,
+    /// The first stage that does.
+    pub stage: String,
+    /// Its name.
+    pub name: String,
+    /// Its size as asked for.
+    pub bytes: u64,
+    /// Whether it is in the device's own memory, not mapped for the host.
+    pub on_device: bool,
+}
+
 /// A command buffer that can be submitted any number of times. Holds handles of all it uses, so nothing it needs can
 /// go before it. It may move between threads, but one thread at a time submits it.
 pub struct Recording {
@@ -43,7 +71,8 @@ pub(super) struct Commands {
     queries: Vec<vk::QueryPool>,
     /// Timer of each timestamp; it marks its beginning.
     marks: Vec<String>,
-    pub stages: Vec<StagePasses>,
+    pub passes: Vec<Pass>,
+    pub arrays: Vec<ArrayUse>,
     kept: HashMap<u64, Arc<dyn Any + Send + Sync>>,
 }
 
@@ -58,7 +87,8 @@ impl Commands {
             descriptor_pools: Vec::new(),
             queries: Vec::new(),
             marks: Vec::new(),
-            stages: Vec::new(),
+            passes: Vec::new(),
+            arrays: Vec::new(),
             kept: HashMap::new(),
         };
         let pool = vk::CommandPoolCreateInfo::default().queue_family_index(context.queue_family);
@@ -82,6 +112,11 @@ impl Commands {
     /// Keeps something alive as long as the recording; `id` is its Vulkan handle.
     pub fn keep(&mut self, id: u64, what: &Arc<impl Any + Send + Sync>) {
         self.kept.entry(id).or_insert_with(|| what.clone());
+    }
+
+    /// Whether it was kept already.
+    pub fn keeps(&self, id: u64) -> bool {
+        self.kept.contains_key(&id)
     }
 
     /// Writes a timestamp that marks the beginning of `stage`, or of a timer of several.
@@ -244,8 +279,27 @@ impl Recording {
     }
 
     /// Stages in order of first appearance, with what they recorded.
-    pub fn passes(&self) -> &[StagePasses] {
-        &self.commands.stages
+    pub fn passes(&self) -> Vec<StagePasses> {
+        let mut stages: Vec<StagePasses> = Vec::new();
+        for pass in &self.commands.passes {
+            let at = stages.iter().position(|known| known.stage == pass.stage).unwrap_or_else(|| {
+                stages.push(StagePasses { stage: pass.stage.clone(), dispatches: 0, dependent: 0 });
+                stages.len() - 1
+            });
+            stages[at].dispatches += 1;
+            stages[at].dependent += u32::from(pass.waits);
+        }
+        stages
+    }
+
+    /// Every pass in the order of recording.
+    pub fn all_passes(&self) -> &[Pass] {
+        &self.commands.passes
+    }
+
+    /// Arrays in the order in which they are bound first.
+    pub fn arrays(&self) -> &[ArrayUse] {
+        &self.commands.arrays
     }
 
     /// The last stage that began before the device was lost, as far as timestamps tell.

@@ -126,6 +126,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         drive: Vec::new(),
         haptics: Haptics::default(),
         probes: Vec::new(),
+        preset: None,
     }
 }
 

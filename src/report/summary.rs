@@ -8,6 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::{Flags, Row};
 use crate::prepare::BodyReport;
+use crate::scene::preset::Chosen;
 
 /// What the engine knows of itself at the end of a run.
 #[derive(Debug, Clone, Default)]
@@ -149,6 +150,9 @@ pub struct Summary {
     pub flags: Map<String, Value>,
     /// By body: what was found in its files (`repair`, `notes`); bodies without files, or nothing to say, are left out.
     pub files: Map<String, Value>,
+    /// The preset that the scene names, and what it decided; left out without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<Chosen>,
     /// The loop of a session with a haptic device, see [`summary`](super::haptics::summary); left out of other runs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub haptics: Option<Value>,
@@ -183,6 +187,7 @@ impl Summary {
             normal_turn: json!({ "most_rad": tally.normal_turn, "most_rad_per_mm": tally.normal_turn_per_mm }),
             flags: Flags::ALL.iter().zip(tally.flags).map(|((_, name), n)| (name.to_string(), n.into())).collect(),
             files: told.map(|(name, report)| (name.clone(), json!(report))).collect(),
+            preset: None,
             haptics: None,
             version: env!("CARGO_PKG_VERSION"),
         }

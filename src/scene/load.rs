@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use glam::{DQuat, DVec3};
 
 use super::keys::{Source, Table, Value};
+use super::preset::{self, PRESETS, Preset};
 use super::{
     Body, Contact, Core, Coupling, DepthPath, Haptics, Motion, Preconditioner, Probe, Scene, Shape, Sides, Solver,
     Step, Tool, ToolShape, body, drive, haptics,
@@ -20,23 +21,16 @@ pub(super) const TOOL: &str = "tool";
 const DEFAULT_DURATION: f64 = 1.0;
 /// What a scene has that does not say.
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
-const SOLVER: Solver = Solver { tolerance: 1e-5, max_iterations: 200, preconditioner: Preconditioner::Auto };
-const CONTACT: Contact = Contact {
-    stiffness: None,
-    damping: None,
-    friction: 0.0,
-    friction_speed: 0.001,
-    texel: None,
-    depth_limit: 0.02,
-    depth: None,
-    sides: Sides::Both,
-};
+const STEP: f64 = 0.001;
+const FRICTION_SPEED: f64 = 0.001;
+const DEPTH_LIMIT: f64 = 0.02;
 /// Iterations at most: they are recorded beforehand, four passes each.
 const MOST_ITERATIONS: u32 = 10_000;
 /// Column prefixes of the trace that a probe must not take.
 const RESERVED_PROBES: [&str; 4] = ["tool", "device", "force", "torque"];
 
-const ROOT_KEYS: [&str; 9] = ["step", "solver", "contact", "body", "tool", "coupling", "drive", "haptics", "probe"];
+const ROOT_KEYS: [&str; 10] =
+    ["preset", "step", "solver", "contact", "body", "tool", "coupling", "drive", "haptics", "probe"];
 
 impl Scene {
     /// Reads and checks a scene file. Every number is finite and in range, every name resolves, every file that is
@@ -52,17 +46,24 @@ impl Scene {
         let source = Source { file: path, text };
         let document = source.parse()?;
         let root = Table::root(&source, &document, &ROOT_KEYS)?;
+        let preset = root.option("preset", preset_of)?;
+        let defaults = preset.unwrap_or(preset::NONE);
+        let tables = ["step", "solver", "contact"];
+        let is_given = |table: &str, key: &str| {
+            tables.contains(&table) && root.get(table).is_some_and(|t| t.unchecked_table().is_ok_and(|t| t.has(key)))
+        };
         let scene = Scene {
             file: path.into(),
-            step: step(&root)?,
-            solver: solver(&root)?,
-            contact: contact(&root)?,
+            step: step(&root, &defaults)?,
+            solver: solver(&root, &defaults)?,
+            contact: contact(&root, &defaults)?,
             bodies: body::read(&root)?,
             tool: root.option("tool", tool)?,
             coupling: root.option("coupling", coupling)?,
             drive: root.option("drive", drive::read)?.unwrap_or_default(),
             haptics: haptics::read(&root)?,
             probes: probes(&root)?,
+            preset: preset.map(|preset| preset.chosen(is_given)),
         };
         if scene.bodies.is_empty() && scene.tool.is_none() {
             let problem = "the scene has neither a body nor a tool";
@@ -81,15 +82,16 @@ impl Scene {
     pub fn empty(file: impl Into<PathBuf>) -> Scene {
         Scene {
             file: file.into(),
-            step: Step { dt: 0.001, gravity: GRAVITY, newton: 1 },
-            solver: SOLVER,
-            contact: CONTACT,
+            step: no_step(&preset::NONE),
+            solver: no_solver(&preset::NONE),
+            contact: no_contact(&preset::NONE),
             bodies: Vec::new(),
             tool: None,
             coupling: None,
             drive: Vec::new(),
             haptics: Haptics::default(),
             probes: Vec::new(),
+            preset: None,
         }
     }
 
@@ -127,24 +129,54 @@ fn section<'a>(root: &Table<'a>, key: &str, known: &[&str]) -> Result<Option<Tab
     root.option(key, |value| value.table(known))
 }
 
-fn step(root: &Table) -> Result<Step> {
-    let Some(table) = section(root, "step", &["dt", "gravity", "newton"])? else {
-        return Ok(Step { dt: 0.001, gravity: GRAVITY, newton: 1 });
-    };
+/// A preset by its name.
+fn preset_of(value: &Value) -> Result<Preset> {
+    value.one_of("preset", &PRESETS.map(|preset| (preset.name, preset)))
+}
+
+/// What a scene without `[step]` has.
+fn no_step(defaults: &Preset) -> Step {
+    Step { dt: STEP, gravity: GRAVITY, newton: defaults.newton }
+}
+
+/// What a scene without `[solver]` has.
+fn no_solver(defaults: &Preset) -> Solver {
+    let Preset { tolerance, max_iterations, .. } = *defaults;
+    Solver { tolerance, max_iterations, preconditioner: Preconditioner::Auto }
+}
+
+/// What a scene without `[contact]` has.
+fn no_contact(defaults: &Preset) -> Contact {
+    Contact {
+        stiffness: None,
+        damping: None,
+        friction: 0.0,
+        friction_speed: FRICTION_SPEED,
+        texel: None,
+        depth_limit: DEPTH_LIMIT,
+        depth: None,
+        sides: defaults.sides,
+    }
+}
+
+fn step(root: &Table, defaults: &Preset) -> Result<Step> {
+    let none = no_step(defaults);
+    let Some(table) = section(root, "step", &["dt", "gravity", "newton"])? else { return Ok(none) };
     Ok(Step {
-        dt: table.or("dt", 0.001, Value::positive)?,
-        gravity: table.or("gravity", GRAVITY, Value::vector)?,
-        newton: table.or("newton", 1, |value| value.whole(1, 100))?,
+        dt: table.or("dt", none.dt, Value::positive)?,
+        gravity: table.or("gravity", none.gravity, Value::vector)?,
+        newton: table.or("newton", none.newton, |value| value.whole(1, 100))?,
     })
 }
 
-fn solver(root: &Table) -> Result<Solver> {
+fn solver(root: &Table, defaults: &Preset) -> Result<Solver> {
+    let none = no_solver(defaults);
     let Some(table) = section(root, "solver", &["tolerance", "max_iterations", "preconditioner"])? else {
-        return Ok(SOLVER);
+        return Ok(none);
     };
     let solver = Solver {
-        tolerance: table.or("tolerance", 1e-5, Value::positive)?,
-        max_iterations: table.or("max_iterations", 200, |value| value.whole(1, MOST_ITERATIONS))?,
+        tolerance: table.or("tolerance", none.tolerance, Value::positive)?,
+        max_iterations: table.or("max_iterations", none.max_iterations, |value| value.whole(1, MOST_ITERATIONS))?,
         preconditioner: table.or("preconditioner", Preconditioner::Auto, |value| match value.text()? {
             "auto" => Ok(Preconditioner::Auto),
             "jacobi" => Ok(Preconditioner::Jacobi),
@@ -161,20 +193,21 @@ fn solver(root: &Table) -> Result<Solver> {
 /// Least speed at which friction may turn from viscous to Coulomb's, m/s.
 const SLOWEST: f64 = 1e-6;
 
-fn contact(root: &Table) -> Result<Contact> {
+fn contact(root: &Table, defaults: &Preset) -> Result<Contact> {
+    let none = no_contact(defaults);
     let known = ["stiffness", "damping", "friction", "friction_speed", "texel", "depth_limit", "depth", "sides"];
     let Some(table) = section(root, "contact", &known)? else {
-        return Ok(CONTACT);
+        return Ok(none);
     };
     let contact = Contact {
         stiffness: table.or("stiffness", None, Value::auto_or_positive)?,
         damping: table.or("damping", None, Value::auto_or_not_negative)?,
         friction: table.or("friction", 0.0, Value::not_negative)?,
-        friction_speed: table.or("friction_speed", 0.001, Value::number)?,
+        friction_speed: table.or("friction_speed", none.friction_speed, Value::number)?,
         texel: table.or("texel", None, Value::auto_or_positive)?,
-        depth_limit: table.or("depth_limit", 0.02, Value::positive)?,
+        depth_limit: table.or("depth_limit", none.depth_limit, Value::positive)?,
         depth: table.or("depth", None, |value| value.one_of("path", &DepthPath::CHOICES))?,
-        sides: table.or("sides", Sides::Both, |value| value.one_of("choice of sides", &Sides::CHOICES))?,
+        sides: table.or("sides", none.sides, |value| value.one_of("choice of sides", &Sides::CHOICES))?,
     };
     if contact.friction_speed < SLOWEST {
         let problem = format!("is {:?}", contact.friction_speed);

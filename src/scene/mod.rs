@@ -14,6 +14,7 @@ mod keys;
 mod load;
 mod material;
 pub mod obj;
+pub mod preset;
 mod skeleton;
 #[cfg(test)]
 mod tests;
@@ -58,6 +59,8 @@ pub struct Scene {
     pub haptics: Haptics,
     /// Points to record.
     pub probes: Vec<Probe>,
+    /// The preset that it names, and what that decided.
+    pub preset: Option<preset::Chosen>,
 }
 
 /// `[step]`.

@@ -27,6 +27,8 @@ pub struct StepParams {
     pub depth_limit: f32,
     /// Edge of the squares of the depth stage, m; 0: from the skins.
     pub texel: f32,
+    /// 1: a loop holds the tool, and asks for the wrench's stiffness and damping.
+    pub is_held: u32,
     /// Operator of the tool's twist without contact; of a held core its coupling alone.
     pub tool_matrix: [f32; 36],
     /// Right-hand side of the same.

@@ -58,9 +58,9 @@ impl Simulation {
     /// Iterations are those of all solves.
     fn submit(&mut self) -> Result<Report> {
         let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
-        let set = match timed {
-            true => &self.timed[(self.step / self.timed_every % 2) as usize],
-            false => &self.plain,
+        let set = match &self.timed {
+            Some(both) if timed => &both[(self.step / self.timed_every % 2) as usize],
+            _ => &self.plain,
         };
         let wanted = self.last_iterations + SPARE_ITERATIONS;
         let mut parts = vec![&set.begin, set.plan(wanted), &set.end];

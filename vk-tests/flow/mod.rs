@@ -123,6 +123,7 @@ fn scene(sides: Sides) -> Scene {
         drive: vec![],
         haptics: scene::Haptics::default(),
         probes: vec![],
+        preset: None,
     }
 }
 

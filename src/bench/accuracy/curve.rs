@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bench::{median, solver};
+use crate::bench::{fit, median};
 
 /// Changes of a force that a person just notices, of the force (see README, "bench").
 pub const JUST_NOTICEABLE: f64 = 0.07;
@@ -197,14 +197,14 @@ impl Line<'_> {
     pub fn order(&self, is_of_shape: bool) -> Option<(f64, usize)> {
         let error = |point: &Point| if is_of_shape { point.displacement_error } else { point.error() };
         let fitted = self.asymptotic(&error, f64::ln);
-        Some((solver::exponent(&fitted)?, fitted.len()))
+        Some((fit::exponent(&fitted)?, fitted.len()))
     }
 
     /// What a unit of the knob leaves of the error, and of how many points: the same with the knob itself.
     pub fn share(&self) -> Option<(f64, usize)> {
         let fitted = self.asymptotic(&Point::error, |x| x);
         let fitted: Vec<(f64, f64)> = fitted.iter().map(|(x, y)| (x.exp(), *y)).collect();
-        Some((solver::exponent(&fitted)?.exp(), fitted.len()))
+        Some((fit::exponent(&fitted)?.exp(), fitted.len()))
     }
 
     /// Knob and error of the finest settings whose errors are small, without those that are no better than a coarser one.

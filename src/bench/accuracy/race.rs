@@ -95,7 +95,7 @@ pub fn run(scene: &Scene, steps: usize, options: &Options) -> Result<Run> {
 fn rounds(entrants: &[Entrant], rules: &Rules) -> Result<Vec<Run>> {
     let open = |entrant: &Entrant| -> Result<(Simulation, Run)> {
         let mut simulation = Simulation::new(&entrant.scene, rules.options, None)?;
-        simulation.time_every(TIMED_EVERY);
+        simulation.time_every(TIMED_EVERY)?;
         Ok((simulation, Run::default()))
     };
     let mut under_way = entrants.iter().map(open).collect::<Result<Vec<_>>>()?;

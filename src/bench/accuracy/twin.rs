@@ -52,7 +52,7 @@ pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Refer
     let mut beside = scene.clone();
     (beside.solver.tolerance, beside.solver.max_iterations) = (TIGHT, MANY);
     let mut simulation = Simulation::new(&beside, options, None)?;
-    simulation.time_every(0);
+    simulation.time_every(0)?;
     let mut twin = Twin::new(scene, &simulation)?;
     let start = Key { time: 0.0, position: DVec3::ZERO, orientation: glam::DQuat::IDENTITY };
     let drive = Drive::new(&scene.drive, start);

@@ -64,7 +64,7 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     let options = Options { device: settings.device.clone(), ..Options::default() };
     let mut simulation = Simulation::new(scene, &options, None)?;
-    simulation.time_every(0);
+    simulation.time_every(0)?;
     Ok(simulation)
 }
 

@@ -82,7 +82,7 @@ impl Watched {
     pub fn open(scene: &Scene, settings: &Settings) -> Result<Watched> {
         let options = Options { device: settings.device.clone(), one_thread: true, ..Options::default() };
         let mut simulation = Simulation::new(scene, &options, None)?;
-        simulation.time_every(0);
+        simulation.time_every(0)?;
         Ok(Watched(simulation))
     }
 
@@ -103,7 +103,7 @@ impl Watched {
 
     /// A step, measured if there is somewhere to put it and it touches.
     pub fn step(&mut self, times: Option<&mut Times>) -> Result<Row> {
-        self.0.time_every(if times.is_some() { TIMED_EVERY } else { 0 });
+        self.0.time_every(if times.is_some() { TIMED_EVERY } else { 0 })?;
         let row = self.0.step()?;
         let Some((times, contacts)) = times.zip(row.contacts.filter(|&found| found > 0)) else { return Ok(row) };
         if times.touching % AREA_EVERY == 0 {

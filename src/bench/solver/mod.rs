@@ -11,7 +11,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 pub use cases::{Case, Mesh, layer, prepared, stiffness};
-pub use scaling::{Iteration, Size, Steps, exponent};
+pub use scaling::{Iteration, Size, Steps};
 pub use speed::{Measured, Run};
 
 use super::suite::{from_value, part, to_value};

@@ -143,7 +143,7 @@ pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, set
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     let mut simulation =
         Simulation::new(scene, &Options { device: settings.device.clone(), ..Options::default() }, None)?;
-    simulation.time_every(0);
+    simulation.time_every(0)?;
     Ok(simulation)
 }
 

@@ -70,7 +70,11 @@ mod tests {
 
     #[test]
     fn a_force_is_judged_by_its_size_and_no_number_has_no_error() {
-        let run = |forces: Vec<DVec3>| Run { forces, ..Run::default() };
+        let run = |forces: Vec<DVec3>| {
+            let mut run = Run::default();
+            run.forces = forces;
+            run
+        };
         assert_eq!(error_against(2.0, &run(vec![DVec3::X, DVec3::new(0.0, 0.0, 1.5)])), (Some(0.25), None));
         assert_eq!(error_against(2.0, &run(vec![])), (None, None));
     }

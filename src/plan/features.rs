@@ -1,0 +1,115 @@
+//! What a scene can have, and whether this one does.
+
+use serde::Serialize;
+
+use crate::prepare::Body;
+use crate::scene::{Body as SceneBody, Preconditioner, Scene, Shape, Sides};
+use crate::stages::model::Model;
+
+/// A feature of a scene.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Feature {
+    /// Its name.
+    pub feature: &'static str,
+    /// Whether the step does it; if not, nothing of it is recorded.
+    pub used: bool,
+    /// Why, or why not.
+    pub reason: String,
+}
+
+/// What is known of a scene once its bodies are prepared.
+pub(super) struct Known<'a> {
+    pub scene: &'a Scene,
+    pub model: &'a Model,
+    /// Without the tool.
+    pub bodies: &'a [Body],
+    pub depth: Option<&'a str>,
+    /// Every so many steps; 0: none.
+    pub timed_every: u64,
+}
+
+/// All features: contact's, the layers', the tool's.
+pub fn features(known: &Known) -> Vec<Feature> {
+    let mut features = Vec::new();
+    let mut add = |feature, used: bool, yes: String, no: &str| {
+        features.push(Feature { feature, used, reason: if used { yes } else { no.into() } });
+    };
+    of_contact(known, &mut add);
+    of_layers(known, &mut add);
+    of_the_tool(known, &mut add);
+    add("probes", !known.scene.probes.is_empty(), format!("{} vertices", known.scene.probes.len()), "no [[probe]]");
+    let timed = format!("every {}th step, by recordings of its own", known.timed_every);
+    add("timestamps", known.timed_every > 0, timed, "no times are asked for");
+    features
+}
+
+fn of_contact(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &str)) {
+    let Known { scene, model, depth, .. } = known;
+    let touches = !model.pairs.is_empty();
+    let no_contact = |no: &'static str| if touches { no } else { "nothing can touch" };
+    let friction = model.friction[0];
+    let yes = format!("coefficient {friction}, viscous below {} m/s", model.friction[1]);
+    add("friction", touches && friction > 0.0, yes, no_contact("contact.friction is zero"));
+    let both = model.pairs.iter().filter(|pair| pair.is_plane == 0 && pair.lone_side == 0).count();
+    let one = match scene.contact.sides {
+        Sides::One => "contact.sides is \"one\": the finer skin of each pair gathers alone",
+        Sides::Both => "only half-spaces are touched",
+    };
+    add("second side", both > 0, format!("of {both} pairs of bodies both skins gather"), no_contact(one));
+    add("depth field", depth.is_some(), depth.unwrap_or_default().into(), no_contact("only half-spaces are touched"));
+}
+
+fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &str)) {
+    let Known { scene, model, bodies, .. } = known;
+    let soft = !model.tetrahedra.is_empty();
+    let no_layer = |no: &'static str| if soft { no } else { "no soft body" };
+    let asked = match scene.solver.preconditioner {
+        Preconditioner::Jacobi => "solver.preconditioner is \"jacobi\"",
+        Preconditioner::Coarse => "no body deforms",
+        Preconditioner::Auto => "no body is stiff enough for its nodes and steps",
+    };
+    let names: Vec<&str> =
+        model.coarse.bodies.iter().filter_map(|(at, ..)| Some(bodies.get(*at)?.name.as_str())).collect();
+    add("coarse level", !names.is_empty(), format!("of {}", names.join(", ")), no_layer(asked));
+    let damped = model.node_damping.iter().any(|x| *x > 0.0);
+    add("damping by mass", damped, "enters with the nodes' masses".into(), no_layer("damping_mass is zero"));
+    let damped = model.materials.iter().any(|material| material[3] > 0.0);
+    add("damping by stiffness", damped, "enters with each element".into(), no_layer("damping_stiffness is zero"));
+    let surfaced = |body: &&SceneBody| matches!(body.shape, Shape::Soft { surface: Some(_), .. });
+    let yes = format!("{} skin vertices on {} nodes", model.skin_nodes.len(), model.node_rest.len());
+    let has_skin = scene.bodies.iter().any(|body| surfaced(&body));
+    add("high-resolution skin", has_skin, yes, no_layer("the layers' boundaries are the skins"));
+    let patches = model.patches.count();
+    add("patches", patches > 0, format!("{patches} of them"), no_layer("dilatation is \"element\""));
+    add("neo-Hookean law", model.has_neo_hookean(), "of some material".into(), no_layer("no material names that law"));
+    add("Newton iterations", model.newton > 1, format!("{} a step", model.newton), no_layer("step.newton is 1"));
+    let (cores, joints, hinges) =
+        (&model.cores, model.joints.len(), model.cores.iter().filter(|c| c.hinge != glam::DVec3::ZERO));
+    add("dynamic cores", !cores.is_empty(), format!("{} of them", cores.len()), "no core moves by forces");
+    add("joints", joints > 0, format!("{joints} of them"), "no two cores are joined");
+    let hinges = hinges.count();
+    add("hinges", hinges > 0, format!("{hinges} of them"), "no core is on a hinge");
+    let floating = model.floating.len();
+    add("floating frames", floating > 0, format!("{floating} bodies without a core"), "every soft body has a core");
+    add(
+        "links of frames",
+        model.spans_frames(),
+        format!("{} pairs of frames", model.links.len() - 1),
+        "nothing spans two frames",
+    );
+}
+
+fn of_the_tool(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &str)) {
+    let Known { scene, model, .. } = known;
+    let touches = scene.tool.is_some() && !model.pairs.is_empty();
+    let held = scene.haptics.is_held;
+    let no = if scene.tool.is_none() { "no tool" } else { "nothing can touch" };
+    add("wrench", touches, "net force and torque on the tool".into(), no);
+    let no = if touches { "no haptic device holds the tool: nobody asks for it" } else { no };
+    add("6x6 stiffness and damping", touches && held, "for the loop's local model".into(), no);
+    let no = if scene.tool.is_none() { "no tool" } else { "the tool is a body of its own" };
+    add("held body", model.held.is_some(), "the device holds a core of the scene".into(), no);
+    add("virtual coupling", scene.coupling.is_some(), "rows of the tool's twist".into(), "no [coupling]");
+    let no = if scene.tool.is_none() { "no tool" } else { "no haptic device: the tool has its weight" };
+    add("weight carried by the hand", scene.tool.is_some() && held, "a device holds the tool".into(), no);
+}

@@ -1,0 +1,38 @@
+//! Why a kernel is not recorded. Which are, the recordings say; this knows only reasons.
+
+use crate::stages::model::Model;
+
+/// The stage that a kernel belongs to where it is recorded: its folder, but for two.
+pub fn stage_of(kernel: &str) -> &str {
+    match kernel {
+        "pose/fit" => "fit",
+        "skin/probe" => "probe",
+        _ => kernel.split('/').next().unwrap_or(kernel),
+    }
+}
+
+/// Why the stage does without a kernel though it is recorded itself; `None`: nobody knows, which a test does not allow.
+pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static str> {
+    let touches = !model.pairs.is_empty();
+    let reason = match kernel {
+        "pose/place" if !touches => "nothing can touch",
+        "pose/carry" if model.carried_nodes.is_empty() => "no moving frame carries nodes",
+        "cull/pairs" | "cull/direction" if !model.needs_depth() => "half-spaces have one normal",
+        "contact/sort" if model.node_rest.is_empty() => "no nodes",
+        "depth/cross.vert" | "depth/cross.frag" if !graphics => "the compute path does it",
+        "depth/cross" if graphics => "the graphics path does it",
+        "elastic/trial" if model.newton == 1 => "the step is linearised once",
+        "elastic/dilate" | "solve/patches" if model.patches.count() == 0 => "no patches share their strain",
+        "solve/press" if !touches => "nothing can touch",
+        "solve/coarse" if model.coarse.bodies.is_empty() => "no body has a coarse level",
+        "solve/cores" if model.cores.is_empty() => "no dynamic cores",
+        "solve/apply" if model.tetrahedra.is_empty() => "no tetrahedra",
+        "solve/commit" if model.node_rest.is_empty() => "no nodes",
+        "solve/assemble" | "solve/begin" | "solve/coarse" if model.blocks.blocks.is_empty() => "no nodes",
+        "solve/gather" | "solve/update" if model.blocks.blocks.is_empty() && model.tool_frame.is_none() => {
+            "nothing moves"
+        }
+        _ => return None,
+    };
+    Some(reason)
+}
