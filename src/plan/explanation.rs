@@ -110,7 +110,7 @@ impl StageUse {
 fn amount(bytes: u64) -> String {
     match bytes {
         0 => "-".into(),
-        0..10_000 => format!("{bytes} B"),
+        1..10_000 => format!("{bytes} B"),
         10_000..10_000_000 => format!("{:.0} kB", 1e-3 * bytes as f64),
         _ => format!("{:.1} MB", 1e-6 * bytes as f64),
     }
