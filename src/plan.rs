@@ -44,7 +44,10 @@ impl Plan {
             (Some(_), _) => "no body may touch the tool or another",
         };
         let planes = "only half-spaces are touched: their depth needs no field";
-        let pairs = format!("{} pairs of bodies may touch", model.pairs.len());
+        let pairs: String = match model.pairs.len() {
+            1 => "1 pair of bodies may touch".into(),
+            count => format!("{count} pairs of bodies may touch"),
+        };
         let mut entries = Vec::new();
         let mut add = |stage, recorded, yes: String, no: &str| {
             entries.push(Entry { stage, recorded, reason: if recorded { yes } else { no.into() } });
