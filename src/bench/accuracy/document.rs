@@ -217,7 +217,7 @@ pub(super) fn digits(x: f64) -> String {
 /// Two digits.
 pub(super) fn percent(share: f64) -> String {
     match 100.0 * share {
-        x if x == 0.0 => "0 %".into(),
+        0.0 => "0 %".into(),
         x if x < 0.01 => format!("{x:.1e} %"),
         x if x < 1.0 => format!("{x:.2} %"),
         x if x < 10.0 => format!("{x:.1} %"),
