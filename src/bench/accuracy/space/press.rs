@@ -13,9 +13,9 @@ use crate::scene::{
 /// Time step, s: what matters is where everything comes to rest.
 const DT: f64 = 0.02;
 /// Steps in which the ball goes down ...
-const DOWN: usize = 18;
+const DOWN: usize = 12;
 /// ... and in which it is held.
-const HELD: usize = 12;
+const HELD: usize = 10;
 /// Of a press.
 pub const STEPS: usize = DOWN + HELD;
 /// Height of blocks, and radius of domes, m.

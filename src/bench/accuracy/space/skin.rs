@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 
-use super::layer::block;
+use super::layer::{GRADES, block};
 use super::limit::limit;
 use super::press::{Body, HALF_WIDTH, HEIGHT, Press};
 use super::shapes::{Folder, ball, block_skin};
@@ -24,7 +24,7 @@ const OTHER: u32 = 44;
 /// Vertices are the finer by one more than this where they touch.
 const GRADE: f64 = 2.0;
 /// Across the layer.
-const LAYER: u32 = 10;
+const LAYER: u32 = 8;
 const ORDER: f64 = 2.0;
 /// The finest skin.
 const BOUND: f64 = 0.02;
@@ -103,7 +103,7 @@ impl Line {
     fn press(&self, folder: &Folder, cells: u32) -> Result<Press> {
         let [of_block, of_ball] = self.is_varied.map(|is_varied| if is_varied { cells } else { OTHER });
         let surface = Some(Surface::File(skin(folder, of_block)?));
-        let mut press = Press::new(Body::Based(surface, block(folder, LAYER)?));
+        let mut press = Press::new(Body::Based(surface, block(folder, LAYER, GRADES)?));
         press.ball = Some(folder.surface(&format!("ball{of_ball}"), &ball(press.radius, of_ball, GRADE))?);
         press.sides = self.sides;
         Ok(press)

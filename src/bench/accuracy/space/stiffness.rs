@@ -1,5 +1,7 @@
 //! How stiff contact must be: against the limit of ever stiffer contact on the same mesh, and against Hertz's law.
 
+use glam::DVec3;
+
 use super::layer::{block, fine_ball};
 use super::limit::limit;
 use super::press::{Body, HEIGHT, Press, YOUNG};
@@ -19,6 +21,8 @@ const ORDER: f64 = 1.0;
 const CELLS: [u32; 2] = [16, 12];
 /// A coarser block, as a share of those cells.
 const COARSER: [u32; 2] = [12, 8];
+/// Cells are finer by one more than this where the ball touches, which is a small place: several lie under it.
+const GRADES: DVec3 = DVec3::new(2.0, 1.0, 2.0);
 /// Without much locking, since the law has none.
 const POISSON: f64 = 0.3;
 /// Of the ball, m.
@@ -41,7 +45,7 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
             poisson: POISSON,
             depth: DEPTH,
             radius: RADIUS,
-            ..Press::new(Body::Based(None, block(&folder, cells)?))
+            ..Press::new(Body::Based(None, block(&folder, cells, GRADES)?))
         };
         press.ball = Some(fine_ball(&folder, press.radius)?);
         press.stiffness = Some(stiffness);
