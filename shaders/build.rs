@@ -8,10 +8,10 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
-use shaderc::{
-    CompileOptions, Compiler, EnvVersion, IncludeType, OptimizationLevel, ResolvedInclude, ShaderKind, SpirvVersion,
-    TargetEnv,
-};
+#[path = "compile.rs"]
+mod compile;
+
+use compile::{compile, kind};
 
 fn main() {
     if let Err(message) = build() {
@@ -35,7 +35,8 @@ fn build() -> Result<(), String> {
     for source in &sources {
         let name = name(&root, source);
         let file = out.join(format!("{}.spv", name.replace('/', "-")));
-        fs::write(&file, compile(&root, source)?).map_err(|e| format!("cannot write {}: {e}", file.display()))?;
+        let text = fs::read_to_string(source).map_err(|e| format!("cannot read {}: {e}", source.display()))?;
+        fs::write(&file, compile(&root, source, &text)?).map_err(|e| format!("cannot write {}: {e}", file.display()))?;
         table.push((name, file));
     }
     table.sort();
@@ -61,43 +62,8 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(paths)
 }
 
-/// The shader stage a file's ending stands for.
-fn kind(path: &Path) -> Option<ShaderKind> {
-    match path.extension()?.to_str()? {
-        "comp" => Some(ShaderKind::Compute),
-        "vert" => Some(ShaderKind::Vertex),
-        "frag" => Some(ShaderKind::Fragment),
-        _ => None,
-    }
-}
-
 /// `solve/apply` for a compute shader, `depth/depth.vert` for a stage of the graphics pipeline.
 fn name(root: &Path, source: &Path) -> String {
     let relative = source.strip_prefix(root).unwrap_or(source).to_string_lossy().replace('\\', "/");
     relative.strip_suffix(".comp").unwrap_or(&relative).to_string()
-}
-
-/// One shader to SPIR-V 1.6; warnings are errors.
-fn compile(root: &Path, source: &Path) -> Result<Vec<u8>, String> {
-    let text = fs::read_to_string(source).map_err(|e| format!("cannot read {}: {e}", source.display()))?;
-    let compiler = Compiler::new().map_err(|e| format!("shaderc does not start: {e}; run setup.sh"))?;
-    let mut options = CompileOptions::new().map_err(|e| format!("shaderc has no options: {e}"))?;
-    options.set_target_env(TargetEnv::Vulkan, EnvVersion::Vulkan1_3 as u32);
-    options.set_target_spirv(SpirvVersion::V1_6);
-    options.set_optimization_level(OptimizationLevel::Performance);
-    options.set_generate_debug_info();
-    options.set_warnings_as_errors();
-    options.set_include_callback(move |asked, _: IncludeType, from, _| {
-        let path = root.join(asked);
-        match fs::read_to_string(&path) {
-            Ok(content) => Ok(ResolvedInclude { resolved_name: format!("shaders/{asked}"), content }),
-            Err(e) => Err(format!("{from} includes \"{asked}\", which cannot be read at {}: {e}", path.display())),
-        }
-    });
-    let kind = kind(source).ok_or("not a shader")?;
-    let shown = format!("shaders/{}", source.strip_prefix(root).unwrap_or(source).display());
-    let binary = compiler
-        .compile_into_spirv(&text, kind, &shown, "main", Some(&options))
-        .map_err(|e| format!("a shader does not compile:\n{e}"))?;
-    Ok(binary.as_binary_u8().to_vec())
 }

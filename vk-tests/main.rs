@@ -43,6 +43,7 @@ mod pose;
 mod query;
 mod random;
 mod regions;
+mod replaced;
 mod replay;
 mod response;
 mod scenes;
@@ -50,6 +51,8 @@ mod sights;
 mod skin;
 mod solve;
 mod spheres;
+#[path = "../tests/spoil/mod.rs"]
+mod spoil;
 mod system;
 mod touch;
 mod transpose;

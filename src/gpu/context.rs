@@ -11,7 +11,7 @@ use gpu_allocator::vulkan as memory;
 
 use super::debug::{Labels, Messages};
 use super::device::{self, Candidate, DeviceInfo, DeviceKind};
-use super::{cache, failed, threads};
+use super::{cache, failed, kernel, threads};
 use crate::error::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -34,6 +34,9 @@ pub struct Options {
     /// process looks at the environment meanwhile. A [`Simulation`](crate::step::Simulation) of more work than that leaves
     /// it.
     pub one_thread: bool,
+    /// Names of shaders, and the SPIR-V that stands for the library's own of that name, with the same bindings. For tests
+    /// that show that a check can fail; a name that the library does not have is an error.
+    pub replaced: Vec<(String, Vec<u8>)>,
 }
 
 /// An open device. All calls may come from any thread; submits are serialised.
@@ -57,11 +60,15 @@ pub struct Context {
     int64_atomics: bool,
     fragment_stores: bool,
     cache_key: String,
+    pub(super) replaced: Vec<(String, Vec<u8>)>,
 }
 
 impl Context {
     /// Opens a device. [`Error::NoDevice`] says what is missing and how to get it.
     pub fn new(options: &Options) -> Result<Arc<Context>> {
+        for (name, _) in &options.replaced {
+            kernel::known(name)?;
+        }
         threads::choose(options.one_thread);
         let entry = load()?;
         let messages = Box::new(Messages::default());
@@ -116,6 +123,7 @@ impl Context {
             int64_atomics: chosen.int64_atomics,
             fragment_stores: chosen.fragment_stores,
             cache_key: chosen.cache_key,
+            replaced: options.replaced.clone(),
         }))
     }
 

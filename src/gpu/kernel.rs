@@ -98,7 +98,7 @@ impl Kernel {
             Size::Reduce => context.reduce_size(),
             Size::One => 1,
         };
-        let (words, reflection) = shader(name)?;
+        let (words, reflection) = shader(context, name)?;
         let mut special = Specialization::new(name, &reflection, constants)?;
         special.set(0, local_size);
         let module = Module::new(context, name, &words)?;
@@ -239,17 +239,28 @@ pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
     }
 }
 
-/// The SPIR-V of a shader and what it declares.
-pub(super) fn shader(name: &str) -> Result<(Vec<u32>, Reflection)> {
+/// The SPIR-V of a shader of the library, as bytes.
+pub(super) fn known(name: &str) -> Result<&'static [u8]> {
     let found = table::SHADERS.binary_search_by_key(&name, |(name, _)| name);
     let index = found.map_err(|_| {
         let near = shader_names().max_by(|a, b| strsim::jaro(a, name).total_cmp(&strsim::jaro(b, name)));
         let hint = near.map(|n| format!("; the nearest is {n}")).unwrap_or_default();
         Error::Simulation(format!("there is no shader {name}{hint}"))
     })?;
+    Ok(table::SHADERS[index].1)
+}
+
+/// The SPIR-V of a shader and what it declares.
+pub(super) fn shader(context: &Context, name: &str) -> Result<(Vec<u32>, Reflection)> {
+    let replaced = context.replaced.iter().find(|(other, _)| other == name);
+    let bytes = replaced.map_or_else(|| known(name), |(_, bytes)| Ok(bytes.as_slice()))?;
+    let refuse = |problem: String| Error::Simulation(format!("shader {name}: {problem}"));
+    if bytes.len() % size_of::<u32>() != 0 {
+        return Err(refuse(format!("{} bytes of SPIR-V are no whole number of words", bytes.len())));
+    }
     // Bytes in a binary have no alignment, so they are copied into words.
-    let words: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(table::SHADERS[index].1);
-    let reflection = spirv::reflect(&words).map_err(|e| Error::Simulation(format!("shader {name}: {e}")))?;
+    let words: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(bytes);
+    let reflection = spirv::reflect(&words).map_err(|e| refuse(e.to_string()))?;
     Ok((words, reflection))
 }
 

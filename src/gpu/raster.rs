@@ -30,8 +30,8 @@ impl RasterPipeline {
             let device = context.device_name();
             return Err(Error::NoDevice(format!("{device} cannot run {name}: it lacks fragmentStoresAndAtomics")));
         }
-        let (vertex_words, vertex) = shader(&format!("{name}.vert"))?;
-        let (fragment_words, fragment) = shader(&format!("{name}.frag"))?;
+        let (vertex_words, vertex) = shader(context, &format!("{name}.vert"))?;
+        let (fragment_words, fragment) = shader(context, &format!("{name}.frag"))?;
         let (of_vertex, of_fragment): (Vec<_>, Vec<_>) = (
             constants
                 .iter()

@@ -1,0 +1,44 @@
+//! From GLSL to SPIR-V, with the options that all shaders have: for the build script, and for tests that spoil a kernel.
+
+use std::fs;
+use std::path::Path;
+
+use shaderc::{
+    CompileOptions, Compiler, EnvVersion, IncludeType, OptimizationLevel, ResolvedInclude, ShaderKind, SpirvVersion,
+    TargetEnv,
+};
+
+/// The shader stage a file's ending stands for.
+pub fn kind(path: &Path) -> Option<ShaderKind> {
+    match path.extension()?.to_str()? {
+        "comp" => Some(ShaderKind::Compute),
+        "vert" => Some(ShaderKind::Vertex),
+        "frag" => Some(ShaderKind::Fragment),
+        _ => None,
+    }
+}
+
+/// The text of the shader `source` under the folder of shaders `root` to SPIR-V 1.6; warnings are errors.
+pub fn compile(root: &Path, source: &Path, text: &str) -> Result<Vec<u8>, String> {
+    let compiler = Compiler::new().map_err(|e| format!("shaderc does not start: {e}; run setup.sh"))?;
+    let mut options = CompileOptions::new().map_err(|e| format!("shaderc has no options: {e}"))?;
+    options.set_target_env(TargetEnv::Vulkan, EnvVersion::Vulkan1_3 as u32);
+    options.set_target_spirv(SpirvVersion::V1_6);
+    options.set_optimization_level(OptimizationLevel::Performance);
+    options.set_generate_debug_info();
+    options.set_warnings_as_errors();
+    let folder = root.to_path_buf();
+    options.set_include_callback(move |asked, _: IncludeType, from, _| {
+        let path = folder.join(asked);
+        match fs::read_to_string(&path) {
+            Ok(content) => Ok(ResolvedInclude { resolved_name: format!("shaders/{asked}"), content }),
+            Err(e) => Err(format!("{from} includes \"{asked}\", which cannot be read at {}: {e}", path.display())),
+        }
+    });
+    let kind = kind(source).ok_or("not a shader")?;
+    let shown = format!("shaders/{}", source.strip_prefix(root).unwrap_or(source).display());
+    let binary = compiler
+        .compile_into_spirv(text, kind, &shown, "main", Some(&options))
+        .map_err(|e| format!("a shader does not compile:\n{e}"))?;
+    Ok(binary.as_binary_u8().to_vec())
+}

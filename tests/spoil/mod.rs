@@ -1,0 +1,17 @@
+//! Kernels with a fault planted in them, for tests that show that checks can fail.
+
+#[path = "../../shaders/compile.rs"]
+mod compile;
+
+use std::path::Path;
+
+/// The SPIR-V of the kernel `shaders/<kernel>.comp` with the one place that reads `from` reading `to` instead; its name and
+/// this are what [`palpate::gpu::Options::replaced`] takes.
+pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    let source = root.join(format!("{kernel}.comp"));
+    let text = std::fs::read_to_string(&source).unwrap();
+    assert_eq!(text.matches(from).count(), 1, "`{from}` stands in {kernel} once");
+    assert!(compile::kind(&source).is_some());
+    compile::compile(&root, &source, &text.replace(from, to)).unwrap_or_else(|e| panic!("{e}"))
+}
