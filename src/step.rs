@@ -4,6 +4,7 @@ mod advance;
 pub(crate) mod choice;
 pub mod frames;
 pub mod joints;
+mod nodes;
 mod probes;
 pub(crate) mod recordings;
 mod tools;
