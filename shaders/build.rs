@@ -36,7 +36,8 @@ fn build() -> Result<(), String> {
         let name = name(&root, source);
         let file = out.join(format!("{}.spv", name.replace('/', "-")));
         let text = fs::read_to_string(source).map_err(|e| format!("cannot read {}: {e}", source.display()))?;
-        fs::write(&file, compile(&root, source, &text)?).map_err(|e| format!("cannot write {}: {e}", file.display()))?;
+        fs::write(&file, compile(&root, source, &text)?)
+            .map_err(|e| format!("cannot write {}: {e}", file.display()))?;
         table.push((name, file));
     }
     table.sort();

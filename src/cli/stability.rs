@@ -1,10 +1,16 @@
 //! `palpate stability`: runs the matrix of stiff and extreme cases, prints the report, and writes it.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::builder::NonEmptyStringValueParser;
-use palpate::Result;
-use palpate::stability::{self, Settings};
+use palpate::report::Output;
+use palpate::stability::{self, Settings, axes};
+use palpate::{Error, Result};
+
+use crate::print;
+
+const RESULTS: &str = "results.json";
 
 /// Options of `palpate stability`.
 #[derive(clap::Args)]
@@ -16,7 +22,7 @@ pub struct Arguments {
     #[arg(long)]
     soak: bool,
     /// These axes alone, with commas between them
-    #[arg(long, value_name = "AXIS", value_delimiter = ',')]
+    #[arg(long, value_name = "AXIS", value_delimiter = ',', value_parser = axis_name)]
     only: Vec<String>,
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
@@ -26,7 +32,8 @@ pub struct Arguments {
     out: Option<PathBuf>,
 }
 
-/// Runs the matrix.
+/// Runs the matrix, writes the report into a directory, if there is one, and prints it. Errors: a failure that no flag told,
+/// or a case of the core that does not pass.
 pub fn stability(arguments: &Arguments) -> Result<()> {
     let settings = Settings {
         is_quick: arguments.quick,
@@ -35,7 +42,29 @@ pub fn stability(arguments: &Arguments) -> Result<()> {
         device: arguments.device.clone(),
         replaced: Vec::new(),
     };
-    let results = stability::run(&settings, &mut |what| eprintln!("{what}"))?;
-    let _ = (&arguments.out, results);
-    Ok(())
+    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let results = stability::run(&settings, &mut watch)?;
+    let document = stability::document(&results);
+    if let Some(output) = &mut output {
+        output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
+        for (name, svg) in document.sections.iter().filter_map(|section| section.plot.as_ref()) {
+            output.write(name, |w| w.write_all(svg.as_bytes()))?;
+        }
+        output.write("stability.md", |w| w.write_all(document.markdown(true).as_bytes()))?;
+    }
+    output.map_or(Ok(()), Output::commit)?;
+    print(&document.markdown(false))?;
+    let faults = results.faults();
+    if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(faults.join("; "))) }
+}
+
+/// What is done, for whoever waits.
+fn watch(what: &str) {
+    // A closed stderr stops nothing.
+    drop(writeln!(std::io::stderr(), "{what}"));
+}
+
+fn axis_name(text: &str) -> std::result::Result<String, String> {
+    let known = axes::NAMES.contains(&text);
+    if known { Ok(text.into()) } else { Err(format!("is no axis; give some of: {}", axes::NAMES.join(", "))) }
 }

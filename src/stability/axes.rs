@@ -1,46 +1,14 @@
-//! The matrix: what is varied, along which values, and what each case promises.
+//! The rows of the matrix: what is varied, and along which values.
 
-use super::laws::Promise;
-use super::setup::{Bound, Setup, Sphere};
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::cases::{Case, both, hang, press, release, rest, sphere, spin, still, teleport, throw, thrust};
+use super::meshes;
+use super::setup::{Bound, Setup};
+use crate::Result;
 use crate::scene::Law;
-
-/// Steps of a case at most, and at least.
-const STEPS: [f64; 2] = [40.0, 400.0];
-/// Damping times time after which what swung is at rest, ln(1e-6).
-const TO_REST: f64 = 14.0;
-/// s: how long the sphere is pressed in, held, drawn out, and left to itself.
-const PRESS: f64 = 0.24;
-/// When each of these ends, of the whole.
-const PHASES: [f64; 3] = [0.25, 0.5, 0.65];
-/// How deep the device goes, and how far it goes up at the end, of the block's edge.
-const DEPTH: f64 = 0.1;
-const AWAY: f64 = 0.2;
-
-/// How the body begins.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Start {
-    /// At rest.
-    Rest,
-    /// Stretched along y from the plane y = 0, by this factor (below zero: inside out).
-    Stretched(f64),
-    /// Turning about its middle, rad/s, about an axis that is none of its own.
-    Spinning(f64),
-}
-
-/// One simulation.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Case {
-    /// Which of its cell.
-    pub scenario: &'static str,
-    /// The scene.
-    pub setup: Setup,
-    /// How it begins.
-    pub start: Start,
-    /// How many.
-    pub steps: usize,
-    /// What it promises.
-    pub promise: Promise,
-}
 
 /// A value of an axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,64 +33,38 @@ pub struct Axis {
 }
 
 /// Names of all axes, in order.
-pub const NAMES: [&str; 4] = ["young", "poisson", "poisson-neo-hookean", "density"];
+pub const NAMES: [&str; 20] = [
+    "young",
+    "poisson",
+    "poisson-neo-hookean",
+    "density",
+    "step",
+    "mass-ratio",
+    "contact-stiffness",
+    "damping-mass",
+    "damping-stiffness",
+    "sliver",
+    "stretch",
+    "thrust",
+    "teleport",
+    "spin",
+    "rest",
+    "size",
+    "origin",
+    "gravity",
+    "tetrahedron",
+    "bound",
+];
 
-/// Let go under gravity.
-pub fn hang(setup: Setup) -> Case {
-    let setup = Setup { bound: Bound::Side, ..setup };
-    let (steps, left) = damped_steps(&setup);
-    Case {
-        scenario: "hang",
-        setup,
-        start: Start::Rest,
-        steps,
-        promise: Promise { rest: Some(left), ..Promise::default() },
-    }
-}
-
-/// How many steps it takes to come to rest, or as many as are done, and what is left of its motion then.
-fn damped_steps(setup: &Setup) -> (usize, f64) {
-    let rate = setup.material.damping_mass;
-    let steps = (TO_REST / rate / setup.dt).ceil().clamp(STEPS[0], STEPS[1]);
-    (steps as usize, left(rate * setup.dt, steps))
-}
-
-/// Of the energy of motion after so many steps, at most: implicit damping by mass, and ten times that, since what swings
-/// at first has not only one mode.
-fn left(damping: f64, steps: f64) -> f64 {
-    (10.0 * (1.0 + damping).powf(-steps)).min(1.0)
-}
-
-/// Pressed in by a held sphere, and released.
-pub fn press(setup: Setup, sphere: Sphere) -> Case {
-    let steps = (PRESS / setup.dt).round().clamp(STEPS[0], STEPS[1]);
-    let end = steps * setup.dt;
-    let [down, held, up] = PHASES.map(|phase| phase * end);
-    let gap = 0.02 * setup.edge;
-    let deep = -DEPTH * setup.edge;
-    let path = vec![(0.0, gap), (down, deep), (held, deep), (up, AWAY * setup.edge)];
-    let (stiffness, damping) = sphere.coupling.unwrap_or((0.0, 0.0));
-    // The tool's own swing on its coupling; where it only creeps, by the slower of its two rates.
-    let critical = 2.0 * (stiffness * sphere.mass).sqrt();
-    let own = if damping < critical { damping / sphere.mass } else { stiffness / damping };
-    let rate = setup.material.damping_mass.min(own);
-    let after = (1.0 - PHASES[2]) * steps;
-    let promise = Promise { rest: Some(left(rate * setup.dt, after)), ..Promise::default() };
-    let setup = Setup { bound: Bound::Bottom, sphere: Some(Sphere { path, ..sphere }), ..setup };
-    Case { scenario: "press", setup, start: Start::Rest, steps: steps as usize, promise }
-}
-
-/// A sphere of 50 g on a coupling of 500 N/m, scaled with the block.
-pub fn sphere(edge: f64) -> Sphere {
-    let scale = edge / Setup::default().edge;
-    let coupling = Some((500.0 * scale.powi(2), 5.0 * scale.powf(2.5)));
-    Sphere { mass: 0.05 * scale.powi(3), coupling, speed: 0.0, path: Vec::new() }
-}
-
-/// Both scenarios of a setup.
-fn both(setup: Setup) -> Vec<Case> {
-    let edge = setup.edge;
-    vec![hang(setup.clone().damped()), press(setup.damped(), sphere(edge))]
+/// Which part of the matrix.
+#[derive(Debug, Clone, Copy)]
+pub struct Extent<'a> {
+    /// Fewer values and steps.
+    pub is_quick: bool,
+    /// A million steps of resting contact.
+    pub is_soak: bool,
+    /// Where meshes are written.
+    pub folder: &'a Path,
 }
 
 fn with(change: impl Fn(&mut Setup)) -> Setup {
@@ -131,38 +73,242 @@ fn with(change: impl Fn(&mut Setup)) -> Setup {
     setup
 }
 
-/// The axis of a name.
-pub fn axis(name: &str, is_quick: bool) -> Option<Axis> {
-    let pick = |full: &[f64], quick: &[f64]| if is_quick { quick.to_vec() } else { full.to_vec() };
-    let of = |name, title, values: Vec<f64>, label: &dyn Fn(f64) -> String, core: std::ops::RangeInclusive<f64>, cases: &dyn Fn(f64) -> Vec<Case>| {
-        let cell = |value: f64| Cell { label: label(value), is_core: core.contains(&value), cases: cases(value) };
-        Axis { name, title, cells: values.into_iter().map(cell).collect() }
-    };
+/// Values of an axis: those of the whole, and of them the few of the short form.
+struct Values(&'static [f64], &'static [f64]);
+
+impl Values {
+    /// The row; `core`: the least and the greatest value that must pass.
+    fn axis(
+        self,
+        name: &'static str,
+        title: &'static str,
+        extent: Extent,
+        label: impl Fn(f64) -> String,
+        core: [f64; 2],
+        cases: impl Fn(f64) -> Vec<Case>,
+    ) -> Axis {
+        let values = if extent.is_quick { self.1 } else { self.0 };
+        let is_core = |x: f64| core[0] <= x && x <= core[1];
+        let cell = |x: &f64| Cell { label: label(*x), is_core: is_core(*x), cases: cases(*x) };
+        Axis { name, title, cells: values.iter().map(cell).collect() }
+    }
+}
+
+/// The axis of a name; `None`: there is none. Errors: a mesh cannot be written.
+pub fn axis(name: &str, extent: Extent) -> Result<Option<Axis>> {
+    Ok(match material(name, extent).or_else(|| contact(name, extent)).or_else(|| motion(name, extent)) {
+        Some(axis) => Some(axis),
+        None => shape(name, extent)?,
+    })
+}
+
+fn material(name: &str, extent: Extent) -> Option<Axis> {
+    const NU: Values = Values(&[-0.5, -0.25, 0.0, 0.3, 0.45, 0.49, 0.499, 0.4999], &[-0.5, 0.3, 0.4999]);
     let poisson = |law: Law| move |nu: f64| both(with(|s| (s.material.poisson, s.material.law) = (nu, law)));
-    let ratios = pick(&[-0.5, -0.25, 0.0, 0.3, 0.45, 0.49, 0.499, 0.4999], &[-0.5, 0.0, 0.45, 0.4999]);
+    let plain = |x: f64| format!("{x}");
+    let young = |x: f64| both(with(|s| s.material.young = x));
+    let density = |x: f64| both(with(|s| s.material.density = x));
+    let damping_mass = |x: f64| {
+        let setup = with(|s| s.material.damping_mass = x);
+        vec![hang(setup.clone()), press(setup, sphere(0.1))]
+    };
+    let damping_stiffness = |x: f64| both(with(|s| s.material.damping_stiffness = x));
     Some(match name {
-        "young" => of(
-            "young",
-            "Young's modulus",
-            pick(&[1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12], &[1.0, 1e3, 1e7, 1e12]),
-            &|x| si(x, "Pa"),
-            1e3..=1e7,
-            &|young| both(with(|s| s.material.young = young)),
-        ),
-        "poisson" => of("poisson", "Poisson's ratio, corotational", ratios, &|x| format!("{x}"), 0.0..=0.49, &poisson(Law::Corotational)),
-        "poisson-neo-hookean" => {
-            of("poisson-neo-hookean", "Poisson's ratio, neo-Hookean", ratios, &|x| format!("{x}"), 0.0..=0.49, &poisson(Law::NeoHookean))
+        "young" => {
+            let all = &[1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12];
+            Values(all, &[1.0, 1e3, 1e7, 1e12]).axis(
+                "young",
+                "Young's modulus",
+                extent,
+                |x| si(x, "Pa"),
+                [1e3, 1e7],
+                young,
+            )
         }
-        "density" => of(
+        "poisson" => {
+            NU.axis("poisson", "Poisson's ratio, corotational", extent, plain, [0.0, 0.49], poisson(Law::Corotational))
+        }
+        "poisson-neo-hookean" => {
+            let title = "Poisson's ratio, neo-Hookean";
+            NU.axis("poisson-neo-hookean", title, extent, plain, [0.0, 0.49], poisson(Law::NeoHookean))
+        }
+        "density" => Values(&[1.0, 10.0, 100.0, 1e3, 5e3, 2e4], &[1.0, 2e4]).axis(
             "density",
-            "Density",
-            pick(&[1.0, 10.0, 100.0, 1000.0, 5000.0, 20000.0], &[1.0, 1000.0, 20000.0]),
-            &|x| format!("{x} kg/m^3"),
-            100.0..=5000.0,
-            &|density| both(with(|s| s.material.density = density)),
+            "Density, kg/m^3",
+            extent,
+            plain,
+            [100.0, 5e3],
+            density,
+        ),
+        "damping-mass" => Values(&[0.0, 1.0, 100.0, 1e4, 1e6], &[0.0, 1e6]).axis(
+            "damping-mass",
+            "Damping by mass, 1/s",
+            extent,
+            plain,
+            [0.0, 100.0],
+            damping_mass,
+        ),
+        "damping-stiffness" => Values(&[0.0, 1e-3, 0.1, 10.0, 1e3], &[0.0, 1e3]).axis(
+            "damping-stiffness",
+            "Damping by stiffness",
+            extent,
+            |x| si(x, "s"),
+            [0.0, 0.01],
+            damping_stiffness,
         ),
         _ => return None,
     })
+}
+
+fn contact(name: &str, extent: Extent) -> Option<Axis> {
+    let setup = || Setup::default().damped();
+    let stiffness = |x: f64| vec![press(Setup { stiffness: Some(x), ..setup() }, sphere(0.1))];
+    Some(match name {
+        // The block weighs a kilogram.
+        "mass-ratio" => {
+            let all = &[1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
+            let title = "Mass of tool to body";
+            Values(all, &[1e-5, 0.1, 1e5])
+                .axis("mass-ratio", title, extent, power, [1e-3, 1.0], |x| vec![throw(setup(), x)])
+        }
+        "contact-stiffness" => {
+            let all = &[1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11];
+            let title = "Contact stiffness, N/m^3";
+            Values(all, &[1e3, 1e7, 1e11]).axis("contact-stiffness", title, extent, power, [1e6, 1e8], stiffness)
+        }
+        "thrust" => Values(&[0.3, 1.0, 3.0, 10.0], &[1.0, 10.0]).axis(
+            "thrust",
+            "Tool thrust through the body",
+            extent,
+            |x| format!("{x} m/s"),
+            [9.0, 0.0],
+            |x| vec![thrust(setup(), x)],
+        ),
+        "teleport" => Values(&[1e-3, 3e-3, 1e-2, 3e-2, 0.1], &[1e-3, 0.1]).axis(
+            "teleport",
+            "Device teleported",
+            extent,
+            |x| si(x, "m"),
+            [0.0, 1e-3],
+            |x| vec![teleport(setup(), x)],
+        ),
+        "rest" => {
+            let mut values = vec![1e3];
+            values.extend((!extent.is_quick).then_some(1e4));
+            values.extend(extent.is_soak.then_some(1e6));
+            let label = |x: f64| format!("{x} steps");
+            let cell = |x: f64| Cell { label: label(x), is_core: true, cases: vec![rest(setup(), x as usize)] };
+            Axis { name: "rest", title: "Resting contact", cells: values.into_iter().map(cell).collect() }
+        }
+        _ => return None,
+    })
+}
+
+fn motion(name: &str, extent: Extent) -> Option<Axis> {
+    let setup = || Setup::default().damped();
+    Some(match name {
+        "step" => Values(&[1e-4, 2.5e-4, 1e-3, 4e-3, 1e-2, 3.3e-2, 0.1], &[1e-4, 1e-2, 0.1]).axis(
+            "step",
+            "Time step",
+            extent,
+            |x| si(x, "s"),
+            [2.5e-4, 1e-2],
+            |x| both(with(|s| s.dt = x)),
+        ),
+        "stretch" => Values(&[-1.0, -0.5, 0.05, 0.1, 0.5, 2.0, 3.0, 4.0], &[-1.0, 0.1, 4.0]).axis(
+            "stretch",
+            "Let go when stretched to",
+            extent,
+            |x| format!("{}%", 100.0 * x),
+            [0.5, 2.0],
+            |x| {
+                let neo = |mut s: Setup| {
+                    s.material.law = Law::NeoHookean;
+                    s
+                };
+                vec![release(setup(), x), release(neo(setup()), x)]
+            },
+        ),
+        "spin" => Values(&[1.0, 10.0, 30.0, 100.0, 300.0, 1000.0], &[10.0, 100.0]).axis(
+            "spin",
+            "Spinning free",
+            extent,
+            |x| format!("{x} rad/s"),
+            [0.0, 10.0],
+            |x| vec![spin(Setup::default(), x)],
+        ),
+        "gravity" => Values(&[0.0, 1.0, 3.0, 10.0, 30.0, 100.0], &[0.0, 1.0, 100.0]).axis(
+            "gravity",
+            "Gravity",
+            extent,
+            |x| format!("{x} g"),
+            [0.0, 1.0],
+            |x| {
+                let cases = both(with(|s| s.gravity = 9.81 * x));
+                if x == 0.0 {
+                    cases.into_iter().map(|c| if c.scenario == "hang" { still(c) } else { c }).collect()
+                } else {
+                    cases
+                }
+            },
+        ),
+        "origin" => Values(&[0.0, 1.0, 1e3, 1e6], &[1e3]).axis(
+            "origin",
+            "Away from the origin",
+            extent,
+            |x| si(x, "m"),
+            [0.0, 1e3],
+            |x| both(with(|s| s.origin = x * DVec3::new(0.6, 0.0, 0.8))),
+        ),
+        _ => return None,
+    })
+}
+
+fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
+    Ok(Some(match name {
+        // As stiff for its weight at any size: strains are the same.
+        "size" => Values(&[1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0], &[1e-3, 100.0]).axis(
+            "size",
+            "Size of the body",
+            extent,
+            |x| si(x, "m"),
+            [1e-2, 1.0],
+            |x| both(with(|s| (s.edge, s.material.young) = (x, 2e4 * x / 0.1))),
+        ),
+        "sliver" => {
+            let values: &[f64] = if extent.is_quick { &[0.01, 1.0] } else { &[0.01, 0.1, 1.0, 10.0] };
+            let mut cells = Vec::new();
+            for &angle in values {
+                let mesh = meshes::slivers(extent.folder, angle, Setup::default().edge)?;
+                let cases = both(with(|s| s.mesh = Some(mesh.clone())));
+                cells.push(Cell { label: format!("{angle} deg"), is_core: angle >= 1.0, cases });
+            }
+            Axis { name: "sliver", title: "Least dihedral angle", cells }
+        }
+        "tetrahedron" => {
+            let mesh = meshes::tetrahedron(extent.folder, Setup::default().edge)?;
+            let setup = with(|s| s.mesh = Some(mesh.clone())).damped();
+            let on_floor = rest(setup.clone(), if extent.is_quick { 600 } else { 2000 });
+            let cell = |label: &str, case| Cell { label: label.into(), is_core: true, cases: vec![case] };
+            let cells = vec![cell("held by a face", hang(setup)), cell("on a floor", on_floor)];
+            Axis { name: "tetrahedron", title: "A single tetrahedron", cells }
+        }
+        "bound" => {
+            let cell = |label: &str, bound: Bound, is_still| {
+                let case = |case: Case| Case { setup: Setup { bound: bound.clone(), ..case.setup.clone() }, ..case };
+                let cases = both(Setup::default()).into_iter().map(case);
+                let cases = cases.map(|c| if is_still { still(c) } else { c }).collect();
+                Cell { label: label.into(), is_core: true, cases }
+            };
+            let cells = vec![cell("all but one node", Bound::AllButOne, false), cell("all nodes", Bound::All, true)];
+            Axis { name: "bound", title: "Nodes bound", cells }
+        }
+        _ => return Ok(None),
+    }))
+}
+
+fn power(value: f64) -> String {
+    format!("{value:.0e}")
 }
 
 /// A number with its unit and thousands' prefix.

@@ -105,6 +105,30 @@ pub enum Verdict {
     Silent,
 }
 
+impl Verdict {
+    /// For readers.
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::Pass => "pass",
+            Verdict::Refused => "refused",
+            Verdict::Degraded => "degraded",
+            Verdict::Fail => "fail",
+            Verdict::Silent => "silent failure",
+        }
+    }
+}
+
+impl Finding {
+    /// Which law was broken, and where; `None`: none was.
+    pub fn in_words(&self) -> Option<String> {
+        let step = self.broken?;
+        let names: Vec<&str> = Flags(self.flags).names().collect();
+        let flags = if names.is_empty() { "no flag".into() } else { names.join(", ") };
+        let Finding { law, worst, bound, .. } = self;
+        Some(format!("{} from step {step} ({flags}): {worst:.2e} at worst, {bound:.2e} allowed", law.name()))
+    }
+}
+
 /// Every law against the steps of a case; the first sample is the start.
 pub fn judge(samples: &[Sample], promise: &Promise) -> Vec<Finding> {
     let mut findings = vec![

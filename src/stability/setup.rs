@@ -31,7 +31,7 @@ pub enum Bound {
 }
 
 /// Where the device takes the sphere, heights of its centre above where it would touch the block, m, at times, s.
-pub type Path2 = Vec<(f64, f64)>;
+pub type Way = Vec<(f64, f64)>;
 
 /// A sphere above the block.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,7 +43,7 @@ pub struct Sphere {
     /// Downwards at the start, m/s.
     pub speed: f64,
     /// Of the device.
-    pub path: Path2,
+    pub path: Way,
 }
 
 /// A scene of the matrix, before it is one.
@@ -85,7 +85,7 @@ impl Default for Setup {
         };
         Setup {
             edge: 0.1,
-            cells: 4,
+            cells: 3,
             mesh: None,
             material,
             dt: 1e-3,
@@ -145,7 +145,8 @@ impl Setup {
             scale: 1.0,
             repair: true,
         });
-        let key = |(time, height): &(f64, f64)| Key { time: *time, position: at(*height), orientation: DQuat::IDENTITY };
+        let key =
+            |(time, height): &(f64, f64)| Key { time: *time, position: at(*height), orientation: DQuat::IDENTITY };
         scene.drive = sphere.path.iter().map(key).collect();
         // Of turning as of moving, at the sphere's radius.
         let arm2 = (RADIUS * self.edge).powi(2);

@@ -52,11 +52,10 @@ pub struct Sample {
 /// Follows a simulation step by step.
 pub struct Observer {
     body: SoftBody,
-    rest: Vec<DVec3>,
     gravity: DVec3,
     dt: f64,
-    /// What is left of the last step's system: the next one makes it good.
-    leftover: Vec<DVec3>,
+    /// What is left of the last step's system, which the next one makes good; `None`: unknown since the first contact.
+    leftover: Option<Vec<DVec3>>,
     tool_leftover: DVec3,
     velocity: Vec<DVec3>,
     tool: Option<(DVec3, DVec3)>,
@@ -75,12 +74,10 @@ impl Observer {
         let Shape::Soft { layer, materials, .. } = &placed.shape else {
             return Err(crate::Error::Simulation("the matrix follows soft bodies".into()));
         };
-        let body =
-            SoftBody::new(layer.clone(), materials, placed.position, placed.orientation, placed.velocity);
+        let body = SoftBody::new(layer.clone(), materials, placed.position, placed.orientation, placed.velocity);
         let tool = simulation.tool();
         let mut observer = Observer {
-            rest: body.world_nodes(),
-            leftover: vec![DVec3::ZERO; layer.nodes.len()],
+            leftover: Some(vec![DVec3::ZERO; layer.nodes.len()]),
             tool_leftover: DVec3::ZERO,
             velocity: Vec::new(),
             body,
@@ -143,10 +140,9 @@ impl Observer {
         let touch = simulation.touch()?.1;
         self.contacts(&touch);
         self.tool_laws(simulation, &row, &touch, &mut sample);
+        let last = self.leftover.take();
         if touch.is_empty() && !row.flags.contains(Flags::STEP_RETRIED) {
-            self.equations(&before, &mut sample);
-        } else {
-            self.leftover.fill(DVec3::ZERO);
+            self.leftover = last.map(|last| self.equations(&before, last, &mut sample));
         }
         self.energies(simulation, &mut sample);
         Ok(sample)
@@ -183,7 +179,8 @@ impl Observer {
         let weight = tool.mass * self.gravity;
         let change = tool.mass * (tool.velocity - velocity);
         let missed = h * (told.force + weight + pull.force) - change + self.tool_leftover;
-        let largest = change.length().max(h * told.force.length()).max(h * weight.length()).max(h * pull.force.length());
+        let largest =
+            change.length().max(h * told.force.length()).max(h * weight.length()).max(h * pull.force.length());
         sample.balance = if largest > 0.0 { missed.length() / largest } else { 0.0 };
         self.tool_leftover = missed;
         self.device = Some((device.position, device.orientation));
@@ -200,7 +197,7 @@ impl Observer {
     }
 
     /// b - A x of the last step and the size of b, by the diagonal of A.
-    fn equations(&mut self, before: &Before, sample: &mut Sample) {
+    fn equations(&self, before: &Before, mut leftover: Vec<DVec3>, sample: &mut Sample) -> Vec<DVec3> {
         let (h, elements) = (self.dt, &before.body.elements);
         let (start, end) = (&self.velocity, &self.body.velocity);
         let stiff = |p: &[DVec3]| elements.apply_weighted(p, &before.rotations, |m| h * (h + m.damping_stiffness));
@@ -213,20 +210,22 @@ impl Observer {
                 continue;
             }
             let (mass, damping) = (elements.masses[i], elements.damping[i]);
-            let rhs = h * forces[i] + h * mass * self.gravity - h * damping * start[i] - of_start[i] + self.leftover[i];
+            let rhs = h * forces[i] + h * mass * self.gravity - h * damping * start[i] - of_start[i] + leftover[i];
             let image = (mass + h * damping) * (end[i] - start[i]) + of_end[i] - of_start[i];
             let diagonal = mass + h * damping + sizes[i].0;
             let floor = sizes[i].1
                 + mass * (start[i].length() + end[i].length() + h * self.gravity.length())
                 + h * damping * (start[i].length() + end[i].length());
-            self.leftover[i] = rhs - image;
-            left2 += self.leftover[i].length_squared() / diagonal;
-            rhs2 += rhs.length_squared() / diagonal;
+            leftover[i] = rhs - image;
+            left2 += leftover[i].length_squared() / diagonal;
+            // Where forces cancel, weight tells how large they are.
+            rhs2 += (rhs.length_squared() + (h * mass * self.gravity).length_squared()) / diagonal;
             floor2 += (ROUNDINGS * HALF_ULP * floor).powi(2) / diagonal;
         }
         let size = f64::sqrt(rhs2);
         sample.residual = if size > 0.0 { f64::sqrt(left2) / size } else { 0.0 };
         sample.residual_floor = if size > 0.0 { f64::sqrt(floor2) / size } else { 0.0 };
+        leftover
     }
 
     fn energies(&self, simulation: &Simulation, sample: &mut Sample) {
@@ -253,9 +252,8 @@ impl Observer {
         sample.turned_over = kinetic + weight.abs() + elastic + coupling + self.supplied.abs();
         sample.moved = self.start.map_or(0.0, |start| self.centre().distance(start));
         sample.deformed = self.body.displacement.iter().map(|d| d.length()).fold(0.0, f64::max);
-        let turned_out = |e: &usize| {
-            (glam::DMat3::IDENTITY + elements.gradient(*e, &self.body.displacement)).determinant() <= 0.0
-        };
+        let turned_out =
+            |e: &usize| (glam::DMat3::IDENTITY + elements.gradient(*e, &self.body.displacement)).determinant() <= 0.0;
         sample.inverted = (0..elements.tetrahedra.len()).filter(turned_out).count();
     }
 }
