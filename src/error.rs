@@ -29,6 +29,9 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
+    /// The command line asks for what there is not; the message has the remedy.
+    #[error("{0}")]
+    Usage(String),
     /// A file could not be written.
     #[error("cannot write {}: {source}; make room, or choose another place", .file.display())]
     Output {
@@ -72,7 +75,7 @@ impl Error {
     /// The program's exit status: 2 bad input, 3 no usable device, 4 the simulation (or a device under it) failed.
     pub fn exit_status(&self) -> u8 {
         match self {
-            Error::Input { .. } | Error::Key { .. } | Error::Output { .. } => 2,
+            Error::Input { .. } | Error::Key { .. } | Error::Usage(_) | Error::Output { .. } => 2,
             Error::NoDevice(_) => 3,
             Error::Vulkan { .. } | Error::Simulation(_) => 4,
         }

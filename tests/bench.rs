@@ -1,15 +1,33 @@
 //! `palpate bench`: every question is answered, however small; what is written; bad input. No times are judged.
 
-use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, Output};
 
-use palpate::bench::haptics;
-use palpate::bench::proximity::{self, Outcome, Settings};
-use palpate::bench::solver::{self, Case, Mesh};
+use palpate::bench::haptics::{self, Haptics};
+use palpate::bench::proximity::{self, Proximity};
+use palpate::bench::solver::{self, Case, Mesh, Solver};
+use palpate::bench::suite::{self, Head, Shard};
+use palpate::bench::{Benchmark, Document};
+use serde_json::{Map, Value};
+
+/// All parts of a benchmark, what was told meanwhile, and the report.
+fn measure(benchmark: Box<dyn Benchmark>) -> (Map<String, Value>, Vec<String>, String) {
+    let mut told = Vec::new();
+    let benchmarks = [benchmark];
+    let head = Head::new(None, true).unwrap();
+    let watch = &mut |what: &str| told.push(what.to_string());
+    let results = suite::measure(&benchmarks, head, Shard::WHOLE, &|_, _| true, watch).unwrap();
+    let document: Document = suite::document(&benchmarks, &results).unwrap();
+    let parts = results.benchmarks[benchmarks[0].name()]["parts"].as_object().unwrap().clone();
+    let text = document.markdown();
+    assert!(text.contains("quick run") && text.contains("**Found:**"), "{text}");
+    let page = document.html();
+    assert_eq!(page.matches("<h3>").count(), text.matches("\n### ").count());
+    (parts, told, page)
+}
 
 #[test]
 fn a_tiny_run_answers_every_question_of_the_query() {
-    let settings = Settings {
+    let settings = proximity::Settings {
         runs: 3,
         warm_up: 1,
         sizes: vec![4_000, 9_000],
@@ -17,11 +35,10 @@ fn a_tiny_run_answers_every_question_of_the_query() {
         area_vertices: 18_000,
         peer_vertices: [2_000, 3_000],
         peer_colliding: 20,
-        scenes: empty_folder(),
-        ..Settings::quick()
+        ..proximity::Settings::quick()
     };
-    let mut told = Vec::new();
-    let results = proximity::run(&settings, &mut |what: &str| told.push(what.to_string())).unwrap();
+    let (json, told, page) = measure(Box::new(Proximity(settings)));
+    let results = proximity::Results::of(&json).unwrap();
     assert!(told.iter().any(|what| what.starts_with("peers")), "{told:?}");
 
     let [few, many] = &results.sensitivity[..] else { panic!("{:?}", results.sensitivity) };
@@ -34,16 +51,9 @@ fn a_tiny_run_answers_every_question_of_the_query() {
     assert!(results.area[0].place.contacts == 0 && areas[0] == 0.0);
     // Coarse triangles on a coarse border, and the ball is a little beside the pole.
     assert!((areas[1] - 1.0).abs() < 0.15 && (areas[2] - 2.0).abs() < 0.2, "{areas:?}");
-    let peers = &results.peers;
+    let peers = results.peers.as_ref().unwrap();
     assert!(peers.inside.abs_diff(20) <= 3 && peers.colliding.iter().all(|&n| n > 0), "{peers:?}");
-    assert!(results.scenes.len() == 5 && results.scenes.iter().all(|s| matches!(s.outcome, Outcome::Missing(_))));
-
-    let document = proximity::document(&results).unwrap();
-    let text = document.markdown(true);
-    let named = ["sensitivity.svg", "area.svg", "peers.svg", "no scene was measured", "**Found:**", "quick run"];
-    assert!(named.iter().all(|word| text.contains(word)), "{text}");
-    let json = serde_json::to_value(&results).unwrap();
-    assert_eq!((&json["schema"], &json["benchmark"]), (&2.into(), &"proximity".into()));
+    assert_eq!(page.matches("<figure>").count(), 3, "{page}");
     let depths = |series: &str| json[series][1]["samples_us"]["depth"].as_array().unwrap().len();
     assert_eq!((depths("sensitivity"), depths("area")), (3, 2));
 }
@@ -59,8 +69,8 @@ fn a_tiny_run_answers_every_question_of_the_solver() {
         scaling_steps: 2,
         ..solver::Settings::quick()
     };
-    let mut told = Vec::new();
-    let results = solver::run(&settings, &mut |what: &str| told.push(what.to_string())).unwrap();
+    let (json, told, page) = measure(Box::new(Solver(settings)));
+    let results = solver::Results::of(&json).unwrap();
     assert!(told.iter().any(|what| what == "block0k-20kPa-1ms: run 2 of 2"), "{told:?}");
 
     assert_eq!(results.cases.len(), 2);
@@ -82,15 +92,11 @@ fn a_tiny_run_answers_every_question_of_the_solver() {
     let [small, large] = &results.scaling[..] else { panic!("{:?}", results.scaling) };
     assert!((small.tetrahedra, large.tetrahedra) == (162, 750) && small.steps.len() == 2);
     assert_eq!(large.iterations[0].iterations, [32, 8]);
-    assert!(large.iterations[0].bytes_device > 750 * 100 && large.iterations[0].step_us[1].len() == 2);
+    assert!(large.iterations[0].bytes_device > 750 * 100 && large.iterations[0].short_us.len() == 2);
 
-    let text = solver::document(&results).unwrap().markdown(true);
-    let named = ["block0k.svg", "growth.svg", "1 ms at", "**Found:**", "quick run"];
-    assert!(named.iter().all(|word| text.contains(word)), "{text}");
-    let json = serde_json::to_value(&results).unwrap();
-    assert_eq!((&json["schema"], &json["benchmark"]), (&2.into(), &"solver".into()));
-    assert_eq!(json["cases"][1]["runs"][0]["step_us"][1].as_array().unwrap().len(), 4);
-    assert_eq!((&json["cases"][1]["young"], &json["cases"][1]["name"]), (&2e6.into(), &"block0k-2MPa-10ms".into()));
+    assert!(page.matches("<figure>").count() == 2 && page.contains("1 ms at"), "{page}");
+    let stiff = &json["block0k-2MPa-10ms"];
+    assert_eq!((stiff["runs"][0]["step_us"][1].as_array().unwrap().len(), &stiff["young"]), (4, &2e6.into()));
 }
 
 #[test]
@@ -106,12 +112,14 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
         jitter_seconds: 0.3,
         ..haptics::Settings::quick()
     };
-    let mut told = Vec::new();
-    let results = haptics::run(&settings, &mut |what: &str| told.push(what.to_string())).unwrap();
+    let (json, told, page) = measure(Box::new(Haptics(settings)));
+    let results = haptics::Results::of(&json).unwrap();
     assert!(told.iter().any(|what| what == "slide: premium at 50 Hz"), "{told:?}");
 
     let [width] = &results.widths[..] else { panic!("{:?}", results.widths) };
-    assert!((width.profile, width.damping, width.coupling) == ("premium", 0.0, 800.0) && width.local >= width.raw);
+    assert!(
+        (width.profile.as_str(), width.damping, width.coupling) == ("premium", 0.0, 800.0) && width.local >= width.raw
+    );
     let [prompt, late] = &results.delays[..] else { panic!("{:?}", results.delays) };
     assert!(prompt.local > late.local && late.local > late.gil && prompt.delay == 0.0, "{prompt:?} {late:?}");
     let [slow] = &results.rates[..] else { panic!("{:?}", results.rates) };
@@ -132,36 +140,72 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
     let [idle, loaded] = &results.jitter[..] else { panic!("{:?}", results.jitter) };
     assert!(loaded.is_loaded && !idle.is_loaded && loaded.servo.ticks > 0 && loaded.steps > 0);
 
-    let text = haptics::document(&results).unwrap().markdown(true);
-    let plots = ["width.svg", "delay.svg", "rate.svg", "hold.svg", "slide.svg", "ticks.svg"];
-    assert!(plots.iter().chain(&["**Found:**", "quick run"]).all(|word| text.contains(word)), "{text}");
-    let json = serde_json::to_value(&results).unwrap();
-    assert_eq!((&json["schema"], &json["benchmark"]), (&2.into(), &"haptics".into()));
-    assert_eq!((&json["holds"][0]["met"]["wall"], &json["holds"][2]["mode"]), (&2000.0.into(), &"raw".into()));
+    assert_eq!(page.matches("<figure>").count(), 6, "{page}");
+    assert_eq!((&json["hold"][0]["met"]["wall"], &json["hold"][2]["mode"]), (&2000.0.into(), &"raw".into()));
 }
 
-/// A folder without scenes.
-fn empty_folder() -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("no_scenes");
-    std::fs::create_dir_all(&folder).unwrap();
-    folder
+fn palpate(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_palpate")).args(arguments).output().unwrap()
 }
 
 #[test]
-fn a_folder_of_scenes_that_is_none_is_refused_before_anything_is_measured() {
-    let settings = Settings { scenes: PathBuf::from("no such folder"), ..Settings::quick() };
-    let mut told = Vec::new();
-    let error = proximity::run(&settings, &mut |what: &str| told.push(what.to_string())).unwrap_err().to_string();
-    assert!(told.is_empty() && error.contains("no such folder") && error.contains("--scenes"), "{error}");
+fn two_shards_joined_give_the_report_of_the_whole_and_every_part_is_in_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    let ok = |arguments: &[&str]| {
+        let done = palpate(arguments);
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        String::from_utf8(done.stdout).unwrap()
+    };
+    // In virtual time, and so with the same numbers every time.
+    let asked = ["bench", "haptics/damping", "haptics/delay", "haptics/rate", "--quick"];
+    let with = |more: &[&str]| ok(&[&asked[..], more].concat());
+    assert_eq!(with(&["--list"]), "haptics/damping\nhaptics/delay\nhaptics/rate\n");
+    let whole = with(&["--out", &dir("whole")]);
+    let first = with(&["--shard", "1/2", "--out", &dir("1")]);
+    assert!(first.contains("not joined yet: delay"), "{first}");
+    with(&["--shard", "2/2", "--out", &dir("2")]);
+    assert_eq!(ok(&["bench", "--merge", &dir("2"), &dir("1"), "--out", &dir("both")]), whole);
+    for file in ["report.html", "results.json"] {
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name).join(file)).unwrap();
+        assert_eq!(read("both"), read("whole"), "{file}");
+    }
+    let twice = palpate(&["bench", "--merge", &dir("1"), &dir("1")]);
+    assert!(twice.status.code() == Some(2) && String::from_utf8_lossy(&twice.stderr).contains("`damping`"));
 }
 
 #[test]
-fn benchmarks_and_cases_of_no_such_name_are_refused() {
+fn what_is_slower_than_before_ends_with_status_4() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    let arguments = ["bench", "proximity/peers", "--quick", "--out", &dir("new")];
+    assert!(palpate(&arguments).status.success());
+    let same = palpate(&["bench", "--merge", &dir("new"), "--compare", &dir("new")]);
+    assert!(same.status.success(), "{}", String::from_utf8_lossy(&same.stderr));
+    assert!(String::from_utf8_lossy(&same.stdout).contains("0 of"));
+    // Before, everything took a hundredth.
+    let file = folder.path().join("new/results.json");
+    let mut json: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+    let contact = &mut json["benchmarks"]["proximity"]["parts"]["peers"]["samples_us"]["contact"];
+    contact.as_array_mut().unwrap().iter_mut().for_each(|us| *us = (0.01 * us.as_f64().unwrap()).into());
+    let old = folder.path().join("old.json");
+    std::fs::write(&old, json.to_string()).unwrap();
+    let slower = palpate(&["bench", "--merge", &dir("new"), "--compare", old.to_str().unwrap()]);
+    let text = String::from_utf8_lossy(&slower.stdout);
+    assert!(slower.status.code() == Some(4) && text.contains("samples_us/contact"), "{text}");
+    assert!(text.contains(" slower |") && text.contains("1 of"), "{text}");
+}
+
+#[test]
+fn what_is_not_there_is_refused_before_anything_is_measured() {
     for (arguments, mistake, remedy) in [
-        (["bench", "speed", "--quick"], "speed", "proximity"),
-        (["bench", "solver", "--cases=human,ball"], "ball", "block105k"),
+        (&["bench", "speed", "--quick"][..], "speed", "proximity"),
+        (&["bench", "solver/ball"], "solver/ball", "--list"),
+        (&["bench", "--shard", "3/2"], "3/2", "1/4"),
+        (&["bench", "solver", "--compare", "no-such.json"], "no-such.json", "results.json"),
+        (&["bench", "--merge", "no-such-folder"], "no-such-folder", "results.json"),
     ] {
-        let run = Command::new(env!("CARGO_BIN_EXE_palpate")).args(arguments).output().unwrap();
+        let run = palpate(arguments);
         let error = String::from_utf8(run.stderr).unwrap();
         assert_eq!(run.status.code(), Some(2), "{error}");
         assert!(error.contains(mistake) && error.contains(remedy) && error.lines().count() == 1, "{error}");

@@ -1,13 +1,24 @@
-//! A report: for each question the table, the plot, and what was found.
+//! A report: for each question the plot, the table, and what was found.
 
 use std::fmt::Write;
 
-/// A report in Markdown, readable as plain text.
+/// A report: as a page by [`Document::html`], as plain text by [`Document::markdown`].
 #[derive(Debug, Clone, Default)]
 pub struct Document {
     /// Heading.
     pub title: String,
-    /// Where and how it was measured.
+    /// Where and by what it was measured.
+    pub preface: String,
+    /// Each of a benchmark.
+    pub chapters: Vec<Chapter>,
+}
+
+/// Questions of one kind.
+#[derive(Debug, Clone, Default)]
+pub struct Chapter {
+    /// Heading.
+    pub title: String,
+    /// How it was measured.
     pub preface: String,
     /// Its questions.
     pub sections: Vec<Section>,
@@ -22,8 +33,8 @@ pub struct Section {
     pub question: String,
     /// What was measured.
     pub table: Table,
-    /// File name and contents of a plot.
-    pub plot: Option<(String, String)>,
+    /// A plot, SVG.
+    pub plot: Option<String>,
     /// One sentence that the numbers say.
     pub finding: String,
 }
@@ -38,17 +49,15 @@ pub struct Table {
 }
 
 impl Document {
-    /// The report; plots are named where they lie beside it.
-    pub fn markdown(&self, has_plots: bool) -> String {
+    /// Everything but the plots, in Markdown.
+    pub fn markdown(&self) -> String {
         let mut text = format!("# {}\n\n{}\n", self.title, self.preface);
-        for section in &self.sections {
-            let Section { title, question, table, plot, finding } = section;
+        for chapter in &self.chapters {
             // Writing into a string cannot fail.
-            let _ = write!(text, "\n## {title}\n\n{question}\n\n{}\n", table.markdown());
-            if let Some((file, _)) = plot.as_ref().filter(|_| has_plots) {
-                let _ = write!(text, "![{title}]({file})\n\n");
+            let _ = write!(text, "\n## {}\n\n{}\n", chapter.title, chapter.preface);
+            for Section { title, question, table, finding, .. } in &chapter.sections {
+                let _ = write!(text, "\n### {title}\n\n{question}\n\n{}\n**Found:** {finding}\n", table.markdown());
             }
-            let _ = writeln!(text, "**Found:** {finding}");
         }
         text
     }
@@ -60,7 +69,8 @@ impl Table {
         Table { heads: heads.into_iter().map(Into::into).collect(), rows: Vec::new() }
     }
 
-    fn markdown(&self) -> String {
+    /// In Markdown.
+    pub fn markdown(&self) -> String {
         let lines = || std::iter::once(&self.heads).chain(&self.rows);
         let width = |k: usize| lines().filter_map(|row| row.get(k)).map(|cell| cell.chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..self.heads.len()).map(|k| width(k).max(2)).collect();
@@ -83,14 +93,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_table_is_aligned_and_a_plot_is_named_where_it_is() {
+    fn a_table_is_aligned() {
         let table = Table { rows: vec![vec!["a".into(), "12".into()]], ..Table::new(["name", "n"]) };
-        let plot = Some(("x.svg".to_string(), String::new()));
-        let section = Section { title: "T".into(), table, plot, finding: "So.".into(), ..Section::default() };
-        let document = Document { sections: vec![section], ..Document::default() };
-        let text = document.markdown(true);
+        let section = Section { title: "T".into(), table, finding: "So.".into(), ..Section::default() };
+        let chapter = Chapter { title: "C".into(), sections: vec![section], ..Chapter::default() };
+        let text = Document { chapters: vec![chapter], ..Document::default() }.markdown();
         assert!(text.contains("| name |  n |\n| ---- | -: |\n| a    | 12 |\n"), "{text}");
-        assert!(text.contains("![T](x.svg)") && text.ends_with("**Found:** So.\n"), "{text}");
-        assert!(!document.markdown(false).contains("x.svg"));
+        assert!(text.contains("## C") && text.contains("### T") && text.ends_with("**Found:** So.\n"), "{text}");
     }
 }

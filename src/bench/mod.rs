@@ -1,15 +1,17 @@
-//! Benchmarks, and the reports made by them. Each has a folder of its own; they share samples, plots and the way that
-//! questions, tables and findings are set.
+//! Benchmarks, and the reports made by them. Each has a folder of its own; they share the way that parts are measured and
+//! joined, samples, plots, and the way that questions, tables and findings are set.
 
+pub mod accuracy;
+pub mod compare;
 pub mod document;
 pub mod haptics;
+mod page;
 pub mod plot;
 pub mod proximity;
 pub mod samples;
 pub mod solver;
+pub mod suite;
 
-pub use document::{Document, Section, Table};
+pub use document::{Chapter, Document, Section, Table};
 pub use samples::{Samples, median};
-
-/// Version of the format of `results.json`: raised when a field changes its meaning or goes.
-pub const SCHEMA: u32 = 2;
+pub use suite::{Benchmark, Results, SCHEMA};

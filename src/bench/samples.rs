@@ -1,6 +1,8 @@
 //! Times of the stages of a query, run by run.
 
-use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::stages::{POSE_TO_CONTACT, QUERY};
 
@@ -39,6 +41,14 @@ impl Serialize for Samples {
     }
 }
 
+impl<'de> Deserialize<'de> for Samples {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Samples, D::Error> {
+        let mut by_name = BTreeMap::<String, Vec<f64>>::deserialize(deserializer)?;
+        let mut take = |name: &str| by_name.remove(name).unwrap_or_default();
+        Ok(Samples { stages: QUERY.map(&mut take), whole: take(POSE_TO_CONTACT) })
+    }
+}
+
 /// The median by nearest rank; 0 of nothing.
 pub fn median(samples: &[f64]) -> f64 {
     crate::report::summary::quantiles(samples).map_or(0.0, |(median, _)| median)
@@ -67,6 +77,7 @@ mod tests {
         let value = serde_json::to_value(&samples).unwrap();
         assert_eq!(value["contact"], serde_json::json!([30.0, 10.0, 20.0]));
         assert_eq!(value["pose to contact"], serde_json::json!([7.0, 3.0, 5.0]));
+        assert_eq!(serde_json::from_value::<Samples>(value).unwrap(), samples);
         assert_eq!(Samples::default().total_ms(), 0.0);
     }
 }

@@ -1,122 +1,150 @@
-//! `palpate bench`: measures, prints the report, and writes it with plots and raw samples.
+//! `palpate bench`: measures, prints the report, and writes it with every sample; joins shards; compares with before.
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use clap::builder::NonEmptyStringValueParser;
-use palpate::Result;
-use palpate::bench::{Document, haptics, proximity, solver};
+use palpate::bench::compare::{self, Verdict};
+use palpate::bench::haptics::{self, Haptics};
+use palpate::bench::proximity::{self, Proximity};
+use palpate::bench::solver::{self, Solver};
+use palpate::bench::suite::{self, Head, Shard};
+use palpate::bench::{Benchmark, Results};
 use palpate::report::Output;
-use serde::Serialize;
+use palpate::{Error, Result};
 
 use crate::print;
 
 const RESULTS: &str = "results.json";
+const REPORT: &str = "report.html";
 
 /// Options of `palpate bench`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// What to measure [default: everything, each into a folder of its own]
-    names: Vec<Name>,
+    /// What to measure: a benchmark (`solver`), one of its parts (`solver/scaling`), or all parts that begin with a name and a
+    /// dash (`solver/human`) [default: everything]
+    names: Vec<String>,
     /// Fewer cases, sizes, runs and steps: a first look
     #[arg(long)]
     quick: bool,
-    /// Of `proximity`: directory of the scenes to run
+    /// List the parts that would be measured, and measure nothing
+    #[arg(long)]
+    list: bool,
+    /// Measure the I-th of N shards; every part is in one of them
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    shard: Option<Shard>,
+    /// Measure nothing: join the shards in these directories
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["names", "quick", "shard", "list", "device"])]
+    merge: Vec<PathBuf>,
+    /// Compare with these results; exit with status 4 where something is slower, or less accurate, beyond noise
+    #[arg(long, value_name = "OLD.json")]
+    compare: Option<PathBuf>,
+    /// Folder of the paper's scenes
     #[arg(long, value_name = "DIR", default_value = "assets/scenes")]
     scenes: PathBuf,
-    /// Of `solver`: these cases alone, with commas between them: block10k, block105k, human or scaling; `block10k-2MPa` and
-    /// `block10k-2MPa-1ms` are parts of the first
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = case_name)]
-    cases: Vec<String>,
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
-    /// Directory to write report, plots and samples into; without it nothing is written
+    /// Directory to write report.html and results.json into; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
-/// A benchmark.
-#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
-enum Name {
-    /// The query: its time against mesh size, against contact area, against peers, and in the paper's scenes
-    Proximity,
-    /// The step without contact: its time against the error that it leaves, against peers, and against mesh size
-    Solver,
-    /// The loop: how stiff a wall may be, how still a force keeps, how far it jumps, and how punctual its ticks are
-    Haptics,
-}
-
-fn case_name(text: &str) -> std::result::Result<String, String> {
-    let problem = "is no case; give block10k, block105k, human or scaling, or a part such as block10k-2MPa-1ms";
-    if solver::Settings::knows(text) { Ok(text.into()) } else { Err(problem.into()) }
-}
-
-/// Runs the benchmarks that are named, or all.
-pub fn bench(arguments: &Arguments) -> Result<()> {
-    let is_asked = |name: Name| arguments.names.is_empty() || arguments.names.contains(&name);
-    let asked: Vec<Name> = Name::value_variants().iter().copied().filter(|name| is_asked(*name)).collect();
-    for name in &asked {
-        let folder = match name {
-            Name::Proximity => "proximity",
-            Name::Solver => "solver",
-            Name::Haptics => "haptics",
-        };
-        let out = arguments.out.as_ref().map(|out| if asked.len() > 1 { out.join(folder) } else { out.clone() });
-        match name {
-            Name::Proximity => proximity(arguments, out.as_deref())?,
-            Name::Solver => solver(arguments, out.as_deref())?,
-            Name::Haptics => haptics(arguments, out.as_deref())?,
-        }
+fn shard(text: &str) -> std::result::Result<Shard, String> {
+    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse::<usize>().ok()?, n.parse::<usize>().ok()?)));
+    match parts {
+        Some((index, count)) if (1..=count).contains(&index) => Ok(Shard { index: index - 1, count }),
+        _ => Err("give the number of the shard and how many there are, such as 1/4".into()),
     }
-    Ok(())
 }
 
-fn proximity(arguments: &Arguments, out: Option<&Path>) -> Result<()> {
-    use proximity::Settings;
-    let settings = if arguments.quick { Settings::quick() } else { Settings::full() };
-    let settings = Settings { scenes: arguments.scenes.clone(), device: arguments.device.clone(), ..settings };
-    report(out, "proximity.md", || {
-        let results = proximity::run(&settings, &mut watch)?;
-        Ok((proximity::document(&results)?, results))
-    })
+/// Every benchmark, in the order of the report.
+fn benchmarks(arguments: &Arguments) -> Vec<Box<dyn Benchmark>> {
+    let device = || arguments.device.clone();
+    let proximity = if arguments.quick { proximity::Settings::quick() } else { proximity::Settings::full() };
+    let solver = if arguments.quick { solver::Settings::quick() } else { solver::Settings::full() };
+    let haptics = if arguments.quick { haptics::Settings::quick() } else { haptics::Settings::full() };
+    vec![
+        Box::new(Proximity(proximity::Settings { device: device(), ..proximity })),
+        Box::new(Solver(solver::Settings { device: device(), ..solver })),
+        Box::new(Haptics(haptics::Settings { device: device(), ..haptics })),
+    ]
 }
 
-fn solver(arguments: &Arguments, out: Option<&Path>) -> Result<()> {
-    use solver::Settings;
-    let settings = if arguments.quick { Settings::quick() } else { Settings::full() };
-    let settings = if arguments.cases.is_empty() { settings } else { settings.only(&arguments.cases) };
-    let settings = Settings { device: arguments.device.clone(), ..settings };
-    report(out, "solver.md", || {
-        let results = solver::run(&settings, &mut watch)?;
-        Ok((solver::document(&results)?, results))
-    })
-}
-
-fn haptics(arguments: &Arguments, out: Option<&Path>) -> Result<()> {
-    use haptics::Settings;
-    let settings = if arguments.quick { Settings::quick() } else { Settings::full() };
-    let settings = Settings { device: arguments.device.clone(), ..settings };
-    report(out, "haptics.md", || {
-        let results = haptics::run(&settings, &mut watch)?;
-        Ok((haptics::document(&results)?, results))
-    })
-}
-
-/// Measures, writes what was found into a directory, if there is one, and prints it.
-fn report<T: Serialize>(out: Option<&Path>, name: &str, run: impl FnOnce() -> Result<(Document, T)>) -> Result<()> {
-    let mut output = out.map(Output::create).transpose()?;
-    let (document, results) = run()?;
+/// Measures or joins, writes what was found, prints it, and compares it.
+pub fn bench(arguments: &Arguments) -> Result<()> {
+    let benchmarks = benchmarks(arguments);
+    let asked = asked(&arguments.names, &benchmarks)?;
+    if arguments.list {
+        return print(&asked.iter().map(|(name, part)| format!("{name}/{part}\n")).collect::<String>());
+    }
+    // What is to be compared with is read before minutes are spent.
+    let old = arguments.compare.as_deref().map(results_in).transpose()?;
+    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let results = if arguments.merge.is_empty() {
+        let head = Head::new(arguments.device.as_deref(), arguments.quick)?;
+        let is_asked = |name: &str, part: &str| asked.iter().any(|(n, p)| *n == name && p == part);
+        suite::measure(&benchmarks, head, arguments.shard.unwrap_or(Shard::WHOLE), &is_asked, &mut watch)?
+    } else {
+        let shards = arguments.merge.iter().map(|dir| Ok((dir.as_path(), results_in(dir)?)));
+        suite::merge(shards.collect::<Result<_>>()?)?
+    };
+    let document = suite::document(&benchmarks, &results)?;
     if let Some(output) = &mut output {
         output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
-        for (name, svg) in document.sections.iter().filter_map(|section| section.plot.as_ref()) {
-            output.write(name, |w| w.write_all(svg.as_bytes()))?;
-        }
-        output.write(name, |w| w.write_all(document.markdown(true).as_bytes()))?;
+        output.write(REPORT, |w| w.write_all(document.html().as_bytes()))?;
     }
     output.map_or(Ok(()), Output::commit)?;
-    print(&document.markdown(false))
+    print(&document.markdown())?;
+    old.map_or(Ok(()), |old| compared(&old, &results))
+}
+
+/// Benchmark and part of all that the names call. Errors: a name that calls nothing.
+fn asked(names: &[String], benchmarks: &[Box<dyn Benchmark>]) -> Result<Vec<(&'static str, String)>> {
+    let mut all: Vec<(&'static str, String)> = Vec::new();
+    for benchmark in benchmarks {
+        all.extend(benchmark.parts().into_iter().map(|part| (benchmark.name(), part)));
+    }
+    let calls = |asked: &str, (name, part): &(&'static str, String)| {
+        asked == *name
+            || asked.strip_prefix(name).and_then(|rest| rest.strip_prefix('/')).is_some_and(|asked| {
+                part.strip_prefix(asked).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
+            })
+    };
+    if let Some(wrong) = names.iter().find(|asked| !all.iter().any(|part| calls(asked, part))) {
+        let known: Vec<&str> = benchmarks.iter().map(|benchmark| benchmark.name()).collect();
+        let problem = format!("there is no benchmark or part `{wrong}`");
+        let remedy = format!("give {}, or a part that --list shows", known.join(", "));
+        return Err(Error::Usage(format!("{problem}; {remedy}")));
+    }
+    Ok(all.into_iter().filter(|part| names.is_empty() || names.iter().any(|asked| calls(asked, part))).collect())
+}
+
+/// Of a directory or the file itself.
+fn results_in(path: &Path) -> Result<Results> {
+    if path.is_dir() { suite::read(&path.join(RESULTS)) } else { suite::read(path) }
+}
+
+/// Prints the ratios. Errors: something became worse.
+fn compared(old: &Results, new: &Results) -> Result<()> {
+    let (all, lonely) = compare::compare(old, new);
+    let of = |head: &Head| format!("{} ({}), commit {}", head.device, head.driver, head.commit);
+    let count = |verdict| all.iter().filter(|c| c.verdict == verdict).count();
+    let (worse, better, unjudged) = (count(Verdict::Worse), count(Verdict::Better), count(Verdict::Unjudged));
+    print(&format!(
+        "\n# Compared\n\nOld: {}. New: {}. A ratio is of medians; it lies between those of the fastest round over the slowest \
+         and the other way round. {lonely} things are in one of them only.\n\n{}\n{} of {} are worse beyond noise, {better} \
+         better, {unjudged} have too few samples.\n",
+        of(&old.head),
+        of(&new.head),
+        compare::table(&all).markdown(),
+        worse,
+        all.len()
+    ))?;
+    match worse {
+        0 => Ok(()),
+        _ => Err(Error::Simulation(format!("{worse} of {} are slower or less accurate than before", all.len()))),
+    }
 }
 
 /// What is under way, for whoever waits at a terminal.

@@ -3,30 +3,33 @@
 mod forces;
 mod walls;
 
+use serde_json::Value;
+
 use super::jitter::{Late, MORE};
 use super::width::CRITICAL;
 use super::{Punctual, Results};
 use crate::Result;
 use crate::bench::plot::{Bar, bars};
-use crate::bench::{Document, Section, Table};
+use crate::bench::{Section, Table};
 use crate::haptics::devices::hand::HandParameters;
 
-/// The report, its plots drawn.
-pub fn document(results: &Results) -> Result<Document> {
-    let Results { device, driver, threads, settings, .. } = results;
-    let quick = if settings.is_quick { " This is a quick run: its figures are a first look." } else { "" };
+/// How it was measured.
+pub fn preface(_: &Value) -> String {
     let HandParameters { mass, stiffness, damping, device_damping, friction, quantum, .. } = HandParameters::default();
-    let preface = format!(
-        "Measured by palpate {} on {device} ({driver}), a machine of {threads} threads. The loop ticks at 1 kHz with the gains \
+    format!(
+        "The loop ticks at 1 kHz with the gains \
          that a session would choose for the device, and a simulated hand holds it ({mass} kg, the arm {stiffness} N/m and \
          {damping} N s/m, the device {device_damping} N s/m and {friction} N of friction, encoders of {:.0} um), in virtual \
          time: the same numbers every time. Against walls, to find where the loop swings, the hand is a critical one: the arm \
-         {} N s/m, the device {} N s/m, no friction, no encoders. Late ticks alone are of real time.{quick}",
-        results.version,
+         {} N s/m, the device {} N s/m, no friction, no encoders. Late ticks alone are of real time.",
         1e6 * quantum,
         CRITICAL.damping,
         CRITICAL.device_damping
-    );
+    )
+}
+
+/// Questions and answers, plots drawn.
+pub fn sections(results: &Results) -> Result<Vec<Section>> {
     let mut sections = Vec::new();
     if !results.widths.is_empty() {
         sections.push(walls::widths(&results.widths)?);
@@ -46,7 +49,7 @@ pub fn document(results: &Results) -> Result<Document> {
     if !results.jitter.is_empty() {
         sections.push(jitter(&results.jitter)?);
     }
-    Ok(Document { title: "What the hand feels of the loop".into(), preface, sections })
+    Ok(sections)
 }
 
 /// The least and the greatest; `None` of nothing.
@@ -92,7 +95,7 @@ fn jitter(sessions: &[Punctual]) -> Result<Section> {
             1e2 * MORE
         ),
         table,
-        plot: Some(("ticks.svg".into(), bars("lateness, us", &drawn)?)),
+        plot: Some(bars("lateness, us", &drawn)?),
         finding: jitter_finding(sessions),
     })
 }

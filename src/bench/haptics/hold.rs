@@ -1,7 +1,7 @@
 //! A person who holds still: how still the force keeps.
 
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::head::{self, CHEEK, Skin};
 use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
@@ -21,7 +21,7 @@ const ABOVE: f64 = 0.003;
 pub const WITHIN: f64 = 0.005;
 
 /// What is held against.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Met {
     /// A wall of this stiffness, N/m.
@@ -31,12 +31,12 @@ pub enum Met {
 }
 
 /// A force held, and what came of it in its last second.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Held {
     /// Against what.
     pub met: Met,
     /// The device's profile.
-    pub profile: &'static str,
+    pub profile: String,
     /// Of the simulation, Hz.
     pub rate: f64,
     /// What the loop did.
@@ -114,7 +114,7 @@ fn hold(
     };
     Ok(Held {
         met,
-        profile: name,
+        profile: name.into(),
         rate,
         mode,
         force: at_end(&ticks, |tick| tick.played.force),

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::head::{self, CHEEK, Skin};
 use super::rig::{PERIOD, key, tool, wall};
@@ -26,7 +26,7 @@ const DEEP: f64 = 0.005;
 const SHORTEST_STEP: f64 = 1e-3;
 
 /// Ticks of the loop and of the bare timer beside it.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Punctual {
     /// Whether the engine simulates the head meanwhile, without pause; else a wall, which takes no time.
     pub is_loaded: bool,
@@ -50,7 +50,7 @@ impl Punctual {
 }
 
 /// How late ticks came.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Late {
     /// That came.
     pub ticks: u64,

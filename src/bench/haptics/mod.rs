@@ -10,15 +10,16 @@ mod slide;
 mod width;
 
 use serde::Serialize;
+use serde_json::{Map, Value};
 
-pub use document::document;
 pub use hold::{Held, Met, is_still};
 pub use jitter::Punctual;
 pub use rig::{Mode, Spread};
 pub use slide::{Change, Changes, Slid};
 pub use width::{Limit, Width};
 
-use crate::gpu::{Context, Options};
+use super::suite::{part, to_value};
+use super::{Benchmark, Section};
 use crate::haptics::Profile;
 use crate::{Error, Result};
 
@@ -103,23 +104,9 @@ fn profile(name: &str) -> Result<&'static Profile> {
     Profile::named(name).ok_or_else(|| Error::Simulation(format!("there is no device profile `{name}`")))
 }
 
-/// The contents of `results.json`.
-#[derive(Debug, Clone, Serialize)]
+/// What was found; nothing of a part that was not measured.
+#[derive(Debug, Clone, Default)]
 pub struct Results {
-    /// [`super::SCHEMA`].
-    pub schema: u32,
-    /// Always `haptics`.
-    pub benchmark: &'static str,
-    /// Version of palpate.
-    pub version: &'static str,
-    /// Name of the device that simulates.
-    pub device: String,
-    /// Name and version of its driver.
-    pub driver: String,
-    /// Threads that this machine runs at once.
-    pub threads: usize,
-    /// What was asked for.
-    pub settings: Settings,
     /// Stiffest walls by their damping.
     pub widths: Vec<Width>,
     /// Stiffest walls by delay.
@@ -134,24 +121,61 @@ pub struct Results {
     pub jitter: Vec<Punctual>,
 }
 
-/// Measures everything; `watch` is told what begins. Errors: no device, or one that fails.
-pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
-    let context = Context::new(&Options { device: settings.device.clone(), ..Options::default() })?;
-    let (device, driver) = (context.device_name().into(), context.driver().into());
-    drop(context);
-    Ok(Results {
-        schema: super::SCHEMA,
-        benchmark: "haptics",
-        version: env!("CARGO_PKG_VERSION"),
-        device,
-        driver,
-        threads: std::thread::available_parallelism().map_or(1, Into::into),
-        settings: settings.clone(),
-        widths: width::by_damping(settings, watch)?,
-        delays: width::by_delay(settings, watch)?,
-        rates: width::by_rate(settings, watch)?,
-        holds: hold::measure(settings, watch)?,
-        slides: slide::measure(settings, watch)?,
-        jitter: jitter::measure(settings, watch)?,
-    })
+impl Results {
+    /// Of the parts that were measured. Errors: they are none of this benchmark.
+    pub fn of(parts: &Map<String, Value>) -> Result<Results> {
+        let [widths, delays, rates, holds, slides, jitter] = PARTS;
+        Ok(Results {
+            widths: part(parts, widths)?,
+            delays: part(parts, delays)?,
+            rates: part(parts, rates)?,
+            holds: part(parts, holds)?,
+            slides: part(parts, slides)?,
+            jitter: part(parts, jitter)?,
+        })
+    }
+}
+
+/// Names of the parts.
+const PARTS: [&str; 6] = ["damping", "delay", "rate", "hold", "slide", "ticks"];
+
+/// The benchmark: a part for each question.
+pub struct Haptics(pub Settings);
+
+impl Benchmark for Haptics {
+    fn name(&self) -> &'static str {
+        "haptics"
+    }
+
+    fn title(&self) -> &'static str {
+        "What the hand feels of the loop"
+    }
+
+    fn settings(&self) -> Result<Value> {
+        to_value(&self.0)
+    }
+
+    fn parts(&self) -> Vec<String> {
+        PARTS.map(Into::into).into()
+    }
+
+    fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
+        let settings = &self.0;
+        match part {
+            "damping" => to_value(&width::by_damping(settings, watch)?),
+            "delay" => to_value(&width::by_delay(settings, watch)?),
+            "rate" => to_value(&width::by_rate(settings, watch)?),
+            "hold" => to_value(&hold::measure(settings, watch)?),
+            "slide" => to_value(&slide::measure(settings, watch)?),
+            _ => to_value(&jitter::measure(settings, watch)?),
+        }
+    }
+
+    fn preface(&self, settings: &Value) -> Result<String> {
+        Ok(document::preface(settings))
+    }
+
+    fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
+        document::sections(&Results::of(parts)?)
+    }
 }

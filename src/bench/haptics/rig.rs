@@ -1,7 +1,7 @@
 //! The loop as a session makes it, but in virtual time and held by the simulated hand: the same bits in every run.
 
 use glam::{DMat3, DQuat, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::haptics::devices::hand::{Hand, HandParameters};
 use crate::haptics::drive::Drive;
@@ -24,7 +24,7 @@ pub const RADIUS: f64 = 0.01;
 pub const MASS: f64 = 0.05;
 
 /// What the loop does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
     /// What a session does unless told otherwise: the local model and passivity control.
@@ -139,7 +139,7 @@ impl Environment for Recorded<'_> {
 }
 
 /// How a force kept still.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
     /// N.
     pub mean: f64,

@@ -1,7 +1,7 @@
 //! A person who slides over the head's cheek: how far the force jumps from one tick to the next.
 
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::head::{self, CHEEK, Skin};
 use super::hold::cases;
@@ -34,7 +34,7 @@ const TIMES: [f64; 3] = [0.3, 0.6, 1.0];
 const TRACED: usize = 5;
 
 /// The change of a force that is furthest beyond what is allowed, or nearest to it.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Change {
     /// N.
     pub newtons: f64,
@@ -47,7 +47,7 @@ pub struct Change {
 }
 
 /// The worst changes of a phase.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Changes {
     /// Of what was played, from tick to tick.
     pub played: Change,
@@ -58,10 +58,10 @@ pub struct Changes {
 }
 
 /// A slide, and what came of it.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Slid {
     /// The device's profile.
-    pub profile: &'static str,
+    pub profile: String,
     /// Of the simulation, Hz.
     pub rate: f64,
     /// What the loop did.
@@ -122,7 +122,7 @@ fn judge(rig: &Rig, rate: f64, ticks: &[Tick], wrenches: &[ContactWrench]) -> Sl
     let found = |tick: &Tick| wrenches.iter().find(|w| w.step == tick.step).map_or(0.0, |w| w.wrench.force.length());
     let point = |t: &&Tick| [t.time, t.played.force.length(), t.contact.force.length(), found(t)];
     Slid {
-        profile: rig.profile.name,
+        profile: rig.profile.name.into(),
         rate,
         mode: rig.mode,
         quantum_forces: rig.quantum_forces(),

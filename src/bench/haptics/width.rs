@@ -1,7 +1,7 @@
 //! How stiff a wall may be until the loop swings: by the wall's damping, by the force's delay, by the simulation's rate.
 
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Settings;
 use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
@@ -50,10 +50,10 @@ const RATE: &str = "rate";
 pub type Stiffest = f64;
 
 /// By the wall's own damping.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Width {
     /// Of the device.
-    pub profile: &'static str,
+    pub profile: String,
     /// Of the coupling, N/m.
     pub coupling: f64,
     /// Of the wall, N s/m.
@@ -69,10 +69,10 @@ pub struct Width {
 }
 
 /// By delay or rate.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Limit {
     /// Of the device.
-    pub profile: &'static str,
+    pub profile: String,
     /// Of the coupling, N/m.
     pub coupling: f64,
     /// From being told a force to playing it, s.
@@ -112,7 +112,15 @@ pub fn by_damping(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Ve
             let stiffness = rig_of(profile).coupling().stiffness;
             let colgate = coupling::stiffest(dissipation(), damping, PERIOD, 0.0);
             let (session, local, raw) = (of(Mode::Session)?, of(Mode::Local)?, of(Mode::Raw)?);
-            widths.push(Width { profile: profile.name, coupling: stiffness, damping, session, local, raw, colgate });
+            widths.push(Width {
+                profile: profile.name.into(),
+                coupling: stiffness,
+                damping,
+                session,
+                local,
+                raw,
+                colgate,
+            });
         }
     }
     Ok(widths)
@@ -143,7 +151,7 @@ fn limits(settings: &Settings, what: &str, cases: &[(f64, f64)], watch: &mut dyn
             // What is found comes an interval later, unless the local model makes up for it.
             let late = delay + if what == RATE { interval } else { 0.0 };
             limits.push(Limit {
-                profile: profile.name,
+                profile: profile.name.into(),
                 coupling: rig_of(profile).coupling().stiffness,
                 delay,
                 rate,

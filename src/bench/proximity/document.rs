@@ -1,9 +1,11 @@
 //! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
 
-use super::{Area, Outcome, Peers, Place, Results, SceneTimes, Sensitivity};
+use serde_json::Value;
+
+use super::{Area, Peers, Place, Results, Sensitivity};
 use crate::Result;
 use crate::bench::plot::{Axis, Bar, Line, bars, lines};
-use crate::bench::{Document, Section, Table};
+use crate::bench::{Section, Table};
 use crate::stages::QUERY;
 
 /// The last size may take so many times as long as the first.
@@ -11,23 +13,28 @@ const ALLOWED_RATIO: f64 = 1.5;
 /// What closest points are known to take (ms) for the vertices in the box and for all 30,000, on one core of another machine.
 const QUOTED_MS: [f64; 2] = [2.3, 11.0];
 
-/// The report, its plots drawn.
-pub fn document(results: &Results) -> Result<Document> {
-    let Results { device, driver, depth_path, threads, settings, .. } = results;
-    let quick = if settings.is_quick { " This is a quick run: its figures are a first look." } else { "" };
-    let preface = format!(
-        "Measured by palpate {} on {device} ({driver}), depth by {depth_path}, a machine of {threads} threads. Times are \
-         medians of {} runs (half as many for areas; steps with contact for scenes, half of them) by the device's own clock, \
-         stage by stage; a total is the median of as many runs timed as one, without the timestamps in between.{quick}",
-        results.version, settings.runs
-    );
-    let sections = vec![
-        sensitivity(&results.sensitivity)?,
-        area(&results.area)?,
-        peers(&results.peers)?,
-        scenes(&results.scenes)?,
-    ];
-    Ok(Document { title: "What the proximity query costs".into(), preface, sections })
+/// How it was measured.
+pub fn preface(settings: &Value) -> String {
+    format!(
+        "Times are medians of {} runs (half as many for areas) by the device's own clock, stage by stage; a total is the \
+         median of as many runs timed as one, without the timestamps in between.",
+        settings["runs"]
+    )
+}
+
+/// Questions and answers, plots drawn.
+pub fn sections(results: &Results) -> Result<Vec<Section>> {
+    let mut sections = Vec::new();
+    if !results.sensitivity.is_empty() {
+        sections.push(sensitivity(&results.sensitivity)?);
+    }
+    if !results.area.is_empty() {
+        sections.push(area(&results.area)?);
+    }
+    if let Some(found) = &results.peers {
+        sections.push(peers(found)?);
+    }
+    Ok(sections)
 }
 
 fn heads(first: &[&str]) -> Table {
@@ -58,8 +65,8 @@ fn stage_lines<'a>(points: impl Iterator<Item = (f64, &'a Place)> + Clone) -> Ve
 }
 
 /// What was flagged in any place, as a sentence; empty where nothing was.
-fn flagged<'a>(flags: impl Iterator<Item = &'a &'static str>) -> String {
-    let mut names: Vec<&str> = flags.copied().collect();
+fn flagged<'a>(flags: impl Iterator<Item = &'a String>) -> String {
+    let mut names: Vec<&str> = flags.map(String::as_str).collect();
     names.sort_unstable();
     names.dedup();
     if names.is_empty() { String::new() } else { format!(" Flags were raised: {}.", names.join(", ")) }
@@ -85,7 +92,7 @@ fn sensitivity(rows: &[Sensitivity]) -> Result<Section> {
                    vertices, of both skins, were looked at."
             .into(),
         table,
-        plot: Some(("sensitivity.svg".into(), lines(&axis, "median time, ms", &stage_lines(points))?)),
+        plot: Some(lines(&axis, "median time, ms", &stage_lines(points))?),
         finding: sensitivity_finding(rows) + &flags,
     })
 }
@@ -122,7 +129,7 @@ fn area(rows: &[Area]) -> Result<Section> {
              are pressed together; the area is what the contacts of both cover. The first row is a gap of 0.5 mm."
         ),
         table,
-        plot: Some(("area.svg".into(), lines(&axis, "median time, ms", &stage_lines(points))?)),
+        plot: Some(lines(&axis, "median time, ms", &stage_lines(points))?),
         finding: area_finding(rows) + &flags,
     })
 }
@@ -191,7 +198,7 @@ fn peers(peers: &Peers) -> Result<Section> {
             1e3 * peers.reach
         ),
         table,
-        plot: Some(("peers.svg".into(), bars("median time, ms", &drawn)?)),
+        plot: Some(bars("median time, ms", &drawn)?),
         finding: peers_finding(peers) + &flagged(place.flags.iter()),
     })
 }
@@ -216,71 +223,6 @@ fn peers_finding(peers: &Peers) -> String {
         QUOTED_MS[0],
         against(QUOTED_MS[1]),
         QUOTED_MS[1]
-    )
-}
-
-fn scenes(rows: &[SceneTimes]) -> Result<Section> {
-    let mut table = heads(&["scene", "steps", "touching", "contacts"]);
-    table.heads.extend(["goal ms", "paper ms"].map(String::from));
-    let mut drawn = Vec::new();
-    let mut flags = Vec::new();
-    for SceneTimes { name, paper_ms, goal_ms, outcome } in rows {
-        let mut cells = vec![name.to_string()];
-        match outcome {
-            Outcome::Missing(path) => {
-                cells.push(format!("missing: {path}"));
-                cells.resize(table.heads.len() - 2, String::new());
-            }
-            Outcome::Ran { steps, touching, contacts, samples_us, flags: raised, .. } => {
-                let medians = samples_us.medians_ms().map(ms);
-                cells.extend([steps.to_string(), touching.to_string(), contacts.to_string()]);
-                cells.extend(medians.into_iter().chain([ms(samples_us.total_ms())]));
-                flags.extend(raised);
-                drawn.push(Bar { name: format!("{name}, here"), length: samples_us.total_ms(), kind: 0 });
-                drawn.push(Bar { name: format!("{name}, paper"), length: *paper_ms, kind: 1 });
-            }
-        }
-        cells.extend([goal_ms, paper_ms].map(|time| format!("{time}")));
-        table.rows.push(cells);
-    }
-    let plot = if drawn.is_empty() { None } else { Some(("scenes.svg".into(), bars("median time, ms", &drawn)?)) };
-    Ok(Section {
-        title: "The paper's scenes".into(),
-        question:
-            "How long does the query take in running scenes, both bodies deforming, and in the paper (Galoppo and \
-                   others 2007, upper bounds or about)? Steps count from after the first contact, medians are of those \
-                   `touching`; the contacts are the median of both skins' together."
-                .into(),
-        table,
-        plot,
-        finding: scenes_finding(rows) + &flagged(flags.into_iter()),
-    })
-}
-
-fn scenes_finding(rows: &[SceneTimes]) -> String {
-    let measured: Vec<(&SceneTimes, f64)> = rows
-        .iter()
-        .filter_map(|row| match &row.outcome {
-            Outcome::Ran { touching, samples_us, .. } if *touching > 0 => Some((row, samples_us.total_ms())),
-            _ => None,
-        })
-        .collect();
-    if measured.is_empty() {
-        return "no scene was measured in contact.".into();
-    }
-    let slower = |limit: fn(&SceneTimes) -> f64| {
-        let over = measured.iter().filter(|(row, time)| *time >= limit(row));
-        let names: Vec<String> = over.map(|(row, time)| format!("{} ({time:.2} ms)", row.name)).collect();
-        let count = measured.len() - names.len();
-        let rest = if names.is_empty() { String::new() } else { format!(", not {}", names.join(", ")) };
-        format!("{count} of {}{rest}", measured.len())
-    };
-    let unmeasured = rows.len() - measured.len();
-    let missing = if unmeasured > 0 { format!(" {unmeasured} could not be measured.") } else { String::new() };
-    format!(
-        "Below the paper's times: {}. Below the goals: {}.{missing}",
-        slower(|row| row.paper_ms),
-        slower(|row| row.goal_ms)
     )
 }
 

@@ -49,30 +49,3 @@ fn peers_are_faster_or_slower() {
     assert!(finding.contains("(2.00 ms; 2.50 ms with the refit)"), "{finding}");
     assert!(finding.contains("2.50 times as fast as those for all (10.00 ms)"), "{finding}");
 }
-
-#[test]
-fn scenes_are_held_against_the_paper_and_the_goals() {
-    let ran = |name, total_ms, touching| SceneTimes {
-        name,
-        paper_ms: 3.0,
-        goal_ms: 2.0,
-        outcome: Outcome::Ran {
-            steps: 5,
-            before: 1,
-            touching,
-            contacts: 7.0,
-            most_contacts: 9,
-            flags: vec!["not_converged"],
-            samples_us: place(total_ms, 0, 0.0).samples_us,
-        },
-    };
-    let missing = SceneTimes { outcome: Outcome::Missing("x.toml".into()), ..ran("gone", 0.0, 0) };
-    let rows = [ran("fast", 1.0, 3), ran("slow", 2.5, 3), missing];
-    let section = scenes(&rows).unwrap();
-    let finding = &section.finding;
-    assert!(finding.contains("paper's times: 2 of 2. Below the goals: 1 of 2, not slow (2.50 ms)."), "{finding}");
-    assert!(finding.contains("1 could not be measured.") && finding.contains("not_converged"), "{finding}");
-    assert!(section.table.rows[2][1].contains("x.toml"));
-    assert!(section.table.rows.iter().all(|row| row.len() == section.table.heads.len()));
-    assert!(scenes_finding(&[]).contains("no scene"));
-}

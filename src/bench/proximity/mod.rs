@@ -4,21 +4,18 @@ mod document;
 pub mod graded;
 mod patches;
 mod peers;
-mod scenes;
-
-use std::path::PathBuf;
 
 use serde::Serialize;
+use serde_json::{Map, Value};
 
-pub use document::document;
 pub use patches::{Area, Place, Sensitivity};
 pub use peers::Peers;
-pub use scenes::{Outcome, SceneTimes};
 
+use super::suite::{part, to_value};
+use super::{Benchmark, Section};
 use crate::Result;
 use crate::gpu::{Context, Options};
-use crate::prepare::{self, Body, Cache, FrameMotion, Shape, mass, skin};
-use crate::step::choice::Choice;
+use crate::prepare::{self, Body, FrameMotion, Shape, mass, skin};
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
@@ -37,12 +34,6 @@ pub struct Settings {
     pub peer_vertices: [usize; 2],
     /// Vertices of the pumpkin that are within the head, about.
     pub peer_colliding: usize,
-    /// Folder of the scenes.
-    pub scenes: PathBuf,
-    /// Steps of each scene after its first contact.
-    pub steps: usize,
-    /// A scene is left after so many seconds, s.
-    pub scene_seconds: f64,
     /// Whether this is a short form of the whole.
     pub is_quick: bool,
     /// Device, by name or index; `None`: the best.
@@ -60,9 +51,6 @@ impl Settings {
             area_vertices: 44_000,
             peer_vertices: [30_000, 41_000],
             peer_colliding: 320,
-            scenes: PathBuf::from("assets/scenes"),
-            steps: 200,
-            scene_seconds: 80.0,
             is_quick: false,
             device: None,
         }
@@ -75,66 +63,71 @@ impl Settings {
             warm_up: 2,
             sizes: vec![11_000, 44_000, 176_000],
             areas_cm2: vec![0.0, 1.0, 4.0, 9.0, 20.0],
-            steps: 20,
-            scene_seconds: 6.0,
             is_quick: true,
             ..Settings::full()
         }
     }
 }
 
-/// The contents of `results.json`.
-#[derive(Debug, Clone, Serialize)]
+/// What was found; nothing of a part that was not measured.
+#[derive(Debug, Clone, Default)]
 pub struct Results {
-    /// [`super::SCHEMA`].
-    pub schema: u32,
-    /// Always `proximity`.
-    pub benchmark: &'static str,
-    /// Version of palpate.
-    pub version: &'static str,
-    /// Name of the device.
-    pub device: String,
-    /// Name and version of its driver.
-    pub driver: String,
-    /// How the depth field was rasterized.
-    pub depth_path: &'static str,
-    /// Threads that this machine runs at once.
-    pub threads: usize,
-    /// What was asked for.
-    pub settings: Settings,
     /// One patch on skins of several sizes.
     pub sensitivity: Vec<Sensitivity>,
     /// Two skins pressed together ever deeper.
     pub area: Vec<Area>,
     /// The same work by others.
-    pub peers: Peers,
-    /// Running scenes.
-    pub scenes: Vec<SceneTimes>,
+    pub peers: Option<Peers>,
 }
 
-/// Measures everything; `watch` is told what begins. Errors: no device, a scene that is no scene, a device that fails.
-pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
-    // Scenes with mistakes are refused before minutes are spent.
-    let read = scenes::read(settings)?;
-    let context = Context::new(&Options { device: settings.device.clone(), ..Options::default() })?;
-    let sensitivity = patches::sensitivity(&context, settings, watch)?;
-    let area = patches::area(&context, settings, watch)?;
-    let peers = peers::peers(&context, settings, watch)?;
-    let scenes = scenes::measure(read, settings, watch)?;
-    Ok(Results {
-        schema: super::SCHEMA,
-        benchmark: "proximity",
-        version: env!("CARGO_PKG_VERSION"),
-        device: context.device_name().into(),
-        driver: context.driver().into(),
-        depth_path: Choice::new(&context, None, &Cache::of_user())?.path.name(),
-        threads: std::thread::available_parallelism().map_or(1, Into::into),
-        settings: settings.clone(),
-        sensitivity,
-        area,
-        peers,
-        scenes,
-    })
+impl Results {
+    /// Of the parts that were measured. Errors: they are none of this benchmark.
+    pub fn of(parts: &Map<String, Value>) -> Result<Results> {
+        let [sensitivity, area, peers] = PARTS;
+        Ok(Results { sensitivity: part(parts, sensitivity)?, area: part(parts, area)?, peers: part(parts, peers)? })
+    }
+}
+
+/// Names of the parts.
+const PARTS: [&str; 3] = ["sensitivity", "area", "peers"];
+
+/// The benchmark: a part for each question.
+pub struct Proximity(pub Settings);
+
+impl Benchmark for Proximity {
+    fn name(&self) -> &'static str {
+        "proximity"
+    }
+
+    fn title(&self) -> &'static str {
+        "What the proximity query costs"
+    }
+
+    fn settings(&self) -> Result<Value> {
+        to_value(&self.0)
+    }
+
+    fn parts(&self) -> Vec<String> {
+        PARTS.map(Into::into).into()
+    }
+
+    fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
+        let settings = &self.0;
+        let context = Context::new(&Options { device: settings.device.clone(), ..Options::default() })?;
+        match part {
+            "sensitivity" => to_value(&patches::sensitivity(&context, settings, watch)?),
+            "area" => to_value(&patches::area(&context, settings, watch)?),
+            _ => to_value(&peers::peers(&context, settings, watch)?),
+        }
+    }
+
+    fn preface(&self, settings: &Value) -> Result<String> {
+        Ok(document::preface(settings))
+    }
+
+    fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
+        document::sections(&Results::of(parts)?)
+    }
 }
 
 /// A fixed rigid body of a closed surface, its proxies as the engine makes them.

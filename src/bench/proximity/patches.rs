@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::graded::{Family, Graded};
 use super::{Settings, counts, rigid};
@@ -31,7 +31,7 @@ const GAP: f64 = 0.0005;
 const AREA_RUNS: usize = 2;
 
 /// What a query found, and what it took.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Place {
     /// Colliding vertices of both skins.
     pub contacts: usize,
@@ -42,13 +42,13 @@ pub struct Place {
     /// m.
     pub max_depth: f64,
     /// Names of the flags that were raised.
-    pub flags: Vec<&'static str>,
+    pub flags: Vec<String>,
     /// Microseconds, a run each.
     pub samples_us: Samples,
 }
 
 /// One patch on a skin of some size.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Sensitivity {
     /// Of the skin.
     pub vertices: usize,
@@ -64,7 +64,7 @@ pub struct Sensitivity {
 }
 
 /// One skin pressed into its like.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Area {
     /// Of each skin.
     pub vertices: usize,
@@ -99,7 +99,7 @@ pub fn measure(queries: &mut [Query], cases: &[Case], settings: &Settings) -> Re
             place.chunks = answer.counts.chunks;
             place.area = answer.contacts.iter().fold(0.0, |area, contact| area + contact.area);
             place.max_depth = answer.contacts.iter().map(|contact| contact.depth).fold(0.0, f64::max);
-            place.flags = answer.flags.names().collect();
+            place.flags = answer.flags.names().map(Into::into).collect();
         }
     }
     Ok(places)

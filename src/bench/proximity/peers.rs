@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::{TriMesh, TriMeshFlags};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::patches::{Place, measure_one};
 use super::{Settings, rigid};
@@ -31,7 +31,7 @@ const HALVINGS: usize = 24;
 const REFIT_EVERY: usize = 10;
 
 /// Times of both, and on what.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Peers {
     /// Of the pumpkin and the head.
     pub vertices: [usize; 2],

@@ -1,30 +1,34 @@
 //! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
 
+use serde_json::Value;
+
 use super::cases::stiffness;
 use super::peers::{ALLOWED_ERROR, PEERS, Peer, fastest};
 use super::scaling::exponent;
 use super::{Measured, PRECONDITIONERS, Results, Run, Size};
 use crate::Result;
 use crate::bench::plot::{Line, Logarithmic, Panel, panels};
-use crate::bench::{Document, Section, Table};
+use crate::bench::{Section, Table};
 
 /// Time of an iteration may grow with such a power of the tetrahedra.
 const ALLOWED_EXPONENT: f64 = 1.05;
 /// Bytes on the device that a tetrahedron may take.
 const ALLOWED_BYTES: f64 = 400.0;
 
-/// The report, its plots drawn.
-pub fn document(results: &Results) -> Result<Document> {
-    let Results { device, driver, threads, settings, cases, scaling, .. } = results;
-    let quick = if settings.is_quick { " This is a quick run: its figures are a first look." } else { "" };
-    let preface = format!(
-        "Measured by palpate {} on {device} ({driver}), a machine of {threads} threads. Bodies hang from a fixed core under \
-         gravity, untouched, from rest (Poisson's ratio 0.45, 1000 kg/m^3, no damping). `ms` is wall time of a step, pose in \
-         and wrench out: the median over the steps of a run, the median of at most {} runs; all settings run a few steps in \
-         turn. `best` is that of the fastest run. `error` is the largest distance of a node after the last \
-         step from where f64 steps solved directly have it, over the largest displacement.{quick}",
-        results.version, settings.repetitions
-    );
+/// How it was measured.
+pub fn preface(settings: &Value) -> String {
+    format!(
+        "Bodies hang from a fixed core under gravity, untouched, from rest (Poisson's ratio 0.45, 1000 kg/m^3, no damping). \
+         `ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of at most {} \
+         runs; all settings run a few steps in turn. `best` is that of the fastest run. `error` is the largest distance of a \
+         node after the last step from where f64 steps solved directly have it, over the largest displacement.",
+        settings["repetitions"]
+    )
+}
+
+/// Questions and answers, plots drawn.
+pub fn sections(results: &Results) -> Result<Vec<Section>> {
+    let Results { cases, scaling } = results;
     let mut sections = Vec::new();
     for group in cases.chunk_by(|a, b| a.case.mesh == b.case.mesh) {
         sections.push(accuracy(group)?);
@@ -37,7 +41,7 @@ pub fn document(results: &Results) -> Result<Document> {
     if !scaling.is_empty() {
         sections.push(growth(scaling)?);
     }
-    Ok(Document { title: "What a step costs".into(), preface, sections })
+    Ok(sections)
 }
 
 /// Three digits.
@@ -62,7 +66,7 @@ fn accuracy(cases: &[Measured]) -> Result<Section> {
         for run in &case.runs {
             table.rows.push(vec![
                 case.case.label(),
-                run.preconditioner.into(),
+                run.preconditioner.clone(),
                 format!("{:.0e}", run.tolerance),
                 ms(run.ms()),
                 ms(run.best_ms()),
@@ -93,7 +97,7 @@ fn accuracy(cases: &[Measured]) -> Result<Section> {
             first.tetrahedra, first.nodes, first.case.steps
         ),
         table,
-        plot: Some((format!("{}.svg", name), panels(&axes, &drawn)?)),
+        plot: Some(panels(&axes, &drawn)?),
         finding: accuracy_finding(cases),
     })
 }
@@ -107,7 +111,8 @@ fn accuracy_finding(cases: &[Measured]) -> String {
         None => format!("{} by no setting", case.case.label()),
     };
     let all: Vec<String> = cases.iter().map(best).collect();
-    let mut flags: Vec<&str> = cases.iter().flat_map(|case| &case.runs).flat_map(|run| run.flags.clone()).collect();
+    let mut flags: Vec<&str> =
+        cases.iter().flat_map(|case| &case.runs).flat_map(|run| &run.flags).map(String::as_str).collect();
     flags.sort_unstable();
     flags.dedup();
     let flags = if flags.is_empty() { String::new() } else { format!(" Flags were raised: {}.", flags.join(", ")) };
@@ -168,7 +173,7 @@ fn growth(sizes: &[Size]) -> Result<Section> {
     let mut table = Table::new(["tetrahedra", "nodes"]);
     let Some(first) = sizes.first() else { return Ok(Section::default()) };
     for iteration in &first.iterations {
-        let name = iteration.preconditioner;
+        let name = &iteration.preconditioner;
         table.heads.extend([
             format!("{name}: ms an iteration"),
             "ns a tetrahedron".into(),
@@ -200,7 +205,7 @@ fn growth(sizes: &[Size]) -> Result<Section> {
                    of 32 and of 8 over 24, a step is solved to the usual tolerance by `preconditioner = \"auto\"`."
             .into(),
         table,
-        plot: Some(("growth.svg".into(), panels(&axes, &[panel])?)),
+        plot: Some(panels(&axes, &[panel])?),
         finding: growth_finding(sizes, &lines),
     })
 }

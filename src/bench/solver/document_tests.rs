@@ -3,12 +3,12 @@ use crate::bench::solver::{Case, Iteration, Mesh, Steps};
 
 fn run(tolerance: f64, ms: f64, error: f64, flagged: usize) -> Run {
     Run {
-        preconditioner: "jacobi",
+        preconditioner: "jacobi".into(),
         tolerance,
         error,
         iterations: vec![7, 9, 8],
         flagged,
-        flags: if flagged > 0 { vec!["not_converged"] } else { Vec::new() },
+        flags: if flagged > 0 { vec!["not_converged".into()] } else { Vec::new() },
         bytes_device: 0,
         step_us: vec![vec![900.0 * ms; 3], vec![1e3 * ms, 2e3 * ms, 500.0 * ms], vec![1e3 * ms; 3]],
     }
@@ -36,7 +36,7 @@ fn the_fastest_setting_has_an_allowed_error_and_no_flags() {
     assert!(section.finding.contains("2 MPa, 1 ms by no setting. Flags were raised: not_converged."));
     let row = ["20 kPa, 1 ms", "jacobi", "1e-4", "4.00", "3.60", "8", "0", "9.0e-5"];
     assert_eq!(section.table.rows[1], row);
-    assert_eq!(section.plot.unwrap().0, "block10k.svg");
+    assert!(section.plot.unwrap().contains("20 kPa, 1 ms"));
 }
 
 #[test]
@@ -58,9 +58,10 @@ fn we_are_held_against_the_faster_peer() {
 #[test]
 fn growth_is_a_power_of_the_tetrahedra() {
     let size = |tetrahedra: usize, ms: f64| {
-        let step_us = [vec![1e3 * 32.0 * ms], vec![1e3 * 8.0 * ms]];
+        let (long_us, short_us) = (vec![1e3 * 32.0 * ms], vec![1e3 * 8.0 * ms]);
         let bytes_device = 300 * tetrahedra as u64;
-        let iteration = Iteration { preconditioner: "jacobi", bytes_device, step_us, iterations: [32, 8] };
+        let iteration =
+            Iteration { preconditioner: "jacobi".into(), bytes_device, long_us, short_us, iterations: [32, 8] };
         let steps = Steps { young: 2e4, iterations: vec![10], flagged: 0, step_us: vec![2e4 * ms * ms] };
         Size { tetrahedra, nodes: tetrahedra / 5, iterations: vec![iteration], steps: vec![steps] }
     };
@@ -76,16 +77,5 @@ fn growth_is_a_power_of_the_tetrahedra() {
 
 #[test]
 fn what_was_not_measured_has_no_section() {
-    let results = Results {
-        schema: 2,
-        benchmark: "solver",
-        version: "0",
-        device: String::new(),
-        driver: String::new(),
-        threads: 2,
-        settings: crate::bench::solver::Settings::quick(),
-        cases: Vec::new(),
-        scaling: Vec::new(),
-    };
-    assert!(document(&results).unwrap().sections.is_empty());
+    assert!(sections(&Results::default()).unwrap().is_empty());
 }

@@ -8,14 +8,15 @@ mod scaling;
 mod speed;
 
 use serde::Serialize;
+use serde_json::{Map, Value};
 
 pub use cases::{Case, Mesh};
-pub use document::document;
 pub use scaling::{Iteration, Size, Steps};
 pub use speed::{Measured, Run};
 
+use super::suite::{from_value, part, to_value};
+use super::{Benchmark, Section};
 use crate::Result;
-use crate::gpu::{Context, Options};
 use crate::scene::Preconditioner;
 
 /// Every preconditioner that the engine knows, and what a scene calls it.
@@ -73,19 +74,6 @@ impl Settings {
             ..Settings::full()
         }
     }
-
-    /// Only what these names call, quick or not; see [`Settings::knows`].
-    pub fn only(self, names: &[String]) -> Settings {
-        let is_named = |case: &Case| names.iter().any(|name| case.is_called(name));
-        let cases = Settings::full().cases.into_iter().filter(is_named).collect();
-        let scaling = if names.iter().any(|name| name == SCALING) { self.scaling } else { Vec::new() };
-        Settings { cases, scaling, ..self }
-    }
-
-    /// Whether anything is called by a name: a body, with its stiffness or that and the time step if wanted, or `scaling`.
-    pub fn knows(name: &str) -> bool {
-        name == SCALING || Settings::full().cases.iter().any(|case| case.is_called(name))
-    }
 }
 
 /// Name of the blocks of several sizes.
@@ -103,61 +91,56 @@ fn cases(meshes: &[(Mesh, usize)]) -> Vec<Case> {
     meshes.iter().flat_map(of).collect()
 }
 
-/// The contents of `results.json`.
-#[derive(Debug, Clone, Serialize)]
+/// What was found.
+#[derive(Debug, Clone, Default)]
 pub struct Results {
-    /// [`super::SCHEMA`].
-    pub schema: u32,
-    /// Always `solver`.
-    pub benchmark: &'static str,
-    /// Version of palpate.
-    pub version: &'static str,
-    /// Name of the device.
-    pub device: String,
-    /// Name and version of its driver.
-    pub driver: String,
-    /// Threads that this machine runs at once.
-    pub threads: usize,
-    /// What was asked for.
-    pub settings: Settings,
     /// Time against error.
     pub cases: Vec<Measured>,
     /// Time and memory against size.
     pub scaling: Vec<Size>,
 }
 
-/// Measures everything; `watch` is told what begins. Errors: no device, a device or a reference that fails.
-pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
-    let context = Context::new(&Options { device: settings.device.clone(), ..Options::default() })?;
-    let (device, driver) = (context.device_name().into(), context.driver().into());
-    drop(context);
-    let cases = speed::measure(settings, watch)?;
-    let scaling = scaling::measure(settings, watch)?;
-    Ok(Results {
-        schema: super::SCHEMA,
-        benchmark: "solver",
-        version: env!("CARGO_PKG_VERSION"),
-        device,
-        driver,
-        threads: std::thread::available_parallelism().map_or(1, Into::into),
-        settings: settings.clone(),
-        cases,
-        scaling,
-    })
+impl Results {
+    /// Of the parts that were measured. Errors: they are none of this benchmark.
+    pub fn of(parts: &Map<String, Value>) -> Result<Results> {
+        let cases = parts.iter().filter(|(name, _)| *name != SCALING).map(|(_, case)| from_value(case));
+        Ok(Results { cases: cases.collect::<Result<_>>()?, scaling: part(parts, SCALING)? })
+    }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// The benchmark: a part for each case, and one for the blocks of several sizes.
+pub struct Solver(pub Settings);
 
-    #[test]
-    fn cases_are_asked_for_by_name() {
-        let some = Settings::quick().only(&["block105k-20kPa".into(), "human-2MPa-1ms".into()]);
-        let names: Vec<String> = some.cases.iter().map(Case::name).collect();
-        assert_eq!(names, ["block105k-20kPa-1ms", "block105k-20kPa-10ms", "human-2MPa-1ms"]);
-        assert!(some.scaling.is_empty());
-        let some = Settings::quick().only(&["scaling".into()]);
-        assert!(some.cases.is_empty() && some.scaling == Settings::quick().scaling);
-        assert!(Settings::knows("scaling") && Settings::knows("human") && !Settings::knows("hum"));
+impl Benchmark for Solver {
+    fn name(&self) -> &'static str {
+        "solver"
+    }
+
+    fn title(&self) -> &'static str {
+        "What a step costs"
+    }
+
+    fn settings(&self) -> Result<Value> {
+        to_value(&self.0)
+    }
+
+    fn parts(&self) -> Vec<String> {
+        let scaling = if self.0.scaling.is_empty() { None } else { Some(SCALING.into()) };
+        self.0.cases.iter().map(Case::name).chain(scaling).collect()
+    }
+
+    fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
+        match self.0.cases.iter().find(|case| case.name() == part) {
+            Some(case) => to_value(&speed::measure(case, &self.0, watch)?),
+            None => to_value(&scaling::measure(&self.0, watch)?),
+        }
+    }
+
+    fn preface(&self, settings: &Value) -> Result<String> {
+        Ok(document::preface(settings))
+    }
+
+    fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
+        document::sections(&Results::of(parts)?)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::cases::{self, Mesh};
 use super::speed::{asking, open};
@@ -25,7 +25,7 @@ const DT: f64 = 0.001;
 const WARM_UP: usize = 2;
 
 /// A block's times.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Size {
     /// Of the block.
     pub tetrahedra: usize,
@@ -38,20 +38,22 @@ pub struct Size {
 }
 
 /// What an iteration costs.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Iteration {
     /// Name of the preconditioner.
-    pub preconditioner: &'static str,
+    pub preconditioner: String,
     /// Bytes on the device.
     pub bytes_device: u64,
-    /// Microseconds of steps of the first and the second number of `iterations`, in turn.
-    pub step_us: [Vec<f64>; 2],
+    /// Microseconds of steps of the first number of `iterations`.
+    pub long_us: Vec<f64>,
+    /// Microseconds of steps of the second number, in turn with the others.
+    pub short_us: Vec<f64>,
     /// Iterations that those steps did.
     pub iterations: [u32; 2],
 }
 
 /// Steps to the usual tolerance with the usual preconditioner.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Steps {
     /// Young's modulus, Pa.
     pub young: f64,
@@ -66,7 +68,7 @@ pub struct Steps {
 impl Iteration {
     /// Milliseconds of an iteration: the difference of the medians over that of the iterations; NaN where that is none.
     pub fn ms(&self) -> f64 {
-        let [long, short] = self.step_us.each_ref().map(|times| 1e-3 * median(times));
+        let [long, short] = [&self.long_us, &self.short_us].map(|times| 1e-3 * median(times));
         (long - short) / (f64::from(self.iterations[0]) - f64::from(self.iterations[1]))
     }
 }
@@ -96,7 +98,11 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<S
         for &(preconditioner, kind) in PRECONDITIONERS {
             let pair = pair_of(&asking(&scene, kind, NEVER, settings), settings)?;
             let bytes_device = pair[0].context().bytes_allocated();
-            size.iterations.push(Iteration { preconditioner, bytes_device, ..Iteration::default() });
+            size.iterations.push(Iteration {
+                preconditioner: preconditioner.into(),
+                bytes_device,
+                ..Iteration::default()
+            });
             pairs.push(pair);
         }
         sizes.push(size);
@@ -131,11 +137,12 @@ fn pair_of(scene: &Scene, settings: &Settings) -> Result<[Simulation; 2]> {
 impl Iteration {
     /// A step of each; another before it finds the caches cold and is not measured.
     fn add_steps(&mut self, pair: &mut [Simulation; 2]) -> Result<()> {
-        for (k, simulation) in pair.iter_mut().enumerate() {
+        let times = [&mut self.long_us, &mut self.short_us];
+        for ((simulation, us), iterations) in pair.iter_mut().zip(times).zip(&mut self.iterations) {
             simulation.step()?;
             let begun = Instant::now();
-            self.iterations[k] = simulation.step()?.iterations;
-            self.step_us[k].push(begun.elapsed().as_secs_f64() * 1e6);
+            *iterations = simulation.step()?.iterations;
+            us.push(begun.elapsed().as_secs_f64() * 1e6);
         }
         Ok(())
     }
@@ -185,8 +192,8 @@ mod tests {
 
     #[test]
     fn an_iteration_is_the_difference_of_two_steps() {
-        let step_us = [vec![5_000.0, 9_000.0, 5_000.0], vec![1_000.0, 2_000.0, 3_000.0]];
-        let iteration = Iteration { step_us, iterations: [32, 8], ..Iteration::default() };
+        let (long_us, short_us) = (vec![5_000.0, 9_000.0, 5_000.0], vec![1_000.0, 2_000.0, 3_000.0]);
+        let iteration = Iteration { long_us, short_us, iterations: [32, 8], ..Iteration::default() };
         assert_eq!(iteration.ms(), 0.125);
     }
 }

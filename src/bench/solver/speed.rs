@@ -2,13 +2,14 @@
 
 use std::time::Instant;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::cases::{self, Case};
 use super::reference::{Reference, reference};
 use super::{PRECONDITIONERS, Settings};
 use crate::Result;
 use crate::bench::median;
+use crate::bench::suite::nan_of_null;
 use crate::gpu::Options;
 use crate::prepare::Cache;
 use crate::report::Flags;
@@ -19,7 +20,7 @@ use crate::step::Simulation;
 const TURN: usize = 5;
 
 /// A case and what was found.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Measured {
     /// Its name.
     pub name: String,
@@ -39,21 +40,22 @@ pub struct Measured {
 }
 
 /// A preconditioner and a tolerance.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Run {
     /// Name of the preconditioner.
-    pub preconditioner: &'static str,
+    pub preconditioner: String,
     /// Residual to stop at.
     pub tolerance: f64,
     /// Largest distance of a node from the reference after the last step, over the largest displacement; the worst of all
     /// repetitions; NaN, in JSON null, where the state is not finite.
+    #[serde(deserialize_with = "nan_of_null")]
     pub error: f64,
     /// Of each step.
     pub iterations: Vec<u32>,
     /// Steps that raised a flag.
     pub flagged: usize,
     /// Names of the flags.
-    pub flags: Vec<&'static str>,
+    pub flags: Vec<String>,
     /// Bytes on the device.
     pub bytes_device: u64,
     /// Microseconds, a step each, for each repetition.
@@ -98,13 +100,8 @@ impl Run {
     }
 }
 
-/// Measures every case of the settings, and tells `watch` of it.
-pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Measured>> {
-    let tell = |case: &Case| measure_one(case, settings, &mut |what| watch(&format!("{}: {what}", case.name())));
-    settings.cases.iter().map(tell).collect()
-}
-
-fn measure_one(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Measured> {
+/// Measures a case with every setting of the solver, and tells `watch` of it.
+pub fn measure(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Measured> {
     let scene = case.scene()?;
     let body = cases::prepared(&scene)?;
     let layer = cases::layer(&body)?;
@@ -112,11 +109,14 @@ fn measure_one(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) ->
     let asked = PRECONDITIONERS.iter().flat_map(|p| settings.tolerances.iter().map(move |tolerance| (p, *tolerance)));
     let mut runs: Vec<(Scene, Run)> = asked
         .map(|(&(preconditioner, kind), tolerance)| {
-            (asking(&scene, kind, tolerance, settings), Run { preconditioner, tolerance, ..Run::default() })
+            (
+                asking(&scene, kind, tolerance, settings),
+                Run { preconditioner: preconditioner.into(), tolerance, ..Run::default() },
+            )
         })
         .collect();
     for repetition in 0..settings.repetitions {
-        watch(&format!("run {} of {}", repetition + 1, settings.repetitions));
+        watch(&format!("{}: run {} of {}", case.name(), repetition + 1, settings.repetitions));
         repeat(&mut runs, case.steps, &reference, settings)?;
     }
     Ok(Measured {
@@ -166,7 +166,7 @@ fn repeat(runs: &mut [(Scene, Run)], steps: usize, reference: &Reference, settin
         }
     }
     for (simulation, flags, run) in under_way {
-        run.flags = flags.names().collect();
+        run.flags = flags.names().map(Into::into).collect();
         run.bytes_device = simulation.context().bytes_allocated();
         if let Some((displacement, _)) = simulation.nodes(0)? {
             let error = reference.error(&displacement);

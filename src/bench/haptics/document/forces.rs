@@ -34,7 +34,7 @@ pub fn holds(holds: &[Held]) -> Result<Section> {
     table.heads.extend(["reading's swing, um", "encoder's step, mN"].map(Into::into));
     for group in holds.chunk_by(|a, b| a.met == b.met && a.profile == b.profile && a.rate == b.rate) {
         let Some(first) = group.first() else { continue };
-        let mut row = vec![name_of(first.met), first.profile.into(), format!("{:.0}", first.rate)];
+        let mut row = vec![name_of(first.met), first.profile.clone(), format!("{:.0}", first.rate)];
         for (mode, _) in Mode::ALL {
             let noise = |f: Spread| format!("{:.2} ({:.2})", 1e3 * f.deviation, 1e3 * f.swing);
             let held = group.iter().find(|held| held.mode == mode);
@@ -60,7 +60,7 @@ pub fn holds(holds: &[Held]) -> Result<Section> {
             1e2 * STILL_SHARE
         ),
         table,
-        plot: Some(("hold.svg".into(), panels(&axes, &drawn)?)),
+        plot: Some(panels(&axes, &drawn)?),
         finding: hold_finding(holds),
     })
 }
@@ -116,7 +116,7 @@ pub fn slides(slides: &[Slid]) -> Result<Section> {
         let name = Mode::ALL.iter().find(|(mode, _)| *mode == slid.mode).map_or("", |(_, name)| name);
         let cell = |c: &Change| format!("{:.1} ({:.1})", 1e3 * c.newtons, percent(c));
         let mut row =
-            vec![slid.profile.into(), format!("{:.0}", slid.rate), name.into(), format!("{:.2}", slid.force.mean)];
+            vec![slid.profile.clone(), format!("{:.0}", slid.rate), name.into(), format!("{:.2}", slid.force.mean)];
         for changes in [&slid.touch, &slid.slide] {
             row.extend([&changes.played, &changes.contact, &changes.raw].map(cell));
         }
@@ -137,7 +137,7 @@ pub fn slides(slides: &[Slid]) -> Result<Section> {
             1e2 * ALLOWED_SHARE
         ),
         table,
-        plot: slides.first().map(|slid| Ok(("slide.svg".into(), trace(slid)?))).transpose()?,
+        plot: slides.first().map(trace).transpose()?,
         finding: slide_finding(slides),
     })
 }

@@ -34,7 +34,7 @@ pub fn widths(widths: &[Width]) -> Result<Section> {
     let mut table = Table::new(heads.into_iter().chain(["Colgate"]));
     for w in widths {
         table.rows.push(vec![
-            w.profile.into(),
+            w.profile.clone(),
             format!("{:.0}", w.coupling),
             format!("{:.0}", w.damping),
             newtons_a_metre(w.session),
@@ -50,7 +50,7 @@ pub fn widths(widths: &[Width]) -> Result<Section> {
             points: group.iter().map(|w| (dissipation() + w.damping, of(w))).collect(),
         };
         let lines = vec![line("session", |w| w.session), line("raw", |w| w.raw), line("Colgate", |w| w.colgate)];
-        Panel { title: group.first().map_or("", |w| w.profile).into(), lines }
+        Panel { title: group.first().map_or("", |w| &w.profile).into(), lines }
     };
     let drawn: Vec<Panel> = widths.chunk_by(|a, b| a.profile == b.profile).map(of_device).collect();
     let axes = Logarithmic { x: "damping of hand, device and wall, N s/m", y: "stiffest wall, N/m", level: None };
@@ -66,7 +66,7 @@ pub fn widths(widths: &[Width]) -> Result<Section> {
             1e2 * STILL_SHARE
         ),
         table,
-        plot: Some(("width.svg".into(), panels(&axes, &drawn)?)),
+        plot: Some(panels(&axes, &drawn)?),
         finding: width_finding(widths),
     })
 }
@@ -96,7 +96,7 @@ pub fn delays(limits: &[Limit]) -> Result<Section> {
                    `felt`: coupling and stiffest wall in series, with the local model."
             .into(),
         table: table(limits, "delay, ms", |limit| format!("{:.0}", 1e3 * limit.delay)),
-        plot: Some(("delay.svg".into(), plot(limits, "delay and half a tick, ms", x)?)),
+        plot: Some(plot(limits, "delay and half a tick, ms", x)?),
         finding: limits_finding(limits, |limit| format!("{:.0} ms", 1e3 * limit.delay)),
     })
 }
@@ -110,7 +110,7 @@ pub fn rates(limits: &[Limit]) -> Result<Section> {
                    the same an interval late, K = b / (3/2 T)."
             .into(),
         table: table(limits, "rate, Hz", |limit| format!("{:.0}", limit.rate)),
-        plot: Some(("rate.svg".into(), plot(limits, "rate of the simulation, Hz", |limit| limit.rate)?)),
+        plot: Some(plot(limits, "rate of the simulation, Hz", |limit| limit.rate)?),
         finding: limits_finding(limits, |limit| format!("{:.0} Hz", limit.rate)),
     })
 }
@@ -120,7 +120,7 @@ fn table(limits: &[Limit], head: &str, of: impl Fn(&Limit) -> String) -> Table {
     for limit in limits {
         let felt = |wall: f64| format!("{:.0}", in_series(limit.coupling, wall));
         table.rows.push(vec![
-            limit.profile.into(),
+            limit.profile.clone(),
             of(limit),
             newtons_a_metre(limit.local),
             newtons_a_metre(limit.raw),
@@ -140,7 +140,7 @@ fn plot(limits: &[Limit], x: &str, at: impl Fn(&Limit) -> f64) -> Result<String>
             points: group.iter().map(|limit| (at(limit), of(limit))).collect(),
         };
         let lines = vec![line("local", |l| l.local), line("raw", |l| l.raw), line("Gil", |l| l.gil)];
-        Panel { title: group.first().map_or("", |limit| limit.profile).into(), lines }
+        Panel { title: group.first().map_or("", |limit| &limit.profile).into(), lines }
     };
     let drawn: Vec<Panel> = limits.chunk_by(|a, b| a.profile == b.profile).map(of_device).collect();
     panels(&Logarithmic { x, y: "stiffest wall, N/m", level: None }, &drawn)

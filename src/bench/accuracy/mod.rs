@@ -1,0 +1,3 @@
+//! `palpate bench accuracy`: error against run time.
+
+pub mod curve;

@@ -1,0 +1,105 @@
+use serde_json::json;
+
+use super::*;
+
+/// Doubles the number of each part.
+struct Doubling(u32);
+
+impl Benchmark for Doubling {
+    fn name(&self) -> &'static str {
+        "doubling"
+    }
+
+    fn title(&self) -> &'static str {
+        "Doubles"
+    }
+
+    fn settings(&self) -> Result<Value> {
+        to_value(&self.0)
+    }
+
+    fn parts(&self) -> Vec<String> {
+        (0..self.0).map(|k| k.to_string()).collect()
+    }
+
+    fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
+        watch(part);
+        Ok((2 * part.parse::<u32>().unwrap()).into())
+    }
+
+    fn preface(&self, settings: &Value) -> Result<String> {
+        Ok(format!("Up to {settings}."))
+    }
+
+    fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
+        let of = |(title, double): (&String, &Value)| Section {
+            title: title.clone(),
+            finding: double.to_string(),
+            ..Section::default()
+        };
+        Ok(parts.iter().map(of).collect())
+    }
+}
+
+fn head() -> Head {
+    Head {
+        schema: SCHEMA,
+        version: "0".into(),
+        commit: "c".into(),
+        device: "d".into(),
+        driver: "e".into(),
+        depth_path: "compute".into(),
+        threads: 2,
+        is_quick: false,
+    }
+}
+
+fn all() -> Vec<Box<dyn Benchmark>> {
+    vec![Box::new(Doubling(5))]
+}
+
+fn measured(shard: Shard) -> Results {
+    measure(&all(), head(), shard, &|_, part| part != "1", &mut |_| ()).unwrap()
+}
+
+#[test]
+fn shards_joined_in_any_order_give_the_report_of_the_whole() {
+    let whole = measured(Shard::WHOLE);
+    let [one, two] = [0, 1].map(|index| measured(Shard { index, count: 2 }));
+    let page = |results: &Results| document(&all(), results).unwrap().html();
+    assert!(page(&one).contains("Not measured here, or not joined yet: 2, 4."), "{}", page(&one));
+    let joined = merge(vec![(Path::new("b"), two), (Path::new("a"), one)]).unwrap();
+    assert_eq!(page(&joined), page(&whole));
+    assert_eq!(serde_json::to_value(&joined).unwrap(), serde_json::to_value(&whole).unwrap());
+    assert!(!page(&joined).contains("Not measured") && page(&joined).contains("Up to 5."));
+}
+
+#[test]
+fn what_does_not_belong_together_is_not_joined() {
+    let shard = |index| measured(Shard { index, count: 2 });
+    let refused = |results: Results| {
+        merge(vec![(Path::new("first"), shard(0)), (Path::new("other"), results)]).unwrap_err().to_string()
+    };
+    let twice = refused(shard(0));
+    assert!(twice.contains("other") && twice.contains("`0` of `doubling`"), "{twice}");
+    let elsewhere = refused(Results { head: Head { device: "x".into(), ..head() }, ..shard(1) });
+    assert!(elsewhere.contains("other") && elsewhere.contains("another program, device"), "{elsewhere}");
+    let mut changed = shard(1);
+    changed.benchmarks["doubling"]["settings"] = json!(7);
+    assert!(refused(changed).contains("other settings"));
+    assert!(merge(Vec::new()).is_err());
+}
+
+#[test]
+fn results_are_read_again_and_others_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("results.json");
+    let write = |value: &Value| std::fs::write(&file, value.to_string()).unwrap();
+    write(&to_value(&measured(Shard::WHOLE)).unwrap());
+    assert_eq!(read(&file).unwrap().head, head());
+    write(&json!({ "schema": 2 }));
+    let error = read(&file).unwrap_err().to_string();
+    assert!(error.contains("results.json") && error.contains("schema 2"), "{error}");
+    std::fs::write(&file, "{").unwrap();
+    assert!(read(&file).unwrap_err().to_string().contains("results.json:1"));
+}
