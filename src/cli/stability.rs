@@ -11,9 +11,14 @@ use palpate::{Error, Result};
 use crate::print;
 
 const RESULTS: &str = "results.json";
+const REPORT: &str = "report.html";
 
 /// Options of `palpate stability`.
 #[derive(clap::Args)]
+#[command(
+    after_help = "Exit status: 0; 4 where a failure raised no flag, or a case that must pass does not (about the usual: 1 kPa to \
+    10 MPa, Poisson's ratio 0 to 0.49, steps of 0.25 to 10 ms; the report marks them)"
+)]
 pub struct Arguments {
     /// Fewer values and steps
     #[arg(long)]
@@ -21,13 +26,13 @@ pub struct Arguments {
     /// A million steps of resting contact, which take an hour
     #[arg(long)]
     soak: bool,
-    /// These axes alone, with commas between them
+    /// These axes alone, with commas between them: young, poisson, step, thrust and so on; a wrong one lists all
     #[arg(long, value_name = "AXIS", value_delimiter = ',', value_parser = axis_name)]
     only: Vec<String>,
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
-    /// Directory to write report and results into; without it nothing is written
+    /// Directory to write report.html and results.json into; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -47,13 +52,10 @@ pub fn stability(arguments: &Arguments) -> Result<()> {
     let document = stability::document(&results);
     if let Some(output) = &mut output {
         output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
-        for (name, svg) in document.sections.iter().filter_map(|section| section.plot.as_ref()) {
-            output.write(name, |w| w.write_all(svg.as_bytes()))?;
-        }
-        output.write("stability.md", |w| w.write_all(document.markdown(true).as_bytes()))?;
+        output.write(REPORT, |w| w.write_all(document.html().as_bytes()))?;
     }
     output.map_or(Ok(()), Output::commit)?;
-    print(&document.markdown(false))?;
+    print(&document.markdown())?;
     let faults = results.faults();
     if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(faults.join("; "))) }
 }

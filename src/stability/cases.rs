@@ -122,13 +122,19 @@ pub fn release(setup: Setup, factor: f64) -> Case {
     Case { scenario, setup, start: Start::Stretched(factor), steps, promise }
 }
 
+/// As [`sphere`], on a coupling so stiff that it goes where the device goes.
+fn pushed(edge: f64) -> Sphere {
+    let tool = sphere(edge);
+    Sphere { coupling: tool.coupling.map(|(stiffness, damping)| (100.0 * stiffness, 10.0 * damping)), ..tool }
+}
+
 /// The device goes down through block and all at a speed, m/s.
 pub fn thrust(setup: Setup, speed: f64) -> Case {
     let gap = 0.02 * setup.edge;
     let way = (1.5 + 2.0 * RADIUS) * setup.edge;
     let steps = (way / speed / setup.dt).ceil() as usize + 100;
     let path = vec![(0.0, gap), (way / speed, gap - way)];
-    let tool = Sphere { path, ..sphere(setup.edge) };
+    let tool = Sphere { path, ..pushed(setup.edge) };
     let setup = Setup { bound: Bound::Bottom, sphere: Some(tool), ..setup };
     Case { scenario: "thrust", setup, start: Start::Rest, steps, promise: Promise::default() }
 }
@@ -138,7 +144,7 @@ pub fn teleport(setup: Setup, way: f64) -> Case {
     let gap = 0.02 * setup.edge;
     let at = 20.5 * setup.dt;
     let path = vec![(0.0, gap), (at, gap), (at + 1e-9, gap - way)];
-    let tool = Sphere { path, ..sphere(setup.edge) };
+    let tool = Sphere { path, ..pushed(setup.edge) };
     let setup = Setup { bound: Bound::Bottom, sphere: Some(tool), ..setup };
     Case { scenario: "teleport", setup, start: Start::Rest, steps: 220, promise: Promise::default() }
 }

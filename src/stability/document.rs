@@ -2,16 +2,14 @@
 
 use super::laws::Verdict;
 use super::{AxisResult, Judged, Results, heat_map, reasons};
-use crate::bench::document::{Document, Section, Table};
+use crate::bench::document::{Chapter, Document, Section, Table};
 use crate::report::Flags;
 
 /// The report.
 pub fn document(results: &Results) -> Document {
     let count = |verdict: Verdict| results.cases().filter(|(_, _, case)| case.verdict == verdict).count();
     let preface = format!(
-        "palpate {}, {} ({}), {} threads. {} cases in {:.0} s{}. A block of 10 cm (162 tetrahedra, 20 kPa, nu 0.4, \
-         1000 kg/m^3, steps of 1 ms) is let go from a face, pressed by a sphere of 4 cm and 50 g on a coupling of 500 N/m, \
-         thrown at, torn or turned; one thing at a time is taken to its extreme. Each step is measured from outside in f64.",
+        "palpate {}, {} ({}), {} threads. {} cases in {:.0} s{}.",
         results.version,
         results.device,
         results.driver,
@@ -20,6 +18,9 @@ pub fn document(results: &Results) -> Document {
         results.seconds,
         if results.settings.is_quick { ", the short form" } else { "" },
     );
+    let method = "A block of 10 cm (162 tetrahedra, 20 kPa, nu 0.4, \
+         1000 kg/m^3, steps of 1 ms) is let go from a face, pressed by a sphere of 4 cm and 50 g on a coupling of 500 N/m, \
+         thrown at, torn or turned; one thing at a time is taken to its extreme. Each step is measured from outside in f64.";
     let finding = format!(
         "{} pass, {} are degraded, {} fail, {} of them without a flag; {} are refused.",
         count(Verdict::Pass),
@@ -35,11 +36,12 @@ pub fn document(results: &Results) -> Document {
                    not, and a flag says so. *Silent failure*: a law is broken in a step without a flag."
             .into(),
         table: laws(),
-        plot: Some(("matrix.svg".into(), heat_map::svg(results))),
+        plot: Some(heat_map::svg(results)),
         finding,
     };
     let sections = vec![matrix, safe(results), rest(results)];
-    Document { title: "Stability on stiff and extreme cases".into(), preface, sections }
+    let chapter = Chapter { title: "Stability".into(), preface: method.into(), sections };
+    Document { title: "Stability on stiff and extreme cases".into(), preface, chapters: vec![chapter] }
 }
 
 fn laws() -> Table {

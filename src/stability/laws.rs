@@ -215,3 +215,6 @@ pub fn verdict(samples: &[Sample], findings: &[Finding]) -> Verdict {
         Verdict::Pass
     }
 }
+
+#[cfg(test)]
+mod tests;

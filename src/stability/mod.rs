@@ -22,6 +22,9 @@ pub use run::run;
 use crate::report::Flags;
 use laws::{Finding, Verdict};
 
+/// Version of the format of `results.json`: raised when a field changes its meaning or goes.
+pub const SCHEMA: u32 = 1;
+
 /// What is run.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Settings {

@@ -53,7 +53,7 @@ pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> 
         })
         .collect();
     Ok(Results {
-        schema: crate::bench::SCHEMA,
+        schema: super::SCHEMA,
         version: env!("CARGO_PKG_VERSION").into(),
         device,
         driver,
@@ -84,7 +84,7 @@ fn all(
         for _ in 0..workers.min(cases.len()) {
             let (sender, next) = (sender.clone(), &next);
             scope.spawn(move || {
-                let mut take = || next.fetch_add(1, Ordering::Relaxed);
+                let take = || next.fetch_add(1, Ordering::Relaxed);
                 let mut at = take();
                 while let Some((_, case)) = cases.get(at) {
                     // Nobody listens any more where another case could not be run.

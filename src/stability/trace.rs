@@ -1,7 +1,7 @@
 //! What a step did, measured from outside in f64: energies, work, and what the equations of motion are missed by. Shares no
 //! code with the shaders.
 
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 
 use super::setup::RADIUS;
 use crate::Result;
@@ -52,6 +52,10 @@ pub struct Sample {
 /// Follows a simulation step by step.
 pub struct Observer {
     body: SoftBody,
+    /// Of each tetrahedron, followed from step to step: where it is inside out there are several, and the last one leads.
+    rotations: Vec<DQuat>,
+    /// The largest impulse on the tool so far, N s.
+    largest: f64,
     gravity: DVec3,
     dt: f64,
     /// What is left of the last step's system, which the next one makes good; `None`: unknown since the first contact.
@@ -77,6 +81,8 @@ impl Observer {
         let body = SoftBody::new(layer.clone(), materials, placed.position, placed.orientation, placed.velocity);
         let tool = simulation.tool();
         let mut observer = Observer {
+            rotations: vec![DQuat::IDENTITY; layer.tetrahedra.len()],
+            largest: 0.0,
             leftover: Some(vec![DVec3::ZERO; layer.nodes.len()]),
             tool_leftover: DVec3::ZERO,
             velocity: Vec::new(),
@@ -99,6 +105,10 @@ impl Observer {
     fn read(&mut self, simulation: &Simulation) -> Result<()> {
         if let Some((displacement, velocity)) = simulation.nodes(0)? {
             (self.body.displacement, self.body.velocity) = (displacement, velocity);
+            for (e, q) in self.rotations.iter_mut().enumerate() {
+                let gradient = self.body.elements.gradient(e, &self.body.displacement);
+                *q = followed(DMat3::IDENTITY + gradient, *q);
+            }
         }
         Ok(())
     }
@@ -125,7 +135,7 @@ impl Observer {
 
     /// Does a step and measures it.
     pub fn step(&mut self, simulation: &mut Simulation) -> Result<Sample> {
-        let before = Before::of(&self.body);
+        let before = Before::of(&self.body, &self.rotations);
         self.velocity.clone_from(&self.body.velocity);
         let row = simulation.step()?;
         self.read(simulation)?;
@@ -179,9 +189,10 @@ impl Observer {
         let weight = tool.mass * self.gravity;
         let change = tool.mass * (tool.velocity - velocity);
         let missed = h * (told.force + weight + pull.force) - change + self.tool_leftover;
-        let largest =
-            change.length().max(h * told.force.length()).max(h * weight.length()).max(h * pull.force.length());
-        sample.balance = if largest > 0.0 { missed.length() / largest } else { 0.0 };
+        let sizes = [change, h * told.force, h * weight, h * pull.force].map(|x| x.length());
+        // Of the largest so far: when all is over, what is left is rounding.
+        self.largest = sizes.into_iter().fold(self.largest, f64::max);
+        sample.balance = if self.largest > 0.0 { missed.length() / self.largest } else { 0.0 };
         self.tool_leftover = missed;
         self.device = Some((device.position, device.orientation));
         self.tool = Some((tool.centre, tool.velocity));
@@ -235,7 +246,7 @@ impl Observer {
             kinetic += 0.5 * elements.masses[i] * self.body.velocity[i].length_squared();
             weight -= elements.masses[i] * self.gravity.dot(elements.frame * self.body.displacement[i]);
         }
-        let elastic = elements.energy(&self.body.displacement, &elements.rotations(&self.body.displacement));
+        let elastic = elements.energy(&self.body.displacement, &self.rotations);
         let mut coupling = 0.0;
         if let Some(tool) = simulation.tool() {
             let (position, orientation) = self.device.unwrap_or((tool.centre, tool.orientation));
@@ -253,7 +264,7 @@ impl Observer {
         sample.moved = self.start.map_or(0.0, |start| self.centre().distance(start));
         sample.deformed = self.body.displacement.iter().map(|d| d.length()).fold(0.0, f64::max);
         let turned_out =
-            |e: &usize| (glam::DMat3::IDENTITY + elements.gradient(*e, &self.body.displacement)).determinant() <= 0.0;
+            |e: &usize| (DMat3::IDENTITY + elements.gradient(*e, &self.body.displacement)).determinant() <= 0.0;
         sample.inverted = (0..elements.tetrahedra.len()).filter(turned_out).count();
     }
 }
@@ -265,8 +276,8 @@ struct Before {
 }
 
 impl Before {
-    fn of(body: &SoftBody) -> Before {
-        let rotations = body.rotations();
+    fn of(body: &SoftBody, rotations: &[DQuat]) -> Before {
+        let rotations = rotations.to_vec();
         let mut body = body.clone();
         body.elements = body.elements.linearised(&body.displacement, &rotations);
         Before { body, rotations }
@@ -279,6 +290,9 @@ impl Before {
         let spread = |nodes: &[u32; 4], of: &[DVec3]| {
             nodes.iter().map(|i| of[*i as usize].distance(of[nodes[0] as usize])).fold(0.0, f64::max)
         };
+        // A velocity is rounded as a whole, whatever of it its element feels.
+        let greatest =
+            |nodes: &[u32; 4], of: &[DVec3]| nodes.iter().map(|i| of[*i as usize].length()).fold(0.0, f64::max);
         for (e, nodes) in elements.tetrahedra.iter().enumerate() {
             let operator = &elements.operators[e];
             let modulus = 2.0 * operator.mu + operator.lambda.abs();
@@ -286,7 +300,7 @@ impl Before {
             let (stiffness, beta) = (elements.volumes[e] * modulus * steep, elements.materials[e].damping_stiffness);
             let lag = h * (h + beta) * stiffness;
             let size = h * stiffness * spread(nodes, &self.body.displacement)
-                + lag * (spread(nodes, start) + spread(nodes, end));
+                + lag * (greatest(nodes, start) + greatest(nodes, end));
             for i in nodes {
                 let at = &mut sizes[*i as usize];
                 // A node has a third to all of the steepest gradient; a half stands for it.
@@ -295,4 +309,27 @@ impl Before {
         }
         sizes
     }
+}
+
+/// Rounds at most, and the turn that is none, rad.
+const ROUNDS: usize = 200;
+const DONE: f64 = 1e-12;
+
+/// The rotation of F that is reached from the last one (Mueller et al. 2016).
+fn followed(f: DMat3, from: DQuat) -> DQuat {
+    let mut q = from;
+    for _ in 0..ROUNDS {
+        let r = DMat3::from_quat(q);
+        let (mut axial, mut trace) = (DVec3::ZERO, 0.0);
+        for k in 0..3 {
+            axial += r.col(k).cross(f.col(k));
+            trace += r.col(k).dot(f.col(k));
+        }
+        let turn = axial / (trace.abs() + 1e-12);
+        if !turn.is_finite() || turn.length() < DONE {
+            break;
+        }
+        q = (DQuat::from_scaled_axis(turn) * q).normalize();
+    }
+    q
 }
