@@ -13,6 +13,9 @@ use crate::step::Simulation;
 
 /// Half a unit in the last place of f32.
 const HALF_ULP: f64 = 6e-8;
+/// Volume of a tetrahedron, of that at rest, below which its rotation in f32 is a matter of rounds and not of rounding, and
+/// inside out of which way the last one came: nobody can say from outside what the system was.
+const FLAT: f64 = 0.05;
 /// Roundings that a sum over the elements of a node adds up.
 const ROUNDINGS: f64 = 16.0;
 
@@ -29,7 +32,8 @@ pub struct Sample {
     pub supplied: f64,
     /// What bounds rounding of `energy`: the sum of its parts' sizes, J.
     pub turned_over: f64,
-    /// What the step leaves of its linear system, of the right-hand side; the diagonal's norm.
+    /// What the step leaves of its linear system, of the right-hand side; the diagonal's norm. Until something touches, or is
+    /// pressed flat.
     pub residual: f64,
     /// What rounding alone leaves of it.
     pub residual_floor: f64,
@@ -54,11 +58,14 @@ pub struct Observer {
     body: SoftBody,
     /// Of each tetrahedron, followed from step to step: where it is inside out there are several, and the last one leads.
     rotations: Vec<DQuat>,
+    /// Of the tool's own rows, the square of the right-hand side over the diagonal: the solver stops by the size of all rows.
+    tool_rhs2: f64,
     /// The largest impulse on the tool so far, N s.
     largest: f64,
     gravity: DVec3,
     dt: f64,
-    /// What is left of the last step's system, which the next one makes good; `None`: unknown since the first contact.
+    /// What is left of the last step's system, which the next one makes good; `None`: unknown since the first
+    /// contact, or the first tetrahedron that was nearly flat.
     leftover: Option<Vec<DVec3>>,
     tool_leftover: DVec3,
     velocity: Vec<DVec3>,
@@ -83,6 +90,7 @@ impl Observer {
         let mut observer = Observer {
             rotations: vec![DQuat::IDENTITY; layer.tetrahedra.len()],
             largest: 0.0,
+            tool_rhs2: 0.0,
             leftover: Some(vec![DVec3::ZERO; layer.nodes.len()]),
             tool_leftover: DVec3::ZERO,
             velocity: Vec::new(),
@@ -113,6 +121,13 @@ impl Observer {
         Ok(())
     }
 
+    /// Of each tetrahedron's volume at rest, the least.
+    fn least_volume(&self) -> f64 {
+        let elements = &self.body.elements;
+        let volume = |e: usize| (DMat3::IDENTITY + elements.gradient(e, &self.body.displacement)).determinant();
+        (0..elements.tetrahedra.len()).map(volume).fold(f64::INFINITY, f64::min)
+    }
+
     fn free(&self) -> impl Iterator<Item = usize> + '_ {
         self.body.layer.bound.iter().enumerate().filter(|(_, bound)| !**bound).map(|(i, _)| i)
     }
@@ -135,6 +150,7 @@ impl Observer {
 
     /// Does a step and measures it.
     pub fn step(&mut self, simulation: &mut Simulation) -> Result<Sample> {
+        let is_flat = self.least_volume() < FLAT;
         let before = Before::of(&self.body, &self.rotations);
         self.velocity.clone_from(&self.body.velocity);
         let row = simulation.step()?;
@@ -151,7 +167,7 @@ impl Observer {
         self.contacts(&touch);
         self.tool_laws(simulation, &row, &touch, &mut sample);
         let last = self.leftover.take();
-        if touch.is_empty() && !row.flags.contains(Flags::STEP_RETRIED) {
+        if touch.is_empty() && !is_flat && !row.flags.contains(Flags::STEP_RETRIED) {
             self.leftover = last.map(|last| self.equations(&before, last, &mut sample));
         }
         self.energies(simulation, &mut sample);
@@ -187,6 +203,9 @@ impl Observer {
         let pull = tool.pull(&state);
         self.supplied += h * (pull.force.dot(state.velocity) + pull.torque.dot(state.angular_velocity));
         let weight = tool.mass * self.gravity;
+        // Without contact the rows are diagonal, but for those that turn.
+        let rows = tool.mass + tool.coupling.map_or(0.0, |c| h * (h * c.stiffness + c.damping));
+        self.tool_rhs2 = rows * (tool.velocity - velocity).length_squared();
         let change = tool.mass * (tool.velocity - velocity);
         let missed = h * (told.force + weight + pull.force) - change + self.tool_leftover;
         let sizes = [change, h * told.force, h * weight, h * pull.force].map(|x| x.length());
@@ -214,7 +233,7 @@ impl Observer {
         let stiff = |p: &[DVec3]| elements.apply_weighted(p, &before.rotations, |m| h * (h + m.damping_stiffness));
         let (of_end, of_start) = (stiff(end), stiff(start));
         let forces = elements.forces(&before.body.displacement, &before.rotations);
-        let (mut left2, mut rhs2, mut floor2) = (0.0, 0.0, 0.0);
+        let (mut left2, mut rhs2, mut floor2) = (0.0, self.tool_rhs2, 0.0);
         let sizes = before.sizes(h, start, end);
         for i in 0..start.len() {
             if self.body.layer.bound[i] {
