@@ -31,10 +31,11 @@ pub fn document(results: &Results) -> Document {
     );
     let matrix = Section {
         title: "The matrix".into(),
-        question: "What becomes of each case? A cell shows the worst of its simulations. *Pass*: every law holds, and no \
-                   flag was raised. *Degraded*: a flag was raised, and energy and force keep their bounds. *Fail*: they do \
-                   not, and a flag says so. *Silent failure*: a law is broken in a step without a flag."
-            .into(),
+        question:
+            "What becomes of each case? A cell shows the worst of its simulations. Pass: every law holds, and no \
+                   flag was raised. Degraded: a flag was raised, and energy and force keep their bounds. Fail: they do \
+                   not, and a flag says so. Silent failure: a law is broken in a step without a flag."
+                .into(),
         table: laws(),
         plot: Some(heat_map::svg(results)),
         finding,
