@@ -15,6 +15,7 @@ pub mod prepare;
 pub mod query;
 pub mod report;
 pub mod scene;
+pub mod stability;
 pub mod stages;
 pub mod step;
 

@@ -5,6 +5,7 @@ pub(crate) mod choice;
 mod explain;
 pub mod frames;
 pub mod joints;
+mod nodes;
 mod probes;
 pub(crate) mod recordings;
 mod tools;

@@ -64,6 +64,7 @@ fn mistakes_in_a_scene() {
         (body.replace("2e4", "nan"), "`body.a.material.young`: is NaN"),
         (body.replace("2e4", "-5.0"), "`body.a.material.young`: is -5"),
         (body.replace("0.4", "0.5"), "`body.a.material.poisson`: is 0.5"),
+        (body.replace("0.4", "-0.6"), "`body.a.material.poisson`: is -0.6; give a number from -0.5"),
         (body.replace("cube.obj", "cub.obj"), "there is no file"),
         (
             format!("{body}[[body.region]]\ngroup = \"fat\"\nmaterial = {{ young = 1e3 }}\n"),

@@ -10,6 +10,7 @@ mod press;
 mod query;
 mod replay;
 mod run;
+mod stability;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -37,6 +38,8 @@ enum Command {
     Query(query::Arguments),
     /// Measure, and write the report of it
     Bench(bench::Arguments),
+    /// Run stiff and extreme cases, and judge each by laws
+    Stability(stability::Arguments),
     /// List the Vulkan devices that can be used
     Devices,
 }
@@ -52,6 +55,7 @@ fn main() -> ExitCode {
         Command::Prepare(arguments) => prepare::prepare(&arguments),
         Command::Query(arguments) => query::query(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
+        Command::Stability(arguments) => stability::stability(&arguments),
         Command::Devices => devices::devices(),
     };
     match result {

@@ -281,6 +281,14 @@ pub(super) fn stiffening((mu, lambda): (f64, f64)) -> f64 {
 /// sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over the principal stretches s_k and axes n_k of I + sym(E).
 pub(super) fn squeeze(strain: DMat3) -> DMat3 {
     let stretch = symmetric(strain);
+    // Gershgorin's circles: nothing is squeezed, as nearly everywhere.
+    let least = |k: usize| {
+        let column = stretch.col(k);
+        1.0 + column[k] + column[k].abs() - column.abs().element_sum()
+    };
+    if (0..3).all(|k| least(k) > LEAST_STRETCH) {
+        return DMat3::ZERO;
+    }
     let matrix = Mat::from_fn(3, 3, |i, j| stretch.col(j)[i]);
     let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };
     let (values, vectors) = (eigen.S(), eigen.U());

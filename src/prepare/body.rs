@@ -190,6 +190,10 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
             let problem = "patches share the volumetric strain of the corotational law";
             return Err(keys.error("dilatation", problem, "use \"element\", or law = \"corotational\" everywhere"));
         }
+        if materials.all.iter().any(|material| material.poisson < 0.0) {
+            let problem = "patches guard against locking, and need a Poisson's ratio that is not negative";
+            return Err(keys.error("dilatation", problem, "use \"element\", or poisson = 0 or more everywhere"));
+        }
         layer.patches = patch::patches(&layer, |t| materials.index(t) as u32);
     }
     let mesh = scaled(prepared.mesh, body.scale);

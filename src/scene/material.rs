@@ -105,10 +105,11 @@ fn number<'a>(
     }
 }
 
+/// Below -0.5 the neo-Hookean law's bulk term comes near zero.
 fn poisson(value: &Value) -> Result<f64> {
     match value.number()? {
-        x if (0.0..0.5).contains(&x) => Ok(x),
-        x => Err(value.error(format!("is {x:?}"), "give a number from 0 to below 0.5")),
+        x if (-0.5..0.5).contains(&x) => Ok(x),
+        x => Err(value.error(format!("is {x:?}"), "give a number from -0.5 to below 0.5")),
     }
 }
 

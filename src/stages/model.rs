@@ -309,6 +309,11 @@ impl Model {
         )
     }
 
+    /// Whether the solver decides the motion of a node.
+    pub fn is_free(&self, node: usize) -> bool {
+        self.node_info[node][3] == super::layers::held::FREE
+    }
+
     /// Whether a dynamic core carries a node.
     pub fn is_carried(&self, node: usize) -> bool {
         self.node_info[node][3] == super::layers::held::CARRIED

@@ -1,0 +1,327 @@
+//! The rows of the matrix: what is varied, and along which values.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::cases::{Case, both, hang, press, release, rest, sphere, spin, still, teleport, throw, thrust};
+use super::meshes;
+use super::setup::{Bound, Setup};
+use crate::Result;
+use crate::scene::Law;
+
+/// A value of an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cell {
+    /// With its unit.
+    pub label: String,
+    /// Whether it is of the region where all must pass.
+    pub is_core: bool,
+    /// Its simulations.
+    pub cases: Vec<Case>,
+}
+
+/// What is varied.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// As `--only` calls it.
+    pub name: &'static str,
+    /// For readers.
+    pub title: &'static str,
+    /// Its values, rising.
+    pub cells: Vec<Cell>,
+}
+
+/// Names of all axes, in order.
+pub const NAMES: [&str; 20] = [
+    "young",
+    "poisson",
+    "poisson-neo-hookean",
+    "density",
+    "step",
+    "mass-ratio",
+    "contact-stiffness",
+    "damping-mass",
+    "damping-stiffness",
+    "sliver",
+    "stretch",
+    "thrust",
+    "teleport",
+    "spin",
+    "rest",
+    "size",
+    "origin",
+    "gravity",
+    "tetrahedron",
+    "bound",
+];
+
+/// Which part of the matrix.
+#[derive(Debug, Clone, Copy)]
+pub struct Extent<'a> {
+    /// Fewer values and steps.
+    pub is_quick: bool,
+    /// A million steps of resting contact.
+    pub is_soak: bool,
+    /// Where meshes are written.
+    pub folder: &'a Path,
+}
+
+fn with(change: impl Fn(&mut Setup)) -> Setup {
+    let mut setup = Setup::default();
+    change(&mut setup);
+    setup
+}
+
+/// Values of an axis: those of the whole, and of them the few of the short form.
+struct Values(&'static [f64], &'static [f64]);
+
+impl Values {
+    /// The row; `core`: the least and the greatest value that must pass.
+    fn axis(
+        self,
+        name: &'static str,
+        title: &'static str,
+        extent: Extent,
+        label: impl Fn(f64) -> String,
+        core: [f64; 2],
+        cases: impl Fn(f64) -> Vec<Case>,
+    ) -> Axis {
+        let values = if extent.is_quick { self.1 } else { self.0 };
+        let is_core = |x: f64| core[0] <= x && x <= core[1];
+        let cell = |x: &f64| Cell { label: label(*x), is_core: is_core(*x), cases: cases(*x) };
+        Axis { name, title, cells: values.iter().map(cell).collect() }
+    }
+}
+
+/// The axis of a name; `None`: there is none. Errors: a mesh cannot be written.
+pub fn axis(name: &str, extent: Extent) -> Result<Option<Axis>> {
+    Ok(match material(name, extent).or_else(|| contact(name, extent)).or_else(|| motion(name, extent)) {
+        Some(axis) => Some(axis),
+        None => shape(name, extent)?,
+    })
+}
+
+fn material(name: &str, extent: Extent) -> Option<Axis> {
+    const NU: Values = Values(&[-0.5, -0.25, 0.0, 0.3, 0.45, 0.49, 0.499, 0.4999], &[-0.5, 0.3, 0.4999]);
+    let poisson = |law: Law| move |nu: f64| both(with(|s| (s.material.poisson, s.material.law) = (nu, law)));
+    let plain = |x: f64| format!("{x}");
+    let young = |x: f64| both(with(|s| s.material.young = x));
+    let density = |x: f64| both(with(|s| s.material.density = x));
+    let damping_mass = |x: f64| {
+        let setup = with(|s| s.material.damping_mass = x);
+        vec![hang(setup.clone()), press(setup, sphere(0.1))]
+    };
+    let damping_stiffness = |x: f64| both(with(|s| s.material.damping_stiffness = x));
+    Some(match name {
+        "young" => {
+            let all = &[1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12];
+            Values(all, &[1.0, 1e3, 1e7, 1e12]).axis(
+                "young",
+                "Young's modulus",
+                extent,
+                |x| si(x, "Pa"),
+                [1e3, 1e7],
+                young,
+            )
+        }
+        "poisson" => {
+            NU.axis("poisson", "Poisson's ratio, corotational", extent, plain, [0.0, 0.49], poisson(Law::Corotational))
+        }
+        "poisson-neo-hookean" => {
+            let title = "Poisson's ratio, neo-Hookean";
+            NU.axis("poisson-neo-hookean", title, extent, plain, [0.0, 0.49], poisson(Law::NeoHookean))
+        }
+        "density" => Values(&[1.0, 10.0, 100.0, 1e3, 5e3, 2e4], &[1.0, 2e4]).axis(
+            "density",
+            "Density, kg/m^3",
+            extent,
+            plain,
+            [100.0, 5e3],
+            density,
+        ),
+        "damping-mass" => Values(&[0.0, 1.0, 100.0, 1e4, 1e6], &[0.0, 1e6]).axis(
+            "damping-mass",
+            "Damping by mass, 1/s",
+            extent,
+            plain,
+            [0.0, 100.0],
+            damping_mass,
+        ),
+        "damping-stiffness" => Values(&[0.0, 1e-3, 0.1, 10.0, 1e3], &[0.0, 1e3]).axis(
+            "damping-stiffness",
+            "Damping by stiffness",
+            extent,
+            |x| si(x, "s"),
+            [0.0, 0.01],
+            damping_stiffness,
+        ),
+        _ => return None,
+    })
+}
+
+fn contact(name: &str, extent: Extent) -> Option<Axis> {
+    let setup = || Setup::default().damped();
+    let stiffness = |x: f64| vec![press(Setup { stiffness: Some(x), ..setup() }, sphere(0.1))];
+    Some(match name {
+        // The block weighs a kilogram.
+        "mass-ratio" => {
+            let all = &[1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
+            let title = "Mass of tool to body";
+            Values(all, &[1e-5, 0.1, 1e5])
+                .axis("mass-ratio", title, extent, power, [1e-3, 1.0], |x| vec![throw(setup(), x)])
+        }
+        "contact-stiffness" => {
+            let all = &[1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11];
+            let title = "Contact stiffness, N/m^3";
+            Values(all, &[1e3, 1e7, 1e11]).axis("contact-stiffness", title, extent, power, [1e6, 1e8], stiffness)
+        }
+        "thrust" => Values(&[0.3, 1.0, 3.0, 10.0], &[1.0, 10.0]).axis(
+            "thrust",
+            "Tool thrust through the body",
+            extent,
+            |x| format!("{x} m/s"),
+            [9.0, 0.0],
+            |x| vec![thrust(setup(), x)],
+        ),
+        "teleport" => Values(&[1e-3, 3e-3, 1e-2, 3e-2, 0.1], &[1e-3, 0.1]).axis(
+            "teleport",
+            "Device teleported",
+            extent,
+            |x| si(x, "m"),
+            [0.0, 1e-3],
+            |x| vec![teleport(setup(), x)],
+        ),
+        "rest" => {
+            let mut values = vec![1e3];
+            values.extend((!extent.is_quick).then_some(1e4));
+            values.extend(extent.is_soak.then_some(1e6));
+            let label = |x: f64| format!("{x} steps");
+            let cell = |x: f64| Cell { label: label(x), is_core: true, cases: vec![rest(setup(), x as usize)] };
+            Axis { name: "rest", title: "Resting contact", cells: values.into_iter().map(cell).collect() }
+        }
+        _ => return None,
+    })
+}
+
+fn motion(name: &str, extent: Extent) -> Option<Axis> {
+    let setup = || Setup::default().damped();
+    Some(match name {
+        "step" => Values(&[1e-4, 2.5e-4, 1e-3, 4e-3, 1e-2, 3.3e-2, 0.1], &[1e-4, 1e-2, 0.1]).axis(
+            "step",
+            "Time step",
+            extent,
+            |x| si(x, "s"),
+            [2.5e-4, 1e-2],
+            |x| both(with(|s| s.dt = x)),
+        ),
+        "stretch" => Values(&[-1.0, -0.5, 0.05, 0.1, 0.5, 2.0, 3.0, 4.0], &[-1.0, 0.1, 4.0]).axis(
+            "stretch",
+            "Let go when stretched to",
+            extent,
+            |x| format!("{}%", 100.0 * x),
+            [0.5, 2.0],
+            |x| {
+                let neo = |mut s: Setup| {
+                    s.material.law = Law::NeoHookean;
+                    s
+                };
+                vec![release(setup(), x), release(neo(setup()), x)]
+            },
+        ),
+        "spin" => Values(&[1.0, 10.0, 30.0, 100.0, 300.0, 1000.0], &[10.0, 100.0]).axis(
+            "spin",
+            "Spinning free",
+            extent,
+            |x| format!("{x} rad/s"),
+            [0.0, 10.0],
+            |x| vec![spin(Setup::default(), x)],
+        ),
+        "gravity" => Values(&[0.0, 1.0, 3.0, 10.0, 30.0, 100.0], &[0.0, 1.0, 100.0]).axis(
+            "gravity",
+            "Gravity",
+            extent,
+            |x| format!("{x} g"),
+            [0.0, 1.0],
+            |x| {
+                let cases = both(with(|s| s.gravity = 9.81 * x));
+                if x == 0.0 {
+                    cases.into_iter().map(|c| if c.scenario == "hang" { still(c) } else { c }).collect()
+                } else {
+                    cases
+                }
+            },
+        ),
+        "origin" => Values(&[0.0, 1.0, 1e3, 1e6], &[1e3]).axis(
+            "origin",
+            "Away from the origin",
+            extent,
+            |x| si(x, "m"),
+            [0.0, 1e3],
+            |x| both(with(|s| s.origin = x * DVec3::new(0.6, 0.0, 0.8))),
+        ),
+        _ => return None,
+    })
+}
+
+fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
+    Ok(Some(match name {
+        // As stiff for its weight at any size: strains are the same.
+        "size" => Values(&[1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0], &[1e-3, 100.0]).axis(
+            "size",
+            "Size of the body",
+            extent,
+            |x| si(x, "m"),
+            [1e-2, 1.0],
+            |x| both(with(|s| (s.edge, s.material.young) = (x, 2e4 * x / 0.1))),
+        ),
+        "sliver" => {
+            let values: &[f64] = if extent.is_quick { &[0.01, 1.0] } else { &[0.01, 0.1, 1.0, 10.0] };
+            let mut cells = Vec::new();
+            for &angle in values {
+                let mesh = meshes::slivers(extent.folder, angle, Setup::default().edge)?;
+                let cases = both(with(|s| s.mesh = Some(mesh.clone())));
+                cells.push(Cell { label: format!("{angle} deg"), is_core: angle >= 1.0, cases });
+            }
+            Axis { name: "sliver", title: "Least dihedral angle", cells }
+        }
+        "tetrahedron" => {
+            let mesh = meshes::tetrahedron(extent.folder, Setup::default().edge)?;
+            let setup = with(|s| s.mesh = Some(mesh.clone())).damped();
+            let on_floor = rest(setup.clone(), if extent.is_quick { 600 } else { 2000 });
+            let cell = |label: &str, case| Cell { label: label.into(), is_core: true, cases: vec![case] };
+            let cells = vec![cell("held by a face", hang(setup)), cell("on a floor", on_floor)];
+            Axis { name: "tetrahedron", title: "A single tetrahedron", cells }
+        }
+        "bound" => {
+            let cell = |label: &str, bound: Bound, is_still| {
+                let case = |case: Case| Case { setup: Setup { bound: bound.clone(), ..case.setup.clone() }, ..case };
+                let cases = both(Setup::default()).into_iter().map(case);
+                let cases = cases.map(|c| if is_still { still(c) } else { c }).collect();
+                Cell { label: label.into(), is_core: true, cases }
+            };
+            let cells = vec![cell("all but one node", Bound::AllButOne, false), cell("all nodes", Bound::All, true)];
+            Axis { name: "bound", title: "Nodes bound", cells }
+        }
+        _ => return Ok(None),
+    }))
+}
+
+fn power(value: f64) -> String {
+    format!("{value:.0e}")
+}
+
+/// A number with its unit and thousands' prefix.
+pub fn si(value: f64, unit: &str) -> String {
+    let (scale, prefix) = match value.abs() {
+        x if x >= 1e12 => (1e-12, "T"),
+        x if x >= 1e9 => (1e-9, "G"),
+        x if x >= 1e6 => (1e-6, "M"),
+        x if x >= 1e3 => (1e-3, "k"),
+        x if x >= 1.0 || x == 0.0 => (1.0, ""),
+        x if x >= 1e-3 => (1e3, "m"),
+        _ => (1e6, "u"),
+    };
+    let digits = (value * scale * 1e3).round() / 1e3;
+    format!("{digits} {prefix}{unit}")
+}

@@ -1,0 +1,136 @@
+//! The report of the matrix: the picture, where the safe region of each axis ends, and every case that did not pass.
+
+use super::laws::Verdict;
+use super::{AxisResult, Judged, Results, heat_map, reasons};
+use crate::bench::document::{Chapter, Document, Section, Table};
+use crate::report::Flags;
+
+/// The report.
+pub fn document(results: &Results) -> Document {
+    let count = |verdict: Verdict| results.cases().filter(|(_, _, case)| case.verdict == verdict).count();
+    let preface = format!(
+        "palpate {}, {} ({}), {} threads. {} cases in {:.0} s{}.",
+        results.version,
+        results.device,
+        results.driver,
+        results.threads,
+        results.cases().count(),
+        results.seconds,
+        if results.settings.is_quick { ", the short form" } else { "" },
+    );
+    let method = "A block of 10 cm (162 tetrahedra, 20 kPa, nu 0.4, \
+         1000 kg/m^3, steps of 1 ms) is let go from a face, pressed by a sphere of 4 cm and 50 g on a coupling of 500 N/m, \
+         thrown at, torn or turned; one thing at a time is taken to its extreme. Each step is measured from outside in f64.";
+    let finding = format!(
+        "{} pass, {} are degraded, {} fail, {} of them without a flag; {} are refused.",
+        count(Verdict::Pass),
+        count(Verdict::Degraded),
+        count(Verdict::Fail) + count(Verdict::Silent),
+        count(Verdict::Silent),
+        count(Verdict::Refused)
+    );
+    let matrix = Section {
+        title: "The matrix".into(),
+        question:
+            "What becomes of each case? A cell shows the worst of its simulations. Pass: every law holds, and no \
+                   flag was raised. Degraded: a flag was raised, and energy and force keep their bounds. Fail: they do \
+                   not, and a flag says so. Silent failure: a law is broken in a step without a flag."
+                .into(),
+        table: laws(),
+        plot: Some(heat_map::svg(results)),
+        finding,
+    };
+    let sections = vec![matrix, safe(results), rest(results)];
+    let chapter = Chapter { title: "Stability".into(), preface: method.into(), sections };
+    Document { title: "Stability on stiff and extreme cases".into(), preface, chapters: vec![chapter] }
+}
+
+fn laws() -> Table {
+    let mut table = Table::new(["law", "bound"]);
+    for (law, bound) in [
+        ("finite", "all that a step tells is a number"),
+        ("energy", "at most the start's and what was put in, within 1e-3 of what was turned over"),
+        ("force", "contact stiffness times depth, and damping times speed, over twice the sphere's cross-section"),
+        (
+            "residual",
+            "b - A x in f64, until something touches or a tetrahedron is pressed below a twentieth of its volume: 1e-3 of b or of weight, or f32's rounding",
+        ),
+        ("balance", "force, weight and coupling move the tool: within 1e-2 of the largest"),
+        ("rest", "kinetic energy falls as damping by mass has it fall, or to 1e-4 of what was turned over"),
+        ("drift", "what nothing moves stays within 1e-5 of its edge"),
+        ("shape", "what was stretched, pressed or turned inside out is back within a tenth of its edge"),
+    ] {
+        table.rows.push(vec![law.into(), bound.into()]);
+    }
+    table
+}
+
+fn safe(results: &Results) -> Section {
+    let mut table = Table::new(["axis", "passes", "first beyond, below", "first beyond, above"]);
+    for axis in &results.axes {
+        table.rows.push(safe_row(axis));
+    }
+    Section {
+        title: "Where the safe region ends".into(),
+        question: "Between which values of each axis do all cases pass, and what comes first beyond?".into(),
+        table,
+        plot: None,
+        finding: "Outside of these values flags say in which steps not to trust the force.".into(),
+    }
+}
+
+/// The longest run of values that pass, and its neighbours.
+fn safe_row(axis: &AxisResult) -> Vec<String> {
+    let passes: Vec<bool> = axis.cells.iter().map(|cell| cell.verdict == Verdict::Pass).collect();
+    let (mut best, mut first) = (0..0, 0);
+    for k in 0..=passes.len() {
+        if k == passes.len() || !passes[k] {
+            if k - first > best.len() {
+                best = first..k;
+            }
+            first = k + 1;
+        }
+    }
+    let label = |k: usize| format!("{} ({})", axis.cells[k].label, axis.cells[k].verdict.name());
+    let none = || "none".to_string();
+    if best.is_empty() {
+        return vec![axis.title.clone(), none(), none(), axis.cells.first().map_or_else(none, |_| label(0))];
+    }
+    let (low, high) = (best.start, best.end - 1);
+    let passing = match low == high {
+        true => axis.cells[low].label.clone(),
+        false => format!("{} to {}", axis.cells[low].label, axis.cells[high].label),
+    };
+    let below = if low > 0 { label(low - 1) } else { none() };
+    let above = if high + 1 < passes.len() { label(high + 1) } else { none() };
+    vec![axis.title.clone(), passing, below, above]
+}
+
+fn rest(results: &Results) -> Section {
+    let mut table = Table::new(["case", "verdict", "flags", "law broken: worst, allowed, step", "why"]);
+    for (axis, cell, case) in results.cases().filter(|(_, _, case)| case.verdict != Verdict::Pass) {
+        let name = format!("{} {}, {}", axis.title, cell.label, case.scenario);
+        let broken: Vec<String> = case.findings.iter().filter_map(|f| f.in_words()).collect();
+        let broken = if broken.is_empty() { "none".into() } else { broken.join("; ") };
+        let why = case.refusal.clone().unwrap_or_else(|| reasons::reason(axis, case));
+        table.rows.push(vec![name, case.verdict.name().into(), flags(case), broken, why]);
+    }
+    Section {
+        title: "What does not pass, and why".into(),
+        question: "Which law is broken, by how much, from which step on, and what did the wrench say then?".into(),
+        table,
+        plot: None,
+        finding: match results.faults().as_slice() {
+            [] => "No failure is silent, and all that must pass passes.".into(),
+            faults => format!("Not as it must be: {}.", faults.join("; ")),
+        },
+    }
+}
+
+fn flags(case: &Judged) -> String {
+    let names: Vec<&str> = Flags(case.flags).names().collect();
+    match case.first_flagged {
+        Some(step) => format!("{} in {} of {} steps, from {step}", names.join(", "), case.flagged, case.steps),
+        None => "none".into(),
+    }
+}

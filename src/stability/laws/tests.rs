@@ -1,0 +1,67 @@
+//! Each law is broken once, with a flag and without; what keeps them all passes.
+
+use super::*;
+
+/// Ten steps in which everything is as it should be: energy of 1 J falls, a force of half its bound.
+fn kept() -> Vec<Sample> {
+    let step = |k: usize| {
+        let energy = 1.0 - 0.05 * k as f64;
+        let good = Sample { is_finite: true, energy, turned_over: 1.0, ..Sample::default() };
+        Sample { force: 0.5, force_bound: 1.0, residual: 1e-5, balance: 1e-5, deformed: 0.01, ..good }
+    };
+    (0..=10).map(step).collect()
+}
+
+const PROMISE: Promise = Promise { rest: Some(1e-3), drift: Some((5, 1e-6)), shape: Some(0.1) };
+
+fn verdict_of(samples: &[Sample]) -> Verdict {
+    verdict(samples, &judge(samples, &PROMISE))
+}
+
+#[test]
+fn what_keeps_every_law_passes() {
+    let samples = kept();
+    assert_eq!(verdict_of(&samples), Verdict::Pass);
+    let findings = judge(&samples, &PROMISE);
+    assert_eq!(findings.len(), 8);
+    assert!(findings.iter().all(|f| f.broken.is_none() && f.in_words().is_none()), "{findings:?}");
+}
+
+#[test]
+fn each_law_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
+    type Spoil = fn(&mut Sample);
+    let laws: [(Law, usize, Spoil); 8] = [
+        (Law::Finite, 7, |s| s.is_finite = false),
+        (Law::Energy, 7, |s| s.energy = 1.01),
+        (Law::Force, 7, |s| s.force = 1.01),
+        (Law::Residual, 7, |s| s.residual = 2e-3),
+        (Law::Balance, 7, |s| s.balance = f64::NAN),
+        (Law::Rest, 10, |s| s.kinetic = 2e-3),
+        (Law::Drift, 7, |s| s.moved = 2e-6),
+        (Law::Shape, 10, |s| s.deformed = 0.2),
+    ];
+    for (law, step, spoil) in laws {
+        let mut samples = kept();
+        spoil(&mut samples[step]);
+        let findings = judge(&samples, &PROMISE);
+        let broken: Vec<_> = findings.iter().filter_map(|f| f.broken.map(|step| (f.law, step))).collect();
+        assert_eq!(broken, [(law, step)]);
+        assert_eq!(verdict(&samples, &findings), Verdict::Silent, "{law:?}");
+        samples[step - 1].flags = Flags::NOT_CONVERGED;
+        assert_eq!(verdict_of(&samples), Verdict::Silent, "{law:?}, the flag a step early");
+        samples[step].flags = Flags::NOT_CONVERGED;
+        let told = if law.is_soft() { Verdict::Degraded } else { Verdict::Fail };
+        assert_eq!(verdict_of(&samples), told, "{law:?}");
+        let words = judge(&samples, &PROMISE).iter().find_map(Finding::in_words).unwrap();
+        assert!(words.starts_with(law.name()) && words.contains(&format!("step {step} (not_converged)")), "{words}");
+    }
+}
+
+#[test]
+fn energy_that_was_put_in_is_no_gain_and_a_flag_alone_degrades() {
+    let mut samples = kept();
+    (samples[7].energy, samples[7].supplied) = (2.0, 1.5);
+    assert_eq!(verdict_of(&samples), Verdict::Pass);
+    samples[3].flags = Flags::DEPTH_BEYOND_LIMIT;
+    assert_eq!(verdict_of(&samples), Verdict::Degraded);
+}

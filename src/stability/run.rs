@@ -1,0 +1,193 @@
+//! Runs the matrix, several cases side by side: each is a small simulation of one thread.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::axes::{self, Axis, Extent};
+use super::cases::{Case, Start};
+use super::laws::{self, Verdict};
+use super::trace::{Observer, Sample};
+use super::{AxisResult, CellResult, Judged, Results, Settings};
+use crate::gpu::{Context, Options};
+use crate::prepare::Shape;
+use crate::step::Simulation;
+use crate::{Error, Result};
+
+/// Simulations side by side at most: each holds a device of its own.
+const MOST_WORKERS: usize = 8;
+
+/// Runs the matrix; `watch` is told of each case that is done.
+pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
+    let begun = Instant::now();
+    // Opened first, so that the choice of one thread is made before there are others.
+    let context = Context::new(&options(settings))?;
+    let (device, driver) = (context.device_name().to_string(), context.driver().to_string());
+    let threads = std::thread::available_parallelism().map_or(1, Into::into);
+    let folder = Folder::new()?;
+    let extent = Extent { is_quick: settings.is_quick, is_soak: settings.is_soak, folder: &folder.0 };
+    let wanted = |name: &&&str| settings.only.is_empty() || settings.only.iter().any(|only| only == **name);
+    let axes: Vec<Axis> = axes::NAMES
+        .iter()
+        .filter(wanted)
+        .filter_map(|name| axes::axis(name, extent).transpose())
+        .collect::<Result<_>>()?;
+    let cases: Vec<(String, &Case)> = axes
+        .iter()
+        .flat_map(|axis| axis.cells.iter().map(move |cell| (axis, cell)))
+        .flat_map(|(axis, cell)| {
+            cell.cases.iter().map(move |case| (format!("{} {}, {}", axis.name, cell.label, case.scenario), case))
+        })
+        .collect();
+    let judged = all(&cases, settings, threads.min(MOST_WORKERS), watch)?;
+    let mut judged = judged.into_iter();
+    let axes = axes
+        .iter()
+        .map(|axis| AxisResult {
+            name: axis.name.into(),
+            title: axis.title.into(),
+            cells: axis.cells.iter().map(|cell| cell_result(cell, &mut judged)).collect(),
+        })
+        .collect();
+    Ok(Results {
+        schema: super::SCHEMA,
+        version: env!("CARGO_PKG_VERSION").into(),
+        device,
+        driver,
+        threads,
+        settings: settings.clone(),
+        axes,
+        seconds: begun.elapsed().as_secs_f64(),
+    })
+}
+
+fn cell_result(cell: &axes::Cell, judged: &mut impl Iterator<Item = Judged>) -> CellResult {
+    let cases: Vec<Judged> = judged.take(cell.cases.len()).collect();
+    let verdict = cases.iter().map(|case| case.verdict).max().unwrap_or(Verdict::Pass);
+    CellResult { label: cell.label.clone(), is_core: cell.is_core, verdict, cases }
+}
+
+/// Every case, shared out among workers; in the order given.
+fn all(
+    cases: &[(String, &Case)],
+    settings: &Settings,
+    workers: usize,
+    watch: &mut dyn FnMut(&str),
+) -> Result<Vec<Judged>> {
+    let next = AtomicUsize::new(0);
+    let (sender, receiver) = mpsc::channel();
+    let mut judged: Vec<Option<Judged>> = vec![None; cases.len()];
+    std::thread::scope(|scope| {
+        for _ in 0..workers.min(cases.len()) {
+            let (sender, next) = (sender.clone(), &next);
+            scope.spawn(move || {
+                let take = || next.fetch_add(1, Ordering::Relaxed);
+                let mut at = take();
+                while let Some((_, case)) = cases.get(at) {
+                    // Nobody listens any more where another case could not be run.
+                    if sender.send((at, judge(case, settings))).is_err() {
+                        break;
+                    }
+                    at = take();
+                }
+            });
+        }
+        drop(sender);
+        for (at, result) in receiver {
+            let result = result.inspect_err(|_| next.store(cases.len(), Ordering::Relaxed))?;
+            watch(&format!("{}: {}", cases[at].0, result.in_words()));
+            judged[at] = Some(result);
+        }
+        Ok(())
+    })?;
+    Ok(judged.into_iter().flatten().collect())
+}
+
+fn options(settings: &Settings) -> Options {
+    Options {
+        device: settings.device.clone(),
+        one_thread: true,
+        replaced: settings.replaced.clone(),
+        ..Options::default()
+    }
+}
+
+/// Runs a case and judges it. Errors: a device fails; a scene that is refused is a verdict.
+fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
+    let begun = Instant::now();
+    let scene = case.setup.scene(case.scenario);
+    let mut simulation = match Simulation::new(&scene, &options(settings), None) {
+        Ok(simulation) => simulation,
+        Err(error @ (Error::Key { .. } | Error::Input { .. })) => {
+            let refusal = Some(error.to_string());
+            return Ok(Judged { verdict: Verdict::Refused, refusal, ..judged(case, &[], begun) });
+        }
+        Err(error) => return Err(error),
+    };
+    simulation.time_every(0);
+    begin(&mut simulation, case)?;
+    let mut observer = Observer::new(&simulation, &scene, case.setup.edge)?;
+    let mut samples = vec![observer.at_start(&simulation)];
+    for _ in 0..case.steps {
+        let sample = observer.step(&mut simulation)?;
+        samples.push(sample);
+        if !sample.is_finite {
+            break;
+        }
+    }
+    Ok(judged(case, &samples, begun))
+}
+
+fn judged(case: &Case, samples: &[Sample], begun: Instant) -> Judged {
+    let findings = laws::judge(samples, &case.promise);
+    Judged {
+        scenario: case.scenario.into(),
+        verdict: laws::verdict(samples, &findings),
+        steps: samples.len().saturating_sub(1),
+        flags: samples.iter().fold(0, |all, sample| all | sample.flags.0),
+        flagged: samples.iter().filter(|sample| sample.flags.0 != 0).count(),
+        first_flagged: samples.iter().position(|sample| sample.flags.0 != 0),
+        inverted: samples.iter().map(|sample| sample.inverted).max().unwrap_or(0),
+        findings,
+        refusal: None,
+        seconds: begun.elapsed().as_secs_f64(),
+    }
+}
+
+/// Puts the nodes where the case begins.
+fn begin(simulation: &mut Simulation, case: &Case) -> Result<()> {
+    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { return Ok(()) };
+    let rest = layer.nodes.clone();
+    let middle = DVec3::splat(0.5 * case.setup.edge);
+    let (displacements, velocities): (Vec<DVec3>, Vec<DVec3>) = match case.start {
+        Start::Rest => return Ok(()),
+        Start::Stretched(factor) => rest.iter().map(|x| (DVec3::Y * (factor - 1.0) * x.y, DVec3::ZERO)).unzip(),
+        Start::Spinning(speed) => {
+            let spin = speed * DVec3::new(2.0, 3.0, 6.0) / 7.0;
+            rest.iter().map(|x| (DVec3::ZERO, spin.cross(*x - middle))).unzip()
+        }
+    };
+    simulation.place_nodes(0, &displacements, &velocities)
+}
+
+/// A folder for meshes, gone with the run.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new() -> Result<Folder> {
+        let path = std::env::temp_dir().join(format!("palpate-stability-{}", std::process::id()));
+        let make = |path: &Path| std::fs::create_dir_all(path);
+        make(&path).map_err(|source| Error::Output { file: path.clone(), source })?;
+        Ok(Folder(path))
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // What is left of it is the system's to clear.
+        drop(std::fs::remove_dir_all(&self.0));
+    }
+}

@@ -1,0 +1,67 @@
+//! `palpate stability`: a part of the matrix passes, a planted fault turns it red, bad input is refused.
+
+mod spoil;
+
+use std::process::Command;
+
+use palpate::stability::laws::Verdict;
+use palpate::stability::{self, Results, Settings, document};
+
+/// An axis or more of the short form.
+fn run(only: &[&str], replaced: Vec<(String, Vec<u8>)>) -> Results {
+    let settings = Settings {
+        is_quick: true,
+        only: only.iter().map(|name| name.to_string()).collect(),
+        device: std::env::var("PALPATE_TEST_DEVICE").ok(),
+        replaced,
+        ..Settings::default()
+    };
+    let mut told = 0;
+    let results = stability::run(&settings, &mut |_| told += 1).unwrap();
+    assert_eq!(told, results.cases().count());
+    results
+}
+
+#[test]
+fn a_part_of_the_matrix_passes_and_its_report_has_a_letter_for_every_cell() {
+    let results = run(&["bound", "tetrahedron"], vec![]);
+    assert_eq!(results.faults(), [""; 0]);
+    assert!(results.cases().all(|(_, _, case)| case.verdict == Verdict::Pass && case.steps > 30));
+    let names: Vec<&str> = results.axes.iter().map(|axis| axis.name.as_str()).collect();
+    assert_eq!(names, ["tetrahedron", "bound"]);
+    let document = document(&results);
+    let svg = document.chapters[0].sections[0].plot.as_ref().unwrap();
+    // Four cells, and the legend's.
+    assert_eq!(svg.matches(">P</text>").count(), 5, "{svg}");
+    let html = document.html();
+    assert!(html.contains("all but one node") && html.contains("<svg"));
+    assert_eq!(serde_json::to_value(&results).unwrap()["axes"][1]["cells"][0]["cases"][0]["verdict"], "pass");
+}
+
+#[test]
+fn a_wrong_sign_in_a_kernel_turns_verdicts_red() {
+    let faults = [
+        // Elastic forces drive the body on from rest.
+        ("elastic/rotate", "float impulse = -params.dt * root * root;", "float impulse = params.dt * root * root;"),
+        // The wrench pulls where the tool is pushed.
+        ("wrench/reduce", "sums[k] -= force * column[k];", "sums[k] += force * column[k];"),
+    ];
+    for (kernel, from, to) in faults {
+        let results = run(&["density"], vec![(kernel.into(), spoil::spoiled(kernel, from, to))]);
+        let red = results.cases().filter(|(_, _, case)| case.verdict >= Verdict::Fail).count();
+        assert!(red > 0 && !results.faults().is_empty(), "{kernel}: {:?}", results.faults());
+        println!("{kernel}: {}", results.faults().join("; "));
+    }
+}
+
+#[test]
+fn a_name_that_is_no_axis_is_refused_with_those_there_are() {
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_palpate")).args(["stability", "--only", "young,poison"]).output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(
+        message.contains("poison") && message.contains("poisson-neo-hookean") && message.lines().count() == 1,
+        "{message}"
+    );
+}
