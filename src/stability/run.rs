@@ -127,7 +127,7 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
         }
         Err(error) => return Err(error),
     };
-    simulation.time_every(0);
+    simulation.time_every(0)?;
     begin(&mut simulation, case)?;
     let mut observer = Observer::new(&simulation, &scene, case.setup.edge)?;
     let mut samples = vec![observer.at_start(&simulation)];
