@@ -150,7 +150,8 @@ impl Run {
 pub fn relative_error(found: &[DVec3], reference: &[DVec3]) -> Option<f64> {
     let largest = reference.iter().map(|x| x.length()).fold(0.0, f64::max);
     let differences = found.iter().zip(reference).map(|(a, b)| a.distance(*b));
-    let error = differences.fold(0.0, |a: f64, b| if b.is_nan() { b } else { a.max(b) }) / largest;
+    // The maximum of a number and a NaN is the number.
+    let error = differences.fold(0.0, |a: f64, b| if a > b || a.is_nan() { a } else { b }) / largest;
     (error.is_finite() && largest > 0.0 && found.len() == reference.len()).then_some(error)
 }
 
