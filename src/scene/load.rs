@@ -21,7 +21,6 @@ pub(super) const TOOL: &str = "tool";
 const DEFAULT_DURATION: f64 = 1.0;
 /// What a scene has that does not say.
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
-const STEP: f64 = 0.001;
 const FRICTION_SPEED: f64 = 0.001;
 const DEPTH_LIMIT: f64 = 0.02;
 /// Iterations at most: they are recorded beforehand, four passes each.
@@ -136,7 +135,7 @@ fn preset_of(value: &Value) -> Result<Preset> {
 
 /// What a scene without `[step]` has.
 fn no_step(defaults: &Preset) -> Step {
-    Step { dt: STEP, gravity: GRAVITY, newton: defaults.newton }
+    Step { dt: defaults.dt, gravity: GRAVITY, newton: defaults.newton }
 }
 
 /// What a scene without `[solver]` has.

@@ -9,6 +9,8 @@ use super::Sides;
 pub struct Preset {
     /// Its name.
     pub name: &'static str,
+    /// `step.dt`, s.
+    pub dt: f64,
     /// `solver.tolerance`.
     pub tolerance: f64,
     /// `solver.max_iterations`.
@@ -20,13 +22,13 @@ pub struct Preset {
 }
 
 /// What a scene without a preset has.
-pub const NONE: Preset = Preset { name: "none", tolerance: 1e-5, max_iterations: 200, newton: 1, sides: Sides::Both };
+pub const NONE: Preset = Preset { name: "none", dt: 0.001, tolerance: 1e-5, max_iterations: 200, newton: 1, sides: Sides::Both };
 
 /// The presets, cheapest first: the Pareto-best settings of `palpate bench accuracy`, of those that a scene may vary.
 pub const PRESETS: [Preset; 3] = [
-    Preset { name: "fast", tolerance: 1e-3, max_iterations: 100, newton: 1, sides: Sides::One },
-    Preset { name: "balanced", tolerance: 1e-4, max_iterations: 200, newton: 1, sides: Sides::Both },
-    Preset { name: "accurate", tolerance: 1e-6, max_iterations: 1000, newton: 3, sides: Sides::Both },
+    Preset { name: "fast", dt: 0.008, tolerance: 1e-1, max_iterations: 200, newton: 1, sides: Sides::Both },
+    Preset { name: "balanced", dt: 0.002, tolerance: 1e-1, max_iterations: 200, newton: 1, sides: Sides::Both },
+    Preset { name: "accurate", dt: 0.001, tolerance: 1e-1, max_iterations: 200, newton: 1, sides: Sides::Both },
 ];
 
 /// The preset that a scene named, and what it decided there: the file's own keys win.
@@ -43,6 +45,7 @@ impl Preset {
     pub fn chosen(&self, is_given: impl Fn(&str, &str) -> bool) -> Chosen {
         let sides = Sides::CHOICES.iter().find(|(_, sides)| *sides == self.sides).map_or("", |(name, _)| *name);
         let values = [
+            ("step.dt", self.dt.to_string()),
             ("solver.tolerance", format!("{:e}", self.tolerance)),
             ("solver.max_iterations", self.max_iterations.to_string()),
             ("step.newton", self.newton.to_string()),

@@ -9,7 +9,7 @@ use super::{Curve, JUST_NOTICEABLE, Point, Settings};
 use crate::Result;
 use crate::bench::haptics::head::{self, CHEEK, Skin};
 use crate::bench::{Section, Table, haptics};
-use crate::scene::{Coupling, Key, Preconditioner, Scene};
+use crate::scene::{Coupling, Key, Scene, Sides};
 
 /// Of the curve.
 pub const NAME: &str = "presets";
@@ -31,37 +31,38 @@ pub const PRESETS: [(&str, f64); 3] =
 struct Grid {
     tolerances: &'static [f64],
     newton: &'static [u32],
-    preconditioners: &'static [(&'static str, Preconditioner)],
+    sides: &'static [(&'static str, Sides)],
     /// Of the longest step, but for these of the settings.
     spared: u32,
 }
 
+const SIDES: &[(&str, Sides)] = &[("both", Sides::Both), ("one", Sides::One)];
 const FULL: Grid = Grid {
     tolerances: &[1e-1, 1e-2, 1e-3, 1e-4],
     newton: &[1, 2],
-    preconditioners: &[("jacobi", Preconditioner::Jacobi), ("coarse", Preconditioner::Coarse)],
+    sides: SIDES,
     spared: 1,
 };
 const QUICK: Grid =
-    Grid { tolerances: &[1e-1, 1e-3], newton: &[1, 2], preconditioners: &[("auto", Preconditioner::Auto)], spared: 2 };
+    Grid { tolerances: &[1e-1, 1e-3], newton: &[1, 2], sides: SIDES, spared: 2 };
 
-/// Tolerance, Newton's iterations, preconditioner and time step, each with each.
+/// Tolerance, Newton's iterations, contact's sides and time step, each with each.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let grid = if settings.is_quick { QUICK } else { FULL };
     let (scene, tetrahedra) = scene(settings)?;
     let most = settings.halvings.saturating_sub(grid.spared).max(1);
-    let at = |halvings: u32, tolerance: f64, newton: u32, kind: Preconditioner| {
+    let at = |halvings: u32, tolerance: f64, newton: u32, sides: Sides| {
         let mut scene = scene.clone();
         (scene.solver.tolerance, scene.solver.max_iterations) = (tolerance, MANY);
-        (scene.solver.preconditioner, scene.step.newton) = (kind, newton);
+        (scene.contact.sides, scene.step.newton) = (sides, newton);
         scene.step.dt = LONGEST / f64::from(1u32 << halvings);
         scene
     };
     let mut entrants = Vec::new();
     for halvings in 1..=most {
-        for &(name, kind) in grid.preconditioners {
+        for &(name, sides) in grid.sides {
             for (&newton, &tolerance) in grid.newton.iter().flat_map(|n| grid.tolerances.iter().map(move |t| (n, t))) {
-                let scene = at(halvings, tolerance, newton, kind);
+                let scene = at(halvings, tolerance, newton, sides);
                 let point = point(&scene, name);
                 entrants.push((halvings, Entrant { point, scene, steps: UNITS << halvings }));
             }
@@ -69,7 +70,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     }
     let options = settings.options();
     watch("reference");
-    let fine = |halvings: u32| at(halvings, TIGHT.0, TIGHT.1, Preconditioner::Auto);
+    let fine = |halvings: u32| at(halvings, TIGHT.0, TIGHT.1, Sides::Both);
     let reference = extrapolated(&fine, most + 2, UNITS, &options)?;
     let (halvings, entrants): (Vec<u32>, Vec<Entrant>) = entrants.into_iter().unzip();
     let rules = Rules { rounds: settings.rounds.min(2), stages: &["solve"], options: &options };
@@ -81,8 +82,8 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         title: "All knobs at once".into(),
         question: format!(
             "Which settings does nothing beat? A sphere is pressed {:.0} mm into the cheek of a head ({} vertices, \
-             {tetrahedra} tetrahedra); every tolerance with each number of Newton's iterations, preconditioner and time step, \
-             the force every {:.0} ms against shorter steps, extrapolated to none.",
+             {tetrahedra} tetrahedra); every tolerance with each number of Newton's iterations, one or both of contact's sides, and \
+             each time step; the force every {:.0} ms against shorter steps, extrapolated to none.",
             1e3 * TRAVEL,
             settings.vertices,
             1e3 * LONGEST
@@ -110,16 +111,16 @@ fn reason(points: &[Point]) -> String {
     )
 }
 
-fn point(scene: &Scene, preconditioner: &str) -> Point {
+fn point(scene: &Scene, sides: &str) -> Point {
     let (dt, newton, tolerance) = (scene.step.dt, scene.step.newton, scene.solver.tolerance);
     let keys = [
         ("step.dt", format!("{dt:.6}")),
         ("step.newton", newton.to_string()),
         ("solver.tolerance", format!("{tolerance:e}")),
-        ("solver.preconditioner", preconditioner.to_string()),
+        ("contact.sides", sides.to_string()),
     ];
     Point {
-        setting: format!("{:.2} ms, {newton} x {preconditioner} to {tolerance:.0e}", 1e3 * dt),
+        setting: format!("{:.2} ms, {newton} x to {tolerance:.0e}, {sides} side{}", 1e3 * dt, if sides == "one" { "" } else { "s" }),
         line: format!("{:.1} ms", 1e3 * dt),
         value: 1e3 * dt,
         simulated_s: dt,
