@@ -36,7 +36,7 @@ fn measure(name: &str, settings: &Settings) -> Curve {
 fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
     let curve = measure("tolerance", &tiny());
     assert!(curve.is_within(), "{:?}", curve.beyond());
-    assert!(curve.decades() > 2.0 && curve.lines().len() == 4);
+    assert!(curve.decades() > 2.0 && curve.lines().len() == 2);
     for line in curve.lines() {
         let [loose, .., tight] = &line.points[..] else { panic!("{line:?}") };
         assert!(loose.error().unwrap() > 20.0 * tight.error().unwrap(), "{line:?}");
@@ -64,7 +64,7 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
 fn single_precision_loses_little_of_the_force_wherever_it_is() {
     // In fewer steps the shortest run would touch nothing.
     let curve = measure("precision", &Settings { steps: 50, ..tiny() });
-    assert!(curve.is_within() && curve.lines().len() == 4, "{curve:?}");
+    assert!(curve.is_within() && curve.lines().len() == 2, "{curve:?}");
     assert!(curve.points.iter().all(|point| point.error().is_some()), "{curve:?}");
 }
 

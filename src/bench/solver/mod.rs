@@ -62,13 +62,15 @@ impl Settings {
         }
     }
 
-    /// The smaller bodies, and few samples: for a first look, not for figures.
+    /// The smaller bodies, short steps and few samples: for a first look, not for figures.
     pub fn quick() -> Settings {
+        let mut cases = cases(&[(Mesh::Block(12), 25), (Mesh::Human, 10)]);
+        cases.retain(|case| case.dt == DT[0]);
         Settings {
-            cases: cases(&[(Mesh::Block(12), 50), (Mesh::Human, 20)]),
+            cases,
             tolerances: vec![1e-2, 1e-3, 3e-4, 1e-4, 1e-5],
             repetitions: 1,
-            scaling: vec![12, 18, 26],
+            scaling: vec![8, 12, 18],
             scaling_steps: 3,
             is_quick: true,
             ..Settings::full()
