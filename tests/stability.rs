@@ -4,6 +4,7 @@ mod spoil;
 
 use std::process::Command;
 
+use palpate::report::Flags;
 use palpate::stability::laws::Verdict;
 use palpate::stability::{self, Results, Settings, document};
 
@@ -36,6 +37,23 @@ fn a_part_of_the_matrix_passes_and_its_report_has_a_letter_for_every_cell() {
     let html = document.html();
     assert!(html.contains("all but one node") && html.contains("<svg"));
     assert_eq!(serde_json::to_value(&results).unwrap()["axes"][1]["cells"][0]["cases"][0]["verdict"], "pass");
+}
+
+#[test]
+fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
+    let results = run(&["spin", "stretch"], vec![]);
+    let flags = |label: &str| {
+        let (.., case) = results.cases().find(|(_, cell, _)| cell.label == label).unwrap();
+        println!("{label}: {}", case.in_words());
+        (Flags(case.flags), case.flagged, case.steps)
+    };
+    assert_eq!(flags("100 rad/s").0, Flags::default());
+    let (told, flagged, steps) = flags("300 rad/s");
+    assert!(told == Flags::TURNS_TOO_FAR && flagged == steps, "{told:?} in {flagged} of {steps} steps");
+    // Let go inside out, it turns back.
+    let (told, flagged, steps) = flags("-100%");
+    assert!(told.contains(Flags::INVERTED) && flagged < steps / 2, "{told:?} in {flagged} of {steps} steps");
+    assert!(results.cases().all(|(.., case)| case.verdict != Verdict::Silent), "{:?}", results.faults());
 }
 
 #[test]

@@ -4,7 +4,9 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Const;
 use palpate::oracle::elastic::{lame, outer, polar_rotation, strain};
 use palpate::prepare::{Layer, Materials};
+use palpate::report::Flags;
 use palpate::scene::Material;
+use palpate::stages::types::Counts;
 
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 use crate::random::Random;
@@ -16,6 +18,8 @@ use crate::system::{DT, System, layered, material};
 const ANGLE: f64 = 2.0e-6;
 /// rad; 40 rounds that contract by up to 0.85; those that start next to half a turn off spend some on leaving.
 const INVERTED_FROM_AFAR: f64 = 5.0e-2;
+/// rad; a turn of a round that is taken for none, over what the slowest rounds here leave to go of it.
+const FOUND: f64 = 2.0e-3;
 /// Of the largest value: gradients are a dozen roundings away from the input.
 const GRADIENT: f64 = 1.0e-6;
 /// Of the largest value, where gradients are those of the deformed tetrahedron: the stretch, of which they have the inverse,
@@ -49,6 +53,7 @@ pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
         .input("trial_change", system.trial())
         .inout("rotations", &system.rotations)
         .output::<[f32; 4]>("gradients", 3 * tetrahedra)
+        .inout("counts", &[system.counts])
         .output::<[f32; 4]>("element_forces", 4 * tetrahedra)
         .elements(tetrahedra)
         .run()
@@ -255,6 +260,50 @@ fn inverted_tetrahedra_keep_proper_rotations() {
         system.rotate();
     }
     expect_oracle("after five steps", &system, FORCE);
+}
+
+/// Flags after the kernel, of those before it.
+fn flags_of(system: &System) -> Flags {
+    Flags(rotate(system, &[]).get::<Counts>("counts")[0].flags)
+}
+
+#[test]
+fn one_that_is_inside_out_raises_a_flag_beside_others() {
+    for (least, is_inverted) in [(0.01, false), (-0.01, true)] {
+        let mut t = 0;
+        let mut system = deformed(500, 13, |random| {
+            t += 1;
+            stretched(DQuat::IDENTITY, if t == 317 { least } else { 0.8 }, random)
+        });
+        let body = &system.twin.bodies[0];
+        let gradients = (0..500).map(|e| DMat3::IDENTITY + body.elements.gradient(e, &body.displacement));
+        assert_eq!(gradients.filter(|f| f.determinant() <= 0.0).count(), usize::from(is_inverted));
+        system.counts.flags = Flags::DEPTH_BEYOND_LIMIT.0;
+        let want = if is_inverted { Flags::INVERTED } else { Flags::default() } | Flags::DEPTH_BEYOND_LIMIT;
+        assert_eq!(flags_of(&system), want, "a least stretch of {least}");
+    }
+}
+
+#[test]
+fn a_rotation_that_is_not_found_raises_a_flag_until_it_is() {
+    // elastic/rotate, pressed from two sides to a needle and turned: rounds contract by 0.987 about it.
+    let mut system = deformed(100, 29, |random| {
+        let axes = DMat3::from_quat(random.turn(2.5));
+        let turn = DMat3::from_quat(DQuat::from_scaled_axis(0.5 * random.vector()));
+        turn * axes * DMat3::from_diagonal(DVec3::new(3.0, 0.02, 0.02)) * axes.transpose()
+    });
+    let body = &system.twin.bodies[0];
+    let wanted = body.elements.rotations(&body.displacement);
+    let mut flagged = 0;
+    for step in 0..60 {
+        let flags = flags_of(&system);
+        system.rotate();
+        let off = quaternions(&system).iter().zip(&wanted).map(|(q, want)| angle(*q, *want)).fold(0.0, f64::max);
+        assert!(step > 0 || off > FOUND, "{off:e} rad are not far");
+        assert!(flags == Flags::INVERTED || off < FOUND, "step {step}: {off:e} rad off, and no flag");
+        flagged += usize::from(flags == Flags::INVERTED);
+    }
+    assert!((1..50).contains(&flagged), "{flagged} of 60 steps");
 }
 
 #[test]

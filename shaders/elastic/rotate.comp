@@ -12,7 +12,7 @@
 // A principal stretch s below LEAST adds STIFFENING (lambda + 2 mu) (s - LEAST) along its axis, since corotational elasticity
 // alone lets a tetrahedron be pressed flat and turn inside out; the operator gets half of it as shear modulus, isotropic
 // and at least as stiff. Neo-Hookean ones: shared/neo_hookean.glsl. A tetrahedron whose nodes ride on several frames is
-// evaluated in the first node's. Linearised again (elastic/trial), it reads trial displacements, and gives
+// evaluated in the first node's. One that is inside out, or whose rotation is not found, raises a flag. Linearised again (elastic/trial), it reads trial displacements, and gives
 // h f + h^2 K x - h beta K v for the trial change x, which they hold already.
 // One invocation a tetrahedron. Oracle: oracle::elastic, oracle::newton.
 
@@ -37,7 +37,8 @@ layout(scalar, binding = 10) readonly buffer PatchOf { uint patch_of[]; };      
 layout(binding = 11) uniform samplerBuffer trial_change;
 layout(scalar, binding = 12) buffer Rotations { vec4 rotations[]; };
 layout(scalar, binding = 13) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, times lambda (0: by patch), tr(E)
-layout(scalar, binding = 14) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
+layout(scalar, binding = 14) buffer CountsInOut { Counts counts; };
+layout(scalar, binding = 15) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
 
 const float LEAST = 0.3;
 const float STIFFENING = 10.0;
@@ -102,7 +103,9 @@ void main() {
     vec3 d2 = displacement_in(nodes.z, link.z) - d0;
     vec3 d3 = displacement_in(nodes.w, link.w) - d0;
     mat3 g = outerProduct(d1, g1.xyz) + outerProduct(d2, g2.xyz) + outerProduct(d3, g3.xyz);
-    vec4 q = polar(mat3(1.0) + g, rotations[t]);
+    bool lost;
+    vec4 q = polar(mat3(1.0) + g, rotations[t], lost);
+    if (lost || determinant(mat3(1.0) + g) <= 0.0) atomicOr(counts.flags, FLAG_INVERTED);
     // The next start must be a rotation, whatever a trial that overflows makes of it.
     rotations[t] = dot(q, q) < 2.0 ? q : vec4(0.0, 0.0, 0.0, 1.0);
 

@@ -6,12 +6,14 @@
 const uint POLAR_ROUNDS = 40;
 const float NEWTON_DONE = 1.0e-4;       // rad; what is left after such a step is its square
 const float POLAR_DONE = 1.0e-7;        // rad; f32 resolves no less
+const float POLAR_LOST = 1.0e-5;        // rad; who still turns by this after all rounds is not there: slow ones have far to go
 
 mat3 matrix_of(vec4 q) {
     return mat3(rotate(q, vec3(1, 0, 0)), rotate(q, vec3(0, 1, 0)), rotate(q, vec3(0, 0, 1)));
 }
 
-vec4 polar(mat3 f, vec4 q) {
+vec4 polar(mat3 f, vec4 q, out bool lost) {
+    lost = false;
     for (uint k = 0; k < POLAR_ROUNDS; k++) {
         mat3 m = transpose(matrix_of(q)) * f;
         vec3 axial = vec3(m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]);
@@ -30,6 +32,7 @@ vec4 polar(mat3 f, vec4 q) {
         if (!newton && angle2 < done * done) break;
         q = normalize(compose(q, vec4(0.5 * omega, 1.0)));
         if (newton && angle2 < done * done) break;
+        lost = k == POLAR_ROUNDS - 1 && angle2 > POLAR_LOST * POLAR_LOST;
     }
     return q;
 }

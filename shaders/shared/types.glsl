@@ -265,3 +265,4 @@ const uint FLAG_DEPTH_LIMIT = 8;
 const uint FLAG_NOT_HEIGHT_FIELD = 16;
 const uint FLAG_NON_FINITE = 32;
 const uint FLAG_PULLING = 256;
+const uint FLAG_INVERTED = 1024;

@@ -107,7 +107,8 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
 vec4 rotation_of(uint b, float inverse_size, mat3 sums) {
     vec3 d = texelFetch(block_moments, int(2 * b)).xyz, o = texelFetch(block_moments, int(2 * b + 1)).xyz;
     mat3 moments = mat3(d.x, o.x, o.y, o.x, d.y, o.z, o.y, o.z, d.z);
-    return polar(mat3(1.0) + inverse_size * sums * moments, block_rotations[b]);
+    bool lost;
+    return polar(mat3(1.0) + inverse_size * sums * moments, block_rotations[b], lost);
 }
 
 void main() {

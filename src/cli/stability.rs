@@ -12,6 +12,8 @@ use crate::print;
 
 const RESULTS: &str = "results.json";
 const REPORT: &str = "report.html";
+/// Faults that are named at the end; the report has all.
+const TOLD: usize = 3;
 
 /// Options of `palpate stability`.
 #[derive(clap::Args)]
@@ -57,7 +59,15 @@ pub fn stability(arguments: &Arguments) -> Result<()> {
     output.map_or(Ok(()), Output::commit)?;
     print(&document.markdown())?;
     let faults = results.faults();
-    if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(faults.join("; "))) }
+    if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(in_short(&faults))) }
+}
+
+/// How many, and the first of them.
+fn in_short(faults: &[String]) -> String {
+    let first = faults[..faults.len().min(TOLD)].join("; ");
+    let more = if faults.len() > TOLD { "; the report has the others" } else { "" };
+    let cases = if faults.len() == 1 { "case fails" } else { "cases fail" };
+    format!("{} {cases} that must not: {first}{more}", faults.len())
 }
 
 /// What is done, for whoever waits.

@@ -23,9 +23,14 @@ impl Flags {
     pub const FROZEN: Flags = Flags(128);
     /// Contacts that pulled were dropped, and others pull after the repeated solve.
     pub const ADHESIVE_DROPPED_TWICE: Flags = Flags(256);
+    /// A frame turned so far within the step that what it carries, whose rotations are those of the step's start, may gain
+    /// energy.
+    pub const TURNS_TOO_FAR: Flags = Flags(512);
+    /// A tetrahedron was inside out at the start of the step, or pressed so thin that its rotation was not found.
+    pub const INVERTED: Flags = Flags(1024);
 
     /// Every flag and its name, by rising bit.
-    pub const ALL: [(Flags, &'static str); 9] = [
+    pub const ALL: [(Flags, &'static str); 11] = [
         (Flags::NOT_CONVERGED, "not_converged"),
         (Flags::REGION_OVERFLOW, "region_overflow"),
         (Flags::CONTACT_OVERFLOW, "contact_overflow"),
@@ -35,6 +40,8 @@ impl Flags {
         (Flags::STEP_RETRIED, "step_retried"),
         (Flags::FROZEN, "frozen"),
         (Flags::ADHESIVE_DROPPED_TWICE, "adhesive_dropped_twice"),
+        (Flags::TURNS_TOO_FAR, "turns_too_far"),
+        (Flags::INVERTED, "inverted"),
     ];
 
     /// Whether all flags of `other` are in this set.
@@ -69,7 +76,7 @@ mod tests {
     #[test]
     fn bits_are_those_of_the_design_and_names_follow_them() {
         let bits: Vec<u32> = Flags::ALL.iter().map(|(flag, _)| flag.0).collect();
-        assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64, 128, 256]);
+        assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]);
         let set = Flags::FROZEN | Flags::NOT_CONVERGED;
         assert_eq!(set.names().collect::<Vec<_>>(), ["not_converged", "frozen"]);
         assert!(set.contains(Flags::FROZEN) && !set.contains(Flags::NON_FINITE));

@@ -229,7 +229,7 @@ fn motion(name: &str, extent: Extent) -> Option<Axis> {
                 vec![release(setup(), x), release(neo(setup()), x)]
             },
         ),
-        "spin" => Values(&[1.0, 10.0, 30.0, 100.0, 300.0, 1000.0], &[10.0, 100.0]).axis(
+        "spin" => Values(&[1.0, 10.0, 30.0, 100.0, 300.0, 1000.0], &[10.0, 100.0, 300.0]).axis(
             "spin",
             "Spinning free",
             extent,

@@ -1,6 +1,7 @@
 //! Cases of the matrix: how a block is let go, pressed, thrown at and torn, and what each case promises.
 
 use super::laws::{AT_REST, DRIFT, Promise};
+use super::modes;
 use super::setup::{Bound, RADIUS, Setup, Sphere};
 use crate::scene::Law;
 
@@ -47,33 +48,32 @@ pub struct Case {
     pub steps: usize,
     /// What it promises.
     pub promise: Promise,
+    /// What it has to come to rest; `None`: nothing is promised of that, or `promise` says it.
+    pub settling: Option<Settling>,
+}
+
+/// Steps that are left to come to rest in, and the slowest decay of what is not the body, of its velocity, a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settling {
+    /// Steps.
+    pub steps: usize,
+    /// Of the tool; 0: there is none.
+    pub other: f64,
 }
 
 /// Let go under gravity.
 pub fn hang(setup: Setup) -> Case {
     let setup = Setup { bound: Bound::Side, ..setup };
-    let (steps, left) = damped_steps(&setup);
-    Case {
-        scenario: "hang",
-        setup,
-        start: Start::Rest,
-        steps,
-        promise: Promise { rest: Some(left), ..Promise::default() },
-    }
+    let steps = damped_steps(&setup);
+    let settling = Some(Settling { steps, other: 0.0 });
+    Case { scenario: "hang", setup, start: Start::Rest, steps, promise: Promise::default(), settling }
 }
 
-/// How many steps it takes to come to rest, or as many as are done, and what is left of its motion then.
-fn damped_steps(setup: &Setup) -> (usize, f64) {
+/// How many steps it takes to come to rest, or as many as are done.
+fn damped_steps(setup: &Setup) -> usize {
     let rate = setup.material.damping_mass;
     let steps = if rate > 0.0 { (TO_REST / rate / setup.dt).ceil() } else { UNDAMPED };
-    let steps = steps.clamp(STEPS[0], STEPS[1]);
-    (steps as usize, left(rate * setup.dt, steps))
-}
-
-/// Of the energy of motion after so many steps, at most: implicit damping by mass, and ten times that, since what swings
-/// at first has not only one mode.
-fn left(damping: f64, steps: f64) -> f64 {
-    (10.0 * (1.0 + damping).powf(-steps)).min(1.0)
+    steps.clamp(STEPS[0], STEPS[1]) as usize
 }
 
 /// Pressed in by a held sphere, and released.
@@ -85,14 +85,11 @@ pub fn press(setup: Setup, sphere: Sphere) -> Case {
     let deep = -DEPTH * setup.edge;
     let path = vec![(0.0, gap), (down, deep), (held, deep), (up, AWAY * setup.edge)];
     let (stiffness, damping) = sphere.coupling.unwrap_or((0.0, 0.0));
-    // The tool's own swing on its coupling; where it only creeps, by the slower of its two rates.
-    let critical = 2.0 * (stiffness * sphere.mass).sqrt();
-    let own = if damping < critical { damping / sphere.mass } else { stiffness / damping };
-    let rate = setup.material.damping_mass.min(own);
-    let after = (1.0 - PHASES[2]) * steps;
-    let promise = Promise { rest: Some(left(rate * setup.dt, after)), ..Promise::default() };
+    // The tool's own swing on its coupling.
+    let other = modes::decay((stiffness / sphere.mass).sqrt(), damping / sphere.mass, setup.dt);
+    let settling = Some(Settling { steps: ((1.0 - PHASES[2]) * steps) as usize, other });
     let setup = Setup { bound: Bound::Bottom, sphere: Some(Sphere { path, ..sphere }), ..setup };
-    Case { scenario: "press", setup, start: Start::Rest, steps: steps as usize, promise }
+    Case { scenario: "press", setup, start: Start::Rest, steps: steps as usize, promise: Promise::default(), settling }
 }
 
 /// A sphere of 50 g on a coupling of 500 N/m, scaled with the block.
@@ -106,20 +103,21 @@ pub fn sphere(edge: f64) -> Sphere {
 pub fn throw(setup: Setup, mass: f64) -> Case {
     let sphere = Sphere { mass, coupling: None, speed: 0.5, path: Vec::new() };
     let setup = Setup { bound: Bound::Bottom, gravity: 0.0, sphere: Some(sphere), ..setup };
-    Case { scenario: "throw", setup, start: Start::Rest, steps: 200, promise: Promise::default() }
+    Case { scenario: "throw", setup, start: Start::Rest, steps: 200, promise: Promise::default(), settling: None }
 }
 
 /// Stretched, pressed or turned inside out, and let go.
 pub fn release(setup: Setup, factor: f64) -> Case {
     let setup = Setup { bound: Bound::Bottom, ..setup };
-    let (steps, left) = damped_steps(&setup);
+    let steps = damped_steps(&setup);
     // At rest a block of the usual stiffness sags by a fortieth of its edge.
-    let promise = Promise { rest: Some(left), shape: Some(0.1 * setup.edge), ..Promise::default() };
+    let promise = Promise { shape: Some(0.1 * setup.edge), ..Promise::default() };
+    let settling = Some(Settling { steps, other: 0.0 });
     let scenario = match setup.material.law {
         Law::Corotational => "release",
         Law::NeoHookean => "release, neo-Hookean",
     };
-    Case { scenario, setup, start: Start::Stretched(factor), steps, promise }
+    Case { scenario, setup, start: Start::Stretched(factor), steps, promise, settling }
 }
 
 /// As [`sphere`], on a coupling so stiff that it goes where the device goes.
@@ -136,7 +134,7 @@ pub fn thrust(setup: Setup, speed: f64) -> Case {
     let path = vec![(0.0, gap), (way / speed, gap - way)];
     let tool = Sphere { path, ..pushed(setup.edge) };
     let setup = Setup { bound: Bound::Bottom, sphere: Some(tool), ..setup };
-    Case { scenario: "thrust", setup, start: Start::Rest, steps, promise: Promise::default() }
+    Case { scenario: "thrust", setup, start: Start::Rest, steps, promise: Promise::default(), settling: None }
 }
 
 /// The device is elsewhere from one step to the next, down by so many metres.
@@ -146,21 +144,21 @@ pub fn teleport(setup: Setup, way: f64) -> Case {
     let path = vec![(0.0, gap), (at, gap), (at + 1e-9, gap - way)];
     let tool = Sphere { path, ..pushed(setup.edge) };
     let setup = Setup { bound: Bound::Bottom, sphere: Some(tool), ..setup };
-    Case { scenario: "teleport", setup, start: Start::Rest, steps: 220, promise: Promise::default() }
+    Case { scenario: "teleport", setup, start: Start::Rest, steps: 220, promise: Promise::default(), settling: None }
 }
 
 /// A free block that turns, nothing weighs: its middle stays.
 pub fn spin(setup: Setup, speed: f64) -> Case {
     let promise = Promise { drift: Some((0, DRIFT * setup.edge)), ..Promise::default() };
     let setup = Setup { bound: Bound::Nothing, gravity: 0.0, ..setup };
-    Case { scenario: "spin", setup, start: Start::Spinning(speed), steps: 200, promise }
+    Case { scenario: "spin", setup, start: Start::Spinning(speed), steps: 200, promise, settling: None }
 }
 
 /// On a floor for so many steps: once settled, it stays.
 pub fn rest(setup: Setup, steps: usize) -> Case {
     let setup = Setup { bound: Bound::Nothing, has_floor: true, ..setup };
     let promise = Promise { rest: Some(AT_REST), drift: Some((SETTLED, DRIFT * setup.edge)), ..Promise::default() };
-    Case { scenario: "rest", setup, start: Start::Rest, steps, promise }
+    Case { scenario: "rest", setup, start: Start::Rest, steps, promise, settling: None }
 }
 
 /// The same without weight: nothing moves at all.

@@ -9,6 +9,7 @@ pub mod document;
 mod heat_map;
 pub mod laws;
 mod meshes;
+mod modes;
 mod reasons;
 mod run;
 pub mod setup;

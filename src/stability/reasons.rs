@@ -5,7 +5,7 @@ use super::{AxisResult, Judged};
 use crate::report::Flags;
 
 /// What a flag means in these cases, the gravest first.
-const FLAGS: [(Flags, &str); 7] = [
+const FLAGS: [(Flags, &str); 9] = [
     (Flags::FROZEN, "no step short enough could be solved, so everything was stopped where it was"),
     (Flags::NON_FINITE, "a number left single precision's range, and the step was done again in halves"),
     (Flags::STEP_RETRIED, "the solver broke down, and the step was done again in halves"),
@@ -15,6 +15,11 @@ const FLAGS: [(Flags, &str); 7] = [
         "contacts still pulled after four more solves: the sphere bounces off within a step",
     ),
     (Flags::NOT_CONVERGED, "the solver ran out of its iterations before single precision's floor"),
+    (
+        Flags::TURNS_TOO_FAR,
+        "it turns by more than 0.12 rad a step, over which rotations are frozen: what goes along tangents is stretched",
+    ),
+    (Flags::INVERTED, "tetrahedra were inside out, or too thin for their rotation to be found"),
     (Flags::NOT_A_HEIGHT_FIELD, "the skin folds over itself along the contact's normal"),
 ];
 

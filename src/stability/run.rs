@@ -9,7 +9,8 @@ use glam::DVec3;
 
 use super::axes::{self, Axis, Extent};
 use super::cases::{Case, Start};
-use super::laws::{self, Verdict};
+use super::laws::{self, Promise, Verdict};
+use super::modes;
 use super::trace::{Observer, Sample};
 use super::{AxisResult, CellResult, Judged, Results, Settings};
 use crate::gpu::{Context, Options};
@@ -123,13 +124,14 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
         Ok(simulation) => simulation,
         Err(error @ (Error::Key { .. } | Error::Input { .. })) => {
             let refusal = Some(error.to_string());
-            return Ok(Judged { verdict: Verdict::Refused, refusal, ..judged(case, &[], begun) });
+            return Ok(Judged { verdict: Verdict::Refused, refusal, ..judged(case, &[], &case.promise, begun) });
         }
         Err(error) => return Err(error),
     };
     simulation.time_every(0)?;
     begin(&mut simulation, case)?;
     let mut observer = Observer::new(&simulation, &scene, case.setup.edge)?;
+    let promise = promise(case, &observer)?;
     let mut samples = vec![observer.at_start(&simulation)];
     for _ in 0..case.steps {
         let sample = observer.step(&mut simulation)?;
@@ -138,11 +140,20 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
             break;
         }
     }
-    Ok(judged(case, &samples, begun))
+    Ok(judged(case, &samples, &promise, begun))
 }
 
-fn judged(case: &Case, samples: &[Sample], begun: Instant) -> Judged {
-    let findings = laws::judge(samples, &case.promise);
+/// What the case promises, with what must be left of its motion: as its slowest mode decays, and ten times that, since what
+/// swings at first has not only one mode.
+fn promise(case: &Case, observer: &Observer) -> Result<Promise> {
+    let Some(settling) = case.settling else { return Ok(case.promise) };
+    let decay = modes::slowest_decay(observer.body(), case.setup.dt)?.max(settling.other);
+    let left = (10.0 * decay.powf(2.0 * settling.steps as f64)).min(1.0);
+    Ok(Promise { rest: Some(left), ..case.promise })
+}
+
+fn judged(case: &Case, samples: &[Sample], promise: &Promise, begun: Instant) -> Judged {
+    let findings = laws::judge(samples, promise);
     Judged {
         scenario: case.scenario.into(),
         verdict: laws::verdict(samples, &findings),

@@ -100,12 +100,13 @@ impl Default for Setup {
 }
 
 impl Setup {
-    /// Angular frequency of the slowest swing of the block along its edge from the held face, rad/s.
+    /// Angular frequency of the slowest swing of the block along its edge from the held face, rad/s; sideways it swings at less
+    /// than half of that (`modes`).
     pub fn frequency(&self) -> f64 {
         0.5 * std::f64::consts::PI * (self.material.young / self.material.density).sqrt() / self.edge
     }
 
-    /// The same with damping by mass at which every mode still swings, and rest is reached in a known time.
+    /// The same with damping by mass at which it is soon at rest: near to where its slowest mode no longer swings.
     pub fn damped(mut self) -> Setup {
         self.material.damping_mass = self.frequency();
         self

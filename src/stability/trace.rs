@@ -13,9 +13,6 @@ use crate::step::Simulation;
 
 /// Half a unit in the last place of f32.
 const HALF_ULP: f64 = 6e-8;
-/// Volume of a tetrahedron, of that at rest, below which its rotation in f32 is a matter of rounds and not of rounding, and
-/// inside out of which way the last one came: nobody can say from outside what the system was.
-const FLAT: f64 = 0.05;
 /// Roundings that a sum over the elements of a node adds up.
 const ROUNDINGS: f64 = 16.0;
 
@@ -32,8 +29,8 @@ pub struct Sample {
     pub supplied: f64,
     /// What bounds rounding of `energy`: the sum of its parts' sizes, J.
     pub turned_over: f64,
-    /// What the step leaves of its linear system, of the right-hand side; the diagonal's norm. Until something touches, or is
-    /// pressed flat.
+    /// What this step and the last leave of their linear systems, of the right-hand sides; the diagonal's norm. While nothing
+    /// touches.
     pub residual: f64,
     /// What rounding alone leaves of it.
     pub residual_floor: f64,
@@ -64,9 +61,9 @@ pub struct Observer {
     largest: f64,
     gravity: DVec3,
     dt: f64,
-    /// What is left of the last step's system, which the next one makes good; `None`: unknown since the first
-    /// contact, or the first tetrahedron that was nearly flat.
-    leftover: Option<Vec<DVec3>>,
+    /// Of the last step's right-hand side, the size: it left some of it, which this one makes good. `None`: unknown, it
+    /// touched.
+    last_size: Option<f64>,
     tool_leftover: DVec3,
     velocity: Vec<DVec3>,
     tool: Option<(DVec3, DVec3)>,
@@ -91,7 +88,7 @@ impl Observer {
             rotations: vec![DQuat::IDENTITY; layer.tetrahedra.len()],
             largest: 0.0,
             tool_rhs2: 0.0,
-            leftover: Some(vec![DVec3::ZERO; layer.nodes.len()]),
+            last_size: Some(0.0),
             tool_leftover: DVec3::ZERO,
             velocity: Vec::new(),
             body,
@@ -110,6 +107,11 @@ impl Observer {
         Ok(observer)
     }
 
+    /// The body as it is.
+    pub fn body(&self) -> &SoftBody {
+        &self.body
+    }
+
     fn read(&mut self, simulation: &Simulation) -> Result<()> {
         if let Some((displacement, velocity)) = simulation.nodes(0)? {
             (self.body.displacement, self.body.velocity) = (displacement, velocity);
@@ -119,13 +121,6 @@ impl Observer {
             }
         }
         Ok(())
-    }
-
-    /// Of each tetrahedron's volume at rest, the least.
-    fn least_volume(&self) -> f64 {
-        let elements = &self.body.elements;
-        let volume = |e: usize| (DMat3::IDENTITY + elements.gradient(e, &self.body.displacement)).determinant();
-        (0..elements.tetrahedra.len()).map(volume).fold(f64::INFINITY, f64::min)
     }
 
     fn free(&self) -> impl Iterator<Item = usize> + '_ {
@@ -150,7 +145,6 @@ impl Observer {
 
     /// Does a step and measures it.
     pub fn step(&mut self, simulation: &mut Simulation) -> Result<Sample> {
-        let is_flat = self.least_volume() < FLAT;
         let before = Before::of(&self.body, &self.rotations);
         self.velocity.clone_from(&self.body.velocity);
         let row = simulation.step()?;
@@ -166,9 +160,9 @@ impl Observer {
         let touch = simulation.touch()?.1;
         self.contacts(&touch);
         self.tool_laws(simulation, &row, &touch, &mut sample);
-        let last = self.leftover.take();
-        if touch.is_empty() && !is_flat && !row.flags.contains(Flags::STEP_RETRIED) {
-            self.leftover = last.map(|last| self.equations(&before, last, &mut sample));
+        let last = self.last_size.take();
+        if touch.is_empty() && !row.flags.contains(Flags::STEP_RETRIED) {
+            self.last_size = Some(self.equations(&before, last, &mut sample));
         }
         self.energies(simulation, &mut sample);
         Ok(sample)
@@ -226,8 +220,9 @@ impl Observer {
         sample.force_bound = area * (stiffness * depth + (h * stiffness + damping) * speed);
     }
 
-    /// b - A x of the last step and the size of b, by the diagonal of A.
-    fn equations(&self, before: &Before, mut leftover: Vec<DVec3>, sample: &mut Sample) -> Vec<DVec3> {
+    /// b - A x of the step, of the sizes of b in it and in the last one, by the diagonal of A; gives the former. Both steps
+    /// leave their share; to carry it along would add up what f32 rounds the same way in every step of a body at rest.
+    fn equations(&self, before: &Before, last: Option<f64>, sample: &mut Sample) -> f64 {
         let (h, elements) = (self.dt, &before.body.elements);
         let (start, end) = (&self.velocity, &self.body.velocity);
         let stiff = |p: &[DVec3]| elements.apply_weighted(p, &before.rotations, |m| h * (h + m.damping_stiffness));
@@ -240,22 +235,22 @@ impl Observer {
                 continue;
             }
             let (mass, damping) = (elements.masses[i], elements.damping[i]);
-            let rhs = h * forces[i] + h * mass * self.gravity - h * damping * start[i] - of_start[i] + leftover[i];
+            let rhs = h * forces[i] + h * mass * self.gravity - h * damping * start[i] - of_start[i];
             let image = (mass + h * damping) * (end[i] - start[i]) + of_end[i] - of_start[i];
             let diagonal = mass + h * damping + sizes[i].0;
             let floor = sizes[i].1
                 + mass * (start[i].length() + end[i].length() + h * self.gravity.length())
                 + h * damping * (start[i].length() + end[i].length());
-            leftover[i] = rhs - image;
-            left2 += leftover[i].length_squared() / diagonal;
+            left2 += (rhs - image).length_squared() / diagonal;
             // Where forces cancel, weight tells how large they are.
             rhs2 += (rhs.length_squared() + (h * mass * self.gravity).length_squared()) / diagonal;
             floor2 += (ROUNDINGS * HALF_ULP * floor).powi(2) / diagonal;
         }
         let size = f64::sqrt(rhs2);
-        sample.residual = if size > 0.0 { f64::sqrt(left2) / size } else { 0.0 };
-        sample.residual_floor = if size > 0.0 { f64::sqrt(floor2) / size } else { 0.0 };
-        leftover
+        if let Some(all) = last.map(|last| size + last).filter(|all| *all > 0.0) {
+            (sample.residual, sample.residual_floor) = (f64::sqrt(left2) / all, f64::sqrt(floor2) / all);
+        }
+        size
     }
 
     fn energies(&self, simulation: &Simulation, sample: &mut Sample) {

@@ -1,10 +1,12 @@
 //! Elastic: the layers' state, element rotations, forces and rotated gradients.
 
+use std::mem::offset_of;
 use std::sync::Arc;
 
 use super::dilate::Dilate;
 use super::model::Model;
 use super::solve::Solve;
+use super::types::Counts;
 use super::{Common, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Recorder, Size};
@@ -107,6 +109,12 @@ impl Elastic {
         self.again.is_some()
     }
 
+    /// No flag is raised yet: of scenes where nothing can touch, since elsewhere the pose stage does it.
+    pub fn record_reset(&self, recorder: &mut Recorder, common: &Common) {
+        recorder.stage("elastic");
+        recorder.fill_range(&common.counts, offset_of!(Counts, flags) as u64, 4, 0);
+    }
+
     /// One pass over tetrahedra, and one over patches.
     pub fn record(&self, recorder: &mut Recorder, common: &Common) {
         self.record_at(recorder, common, None);
@@ -163,6 +171,7 @@ impl Elastic {
                 again.map_or(&self.velocity, |again| &again.change),
                 &self.rotations,
                 &self.gradients,
+                &common.counts,
                 &self.element_forces,
             ],
             &[],

@@ -1,5 +1,6 @@
 //! One step on the device: submitted, continued where it was too short, halved where it failed.
 
+use super::frames::MOST_TURN;
 use super::{Simulation, tools};
 use crate::gpu::Recording;
 use crate::report::Flags;
@@ -24,7 +25,11 @@ impl Simulation {
             if let (Some(tool), None) = (&mut self.tool, self.model.held) {
                 tool.advance(h, report.tool_change.map(f64::from));
             }
+            let turn = self.frames.most_turn(h);
             self.arrive(h, true)?;
+            if turn.max(self.frames.most_turn(h)) > MOST_TURN {
+                report.flags |= Flags::TURNS_TOO_FAR.0;
+            }
             return Ok(report);
         }
         if halvings == 0 {

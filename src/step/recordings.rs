@@ -103,8 +103,9 @@ impl Recordings {
         if let Some(carried) = carried {
             carried.record(&mut begin, common, elastic, solve);
         }
-        if let Some(touch) = touch {
-            touch.record(&mut begin, common, elastic);
+        match touch {
+            Some(touch) => touch.record(&mut begin, common, elastic),
+            None => elastic.record_reset(&mut begin, common),
         }
         solve.record_reset(&mut begin);
         elastic.record(&mut begin, common);
