@@ -22,7 +22,8 @@ pub struct Preset {
 }
 
 /// What a scene without a preset has.
-pub const NONE: Preset = Preset { name: "none", dt: 0.001, tolerance: 1e-5, max_iterations: 200, newton: 1, sides: Sides::Both };
+pub const NONE: Preset =
+    Preset { name: "none", dt: 0.001, tolerance: 1e-5, max_iterations: 200, newton: 1, sides: Sides::Both };
 
 /// The presets, cheapest first: the Pareto-best settings of `palpate bench accuracy`, of those that a scene may vary.
 pub const PRESETS: [Preset; 3] = [

@@ -37,14 +37,8 @@ struct Grid {
 }
 
 const SIDES: &[(&str, Sides)] = &[("both", Sides::Both), ("one", Sides::One)];
-const FULL: Grid = Grid {
-    tolerances: &[1e-1, 1e-2, 1e-3, 1e-4],
-    newton: &[1, 2],
-    sides: SIDES,
-    spared: 1,
-};
-const QUICK: Grid =
-    Grid { tolerances: &[1e-1, 1e-3], newton: &[1, 2], sides: SIDES, spared: 2 };
+const FULL: Grid = Grid { tolerances: &[1e-1, 1e-2, 1e-3, 1e-4], newton: &[1, 2], sides: SIDES, spared: 1 };
+const QUICK: Grid = Grid { tolerances: &[1e-1, 1e-3], newton: &[1, 2], sides: SIDES, spared: 2 };
 
 /// Tolerance, Newton's iterations, contact's sides and time step, each with each.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
@@ -120,7 +114,11 @@ fn point(scene: &Scene, sides: &str) -> Point {
         ("contact.sides", sides.to_string()),
     ];
     Point {
-        setting: format!("{:.2} ms, {newton} x to {tolerance:.0e}, {sides} side{}", 1e3 * dt, if sides == "one" { "" } else { "s" }),
+        setting: format!(
+            "{:.2} ms, {newton} x to {tolerance:.0e}, {sides} side{}",
+            1e3 * dt,
+            if sides == "one" { "" } else { "s" }
+        ),
         line: format!("{:.1} ms", 1e3 * dt),
         value: 1e3 * dt,
         simulated_s: dt,
