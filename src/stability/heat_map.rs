@@ -47,11 +47,11 @@ fn legend(svg: &mut String) {
     for verdict in VERDICTS {
         let (letter, fill, ink) = look(verdict);
         // Writing into a string cannot fail.
-        let _ = write!(
+        let _ = writeln!(
             svg,
             "<rect x=\"{x}\" y=\"8\" width=\"22\" height=\"20\" fill=\"{fill}\" stroke=\"#555555\"/>\
              <text x=\"{}\" y=\"23\" text-anchor=\"middle\" font-weight=\"bold\" fill=\"{ink}\">{letter}</text>\
-             <text x=\"{}\" y=\"23\">{}</text>\n",
+             <text x=\"{}\" y=\"23\">{}</text>",
             x + 11,
             x + 28,
             verdict.name()

@@ -144,7 +144,7 @@ pub fn judge(samples: &[Sample], promise: &Promise) -> Vec<Finding> {
         worst: value,
         bound,
         step: samples.len() - 1,
-        broken: (!(value <= bound)).then_some(samples.len() - 1),
+        broken: (value > bound || value.is_nan()).then_some(samples.len() - 1),
         flags: last.flags.0,
     };
     if let Some(left) = promise.rest {
