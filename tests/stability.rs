@@ -49,7 +49,7 @@ fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
     };
     assert_eq!(flags("100 rad/s").0, Flags::default());
     let (told, flagged, steps) = flags("300 rad/s");
-    assert!(told == Flags::TURNS_TOO_FAR && flagged == steps, "{told:?} in {flagged} of {steps} steps");
+    assert!(told.contains(Flags::TURNS_TOO_FAR) && flagged == steps, "{told:?} in {flagged} of {steps} steps");
     // Let go inside out, it turns back.
     let (told, flagged, steps) = flags("-100%");
     assert!(told.contains(Flags::INVERTED) && flagged < steps / 2, "{told:?} in {flagged} of {steps} steps");

@@ -18,8 +18,9 @@ const STEPS: usize = 20;
 /// Flags of the trace.
 const DEEP: u32 = 8;
 const NOT_HEIGHT_FIELD: u32 = 16;
-/// What may follow where a body is deep in another: skin that has no opposite, and contacts that take turns to pull.
-const UNSEEN: u32 = NOT_HEIGHT_FIELD | 256;
+/// What may follow where a body is deep in another: skin that has no opposite, contacts that take turns to pull, tetrahedra
+/// that are pushed inside out.
+const UNSEEN: u32 = NOT_HEIGHT_FIELD | 256 | 1024;
 
 /// A soft block of 0.1 m, held at its bottom, with its top in y = 0.
 const BLOCK: &str = "layer = { box = [[-0.05, -0.1, -0.05], [0.05, 0.0, 0.05]], cells = [6, 6, 6] }\n\

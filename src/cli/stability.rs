@@ -25,7 +25,7 @@ pub struct Arguments {
     /// Fewer values and steps
     #[arg(long)]
     quick: bool,
-    /// A million steps of resting contact, which take an hour
+    /// A million steps of resting contact, which take half an hour
     #[arg(long)]
     soak: bool,
     /// These axes alone, with commas between them: young, poisson, step, thrust and so on; a wrong one lists all
