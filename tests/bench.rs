@@ -16,7 +16,8 @@ fn measure(benchmark: Box<dyn Benchmark>) -> (Map<String, Value>, Vec<String>, S
     let benchmarks = [benchmark];
     let head = Head::new(None, true).unwrap();
     let watch = &mut |what: &str| told.push(what.to_string());
-    let results = suite::measure(&benchmarks, head, Shard::WHOLE, &|_, _| true, watch).unwrap();
+    let (results, failed) = suite::measure(&benchmarks, head, Shard::WHOLE, &|_, _| true, watch).unwrap();
+    assert!(failed.is_empty(), "{failed:?}");
     let document: Document = suite::document(&benchmarks, &results).unwrap();
     let parts = results.benchmarks[benchmarks[0].name()]["parts"].as_object().unwrap().clone();
     let text = document.markdown();

@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use super::suite::Results;
 use super::{Table, median};
+use crate::{Error, Result};
 
 /// Slower by less than this beyond the spread of both is no regression: so much the same program differs on a busy machine.
 const ALLOWED: f64 = 0.10;
@@ -13,10 +14,11 @@ const ALLOWED: f64 = 0.10;
 const ALLOWED_ERROR: f64 = 0.10;
 /// Errors below this are rounding.
 const ROUNDING: f64 = 1e-6;
-/// Samples of one round are cut into so many blocks, whose medians show how far it drifts.
-const BLOCKS: usize = 5;
-/// Fewer rounds say nothing of the spread.
-const LEAST_ROUNDS: usize = 3;
+/// Samples of few rounds are dealt into so many hands, one after the other, so that each has its share of every phase of a
+/// run; their medians show the spread.
+const HANDS: usize = 5;
+/// Ranges of fewer rounds, or hands, do not overlap too often by chance: of five and five once in 252 comparisons.
+const LEAST_ROUNDS: usize = 5;
 
 /// What is compared, now and before.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,18 +50,25 @@ pub enum Verdict {
     Unjudged,
 }
 
-/// All times and errors that both have, and how many things only one has.
-pub fn compare(old: &Results, new: &Results) -> (Vec<Comparison>, usize) {
+/// All times and errors that both have, and what only one has. Errors: they were measured with other settings.
+pub fn compare(old: &Results, new: &Results) -> Result<(Vec<Comparison>, Vec<String>)> {
+    for (name, measured) in &old.benchmarks {
+        let differs = new.benchmarks.get(name).is_some_and(|other| other["settings"] != measured["settings"]);
+        if differs || old.head.is_quick != new.head.is_quick {
+            let problem = format!("`{name}` was measured with other settings than what it is to be compared with");
+            return Err(Error::Usage(format!("{problem}; measure both alike, with or without --quick")));
+        }
+    }
     let (before, mut now) = (series_of(old), series_of(new));
-    let mut all = Vec::new();
-    let mut lonely = 0;
+    let (mut all, mut lonely) = (Vec::new(), Vec::new());
     for (path, old) in before {
         match now.remove(&path) {
             Some(new) => all.extend(Comparison::new(path, &old, &new)),
-            None => lonely += 1,
+            None => lonely.push(path),
         }
     }
-    (all, lonely + now.len())
+    lonely.extend(now.into_keys());
+    Ok((all, lonely))
 }
 
 impl Comparison {
@@ -73,10 +82,19 @@ impl Comparison {
         let high = |all: &[f64]| all.iter().copied().fold(0.0, f64::max);
         let ratio = [low(new) / high(old), median(new) / median(old), high(new) / low(old)];
         let allowed = 1.0 + if is_time { ALLOWED } else { ALLOWED_ERROR };
-        let is_judged = !is_time || old.len().min(new.len()) >= LEAST_ROUNDS;
+        let is_judged = !is_time || (old.len().min(new.len()) >= LEAST_ROUNDS && low(old) > 0.0);
         let is_rounding = !is_time && median(new).max(median(old)) < ROUNDING;
         let verdict = match ratio {
             _ if !is_judged => Verdict::Unjudged,
+            // An error that is no number any more is the worst of all.
+            _ if !is_time && new[0].is_nan() => {
+                if old[0].is_nan() {
+                    Verdict::Same
+                } else {
+                    Verdict::Worse
+                }
+            }
+            _ if !is_time && old[0].is_nan() => Verdict::Better,
             _ if is_rounding => Verdict::Same,
             [low, ..] if low > allowed => Verdict::Worse,
             [.., high] if high * allowed < 1.0 => Verdict::Better,
@@ -150,8 +168,9 @@ fn collect(all: &mut BTreeMap<String, Series>, path: &str, value: &Value, is_tim
                 collect(all, &format!("{path}/{}", called(item).unwrap_or(k.to_string())), item, false);
             }
         }
-        Value::Number(number) if path.ends_with("error") => {
-            all.extend(number.as_f64().map(|x| (path.to_string(), Series::Error(vec![x]))));
+        // What is not a number is written as null.
+        Value::Number(_) | Value::Null if path.ends_with("error") => {
+            all.insert(path.into(), Series::Error(vec![value.as_f64().unwrap_or(f64::NAN)]));
         }
         _ => (),
     }
@@ -168,7 +187,7 @@ fn numbers(value: &Value) -> Option<Vec<f64>> {
     value.as_array()?.iter().map(Value::as_f64).collect()
 }
 
-/// Medians of rounds, or of blocks where there are too few rounds; `None`: there is nothing to tell.
+/// Medians of rounds, or of hands where there are too few rounds; `None`: there is nothing to tell.
 fn rounds(value: &Value) -> Option<Vec<f64>> {
     let each: Vec<Vec<f64>> = match numbers(value) {
         Some(one) => vec![one],
@@ -179,8 +198,8 @@ fn rounds(value: &Value) -> Option<Vec<f64>> {
         return Some(each.iter().map(|round| median(round)).collect());
     }
     let all: Vec<f64> = each.into_iter().flatten().collect();
-    let block = (all.len() / BLOCKS).max(1);
-    if all.is_empty() { None } else { Some(all.chunks_exact(block).map(median).collect()) }
+    let hand = |k: usize| all.iter().skip(k).step_by(HANDS).copied().collect::<Vec<f64>>();
+    if all.is_empty() { None } else { Some((0..HANDS.min(all.len())).map(|k| median(&hand(k))).collect()) }
 }
 
 #[cfg(test)]
@@ -206,13 +225,14 @@ mod tests {
     }
 
     fn timed(rounds: [f64; 3]) -> Results {
-        let rounds = rounds.map(|us| vec![us; 4]);
+        let [low, middle, high] = rounds;
+        let rounds = [low, middle, middle, middle, high].map(|us| vec![us; 4]);
         results(json!({ "p": { "runs": [{ "setting": "s", "step_us": rounds, "force_error": 0.01 }] } }))
     }
 
     fn only(old: &Results, new: &Results, end: &str) -> Comparison {
-        let (all, lonely) = compare(old, new);
-        assert_eq!(lonely, 0);
+        let (all, lonely) = compare(old, new).unwrap();
+        assert!(lonely.is_empty());
         all.into_iter().find(|c| c.path.ends_with(end)).unwrap()
     }
 
@@ -233,22 +253,35 @@ mod tests {
         assert_eq!(only(&of(0.01), &of(0.0105), "error").verdict, Verdict::Same);
         assert_eq!(only(&of(1e-8), &of(5e-7), "error").verdict, Verdict::Same);
         assert_eq!(only(&of(0.02), &of(0.01), "error").verdict, Verdict::Better);
+        assert_eq!(only(&of(0.02), &of(f64::NAN), "error").verdict, Verdict::Worse);
+        assert_ne!(only(&of(f64::NAN), &of(f64::NAN), "error").verdict, Verdict::Worse);
     }
 
     #[test]
-    fn one_round_is_cut_into_blocks_and_few_samples_are_not_judged() {
+    fn other_settings_are_not_compared() {
+        let mut other = results(json!({}));
+        other.benchmarks["solver"]["settings"] = json!({ "steps": 7 });
+        assert!(compare(&results(json!({})), &other).unwrap_err().to_string().contains("`solver` was measured"));
+        let mut other = results(json!({}));
+        other.head.is_quick = false;
+        assert!(compare(&results(json!({})), &other).is_err());
+    }
+
+    #[test]
+    fn one_round_is_dealt_out_and_few_samples_are_not_judged() {
         let of = |us: Vec<f64>| results(json!({ "p": { "samples_us": { "pose": us } } }));
         let old = of((0..50).map(|k| 10.0 + f64::from(k % 3)).collect());
         assert_eq!(only(&old, &of(vec![20.0; 50]), "pose").verdict, Verdict::Worse);
         assert_eq!(only(&of(vec![1.0]), &of(vec![9.0]), "pose").verdict, Verdict::Unjudged);
-        let (all, lonely) = compare(&old, &results(json!({})));
-        assert!(all.is_empty() && lonely == 1);
+        assert_eq!(only(&of(vec![0.0; 50]), &of(vec![9.0; 50]), "pose").verdict, Verdict::Unjudged);
+        let (all, lonely) = compare(&old, &results(json!({}))).unwrap();
+        assert!(all.is_empty() && lonely == ["solver/p/samples_us/pose"]);
     }
 
     #[test]
     fn the_table_begins_with_what_is_worse() {
         let (old, new) = (timed([10.0, 11.0, 12.0]), timed([20.0, 21.0, 22.0]));
-        let rows = table(&compare(&old, &new).0).rows;
+        let rows = table(&compare(&old, &new).unwrap().0).rows;
         assert!(rows[0][0].ends_with("step_us") && rows[0][6] == "slower" && rows[1][6] == "same", "{rows:?}");
         assert_eq!(rows[0][3..6], ["1.91", "1.67", "2.20"]);
     }

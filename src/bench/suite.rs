@@ -16,6 +16,9 @@ use crate::{Error, Result};
 /// Version of the format of `results.json`: raised when a field changes its meaning or goes.
 pub const SCHEMA: u32 = 3;
 
+/// Exit status of what fails while it runs.
+const FAILED: u8 = 4;
+
 /// A benchmark: parts that are measured one by one, and the report of those that were.
 pub trait Benchmark {
     /// Its name on the command line and in `results.json`.
@@ -114,15 +117,16 @@ impl Head {
     }
 }
 
-/// Measures the parts of a shard, those that `is_asked` names by benchmark and part, one after the other.
+/// Measures the parts of a shard, those that `is_asked` names by benchmark and part, one after the other. What fails is said
+/// beside what was measured, which is not lost by it.
 pub fn measure(
     benchmarks: &[Box<dyn Benchmark>],
     head: Head,
     shard: Shard,
     is_asked: &dyn Fn(&str, &str) -> bool,
     watch: &mut dyn FnMut(&str),
-) -> Result<Results> {
-    let mut all = Map::new();
+) -> Result<(Results, Vec<String>)> {
+    let (mut all, mut failed) = (Map::new(), Vec::new());
     let mut turn = 0;
     for benchmark in benchmarks {
         let name = benchmark.name();
@@ -131,7 +135,12 @@ pub fn measure(
         for part in &names {
             if turn % shard.count == shard.index {
                 watch(&format!("{name}: {part}"));
-                parts.insert(part.clone(), benchmark.measure(part, watch)?);
+                match benchmark.measure(part, watch) {
+                    Ok(measured) => drop(parts.insert(part.clone(), measured)),
+                    // Not the part's fault: what the user gave cannot be used.
+                    Err(error) if error.exit_status() < FAILED => return Err(error),
+                    Err(error) => failed.push(format!("{name}/{part}: {error}")),
+                }
             }
             turn += 1;
         }
@@ -140,7 +149,7 @@ pub fn measure(
             all.insert(name.into(), to_value(&measured)?);
         }
     }
-    Ok(Results { head, benchmarks: all })
+    Ok((Results { head, benchmarks: all }, failed))
 }
 
 /// The report of all that was measured; `benchmarks` gives it its order and its words.
@@ -168,7 +177,8 @@ pub fn merge(shards: Vec<(&Path, Results)>) -> Result<Results> {
         return Err(Error::Simulation("there is nothing to merge; name the shards' directories".into()));
     };
     for (file, shard) in shards {
-        if shard.head != all.head {
+        // The faster path is measured once a machine, and may be either where both are alike.
+        if (Head { depth_path: all.head.depth_path.clone(), ..shard.head }) != all.head {
             let problem = format!("was made by another program, device or option than {}", first.display());
             return Err(Error::input(file, None, problem, "merge shards of one sweep"));
         }

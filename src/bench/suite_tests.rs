@@ -24,6 +24,9 @@ impl Benchmark for Doubling {
 
     fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
         watch(part);
+        if part == "13" {
+            return Err(Error::Simulation("bad luck".into()));
+        }
         Ok((2 * part.parse::<u32>().unwrap()).into())
     }
 
@@ -59,7 +62,7 @@ fn all() -> Vec<Box<dyn Benchmark>> {
 }
 
 fn measured(shard: Shard) -> Results {
-    measure(&all(), head(), shard, &|_, part| part != "1", &mut |_| ()).unwrap()
+    measure(&all(), head(), shard, &|_, part| part != "1", &mut |_| ()).unwrap().0
 }
 
 #[test]
@@ -102,4 +105,13 @@ fn results_are_read_again_and_others_are_refused() {
     assert!(error.contains("results.json") && error.contains("schema 2"), "{error}");
     std::fs::write(&file, "{").unwrap();
     assert!(read(&file).unwrap_err().to_string().contains("results.json:1"));
+}
+
+#[test]
+fn what_fails_does_not_lose_the_rest() {
+    let many: Vec<Box<dyn Benchmark>> = vec![Box::new(Doubling(15))];
+    let (results, failed) = measure(&many, head(), Shard::WHOLE, &|_, _| true, &mut |_| ()).unwrap();
+    assert_eq!(failed, ["doubling/13: bad luck"]);
+    assert_eq!(results.benchmarks["doubling"]["parts"].as_object().unwrap().len(), 14);
+    assert!(document(&many, &results).unwrap().html().contains("not joined yet: 13."));
 }

@@ -91,13 +91,13 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     // What is to be compared with is read before minutes are spent.
     let old = arguments.compare.as_deref().map(results_in).transpose()?;
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
-    let results = if arguments.merge.is_empty() {
+    let (results, failed) = if arguments.merge.is_empty() {
         let head = Head::new(arguments.device.as_deref(), arguments.quick)?;
         let is_asked = |name: &str, part: &str| asked.iter().any(|(n, p)| *n == name && p == part);
         suite::measure(&benchmarks, head, arguments.shard.unwrap_or(Shard::WHOLE), &is_asked, &mut watch)?
     } else {
         let shards = arguments.merge.iter().map(|dir| Ok((dir.as_path(), results_in(dir)?)));
-        suite::merge(shards.collect::<Result<_>>()?)?
+        (suite::merge(shards.collect::<Result<_>>()?)?, Vec::new())
     };
     let document = suite::document(&benchmarks, &results)?;
     if let Some(output) = &mut output {
@@ -106,7 +106,8 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     }
     output.map_or(Ok(()), Output::commit)?;
     print(&document.markdown())?;
-    old.map_or(Ok(()), |old| compared(&old, &results))
+    old.map_or(Ok(()), |old| compared(&old, &results))?;
+    if failed.is_empty() { Ok(()) } else { Err(Error::Simulation(failed.join("; "))) }
 }
 
 /// Benchmark and part of all that the names call. Errors: a name that calls nothing.
@@ -137,19 +138,20 @@ fn results_in(path: &Path) -> Result<Results> {
 
 /// Prints the ratios. Errors: something became worse.
 fn compared(old: &Results, new: &Results) -> Result<()> {
-    let (all, lonely) = compare::compare(old, new);
+    let (all, lonely) = compare::compare(old, new)?;
     let of = |head: &Head| format!("{} ({}), commit {}", head.device, head.driver, head.commit);
     let count = |verdict| all.iter().filter(|c| c.verdict == verdict).count();
     let (worse, better, unjudged) = (count(Verdict::Worse), count(Verdict::Better), count(Verdict::Unjudged));
     print(&format!(
         "\n# Compared\n\nOld: {}. New: {}. A ratio is of medians; it lies between those of the fastest round over the slowest \
-         and the other way round. {lonely} things are in one of them only.\n\n{}\n{} of {} are worse beyond noise, {better} \
-         better, {unjudged} have too few samples.\n",
+         and the other way round.\n\n{}\n{} of {} are worse beyond noise, {better} better, {unjudged} have too few samples. \
+         In one of them only: {}.\n",
         of(&old.head),
         of(&new.head),
         compare::table(&all).markdown(),
         worse,
-        all.len()
+        all.len(),
+        if lonely.is_empty() { "nothing".into() } else { lonely.join(", ") }
     ))?;
     match worse {
         0 => Ok(()),

@@ -26,7 +26,7 @@ impl Flags {
     /// A frame turned so far within the step that what it carries, whose rotations are those of the step's start, may gain
     /// energy.
     pub const TURNS_TOO_FAR: Flags = Flags(512);
-    /// A tetrahedron was inside out at the start of the step, or pressed so thin that its rotation was not found.
+    /// A tetrahedron was inside out where the step was linearised, or pressed so thin that its rotation was not found.
     pub const INVERTED: Flags = Flags(1024);
 
     /// Every flag and its name, by rising bit.

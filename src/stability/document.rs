@@ -51,12 +51,9 @@ fn laws() -> Table {
         ("finite", "all that a step tells is a number"),
         ("energy", "at most the start's and what was put in, within 1e-3 of what was turned over"),
         ("force", "contact stiffness times depth, and damping times speed, over twice the sphere's cross-section"),
-        (
-            "residual",
-            "b - A x in f64, until something touches or a tetrahedron is pressed below a twentieth of its volume: 1e-3 of b or of weight, or f32's rounding",
-        ),
+        ("residual", "b - A x in f64: 1e-3 of b or of weight, or f32's rounding"),
         ("balance", "force, weight and coupling move the tool: within 1e-2 of the largest"),
-        ("rest", "kinetic energy falls as damping by mass has it fall, or to 1e-4 of what was turned over"),
+        ("rest", "kinetic energy falls as the slowest mode of the mesh does, or to 1e-4 of what was turned over"),
         ("drift", "what nothing moves stays within 1e-5 of its edge"),
         ("shape", "what was stretched, pressed or turned inside out is back within a tenth of its edge"),
     ] {

@@ -1,5 +1,6 @@
 //! Laws that every step keeps, judged from measured steps alone; each verdict says the first step that broke a law.
 
+use glam::DVec3;
 use serde::Serialize;
 
 use super::trace::Sample;
@@ -87,6 +88,8 @@ pub struct Finding {
     pub broken: Option<usize>,
     /// The flags of that step.
     pub flags: u32,
+    /// Whether any step that broke it had none.
+    pub is_silent: bool,
 }
 
 /// What became of a case.
@@ -144,17 +147,18 @@ pub fn judge(samples: &[Sample], promise: &Promise) -> Vec<Finding> {
         worst: value,
         bound,
         step: samples.len() - 1,
-        broken: (value > bound || value.is_nan()).then_some(samples.len() - 1),
+        broken: is_beyond(value, bound).then_some(samples.len() - 1),
         flags: last.flags.0,
+        is_silent: is_beyond(value, bound) && last.flags == Flags::default(),
     };
     if let Some(left) = promise.rest {
         let most = samples.iter().map(|s| s.turned_over - first.turned_over.min(0.0)).fold(0.0, f64::max);
         findings.push(at_end(Law::Rest, last.kinetic, left.max(AT_REST) * most));
     }
     if let Some((from, bound)) = promise.drift {
-        let reference = samples.get(from).map_or(0.0, |s| s.moved);
+        let reference = samples.get(from).map_or(DVec3::ZERO, |s| s.moved);
         let since = &samples[from.min(samples.len() - 1)..];
-        let mut finding = worst(Law::Drift, since, |s| ((s.moved - reference).abs(), bound));
+        let mut finding = worst(Law::Drift, since, |s| (s.moved.distance(reference), bound));
         finding.step += from;
         finding.broken = finding.broken.map(|step| step + from);
         findings.push(finding);
@@ -176,21 +180,31 @@ fn energy(samples: &[Sample]) -> Finding {
         })
         .collect();
     let mut at = 0;
-    worst(Law::Energy, samples, |_| {
+    let mut finding = worst(Law::Energy, samples, |_| {
         at += 1;
         gains[at - 1]
-    })
+    });
+    // What a flagged step gained stays: of later steps only what they add to it is theirs.
+    let mut told = 0.0f64;
+    finding.is_silent = samples.iter().zip(&gains).any(|(sample, &(gain, bound))| {
+        let is_told = sample.flags != Flags::default();
+        told = if is_told { told.max(gain) } else { told };
+        !is_told && is_beyond(gain - told, bound)
+    });
+    finding
 }
 
 /// The sample nearest to its bound, or furthest beyond; a value that is no number breaks any.
 fn worst(law: Law, samples: &[Sample], mut measure: impl FnMut(&Sample) -> (f64, f64)) -> Finding {
-    let mut finding = Finding { law, worst: 0.0, bound: 0.0, step: 0, broken: None, flags: 0 };
+    let mut finding = Finding { law, worst: 0.0, bound: 0.0, step: 0, broken: None, flags: 0, is_silent: false };
     let mut most = f64::NEG_INFINITY;
     for (step, sample) in samples.iter().enumerate() {
         let (value, bound) = measure(sample);
-        let holds = value <= bound;
-        if !holds && finding.broken.is_none() {
-            (finding.broken, finding.flags) = (Some(step), sample.flags.0);
+        if is_beyond(value, bound) {
+            finding.is_silent |= sample.flags == Flags::default();
+            if finding.broken.is_none() {
+                (finding.broken, finding.flags) = (Some(step), sample.flags.0);
+            }
         }
         // Of a bound of zero any value is beyond.
         let share = if bound > 0.0 { value / bound } else { value };
@@ -201,11 +215,16 @@ fn worst(law: Law, samples: &[Sample], mut measure: impl FnMut(&Sample) -> (f64,
     finding
 }
 
+/// What is no number is beyond any bound, and so is anything beyond a bound that is none.
+fn is_beyond(value: f64, bound: f64) -> bool {
+    value > bound || value.is_nan() || bound.is_nan()
+}
+
 /// The verdict on a case.
 pub fn verdict(samples: &[Sample], findings: &[Finding]) -> Verdict {
     let broken = || findings.iter().filter(|f| f.broken.is_some());
     let was_flagged = samples.iter().any(|s| s.flags != Flags::default());
-    if broken().any(|f| f.flags == 0) {
+    if broken().any(|f| f.is_silent) {
         Verdict::Silent
     } else if broken().any(|f| !f.law.is_soft()) {
         Verdict::Fail

@@ -40,8 +40,8 @@ pub struct Sample {
     pub force: f64,
     /// What the contacts can press at most, N.
     pub force_bound: f64,
-    /// How far the centre of the free nodes is from where it was, m.
-    pub moved: f64,
+    /// How far, and which way, the centre of the free nodes is from where it was, m.
+    pub moved: DVec3,
     /// Tetrahedra that are inside out.
     pub inverted: usize,
     /// The largest displacement of a node from rest, m.
@@ -275,7 +275,7 @@ impl Observer {
         sample.kinetic = kinetic;
         sample.supplied = self.supplied;
         sample.turned_over = kinetic + weight.abs() + elastic + coupling + self.supplied.abs();
-        sample.moved = self.start.map_or(0.0, |start| self.centre().distance(start));
+        sample.moved = self.start.map_or(DVec3::ZERO, |start| self.centre() - start);
         sample.deformed = self.body.displacement.iter().map(|d| d.length()).fold(0.0, f64::max);
         let turned_out =
             |e: &usize| (DMat3::IDENTITY + elements.gradient(*e, &self.body.displacement)).determinant() <= 0.0;

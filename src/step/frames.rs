@@ -28,6 +28,8 @@ pub struct Place {
 /// All frames of a model, over one step.
 pub struct Frames {
     states: Vec<State>,
+    /// Which of them nodes are measured from.
+    has_nodes: Vec<bool>,
     links: Vec<[usize; 2]>,
     /// The states that are fitted, in the model's order.
     floating: Vec<usize>,
@@ -84,7 +86,9 @@ impl Frames {
         }
         let links = model.links.iter().map(|link| link.map(|frame| frame as usize)).collect();
         let floating = model.floating.iter().map(|f| f.frame).collect();
-        Frames { states, links, floating, dynamic: model.cores.iter().map(|core| core.frame).collect() }
+        let mut has_nodes = vec![false; states.len()];
+        model.node_info.iter().for_each(|node| has_nodes[node[2] as usize] = true);
+        Frames { has_nodes, states, links, floating, dynamic: model.cores.iter().map(|core| core.frame).collect() }
     }
 
     /// Where a frame is at the start of the step.
@@ -158,9 +162,10 @@ impl Frames {
     }
 
     /// How far the frame that turns most does so in a step of `h` seconds, rad: one that is driven on the way it has set out
-    /// for, others by what they turn at now. Tools carry nothing that bends.
+    /// for, others by what they turn at now. Rigid bodies have no nodes, and nothing that bends.
     pub fn most_turn(&self, h: f64) -> f64 {
-        self.states.iter().map(|state| state.turn(h)).fold(0.0, f64::max)
+        let bending = self.states.iter().zip(&self.has_nodes).filter(|(_, has_nodes)| **has_nodes);
+        bending.map(|(state, _)| state.turn(h)).fold(0.0, f64::max)
     }
 
     /// Stops frames that float or are dynamic where they are.

@@ -37,7 +37,7 @@ fn each_law_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
         (Law::Residual, 7, |s| s.residual = 2e-3),
         (Law::Balance, 7, |s| s.balance = f64::NAN),
         (Law::Rest, 10, |s| s.kinetic = 2e-3),
-        (Law::Drift, 7, |s| s.moved = 2e-6),
+        (Law::Drift, 7, |s| s.moved.x = 2e-6),
         (Law::Shape, 10, |s| s.deformed = 0.2),
     ];
     for (law, step, spoil) in laws {
@@ -55,6 +55,27 @@ fn each_law_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
         let words = judge(&samples, &PROMISE).iter().find_map(Finding::in_words).unwrap();
         assert!(words.starts_with(law.name()) && words.contains(&format!("step {step} (not_converged)")), "{words}");
     }
+}
+
+#[test]
+fn a_flagged_step_excuses_no_later_one() {
+    let mut samples = kept();
+    (samples[6].residual, samples[6].flags) = (2e-3, Flags::NOT_CONVERGED);
+    assert_eq!(verdict_of(&samples), Verdict::Degraded);
+    samples[8].residual = 2e-3;
+    assert_eq!(verdict_of(&samples), Verdict::Silent);
+    // Energy that was gained stays; what is gained besides is another matter.
+    let mut samples = kept();
+    samples.iter_mut().skip(6).for_each(|s| s.energy = 1.5);
+    samples[6].flags = Flags::TURNS_TOO_FAR;
+    assert_eq!(verdict_of(&samples), Verdict::Fail);
+    samples[9].energy = 1.51;
+    assert_eq!(verdict_of(&samples), Verdict::Silent);
+    // Sideways is drift as well, however far the body sagged before.
+    let mut samples = kept();
+    samples.iter_mut().for_each(|s| s.moved.y = -1e-3);
+    samples[9].moved.x = 2e-6;
+    assert_eq!(verdict_of(&samples), Verdict::Silent);
 }
 
 #[test]

@@ -78,7 +78,7 @@ mod tests {
         assert!((exact / cap - 1.0).abs() < 0.01, "{exact} {cap}");
         let error = |texel: f64| (pose.sampled(texel) / exact - 1.0).abs();
         let errors = [0.008, 0.002, 0.0001].map(error);
-        assert!(errors[0] > 0.02 && errors[1] < errors[0] && errors[2] < 1e-3, "{errors:?}");
+        assert!(errors[0] > 0.02 && errors[1] < 0.5 * errors[0] && errors[2] < 0.2 * errors[1], "{errors:?}");
         // Apart, nothing overlaps.
         let up: Vec<DVec3> = vertices.iter().map(|x| *x + 0.01 * DVec3::Y).collect();
         let apart = Pose { first: (&up, &triangles, &areas), ..pose };
