@@ -111,8 +111,11 @@ impl Elastic {
 
     /// No flag is raised yet: of scenes where nothing can touch, since elsewhere the pose stage does it.
     pub fn record_reset(&self, recorder: &mut Recorder, common: &Common) {
-        recorder.stage("elastic");
-        recorder.fill_range(&common.counts, offset_of!(Counts, flags) as u64, 4, 0);
+        // Without tetrahedra nothing after this raises any.
+        if self.tetrahedron_count > 0 {
+            recorder.stage("elastic");
+            recorder.fill_range(&common.counts, offset_of!(Counts, flags) as u64, 4, 0);
+        }
     }
 
     /// One pass over tetrahedra, and one over patches.
