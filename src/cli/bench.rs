@@ -106,7 +106,9 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     }
     output.map_or(Ok(()), Output::commit)?;
     print(&document.markdown())?;
-    old.map_or(Ok(()), |old| compared(&old, &results))
+    let faults = suite::faults(&benchmarks, &results)?;
+    old.map_or(Ok(()), |old| compared(&old, &results))?;
+    if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(faults.join("; "))) }
 }
 
 /// Benchmark and part of all that the names call. Errors: a name that calls nothing.
