@@ -28,6 +28,7 @@ fn measure(name: &str, settings: &Settings) -> Curve {
     }
     let text = accuracy::section(&curve).unwrap();
     assert!(text.plot.is_some() && !text.finding.is_empty() && text.table.rows.len() == curve.points.len());
+    assert!(!text.finding.contains("why is not known"), "{name}: {}", text.finding);
     println!("{name}: {}", text.finding);
     curve
 }

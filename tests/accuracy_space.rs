@@ -9,6 +9,7 @@ fn measure(name: &str) -> Curve {
     assert!(curve.name == name && curve.points.len() >= 6, "{curve:?}");
     assert!(curve.points.iter().all(|point| point.step_ms() > 0.0), "{curve:?}");
     let text = accuracy::section(&curve).unwrap();
+    assert!(!text.finding.contains("why is not known"), "{name}: {}", text.finding);
     println!("{name}: {}", text.finding);
     assert!(text.plot.is_some() && curve.is_within(), "{}", text.finding);
     curve
@@ -46,6 +47,6 @@ fn texels_and_paths_do_not_change_a_bit_and_sampled_depths_would() {
     let is_sampled = |setting: &str| setting.starts_with("at middles");
     let (sampled, own): (Vec<_>, Vec<_>) = curve.points.iter().partition(|point| is_sampled(&point.setting));
     assert!(own.len() >= 6 && own.iter().all(|point| point.error() == Some(0.0)), "{own:?}");
-    assert!(sampled.len() >= 6 && sampled[6].error() > sampled[0].error(), "{sampled:?}");
-    assert!(curve.reason.contains(" 0 differ in a bit"), "{}", curve.reason);
+    assert!(sampled.len() >= 6 && sampled[0].error() > sampled[6].error(), "{sampled:?}");
+    assert!(curve.span_reason.contains(" 0 differ in a bit"), "{}", curve.span_reason);
 }

@@ -14,7 +14,7 @@ use crate::step::choice::Choice;
 use crate::{Error, Result};
 
 /// Version of the format of `results.json`: raised when a field changes its meaning or goes.
-pub const SCHEMA: u32 = 3;
+pub const SCHEMA: u32 = 4;
 
 /// Exit status of what fails while it runs.
 const FAILED: u8 = 4;
@@ -35,6 +35,10 @@ pub trait Benchmark {
     fn preface(&self, settings: &Value) -> Result<String>;
     /// Questions and answers, of the parts that are there.
     fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>>;
+    /// What must hold of the parts that are there and does not, a line each. Errors: they cannot be read.
+    fn faults(&self, _parts: &Map<String, Value>) -> Result<Vec<String>> {
+        Ok(Vec::new())
+    }
 }
 
 /// Which of all parts to measure: every `count`-th from `index` on.
@@ -168,6 +172,17 @@ pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<
         document.chapters.push(Chapter { title: benchmark.title().into(), preface, sections });
     }
     Ok(document)
+}
+
+/// What must hold of all that was measured and does not, a line each.
+pub fn faults(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<Vec<String>> {
+    let mut all = Vec::new();
+    for benchmark in benchmarks {
+        let Some(measured) = results.benchmarks.get(benchmark.name()) else { continue };
+        let faults = benchmark.faults(&from_value::<Measured>(measured)?.parts)?;
+        all.extend(faults.into_iter().map(|fault| format!("{}/{fault}", benchmark.name())));
+    }
+    Ok(all)
 }
 
 /// Joins shards. Errors, each naming the file: they are not of one program, device and settings, or both have a part.

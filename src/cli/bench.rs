@@ -91,7 +91,7 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     // What is to be compared with is read before minutes are spent.
     let old = arguments.compare.as_deref().map(results_in).transpose()?;
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
-    let (results, failed) = if arguments.merge.is_empty() {
+    let (results, mut failed) = if arguments.merge.is_empty() {
         let head = Head::new(arguments.device.as_deref(), arguments.quick)?;
         let is_asked = |name: &str, part: &str| asked.iter().any(|(n, p)| *n == name && p == part);
         suite::measure(&benchmarks, head, arguments.shard.unwrap_or(Shard::WHOLE), &is_asked, &mut watch)?
@@ -106,6 +106,7 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     }
     output.map_or(Ok(()), Output::commit)?;
     print(&document.markdown())?;
+    failed.extend(suite::faults(&benchmarks, &results)?);
     old.map_or(Ok(()), |old| compared(&old, &results))?;
     if failed.is_empty() { Ok(()) } else { Err(Error::Simulation(failed.join("; "))) }
 }

@@ -19,6 +19,12 @@ const FLOOR: f64 = 0.3;
 const MOST_POINTS: usize = 5;
 /// ... and at least.
 const LEAST_POINTS: usize = 3;
+/// A power is told where no two neighbours have one that is further from it.
+const SCATTER: f64 = 1.0;
+/// An error that is less than both neighbours' by more than this factor is so by chance: it changed its sign there.
+const CHANCE: f64 = 2.0;
+/// Steps whose times are nearer than this, of the dearer, cost the same.
+const SAME_COST: f64 = 0.05;
 
 /// What one knob of a scene buys: error and time of each of its settings, measured turn by turn.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -33,18 +39,32 @@ pub struct Curve {
     pub knob: String,
     /// Which stage the knob is about; its time stands beside the step's.
     pub stage: String,
-    /// Setting by setting, in the order of the knob.
+    /// Setting by setting, in the order of the knob: of each line the finest last.
     pub points: Vec<Point>,
     /// The order of convergence that theory expects of the force, and why; `None`: the knob has none.
     pub expected: Option<Expected>,
     /// Instead of a power: by which law the error falls by a share with each unit of the knob; empty: by none.
     pub share: String,
-    /// Why the order is another, or the errors span less than two decades; empty where neither is so.
-    pub reason: String,
-    /// The most accurate setting of each line must have a force within this of the reference, of it.
+    /// Why the order may be another than theory's.
+    pub order_reason: String,
+    /// Why the errors may span less than two decades.
+    pub span_reason: String,
+    /// The settings that are judged must have a force within this of the reference, of it.
     pub bound: f64,
-    /// Whether the lines are one set of settings: then one of all must be within the bound.
-    pub is_one: bool,
+    /// Which are judged.
+    pub judged: Judged,
+}
+
+/// Which settings must be within a curve's bound.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Judged {
+    /// The finest of each line: another may be near by chance.
+    #[default]
+    Finest,
+    /// The finest of all, where the lines are one set of settings.
+    FinestOfAll,
+    /// Every one, where none is finer than another.
+    Every,
 }
 
 /// A line of a curve: points of one panel and name, in the order of the knob.
@@ -115,6 +135,17 @@ impl Point {
         [rounds.iter().copied().fold(f64::INFINITY, f64::min), rounds.iter().copied().fold(0.0, f64::max)]
     }
 
+    /// From the fastest to the slowest round, in units of [`Point::cost`].
+    fn cost_range(&self) -> [f64; 2] {
+        let unit = if self.simulated_s > 0.0 { 1e-3 / self.simulated_s } else { 1.0 };
+        self.step_range_ms().map(|ms| unit * ms)
+    }
+
+    /// Whether it costs less than another beyond noise: each of its rounds than each of the other's, and its median by 5 %.
+    pub fn is_cheaper(&self, other: &Point) -> bool {
+        self.cost() < (1.0 - SAME_COST) * other.cost() && self.cost_range()[1] < other.cost_range()[0]
+    }
+
     /// What is paid: milliseconds of a step, or where steps differ in length their time over the time that they simulate.
     pub fn cost(&self) -> f64 {
         if self.simulated_s > 0.0 { 1e-3 * self.step_ms() / self.simulated_s } else { self.step_ms() }
@@ -125,11 +156,11 @@ impl Point {
         self.force_error.or(self.displacement_error)
     }
 
-    /// Whether no other is at once cheaper and no less accurate, or as cheap and more accurate; flagged ones do not count.
+    /// Whether no other is at once cheaper and no less accurate, or more accurate and no dearer; flagged ones do not count.
     fn is_best_of(&self, others: &[Point]) -> bool {
         let Some(error) = self.error().filter(|_| self.flags.is_empty()) else { return false };
         let is_better = |other: &Point| match other.error().filter(|_| other.flags.is_empty()) {
-            Some(its) => its <= error && other.cost() <= self.cost() && (its < error || other.cost() < self.cost()),
+            Some(its) => its <= error && other.is_cheaper(self) || its < error && !self.is_cheaper(other),
             None => false,
         };
         !others.iter().any(is_better)
@@ -149,29 +180,33 @@ impl Curve {
         lines
     }
 
-    /// Which points are the best buys among those of their panel: no other is both faster and more accurate.
+    /// Which points are the best buys among those of their panel: no other is faster beyond noise and as accurate.
     pub fn best(&self) -> Vec<bool> {
         let panel = |name: &str| self.points.iter().filter(|other| other.panel == name).cloned().collect::<Vec<_>>();
         self.points.iter().map(|point| point.is_best_of(&panel(&point.panel))).collect()
     }
 
-    /// Powers of ten between the least and the greatest error above zero.
+    /// Powers of ten that the errors of a line span, of the line where they are most.
     pub fn decades(&self) -> f64 {
-        let errors = || self.points.iter().filter_map(Point::error).filter(|error| *error > 0.0);
-        let (low, high) = errors().fold((f64::INFINITY, 0.0f64), |(a, b), x| (a.min(x), b.max(x)));
-        if low < high { (high / low).log10() } else { 0.0 }
+        self.lines().iter().map(Line::decades).fold(0.0, f64::max)
     }
 
-    /// Lines whose most accurate setting is beyond the bound, or has no error that is a number, and that error.
-    pub fn beyond(&self) -> Vec<(Line<'_>, Option<f64>)> {
-        if self.is_one {
-            let all = Line { panel: "", name: "all", points: self.points.iter().collect() };
-            let least = all.least();
-            return if least.is_none_or(|least| least > self.bound) { vec![(all, least)] } else { Vec::new() };
+    /// The error that counts for each line, or for all as one; `None`: it is no number.
+    pub fn counted(&self) -> Vec<(Line<'_>, Option<f64>)> {
+        match self.judged {
+            Judged::Finest => self.lines().into_iter().map(|line| (line.clone(), line.finest())).collect(),
+            Judged::Every => self.lines().into_iter().map(|line| (line.clone(), line.worst())).collect(),
+            Judged::FinestOfAll => {
+                let all = Line { panel: "", name: "all", points: self.points.iter().collect() };
+                vec![(all.clone(), all.finest())]
+            }
         }
-        let all = self.lines().into_iter().map(|line| line.least()).zip(self.lines());
-        let beyond = all.filter(|(least, _)| least.is_none_or(|least| least > self.bound));
-        beyond.map(|(least, line)| (line, least)).collect()
+    }
+
+    /// Those whose error that counts is beyond the bound, or no number.
+    pub fn beyond(&self) -> Vec<(Line<'_>, Option<f64>)> {
+        let all = self.counted().into_iter();
+        all.filter(|(_, error)| error.is_none_or(|error| error > self.bound || error.is_nan())).collect()
     }
 
     /// Whether every line is within the bound.
@@ -187,17 +222,40 @@ impl Line<'_> {
         parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
     }
 
-    /// The least error.
-    pub fn least(&self) -> Option<f64> {
-        self.points.iter().filter_map(|point| point.error()).min_by(f64::total_cmp)
+    /// The error of the finest setting.
+    pub fn finest(&self) -> Option<f64> {
+        self.points.last()?.error()
+    }
+
+    /// The greatest error; `None` where one is no number.
+    pub fn worst(&self) -> Option<f64> {
+        let errors: Option<Vec<f64>> = self.points.iter().map(|point| point.error()).collect();
+        errors?.into_iter().max_by(f64::total_cmp)
+    }
+
+    /// Powers of ten between the least and the greatest error above zero, without those that are small by chance.
+    pub fn decades(&self) -> f64 {
+        let all: Vec<f64> = self.points.iter().filter_map(|point| point.error()).filter(|error| *error > 0.0).collect();
+        let is_chance = |k: usize| k > 0 && k + 1 < all.len() && CHANCE * all[k] < all[k - 1].min(all[k + 1]);
+        let errors = all.iter().enumerate().filter(|(k, _)| !is_chance(*k)).map(|(_, error)| *error);
+        let (low, high) = errors.fold((f64::INFINITY, 0.0f64), |(a, b), x| (a.min(x), b.max(x)));
+        if low < high { (high / low).log10() } else { 0.0 }
     }
 
     /// The power of the knob by which the error falls, of the displacements or of the force, and of how many points: least
-    /// squares of the logarithms over the asymptotic part; `None` where that has fewer than three.
+    /// squares of the logarithms over the asymptotic part; `None` where that has fewer than three, or where neighbours have
+    /// powers of their own that are far from it.
     pub fn order(&self, is_of_shape: bool) -> Option<(f64, usize)> {
-        let error = |point: &Point| if is_of_shape { point.displacement_error } else { point.error() };
-        let fitted = self.asymptotic(&error, f64::ln);
-        Some((fit::exponent(&fitted)?, fitted.len()))
+        let fitted = self.asymptotic(&|point| error_of(point, is_of_shape), f64::ln);
+        let order = fit::exponent(&fitted)?;
+        let is_one = fitted.windows(2).all(|pair| (local_order(pair) - order).abs() <= SCATTER);
+        is_one.then_some((order, fitted.len()))
+    }
+
+    /// The power between each setting and the next whose errors are above zero.
+    pub fn local_orders(&self, is_of_shape: bool) -> Vec<f64> {
+        let all = self.points.iter().filter_map(|point| Some((point.value, error_of(point, is_of_shape)?)));
+        all.filter(|(_, error)| *error > 0.0).collect::<Vec<_>>().windows(2).map(local_order).collect()
     }
 
     /// What a unit of the knob leaves of the error, and of how many points: the same with the knob itself.
@@ -224,85 +282,24 @@ impl Line<'_> {
     }
 }
 
+/// The power between the last two of some points; `None` where there are not two with errors above zero.
+pub fn last_order(points: &[Point]) -> Option<f64> {
+    let line = Line { panel: "", name: "", points: points.iter().collect() };
+    line.local_orders(false).last().copied()
+}
+
+fn error_of(point: &Point, is_of_shape: bool) -> Option<f64> {
+    if is_of_shape { point.displacement_error } else { point.error() }
+}
+
+fn local_order(pair: &[(f64, f64)]) -> f64 {
+    (pair[0].1 / pair[1].1).ln() / (pair[0].0 / pair[1].0).ln()
+}
+
 fn ms(rounds: &[Vec<f64>]) -> f64 {
     1e-3 * median(&rounds.iter().map(|round| median(round)).collect::<Vec<_>>())
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn point(value: f64, ms: f64, error: Option<f64>) -> Point {
-        Point { value, force_error: error, step_us: vec![vec![1e3 * ms]], ..Point::default() }
-    }
-
-    fn curve(points: Vec<Point>) -> Curve {
-        Curve { points, bound: 1e-3, ..Curve::default() }
-    }
-
-    #[test]
-    fn the_best_buys_are_those_that_nothing_beats_in_both() {
-        let mut flagged = point(1.0, 0.5, Some(1e-6));
-        flagged.flags = vec!["not_converged".into()];
-        let mut elsewhere = point(1.0, 9.0, Some(0.9));
-        elsewhere.panel = "stiff".into();
-        let all = vec![
-            point(1.0, 1.0, Some(0.1)),
-            point(2.0, 2.0, Some(0.2)),
-            point(3.0, 2.0, Some(0.01)),
-            point(4.0, 2.5, Some(0.01)),
-            point(5.0, 3.0, None),
-            flagged,
-            elsewhere,
-        ];
-        assert_eq!(curve(all).best(), [true, false, true, false, false, false, true]);
-    }
-
-    #[test]
-    fn steps_of_different_lengths_are_paid_by_the_time_they_simulate() {
-        let mut long = point(1.0, 2.0, Some(0.1));
-        long.simulated_s = 0.01;
-        let short = Point { simulated_s: 0.001, ..point(1.0, 1.0, Some(0.1)) };
-        assert!((long.cost() - 0.2).abs() < 1e-12 && (short.cost() - 1.0).abs() < 1e-12);
-        assert_eq!(curve(vec![long, short]).best(), [true, false]);
-    }
-
-    #[test]
-    fn orders_are_fitted_where_errors_fall_and_not_to_floor_or_ceiling() {
-        let second = |h: f64| Some((0.5 * h * h).max(1e-5));
-        let points = [1.0, 0.4, 0.2, 0.1, 0.05, 0.001, 0.0005].map(|h| point(h, 1.0, second(h))).to_vec();
-        let all = curve(points.clone());
-        let (order, count) = all.lines()[0].order(false).unwrap();
-        // From 0.4, whose error is under a tenth; 0.001 is where the floor begins, and is not as fine as it says.
-        assert!(count == 5 && order < 2.0, "{order} of {count}");
-        let all = curve(points[..5].to_vec());
-        let (order, count) = all.lines()[0].order(false).unwrap();
-        assert!((order - 2.0).abs() < 1e-9 && count == 4, "{order} of {count}");
-        assert!((all.decades() - (0.5f64 / 0.5 / 0.0025).log10()).abs() < 1e-9);
-        // The other way round, and of the displacements.
-        let turned = curve(points[..5].iter().rev().cloned().collect());
-        assert!((turned.lines()[0].order(false).unwrap().0 - 2.0).abs() < 1e-9);
-        assert!(turned.lines()[0].order(true).is_none());
-        assert!(curve(vec![point(1.0, 1.0, Some(0.05)); 2]).lines()[0].order(false).is_none());
-    }
-
-    #[test]
-    fn shares_are_what_a_unit_leaves() {
-        let points = (1..=6).map(|n| point(f64::from(n), 1.0, Some(0.2f64.powi(n)))).collect();
-        let (share, count) = curve(points).lines()[0].share().unwrap();
-        assert!((share - 0.2).abs() < 1e-9 && count == 5, "{share} of {count}");
-    }
-
-    #[test]
-    fn a_line_beyond_its_bound_or_without_a_number_spoils_the_verdict() {
-        let named = |line: &str, error| Point { line: line.into(), ..point(1.0, 1.0, error) };
-        let good = vec![named("a", Some(0.5)), named("a", Some(1e-4)), named("b", Some(9e-4))];
-        assert!(curve(good.clone()).is_within());
-        for bad in [Some(2e-3), None] {
-            let all = curve([good.clone(), vec![named("c", bad)]].concat());
-            let beyond = all.beyond();
-            assert!(!all.is_within() && beyond.len() == 1 && beyond[0].0.name == "c" && beyond[0].1 == bad);
-        }
-        assert!(!curve(Vec::new()).is_within());
-    }
-}
+#[path = "curve_tests.rs"]
+mod tests;

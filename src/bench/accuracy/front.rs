@@ -1,14 +1,13 @@
-//! All knobs at once, on a head that a sphere presses: which settings nothing beats, and three of them by name.
+//! All knobs at once, on a head that a sphere presses: which settings nothing beats, of which three have names ([`super::presets`]).
 
 use glam::{DQuat, DVec3};
 
-use super::document::{digits, ms, percent};
 use super::race::{Entrant, Rules, race, relative_error};
 use super::steps::{LONGEST, MANY, at_units, extrapolated};
-use super::{Curve, JUST_NOTICEABLE, Point, Settings};
+use super::{Curve, Judged, Point, Settings, factor};
 use crate::Result;
+use crate::bench::haptics;
 use crate::bench::haptics::head::{self, CHEEK, Skin};
-use crate::bench::{Section, Table, haptics};
 use crate::scene::{Coupling, Key, Scene, Sides};
 
 /// Of the curve.
@@ -24,9 +23,6 @@ const UNITS: usize = 3;
 const TIGHT: (f64, u32) = (1e-5, 3);
 /// The force of the most accurate setting, of the reference's.
 const BOUND: f64 = 0.05;
-/// Names, and below which error the cheapest setting has each: what is just noticed, its half, its quarter.
-pub const PRESETS: [(&str, f64); 3] =
-    [("fast", JUST_NOTICEABLE), ("balanced", JUST_NOTICEABLE / 2.0), ("accurate", JUST_NOTICEABLE / 4.0)];
 
 struct Grid {
     tolerances: &'static [f64],
@@ -36,9 +32,10 @@ struct Grid {
     spared: u32,
 }
 
-const SIDES: &[(&str, Sides)] = &[("both", Sides::Both), ("one", Sides::One)];
+/// Of each knob the finest last.
+const SIDES: &[(&str, Sides)] = &[("one", Sides::One), ("both", Sides::Both)];
 const FULL: Grid = Grid { tolerances: &[1e-1, 1e-2, 1e-3, 1e-4], newton: &[1, 2], sides: SIDES, spared: 1 };
-const QUICK: Grid = Grid { tolerances: &[1e-1, 1e-3], newton: &[1, 2], sides: SIDES, spared: 2 };
+const QUICK: Grid = Grid { tolerances: &[1e-1, 1e-2], newton: &[1, 2], sides: SIDES, spared: 2 };
 
 /// Tolerance, Newton's iterations, contact's sides and time step, each with each.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
@@ -84,24 +81,25 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         ),
         knob: "time step, ms".into(),
         stage: "solve".into(),
-        reason: reason(&points),
+        span_reason: span_reason(&points),
         points,
         bound: BOUND,
-        is_one: true,
+        judged: Judged::FinestOfAll,
         ..Curve::default()
     })
 }
 
-/// How far settings of the same time step are apart.
-fn reason(points: &[Point]) -> String {
-    let one = |own: &[Point]| {
-        let errors = || own.iter().filter_map(Point::error);
-        errors().fold(0.0, f64::max) / errors().fold(f64::INFINITY, f64::min)
-    };
-    let most = points.chunk_by(|a, b| a.line == b.line).map(one).fold(1.0, f64::max);
+/// Which knob has most of the error: how far settings of the same time step are apart, and how far time steps are.
+fn span_reason(points: &[Point]) -> String {
+    let lines: Vec<&[Point]> = points.chunk_by(|a, b| a.line == b.line).collect();
+    let least = |own: &[Point]| own.iter().filter_map(Point::error).fold(f64::INFINITY, f64::min);
+    let steps = factor(lines.iter().map(|own| least(own)).filter(|error| error.is_finite()));
+    let others = lines.iter().map(|own| factor(own.iter().filter_map(Point::error))).fold(1.0, f64::max);
+    let most =
+        if steps > others { "most of the error is the time step's" } else { "the time step has not most of the error" };
     format!(
-        "most of the error is the time step's: other knobs change it by a factor of {most:.1} at most, and steps as short as \
-         to span more are not worth their time here"
+        "{most}: the best of each step are apart by a factor of {steps:.1}, settings of one step by {others:.1} at most, and \
+         steps so short as to span more are not worth their time here"
     )
 }
 
@@ -144,46 +142,16 @@ fn scene(settings: &Settings) -> Result<(Scene, usize)> {
     Ok((scene, tetrahedra))
 }
 
-/// The setting that has each preset's name: the cheapest unflagged one below its error.
-pub fn presets(curve: &Curve) -> [(&'static str, f64, Option<&Point>); 3] {
-    PRESETS.map(|(name, below)| {
-        let fits = |point: &&Point| point.flags.is_empty() && point.error().is_some_and(|error| error < below);
-        let cheapest = curve.points.iter().filter(fits).min_by(|a, b| a.cost().total_cmp(&b.cost()));
-        (name, below, cheapest)
-    })
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// The presets as a table.
-pub fn section(curve: &Curve) -> Section {
-    let keys: Vec<String> =
-        curve.points.first().map_or(Vec::new(), |point| point.keys.iter().map(|(key, _)| key.clone()).collect());
-    let heads = ["preset", "error below"].map(String::from).into_iter().chain(keys.iter().cloned());
-    let heads = heads.chain(["ms", "of real time", "error"].map(String::from));
-    let mut table = Table::new(heads);
-    let mut found = Vec::new();
-    for (name, below, point) in presets(curve) {
-        let mut row = vec![name.to_string(), percent(below)];
-        match point {
-            Some(point) => {
-                row.extend(point.keys.iter().map(|(_, value)| value.clone()));
-                row.extend([ms(point.step_ms()), digits(point.cost()), point.error().map_or(String::new(), percent)]);
-                found.push(format!("`{name}` is {} ({} of real time)", point.setting, digits(point.cost())));
-            }
-            None => {
-                row.resize(keys.len() + 5, "none".into());
-                found.push(format!("no setting is below the {} of `{name}`", percent(below)));
-            }
-        }
-        table.rows.push(row);
-    }
-    Section {
-        title: "Presets".into(),
-        question:
-            "Which settings should a scene get that names a preset? Of the settings above without flags, the cheapest \
-                   whose error is below the preset's. A part of real time below one is faster than the world."
-                .into(),
-        table,
-        plot: None,
-        finding: format!("{}.", found.join("; ")),
+    #[test]
+    fn most_of_the_error_is_the_steps_only_where_it_is() {
+        let at = |line: &str, error| Point { line: line.into(), force_error: Some(error), ..Point::default() };
+        let told = span_reason(&[at("4 ms", 0.4), at("4 ms", 0.5), at("2 ms", 0.2), at("2 ms", 0.2)]);
+        assert!(told.starts_with("most of") && told.contains("2.0") && told.contains("1.2"), "{told}");
+        let told = span_reason(&[at("4 ms", 0.1), at("4 ms", 0.5), at("2 ms", 0.2), at("2 ms", 0.2)]);
+        assert!(told.starts_with("the time step has not"), "{told}");
     }
 }

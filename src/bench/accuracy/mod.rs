@@ -4,6 +4,7 @@ pub mod curve;
 mod document;
 mod front;
 mod precision;
+mod presets;
 mod press;
 pub mod race;
 mod space;
@@ -14,9 +15,9 @@ mod twin;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-pub use curve::{Curve, Expected, JUST_NOTICEABLE, Line, Point};
+pub use curve::{Curve, Expected, JUST_NOTICEABLE, Judged, Line, Point};
 pub use document::section;
-pub use front::presets;
+pub use presets::presets;
 
 use super::suite::{from_value, to_value};
 use super::{Benchmark, Section};
@@ -46,6 +47,9 @@ pub struct Settings {
     #[serde(skip)]
     pub replaced: Vec<(String, Vec<u8>)>,
 }
+
+/// Why errors that fall to a floor span no more.
+const SINGLE: &str = "single precision has what is left of them";
 
 type Measure = fn(&Settings, &mut dyn FnMut(&str)) -> Result<Curve>;
 
@@ -104,6 +108,16 @@ pub fn measure(name: &str, settings: &Settings, watch: &mut dyn FnMut(&str)) -> 
     measure(settings, &mut |what| watch(&format!("{name}: {what}")))
 }
 
+/// The largest of some errors over the least; 1 without any.
+fn factor(errors: impl Iterator<Item = f64>) -> f64 {
+    let (low, high) = errors.fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
+    if low < high { high / low } else { 1.0 }
+}
+
+fn curves(parts: &Map<String, Value>) -> Result<Vec<Curve>> {
+    names().filter_map(|name| parts.get(name)).map(from_value).collect()
+}
+
 /// The benchmark: a part for each curve.
 pub struct Accuracy(pub Settings);
 
@@ -133,7 +147,10 @@ impl Benchmark for Accuracy {
     }
 
     fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
-        let curves: Vec<Curve> = names().filter_map(|name| parts.get(name)).map(from_value).collect::<Result<_>>()?;
-        document::sections(&curves)
+        document::sections(&curves(parts)?)
+    }
+
+    fn faults(&self, parts: &Map<String, Value>) -> Result<Vec<String>> {
+        Ok(document::faults(&curves(parts)?))
     }
 }

@@ -1,9 +1,10 @@
 //! What single precision costs: the engine, as tight as it can be asked for, against the same steps in f64.
 
+use super::document::percent;
 use super::press::Press;
 use super::race::{Entrant, Rules, race};
 use super::twin::{Reference, reference};
-use super::{Curve, Point, Settings};
+use super::{Curve, Judged, Point, Settings, factor};
 use crate::Result;
 
 /// As tight as a scene can ask for with a purpose.
@@ -22,8 +23,11 @@ const OFFSETS: [f64; 6] = [0.1, 1.0, 10.0, 1e2, 1e3, 1e4];
 const TENTHS: [usize; 6] = [5, 10, 20, 30, 40, 80];
 /// Edge of the usual block, m.
 const EDGE: f64 = 0.1;
-/// The force that is found best along each way, of the reference's.
+/// Every force, of the reference's.
 const BOUND: f64 = 1e-3;
+
+/// An error that changes by less than this factor changes by little.
+const LITTLE: f64 = 3.0;
 
 /// Stiffness, size, place and number of steps, each from little to much.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
@@ -67,9 +71,10 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         ),
         knob: "Pa, m, m or steps".into(),
         stage: "solve".into(),
-        reason: reason(&points),
+        span_reason: span_reason(&points),
         points,
         bound: BOUND,
+        judged: Judged::Every,
         ..Curve::default()
     })
 }
@@ -79,17 +84,46 @@ fn alike(size: f64, usual: &Press) -> Press {
     Press { size, dt: size * usual.dt, seconds: size * usual.seconds, damping: size * usual.damping, ..*usual }
 }
 
-/// Along which way the error changes by what factor.
-fn reason(points: &[Point]) -> String {
-    let one = |own: &[Point]| {
-        let errors = || own.iter().filter_map(Point::error);
-        let factor = errors().fold(0.0, f64::max) / errors().fold(f64::INFINITY, f64::min);
-        format!("{factor:.1} along {}", own[0].line)
-    };
-    let all: Vec<String> = points.chunk_by(|a, b| a.line == b.line).map(one).collect();
-    format!(
-        "rounding is all that is left, and changes little from case to case, by a factor of {}: positions are measured from \
-         the tool and displacements from rest, so that neither place nor size enters",
-        all.join(", ")
-    )
+/// Along which ways the error changes by little, and along which by how much.
+fn span_reason(points: &[Point]) -> String {
+    let (mut little, mut much) = (Vec::new(), Vec::new());
+    for own in points.chunk_by(|a, b| a.line == b.line) {
+        let errors = || own.iter().filter_map(|point| Some((point.error()?, point)));
+        let by = factor(errors().map(|(error, _)| error));
+        let told = format!("{} ({by:.1})", own[0].line);
+        let most = errors().max_by(|a, b| a.0.total_cmp(&b.0));
+        match most.filter(|_| by > LITTLE) {
+            Some((error, point)) => much.push(format!("{told}, most at {} ({})", point.setting, percent(error))),
+            None => little.push(told),
+        }
+    }
+    let listed =
+        |all: &[String], what: &str| if all.is_empty() { String::new() } else { format!("{what} {}", all.join(", ")) };
+    let parts = [
+        listed(&little, "the error changes by little, a factor, along"),
+        listed(&much, "it changes by a factor with"),
+        "rounding is all that is left of it".into(),
+    ];
+    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_was_measured_and_changes_little_is_said_to() {
+        let point = |line: &str, error| Point {
+            line: line.into(),
+            setting: format!("{error}"),
+            force_error: Some(error),
+            ..Point::default()
+        };
+        let told = span_reason(&[point("stiffness", 1e-5), point("stiffness", 12.5e-5), point("offset", 1e-5)]);
+        let (little, much) = told.split_once("; it changes").unwrap();
+        assert!(little.contains("offset (1.0)") && !little.contains("stiffness"), "{told}");
+        assert!(much.contains("stiffness (12.5)") && much.contains("0.000125") && !told.contains("size"), "{told}");
+        let told = span_reason(&[point("stiffness", 1e-5), point("stiffness", 1.2e-5)]);
+        assert!(told.contains("little") && !told.contains("it changes"), "{told}");
+    }
 }

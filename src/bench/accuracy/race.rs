@@ -12,11 +12,13 @@ use crate::report::Flags;
 use crate::scene::Scene;
 use crate::step::Simulation;
 
-/// Parts of a run that are done in turn.
+/// Parts of a run that are done in turn, where it has the steps for them.
 const TURNS: usize = 10;
+/// Steps of a part, at least: a run of fewer than twice as many is done in one.
+const TURN: usize = 6;
 /// Steps whose stages are timed, which costs time of its own: every so many.
 const TIMED_EVERY: u64 = 4;
-/// Steps before those that count: they find caches cold.
+/// Steps of each part before those that count: they find caches cold.
 const WARM_UP: usize = 1;
 
 /// Who takes part: a setting, its scene, and how many steps of it.
@@ -71,7 +73,7 @@ pub fn race(
     let mut points: Vec<Point> = entrants.iter().map(|entrant| entrant.point.clone()).collect();
     for round in 0..rules.rounds {
         watch(&format!("run {} of {}", round + 1, rules.rounds));
-        for (index, (run, point)) in rounds(&entrants, rules)?.into_iter().zip(&mut points).enumerate() {
+        for (index, (run, point)) in one_round(&entrants, rules, round)?.into_iter().zip(&mut points).enumerate() {
             if round == 0 {
                 (point.force_error, point.displacement_error) = errors(index, &run);
                 point.iterations = crate::bench::median(&run.iterations.iter().map(|&n| n.into()).collect::<Vec<_>>());
@@ -92,7 +94,7 @@ pub fn run(scene: &Scene, steps: usize, options: &Options) -> Result<Run> {
     run.finish(&simulation)
 }
 
-fn rounds(entrants: &[Entrant], rules: &Rules) -> Result<Vec<Run>> {
+fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Run>> {
     let open = |entrant: &Entrant| -> Result<(Simulation, Run)> {
         let mut simulation = Simulation::new(&entrant.scene, rules.options, None)?;
         simulation.time_every(TIMED_EVERY)?;
@@ -101,23 +103,30 @@ fn rounds(entrants: &[Entrant], rules: &Rules) -> Result<Vec<Run>> {
     let mut under_way = entrants.iter().map(open).collect::<Result<Vec<_>>>()?;
     for turn in 1..=TURNS {
         let forward = (0..under_way.len()).collect::<Vec<_>>();
-        let order = if turn % 2 == 1 { forward } else { forward.into_iter().rev().collect() };
+        let order = if (turn + round) % 2 == 1 { forward } else { forward.into_iter().rev().collect() };
         for index in order {
             let (simulation, run) = &mut under_way[index];
-            let due = (entrants[index].steps * turn).div_ceil(TURNS) - run.times.len();
+            let due = done(entrants[index].steps, turn) - run.times.len();
             run.add_steps(simulation, due, rules.stages)?;
         }
     }
     under_way.into_iter().map(|(simulation, run)| run.finish(&simulation)).collect()
 }
 
+/// How many of its steps a run has done after a turn. Short ones have few turns, in the middle of all: else most of their
+/// steps would be the first of a turn, and find caches cold.
+fn done(steps: usize, turn: usize) -> usize {
+    let own = (steps / TURN).clamp(1, TURNS);
+    steps * ((turn * own + TURNS / 2) / TURNS) / own
+}
+
 impl Run {
     fn add_steps(&mut self, simulation: &mut Simulation, steps: usize, stages: &[&str]) -> Result<()> {
-        for _ in 0..steps {
+        for step in 0..steps {
             let begun = Instant::now();
             let row = simulation.step()?;
             let time = begun.elapsed().as_secs_f64() * 1e6;
-            if self.times.len() >= WARM_UP {
+            if step >= WARM_UP {
                 match simulation.stage_times() {
                     Some(times) => self.add_stage(times, stages),
                     None => self.step_us.push(time),
@@ -158,6 +167,17 @@ pub fn relative_error(found: &[DVec3], reference: &[DVec3]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_run_is_done_in_turns_of_enough_steps() {
+        for steps in 1..400 {
+            let turns: Vec<usize> = (1..=TURNS).map(|turn| done(steps, turn) - done(steps, turn - 1)).collect();
+            assert_eq!((done(steps, 0), done(steps, TURNS)), (0, steps));
+            assert!(turns.iter().all(|&own| own == 0 || own >= TURN.min(steps)), "{steps}: {turns:?}");
+        }
+        let turns = |steps| (1..=TURNS).filter(|turn| done(steps, *turn) > done(steps, turn - 1)).count();
+        assert_eq!([6, 12, 60, 384].map(turns), [1, 2, 10, 10]);
+    }
 
     #[test]
     fn errors_are_of_the_largest_and_none_where_they_are_no_numbers() {

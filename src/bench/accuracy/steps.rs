@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::press::Press;
 use super::race::{Entrant, Rules, Run, race, relative_error, run};
 use super::twin::{Reference, reference};
-use super::{Curve, Expected, Point, Settings};
+use super::{Curve, Expected, Point, SINGLE, Settings};
 use crate::Result;
 use crate::gpu::Options;
 use crate::scene::{Law, Scene};
@@ -49,6 +49,11 @@ pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
     let points = race(entrants, &rules, watch, &mut |halvings, run| {
         (relative_error(&at_units(run, 1 << halvings), &reference), None)
     })?;
+    let order_reason = format!(
+        "the longest step is a third of the press, which an error of higher order enters; at {} it is {}",
+        points.last().map_or("", |point| &point.setting),
+        super::curve::last_order(&points).map_or("not to be told".into(), |order| format!("{order:.2}"))
+    );
     let shortest = 1e3 * LONGEST / f64::from(1u32 << (most + beyond));
     Ok(Curve {
         name: "time-step".into(),
@@ -64,7 +69,8 @@ pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         stage: "solve".into(),
         points,
         expected: Some(Expected { order: 1.0, law: "implicit Euler".into(), ..Expected::default() }),
-        reason: format!(
+        order_reason,
+        span_reason: format!(
             "steps whose lengths have a ratio of {} give a first-order error no more than {:.1}",
             1u32 << most,
             f64::from(1u32 << most).log10()
@@ -111,6 +117,7 @@ pub fn by_newton(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Cur
         knob: "Newton's iterations".into(),
         stage: "elastic and solve".into(),
         points,
+        span_reason: SINGLE.into(),
         share: "the stiffness leaves out how rotations of the elements turn with the strain".into(),
         bound: NEWTON_BOUND,
         ..Curve::default()

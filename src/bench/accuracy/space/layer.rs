@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::limit::limit;
 use super::press::{HALF_WIDTH, HEIGHT, Press};
 use super::shapes::{Folder, ball, dome};
-use super::{entrant, error_against, errors_of, force, local_orders, press};
+use super::{entrant, error_against, force, press};
 use crate::Result;
 use crate::bench::accuracy::race::{Entrant, Rules, race};
 use crate::bench::accuracy::{Curve, Expected, Settings};
@@ -117,12 +117,11 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
     };
     let rules = Rules { rounds: settings.rounds, stages: STAGES, options: &settings.options() };
     let points = race(entrants, &rules, watch, &mut |index, run| error_against(limits[index], run))?;
-    let told = lines.iter().map(|line| told(line.name, &errors_of(&points, line.name, "")));
-    let reason = format!(
-        "what nodes lie under the ball changes from mesh to mesh, and coarse ones have few: from mesh to finer mesh the order is \
-         {}; an error that falls with the square of the cell needs cells ten times as fine, a thousand times as many, for two \
-         powers of ten",
-        told.collect::<Vec<_>>().join("; ")
+    let ratio = f64::from(finest) / f64::from(all_cells[0]);
+    let span_reason = format!(
+        "cells whose sizes have a ratio of {ratio:.1} give an error of order 2 no more than {:.1}, and two need cells ten times \
+         as fine, a thousand times as many",
+        ORDER * ratio.log10()
     );
     let [coarse, fine] = references;
     Ok(Curve {
@@ -143,13 +142,9 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
             is_of_shape: false,
             law: "linear elements: energies, and so forces at given ways, with the square of the cell".into(),
         }),
-        reason,
+        order_reason: "what nodes lie under the ball changes from mesh to mesh, and coarse ones have few".into(),
+        span_reason,
         bound: BOUND,
         ..Curve::default()
     })
-}
-
-fn told(name: &str, pairs: &[(f64, f64)]) -> String {
-    let orders: Vec<String> = local_orders(pairs).iter().map(|order| format!("{order:.1}")).collect();
-    format!("{} ({name})", orders.join(", "))
 }

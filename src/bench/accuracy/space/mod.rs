@@ -47,26 +47,9 @@ fn error_against(reference: f64, run: &Run) -> Errors {
     (error.is_finite().then_some(error), None)
 }
 
-/// Orders between neighbours of a line: lengths and errors, the coarsest first.
-fn local_orders(pairs: &[(f64, f64)]) -> Vec<f64> {
-    pairs.windows(2).map(|w| (w[0].1 / w[1].1).ln() / (w[0].0 / w[1].0).ln()).collect()
-}
-
-/// The knob and the error of each point of a line that has one above zero.
-fn errors_of(points: &[Point], panel: &str, line: &str) -> Vec<(f64, f64)> {
-    let own = points.iter().filter(|point| point.panel == panel && point.line == line);
-    own.filter_map(|point| Some((point.value, point.force_error.filter(|error| *error > 0.0)?))).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn local_orders_are_those_of_neighbours() {
-        let orders = local_orders(&[(1.0, 0.4), (0.5, 0.2), (0.25, 0.05)]);
-        assert!((orders[0] - 1.0).abs() < 1e-12 && (orders[1] - 2.0).abs() < 1e-12);
-    }
 
     #[test]
     fn a_force_is_judged_by_its_size_and_no_number_has_no_error() {

@@ -4,7 +4,7 @@ use super::press::{Body, Press};
 use super::{at_rest, entrant, error_against, force};
 use crate::Result;
 use crate::bench::accuracy::race::{Entrant, Rules, race};
-use crate::bench::accuracy::{Curve, Settings};
+use crate::bench::accuracy::{Curve, Judged, Settings};
 
 /// Convex hulls at most.
 const HULLS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
@@ -45,12 +45,13 @@ pub fn by_proxies(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Cu
         stage: STAGES.concat(),
         points,
         expected: None,
-        reason: format!(
+        span_reason: format!(
             "proxies say what may touch, contacts themselves say how: forces with 1 to {} hulls lie within {:.1e} of each other",
             HULLS[HULLS.len() - 1],
             high / low - 1.0
         ),
         bound: BOUND,
+        judged: Judged::Every,
         ..Curve::default()
     })
 }

@@ -6,7 +6,7 @@ use super::layer::{block, fine_ball};
 use super::limit::limit;
 use super::press::{Body, HEIGHT, Press, YOUNG};
 use super::shapes::Folder;
-use super::{entrant, error_against, errors_of, force, local_orders};
+use super::{entrant, error_against, force};
 use crate::Result;
 use crate::bench::accuracy::race::{Entrant, Rules, race};
 use crate::bench::accuracy::{Curve, Expected, Point, Settings};
@@ -82,8 +82,6 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         ..point
     });
     points.extend(again.collect::<Vec<_>>());
-    let orders: Vec<String> =
-        local_orders(&errors_of(&points, LIMIT, "")).iter().map(|order| format!("{order:.2}")).collect();
     Ok(Curve {
         name: "stiffness".into(),
         title: "Contact stiffness".into(),
@@ -105,11 +103,11 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
             law: "a spring gives way by its pressure over its stiffness".into(),
             is_of_shape: false,
         }),
-        reason: format!(
-            "the springs' way is small beside the ball's only at last; from setting to setting the order against the limit is {}; \
-             against the law an error of its own and of the mesh is left",
-            orders.join(", ")
-        ),
+        order_reason:
+            "the springs' way is small beside the ball's only at last; against the law an error of its own and of the \
+                       mesh is left"
+                .into(),
+        span_reason: "at the softest the error is the whole force, which is the most that it can be".into(),
         bound: BOUND,
         ..Curve::default()
     })

@@ -16,9 +16,9 @@ use crate::scene::DepthPath;
 use crate::{Error, Result};
 
 /// Edges of the engine's squares, m.
-const TEXELS: [f64; 6] = [5e-4, 1e-3, 2e-3, 3e-3, 5e-3, 1e-2];
+const TEXELS: [f64; 6] = [1e-2, 5e-3, 3e-3, 2e-3, 1e-3, 5e-4];
 /// And of the sampled ones.
-const SAMPLED: [f64; 7] = [1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2];
+const SAMPLED: [f64; 7] = [1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4];
 const PATHS: [DepthPath; 2] = [DepthPath::Compute, DepthPath::Graphics];
 /// Skin vertices of the head, in full and in short.
 const VERTICES: [usize; 2] = [20_000, 8_000];
@@ -72,7 +72,7 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
         stage: STAGES.concat(),
         points,
         expected: None,
-        reason: format!(
+        span_reason: format!(
             "squares only share out the work, every vertex has its own ray: of {all} forces of steps {others} differ in a bit \
              from the reference's, and the errors that there are belong to sampled depths"
         ),
