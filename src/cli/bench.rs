@@ -81,7 +81,8 @@ fn benchmarks(arguments: &Arguments) -> Vec<Box<dyn Benchmark>> {
     ]
 }
 
-/// Measures or joins, writes what was found, prints it, and compares it.
+/// Measures or joins, writes what was found, prints it, and compares it. Errors after all that: something became worse, or is
+/// not within its bounds.
 pub fn bench(arguments: &Arguments) -> Result<()> {
     let benchmarks = benchmarks(arguments);
     let asked = asked(&arguments.names, &benchmarks)?;

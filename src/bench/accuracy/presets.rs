@@ -56,38 +56,28 @@ pub fn section(curve: &Curve) -> Section {
     section_of(curve, &scene::preset::PRESETS)
 }
 
+/// What a preset decides, of what is varied.
+const KEYS: [&str; 4] = ["step.dt", "step.newton", "solver.tolerance", "contact.sides"];
+
 fn section_of(curve: &Curve, shipped: &[Preset]) -> Section {
-    let keys = ["step.dt", "step.newton", "solver.tolerance", "contact.sides"];
-    let heads =
-        ["preset", "error below"].into_iter().chain(keys).chain(["ms", "of real time", "error", "is it shipped"]);
+    let heads = ["preset", "error below"].into_iter().chain(KEYS);
+    let heads = heads.chain(["ms", "of real time", "error", "is it shipped"]);
     let mut table = Table::new(heads.map(String::from));
     let mut said = Vec::new();
     for (name, below, point) in presets(curve) {
-        let mut row = vec![name.to_string(), percent(below)];
-        match point {
-            Some(point) => {
-                let value = |name: &str| point.keys.iter().find(|(key, _)| key == name).map_or("", |(_, value)| value);
-                row.extend(keys.map(|key| value(key).to_string()));
-                row.extend([ms(point.step_ms()), digits(point.cost()), point.error().map_or(String::new(), percent)]);
-                said.push(format!("`{name}` is {} ({} of real time)", point.setting, digits(point.cost())));
-            }
-            None => {
-                row.resize(keys.len() + 5, "none".into());
-                said.push(format!("no setting is below the {} of `{name}`", percent(below)));
-            }
-        }
+        said.push(match point {
+            Some(point) => format!("`{name}` is {} ({} of real time)", point.setting, digits(point.cost())),
+            None => format!("no setting is below the {} of `{name}`", percent(below)),
+        });
         let shipped = shipped.iter().find(|shipped| shipped.name == name);
         let wrong = match shipped {
             Some(shipped) => disagreement(curve, shipped, below, point),
             None => Some("has no setting".into()),
         };
-        row.push(wrong.clone().map_or("agrees".into(), |wrong| format!("no: {wrong}")));
-        table.rows.push(row);
-        if let Some(s) = shipped {
-            let own = [format!("{:.6}", s.dt), s.newton.to_string(), format!("{:e}", s.tolerance), sides(s).into()];
-            let row = [format!("{name}, shipped"), String::new()].into_iter().chain(own);
-            table.rows.push(row.chain(std::iter::repeat_n(String::new(), 4)).collect());
-        }
+        let agrees = wrong.clone().map_or("agrees".into(), |wrong| format!("no: {wrong}"));
+        let names = [name.to_string(), percent(below)];
+        table.rows.push(names.into_iter().chain(found(point)).chain([agrees]).collect());
+        table.rows.extend(shipped.map(row));
         said.push(match wrong {
             Some(wrong) => format!("what is shipped as `{name}` does NOT agree: it {wrong}"),
             None => "what is shipped agrees".into(),
@@ -104,6 +94,22 @@ fn section_of(curve: &Curve, shipped: &[Preset]) -> Section {
         plot: None,
         finding: format!("{}.", said.join("; ")),
     }
+}
+
+/// Settings, times and error of what was found.
+fn found(point: Option<&Point>) -> Vec<String> {
+    let Some(point) = point else { return vec!["none".into(); KEYS.len() + 3] };
+    let value = |name: &str| point.keys.iter().find(|(key, _)| key == name).map_or("", |(_, value)| value);
+    let mut row = KEYS.map(|key| value(key).to_string()).to_vec();
+    row.extend([ms(point.step_ms()), digits(point.cost()), point.error().map_or(String::new(), percent)]);
+    row
+}
+
+/// What is shipped, under the columns of what was found.
+fn row(s: &Preset) -> Vec<String> {
+    let own = [format!("{:.6}", s.dt), s.newton.to_string(), format!("{:e}", s.tolerance), sides(s).into()];
+    let row = [format!("{}, shipped", s.name), String::new()].into_iter().chain(own);
+    row.chain(std::iter::repeat_n(String::new(), 4)).collect()
 }
 
 #[cfg(test)]
