@@ -84,6 +84,7 @@ mod tests {
         "scene/load.rs",
         "scene/material.rs",
         "scene/mod.rs",
+        "scene/preset.rs",
         "scene/skeleton.rs",
         "scene/tests.rs",
     ];
