@@ -7,6 +7,8 @@ use super::{Document, Section, Table};
 const STYLE: &str = include_str!("page.css");
 /// Characters; a longer cell is words.
 const LONGEST_NUMBER: usize = 20;
+/// A table of so many columns is set smaller.
+const WIDE: usize = 11;
 
 impl Document {
     /// The page. What is said between backquotes is set as code, as in Markdown.
@@ -82,7 +84,8 @@ fn write_table(page: &mut String, table: &Table) {
         }
         page.push_str("</tr>\n");
     };
-    page.push_str("<div class=\"table\"><table>\n<thead>");
+    let class = if table.heads.len() >= WIDE { " class=\"wide\"" } else { "" };
+    let _ = write!(page, "<div class=\"table\"><table{class}>\n<thead>");
     row(page, &table.heads, "th");
     page.push_str("</thead>\n<tbody>\n");
     table.rows.iter().for_each(|cells| row(page, cells, "td"));
@@ -95,13 +98,14 @@ fn is_text(table: &Table, column: usize) -> bool {
     cells.any(|cell| cell.chars().count() > LONGEST_NUMBER && cell.contains(' '))
 }
 
-fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// Escaped, with code between backquotes.
 fn set(text: &str) -> String {
-    let escaped = escaped(text);
+    // A number and its sign stay on one line.
+    let escaped = escaped(text).replace(" %", "\u{a0}%");
     let pieces: Vec<&str> = escaped.split('`').collect();
     // An odd backquote stands for itself.
     if pieces.len().is_multiple_of(2) {

@@ -1,6 +1,6 @@
 //! `palpate bench`: measures, prints the report, and writes it with every sample; joins shards; compares with before.
 
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
@@ -16,7 +16,7 @@ use palpate::bench::{Benchmark, Results};
 use palpate::report::Output;
 use palpate::{Error, Result};
 
-use crate::print;
+use crate::{print, watch};
 
 const RESULTS: &str = "results.json";
 const REPORT: &str = "report.html";
@@ -108,7 +108,9 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     output.map_or(Ok(()), Output::commit)?;
     print(&document.markdown())?;
     failed.extend(suite::faults(&benchmarks, &results)?);
-    old.map_or(Ok(()), |old| compared(&old, &results))?;
+    if let Some(old) = old {
+        failed.extend(compared(&old, &results)?);
+    }
     if failed.is_empty() { Ok(()) } else { Err(Error::Simulation(failed.join("; "))) }
 }
 
@@ -138,8 +140,8 @@ fn results_in(path: &Path) -> Result<Results> {
     if path.is_dir() { suite::read(&path.join(RESULTS)) } else { suite::read(path) }
 }
 
-/// Prints the ratios. Errors: something became worse.
-fn compared(old: &Results, new: &Results) -> Result<()> {
+/// Prints the ratios; says how many became worse, if any did. Errors: the two cannot be compared.
+fn compared(old: &Results, new: &Results) -> Result<Option<String>> {
     let (all, lonely) = compare::compare(old, new)?;
     let of = |head: &Head| format!("{} ({}), commit {}", head.device, head.driver, head.commit);
     let count = |verdict| all.iter().filter(|c| c.verdict == verdict).count();
@@ -155,17 +157,5 @@ fn compared(old: &Results, new: &Results) -> Result<()> {
         all.len(),
         if lonely.is_empty() { "nothing".into() } else { lonely.join(", ") }
     ))?;
-    match worse {
-        0 => Ok(()),
-        _ => Err(Error::Simulation(format!("{worse} of {} are slower or less accurate than before", all.len()))),
-    }
-}
-
-/// What is under way, for whoever waits at a terminal.
-fn watch(what: &str) {
-    let mut stderr = std::io::stderr();
-    if stderr.is_terminal() {
-        // A closed stderr does not stop a measurement.
-        drop(writeln!(stderr, "{what}"));
-    }
+    Ok((worse > 0).then(|| format!("{worse} of {} are slower or less accurate than before", all.len())))
 }

@@ -12,7 +12,7 @@ mod replay;
 mod run;
 mod stability;
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
@@ -85,6 +85,15 @@ fn usage(error: &clap::Error) -> ExitCode {
 /// Something to know, on standard error; a closed one stops nothing.
 fn tell(note: &str) {
     drop(writeln!(std::io::stderr(), "note: {note}"));
+}
+
+/// Tells whoever waits at a terminal what is under way.
+fn watch(what: &str) {
+    let mut stderr = std::io::stderr();
+    if stderr.is_terminal() {
+        // A closed stderr does not stop a measurement.
+        drop(writeln!(stderr, "{what}"));
+    }
 }
 
 /// Prints to standard output. Whoever closed the other end has read enough: that is not an error.

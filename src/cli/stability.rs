@@ -8,7 +8,7 @@ use palpate::report::Output;
 use palpate::stability::{self, Settings, axes};
 use palpate::{Error, Result};
 
-use crate::print;
+use crate::{print, watch};
 
 const RESULTS: &str = "results.json";
 const REPORT: &str = "report.html";
@@ -68,12 +68,6 @@ fn in_short(faults: &[String]) -> String {
     let more = if faults.len() > TOLD { "; the report has the others" } else { "" };
     let cases = if faults.len() == 1 { "case fails" } else { "cases fail" };
     format!("{} {cases} that must not: {first}{more}", faults.len())
-}
-
-/// What is done, for whoever waits.
-fn watch(what: &str) {
-    // A closed stderr stops nothing.
-    drop(writeln!(std::io::stderr(), "{what}"));
 }
 
 fn axis_name(text: &str) -> std::result::Result<String, String> {

@@ -11,7 +11,8 @@ use crate::stages::model::Model;
 pub struct Feature {
     /// Its name.
     pub feature: &'static str,
-    /// Whether the step does it; if not, nothing of it is recorded.
+    /// Whether the step does it; if not, it has no passes and no arrays. What has none of its own (the 6x6 stiffness,
+    /// damping, the weight) is a branch that its kernel skips, or a factor of zero.
     pub used: bool,
     /// Why, or why not.
     pub reason: String,

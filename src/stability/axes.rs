@@ -1,13 +1,12 @@
 //! The rows of the matrix: what is varied, and along which values.
 
-use std::path::Path;
-
 use glam::DVec3;
 
 use super::cases::{Case, both, hang, press, release, rest, sphere, spin, still, teleport, throw, thrust};
 use super::meshes;
 use super::setup::{Bound, Setup};
 use crate::Result;
+use crate::bench::meshes::MeshFolder;
 use crate::scene::Law;
 
 /// A value of an axis.
@@ -64,7 +63,7 @@ pub struct Extent<'a> {
     /// A million steps of resting contact.
     pub is_soak: bool,
     /// Where meshes are written.
-    pub folder: &'a Path,
+    pub folder: &'a MeshFolder,
 }
 
 fn with(change: impl Fn(&mut Setup)) -> Setup {
@@ -290,7 +289,7 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
             let setup = with(|s| s.mesh = Some(mesh.clone())).damped();
             let on_floor = rest(setup.clone(), if extent.is_quick { 600 } else { 2000 });
             let cell = |label: &str, case| Cell { label: label.into(), is_core: true, cases: vec![case] };
-            let cells = vec![cell("held by a face", hang(setup)), cell("on a floor", on_floor)];
+            let cells = vec![cell("by a face", hang(setup)), cell("on a floor", on_floor)];
             Axis { name: "tetrahedron", title: "A single tetrahedron", cells }
         }
         "bound" => {
@@ -300,7 +299,7 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
                 let cases = cases.map(|c| if is_still { still(c) } else { c }).collect();
                 Cell { label: label.into(), is_core: true, cases }
             };
-            let cells = vec![cell("all but one node", Bound::AllButOne, false), cell("all nodes", Bound::All, true)];
+            let cells = vec![cell("all but one", Bound::AllButOne, false), cell("all", Bound::All, true)];
             Axis { name: "bound", title: "Nodes bound", cells }
         }
         _ => return Ok(None),

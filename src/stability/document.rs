@@ -1,6 +1,6 @@
 //! The report of the matrix: the picture, where the safe region of each axis ends, and every case that did not pass.
 
-use super::laws::Verdict;
+use super::laws::{Law, Verdict};
 use super::{AxisResult, Judged, Results, heat_map, reasons};
 use crate::bench::document::{Chapter, Document, Section, Table};
 use crate::report::Flags;
@@ -36,7 +36,7 @@ pub fn document(results: &Results) -> Document {
                    flag was raised. Degraded: a flag was raised, and energy and force keep their bounds. Fail: they do \
                    not, and a flag says so. Silent failure: a law is broken in a step without a flag."
                 .into(),
-        table: laws(),
+        table: laws(results),
         plot: Some(heat_map::svg(results)),
         finding,
     };
@@ -45,19 +45,26 @@ pub fn document(results: &Results) -> Document {
     Document { title: "Stability on stiff and extreme cases".into(), preface, chapters: vec![chapter] }
 }
 
-fn laws() -> Table {
-    let mut table = Table::new(["law", "bound"]);
+/// Each law, its bound, and how many cases it was held against.
+fn laws(results: &Results) -> Table {
+    let mut table = Table::new(["law", "bound", "cases"]);
     for (law, bound) in [
-        ("finite", "all that a step tells is a number"),
-        ("energy", "at most the start's and what was put in, within 1e-3 of what was turned over"),
-        ("force", "contact stiffness times depth, and damping times speed, over twice the sphere's cross-section"),
-        ("residual", "b - A x in f64: 1e-3 of b or of weight, or f32's rounding"),
-        ("balance", "force, weight and coupling move the tool: within 1e-2 of the largest"),
-        ("rest", "kinetic energy falls as the slowest mode of the mesh does, or to 1e-4 of what was turned over"),
-        ("drift", "what nothing moves stays within 1e-5 of its edge"),
-        ("shape", "what was stretched, pressed or turned inside out is back within a tenth of its edge"),
+        (Law::Finite, "all that a step tells is a number"),
+        (Law::Energy, "at most the start's and what was put in, within 1e-3 of what was turned over"),
+        (Law::Force, "contact stiffness times depth, and damping times speed, over twice the sphere's cross-section"),
+        (Law::Residual, "while nothing touches, b - A x in f64: 1e-3 of b or of weight, or f32's rounding"),
+        (Law::Balance, "force, weight and coupling move the tool: within 1e-2 of the largest"),
+        (
+            Law::Rest,
+            "kinetic energy falls as the slowest mode of the mesh does, or to 1e-4 of what was turned over; nothing is \
+             promised where the case is too short for that mode",
+        ),
+        (Law::Drift, "what nothing moves stays within 1e-5 of its edge"),
+        (Law::Shape, "what was stretched, pressed or turned inside out is back within a tenth of its edge"),
     ] {
-        table.rows.push(vec![law.into(), bound.into()]);
+        let is_held = |judged: &Judged| judged.findings.iter().any(|finding| finding.law == law);
+        let cases = results.cases().filter(|(_, _, case)| is_held(case)).count();
+        table.rows.push(vec![law.name().into(), bound.into(), cases.to_string()]);
     }
     table
 }

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::laws::Verdict;
 use super::{AxisResult, CellResult, Results};
+use crate::bench::page::escaped;
 
 /// Of the whole picture, px.
 const WIDTH: usize = 1240;
@@ -91,8 +92,4 @@ fn cell_at(svg: &mut String, cell: &CellResult, x: usize, y: usize, width: usize
         y + 17,
         y + 33
     );
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
 }

@@ -1,18 +1,18 @@
 //! Meshes of the matrix that no scene makes by itself: a block with a layer of slivers, a single tetrahedron.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::DVec3;
 
-use super::setup::write_mesh;
 use crate::Result;
+use crate::bench::meshes::MeshFolder;
 use crate::prepare::layer::kuhn_box;
 
 /// Cells an edge.
 const CELLS: u32 = 4;
 
 /// A cube whose second layer of cells is so thin that its tetrahedra have this dihedral angle (degrees) at least.
-pub fn slivers(folder: &Path, angle: f64, edge: f64) -> Result<PathBuf> {
+pub fn slivers(folder: &MeshFolder, angle: f64, edge: f64) -> Result<PathBuf> {
     let mut layer = kuhn_box(DVec3::ZERO, DVec3::splat(edge), [3, CELLS, 3]);
     let cell = edge / 3.0;
     let thin = cell * angle.to_radians().tan();
@@ -21,11 +21,11 @@ pub fn slivers(folder: &Path, angle: f64, edge: f64) -> Result<PathBuf> {
     for node in &mut layer.nodes {
         node.y = heights[(node.y / edge * f64::from(CELLS)).round() as usize];
     }
-    write_mesh(folder, &format!("slivers-{angle}"), &layer.nodes, &layer.tetrahedra)
+    folder.layer(&format!("slivers-{angle}"), &layer.nodes, &layer.tetrahedra)
 }
 
 /// One tetrahedron with a face in x = 0.
-pub fn tetrahedron(folder: &Path, edge: f64) -> Result<PathBuf> {
+pub fn tetrahedron(folder: &MeshFolder, edge: f64) -> Result<PathBuf> {
     let corners = [DVec3::ZERO, DVec3::Y * edge, DVec3::Z * edge, DVec3::X * edge];
-    write_mesh(folder, "tetrahedron", &corners, &[[0, 1, 2, 3]])
+    folder.layer("tetrahedron", &corners, &[[0, 1, 2, 3]])
 }

@@ -140,10 +140,12 @@ impl Results {
         cells.flat_map(|(axis, cell)| cell.cases.iter().map(move |case| (axis, cell, case)))
     }
 
-    /// What must not happen: failures without a flag, and cases of the core that do not pass. A line each.
+    /// What must not happen: failures without a flag, scenes that are refused, and cases of the core that do not pass. A line
+    /// each.
     pub fn faults(&self) -> Vec<String> {
         let bad = self.cases().filter(|(_, cell, case)| {
-            case.verdict == Verdict::Silent || (cell.is_core && case.verdict != Verdict::Pass)
+            let is_fault = matches!(case.verdict, Verdict::Silent | Verdict::Refused);
+            is_fault || (cell.is_core && case.verdict != Verdict::Pass)
         });
         let line = |(axis, cell, case): (&AxisResult, &CellResult, &Judged)| {
             format!("{} {}, {}: {}", axis.name, cell.label, case.scenario, case.verdict.name())

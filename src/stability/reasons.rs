@@ -54,7 +54,7 @@ fn remedy(axis: &str) -> Option<&'static str> {
             "the coupling pushes harder than the block can bear: a softer one, or a higher depth_limit"
         }
         "gravity" | "density" => "the block cannot bear the load: a stiffer material",
-        "young" => "far outside of what the sphere and its coupling can be felt with",
+        "young" => "its own weight and the sphere crush so soft a block: a stiffer material",
         _ => return None,
     })
 }

@@ -1,6 +1,5 @@
 //! Runs the matrix, several cases side by side: each is a small simulation of one thread.
 
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::Instant;
@@ -13,6 +12,7 @@ use super::laws::{self, Promise, Verdict};
 use super::modes;
 use super::trace::{Observer, Sample};
 use super::{AxisResult, CellResult, Judged, Results, Settings};
+use crate::bench::meshes::MeshFolder;
 use crate::gpu::{Context, Options};
 use crate::prepare::Shape;
 use crate::step::Simulation;
@@ -28,8 +28,8 @@ pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> 
     let context = Context::new(&options(settings))?;
     let (device, driver) = (context.device_name().to_string(), context.driver().to_string());
     let threads = std::thread::available_parallelism().map_or(1, Into::into);
-    let folder = Folder::new()?;
-    let extent = Extent { is_quick: settings.is_quick, is_soak: settings.is_soak, folder: &folder.0 };
+    let folder = MeshFolder::new()?;
+    let extent = Extent { is_quick: settings.is_quick, is_soak: settings.is_soak, folder: &folder };
     let wanted = |name: &&&str| settings.only.is_empty() || settings.only.iter().any(|only| only == **name);
     let axes: Vec<Axis> = axes::NAMES
         .iter()
@@ -144,12 +144,12 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
 }
 
 /// What the case promises, with what must be left of its motion: as its slowest mode decays, and ten times that, since what
-/// swings at first has not only one mode.
+/// swings at first has not only one mode. Where that is all of it, nothing is promised of rest.
 fn promise(case: &Case, observer: &Observer) -> Result<Promise> {
     let Some(settling) = case.settling else { return Ok(case.promise) };
     let decay = modes::slowest_decay(observer.body(), case.setup.dt)?.max(settling.other);
-    let left = (10.0 * decay.powf(2.0 * settling.steps as f64)).min(1.0);
-    Ok(Promise { rest: Some(left), ..case.promise })
+    let left = 10.0 * decay.powf(2.0 * settling.steps as f64);
+    Ok(Promise { rest: Some(left).filter(|left| *left < 1.0), ..case.promise })
 }
 
 fn judged(case: &Case, samples: &[Sample], promise: &Promise, begun: Instant) -> Judged {
@@ -182,23 +182,4 @@ fn begin(simulation: &mut Simulation, case: &Case) -> Result<()> {
         }
     };
     simulation.place_nodes(0, &displacements, &velocities)
-}
-
-/// A folder for meshes, gone with the run.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new() -> Result<Folder> {
-        let path = std::env::temp_dir().join(format!("palpate-stability-{}", std::process::id()));
-        let make = |path: &Path| std::fs::create_dir_all(path);
-        make(&path).map_err(|source| Error::Output { file: path.clone(), source })?;
-        Ok(Folder(path))
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // What is left of it is the system's to clear.
-        drop(std::fs::remove_dir_all(&self.0));
-    }
 }

@@ -1,6 +1,6 @@
 //! Scenes of the matrix: a block that hangs from a face and is let go, or that a sphere is pressed into, all else as asked.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
 
@@ -197,17 +197,4 @@ impl Setup {
 
 fn core(bind: Bind) -> Core {
     Core { name: "held".into(), motion: Motion::Fixed, bind: Some(bind), mass: None, hinge: None }
-}
-
-/// Writes a mesh as TetGen does, and gives its name.
-pub fn write_mesh(folder: &Path, name: &str, nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> crate::Result<PathBuf> {
-    let file = folder.join(format!("{name}.node"));
-    let points = nodes.iter().enumerate().map(|(k, x)| format!("{k} {:?} {:?} {:?}\n", x.x, x.y, x.z));
-    let points: String = std::iter::once(format!("{} 3 0 0\n", nodes.len())).chain(points).collect();
-    let four = tetrahedra.iter().enumerate().map(|(k, [a, b, c, d])| format!("{k} {a} {b} {c} {d}\n"));
-    let four: String = std::iter::once(format!("{} 4 0\n", tetrahedra.len())).chain(four).collect();
-    for (path, text) in [(file.clone(), points), (file.with_extension("ele"), four)] {
-        std::fs::write(&path, text).map_err(|source| crate::Error::Output { file: path, source })?;
-    }
-    Ok(file)
 }

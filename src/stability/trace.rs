@@ -1,6 +1,8 @@
 //! What a step did, measured from outside in f64: energies, work, and what the equations of motion are missed by. Shares no
 //! code with the shaders.
 
+use std::collections::{HashMap, HashSet};
+
 use glam::{DMat3, DQuat, DVec3};
 
 use super::setup::RADIUS;
@@ -25,7 +27,7 @@ pub struct Sample {
     pub energy: f64,
     /// J.
     pub kinetic: f64,
-    /// Work of the device, and energy of contacts that were first found inside, since the start, J.
+    /// Work of the device, and energy of contacts that were found inside, since the start, J.
     pub supplied: f64,
     /// What bounds rounding of `energy`: the sum of its parts' sizes, J.
     pub turned_over: f64,
@@ -68,7 +70,10 @@ pub struct Observer {
     velocity: Vec<DVec3>,
     tool: Option<(DVec3, DVec3)>,
     device: Option<(DVec3, DQuat)>,
-    known: Vec<(u32, u32)>,
+    /// Side and vertex of what touches.
+    touching: HashSet<(u32, u32)>,
+    /// The most that each vertex that ever touched could press, J.
+    pressed: HashMap<(u32, u32), f64>,
     start: Option<DVec3>,
     tool_start: DVec3,
     supplied: f64,
@@ -97,7 +102,8 @@ impl Observer {
             tool: tool.map(|t| (t.centre, t.velocity)),
             tool_start: tool.map_or(DVec3::ZERO, |t| t.centre),
             device: tool.map(|t| (t.centre, t.orientation)),
-            known: Vec::new(),
+            touching: HashSet::new(),
+            pressed: HashMap::new(),
             start: None,
             supplied: 0.0,
             edge,
@@ -168,14 +174,22 @@ impl Observer {
         Ok(sample)
     }
 
-    /// Contacts that were first found inside bring energy with them.
+    /// A contact that is found inside brings energy with it: what it can press beyond all that it had pressed before. One
+    /// that comes and goes brings it once.
     fn contacts(&mut self, touch: &[crate::stages::types::Contact]) {
         let stiffest = touch.iter().map(|c| c.stiffness).fold(0.0, f32::max);
-        let key = |c: &crate::stages::types::Contact| (c.side, c.vertex);
-        for contact in touch.iter().filter(|c| !self.known.contains(&key(c))) {
-            self.supplied += 0.5 * f64::from(stiffest * contact.area) * f64::from(contact.depth).powi(2);
+        let mut now = HashSet::new();
+        for contact in touch {
+            let key = (contact.side, contact.vertex);
+            let energy = 0.5 * f64::from(stiffest * contact.area) * f64::from(contact.depth).powi(2);
+            let most = self.pressed.entry(key).or_default();
+            if !self.touching.contains(&key) {
+                self.supplied += (energy - *most).max(0.0);
+            }
+            *most = most.max(energy);
+            now.insert(key);
         }
-        self.known = touch.iter().map(key).collect();
+        self.touching = now;
     }
 
     fn tool_laws(

@@ -12,12 +12,12 @@ pub use scenes::Feature;
 use super::plot::{self, Bar};
 use super::suite::{from_value, to_value};
 use super::{Benchmark, Section, Table, median};
-use crate::Result;
 use crate::gpu::Options;
 use crate::haptics::RigidState;
 use crate::haptics::servo_thread::Held;
 use crate::scene::Scene;
 use crate::step::Simulation;
+use crate::{Error, Result};
 
 /// Solver iterations of the step whose passes are counted.
 const ITERATIONS: u32 = 16;
@@ -99,8 +99,9 @@ impl Benchmark for Features {
     }
 
     fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
+        let unknown = || Error::Usage(format!("no feature `{part}`; --list shows all"));
+        let feature = Feature::ALL.into_iter().find(|feature| feature.name() == part).ok_or_else(unknown)?;
         watch(part);
-        let feature = Feature::ALL.into_iter().find(|feature| feature.name() == part).unwrap_or(Feature::Friction);
         to_value(&cost(feature, &self.0)?)
     }
 
@@ -192,7 +193,8 @@ fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
 }
 
 fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
-    let heads = ["feature", "with, ms", "without, ms", "ratio", "with, MB", "without, MB", "passes", "dependent"];
+    let heads =
+        ["feature", "compared", "with, ms", "without, ms", "ratio", "with, MB", "without, MB", "passes", "dependent"];
     let mut table = Table::new(heads);
     let mut bars = Vec::new();
     for (feature, Cost { with, without }) in costs {
@@ -200,6 +202,7 @@ fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
         let megabytes = |run: &Run| format!("{:.2}", 1e-6 * run.bytes_device as f64);
         table.rows.push(vec![
             feature.name().into(),
+            feature.question().into(),
             format!("{:.2}", with.ms()),
             format!("{:.2}", without.ms()),
             format!("{:.2}", with.ms() / without.ms()),
@@ -212,11 +215,10 @@ fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
             bars.push(Bar { name: format!("{what} {}", feature.name()), length: run.ms(), kind });
         }
     }
-    let questions: Vec<String> =
-        costs.iter().map(|(feature, _)| format!("- {}: {}", feature.name(), feature.question())).collect();
     Ok(Section {
         title: "Time and memory of a step with each feature, and without it".into(),
-        question: format!("What does a feature cost where it is used?\n\n{}", questions.join("\n")),
+        question: "What does a feature cost where it is used? Passes and dependent passes are with and without it."
+            .into(),
         table,
         plot: Some(plot::bars("ms a step", &bars)?),
         finding: finding(costs),

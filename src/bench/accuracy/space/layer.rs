@@ -7,11 +7,12 @@ use glam::DVec3;
 
 use super::limit::limit;
 use super::press::{HALF_WIDTH, HEIGHT, Press};
-use super::shapes::{Folder, ball, dome};
+use super::shapes::{ball, dome, graded_block};
 use super::{entrant, error_against, force, press};
 use crate::Result;
 use crate::bench::accuracy::race::{Entrant, Rules, race};
 use crate::bench::accuracy::{Curve, Expected, Settings};
+use crate::bench::meshes::MeshFolder;
 use crate::scene::{Dilatation, Layer, Surface};
 
 /// Cells across blocks, and across domes: in full and in short.
@@ -53,19 +54,19 @@ const PATCHED: Line =
 const LOCKING: Line = Line { name: "block, nu 0.49", dilatation: Dilatation::Element, ..PATCHED };
 
 /// The block of these presses, as a file; its cells are the finer by one more than `grades` where the ball touches.
-pub fn block(folder: &Folder, cells: u32, grades: DVec3) -> Result<Layer> {
+pub fn block(folder: &MeshFolder, cells: u32, grades: DVec3) -> Result<Layer> {
     let size = DVec3::new(HALF_WIDTH, HEIGHT, HALF_WIDTH);
-    let file = folder.block(&format!("block{cells}"), size, [cells, cells.div_ceil(2), cells], grades)?;
+    let file = graded_block(folder, &format!("block{cells}"), size, [cells, cells.div_ceil(2), cells], grades)?;
     Ok(Layer::File(file))
 }
 
 /// The ball's mesh, fine where it touches.
-pub fn fine_ball(folder: &Folder, radius: f64) -> Result<std::path::PathBuf> {
+pub fn fine_ball(folder: &MeshFolder, radius: f64) -> Result<std::path::PathBuf> {
     folder.surface("ball", &ball(radius, BALL.0, BALL.1))
 }
 
 impl Line {
-    fn press(&self, folder: &Folder, skin: &Path, cells: u32) -> Result<Press> {
+    fn press(&self, folder: &MeshFolder, skin: &Path, cells: u32) -> Result<Press> {
         let body = if self.is_dome {
             let layer = Layer::Across { cells, grade: 1, thickness: None };
             press::Body::Based(Some(Surface::File(skin.into())), layer)
@@ -81,7 +82,7 @@ impl Line {
 
 /// Cells across the layer.
 pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
-    let folder = Folder::new()?;
+    let folder = MeshFolder::new()?;
     let skin = folder.surface("dome", &dome(HEIGHT, DOME_SKIN))?;
     let quick = usize::from(settings.is_quick);
     let (references, all_cells) = (REFERENCES[quick], CELLS[quick]);

@@ -1,66 +1,19 @@
 //! Meshes of the presses in space: blocks whose cells are finest where they are touched, skins of any fineness, a dome, a
-//! ball. Scenes name files, so they are written into a folder that goes with the curve.
+//! ball.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::PathBuf;
 
 use glam::{DVec3, UVec3};
 
+use crate::Result;
+use crate::bench::meshes::{MeshFolder, Surface};
 use crate::prepare::layer::kuhn_box;
-use crate::scene::{gmsh, obj};
-use crate::{Error, Result};
 
-/// Corners of a surface, and its triangles, outward.
-pub type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
-
-/// A folder of one's own among the system's temporary files; it goes with its value.
-pub struct Folder(PathBuf);
-
-impl Folder {
-    /// A new one. Errors: it cannot be made.
-    pub fn new() -> Result<Folder> {
-        static COUNT: AtomicU64 = AtomicU64::new(0);
-        let name = format!("palpate-shapes-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-        let path = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&path).map_err(|error| failed(&path, &error))?;
-        Ok(Folder(path))
-    }
-
-    /// Writes a surface; its path.
-    pub fn surface(&self, name: &str, (vertices, triangles): &Mesh) -> Result<PathBuf> {
-        self.write(&format!("{name}.obj"), |w| obj::write(w, vertices, triangles))
-    }
-
-    /// Writes a block of `cells` ([`graded`] by `grades`), its top at y = 0; its path.
-    pub fn block(&self, name: &str, size: DVec3, cells: [u32; 3], grades: DVec3) -> Result<PathBuf> {
-        let mut layer = kuhn_box(DVec3::new(-1.0, -1.0, -1.0), DVec3::new(1.0, 0.0, 1.0), cells);
-        layer.nodes.iter_mut().for_each(|x| *x = block_point(*x, size, grades));
-        self.write(&format!("{name}.msh"), |w| gmsh::write(w, &layer.nodes, &layer.tetrahedra))
-    }
-
-    fn write(&self, name: &str, put: impl Fn(&mut BufWriter<File>) -> std::io::Result<()>) -> Result<PathBuf> {
-        let path = self.0.join(name);
-        let written = File::create(&path).and_then(|file| {
-            let mut w = BufWriter::new(file);
-            put(&mut w)?;
-            w.flush()
-        });
-        written.map_err(|error| failed(&path, &error))?;
-        Ok(path)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // What stays behind are temporary files.
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
-fn failed(path: &Path, error: &std::io::Error) -> Error {
-    Error::input(path, None, format!("cannot be written: {error}"), "let TMPDIR name a folder with room")
+/// Writes a block of `cells` ([`graded`] by `grades`), its top at y = 0; its path.
+pub fn graded_block(folder: &MeshFolder, name: &str, size: DVec3, cells: [u32; 3], grades: DVec3) -> Result<PathBuf> {
+    let mut layer = kuhn_box(DVec3::new(-1.0, -1.0, -1.0), DVec3::new(1.0, 0.0, 1.0), cells);
+    layer.nodes.iter_mut().for_each(|x| *x = block_point(*x, size, grades));
+    folder.layer(name, &layer.nodes, &layer.tetrahedra)
 }
 
 /// From -1..1 to -1..1, steeper towards the ends: even cells become finer by 1 + `grade` at 0.
@@ -74,14 +27,14 @@ fn block_point(x: DVec3, size: DVec3, grades: DVec3) -> DVec3 {
 }
 
 /// Skin of that block: the same surface whatever its cells.
-pub fn block_skin(size: DVec3, cells: [u32; 3], grades: DVec3) -> Mesh {
+pub fn block_skin(size: DVec3, cells: [u32; 3], grades: DVec3) -> Surface {
     let (vertices, triangles) = unit_box(cells);
     let place = |x: &DVec3| block_point(DVec3::new(2.0 * x.x - 1.0, x.y - 1.0, 2.0 * x.z - 1.0), size, grades);
     (vertices.iter().map(place).collect(), triangles)
 }
 
 /// The upper half of a ball on a flat base, its top in the origin; `cells` across.
-pub fn dome(radius: f64, cells: u32) -> Mesh {
+pub fn dome(radius: f64, cells: u32) -> Surface {
     let (vertices, triangles) = unit_box([cells, cells.div_ceil(2), cells]);
     let place = |x: &DVec3| {
         let x = DVec3::new(2.0 * x.x - 1.0, x.y, 2.0 * x.z - 1.0);
@@ -93,7 +46,7 @@ pub fn dome(radius: f64, cells: u32) -> Mesh {
 }
 
 /// A ball about the origin with `cells` a quarter of its girth, finer by 1 + `grade` where the axes leave it.
-pub fn ball(radius: f64, cells: u32, grade: f64) -> Mesh {
+pub fn ball(radius: f64, cells: u32, grade: f64) -> Surface {
     let (vertices, triangles) = unit_box([cells; 3]);
     let place = |x: &DVec3| {
         let x = 2.0 * *x - 1.0;
@@ -103,7 +56,7 @@ pub fn ball(radius: f64, cells: u32, grade: f64) -> Mesh {
 }
 
 /// Surface of the box from 0 to 1, two triangles a square.
-fn unit_box(cells: [u32; 3]) -> Mesh {
+fn unit_box(cells: [u32; 3]) -> Surface {
     let size = UVec3::from_array(cells);
     let mut vertices = Vec::new();
     let mut triangles = Vec::new();
@@ -158,14 +111,5 @@ mod tests {
     fn grading_keeps_ends_and_makes_the_middle_finer() {
         assert_eq!((graded(-1.0, 3.0), graded(0.0, 3.0), graded(1.0, 3.0)), (-1.0, 0.0, 1.0));
         assert!((graded(1e-3, 3.0) / 1e-3 - 0.25).abs() < 1e-5);
-    }
-
-    #[test]
-    fn a_folder_goes_with_its_value() {
-        let folder = Folder::new().unwrap();
-        let path = folder.block("b", DVec3::splat(0.1), [2, 1, 2], DVec3::ZERO).unwrap();
-        assert_eq!(gmsh::read(&path).unwrap().tetrahedra.len(), 24);
-        drop(folder);
-        assert!(!path.exists());
     }
 }

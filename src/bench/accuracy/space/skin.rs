@@ -7,11 +7,12 @@ use glam::DVec3;
 use super::layer::{GRADES, block};
 use super::limit::limit;
 use super::press::{Body, HALF_WIDTH, HEIGHT, Press};
-use super::shapes::{Folder, ball, block_skin};
+use super::shapes::{ball, block_skin};
 use super::{entrant, error_against, force};
 use crate::Result;
 use crate::bench::accuracy::race::{Entrant, Rules, race};
 use crate::bench::accuracy::{Curve, Expected, Point, Settings};
+use crate::bench::meshes::MeshFolder;
 use crate::scene::{Sides, Surface};
 use crate::stages::QUERY;
 
@@ -105,7 +106,7 @@ fn curve(points: Vec<Point>) -> Curve {
 }
 
 impl Line {
-    fn press(&self, folder: &Folder, cells: u32) -> Result<Press> {
+    fn press(&self, folder: &MeshFolder, cells: u32) -> Result<Press> {
         let [of_block, of_ball] = self.is_varied.map(|is_varied| if is_varied { cells } else { OTHER });
         let surface = Some(Surface::File(skin(folder, of_block)?));
         let mut press = Press::new(Body::Based(surface, block(folder, LAYER, GRADES)?));
@@ -122,7 +123,7 @@ fn compared(
     settings: &Settings,
     watch: &mut dyn FnMut(&str),
 ) -> Result<(Vec<Point>, [f64; 2])> {
-    let folder = Folder::new()?;
+    let folder = MeshFolder::new()?;
     let mut entrants: Vec<Entrant> = Vec::new();
     let mut limits = [0.0; 2];
     for (line, own) in lines.iter().zip(&mut limits) {
@@ -143,7 +144,7 @@ fn compared(
     Ok((points, limits))
 }
 
-fn skin(folder: &Folder, cells: u32) -> Result<PathBuf> {
+fn skin(folder: &MeshFolder, cells: u32) -> Result<PathBuf> {
     let size = DVec3::new(HALF_WIDTH, HEIGHT, HALF_WIDTH);
     let mesh = block_skin(size, [cells, cells.div_ceil(2), cells], DVec3::new(GRADE, 1.0, GRADE));
     folder.surface(&format!("skin{cells}"), &mesh)

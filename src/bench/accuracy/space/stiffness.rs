@@ -5,11 +5,11 @@ use glam::DVec3;
 use super::layer::{block, fine_ball};
 use super::limit::limit;
 use super::press::{Body, HEIGHT, Press, YOUNG};
-use super::shapes::Folder;
 use super::{entrant, error_against, force};
 use crate::Result;
 use crate::bench::accuracy::race::{Entrant, Rules, race};
 use crate::bench::accuracy::{Curve, Expected, Point, Settings};
+use crate::bench::meshes::MeshFolder;
 
 /// N/m^3.
 const STIFFNESSES: [f64; 10] = [1e4, 1e5, 1e6, 1e7, 3e7, 6e7, 1e8, 2e8, 3e8, 1e9];
@@ -38,7 +38,7 @@ const HERTZ: &str = "against Hertz's law";
 
 /// Contact stiffness over five decades.
 pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
-    let folder = Folder::new()?;
+    let folder = MeshFolder::new()?;
     let (cells, coarser) = (CELLS[usize::from(settings.is_quick)], COARSER[usize::from(settings.is_quick)]);
     let press = |cells: u32, stiffness: f64| -> Result<Press> {
         let mut press = Press {
