@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # Installs what a bare Debian or Ubuntu machine lacks to build, run and test palpate: a Vulkan loader with Mesa's
-# drivers (lavapipe among them), the validation layers, and the GLSL compiler. Silent when nothing is missing.
+# drivers (lavapipe among them), the validation layers, the GLSL compiler, and a second C compiler. Silent when nothing is missing.
 set -euo pipefail
 cd "$(dirname "$0")"
 
-packages=(build-essential cmake libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers vulkan-validationlayers)
+packages=(build-essential clang cmake libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers vulkan-validationlayers)
 
 elsewhere() {
     cat >&2 <<'TEXT'

@@ -53,6 +53,11 @@ pub enum Error {
         /// Vulkan's result.
         result: String,
     },
+    /// The device has no memory left for what was asked; the message has the remedy.
+    #[error(
+        "{0}; leave out bodies, make layers coarser (layer.cell) or skins smaller, or use a device with more memory"
+    )]
+    Memory(String),
     /// The simulation cannot go on.
     #[error("{0}")]
     Simulation(String),
@@ -77,7 +82,7 @@ impl Error {
         match self {
             Error::Input { .. } | Error::Key { .. } | Error::Usage(_) | Error::Output { .. } => 2,
             Error::NoDevice(_) => 3,
-            Error::Vulkan { .. } | Error::Simulation(_) => 4,
+            Error::Vulkan { .. } | Error::Memory(_) | Error::Simulation(_) => 4,
         }
     }
 }

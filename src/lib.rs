@@ -7,6 +7,7 @@
 
 pub mod bench;
 pub mod error;
+pub mod ffi;
 pub mod gpu;
 pub mod haptics;
 pub mod oracle;

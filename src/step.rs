@@ -5,6 +5,7 @@ pub(crate) mod choice;
 mod explain;
 pub mod frames;
 pub mod joints;
+mod make;
 mod nodes;
 mod probes;
 pub(crate) mod recordings;
@@ -13,33 +14,29 @@ mod tools;
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
 use crate::Result;
-use crate::gpu::{Buffer, Context, Options, Recorder};
+use crate::gpu::Context;
 use crate::haptics::RigidState;
 use crate::haptics::drive::Drive;
 use crate::haptics::local_model::ContactWrench;
 use crate::haptics::servo_thread::Held;
 use crate::haptics::tool::Tool;
 use crate::plan::Plan;
-use crate::prepare::{self, Body, BodyReport, Cache, Shape};
+use crate::prepare::{Body, BodyReport, Shape};
 use crate::report::{Flags, Pose, Row, ToolRow};
 use crate::scene::{Key, Scene};
 use crate::stages::depth::Path;
 use crate::stages::joints::Joint;
 use crate::stages::model::{self, Model};
-use crate::stages::query_as_one;
 use crate::stages::types::{self, Counts, Frame, Link, Pair, Region, Report, StepParams};
-use choice::Choice;
 use frames::Frames;
-use probes::{ProbePlace, probes_of};
+use probes::ProbePlace;
 use recordings::{Recordings, Stages};
 
 /// How often a step that fails is halved: eighths of it at last.
 const MOST_HALVINGS: u32 = 3;
-/// Tetrahedra below which one thread of a CPU is faster than two (see README, "Measured facts").
-const LITTLE_WORK: usize = 20_000;
 /// Every so many steps are timed, unless [`Simulation::time_every`] says otherwise: timestamps split the work and cost up to
 /// a millisecond on some drivers.
 pub const TIMED_EVERY: u64 = 8;
@@ -75,55 +72,6 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// Prepares the scene's bodies, opens a device and records the step. All input is read before the device is opened.
-    /// `path` of the depth stage wins over the scene's.
-    pub fn new(scene: &Scene, options: &Options, path: Option<Path>) -> Result<Simulation> {
-        let bodies = scene.bodies.iter().map(|body| prepare::body(body, scene)).collect::<Result<Vec<_>>>()?;
-        let tool_body = scene.rigid_tool().map(|tool| prepare::tool(tool, scene)).transpose()?;
-        let model = Model::new(scene, &bodies, tool_body.as_ref());
-        let frames = Frames::new(&model, |frame| velocity_of(&bodies, &model, frame));
-        let tool = tools::tool_of(scene, tool_body.as_ref(), &model, &frames)?;
-        let (probes, probe_nodes) = probes_of(scene, &bodies, &model)?;
-
-        let one_thread = options.one_thread && model.tetrahedra.len() < LITTLE_WORK;
-        let context = Context::new(&Options { one_thread, ..options.clone() })?;
-        let asked = path.or(scene.contact.depth);
-        let choice = if model.needs_depth() { Some(Choice::new(&context, asked, &Cache::of_user())?) } else { None };
-        let path = choice.as_ref().map(|choice| choice.path);
-        let stages = Stages::new(&context, &model, path, &probe_nodes)?;
-        // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
-        Recordings::new(&stages, 0, || Recorder::warm_up(&context))?.submit_once()?;
-        let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(&context))?;
-        let timed = Some(timed(&context, &stages, scene)?);
-        let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
-        let plan = Plan::new(scene, &model, choice.map(|choice| choice.to_string()));
-        let held_mass = tools::held_mass(&model);
-        Ok(Simulation {
-            drive: Drive::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
-            scene: scene.clone(),
-            context,
-            bodies,
-            tool_report: tool_body.map(|body| body.report),
-            model,
-            stages,
-            plain,
-            timed,
-            tool,
-            frames,
-            probes,
-            plan,
-            path,
-            step: 0,
-            time: 0.0,
-            has_weight: true,
-            held_mass,
-            last_wrench: None,
-            last_iterations: 0,
-            last_timed: None,
-            timed_every: TIMED_EVERY,
-        })
-    }
-
     /// One step of the scene's `dt`, with the device where the scene's keys put it: pose in, wrench out. Not to be mixed with
     /// [`Simulation::step_held`], which leaves the keys for good.
     pub fn step(&mut self) -> Result<Row> {
@@ -161,6 +109,15 @@ impl Simulation {
         self.last_wrench.as_ref()
     }
 
+    /// A step of the scene's `dt` with the device at this pose at its end, having moved evenly from where it was.
+    pub fn step_at(&mut self, pose: Pose) -> Result<Row> {
+        let h = self.scene.step.dt;
+        let end = (self.step + 1) as f64 * h;
+        self.has_weight = true;
+        self.drive.lead(end - h, Key { time: end, position: pose.position, orientation: pose.orientation });
+        self.step_to(end, h)
+    }
+
     fn step_to(&mut self, time: f64, h: f64) -> Result<Row> {
         let begun = Instant::now();
         self.step += 1;
@@ -193,7 +150,7 @@ impl Simulation {
         self.timed_every = steps;
         match steps {
             0 => self.timed = None,
-            _ if self.timed.is_none() => self.timed = Some(timed(&self.context, &self.stages, &self.scene)?),
+            _ if self.timed.is_none() => self.timed = Some(make::timed(&self.context, &self.stages, &self.scene)?),
             _ => {}
         }
         Ok(())
@@ -237,35 +194,6 @@ impl Simulation {
     /// The tool, if the scene has one; of a body that is held, its core.
     pub fn tool(&self) -> Option<&Tool> {
         self.tool.as_ref()
-    }
-
-    /// Displacements from rest as placed (rest axes of the body, m) and velocities (world, m/s) of a soft body's nodes, in
-    /// input order; `None` for any other body.
-    pub fn nodes(&self, body: usize) -> Result<Option<(Vec<DVec3>, Vec<DVec3>)>> {
-        let Some(range) = self.model.soft.iter().find(|soft| soft.body == body) else { return Ok(None) };
-        let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(None) };
-        let read = |buffer: &Buffer| -> Result<Vec<DVec3>> {
-            let all = buffer.read::<[f32; 4]>()?;
-            let own = &all[range.nodes.clone()];
-            Ok(own.iter().map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect())
-        };
-        let Body { position, orientation, .. } = self.bodies[body];
-        let mut displacements = read(&self.stages.elastic.displacement)?;
-        for ((d, rest), node) in displacements.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
-            let frame = self.model.node_info[node][2] as usize;
-            let local = *rest - self.model.frames[frame].rest_centre + *d;
-            *d = orientation.conjugate() * (self.frames.world(frame, local) - position) - *rest;
-        }
-        let mut velocities = read(&self.stages.elastic.velocity)?;
-        for ((v, rest), node) in velocities.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
-            let frame = self.model.node_info[node][2] as usize;
-            // The device writes what a dynamic core carries at the start of the next step.
-            if let Some((linear, angular)) = self.frames.twist(frame).filter(|_| self.model.is_carried(node)) {
-                let arm = *rest - self.model.frames[frame].rest_centre;
-                *v = linear + angular.cross(self.frames.place(frame).rotation * arm);
-            }
-        }
-        Ok(Some((displacements, velocities)))
     }
 
     /// Where the frames of a body are now: one a core, or one that floats or carries a rigid skin; empty for a half-space.
@@ -383,16 +311,4 @@ impl Simulation {
             probes,
         }
     }
-}
-
-/// The step with timestamps: stage by stage, and with the query's stages as one.
-fn timed(context: &Arc<Context>, stages: &Stages, scene: &Scene) -> Result<[Recordings; 2]> {
-    let timed = |timers| Recordings::new(stages, scene.solver.max_iterations, || Recorder::timed_by(context, timers));
-    Ok([timed(|stage| stage)?, timed(query_as_one)?])
-}
-
-/// The initial velocity of a frame's body.
-fn velocity_of(bodies: &[Body], model: &Model, frame: usize) -> DVec3 {
-    let owner = model.body_frames.iter().rposition(|&first| first != types::NONE && first as usize <= frame);
-    owner.and_then(|body| bodies.get(body)).map_or(DVec3::ZERO, |body| body.velocity)
 }

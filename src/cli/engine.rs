@@ -4,7 +4,7 @@ use glam::DVec3;
 use palpate::gpu::{Context, DeviceInfo, Options};
 use palpate::haptics::local_model::ContactWrench;
 use palpate::haptics::servo_thread::Held;
-use palpate::prepare::{Embedding, Shape};
+use palpate::prepare::Shape;
 use palpate::report::{Facts, Plan, Row, StageSamples};
 use palpate::scene::Scene;
 use palpate::stages::query_as_one;
@@ -105,12 +105,10 @@ impl Engine {
         }
         let (mut layers, mut skins) = (Vec::new(), Vec::new());
         for (index, body) in self.simulation.bodies().iter().enumerate() {
-            let Shape::Soft { layer, embedding, skin, .. } = &body.shape else { continue };
+            let Shape::Soft { layer, skin, .. } = &body.shape else { continue };
             let Some((moved, _)) = self.simulation.nodes(index)? else { continue };
-            let place = |rest: DVec3| body.position + body.orientation * rest;
-            let nodes: Vec<DVec3> = layer.nodes.iter().zip(&moved).map(|(r, d)| place(*r + *d)).collect();
-            let vertices = skin.vertices.iter().zip(embedding);
-            let vertices = vertices.map(|(rest, e)| place(*rest + embedded(e, &layer.tetrahedra, &moved))).collect();
+            let nodes = self.simulation.node_positions(index)?;
+            let vertices = self.simulation.skin_positions(index)?;
             skins.push(SkinResult { name: body.name.clone(), vertices, triangles: skin.triangles.clone() });
             layers.push(LayerResult {
                 name: body.name.clone(),
@@ -134,12 +132,6 @@ impl Engine {
         };
         Ok(Outcome { facts, layers, skins })
     }
-}
-
-/// Displacement of an embedded skin vertex.
-fn embedded(e: &Embedding, tetrahedra: &[[u32; 4]], moved: &[DVec3]) -> DVec3 {
-    let nodes = tetrahedra[e.tetrahedron as usize];
-    nodes.iter().zip(e.weights).map(|(n, w)| w * moved[*n as usize]).sum()
 }
 
 /// The devices of this machine, usable or not.

@@ -205,7 +205,7 @@ impl Inner {
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         };
         let allocation = self.context.allocator().allocate(&desc).map_err(|e| {
-            Error::Simulation(format!("array {name} of {} bytes gets no memory from the device: {e}", self.bytes))
+            Error::Memory(format!("array {name} of {} bytes gets no memory from the device: {e}", self.bytes))
         })?;
         // SAFETY: the range belongs to this allocation alone, and fits the requirements asked for.
         let bound = unsafe { device.bind_buffer_memory(self.handle, allocation.memory(), allocation.offset()) };

@@ -32,5 +32,10 @@ use crate::error::Error;
 
 /// Names the call and the stage of a Vulkan failure.
 fn failed(call: &'static str, stage: impl Into<String>) -> impl FnOnce(ash::vk::Result) -> Error {
-    move |result| Error::Vulkan { call, stage: stage.into(), result: result.to_string() }
+    move |result| match result {
+        ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | ash::vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
+            Error::Memory(format!("{call} failed in {}: {result}", stage.into()))
+        }
+        _ => Error::Vulkan { call, stage: stage.into(), result: result.to_string() },
+    }
 }

@@ -14,6 +14,8 @@ use crate::error::{Error, Result};
 
 /// Timestamps in one query pool.
 const QUERIES: u32 = 64;
+/// Recordings in one submit at most: a step has three, all that a simulation has are fewer than these.
+const MOST_AT_ONCE: usize = 32;
 
 /// What one stage recorded.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -218,7 +220,7 @@ impl Recording {
         Self::submit_all(&[self])
     }
 
-    /// Runs several in order with one submit and waits once. None may be given twice.
+    /// Runs several in order with one submit and waits once. None may be given twice. Allocates nothing.
     pub fn submit_all(recordings: &[&Recording]) -> Result<()> {
         let Some(last) = recordings.last() else { return Ok(()) };
         let context = &last.commands.context;
@@ -230,11 +232,14 @@ impl Recording {
                 return Err(Error::Simulation("recordings of different devices were submitted together".into()));
             }
         }
-        let buffers: Vec<_> = recordings
-            .iter()
-            .map(|r| vk::CommandBufferSubmitInfo::default().command_buffer(r.commands.buffer))
-            .collect();
-        let submit = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
+        let mut buffers = [vk::CommandBufferSubmitInfo::default(); MOST_AT_ONCE];
+        let Some(buffers) = buffers.get_mut(..recordings.len()) else {
+            return Err(Error::Simulation(format!("{} recordings were submitted at once", recordings.len())));
+        };
+        for (buffer, recording) in buffers.iter_mut().zip(recordings) {
+            *buffer = buffer.command_buffer(recording.commands.buffer);
+        }
+        let submit = [vk::SubmitInfo2::default().command_buffer_infos(buffers)];
         let fences = [last.commands.fence];
         let device = &context.device;
         let lost = |call| move |result| failed(call, Self::stage_reached(recordings))(result);

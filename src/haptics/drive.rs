@@ -17,6 +17,13 @@ impl Drive {
         Drive { keys: if keys.is_empty() { vec![start] } else { keys.to_vec() } }
     }
 
+    /// From where it is at `time` on evenly to `next`, and to rest there.
+    pub fn lead(&mut self, time: f64, next: Key) {
+        let (position, orientation) = self.pose(time);
+        self.keys.clear();
+        self.keys.extend([Key { time, position, orientation }, next]);
+    }
+
     /// Pose at a time, s.
     pub fn pose(&self, time: f64) -> (DVec3, DQuat) {
         let next = self.keys.partition_point(|key| key.time <= time);
@@ -67,6 +74,16 @@ mod tests {
         let device = drive.device(2.0, 0.001);
         assert!((device.velocity - DVec3::X * 2.0).length() < 1e-9);
         assert!((device.angular_velocity - DVec3::Y * 0.5).length() < 1e-6);
+    }
+
+    #[test]
+    fn a_device_that_is_led_is_where_it_was_told_to_be_and_moved_evenly() {
+        let mut drive = Drive::new(&[], key(0.0, 1.0, 0.0));
+        drive.lead(0.5, key(1.0, 2.0, 0.3));
+        assert_eq!((drive.pose(0.0).0, drive.pose(1.0).0), (DVec3::X, 2.0 * DVec3::X));
+        assert!((drive.device(1.0, 0.5).velocity - 2.0 * DVec3::X).length() < 1e-12);
+        drive.lead(1.0, key(1.5, 4.0, 0.3));
+        assert_eq!((drive.pose(1.25).0, drive.pose(9.0).0), (3.0 * DVec3::X, 4.0 * DVec3::X));
     }
 
     #[test]

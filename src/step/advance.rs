@@ -68,26 +68,29 @@ impl Simulation {
             _ => &self.plain,
         };
         let wanted = self.last_iterations + SPARE_ITERATIONS;
-        let mut parts = vec![&set.begin, set.plan(wanted), &set.end];
         let (mut again, mut times) = (&set.again, Vec::new());
+        // What comes first, if anything does.
+        let mut first = Some(&set.begin);
         // Of solves before the last, and of the longest linearisation.
         let (mut earlier, mut longest) = (0, 0);
         for _ in 0..MOST_SUBMITS * self.scene.step.newton {
-            Recording::submit_all(&parts)?;
+            let all = [first.unwrap_or(&set.end), set.plan(wanted), &set.end];
+            let parts = if first.is_some() { &all[..] } else { &all[1..] };
+            Recording::submit_all(parts)?;
             if timed {
                 parts.iter().for_each(|part| add_times(&mut times, part.stage_times()));
             }
             let mut report = self.stages.common.report.mapped::<Report>()?[0];
             match report.verdict {
-                verdict::CONTINUE => parts = vec![set.plan(wanted), &set.end],
+                verdict::CONTINUE => first = None,
                 verdict::RETRY => {
                     earlier += report.iterations;
-                    parts = vec![again, set.plan(wanted), &set.end];
+                    first = Some(again);
                 }
                 verdict::RELINEARISE => {
-                    let Some([first, others]) = &set.newton else { break };
+                    let Some([next, others]) = &set.newton else { break };
                     (earlier, longest) = (earlier + report.iterations, longest.max(report.iterations));
-                    (again, parts) = (others, vec![first, set.plan(wanted), &set.end]);
+                    (again, first) = (others, Some(next));
                 }
                 _ => {
                     self.last_iterations = longest.max(report.iterations);
@@ -102,14 +105,11 @@ impl Simulation {
 
     /// Frames to the end of the step; those that float to where their nodes are, those that are dynamic as they were pushed.
     fn arrive(&mut self, h: f64, accepted: bool) -> Result<()> {
-        let (mut fits, mut changes) = (Vec::new(), Vec::new());
-        if accepted && let Some(floating) = &self.stages.floating {
-            fits = floating.fits.mapped::<Fit>()?.to_vec();
-        }
-        if accepted && !self.model.cores.is_empty() {
-            changes = self.stages.solve.core_changes.mapped::<[f32; 6]>()?.to_vec();
-        }
-        self.frames.arrive(h, &fits, &changes);
+        let floating = self.stages.floating.as_ref().filter(|_| accepted);
+        let fits = floating.map(|floating| floating.fits.mapped::<Fit>()).transpose()?;
+        let has_cores = accepted && !self.model.cores.is_empty();
+        let changes = has_cores.then(|| self.stages.solve.core_changes.mapped::<[f32; 6]>()).transpose()?;
+        self.frames.arrive(h, fits.as_deref().unwrap_or_default(), changes.as_deref().unwrap_or_default());
         if let (Some(tool), Some(core)) = (&mut self.tool, self.model.held) {
             tools::follow(tool, &self.frames, self.model.cores[core].frame);
         }

@@ -1,12 +1,62 @@
-//! Nodes of a soft body put elsewhere between two steps: starts that no scene file can ask for.
+//! Nodes of soft bodies: where they are, and how they are put elsewhere between two steps.
 
 use glam::DVec3;
 
 use super::Simulation;
-use crate::prepare::Shape;
+use crate::gpu::Buffer;
+use crate::prepare::{Body, Embedding, Shape};
 use crate::{Error, Result};
 
 impl Simulation {
+    /// Displacements from rest as placed (rest axes of the body, m) and velocities (world, m/s) of a soft body's nodes, in
+    /// input order; `None` for any other body.
+    pub fn nodes(&self, body: usize) -> Result<Option<(Vec<DVec3>, Vec<DVec3>)>> {
+        let Some(range) = self.model.soft.iter().find(|soft| soft.body == body) else { return Ok(None) };
+        let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(None) };
+        let read = |buffer: &Buffer| -> Result<Vec<DVec3>> {
+            let all = buffer.read::<[f32; 4]>()?;
+            let own = &all[range.nodes.clone()];
+            Ok(own.iter().map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect())
+        };
+        let Body { position, orientation, .. } = self.bodies[body];
+        let mut displacements = read(&self.stages.elastic.displacement)?;
+        for ((d, rest), node) in displacements.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
+            let frame = self.model.node_info[node][2] as usize;
+            let local = *rest - self.model.frames[frame].rest_centre + *d;
+            *d = orientation.conjugate() * (self.frames.world(frame, local) - position) - *rest;
+        }
+        let mut velocities = read(&self.stages.elastic.velocity)?;
+        for ((v, rest), node) in velocities.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
+            let frame = self.model.node_info[node][2] as usize;
+            // The device writes what a dynamic core carries at the start of the next step.
+            if let Some((linear, angular)) = self.frames.twist(frame).filter(|_| self.model.is_carried(node)) {
+                let arm = *rest - self.model.frames[frame].rest_centre;
+                *v = linear + angular.cross(self.frames.place(frame).rotation * arm);
+            }
+        }
+        Ok(Some((displacements, velocities)))
+    }
+
+    /// Where a soft body's nodes are, world, m, in input order; empty for any other body.
+    pub fn node_positions(&self, body: usize) -> Result<Vec<DVec3>> {
+        let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(Vec::new()) };
+        let Some((moved, _)) = self.nodes(body)? else { return Ok(Vec::new()) };
+        let Body { position, orientation, .. } = self.bodies[body];
+        Ok(layer.nodes.iter().zip(&moved).map(|(rest, d)| position + orientation * (*rest + *d)).collect())
+    }
+
+    /// Where the vertices of a soft body's skin are, world, m, in file order; empty for any other body.
+    pub fn skin_positions(&self, body: usize) -> Result<Vec<DVec3>> {
+        let Shape::Soft { layer, skin, embedding, .. } = &self.bodies[body].shape else { return Ok(Vec::new()) };
+        let Some((moved, _)) = self.nodes(body)? else { return Ok(Vec::new()) };
+        let Body { position, orientation, .. } = self.bodies[body];
+        let displaced = |e: &Embedding| -> DVec3 {
+            let nodes = layer.tetrahedra[e.tetrahedron as usize];
+            nodes.iter().zip(e.weights).map(|(n, w)| w * moved[*n as usize]).sum()
+        };
+        let all = skin.vertices.iter().zip(embedding);
+        Ok(all.map(|(rest, e)| position + orientation * (*rest + displaced(e))).collect())
+    }
     /// Puts the free nodes of a soft body elsewhere and gives them velocities, both as [`Simulation::nodes`] tells them; what
     /// cores carry stays. For tests and experiments: what the solver remembers of the last step is not asked to fit.
     pub fn place_nodes(&mut self, body: usize, displacements: &[DVec3], velocities: &[DVec3]) -> Result<()> {

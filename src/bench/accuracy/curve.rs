@@ -53,6 +53,8 @@ pub struct Curve {
     pub bound: f64,
     /// Which are judged.
     pub judged: Judged,
+    /// Title of a plot that is not: what it shows beside is not the engine's.
+    pub beside: String,
 }
 
 /// Which settings must be within a curve's bound.
@@ -193,9 +195,10 @@ impl Curve {
 
     /// The error that counts for each line, or for all as one; `None`: it is no number.
     pub fn counted(&self) -> Vec<(Line<'_>, Option<f64>)> {
+        let lines = || self.lines().into_iter().filter(|line| self.beside.is_empty() || line.panel != self.beside);
         match self.judged {
-            Judged::Finest => self.lines().into_iter().map(|line| (line.clone(), line.finest())).collect(),
-            Judged::Every => self.lines().into_iter().map(|line| (line.clone(), line.worst())).collect(),
+            Judged::Finest => lines().map(|line| (line.clone(), line.finest())).collect(),
+            Judged::Every => lines().map(|line| (line.clone(), line.worst())).collect(),
             Judged::FinestOfAll => {
                 let all = Line { panel: "", name: "all", points: self.points.iter().collect() };
                 vec![(all.clone(), all.finest())]

@@ -116,3 +116,13 @@ fn a_line_beyond_its_bound_or_without_a_number_spoils_the_verdict() {
     }
     assert!(!curve(Vec::new()).is_within());
 }
+
+#[test]
+fn what_stands_beside_is_not_judged() {
+    let at = |panel: &str, error| Point { panel: panel.into(), force_error: Some(error), ..Point::default() };
+    let points = vec![at("engine", 1e-9), at("others", 0.5)];
+    let curve = Curve { points, bound: 0.1, judged: Judged::Every, ..Curve::default() };
+    assert!(!curve.is_within());
+    assert!(Curve { beside: "others".into(), ..curve.clone() }.is_within());
+    assert!(!Curve { beside: "engine".into(), ..curve }.is_within());
+}

@@ -120,6 +120,7 @@ fn bought(curve: &Curve) -> String {
     let best = curve.best();
     let mut panels: Vec<&str> = curve.points.iter().map(|point| point.panel.as_str()).collect();
     panels.dedup();
+    panels.retain(|panel| curve.beside.is_empty() || *panel != curve.beside);
     let one = |panel: &&str| {
         let own: Vec<(f64, &Point)> = curve
             .points

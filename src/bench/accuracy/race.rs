@@ -1,5 +1,5 @@
 //! The settings of a curve against each other: each does a few steps in turn, and the other way round in the next turn, so
-//! that what changes on the machine meanwhile favours none.
+//! that what changes on the machine meanwhile favours none; where there are many, in heats.
 
 use std::time::Instant;
 
@@ -20,6 +20,11 @@ const TURN: usize = 6;
 const TIMED_EVERY: u64 = 4;
 /// Steps of each part before those that count: they find caches cold.
 const WARM_UP: usize = 1;
+/// Simulations at once, at most: each has kernels of its own, which are some 150 MB on lavapipe. Those of more settings race in
+/// heats, the last one first in every second round.
+const MOST_AT_ONCE: usize = 12;
+/// A run of fewer steps is done again in the same round, until it has so many: the median of a few says little.
+const TIMED_STEPS: usize = 24;
 
 /// Who takes part: a setting, its scene, and how many steps of it.
 #[derive(Debug, Clone)]
@@ -63,7 +68,7 @@ pub struct Run {
 /// Errors of a run: of the force and of the displacements; `None`: not finite, or there is none.
 pub type Errors = (Option<f64>, Option<f64>);
 
-/// Runs all of them; `errors` judges the first run of each, by its index.
+/// Runs all of them; `errors` judges the first run of each, by its index: all runs of a setting find the same.
 pub fn race(
     entrants: Vec<Entrant>,
     rules: &Rules,
@@ -73,14 +78,14 @@ pub fn race(
     let mut points: Vec<Point> = entrants.iter().map(|entrant| entrant.point.clone()).collect();
     for round in 0..rules.rounds {
         watch(&format!("run {} of {}", round + 1, rules.rounds));
-        for (index, (run, point)) in one_round(&entrants, rules, round)?.into_iter().zip(&mut points).enumerate() {
-            if round == 0 {
-                (point.force_error, point.displacement_error) = errors(index, &run);
+        for (index, (runs, point)) in one_round(&entrants, rules, round)?.into_iter().zip(&mut points).enumerate() {
+            if let (0, Some(run)) = (round, runs.first()) {
+                (point.force_error, point.displacement_error) = errors(index, run);
                 point.iterations = crate::bench::median(&run.iterations.iter().map(|&n| n.into()).collect::<Vec<_>>());
                 point.flags = run.flags.names().map(String::from).collect();
             }
-            point.step_us.push(run.step_us);
-            point.stage_us.push(run.stage_us);
+            point.step_us.push(runs.iter().flat_map(|run| run.step_us.clone()).collect());
+            point.stage_us.push(runs.iter().flat_map(|run| run.stage_us.clone()).collect());
         }
     }
     Ok(points)
@@ -94,19 +99,43 @@ pub fn run(scene: &Scene, steps: usize, options: &Options) -> Result<Run> {
     run.finish(&simulation)
 }
 
-fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Run>> {
-    let open = |entrant: &Entrant| -> Result<(Simulation, Run)> {
-        let mut simulation = Simulation::new(&entrant.scene, rules.options, None)?;
+/// All runs of each entrant in one round.
+fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Vec<Run>>> {
+    let most = entrants.iter().map(|entrant| repeats(entrant.steps)).max().unwrap_or(0);
+    let again = |k: usize| (0..entrants.len()).filter(move |&index| k < repeats(entrants[index].steps));
+    let all: Vec<usize> = (0..most).flat_map(again).collect();
+    let mut heats: Vec<&[usize]> = all.chunks(MOST_AT_ONCE).collect();
+    if round % 2 == 1 {
+        heats.reverse();
+    }
+    let mut runs = vec![Vec::new(); entrants.len()];
+    for own in heats {
+        for (index, run) in own.iter().zip(heat(entrants, own, rules, round)?) {
+            runs[*index].push(run);
+        }
+    }
+    Ok(runs)
+}
+
+/// How often a run of so many steps is done in a round.
+fn repeats(steps: usize) -> usize {
+    TIMED_STEPS.div_ceil(steps.max(1))
+}
+
+/// A run of each of these entrants, in turns.
+fn heat(entrants: &[Entrant], own: &[usize], rules: &Rules, round: usize) -> Result<Vec<Run>> {
+    let open = |index: &usize| -> Result<(Simulation, Run)> {
+        let mut simulation = Simulation::new(&entrants[*index].scene, rules.options, None)?;
         simulation.time_every(TIMED_EVERY)?;
         Ok((simulation, Run::default()))
     };
-    let mut under_way = entrants.iter().map(open).collect::<Result<Vec<_>>>()?;
+    let mut under_way = own.iter().map(open).collect::<Result<Vec<_>>>()?;
     for turn in 1..=TURNS {
         let forward = (0..under_way.len()).collect::<Vec<_>>();
         let order = if (turn + round) % 2 == 1 { forward } else { forward.into_iter().rev().collect() };
-        for index in order {
-            let (simulation, run) = &mut under_way[index];
-            let due = done(entrants[index].steps, turn) - run.times.len();
+        for k in order {
+            let (simulation, run) = &mut under_way[k];
+            let due = done(entrants[own[k]].steps, turn) - run.times.len();
             run.add_steps(simulation, due, rules.stages)?;
         }
     }
@@ -177,6 +206,7 @@ mod tests {
         }
         let turns = |steps| (1..=TURNS).filter(|turn| done(steps, *turn) > done(steps, turn - 1)).count();
         assert_eq!([6, 12, 60, 384].map(turns), [1, 2, 10, 10]);
+        assert_eq!([0, 6, 12, 23, 24, 384].map(repeats), [24, 4, 2, 2, 1, 1]);
     }
 
     #[test]

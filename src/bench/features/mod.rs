@@ -76,6 +76,12 @@ impl Run {
     pub fn ms(&self) -> f64 {
         median(&self.step_us.iter().map(|round| 1e-3 * median(round)).collect::<Vec<_>>())
     }
+
+    /// Of a step that counts.
+    fn mean_iterations(&self) -> f64 {
+        let steps: usize = self.step_us.iter().map(Vec::len).sum();
+        self.iterations as f64 / steps.max(1) as f64
+    }
 }
 
 /// The benchmark: a part a feature.
@@ -193,8 +199,18 @@ fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
 }
 
 fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
-    let heads =
-        ["feature", "compared", "with, ms", "without, ms", "ratio", "with, MB", "without, MB", "passes", "dependent"];
+    let heads = [
+        "feature",
+        "compared",
+        "with, ms",
+        "without, ms",
+        "ratio",
+        "iterations",
+        "with, MB",
+        "without, MB",
+        "passes",
+        "dependent",
+    ];
     let mut table = Table::new(heads);
     let mut bars = Vec::new();
     for (feature, Cost { with, without }) in costs {
@@ -206,6 +222,7 @@ fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
             format!("{:.2}", with.ms()),
             format!("{:.2}", without.ms()),
             format!("{:.2}", with.ms() / without.ms()),
+            format!("{:.0} / {:.0}", with.mean_iterations(), without.mean_iterations()),
             megabytes(with),
             megabytes(without),
             pair(|run| run.passes),
@@ -217,8 +234,10 @@ fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
     }
     Ok(Section {
         title: "Time and memory of a step with each feature, and without it".into(),
-        question: "What does a feature cost where it is used? Passes and dependent passes are with and without it."
-            .into(),
+        question:
+            "What does a feature cost where it is used? Iterations (of a step, mean), passes and dependent passes are \
+                   with and without it."
+                .into(),
         table,
         plot: Some(plot::bars("ms a step", &bars)?),
         finding: finding(costs),

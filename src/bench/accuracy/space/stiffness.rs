@@ -17,10 +17,10 @@ const STIFFNESSES: [f64; 10] = [1e4, 1e5, 1e6, 1e7, 3e7, 6e7, 1e8, 2e8, 3e8, 1e9
 const LAST: [f64; 2] = [3e8, 1e9];
 /// A penalty's depth is its pressure over its stiffness.
 const ORDER: f64 = 1.0;
-/// Cells across the block, in full and in short; Hertz's line is extrapolated from these and the ones before.
+/// Cells across the block, in full and in short.
 const CELLS: [u32; 2] = [16, 12];
-/// A coarser block, as a share of those cells.
-const COARSER: [u32; 2] = [12, 8];
+/// What the mesh makes of Hertz's law is extrapolated from blocks of these cells, in full and in short.
+const MESHES: [[u32; 2]; 2] = [[12, 24], [8, 12]];
 /// Cells are finer by one more than this where the ball touches, which is a small place: several lie under it.
 const GRADES: DVec3 = DVec3::new(2.0, 1.0, 2.0);
 /// Without much locking, since the law has none.
@@ -39,7 +39,7 @@ const HERTZ: &str = "against Hertz's law";
 /// Contact stiffness over five decades.
 pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let folder = MeshFolder::new()?;
-    let (cells, coarser) = (CELLS[usize::from(settings.is_quick)], COARSER[usize::from(settings.is_quick)]);
+    let (cells, meshes) = (CELLS[usize::from(settings.is_quick)], MESHES[usize::from(settings.is_quick)]);
     let press = |cells: u32, stiffness: f64| -> Result<Press> {
         let mut press = Press {
             poisson: POISSON,
@@ -57,12 +57,14 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         *last = (1.0 / stiffness, force(&press(cells, stiffness)?.scene(), settings)?);
     }
     let (limit_force, law) = (limit(last, ORDER), hertz(RADIUS));
-    // What the mesh makes of the law, taken off: forces at both meshes, extrapolated.
+    // What the mesh makes of the law, taken off: forces of two meshes, extrapolated.
     let stiffest = LAST[1];
-    watch("reference: a coarser block");
-    let coarse = force(&press(coarser, stiffest)?.scene(), settings)?;
-    let by_mesh = limit([(1.0 / f64::from(coarser), coarse), (1.0 / f64::from(cells), last[1].1)], 2.0);
-    let mesh = last[1].1 / by_mesh;
+    let mut by_mesh = [(0.0, 0.0); 2];
+    for (by_mesh, cells) in by_mesh.iter_mut().zip(meshes) {
+        watch(&format!("reference: {cells} cells across"));
+        *by_mesh = (1.0 / f64::from(cells), force(&press(cells, stiffest)?.scene(), settings)?);
+    }
+    let mesh = last[1].1 / limit(by_mesh, 2.0);
     let all = STIFFNESSES.map(|stiffness| {
         let setting = format!("{stiffness:.0e} N/m^3, {LIMIT}");
         Ok(entrant(&press(cells, stiffness)?, LIMIT, "", setting, 1.0 / stiffness))
@@ -89,11 +91,13 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
             "How stiff must contact be for the force to be the body's? A ball of 6 cm goes 1 mm into a block of {cells} x {} x \
              {cells} cells (12 x 4 x 12 cm, 20 kPa, nu 0.3). The limit, {limit_force:.4} N, is extrapolated from {:.0e} and \
              {:.0e} N/m^3. Hertz's law, for a layer on a base as Dimitriadis and others (2002) have it, says {law:.4} N; \
-             the mesh makes that {:.1} % more, by {coarser} and {cells} cells extrapolated, which is taken off.",
+             the mesh makes that {:.1} % more, by {} and {} cells extrapolated, which is taken off.",
             cells.div_ceil(2),
             LAST[0],
             LAST[1],
-            100.0 * (mesh - 1.0)
+            100.0 * (mesh - 1.0),
+            meshes[0],
+            meshes[1]
         ),
         knob: "one over the contact stiffness, m^3/N".into(),
         stage: STAGES.concat(),

@@ -9,7 +9,7 @@ use super::press::{Body, Press};
 use super::sampled::Pose;
 use super::{at_rest, entrant};
 use crate::bench::accuracy::race::{self, Entrant, Rules, race};
-use crate::bench::accuracy::{Curve, Point, Settings};
+use crate::bench::accuracy::{Curve, Judged, Point, Settings};
 use crate::oracle::skin;
 use crate::prepare::{self, Shape, sphere};
 use crate::scene::DepthPath;
@@ -26,8 +26,8 @@ const VERTICES: [usize; 2] = [20_000, 8_000];
 const RADIUS: f64 = 0.02;
 /// What the times are of.
 const STAGES: &[&str] = &["depth"];
-/// The finest texels, and every one of the engine's.
-const BOUND: f64 = 0.01;
+/// The engine's force, of that of its own choice: the same bits.
+const BOUND: f64 = 1e-6;
 /// Title of the engine's plot, which is empty: zeros have no logarithm.
 const ENGINE: &str = "the engine: rays, no error to draw";
 /// And of that of sampled depths, whose time is no step's.
@@ -77,6 +77,8 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
              from the reference's, and the errors that there are belong to sampled depths"
         ),
         bound: BOUND,
+        judged: Judged::Every,
+        beside: CPU.into(),
         ..Curve::default()
     })
 }

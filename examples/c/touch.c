@@ -1,0 +1,42 @@
+/* Touches a scene's body for some steps and prints the force: cc touch.c -lpalpate */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "palpate.h"
+
+static void check(palpate_status status, const char *what) {
+    if (status != PALPATE_STATUS_OK) {
+        fprintf(stderr, "%s: %s\n", what, palpate_last_error());
+        exit(EXIT_FAILURE);
+    }
+}
+
+int main(int argc, char **argv) {
+    if (argc != 3) {
+        fprintf(stderr, "usage: %s SCENE STEPS\n", argv[0]);
+        return 2;
+    }
+    if (palpate_abi() != PALPATE_ABI) {
+        fprintf(stderr, "palpate.h and the library (%s) do not belong together\n", palpate_version());
+        return EXIT_FAILURE;
+    }
+    palpate_context *context = NULL;
+    palpate_scene *scene = NULL;
+    palpate_simulation *simulation = NULL;
+    check(palpate_context_create(NULL, &context), "no device");
+    check(palpate_scene_load(argv[1], &scene), "no scene");
+    check(palpate_simulation_create(context, scene, &simulation), "no simulation");
+    check(palpate_scene_destroy(scene), "scene");
+
+    palpate_wrench wrench = {.size = sizeof wrench};
+    for (long steps = strtol(argv[2], NULL, 10); steps > 0; steps--) {
+        /* Null: where the scene has the device. A program of your own passes the pose of its device. */
+        check(palpate_step(simulation, NULL, &wrench), "step");
+        printf("%" PRIu64 " %.17g %.17g %.17g %" PRIu32 "\n", wrench.step, wrench.force[0], wrench.force[1],
+               wrench.force[2], wrench.flags);
+    }
+    check(palpate_simulation_destroy(simulation), "simulation");
+    check(palpate_context_destroy(context), "context");
+    return EXIT_SUCCESS;
+}

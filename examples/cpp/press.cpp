@@ -1,0 +1,34 @@
+// Presses the tool of a scene down by itself and prints the force: c++ -std=c++17 press.cpp -lpalpate
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+
+#include "palpate.hpp"
+
+int main(int argc, char **argv) {
+    if (argc != 3) {
+        std::fprintf(stderr, "usage: %s SCENE STEPS\n", argv[0]);
+        return 2;
+    }
+    try {
+        const palpate::Context context;
+        palpate::Simulation simulation(context, palpate::Scene::load(argv[1]));
+        // Where the scene has the device to begin with, and from there down by 5 mm/s.
+        palpate::Wrench wrench = simulation.step();
+        palpate::Pose device = wrench.device;
+        for (long steps = std::atol(argv[2]); steps > 1; steps--) {
+            device.position[1] -= 5e-6;
+            wrench = simulation.step(device);
+        }
+        double lowest = 0.0;
+        for (const auto &node : simulation.nodes(0)) {
+            lowest = node[1] < lowest ? node[1] : lowest;
+        }
+        std::printf("%.3f N upwards after %.0f ms, %u contacts, lowest node at %.1f mm\n", wrench.force[1],
+                    1e3 * wrench.time, wrench.contacts, 1e3 * lowest);
+    } catch (const std::exception &error) {
+        std::fprintf(stderr, "%s\n", error.what());
+        return EXIT_FAILURE;
+    }
+    return EXIT_SUCCESS;
+}

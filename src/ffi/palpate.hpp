@@ -1,0 +1,123 @@
+// palpate.hpp: palpate.h for C++17, with handles that let go of themselves and errors that are thrown. Header only.
+#ifndef PALPATE_HPP
+#define PALPATE_HPP
+
+#include <array>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "palpate.h"
+
+namespace palpate {
+
+using Pose = palpate_pose;
+using Wrench = palpate_wrench;
+
+/// What a call that failed says.
+class Error : public std::runtime_error {
+public:
+    explicit Error(palpate_status status) : std::runtime_error(palpate_last_error()), status_(status) {}
+    palpate_status status() const noexcept { return status_; }
+
+private:
+    palpate_status status_;
+};
+
+inline void check(palpate_status status) {
+    if (status != PALPATE_STATUS_OK) {
+        throw Error(status);
+    }
+}
+
+namespace detail {
+
+/// A handle with one owner.
+template <typename T, palpate_status (*Destroy)(T *)>
+class Handle {
+public:
+    Handle() noexcept = default;
+    explicit Handle(T *handle) noexcept : handle_(handle) {}
+    Handle(Handle &&other) noexcept : handle_(std::exchange(other.handle_, nullptr)) {}
+    Handle &operator=(Handle &&other) noexcept {
+        std::swap(handle_, other.handle_);
+        return *this;
+    }
+    Handle(const Handle &) = delete;
+    Handle &operator=(const Handle &) = delete;
+    ~Handle() { Destroy(handle_); }
+    /// For functions of palpate.h.
+    T *get() const noexcept { return handle_; }
+
+protected:
+    T *handle_ = nullptr;
+};
+
+} // namespace detail
+
+/// A Vulkan device under the library's hands.
+class Context : public detail::Handle<palpate_context, palpate_context_destroy> {
+public:
+    /// The best device, or the one of this name or position.
+    explicit Context(const std::string &device = {}, bool validation = false) {
+        palpate_context_options options{};
+        options.size = sizeof options;
+        options.validation = validation ? 1 : 0;
+        options.device = device.empty() ? nullptr : device.c_str();
+        check(palpate_context_create(&options, &handle_));
+    }
+};
+
+/// What a simulation is made of.
+class Scene : public detail::Handle<palpate_scene, palpate_scene_destroy> {
+public:
+    /// Reads a scene file.
+    static Scene load(const std::string &file) {
+        palpate_scene *scene = nullptr;
+        check(palpate_scene_load(file.c_str(), &scene));
+        return Scene(scene);
+    }
+    /// Reads the text of one; files that it names are relative to `folder`.
+    static Scene parse(const std::string &text, const std::string &folder = {}) {
+        palpate_scene *scene = nullptr;
+        check(palpate_scene_parse(text.c_str(), folder.c_str(), &scene));
+        return Scene(scene);
+    }
+
+private:
+    using Handle::Handle;
+};
+
+/// A scene under way.
+class Simulation : public detail::Handle<palpate_simulation, palpate_simulation_destroy> {
+public:
+    Simulation(const Context &context, const Scene &scene) {
+        check(palpate_simulation_create(context.get(), scene.get(), &handle_));
+    }
+    /// One step, with the device where the scene has it.
+    Wrench step() { return step_to(nullptr); }
+    /// One step, with the device at this pose at its end.
+    Wrench step(const Pose &device) { return step_to(&device); }
+    /// Where a soft body's nodes are, m, world.
+    std::vector<std::array<double, 3>> nodes(uint32_t body) const {
+        static_assert(sizeof(std::array<double, 3>) == sizeof(double[3]), "an array is its elements");
+        size_t count = 0;
+        check(palpate_nodes(get(), body, nullptr, 0, &count));
+        std::vector<std::array<double, 3>> positions(count);
+        check(palpate_nodes(get(), body, reinterpret_cast<double(*)[3]>(positions.data()), count, &count));
+        return positions;
+    }
+
+private:
+    Wrench step_to(const Pose *device) {
+        Wrench wrench{};
+        wrench.size = sizeof wrench;
+        check(palpate_step(get(), device, &wrench));
+        return wrench;
+    }
+};
+
+} // namespace palpate
+
+#endif

@@ -1,0 +1,114 @@
+//! Structs that may grow, and strings, as they come from C and go there.
+
+use std::ffi::{CStr, c_char};
+
+use super::status::{Failure, Outcome, palpate_status};
+
+/// A struct of the interface whose first field is its size in bytes, as its user was compiled with it.
+///
+/// # Safety
+/// `repr(C)`, the first field is a `u32` of the size, and any bytes are a value.
+pub(super) unsafe trait Sized32: Copy {
+    /// As in the header.
+    const NAME: &str;
+    /// Size of the first version of it.
+    const LEAST: usize;
+    /// What the fields are that a user does not know of.
+    fn unset() -> Self;
+}
+
+/// Reads a struct of any known version; null: nothing is set.
+///
+/// # Safety
+/// `from` is null, or that many bytes can be read there as its first field says.
+pub(super) unsafe fn read<T: Sized32>(from: *const T) -> Outcome<T> {
+    let mut value = T::unset();
+    if from.is_null() {
+        return Ok(value);
+    }
+    // SAFETY: the caller's promise.
+    let size = unsafe { size_of_struct(from)? };
+    let known = size.min(size_of::<T>());
+    // SAFETY: the caller's promise, and any bytes are a value; `value` has room for `known`.
+    unsafe { std::ptr::copy_nonoverlapping(from.cast::<u8>(), (&raw mut value).cast::<u8>(), known) };
+    // SAFETY: the caller's promise.
+    let beyond = unsafe { std::slice::from_raw_parts(from.cast::<u8>().add(known), size - known) };
+    if beyond.iter().any(|byte| *byte != 0) {
+        let problem = format!("{} sets what this version of the library does not know; use a newer one", T::NAME);
+        return Err(Failure::new(palpate_status::Argument, problem));
+    }
+    Ok(value)
+}
+
+/// Writes a struct as far as its user knows it; its size stays.
+///
+/// # Safety
+/// As many bytes can be written at `to` as its first field says.
+pub(super) unsafe fn write<T: Sized32>(to: *mut T, value: &T) -> Outcome {
+    // SAFETY: the caller's promise.
+    let size = unsafe { size_of_struct(to.cast_const())? };
+    let known = size.min(size_of::<T>()) - size_of::<u32>();
+    // SAFETY: the caller's promise; `value` is at least as large, and its first four bytes are the size.
+    unsafe {
+        let from = (&raw const *value).cast::<u8>().add(size_of::<u32>());
+        std::ptr::copy_nonoverlapping(from, to.cast::<u8>().add(size_of::<u32>()), known);
+    }
+    Ok(())
+}
+
+/// # Safety
+/// A `u32` can be read at `of`.
+unsafe fn size_of_struct<T: Sized32>(of: *const T) -> Outcome<usize> {
+    if !of.is_aligned() {
+        return Err(Failure::new(palpate_status::Argument, format!("{} is not aligned", T::NAME)));
+    }
+    // SAFETY: the caller's promise.
+    let size = unsafe { of.cast::<u32>().read() } as usize;
+    if size < T::LEAST || size > 1 << 16 {
+        let problem = format!("{0}.size is {size}; set it to sizeof({0})", T::NAME);
+        return Err(Failure::new(palpate_status::Argument, problem));
+    }
+    Ok(size)
+}
+
+/// A string of the caller's.
+///
+/// # Safety
+/// `text` is null, or ends in a zero and lives as long as the answer is used.
+pub(super) unsafe fn string<'a>(text: *const c_char, name: &str) -> Outcome<&'a str> {
+    if text.is_null() {
+        return Err(Failure::new(palpate_status::Null, format!("{name} is null; give a string")));
+    }
+    // SAFETY: the caller's promise.
+    let text = unsafe { CStr::from_ptr(text) };
+    text.to_str().map_err(|_| Failure::new(palpate_status::Argument, format!("{name} is not UTF-8")))
+}
+
+/// Where an answer is put.
+///
+/// # Safety
+/// `to` is null or can be written for as long as the answer is used.
+pub(super) unsafe fn answer<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut T> {
+    // SAFETY: the caller's promise.
+    let to = unsafe { to.as_mut() };
+    to.ok_or_else(|| Failure::new(palpate_status::Null, format!("{name} is null; say where the answer goes")))
+}
+
+/// Copies as many elements as there are into the caller's array. Errors: it is too small, and nothing was copied.
+///
+/// # Safety
+/// `to` is null or has room for `capacity` elements.
+pub(super) unsafe fn copy<T: Copy>(from: &[T], to: *mut T, capacity: usize, name: &str) -> Outcome {
+    if to.is_null() && capacity > 0 {
+        return Err(Failure::new(palpate_status::Null, format!("{name} is null, and has room for {capacity}")));
+    }
+    if capacity < from.len() {
+        let problem = format!("{name} has room for {capacity} of {}", from.len());
+        return Err(Failure::new(palpate_status::TooSmall, problem));
+    }
+    if !from.is_empty() {
+        // SAFETY: the caller's promise; `from` is the library's own.
+        unsafe { std::ptr::copy_nonoverlapping(from.as_ptr(), to, from.len()) };
+    }
+    Ok(())
+}

@@ -1,0 +1,114 @@
+//! A simulation from its scene: bodies prepared, a device, the step recorded.
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+
+use super::choice::Choice;
+use super::frames::Frames;
+use super::probes::{ProbePlace, probes_of};
+use super::recordings::{Recordings, Stages};
+use super::{Simulation, TIMED_EVERY, tools};
+use crate::Result;
+use crate::gpu::{Context, Options, Recorder};
+use crate::haptics::drive::Drive;
+use crate::haptics::tool::Tool;
+use crate::plan::Plan;
+use crate::prepare::{self, Body, Cache};
+use crate::scene::{Key, Scene};
+use crate::stages::depth::Path;
+use crate::stages::model::Model;
+use crate::stages::{query_as_one, types};
+
+/// Tetrahedra below which one thread of a CPU is faster than two (see README, "Measured facts").
+const LITTLE_WORK: usize = 20_000;
+
+/// What is known of a scene before any device is.
+struct Prepared {
+    bodies: Vec<Body>,
+    tool_body: Option<Body>,
+    model: Model,
+    frames: Frames,
+    tool: Option<Tool>,
+    probes: Vec<ProbePlace>,
+    probe_nodes: Vec<[u32; 4]>,
+}
+
+impl Simulation {
+    /// Prepares the scene's bodies, opens a device and records the step. All input is read before the device is opened.
+    /// `path` of the depth stage wins over the scene's.
+    pub fn new(scene: &Scene, options: &Options, path: Option<Path>) -> Result<Simulation> {
+        let prepared = Prepared::new(scene)?;
+        let one_thread = options.one_thread && prepared.model.tetrahedra.len() < LITTLE_WORK;
+        let context = Context::new(&Options { one_thread, ..options.clone() })?;
+        prepared.record(scene, &context, path)
+    }
+
+    /// The same on a device that is open, and may have other simulations.
+    pub fn on(context: &Arc<Context>, scene: &Scene, path: Option<Path>) -> Result<Simulation> {
+        Prepared::new(scene)?.record(scene, context, path)
+    }
+}
+
+impl Prepared {
+    fn new(scene: &Scene) -> Result<Prepared> {
+        let bodies = scene.bodies.iter().map(|body| prepare::body(body, scene)).collect::<Result<Vec<_>>>()?;
+        let tool_body = scene.rigid_tool().map(|tool| prepare::tool(tool, scene)).transpose()?;
+        let model = Model::new(scene, &bodies, tool_body.as_ref());
+        let frames = Frames::new(&model, |frame| velocity_of(&bodies, &model, frame));
+        let tool = tools::tool_of(scene, tool_body.as_ref(), &model, &frames)?;
+        let (probes, probe_nodes) = probes_of(scene, &bodies, &model)?;
+        Ok(Prepared { bodies, tool_body, model, frames, tool, probes, probe_nodes })
+    }
+
+    fn record(self, scene: &Scene, context: &Arc<Context>, path: Option<Path>) -> Result<Simulation> {
+        let Prepared { bodies, tool_body, model, frames, tool, probes, probe_nodes } = self;
+        let asked = path.or(scene.contact.depth);
+        let choice = if model.needs_depth() { Some(Choice::new(context, asked, &Cache::of_user())?) } else { None };
+        let path = choice.as_ref().map(|choice| choice.path);
+        let stages = Stages::new(context, &model, path, &probe_nodes)?;
+        // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
+        Recordings::new(&stages, 0, || Recorder::warm_up(context))?.submit_once()?;
+        let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(context))?;
+        let timed = Some(timed(context, &stages, scene)?);
+        let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
+        let plan = Plan::new(scene, &model, choice.map(|choice| choice.to_string()));
+        let held_mass = tools::held_mass(&model);
+        Ok(Simulation {
+            drive: Drive::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
+            scene: scene.clone(),
+            context: Arc::clone(context),
+            bodies,
+            tool_report: tool_body.map(|body| body.report),
+            model,
+            stages,
+            plain,
+            timed,
+            tool,
+            frames,
+            probes,
+            plan,
+            path,
+            step: 0,
+            time: 0.0,
+            has_weight: true,
+            held_mass,
+            last_wrench: None,
+            last_iterations: 0,
+            last_timed: None,
+            timed_every: TIMED_EVERY,
+        })
+    }
+}
+
+/// The step with timestamps: stage by stage, and with the query's stages as one.
+pub(super) fn timed(context: &Arc<Context>, stages: &Stages, scene: &Scene) -> Result<[Recordings; 2]> {
+    let timed = |timers| Recordings::new(stages, scene.solver.max_iterations, || Recorder::timed_by(context, timers));
+    Ok([timed(|stage| stage)?, timed(query_as_one)?])
+}
+
+/// The initial velocity of a frame's body.
+fn velocity_of(bodies: &[Body], model: &Model, frame: usize) -> DVec3 {
+    let owner = model.body_frames.iter().rposition(|&first| first != types::NONE && first as usize <= frame);
+    owner.and_then(|body| bodies.get(body)).map_or(DVec3::ZERO, |body| body.velocity)
+}

@@ -1,0 +1,151 @@
+//! The C ABI from C: the header is the one that the sources make, programs compile without a warning, and feel the same
+//! forces, bit for bit, as `palpate run`.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const STEPS: usize = 40;
+const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
+/// A sphere pressed into a block.
+const SCENE: &str = r#"
+[[body]]
+name = "block"
+layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [6, 4, 6] }
+material = { young = 2e4, poisson = 0.45, density = 1000.0 }
+[[body.core]]
+name = "bottom"
+motion = "fixed"
+bind = { box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }
+[tool]
+sphere = 0.02
+mass = 0.05
+position = [0.0, 0.0502, 0.0]
+[coupling]
+stiffness = 500.0
+damping = 2.0
+angular_stiffness = 0.5
+angular_damping = 0.002
+[drive]
+keys = [[0.0, 0.0, 0.0502, 0.0], [0.02, 0.003, 0.046, 0.0]]
+"#;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Where cargo puts the shared library that belongs to this test.
+fn library() -> PathBuf {
+    let built = Path::new(env!("CARGO_BIN_EXE_palpate")).parent().unwrap();
+    let newest = [built.to_path_buf(), built.join("deps")].map(|folder| folder.join("libpalpate.so"));
+    let when = |path: &PathBuf| path.metadata().and_then(|m| m.modified()).ok();
+    let found = newest.into_iter().filter(|path| path.exists()).max_by_key(when);
+    found.expect("cargo builds libpalpate.so").parent().unwrap().to_path_buf()
+}
+
+/// Compiles a program; its path.
+fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> PathBuf {
+    let program = folder.join(format!("{}-{compiler}", Path::new(source).file_stem().unwrap().display()));
+    let library = library();
+    let done = Command::new(compiler)
+        .args([format!("-std={standard}"), "-O1".into()])
+        .args(STRICT)
+        .arg("-I")
+        .arg(root().join("src/ffi"))
+        .arg(root().join("examples").join(source))
+        .arg("-o")
+        .arg(&program)
+        .arg("-L")
+        .arg(&library)
+        .args(["-lpalpate", &format!("-Wl,-rpath,{}", library.display())])
+        .output()
+        .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh installs it"));
+    assert!(done.status.success(), "{compiler}: {}", String::from_utf8_lossy(&done.stderr));
+    program
+}
+
+fn output(program: &mut Command) -> String {
+    let done = program.output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    String::from_utf8(done.stdout).unwrap()
+}
+
+#[test]
+fn the_header_is_the_one_that_the_sources_make() {
+    let config = cbindgen::Config::from_file(root().join("src/ffi/cbindgen.toml")).unwrap();
+    let builder = cbindgen::Builder::new().with_config(config).with_src(root().join("src/ffi/mod.rs"));
+    let mut made = Vec::new();
+    builder.generate().unwrap().write(&mut made);
+    let file = root().join("src/ffi/palpate.h");
+    let made = String::from_utf8(made).unwrap();
+    if std::env::var_os("PALPATE_WRITE_HEADER").is_some() {
+        std::fs::write(&file, &made).unwrap();
+    }
+    let committed = std::fs::read_to_string(&file).unwrap_or_default();
+    assert!(
+        committed == made,
+        "src/ffi/palpate.h is not what src/ffi makes; make it: \
+        PALPATE_WRITE_HEADER=1 cargo test --release --test ffi header"
+    );
+}
+
+/// The scene in a file, and step, force and flags of each step as `palpate run` writes them.
+fn run(folder: &Path) -> (PathBuf, Vec<[f64; 5]>) {
+    let (scene, out) = (folder.join("scene.toml"), folder.join("out"));
+    std::fs::write(&scene, SCENE).unwrap();
+    let steps = STEPS.to_string();
+    let program = env!("CARGO_BIN_EXE_palpate");
+    output(Command::new(program).arg("run").arg(&scene).args(["--steps", &steps, "--out"]).arg(&out));
+    let trace = std::fs::read_to_string(out.join("trace.csv")).unwrap();
+    let mut rows = csv::Reader::from_reader(trace.as_bytes());
+    let heads = rows.headers().unwrap().clone();
+    let columns = ["step", "force_x", "force_y", "force_z", "flags"];
+    let columns = columns.map(|name| heads.iter().position(|head| head == name).unwrap());
+    let numbers = |row: csv::StringRecord| columns.map(|k| row[k].parse::<f64>().unwrap());
+    let told: Vec<[f64; 5]> = rows.records().map(|row| numbers(row.unwrap())).collect();
+    assert!(told.len() == STEPS && told[STEPS - 1][2] > 0.1, "{told:?}");
+    (scene, told)
+}
+
+/// The same of what a program prints.
+fn felt(said: &str) -> Vec<[f64; 5]> {
+    let row = |line: &str| {
+        let mut numbers = line.split(' ').map(|word| word.parse::<f64>().unwrap());
+        std::array::from_fn(|_| numbers.next().unwrap())
+    };
+    said.lines().map(row).collect()
+}
+
+fn bits(rows: &[[f64; 5]]) -> Vec<[u64; 5]> {
+    rows.iter().map(|row| row.map(f64::to_bits)).collect()
+}
+
+#[test]
+fn programs_in_c_and_python_feel_the_forces_of_palpate_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, told) = run(folder.path());
+    for compiler in ["gcc", "clang"] {
+        let program = compiled(compiler, "c11", "c/touch.c", folder.path());
+        let said = output(Command::new(program).arg(&scene).arg(STEPS.to_string()));
+        assert_eq!(bits(&felt(&said)), bits(&told), "{compiler}");
+    }
+    let mut python = Command::new("python3");
+    python.arg(root().join("examples/python/touch.py")).arg(&scene).arg(STEPS.to_string());
+    let said = output(python.arg(library().join("libpalpate.so")));
+    assert_eq!(bits(&felt(&said)), bits(&told), "python");
+}
+
+#[test]
+fn a_program_in_cpp_leads_the_device_itself_and_says_what_is_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, _) = run(folder.path());
+    for compiler in ["g++", "clang++"] {
+        let program = compiled(compiler, "c++17", "cpp/press.cpp", folder.path());
+        // Down by 7.5 mm from 0.2 mm above.
+        let said = output(Command::new(&program).arg(&scene).arg("1500"));
+        let force: f64 = said.split(' ').next().unwrap().parse().unwrap();
+        assert!(force > 0.5 && force < 3.0, "{said}");
+        let wrong = Command::new(&program).args(["nowhere.toml", "10"]).output().unwrap();
+        let said = String::from_utf8(wrong.stderr).unwrap();
+        assert!(wrong.status.code() == Some(1) && said.contains("nowhere.toml") && said.lines().count() == 1, "{said}");
+    }
+}
