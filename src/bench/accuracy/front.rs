@@ -64,7 +64,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     let fine = |halvings: u32| at(halvings, TIGHT.0, TIGHT.1, Sides::Both);
     let reference = extrapolated(&fine, most + 2, UNITS, &options)?;
     let (halvings, entrants): (Vec<u32>, Vec<Entrant>) = entrants.into_iter().unzip();
-    let rules = Rules { rounds: settings.rounds.min(2), stages: &["solve"], options: &options };
+    let rules = Rules { rounds: settings.rounds.min(2), ..settings.rules(&["solve"], &options) };
     let points = race(entrants, &rules, watch, &mut |index, run| {
         (relative_error(&at_units(run, 1 << halvings[index]), &reference), None)
     })?;

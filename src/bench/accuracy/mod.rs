@@ -29,6 +29,8 @@ use crate::{Error, Result};
 pub struct Settings {
     /// Runs of each setting.
     pub rounds: usize,
+    /// See [`race::Rules`].
+    pub timed_steps: usize,
     /// Of the blocks that are pressed, an edge.
     pub cells: [u32; 3],
     /// Steps of a press.
@@ -74,6 +76,7 @@ impl Settings {
     pub fn full() -> Settings {
         Settings {
             rounds: 3,
+            timed_steps: 24,
             cells: [8, 5, 8],
             steps: 60,
             halvings: 7,
@@ -85,9 +88,14 @@ impl Settings {
         }
     }
 
+    /// How settings race: whose times are summed, on which device.
+    fn rules<'a>(&self, stages: &'a [&'a str], options: &'a Options) -> race::Rules<'a> {
+        race::Rules { rounds: self.rounds, timed_steps: self.timed_steps, stages, options }
+    }
+
     /// Smaller bodies, one run: for a first look, not for figures.
     pub fn quick() -> Settings {
-        Settings { rounds: 1, cells: [7, 4, 7], steps: 50, is_quick: true, ..Settings::full() }
+        Settings { rounds: 1, timed_steps: 0, cells: [7, 4, 7], steps: 50, is_quick: true, ..Settings::full() }
     }
 
     /// What the engine is opened with.

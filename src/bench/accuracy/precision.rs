@@ -2,7 +2,7 @@
 
 use super::document::percent;
 use super::press::Press;
-use super::race::{Entrant, Rules, race};
+use super::race::{Entrant, race};
 use super::twin::{Reference, reference};
 use super::{Curve, Judged, Point, Settings, factor};
 use crate::Result;
@@ -58,7 +58,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         let point = Point { setting, line: line.into(), panel: line.into(), value, ..Point::default() };
         entrants.push(Entrant { point, scene, steps });
     }
-    let rules = Rules { rounds: settings.rounds, stages: &["solve"], options: &options };
+    let rules = settings.rules(&["solve"], &options);
     let points = race(entrants, &rules, watch, &mut |index, run| references[index].errors(run))?;
     Ok(Curve {
         name: "precision".into(),

@@ -23,8 +23,6 @@ const WARM_UP: usize = 1;
 /// Simulations at once, at most: each has kernels of its own, which are some 150 MB on lavapipe. Those of more settings race in
 /// heats, the last one first in every second round.
 const MOST_AT_ONCE: usize = 12;
-/// A run of fewer steps is done again in the same round, until it has so many: the median of a few says little.
-const TIMED_STEPS: usize = 24;
 
 /// Who takes part: a setting, its scene, and how many steps of it.
 #[derive(Debug, Clone)]
@@ -42,10 +40,19 @@ pub struct Entrant {
 pub struct Rules<'a> {
     /// Runs of each entrant.
     pub rounds: usize,
+    /// A run of fewer steps is done again in the same round, until it has so many: the median of a few says little.
+    pub timed_steps: usize,
     /// The stages whose times are summed; see [`crate::stages`].
     pub stages: &'a [&'a str],
     /// The device.
     pub options: &'a Options,
+}
+
+impl Rules<'_> {
+    /// How often a run of so many steps is done in a round.
+    fn repeats(&self, steps: usize) -> usize {
+        self.timed_steps.div_ceil(steps.max(1)).max(1)
+    }
 }
 
 /// What a run found.
@@ -101,8 +108,9 @@ pub fn run(scene: &Scene, steps: usize, options: &Options) -> Result<Run> {
 
 /// All runs of each entrant in one round.
 fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Vec<Run>>> {
-    let most = entrants.iter().map(|entrant| repeats(entrant.steps)).max().unwrap_or(0);
-    let again = |k: usize| (0..entrants.len()).filter(move |&index| k < repeats(entrants[index].steps));
+    let repeats: Vec<usize> = entrants.iter().map(|entrant| rules.repeats(entrant.steps)).collect();
+    let again = |k: usize| repeats.iter().enumerate().filter(move |(_, own)| k < **own).map(|(index, _)| index);
+    let most = repeats.iter().max().copied().unwrap_or(0);
     let all: Vec<usize> = (0..most).flat_map(again).collect();
     let mut heats: Vec<&[usize]> = all.chunks(MOST_AT_ONCE).collect();
     if round % 2 == 1 {
@@ -115,11 +123,6 @@ fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Ve
         }
     }
     Ok(runs)
-}
-
-/// How often a run of so many steps is done in a round.
-fn repeats(steps: usize) -> usize {
-    TIMED_STEPS.div_ceil(steps.max(1))
 }
 
 /// A run of each of these entrants, in turns.
@@ -206,7 +209,10 @@ mod tests {
         }
         let turns = |steps| (1..=TURNS).filter(|turn| done(steps, *turn) > done(steps, turn - 1)).count();
         assert_eq!([6, 12, 60, 384].map(turns), [1, 2, 10, 10]);
-        assert_eq!([0, 6, 12, 23, 24, 384].map(repeats), [24, 4, 2, 2, 1, 1]);
+        let options = Options::default();
+        let rules = |timed_steps| Rules { rounds: 1, timed_steps, stages: &[], options: &options };
+        assert_eq!([6, 12, 23, 24, 384].map(|steps| rules(24).repeats(steps)), [4, 2, 2, 1, 1]);
+        assert_eq!([0, 6, 384].map(|steps| rules(0).repeats(steps)), [1, 1, 1]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::press::Press;
-use super::race::{Entrant, Rules, Run, race, relative_error, run};
+use super::race::{Entrant, Run, race, relative_error, run};
 use super::twin::{Reference, reference};
 use super::{Curve, Expected, Point, SINGLE, Settings};
 use crate::Result;
@@ -44,7 +44,7 @@ pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         let point = Point { setting, value: 1e3 * dt, simulated_s: dt, ..Point::default() };
         Entrant { point, scene, steps: units << halvings }
     };
-    let rules = Rules { rounds: settings.rounds, stages: &["solve"], options: &options };
+    let rules = settings.rules(&["solve"], &options);
     let entrants = (0..=most).map(entrant).collect();
     let points = race(entrants, &rules, watch, &mut |halvings, run| {
         (relative_error(&at_units(run, 1 << halvings), &reference), None)
@@ -102,7 +102,7 @@ pub fn by_newton(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Cur
             Entrant { point, scene: scene(law, newton), steps }
         })
     };
-    let rules = Rules { rounds: settings.rounds, stages: &["elastic", "solve"], options: &options };
+    let rules = settings.rules(&["elastic", "solve"], &options);
     let points = race(laws.into_iter().flat_map(of).collect(), &rules, watch, &mut |index, run| {
         references[index / NEWTON.len()].errors(run)
     })?;

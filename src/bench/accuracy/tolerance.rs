@@ -1,7 +1,7 @@
 //! What the solver's tolerance and its cap on iterations buy, against f64 steps solved directly.
 
 use super::press::Press;
-use super::race::{Entrant, Rules, race};
+use super::race::{Entrant, race};
 use super::twin::{Reference, reference};
 use super::{Curve, Expected, Point, SINGLE, Settings};
 use crate::Result;
@@ -144,7 +144,7 @@ fn compared(all: Vec<(f64, Scene, Point)>, settings: &Settings, watch: &mut dyn 
     }
     let youngs: Vec<f64> = all.iter().map(|(young, ..)| *young).collect();
     let entrants = all.into_iter().map(|(_, scene, point)| Entrant { point, scene, steps: settings.steps }).collect();
-    let rules = Rules { rounds: settings.rounds, stages: STAGES, options: &options };
+    let rules = settings.rules(STAGES, &options);
     race(entrants, &rules, watch, &mut |index, run| {
         let own = references.iter().find(|(young, _)| *young == youngs[index]);
         own.map_or((None, None), |(_, reference)| reference.errors(run))

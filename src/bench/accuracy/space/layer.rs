@@ -10,7 +10,7 @@ use super::press::{HALF_WIDTH, HEIGHT, Press};
 use super::shapes::{ball, dome, graded_block};
 use super::{entrant, error_against, force, press};
 use crate::Result;
-use crate::bench::accuracy::race::{Entrant, Rules, race};
+use crate::bench::accuracy::race::{Entrant, race};
 use crate::bench::accuracy::{Curve, Expected, Settings};
 use crate::bench::meshes::MeshFolder;
 use crate::scene::{Dilatation, Layer, Surface};
@@ -116,7 +116,8 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
              {too_stiff:.0} % too stiff."
         )
     };
-    let rules = Rules { rounds: settings.rounds, stages: STAGES, options: &settings.options() };
+    let options = settings.options();
+    let rules = settings.rules(STAGES, &options);
     let points = race(entrants, &rules, watch, &mut |index, run| error_against(limits[index], run))?;
     let ratio = f64::from(finest) / f64::from(all_cells[0]);
     let span_reason = format!(

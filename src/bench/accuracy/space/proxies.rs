@@ -3,7 +3,7 @@
 use super::press::{Body, Press};
 use super::{at_rest, entrant, error_against, force};
 use crate::Result;
-use crate::bench::accuracy::race::{Entrant, Rules, race};
+use crate::bench::accuracy::race::{Entrant, race};
 use crate::bench::accuracy::{Curve, Judged, Settings};
 
 /// Convex hulls at most.
@@ -27,7 +27,8 @@ pub fn by_proxies(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Cu
     let reference = force(&press(REFERENCE).scene(), settings)?;
     let entrants: Vec<Entrant> =
         HULLS.iter().map(|&hulls| entrant(&press(hulls), "", "", format!("{hulls} at most"), hulls.into())).collect();
-    let rules = Rules { rounds: settings.rounds, stages: STAGES, options: &settings.options() };
+    let options = settings.options();
+    let rules = settings.rules(STAGES, &options);
     let mut forces = Vec::new();
     let points = race(entrants, &rules, watch, &mut |_, run| {
         forces.push(at_rest(run).length());

@@ -10,7 +10,7 @@ use super::press::{Body, HALF_WIDTH, HEIGHT, Press};
 use super::shapes::{ball, block_skin};
 use super::{entrant, error_against, force};
 use crate::Result;
-use crate::bench::accuracy::race::{Entrant, Rules, race};
+use crate::bench::accuracy::race::{Entrant, race};
 use crate::bench::accuracy::{Curve, Expected, Point, Settings};
 use crate::bench::meshes::MeshFolder;
 use crate::scene::{Sides, Surface};
@@ -138,7 +138,8 @@ fn compared(
             entrants.push(entrant(&line.press(&folder, cells)?, "", line.name, setting, 1.0 / f64::from(cells)));
         }
     }
-    let rules = Rules { rounds: settings.rounds, stages: &QUERY, options: &settings.options() };
+    let options = settings.options();
+    let rules = settings.rules(&QUERY, &options);
     let reference = |index: usize| limits[if is_shared { 0 } else { index / CELLS.len() }];
     let points = race(entrants, &rules, watch, &mut |index, run| error_against(reference(index), run))?;
     Ok((points, limits))

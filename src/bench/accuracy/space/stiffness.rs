@@ -7,7 +7,7 @@ use super::limit::limit;
 use super::press::{Body, HEIGHT, Press, YOUNG};
 use super::{entrant, error_against, force};
 use crate::Result;
-use crate::bench::accuracy::race::{Entrant, Rules, race};
+use crate::bench::accuracy::race::{Entrant, race};
 use crate::bench::accuracy::{Curve, Expected, Point, Settings};
 use crate::bench::meshes::MeshFolder;
 
@@ -70,7 +70,8 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         Ok(entrant(&press(cells, stiffness)?, LIMIT, "", setting, 1.0 / stiffness))
     });
     let entrants = all.into_iter().collect::<Result<Vec<Entrant>>>()?;
-    let rules = Rules { rounds: settings.rounds, stages: STAGES, options: &settings.options() };
+    let options = settings.options();
+    let rules = settings.rules(STAGES, &options);
     let mut by_law = Vec::new();
     let mut points = race(entrants, &rules, watch, &mut |_, run| {
         // The law knows no mesh.

@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::press::{Body, Press};
 use super::sampled::Pose;
 use super::{at_rest, entrant};
-use crate::bench::accuracy::race::{self, Entrant, Rules, race};
+use crate::bench::accuracy::race::{self, Entrant, race};
 use crate::bench::accuracy::{Curve, Judged, Point, Settings};
 use crate::oracle::skin;
 use crate::prepare::{self, Shape, sphere};
@@ -48,7 +48,7 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
             entrants.push(Entrant { scene, ..entrant(&press, ENGINE, path.name(), setting, texel) });
         }
     }
-    let rules = Rules { rounds: settings.rounds, stages: STAGES, options: &options };
+    let rules = settings.rules(STAGES, &options);
     let mut others = 0;
     let mut points = race(entrants, &rules, watch, &mut |_, run| {
         others += run.forces.iter().zip(&reference.forces).filter(|(a, b)| a != b).count();

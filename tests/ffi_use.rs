@@ -1,0 +1,224 @@
+//! The C ABI used as a program would, from here: wrong use is told and harms nothing, and a step allocates nothing.
+#![allow(unsafe_code)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::ffi::{CStr, CString};
+use std::ptr::{null, null_mut};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use palpate::ffi::context::{palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_memory};
+use palpate::ffi::scene::{palpate_scene, palpate_scene_destroy, palpate_scene_parse};
+use palpate::ffi::simulation::{
+    palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_simulation_destroy,
+    palpate_step, palpate_wrench,
+};
+use palpate::ffi::status::{palpate_last_error, palpate_status};
+
+/// Counts what this program asks the system for; the driver asks by itself.
+struct Counted;
+
+thread_local! {
+    static COUNT: AtomicUsize = const { AtomicUsize::new(0) };
+}
+
+// SAFETY: the system's own, counted.
+unsafe impl GlobalAlloc for Counted {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // At the very end of a thread its counter is gone.
+        let _ = COUNT.try_with(|count| count.fetch_add(1, Ordering::Relaxed));
+        // SAFETY: the caller's promise.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counted = Counted;
+
+fn allocations() -> usize {
+    COUNT.with(|count| count.load(Ordering::Relaxed))
+}
+
+/// A sphere pressed into a block, and held there; `cells` of it.
+fn scene_text(cells: &str) -> CString {
+    CString::new(format!(
+        "[[body]]\nname = \"block\"\nlayer = {{ box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = {cells} }}\n\
+         material = {{ young = 2e4, poisson = 0.45, density = 1000.0 }}\n[[body.core]]\nname = \"bottom\"\nmotion = \"fixed\"\n\
+         bind = {{ box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }}\n\
+         [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0502, 0.0]\n[coupling]\nstiffness = 500.0\ndamping = 2.0\n\
+         angular_stiffness = 0.5\nangular_damping = 0.002\n"
+    ))
+    .unwrap()
+}
+
+fn last_error() -> String {
+    // SAFETY: never null, and ends in a zero.
+    unsafe { CStr::from_ptr(palpate_last_error()) }.to_str().unwrap().into()
+}
+
+fn ok(status: palpate_status) {
+    assert_eq!(status, palpate_status::Ok, "{}", last_error());
+}
+
+fn refused(status: palpate_status, expected: palpate_status, words: &str) {
+    let error = last_error();
+    assert_eq!(status, expected, "{error}");
+    assert!(error.contains(words) && error.lines().count() == 1, "{error}");
+}
+
+fn context() -> *mut palpate_context {
+    let mut context = null_mut();
+    // SAFETY: null options, and a place for the answer.
+    ok(unsafe { palpate_context_create(null(), &mut context) });
+    context
+}
+
+fn scene(cells: &str) -> *mut palpate_scene {
+    let mut scene = null_mut();
+    // SAFETY: strings that end, and a place for the answer.
+    ok(unsafe { palpate_scene_parse(scene_text(cells).as_ptr(), null(), &mut scene) });
+    scene
+}
+
+fn simulation(context: *mut palpate_context, cells: &str) -> *mut palpate_simulation {
+    let (scene, mut simulation) = (scene(cells), null_mut());
+    // SAFETY: handles, and a place for the answer.
+    ok(unsafe { palpate_simulation_create(context, scene, &mut simulation) });
+    ok(palpate_scene_destroy(scene));
+    simulation
+}
+
+fn wrench() -> palpate_wrench {
+    // SAFETY: all of it are numbers.
+    palpate_wrench { size: size_of::<palpate_wrench>() as u32, ..unsafe { std::mem::zeroed() } }
+}
+
+/// Where the sphere is deep in the block.
+const DEEP: palpate_pose = palpate_pose { position: [0.0, 0.046, 0.0], orientation: [0.0, 0.0, 0.0, 1.0] };
+
+#[test]
+fn a_step_allocates_nothing_once_it_runs() {
+    let context = context();
+    let simulation = simulation(context, "[6, 4, 6]");
+    let mut wrench = wrench();
+    let mut steps = |count: usize| {
+        for _ in 0..count {
+            // SAFETY: a handle, a pose, a place for the answer.
+            ok(unsafe { palpate_step(simulation, &DEEP, &mut wrench) });
+        }
+    };
+    steps(20);
+    let before = allocations();
+    steps(50);
+    let made = allocations() - before;
+    assert_eq!(made, 0, "allocations in 50 steps");
+    assert!(wrench.force[1] > 0.1 && wrench.step == 70, "{wrench:?}");
+    // The counter counts.
+    drop(std::hint::black_box(Box::new(1)));
+    assert!(allocations() > before);
+    ok(palpate_simulation_destroy(simulation));
+    ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn wrong_use_is_told_and_harms_nothing() {
+    use palpate_status::{Argument, Handle, Input, Null, TooSmall};
+    let context = context();
+    let simulation = simulation(context, "[3, 2, 3]");
+    let mut count = 0;
+    let mut told = wrench();
+    let step = |simulation, pose: &palpate_pose| {
+        let mut wrench = wrench();
+        // SAFETY: a pose, a place for the answer; the handle is what is tried.
+        unsafe { palpate_step(simulation, pose, &mut wrench) }
+    };
+    let bad = |position, orientation| palpate_pose { position, orientation };
+    refused(step(null_mut(), &DEEP), Null, "simulation is null");
+    refused(step(context.cast(), &DEEP), Handle, "no simulation");
+    refused(step(simulation, &bad([0.0, f64::NAN, 0.0], DEEP.orientation)), Argument, "device.position[1] is NaN");
+    refused(step(simulation, &bad(DEEP.position, [0.0; 4])), Argument, "unit quaternion");
+    // SAFETY (all below): pointers are null where that is tried, else to places of the right size.
+    unsafe {
+        told.size = 7;
+        refused(palpate_step(simulation, &DEEP, &mut told), Argument, "palpate_wrench.size is 7");
+        refused(palpate_nodes(simulation, 0, null_mut(), 0, null_mut()), Null, "count is null");
+        refused(palpate_nodes(simulation, 1, null_mut(), 0, &mut count), Argument, "body is 1");
+        ok(palpate_nodes(simulation, 0, null_mut(), 0, &mut count));
+        assert_eq!(count, 4 * 3 * 4);
+        let mut nodes = vec![[7.0; 3]; count];
+        refused(palpate_nodes(simulation, 0, null_mut(), count, &mut count), Null, "positions is null");
+        refused(palpate_nodes(simulation, 0, nodes.as_mut_ptr(), count - 1, &mut count), TooSmall, "room for 47 of 48");
+        assert!(nodes.iter().all(|x| *x == [7.0; 3]));
+        ok(palpate_nodes(simulation, 0, nodes.as_mut_ptr(), count, &mut count));
+        assert!(nodes.iter().flatten().all(|x| x.abs() <= 0.05));
+        let mut none = null_mut();
+        refused(palpate_scene_parse(null(), null(), &mut none), Null, "text is null");
+        refused(palpate_scene_parse(c"[[body]]\nnam = 1".as_ptr(), null(), &mut none), Input, "`");
+        refused(palpate_simulation_create(context, null_mut(), &mut null_mut()), Null, "scene is null");
+        refused(palpate_context_create(null(), null_mut()), Null, "context is null");
+    }
+    // Nothing of that was a step.
+    told.size = size_of::<palpate_wrench>() as u32;
+    // SAFETY: a handle, no pose, a place for the answer.
+    ok(unsafe { palpate_step(simulation, null(), &mut told) });
+    assert_eq!(told.step, 1);
+    ok(palpate_simulation_destroy(simulation));
+    refused(palpate_simulation_destroy(simulation), Handle, "was destroyed");
+    refused(step(simulation, &DEEP), Handle, "was destroyed");
+    ok(palpate_simulation_destroy(null_mut()));
+    ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn a_simulation_outlives_its_context_and_leaves_no_memory_on_one_that_stays() {
+    let (stays, goes) = (context(), context());
+    let survivor = simulation(goes, "[3, 2, 3]");
+    ok(palpate_context_destroy(goes));
+    let memory = || {
+        let mut bytes = 0;
+        // SAFETY: a handle, and a place for the answer.
+        ok(unsafe { palpate_context_memory(stays, &mut bytes) });
+        bytes
+    };
+    assert_eq!(memory(), 0);
+    for _ in 0..3 {
+        let simulation = simulation(stays, "[3, 2, 3]");
+        assert!(memory() > 0);
+        ok(palpate_simulation_destroy(simulation));
+        assert_eq!(memory(), 0);
+    }
+    let mut told = wrench();
+    // SAFETY: a handle, a pose, a place for the answer.
+    ok(unsafe { palpate_step(survivor, &DEEP, &mut told) });
+    ok(palpate_simulation_destroy(survivor));
+    ok(palpate_context_destroy(stays));
+}
+
+#[test]
+fn two_threads_with_contexts_of_their_own_do_not_change_each_others_bits() {
+    let alone = forces();
+    let both: Vec<_> = (0..2).map(|_| std::thread::spawn(forces)).collect();
+    for thread in both {
+        assert_eq!(thread.join().unwrap(), alone);
+    }
+}
+
+fn forces() -> Vec<[u64; 3]> {
+    let context = context();
+    let simulation = simulation(context, "[6, 4, 6]");
+    let mut told = wrench();
+    let mut step = || {
+        // SAFETY: a handle, a pose, a place for the answer.
+        ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
+        told.force.map(f64::to_bits)
+    };
+    let forces: Vec<_> = (0..30).map(|_| step()).collect();
+    assert!(f64::from_bits(forces[29][1]) > 0.1);
+    ok(palpate_simulation_destroy(simulation));
+    ok(palpate_context_destroy(context));
+    forces
+}
