@@ -6,7 +6,9 @@ use std::ffi::{CStr, CString};
 use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use palpate::ffi::context::{palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_memory};
+use palpate::ffi::context::{
+    palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_memory, palpate_context_options,
+};
 use palpate::ffi::scene::{palpate_scene, palpate_scene_destroy, palpate_scene_parse};
 use palpate::ffi::simulation::{
     palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_simulation_destroy,
@@ -160,6 +162,12 @@ fn wrong_use_is_told_and_harms_nothing() {
         refused(palpate_scene_parse(c"[[body]]\nnam = 1".as_ptr(), null(), &mut none), Input, "`");
         refused(palpate_simulation_create(context, null_mut(), &mut null_mut()), Null, "scene is null");
         refused(palpate_context_create(null(), null_mut()), Null, "context is null");
+        let size = size_of::<palpate_context_options>() as u32;
+        let mut options = palpate_context_options { size, reserved: 0, device: c"nobody's".as_ptr() };
+        let mut none = null_mut();
+        refused(palpate_context_create(&options, &mut none), palpate_status::NoDevice, "nobody's");
+        (options.reserved, options.device) = (1, null());
+        refused(palpate_context_create(&options, &mut none), Argument, "reserved is 1");
     }
     // Nothing of that was a step.
     told.size = size_of::<palpate_wrench>() as u32;

@@ -52,8 +52,8 @@ pub struct palpate_device {
 pub struct palpate_context_options {
     /// sizeof(palpate_context_options).
     pub size: u32,
-    /// 1: with the Khronos validation layer, which must be installed; its messages go to stderr. 0: without.
-    pub validation: u32,
+    /// 0.
+    pub reserved: u32,
     /// Device: its position in `palpate_devices`, or part of its name; null: the best one.
     pub device: *const c_char,
 }
@@ -61,10 +61,10 @@ pub struct palpate_context_options {
 // SAFETY: `repr(C)`, the size comes first, and any bytes are a value: a pointer is only followed as the header says.
 unsafe impl Sized32 for palpate_context_options {
     const NAME: &str = "palpate_context_options";
-    const LEAST: usize = 16;
+    const LEAST: usize = 2 * size_of::<u32>() + size_of::<*const c_char>();
 
     fn unset() -> Self {
-        palpate_context_options { size: size_of::<Self>() as u32, validation: 0, device: std::ptr::null() }
+        palpate_context_options { size: size_of::<Self>() as u32, reserved: 0, device: std::ptr::null() }
     }
 }
 
@@ -130,12 +130,16 @@ pub unsafe extern "C" fn palpate_context_create(
         // SAFETY: the caller's, as the header says.
         let (options, context) = unsafe { (sized::read(options)?, sized::answer(context, "context")?) };
         *context = std::ptr::null_mut();
+        if options.reserved != 0 {
+            let problem = format!("palpate_context_options.reserved is {}; set it to 0", options.reserved);
+            return Err(Failure::new(palpate_status::Argument, problem));
+        }
         let device = match options.device.is_null() {
             true => None,
             // SAFETY: the caller's, as the header says.
             false => Some(unsafe { sized::string(options.device, "options.device")? }.to_owned()),
         };
-        let opened = Context::new(&Options { device, validation: options.validation != 0, ..Options::default() })?;
+        let opened = Context::new(&Options { device, ..Options::default() })?;
         *context = handles::insert(ContextObject(opened)) as *mut palpate_context;
         Ok(())
     })
@@ -159,7 +163,7 @@ pub unsafe extern "C" fn palpate_context_memory(context: *mut palpate_context, b
         // SAFETY: the caller's, as the header says.
         let bytes = unsafe { sized::answer(bytes, "bytes")? };
         *bytes = opened(context)?.bytes_allocated();
-        Ok::<(), Failure>(())
+        Ok(())
     })
 }
 

@@ -9,7 +9,8 @@
  *
  * Handles (palpate_context *, palpate_scene *, palpate_simulation *) are made by the functions that end in _create, _load or
  * _parse, and given back to the one that ends in _destroy, in any order: a simulation holds on to its context. A handle that
- * was destroyed is found out (PALPATE_STATUS_HANDLE), and so is null (PALPATE_STATUS_NULL).
+ * was destroyed is found out (PALPATE_STATUS_HANDLE), and so is null (PALPATE_STATUS_NULL). Where a handle was to be made and
+ * was not, it is set to null, unless the arguments before it were wrong.
  *
  * Arrays and structs are the caller's. The library copies what it is given, writes no further than `capacity` elements or
  * `size` bytes, and keeps no pointer after a call. Structs that begin with `size` may grow: set it to sizeof the struct, and
@@ -163,8 +164,8 @@ typedef struct palpate_device {
 typedef struct palpate_context_options {
     // sizeof(palpate_context_options).
     uint32_t size;
-    // 1: with the Khronos validation layer, which must be installed; its messages go to stderr. 0: without.
-    uint32_t validation;
+    // 0.
+    uint32_t reserved;
     // Device: its position in `palpate_devices`, or part of its name; null: the best one.
     const char *device;
 } palpate_context_options;
@@ -177,7 +178,7 @@ typedef struct palpate_pose {
     double orientation[4];
 } palpate_pose;
 
-// What a step did to the tool. All zero of a scene without one.
+// What a step did to the tool. Of a scene without one, force, torque and positions are zero, and orientations turn nothing.
 typedef struct palpate_wrench {
     // sizeof(palpate_wrench).
     uint32_t size;
@@ -251,7 +252,9 @@ palpate_status palpate_simulation_create(struct palpate_context *context,
 palpate_status palpate_simulation_destroy(struct palpate_simulation *simulation);
 
 // One step of the scene's `dt`: pose in, wrench out, when it is done. `device`: where the device is at the end of the step,
-// having moved evenly from where it was at the last; null: where the scene's `[drive]` has it. `wrench` may be null.
+// having moved evenly from where it was at the last; null: where the scene's `[drive]` has it, or once a pose was given, where
+// that left it. `wrench` may be null. A step that fails in Vulkan or the solver ends the simulation: it may be read and
+// destroyed, and gives PALPATE_STATUS_SIMULATION for further steps.
 palpate_status palpate_step(struct palpate_simulation *simulation,
                             const struct palpate_pose *device,
                             struct palpate_wrench *wrench);

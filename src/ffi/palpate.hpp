@@ -60,10 +60,9 @@ protected:
 class Context : public detail::Handle<palpate_context, palpate_context_destroy> {
 public:
     /// The best device, or the one of this name or position.
-    explicit Context(const std::string &device = {}, bool validation = false) {
+    explicit Context(const std::string &device = {}) {
         palpate_context_options options{};
         options.size = sizeof options;
-        options.validation = validation ? 1 : 0;
         options.device = device.empty() ? nullptr : device.c_str();
         check(palpate_context_create(&options, &handle_));
     }

@@ -26,6 +26,7 @@ pub unsafe extern "C" fn palpate_scene_load(file: *const c_char, scene: *mut *mu
     guarded(|| {
         // SAFETY: the caller's, as the header says.
         let (file, scene) = unsafe { (sized::string(file, "file")?, sized::answer(scene, "scene")?) };
+        *scene = std::ptr::null_mut();
         given(scene, Scene::load(Path::new(file))?)
     })
 }
@@ -41,6 +42,7 @@ pub unsafe extern "C" fn palpate_scene_parse(
     guarded(|| {
         // SAFETY: the caller's, as the header says.
         let (text, scene) = unsafe { (sized::string(text, "text")?, sized::answer(scene, "scene")?) };
+        *scene = std::ptr::null_mut();
         let folder = match folder.is_null() {
             true => "",
             // SAFETY: the caller's, as the header says.

@@ -25,7 +25,7 @@ pub struct palpate_pose {
     pub orientation: [f64; 4],
 }
 
-/// What a step did to the tool. All zero of a scene without one.
+/// What a step did to the tool. Of a scene without one, force, torque and positions are zero, and orientations turn nothing.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_wrench {
@@ -58,7 +58,7 @@ pub struct palpate_wrench {
 // SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
 unsafe impl Sized32 for palpate_wrench {
     const NAME: &str = "palpate_wrench";
-    const LEAST: usize = size_of::<palpate_wrench>();
+    const LEAST: usize = 208;
 
     fn unset() -> Self {
         let pose = palpate_pose { position: [0.0; 3], orientation: [0.0, 0.0, 0.0, 1.0] };
@@ -102,7 +102,11 @@ pub const PALPATE_FLAG_TURNS_TOO_FAR: u32 = 512;
 /// A tetrahedron was inside out, or pressed so thin that its rotation was not found.
 pub const PALPATE_FLAG_INVERTED: u32 = 1024;
 
-struct SimulationObject(Simulation);
+struct SimulationObject {
+    simulation: Simulation,
+    /// Whether a step failed halfway.
+    has_failed: bool,
+}
 
 impl Handled for SimulationObject {
     const NAME: &str = "simulation";
@@ -124,7 +128,8 @@ pub unsafe extern "C" fn palpate_simulation_create(
         let scene = handles::with(scene as usize, |object: &mut SceneObject| Ok(object.0.clone()))?;
         let mut made = Simulation::on(&context, &scene, None)?;
         made.time_every(0)?;
-        *simulation = handles::insert(SimulationObject(made)) as *mut palpate_simulation;
+        *simulation =
+            handles::insert(SimulationObject { simulation: made, has_failed: false }) as *mut palpate_simulation;
         Ok(())
     })
 }
@@ -136,7 +141,9 @@ pub extern "C" fn palpate_simulation_destroy(simulation: *mut palpate_simulation
 }
 
 /// One step of the scene's `dt`: pose in, wrench out, when it is done. `device`: where the device is at the end of the step,
-/// having moved evenly from where it was at the last; null: where the scene's `[drive]` has it. `wrench` may be null.
+/// having moved evenly from where it was at the last; null: where the scene's `[drive]` has it, or once a pose was given, where
+/// that left it. `wrench` may be null. A step that fails in Vulkan or the solver ends the simulation: it may be read and
+/// destroyed, and gives PALPATE_STATUS_SIMULATION for further steps.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_step(
     simulation: *mut palpate_simulation,
@@ -151,10 +158,16 @@ pub unsafe extern "C" fn palpate_step(
             unsafe { sized::read(wrench.cast_const())? };
         }
         handles::with(simulation as usize, |object: &mut SimulationObject| {
+            if object.has_failed {
+                let problem = "an earlier step failed, and left the simulation between two steps; create it anew";
+                return Err(Failure::new(palpate_status::Simulation, problem));
+            }
             let row = match device {
-                Some(pose) => object.0.step_at(pose)?,
-                None => object.0.step()?,
+                Some(pose) => object.simulation.step_at(pose),
+                None => object.simulation.step(),
             };
+            object.has_failed = row.is_err();
+            let row = row?;
             // SAFETY: the caller's, as the header says.
             if wrench.is_null() { Ok(()) } else { unsafe { sized::write(wrench, &wrench_of(&row)) } }
         })
@@ -213,12 +226,12 @@ pub unsafe extern "C" fn palpate_nodes(
         // SAFETY: the caller's, as the header says.
         let count = unsafe { sized::answer(count, "count")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
-            let bodies = object.0.bodies().len();
+            let bodies = object.simulation.bodies().len();
             if body as usize >= bodies {
                 let problem = format!("body is {body}; the scene has {bodies}, counted from 0");
                 return Err(Failure::new(palpate_status::Argument, problem));
             }
-            let all = object.0.node_positions(body as usize)?;
+            let all = object.simulation.node_positions(body as usize)?;
             *count = all.len();
             if capacity == 0 {
                 return Ok(());

@@ -112,3 +112,49 @@ pub(super) unsafe fn copy<T: Copy>(from: &[T], to: *mut T, capacity: usize, name
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As it is, and as a program that is older knows it.
+    #[repr(C)]
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    struct Grown {
+        size: u32,
+        old: u32,
+        new: u32,
+    }
+
+    // SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
+    unsafe impl Sized32 for Grown {
+        const NAME: &str = "grown";
+        const LEAST: usize = 8;
+
+        fn unset() -> Self {
+            Grown { size: 12, old: 1, new: 2 }
+        }
+    }
+
+    #[test]
+    fn what_an_older_program_does_not_know_is_neither_read_nor_written() {
+        let mut given = Grown { size: 8, old: 5, new: 77 };
+        // SAFETY (all here): places of the size that they say.
+        assert_eq!(unsafe { read(&given) }.unwrap(), Grown { size: 8, old: 5, new: 2 });
+        unsafe { write(&mut given, &Grown { size: 12, old: 6, new: 9 }) }.unwrap();
+        assert_eq!(given, Grown { size: 8, old: 6, new: 77 });
+        given.size = 7;
+        assert!(unsafe { read(&given) }.unwrap_err().message.contains("grown.size is 7"));
+    }
+
+    #[test]
+    fn what_a_newer_program_sets_is_refused_and_its_zeros_are_not() {
+        let mut given = [16u32, 5, 6, 0];
+        let pointer = (&raw const given).cast::<Grown>();
+        // SAFETY (both): sixteen bytes, as it says.
+        assert_eq!(unsafe { read(pointer) }.unwrap(), Grown { size: 16, old: 5, new: 6 });
+        given[3] = 1;
+        let pointer = (&raw const given).cast::<Grown>();
+        assert!(unsafe { read(pointer) }.unwrap_err().message.contains("does not know"));
+    }
+}

@@ -78,7 +78,7 @@ thread_local! {
 /// null; lives until the next such call on this thread.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_last_error() -> *const c_char {
-    LAST.with(|last| last.borrow().as_ptr())
+    LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
 }
 
 /// Does the work of a function; keeps what went wrong, and panics.
@@ -94,8 +94,10 @@ pub(super) fn guarded(work: impl FnOnce() -> Outcome) -> palpate_status {
 }
 
 fn tell(Failure { status, message }: Failure) -> palpate_status {
-    let line = message.replace('\0', " ");
-    LAST.with(|last| *last.borrow_mut() = CString::new(line).unwrap_or_default());
+    let lines: Vec<&str> = message.split(['\n', '\0']).map(str::trim).filter(|line| !line.is_empty()).collect();
+    let line = CString::new(lines.join(" ")).unwrap_or_default();
+    // At the very end of a thread there is no place for it any more.
+    let _ = LAST.try_with(|last| *last.borrow_mut() = line);
     status
 }
 
@@ -120,10 +122,10 @@ mod tests {
         assert_eq!(guarded(|| panic!("a wheel came off")), palpate_status::Fault);
         assert!(last().contains("a wheel came off"), "{}", last());
         std::thread::spawn(|| assert_eq!(last(), "")).join().unwrap();
-        let failed = || Err(Failure::new(palpate_status::Argument, "a\0b"));
+        let failed = || Err(Failure::new(palpate_status::Argument, "a\0b\n  c"));
         assert_eq!(guarded(failed), palpate_status::Argument);
-        assert_eq!(last(), "a b");
+        assert_eq!(last(), "a b c");
         assert_eq!(guarded(|| Ok(())), palpate_status::Ok);
-        assert_eq!(last(), "a b");
+        assert_eq!(last(), "a b c");
     }
 }

@@ -214,7 +214,7 @@ impl Curve {
 
     /// Whether every line is within the bound.
     pub fn is_within(&self) -> bool {
-        !self.points.is_empty() && self.beyond().is_empty()
+        !self.counted().is_empty() && self.beyond().is_empty()
     }
 }
 

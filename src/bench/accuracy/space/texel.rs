@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use glam::DVec3;
 
+use super::entrant;
 use super::press::{Body, Press};
 use super::sampled::Pose;
-use super::{at_rest, entrant};
 use crate::bench::accuracy::race::{self, Entrant, race};
 use crate::bench::accuracy::{Curve, Judged, Point, Settings};
 use crate::oracle::skin;
@@ -26,8 +26,8 @@ const VERTICES: [usize; 2] = [20_000, 8_000];
 const RADIUS: f64 = 0.02;
 /// What the times are of.
 const STAGES: &[&str] = &["depth"];
-/// The engine's force, of that of its own choice: the same bits.
-const BOUND: f64 = 1e-6;
+/// The engine's forces are those of its own choice in every step, bit for bit.
+const BOUND: f64 = 0.0;
 /// Title of the engine's plot, which is empty: zeros have no logarithm.
 const ENGINE: &str = "the engine: rays, no error to draw";
 /// And of that of sampled depths, whose time is no step's.
@@ -52,7 +52,7 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
     let mut others = 0;
     let mut points = race(entrants, &rules, watch, &mut |_, run| {
         others += run.forces.iter().zip(&reference.forces).filter(|(a, b)| a != b).count();
-        super::error_against(at_rest(&reference).length(), run)
+        (race::relative_error(&run.forces, &reference.forces), None)
     })?;
     let all = points.len() * reference.forces.len();
     watch("sampled depths");
