@@ -11,6 +11,8 @@ use gpu_allocator::vulkan as memory;
 
 use super::debug::{Labels, Messages};
 use super::device::{self, Candidate, DeviceInfo, DeviceKind};
+use super::host::{HostDevice, QueueGuard};
+use super::log::{Level, Log};
 use super::{cache, failed, kernel, threads};
 use crate::error::{Error, Result};
 
@@ -37,6 +39,8 @@ pub struct Options {
     /// Names of shaders, and the SPIR-V that stands for the library's own of that name, with the same bindings. For tests
     /// that show that a check can fail; a name that the library does not have is an error.
     pub replaced: Vec<(String, Vec<u8>)>,
+    /// Hears what there is to say. The validation layer's messages go there too, and are then not kept.
+    pub log: Log,
 }
 
 /// An open device. All calls may come from any thread; submits are serialised.
@@ -51,6 +55,8 @@ pub struct Context {
     _entry: ash::Entry,
     messages: Box<Messages>,
     queue: Mutex<vk::Queue>,
+    /// Of another program's device, which is left as it is.
+    host: Option<HostDevice>,
     pub(super) queue_family: u32,
     pub(super) limits: vk::PhysicalDeviceLimits,
     pub(super) timestamp_bits: u32,
@@ -59,7 +65,10 @@ pub struct Context {
     subgroup_size: u32,
     int64_atomics: bool,
     fragment_stores: bool,
+    /// Where arrays can be handed to other programs.
+    pub(super) external_memory: Option<ash::khr::external_memory_fd::Device>,
     cache_key: String,
+    log: Log,
     pub(super) replaced: Vec<(String, Vec<u8>)>,
 }
 
@@ -71,7 +80,7 @@ impl Context {
         }
         threads::choose(options.one_thread);
         let entry = load()?;
-        let messages = Box::new(Messages::default());
+        let messages = Box::new(Messages::heard_by(options.log.clone()));
         let (instance, debug) = create_instance(&entry, options.validation, &messages)?;
         let chosen = device::candidates(&instance).and_then(|all| device::choose(all, options.device.as_deref()));
         let chosen = match chosen {
@@ -85,6 +94,41 @@ impl Context {
         let device = create_device(&instance, &chosen)?;
         // SAFETY: the device was created with queue 0 of this family.
         let queue = unsafe { device.get_device_queue(chosen.queue_family, 0) };
+        let labels = Labels(debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device)));
+        let messenger = if options.validation && debug {
+            let utils = ash::ext::debug_utils::Instance::new(&entry, &instance);
+            // SAFETY: `messages` is boxed and outlives the messenger (see `Drop`).
+            let messenger = unsafe { utils.create_debug_utils_messenger(&messages.create_info(), None) };
+            Some((utils, messenger.map_err(failed("vkCreateDebugUtilsMessengerEXT", "set-up"))?))
+        } else {
+            None
+        };
+        Self::of(Opened { entry, instance, device, queue, labels, messenger, messages, host: None }, chosen, options)
+    }
+
+    /// Uses a device that another program opened, and leaves it open. `options` but for `device`, `validation` and
+    /// `one_thread`, which are the host's business.
+    ///
+    /// # Safety
+    /// The handles are of one instance of Vulkan 1.3 and alive for as long as the context, which buffers, simulations and
+    /// recordings hold on to; the device was created with [`HostDevice::FEATURES`] and whatever else `host` says is enabled.
+    /// The host uses the queue only while it holds the lock, whose functions may be called from any thread; or without one, at
+    /// no time at which any of the engine's calls is under way.
+    pub unsafe fn on_host(host: HostDevice, options: &Options) -> Result<Arc<Context>> {
+        use vk::Handle;
+        // SAFETY: the caller's promise.
+        let (entry, instance) = unsafe { host.instance()? };
+        let chosen = host.candidate(&instance)?;
+        // SAFETY: the caller's promise.
+        let device = unsafe { ash::Device::load(instance.fp_v1_0(), vk::Device::from_raw(host.device)) };
+        let queue = vk::Queue::from_raw(host.queue);
+        let (labels, messages) = (Labels(None), Box::new(Messages::default()));
+        let host = Some(host);
+        Self::of(Opened { entry, instance, device, queue, labels, messenger: None, messages, host }, chosen, options)
+    }
+
+    fn of(opened: Opened, chosen: Candidate, options: &Options) -> Result<Arc<Context>> {
+        let Opened { entry, instance, device, queue, labels, messenger, messages, host } = opened;
         let allocator = memory::Allocator::new(&memory::AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
@@ -95,15 +139,9 @@ impl Context {
         })
         .map_err(|e| Error::NoDevice(format!("{}: its memory cannot be managed: {e}", chosen.info.name)))?;
         let cache = create_cache(&device, &chosen.cache_key)?;
-        let labels = Labels(debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device)));
-        let messenger = if options.validation && debug {
-            let utils = ash::ext::debug_utils::Instance::new(&entry, &instance);
-            // SAFETY: `messages` is boxed and outlives the messenger (see `Drop`).
-            let messenger = unsafe { utils.create_debug_utils_messenger(&messages.create_info(), None) };
-            Some((utils, messenger.map_err(failed("vkCreateDebugUtilsMessengerEXT", "set-up"))?))
-        } else {
-            None
-        };
+        let external = || ash::khr::external_memory_fd::Device::new(&instance, &device);
+        let external_memory = chosen.external_memory_fd.then(external);
+        options.log.tell(Level::Note, &format!("device: {} ({})", chosen.info.name, chosen.info.driver));
         Ok(Arc::new(Context {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             cache,
@@ -114,6 +152,7 @@ impl Context {
             _entry: entry,
             messages,
             queue: Mutex::new(queue),
+            host,
             queue_family: chosen.queue_family,
             limits: chosen.properties.limits,
             timestamp_bits: chosen.timestamp_bits,
@@ -122,7 +161,9 @@ impl Context {
             subgroup_size: chosen.subgroup_size,
             int64_atomics: chosen.int64_atomics,
             fragment_stores: chosen.fragment_stores,
+            external_memory,
             cache_key: chosen.cache_key,
+            log: options.log.clone(),
             replaced: options.replaced.clone(),
         }))
     }
@@ -201,9 +242,22 @@ impl Context {
         }
     }
 
+    /// Says something to whoever hears.
+    pub fn tell(&self, level: Level, message: &str) {
+        self.log.tell(level, message);
+    }
+
     /// The queue, held by one thread at a time.
-    pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
-        self.queue.lock().unwrap_or_else(|e| e.into_inner())
+    pub(super) fn queue(&self) -> QueueGuard<'_> {
+        let queue = self.queue.lock().unwrap_or_else(|e| e.into_inner());
+        QueueGuard::new(queue, self.host.as_ref().and_then(|host| host.lock))
+    }
+
+    /// Waits for all that was submitted, whatever became of it. On a host's device for its work on the queue as well.
+    pub(super) fn wait_idle(&self) {
+        let queue = self.queue();
+        // SAFETY: the queue is alive and locked. Where the device is lost there is nothing to wait for.
+        let _ = unsafe { self.device.queue_wait_idle(queue.queue()) };
     }
 
     pub(super) fn allocator(&self) -> MutexGuard<'_, memory::Allocator> {
@@ -216,10 +270,13 @@ impl Drop for Context {
         // SAFETY: buffers, kernels and recordings hold an Arc of this context, so none is left, and each recording
         // waited for its own work. Children go before their parents, and nothing is used afterwards.
         unsafe {
-            let _ = self.device.device_wait_idle();
+            self.wait_idle();
             self.save_pipeline_cache();
             ManuallyDrop::drop(&mut self.allocator);
             self.device.destroy_pipeline_cache(self.cache, None);
+            if self.host.is_some() {
+                return;
+            }
             self.device.destroy_device(None);
             if let Some((utils, messenger)) = self.messenger.take() {
                 utils.destroy_debug_utils_messenger(messenger, None);
@@ -229,7 +286,19 @@ impl Drop for Context {
     }
 }
 
-fn load() -> Result<ash::Entry> {
+/// What a context is made of, whoever opened it.
+struct Opened {
+    entry: ash::Entry,
+    instance: ash::Instance,
+    device: ash::Device,
+    queue: vk::Queue,
+    labels: Labels,
+    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    messages: Box<Messages>,
+    host: Option<HostDevice>,
+}
+
+pub(super) fn load() -> Result<ash::Entry> {
     // SAFETY: the system's Vulkan loader is trusted to initialise soundly; it stays loaded as long as the entry.
     unsafe { ash::Entry::load() }
         .map_err(|e| Error::NoDevice(format!("the Vulkan loader cannot be loaded ({e}). {}", device::REMEDY)))
@@ -291,9 +360,12 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate) -> Result<ash::De
         .shader_buffer_int64_atomics(chosen.int64_atomics);
     let mut v13 =
         vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true).maintenance4(true);
+    let extensions: &[*const c_char] =
+        if chosen.external_memory_fd { &[ash::khr::external_memory_fd::NAME.as_ptr()] } else { &[] };
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_features(&core)
+        .enabled_extension_names(extensions)
         .push_next(&mut v12)
         .push_next(&mut v13);
     // SAFETY: the device offers what is asked (checked in device.rs); every pointer lives through the call.

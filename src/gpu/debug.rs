@@ -6,14 +6,24 @@ use std::sync::Mutex;
 
 use ash::vk::{self, Handle};
 
-/// Messages of the validation layer since they were last taken.
+use super::log::{Level, Log};
+
+/// Messages of the validation layer since they were last taken; where somebody hears them, they are told at once instead.
 #[derive(Default)]
-pub(super) struct Messages(Mutex<Vec<String>>);
+pub(super) struct Messages {
+    kept: Mutex<Vec<String>>,
+    log: Log,
+}
 
 impl Messages {
+    /// Told to `log`, if anybody hears it.
+    pub fn heard_by(log: Log) -> Messages {
+        Messages { log, ..Messages::default() }
+    }
+
     /// Takes all messages.
     pub fn drain(&self) -> Vec<String> {
-        std::mem::take(&mut *self.0.lock().unwrap_or_else(|e| e.into_inner()))
+        std::mem::take(&mut *self.kept.lock().unwrap_or_else(|e| e.into_inner()))
     }
 
     /// What to hand to Vulkan. `self` must outlive the messenger or instance made with it.
@@ -28,7 +38,7 @@ impl Messages {
 }
 
 unsafe extern "system" fn callback(
-    _: vk::DebugUtilsMessageSeverityFlagsEXT,
+    severity: vk::DebugUtilsMessageSeverityFlagsEXT,
     _: vk::DebugUtilsMessageTypeFlagsEXT,
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     user: *mut c_void,
@@ -36,7 +46,12 @@ unsafe extern "system" fn callback(
     // SAFETY: `user` is the Messages given in `create_info`, alive as long as the messenger; the layer hands a valid
     // `data` whose message is NUL-terminated.
     let (messages, text) = unsafe { (&*user.cast::<Messages>(), CStr::from_ptr((*data).p_message)) };
-    messages.0.lock().unwrap_or_else(|e| e.into_inner()).push(text.to_string_lossy().into_owned());
+    if messages.log.is_heard() {
+        let is_error = severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR);
+        messages.log.tell(if is_error { Level::Error } else { Level::Warning }, &text.to_string_lossy());
+    } else {
+        messages.kept.lock().unwrap_or_else(|e| e.into_inner()).push(text.to_string_lossy().into_owned());
+    }
     vk::FALSE
 }
 

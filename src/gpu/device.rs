@@ -49,6 +49,7 @@ pub(super) struct Candidate {
     pub subgroup_size: u32,
     pub int64_atomics: bool,
     pub fragment_stores: bool,
+    pub external_memory_fd: bool,
     pub properties: vk::PhysicalDeviceProperties,
     pub cache_key: String,
 }
@@ -152,6 +153,11 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         subgroup_size: subgroup.subgroup_size,
         int64_atomics: features.int64_atomics,
         fragment_stores: features.fragment_stores,
+        // SAFETY: as above.
+        external_memory_fd: unsafe { instance.enumerate_device_extension_properties(physical) }
+            .unwrap_or_default()
+            .iter()
+            .any(|e| e.extension_name_as_c_str() == Ok(ash::khr::external_memory_fd::NAME)),
         properties,
         cache_key: format!("{}-{}", hex(&ids.device_uuid), hex(&ids.driver_uuid)),
     }

@@ -247,13 +247,14 @@ impl Recording {
             let queue = context.queue();
             // SAFETY: the command buffers are recorded and idle, since each run waits and a Recording is not Sync; the
             // queue is locked.
-            unsafe { device.queue_submit2(*queue, &submit, last.commands.fence) }.map_err(lost("vkQueueSubmit2"))?;
+            unsafe { device.queue_submit2(queue.queue(), &submit, last.commands.fence) }
+                .map_err(lost("vkQueueSubmit2"))?;
         }
         // SAFETY: the fence was submitted just now; reset while nobody waits on it.
         unsafe {
             if let Err(error) = device.wait_for_fences(&fences, true, u64::MAX) {
                 // The recordings must not be freed under a device that still runs them.
-                let _ = device.device_wait_idle();
+                context.wait_idle();
                 return Err(lost("vkWaitForFences")(error));
             }
             device.reset_fences(&fences).map_err(lost("vkResetFences"))?;

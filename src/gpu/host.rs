@@ -1,0 +1,147 @@
+//! A Vulkan device that another program opened and lends: what it must say of it, and its queue shared.
+#![allow(unsafe_code)]
+
+use std::ffi::c_void;
+use std::sync::MutexGuard;
+
+use ash::vk::{self, Handle};
+
+use super::device::{self, Candidate, REMEDY};
+use crate::error::{Error, Result};
+
+/// A device of another program's. The handles are raw Vulkan handles.
+#[derive(Debug, Clone, Copy)]
+pub struct HostDevice {
+    /// vkGetInstanceProcAddr of the loader that they come from; `None`: the system's.
+    pub get_instance_proc_addr: Option<unsafe extern "system" fn()>,
+    /// VkInstance.
+    pub instance: u64,
+    /// VkPhysicalDevice.
+    pub physical_device: u64,
+    /// VkDevice, with [`HostDevice::FEATURES`] enabled.
+    pub device: u64,
+    /// VkQueue of the device.
+    pub queue: u64,
+    /// Its family, with graphics and compute.
+    pub queue_family: u32,
+    /// Whether shaderInt64 and shaderBufferInt64Atomics are enabled.
+    pub int64_atomics: bool,
+    /// Whether fragmentStoresAndAtomics is enabled.
+    pub fragment_stores: bool,
+    /// Whether VK_KHR_external_memory_fd is enabled.
+    pub external_memory_fd: bool,
+    /// How the queue is shared; `None`: the host uses it at no time at which the engine may.
+    pub lock: Option<QueueLock>,
+}
+
+/// The host's lock around its queue.
+#[derive(Debug, Clone, Copy)]
+pub struct QueueLock {
+    /// Takes it; called before each use of the queue.
+    pub lock: unsafe extern "C" fn(*mut c_void),
+    /// Lets go of it, on the same thread.
+    pub unlock: unsafe extern "C" fn(*mut c_void),
+    /// Passed to both.
+    pub user: *mut c_void,
+}
+
+// SAFETY: `user` is only passed to the functions, which the host promises to be callable on any thread (`Context::on_host`).
+unsafe impl Send for QueueLock {}
+// SAFETY: as above.
+unsafe impl Sync for QueueLock {}
+
+impl HostDevice {
+    /// What a device must be created with, besides Vulkan 1.3.
+    pub const FEATURES: [&str; 4] = ["scalarBlockLayout", "synchronization2", "dynamicRendering", "maintenance4"];
+
+    /// The loader that the handles come from, and the instance.
+    ///
+    /// # Safety
+    /// See [`super::Context::on_host`].
+    pub(super) unsafe fn instance(&self) -> Result<(ash::Entry, ash::Instance)> {
+        let names = [
+            ("instance", self.instance),
+            ("physical_device", self.physical_device),
+            ("device", self.device),
+            ("queue", self.queue),
+        ];
+        if let Some((name, _)) = names.into_iter().find(|(_, handle)| *handle == 0) {
+            return Err(Error::NoDevice(format!("the host's {name} is null; give its own")));
+        }
+        let entry = match self.get_instance_proc_addr {
+            Some(function) => {
+                // SAFETY: the caller's promise; the two types are the same function's.
+                let get_instance_proc_addr = unsafe {
+                    std::mem::transmute::<unsafe extern "system" fn(), vk::PFN_vkGetInstanceProcAddr>(function)
+                };
+                // SAFETY: the caller's promise.
+                unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr }) }
+            }
+            None => super::context::load()?,
+        };
+        // SAFETY: the caller's promise.
+        let instance = unsafe { ash::Instance::load(entry.static_fn(), vk::Instance::from_raw(self.instance)) };
+        Ok((entry, instance))
+    }
+
+    /// The physical device, as far as the host enabled what it offers. Errors: it cannot run palpate, or is not of the instance,
+    /// or its family lacks graphics or compute.
+    pub(super) fn candidate(&self, instance: &ash::Instance) -> Result<Candidate> {
+        let own = vk::PhysicalDevice::from_raw(self.physical_device);
+        let found = device::candidates(instance)?.into_iter().find(|candidate| candidate.physical == own);
+        let wrong = |what: &str| Error::NoDevice(format!("the host's {what}"));
+        let mut candidate = found
+            .ok_or_else(|| wrong("physical_device is none of its instance; give the one its device is made of"))?;
+        let name = candidate.info.name.clone();
+        if let Err(why) = &candidate.info.usable {
+            return Err(Error::NoDevice(format!("{name} cannot run palpate: {why}. {REMEDY}")));
+        }
+        // SAFETY: both are alive, as the caller of `instance` promised.
+        let families = unsafe { instance.get_physical_device_queue_family_properties(own) };
+        let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+        match families.get(self.queue_family as usize) {
+            None => {
+                return Err(wrong(&format!("queue_family is {}; {name} has {}", self.queue_family, families.len())));
+            }
+            Some(family) if !family.queue_flags.contains(wanted) => {
+                return Err(wrong(&format!("queue_family {} lacks graphics or compute", self.queue_family)));
+            }
+            Some(family) => candidate.timestamp_bits = family.timestamp_valid_bits,
+        }
+        candidate.queue_family = self.queue_family;
+        candidate.int64_atomics &= self.int64_atomics;
+        candidate.fragment_stores &= self.fragment_stores;
+        candidate.external_memory_fd &= self.external_memory_fd;
+        Ok(candidate)
+    }
+}
+
+/// The queue, held by one thread at a time, of the host's as well.
+pub(super) struct QueueGuard<'a> {
+    queue: MutexGuard<'a, vk::Queue>,
+    lock: Option<QueueLock>,
+}
+
+impl<'a> QueueGuard<'a> {
+    /// Takes the host's lock after the engine's own.
+    pub fn new(queue: MutexGuard<'a, vk::Queue>, lock: Option<QueueLock>) -> QueueGuard<'a> {
+        if let Some(QueueLock { lock, user, .. }) = lock {
+            // SAFETY: the host's promise, see `Context::on_host`.
+            unsafe { lock(user) };
+        }
+        QueueGuard { queue, lock }
+    }
+
+    pub fn queue(&self) -> vk::Queue {
+        *self.queue
+    }
+}
+
+impl Drop for QueueGuard<'_> {
+    fn drop(&mut self) {
+        if let Some(QueueLock { unlock, user, .. }) = self.lock {
+            // SAFETY: the host's promise; it was locked by this thread.
+            unsafe { unlock(user) };
+        }
+    }
+}
