@@ -9,6 +9,7 @@ mod make;
 mod nodes;
 mod probes;
 pub(crate) mod recordings;
+mod saved;
 mod tools;
 
 use std::sync::Arc;

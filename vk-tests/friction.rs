@@ -280,7 +280,7 @@ fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
 }
 
 /// Two free blocks that collide obliquely, off their centres, in no gravity.
-fn collision(friction: f64) -> String {
+pub fn collision(friction: f64) -> String {
     let body = |name: &str, place: DVec3, velocity: DVec3, turn: DQuat| {
         let list = |x: DVec3| format!("{:?}", x.to_array());
         format!(

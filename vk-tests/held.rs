@@ -12,7 +12,7 @@ use crate::whole_step::{run, scene, soft_twin};
 
 /// A cube of 36 mm and 47 g held by what is in its middle, above a block with a fixed bottom; it is taken 5 mm into that
 /// in 50 ms, and `aside`, to the orientation `turn`.
-fn pad(young: f64, coupling: &str, more: &str, aside: DVec3, turn: [f64; 4]) -> String {
+pub fn pad(young: f64, coupling: &str, more: &str, aside: DVec3, turn: [f64; 4]) -> String {
     let end = DVec3::new(0.004, 0.0435, -0.003) + aside;
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[contact]\nstiffness = 3e7\n{more}\n\
@@ -34,7 +34,7 @@ fn pad(young: f64, coupling: &str, more: &str, aside: DVec3, turn: [f64; 4]) -> 
 }
 
 /// How the pad lies at the start.
-const START: [f64; 4] = [0.0, 0.06, 0.0, 0.9981983770774224];
+pub const START: [f64; 4] = [0.0, 0.06, 0.0, 0.9981983770774224];
 /// Force and torque on the body, of the largest; displacements, of the largest; place of the core, m.
 const FORCE: f64 = 5.0e-5;
 const TORQUE: f64 = 1.0e-4;

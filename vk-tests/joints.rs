@@ -14,7 +14,7 @@ use crate::bones::{SHAPE, SPEED, carry, keys, twin_cores};
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};
 
 /// A bar of 20 cm with three cores, the first moving as `root` says, a joint between each two.
-fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
+pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
     let core = |name: &str, motion: &str, from: f64, to: f64| {
         format!(
             "[[body.core]]\nname = \"{name}\"\n{motion}\n\

@@ -47,6 +47,7 @@ mod regions;
 mod replaced;
 mod replay;
 mod response;
+mod saved;
 mod scenes;
 mod sights;
 mod skin;

@@ -33,7 +33,7 @@ fn centre(body: &oracle::step::SoftBody) -> DVec3 {
 }
 
 /// A free body that a free ball strikes off its centre, in no gravity.
-fn struck(layer: &str, young: f64, preconditioner: &str, ball: &str) -> String {
+pub fn struck(layer: &str, young: f64, preconditioner: &str, ball: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\n{TIGHT}\npreconditioner = \"{preconditioner}\"\n[[body]]\n\
          name = \"body\"\n{layer}\nvelocity = [0.3, 0.4, 0.1]\n\
@@ -41,7 +41,7 @@ fn struck(layer: &str, young: f64, preconditioner: &str, ball: &str) -> String {
     )
 }
 
-const BLOCK: &str = "layer = { box = [[-0.03, -0.03, -0.03], [0.03, 0.03, 0.03]], cells = [4, 4, 4] }";
+pub const BLOCK: &str = "layer = { box = [[-0.03, -0.03, -0.03], [0.03, 0.03, 0.03]], cells = [4, 4, 4] }";
 const GEAR: &str = "surface = { model = \"gear\", vertices = 4000 }\nlayer = { cell = 0.01 }";
 
 /// Steps in which the ball has come and gone, at most; it has after so many without a contact.

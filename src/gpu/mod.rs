@@ -21,6 +21,7 @@ mod recorder;
 mod recording;
 pub mod spirv;
 mod threads;
+mod transfer;
 
 pub use buffer::{Buffer, Mapped, MappedMut, Memory};
 pub use context::{Context, Options};
@@ -31,6 +32,7 @@ pub use log::{Level, Log};
 pub use raster::RasterPipeline;
 pub use recorder::Recorder;
 pub use recording::{ArrayUse, Pass, Recording, StagePasses};
+pub use transfer::{read_all, write_all};
 
 use crate::error::Error;
 

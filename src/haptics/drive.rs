@@ -1,12 +1,13 @@
 //! The scripted device: a pose over time from keys, linear in position, slerp in orientation, held at the ends.
 
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::device::RigidState;
 use crate::scene::Key;
 
 /// Keys of the device's pose.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Drive {
     keys: Vec<Key>,
 }

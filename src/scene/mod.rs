@@ -334,7 +334,7 @@ pub struct Capsule {
 }
 
 /// A pose at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Key {
     /// Time, s.
     pub time: f64,

@@ -123,6 +123,11 @@ impl Contact {
         })
     }
 
+    /// What a step leaves for the next: which way its contacts pushed, for culling.
+    pub fn state(&self) -> [&Buffer; 2] {
+        [&self.source, &self.candidate_pushes]
+    }
+
     /// Three passes over no more than there is, a fill, and a pass of no workgroup unless contacts do not fit. Without a depth
     /// stage only half-spaces are met.
     pub fn record(

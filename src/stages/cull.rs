@@ -104,6 +104,11 @@ impl Cull {
         })
     }
 
+    /// What a step leaves for the next: the regions, whose normals turn by degrees.
+    pub fn state(&self) -> [&Buffer; 1] {
+        [&self.regions]
+    }
+
     /// Five passes: pairs, directions, regions, slabs of chunks, the list of chunks that meet. `last` still holds the last
     /// step's contacts.
     pub fn record(

@@ -104,6 +104,11 @@ impl Elastic {
         })
     }
 
+    /// What a step leaves for the next.
+    pub fn state(&self) -> [&Buffer; 3] {
+        [&self.displacement, &self.velocity, &self.rotations]
+    }
+
     /// Whether a step may be linearised again.
     pub fn repeats(&self) -> bool {
         self.again.is_some()

@@ -234,6 +234,14 @@ impl Solve {
     }
 }
 
+impl Solve {
+    /// What a step leaves for the next: its solution and what it left over, of nodes and of rigid bodies, and how blocks had
+    /// turned.
+    pub fn state(&self) -> [&Buffer; 6] {
+        [&self.solution, &self.leftover, &self.rigids, &self.iterates, &self.state, &self.block_rotations]
+    }
+}
+
 /// Dynamic cores, and the tool, at rest; how many numbers their inverses have.
 fn rigids_of(model: &Model) -> (Vec<types::Rigid>, usize) {
     let nothing = types::Rigid { parent: types::NONE, ..bytemuck::Zeroable::zeroed() };

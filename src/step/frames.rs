@@ -2,7 +2,10 @@
 //! another. What the device does is the same wherever a frame is put, up to rounding; a good frame keeps displacements
 //! small.
 
+mod saved;
+
 use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
 use crate::haptics::drive::{Drive, rotation_vector};
 use crate::haptics::tool::{Tool, gyroscopic_impulse};
@@ -10,6 +13,7 @@ use crate::prepare::FrameMotion;
 use crate::scene::Key;
 use crate::stages::model::{FramePlace, Model, Motion};
 use crate::stages::types::{Fit, Frame, Link, NONE};
+pub use saved::SavedFrame;
 
 /// rad a step, beyond which a frame turns too far: what it carries keeps the rotations of the step's start, nodes go along
 /// tangents, and what turns by x is stretched by x^2 / 2 unopposed, here by less than a hundredth;
@@ -17,7 +21,7 @@ use crate::stages::types::{Fit, Frame, Link, NONE};
 pub const MOST_TURN: f64 = 0.12;
 
 /// Where a frame is.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Place {
     /// World position of its centre, m.
     pub centre: DVec3,

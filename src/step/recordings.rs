@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::Result;
-use crate::gpu::{Context, Recorder, Recording};
+use crate::gpu::{Buffer, Context, Recorder, Recording};
 use crate::stages::contact::Contact;
 use crate::stages::cull::Cull;
 use crate::stages::depth::{Depth, Path};
@@ -91,6 +91,18 @@ impl Stages {
         let probes = if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes)?) };
         let (carried, floating) = (pose::Carried::new(context, model)?, pose::Floating::new(context, model)?);
         Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes, carried, floating })
+    }
+
+    /// The arrays that a step leaves for the next: all that there is of the past on the device.
+    pub fn state(&self) -> Vec<&Buffer> {
+        let mut arrays = vec![&self.common.counts];
+        arrays.extend(self.elastic.state());
+        arrays.extend(self.solve.state());
+        if let Some(touch) = &self.touch {
+            arrays.extend(touch.cull.state());
+            arrays.extend(touch.contact.state());
+        }
+        arrays
     }
 }
 

@@ -1,0 +1,59 @@
+//! How frames move, taken out to be saved, and put back; what they weigh and how they are joined stays.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::{Frames, Mover, Place, State};
+use crate::haptics::drive::Drive;
+
+/// The motion of one frame.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct SavedFrame {
+    start: Place,
+    end: Place,
+    /// World, m/s and rad/s; of frames that float or are dynamic.
+    twist: [DVec3; 2],
+    /// From the frame to the fit; of frames that float.
+    fit: [DVec3; 2],
+    /// Of driven frames.
+    drive: Option<Drive>,
+}
+
+impl Frames {
+    /// How all frames move.
+    pub fn saved(&self) -> Vec<SavedFrame> {
+        self.states.iter().map(State::saved).collect()
+    }
+
+    /// Takes up how frames of the same model moved.
+    pub fn restore(&mut self, saved: &[SavedFrame]) {
+        self.states.iter_mut().zip(saved).for_each(|(state, saved)| state.restore(saved));
+    }
+}
+
+impl State {
+    fn saved(&self) -> SavedFrame {
+        let (mut twist, mut fit, mut path) = ([DVec3::ZERO; 2], [DVec3::ZERO; 2], None);
+        match &self.mover {
+            Mover::Floating(f) => (twist, fit) = ([f.velocity, f.spin], [f.shift, f.turn]),
+            Mover::Dynamic { velocity, spin, .. } => twist = [*velocity, *spin],
+            Mover::Driven(drive) => path = Some(drive.clone()),
+            Mover::Fixed | Mover::Tool => {}
+        }
+        SavedFrame { start: self.start, end: self.end, twist, fit, drive: path }
+    }
+
+    fn restore(&mut self, saved: &SavedFrame) {
+        (self.start, self.end) = (saved.start, saved.end);
+        match &mut self.mover {
+            Mover::Floating(f) => ([f.velocity, f.spin], [f.shift, f.turn]) = (saved.twist, saved.fit),
+            Mover::Dynamic { velocity, spin, .. } => [*velocity, *spin] = saved.twist,
+            Mover::Driven(drive) => {
+                if let Some(saved) = &saved.drive {
+                    drive.clone_from(saved);
+                }
+            }
+            Mover::Fixed | Mover::Tool => {}
+        }
+    }
+}

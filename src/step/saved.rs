@@ -1,0 +1,104 @@
+//! The state of a simulation between two steps: all that the next one starts from, saved as bytes and taken up again, bit for
+//! bit. What a user sets (materials, contact, coupling) is not state, and stays as it is.
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::Simulation;
+use super::frames::SavedFrame;
+use crate::gpu::{read_all, write_all};
+use crate::haptics::device::RigidState;
+use crate::haptics::drive::Drive;
+use crate::haptics::local_model::ContactWrench;
+use crate::haptics::servo::state_of;
+use crate::{Error, Result};
+
+/// What the bytes begin with.
+const MARK: [u8; 8] = *b"palpate1";
+
+/// Everything that moves.
+#[derive(Serialize, Deserialize)]
+struct State {
+    /// Of what it is the state.
+    model: [u8; 32],
+    step: u64,
+    time: f64,
+    has_weight: bool,
+    tool: Option<RigidState>,
+    drive: Drive,
+    frames: Vec<SavedFrame>,
+    wrench: Option<ContactWrench>,
+    iterations: u32,
+    /// Of the arrays that a step leaves for the next.
+    arrays: Vec<u8>,
+}
+
+impl Simulation {
+    /// The state after the last step. [`Simulation::restore`] takes it up in this simulation, or in another of the same bodies,
+    /// tool and device: from there on both give the same bits.
+    pub fn save(&self) -> Result<Vec<u8>> {
+        let state = State {
+            model: self.fingerprint(),
+            step: self.step,
+            time: self.time,
+            has_weight: self.has_weight,
+            tool: self.tool.as_ref().map(state_of),
+            drive: self.drive.clone(),
+            frames: self.frames.saved(),
+            wrench: self.last_wrench,
+            iterations: self.last_iterations,
+            arrays: read_all(&self.context, &self.stages.state())?,
+        };
+        let mut bytes = MARK.to_vec();
+        let body =
+            postcard::to_stdvec(&state).map_err(|e| Error::Simulation(format!("the state is not saved: {e}")))?;
+        bytes.extend(Sha256::digest(&body));
+        bytes.extend(body);
+        Ok(bytes)
+    }
+
+    /// Takes up a state. Errors: the bytes are none, are damaged, or of a simulation of other bodies; nothing has changed.
+    pub fn restore(&mut self, bytes: &[u8]) -> Result<()> {
+        let wrong =
+            |what: &str| Error::Usage(format!("the state {what}; give what was saved of a simulation of this scene"));
+        let rest = bytes.strip_prefix(&MARK).ok_or_else(|| wrong("is none that this version saved"))?;
+        let (sum, body) = rest.split_at_checked(32).ok_or_else(|| wrong("is cut short"))?;
+        if Sha256::digest(body).as_slice() != sum {
+            return Err(wrong("is damaged"));
+        }
+        let state: State = postcard::from_bytes(body).map_err(|_| wrong("is damaged"))?;
+        if state.model != self.fingerprint() {
+            return Err(wrong("is of other bodies"));
+        }
+        write_all(&self.context, &self.stages.state(), &state.arrays)?;
+        (self.step, self.time, self.has_weight) = (state.step, state.time, state.has_weight);
+        if let (Some(tool), Some(saved)) = (&mut self.tool, state.tool) {
+            (tool.centre, tool.orientation) = (saved.position, saved.orientation);
+            (tool.velocity, tool.angular_velocity) = (saved.velocity, saved.angular_velocity);
+        }
+        self.drive = state.drive;
+        self.frames.restore(&state.frames);
+        (self.last_wrench, self.last_iterations) = (state.wrench, state.iterations);
+        self.last_timed = None;
+        Ok(())
+    }
+
+    /// Of what the state's arrays and frames belong to.
+    fn fingerprint(&self) -> [u8; 32] {
+        let model = &self.model;
+        let mut hash = Sha256::new();
+        hash.update(bytemuck::cast_slice(&model.tetrahedra));
+        hash.update(bytemuck::cast_slice(&model.skin_nodes));
+        hash.update(bytemuck::cast_slice(&model.skin_weights));
+        let places = model.node_rest.iter().zip(&model.node_info);
+        places.for_each(|([x, y, z, _], [.., frame, held])| {
+            hash.update(bytemuck::bytes_of(&[x.to_bits(), y.to_bits(), z.to_bits(), *frame, *held]));
+        });
+        hash.update(bytemuck::cast_slice(&model.proxy_pairs));
+        let counts = [model.frames.len(), model.cores.len(), usize::from(self.tool.is_some())].map(|n| n as u64);
+        hash.update(bytemuck::cast_slice(&counts));
+        let sizes: Vec<u64> = self.stages.state().iter().map(|array| array.bytes()).collect();
+        hash.update(bytemuck::cast_slice(&sizes));
+        hash.finalize().into()
+    }
+}
