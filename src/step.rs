@@ -1,6 +1,7 @@
 //! The step: which stages a scene needs, in which order they run, and the host's part of it, pose in and wrench out.
 
 mod advance;
+mod change;
 pub(crate) mod choice;
 mod explain;
 pub mod frames;
@@ -47,7 +48,8 @@ pub struct Simulation {
     context: Arc<Context>,
     scene: Scene,
     bodies: Vec<Body>,
-    tool_report: Option<BodyReport>,
+    /// The tool's, where it is none of the scene's bodies.
+    tool_body: Option<Body>,
     model: Model,
     stages: Stages,
     plain: Recordings,
@@ -189,7 +191,7 @@ impl Simulation {
     /// What was found in the files of each body, and of the tool, and done about it.
     pub fn reports(&self) -> impl Iterator<Item = (&str, &BodyReport)> {
         let bodies = self.bodies.iter().map(|body| (body.name.as_str(), &body.report));
-        bodies.chain(self.tool_report.iter().map(|report| ("tool", report)))
+        bodies.chain(self.tool_body.iter().map(|body| ("tool", &body.report)))
     }
 
     /// The tool, if the scene has one; of a body that is held, its core.
@@ -241,6 +243,8 @@ impl Simulation {
             depth_limit: self.scene.contact.depth_limit as f32,
             texel: self.scene.contact.texel.unwrap_or(0.0) as f32,
             is_held: u32::from(!self.has_weight),
+            friction: self.model.friction[0],
+            friction_speed: self.model.friction[1],
             ..bytemuck::Zeroable::zeroed()
         };
         if let Some(tool) = &self.tool {

@@ -6,6 +6,7 @@ mod agreement;
 mod bodies;
 mod bones;
 mod candidates;
+mod change;
 mod chunks;
 mod contact;
 mod contact_sizes;

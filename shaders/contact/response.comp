@@ -7,13 +7,12 @@
 // Contact: what the solver needs to know of each colliding vertex. J v = n.(v(s1) - v(s2)) as at most sixteen weighted
 // nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: four to three times four) and the tool's
 // twist; the rate J v at the start. Friction is regularised Coulomb's, implicit with the coefficient of the start of the
-// step: -c v_t at its end, c = mu f_n / sqrt(|v_t|^2 + FRICTION_SPEED^2), f_n = a max(0, k delta + d delta').
+// step: -c v_t at its end, c = mu f_n / sqrt(|v_t|^2 + friction_speed^2), f_n = a max(0, k delta + d delta').
 // Each entry goes onto one of its node's lists, from which sort.comp makes the transposed index. One invocation a contact.
 // Oracle: oracle::contact::gather; the lists walked by its test.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const float FRICTION_COEFFICIENT = 0.0;     // mu
-layout(constant_id = 2) const float FRICTION_SPEED = 1.0;           // m/s; below it friction is viscous
+layout(constant_id = 1) const bool FRICTION = false;
 layout(constant_id = 4) const bool TOOL = true;              // else tool_sign marks a held body, which its nodes move
 layout(constant_id = 3) const uint LISTS = 8;                // a node; as many as a workgroup of sort.comp has lanes
 
@@ -92,14 +91,14 @@ void main() {
         for (uint k = 0; k < 4; k++) {
             vec3 v = texelFetch(velocity, int(nodes[q][k])).xyz;
             rate += weights[q][k] * dot(n, v);
-            if (FRICTION_COEFFICIENT > 0.0) relative += weights[q][k] * v;
+            if (FRICTION) relative += weights[q][k] * v;
             if (weights[q][k] != 0.0) list(16 * c + 4 * q + k, nodes[q][k], c);
         }
     }
     // s1 and s2 are on one line along n: where a rigid skin feels the pressure, either will do. Friction is felt at the point
     // of the body it meets, so that the two forces of a pair act at one point. A held body feels it at its own.
     vec3 at = texelFetch(skin, int(vertex)).xyz;
-    if (FRICTION_COEFFICIENT > 0.0) {
+    if (FRICTION) {
         float rigid = TOOL ? pair.tool_sign : -pair.tool_sign;
         bool first = rigid > 0.0 || (rigid == 0.0 && pair.driven_frame[0] != NONE);
         bool second = rigid < 0.0 || pair.driven_frame[1] != NONE;
@@ -123,10 +122,10 @@ void main() {
     }
     vec3 slip = vec3(0.0);
     float friction = 0.0;
-    if (FRICTION_COEFFICIENT > 0.0) {
+    if (FRICTION) {
         slip = relative - dot(n, relative) * n;
         float force = found.w * max(0.0, pair.stiffness * found.x + pair.damping * rate);
-        friction = FRICTION_COEFFICIENT * force / sqrt(dot(slip, slip) + FRICTION_SPEED * FRICTION_SPEED);
+        friction = params.friction * force / sqrt(dot(slip, slip) + params.friction_speed * params.friction_speed);
     }
     contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping, friction, slip, quads,
         vertex, side, triangle, found.yz);

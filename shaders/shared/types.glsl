@@ -14,6 +14,8 @@ struct StepParams {
     float depth_limit;          // m
     float texel;                // edge of the squares of the depth stage, m; 0: from the skins
     uint is_held;               // 1: a loop holds the tool, and asks for the wrench's stiffness and damping
+    float friction;             // mu
+    float friction_speed;       // m/s; below it friction is viscous
     float tool_matrix[36];      // operator of the tool's twist without contact: inertia and virtual coupling; of a held core
                                 // the coupling alone, its nodes have the inertia
     float tool_rhs[6];          // right-hand side of the same

@@ -119,21 +119,21 @@ pub fn frames(
     if body.cores.is_empty() {
         return Ok(vec![floating(layer, materials)]);
     }
-    let masses = masses(layer, materials);
+    let shares = shares(layer, materials);
     let frame = |(index, core): (usize, &crate::scene::Core)| {
         let carried = (0..holders.len()).filter(|&n| layer.bound[n] && holders[n] == index as u32);
-        let add = |(sum, mass): (DVec3, f64), n: usize| (sum + masses[n] * layer.nodes[n], mass + masses[n]);
-        let (sum, mass) = carried.fold((DVec3::ZERO, 0.0), add);
+        let add = |(sum, all): (DVec3, f64), n: usize| (sum + shares[n] * layer.nodes[n], all + shares[n]);
+        let (sum, all) = carried.fold((DVec3::ZERO, 0.0), add);
         let motion = match &core.motion {
             Motion::Fixed => FrameMotion::Fixed,
             Motion::Driven(keys) => FrameMotion::Driven(keys.clone()),
             Motion::Dynamic => dynamic(core, body.scale),
         };
-        let mut centre = sum / f64::max(mass, f64::MIN_POSITIVE);
+        let mut centre = sum / f64::max(all, f64::MIN_POSITIVE);
         if let FrameMotion::Dynamic { hinge, .. } = motion {
             centre = hinge.map_or(centre, |hinge| hinge.point);
             let carried = (0..holders.len()).filter(|&n| layer.bound[n] && holders[n] == index as u32);
-            let inertia = carried.fold(DMat3::ZERO, |sum, n| sum + point_inertia(masses[n], layer.nodes[n] - centre));
+            let inertia = carried.fold(DMat3::ZERO, |sum, n| sum + point_inertia(shares[n], layer.nodes[n] - centre));
             let size = (inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z) / 3.0;
             let (spread, problem) = match hinge {
                 Some(Hinge { axis, .. }) => {
@@ -161,29 +161,29 @@ pub fn dynamic(core: &crate::scene::Core, scale: f64) -> FrameMotion {
 
 /// A frame that follows the nodes: mass, centre and inertia of the lumped layer.
 pub fn floating(layer: &Layer, materials: &Materials) -> Frame {
-    let masses = masses(layer, materials);
-    let weighted = || masses.iter().zip(&layer.nodes);
-    let mass: f64 = masses.iter().sum();
-    let centre = weighted().map(|(m, x)| *m * *x).sum::<DVec3>() / mass;
-    let mut inertia = DMat3::ZERO;
-    for (m, x) in weighted() {
-        inertia += point_inertia(*m, *x - centre);
-    }
-    Frame { centre, motion: FrameMotion::Floating { mass, inertia } }
+    let shares = shares(layer, materials);
+    let weighted = || shares.iter().zip(&layer.nodes);
+    let all: f64 = shares.iter().sum();
+    let centre = weighted().map(|(m, x)| *m * *x).sum::<DVec3>() / all;
+    let inertia = weighted().fold(DMat3::ZERO, |sum, (m, x)| sum + point_inertia(*m, *x - centre));
+    let density = materials.all[0].density;
+    Frame { centre, motion: FrameMotion::Floating { mass: density * all, inertia: inertia * density } }
 }
 
-/// Lumped masses of the nodes, kg.
-fn masses(layer: &Layer, materials: &Materials) -> Vec<f64> {
-    let mut masses = vec![0.0; layer.nodes.len()];
+/// Lumped masses of the nodes over the density of the body's own material, m^3: so that of a body of one material the centre is
+/// the same to the last bit whatever it weighs.
+fn shares(layer: &Layer, materials: &Materials) -> Vec<f64> {
+    let mut shares = vec![0.0; layer.nodes.len()];
     for (index, t) in layer.tetrahedra.iter().enumerate() {
         let [a, b, c, d] = t.map(|n| layer.nodes[n as usize]);
-        let quarter = materials.of(index).density * DMat3::from_cols(b - a, c - a, d - a).determinant() / 24.0;
-        t.iter().for_each(|&n| masses[n as usize] += quarter);
+        let density = materials.of(index).density / materials.all[0].density;
+        let quarter = density * DMat3::from_cols(b - a, c - a, d - a).determinant() / 24.0;
+        t.iter().for_each(|&n| shares[n as usize] += quarter);
     }
-    masses
+    shares
 }
 
-/// Inertia of a point mass (kg) at `r` (m) from the centre, kg m^2.
+/// Inertia of a point mass at `r` (m) from the centre, mass m^2.
 fn point_inertia(mass: f64, r: DVec3) -> DMat3 {
     mass * (DMat3::from_diagonal(DVec3::splat(r.length_squared())) - DMat3::from_cols(r * r.x, r * r.y, r * r.z))
 }

@@ -191,6 +191,12 @@ fn solver(root: &Table, defaults: &Preset) -> Result<Solver> {
 
 /// Least speed at which friction may turn from viscous to Coulomb's, m/s.
 const SLOWEST: f64 = 1e-6;
+const SLOWEST_REMEDY: &str = "give 1e-6 m/s or more: single precision knows no less";
+
+/// What is wrong with a speed below which friction is viscous, if anything is.
+pub(super) fn too_slow(speed: f64) -> Option<String> {
+    (!(speed.is_finite() && speed >= SLOWEST)).then(|| format!("is {speed:?}; {SLOWEST_REMEDY}"))
+}
 
 fn contact(root: &Table, defaults: &Preset) -> Result<Contact> {
     let none = no_contact(defaults);
@@ -210,7 +216,7 @@ fn contact(root: &Table, defaults: &Preset) -> Result<Contact> {
     };
     if contact.friction_speed < SLOWEST {
         let problem = format!("is {:?}", contact.friction_speed);
-        return Err(table.error("friction_speed", problem, "give 1e-6 m/s or more: single precision knows no less"));
+        return Err(table.error("friction_speed", problem, SLOWEST_REMEDY));
     }
     Ok(contact)
 }

@@ -24,6 +24,22 @@ pub struct Material {
     pub damping_stiffness: f64,
 }
 
+impl Material {
+    /// The first number that cannot be, and why.
+    pub fn problem(&self) -> Option<(&'static str, String)> {
+        let Material { young, poisson, density, damping_mass, damping_stiffness, .. } = *self;
+        let range = (!POISSON.contains(&poisson)).then(|| format!("is {poisson:?}; {POISSON_REMEDY}"));
+        let all = [
+            ("young", super::above_zero(young)),
+            ("poisson", range),
+            ("density", super::above_zero(density)),
+            ("damping_mass", super::not_negative(damping_mass)),
+            ("damping_stiffness", super::not_negative(damping_stiffness)),
+        ];
+        super::first_problem(all)
+    }
+}
+
 /// How force follows from deformation; both laws are Hooke's at small strain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Law {
@@ -106,10 +122,13 @@ fn number<'a>(
 }
 
 /// Below -0.5 the neo-Hookean law's bulk term comes near zero.
+const POISSON: std::ops::Range<f64> = -0.5..0.5;
+const POISSON_REMEDY: &str = "give a number from -0.5 to below 0.5";
+
 fn poisson(value: &Value) -> Result<f64> {
     match value.number()? {
-        x if (-0.5..0.5).contains(&x) => Ok(x),
-        x => Err(value.error(format!("is {x:?}"), "give a number from -0.5 to below 0.5")),
+        x if POISSON.contains(&x) => Ok(x),
+        x => Err(value.error(format!("is {x:?}"), POISSON_REMEDY)),
     }
 }
 

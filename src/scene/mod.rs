@@ -117,6 +117,43 @@ pub struct Contact {
     pub sides: Sides,
 }
 
+impl Contact {
+    /// The first number that cannot be, and why.
+    pub fn problem(&self) -> Option<(&'static str, String)> {
+        first_problem([
+            ("stiffness", self.stiffness.and_then(above_zero)),
+            ("damping", self.damping.and_then(not_negative)),
+            ("friction", not_negative(self.friction)),
+            ("friction_speed", load::too_slow(self.friction_speed)),
+            ("depth_limit", above_zero(self.depth_limit)),
+        ])
+    }
+}
+
+impl Coupling {
+    /// The first number that cannot be, and why.
+    pub fn problem(&self) -> Option<(&'static str, String)> {
+        first_problem([
+            ("stiffness", not_negative(self.stiffness)),
+            ("damping", not_negative(self.damping)),
+            ("angular_stiffness", not_negative(self.angular_stiffness)),
+            ("angular_damping", not_negative(self.angular_damping)),
+        ])
+    }
+}
+
+fn above_zero(x: f64) -> Option<String> {
+    (!(x.is_finite() && x > 0.0)).then(|| format!("is {x:?}; give a number above zero"))
+}
+
+fn not_negative(x: f64) -> Option<String> {
+    (!(x.is_finite() && x >= 0.0)).then(|| format!("is {x:?}; give zero or a number above it"))
+}
+
+fn first_problem<const N: usize>(all: [(&'static str, Option<String>); N]) -> Option<(&'static str, String)> {
+    all.into_iter().find_map(|(key, problem)| problem.map(|problem| (key, problem)))
+}
+
 /// Whose vertices gather contacts where two bodies touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sides {

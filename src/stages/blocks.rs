@@ -68,6 +68,14 @@ impl Model {
         self.blocks = blocks;
     }
 
+    /// Shares out nodes as a model does that differs in materials alone.
+    pub(super) fn add_blocks_of(&mut self, before: &Model) {
+        self.blocks = before.blocks.clone();
+        for node in &mut self.blocks.nodes {
+            node[3] = self.node_damping[node[0] as usize].to_bits();
+        }
+    }
+
     /// The soft body of a node; those of rigid bodies come after all of these.
     pub(super) fn body_of(&self, node: u32) -> usize {
         let own = self.soft.iter().position(|soft| soft.nodes.contains(&(node as usize)));

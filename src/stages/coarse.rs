@@ -59,6 +59,23 @@ impl Model {
         };
         let wanted: Vec<_> = (0..self.soft.len()).map(wanted).collect();
         self.add_blocks(|index| wanted[index].map(|(_, count)| count));
+        self.invert(dt, &wanted);
+    }
+
+    /// The same with the blocks of a model that differs in materials alone, and for the bodies that have a coarse level there.
+    pub(super) fn add_coarse_again(&mut self, dt: f64, before: &Model) {
+        self.add_blocks_of(before);
+        let kept = |soft: &SoftRange| before.coarse.bodies.iter().find(|(body, ..)| *body == soft.body);
+        let wanted: Vec<_> = self
+            .soft
+            .iter()
+            .map(|soft| kept(soft).map(|(.., count)| (self.stiffness_number(soft, dt), *count)))
+            .collect();
+        self.invert(dt, &wanted);
+    }
+
+    /// The coarse level of those bodies of which a stiffness number and aggregates are given.
+    fn invert(&mut self, dt: f64, wanted: &[Option<(f64, usize)>]) {
         let blocks: Vec<_> = self.blocks.slots.iter().map(|slot| [0, 0, 0, *slot]).collect();
         let scales = vec![[0.0; 4]; if wanted.iter().any(Option::is_some) { 3 * blocks.len() } else { 0 }];
         let mut coarse = Coarse { blocks, scales, ..Coarse::default() };

@@ -85,11 +85,9 @@ impl Contact {
         let capacity = CAPACITY.min(candidates);
         let candidate =
             [("BLEND", blend.into()), ("CAPACITY", count(capacity)), ("GROUP", context.group_size().into())];
-        let [friction, speed] = model.friction;
         let lists = context.reduce_size();
         let response = [
-            ("FRICTION_COEFFICIENT", friction.into()),
-            ("FRICTION_SPEED", speed.into()),
+            ("FRICTION", (model.friction[0] > 0.0).into()),
             ("LISTS", lists.into()),
             ("TOOL", model.tool_frame.is_some().into()),
         ];

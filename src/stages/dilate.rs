@@ -152,6 +152,11 @@ impl Dilate {
         })
     }
 
+    /// Takes up the materials of the same patches.
+    pub fn refresh(&self, patches: &Patches) -> Result<()> {
+        self.constants.write(&patches.constants)
+    }
+
     /// One pass over patches, after elastic/rotate. `trial_change`: of the solve where the step is linearised again.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, trial_change: Option<&Buffer>) {
         recorder.stage("elastic");

@@ -104,6 +104,13 @@ impl Elastic {
         })
     }
 
+    /// Takes up the materials and masses of a model of the same bodies.
+    pub fn refresh(&self, model: &Model) -> Result<()> {
+        self.materials.write(&model.materials)?;
+        self.node_rest.write(&model.node_rest)?;
+        self.dilate.as_ref().map_or(Ok(()), |dilate| dilate.refresh(&model.patches))
+    }
+
     /// What a step leaves for the next.
     pub fn state(&self) -> [&Buffer; 3] {
         [&self.displacement, &self.velocity, &self.rotations]

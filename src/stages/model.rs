@@ -193,11 +193,24 @@ pub struct Model {
 impl Model {
     /// The arrays of a scene's bodies; the tool, if any, comes last.
     pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
+        Model::made(scene, bodies, tool, None)
+    }
+
+    /// The arrays of the same bodies with other materials or another contact law: of the same sizes as these, and with work
+    /// shared out and a coarse level as here.
+    pub fn again(&self, scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
+        Model::made(scene, bodies, tool, Some(self))
+    }
+
+    fn made(scene: &Scene, bodies: &[Body], tool: Option<&Body>, before: Option<&Model>) -> Model {
         let all: Vec<&Body> = bodies.iter().chain(tool).collect();
         let (mut model, proxy_ranges) = Model::of_bodies(&all, bodies.len());
         model.group_cores();
         model.stiffen_joints(scene.step.dt);
-        model.add_coarse(scene.longest_step(), scene.solver.preconditioner);
+        match before {
+            Some(before) => model.add_coarse_again(scene.longest_step(), before),
+            None => model.add_coarse(scene.longest_step(), scene.solver.preconditioner),
+        }
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
         model.newton = scene.step.newton;
         let held_frame = scene.held_body().map(|body| model.body_frames[body] as usize);

@@ -235,6 +235,13 @@ impl Solve {
 }
 
 impl Solve {
+    /// Takes up the damping and the coarse level of a model of the same bodies.
+    pub fn refresh(&self, model: &Model) -> Result<()> {
+        self.block_nodes.write(&model.blocks.nodes)?;
+        self.coarse_inverse.write(&model.coarse.inverse)?;
+        self.coarse_scales.write(&model.coarse.scales)
+    }
+
     /// What a step leaves for the next: its solution and what it left over, of nodes and of rigid bodies, and how blocks had
     /// turned.
     pub fn state(&self) -> [&Buffer; 6] {

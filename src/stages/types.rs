@@ -29,6 +29,10 @@ pub struct StepParams {
     pub texel: f32,
     /// 1: a loop holds the tool, and asks for the wrench's stiffness and damping.
     pub is_held: u32,
+    /// Coefficient.
+    pub friction: f32,
+    /// Speed below which it is viscous, m/s.
+    pub friction_speed: f32,
     /// Operator of the tool's twist without contact; of a held core its coupling alone.
     pub tool_matrix: [f32; 36],
     /// Right-hand side of the same.

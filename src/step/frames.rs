@@ -165,6 +165,17 @@ impl Frames {
         }
     }
 
+    /// Takes a driven frame from where it is at `time` evenly to a key; false: it is not driven.
+    pub fn lead(&mut self, frame: usize, time: f64, key: Key) -> bool {
+        match &mut self.states[frame].mover {
+            Mover::Driven(drive) => {
+                drive.lead(time, key);
+                true
+            }
+            _ => false,
+        }
+    }
+
     /// How far the frame that turns most does so in a step of `h` seconds, rad: one that is driven on the way it has set out
     /// for, others by what they turn at now. Rigid bodies have no nodes, and nothing that bends.
     pub fn most_turn(&self, h: f64) -> f64 {

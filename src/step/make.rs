@@ -79,7 +79,7 @@ impl Prepared {
             scene: scene.clone(),
             context: Arc::clone(context),
             bodies,
-            tool_report: tool_body.map(|body| body.report),
+            tool_body,
             model,
             stages,
             plain,

@@ -82,8 +82,7 @@ impl Flow {
     pub fn respond(&mut self) {
         let (contacts, model) = (self.counts.contacts as usize, &self.model);
         let out = case("contact/response")
-            .constant("FRICTION_COEFFICIENT", model.friction[0])
-            .constant("FRICTION_SPEED", model.friction[1])
+            .constant("FRICTION", model.friction[0] > 0.0)
             .constant("LISTS", context().reduce_size())
             .input("params", &[self.params])
             .input("counts", &[self.counts])
