@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # Installs what a bare Debian or Ubuntu machine lacks to build, run and test palpate: a Vulkan loader with Mesa's
-# drivers (lavapipe among them), the validation layers, the GLSL compiler, and a second C compiler. Silent when nothing is missing.
+# drivers (lavapipe among them), the validation layers, the GLSL compiler, and what the tests of the C ABI compile with. Silent when nothing is missing.
 set -euo pipefail
 cd "$(dirname "$0")"
 
-packages=(build-essential clang python3 cmake libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers vulkan-validationlayers)
+packages=(build-essential clang python3 python3-numpy pkg-config cmake libshaderc-dev glslang-dev spirv-tools libvulkan-dev
+    mesa-vulkan-drivers vulkan-validationlayers)
 
 elsewhere() {
     cat >&2 <<'TEXT'

@@ -3,6 +3,7 @@
 mod advance;
 mod change;
 pub(crate) mod choice;
+mod contacts;
 mod explain;
 pub mod frames;
 pub mod joints;
@@ -11,6 +12,7 @@ mod nodes;
 mod probes;
 pub(crate) mod recordings;
 mod saved;
+mod shown;
 mod tools;
 
 use std::sync::Arc;
@@ -33,9 +35,11 @@ use crate::stages::depth::Path;
 use crate::stages::joints::Joint;
 use crate::stages::model::{self, Model};
 use crate::stages::types::{self, Counts, Frame, Link, Pair, Region, Report, StepParams};
+pub use contacts::ContactPoint;
 use frames::Frames;
 use probes::ProbePlace;
 use recordings::{Recordings, Stages};
+pub use shown::Skins;
 
 /// How often a step that fails is halved: eighths of it at last.
 const MOST_HALVINGS: u32 = 3;
@@ -72,6 +76,8 @@ pub struct Simulation {
     last_iterations: u32,
     last_timed: Option<Vec<(String, f64)>>,
     timed_every: u64,
+    /// Where somebody looks.
+    shown: Option<shown::Shown>,
 }
 
 impl Simulation {
@@ -135,6 +141,16 @@ impl Simulation {
     /// The device that runs the step.
     pub fn context(&self) -> &Arc<Context> {
         &self.context
+    }
+
+    /// The contact law in force.
+    pub fn contact(&self) -> &crate::scene::Contact {
+        &self.scene.contact
+    }
+
+    /// Iterations of the last step's longest solve.
+    pub fn last_iterations(&self) -> u32 {
+        self.last_iterations
     }
 
     /// The stages that were recorded, and those left out with the reason.

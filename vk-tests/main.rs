@@ -16,6 +16,7 @@ mod cull;
 mod deep;
 mod dilate;
 mod dirty;
+mod draw;
 mod elastic;
 mod energy;
 mod explain;

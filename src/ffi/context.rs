@@ -1,9 +1,10 @@
 //! Devices, and what is opened on them.
 
-use std::ffi::c_char;
+use std::ffi::{c_char, c_void};
 use std::sync::Arc;
 
 use super::handles::{self, Handled};
+use super::log::{self, palpate_log};
 use super::sized::{self, Sized32};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use crate::gpu::{Context, DeviceKind, Options};
@@ -52,10 +53,14 @@ pub struct palpate_device {
 pub struct palpate_context_options {
     /// sizeof(palpate_context_options).
     pub size: u32,
-    /// 0.
-    pub reserved: u32,
+    /// 1: the Khronos validation layer looks on, with synchronisation validation, and its messages go to `log`; slow. 0: not.
+    pub validation: u32,
     /// Device: its position in `palpate_devices`, or part of its name; null: the best one.
     pub device: *const c_char,
+    /// Hears what there is to say; null: nobody.
+    pub log: palpate_log,
+    /// Passed to `log`.
+    pub log_user: *mut c_void,
 }
 
 // SAFETY: `repr(C)`, the size comes first, and any bytes are a value: a pointer is only followed as the header says.
@@ -64,7 +69,13 @@ unsafe impl Sized32 for palpate_context_options {
     const LEAST: usize = 2 * size_of::<u32>() + size_of::<*const c_char>();
 
     fn unset() -> Self {
-        palpate_context_options { size: size_of::<Self>() as u32, reserved: 0, device: std::ptr::null() }
+        palpate_context_options {
+            size: size_of::<Self>() as u32,
+            validation: 0,
+            device: std::ptr::null(),
+            log: None,
+            log_user: std::ptr::null_mut(),
+        }
     }
 }
 
@@ -113,7 +124,7 @@ fn device_of(info: &crate::gpu::DeviceInfo) -> palpate_device {
 }
 
 /// As much of a text as fits, whole characters and a zero.
-fn room<const N: usize>(text: &str) -> [c_char; N] {
+pub(super) fn room<const N: usize>(text: &str) -> [c_char; N] {
     let end = (0..N).rev().find(|&end| text.is_char_boundary(end.min(text.len()))).unwrap_or(0).min(text.len());
     let mut room = [0; N];
     room.iter_mut().zip(text.as_bytes()[..end].iter()).for_each(|(to, byte)| *to = *byte as c_char);
@@ -130,8 +141,8 @@ pub unsafe extern "C" fn palpate_context_create(
         // SAFETY: the caller's, as the header says.
         let (options, context) = unsafe { (sized::read(options)?, sized::answer(context, "context")?) };
         *context = std::ptr::null_mut();
-        if options.reserved != 0 {
-            let problem = format!("palpate_context_options.reserved is {}; set it to 0", options.reserved);
+        if options.validation > 1 {
+            let problem = format!("palpate_context_options.validation is {}; give 0 or 1", options.validation);
             return Err(Failure::new(palpate_status::Argument, problem));
         }
         let device = match options.device.is_null() {
@@ -139,7 +150,8 @@ pub unsafe extern "C" fn palpate_context_create(
             // SAFETY: the caller's, as the header says.
             false => Some(unsafe { sized::string(options.device, "options.device")? }.to_owned()),
         };
-        let opened = Context::new(&Options { device, ..Options::default() })?;
+        let (validation, log) = (options.validation == 1, log::to(options.log, options.log_user));
+        let opened = Context::new(&Options { device, validation, log, ..Options::default() })?;
         *context = handles::insert(ContextObject(opened)) as *mut palpate_context;
         Ok(())
     })

@@ -10,11 +10,17 @@
 // What a caller must see to stands in the header's preface, once for all functions.
 #![allow(clippy::missing_safety_doc)]
 
+pub mod change;
 pub mod context;
 mod handles;
+pub mod host;
+pub mod log;
 pub mod scene;
+pub mod shown;
 pub mod simulation;
 mod sized;
+pub mod state;
+pub mod statistics;
 pub mod status;
 
 use std::ffi::c_char;

@@ -102,10 +102,10 @@ pub const PALPATE_FLAG_TURNS_TOO_FAR: u32 = 512;
 /// A tetrahedron was inside out, or pressed so thin that its rotation was not found.
 pub const PALPATE_FLAG_INVERTED: u32 = 1024;
 
-struct SimulationObject {
-    simulation: Simulation,
+pub(super) struct SimulationObject {
+    pub simulation: Simulation,
     /// Whether a step failed halfway.
-    has_failed: bool,
+    pub has_failed: bool,
 }
 
 impl Handled for SimulationObject {
@@ -152,7 +152,7 @@ pub unsafe extern "C" fn palpate_step(
 ) -> palpate_status {
     guarded(|| {
         // SAFETY (this and the next): the caller's, as the header says.
-        let device = unsafe { device.as_ref() }.map(pose_of).transpose()?;
+        let device = unsafe { device.as_ref() }.map(|pose| pose_of(pose, "device")).transpose()?;
         // Before anything moves: whether the answer has a place.
         if !wrench.is_null() {
             unsafe { sized::read(wrench.cast_const())? };
@@ -175,8 +175,8 @@ pub unsafe extern "C" fn palpate_step(
 }
 
 /// Checked: finite, and a rotation.
-fn pose_of(given: &palpate_pose) -> Outcome<Pose> {
-    let wrong = |what: String| Failure::new(palpate_status::Argument, format!("device.{what}"));
+pub(super) fn pose_of(given: &palpate_pose, what: &str) -> Outcome<Pose> {
+    let wrong = |problem: String| Failure::new(palpate_status::Argument, format!("{what}.{problem}"));
     for (name, values) in [("position", &given.position[..]), ("orientation", &given.orientation[..])] {
         if let Some(k) = values.iter().position(|x| !x.is_finite()) {
             return Err(wrong(format!("{name}[{k}] is {}; give a number", values[k])));
@@ -269,12 +269,15 @@ mod tests {
     #[test]
     fn poses_that_are_none_are_refused() {
         let good = palpate_pose { position: [1.0, 2.0, 3.0], orientation: [0.0, 0.0, 0.0, 1.0] };
-        assert!(pose_of(&good).is_ok());
+        assert!(pose_of(&good, "device").is_ok());
         let mut bad = good;
         bad.position[1] = f64::NAN;
-        assert!(pose_of(&bad).unwrap_err().message.contains("device.position[1] is NaN"));
+        assert!(pose_of(&bad, "device").unwrap_err().message.contains("device.position[1] is NaN"));
         for orientation in [[0.0; 4], [0.0, 0.0, 0.0, 2.0], [f64::INFINITY, 0.0, 0.0, 1.0]] {
-            assert_eq!(pose_of(&palpate_pose { orientation, ..good }).unwrap_err().status, palpate_status::Argument);
+            assert_eq!(
+                pose_of(&palpate_pose { orientation, ..good }, "device").unwrap_err().status,
+                palpate_status::Argument
+            );
         }
     }
 }

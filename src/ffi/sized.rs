@@ -56,6 +56,37 @@ pub(super) unsafe fn write<T: Sized32>(to: *mut T, value: &T) -> Outcome {
     Ok(())
 }
 
+/// Tells the caller a struct, as [`write`]; null is refused.
+///
+/// # Safety
+/// `to` is null, or as many bytes can be written there as its first field says.
+pub(super) unsafe fn tell<T: Sized32>(to: *mut T, value: &T, name: &str) -> Outcome {
+    if to.is_null() {
+        return Err(Failure::new(palpate_status::Null, format!("{name} is null; say where the answer goes")));
+    }
+    // SAFETY: the caller's promise.
+    unsafe { write(to, value) }
+}
+
+/// The caller's array of so many elements.
+///
+/// # Safety
+/// `from` is null, or that many elements can be read there for as long as the answer is used.
+pub(super) unsafe fn slice<'a, T>(from: *const T, count: usize, name: &str) -> Outcome<&'a [T]> {
+    let wrong = |status, problem| Err(Failure::new(status, problem));
+    if count == 0 {
+        return Ok(&[]);
+    }
+    if from.is_null() {
+        return wrong(palpate_status::Null, format!("{name} is null, and is to have {count} elements"));
+    }
+    if !from.is_aligned() || count > isize::MAX as usize / size_of::<T>().max(1) {
+        return wrong(palpate_status::Argument, format!("{name} cannot be an array of {count} elements"));
+    }
+    // SAFETY: the caller's promise; aligned, and no larger than an object can be.
+    Ok(unsafe { std::slice::from_raw_parts(from, count) })
+}
+
 /// # Safety
 /// A `u32` can be read at `of`.
 unsafe fn size_of_struct<T: Sized32>(of: *const T) -> Outcome<usize> {

@@ -93,9 +93,14 @@ pub(super) fn guarded(work: impl FnOnce() -> Outcome) -> palpate_status {
     }
 }
 
+/// A text in one line.
+pub(super) fn one_line(text: &str) -> CString {
+    let lines: Vec<&str> = text.split(['\n', '\0']).map(str::trim).filter(|line| !line.is_empty()).collect();
+    CString::new(lines.join(" ")).unwrap_or_default()
+}
+
 fn tell(Failure { status, message }: Failure) -> palpate_status {
-    let lines: Vec<&str> = message.split(['\n', '\0']).map(str::trim).filter(|line| !line.is_empty()).collect();
-    let line = CString::new(lines.join(" ")).unwrap_or_default();
+    let line = one_line(&message);
     // At the very end of a thread there is no place for it any more.
     let _ = LAST.try_with(|last| *last.borrow_mut() = line);
     status

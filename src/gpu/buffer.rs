@@ -27,6 +27,20 @@ pub enum Memory {
     Readback,
 }
 
+/// How memory is shared with other programs.
+pub(super) const EXTERNAL: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
+/// What every array may be used for.
+const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+    vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
+        | vk::BufferUsageFlags::UNIFORM_BUFFER.as_raw()
+        | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw()
+        | vk::BufferUsageFlags::INDIRECT_BUFFER.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
+);
+/// The same, and vertices.
+pub(super) const SHARED_USAGE: vk::BufferUsageFlags =
+    vk::BufferUsageFlags::from_raw(USAGE.as_raw() | vk::BufferUsageFlags::VERTEX_BUFFER.as_raw());
 /// A vec4 or uvec4.
 const TEXEL_BYTES: u64 = 16;
 /// The least a buffer occupies, so that an empty array can still be bound.
@@ -45,6 +59,8 @@ pub(super) struct Inner {
     /// RGBA32F and RGBA32UI, where the size is a multiple of 16 and within the device's limit.
     pub views: Option<[vk::BufferView; 2]>,
     allocation: Option<Allocation>,
+    /// Of an array that is shared with others: memory of its own, and its size, bytes.
+    own: Option<(vk::DeviceMemory, u64)>,
     /// Orders the host's own readers and writers of mapped memory.
     mapping: RwLock<()>,
 }
@@ -53,6 +69,16 @@ impl Buffer {
     /// An uninitialised array of `bytes` bytes; it occupies at least 16, and 0 may be bound. An array larger than the
     /// device's storage buffers is refused by name.
     pub fn new(context: &Arc<Context>, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
+        Self::made(context, name, bytes, memory, false)
+    }
+
+    /// An array of the device's that other programs may bind: for vertices too, and where the device can
+    /// ([`Context::shares_memory`]) in memory of its own that they may import.
+    pub fn shared(context: &Arc<Context>, name: &str, bytes: u64) -> Result<Buffer> {
+        Self::made(context, name, bytes, Memory::Device, true)
+    }
+
+    fn made(context: &Arc<Context>, name: &str, bytes: u64, memory: Memory, is_shared: bool) -> Result<Buffer> {
         let limit = u64::from(context.limits.max_storage_buffer_range);
         if bytes > limit {
             return Err(Error::Simulation(format!(
@@ -61,14 +87,12 @@ impl Buffer {
                 context.device_name()
             )));
         }
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
-            | vk::BufferUsageFlags::UNIFORM_BUFFER
-            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
-            | vk::BufferUsageFlags::INDIRECT_BUFFER
-            | vk::BufferUsageFlags::TRANSFER_SRC
-            | vk::BufferUsageFlags::TRANSFER_DST;
+        let usage = if is_shared { SHARED_USAGE } else { USAGE };
         let size = bytes.max(LEAST_BYTES).next_multiple_of(4);
+        let is_external = is_shared && context.shares_memory();
+        let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(EXTERNAL);
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
+        let info = if is_external { info.push_next(&mut external) } else { info };
         // SAFETY: the device is alive; `info` lives through the call.
         let handle = unsafe { context.device.create_buffer(&info, None) }
             .map_err(failed("vkCreateBuffer", format!("array {name}")))?;
@@ -82,9 +106,14 @@ impl Buffer {
             memory,
             views: None,
             allocation: None,
+            own: None,
             mapping: RwLock::new(()),
         };
-        inner.allocate()?;
+        if is_external {
+            inner.allocate_external()?;
+        } else {
+            inner.allocate()?;
+        }
         if size.is_multiple_of(TEXEL_BYTES) && size / TEXEL_BYTES <= u64::from(context.limits.max_texel_buffer_elements)
         {
             inner.views = Some(inner.create_views()?);
@@ -112,6 +141,23 @@ impl Buffer {
     /// Where its memory is.
     pub fn memory(&self) -> Memory {
         self.0.memory
+    }
+
+    /// The VkBuffer, for whoever shares the device.
+    pub fn raw(&self) -> u64 {
+        vk::Handle::as_raw(self.0.handle)
+    }
+
+    /// A file descriptor of the memory of an array made by [`Buffer::shared`], and the size of that memory (bytes): the caller's
+    /// to import or to close. Errors: the device cannot, or the array is not shared.
+    pub fn export(&self) -> Result<(i32, u64)> {
+        let (Some(external), Some((memory, bytes))) = (&self.0.context.external_memory, self.0.own) else {
+            return Err(self.misuse("it is in no memory that others can import; the device lacks                                     VK_KHR_external_memory_fd".into()));
+        };
+        let info = vk::MemoryGetFdInfoKHR::default().memory(memory).handle_type(EXTERNAL);
+        // SAFETY: the memory is alive, and was allocated to be exported so.
+        let descriptor = unsafe { external.get_memory_fd(&info) }.map_err(failed("vkGetMemoryFdKHR", self.name()))?;
+        Ok((descriptor, bytes))
     }
 
     /// A copy of the whole array, whatever its memory. Device memory costs a staging copy and a submit of its own: for
@@ -216,6 +262,30 @@ impl Inner {
         bound.map_err(failed("vkBindBufferMemory", format!("array {}", self.name)))
     }
 
+    /// Memory of its own, in the first type of the device's that will do.
+    fn allocate_external(&mut self) -> Result<()> {
+        let device = &self.context.device;
+        // SAFETY: the buffer belongs to this live device.
+        let requirements = unsafe { device.get_buffer_memory_requirements(self.handle) };
+        let kind = self.context.device_memory_type(requirements.memory_type_bits);
+        let kind = kind.ok_or_else(|| Error::Memory(format!("array {}: no memory of the device's fits", self.name)))?;
+        let mut export = vk::ExportMemoryAllocateInfo::default().handle_types(EXTERNAL);
+        let mut dedicated = vk::MemoryDedicatedAllocateInfo::default().buffer(self.handle);
+        let info = vk::MemoryAllocateInfo::default()
+            .allocation_size(requirements.size)
+            .memory_type_index(kind)
+            .push_next(&mut export)
+            .push_next(&mut dedicated);
+        // SAFETY: the info lives through the call.
+        let memory = unsafe { device.allocate_memory(&info, None) }
+            .map_err(failed("vkAllocateMemory", format!("array {}", self.name)))?;
+        self.own = Some((memory, requirements.size));
+        self.context.allocated.fetch_add(requirements.size, Ordering::Relaxed);
+        // SAFETY: the memory is this buffer's alone.
+        unsafe { device.bind_buffer_memory(self.handle, memory, 0) }
+            .map_err(failed("vkBindBufferMemory", format!("array {}", self.name)))
+    }
+
     fn create_views(&self) -> Result<[vk::BufferView; 2]> {
         let view = |format| {
             let info = vk::BufferViewCreateInfo::default().buffer(self.handle).format(format).range(vk::WHOLE_SIZE);
@@ -243,6 +313,11 @@ impl Drop for Inner {
                 self.context.device.destroy_buffer_view(view, None);
             }
             self.context.device.destroy_buffer(self.handle, None);
+        }
+        if let Some((memory, bytes)) = self.own.take() {
+            self.context.allocated.fetch_sub(bytes, Ordering::Relaxed);
+            // SAFETY: as above; its buffer is gone.
+            unsafe { self.context.device.free_memory(memory, None) };
         }
         if let Some(allocation) = self.allocation.take() {
             if self.memory == Memory::Device {

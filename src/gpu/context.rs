@@ -67,6 +67,7 @@ pub struct Context {
     fragment_stores: bool,
     /// Where arrays can be handed to other programs.
     pub(super) external_memory: Option<ash::khr::external_memory_fd::Device>,
+    memory: vk::PhysicalDeviceMemoryProperties,
     cache_key: String,
     log: Log,
     pub(super) replaced: Vec<(String, Vec<u8>)>,
@@ -141,6 +142,8 @@ impl Context {
         let cache = create_cache(&device, &chosen.cache_key)?;
         let external = || ash::khr::external_memory_fd::Device::new(&instance, &device);
         let external_memory = chosen.external_memory_fd.then(external);
+        // SAFETY: the physical device is of this live instance.
+        let memory = unsafe { instance.get_physical_device_memory_properties(chosen.physical) };
         options.log.tell(Level::Note, &format!("device: {} ({})", chosen.info.name, chosen.info.driver));
         Ok(Arc::new(Context {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
@@ -162,6 +165,7 @@ impl Context {
             int64_atomics: chosen.int64_atomics,
             fragment_stores: chosen.fragment_stores,
             external_memory,
+            memory,
             cache_key: chosen.cache_key,
             log: options.log.clone(),
             replaced: options.replaced.clone(),
@@ -227,6 +231,18 @@ impl Context {
     /// Device memory held by buffers, bytes.
     pub fn bytes_allocated(&self) -> u64 {
         self.allocated.load(Ordering::Relaxed)
+    }
+
+    /// Whether arrays can be made in memory that other programs import ([`super::Buffer::export`]).
+    pub fn shares_memory(&self) -> bool {
+        self.external_memory.is_some()
+    }
+
+    /// The first type of these (a bit each) in the device's own memory.
+    pub(super) fn device_memory_type(&self, types: u32) -> Option<u32> {
+        let own = vk::MemoryPropertyFlags::DEVICE_LOCAL;
+        let all = self.memory.memory_types_as_slice().iter().zip(0..);
+        all.into_iter().find(|(kind, i)| types & (1 << i) != 0 && kind.property_flags.contains(own)).map(|(_, i)| i)
     }
 
     /// Takes the validation layer's messages; empty when all is clean or validation is off.

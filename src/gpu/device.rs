@@ -153,14 +153,28 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         subgroup_size: subgroup.subgroup_size,
         int64_atomics: features.int64_atomics,
         fragment_stores: features.fragment_stores,
-        // SAFETY: as above.
-        external_memory_fd: unsafe { instance.enumerate_device_extension_properties(physical) }
-            .unwrap_or_default()
-            .iter()
-            .any(|e| e.extension_name_as_c_str() == Ok(ash::khr::external_memory_fd::NAME)),
+        external_memory_fd: exports_buffers(instance, physical),
         properties,
         cache_key: format!("{}-{}", hex(&ids.device_uuid), hex(&ids.driver_uuid)),
     }
+}
+
+/// Whether memory of buffers can be given to other programs as a file descriptor.
+fn exports_buffers(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
+    // SAFETY: `physical` belongs to this live instance.
+    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+    let wanted = ash::khr::external_memory_fd::NAME;
+    if !extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(wanted)) {
+        return false;
+    }
+    let info = vk::PhysicalDeviceExternalBufferInfo::default()
+        .usage(super::buffer::SHARED_USAGE)
+        .handle_type(super::buffer::EXTERNAL);
+    let mut properties = vk::ExternalBufferProperties::default();
+    // SAFETY: as above; the structs live through the call, which every device of Vulkan 1.1 has.
+    unsafe { instance.get_physical_device_external_buffer_properties(physical, &info, &mut properties) };
+    let can = properties.external_memory_properties.external_memory_features;
+    can.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE)
 }
 
 #[derive(Default)]

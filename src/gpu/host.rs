@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone, Copy)]
 pub struct HostDevice {
     /// vkGetInstanceProcAddr of the loader that they come from; `None`: the system's.
-    pub get_instance_proc_addr: Option<unsafe extern "system" fn()>,
+    pub get_instance_proc_addr: Option<unsafe extern "C" fn()>,
     /// VkInstance.
     pub instance: u64,
     /// VkPhysicalDevice.
@@ -71,9 +71,8 @@ impl HostDevice {
         let entry = match self.get_instance_proc_addr {
             Some(function) => {
                 // SAFETY: the caller's promise; the two types are the same function's.
-                let get_instance_proc_addr = unsafe {
-                    std::mem::transmute::<unsafe extern "system" fn(), vk::PFN_vkGetInstanceProcAddr>(function)
-                };
+                let get_instance_proc_addr =
+                    unsafe { std::mem::transmute::<unsafe extern "C" fn(), vk::PFN_vkGetInstanceProcAddr>(function) };
                 // SAFETY: the caller's promise.
                 unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr }) }
             }

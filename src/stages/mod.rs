@@ -11,6 +11,7 @@ pub mod contact;
 pub mod cull;
 pub mod depth;
 pub mod dilate;
+pub mod draw;
 pub mod elastic;
 pub mod joints;
 mod layers;

@@ -176,6 +176,8 @@ pub struct Model {
 
     /// Pairs of bodies; planes still zero.
     pub pairs: Vec<Pair>,
+    /// The bodies a and b of each pair; the tool comes last.
+    pub pair_bodies: Vec<[usize; 2]>,
     /// The half-space of each pair that has one.
     pub pair_planes: Vec<Option<Plane>>,
     /// Proxy of a, proxy of b.

@@ -128,6 +128,7 @@ impl Model {
             plane: [0.0; 4],
         });
         self.pair_planes.push(plane);
+        self.pair_bodies.push([a, b]);
     }
 
     /// Whether any pair needs the depth stage: a half-space does not.

@@ -149,6 +149,7 @@ impl Simulation {
         let (_, probe_nodes) = probes_of(&self.scene, &self.bodies, &self.model)?;
         self.stages = Stages::new(&self.context, &self.model, self.path, &probe_nodes)?;
         write_all(&self.context, &self.stages.state(), &arrays)?;
+        self.shown = None;
         let most = self.scene.solver.max_iterations;
         self.plain = Recordings::new(&self.stages, most, || Recorder::untimed(&self.context))?;
         if self.timed.is_some() {

@@ -5,8 +5,8 @@ use crate::gpu::{ArrayUse, Recording, shader_names};
 use crate::plan::{Array, Explanation, KernelUse, StageUse, stage_of, why_not};
 use crate::stages::depth::Path;
 
-/// Shaders of this folder are the tests'.
-const TEST_SHADERS: &str = "test/";
+/// Shaders of these folders are no part of the step: the tests', and what shows it.
+const OTHER_SHADERS: [&str; 2] = ["test/", "draw/"];
 
 impl Simulation {
     /// Every stage with its passes and arrays, for a step of `iterations` solver iterations that needs no second solve.
@@ -66,7 +66,7 @@ impl Simulation {
     /// Every kernel of the library that no stage recorded, with the reason.
     fn add_left_out(&self, stages: &mut [StageUse]) {
         let graphics = self.path == Some(Path::Graphics);
-        for kernel in shader_names().filter(|name| !name.starts_with(TEST_SHADERS)) {
+        for kernel in shader_names().filter(|name| !OTHER_SHADERS.iter().any(|folder| name.starts_with(folder))) {
             let Some(stage) = stages.iter_mut().find(|stage| stage.stage == stage_of(kernel)) else { continue };
             // A draw runs two, with a comma between them.
             if stage.kernels.iter().any(|known| known.kernel.split(", ").any(|name| name == kernel)) {

@@ -146,6 +146,18 @@ impl Frames {
         }
     }
 
+    /// Writes where all frames are now, relative to `origin`, and nothing of how they move.
+    pub fn write_places(&self, origin: DVec3, tool: Option<&Tool>, frames: &mut [Frame]) {
+        for (frame, state) in frames.iter_mut().zip(&self.states) {
+            let Place { centre, rotation } = match (&state.mover, tool) {
+                (Mover::Tool, Some(tool)) => Place { centre: tool.centre, rotation: tool.orientation },
+                _ => state.start,
+            };
+            frame.rotation = rotation.as_quat().to_array();
+            frame.centre = (centre - origin).as_vec3().to_array();
+        }
+    }
+
     /// The step of `h` seconds is over. `fits`: what the device summed, `changes`: of the twists of dynamic cores; empty where
     /// it did not accept the step: then frames that float or are dynamic stay as they were.
     pub fn arrive(&mut self, h: f64, fits: &[Fit], changes: &[[f32; 6]]) {

@@ -10,7 +10,7 @@ use super::probes::{ProbePlace, probes_of};
 use super::recordings::{Recordings, Stages};
 use super::{Simulation, TIMED_EVERY, tools};
 use crate::Result;
-use crate::gpu::{Context, Options, Recorder};
+use crate::gpu::{Context, Level, Options, Recorder};
 use crate::haptics::drive::Drive;
 use crate::haptics::tool::Tool;
 use crate::plan::Plan;
@@ -66,6 +66,9 @@ impl Prepared {
         let asked = path.or(scene.contact.depth);
         let choice = if model.needs_depth() { Some(Choice::new(context, asked, &Cache::of_user())?) } else { None };
         let path = choice.as_ref().map(|choice| choice.path);
+        let notes = bodies.iter().chain(&tool_body).flat_map(|body| &body.report.notes);
+        notes.for_each(|note| context.tell(Level::Note, note));
+        choice.iter().for_each(|choice| context.tell(Level::Note, &format!("depth stage: {choice}")));
         let stages = Stages::new(context, &model, path, &probe_nodes)?;
         // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
         Recordings::new(&stages, 0, || Recorder::warm_up(context))?.submit_once()?;
@@ -97,6 +100,7 @@ impl Prepared {
             last_iterations: 0,
             last_timed: None,
             timed_every: TIMED_EVERY,
+            shown: None,
         })
     }
 }

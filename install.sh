@@ -1,0 +1,54 @@
+#!/usr/bin/env bash
+# Builds palpate and puts it where other programs find it:
+#   ./install.sh [--prefix DIR] [--built DIR]
+# DIR gets bin/palpate, include/palpate.h and palpate.hpp, lib/libpalpate (shared and static), lib/pkgconfig/palpate.pc and
+# lib/cmake/palpate; it can be moved as a whole. Without --prefix it is target/install. With --built nothing is built: the
+# libraries and the program are taken from there.
+set -euo pipefail
+cd "$(dirname "$0")"
+
+fail() {
+    echo "install.sh: $1" >&2
+    exit 2
+}
+
+prefix=target/install
+built=
+while [ "$#" -gt 0 ]; do
+    case "$1" in
+        --prefix | --built) [ "$#" -ge 2 ] || fail "$1 needs a folder" ;;&
+        --prefix) prefix=$2 ;;
+        --built) built=$2 ;;
+        *) fail "$1 is not known; give --prefix DIR, --built DIR, or nothing" ;;
+    esac
+    shift 2
+done
+[ -n "$prefix" ] || fail "--prefix is empty; give a folder"
+if [ -z "$built" ]; then
+    cargo build --release
+    built=${CARGO_TARGET_DIR:-target}/release
+fi
+
+case "$(uname -s)" in
+    Linux) shared=libpalpate.so system="-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc" ;;
+    Darwin) shared=libpalpate.dylib system="-framework CoreFoundation -liconv -lm" ;;
+    *) fail "only Linux and macOS are known; elsewhere link palpate.h with what cargo build --release makes" ;;
+esac
+for file in "$shared" libpalpate.a palpate; do
+    [ -s "$built/$file" ] || fail "$built has no $file; build with cargo build --release"
+done
+version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
+
+mkdir -p "$prefix"/{bin,include,lib/pkgconfig,lib/cmake/palpate}
+install -m 755 "$built/palpate" "$prefix/bin/palpate"
+install -m 644 src/ffi/palpate.h src/ffi/palpate.hpp "$prefix/include/"
+install -m 755 "$built/$shared" "$prefix/lib/"
+install -m 644 "$built/libpalpate.a" "$prefix/lib/"
+fill() {
+    sed -e "s|@VERSION@|$version|g" -e "s|@SHARED@|$shared|g" -e "s|@SYSTEM_LIBRARIES@|$system|g" \
+        "src/ffi/package/$1.in" >"$prefix/$2/$1"
+}
+fill palpate.pc lib/pkgconfig
+fill palpate-config.cmake lib/cmake/palpate
+fill palpate-config-version.cmake lib/cmake/palpate
+echo "palpate $version is in $prefix"
