@@ -12,10 +12,15 @@
 
 pub mod context;
 mod handles;
+pub mod haptic_device;
+pub mod haptic_loop;
+pub mod loop_options;
+pub mod loop_state;
 pub mod scene;
 pub mod simulation;
 mod sized;
 pub mod status;
+pub mod steps;
 
 use std::ffi::c_char;
 
