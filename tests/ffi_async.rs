@@ -124,7 +124,9 @@ fn submitted_steps_have_the_bits_of_those_that_are_waited_for() {
         }
         assert_eq!(bits(&newest(waited).0), bits(&told), "step {step}");
     }
-    [plain, waited, polled].map(|simulation| ok(palpate_simulation_destroy(simulation)));
+    for simulation in [plain, waited, polled] {
+        ok(palpate_simulation_destroy(simulation));
+    }
     ok(palpate_context_destroy(context));
 }
 
@@ -246,7 +248,7 @@ fn any_thread_may_ask_for_the_newest_wrench_at_any_time() {
             ok(unsafe { palpate_step(simulation, null(), null_mut()) });
         }
         ends.store(true, Ordering::Relaxed);
-        asking.map(|thread| assert!(thread.join().unwrap() > 0));
+        assert!(asking.into_iter().all(|thread| thread.join().unwrap() > 0));
     });
     assert_eq!(newest(simulation as *mut palpate_simulation).0.step, 80);
     ok(palpate_simulation_destroy(simulation as *mut palpate_simulation));

@@ -51,7 +51,8 @@ pub struct palpate_play {
 }
 
 /// A haptic device that the caller's callbacks stand for. They run on threads of the loop, never two at a time, and give 0 if
-/// all is well; anything else says that the device is lost for now: nothing is played, and it is asked again at the next tick.
+/// all is well; anything else says that the device is lost for now: nothing is played, and it is asked again at the next tick,
+/// until it has been lost for 5 s.
 /// None may wait for longer than a small part of a tick, nor let an exception or a longjmp out. `palpate_loop_stop` and
 /// `palpate_loop_destroy` from within one only ask the loop to end.
 #[repr(C)]

@@ -56,7 +56,8 @@ pub struct palpate_loop_state {
     pub size: u32,
     /// 1: it runs; 0: it has ended, and the device is closed.
     pub is_running: u32,
-    /// What it failed with; PALPATE_STATUS_OK where it did not, or has not yet. A device that stays lost is no failure.
+    /// What it failed with; PALPATE_STATUS_OK where it did not, or has not yet. A device that stays lost ends
+    /// the loop after 5 s, and is no failure.
     pub status: palpate_status,
     /// How many notes there are for `palpate_loop_note`.
     pub notes: u32,
@@ -287,6 +288,22 @@ mod tests {
             events.0
         };
         assert_eq!(Event::ALL.map(bit), own);
+    }
+
+    #[test]
+    fn a_loop_that_fails_says_so_to_whoever_waits_for_its_beginning_and_to_all_afterwards() {
+        let failed = || Err(Failure::new(palpate_status::Vulkan, "the device is on fire"));
+        let told = Told::new(1e-3);
+        told.end(failed());
+        assert_eq!(told.wait_for_begin().unwrap_err().message, "the device is on fire");
+        let facts = told.lock();
+        assert_eq!((facts.state.is_running, facts.state.status), (0, palpate_status::Vulkan));
+        assert_eq!(facts.ended, "the device is on fire");
+        let began = Told::new(1e-3);
+        began.hear(Moment::Note("a note"));
+        assert!(began.wait_for_begin().is_ok() && began.lock().state.is_running == 1);
+        began.end(failed());
+        assert!(began.wait_for_begin().is_ok() && began.lock().failure.is_some());
     }
 
     #[test]
