@@ -6,6 +6,7 @@ pub(crate) mod choice;
 mod contacts;
 mod explain;
 pub mod frames;
+mod held;
 pub mod joints;
 mod make;
 mod nodes;
@@ -81,12 +82,12 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// One step of the scene's `dt`, with the device where the scene's keys put it: pose in, wrench out. Not to be mixed with
-    /// [`Simulation::step_held`], which leaves the keys for good.
+    /// One step of the scene's `dt`, with the device where the scene's keys put it: pose in, wrench out. After
+    /// [`Simulation::step_held`], which leaves the keys for good, the device stays where that had it.
     pub fn step(&mut self) -> Result<Row> {
         let h = self.scene.step.dt;
         self.has_weight = true;
-        self.step_to((self.step + 1) as f64 * h, h)
+        self.step_to(self.next_end(h), h)
     }
 
     /// A step of `h` s for the loop: from its tool, towards its device as it is now. Where the device will be at the end nobody
@@ -121,7 +122,7 @@ impl Simulation {
     /// A step of the scene's `dt` with the device at this pose at its end, having moved evenly from where it was.
     pub fn step_at(&mut self, pose: Pose) -> Result<Row> {
         let h = self.scene.step.dt;
-        let end = (self.step + 1) as f64 * h;
+        let end = self.next_end(h);
         self.has_weight = true;
         self.drive.lead(end - h, Key { time: end, position: pose.position, orientation: pose.orientation });
         self.step_to(end, h)

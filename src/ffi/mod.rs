@@ -13,8 +13,12 @@
 pub mod change;
 pub mod context;
 mod handles;
+pub mod haptic_device;
+pub mod haptic_loop;
 pub mod host;
 pub mod log;
+pub mod loop_options;
+pub mod loop_state;
 pub mod scene;
 pub mod shown;
 pub mod simulation;
@@ -22,6 +26,7 @@ mod sized;
 pub mod state;
 pub mod statistics;
 pub mod status;
+pub mod steps;
 
 use std::ffi::c_char;
 

@@ -98,6 +98,24 @@ public:
     Wrench step() { return step_to(nullptr); }
     /// One step, with the device at this pose at its end.
     Wrench step(const Pose &device) { return step_to(&device); }
+    /// Begins a step and does not wait for it, with the device where the scene has it, or at this pose at its end.
+    void submit() { check(palpate_step_submit(get(), nullptr)); }
+    void submit(const Pose &device) { check(palpate_step_submit(get(), &device)); }
+    /// Whether no submitted step is under way; throws what one failed with.
+    bool is_done() const {
+        int32_t is_done = 0;
+        check(palpate_step_poll(get(), &is_done));
+        return is_done != 0;
+    }
+    /// Waits until none is.
+    void wait() { check(palpate_step_wait(get())); }
+    /// The wrench of the newest step that is done, at any time; `age`: how long ago that was given its pose, s.
+    Wrench newest(double *age = nullptr) const {
+        Wrench wrench{};
+        wrench.size = sizeof wrench;
+        check(palpate_wrench_newest(get(), &wrench, age));
+        return wrench;
+    }
     /// Where a soft body's nodes are, m, world.
     std::vector<std::array<double, 3>> nodes(uint32_t body) const {
         static_assert(sizeof(std::array<double, 3>) == sizeof(double[3]), "an array is its elements");
@@ -114,6 +132,62 @@ private:
         wrench.size = sizeof wrench;
         check(palpate_step(get(), device, &wrench));
         return wrench;
+    }
+};
+
+/// A haptic loop. It ends, and its device is closed, when this goes.
+class Loop : public detail::Handle<palpate_loop, palpate_loop_destroy> {
+public:
+    /// Device and options as in palpate.h, their sizes set here. The callbacks must let no exception out.
+    Loop(const Simulation &simulation, palpate_haptic_device device, palpate_loop_options options = {}) {
+        device.size = sizeof device;
+        options.size = sizeof options;
+        check(palpate_loop_start(simulation.get(), &device, &options, &handle_));
+    }
+    palpate_loop_state state() const {
+        palpate_loop_state state{};
+        state.size = sizeof state;
+        check(palpate_loop_read(get(), &state));
+        return state;
+    }
+    /// The wrench of the simulation's newest step; `age`: how long ago that began, s.
+    Wrench wrench(double *age = nullptr) const {
+        Wrench wrench{};
+        wrench.size = sizeof wrench;
+        check(palpate_loop_wrench(get(), &wrench, age));
+        return wrench;
+    }
+    /// What is to be known of it, a line each.
+    std::vector<std::string> notes() const {
+        std::vector<std::string> notes(state().notes);
+        for (uint32_t k = 0; k < notes.size(); k++) {
+            notes[k] = text([&](char *to, size_t room, size_t *count) {
+                return palpate_loop_note(get(), k, to, room, count);
+            });
+        }
+        return notes;
+    }
+    /// Why it ended; empty while it runs.
+    std::string ended() const {
+        return text([&](char *to, size_t room, size_t *count) { return palpate_loop_ended(get(), to, room, count); });
+    }
+    /// Ends it, and gives the simulation back; throws what it failed with.
+    void stop() { check(palpate_loop_stop(get())); }
+
+private:
+    /// It may have become longer between the two calls.
+    template <typename Tell> static std::string text(const Tell &tell) {
+        palpate_status status = PALPATE_STATUS_TOO_SMALL;
+        std::string told;
+        size_t count = 0;
+        while (status == PALPATE_STATUS_TOO_SMALL) {
+            check(tell(nullptr, 0, &count));
+            told.resize(count);
+            status = tell(&told[0], told.size(), &count);
+        }
+        check(status);
+        told.resize(count - 1);
+        return told;
     }
 };
 

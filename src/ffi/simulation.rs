@@ -1,5 +1,7 @@
 //! Simulations: made of a scene on a context, stepped, and read.
 
+use std::sync::Arc;
+
 use glam::{DQuat, DVec3};
 
 use super::context::{opened, palpate_context};
@@ -7,6 +9,7 @@ use super::handles::{self, Handled};
 use super::scene::{SceneObject, palpate_scene};
 use super::sized::{self, Sized32};
 use super::status::{Failure, Outcome, guarded, palpate_status};
+use super::steps::{self, SimulationSteps, Stepped};
 use crate::report::{Pose, Row};
 use crate::step::Simulation;
 
@@ -128,16 +131,17 @@ pub unsafe extern "C" fn palpate_simulation_create(
         let scene = handles::with(scene as usize, |object: &mut SceneObject| Ok(object.0.clone()))?;
         let mut made = Simulation::on(&context, &scene, None)?;
         made.time_every(0)?;
-        *simulation =
-            handles::insert(SimulationObject { simulation: made, has_failed: false }) as *mut palpate_simulation;
+        let object = SimulationObject { simulation: made, has_failed: false };
+        *simulation = handles::insert_with(object, Arc::new(SimulationSteps::default())) as *mut palpate_simulation;
         Ok(())
     })
 }
 
-/// Lets go of a simulation. Null does nothing.
+/// Lets go of a simulation; waits for a step that was submitted and is under way. One that a loop holds goes when the loop
+/// ends. Null does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_simulation_destroy(simulation: *mut palpate_simulation) -> palpate_status {
-    guarded(|| if simulation.is_null() { Ok(()) } else { handles::remove::<SimulationObject>(simulation as usize) })
+    guarded(|| if simulation.is_null() { Ok(()) } else { steps::remove::<SimulationObject>(simulation as usize) })
 }
 
 /// One step of the scene's `dt`: pose in, wrench out, when it is done. `device`: where the device is at the end of the step,
@@ -158,20 +162,28 @@ pub unsafe extern "C" fn palpate_step(
             unsafe { sized::read(wrench.cast_const())? };
         }
         handles::with(simulation as usize, |object: &mut SimulationObject| {
-            if object.has_failed {
-                let problem = "an earlier step failed, and left the simulation between two steps; create it anew";
-                return Err(Failure::new(palpate_status::Simulation, problem));
-            }
-            let row = match device {
-                Some(pose) => object.simulation.step_at(pose),
-                None => object.simulation.step(),
-            };
-            object.has_failed = row.is_err();
-            let row = row?;
+            let told = steps::of(simulation)?.step_now(object, device)?;
             // SAFETY: the caller's, as the header says.
-            if wrench.is_null() { Ok(()) } else { unsafe { sized::write(wrench, &wrench_of(&row)) } }
+            if wrench.is_null() { Ok(()) } else { unsafe { sized::write(wrench, &told) } }
         })
     })
+}
+
+impl Stepped for SimulationObject {
+    fn is_fit(&self) -> Outcome {
+        let problem = "an earlier step failed, and left the simulation between two steps; create it anew";
+        if self.has_failed { Err(Failure::new(palpate_status::Simulation, problem)) } else { Ok(()) }
+    }
+
+    fn step_to(&mut self, device: Option<Pose>) -> Outcome<palpate_wrench> {
+        self.is_fit()?;
+        let row = match device {
+            Some(pose) => self.simulation.step_at(pose),
+            None => self.simulation.step(),
+        };
+        self.has_failed = row.is_err();
+        Ok(wrench_of(&row?))
+    }
 }
 
 /// Checked: finite, and a rotation.
@@ -190,7 +202,7 @@ pub(super) fn pose_of(given: &palpate_pose, what: &str) -> Outcome<Pose> {
     Ok(Pose { position: DVec3::from_array(given.position), orientation: orientation.normalize() })
 }
 
-fn wrench_of(row: &Row) -> palpate_wrench {
+pub(super) fn wrench_of(row: &Row) -> palpate_wrench {
     let pose =
         |pose: &Pose| palpate_pose { position: pose.position.to_array(), orientation: pose.orientation.to_array() };
     let mut wrench = palpate_wrench {

@@ -28,7 +28,7 @@ pub enum palpate_status {
     Input = 6,
     /// A file could not be written.
     Output = 7,
-    /// No Vulkan device can be used.
+    /// No Vulkan device can be used, or not the haptic one.
     NoDevice = 8,
     /// The device's memory does not suffice.
     Memory = 9,
@@ -41,7 +41,7 @@ pub enum palpate_status {
 }
 
 /// Why a call did not do what it was asked to.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Failure {
     pub status: palpate_status,
     pub message: String,
@@ -87,9 +87,7 @@ pub(super) fn guarded(work: impl FnOnce() -> Outcome) -> palpate_status {
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => palpate_status::Ok,
         Ok(Err(failure)) => tell(failure),
-        Err(panic) => {
-            tell(Failure::new(palpate_status::Fault, format!("a fault of palpate's own: {}", words(&*panic))))
-        }
+        Err(panic) => tell(Failure::of_panic(&*panic)),
     }
 }
 
@@ -104,6 +102,13 @@ fn tell(Failure { status, message }: Failure) -> palpate_status {
     // At the very end of a thread there is no place for it any more.
     let _ = LAST.try_with(|last| *last.borrow_mut() = line);
     status
+}
+
+impl Failure {
+    /// What a panic says.
+    pub fn of_panic(panic: &(dyn Any + Send)) -> Failure {
+        Failure::new(palpate_status::Fault, format!("a fault of palpate's own: {}", words(panic)))
+    }
 }
 
 fn words(panic: &(dyn Any + Send)) -> &str {

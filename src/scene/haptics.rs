@@ -9,7 +9,7 @@ use crate::haptics::profile::{PROFILES, Profile};
 use crate::haptics::safety::Lowered;
 
 /// Rates that the loop can keep, Hz.
-const RATES: [f64; 2] = [50.0, 4000.0];
+pub const RATES: [f64; 2] = [50.0, 4000.0];
 /// How far the local model is trusted unless a scene says otherwise, m.
 const TRUST: f64 = 2e-3;
 /// The longest step of the simulation that the loop asks for, s.

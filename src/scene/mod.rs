@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::prepare::model::Model;
 pub use body::{Dilatation, MOST_HULLS};
-pub use haptics::{DeviceKind, Haptics};
+pub use haptics::{DeviceKind, Haptics, RATES as HAPTIC_RATES};
 pub use joint::{Joint, Resistance};
 pub use keys::unit_quaternion;
 pub use material::{Group, Law, Material, Place, Region};

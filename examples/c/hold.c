@@ -1,0 +1,96 @@
+/* Holds a scene's tool with a device of its own, which presses down and comes up again within a second: cc hold.c -lpalpate -lm
+ * A program for hardware does the same, with callbacks that ask its driver. */
+#define _POSIX_C_SOURCE 199309L
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+#include "palpate.h"
+
+#define SECONDS 1.0
+#define DEPTH 0.005 /* m */
+
+/* What the callbacks know. They run on the loop's threads; this one reads it when the loop has ended. */
+struct hand {
+    double start[3]; /* m */
+    double peak;     /* N */
+    uint64_t ticks;
+};
+
+static int32_t read_hand(void *user, double time, palpate_reading *reading) {
+    const struct hand *hand = user;
+    const double turn = 2.0 * 3.14159265358979 * fmin(time / SECONDS, 1.0);
+    for (int k = 0; k < 3; k++) {
+        reading->pose.position[k] = hand->start[k];
+    }
+    reading->pose.position[1] -= 0.5 * DEPTH * (1.0 - cos(turn));
+    return 0;
+}
+
+static int32_t write_hand(void *user, const palpate_play *play) {
+    struct hand *hand = user;
+    const double *f = play->force;
+    hand->peak = fmax(hand->peak, sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]));
+    hand->ticks++;
+    return 0;
+}
+
+static void check(palpate_status status, const char *what) {
+    if (status != PALPATE_STATUS_OK) {
+        fprintf(stderr, "%s: %s\n", what, palpate_last_error());
+        exit(EXIT_FAILURE);
+    }
+}
+
+/* Waits for the loop's end, and says what it has to say. */
+static void watch(palpate_loop *loop) {
+    palpate_loop_state state = {.size = sizeof state};
+    do {
+        const struct timespec pause = {.tv_nsec = 20000000};
+        nanosleep(&pause, NULL);
+        check(palpate_loop_read(loop, &state), "state");
+    } while (state.is_running);
+    char line[512];
+    size_t length = 0;
+    for (uint32_t note = 0; note < state.notes; note++) {
+        check(palpate_loop_note(loop, note, line, sizeof line, &length), "note");
+        fprintf(stderr, "%s\n", line);
+    }
+    check(palpate_loop_ended(loop, line, sizeof line, &length), "end");
+    printf("%" PRIu64 " ticks, %" PRIu64 " steps, %s\n", state.ticks, state.steps, line);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        fprintf(stderr, "usage: %s SCENE\n", argv[0]);
+        return 2;
+    }
+    palpate_context *context = NULL;
+    palpate_scene *scene = NULL;
+    palpate_simulation *simulation = NULL;
+    palpate_loop *loop = NULL;
+    palpate_wrench wrench = {.size = sizeof wrench};
+    check(palpate_context_create(NULL, &context), "no device");
+    check(palpate_scene_load(argv[1], &scene), "no scene");
+    check(palpate_simulation_create(context, scene, &simulation), "no simulation");
+    check(palpate_scene_destroy(scene), "scene");
+    /* A step tells where the scene has the device to begin with. */
+    check(palpate_step(simulation, NULL, &wrench), "step");
+
+    struct hand hand = {.peak = 0.0};
+    for (int k = 0; k < 3; k++) {
+        hand.start[k] = wrench.device.position[k];
+    }
+    const palpate_haptic_device device = {
+        .size = sizeof device, .user = &hand, .read = read_hand, .write = write_hand, .profile = "touch"};
+    const palpate_loop_options options = {.size = sizeof options, .seconds = SECONDS};
+    check(palpate_loop_start(simulation, &device, &options, &loop), "no loop");
+    watch(loop);
+    check(palpate_loop_destroy(loop), "loop");
+    printf("%.3f N at most in %" PRIu64 " writes\n", hand.peak, hand.ticks);
+    check(palpate_simulation_destroy(simulation), "simulation");
+    check(palpate_context_destroy(context), "context");
+    return EXIT_SUCCESS;
+}

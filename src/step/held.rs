@@ -1,0 +1,23 @@
+//! What a program needs that leads a simulation by steps and by the loop in turn.
+
+use super::Simulation;
+use crate::scene::{Coupling, Scene};
+
+impl Simulation {
+    /// The scene that it was made of.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What joins tool and device from now on. The loop chooses its own; whoever steps on without it gives back what there was.
+    pub fn couple(&mut self, coupling: Option<Coupling>) {
+        if let Some(tool) = &mut self.tool {
+            tool.coupling = coupling;
+        }
+    }
+
+    /// When the next step of `h` s ends, s: a whole multiple of it, unless the loop took steps of its own length.
+    pub(super) fn next_end(&self, h: f64) -> f64 {
+        if self.time == self.step as f64 * h { (self.step + 1) as f64 * h } else { self.time + h }
+    }
+}

@@ -1,0 +1,157 @@
+//! What the tests of the C ABI's parts share.
+#![allow(dead_code, unsafe_code)]
+
+use std::ffi::{CStr, CString};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::ptr::{null, null_mut};
+use std::time::{Duration, Instant};
+
+use palpate::ffi::context::{palpate_context, palpate_context_create, palpate_context_memory};
+use palpate::ffi::scene::{palpate_scene_destroy, palpate_scene_parse};
+use palpate::ffi::simulation::{
+    palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_wrench,
+};
+use palpate::ffi::status::{palpate_last_error, palpate_status};
+
+/// A block, fixed at its bottom.
+pub const BLOCK: &str = r#"
+[[body]]
+name = "block"
+layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [6, 4, 6] }
+material = { young = 2e4, poisson = 0.45, density = 1000.0 }
+[[body.core]]
+name = "bottom"
+motion = "fixed"
+bind = { box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }
+"#;
+
+/// A sphere just above it.
+pub const SPHERE: &str = r#"
+[tool]
+sphere = 0.02
+mass = 0.05
+position = [0.0, 0.0502, 0.0]
+[coupling]
+stiffness = 300.0
+damping = 2.0
+angular_stiffness = 0.5
+angular_damping = 0.002
+"#;
+
+/// Where the sphere is deep in the block.
+pub const DEEP: palpate_pose = palpate_pose { position: [0.0, 0.046, 0.0], orientation: [0.0, 0.0, 0.0, 1.0] };
+
+pub fn last_error() -> String {
+    // SAFETY: never null, and ends in a zero.
+    unsafe { CStr::from_ptr(palpate_last_error()) }.to_str().unwrap().into()
+}
+
+#[track_caller]
+pub fn ok(status: palpate_status) {
+    assert_eq!(status, palpate_status::Ok, "{}", last_error());
+}
+
+#[track_caller]
+pub fn refused(status: palpate_status, expected: palpate_status, words: &str) {
+    let error = last_error();
+    assert_eq!(status, expected, "{error}");
+    assert!(error.contains(words) && error.lines().count() == 1, "{error}");
+}
+
+/// Waits for `done`, for two minutes at most.
+#[track_caller]
+pub fn wait_for(mut done: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !done() {
+        assert!(begun.elapsed() < Duration::from_secs(120), "it does not come");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+pub fn context() -> *mut palpate_context {
+    let mut context = null_mut();
+    // SAFETY: null options, and a place for the answer.
+    ok(unsafe { palpate_context_create(null(), &mut context) });
+    context
+}
+
+pub fn simulation(context: *mut palpate_context, text: &str) -> *mut palpate_simulation {
+    let (mut scene, mut simulation) = (null_mut(), null_mut());
+    let text = CString::new(text).unwrap();
+    // SAFETY: strings that end, handles, and places for the answers.
+    unsafe {
+        ok(palpate_scene_parse(text.as_ptr(), null(), &mut scene));
+        ok(palpate_simulation_create(context, scene, &mut simulation));
+    }
+    ok(palpate_scene_destroy(scene));
+    simulation
+}
+
+/// A struct of the interface, all zero but its size.
+pub fn zeroed<T: Copy>() -> T {
+    // SAFETY: those that this is used for are numbers and pointers, and begin with their size.
+    unsafe {
+        let mut value: T = std::mem::zeroed();
+        (&raw mut value).cast::<u32>().write(size_of::<T>() as u32);
+        value
+    }
+}
+
+pub fn wrench() -> palpate_wrench {
+    zeroed()
+}
+
+/// Bytes of the device's memory that a context's simulations hold.
+pub fn memory(context: *mut palpate_context) -> u64 {
+    let mut bytes = 0;
+    // SAFETY: a handle, and a place for the answer.
+    ok(unsafe { palpate_context_memory(context, &mut bytes) });
+    bytes
+}
+
+/// Where the nodes of the first body are.
+pub fn nodes(simulation: *mut palpate_simulation) -> Vec<[f64; 3]> {
+    let mut count = 0;
+    // SAFETY: a handle, no array, a place for the answer.
+    ok(unsafe { palpate_nodes(simulation, 0, null_mut(), 0, &mut count) });
+    let mut nodes = vec![[0.0; 3]; count];
+    // SAFETY: a handle, an array of that length, a place for the answer.
+    ok(unsafe { palpate_nodes(simulation, 0, nodes.as_mut_ptr(), count, &mut count) });
+    nodes
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Where cargo puts the shared library that belongs to this test.
+fn library() -> PathBuf {
+    let built = Path::new(env!("CARGO_BIN_EXE_palpate")).parent().unwrap();
+    let newest = [built.to_path_buf(), built.join("deps")].map(|folder| folder.join("libpalpate.so"));
+    let when = |path: &PathBuf| path.metadata().and_then(|m| m.modified()).ok();
+    let found = newest.into_iter().filter(|path| path.exists()).max_by_key(when);
+    found.expect("cargo builds libpalpate.so").parent().unwrap().to_path_buf()
+}
+
+/// Compiles a program of the repository without a warning, runs it, and gives what it prints.
+pub fn output(compiler: &str, standard: &str, source: &str, arguments: &[&Path]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let (program, library) = (folder.path().join("program"), library());
+    let done = Command::new(compiler)
+        .args([&format!("-std={standard}"), "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-I"])
+        .arg(root().join("src/ffi"))
+        .arg(root().join(source))
+        .arg("-o")
+        .arg(&program)
+        .arg("-L")
+        .arg(&library)
+        .args(["-lpalpate", "-lm", "-pthread", &format!("-Wl,-rpath,{}", library.display())])
+        .output()
+        .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh installs it"));
+    assert!(done.status.success(), "{compiler}: {}", String::from_utf8_lossy(&done.stderr));
+    let done = Command::new(&program).args(arguments).output().unwrap();
+    let said = String::from_utf8(done.stdout).unwrap();
+    assert!(done.status.success(), "{said}{}", String::from_utf8_lossy(&done.stderr));
+    said
+}

@@ -1,0 +1,456 @@
+//! The loop through the C ABI, with a device of callbacks: felt, watched, stopped from wherever, and let go of in order.
+#![allow(unsafe_code)]
+
+mod ffi_help;
+
+use std::ffi::{CStr, c_void};
+use std::path::Path;
+use std::ptr::{null, null_mut};
+use std::sync::Mutex;
+
+use ffi_help::*;
+use palpate::ffi::context::palpate_context_destroy;
+use palpate::ffi::haptic_device::{palpate_haptic_device, palpate_play, palpate_reading};
+use palpate::ffi::haptic_loop::{
+    palpate_loop, palpate_loop_destroy, palpate_loop_ended, palpate_loop_note, palpate_loop_read, palpate_loop_start,
+    palpate_loop_stop, palpate_loop_wrench,
+};
+use palpate::ffi::loop_options::palpate_loop_options;
+use palpate::ffi::loop_state::*;
+use palpate::ffi::simulation::{palpate_simulation, palpate_simulation_destroy, palpate_step, palpate_wrench};
+use palpate::ffi::status::palpate_status;
+use palpate::ffi::steps::{palpate_step_submit, palpate_step_wait, palpate_wrench_newest};
+
+/// What the callbacks were asked and told, and how they are to behave.
+#[derive(Debug, Default, Clone, PartialEq)]
+struct Facts {
+    opened: u32,
+    closed: u32,
+    reads: u64,
+    writes: u64,
+    last_force: [f64; 3],
+    peak: f64,
+    /// Loop handles as numbers, for a callback that stops its own.
+    the_loop: usize,
+    /// What that said.
+    said: Vec<(palpate_status, String)>,
+    after_close: u32,
+    wish: Wish,
+}
+
+#[derive(Debug, Default, Clone, Copy, PartialEq)]
+enum Wish {
+    #[default]
+    Press,
+    FailToOpen,
+    FailToWrite,
+    FailToRead,
+    SayNothing,
+    SayNaN,
+    Stop,
+    Destroy,
+}
+
+/// A hand, behind a lock that the callbacks share with the test.
+#[derive(Default)]
+struct Hand(Mutex<Facts>);
+
+impl Hand {
+    fn wishes(wish: Wish) -> Hand {
+        Hand(Mutex::new(Facts { wish, ..Facts::default() }))
+    }
+
+    fn facts(&self) -> Facts {
+        self.0.lock().unwrap().clone()
+    }
+
+    fn wish(&self, wish: Wish) {
+        self.0.lock().unwrap().wish = wish;
+    }
+
+    fn device(&self) -> palpate_haptic_device {
+        palpate_haptic_device {
+            user: (&raw const *self).cast_mut().cast(),
+            open: Some(open),
+            read: Some(read),
+            write: Some(write),
+            close: Some(close),
+            profile: c"touch".as_ptr(),
+            ..zeroed()
+        }
+    }
+}
+
+fn with<R>(user: *mut c_void, work: impl FnOnce(&mut Facts) -> R) -> R {
+    // SAFETY: a `Hand` that outlives its loop.
+    let hand = unsafe { &*user.cast::<Hand>() };
+    let mut facts = hand.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    facts.after_close += u32::from(facts.closed > 0);
+    work(&mut facts)
+}
+
+unsafe extern "C" fn open(user: *mut c_void) -> i32 {
+    with(user, |facts| {
+        facts.opened += 1;
+        if facts.wish == Wish::FailToOpen { 7 } else { 0 }
+    })
+}
+
+unsafe extern "C" fn read(user: *mut c_void, time: f64, reading: *mut palpate_reading) -> i32 {
+    // SAFETY: the library's own.
+    let reading = unsafe { &mut *reading };
+    assert!(reading.size as usize == size_of::<palpate_reading>() && reading.pose.position[0].is_nan());
+    with(user, |facts| {
+        facts.reads += 1;
+        // Down from above the block within a second, and held.
+        reading.pose.position = [0.0, 0.0502 - 0.005 * time.min(1.0), 0.0];
+        reading.buttons = 5;
+        match facts.wish {
+            Wish::FailToRead => return -1,
+            Wish::SayNothing => reading.pose.position = [f64::NAN; 3],
+            Wish::SayNaN => reading.velocity = [0.0, f64::NAN, 0.0],
+            Wish::Stop | Wish::Destroy if facts.the_loop != 0 && facts.said.len() < 3 => ask(facts),
+            _ => {}
+        }
+        0
+    })
+}
+
+/// Does to its own loop what it must not wait for.
+fn ask(facts: &mut Facts) {
+    let the_loop = facts.the_loop as *mut palpate_loop;
+    let mut state: palpate_loop_state = zeroed();
+    // SAFETY: a handle, a place for the answer.
+    facts.said.push((unsafe { palpate_loop_read(the_loop, &mut state) }, String::new()));
+    let status = match facts.wish {
+        Wish::Stop => palpate_loop_stop(the_loop),
+        _ => palpate_loop_destroy(the_loop),
+    };
+    facts.said.push((status, last_error()));
+}
+
+unsafe extern "C" fn write(user: *mut c_void, play: *const palpate_play) -> i32 {
+    // SAFETY: the library's own.
+    let play = unsafe { *play };
+    with(user, |facts| {
+        facts.writes += 1;
+        facts.last_force = play.force;
+        let force = play.force.iter().map(|x| x * x).sum::<f64>().sqrt();
+        facts.peak = facts.peak.max(force);
+        if facts.wish == Wish::FailToWrite { 1 } else { 0 }
+    })
+}
+
+unsafe extern "C" fn close(user: *mut c_void) {
+    with(user, |facts| facts.closed += 1);
+}
+
+fn scene() -> String {
+    format!("[step]\ngravity = [0.0, 0.0, 0.0]\n{BLOCK}{SPHERE}")
+}
+
+fn start(simulation: *mut palpate_simulation, hand: &Hand) -> *mut palpate_loop {
+    start_with(simulation, hand, zeroed())
+}
+
+fn start_with(simulation: *mut palpate_simulation, hand: &Hand, options: palpate_loop_options) -> *mut palpate_loop {
+    let mut the_loop = null_mut();
+    // SAFETY: a handle, structs that outlive the call, a place for the answer.
+    ok(unsafe { palpate_loop_start(simulation, &hand.device(), &options, &mut the_loop) });
+    the_loop
+}
+
+fn state(the_loop: *mut palpate_loop) -> palpate_loop_state {
+    let mut state = zeroed();
+    // SAFETY: a handle, a place for the answer.
+    ok(unsafe { palpate_loop_read(the_loop, &mut state) });
+    state
+}
+
+fn ended(the_loop: *mut palpate_loop) -> String {
+    let (mut text, mut count) = ([1; 256], 0);
+    // SAFETY: a handle, an array of that length, a place for the answer.
+    ok(unsafe { palpate_loop_ended(the_loop, text.as_mut_ptr(), text.len(), &mut count) });
+    // SAFETY: it ends in a zero.
+    let text = unsafe { CStr::from_ptr(text.as_ptr()) }.to_str().unwrap().to_owned();
+    assert_eq!(count, text.len() + 1);
+    text
+}
+
+fn step(simulation: *mut palpate_simulation) -> palpate_status {
+    // SAFETY: a handle, null where that is allowed.
+    unsafe { palpate_step(simulation, null(), null_mut()) }
+}
+
+/// A wrench and its age.
+type Newest = (palpate_wrench, f64);
+
+fn newest(simulation: *mut palpate_simulation) -> Newest {
+    let (mut told, mut age) = (wrench(), f64::NAN);
+    // SAFETY: a handle, places for the answers.
+    ok(unsafe { palpate_wrench_newest(simulation, &mut told, &mut age) });
+    (told, age)
+}
+
+fn loop_wrench(the_loop: *mut palpate_loop) -> Newest {
+    let (mut told, mut age) = (wrench(), f64::NAN);
+    // SAFETY: a handle, places for the answers.
+    ok(unsafe { palpate_loop_wrench(the_loop, &mut told, &mut age) });
+    (told, age)
+}
+
+#[test]
+fn a_loop_presses_is_watched_and_gives_the_simulation_back() {
+    let (context, hand) = (context(), Hand::default());
+    let simulation = simulation(context, &scene());
+    ok(step(simulation));
+    let the_loop = start(simulation, &hand);
+    assert_eq!(ended(the_loop), "");
+    wait_for(|| {
+        refused(step(simulation), palpate_status::Busy, "in use by a loop");
+        state(the_loop).peak_force > 0.05 && loop_wrench(the_loop).0.force[1] > 0.05
+    });
+    let (told, age) = loop_wrench(the_loop);
+    assert!(told.step > 5 && age >= 0.0 && age.is_finite() && told.force[1] > 0.0, "{told:?} {age}");
+    assert!(newest(simulation).0.step >= told.step);
+    // SAFETY: a handle, null where that is allowed.
+    refused(unsafe { palpate_step_submit(simulation, null()) }, palpate_status::Busy, "in use by a loop");
+    ok(palpate_loop_stop(the_loop));
+    let (last, facts) = (state(the_loop), hand.facts());
+    assert_eq!((facts.opened, facts.closed, facts.after_close, facts.last_force), (1, 1, 0, [0.0; 3]), "{facts:?}");
+    // Writes: one of each tick, and with zero before and after.
+    assert!(facts.reads > 10 && facts.writes == facts.reads + 2, "{facts:?}");
+    assert!(
+        last.is_running == 0 && last.status == palpate_status::Ok && last.ticks == facts.reads,
+        "{last:?} {facts:?}"
+    );
+    assert!((last.peak_force - facts.peak).abs() < 1e-12 && facts.peak > 0.05 && facts.peak <= 3.3, "{last:?}");
+    assert!(
+        last.buttons == 5 && last.gain > 0.0 && last.wrench_step > 1 && last.late_worst >= last.late_p99,
+        "{last:?}"
+    );
+    assert!(last.events_so_far & PALPATE_EVENT_ENGAGING != 0 && last.events_so_far & PALPATE_EVENT_BAD_READING == 0);
+    assert!(last.device.position[1] < 0.0502 && last.tool.position[1] > last.device.position[1], "{last:?}");
+    assert_eq!(ended(the_loop), "it was stopped");
+    // The simulation goes on from where the loop left it, by steps of its own length.
+    let (left, _) = newest(simulation);
+    let mut steps = [wrench(); 2];
+    for told in &mut steps {
+        // SAFETY: a handle, a place for the answer.
+        ok(unsafe { palpate_step(simulation, null(), told) });
+    }
+    assert_eq!([steps[0].step, steps[1].step], [left.step + 1, left.step + 2]);
+    let lengths = [steps[0].time - left.time, steps[1].time - steps[0].time];
+    assert!(lengths.iter().all(|h| (h - 1e-3).abs() < 1e-9), "{lengths:?}");
+    assert!(steps[1].force[1] > 0.0 && (steps[0].device.position[1] - left.device.position[1]).abs() < 1e-9);
+    assert!((steps[0].tool.position[1] - left.tool.position[1]).abs() < 1e-3, "{left:?} {steps:?}");
+    ok(palpate_loop_destroy(the_loop));
+    refused(palpate_loop_stop(the_loop), palpate_status::Handle, "was destroyed");
+    ok(palpate_simulation_destroy(simulation));
+    assert_eq!(memory(context), 0);
+    ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn a_device_that_does_not_open_leaves_the_simulation_as_it_can_be_used() {
+    let context = context();
+    let simulation = simulation(context, &scene());
+    for (wish, words, closed) in
+        [(Wish::FailToOpen, "its callback open gave 7", 0), (Wish::FailToWrite, "did not take a force of zero", 1)]
+    {
+        let (hand, mut the_loop) = (Hand::wishes(wish), usize::MAX as *mut palpate_loop);
+        // SAFETY: a handle, a struct that outlives the call, a place for the answer.
+        let status = unsafe { palpate_loop_start(simulation, &hand.device(), null(), &mut the_loop) };
+        refused(status, palpate_status::NoDevice, words);
+        assert!(the_loop.is_null());
+        let facts = hand.facts();
+        assert_eq!((facts.opened, facts.closed, facts.reads), (1, closed, 0), "{facts:?}");
+        ok(step(simulation));
+    }
+    ok(palpate_simulation_destroy(simulation));
+    ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn a_device_that_is_lost_or_says_what_cannot_be_plays_nothing_until_it_is_well() {
+    let (context, hand) = (context(), Hand::default());
+    let simulation = simulation(context, &scene());
+    let the_loop = start(simulation, &hand);
+    let faults = [
+        (Wish::FailToRead, PALPATE_EVENT_DEVICE_LOST),
+        (Wish::FailToWrite, PALPATE_EVENT_DEVICE_LOST),
+        (Wish::SayNothing, PALPATE_EVENT_BAD_READING),
+        (Wish::SayNaN, PALPATE_EVENT_BAD_READING),
+    ];
+    for (wish, event) in faults {
+        wait_for(|| state(the_loop).events & event == 0 && state(the_loop).gain > 0.0);
+        hand.wish(wish);
+        // Of a device that says nonsense the force fades.
+        wait_for(|| state(the_loop).events & event != 0 && state(the_loop).played_force == [0.0; 3]);
+        hand.wish(Wish::Press);
+    }
+    wait_for(|| state(the_loop).gain == 1.0);
+    assert!(state(the_loop).is_running == 1);
+    ok(palpate_loop_destroy(the_loop));
+    ok(palpate_simulation_destroy(simulation));
+    ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn a_callback_that_stops_or_destroys_its_own_loop_only_asks() {
+    let context = context();
+    let simulation = simulation(context, &scene());
+    for wish in [Wish::Stop, Wish::Destroy] {
+        let hand = Hand::wishes(wish);
+        let the_loop = start(simulation, &hand);
+        hand.0.lock().unwrap().the_loop = the_loop as usize;
+        wait_for(|| state(the_loop).is_running == 0);
+        let said = hand.facts().said;
+        assert_eq!(said[0].0, palpate_status::Ok);
+        assert!(said[1].0 == palpate_status::Busy && said[1].1.contains("asked to end"), "{said:?}");
+        assert_eq!(hand.facts().closed, 1);
+        assert_eq!(ended(the_loop), "it was stopped");
+        ok(palpate_loop_stop(the_loop));
+        ok(step(simulation));
+        ok(palpate_loop_destroy(the_loop));
+    }
+    ok(palpate_simulation_destroy(simulation));
+    ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn a_simulation_destroyed_while_a_loop_holds_it_goes_with_the_loop() {
+    let (context, hand) = (context(), Hand::default());
+    let simulation = simulation(context, &scene());
+    let the_loop = start(simulation, &hand);
+    ok(palpate_simulation_destroy(simulation));
+    refused(step(simulation), palpate_status::Handle, "was destroyed");
+    assert!(memory(context) > 0);
+    let steps = state(the_loop).steps;
+    wait_for(|| state(the_loop).steps > steps && state(the_loop).ticks > 0);
+    assert!(loop_wrench(the_loop).0.step > 0);
+    ok(palpate_loop_stop(the_loop));
+    assert_eq!(memory(context), 0);
+    ok(palpate_loop_destroy(the_loop));
+    ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn options_lower_what_the_scene_says_and_a_loop_ends_by_itself() {
+    let context = context();
+    let simulation = simulation(context, &scene());
+    let hand = Hand::default();
+    let lower = palpate_loop_options {
+        seconds: 2.0,
+        rate: 400.0,
+        max_force: 0.05,
+        max_torque: 4.0,
+        local_model: -1,
+        passivity: -1,
+        ..zeroed()
+    };
+    let first = start_with(simulation, &hand, lower);
+    wait_for(|| state(first).is_running == 0);
+    assert_eq!(ended(first), "its time is over");
+    let (told, facts) = (state(first), hand.facts());
+    assert!(facts.peak > 0.0 && facts.peak <= 0.05 + 1e-12, "{facts:?}");
+    assert!(
+        told.ticks > 10
+            && told.ticks as f64 <= 400.0 * told.time + 2.0
+            && told.events_so_far & PALPATE_EVENT_DAMPED == 0,
+        "{told:?}"
+    );
+    let (mut text, mut count) = ([1; 512], 0);
+    // SAFETY (all below): a handle, an array of that length, a place for the answer.
+    let mut note = |k: u32, room: usize| unsafe {
+        let status = palpate_loop_note(first, k, text.as_mut_ptr(), room, &mut count);
+        (status, count, CStr::from_ptr(text.as_ptr()).to_string_lossy().into_owned())
+    };
+    text_of_notes(&mut note, told.notes);
+    // Another loop, while the first's handle is still there.
+    let hand = Hand::default();
+    let second = start(simulation, &hand);
+    ok(palpate_loop_destroy(first));
+    ok(palpate_loop_destroy(second));
+    ok(palpate_loop_destroy(null_mut()));
+    ok(palpate_simulation_destroy(simulation));
+    ok(palpate_context_destroy(context));
+}
+
+/// Notes are copied whole or not at all.
+fn text_of_notes(note: &mut dyn FnMut(u32, usize) -> (palpate_status, usize, String), notes: u32) {
+    let all: Vec<String> = (0..notes).map(|k| note(k, 512).2).collect();
+    assert!(
+        all.iter().any(|line| line.starts_with("haptics.max_torque is above what the profile touch allows")),
+        "{all:?}"
+    );
+    assert!(all.iter().any(|line| line.starts_with("coupling ")), "{all:?}");
+    let (status, length, _) = note(0, 0);
+    assert_eq!((status, length), (palpate_status::Ok, all[0].len() + 1));
+    let (status, count, before) = note(0, length - 1);
+    refused(status, palpate_status::TooSmall, "text has room for");
+    assert_eq!(count, length);
+    assert_eq!(before, *all.last().unwrap(), "nothing was written");
+    assert_eq!(note(0, length).2, all[0]);
+    refused(note(notes, 512).0, palpate_status::Argument, "counted from 0");
+}
+
+#[test]
+fn wrong_use_is_told_and_nothing_begins() {
+    use palpate_status::{Argument, Busy, Input, Null};
+    let (context, hand) = (context(), Hand::default());
+    let able = simulation(context, &scene());
+    let toolless = simulation(context, BLOCK);
+    let good = hand.device();
+    let mut the_loop = null_mut();
+    let mut start = |simulation, device: *const palpate_haptic_device, options: palpate_loop_options| {
+        // SAFETY: handles, structs that outlive the call, a place for the answer.
+        unsafe { palpate_loop_start(simulation, device, &options, &mut the_loop) }
+    };
+    let none: palpate_loop_options = zeroed();
+    refused(start(null_mut(), &good, none), Null, "simulation is null");
+    refused(start(able, null(), none), Null, "device is null");
+    refused(start(able, &palpate_haptic_device { read: None, ..good }, none), Null, "device.read is null");
+    refused(start(able, &palpate_haptic_device { write: None, ..good }, none), Null, "device.write is null");
+    let named = |profile: *const _| palpate_haptic_device { profile, ..good };
+    refused(start(able, &named(null()), none), Argument, "the scene has no haptics.profile");
+    refused(start(able, &named(c"omni".as_ptr()), none), Argument, "device.profile is `omni`");
+    refused(start(able, &palpate_haptic_device { reserved: 1, ..good }, none), Argument, "reserved is 1");
+    refused(start(able, &palpate_haptic_device { size: 8, ..good }, none), Argument, "palpate_haptic_device.size is 8");
+    refused(start(able, &good, palpate_loop_options { rate: 1.0, ..none }), Argument, "options.rate is 1");
+    refused(start(able, &good, palpate_loop_options { size: 4, ..none }), Argument, "palpate_loop_options.size is 4");
+    refused(start(toolless, &good, none), Input, "no tool");
+    assert_eq!(hand.facts(), Facts::default());
+    let held = self::start(able, &hand);
+    refused(start(able, &good, none), Busy, "in use by a loop");
+    assert!(the_loop.is_null());
+    ok(palpate_simulation_destroy(toolless));
+    // SAFETY: null is what is tried.
+    unsafe {
+        refused(palpate_loop_start(able, &good, null(), null_mut()), Null, "the_loop is null");
+        refused(palpate_loop_read(null_mut(), &mut zeroed()), Null, "loop is null");
+        refused(palpate_loop_read(able.cast(), &mut zeroed()), palpate_status::Handle, "no loop");
+    }
+    refused(palpate_loop_stop(null_mut()), Null, "loop is null");
+    ok(palpate_step_wait(able));
+    ok(palpate_loop_destroy(held));
+    ok(palpate_simulation_destroy(able));
+    ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn programs_in_c_and_cpp_hold_a_device_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.toml");
+    std::fs::write(&file, scene()).unwrap();
+    let arguments: [&Path; 1] = [&file];
+    for compiler in ["gcc", "clang"] {
+        let said = output(compiler, "c11", "examples/c/hold.c", &arguments);
+        assert!(said.contains(" ticks, ") && said.contains("its time is over"), "{said}");
+        let force: f64 = said.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
+        assert!(force > 0.05 && force <= 3.3, "{said}");
+    }
+    for compiler in ["g++", "clang++"] {
+        assert_eq!(output(compiler, "c++17", "tests/ffi_help/both.cpp", &arguments), "right\n");
+    }
+}
