@@ -135,6 +135,24 @@ fn programs_in_c_and_python_feel_the_forces_of_palpate_run() {
 }
 
 #[test]
+fn programs_that_build_their_scenes_feel_them() {
+    let folder = tempfile::tempdir().unwrap();
+    for compiler in ["gcc", "clang"] {
+        let program = compiled(compiler, "c11", "c/build.c", folder.path());
+        let told = felt(&output(Command::new(program).arg("100")));
+        assert!(told.len() == 100 && told[0][2] == 0.0 && told.iter().all(|row| row[4] == 0.0), "{told:?}");
+        // A spring of 500 N/m that is to go 9 mm in: it shares them with the block.
+        assert!(told[99][2] > 0.5 && told[99][2] < 4.5, "{:?}", told[99]);
+    }
+    for compiler in ["g++", "clang++"] {
+        let program = compiled(compiler, "c++17", "cpp/build.cpp", folder.path());
+        let said = output(Command::new(program).arg("200"));
+        let force: f64 = said.split(' ').next().unwrap().parse().unwrap();
+        assert!(force > 0.2 && force < 4.5, "{said}");
+    }
+}
+
+#[test]
 fn a_program_in_cpp_leads_the_device_itself_and_says_what_is_wrong() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, _) = run(folder.path());

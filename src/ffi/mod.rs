@@ -10,12 +10,15 @@
 // What a caller must see to stands in the header's preface, once for all functions.
 #![allow(clippy::missing_safety_doc)]
 
+pub mod build;
 pub mod context;
+pub mod describe;
 mod handles;
 pub mod scene;
 pub mod simulation;
 mod sized;
 pub mod status;
+mod tables;
 
 use std::ffi::c_char;
 

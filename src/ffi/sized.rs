@@ -84,6 +84,70 @@ pub(super) unsafe fn string<'a>(text: *const c_char, name: &str) -> Outcome<&'a 
     text.to_str().map_err(|_| Failure::new(palpate_status::Argument, format!("{name} is not UTF-8")))
 }
 
+/// An array of the caller's; null where there are none.
+///
+/// # Safety
+/// `from` is null or leads to that many, which live as long as the answer is used; any bytes are a `T`.
+pub(super) unsafe fn array<'a, T>(from: *const T, count: usize, name: &str) -> Outcome<&'a [T]> {
+    if count == 0 {
+        return Ok(&[]);
+    }
+    if from.is_null() {
+        return Err(Failure::new(palpate_status::Null, format!("{name} is null, and there are {count}")));
+    }
+    let problem = match count.checked_mul(size_of::<T>()) {
+        Some(bytes) if bytes <= isize::MAX as usize && from.is_aligned() => {
+            // SAFETY: the caller's promise, and what is checked above.
+            return Ok(unsafe { std::slice::from_raw_parts(from, count) });
+        }
+        Some(bytes) if bytes <= isize::MAX as usize => format!("{name} is not aligned"),
+        _ => format!("{name} has {count} elements, which is more than any memory"),
+    };
+    Err(Failure::new(palpate_status::Argument, problem))
+}
+
+/// An array of rows of N numbers, one after another.
+///
+/// # Safety
+/// As [`array`], with N numbers to each.
+pub(super) unsafe fn rows<'a, T, const N: usize>(from: *const T, count: usize, name: &str) -> Outcome<&'a [[T; N]]> {
+    // SAFETY: the caller's promise; rows are aligned as their numbers are.
+    unsafe { array(from.cast::<[T; N]>(), count, name) }
+}
+
+/// An array of structs that may grow, all of the size that the first says.
+///
+/// # Safety
+/// `from` is null or leads to that many.
+pub(super) unsafe fn structs<T: Sized32>(from: *const T, count: usize, name: &str) -> Outcome<Vec<T>> {
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    // SAFETY: the caller's promise: the size of the first of them can be read.
+    let size = unsafe {
+        array(from.cast::<u32>(), 1, name)?;
+        size_of_struct(from)?
+    };
+    if count.checked_mul(size).is_none_or(|bytes| bytes > isize::MAX as usize) {
+        let problem = format!("{name} has {count} elements, which is more than any memory");
+        return Err(Failure::new(palpate_status::Argument, problem));
+    }
+    let one = |k: usize| {
+        // SAFETY: the caller's promise.
+        let at = unsafe { from.byte_add(k * size) };
+        // SAFETY: the caller's promise.
+        match unsafe { size_of_struct(at)? } == size {
+            // SAFETY: the caller's promise.
+            true => unsafe { read(at) },
+            false => {
+                let problem = format!("{name}[{k}].size is not that of the first; set all to sizeof({})", T::NAME);
+                Err(Failure::new(palpate_status::Argument, problem))
+            }
+        }
+    };
+    (0..count).map(one).collect()
+}
+
 /// Where an answer is put.
 ///
 /// # Safety
