@@ -56,7 +56,8 @@ fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> Path
         .arg(&program)
         .arg("-L")
         .arg(&library)
-        .args(["-lpalpate", &format!("-Wl,-rpath,{}", library.display())])
+        // Old tags: cargo's LD_LIBRARY_PATH, which may lead to a library of an earlier build, must not win over this.
+        .args(["-lpalpate", "-Wl,--disable-new-dtags", &format!("-Wl,-rpath,{}", library.display())])
         .output()
         .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh installs it"));
     assert!(done.status.success(), "{compiler}: {}", String::from_utf8_lossy(&done.stderr));

@@ -164,16 +164,16 @@ fn a_box_built_by_calls_is_the_box_of_the_text() {
         "[step]\ndt = 0.002\ngravity = [0.0, -3.7, 0.1]\nnewton = 2\n[contact]\nfriction = 0.4\n[solver]\ntolerance = 1e-6\n\
          [[body]]\nname = \"block\"\nlayer = {{ box = [[-0.05, -0.01, -0.05], [0.05, 0.05, 0.05]], cells = [6, 4, 6] }}\n\
          {SOFT}[[body.core]]\nname = \"bottom\"\nmotion = \"driven\"\n\
-         keys = [[0.0, 0.0, -0.01, 0.0], [0.03, 0.002, -0.01, 0.001, 0.0, 0.6, 0.0, 0.8]]\n\
+         keys = [[0.0, 0.0, 0.005, 0.0], [0.5, 0.002, 0.005, 0.001, 0.0, 0.6, 0.0, 0.8]]\n\
          bind = {{ box = [[-0.06, -0.02, -0.06], [0.06, -0.009, 0.06]] }}\n{SPHERE}{COUPLING}"
     );
     let told = felt(parsed(&text, Path::new("")), 1);
-    let turned = |orientation| palpate_pose { position: [0.002, -0.01, 0.001], orientation };
-    let start = palpate_pose { position: [0.0, -0.01, 0.0], orientation: [0.0; 4] };
+    let turned = |orientation| palpate_pose { position: [0.002, 0.005, 0.001], orientation };
+    let start = palpate_pose { position: [0.0, 0.005, 0.0], orientation: [0.0; 4] };
     let built = |friction: f64, end: [f64; 4]| {
         let settings =
             palpate_settings { newton: 2, dt: 0.002, gravity: [0.0, -3.7, 0.1], tolerance: 1e-6, friction, ..zeros() };
-        let keys = [palpate_key { time: 0.0, pose: start }, palpate_key { time: 0.03, pose: turned(end) }];
+        let keys = [palpate_key { time: 0.0, pose: start }, palpate_key { time: 0.5, pose: turned(end) }];
         let core = palpate_core { motion: PALPATE_MOTION_DRIVEN, keys: keys.as_ptr(), key_count: 2, ..bottom() };
         let mut scene = null_mut();
         // SAFETY: settings, and a place for the answer.
@@ -435,7 +435,7 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
     }
     ok(set_tool(scene, &tool));
     ok(add_body(scene, &good));
-    refused(add_body(scene, &good), Argument, "`body.block.name`");
+    refused(add_body(scene, &good), Argument, "\"block\" is taken");
     let alone = empty();
     ok(set_tool(alone, &tool));
     ok(add_body(alone, &good));
