@@ -8,7 +8,7 @@ use std::ptr::{null, null_mut};
 use glam::DVec3;
 use palpate::ffi::build::{
     palpate_scene_add, palpate_scene_add_body, palpate_scene_add_layer, palpate_scene_add_surface,
-    palpate_scene_create, palpate_scene_prepare, palpate_scene_set_tool,
+    palpate_scene_create, palpate_scene_prepare, palpate_scene_set_collides, palpate_scene_set_tool,
 };
 use palpate::ffi::context::{palpate_context, palpate_context_create, palpate_context_destroy};
 use palpate::ffi::describe::*;
@@ -88,6 +88,13 @@ fn parsed(text: &str, folder: &Path) -> *mut palpate_scene {
 
 /// Bits of force and torque of each step, and of the nodes at the end, of all `bodies`; lets go of the scene.
 fn felt(scene: *mut palpate_scene, bodies: u32) -> Vec<u64> {
+    let (bits, has_force) = stepped(scene, bodies);
+    assert!(has_force, "nothing is felt");
+    bits
+}
+
+/// The same, and whether there is a force at the end.
+fn stepped(scene: *mut palpate_scene, bodies: u32) -> (Vec<u64>, bool) {
     let (mut context, mut simulation): (*mut palpate_context, _) = (null_mut(), null_mut());
     let mut wrench: palpate_wrench = zeros::<palpate_wrench>();
     let mut bits = Vec::new();
@@ -102,7 +109,6 @@ fn felt(scene: *mut palpate_scene, bodies: u32) -> Vec<u64> {
             ok(palpate_step(simulation, &pose, &mut wrench));
             bits.extend(wrench.force.iter().chain(&wrench.torque).map(|x| x.to_bits()));
         }
-        assert!(wrench.force.iter().any(|x| x.abs() > 1e-3), "nothing is felt: {wrench:?}");
         for body in 0..bodies {
             let mut count = 0;
             ok(palpate_nodes(simulation, body, null_mut(), 0, &mut count));
@@ -113,7 +119,7 @@ fn felt(scene: *mut palpate_scene, bodies: u32) -> Vec<u64> {
         ok(palpate_simulation_destroy(simulation));
         ok(palpate_context_destroy(context));
     }
-    bits
+    (bits, wrench.force.iter().any(|x| x.abs() > 1e-3))
 }
 
 /// What presses: a sphere above the middle.
@@ -298,6 +304,22 @@ fn a_rigid_body_from_arrays_and_tables_from_a_text_go_together() {
 }
 
 #[test]
+fn a_body_with_a_list_of_none_is_not_felt() {
+    let force = |with_list: bool| {
+        let scene = empty();
+        let cores = [bottom()];
+        ok(add_body(scene, &block(&cores)));
+        ok(set_tool(scene, &presser()));
+        if with_list {
+            // SAFETY: a list of no names.
+            ok(unsafe { palpate_scene_set_collides(scene, 0, [null()].as_ptr(), 0) });
+        }
+        stepped(scene, 1).1
+    };
+    assert!(force(false) && !force(true));
+}
+
+#[test]
 fn a_scene_from_a_file_takes_more() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.toml");
@@ -374,10 +396,6 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
     }
     refused(add_body(scene, &palpate_body { name: null(), ..good }), Null, "palpate_body.name is null");
     refused(add_body(scene, &palpate_body { cores: null(), ..good }), Null, "palpate_body.cores is null");
-    let names = [c"nobody".as_ptr(), null()];
-    let collides = |count| palpate_body { collides: names.as_ptr(), collides_count: count, ..good };
-    refused(add_body(scene, &collides(1)), Argument, "there is no body \"nobody\"");
-    refused(add_body(scene, &collides(2)), Null, "palpate_body.collides[..] is null");
     let key = |time| palpate_key { time, pose: palpate_pose { position: [0.0; 3], orientation: [0.0; 4] } };
     let keys = [key(1.0), key(0.5), key(nan)];
     let led = palpate_core { motion: PALPATE_MOTION_DRIVEN, keys: keys.as_ptr(), key_count: 2, ..bottom() };
@@ -439,7 +457,23 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
     let alone = empty();
     ok(set_tool(alone, &tool));
     ok(add_body(alone, &good));
+    wrong_partners(scene);
     assert_eq!(felt(scene, 1), felt(alone, 1));
+}
+
+/// Of a scene of one body and a tool; it stays as it is.
+fn wrong_partners(scene: *mut palpate_scene) {
+    let names = [c"tool".as_ptr(), c"nobody".as_ptr(), null()];
+    let collides = |body, first: usize, count| {
+        // SAFETY: names, or null; as many as are counted.
+        unsafe { palpate_scene_set_collides(scene, body, names[first..].as_ptr(), count) }
+    };
+    refused(collides(0, 0, 2), Argument, "`body.block.collides`: there is no body \"nobody\"");
+    refused(collides(0, 2, 1), Null, "names[..] is null");
+    refused(collides(1, 0, 1), Argument, "`body`: is 1; the scene has 1");
+    // SAFETY: no names.
+    refused(unsafe { palpate_scene_set_collides(scene, 0, null(), 1) }, Null, "names is null");
+    ok(collides(0, 0, 1));
 }
 
 fn wrong_arrays(scene: *mut palpate_scene, skin: &(Vec<DVec3>, Vec<[u32; 3]>), inside: &(Vec<DVec3>, Vec<[u32; 4]>)) {

@@ -130,6 +130,27 @@ pub unsafe extern "C" fn palpate_scene_add_body(
     })
 }
 
+/// Says with what a body of a scene collides: with `count` bodies of these names ("tool": the tool), all of which are there.
+/// `names` null: with every other, as it is where nobody says. Two bodies collide where each has the other in its list or has
+/// no list; a list of none is one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_scene_set_collides(
+    scene: *mut palpate_scene,
+    body: u32,
+    names: *const *const c_char,
+    count: usize,
+) -> palpate_status {
+    guarded(|| {
+        // SAFETY: the caller's, as the header says.
+        let given = unsafe { sized::array(names, count, "names")? };
+        // SAFETY: the caller's, as the header says.
+        let name = |name: &*const c_char| unsafe { sized::string(*name, "names[..]") }.map(String::from);
+        let given: Vec<String> = given.iter().map(name).collect::<Outcome<_>>()?;
+        let list = (!names.is_null()).then_some(given);
+        change(scene, |object| object.change(|builder| builder.set_collides(body as usize, list).map_err(argument)))
+    })
+}
+
 /// Gives a scene this tool, held so, in place of any that it has.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_set_tool(

@@ -74,13 +74,13 @@ pub struct palpate_core {
     pub motion: u32,
     /// Its name, unlike other cores' of the body.
     pub name: *const c_char,
-    /// Of a driven core: where its centre is, `key_count` of them. Null for others.
+    /// Of a driven core: where the centre of the mass that it carries is, `key_count` of them. Null for others.
     pub keys: *const palpate_key,
     /// How many keys there are.
     pub key_count: usize,
     /// Of a dynamic core, kg; 0: that of what it holds.
     pub mass: f64,
-    /// Nodes at least this deep below the skin, m.
+    /// Nodes at least this deep below the skin, m, above 0.
     pub inset: f64,
     /// Nodes in a box: its least corner.
     pub box_low: [f64; 3],
@@ -158,7 +158,7 @@ pub struct palpate_body {
     pub velocity: [f64; 3],
     /// Of a dynamic rigid body, kg.
     pub mass: f64,
-    /// Of a driven rigid body: where its centre is, `key_count` of them. Null for others.
+    /// Of a driven rigid body: where the centre of its volume is, `key_count` of them. Null for others.
     pub keys: *const palpate_key,
     /// How many keys there are.
     pub key_count: usize,
@@ -166,11 +166,6 @@ pub struct palpate_body {
     pub cores: *const palpate_core,
     /// How many cores there are.
     pub core_count: usize,
-    /// Names of bodies that it collides with ("tool": the tool), `collides_count` of them, all of which are there already;
-    /// null: every other. Where it is not null and there are none: nothing.
-    pub collides: *const *const c_char,
-    /// How many names there are.
-    pub collides_count: usize,
     /// Convex hulls that stand for it where bodies are far apart, at most; 0: the usual number.
     pub hulls: u32,
     /// 0.

@@ -222,13 +222,13 @@ typedef struct palpate_core {
     uint32_t motion;
     // Its name, unlike other cores' of the body.
     const char *name;
-    // Of a driven core: where its centre is, `key_count` of them. Null for others.
+    // Of a driven core: where the centre of the mass that it carries is, `key_count` of them. Null for others.
     const struct palpate_key *keys;
     // How many keys there are.
     size_t key_count;
     // Of a dynamic core, kg; 0: that of what it holds.
     double mass;
-    // Nodes at least this deep below the skin, m.
+    // Nodes at least this deep below the skin, m, above 0.
     double inset;
     // Nodes in a box: its least corner.
     double box_low[3];
@@ -304,7 +304,7 @@ typedef struct palpate_body {
     double velocity[3];
     // Of a dynamic rigid body, kg.
     double mass;
-    // Of a driven rigid body: where its centre is, `key_count` of them. Null for others.
+    // Of a driven rigid body: where the centre of its volume is, `key_count` of them. Null for others.
     const struct palpate_key *keys;
     // How many keys there are.
     size_t key_count;
@@ -312,11 +312,6 @@ typedef struct palpate_body {
     const struct palpate_core *cores;
     // How many cores there are.
     size_t core_count;
-    // Names of bodies that it collides with ("tool": the tool), `collides_count` of them, all of which are there already;
-    // null: every other. Where it is not null and there are none: nothing.
-    const char *const *collides;
-    // How many names there are.
-    size_t collides_count;
     // Convex hulls that stand for it where bodies are far apart, at most; 0: the usual number.
     uint32_t hulls;
     // 0.
@@ -464,6 +459,14 @@ palpate_status palpate_scene_add_layer(struct palpate_scene *scene,
 palpate_status palpate_scene_add_body(struct palpate_scene *scene,
                                       const struct palpate_body *body,
                                       uint32_t *index);
+
+// Says with what a body of a scene collides: with `count` bodies of these names ("tool": the tool), all of which are there.
+// `names` null: with every other, as it is where nobody says. Two bodies collide where each has the other in its list or has
+// no list; a list of none is one.
+palpate_status palpate_scene_set_collides(struct palpate_scene *scene,
+                                          uint32_t body,
+                                          const char *const *names,
+                                          size_t count);
 
 // Gives a scene this tool, held so, in place of any that it has.
 palpate_status palpate_scene_set_tool(struct palpate_scene *scene, const struct palpate_tool *tool);

@@ -120,6 +120,11 @@ public:
         check(palpate_scene_add_body(get(), &body, &index));
         return index;
     }
+    /// With what a body collides, by name.
+    void set_collides(uint32_t body, const std::vector<const char *> &names) {
+        static const char *const none = nullptr;
+        check(palpate_scene_set_collides(get(), body, names.empty() ? &none : names.data(), names.size()));
+    }
     /// Gives the scene this tool.
     void set_tool(const Tool &tool) { check(palpate_scene_set_tool(get(), &tool)); }
     /// Prepares the bodies. `progress` is called with the body's name, the stage, how many bodies are ready and how many there

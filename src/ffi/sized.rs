@@ -221,4 +221,35 @@ mod tests {
         let pointer = (&raw const given).cast::<Grown>();
         assert!(unsafe { read(pointer) }.unwrap_err().message.contains("does not know"));
     }
+
+    #[test]
+    fn arrays_of_structs_go_by_the_size_that_the_first_says() {
+        let old = [8u32, 5, 8, 6, 8, 7];
+        let pointer = (&raw const old).cast::<Grown>();
+        // SAFETY (all here): as many bytes as are counted, where they are looked at.
+        let all = unsafe { structs(pointer, 3, "all") }.unwrap();
+        assert_eq!(all, [5, 6, 7].map(|old| Grown { size: 12, old, new: 2 }));
+        let mixed = [8u32, 5, 12, 6, 1];
+        let pointer = (&raw const mixed).cast::<Grown>();
+        let message = |count| unsafe { structs(pointer, count, "all") }.unwrap_err().message;
+        assert!(message(2).contains("all[1].size is not that of the first"), "{}", message(2));
+        assert!(message(usize::MAX / 4).contains("more than any memory"));
+        assert!(unsafe { structs::<Grown>(std::ptr::null(), 0, "all") }.unwrap().is_empty());
+        assert_eq!(unsafe { structs::<Grown>(std::ptr::null(), 1, "all") }.unwrap_err().status, palpate_status::Null);
+    }
+
+    #[test]
+    fn arrays_that_cannot_be_are_told_and_not_looked_at() {
+        let numbers = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        // SAFETY (all here): as many numbers as are counted, where they are looked at.
+        let rows = |count| unsafe { rows::<f64, 3>(numbers.as_ptr(), count, "rows") };
+        assert_eq!(rows(2).unwrap(), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+        assert!(rows(0).unwrap().is_empty());
+        for count in [usize::MAX, usize::MAX / 24 + 1, isize::MAX as usize / 24 + 1] {
+            assert!(rows(count).unwrap_err().message.contains("more than any memory"));
+        }
+        let odd = numbers.as_ptr().wrapping_byte_add(4);
+        assert!(unsafe { array(odd, 1, "odd") }.unwrap_err().message.contains("odd is not aligned"));
+        assert_eq!(unsafe { array::<u8>(std::ptr::null(), 1, "no") }.unwrap_err().status, palpate_status::Null);
+    }
 }

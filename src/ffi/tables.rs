@@ -50,12 +50,6 @@ pub(super) unsafe fn of_body(given: &palpate_body) -> Outcome<Table> {
         mesh(&mut body, "surface", given.surface, "palpate_body.surface")?;
         layer(&mut body, given)?;
         moves::<palpate_body>(&mut body, given.motion, given.mass, given.keys, given.key_count)?;
-        if !given.collides.is_null() {
-            let names = sized::array(given.collides, given.collides_count, "palpate_body.collides")?;
-            let name = |name: &*const _| sized::string(*name, "palpate_body.collides[..]").map(Value::from);
-            let names: Vec<Value> = names.iter().map(name).collect::<Outcome<_>>()?;
-            body.insert("collides".into(), names.into());
-        }
         let cores = sized::structs(given.cores, given.core_count, "palpate_body.cores")?;
         let cores: Vec<Table> = cores.iter().map(|core| of_core(core)).collect::<Outcome<_>>()?;
         if !cores.is_empty() {
