@@ -61,6 +61,9 @@ pub enum Error {
     /// The simulation cannot go on.
     #[error("{0}")]
     Simulation(String),
+    /// Who watched wanted it to end; the message says what.
+    #[error("{0}")]
+    Cancelled(String),
 }
 
 /// A result with [`Error`].
@@ -82,7 +85,7 @@ impl Error {
         match self {
             Error::Input { .. } | Error::Key { .. } | Error::Usage(_) | Error::Output { .. } => 2,
             Error::NoDevice(_) => 3,
-            Error::Vulkan { .. } | Error::Memory(_) | Error::Simulation(_) => 4,
+            Error::Vulkan { .. } | Error::Memory(_) | Error::Simulation(_) | Error::Cancelled(_) => 4,
         }
     }
 }

@@ -56,7 +56,8 @@ fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> Path
         .arg(&program)
         .arg("-L")
         .arg(&library)
-        .args(["-lpalpate", &format!("-Wl,-rpath,{}", library.display())])
+        // Old tags: cargo's LD_LIBRARY_PATH, which may lead to a library of an earlier build, must not win over this.
+        .args(["-lpalpate", "-Wl,--disable-new-dtags", &format!("-Wl,-rpath,{}", library.display())])
         .output()
         .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh installs it"));
     assert!(done.status.success(), "{compiler}: {}", String::from_utf8_lossy(&done.stderr));
@@ -132,6 +133,24 @@ fn programs_in_c_and_python_feel_the_forces_of_palpate_run() {
     python.arg(root().join("examples/python/touch.py")).arg(&scene).arg(STEPS.to_string());
     let said = output(python.arg(library().join("libpalpate.so")));
     assert_eq!(bits(&felt(&said)), bits(&told), "python");
+}
+
+#[test]
+fn programs_that_build_their_scenes_feel_them() {
+    let folder = tempfile::tempdir().unwrap();
+    for compiler in ["gcc", "clang"] {
+        let program = compiled(compiler, "c11", "c/build.c", folder.path());
+        let told = felt(&output(Command::new(program).arg("100")));
+        assert!(told.len() == 100 && told[0][2] == 0.0 && told.iter().all(|row| row[4] == 0.0), "{told:?}");
+        // A spring of 500 N/m that is to go 9 mm in: it shares them with the block.
+        assert!(told[99][2] > 0.5 && told[99][2] < 4.5, "{:?}", told[99]);
+    }
+    for compiler in ["g++", "clang++"] {
+        let program = compiled(compiler, "c++17", "cpp/build.cpp", folder.path());
+        let said = output(Command::new(program).arg("200"));
+        let force: f64 = said.split(' ').next().unwrap().parse().unwrap();
+        assert!(force > 0.2 && force < 4.5, "{said}");
+    }
 }
 
 #[test]

@@ -12,7 +12,9 @@ use palpate::ffi::change::{
     palpate_contact_get, palpate_contact_law, palpate_contact_set, palpate_core_move, palpate_core_pose,
     palpate_coupling, palpate_coupling_set, palpate_material, palpate_material_get, palpate_material_set,
 };
-use palpate::ffi::context::{palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_options};
+use palpate::ffi::context::{
+    palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_options,
+};
 use palpate::ffi::host::{palpate_context_create_on, palpate_vulkan};
 use palpate::ffi::shown::{
     PALPATE_SKIN_NORMALS, palpate_contact, palpate_contacts, palpate_skin, palpate_skin_buffers, palpate_skin_export,
@@ -248,7 +250,10 @@ fn skins_and_contacts_are_told_as_they_are() {
             let up = contact.normal[1] * if own == 1 { 1.0 } else { -1.0 };
             let size = contact.normal.iter().map(|x| x * x).sum::<f64>();
             assert!(up > 0.5 && (size - 1.0).abs() < 1e-4, "{contact:?}");
-            assert!(contact.depth > 0.0 && contact.depth <= told.max_depth * 1.001 && contact.area > 0.0, "{contact:?}");
+            assert!(
+                contact.depth > 0.0 && contact.depth <= told.max_depth * 1.001 && contact.area > 0.0,
+                "{contact:?}"
+            );
             assert!(contact.position[0].hypot(contact.position[2]) < 0.02, "{contact:?}");
             push += contact.area * contact.pressure * up;
         }

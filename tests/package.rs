@@ -63,14 +63,16 @@ fn cmake_and_pkg_config_find_what_was_installed() {
 
     let ask = |arguments: &[&str]| {
         let mut pkg_config = Command::new("pkg-config");
-        let said = output(pkg_config.env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig")).args(arguments).arg("palpate"));
+        let said =
+            output(pkg_config.env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig")).args(arguments).arg("palpate"));
         said.trim().to_owned()
     };
     assert_eq!(ask(&["--modversion"]), env!("CARGO_PKG_VERSION"));
     let (flags, libraries) = (ask(&["--cflags", "--libs"]), ask(&["--static", "--libs"]));
     let program = folder.path().join("touch");
     // A shell takes the words apart: the prefix has a blank.
-    let line = format!("gcc '{}' {flags} '-Wl,-rpath,{}/lib' -o '{}'", source.display(), prefix.display(), program.display());
+    let line =
+        format!("gcc '{}' {flags} '-Wl,-rpath,{}/lib' -o '{}'", source.display(), prefix.display(), program.display());
     output(Command::new("sh").args(["-c", &line]));
     runs(&program, &scene);
     assert!(libraries.contains("-lpalpate") && libraries.contains("-lpthread"), "{libraries}");
@@ -105,5 +107,8 @@ fn the_shared_library_gives_away_its_interface_alone_and_needs_no_vulkan_to_be_l
     let needed = output(Command::new("readelf").arg("-d").arg(&shared));
     let needed: Vec<&str> = needed.lines().filter(|line| line.contains("(NEEDED)")).collect();
     let system = ["libc.so", "libm.so", "libgcc_s.so", "ld-linux"];
-    assert!(!needed.is_empty() && needed.iter().all(|line| system.iter().any(|name| line.contains(name))), "{needed:?}");
+    assert!(
+        !needed.is_empty() && needed.iter().all(|line| system.iter().any(|name| line.contains(name))),
+        "{needed:?}"
+    );
 }

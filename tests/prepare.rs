@@ -60,7 +60,7 @@ fn a_model_becomes_a_body_that_a_scene_can_use() {
     assert!(report["seconds"].as_object().unwrap().contains_key("proxies"));
 
     let scene = Scene::load(&out.join("scene.toml")).unwrap();
-    let (body, _) = prepare::body_and_report(&scene.bodies[0], &scene, &Cache::off(), &mut |_| {}).unwrap();
+    let (body, _) = prepare::body_and_report(&scene.bodies[0], &scene, &Cache::off(), &mut |_| Ok(())).unwrap();
     let prepare::Shape::Soft { layer, skin, .. } = &body.shape else { panic!("not soft") };
     assert_eq!(layer.tetrahedra.len() as u64, report["layer"]["tetrahedra"].as_u64().unwrap());
     let bound = layer.bound.iter().filter(|&&b| b).count();

@@ -75,8 +75,11 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     let mut output = Output::create(&arguments.out)?;
     let bar = progress();
     let cache = if arguments.no_cache { Cache::off() } else { Cache::of_user() };
-    let (body, mut report) = prepare::body_and_report(&scene.bodies[0], &scene, &cache, &mut |stage| show(&bar, stage))
-        .map_err(|error| in_options(error, &arguments.surface))?;
+    let (body, mut report) = prepare::body_and_report(&scene.bodies[0], &scene, &cache, &mut |stage| {
+        show(&bar, stage);
+        Ok(())
+    })
+    .map_err(|error| in_options(error, &arguments.surface))?;
     let (Shape::Soft { layer, skin, .. }, Some(report)) = (&body.shape, &mut report) else {
         return Err(Error::Simulation("a surface was not prepared as a soft body".into()));
     };

@@ -182,7 +182,7 @@ impl Part {
         let body = prepare::body(&scene.bodies[0], &scene).map_err(|error| of_file(error, text))?;
         let origins = match &surface {
             Surface::File(path) => repair::origins(&obj::read(path)?).map_err(|refusal| refusal.error(path))?,
-            Surface::Model { .. } => Vec::new(),
+            Surface::Model { .. } | Surface::Mesh(_) => Vec::new(),
         };
         Ok(Part { surface: text.into(), body, origins })
     }

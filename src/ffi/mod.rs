@@ -10,8 +10,10 @@
 // What a caller must see to stands in the header's preface, once for all functions.
 #![allow(clippy::missing_safety_doc)]
 
+pub mod build;
 pub mod change;
 pub mod context;
+pub mod describe;
 mod handles;
 pub mod haptic_device;
 pub mod haptic_loop;
@@ -27,6 +29,7 @@ pub mod state;
 pub mod statistics;
 pub mod status;
 pub mod steps;
+mod tables;
 
 use std::ffi::c_char;
 

@@ -3,6 +3,7 @@
 #define PALPATE_HPP
 
 #include <array>
+#include <exception>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -14,6 +15,18 @@ namespace palpate {
 
 using Pose = palpate_pose;
 using Wrench = palpate_wrench;
+using Settings = palpate_settings;
+using Body = palpate_body;
+using Core = palpate_core;
+using Tool = palpate_tool;
+
+/// A Settings, Body, Core or Tool of zeros that knows its size.
+template <typename T>
+T sized() {
+    T zeros{};
+    zeros.size = sizeof zeros;
+    return zeros;
+}
 
 /// What a call that failed says.
 class Error : public std::runtime_error {
@@ -83,9 +96,71 @@ public:
         check(palpate_scene_parse(text.c_str(), folder.c_str(), &scene));
         return Scene(scene);
     }
+    /// A scene of nothing, with the usual settings.
+    Scene() { check(palpate_scene_create(nullptr, &handle_)); }
+    /// A scene of nothing.
+    explicit Scene(const Settings &settings) { check(palpate_scene_create(&settings, &handle_)); }
+    /// Adds the tables of a text.
+    void add(const std::string &text) { check(palpate_scene_add(get(), text.c_str())); }
+    /// Hands over a surface, three numbers to a vertex and three vertices to a triangle.
+    void add_surface(const std::string &name, const std::vector<double> &vertices,
+                     const std::vector<uint32_t> &triangles) {
+        check(palpate_scene_add_surface(get(), name.c_str(), vertices.data(), rows(vertices, 3, "vertices"),
+                                        triangles.data(), rows(triangles, 3, "triangles")));
+    }
+    /// Hands over a layer, three numbers to a node and four nodes to a tetrahedron.
+    void add_layer(const std::string &name, const std::vector<double> &nodes,
+                   const std::vector<uint32_t> &tetrahedra) {
+        check(palpate_scene_add_layer(get(), name.c_str(), nodes.data(), rows(nodes, 3, "nodes"), tetrahedra.data(),
+                                      rows(tetrahedra, 4, "tetrahedra")));
+    }
+    /// Adds a body; its position in the scene.
+    uint32_t add(const Body &body) {
+        uint32_t index = 0;
+        check(palpate_scene_add_body(get(), &body, &index));
+        return index;
+    }
+    /// With what a body collides, by name.
+    void set_collides(uint32_t body, const std::vector<const char *> &names) {
+        static const char *const none = nullptr;
+        check(palpate_scene_set_collides(get(), body, names.empty() ? &none : names.data(), names.size()));
+    }
+    /// Gives the scene this tool.
+    void set_tool(const Tool &tool) { check(palpate_scene_set_tool(get(), &tool)); }
+    /// Prepares the bodies. `progress` is called with the body's name, the stage, how many bodies are ready and how many there
+    /// are; where it gives false, that ends it. What it throws ends it too, and comes out here.
+    template <typename Progress>
+    void prepare(Progress progress) {
+        struct Watch {
+            Progress &progress;
+            std::exception_ptr thrown;
+        } watch{progress, nullptr};
+        const auto call = [](void *user, const char *body, const char *stage, uint32_t done, uint32_t total) -> int32_t {
+            auto *watch = static_cast<Watch *>(user);
+            try {
+                return watch->progress(body, stage, done, total) ? 0 : 1;
+            } catch (...) {
+                watch->thrown = std::current_exception();
+                return 1;
+            }
+        };
+        const palpate_status status = palpate_scene_prepare(get(), call, &watch);
+        if (watch.thrown) {
+            std::rethrow_exception(watch.thrown);
+        }
+        check(status);
+    }
 
 private:
     using Handle::Handle;
+
+    template <typename T>
+    static size_t rows(const std::vector<T> &numbers, size_t width, const char *name) {
+        if (numbers.size() % width != 0) {
+            throw std::invalid_argument(std::string(name) + ": not a whole number of rows");
+        }
+        return numbers.size() / width;
+    }
 };
 
 /// A scene under way.

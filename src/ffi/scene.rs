@@ -1,4 +1,4 @@
-//! Scenes, from a file or a text.
+//! Scenes, from a file or a text; `build.rs` adds to them.
 
 use std::ffi::c_char;
 use std::path::Path;
@@ -6,15 +6,47 @@ use std::path::Path;
 use super::handles::{self, Handled};
 use super::sized;
 use super::status::{Outcome, guarded, palpate_status};
-use crate::scene::Scene;
+use crate::Result;
+use crate::prepare::bodies::{Bodies, Progress};
+use crate::scene::{Builder, Scene};
 
-/// A scene as it was read: what a simulation is made of, any number of times. Files that it names (surfaces, layers) are
-/// opened when it is made into a simulation.
+/// What a simulation is made of, any number of times: read from a file or a text, or built by calls. Files that it names
+/// (surfaces, layers) are opened when its bodies are prepared.
 pub struct palpate_scene {
     _opaque: [u8; 0],
 }
 
-pub(super) struct SceneObject(pub Scene);
+/// A scene, what of it is prepared, and the meshes that it may name.
+pub(super) struct SceneObject {
+    builder: Builder,
+    bodies: Bodies,
+}
+
+impl SceneObject {
+    pub fn new(scene: Scene) -> SceneObject {
+        SceneObject { builder: Builder::new(scene), bodies: Bodies::default() }
+    }
+
+    pub fn scene(&self) -> &Scene {
+        self.builder.scene()
+    }
+
+    /// The scene, and those of its bodies that are prepared.
+    pub fn parts(&self) -> (Scene, Bodies) {
+        (self.scene().clone(), self.bodies.clone())
+    }
+
+    /// Adds to the scene. Bodies that it has stay as they are, the tool may be another.
+    pub fn change<R>(&mut self, work: impl FnOnce(&mut Builder) -> Outcome<R>) -> Outcome<R> {
+        self.bodies.tool = None;
+        work(&mut self.builder)
+    }
+
+    /// Prepares what is not prepared yet.
+    pub fn prepare(&mut self, watch: &mut dyn FnMut(Progress) -> Result<()>) -> Result<()> {
+        self.bodies.complete(self.builder.scene(), watch)
+    }
+}
 
 impl Handled for SceneObject {
     const NAME: &str = "scene";
@@ -27,7 +59,7 @@ pub unsafe extern "C" fn palpate_scene_load(file: *const c_char, scene: *mut *mu
         // SAFETY: the caller's, as the header says.
         let (file, scene) = unsafe { (sized::string(file, "file")?, sized::answer(scene, "scene")?) };
         *scene = std::ptr::null_mut();
-        given(scene, Scene::load(Path::new(file))?)
+        given(scene, SceneObject::new(Scene::load(Path::new(file))?))
     })
 }
 
@@ -48,12 +80,12 @@ pub unsafe extern "C" fn palpate_scene_parse(
             // SAFETY: the caller's, as the header says.
             false => unsafe { sized::string(folder, "folder")? },
         };
-        given(scene, Scene::parse(&Path::new(folder).join("scene"), text)?)
+        given(scene, SceneObject::new(Scene::parse(&Path::new(folder).join("scene"), text)?))
     })
 }
 
-fn given(to: &mut *mut palpate_scene, scene: Scene) -> Outcome {
-    *to = handles::insert(SceneObject(scene)) as *mut palpate_scene;
+pub(super) fn given(to: &mut *mut palpate_scene, scene: SceneObject) -> Outcome {
+    *to = handles::insert(scene) as *mut palpate_scene;
     Ok(())
 }
 

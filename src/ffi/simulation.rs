@@ -115,7 +115,7 @@ impl Handled for SimulationObject {
     const NAME: &str = "simulation";
 }
 
-/// Makes a simulation of a scene on a context: prepares the bodies (cached between runs, else seconds), and records the step.
+/// Makes a simulation of a scene on a context: prepares the bodies where palpate_scene_prepare has not, and records the step.
 /// The scene may be destroyed afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_simulation_create(
@@ -128,8 +128,9 @@ pub unsafe extern "C" fn palpate_simulation_create(
         let simulation = unsafe { sized::answer(simulation, "simulation")? };
         *simulation = std::ptr::null_mut();
         let context = opened(context)?;
-        let scene = handles::with(scene as usize, |object: &mut SceneObject| Ok(object.0.clone()))?;
-        let mut made = Simulation::on(&context, &scene, None)?;
+        let (scene, mut bodies) = handles::with(scene as usize, |object: &mut SceneObject| Ok(object.parts()))?;
+        bodies.complete(&scene, &mut |_| Ok(()))?;
+        let mut made = Simulation::of(&context, &scene, bodies)?;
         made.time_every(0)?;
         let object = SimulationObject { simulation: made, has_failed: false };
         *simulation = handles::insert_with(object, Arc::new(SimulationSteps::default())) as *mut palpate_simulation;

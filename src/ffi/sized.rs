@@ -115,6 +115,70 @@ pub(super) unsafe fn string<'a>(text: *const c_char, name: &str) -> Outcome<&'a 
     text.to_str().map_err(|_| Failure::new(palpate_status::Argument, format!("{name} is not UTF-8")))
 }
 
+/// An array of the caller's; null where there are none.
+///
+/// # Safety
+/// `from` is null or leads to that many, which live as long as the answer is used; any bytes are a `T`.
+pub(super) unsafe fn array<'a, T>(from: *const T, count: usize, name: &str) -> Outcome<&'a [T]> {
+    if count == 0 {
+        return Ok(&[]);
+    }
+    if from.is_null() {
+        return Err(Failure::new(palpate_status::Null, format!("{name} is null, and there are {count}")));
+    }
+    let problem = match count.checked_mul(size_of::<T>()) {
+        Some(bytes) if bytes <= isize::MAX as usize && from.is_aligned() => {
+            // SAFETY: the caller's promise, and what is checked above.
+            return Ok(unsafe { std::slice::from_raw_parts(from, count) });
+        }
+        Some(bytes) if bytes <= isize::MAX as usize => format!("{name} is not aligned"),
+        _ => format!("{name} has {count} elements, which is more than any memory"),
+    };
+    Err(Failure::new(palpate_status::Argument, problem))
+}
+
+/// An array of rows of N numbers, one after another.
+///
+/// # Safety
+/// As [`array`], with N numbers to each.
+pub(super) unsafe fn rows<'a, T, const N: usize>(from: *const T, count: usize, name: &str) -> Outcome<&'a [[T; N]]> {
+    // SAFETY: the caller's promise; rows are aligned as their numbers are.
+    unsafe { array(from.cast::<[T; N]>(), count, name) }
+}
+
+/// An array of structs that may grow, all of the size that the first says.
+///
+/// # Safety
+/// `from` is null or leads to that many.
+pub(super) unsafe fn structs<T: Sized32>(from: *const T, count: usize, name: &str) -> Outcome<Vec<T>> {
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    // SAFETY: the caller's promise: the size of the first of them can be read.
+    let size = unsafe {
+        array(from.cast::<u32>(), 1, name)?;
+        size_of_struct(from)?
+    };
+    if count.checked_mul(size).is_none_or(|bytes| bytes > isize::MAX as usize) {
+        let problem = format!("{name} has {count} elements, which is more than any memory");
+        return Err(Failure::new(palpate_status::Argument, problem));
+    }
+    let one = |k: usize| {
+        // SAFETY: the caller's promise.
+        let at = unsafe { from.byte_add(k * size) };
+        // SAFETY: the caller's promise.
+        match unsafe { size_of_struct(at)? } == size {
+            // SAFETY: the caller's promise.
+            true => unsafe { read(at) },
+            false => {
+                let problem = format!("{name}[{k}].size is not that of the first; set all to sizeof({})", T::NAME);
+                Err(Failure::new(palpate_status::Argument, problem))
+            }
+        }
+    };
+    (0..count).map(one).collect()
+}
+
 /// Where an answer is put.
 ///
 /// # Safety
@@ -187,5 +251,36 @@ mod tests {
         given[3] = 1;
         let pointer = (&raw const given).cast::<Grown>();
         assert!(unsafe { read(pointer) }.unwrap_err().message.contains("does not know"));
+    }
+
+    #[test]
+    fn arrays_of_structs_go_by_the_size_that_the_first_says() {
+        let old = [8u32, 5, 8, 6, 8, 7];
+        let pointer = (&raw const old).cast::<Grown>();
+        // SAFETY (all here): as many bytes as are counted, where they are looked at.
+        let all = unsafe { structs(pointer, 3, "all") }.unwrap();
+        assert_eq!(all, [5, 6, 7].map(|old| Grown { size: 12, old, new: 2 }));
+        let mixed = [8u32, 5, 12, 6, 1];
+        let pointer = (&raw const mixed).cast::<Grown>();
+        let message = |count| unsafe { structs(pointer, count, "all") }.unwrap_err().message;
+        assert!(message(2).contains("all[1].size is not that of the first"), "{}", message(2));
+        assert!(message(usize::MAX / 4).contains("more than any memory"));
+        assert!(unsafe { structs::<Grown>(std::ptr::null(), 0, "all") }.unwrap().is_empty());
+        assert_eq!(unsafe { structs::<Grown>(std::ptr::null(), 1, "all") }.unwrap_err().status, palpate_status::Null);
+    }
+
+    #[test]
+    fn arrays_that_cannot_be_are_told_and_not_looked_at() {
+        let numbers = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        // SAFETY (all here): as many numbers as are counted, where they are looked at.
+        let rows = |count| unsafe { rows::<f64, 3>(numbers.as_ptr(), count, "rows") };
+        assert_eq!(rows(2).unwrap(), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+        assert!(rows(0).unwrap().is_empty());
+        for count in [usize::MAX, usize::MAX / 24 + 1, isize::MAX as usize / 24 + 1] {
+            assert!(rows(count).unwrap_err().message.contains("more than any memory"));
+        }
+        let odd = numbers.as_ptr().wrapping_byte_add(4);
+        assert!(unsafe { array(odd, 1, "odd") }.unwrap_err().message.contains("odd is not aligned"));
+        assert_eq!(unsafe { array::<u8>(std::ptr::null(), 1, "no") }.unwrap_err().status, palpate_status::Null);
     }
 }

@@ -38,6 +38,8 @@ pub enum palpate_status {
     Simulation = 11,
     /// A fault of the library's own. What it was at may only be destroyed.
     Fault = 12,
+    /// The caller's callback ended it.
+    Cancelled = 13,
 }
 
 /// Why a call did not do what it was asked to.
@@ -65,6 +67,7 @@ impl From<Error> for Failure {
             Error::Vulkan { .. } => palpate_status::Vulkan,
             Error::Memory(_) => palpate_status::Memory,
             Error::Simulation(_) => palpate_status::Simulation,
+            Error::Cancelled(_) => palpate_status::Cancelled,
         };
         Failure::new(status, error.to_string())
     }

@@ -1,13 +1,12 @@
 //! From a scene's body or tool to a prepared [`Body`]: read, repair, layer, embed, proxies (`prepared.rs`, cached), then
 //! bind, scale and place, everything checked.
 
-use std::path::Path;
-
 use glam::DVec3;
 
 use super::cache::Cache;
 use super::prepared::{Prepared, Recipe};
-use super::report::{Log, Stage};
+use super::repair::{Refusal, RepairReport};
+use super::report::{Log, Stage, Watch};
 use super::{
     Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, materials, patch, proxies, repair, ride, skin,
 };
@@ -20,15 +19,15 @@ const LEAST_VOLUME: f64 = 1e-12;
 
 /// Prepares a body of the scene, with the user's cache. Errors name the scene's key, or the file.
 pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
-    make(body, scene, &Cache::of_user(), &mut Log::new(&mut |_| {}))
+    body_and_report(body, scene, &Cache::of_user(), &mut |_| Ok(())).map(|(body, _)| body)
 }
 
 /// Prepares a body of the scene and reports on it; `watch` is told each stage as it begins. A half-space has no report.
-pub fn body_and_report(
+pub fn body_and_report<'a>(
     body: &scene::Body,
     scene: &Scene,
     cache: &Cache,
-    watch: &mut dyn FnMut(Stage),
+    watch: &'a mut Watch<'a>,
 ) -> Result<(Body, Option<Report>)> {
     let mut log = Log::new(watch);
     let body = make(body, scene, cache, &mut log)?;
@@ -50,18 +49,17 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     let prepared = recipe.prepared(&keys, cache, log)?;
     let report = report_of(&keys, layer, &prepared, log);
     log.filling = prepared.filling.clone();
-    let shape = log.stage(Stage::Bind, || match layer {
+    let made = log.stage(Stage::Bind, || match layer {
         Some(_) => soft(&keys, body, prepared),
         None => rigid(prepared, body.scale, motion(&body.cores, body.scale))
             .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume")),
     })?;
-    Ok(placed(body, shape, report))
+    Ok(placed(body, made?, report))
 }
 
 /// What was found in the body's files, and what the log has to say.
 fn report_of(keys: &Keys, layer: Option<&scene::Layer>, prepared: &Prepared, log: &Log) -> BodyReport {
-    let of_surface = prepared.repair.as_ref().zip(keys.surface_file()).map(|(found, path)| repair::notes(found, path));
-    let mut notes = of_surface.unwrap_or_default();
+    let mut notes = prepared.repair.as_ref().map(|found| keys.notes(found)).unwrap_or_default();
     let place = match layer {
         Some(scene::Layer::File(path)) => path.display().to_string(),
         _ => format!("`{}.layer`", keys.prefix),
@@ -85,21 +83,25 @@ fn placed(body: &scene::Body, shape: Shape, report: BodyReport) -> Body {
 /// Prepares the tool as a rigid body named "tool", in its own coordinates: a sphere's centre is the origin, a surface
 /// keeps its file's coordinates (its centroid is in [`Shape::Rigid`]).
 pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
+    watched_tool(tool, scene, &mut |_| Ok(()))
+}
+
+/// The same; `watch` is told each stage as it begins.
+pub fn watched_tool<'a>(tool: &scene::Tool, scene: &Scene, watch: &'a mut Watch<'a>) -> Result<Body> {
     let surface = match &tool.shape {
         ToolShape::Sphere(_) => None,
-        ToolShape::Surface(path) => Some(Surface::File(path.clone())),
+        ToolShape::Surface(surface) => Some(surface),
         ToolShape::Body(name) => {
             let problem = format!("body `{name}` as a tool is prepared as a body");
             return Err(Error::key(&scene.file, "tool.body", problem, "give `sphere` or `surface`"));
         }
     };
-    let keys = Keys { scene, prefix: "tool".into(), surface: surface.as_ref(), repair: tool.repair };
-    let watch = &mut |_| {};
+    let keys = Keys { scene, prefix: "tool".into(), surface, repair: tool.repair };
     let mut log = Log::new(watch);
     let (key, prepared) = match tool.shape {
         ToolShape::Sphere(radius) => ("sphere", ball(&keys, radius)?),
         _ => {
-            let recipe = Recipe { surface: surface.as_ref(), layer: None, hulls: None };
+            let recipe = Recipe { surface, layer: None, hulls: None };
             ("surface", recipe.prepared(&keys, &Cache::of_user(), &mut log)?)
         }
     };
@@ -150,11 +152,28 @@ impl<'a> Keys<'a> {
         Error::key(&self.scene.file, format!("{}.{key}", self.prefix), problem, remedy)
     }
 
-    /// The file of the surface, where it comes from one.
-    pub fn surface_file(&self) -> Option<&'a Path> {
+    /// Whether the surface is somebody's, who may have made mistakes, and not made here.
+    pub fn is_surface_given(&self) -> bool {
+        matches!(self.surface, Some(Surface::File(_) | Surface::Mesh(_)))
+    }
+
+    /// An error about a given surface: of its file, where it has one.
+    pub fn refusal(&self, refusal: &Refusal) -> Error {
         match self.surface {
-            Some(Surface::File(path)) => Some(path),
-            _ => None,
+            Some(Surface::File(path)) => refusal.error(path),
+            _ => self.error("surface", refusal.placed(), refusal.remedy),
+        }
+    }
+
+    /// What was done to a given surface, a sentence each.
+    fn notes(&self, found: &RepairReport) -> Vec<String> {
+        match self.surface {
+            Some(Surface::File(path)) => repair::notes(found, path),
+            Some(Surface::Mesh(_)) => {
+                let of_mesh = |(_, text)| format!("`{}.surface`: {text}", self.prefix);
+                found.sentences().into_iter().map(of_mesh).collect()
+            }
+            _ => Vec::new(),
         }
     }
 }

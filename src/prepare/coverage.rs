@@ -48,7 +48,7 @@ mod tests {
             scene::Shape::Soft { surface, layer: scene::Layer::Cell { cell: 0.02, grade: 1, thickness: None } },
             &[],
         );
-        let (mut body, _) = body_and_report(&scene.bodies[0], &scene, &Cache::off(), &mut |_| {}).unwrap();
+        let (mut body, _) = body_and_report(&scene.bodies[0], &scene, &Cache::off(), &mut |_| Ok(())).unwrap();
         if let Shape::Soft { layer, embedding, skin, proxies, .. } = &mut body.shape {
             let lifted = skin.vertices.iter().map(|v| *v * (1.0 + stand_off)).collect();
             *skin = skin::build(lifted, skin.triangles.clone());

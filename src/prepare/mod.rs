@@ -4,6 +4,7 @@
 //! coordinates times scale, not yet placed in the world by `position` and `orientation`.
 
 pub mod bind;
+pub mod bodies;
 mod body;
 pub mod cache;
 pub mod cores;
@@ -33,7 +34,7 @@ pub(crate) mod tests;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-pub use body::{body, body_and_report, tool};
+pub use body::{body, body_and_report, tool, watched_tool};
 pub use cache::Cache;
 pub use embed::embed;
 pub use materials::Materials;

@@ -15,6 +15,7 @@ use super::{Embedding, Layer, Proxy, Skin, embed, layer, proxies, proxy, skin};
 use crate::Result;
 use crate::scene::groups::Groups;
 use crate::scene::obj::TriangleMesh;
+use crate::scene::tetrahedra::TetMesh;
 use crate::scene::{self, Surface, obj, tetrahedra};
 
 /// What to know about a cell that does not do.
@@ -50,7 +51,7 @@ pub struct Prepared {
     pub embedding: Vec<Embedding>,
     /// Convex cover of the skin.
     pub proxies: Vec<Proxy>,
-    /// What was found in the surface's file and mended; `None` where it is not from a file.
+    /// What was found in the given surface and mended; `None` where it was made here.
     pub repair: Option<RepairReport>,
 }
 
@@ -58,9 +59,9 @@ impl Recipe<'_> {
     /// The parts, from the cache where it has them.
     pub(super) fn prepared(&self, keys: &Keys, cache: &Cache, log: &mut Log) -> Result<Prepared> {
         // Files that cannot be read are for their readers to complain about.
-        let key = if cache.is_on() { log.stage(Stage::Cache, || self.key(keys)).ok() } else { None };
+        let key = if cache.is_on() { log.stage(Stage::Cache, || self.key(keys))?.ok() } else { None };
         let Some(key) = key else { return self.make(keys, log) };
-        match log.stage(Stage::Cache, || cache.load(&key)) {
+        match log.stage(Stage::Cache, || cache.load(&key))? {
             Entry::Found(prepared) => {
                 log.cache = CacheUse::Found;
                 return Ok(prepared);
@@ -74,7 +75,7 @@ impl Recipe<'_> {
         let kept = log.stage(Stage::Cache, || match self.key(keys) {
             Ok(now) if now == key => cache.store(&key, &prepared),
             _ => Ok(()),
-        });
+        })?;
         log.notes.extend(kept.err());
         Ok(prepared)
     }
@@ -82,7 +83,7 @@ impl Recipe<'_> {
     /// What to do about a layer that leaves skin far outside.
     fn surrounding(&self) -> &'static str {
         match self.layer {
-            Some(scene::Layer::File(_) | scene::Layer::Box { .. }) => {
+            Some(scene::Layer::File(_) | scene::Layer::Mesh(_) | scene::Layer::Box { .. }) => {
                 "give a layer that surrounds the skin, in the same units"
             }
             _ => "give smaller cells: a part of the skin is too thin for these",
@@ -94,12 +95,14 @@ impl Recipe<'_> {
         let mut maker = KeyMaker::new();
         match self.surface {
             Some(Surface::File(path)) => add_file(&mut maker, path)?,
+            Some(Surface::Mesh(mesh)) => add_mesh(&mut maker, &mesh.vertices, &mesh.triangles),
             other => maker.add(format!("{other:?}").as_bytes()),
         }
         match self.layer {
             Some(scene::Layer::File(path)) => {
                 tetrahedra::files(path).iter().try_for_each(|f| add_file(&mut maker, f))?
             }
+            Some(scene::Layer::Mesh(mesh)) => add_mesh(&mut maker, &mesh.nodes, &mesh.tetrahedra),
             other => maker.add(format!("{other:?}").as_bytes()),
         }
         maker.add(format!("{:?} {:?}", self.hulls, keys.repair).as_bytes());
@@ -108,17 +111,18 @@ impl Recipe<'_> {
 
     /// Read, repair, layer, embed, proxies.
     fn make(&self, keys: &Keys, log: &mut Log) -> Result<Prepared> {
-        let surface = self.surface.map(|surface| log.stage(Stage::Read, || read(keys, surface))).transpose()?;
-        let (surface, mut repair) = match (surface, keys.surface_file()) {
-            (Some(mesh), Some(path)) => {
+        let read = |surface| log.stage(Stage::Read, || read(keys, surface))?;
+        let surface = self.surface.map(read).transpose()?;
+        let (surface, mut repair) = match surface {
+            Some(mesh) if keys.is_surface_given() => {
                 let mend = if keys.repair { repair::repair } else { repair::strict };
-                let made = log.stage(Stage::Repair, || mend(mesh));
-                let (mesh, found) = made.map_err(|refusal| refusal.error(path))?;
+                let made = log.stage(Stage::Repair, || mend(mesh))?;
+                let (mesh, found) = made.map_err(|refusal| keys.refusal(&refusal))?;
                 (Some(mesh), Some(found))
             }
-            (surface, _) => (surface, None),
+            surface => (surface, None),
         };
-        let made = self.layer.map(|source| log.stage(Stage::Layer, || make_layer(keys, surface.as_ref(), source)));
+        let made = self.layer.map(|source| log.stage(Stage::Layer, || make_layer(keys, surface.as_ref(), source))?);
         let Filled { mut layer, groups, notes: mut layer_notes, report: filling } =
             made.transpose()?.unwrap_or_default();
         let (node_numbers, dropped) = drop_unused(&mut layer);
@@ -127,7 +131,7 @@ impl Recipe<'_> {
         let mesh = match (surface, &layer) {
             (Some(mesh), _) => mesh,
             (None, Some(layer)) => {
-                let (mesh, found) = log.stage(Stage::Repair, || boundary(keys, layer, self.layer))?;
+                let (mesh, found) = log.stage(Stage::Repair, || boundary(keys, layer, self.layer))??;
                 let said = found.iter().flat_map(RepairReport::sentences);
                 layer_notes.extend(said.map(|(_, text)| format!("of the boundary, {text}")));
                 repair = found;
@@ -137,11 +141,11 @@ impl Recipe<'_> {
         };
         let embedding = match &layer {
             Some(layer) => log
-                .stage(Stage::Embed, || embed(&mesh.vertices, layer))
+                .stage(Stage::Embed, || embed(&mesh.vertices, layer))?
                 .map_err(|problem| keys.error("layer", problem, self.surrounding()))?,
             None => Vec::new(),
         };
-        let (mesh, proxies) = log.stage(Stage::Proxies, || cover(keys, mesh, self.hulls))?;
+        let (mesh, proxies) = log.stage(Stage::Proxies, || cover(keys, mesh, self.hulls))??;
         Ok(Prepared { mesh, layer, groups, filling, node_numbers, layer_notes, embedding, proxies, repair })
     }
 }
@@ -154,10 +158,20 @@ fn add_file(maker: &mut KeyMaker, path: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
+/// Points and elements of a mesh in memory.
+fn add_mesh<const N: usize>(maker: &mut KeyMaker, points: &[DVec3], elements: &[[u32; N]]) {
+    let coordinates = points.iter().flat_map(|point| point.to_array()).flat_map(f64::to_le_bytes);
+    let indices = elements.iter().flatten().flat_map(|index| index.to_le_bytes());
+    maker.add(format!("{N} points to an element").as_bytes());
+    maker.add(&coordinates.collect::<Vec<u8>>());
+    maker.add(&indices.collect::<Vec<u8>>());
+}
+
 /// Triangles of a surface in file coordinates.
 fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
     match surface {
         Surface::File(path) => obj::read(path),
+        Surface::Mesh(mesh) => Ok((**mesh).clone()),
         Surface::Model { model, vertices } if !model.vertices().contains(vertices) => {
             let range = model.vertices();
             let problem = format!("a {} of {vertices} vertices is not made", model.name());
@@ -170,11 +184,11 @@ fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
     }
 }
 
-/// The layer's boundary as a surface. That of a file is repaired like any other: elements may overlap or be missing.
+/// The layer's boundary as a surface. That of a given mesh is repaired like any other: elements may overlap or be missing.
 fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result<(TriangleMesh, Option<RepairReport>)> {
     let (vertices, triangles, _) = layer::boundary(layer);
     let mesh = TriangleMesh { vertices, triangles };
-    if !matches!(source, Some(scene::Layer::File(_))) {
+    if !matches!(source, Some(scene::Layer::File(_) | scene::Layer::Mesh(_))) {
         return Ok((mesh, None));
     }
     let (mesh, found) = repair::repair(mesh)
@@ -204,12 +218,8 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
         (scene::Layer::Cell { .. } | scene::Layer::Across { .. }, None) => {
             Err(keys.error("layer", "there is no surface to fill", "give `surface` too"))
         }
-        (scene::Layer::File(path), _) => {
-            let mesh = tetrahedra::read(path)?;
-            let bound = vec![false; mesh.nodes.len()];
-            let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound, ..Layer::default() };
-            Ok(Filled { layer, groups: mesh.groups, notes: mesh.notes, report: None })
-        }
+        (scene::Layer::File(path), _) => Ok(given(tetrahedra::read(path)?)),
+        (scene::Layer::Mesh(mesh), _) => Ok(given((**mesh).clone())),
         (scene::Layer::Box { low, high, cells }, _) => {
             let count = cells.iter().map(|&c| f64::from(c)).product::<f64>() * 6.0;
             if !(1.0..=stuffing::MAX_TETRAHEDRA).contains(&count) {
@@ -219,6 +229,13 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
             Ok(Filled { layer: layer::kuhn_box(*low, *high, *cells), ..Filled::default() })
         }
     }
+}
+
+/// A layer that is not made here.
+fn given(mesh: TetMesh) -> Filled {
+    let bound = vec![false; mesh.nodes.len()];
+    let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound, ..Layer::default() };
+    Filled { layer, groups: mesh.groups, notes: mesh.notes, report: None }
 }
 
 /// The surface filled with cells.

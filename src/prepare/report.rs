@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::repair::RepairReport;
 use super::stuffing::LayerReport;
 use super::{Layer, Proxy, Shape, Skin, coverage, embed, layer, mass, quality, repair, skin};
+use crate::Result;
 
 /// A stage of preparation, in the order in which they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -62,9 +63,12 @@ pub enum CacheUse {
     Found,
 }
 
+/// Is told each stage as it begins; an error ends the preparation there, and is its error.
+pub type Watch<'a> = dyn FnMut(Stage) -> Result<()> + 'a;
+
 /// Follows a preparation: tells the stages as they begin, and keeps their times.
 pub struct Log<'a> {
-    watch: &'a mut dyn FnMut(Stage),
+    watch: &'a mut Watch<'a>,
     /// Wall time of each stage that ran, s.
     pub seconds: Vec<(Stage, f64)>,
     /// Where the body came from.
@@ -77,13 +81,13 @@ pub struct Log<'a> {
 
 impl<'a> Log<'a> {
     /// A log that calls `watch` as each stage begins.
-    pub fn new(watch: &'a mut dyn FnMut(Stage)) -> Self {
+    pub fn new(watch: &'a mut Watch<'a>) -> Self {
         Log { watch, seconds: Vec::new(), cache: CacheUse::Off, notes: Vec::new(), filling: None }
     }
 
-    /// Runs a stage.
-    pub fn stage<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> T {
-        (self.watch)(stage);
+    /// Runs a stage, unless who watches wants it to end here.
+    pub fn stage<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> Result<T> {
+        (self.watch)(stage)?;
         let begun = Instant::now();
         let result = work();
         let spent = begun.elapsed().as_secs_f64();
@@ -91,7 +95,7 @@ impl<'a> Log<'a> {
             Some((_, seconds)) => *seconds += spent,
             None => self.seconds.push((stage, spent)),
         }
-        result
+        Ok(result)
     }
 }
 

@@ -45,6 +45,7 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("../scene/gmsh.rs"),
     include_str!("../scene/gmsh/groups.rs"),
     include_str!("../scene/groups.rs"),
+    include_str!("../scene/meshes.rs"),
     include_str!("../scene/obj.rs"),
     include_str!("../scene/tetgen.rs"),
     include_str!("../scene/tetrahedra.rs"),
@@ -59,8 +60,9 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     /// Files that the cached parts do not depend on.
-    const OTHERS: [&str; 27] = [
+    const OTHERS: [&str; 29] = [
         "prepare/bind.rs",
+        "prepare/bodies.rs",
         "prepare/body.rs",
         "prepare/cache.rs",
         "prepare/cores.rs",
@@ -77,6 +79,7 @@ mod tests {
         "prepare/stuffing/tests/real.rs",
         "prepare/tests.rs",
         "scene/body.rs",
+        "scene/build.rs",
         "scene/drive.rs",
         "scene/haptics.rs",
         "scene/joint.rs",

@@ -7,6 +7,7 @@ use glam::{DQuat, DVec3};
 use super::keys::{Table, Value, suggest};
 use super::load::TOOL;
 use super::material::{material, regions};
+use super::meshes::Meshes;
 use super::tetrahedra::EXTENSIONS;
 use super::{Bind, Body, Core, Hinge, Layer, Model, Motion, Shape, Skeleton, Surface, drive, joint, skeleton};
 use crate::Result;
@@ -65,10 +66,9 @@ impl Dilatation {
     pub const CHOICES: [(&str, Dilatation); 2] = [("element", Dilatation::Element), ("patch", Dilatation::Patch)];
 }
 
-/// All bodies, in file order; names are unique and never `tool`.
-pub(super) fn read(root: &Table) -> Result<Vec<Body>> {
-    let mut bodies: Vec<Body> = Vec::new();
-    let Some(array) = root.get("body") else { return Ok(bodies) };
+/// Adds all bodies, in file order; names are unique and never `tool`.
+pub(super) fn read(root: &Table, bodies: &mut Vec<Body>) -> Result<()> {
+    let Some(array) = root.get("body") else { return Ok(()) };
     for element in array.array()? {
         let body = body(&element)?;
         if body.name == TOOL || bodies.iter().any(|other| other.name == body.name) {
@@ -78,7 +78,7 @@ pub(super) fn read(root: &Table) -> Result<Vec<Body>> {
         }
         bodies.push(body);
     }
-    Ok(bodies)
+    Ok(())
 }
 
 fn body(value: &Value) -> Result<Body> {
@@ -96,7 +96,8 @@ fn body(value: &Value) -> Result<Body> {
     let joints = joint::read(&table, skeleton.as_ref(), &cores)?;
     if !matches!(
         shape,
-        Shape::Soft { surface: Some(Surface::File(_)), .. } | Shape::Rigid { surface: Surface::File(_) }
+        Shape::Soft { surface: Some(Surface::File(_) | Surface::Mesh(_)), .. }
+            | Shape::Rigid { surface: Surface::File(_) | Surface::Mesh(_) }
     ) {
         refuse(&table, &["repair"], "has no meaning without a surface from a file")?;
     }
@@ -188,8 +189,8 @@ pub(super) fn mesh_file(value: &Value, extensions: &[&str]) -> Result<PathBuf> {
 }
 
 fn surface(value: &Value) -> Result<Surface> {
-    if value.is_text() {
-        return mesh_file(value, &["obj"]).map(Surface::File);
+    if value.is_text() || names_mesh(value) {
+        return given_surface(value);
     }
     let table = value.table(&["model", "vertices"])?;
     let model = table.need("model")?.one_of("model", &Model::ALL.map(|model| (model.name(), model)))?;
@@ -198,9 +199,25 @@ fn surface(value: &Value) -> Result<Surface> {
     Ok(Surface::Model { model, vertices: vertices as usize })
 }
 
+/// A surface that is not made here: of a file, or handed over.
+pub(super) fn given_surface(value: &Value) -> Result<Surface> {
+    if value.is_text() {
+        return mesh_file(value, &["obj"]).map(Surface::File);
+    }
+    value.table(&["mesh"])?.need("mesh")?.mesh(Meshes::surface).map(Surface::Mesh)
+}
+
+/// Whether a table is `{ mesh = ".." }`.
+fn names_mesh(value: &Value) -> bool {
+    value.unchecked_table().is_ok_and(|table| table.has("mesh"))
+}
+
 fn layer(value: &Value) -> Result<Layer> {
     if value.is_text() {
         return mesh_file(value, &EXTENSIONS).map(Layer::File);
+    }
+    if names_mesh(value) {
+        return value.table(&["mesh"])?.need("mesh")?.mesh(Meshes::layer).map(Layer::Mesh);
     }
     let table = value.table(&["cell", "across", "grade", "thickness", "box", "cells"])?;
     let kind = table.exactly_one(&["cell", "across", "box"])?;

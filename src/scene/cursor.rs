@@ -31,6 +31,8 @@ pub(super) struct Cursor<'a> {
     remedy: &'static str,
     /// Of the numbers, where they are binary.
     pub order: Option<Order>,
+    /// Whether there is a file to say lines of.
+    has_lines: bool,
 }
 
 /// The bytes of a mesh file.
@@ -46,7 +48,12 @@ pub(super) fn short(word: &str) -> String {
 
 impl<'a> Cursor<'a> {
     pub(super) fn new(path: &'a Path, bytes: &'a [u8], remedy: &'static str) -> Self {
-        Cursor { path, bytes, at: 0, mark: 0, remedy, order: None }
+        Cursor { path, bytes, at: 0, mark: 0, remedy, order: None, has_lines: true }
+    }
+
+    /// Of a mesh that is read from nowhere; `name` is what errors say.
+    pub(super) fn of_arrays(name: &'a Path, remedy: &'static str) -> Self {
+        Cursor { has_lines: false, ..Cursor::new(name, &[], remedy) }
     }
 
     /// Where what was read last begins, for [`Cursor::error_at`].
@@ -62,6 +69,7 @@ impl<'a> Cursor<'a> {
     pub(super) fn error_at(&self, mark: usize, problem: impl Into<String>, remedy: &str) -> Error {
         match self.order {
             Some(_) => Error::input(self.path, None, format!("{}, at byte {mark}", problem.into()), remedy),
+            None if !self.has_lines => Error::input(self.path, None, problem, remedy),
             None => {
                 let line = 1 + self.bytes[..mark].iter().filter(|&&byte| byte == b'\n').count();
                 Error::input(self.path, Some(line), problem, remedy)

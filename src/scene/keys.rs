@@ -10,6 +10,7 @@ use glam::{DQuat, DVec3};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::meshes::Meshes;
 use crate::{Error, Result};
 
 /// Greatest magnitude of a number: it must fit in single precision with room for a product.
@@ -29,18 +30,28 @@ pub struct Source<'a> {
     pub file: &'a Path,
     /// Its whole text.
     pub text: &'a str,
+    /// Whether somebody wrote the text: errors then tell the line.
+    pub has_lines: bool,
+    /// What `{ mesh = ".." }` may name.
+    pub meshes: &'a Meshes,
 }
 
-impl Source<'_> {
-    fn line(&self, offset: usize) -> usize {
-        1 + self.text.as_bytes()[..offset.min(self.text.len())].iter().filter(|&&byte| byte == b'\n').count()
+impl<'a> Source<'a> {
+    /// A file, which names no meshes in memory.
+    pub fn of_file(file: &'a Path, text: &'a str) -> Self {
+        Source { file, text, has_lines: true, meshes: Meshes::none() }
+    }
+
+    fn line(&self, offset: usize) -> Option<usize> {
+        let before = &self.text.as_bytes()[..offset.min(self.text.len())];
+        self.has_lines.then(|| 1 + before.iter().filter(|&&byte| byte == b'\n').count())
     }
 
     /// The document's root table, or the parser's complaint with its line.
     pub fn parse(&self) -> Result<Spanned<DeTable<'_>>> {
         DeTable::parse(self.text).map_err(|error| {
             let message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
-            let line = error.span().map(|span| self.line(span.start));
+            let line = error.span().and_then(|span| self.line(span.start));
             Error::input(self.file, line, format!("not TOML: {message}"), "correct the line")
         })
     }
@@ -81,7 +92,7 @@ impl<'a> Table<'a> {
         };
         let line = self.source.line(key.span().start);
         let problem = format!("unknown key `{}`", self.dotted(key.get_ref()));
-        Err(Error::input(self.source.file, Some(line), problem, remedy))
+        Err(Error::input(self.source.file, line, problem, remedy))
     }
 
     /// Dotted path of one of this table's keys.
@@ -131,7 +142,7 @@ impl<'a> Table<'a> {
             Some(value) => value.error(problem, remedy),
             None => {
                 let problem = format!("`{}`: {}", self.dotted(key), problem.into());
-                Error::input(self.source.file, Some(self.source.line(self.offset)), problem, remedy)
+                Error::input(self.source.file, self.source.line(self.offset), problem, remedy)
             }
         }
     }
@@ -150,7 +161,7 @@ impl<'a> Value<'a> {
     /// An error about this value: `file:line: `key`: problem; remedy`.
     pub fn error(&self, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
         let line = self.source.line(self.value.span().start);
-        Error::input(self.source.file, Some(line), format!("`{}`: {}", self.key, problem.into()), remedy)
+        Error::input(self.source.file, line, format!("`{}`: {}", self.key, problem.into()), remedy)
     }
 
     fn wrong_type(&self, wanted: &str) -> Error {
@@ -282,6 +293,15 @@ impl<'a> Value<'a> {
             return Err(self.error(problem, "correct the path; it is relative to the scene file"));
         }
         Ok(path)
+    }
+
+    /// What the scene's maker handed over under this name, looked for by `find`.
+    pub fn mesh<T>(&self, find: impl Fn(&Meshes, &str) -> std::result::Result<T, Vec<String>>) -> Result<T> {
+        let name = self.text()?;
+        find(self.source.meshes, name).map_err(|known| {
+            let known: Vec<&str> = known.iter().map(String::as_str).collect();
+            self.error(format!("no mesh \"{}\" was handed over", name.escape_debug()), suggest(name, &known))
+        })
     }
 
     /// The elements of an array, each with its index in its key.

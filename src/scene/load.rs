@@ -42,34 +42,19 @@ impl Scene {
 
     /// The same of a text; `path` is what errors name, and what paths in the text are relative to the folder of.
     pub fn parse(path: &Path, text: &str) -> Result<Scene> {
-        let source = Source { file: path, text };
-        let document = source.parse()?;
-        let root = Table::root(&source, &document, &ROOT_KEYS)?;
-        let preset = root.option("preset", preset_of)?;
-        let defaults = preset.unwrap_or(preset::NONE);
-        let tables = ["step", "solver", "contact"];
-        let is_given = |table: &str, key: &str| {
-            tables.contains(&table) && root.get(table).is_some_and(|t| t.unchecked_table().is_ok_and(|t| t.has(key)))
-        };
-        let scene = Scene {
-            file: path.into(),
-            step: step(&root, &defaults)?,
-            solver: solver(&root, &defaults)?,
-            contact: contact(&root, &defaults)?,
-            bodies: body::read(&root)?,
-            tool: root.option("tool", tool)?,
-            coupling: root.option("coupling", coupling)?,
-            drive: root.option("drive", drive::read)?.unwrap_or_default(),
-            haptics: haptics::read(&root)?,
-            probes: probes(&root)?,
-            preset: preset.map(|preset| preset.chosen(is_given)),
-        };
-        if scene.bodies.is_empty() && scene.tool.is_none() {
-            let problem = "the scene has neither a body nor a tool";
-            return Err(Error::input(path, None, problem, "add a [[body]] or a [tool]"));
-        }
-        check_names(&root, &scene)?;
+        let mut scene = Scene::empty(path);
+        add(&mut scene, &Source::of_file(path, text))?;
+        scene.check_filled()?;
         Ok(scene)
+    }
+
+    /// Refuses a scene of nothing, of which there is nothing to simulate.
+    pub fn check_filled(&self) -> Result<()> {
+        if !self.bodies.is_empty() || self.tool.is_some() {
+            return Ok(());
+        }
+        let problem = "the scene has neither a body nor a tool";
+        Err(Error::input(&self.file, None, problem, "add a [[body]] or a [tool]"))
     }
 
     /// A scene of one body and nothing else, as a file without any other table would give it; `file` is what errors name.
@@ -123,6 +108,39 @@ impl Scene {
     }
 }
 
+/// Adds the tables of a text to a scene: bodies and probes come after those that it has, other tables and keys replace what
+/// it has, and what the text leaves out stays. After an error the scene is anything.
+pub(super) fn add(scene: &mut Scene, source: &Source) -> Result<()> {
+    let document = source.parse()?;
+    let root = Table::root(source, &document, &ROOT_KEYS)?;
+    let tables = ["step", "solver", "contact"];
+    let is_given = |table: &str, key: &str| {
+        tables.contains(&table) && root.get(table).is_some_and(|t| t.unchecked_table().is_ok_and(|t| t.has(key)))
+    };
+    if let Some(preset) = root.option("preset", preset_of)? {
+        let Step { gravity, .. } = scene.step;
+        scene.step = Step { gravity, ..no_step(&preset) };
+        scene.solver = Solver { preconditioner: scene.solver.preconditioner, ..no_solver(&preset) };
+        scene.contact.sides = preset.sides;
+        scene.preset = Some(preset.chosen(is_given));
+    }
+    scene.step = step(&root, &scene.step)?;
+    scene.solver = solver(&root, &scene.solver)?;
+    scene.contact = contact(&root, &scene.contact)?;
+    let before = [scene.bodies.len(), scene.probes.len()];
+    body::read(&root, &mut scene.bodies)?;
+    scene.tool = root.option("tool", tool)?.or(scene.tool.take());
+    scene.coupling = root.option("coupling", coupling)?.or(scene.coupling);
+    if let Some(keys) = root.option("drive", drive::read)? {
+        scene.drive = keys;
+    }
+    if root.has("haptics") {
+        scene.haptics = haptics::read(&root)?;
+    }
+    probes(&root, &mut scene.probes)?;
+    check_names(&root, scene, before)
+}
+
 /// A table of the root, or `None` where the scene leaves it out.
 fn section<'a>(root: &Table<'a>, key: &str, known: &[&str]) -> Result<Option<Table<'a>>> {
     root.option(key, |value| value.table(known))
@@ -158,9 +176,8 @@ fn no_contact(defaults: &Preset) -> Contact {
     }
 }
 
-fn step(root: &Table, defaults: &Preset) -> Result<Step> {
-    let none = no_step(defaults);
-    let Some(table) = section(root, "step", &["dt", "gravity", "newton"])? else { return Ok(none) };
+fn step(root: &Table, none: &Step) -> Result<Step> {
+    let Some(table) = section(root, "step", &["dt", "gravity", "newton"])? else { return Ok(none.clone()) };
     Ok(Step {
         dt: table.or("dt", none.dt, Value::positive)?,
         gravity: table.or("gravity", none.gravity, Value::vector)?,
@@ -168,15 +185,14 @@ fn step(root: &Table, defaults: &Preset) -> Result<Step> {
     })
 }
 
-fn solver(root: &Table, defaults: &Preset) -> Result<Solver> {
-    let none = no_solver(defaults);
+fn solver(root: &Table, none: &Solver) -> Result<Solver> {
     let Some(table) = section(root, "solver", &["tolerance", "max_iterations", "preconditioner"])? else {
-        return Ok(none);
+        return Ok(none.clone());
     };
     let solver = Solver {
         tolerance: table.or("tolerance", none.tolerance, Value::positive)?,
         max_iterations: table.or("max_iterations", none.max_iterations, |value| value.whole(1, MOST_ITERATIONS))?,
-        preconditioner: table.or("preconditioner", Preconditioner::Auto, |value| match value.text()? {
+        preconditioner: table.or("preconditioner", none.preconditioner, |value| match value.text()? {
             "auto" => Ok(Preconditioner::Auto),
             "jacobi" => Ok(Preconditioner::Jacobi),
             "coarse" => Ok(Preconditioner::Coarse),
@@ -198,20 +214,19 @@ pub(super) fn too_slow(speed: f64) -> Option<String> {
     (!(speed.is_finite() && speed >= SLOWEST)).then(|| format!("is {speed:?}; {SLOWEST_REMEDY}"))
 }
 
-fn contact(root: &Table, defaults: &Preset) -> Result<Contact> {
-    let none = no_contact(defaults);
+fn contact(root: &Table, none: &Contact) -> Result<Contact> {
     let known = ["stiffness", "damping", "friction", "friction_speed", "texel", "depth_limit", "depth", "sides"];
     let Some(table) = section(root, "contact", &known)? else {
-        return Ok(none);
+        return Ok(none.clone());
     };
     let contact = Contact {
-        stiffness: table.or("stiffness", None, Value::auto_or_positive)?,
-        damping: table.or("damping", None, Value::auto_or_not_negative)?,
-        friction: table.or("friction", 0.0, Value::not_negative)?,
+        stiffness: table.or("stiffness", none.stiffness, Value::auto_or_positive)?,
+        damping: table.or("damping", none.damping, Value::auto_or_not_negative)?,
+        friction: table.or("friction", none.friction, Value::not_negative)?,
         friction_speed: table.or("friction_speed", none.friction_speed, Value::number)?,
-        texel: table.or("texel", None, Value::auto_or_positive)?,
+        texel: table.or("texel", none.texel, Value::auto_or_positive)?,
         depth_limit: table.or("depth_limit", none.depth_limit, Value::positive)?,
-        depth: table.or("depth", None, |value| value.one_of("path", &DepthPath::CHOICES))?,
+        depth: table.or("depth", none.depth, |value| value.one_of("path", &DepthPath::CHOICES))?,
         sides: table.or("sides", none.sides, |value| value.one_of("choice of sides", &Sides::CHOICES))?,
     };
     if contact.friction_speed < SLOWEST {
@@ -228,7 +243,7 @@ fn tool(value: &Value) -> Result<Tool> {
     let shape_value = table.need(shape_key)?;
     let shape = match shape_key {
         "sphere" => ToolShape::Sphere(shape_value.positive()?),
-        "surface" => ToolShape::Surface(body::mesh_file(&shape_value, &["obj"])?),
+        "surface" => ToolShape::Surface(body::given_surface(&shape_value)?),
         _ => ToolShape::Body(shape_value.name()?),
     };
     let meaningless: &[&str] = match shape {
@@ -262,9 +277,8 @@ fn coupling(value: &Value) -> Result<Coupling> {
     })
 }
 
-fn probes(root: &Table) -> Result<Vec<Probe>> {
-    let Some(array) = root.get("probe") else { return Ok(Vec::new()) };
-    let mut probes: Vec<Probe> = Vec::new();
+fn probes(root: &Table, probes: &mut Vec<Probe>) -> Result<()> {
+    let Some(array) = root.get("probe") else { return Ok(()) };
     for element in array.array()? {
         let table = element.table(&["name", "body", "nearest"])?;
         let name = table.need("name")?.name()?;
@@ -277,57 +291,78 @@ fn probes(root: &Table) -> Result<Vec<Probe>> {
         }
         probes.push(Probe { name, body: table.need("body")?.name()?, nearest: table.need("nearest")?.vector()? });
     }
-    Ok(probes)
+    Ok(())
 }
 
-/// Names that refer to bodies must resolve, and tables that serve the tool need one.
-fn check_names(root: &Table, scene: &Scene) -> Result<()> {
+/// Names that refer to bodies must resolve, and tables that serve the tool need one. `before`: bodies and probes that there
+/// were before these tables.
+fn check_names(root: &Table, scene: &Scene, before: [usize; 2]) -> Result<()> {
     for key in ["coupling", "drive", "haptics"] {
         if scene.tool.is_none() && root.has(key) {
             return Err(root.error(key, "there is no [tool] to hold", "add a [tool], or remove the table"));
         }
     }
-    let bodies: Vec<&str> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
-    let unknown = |value: Value, name: &str| {
-        let known = if bodies.is_empty() { "none".into() } else { bodies.join(", ") };
-        value.error(format!("there is no body \"{name}\""), format!("bodies of this scene: {known}"))
-    };
-    for (index, body) in scene.bodies.iter().enumerate() {
-        let Some(names) = &body.collides else { continue };
-        for name in names {
-            let value = || root.need("body")?.array()?[index].unchecked_table()?.need("collides");
-            let of_body = scene.tool.is_some() && scene.rigid_tool().is_none();
-            if *name == body.name {
-                return Err(value()?.error("names the body itself", "a body never collides with itself"));
-            }
-            if name == TOOL && scene.tool.is_none() {
-                return Err(value()?.error("there is no [tool]", "add one, or remove \"tool\""));
-            }
-            if name == TOOL && of_body {
-                return Err(value()?.error("names the tool, which is a body", "give that body's name"));
-            }
-            if name != TOOL && !bodies.contains(&name.as_str()) {
-                return Err(unknown(value()?, name));
+    for (index, body) in scene.bodies[before[0]..].iter().enumerate() {
+        for name in body.collides.iter().flatten() {
+            if let Err((problem, remedy)) = check_partner(scene, body, name) {
+                let value = root.need("body")?.array()?[index].unchecked_table()?.need("collides")?;
+                return Err(value.error(problem, remedy));
             }
         }
     }
-    for (index, probe) in scene.probes.iter().enumerate() {
+    for (index, probe) in scene.probes[before[1]..].iter().enumerate() {
         let value = || root.need("probe")?.array()?[index].unchecked_table()?.need("body");
         match scene.bodies.iter().find(|body| body.name == probe.body) {
-            None => return Err(unknown(value()?, &probe.body)),
+            None => {
+                let (problem, remedy) = unknown(scene, &probe.body);
+                return Err(value()?.error(problem, remedy));
+            }
             Some(body) if matches!(body.shape, Shape::Plane { .. }) => {
                 return Err(value()?.error("is a plane, which has no skin to follow", "name another body"));
             }
             Some(_) => {}
         }
     }
+    let Some(table) = root.get("tool") else { return Ok(()) };
     if let Some(Tool { shape: ToolShape::Body(name), .. }) = &scene.tool {
-        let value = root.need("tool")?.unchecked_table()?.need("body")?;
-        let Some(body) = scene.held_body().map(|body| &scene.bodies[body]) else { return Err(unknown(value, name)) };
+        let value = table.unchecked_table()?.need("body")?;
+        let names_tool = |body: &&Body| body.collides.iter().flatten().any(|name| name == TOOL);
+        if let Some(other) = scene.bodies[..before[0]].iter().find(names_tool) {
+            let problem = format!("body \"{}\" names \"tool\" in `collides`, and the tool becomes a body", other.name);
+            return Err(value.error(problem, "add the tool before that body, and name it there"));
+        }
+        let Some(body) = scene.held_body().map(|body| &scene.bodies[body]) else {
+            let (problem, remedy) = unknown(scene, name);
+            return Err(value.error(problem, remedy));
+        };
         if !matches!(body.cores.first(), Some(Core { motion: Motion::Dynamic, .. })) {
             let problem = format!("the first core of \"{name}\", by which it is held, is not dynamic");
             return Err(value.error(problem, "give its first [[body.core]], or the rigid body, motion = \"dynamic\""));
         }
     }
     Ok(())
+}
+
+/// Refuses a name that a body cannot have in `collides`: problem and remedy.
+pub(super) fn check_partner(scene: &Scene, body: &Body, name: &str) -> std::result::Result<(), (String, String)> {
+    let wrong = |problem: &str, remedy: &str| Err((problem.into(), remedy.into()));
+    if name == body.name {
+        return wrong("names the body itself", "a body never collides with itself");
+    }
+    if name != TOOL {
+        let is_there = scene.bodies.iter().any(|other| other.name == name);
+        return if is_there { Ok(()) } else { Err(unknown(scene, name)) };
+    }
+    match (&scene.tool, scene.rigid_tool()) {
+        (None, _) => wrong("there is no [tool]", "add one, or remove \"tool\""),
+        (Some(_), None) => wrong("names the tool, which is a body", "give that body's name"),
+        _ => Ok(()),
+    }
+}
+
+/// Problem and remedy of a name that is no body's.
+fn unknown(scene: &Scene, name: &str) -> (String, String) {
+    let bodies: Vec<&str> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
+    let known = if bodies.is_empty() { "none".into() } else { bodies.join(", ") };
+    (format!("there is no body \"{}\"", name.escape_debug()), format!("bodies of this scene: {known}"))
 }

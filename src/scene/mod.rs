@@ -1,9 +1,11 @@
 //! What a user writes: scenes, bodies, materials, meshes in and out. No GPU, no preparation.
 //!
 //! [`Scene::load`] reads a TOML file (every table is shown in the README) into these plain types, checked: after it,
-//! every number is finite and in range, every name resolves. Units are SI; quaternions are x y z w.
+//! every number is finite and in range, every name resolves. [`Builder`] makes a scene piece by piece of the same tables, and
+//! of meshes in memory. Units are SI; quaternions are x y z w.
 
 mod body;
+mod build;
 mod cursor;
 mod drive;
 pub mod gmsh;
@@ -13,6 +15,7 @@ mod joint;
 mod keys;
 mod load;
 mod material;
+pub mod meshes;
 pub mod obj;
 pub mod preset;
 mod skeleton;
@@ -24,12 +27,14 @@ mod triangulate;
 pub mod vtk;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 pub use crate::prepare::model::Model;
 pub use body::{Dilatation, MOST_HULLS};
+pub use build::Builder;
 pub use haptics::{DeviceKind, Haptics, RATES as HAPTIC_RATES};
 pub use joint::{Joint, Resistance};
 pub use keys::unit_quaternion;
@@ -262,6 +267,8 @@ pub enum Surface {
         /// Number of skin vertices, within [`Model::vertices`].
         vertices: usize,
     },
+    /// Handed over in memory.
+    Mesh(Arc<obj::TriangleMesh>),
 }
 
 /// Where the layer comes from.
@@ -287,6 +294,8 @@ pub enum Layer {
     },
     /// A tetrahedral mesh file.
     File(PathBuf),
+    /// Handed over in memory.
+    Mesh(Arc<tetrahedra::TetMesh>),
     /// A box of Kuhn cells, each cut along (0,0,0)-(1,1,1).
     Box {
         /// Least corner.
@@ -405,8 +414,8 @@ pub struct Tool {
 pub enum ToolShape {
     /// A sphere of this radius, m.
     Sphere(f64),
-    /// A closed surface, an OBJ file.
-    Surface(PathBuf),
+    /// A closed surface.
+    Surface(Surface),
     /// A body of the scene, held by its first core, which is dynamic.
     Body(String),
 }

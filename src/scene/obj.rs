@@ -33,15 +33,19 @@ pub fn read(path: &Path) -> Result<TriangleMesh> {
     let bytes = std::fs::read(path)
         .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give an OBJ file"))?;
     let mesh = parse(&String::from_utf8_lossy(&bytes), path)?.mesh;
-    let has_area = |&[a, b, c]: &[u32; 3]| {
-        let [a, b, c] = [a, b, c].map(|vertex| mesh.vertices[vertex as usize]);
-        (b - a).cross(c - a).length_squared() > 0.0
-    };
-    if mesh.triangles.iter().any(has_area) {
+    if has_area(&mesh) {
         Ok(mesh)
     } else {
         Err(Error::input(path, None, "no face has any area", "export the surface again"))
     }
+}
+
+/// Whether any triangle has area.
+pub(super) fn has_area(mesh: &TriangleMesh) -> bool {
+    mesh.triangles.iter().any(|corners| {
+        let [a, b, c] = corners.map(|vertex| mesh.vertices[vertex as usize]);
+        (b - a).cross(c - a).length_squared() > 0.0
+    })
 }
 
 /// The one-based line that each triangle came from.

@@ -41,7 +41,7 @@ pub(super) fn read(value: &Value) -> Result<Skeleton> {
     let file = value.file()?;
     let text = std::fs::read_to_string(&file)
         .map_err(|error| Error::input(&file, None, format!("cannot be read: {error}"), "give a skeleton file"))?;
-    let source = Source { file: &file, text: &text };
+    let source = Source::of_file(&file, &text);
     let document = source.parse()?;
     let root = Table::root(&source, &document, &["bone"])?;
     let mut bones: Vec<Bone> = Vec::new();
@@ -107,7 +107,8 @@ mod tests {
     }
 
     fn load(scene: &Path, path: &str) -> Result<Skeleton> {
-        let source = Source { file: scene, text: &format!("skeleton = {path:?}") };
+        let text = format!("skeleton = {path:?}");
+        let source = Source::of_file(scene, &text);
         let document = source.parse()?;
         read(&Table::root(&source, &document, &["skeleton"])?.need("skeleton")?)
     }

@@ -14,7 +14,8 @@ use crate::gpu::{Context, Level, Options, Recorder};
 use crate::haptics::drive::Drive;
 use crate::haptics::tool::Tool;
 use crate::plan::Plan;
-use crate::prepare::{self, Body, Cache};
+use crate::prepare::bodies::Bodies;
+use crate::prepare::{Body, Cache};
 use crate::scene::{Key, Scene};
 use crate::stages::depth::Path;
 use crate::stages::model::Model;
@@ -48,12 +49,20 @@ impl Simulation {
     pub fn on(context: &Arc<Context>, scene: &Scene, path: Option<Path>) -> Result<Simulation> {
         Prepared::new(scene)?.record(scene, context, path)
     }
+
+    /// The same of a scene whose bodies are prepared, all of them.
+    pub fn of(context: &Arc<Context>, scene: &Scene, bodies: Bodies) -> Result<Simulation> {
+        Prepared::of(scene, bodies)?.record(scene, context, None)
+    }
 }
 
 impl Prepared {
     fn new(scene: &Scene) -> Result<Prepared> {
-        let bodies = scene.bodies.iter().map(|body| prepare::body(body, scene)).collect::<Result<Vec<_>>>()?;
-        let tool_body = scene.rigid_tool().map(|tool| prepare::tool(tool, scene)).transpose()?;
+        Prepared::of(scene, Bodies::of(scene)?)
+    }
+
+    fn of(scene: &Scene, Bodies { bodies, tool: tool_body }: Bodies) -> Result<Prepared> {
+        scene.check_filled()?;
         let model = Model::new(scene, &bodies, tool_body.as_ref());
         let frames = Frames::new(&model, |frame| velocity_of(&bodies, &model, frame));
         let tool = tools::tool_of(scene, tool_body.as_ref(), &model, &frames)?;

@@ -38,8 +38,13 @@ impl Refusal {
     /// As an error about the file that the mesh was read from.
     pub fn error(&self, path: &Path) -> Error {
         let line = self.triangle.and_then(|triangle| line_of(path, triangle));
+        Error::input(path, line, self.placed(), self.remedy)
+    }
+
+    /// What is wrong, and at which triangle.
+    pub fn placed(&self) -> String {
         let place = self.triangle.map(|triangle| format!(", first at triangle {triangle}")).unwrap_or_default();
-        Error::input(path, line, format!("{}{place}", self.problem), self.remedy)
+        format!("{}{place}", self.problem)
     }
 }
 

@@ -104,7 +104,10 @@ impl Press {
         let start = centre(GAP * self.depth);
         let key = |time: f64, position: DVec3| Key { time, position, orientation: DQuat::IDENTITY };
         let tool = Tool {
-            shape: self.ball.clone().map_or(ToolShape::Sphere(self.radius), ToolShape::Surface),
+            shape: self
+                .ball
+                .clone()
+                .map_or(ToolShape::Sphere(self.radius), |file| ToolShape::Surface(Surface::File(file))),
             mass: MASS,
             position: start,
             orientation: DQuat::IDENTITY,

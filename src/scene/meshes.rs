@@ -1,0 +1,124 @@
+//! Meshes that a program hands over in memory, by name. To a scene and to preparation they are what a file would be:
+//! `surface = { mesh = "liver" }` beside `surface = "liver.obj"`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::cursor::Cursor;
+use super::obj::{self, TriangleMesh};
+use super::tetrahedra::{self, Contents, Element, TetMesh};
+use super::triangulate::triangulate;
+use crate::{Error, Result};
+
+/// Greatest magnitude of a coordinate, as in files.
+const LARGEST: f64 = 1e30;
+/// What to do about a mesh that cannot be.
+const REMEDY: &str = "correct the arrays";
+
+/// Surfaces and layers by name.
+#[derive(Debug, Clone, Default)]
+pub struct Meshes {
+    surfaces: BTreeMap<String, Arc<TriangleMesh>>,
+    layers: BTreeMap<String, Arc<TetMesh>>,
+}
+
+static NONE: Meshes = Meshes { surfaces: BTreeMap::new(), layers: BTreeMap::new() };
+
+impl Meshes {
+    /// No meshes.
+    pub fn none() -> &'static Meshes {
+        &NONE
+    }
+
+    /// Takes a surface: what an OBJ file of these `v` and `f` lines would be.
+    pub fn add_surface(&mut self, name: &str, vertices: Vec<DVec3>, triangles: &[[u32; 3]]) -> Result<()> {
+        let wrong = |problem: String| wrong("surface", name, problem);
+        check_name("surface", name, self.surfaces.contains_key(name))?;
+        check_points(&vertices).map_err(|problem| wrong(format!("vertex {problem}")))?;
+        check_indices(vertices.len(), triangles).map_err(|problem| wrong(format!("triangle {problem}")))?;
+        let mut mesh = TriangleMesh { vertices, triangles: Vec::with_capacity(triangles.len()) };
+        triangles.iter().for_each(|corners| triangulate(&mesh.vertices, corners, &mut mesh.triangles));
+        if !obj::has_area(&mesh) {
+            return Err(wrong("no triangle has any area".into()));
+        }
+        self.surfaces.insert(name.into(), Arc::new(mesh));
+        Ok(())
+    }
+
+    /// Takes the tetrahedra of a layer: what a mesh file of these nodes and elements would be.
+    pub fn add_layer(&mut self, name: &str, nodes: Vec<DVec3>, tetrahedra: &[[u32; 4]]) -> Result<()> {
+        let wrong = |problem: String| wrong("layer", name, problem);
+        check_name("layer", name, self.layers.contains_key(name))?;
+        check_points(&nodes).map_err(|problem| wrong(format!("node {problem}")))?;
+        check_indices(nodes.len(), tetrahedra).map_err(|problem| wrong(format!("tetrahedron {problem}")))?;
+        let element = |(id, nodes): (usize, &[u32; 4])| Element {
+            id: id as u64,
+            mark: 0,
+            nodes: nodes.map(u64::from),
+            group: None,
+        };
+        let contents = Contents {
+            index: (0..nodes.len() as u32).map(|node| (node.into(), node)).collect(),
+            nodes,
+            elements: tetrahedra.iter().enumerate().map(element).collect(),
+            ..Contents::default()
+        };
+        let label = label("layer", name);
+        let mesh = tetrahedra::settle(contents, &Cursor::of_arrays(Path::new(&label), REMEDY))?;
+        self.layers.insert(name.into(), Arc::new(mesh));
+        Ok(())
+    }
+
+    /// The surface of a name; else the names that there are.
+    pub(super) fn surface(&self, name: &str) -> std::result::Result<Arc<TriangleMesh>, Vec<String>> {
+        self.surfaces.get(name).cloned().ok_or_else(|| self.surfaces.keys().cloned().collect())
+    }
+
+    /// The layer of a name; else the names that there are.
+    pub(super) fn layer(&self, name: &str) -> std::result::Result<Arc<TetMesh>, Vec<String>> {
+        self.layers.get(name).cloned().ok_or_else(|| self.layers.keys().cloned().collect())
+    }
+}
+
+fn label(kind: &str, name: &str) -> String {
+    format!("{kind} \"{}\"", name.escape_debug())
+}
+
+fn wrong(kind: &str, name: &str, problem: String) -> Error {
+    Error::input(Path::new(&label(kind, name)), None, problem, REMEDY)
+}
+
+fn check_name(kind: &str, name: &str, is_taken: bool) -> Result<()> {
+    let problem = match (name.is_empty(), is_taken) {
+        (false, false) => return Ok(()),
+        (true, _) => "the name is empty",
+        (_, true) => "there is one of that name",
+    };
+    Err(Error::input(Path::new(&label(kind, name)), None, problem, "give another name"))
+}
+
+fn check_points(points: &[DVec3]) -> std::result::Result<(), String> {
+    // The last number is for "none".
+    if points.len() >= u32::MAX as usize {
+        return Err(format!("count is {}: there are below {} at most", points.len(), u32::MAX));
+    }
+    let is_wrong = |x: &f64| !x.is_finite() || x.abs() > LARGEST;
+    let bad = points.iter().enumerate().find_map(|(k, point)| Some((k, *point.as_ref().iter().find(|x| is_wrong(x))?)));
+    match bad {
+        Some((k, x)) => Err(format!("{k} has the coordinate {x:?}, which is no finite number below 1e30")),
+        None if points.is_empty() => Err("count is 0".into()),
+        None => Ok(()),
+    }
+}
+
+fn check_indices<const N: usize>(count: usize, elements: &[[u32; N]]) -> std::result::Result<(), String> {
+    let bad = elements.iter().enumerate().find_map(|(k, e)| Some((k, e.iter().find(|&&i| i as usize >= count)?)));
+    match bad {
+        Some((k, index)) => Err(format!("{k} names point {index}, and there are {count}, counted from 0")),
+        None if elements.is_empty() => Err("count is 0".into()),
+        None => Ok(()),
+    }
+}
