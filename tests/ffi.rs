@@ -1,11 +1,14 @@
 //! The C ABI from C: the header is the one that the sources make, programs compile without a warning, and feel the same
 //! forces, bit for bit, as `palpate run`.
 
+mod ffi_help;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use ffi_help::{compiled, library, root};
+
 const STEPS: usize = 40;
-const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
 /// A sphere pressed into a block.
 const SCENE: &str = r#"
 [[body]]
@@ -28,41 +31,6 @@ angular_damping = 0.002
 [drive]
 keys = [[0.0, 0.0, 0.0502, 0.0], [0.02, 0.003, 0.046, 0.0]]
 "#;
-
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-/// Where cargo puts the shared library that belongs to this test.
-fn library() -> PathBuf {
-    let built = Path::new(env!("CARGO_BIN_EXE_palpate")).parent().unwrap();
-    let newest = [built.to_path_buf(), built.join("deps")].map(|folder| folder.join("libpalpate.so"));
-    let when = |path: &PathBuf| path.metadata().and_then(|m| m.modified()).ok();
-    let found = newest.into_iter().filter(|path| path.exists()).max_by_key(when);
-    found.expect("cargo builds libpalpate.so").parent().unwrap().to_path_buf()
-}
-
-/// Compiles a program; its path.
-fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> PathBuf {
-    let program = folder.join(format!("{}-{compiler}", Path::new(source).file_stem().unwrap().display()));
-    let library = library();
-    let done = Command::new(compiler)
-        .args([format!("-std={standard}"), "-O1".into()])
-        .args(STRICT)
-        .arg("-I")
-        .arg(root().join("src/ffi"))
-        .arg(root().join("examples").join(source))
-        .arg("-o")
-        .arg(&program)
-        .arg("-L")
-        .arg(&library)
-        // Old tags: cargo's LD_LIBRARY_PATH, which may lead to a library of an earlier build, must not win over this.
-        .args(["-lpalpate", "-Wl,--disable-new-dtags", &format!("-Wl,-rpath,{}", library.display())])
-        .output()
-        .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh installs it"));
-    assert!(done.status.success(), "{compiler}: {}", String::from_utf8_lossy(&done.stderr));
-    program
-}
 
 fn output(program: &mut Command) -> String {
     let done = program.output().unwrap();
@@ -125,7 +93,7 @@ fn programs_in_c_and_python_feel_the_forces_of_palpate_run() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, told) = run(folder.path());
     for compiler in ["gcc", "clang"] {
-        let program = compiled(compiler, "c11", "c/touch.c", folder.path());
+        let program = compiled(compiler, "c11", "examples/c/touch.c", folder.path());
         let said = output(Command::new(program).arg(&scene).arg(STEPS.to_string()));
         assert_eq!(bits(&felt(&said)), bits(&told), "{compiler}");
     }
@@ -136,17 +104,37 @@ fn programs_in_c_and_python_feel_the_forces_of_palpate_run() {
 }
 
 #[test]
+fn a_program_shares_its_device_and_one_in_python_looks_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, told) = run(folder.path());
+    for compiler in ["gcc", "clang"] {
+        let program = compiled(compiler, "c11", "examples/c/host.c", folder.path());
+        let said = output(Command::new(program).arg(&scene));
+        let force: f64 = said.split(' ').nth(1).unwrap().parse().unwrap();
+        assert_eq!(force.to_bits(), told[STEPS - 1][2].to_bits(), "{compiler}: {said}");
+        assert!(said.contains("vertices shared") && !said.contains("locked 0 times"), "{said}");
+    }
+    let mut python = Command::new("python3");
+    python.arg(root().join("examples/python/watch.py")).arg(&scene).arg(STEPS.to_string());
+    let said = output(python.arg(library().join("libpalpate.so")));
+    let size = (1..4).map(|k| told[STEPS - 1][k].powi(2)).sum::<f64>().sqrt();
+    assert!(said.starts_with(&format!("{size:.6} N; of 182 vertices")), "{said}");
+    let depth: f64 = said.split(' ').rev().nth(1).unwrap().parse().unwrap();
+    assert!(depth > 1.0 && depth < 5.0, "{said}");
+}
+
+#[test]
 fn programs_that_build_their_scenes_feel_them() {
     let folder = tempfile::tempdir().unwrap();
     for compiler in ["gcc", "clang"] {
-        let program = compiled(compiler, "c11", "c/build.c", folder.path());
+        let program = compiled(compiler, "c11", "examples/c/build.c", folder.path());
         let told = felt(&output(Command::new(program).arg("100")));
         assert!(told.len() == 100 && told[0][2] == 0.0 && told.iter().all(|row| row[4] == 0.0), "{told:?}");
         // A spring of 500 N/m that is to go 9 mm in: it shares them with the block.
         assert!(told[99][2] > 0.5 && told[99][2] < 4.5, "{:?}", told[99]);
     }
     for compiler in ["g++", "clang++"] {
-        let program = compiled(compiler, "c++17", "cpp/build.cpp", folder.path());
+        let program = compiled(compiler, "c++17", "examples/cpp/build.cpp", folder.path());
         let said = output(Command::new(program).arg("200"));
         let force: f64 = said.split(' ').next().unwrap().parse().unwrap();
         assert!(force > 0.2 && force < 4.5, "{said}");
@@ -158,7 +146,7 @@ fn a_program_in_cpp_leads_the_device_itself_and_says_what_is_wrong() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, _) = run(folder.path());
     for compiler in ["g++", "clang++"] {
-        let program = compiled(compiler, "c++17", "cpp/press.cpp", folder.path());
+        let program = compiled(compiler, "c++17", "examples/cpp/press.cpp", folder.path());
         // Down by 7.5 mm from 0.2 mm above.
         let said = output(Command::new(&program).arg(&scene).arg("1500"));
         let force: f64 = said.split(' ').next().unwrap().parse().unwrap();

@@ -320,7 +320,8 @@ unsafe extern "C" fn hear(user: *mut c_void, level: u32, message: *const c_char)
 fn a_log_hears_what_is_chosen_and_found() {
     let (mut mark, mut context) = (77u32, null_mut());
     let mut options = zeroed::<palpate_context_options>();
-    (options.log, options.log_user, options.validation) = (Some(hear), (&raw mut mark).cast(), 1);
+    options.log = Some(hear);
+    (options.log_user, options.validation) = ((&raw mut mark).cast(), 1);
     // SAFETY: options with their size, and a place for the answer.
     ok(unsafe { palpate_context_create(&options, &mut context) });
     let simulation = simulation(context, &format!("{BLOCK}{SPHERE}"));
@@ -341,7 +342,8 @@ fn what_a_host_says_of_its_device_is_checked_as_far_as_it_can_be() {
     refused(make(&vulkan), NoDevice, "the host's instance is null");
     vulkan.enabled = 64;
     refused(make(&vulkan), Argument, "palpate_vulkan.enabled is 64");
-    (vulkan.enabled, vulkan.lock) = (0, Some(lock));
+    vulkan.enabled = 0;
+    vulkan.lock = Some(lock);
     refused(make(&vulkan), Argument, "lock and unlock go together");
     vulkan.lock = None;
     let entry = unsafe { ash::Entry::load() }.unwrap();

@@ -1,11 +1,14 @@
 //! The C ABI used as a program would, from here: wrong use is told and harms nothing, and a step allocates nothing.
 #![allow(unsafe_code)]
 
+mod ffi_help;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ffi::{CStr, CString};
 use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use ffi_help::{DEEP, context, ok, refused, wrench};
 use palpate::ffi::context::{
     palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_memory, palpate_context_options,
 };
@@ -57,28 +60,6 @@ fn scene_text(cells: &str) -> CString {
     .unwrap()
 }
 
-fn last_error() -> String {
-    // SAFETY: never null, and ends in a zero.
-    unsafe { CStr::from_ptr(palpate_last_error()) }.to_str().unwrap().into()
-}
-
-fn ok(status: palpate_status) {
-    assert_eq!(status, palpate_status::Ok, "{}", last_error());
-}
-
-fn refused(status: palpate_status, expected: palpate_status, words: &str) {
-    let error = last_error();
-    assert_eq!(status, expected, "{error}");
-    assert!(error.contains(words) && error.lines().count() == 1, "{error}");
-}
-
-fn context() -> *mut palpate_context {
-    let mut context = null_mut();
-    // SAFETY: null options, and a place for the answer.
-    ok(unsafe { palpate_context_create(null(), &mut context) });
-    context
-}
-
 fn scene(cells: &str) -> *mut palpate_scene {
     let mut scene = null_mut();
     // SAFETY: strings that end, and a place for the answer.
@@ -93,14 +74,6 @@ fn simulation(context: *mut palpate_context, cells: &str) -> *mut palpate_simula
     ok(palpate_scene_destroy(scene));
     simulation
 }
-
-fn wrench() -> palpate_wrench {
-    // SAFETY: all of it are numbers.
-    palpate_wrench { size: size_of::<palpate_wrench>() as u32, ..unsafe { std::mem::zeroed() } }
-}
-
-/// Where the sphere is deep in the block.
-const DEEP: palpate_pose = palpate_pose { position: [0.0, 0.046, 0.0], orientation: [0.0, 0.0, 0.0, 1.0] };
 
 #[test]
 fn a_step_allocates_nothing_once_it_runs() {
@@ -162,12 +135,11 @@ fn wrong_use_is_told_and_harms_nothing() {
         refused(palpate_scene_parse(c"[[body]]\nnam = 1".as_ptr(), null(), &mut none), Input, "`");
         refused(palpate_simulation_create(context, null_mut(), &mut null_mut()), Null, "scene is null");
         refused(palpate_context_create(null(), null_mut()), Null, "context is null");
-        let size = size_of::<palpate_context_options>() as u32;
-        let mut options = palpate_context_options { size, reserved: 0, device: c"nobody's".as_ptr() };
+        let mut options = palpate_context_options { device: c"nobody's".as_ptr(), ..ffi_help::zeroed() };
         let mut none = null_mut();
         refused(palpate_context_create(&options, &mut none), palpate_status::NoDevice, "nobody's");
-        (options.reserved, options.device) = (1, null());
-        refused(palpate_context_create(&options, &mut none), Argument, "reserved is 1");
+        (options.validation, options.device) = (2, null());
+        refused(palpate_context_create(&options, &mut none), Argument, "validation is 2");
     }
     // Nothing of that was a step.
     told.size = size_of::<palpate_wrench>() as u32;

@@ -36,6 +36,45 @@
 // Compare it with `palpate_abi()`.
 #define PALPATE_ABI 1
 
+// It does not move. The kinds of motion: of a core, or of a rigid body.
+#define PALPATE_MOTION_FIXED 0
+
+// It follows `keys`.
+#define PALPATE_MOTION_DRIVEN 1
+
+// Forces move it.
+#define PALPATE_MOTION_DYNAMIC 2
+
+// Linear in the strain that a tetrahedron has beside its rotation. The laws of a material.
+#define PALPATE_LAW_COROTATIONAL 0
+
+// Stable neo-Hookean.
+#define PALPATE_LAW_NEO_HOOKEAN 1
+
+// A volumetric strain to each tetrahedron. Over what a soft body's volumetric strain is one number.
+#define PALPATE_DILATATION_ELEMENT 0
+
+// One to each patch of neighbouring tetrahedra: for materials that keep their volume (Poisson's ratio near one half).
+#define PALPATE_DILATATION_PATCH 1
+
+// shaderInt64 and shaderBufferInt64Atomics are enabled on the host's device.
+#define PALPATE_VULKAN_INT64_ATOMICS 1
+
+// fragmentStoresAndAtomics is enabled: the depth stage may then use the rasterizer.
+#define PALPATE_VULKAN_FRAGMENT_STORES 2
+
+// VK_KHR_external_memory_fd is enabled: skins can then be exported.
+#define PALPATE_VULKAN_EXTERNAL_MEMORY_FD 4
+
+// What was chosen, and what was found in files and mended.
+#define PALPATE_LOG_NOTE 0
+
+// The validation layer's warnings.
+#define PALPATE_LOG_WARNING 1
+
+// The validation layer's errors.
+#define PALPATE_LOG_ERROR 2
+
 // The device could not be read or written; nothing is played.
 #define PALPATE_EVENT_DEVICE_LOST 1
 
@@ -83,6 +122,12 @@
 
 // Ticks before this one were not heard of: the simulation's step took longer than there was room for.
 #define PALPATE_EVENT_RECORD_LOST 32768
+
+// Which array is exported: where skin vertices are.
+#define PALPATE_SKIN_POSITIONS 0
+
+// Which array is exported: their normals.
+#define PALPATE_SKIN_NORMALS 1
 
 // The solver stopped at its iteration limit with a residual above what single precision allows.
 #define PALPATE_FLAG_NOT_CONVERGED 1
@@ -150,6 +195,8 @@ enum palpate_status
     PALPATE_STATUS_SIMULATION = 11,
     // A fault of the library's own. What it was at may only be destroyed.
     PALPATE_STATUS_FAULT = 12,
+    // The caller's callback ended it.
+    PALPATE_STATUS_CANCELLED = 13,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -184,9 +231,6 @@ typedef int32_t palpate_device_kind;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// The wrench of the newest step, and when that was given its pose.
-typedef struct Newest Newest;
-
 // A Vulkan device under the library's hands. Simulations hold on to theirs: it goes with the last of them, whether it was
 // destroyed before or not.
 typedef struct palpate_context palpate_context;
@@ -194,12 +238,252 @@ typedef struct palpate_context palpate_context;
 // A haptic loop: a device held a thousand times a second, and a simulation that steps for it.
 typedef struct palpate_loop palpate_loop;
 
-// A scene as it was read: what a simulation is made of, any number of times. Files that it names (surfaces, layers) are
-// opened when it is made into a simulation.
+// What a simulation is made of, any number of times: read from a file or a text, or built by calls. Files that it names
+// (surfaces, layers) are opened when its bodies are prepared.
 typedef struct palpate_scene palpate_scene;
 
 // A scene under way.
 typedef struct palpate_simulation palpate_simulation;
+
+// What holds for a whole scene; its `[step]`, `[solver]` and `[contact]`. Zero is the usual value for all of it but the size.
+typedef struct palpate_settings {
+    // sizeof(palpate_settings).
+    uint32_t size;
+    // Newton iterations a step; 0: 1.
+    uint32_t newton;
+    // Time step, s; 0: 0.001.
+    double dt;
+    // Acceleration of gravity, m/s^2; zero: 0, -9.81, 0.
+    double gravity[3];
+    // 1: there is no gravity, and `gravity` is zero.
+    uint32_t weightless;
+    // Of the solver, at most; 0: 200.
+    uint32_t max_iterations;
+    // Relative residual at which the solver stops; 0: 1e-5.
+    double tolerance;
+    // Penalty stiffness per projected area, N/m^3; 0: chosen.
+    double contact_stiffness;
+    // Penalty damping per projected area, N s/m^3; 0: chosen.
+    double contact_damping;
+    // Coulomb's coefficient.
+    double friction;
+    // Speed below which friction is viscous, m/s; 0: 0.001.
+    double friction_speed;
+    // Depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m; 0: 0.02.
+    double depth_limit;
+} palpate_settings;
+
+// A position and an orientation, world.
+typedef struct palpate_pose {
+    // m.
+    double position[3];
+    // Unit quaternion: x, y, z, w.
+    double orientation[4];
+} palpate_pose;
+
+// A pose at a time.
+typedef struct palpate_key {
+    // s; each after the one before.
+    double time;
+    // World; an orientation of four zeros turns nothing.
+    struct palpate_pose pose;
+} palpate_key;
+
+// A rigid core of a soft body: nodes that move as one. Exactly one of `inset`, the box, the sphere, `nodes` and `all` says
+// which; places are in the coordinates of the mesh, before scale and pose.
+typedef struct palpate_core {
+    // sizeof(palpate_core).
+    uint32_t size;
+    // PALPATE_MOTION_*.
+    uint32_t motion;
+    // Its name, unlike other cores' of the body.
+    const char *name;
+    // Of a driven core: where the centre of the mass that it carries is, `key_count` of them. Null for others.
+    const struct palpate_key *keys;
+    // How many keys there are.
+    size_t key_count;
+    // Of a dynamic core, kg; 0: that of what it holds.
+    double mass;
+    // Nodes at least this deep below the skin, m, above 0.
+    double inset;
+    // Nodes in a box: its least corner.
+    double box_low[3];
+    // Its greatest corner.
+    double box_high[3];
+    // Nodes in a sphere: its centre.
+    double sphere_centre[3];
+    // Its radius, m.
+    double sphere_radius;
+    // These nodes, by their places in the layer's array, `node_count` of them.
+    const uint32_t *nodes;
+    // How many nodes there are.
+    size_t node_count;
+    // 1: every node.
+    uint32_t all;
+    // 0.
+    uint32_t reserved;
+} palpate_core;
+
+// A body, of one of three kinds. Soft: it has a layer (a mesh, cells that fill the surface, or a box) and a material; without
+// a surface the layer's boundary is its skin. Rigid: it has a surface and no layer. A plane: it has `plane` and nothing else
+// but a name. What is zero or null is as where a scene file leaves the key out.
+typedef struct palpate_body {
+    // sizeof(palpate_body).
+    uint32_t size;
+    // Of a rigid body: PALPATE_MOTION_*.
+    uint32_t motion;
+    // Its name: letters, digits, '_', '-' and '.'; unlike other bodies', and not "tool".
+    const char *name;
+    // Its skin: the name of a surface that `palpate_scene_add_surface` took.
+    const char *surface;
+    // Its layer: the name of one that `palpate_scene_add_layer` took.
+    const char *layer;
+    // Or cells that fill the surface: their edge, m, in the surface's coordinates.
+    double cell;
+    // Or so many cells along the surface's largest extent.
+    uint32_t across;
+    // Of cells: how much larger they may be deep inside; 0, 1, 2, 4 or 8.
+    uint32_t grade;
+    // Of cells: depth of the shell that is filled, m; 0: all of it.
+    double thickness;
+    // Or a box: its least corner.
+    double box_low[3];
+    // Its greatest corner.
+    double box_high[3];
+    // Its cells along each axis.
+    uint32_t box_cells[3];
+    // Of a soft body: PALPATE_LAW_*.
+    uint32_t law;
+    // Of a soft body: PALPATE_DILATATION_*.
+    uint32_t dilatation;
+    // 1: a surface that would need repair is refused.
+    uint32_t strict;
+    // Young's modulus, Pa. This and the next four: the material of a soft body.
+    double young;
+    // Poisson's ratio, from -0.5 to below 0.5.
+    double poisson;
+    // kg/m^3.
+    double density;
+    // Rayleigh damping by mass, 1/s.
+    double damping_mass;
+    // Rayleigh damping by stiffness, s.
+    double damping_stiffness;
+    // A fixed half-space: outward normal n and offset d; it is where n . x <= d.
+    double plane[4];
+    // Of the mesh's coordinates; 0: 1.
+    double scale;
+    // Where the mesh's origin is, world, m.
+    double position[3];
+    // World orientation, unit quaternion x, y, z, w; four zeros turn nothing.
+    double orientation[4];
+    // At the start, world, m/s.
+    double velocity[3];
+    // Of a dynamic rigid body, kg.
+    double mass;
+    // Of a driven rigid body: where the centre of its volume is, `key_count` of them. Null for others.
+    const struct palpate_key *keys;
+    // How many keys there are.
+    size_t key_count;
+    // Of a soft body: `core_count` of them, all of the size that the first says.
+    const struct palpate_core *cores;
+    // How many cores there are.
+    size_t core_count;
+    // Convex hulls that stand for it where bodies are far apart, at most; 0: the usual number.
+    uint32_t hulls;
+    // 0.
+    uint32_t reserved;
+} palpate_body;
+
+// What the device holds: exactly one of a sphere, a surface and a body of the scene; and the spring that holds it. Without
+// one (all of it zero) the tool moves freely.
+typedef struct palpate_tool {
+    // sizeof(palpate_tool).
+    uint32_t size;
+    // 1: a surface that would need repair is refused.
+    uint32_t strict;
+    // Radius of a sphere, m.
+    double sphere;
+    // The name of a surface that `palpate_scene_add_surface` took.
+    const char *surface;
+    // The name of a body of the scene, held by its first core, which is dynamic. It has its own mass and pose.
+    const char *body;
+    // kg.
+    double mass;
+    // Where its centre is at the start, world, m.
+    double position[3];
+    // World orientation at the start; four zeros turn nothing.
+    double orientation[4];
+    // At the start, world, m/s.
+    double velocity[3];
+    // Of the surface's coordinates; 0: 1.
+    double scale;
+    // Of the spring between device and tool, N/m.
+    double stiffness;
+    // N s/m.
+    double damping;
+    // N m/rad.
+    double angular_stiffness;
+    // N m s/rad.
+    double angular_damping;
+} palpate_tool;
+
+// Is told what is being prepared: the body's name, or "tool"; the stage ("cache", "read", "repair", "layer", "embed",
+// "proxies", "bind"); how many bodies are ready, and how many there are, the tool counted as one. The strings live until it
+// returns. Give 0 to go on, anything else to end it there. Calls on the scene give PALPATE_STATUS_BUSY meanwhile. It must
+// return: no longjmp, and no exception.
+typedef int32_t (*palpate_progress)(void *user, const char *body, const char *stage, uint32_t done, uint32_t total);
+
+// An elastic material, without its law, which stays as it was made.
+typedef struct palpate_material {
+    // sizeof(palpate_material).
+    uint32_t size;
+    // 0.
+    uint32_t reserved;
+    // Young's modulus, Pa.
+    double young;
+    // Poisson's ratio, from -0.5 to below 0.5.
+    double poisson;
+    // kg/m^3.
+    double density;
+    // Rayleigh damping by mass, 1/s.
+    double damping_mass;
+    // Rayleigh damping by stiffness, s.
+    double damping_stiffness;
+} palpate_material;
+
+// What holds touching bodies apart.
+typedef struct palpate_contact_law {
+    // sizeof(palpate_contact_law).
+    uint32_t size;
+    // 0.
+    uint32_t reserved;
+    // Penalty stiffness per projected area, N/m^3; below zero: from the bodies' materials.
+    double stiffness;
+    // Penalty damping per projected area, N s/m^3; below zero: from the stiffness.
+    double damping;
+    // Coulomb's coefficient.
+    double friction;
+    // Speed below which friction is viscous, m/s.
+    double friction_speed;
+    // Depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m.
+    double depth_limit;
+} palpate_contact_law;
+
+// What joins device and tool.
+typedef struct palpate_coupling {
+    // sizeof(palpate_coupling).
+    uint32_t size;
+    // 0.
+    uint32_t reserved;
+    // N/m.
+    double stiffness;
+    // N s/m.
+    double damping;
+    // N m/rad.
+    double angular_stiffness;
+    // N m s/rad.
+    double angular_damping;
+} palpate_coupling;
 
 // A Vulkan device of this machine. Strings that are longer than their room are cut, and end in a zero.
 typedef struct palpate_device {
@@ -215,23 +499,23 @@ typedef struct palpate_device {
     char reason[256];
 } palpate_device;
 
+// Hears messages: PALPATE_LOG_*, and one line that lives until it returns. It is called on whatever thread a message comes up,
+// within a call of this library or of the driver's; it must not call the library, and must return: no longjmp, no exception.
+typedef void (*palpate_log)(void *user, uint32_t level, const char *message);
+
 // How a context is opened. Zero is right for all of it but the size.
 typedef struct palpate_context_options {
     // sizeof(palpate_context_options).
     uint32_t size;
-    // 0.
-    uint32_t reserved;
+    // 1: the Khronos validation layer looks on, with synchronisation validation, and its messages go to `log`; slow. 0: not.
+    uint32_t validation;
     // Device: its position in `palpate_devices`, or part of its name; null: the best one.
     const char *device;
+    // Hears what there is to say; null: nobody.
+    palpate_log log;
+    // Passed to `log`.
+    void *log_user;
 } palpate_context_options;
-
-// A position and an orientation, world.
-typedef struct palpate_pose {
-    // m.
-    double position[3];
-    // Unit quaternion: x, y, z, w.
-    double orientation[4];
-} palpate_pose;
 
 // What a device says of itself, world axes. The library fills it before each call of `read`, as described; a device writes
 // over what it knows.
@@ -264,7 +548,8 @@ typedef struct palpate_play {
 } palpate_play;
 
 // A haptic device that the caller's callbacks stand for. They run on threads of the loop, never two at a time, and give 0 if
-// all is well; anything else says that the device is lost for now: nothing is played, and it is asked again at the next tick.
+// all is well; anything else says that the device is lost for now: nothing is played, and it is asked again at the next tick,
+// until it has been lost for 5 s.
 // None may wait for longer than a small part of a tick, nor let an exception or a longjmp out. `palpate_loop_stop` and
 // `palpate_loop_destroy` from within one only ask the loop to end.
 typedef struct palpate_haptic_device {
@@ -323,7 +608,8 @@ typedef struct palpate_loop_state {
     uint32_t size;
     // 1: it runs; 0: it has ended, and the device is closed.
     uint32_t is_running;
-    // What it failed with; PALPATE_STATUS_OK where it did not, or has not yet. A device that stays lost is no failure.
+    // What it failed with; PALPATE_STATUS_OK where it did not, or has not yet. A device that stays lost ends
+    // the loop after 5 s, and is no failure.
     palpate_status status;
     // How many notes there are for `palpate_loop_note`.
     uint32_t notes;
@@ -397,6 +683,97 @@ typedef struct palpate_wrench {
     uint32_t iterations;
 } palpate_wrench;
 
+// A lock of the host's around its queue.
+typedef void (*palpate_queue_lock)(void *user);
+
+// A Vulkan device of the host's. Its instance was created for Vulkan 1.3, and the device with the features
+// scalarBlockLayout, synchronization2, dynamicRendering and maintenance4. All of it stays alive until the context and the last
+// of its simulations are gone.
+typedef struct palpate_vulkan {
+    // sizeof(palpate_vulkan).
+    uint32_t size;
+    // What else the device was created with: PALPATE_VULKAN_*, added up. Say no more than is true.
+    uint32_t enabled;
+    // vkGetInstanceProcAddr of the loader that the handles come from; null: the system's loader is opened.
+    void (*get_instance_proc_addr)(void);
+    // VkInstance.
+    void *instance;
+    // VkPhysicalDevice.
+    void *physical_device;
+    // VkDevice.
+    void *device;
+    // VkQueue. The library submits to it in every call that steps or copies, and waits for its own work.
+    void *queue;
+    // The queue's family, which has graphics and compute.
+    uint32_t queue_family;
+    // 0.
+    uint32_t reserved;
+    // Called before each use of the queue and after it, on the same thread, on any thread; the time between is short. Null,
+    // both: the host itself sees to it that it uses the queue in none of the library's calls.
+    palpate_queue_lock lock;
+    // As `lock`.
+    palpate_queue_lock unlock;
+    // Passed to both.
+    void *lock_user;
+    // Hears what there is to say; null: nobody.
+    palpate_log log;
+    // Passed to `log`.
+    void *log_user;
+} palpate_vulkan;
+
+// The skins on the device: arrays over the vertices of all bodies, one body's after another's, the tool's last. On a device
+// of the host's the buffers can be bound at once (usage: storage, texel, transfer, vertex); they live as long as the
+// simulation, unless friction comes into a scene that had none.
+typedef struct palpate_skins {
+    // sizeof(palpate_skins).
+    uint32_t size;
+    // Vertices of all skins.
+    uint32_t vertex_count;
+    // Triangles of all skins.
+    uint32_t triangle_count;
+    // 0.
+    uint32_t reserved;
+    // VkBuffer: four floats a vertex, x y z 1, m from the origin.
+    uint64_t positions;
+    // VkBuffer: four floats a vertex, unit and outward, and 0.
+    uint64_t normals;
+    // VkBuffer: four uint32_t a triangle, its vertices counter-clockwise from outside, and 0.
+    uint64_t triangles;
+} palpate_skins;
+
+// A colliding skin vertex of the last step.
+typedef struct palpate_contact {
+    // Whose vertex it is, and what it touches: positions in the scene; the tool comes after the bodies.
+    uint32_t body[2];
+    // The vertex, of its body's skin.
+    uint32_t vertex;
+    // 0.
+    uint32_t reserved;
+    // Where the vertex is now, world, m.
+    double position[3];
+    // Unit, world, out of what is touched.
+    double normal[3];
+    // m.
+    double depth;
+    // Skin that it stands for, as seen along the normal, m^2.
+    double area;
+    // With which the step began to push, Pa; 0 where it would have pulled.
+    double pressure;
+} palpate_contact;
+
+// What a stage of the step costs.
+typedef struct palpate_stage {
+    // Its name, as in the README: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench" and so on; in every
+    // second timed step the first five are one, "pose to contact".
+    char name[32];
+    // On the device in the last step, microseconds; 0 where that was not timed.
+    double microseconds;
+    // Dispatches, draws, fills and copies in a step like the last; 0 of "pose to contact".
+    uint32_t passes;
+    // 0.
+    uint32_t reserved;
+} palpate_stage;
+
 
 
 #ifdef __cplusplus
@@ -409,6 +786,105 @@ uint32_t palpate_abi(void);
 
 // The library's version, such as "0.1.0". Never null; lives as long as the program.
 const char *palpate_version(void);
+
+// Makes a scene of nothing, for the functions below. `settings` may be null. Files that its texts name are relative to the
+// working directory.
+palpate_status palpate_scene_create(const struct palpate_settings *settings,
+                                    struct palpate_scene **scene);
+
+// Adds the tables of a text to a scene, as of a scene file: anything that the structs here have no fields for, such as joints,
+// regions, skeletons, probes and [haptics]. Bodies and probes come after those that there are; other tables and keys replace
+// what there is, and what the text leaves out stays. Bodies may name meshes that were handed over, `surface = { mesh = "name" }`
+// and `layer = { mesh = "name" }`.
+palpate_status palpate_scene_add(struct palpate_scene *scene,
+                                 const char *text);
+
+// Hands a surface over, under a name by which bodies and the tool call it: what an OBJ file of the same vertices and faces
+// would be. `vertices`: 3 * `vertex_count` numbers, m before the body's scale. `triangles`: 3 * `triangle_count` vertices,
+// counted from 0, counter-clockwise seen from outside. What of it needs repair is repaired where bodies are prepared. The name
+// is no other surface's, and may be any text but "".
+palpate_status palpate_scene_add_surface(struct palpate_scene *scene,
+                                         const char *name,
+                                         const double *vertices,
+                                         size_t vertex_count,
+                                         const uint32_t *triangles,
+                                         size_t triangle_count);
+
+// Hands the tetrahedra of a layer over, under a name by which bodies call it: what a mesh file of them would be. `nodes`:
+// 3 * `node_count` numbers, m before the body's scale. `tetrahedra`: 4 * `tetrahedron_count` nodes, counted from 0; those that
+// are inside out are turned, those without volume or given twice are refused. The name is no other layer's, and may be any text
+// but "".
+palpate_status palpate_scene_add_layer(struct palpate_scene *scene,
+                                       const char *name,
+                                       const double *nodes,
+                                       size_t node_count,
+                                       const uint32_t *tetrahedra,
+                                       size_t tetrahedron_count);
+
+// Adds a body. `index` receives its position in the scene, from 0, and may be null. What is wrong is named as in a scene file:
+// `body.NAME.material.young` is the field `young`.
+palpate_status palpate_scene_add_body(struct palpate_scene *scene,
+                                      const struct palpate_body *body,
+                                      uint32_t *index);
+
+// Says with what a body of a scene collides: with `count` bodies of these names ("tool": the tool), all of which are there.
+// `names` null: with every other, as it is where nobody says. Two bodies collide where each has the other in its list or has
+// no list; a list of none is one.
+palpate_status palpate_scene_set_collides(struct palpate_scene *scene,
+                                          uint32_t body,
+                                          const char *const *names,
+                                          size_t count);
+
+// Gives a scene this tool, held so, in place of any that it has.
+palpate_status palpate_scene_set_tool(struct palpate_scene *scene, const struct palpate_tool *tool);
+
+// Prepares the bodies of a scene: repairs surfaces, fills them with cells, and so on (cached between runs, else seconds).
+// palpate_simulation_create does it too where it is not done, with nobody watching. `progress` is called as each stage begins,
+// with `user`, on this thread; it may be null. Where it ends it (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and
+// the next call goes on.
+palpate_status palpate_scene_prepare(struct palpate_scene *scene,
+                                     palpate_progress progress,
+                                     void *user);
+
+// The material of a soft body: its own at `index` 0, then those of its regions in the order of the scene.
+palpate_status palpate_material_get(struct palpate_simulation *simulation,
+                                    uint32_t body,
+                                    uint32_t index,
+                                    struct palpate_material *material);
+
+// Gives a soft body another material from the next step on, `index` as for `palpate_material_get`. Nothing is prepared or
+// recorded again; whether the solver has a coarse level for the body stays as it was chosen. PALPATE_STATUS_ARGUMENT: there is
+// no such material, or it cannot be so; or the body has several and the density would move its centre of mass.
+palpate_status palpate_material_set(struct palpate_simulation *simulation,
+                                    uint32_t body,
+                                    uint32_t index,
+                                    const struct palpate_material *material);
+
+// The contact law in force; numbers that are chosen from the materials are -1.
+palpate_status palpate_contact_get(struct palpate_simulation *simulation, struct palpate_contact_law *law);
+
+// Another contact law from the next step on. Friction in a scene that had none is recorded first, which takes some time once.
+palpate_status palpate_contact_set(struct palpate_simulation *simulation,
+                                   const struct palpate_contact_law *law);
+
+// Another coupling between device and tool from the next step on; null: none, and the tool moves freely.
+palpate_status palpate_coupling_set(struct palpate_simulation *simulation, const struct palpate_coupling *coupling);
+
+// Where a core of a body is: the pose of the origin of the body's file, carried along. Cores are counted from 0, bones first;
+// a rigid body has one.
+palpate_status palpate_core_pose(struct palpate_simulation *simulation,
+                                 uint32_t body,
+                                 uint32_t core,
+                                 struct palpate_pose *pose);
+
+// Takes a driven core from where it is to a pose (as `palpate_core_pose` tells it), evenly, within `seconds` of simulated time
+// but a step at least, and leaves it there; keys that it had are forgotten. Call it before every step to animate it. A core
+// that is not driven gives PALPATE_STATUS_ARGUMENT.
+palpate_status palpate_core_move(struct palpate_simulation *simulation,
+                                 uint32_t body,
+                                 uint32_t core,
+                                 const struct palpate_pose *pose,
+                                 double seconds);
 
 // Lists the devices of this machine, usable or not. `count` receives how many there are; up to `capacity` are written to
 // `devices`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more, and none was written.
@@ -470,6 +946,12 @@ palpate_status palpate_loop_stop(struct palpate_loop *the_loop);
 // handle stays. Null does nothing.
 palpate_status palpate_loop_destroy(struct palpate_loop *the_loop);
 
+// Makes a context on a device of the host's, which is left open when the context goes. What is in reach is checked: that the
+// physical device is of the instance and can run palpate, and that the queue's family has graphics and compute; handles that are
+// none, and features that were not enabled, cannot be found out.
+palpate_status palpate_context_create_on(const struct palpate_vulkan *vulkan,
+                                         struct palpate_context **context);
+
 // Reads a scene file.
 palpate_status palpate_scene_load(const char *file, struct palpate_scene **scene);
 
@@ -480,7 +962,56 @@ palpate_status palpate_scene_parse(const char *text, const char *folder, struct 
 // Lets go of a scene. Null does nothing.
 palpate_status palpate_scene_destroy(struct palpate_scene *scene);
 
-// Makes a simulation of a scene on a context: prepares the bodies (cached between runs, else seconds), and records the step.
+// Where the skin of a body is, whatever its kind; the tool comes after the bodies. `origin`: three numbers that positions are
+// relative to, m; null: the world's. `positions` and `normals` have room for `capacity` vertices, three floats each (m; unit and
+// outward); either may be null. `count` receives how many there are. PALPATE_STATUS_TOO_SMALL: none was written.
+palpate_status palpate_skin(struct palpate_simulation *simulation,
+                            uint32_t body,
+                            const double *origin,
+                            float (*positions)[3],
+                            float (*normals)[3],
+                            size_t capacity,
+                            size_t *count);
+
+// The triangles of a body's skin: three of its vertices each, counter-clockwise from outside; they do not change. `count`
+// receives how many there are; `triangles` has room for `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL:
+// none was written.
+palpate_status palpate_skin_triangles(struct palpate_simulation *simulation,
+                                      uint32_t body,
+                                      uint32_t (*triangles)[3],
+                                      size_t capacity,
+                                      size_t *count);
+
+// Brings the skins on the device up to date, relative to `origin` (three numbers, m; null: the world's), and tells where they
+// are: nothing is copied. The arrays are filled when this returns, and stay until the next call or `palpate_skin`; work of the
+// host's that reads them must be submitted to the same queue, or be done before that. The first call makes the arrays.
+palpate_status palpate_skin_buffers(struct palpate_simulation *simulation,
+                                    const double *origin,
+                                    struct palpate_skins *skins);
+
+// The vertices of a body among those of `palpate_skin_buffers`: the first, and how many. The tool comes after the bodies.
+palpate_status palpate_skin_range(struct palpate_simulation *simulation,
+                                  uint32_t body,
+                                  uint32_t *first,
+                                  uint32_t *count);
+
+// A file descriptor of the memory of one of the arrays of `palpate_skin_buffers` (PALPATE_SKIN_*), for another API to import
+// (VK_KHR_external_memory_fd, opaque; a dedicated allocation that begins with the array), and the size of that memory in
+// bytes. The descriptor is the caller's: what imports it owns it, else close it. Call `palpate_skin_buffers` to bring the
+// array up to date. PALPATE_STATUS_VULKAN: the device cannot.
+palpate_status palpate_skin_export(struct palpate_simulation *simulation,
+                                   uint32_t which,
+                                   int32_t *descriptor,
+                                   uint64_t *bytes);
+
+// The contacts of the last step. `count` receives how many there are; `contacts` has room for `capacity` and may be null where
+// that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
+palpate_status palpate_contacts(struct palpate_simulation *simulation,
+                                struct palpate_contact *contacts,
+                                size_t capacity,
+                                size_t *count);
+
+// Makes a simulation of a scene on a context: prepares the bodies where palpate_scene_prepare has not, and records the step.
 // The scene may be destroyed afterwards.
 palpate_status palpate_simulation_create(struct palpate_context *context,
                                          struct palpate_scene *scene,
@@ -507,6 +1038,34 @@ palpate_status palpate_nodes(struct palpate_simulation *simulation,
                              double (*positions)[3],
                              size_t capacity,
                              size_t *count);
+
+// Saves all that the next step starts from: where everything is and how it moves, and what the solver and culling remember.
+// What was set is not in it (material, contact, coupling). Between two steps; costs a copy from the device.
+// `size` receives how many bytes it takes, the same for the whole life of a simulation; they are written to `bytes`, which has
+// room for `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
+palpate_status palpate_state_save(struct palpate_simulation *simulation,
+                                  uint8_t *bytes,
+                                  size_t capacity,
+                                  size_t *size);
+
+// Takes up a state that was saved, of this simulation or of another of the same bodies, tool and device, in this process or
+// another: from there on both give the same bits, if the same was set. PALPATE_STATUS_ARGUMENT: the bytes are none that this
+// version saved, are damaged, or belong to other bodies; nothing changed. A simulation whose step failed goes on from the state.
+palpate_status palpate_state_restore(struct palpate_simulation *simulation,
+                                     const uint8_t *bytes,
+                                     size_t size);
+
+// Times every so many steps from now on; 0, as at the beginning: none. A timed step is up to a millisecond slower on some
+// drivers.
+palpate_status palpate_time_every(struct palpate_simulation *simulation,
+                                  uint64_t steps);
+
+// The stages of the step, in their order, and what each costs. `count` receives how many there are; `stages` has room for
+// `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
+palpate_status palpate_stages(struct palpate_simulation *simulation,
+                              struct palpate_stage *stages,
+                              size_t capacity,
+                              size_t *count);
 
 // What went wrong in the last call on this thread that did not give PALPATE_STATUS_OK, in one line; "" where none did. Never
 // null; lives until the next such call on this thread.

@@ -15,6 +15,8 @@ namespace palpate {
 
 using Pose = palpate_pose;
 using Wrench = palpate_wrench;
+using Material = palpate_material;
+using ContactLaw = palpate_contact_law;
 using Settings = palpate_settings;
 using Body = palpate_body;
 using Core = palpate_core;
@@ -199,6 +201,61 @@ public:
         std::vector<std::array<double, 3>> positions(count);
         check(palpate_nodes(get(), body, reinterpret_cast<double(*)[3]>(positions.data()), count, &count));
         return positions;
+    }
+    /// Where a body's skin is, m, world; the tool comes after the bodies.
+    std::vector<std::array<float, 3>> skin(uint32_t body) const {
+        static_assert(sizeof(std::array<float, 3>) == sizeof(float[3]), "an array is its elements");
+        size_t count = 0;
+        check(palpate_skin(get(), body, nullptr, nullptr, nullptr, 0, &count));
+        std::vector<std::array<float, 3>> positions(count);
+        auto *to = reinterpret_cast<float(*)[3]>(positions.data());
+        check(palpate_skin(get(), body, nullptr, to, nullptr, count, &count));
+        return positions;
+    }
+    /// The contacts of the last step.
+    std::vector<palpate_contact> contacts() const {
+        size_t count = 0;
+        check(palpate_contacts(get(), nullptr, 0, &count));
+        std::vector<palpate_contact> contacts(count);
+        check(palpate_contacts(get(), contacts.data(), count, &count));
+        return contacts;
+    }
+    /// All that the next step starts from.
+    std::vector<uint8_t> save() const {
+        size_t size = 0;
+        check(palpate_state_save(get(), nullptr, 0, &size));
+        std::vector<uint8_t> state(size);
+        check(palpate_state_save(get(), state.data(), size, &size));
+        return state;
+    }
+    /// Goes on from there, bit for bit.
+    void restore(const std::vector<uint8_t> &state) { check(palpate_state_restore(get(), state.data(), state.size())); }
+    /// A soft body's material: its own at 0, then those of its regions.
+    Material material(uint32_t body, uint32_t index = 0) const {
+        Material material{};
+        material.size = sizeof material;
+        check(palpate_material_get(get(), body, index, &material));
+        return material;
+    }
+    void set_material(uint32_t body, const Material &material, uint32_t index = 0) {
+        check(palpate_material_set(get(), body, index, &material));
+    }
+    /// What holds touching bodies apart.
+    ContactLaw contact_law() const {
+        ContactLaw law{};
+        law.size = sizeof law;
+        check(palpate_contact_get(get(), &law));
+        return law;
+    }
+    void set_contact_law(const ContactLaw &law) { check(palpate_contact_set(get(), &law)); }
+    /// Where a core is, and where a driven one goes within so many seconds.
+    Pose core(uint32_t body, uint32_t core) const {
+        Pose pose{};
+        check(palpate_core_pose(get(), body, core, &pose));
+        return pose;
+    }
+    void move_core(uint32_t body, uint32_t core, const Pose &pose, double seconds = 0.0) {
+        check(palpate_core_move(get(), body, core, &pose, seconds));
     }
 
 private:

@@ -121,12 +121,12 @@ pub fn nodes(simulation: *mut palpate_simulation) -> Vec<[f64; 3]> {
     nodes
 }
 
-fn root() -> &'static Path {
+pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
 /// Where cargo puts the shared library that belongs to this test.
-fn library() -> PathBuf {
+pub fn library() -> PathBuf {
     let built = Path::new(env!("CARGO_BIN_EXE_palpate")).parent().unwrap();
     let newest = [built.to_path_buf(), built.join("deps")].map(|folder| folder.join("libpalpate.so"));
     let when = |path: &PathBuf| path.metadata().and_then(|m| m.modified()).ok();
@@ -134,10 +134,10 @@ fn library() -> PathBuf {
     found.expect("cargo builds libpalpate.so").parent().unwrap().to_path_buf()
 }
 
-/// Compiles a program of the repository without a warning, runs it, and gives what it prints.
-pub fn output(compiler: &str, standard: &str, source: &str, arguments: &[&Path]) -> String {
-    let folder = tempfile::tempdir().unwrap();
-    let (program, library) = (folder.path().join("program"), library());
+/// Compiles a program of the repository without a warning; its path.
+pub fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> PathBuf {
+    let program = folder.join(format!("{}-{compiler}", Path::new(source).file_stem().unwrap().display()));
+    let library = library();
     let done = Command::new(compiler)
         .args([&format!("-std={standard}"), "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-I"])
         .arg(root().join("src/ffi"))
@@ -146,11 +146,19 @@ pub fn output(compiler: &str, standard: &str, source: &str, arguments: &[&Path])
         .arg(&program)
         .arg("-L")
         .arg(&library)
-        .args(["-lpalpate", "-lm", "-pthread", &format!("-Wl,-rpath,{}", library.display())])
+        // Before LD_LIBRARY_PATH, which cargo sets to where other builds may lie.
+        .args(["-lpalpate", "-lvulkan", "-lm", "-pthread", "-Wl,--disable-new-dtags"])
+        .arg(format!("-Wl,-rpath,{}", library.display()))
         .output()
         .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh installs it"));
     assert!(done.status.success(), "{compiler}: {}", String::from_utf8_lossy(&done.stderr));
-    let done = Command::new(&program).args(arguments).output().unwrap();
+    program
+}
+
+/// The same, run; what it prints.
+pub fn output(compiler: &str, standard: &str, source: &str, arguments: &[&Path]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let done = Command::new(compiled(compiler, standard, source, folder.path())).args(arguments).output().unwrap();
     let said = String::from_utf8(done.stdout).unwrap();
     assert!(done.status.success(), "{said}{}", String::from_utf8_lossy(&done.stderr));
     said

@@ -1,0 +1,49 @@
+/* Creates, steps and destroys everything again and again: rounds SCENE ROUNDS STEPS. Prints the force of the last step. */
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "palpate.h"
+
+static void check(palpate_status status) {
+    if (status != PALPATE_STATUS_OK) {
+        fprintf(stderr, "%s\n", palpate_last_error());
+        exit(EXIT_FAILURE);
+    }
+}
+
+int main(int argc, char **argv) {
+    if (argc != 4) {
+        return 2;
+    }
+    palpate_wrench wrench = {.size = sizeof wrench};
+    for (long round = strtol(argv[2], NULL, 10); round > 0; round--) {
+        palpate_context *context = NULL;
+        palpate_scene *scene = NULL;
+        palpate_simulation *simulation = NULL;
+        check(palpate_context_create(NULL, &context));
+        check(palpate_scene_load(argv[1], &scene));
+        check(palpate_simulation_create(context, scene, &simulation));
+        for (long step = strtol(argv[3], NULL, 10); step > 0; step--) {
+            check(palpate_step(simulation, NULL, &wrench));
+        }
+        size_t size = 0;
+        check(palpate_state_save(simulation, NULL, 0, &size));
+        unsigned char *state = malloc(size);
+        check(palpate_state_save(simulation, state, size, &size));
+        check(palpate_state_restore(simulation, state, size));
+        free(state);
+        size_t count = 0;
+        check(palpate_contacts(simulation, NULL, 0, &count));
+        palpate_skins skins = {.size = sizeof skins};
+        check(palpate_skin_buffers(simulation, NULL, &skins));
+        /* A wrong call, whose message is kept for the thread. */
+        if (palpate_nodes(simulation, 77, NULL, 0, &count) == PALPATE_STATUS_OK) {
+            return EXIT_FAILURE;
+        }
+        check(palpate_simulation_destroy(simulation));
+        check(palpate_scene_destroy(scene));
+        check(palpate_context_destroy(context));
+    }
+    printf("%.17g\n", wrench.force[1]);
+    return EXIT_SUCCESS;
+}

@@ -1,0 +1,162 @@
+//! The C ABI over a long time: rounds and steps without end hold memory flat, valgrind finds nothing, and what the ABI adds to a
+//! step is nothing that one feels.
+#![allow(unsafe_code)]
+
+mod ffi_help;
+
+use std::path::Path;
+use std::process::Command;
+use std::time::Instant;
+
+use ffi_help::{BLOCK, DEEP, SPHERE, compiled, context, memory, ok, simulation, wrench};
+use palpate::ffi::context::palpate_context_destroy;
+use palpate::ffi::simulation::{palpate_simulation, palpate_simulation_destroy, palpate_step};
+use palpate::gpu::{Context, Options};
+use palpate::scene::Scene;
+use palpate::step::Simulation;
+
+/// Rounds and steps before memory is looked at: pools fill, threads begin.
+const WARM: usize = 60;
+/// What memory may grow by in all the rounds or steps that follow, bytes: pages that come and go with the driver's threads; a
+/// leak of one page a round, or of four bytes a step of a million, is more.
+const FLAT: u64 = 1 << 20;
+
+/// Bytes of this process's memory that are in use.
+fn resident() -> u64 {
+    let pages = std::fs::read_to_string("/proc/self/statm").unwrap();
+    4096 * pages.split(' ').nth(1).unwrap().parse::<u64>().unwrap()
+}
+
+fn small() -> String {
+    BLOCK.replace("cells = [6, 4, 6]", "cells = [2, 2, 2]") + SPHERE
+}
+
+fn step(simulation: *mut palpate_simulation) -> f64 {
+    let mut told = wrench();
+    // SAFETY: a handle, a pose, a place for the answer.
+    ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
+    told.force[1]
+}
+
+fn round() {
+    let context = context();
+    let simulation = simulation(context, &small());
+    (0..2).for_each(|_| {
+        step(simulation);
+    });
+    ok(palpate_simulation_destroy(simulation));
+    assert_eq!(memory(context), 0);
+    ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn three_hundred_rounds_hold_memory_flat() {
+    (0..WARM).for_each(|_| round());
+    let before = resident();
+    (0..300).for_each(|_| round());
+    let grown = resident().saturating_sub(before);
+    println!("300 rounds: {grown} bytes more of {before}");
+    assert!(grown < FLAT, "{grown} bytes more after 300 rounds");
+}
+
+fn soak(steps: usize) {
+    let context = context();
+    let simulation = simulation(context, &small());
+    let mut most = 0.0;
+    for _ in 0..1000 {
+        most = step(simulation);
+    }
+    let (before, own) = (resident(), memory(context));
+    for _ in 0..steps {
+        most = step(simulation).max(most);
+    }
+    let grown = resident().saturating_sub(before);
+    println!("{steps} steps: {grown} bytes more of {before}; greatest force {most} N");
+    assert!(grown < FLAT && memory(context) == own, "{grown} bytes more after {steps} steps");
+    assert!(most > 0.1 && most < 3.0, "{most} N");
+    ok(palpate_simulation_destroy(simulation));
+    ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn steps_hold_memory_flat() {
+    soak(20_000);
+}
+
+#[test]
+#[ignore = "ten minutes: cargo test --release --test ffi_lasting -- --ignored"]
+fn a_million_steps_hold_memory_flat() {
+    soak(1_000_000);
+}
+
+/// Steps of one kind in a row, and how often the two kinds take turns.
+const ROW: usize = 40;
+const TURNS: usize = 25;
+
+/// Median time of a step through the ABI over that of a Rust call, of the same scene on contexts of their own that take turns;
+/// and the difference, s.
+fn overhead(text: &str) -> (f64, f64) {
+    let context = context();
+    let simulation = simulation(context, text);
+    let scene = Scene::parse(Path::new("scene"), text).unwrap();
+    let mut own = Simulation::on(&Context::new(&Options::default()).unwrap(), &scene, None).unwrap();
+    own.time_every(0).unwrap();
+    let (position, orientation) = (DEEP.position.into(), glam::DQuat::from_array(DEEP.orientation));
+    let (mut told, mut times) = (wrench(), [Vec::new(), Vec::new()]);
+    for _ in 0..TURNS {
+        for _ in 0..ROW {
+            let begun = Instant::now();
+            // SAFETY: a handle, a pose, a place for the answer.
+            let status = unsafe { palpate_step(simulation, &DEEP, &mut told) };
+            times[0].push(begun.elapsed().as_secs_f64());
+            ok(status);
+        }
+        for _ in 0..ROW {
+            let begun = Instant::now();
+            let row = own.step_at(palpate::report::Pose { position, orientation });
+            times[1].push(begun.elapsed().as_secs_f64());
+            row.unwrap();
+        }
+    }
+    ok(palpate_simulation_destroy(simulation));
+    ok(palpate_context_destroy(context));
+    let [abi, rust] = times.map(|mut times| {
+        times.sort_by(f64::total_cmp);
+        times[times.len() / 2]
+    });
+    (abi / rust, abi - rust)
+}
+
+#[test]
+fn the_abi_adds_nothing_that_one_feels() {
+    // What disturbs the one kind more than the other is the machine's: the best of a few tries is the ABI's.
+    let mut best = f64::INFINITY;
+    for _ in 0..6 {
+        let (ratio, difference) = overhead(&format!("{BLOCK}{SPHERE}"));
+        println!("a step through the ABI takes {ratio:.4} of one in Rust: {:+.1} us", 1e6 * difference);
+        best = best.min(ratio);
+        if best < 1.02 {
+            return;
+        }
+    }
+    panic!("a step through the ABI takes {best} of one in Rust");
+}
+
+#[test]
+fn valgrind_finds_nothing_in_ten_rounds() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(&scene, small()).unwrap();
+    let program = compiled("gcc", "c11", "tests/ffi_help/rounds.c", folder.path());
+    let suppressions = ffi_help::root().join("tests/ffi_help/driver.supp");
+    let mut valgrind = Command::new("valgrind");
+    valgrind.args(["--error-exitcode=9", "--leak-check=full", "--show-leak-kinds=definite,indirect"]);
+    valgrind.args(["--errors-for-leak-kinds=definite,indirect", "--num-callers=40"]);
+    valgrind.arg(format!("--suppressions={}", suppressions.display()));
+    let done = valgrind.arg(&program).arg(&scene).args(["10", "3"]).env("LP_NUM_THREADS", "0").output();
+    let done = done.unwrap_or_else(|error| panic!("valgrind: {error}; ./setup.sh installs it"));
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert!(done.status.success(), "{said}");
+    let force: f64 = String::from_utf8_lossy(&done.stdout).trim().parse().unwrap();
+    assert!(force.is_finite());
+}
