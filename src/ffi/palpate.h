@@ -2,7 +2,8 @@
  * palpate.h: feel soft bodies from any program.
  *
  * A context is a Vulkan device, a scene is what a scene file says (README, "A scene"), a simulation is a scene under way on a
- * context: pose in, wrench out, a step at a time.
+ * context: pose in, wrench out, a step at a time. Scenes are read from files and texts, or built by calls, or both: what a call
+ * adds is checked as a file is, and names (meshes, bodies, the tool) what is there already.
  *
  * Every function gives a status. What is not PALPATE_STATUS_OK has done nothing but what its description says, and left one
  * line about what is wrong and what to do in palpate_last_error().

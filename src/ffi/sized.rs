@@ -259,7 +259,7 @@ mod tests {
         let pointer = (&raw const old).cast::<Grown>();
         // SAFETY (all here): as many bytes as are counted, where they are looked at.
         let all = unsafe { structs(pointer, 3, "all") }.unwrap();
-        assert_eq!(all, [5, 6, 7].map(|old| Grown { size: 12, old, new: 2 }));
+        assert_eq!(all, [5, 6, 7].map(|old| Grown { size: 8, old, new: 2 }));
         let mixed = [8u32, 5, 12, 6, 1];
         let pointer = (&raw const mixed).cast::<Grown>();
         let message = |count| unsafe { structs(pointer, count, "all") }.unwrap_err().message;

@@ -5,10 +5,10 @@
 
 use std::path::PathBuf;
 
-use super::Scene;
 use super::keys::Source;
 use super::load;
 use super::meshes::Meshes;
+use super::{Scene, names};
 use crate::{Error, Result};
 
 /// A scene in the making. It is sound after each call: what a call names (a body, the tool, a mesh) is there already.
@@ -65,7 +65,7 @@ impl Builder {
             return Err(Error::key(&self.scene.file, "body", problem, "give one of them"));
         };
         for name in names.iter().flatten() {
-            load::check_partner(&self.scene, named, name).map_err(|(problem, remedy)| {
+            names::check_partner(&self.scene, named, name).map_err(|(problem, remedy)| {
                 Error::key(&self.scene.file, format!("body.{}.collides", named.name), problem, remedy)
             })?;
         }
@@ -130,7 +130,7 @@ mod tests {
         refused(&mut builder, &block("b", "collides = [\"a\"]"), "there is no body \"a\"");
         refused(&mut builder, "[coupling]\nstiffness = 1\ndamping = 1", "there is no [tool]");
         builder.add(&(block("a", "") + TOOL)).unwrap();
-        refused(&mut builder, &(block("b", "") + &block("a", "")), "s:5: `body[1].name`: \"a\" is taken");
+        refused(&mut builder, &(block("b", "") + &block("a", "")), "s:7: `body[1].name`: \"a\" is taken");
         let probe = "[[probe]]\nname = \"p\"\nbody = \"a\"\nnearest = [0, 0, 0]\n";
         refused(&mut builder, &(block("b", "") + probe + probe), "taken by another probe");
         builder.add(probe).unwrap();
@@ -189,5 +189,23 @@ mod tests {
         };
         // As a file's would be, it was turned.
         assert_eq!((skin.triangles.len(), inside.tetrahedra[0]), (4, [0, 2, 3, 1]));
+    }
+
+    #[test]
+    fn numbers_of_tables_arrive_with_all_their_bits() {
+        let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            Some(f64::from_bits(state)).filter(|x| x.abs() <= 1e30).unwrap_or(0.1 + 0.2)
+        };
+        for _ in 0..300 {
+            let point: [f64; 3] = std::array::from_fn(|_| random());
+            let mut tables: toml::Table = format!("[[body]]\nname = \"a\"\n{BLOCK}").parse().unwrap();
+            tables["body"][0].as_table_mut().unwrap().insert("position".into(), point.to_vec().into());
+            let mut builder = Builder::new(Scene::empty("s"));
+            builder.add_tables(&tables).unwrap();
+            let read = builder.scene().bodies[0].position.to_array();
+            assert_eq!(read.map(f64::to_bits), point.map(f64::to_bits));
+        }
     }
 }

@@ -16,6 +16,7 @@ mod keys;
 mod load;
 mod material;
 pub mod meshes;
+mod names;
 pub mod obj;
 pub mod preset;
 mod skeleton;
