@@ -4,7 +4,7 @@
 mod ffi_help;
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::ffi::{CStr, CString};
+use std::ffi::CString;
 use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -17,7 +17,7 @@ use palpate::ffi::simulation::{
     palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_simulation_destroy,
     palpate_step, palpate_wrench,
 };
-use palpate::ffi::status::{palpate_last_error, palpate_status};
+use palpate::ffi::status::palpate_status;
 
 /// Counts what this program asks the system for; the driver asks by itself.
 struct Counted;
