@@ -264,7 +264,8 @@ typedef struct palpate_play {
 } palpate_play;
 
 // A haptic device that the caller's callbacks stand for. They run on threads of the loop, never two at a time, and give 0 if
-// all is well; anything else says that the device is lost for now: nothing is played, and it is asked again at the next tick.
+// all is well; anything else says that the device is lost for now: nothing is played, and it is asked again at the next tick,
+// until it has been lost for 5 s.
 // None may wait for longer than a small part of a tick, nor let an exception or a longjmp out. `palpate_loop_stop` and
 // `palpate_loop_destroy` from within one only ask the loop to end.
 typedef struct palpate_haptic_device {
@@ -323,7 +324,8 @@ typedef struct palpate_loop_state {
     uint32_t size;
     // 1: it runs; 0: it has ended, and the device is closed.
     uint32_t is_running;
-    // What it failed with; PALPATE_STATUS_OK where it did not, or has not yet. A device that stays lost is no failure.
+    // What it failed with; PALPATE_STATUS_OK where it did not, or has not yet. A device that stays lost ends
+    // the loop after 5 s, and is no failure.
     palpate_status status;
     // How many notes there are for `palpate_loop_note`.
     uint32_t notes;
