@@ -64,7 +64,8 @@ fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> Path
 }
 
 fn output(program: &mut Command) -> String {
-    let done = program.output().unwrap();
+    // Cargo's own search path may have an older library before the one that was linked.
+    let done = program.env_remove("LD_LIBRARY_PATH").output().unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     String::from_utf8(done.stdout).unwrap()
 }

@@ -150,7 +150,8 @@ pub fn output(compiler: &str, standard: &str, source: &str, arguments: &[&Path])
         .output()
         .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh installs it"));
     assert!(done.status.success(), "{compiler}: {}", String::from_utf8_lossy(&done.stderr));
-    let done = Command::new(&program).args(arguments).output().unwrap();
+    // Cargo's own search path may have an older one before it.
+    let done = Command::new(&program).args(arguments).env_remove("LD_LIBRARY_PATH").output().unwrap();
     let said = String::from_utf8(done.stdout).unwrap();
     assert!(done.status.success(), "{said}{}", String::from_utf8_lossy(&done.stderr));
     said
