@@ -251,7 +251,7 @@ impl Facts {
         (state.played_force, state.played_torque) = (tick.played.force.to_array(), tick.played.torque.to_array());
         state.peak_force = state.peak_force.max(tick.played.force.length());
         (state.missed, state.late_worst) = (self.lateness.missed(), self.lateness.worst());
-        if self.lateness.ticks() % QUANTILE_EVERY == 0 {
+        if self.lateness.ticks().is_multiple_of(QUANTILE_EVERY) {
             state.late_p99 = self.lateness.quantile(0.99);
         }
     }

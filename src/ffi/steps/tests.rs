@@ -82,7 +82,7 @@ fn while_a_step_is_under_way_the_last_wrench_is_told_and_all_else_is_busy() {
         assert!(steps.poll().unwrap());
         let (told, age) = newest(&steps);
         assert!(told == step && age >= 0.0 && age.is_finite());
-        handles::with(handle, |told: &mut Told| Ok(assert_eq!(told.steps, step))).unwrap();
+        assert_eq!(handles::with(handle, |told: &mut Told| Ok(told.steps)).unwrap(), step);
     }
     remove::<Told>(handle).unwrap();
 }
