@@ -104,6 +104,12 @@ fn programs_in_c_and_python_feel_the_forces_of_palpate_run() {
     assert_eq!(bits(&felt(&said)), bits(&told), "python");
 }
 
+/// A Python that knows NumPy: the first on the path, or the system's.
+fn with_numpy() -> Command {
+    let knows = |python: &&str| Command::new(python).args(["-c", "import numpy"]).status().is_ok_and(|s| s.success());
+    Command::new(["python3", "/usr/bin/python3"].iter().find(knows).expect("NumPy: ./setup.sh installs it"))
+}
+
 #[test]
 fn a_program_shares_its_device_and_one_in_python_looks_on() {
     let folder = tempfile::tempdir().unwrap();
@@ -115,7 +121,7 @@ fn a_program_shares_its_device_and_one_in_python_looks_on() {
         assert_eq!(force.to_bits(), told[STEPS - 1][2].to_bits(), "{compiler}: {said}");
         assert!(said.contains("vertices shared") && !said.contains("locked 0 times"), "{said}");
     }
-    let mut python = Command::new("python3");
+    let mut python = with_numpy();
     python.arg(root().join("examples/python/watch.py")).arg(&scene).arg(STEPS.to_string());
     let said = output(python.arg(library().join("libpalpate.so")));
     let size = (1..4).map(|k| told[STEPS - 1][k].powi(2)).sum::<f64>().sqrt();

@@ -758,7 +758,7 @@ typedef struct palpate_contact {
     double depth;
     // Skin that it stands for, as seen along the normal, m^2.
     double area;
-    // With which the step began to push, Pa; 0 where it would have pulled.
+    // With which the step began to push, Pa.
     double pressure;
 } palpate_contact;
 
@@ -1005,7 +1005,7 @@ palpate_status palpate_skin_export(struct palpate_simulation *simulation,
                                    int32_t *descriptor,
                                    uint64_t *bytes);
 
-// The contacts of the last step. `count` receives how many there are; `contacts` has room for `capacity` and may be null where
+// The contacts of the last step, as many as its wrench says. `count` receives how many there are; `contacts` has room for `capacity` and may be null where
 // that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
 palpate_status palpate_contacts(struct palpate_simulation *simulation,
                                 struct palpate_contact *contacts,

@@ -60,7 +60,7 @@ pub struct palpate_contact {
     pub depth: f64,
     /// Skin that it stands for, as seen along the normal, m^2.
     pub area: f64,
-    /// With which the step began to push, Pa; 0 where it would have pulled.
+    /// With which the step began to push, Pa.
     pub pressure: f64,
 }
 
@@ -215,7 +215,7 @@ pub unsafe extern "C" fn palpate_skin_export(
     })
 }
 
-/// The contacts of the last step. `count` receives how many there are; `contacts` has room for `capacity` and may be null where
+/// The contacts of the last step, as many as its wrench says. `count` receives how many there are; `contacts` has room for `capacity` and may be null where
 /// that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_contacts(

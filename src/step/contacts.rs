@@ -20,12 +20,12 @@ pub struct ContactPoint {
     pub depth: f64,
     /// Skin that it stands for, as seen along the normal, m^2.
     pub area: f64,
-    /// With which the step began to push, Pa; 0 where it would have pulled.
+    /// With which the step began to push, Pa.
     pub pressure: f64,
 }
 
 impl Simulation {
-    /// The contacts of the last step. Costs transfers of its own, and makes the arrays of [`Simulation::skins`].
+    /// The contacts of the last step, but for those that were dropped because they would have pulled. Costs transfers of its own, and makes the arrays of [`Simulation::skins`].
     pub fn contacts(&mut self) -> Result<Vec<ContactPoint>> {
         let (_, contacts) = self.touch()?;
         if contacts.is_empty() {
@@ -51,9 +51,9 @@ impl Simulation {
                 normal: out * wide(contact.normal),
                 depth: contact.depth.into(),
                 area: contact.area.into(),
-                pressure: if contact.stiffness > 0.0 { f64::from(push).max(0.0) } else { 0.0 },
+                pressure: f64::from(push).max(0.0),
             }
         };
-        Ok(contacts.iter().map(point).collect())
+        Ok(contacts.iter().filter(|contact| contact.stiffness > 0.0).map(point).collect())
     }
 }
