@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 
-packages=(build-essential clang python3 python3-numpy pkg-config cmake libshaderc-dev glslang-dev spirv-tools libvulkan-dev
+packages=(build-essential clang valgrind python3 python3-numpy pkg-config cmake libshaderc-dev glslang-dev spirv-tools libvulkan-dev
     mesa-vulkan-drivers vulkan-validationlayers)
 
 elsewhere() {

@@ -130,6 +130,12 @@ fn wrong_use_is_told_and_harms_nothing() {
         assert!(nodes.iter().all(|x| *x == [7.0; 3]));
         ok(palpate_nodes(simulation, 0, nodes.as_mut_ptr(), count, &mut count));
         assert!(nodes.iter().flatten().all(|x| x.abs() <= 0.05));
+        let large = scene("[400, 300, 100]");
+        let mut none = null_mut();
+        let status = palpate_simulation_create(context, large, &mut none);
+        refused(status, palpate_status::Memory, "72000000 tetrahedra in boxes need 4608000000 bytes");
+        assert!(none.is_null());
+        ok(palpate_scene_destroy(large));
         let mut none = null_mut();
         refused(palpate_scene_parse(null(), null(), &mut none), Null, "text is null");
         refused(palpate_scene_parse(c"[[body]]\nnam = 1".as_ptr(), null(), &mut none), Input, "`");

@@ -129,6 +129,7 @@ pub unsafe extern "C" fn palpate_simulation_create(
         *simulation = std::ptr::null_mut();
         let context = opened(context)?;
         let (scene, mut bodies) = handles::with(scene as usize, |object: &mut SceneObject| Ok(object.parts()))?;
+        Simulation::check_room(&context, &scene)?;
         bodies.complete(&scene, &mut |_| Ok(()))?;
         let mut made = Simulation::of(&context, &scene, bodies)?;
         made.time_every(0)?;

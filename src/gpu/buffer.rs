@@ -81,9 +81,8 @@ impl Buffer {
     fn made(context: &Arc<Context>, name: &str, bytes: u64, memory: Memory, is_shared: bool) -> Result<Buffer> {
         let limit = u64::from(context.limits.max_storage_buffer_range);
         if bytes > limit {
-            return Err(Error::Simulation(format!(
-                "array {name} needs {bytes} bytes, but a storage buffer of {} holds at most {limit}; use a coarser \
-                 model or another device",
+            return Err(Error::Memory(format!(
+                "array {name} needs {bytes} bytes, but a storage buffer of {} holds at most {limit}",
                 context.device_name()
             )));
         }

@@ -13,9 +13,11 @@ pub enum Level {
     Error,
 }
 
+type Hear = dyn Fn(Level, &str) + Send + Sync;
+
 /// Hears messages, one line or several each, on whatever thread they come up.
 #[derive(Clone, Default)]
-pub struct Log(Option<Arc<dyn Fn(Level, &str) + Send + Sync>>);
+pub struct Log(Option<Arc<Hear>>);
 
 impl Log {
     /// Told to a function.

@@ -9,20 +9,25 @@ use super::frames::Frames;
 use super::probes::{ProbePlace, probes_of};
 use super::recordings::{Recordings, Stages};
 use super::{Simulation, TIMED_EVERY, tools};
-use crate::Result;
 use crate::gpu::{Context, Level, Options, Recorder};
 use crate::haptics::drive::Drive;
 use crate::haptics::tool::Tool;
 use crate::plan::Plan;
 use crate::prepare::bodies::Bodies;
 use crate::prepare::{Body, Cache};
-use crate::scene::{Key, Scene};
+use crate::scene::{self, Key, Scene};
 use crate::stages::depth::Path;
 use crate::stages::model::Model;
 use crate::stages::{query_as_one, types};
+use crate::{Error, Result};
 
 /// Tetrahedra below which one thread of a CPU is faster than two (see README, "Measured facts").
 const LITTLE_WORK: usize = 20_000;
+
+/// Tetrahedra of a box's cell.
+const KUHN_TETRAHEDRA: u64 = 6;
+/// Of a tetrahedron's forces on its nodes, the largest array that a layer needs.
+const FORCE_BYTES: u64 = 64;
 
 /// What is known of a scene before any device is.
 struct Prepared {
@@ -47,12 +52,36 @@ impl Simulation {
 
     /// The same on a device that is open, and may have other simulations.
     pub fn on(context: &Arc<Context>, scene: &Scene, path: Option<Path>) -> Result<Simulation> {
+        Simulation::check_room(context, scene)?;
         Prepared::new(scene)?.record(scene, context, path)
     }
 
     /// The same of a scene whose bodies are prepared, all of them.
     pub fn of(context: &Arc<Context>, scene: &Scene, bodies: Bodies) -> Result<Simulation> {
         Prepared::of(scene, bodies)?.record(scene, context, None)
+    }
+}
+
+impl Simulation {
+    /// Whether a device can hold the layers of a scene that are known before they are made: boxes. They are so easily too many
+    /// that they would not fit into the host's memory either. [`Error::Memory`]: it cannot.
+    pub fn check_room(context: &Context, scene: &Scene) -> Result<()> {
+        let count = |body: &scene::Body| match body.shape {
+            scene::Shape::Soft { layer: scene::Layer::Box { cells, .. }, .. } => {
+                cells.iter().fold(KUHN_TETRAHEDRA, |product, cells| product.saturating_mul(u64::from(*cells)))
+            }
+            _ => 0,
+        };
+        let tetrahedra = scene.bodies.iter().map(count).fold(0, u64::saturating_add);
+        let (needed, (most, _)) = (tetrahedra.saturating_mul(FORCE_BYTES), context.array_limits());
+        if needed <= most {
+            return Ok(());
+        }
+        let device = context.device_name();
+        Err(Error::Memory(format!(
+            "the forces of {tetrahedra} tetrahedra in boxes need {needed} bytes, but a storage buffer of {device} holds at \
+             most {most}"
+        )))
     }
 }
 

@@ -1,4 +1,5 @@
-/* Creates, steps and destroys everything again and again: rounds SCENE ROUNDS STEPS. Prints the force of the last step. */
+/* Creates, steps and destroys everything again and again: rounds SCENE WARM ROUNDS STEPS. Prints the force of the last step, and
+ * the pages of memory in use after the first WARM rounds and after ROUNDS more. */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -11,19 +12,33 @@ static void check(palpate_status status) {
     }
 }
 
+static long resident(void) {
+    long all = 0, own = 0;
+    FILE *file = fopen("/proc/self/statm", "r");
+    if (file == NULL || fscanf(file, "%ld %ld", &all, &own) != 2) {
+        exit(EXIT_FAILURE);
+    }
+    fclose(file);
+    return own;
+}
+
 int main(int argc, char **argv) {
-    if (argc != 4) {
+    if (argc != 5) {
         return 2;
     }
     palpate_wrench wrench = {.size = sizeof wrench};
-    for (long round = strtol(argv[2], NULL, 10); round > 0; round--) {
+    long warm = strtol(argv[2], NULL, 10), rounds = strtol(argv[3], NULL, 10), before = 0;
+    for (long round = 0; round < warm + rounds; round++) {
+        if (round == warm) {
+            before = resident();
+        }
         palpate_context *context = NULL;
         palpate_scene *scene = NULL;
         palpate_simulation *simulation = NULL;
         check(palpate_context_create(NULL, &context));
         check(palpate_scene_load(argv[1], &scene));
         check(palpate_simulation_create(context, scene, &simulation));
-        for (long step = strtol(argv[3], NULL, 10); step > 0; step--) {
+        for (long step = strtol(argv[4], NULL, 10); step > 0; step--) {
             check(palpate_step(simulation, NULL, &wrench));
         }
         size_t size = 0;
@@ -44,6 +59,6 @@ int main(int argc, char **argv) {
         check(palpate_scene_destroy(scene));
         check(palpate_context_destroy(context));
     }
-    printf("%.17g\n", wrench.force[1]);
+    printf("%.17g %ld %ld\n", wrench.force[1], before, resident());
     return EXIT_SUCCESS;
 }
