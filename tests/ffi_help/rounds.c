@@ -1,36 +1,17 @@
 /* Creates, steps and destroys everything again and again: rounds SCENE WARM ROUNDS STEPS. Prints the force of the last step, and
- * the pages of memory in use after the first WARM rounds and after ROUNDS more. */
-#include <stdio.h>
-#include <stdlib.h>
-
-#include "palpate.h"
-
-static void check(palpate_status status) {
-    if (status != PALPATE_STATUS_OK) {
-        fprintf(stderr, "%s\n", palpate_last_error());
-        exit(EXIT_FAILURE);
-    }
-}
-
-static long resident(void) {
-    long all = 0, own = 0;
-    FILE *file = fopen("/proc/self/statm", "r");
-    if (file == NULL || fscanf(file, "%ld %ld", &all, &own) != 2) {
-        exit(EXIT_FAILURE);
-    }
-    fclose(file);
-    return own;
-}
+ * bytes that are allocated and pages in use after the first WARM rounds and after ROUNDS more. */
+#include "flat.h"
 
 int main(int argc, char **argv) {
     if (argc != 5) {
         return 2;
     }
     palpate_wrench wrench = {.size = sizeof wrench};
-    long warm = strtol(argv[2], NULL, 10), rounds = strtol(argv[3], NULL, 10), before = 0;
+    long warm = strtol(argv[2], NULL, 10), rounds = strtol(argv[3], NULL, 10);
+    struct memory before = memory();
     for (long round = 0; round < warm + rounds; round++) {
         if (round == warm) {
-            before = resident();
+            before = memory();
         }
         palpate_context *context = NULL;
         palpate_scene *scene = NULL;
@@ -59,6 +40,6 @@ int main(int argc, char **argv) {
         check(palpate_scene_destroy(scene));
         check(palpate_context_destroy(context));
     }
-    printf("%.17g %ld %ld\n", wrench.force[1], before, resident());
+    tell(wrench.force[1], before, memory());
     return EXIT_SUCCESS;
 }
