@@ -16,11 +16,11 @@ prefix=target/install
 built=
 while [ "$#" -gt 0 ]; do
     case "$1" in
-        --prefix | --built) [ "$#" -ge 2 ] || fail "$1 needs a folder" ;;&
-        --prefix) prefix=$2 ;;
-        --built) built=$2 ;;
+        --prefix) prefix=${2-} ;;
+        --built) built=${2-} ;;
         *) fail "$1 is not known; give --prefix DIR, --built DIR, or nothing" ;;
     esac
+    [ "$#" -ge 2 ] || fail "$1 needs a folder"
     shift 2
 done
 [ -n "$prefix" ] || fail "--prefix is empty; give a folder"

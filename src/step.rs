@@ -77,6 +77,8 @@ pub struct Simulation {
     last_iterations: u32,
     last_timed: Option<Vec<(String, f64)>>,
     timed_every: u64,
+    /// Whether friction is recorded.
+    has_friction: bool,
     /// Where somebody looks.
     shown: Option<shown::Shown>,
 }
@@ -167,12 +169,12 @@ impl Simulation {
     /// Times every so many steps from now on, in turn stage by stage, and the query's stages as one; 0: none, and the
     /// recordings with timestamps go.
     pub fn time_every(&mut self, steps: u64) -> Result<()> {
-        self.timed_every = steps;
         match steps {
             0 => self.timed = None,
             _ if self.timed.is_none() => self.timed = Some(make::timed(&self.context, &self.stages, &self.scene)?),
             _ => {}
         }
+        self.timed_every = steps;
         Ok(())
     }
 

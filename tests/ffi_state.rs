@@ -24,6 +24,7 @@ use palpate::ffi::simulation::{palpate_pose, palpate_simulation, palpate_simulat
 use palpate::ffi::state::{palpate_state_restore, palpate_state_save};
 use palpate::ffi::statistics::{palpate_stage, palpate_stages, palpate_time_every};
 use palpate::ffi::status::palpate_status::{Argument, Handle, NoDevice, Null, TooSmall, Vulkan};
+use palpate::ffi::steps::palpate_wrench_newest;
 
 fn pressed() -> (*mut palpate_context, *mut palpate_simulation) {
     let context = context();
@@ -59,17 +60,33 @@ fn saved(simulation: *mut palpate_simulation) -> Vec<u8> {
     bytes
 }
 
+/// The contacts of the last step: vertex, depth and place of each.
+fn contacts(simulation: *mut palpate_simulation) -> Vec<(u32, u64, [u64; 3])> {
+    let mut count = 0;
+    // SAFETY (both): a handle, an array of that length, a place for the answer.
+    ok(unsafe { palpate_contacts(simulation, null_mut(), 0, &mut count) });
+    let mut contacts = vec![palpate_contact::default(); count];
+    ok(unsafe { palpate_contacts(simulation, contacts.as_mut_ptr(), count, &mut count) });
+    contacts.iter().map(|c| (c.vertex, c.depth.to_bits(), c.position.map(f64::to_bits))).collect()
+}
+
 #[test]
 fn a_state_is_taken_up_bit_for_bit() {
     let (context, first) = pressed();
     let second = simulation(context, &format!("{BLOCK}{SPHERE}"));
     steps(first, 15);
-    let state = saved(first);
+    let (state, touched) = (saved(first), contacts(first));
+    assert!(touched.len() > 4);
     let on = steps(first, 20);
     steps(second, 3);
+    assert_ne!(contacts(second), touched);
     // SAFETY (all below): handles, bytes of that length.
     unsafe {
         ok(palpate_state_restore(second, state.as_ptr(), state.len()));
+        assert_eq!(contacts(second), touched);
+        let (mut newest, mut age) = (wrench(), 0.0);
+        ok(palpate_wrench_newest(second, &mut newest, &mut age));
+        assert!(newest.step == 0 && age.is_infinite(), "of no step since");
         assert_eq!(steps(second, 20), on);
         ok(palpate_state_restore(first, state.as_ptr(), state.len()));
         assert_eq!(steps(first, 20), on);
@@ -130,6 +147,13 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
         ok(palpate_contact_set(simulation, &law));
         ok(palpate_contact_get(simulation, &mut law));
         assert_eq!((law.stiffness, law.damping, law.friction), (1e6, -1.0, 0.4));
+        // What is shown stays where it is when friction goes and comes back.
+        let (mut shown, mut again) = (zeroed::<palpate_skins>(), zeroed::<palpate_skins>());
+        ok(palpate_skin_buffers(simulation, null(), &mut shown));
+        ok(palpate_contact_set(simulation, &palpate_contact_law { friction: 0.0, ..law }));
+        ok(palpate_contact_set(simulation, &law));
+        ok(palpate_skin_buffers(simulation, null(), &mut again));
+        assert_eq!((again.positions, again.normals), (shown.positions, shown.normals));
         let yielding = force();
         assert!(yielding < 0.9 * stiff, "{yielding} {stiff}");
         let wrong = palpate_contact_law { stiffness: f64::NAN, ..law };

@@ -86,6 +86,7 @@ fn friction_of_soft_rigid_and_driven_skins() {
     let (_, _, mut flow) = crowd(Path::Compute);
     let frictionless = flow.contacts.clone();
     flow.model.friction = [0.6, 0.01];
+    [flow.params.friction, flow.params.friction_speed] = flow.model.friction;
     // Of the pairs a-b, a-floor, a-tool, b-floor, b-tool: a on a driven frame against b, the floor on one against b.
     (flow.pairs[0].driven_frame, flow.pairs[3].driven_frame) = ([0, NONE], [NONE, 1]);
     for (k, frame) in flow.frames.iter_mut().enumerate() {

@@ -247,7 +247,7 @@ pub unsafe extern "C" fn palpate_core_move(
 ) -> palpate_status {
     guarded(|| {
         // SAFETY: the caller's, as the header says.
-        let pose = unsafe { pose.as_ref() };
+        let pose = unsafe { sized::given(pose, "pose")? };
         let pose = pose.ok_or_else(|| Failure::new(palpate_status::Null, "pose is null; say where the core goes"))?;
         let pose = pose_of(pose, "pose")?;
         let time = Duration::try_from_secs_f64(seconds).map_err(|_| {

@@ -43,8 +43,9 @@ pub struct palpate_vulkan {
     pub queue_family: u32,
     /// 0.
     pub reserved: u32,
-    /// Called before each use of the queue and after it, on the same thread, on any thread; the time between is short. Null,
-    /// both: the host itself sees to it that it uses the queue in none of the library's calls.
+    /// Called before each use of the queue and after it, on the same thread, on any thread; the time between is short. They must
+    /// not call the library, and the host must not hold the lock when it does, unless it can be taken twice. Null, both: the host
+    /// itself sees to it that it uses the queue in none of the library's calls, and makes one context of it at most.
     pub lock: palpate_queue_lock,
     /// As `lock`.
     pub unlock: palpate_queue_lock,

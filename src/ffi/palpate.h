@@ -9,12 +9,13 @@
  * line about what is wrong and what to do in palpate_last_error().
  *
  * Handles (palpate_context *, palpate_scene *, palpate_simulation *, palpate_loop *) are made by the functions that end in
- * _create, _load, _parse or _start, and given back to the one that ends in _destroy, in any order: a simulation holds on to its context. A handle that
- * was destroyed is found out (PALPATE_STATUS_HANDLE), and so is null (PALPATE_STATUS_NULL). Where a handle was to be made and
+ * _create, _create_on, _load, _parse or _start, and given back to the one that ends in _destroy, in any order: a simulation holds
+ * on to its context. A handle that was destroyed is found out (PALPATE_STATUS_HANDLE), and so is null (PALPATE_STATUS_NULL). Where a handle was to be made and
  * was not, it is set to null, unless the arguments before it were wrong.
  *
  * Arrays and structs are the caller's. The library copies what it is given, writes no further than `capacity` elements or
- * `size` bytes, and keeps no pointer after a call. Structs that begin with `size` may grow: set it to sizeof the struct, and
+ * `size` bytes, and keeps no pointer after a call, but for callbacks and their `user`, which must stay as long as what they were
+ * given to: a log and a queue's lock until the context and the last of its simulations are gone. Structs that begin with `size` may grow: set it to sizeof the struct, and
  * the rest to zero. Strings are UTF-8 and end in a zero.
  *
  * Threads: any thread may use any handle, one at a time; a call on a handle that another is using gives PALPATE_STATUS_BUSY at
@@ -709,8 +710,9 @@ typedef struct palpate_vulkan {
     uint32_t queue_family;
     // 0.
     uint32_t reserved;
-    // Called before each use of the queue and after it, on the same thread, on any thread; the time between is short. Null,
-    // both: the host itself sees to it that it uses the queue in none of the library's calls.
+    // Called before each use of the queue and after it, on the same thread, on any thread; the time between is short. They must
+    // not call the library, and the host must not hold the lock when it does, unless it can be taken twice. Null, both: the host
+    // itself sees to it that it uses the queue in none of the library's calls, and makes one context of it at most.
     palpate_queue_lock lock;
     // As `lock`.
     palpate_queue_lock unlock;
@@ -723,8 +725,8 @@ typedef struct palpate_vulkan {
 } palpate_vulkan;
 
 // The skins on the device: arrays over the vertices of all bodies, one body's after another's, the tool's last. On a device
-// of the host's the buffers can be bound at once (usage: storage, texel, transfer, vertex); they live as long as the
-// simulation, unless friction comes into a scene that had none.
+// of the host's the buffers can be bound at once (usage: storage, texel, transfer; positions and normals vertex as well); they live as long as
+// the simulation, unless friction comes into a scene that had none: ask again then, and export again.
 typedef struct palpate_skins {
     // sizeof(palpate_skins).
     uint32_t size;
@@ -985,7 +987,7 @@ palpate_status palpate_skin_triangles(struct palpate_simulation *simulation,
 
 // Brings the skins on the device up to date, relative to `origin` (three numbers, m; null: the world's), and tells where they
 // are: nothing is copied. The arrays are filled when this returns, and stay until the next call or `palpate_skin`; work of the
-// host's that reads them must be submitted to the same queue, or be done before that. The first call makes the arrays.
+// host's that reads them must be submitted to the same queue, or be done before that. No other call writes to them. The first call makes the arrays.
 palpate_status palpate_skin_buffers(struct palpate_simulation *simulation,
                                     const double *origin,
                                     struct palpate_skins *skins);
@@ -1042,8 +1044,8 @@ palpate_status palpate_nodes(struct palpate_simulation *simulation,
 
 // Saves all that the next step starts from: where everything is and how it moves, and what the solver and culling remember.
 // What was set is not in it (material, contact, coupling). Between two steps; costs a copy from the device.
-// `size` receives how many bytes it takes, the same for the whole life of a simulation; they are written to `bytes`, which has
-// room for `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
+// `size` receives how many bytes it takes, which differs by some hundreds from step to step: ask just before. They are written
+// to `bytes`, which has room for `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
 palpate_status palpate_state_save(struct palpate_simulation *simulation,
                                   uint8_t *bytes,
                                   size_t capacity,
@@ -1081,7 +1083,7 @@ palpate_status palpate_step_submit(struct palpate_simulation *simulation,
 
 // Whether the submitted step is done; never waits. `is_done` receives 1 where no submitted step is under way, else 0. Where a
 // submitted step failed it receives 1, and the call gives what the step failed with, as `palpate_step` would have; so does
-// every later one, for there is no step after that.
+// every later one until a state is restored, for there is no step after that.
 palpate_status palpate_step_poll(struct palpate_simulation *simulation,
                                  int32_t *is_done);
 
@@ -1091,7 +1093,7 @@ palpate_status palpate_step_wait(struct palpate_simulation *simulation);
 // The wrench of the newest step that is done, whether it was submitted, a `palpate_step` or a loop's; never waits, and can be
 // asked by any thread at any time. `age_seconds` receives how long ago that step was given its pose (submitted, or called for,
 // or begun by the loop), s; it may be null. Before the first step the wrench has `step` 0, and its age is infinite. Where a
-// submitted step failed, both are still told, and the call gives what it failed with.
+// submitted step failed, both are still told, and the call gives what it failed with. A state that is restored has none.
 palpate_status palpate_wrench_newest(struct palpate_simulation *simulation,
                                      struct palpate_wrench *wrench,
                                      double *age_seconds);

@@ -6,12 +6,11 @@ use super::handles;
 use super::simulation::{SimulationObject, palpate_simulation};
 use super::sized::{self, Sized32};
 use super::status::{Failure, Outcome, guarded, palpate_status};
-use crate::gpu::Buffer;
 use crate::step::{ContactPoint, Simulation, Skins};
 
 /// The skins on the device: arrays over the vertices of all bodies, one body's after another's, the tool's last. On a device
-/// of the host's the buffers can be bound at once (usage: storage, texel, transfer, vertex); they live as long as the
-/// simulation, unless friction comes into a scene that had none.
+/// of the host's the buffers can be bound at once (usage: storage, texel, transfer; positions and normals vertex as well); they live as long as
+/// the simulation, unless friction comes into a scene that had none: ask again then, and export again.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_skins {
@@ -63,6 +62,9 @@ pub struct palpate_contact {
     /// With which the step began to push, Pa.
     pub pressure: f64,
 }
+
+/// Of a triangle on the device.
+const TRIANGLE_BYTES: u64 = 16;
 
 /// Which array is exported: where skin vertices are.
 pub const PALPATE_SKIN_POSITIONS: u32 = 0;
@@ -135,7 +137,7 @@ pub unsafe extern "C" fn palpate_skin_triangles(
 
 /// Brings the skins on the device up to date, relative to `origin` (three numbers, m; null: the world's), and tells where they
 /// are: nothing is copied. The arrays are filled when this returns, and stay until the next call or `palpate_skin`; work of the
-/// host's that reads them must be submitted to the same queue, or be done before that. The first call makes the arrays.
+/// host's that reads them must be submitted to the same queue, or be done before that. No other call writes to them. The first call makes the arrays.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_buffers(
     simulation: *mut palpate_simulation,
@@ -146,11 +148,11 @@ pub unsafe extern "C" fn palpate_skin_buffers(
         // SAFETY: the caller's, as the header says.
         let origin = unsafe { origin_at(origin)? };
         with(simulation, |simulation| {
+            let vertices = simulation.skin_ranges().last().map_or(0, |last| last.end);
             let Skins { positions, normals, triangles } = simulation.skins(origin)?;
-            let count = |array: &Buffer| (array.bytes() / 16) as u32;
             let told = palpate_skins {
-                vertex_count: count(positions),
-                triangle_count: count(triangles),
+                vertex_count: vertices as u32,
+                triangle_count: if vertices > 0 { (triangles.bytes() / TRIANGLE_BYTES) as u32 } else { 0 },
                 positions: positions.raw(),
                 normals: normals.raw(),
                 triangles: triangles.raw(),
@@ -171,12 +173,12 @@ pub unsafe extern "C" fn palpate_skin_range(
     count: *mut u32,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
-        let (first, count) = unsafe { (sized::answer(first, "first")?, sized::answer(count, "count")?) };
         with(simulation, |simulation| {
             let ranges = simulation.skin_ranges();
             let range = ranges.get(body as usize).ok_or_else(|| no_body(body, ranges.len()))?;
-            (*first, *count) = (range.start as u32, range.len() as u32);
+            // SAFETY (both): the caller's, as the header says.
+            *unsafe { sized::answer(first, "first")? } = range.start as u32;
+            *unsafe { sized::answer(count, "count")? } = range.len() as u32;
             Ok(())
         })
     })
@@ -207,7 +209,7 @@ pub unsafe extern "C" fn palpate_skin_export(
                     "the device has no VK_KHR_external_memory_fd, or it is not enabled; copy with palpate_skin";
                 return Err(Failure::new(palpate_status::Vulkan, problem));
             }
-            let skins = simulation.skins(DVec3::ZERO)?;
+            let skins = simulation.skin_arrays()?;
             let array = if which == PALPATE_SKIN_POSITIONS { skins.positions } else { skins.normals };
             (*descriptor, *bytes) = array.export()?;
             Ok(())
@@ -263,11 +265,9 @@ fn no_body(body: u32, bodies: usize) -> Failure {
 /// # Safety
 /// `origin` is null, or three numbers can be read there.
 unsafe fn origin_at(origin: *const f64) -> Outcome<DVec3> {
-    if origin.is_null() {
-        return Ok(DVec3::ZERO);
-    }
     // SAFETY: the caller's promise.
-    let origin = DVec3::from_slice(unsafe { std::slice::from_raw_parts(origin, 3) });
+    let Some(origin) = (unsafe { sized::given(origin.cast::<[f64; 3]>(), "origin")? }) else { return Ok(DVec3::ZERO) };
+    let origin = DVec3::from_array(*origin);
     match origin.is_finite() {
         true => Ok(origin),
         false => Err(Failure::new(palpate_status::Argument, format!("origin is {origin}; give numbers"))),

@@ -158,7 +158,7 @@ pub unsafe extern "C" fn palpate_step(
 ) -> palpate_status {
     guarded(|| {
         // SAFETY (this and the next): the caller's, as the header says.
-        let device = unsafe { device.as_ref() }.map(|pose| pose_of(pose, "device")).transpose()?;
+        let device = unsafe { sized::given(device, "device")? }.map(|pose| pose_of(pose, "device")).transpose()?;
         // Before anything moves: whether the answer has a place.
         if !wrench.is_null() {
             unsafe { sized::read(wrench.cast_const())? };

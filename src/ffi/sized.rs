@@ -68,25 +68,6 @@ pub(super) unsafe fn tell<T: Sized32>(to: *mut T, value: &T, name: &str) -> Outc
     unsafe { write(to, value) }
 }
 
-/// The caller's array of so many elements.
-///
-/// # Safety
-/// `from` is null, or that many elements can be read there for as long as the answer is used.
-pub(super) unsafe fn slice<'a, T>(from: *const T, count: usize, name: &str) -> Outcome<&'a [T]> {
-    let wrong = |status, problem| Err(Failure::new(status, problem));
-    if count == 0 {
-        return Ok(&[]);
-    }
-    if from.is_null() {
-        return wrong(palpate_status::Null, format!("{name} is null, and is to have {count} elements"));
-    }
-    if !from.is_aligned() || count > isize::MAX as usize / size_of::<T>().max(1) {
-        return wrong(palpate_status::Argument, format!("{name} cannot be an array of {count} elements"));
-    }
-    // SAFETY: the caller's promise; aligned, and no larger than an object can be.
-    Ok(unsafe { std::slice::from_raw_parts(from, count) })
-}
-
 /// # Safety
 /// A `u32` can be read at `of`.
 unsafe fn size_of_struct<T: Sized32>(of: *const T) -> Outcome<usize> {
@@ -184,9 +165,24 @@ pub(super) unsafe fn structs<T: Sized32>(from: *const T, count: usize, name: &st
 /// # Safety
 /// `to` is null or can be written for as long as the answer is used.
 pub(super) unsafe fn answer<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut T> {
+    if !to.is_aligned() {
+        return Err(Failure::new(palpate_status::Argument, format!("{name} is not aligned")));
+    }
     // SAFETY: the caller's promise.
     let to = unsafe { to.as_mut() };
     to.ok_or_else(|| Failure::new(palpate_status::Null, format!("{name} is null; say where the answer goes")))
+}
+
+/// What the caller gives by a pointer; `None`: null.
+///
+/// # Safety
+/// `from` is null or can be read for as long as the answer is used.
+pub(super) unsafe fn given<'a, T>(from: *const T, name: &str) -> Outcome<Option<&'a T>> {
+    match from.is_aligned() {
+        // SAFETY: the caller's promise.
+        true => Ok(unsafe { from.as_ref() }),
+        false => Err(Failure::new(palpate_status::Argument, format!("{name} is not aligned"))),
+    }
 }
 
 /// Copies as many elements as there are into the caller's array. Errors: it is too small, and nothing was copied.
@@ -196,6 +192,9 @@ pub(super) unsafe fn answer<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut T>
 pub(super) unsafe fn copy<T: Copy>(from: &[T], to: *mut T, capacity: usize, name: &str) -> Outcome {
     if to.is_null() && capacity > 0 {
         return Err(Failure::new(palpate_status::Null, format!("{name} is null, and has room for {capacity}")));
+    }
+    if !to.is_aligned() {
+        return Err(Failure::new(palpate_status::Argument, format!("{name} is not aligned")));
     }
     if capacity < from.len() {
         let problem = format!("{name} has room for {capacity} of {}", from.len());

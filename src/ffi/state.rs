@@ -4,11 +4,12 @@ use super::handles;
 use super::simulation::{SimulationObject, palpate_simulation};
 use super::sized;
 use super::status::{Failure, Outcome, guarded, palpate_status};
+use super::steps;
 
 /// Saves all that the next step starts from: where everything is and how it moves, and what the solver and culling remember.
 /// What was set is not in it (material, contact, coupling). Between two steps; costs a copy from the device.
-/// `size` receives how many bytes it takes, the same for the whole life of a simulation; they are written to `bytes`, which has
-/// room for `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
+/// `size` receives how many bytes it takes, which differs by some hundreds from step to step: ask just before. They are written
+/// to `bytes`, which has room for `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_state_save(
     simulation: *mut palpate_simulation,
@@ -42,10 +43,11 @@ pub unsafe extern "C" fn palpate_state_restore(
 ) -> palpate_status {
     guarded(|| {
         // SAFETY: the caller's, as the header says.
-        let state = unsafe { sized::slice(bytes, size, "bytes")? };
+        let state = unsafe { sized::array(bytes, size, "bytes")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             object.simulation.restore(state).map_err(argument)?;
             object.has_failed = false;
+            steps::of(simulation)?.forget();
             Ok(())
         })
     })
@@ -64,5 +66,10 @@ pub(super) fn change(
     simulation: *mut palpate_simulation,
     work: impl FnOnce(&mut crate::step::Simulation) -> crate::Result<()>,
 ) -> Outcome {
-    handles::with(simulation as usize, |object: &mut SimulationObject| work(&mut object.simulation).map_err(argument))
+    handles::with(simulation as usize, |object: &mut SimulationObject| {
+        let done = work(&mut object.simulation);
+        // What the device failed at halfway is neither what it was nor what it was to be.
+        object.has_failed |= done.as_ref().is_err_and(|error| !matches!(error, crate::Error::Usage(_)));
+        done.map_err(argument)
+    })
 }

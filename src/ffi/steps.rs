@@ -127,13 +127,13 @@ impl<T: Stepped> Shared<T> {
         while let Some(Job { lent, device, given }) = self.next() {
             // What a panic leaves behind is behind a lock that it poisons.
             let done = catch_unwind(AssertUnwindSafe(|| lent.lock().step_to(device)));
+            match done.unwrap_or_else(|panic| Err(Failure::of_panic(&*panic))) {
+                Ok(wrench) => self.lock().newest = Newest::new(wrench, given),
+                Err(failure) => self.lock().failure = Some(failure),
+            }
             // Given back before it is said to be done. It may be the last to hold it, and so drop these steps as well.
             drop(lent);
             let mut state = self.lock();
-            match done.unwrap_or_else(|panic| Err(Failure::of_panic(&*panic))) {
-                Ok(wrench) => state.newest = Newest::new(wrench, given),
-                Err(failure) => state.failure = Some(failure),
-            }
             state.is_under_way = false;
             self.changed.notify_all();
         }
@@ -144,16 +144,8 @@ impl<T: Stepped> Shared<T> {
         while state.job.is_none() && !state.ends {
             state = self.wait(state);
         }
-        let job = state.job.take();
-        if !state.ends {
-            return job;
-        }
-        state.is_under_way = false;
-        self.changed.notify_all();
-        // With the state free: what goes with it may come back here.
-        drop(state);
-        drop(job);
-        None
+        // What was submitted before the end is done.
+        state.job.take()
     }
 }
 
@@ -193,18 +185,21 @@ impl<T: Stepped> Steps<T> {
         Ok(wrench)
     }
 
+    /// A state was taken up: what was before it is forgotten.
+    pub fn forget(&self) {
+        let mut state = self.shared.lock();
+        (state.newest, state.failure) = (Newest::NONE, None);
+    }
+
     /// A step was done elsewhere.
     pub fn note(&self, newest: Newest) {
         self.shared.lock().newest = newest;
     }
 
-    /// Whether no step is under way; errors: the last that was submitted failed.
-    fn poll(&self) -> Outcome<bool> {
+    /// Whether no step is under way, and what the last that was submitted failed with.
+    fn poll(&self) -> (bool, Outcome) {
         let state = self.shared.lock();
-        match &state.failure {
-            Some(failure) => Err(failure.clone()),
-            None => Ok(!state.is_under_way),
-        }
+        (!state.is_under_way, state.failure.clone().map_or(Ok(()), Err))
     }
 
     fn wait(&self) -> Outcome {
@@ -246,22 +241,22 @@ pub unsafe extern "C" fn palpate_step_submit(
     guarded(|| {
         let given = Instant::now();
         // SAFETY: the caller's, as the header says.
-        let device = unsafe { device.as_ref() }.map(|pose| pose_of(pose, "device")).transpose()?;
+        let device = unsafe { sized::given(device, "device")? }.map(|pose| pose_of(pose, "device")).transpose()?;
         of(simulation)?.submit(simulation as usize, device, given)
     })
 }
 
 /// Whether the submitted step is done; never waits. `is_done` receives 1 where no submitted step is under way, else 0. Where a
 /// submitted step failed it receives 1, and the call gives what the step failed with, as `palpate_step` would have; so does
-/// every later one, for there is no step after that.
+/// every later one until a state is restored, for there is no step after that.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_step_poll(simulation: *mut palpate_simulation, is_done: *mut i32) -> palpate_status {
     guarded(|| {
         // SAFETY: the caller's, as the header says.
         let is_done = unsafe { sized::answer(is_done, "is_done")? };
-        let told = of(simulation)?.poll();
-        *is_done = i32::from(*told.as_ref().unwrap_or(&true));
-        told.map(drop)
+        let (rests, told) = of(simulation)?.poll();
+        *is_done = i32::from(rests);
+        told
     })
 }
 
@@ -274,7 +269,7 @@ pub extern "C" fn palpate_step_wait(simulation: *mut palpate_simulation) -> palp
 /// The wrench of the newest step that is done, whether it was submitted, a `palpate_step` or a loop's; never waits, and can be
 /// asked by any thread at any time. `age_seconds` receives how long ago that step was given its pose (submitted, or called for,
 /// or begun by the loop), s; it may be null. Before the first step the wrench has `step` 0, and its age is infinite. Where a
-/// submitted step failed, both are still told, and the call gives what it failed with.
+/// submitted step failed, both are still told, and the call gives what it failed with. A state that is restored has none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_wrench_newest(
     simulation: *mut palpate_simulation,
@@ -286,6 +281,6 @@ pub unsafe extern "C" fn palpate_wrench_newest(
         let newest = steps.shared.lock().newest;
         // SAFETY: the caller's, as the header says.
         unsafe { newest.tell(wrench, age_seconds)? };
-        steps.poll().map(drop)
+        steps.poll().1
     })
 }

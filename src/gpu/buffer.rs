@@ -80,7 +80,8 @@ impl Buffer {
 
     fn made(context: &Arc<Context>, name: &str, bytes: u64, memory: Memory, is_shared: bool) -> Result<Buffer> {
         let limit = u64::from(context.limits.max_storage_buffer_range);
-        if bytes > limit {
+        // Staging arrays are bound to no kernel.
+        if memory == Memory::Device && bytes > limit {
             return Err(Error::Memory(format!(
                 "array {name} needs {bytes} bytes, but a storage buffer of {} holds at most {limit}",
                 context.device_name()
@@ -151,7 +152,9 @@ impl Buffer {
     /// to import or to close. Errors: the device cannot, or the array is not shared.
     pub fn export(&self) -> Result<(i32, u64)> {
         let (Some(external), Some((memory, bytes))) = (&self.0.context.external_memory, self.0.own) else {
-            return Err(self.misuse("it is in no memory that others can import; the device lacks                                     VK_KHR_external_memory_fd".into()));
+            return Err(self.misuse(
+                "it is in no memory that others can import; the device lacks VK_KHR_external_memory_fd".into(),
+            ));
         };
         let info = vk::MemoryGetFdInfoKHR::default().memory(memory).handle_type(EXTERNAL);
         // SAFETY: the memory is alive, and was allocated to be exported so.

@@ -92,19 +92,31 @@ impl Context {
                 return Err(error);
             }
         };
-        let device = create_device(&instance, &chosen)?;
+        let device = match create_device(&instance, &chosen) {
+            Ok(device) => device,
+            Err(error) => {
+                // SAFETY: as above.
+                unsafe { instance.destroy_instance(None) };
+                return Err(error);
+            }
+        };
         // SAFETY: the device was created with queue 0 of this family.
         let queue = unsafe { device.get_device_queue(chosen.queue_family, 0) };
         let labels = Labels(debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device)));
-        let messenger = if options.validation && debug {
-            let utils = ash::ext::debug_utils::Instance::new(&entry, &instance);
+        let mut opened = Opened { entry, instance, device, queue, labels, messenger: None, messages, host: None };
+        if options.validation && debug {
+            let utils = ash::ext::debug_utils::Instance::new(&opened.entry, &opened.instance);
             // SAFETY: `messages` is boxed and outlives the messenger (see `Drop`).
-            let messenger = unsafe { utils.create_debug_utils_messenger(&messages.create_info(), None) };
-            Some((utils, messenger.map_err(failed("vkCreateDebugUtilsMessengerEXT", "set-up"))?))
-        } else {
-            None
-        };
-        Self::of(Opened { entry, instance, device, queue, labels, messenger, messages, host: None }, chosen, options)
+            let messenger = unsafe { utils.create_debug_utils_messenger(&opened.messages.create_info(), None) };
+            match messenger {
+                Ok(messenger) => opened.messenger = Some((utils, messenger)),
+                Err(result) => {
+                    opened.close();
+                    return Err(failed("vkCreateDebugUtilsMessengerEXT", "set-up")(result));
+                }
+            }
+        }
+        Self::of(opened, chosen, options)
     }
 
     /// Uses a device that another program opened, and leaves it open. `options` but for `device`, `validation` and
@@ -128,18 +140,19 @@ impl Context {
         Self::of(Opened { entry, instance, device, queue, labels, messenger: None, messages, host }, chosen, options)
     }
 
-    fn of(opened: Opened, chosen: Candidate, options: &Options) -> Result<Arc<Context>> {
+    fn of(mut opened: Opened, chosen: Candidate, options: &Options) -> Result<Arc<Context>> {
+        let made = create_allocator(&opened, &chosen).and_then(|allocator| {
+            let cache = create_cache(&opened.device, &chosen.cache_key)?;
+            Ok((allocator, cache))
+        });
+        let (allocator, cache) = match made {
+            Ok(made) => made,
+            Err(error) => {
+                opened.close();
+                return Err(error);
+            }
+        };
         let Opened { entry, instance, device, queue, labels, messenger, messages, host } = opened;
-        let allocator = memory::Allocator::new(&memory::AllocatorCreateDesc {
-            instance: instance.clone(),
-            device: device.clone(),
-            physical_device: chosen.physical,
-            debug_settings: Default::default(),
-            buffer_device_address: false,
-            allocation_sizes: gpu_allocator::AllocationSizes::new(MEMORY_BLOCK, MEMORY_BLOCK),
-        })
-        .map_err(|e| Error::NoDevice(format!("{}: its memory cannot be managed: {e}", chosen.info.name)))?;
-        let cache = create_cache(&device, &chosen.cache_key)?;
         let external = || ash::khr::external_memory_fd::Device::new(&instance, &device);
         let external_memory = chosen.external_memory_fd.then(external);
         // SAFETY: the physical device is of this live instance.
@@ -312,6 +325,36 @@ struct Opened {
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     messages: Box<Messages>,
     host: Option<HostDevice>,
+}
+
+impl Opened {
+    /// Closes all that is not a host's, where no context comes of it.
+    fn close(&mut self) {
+        if self.host.is_some() {
+            return;
+        }
+        // SAFETY: nothing made of them is left, and they are not used again.
+        unsafe {
+            self.device.destroy_device(None);
+            if let Some((utils, messenger)) = self.messenger.take() {
+                utils.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.instance.destroy_instance(None);
+        }
+    }
+}
+
+fn create_allocator(opened: &Opened, chosen: &Candidate) -> Result<memory::Allocator> {
+    let description = memory::AllocatorCreateDesc {
+        instance: opened.instance.clone(),
+        device: opened.device.clone(),
+        physical_device: chosen.physical,
+        debug_settings: Default::default(),
+        buffer_device_address: false,
+        allocation_sizes: gpu_allocator::AllocationSizes::new(MEMORY_BLOCK, MEMORY_BLOCK),
+    };
+    memory::Allocator::new(&description)
+        .map_err(|e| Error::NoDevice(format!("{}: its memory cannot be managed: {e}", chosen.info.name)))
 }
 
 pub(super) fn load() -> Result<ash::Entry> {

@@ -18,6 +18,11 @@ impl Drive {
         Drive { keys: if keys.is_empty() { vec![start] } else { keys.to_vec() } }
     }
 
+    /// Whether it has a pose at any time.
+    pub fn is_whole(&self) -> bool {
+        !self.keys.is_empty()
+    }
+
     /// From where it is at `time` on evenly to `next`, and to rest there.
     pub fn lead(&mut self, time: f64, next: Key) {
         let (position, orientation) = self.pose(time);

@@ -91,19 +91,30 @@ impl Report {
     }
 }
 
-/// How old wrenches were.
-#[derive(Debug, Clone, Default)]
-pub struct Ages {
-    ages: Vec<f32>,
-}
+/// How old wrenches were, to the microsecond; from a tenth of a second on, as old as the oldest.
+#[derive(Debug, Clone)]
+pub struct Ages(Lateness);
 
 impl Ages {
+    /// Nothing yet.
+    pub fn new() -> Ages {
+        Ages(Lateness::new())
+    }
+
+    /// Adds the age of the newest wrench at a tick, s.
+    fn add(&mut self, age: f64) {
+        self.0.add(age, f64::INFINITY);
+    }
+
     /// The age that a share of the ticks stays within, s; 0 without any.
     pub fn quantile(&self, share: f64) -> f64 {
-        let mut sorted = self.ages.clone();
-        sorted.sort_unstable_by(f32::total_cmp);
-        let rank = (share * sorted.len() as f64).ceil().max(1.0) as usize - 1;
-        sorted.get(rank).map_or(0.0, |age| f64::from(*age))
+        if self.0.ticks() == 0 { 0.0 } else { self.0.quantile(share) }
+    }
+}
+
+impl Default for Ages {
+    fn default() -> Self {
+        Ages::new()
     }
 }
 
@@ -285,7 +296,7 @@ impl Session {
             report.energy = tick.energy;
             report.peak_force = report.peak_force.max(tick.played.force.length());
             if tick.step > 0 {
-                report.age.ages.push(tick.age as f32);
+                report.age.add(tick.age);
             }
             let is_lost = tick.events.has(Event::DeviceLost);
             self.lost_since = if is_lost { self.lost_since.or(Some(tick.time)) } else { None };

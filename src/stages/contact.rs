@@ -121,9 +121,9 @@ impl Contact {
         })
     }
 
-    /// What a step leaves for the next: which way its contacts pushed, for culling.
-    pub fn state(&self) -> [&Buffer; 2] {
-        [&self.source, &self.candidate_pushes]
+    /// What a step leaves for the next: which way its contacts pushed, for culling; and those, for who asks of the last step.
+    pub fn state(&self) -> [&Buffer; 3] {
+        [&self.source, &self.candidate_pushes, &self.touch.contacts]
     }
 
     /// Three passes over no more than there is, a fill, and a pass of no workgroup unless contacts do not fit. Without a depth

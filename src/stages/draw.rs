@@ -12,6 +12,16 @@ use super::{count, upload};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
 
+/// Skins on the device: a vec4 a vertex of all bodies, one after another, the tool's last.
+pub struct Skins<'a> {
+    /// m, from the origin that was asked for; w is 1.
+    pub positions: &'a Buffer,
+    /// Unit, outward; w is 0. Zero where a vertex has no triangle with an area.
+    pub normals: &'a Buffer,
+    /// Three vertices a triangle, and a zero: four u32.
+    pub triangles: &'a Buffer,
+}
+
 /// Kernels and arrays.
 pub struct Draw {
     place: Kernel,
@@ -72,6 +82,11 @@ impl Draw {
             positions: Buffer::shared(context, "shown positions", shown)?,
             normals: Buffer::shared(context, "shown normals", shown)?,
         })
+    }
+
+    /// What is shown.
+    pub fn skins(&self) -> Skins<'_> {
+        Skins { positions: &self.positions, normals: &self.normals, triangles: &self.triangles }
     }
 
     /// Two passes over all skin vertices.

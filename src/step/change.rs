@@ -13,6 +13,7 @@ use crate::gpu::{Recorder, read_all, write_all};
 use crate::prepare::{Body, FrameMotion, Shape, cores};
 use crate::report::Pose;
 use crate::scene::{self, Coupling, Dilatation, Key, Material};
+use crate::stages::model::Model;
 use crate::{Error, Result};
 
 /// How far a centre of mass may move by rounding, of the distance of the nodes from it.
@@ -126,35 +127,38 @@ impl Simulation {
         if model.coarse.bodies.len() != self.model.coarse.bodies.len() {
             return Err(Error::Usage("with that the coarse level has no inverse; make the simulation anew".into()));
         }
-        let had_friction = self.model.friction[0] > 0.0;
         let mut frames = Frames::new(&model, |_| DVec3::ZERO);
         frames.restore(&self.frames.saved());
-        if let Some(held) = tools::tool_of(&scene, self.tool_body.as_ref(), &model, &frames)?
-            && let Some(tool) = &mut self.tool
-        {
+        let held = tools::tool_of(&scene, self.tool_body.as_ref(), &model, &frames)?;
+        // What can fail comes first.
+        if model.friction[0] > 0.0 && !self.has_friction {
+            let (stages, plain, timed) = self.recorded(&model, &scene, &bodies)?;
+            (self.stages, self.plain, self.timed, self.shown) = (stages, plain, timed, None);
+            self.has_friction = true;
+        } else if let Err(error) = self.stages.refresh(&model) {
+            // As well as it can be.
+            let _ = self.stages.refresh(&self.model);
+            return Err(error);
+        }
+        if let (Some(tool), Some(held)) = (&mut self.tool, held) {
             (tool.mass, tool.inertia) = (held.mass, held.inertia);
         }
         self.held_mass = tools::held_mass(&model);
         (self.model, self.frames, self.scene, self.bodies) = (model, frames, scene, bodies);
-        if self.model.friction[0] > 0.0 && !had_friction {
-            return self.record_again();
-        }
-        self.stages.elastic.refresh(&self.model)?;
-        self.stages.solve.refresh(&self.model)
-    }
-
-    /// Records the step as the model has become, and goes on where it was.
-    fn record_again(&mut self) -> Result<()> {
-        let arrays = read_all(&self.context, &self.stages.state())?;
-        let (_, probe_nodes) = probes_of(&self.scene, &self.bodies, &self.model)?;
-        self.stages = Stages::new(&self.context, &self.model, self.path, &probe_nodes)?;
-        write_all(&self.context, &self.stages.state(), &arrays)?;
-        self.shown = None;
-        let most = self.scene.solver.max_iterations;
-        self.plain = Recordings::new(&self.stages, most, || Recorder::untimed(&self.context))?;
-        if self.timed.is_some() {
-            self.timed = Some(make::timed(&self.context, &self.stages, &self.scene)?);
-        }
         Ok(())
     }
+
+    /// The step of a model of the same bodies recorded anew, which goes on where this is.
+    fn recorded(&self, model: &Model, scene: &scene::Scene, bodies: &[Body]) -> Result<NewRecordings> {
+        let arrays = read_all(&self.context, &self.stages.state())?;
+        let (_, probe_nodes) = probes_of(scene, bodies, model)?;
+        let stages = Stages::new(&self.context, model, self.path, &probe_nodes)?;
+        write_all(&self.context, &stages.state(), &arrays)?;
+        let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(&self.context))?;
+        let timed = self.timed.is_some().then(|| make::timed(&self.context, &stages, scene)).transpose()?;
+        Ok((stages, plain, timed))
+    }
 }
+
+/// Kernels and arrays, and the recordings of them, untimed and timed.
+type NewRecordings = (Stages, Recordings, Option<[Recordings; 2]>);

@@ -25,29 +25,31 @@ pub struct ContactPoint {
 }
 
 impl Simulation {
-    /// The contacts of the last step, but for those that were dropped because they would have pulled. Costs transfers of its own, and makes the arrays of [`Simulation::skins`].
-    pub fn contacts(&mut self) -> Result<Vec<ContactPoint>> {
+    /// The contacts of the last step, but for those that were dropped because they would have pulled. Costs transfers of
+    /// its own.
+    pub fn contacts(&self) -> Result<Vec<ContactPoint>> {
         let (_, contacts) = self.touch()?;
         if contacts.is_empty() {
             return Ok(Vec::new());
         }
-        let origin = self.origin();
-        let places = self.skins(origin)?.positions.read::<[f32; 4]>()?;
         let ranges = self.skin_ranges();
+        let mut places: Vec<Vec<DVec3>> = vec![Vec::new(); ranges.len()];
+        for body in contacts.iter().map(|contact| self.side_bodies(contact.side)[0]) {
+            if places[body].is_empty() {
+                places[body] = self.vertex_positions(body)?;
+            }
+        }
         let wide = |[x, y, z]: [f32; 3]| DVec3::new(x.into(), y.into(), z.into());
         let point = |contact: &crate::stages::types::Contact| {
-            let side = contact.side as usize % 2;
-            let [a, b] = self.model.pair_bodies[contact.side as usize / 2];
-            let bodies = if side == 0 { [a, b] } else { [b, a] };
-            let vertex = contact.vertex as usize;
-            let [x, y, z, _] = places[vertex];
+            let bodies = self.side_bodies(contact.side);
+            let vertex = contact.vertex as usize - ranges[bodies[0]].start;
             // The contact's normal points from a to b.
-            let out = if side == 0 { -1.0 } else { 1.0 };
+            let out = if contact.side % 2 == 0 { -1.0 } else { 1.0 };
             let push = contact.stiffness * contact.depth + contact.damping * contact.rate;
             ContactPoint {
                 bodies,
-                vertex: vertex - ranges[bodies[0]].start,
-                position: origin + wide([x, y, z]),
+                vertex,
+                position: places[bodies[0]][vertex],
                 normal: out * wide(contact.normal),
                 depth: contact.depth.into(),
                 area: contact.area.into(),
@@ -55,5 +57,11 @@ impl Simulation {
             }
         };
         Ok(contacts.iter().filter(|contact| contact.stiffness > 0.0).map(point).collect())
+    }
+
+    /// Whose vertices a side of a pair gathers, and the other body of it.
+    fn side_bodies(&self, side: u32) -> [usize; 2] {
+        let [a, b] = self.model.pair_bodies[side as usize / 2];
+        if side.is_multiple_of(2) { [a, b] } else { [b, a] }
     }
 }

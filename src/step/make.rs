@@ -116,6 +116,7 @@ impl Prepared {
         let plan = Plan::new(scene, &model, choice.map(|choice| choice.to_string()));
         let held_mass = tools::held_mass(&model);
         Ok(Simulation {
+            has_friction: model.friction[0] > 0.0,
             drive: Drive::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
             scene: scene.clone(),
             context: Arc::clone(context),

@@ -93,6 +93,12 @@ impl Stages {
         Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes, carried, floating })
     }
 
+    /// Takes up what a model of the same bodies says of materials.
+    pub fn refresh(&self, model: &Model) -> Result<()> {
+        self.elastic.refresh(model)?;
+        self.solve.refresh(model)
+    }
+
     /// The arrays that a step leaves for the next: all that there is of the past on the device.
     pub fn state(&self) -> Vec<&Buffer> {
         let mut arrays = vec![&self.common.counts];

@@ -70,6 +70,10 @@ impl Simulation {
         if state.model != self.fingerprint() {
             return Err(wrong("is of other bodies"));
         }
+        let frames = state.frames.len() == self.model.frames.len() && state.frames.iter().all(SavedFrame::is_whole);
+        if !frames || !state.drive.is_whole() || state.tool.is_some() != self.tool.is_some() {
+            return Err(wrong("is damaged"));
+        }
         write_all(&self.context, &self.stages.state(), &state.arrays)?;
         (self.step, self.time, self.has_weight) = (state.step, state.time, state.has_weight);
         if let (Some(tool), Some(saved)) = (&mut self.tool, state.tool) {

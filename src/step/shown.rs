@@ -6,9 +6,10 @@ use glam::DVec3;
 
 use super::Simulation;
 use crate::Result;
-use crate::gpu::{Buffer, Recorder, Recording};
+use crate::gpu::{Recorder, Recording};
 use crate::prepare::{Body, Shape};
 use crate::stages::draw::Draw;
+pub use crate::stages::draw::Skins;
 use crate::stages::types::Frame;
 
 /// The arrays that are shown, and the passes that fill them.
@@ -17,31 +18,52 @@ pub(super) struct Shown {
     recording: Recording,
 }
 
-/// Skins on the device: a vec4 a vertex of all bodies, one after another, the tool's last.
-pub struct Skins<'a> {
-    /// m, from the origin that was asked for; w is 1.
-    pub positions: &'a Buffer,
-    /// Unit, outward; w is 0. Zero where a vertex has no triangle with an area.
-    pub normals: &'a Buffer,
-    /// Three vertices a triangle, and a zero: four u32.
-    pub triangles: &'a Buffer,
-}
-
 impl Simulation {
     /// The skins as they are now, relative to `origin` (m): the arrays are filled when this returns, and stay so until it is
     /// called again. They are made at the first call.
     pub fn skins(&mut self, origin: DVec3) -> Result<Skins<'_>> {
-        if self.shown.is_none() {
-            let skin = self.stages.touch.as_ref().map(|touch| &touch.skin);
-            let draw = Draw::new(&self.context, &self.model, &self.skin_ranges(), skin)?;
-            let mut recorder = Recorder::untimed(&self.context)?;
-            draw.record(&mut recorder, &self.stages.elastic);
-            self.shown = Some(Shown { draw, recording: recorder.finish()? });
-        }
-        let Some(Shown { draw, recording }) = &self.shown else { unreachable!("made just now") };
+        let shown = match self.shown.take() {
+            Some(shown) => shown,
+            None => self.show()?,
+        };
+        let Shown { draw, recording } = self.shown.insert(shown);
         self.frames.write_places(origin, self.tool.as_ref(), &mut draw.frames.mapped_mut::<Frame>()?);
         recording.submit_and_wait()?;
-        Ok(Skins { positions: &draw.positions, normals: &draw.normals, triangles: &draw.triangles })
+        Ok(draw.skins())
+    }
+
+    /// The same arrays as they were filled last; uninitialised before.
+    pub fn skin_arrays(&mut self) -> Result<Skins<'_>> {
+        let shown = match self.shown.take() {
+            Some(shown) => shown,
+            None => self.show()?,
+        };
+        Ok(self.shown.insert(shown).draw.skins())
+    }
+
+    fn show(&self) -> Result<Shown> {
+        let skin = self.stages.touch.as_ref().map(|touch| &touch.skin);
+        let draw = Draw::new(&self.context, &self.model, &self.skin_ranges(), skin)?;
+        let mut recorder = Recorder::untimed(&self.context)?;
+        draw.record(&mut recorder, &self.stages.elastic);
+        Ok(Shown { draw, recording: recorder.finish()? })
+    }
+
+    /// Where the vertices of any body's skin are, world, m; the tool comes after the bodies.
+    pub fn vertex_positions(&self, body: usize) -> Result<Vec<DVec3>> {
+        let rigid = self.bodies.get(body).map(|body| &body.shape);
+        match rigid {
+            None => {
+                let Some(tool) = &self.tool else { return Ok(Vec::new()) };
+                Ok(self.tool_skin().iter().map(|x| tool.centre + tool.orientation * *x).collect())
+            }
+            Some(Shape::Rigid { skin, .. }) => {
+                let frame = self.model.body_frames[body] as usize;
+                let centre = self.model.frames[frame].rest_centre;
+                Ok(skin.vertices.iter().map(|x| self.frames.world(frame, *x - centre)).collect())
+            }
+            Some(_) => self.skin_positions(body),
+        }
     }
 
     /// The vertices of each body's skin among those of all, the tool's last; none of a half-space.

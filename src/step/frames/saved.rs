@@ -19,6 +19,13 @@ pub struct SavedFrame {
     drive: Option<Drive>,
 }
 
+impl SavedFrame {
+    /// Whether its path, if it has one, has a pose at any time.
+    pub fn is_whole(&self) -> bool {
+        self.drive.as_ref().is_none_or(Drive::is_whole)
+    }
+}
+
 impl Frames {
     /// How all frames move.
     pub fn saved(&self) -> Vec<SavedFrame> {
