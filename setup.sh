@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs what a bare Debian or Ubuntu machine lacks to build, run and test palpate: a Vulkan loader with Mesa's
-# drivers (lavapipe among them), the validation layers, the GLSL compiler, and what the tests of the C ABI compile with. Silent when nothing is missing.
+# drivers (lavapipe among them), the validation layers, the GLSL compiler, and what the tests of the C ABI compile and
+# look with. Silent when nothing is missing.
 set -euo pipefail
 cd "$(dirname "$0")"
 

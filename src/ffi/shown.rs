@@ -9,8 +9,8 @@ use super::status::{Failure, Outcome, guarded, palpate_status};
 use crate::step::{ContactPoint, Simulation, Skins};
 
 /// The skins on the device: arrays over the vertices of all bodies, one body's after another's, the tool's last. On a device
-/// of the host's the buffers can be bound at once (usage: storage, texel, transfer; positions and normals vertex as well); they live as long as
-/// the simulation, unless friction comes into a scene that had none: ask again then, and export again.
+/// of the host's the buffers can be bound at once (usage: storage, texel, transfer; positions and normals vertex as well); they
+/// live as long as the simulation, unless friction comes into a scene that had none: ask again then, and export again.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_skins {
@@ -137,7 +137,8 @@ pub unsafe extern "C" fn palpate_skin_triangles(
 
 /// Brings the skins on the device up to date, relative to `origin` (three numbers, m; null: the world's), and tells where they
 /// are: nothing is copied. The arrays are filled when this returns, and stay until the next call or `palpate_skin`; work of the
-/// host's that reads them must be submitted to the same queue, or be done before that. No other call writes to them. The first call makes the arrays.
+/// host's that reads them must be submitted to the same queue, or be done before that. No other call writes to them.
+/// The first call makes the arrays.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_buffers(
     simulation: *mut palpate_simulation,

@@ -44,7 +44,7 @@ impl Simulation {
             let bodies = self.side_bodies(contact.side);
             let vertex = contact.vertex as usize - ranges[bodies[0]].start;
             // The contact's normal points from a to b.
-            let out = if contact.side % 2 == 0 { -1.0 } else { 1.0 };
+            let out = if contact.side.is_multiple_of(2) { -1.0 } else { 1.0 };
             let push = contact.stiffness * contact.depth + contact.damping * contact.rate;
             ContactPoint {
                 bodies,
