@@ -146,11 +146,6 @@ impl Simulation {
         &self.context
     }
 
-    /// The contact law in force.
-    pub fn contact(&self) -> &crate::scene::Contact {
-        &self.scene.contact
-    }
-
     /// Iterations of the last step's longest solve.
     pub fn last_iterations(&self) -> u32 {
         self.last_iterations

@@ -159,7 +159,7 @@ pub unsafe extern "C" fn palpate_contact_get(
     guarded(|| {
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let Contact { stiffness, damping, friction, friction_speed, depth_limit, .. } =
-                *object.simulation.contact();
+                object.simulation.scene().contact;
             let (stiffness, damping) = (stiffness.unwrap_or(-1.0), damping.unwrap_or(-1.0));
             let unset = palpate_contact_law::unset();
             let told = palpate_contact_law { stiffness, damping, friction, friction_speed, depth_limit, ..unset };
@@ -183,7 +183,7 @@ pub unsafe extern "C" fn palpate_contact_set(
         let chosen = |x: f64| if x < 0.0 && x.is_finite() { None } else { Some(x) };
         let (stiffness, damping) = (chosen(given.stiffness), chosen(given.damping));
         change(simulation, |simulation| {
-            let old = simulation.contact().clone();
+            let old = simulation.scene().contact.clone();
             simulation.set_contact(&Contact { stiffness, damping, friction, friction_speed, depth_limit, ..old })
         })
     })

@@ -4,7 +4,7 @@ use super::Simulation;
 use crate::scene::{Coupling, Scene};
 
 impl Simulation {
-    /// The scene that it was made of.
+    /// The scene that it was made of, with what was changed since.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
