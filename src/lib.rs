@@ -19,5 +19,7 @@ pub mod scene;
 pub mod stability;
 pub mod stages;
 pub mod step;
+#[cfg(feature = "view")]
+pub mod view;
 
 pub use error::{Error, Result};
