@@ -2,3 +2,13 @@
 //! (`palpate view`) or writes files (`palpate film`) stands on this.
 
 pub mod camera;
+mod decimate;
+mod look;
+mod moment;
+mod parts;
+pub mod picture;
+mod renderer;
+
+pub use camera::Camera;
+pub use moment::Moment;
+pub use renderer::{Renderer, Settings};
