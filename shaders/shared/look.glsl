@@ -5,11 +5,11 @@ struct View {
     mat4 light;             // to the shadow's: x and y from 0 to 1, depth
     vec3 eye;               // m
     vec3 sun;               // unit, towards the light
-    vec3 background;        // as shown
+    vec3 across[2];         // unit, across its rays
     vec4 ground;            // plane: unit normal, offset, m
     vec3 middle;            // of the scene, m
-    float reach;            // how far the scene goes from there, m
-    float bias;             // how far a shadow's caster must lie in front, m along the light
+    float reach;            // how far from there the shadow goes, m
+    float bias;             // how far a shadow's caster must lie in front, of the shadow's depth
     float texel;            // edge of a texel of the shadow, m
     uint shadow_side;       // texels
 };

@@ -15,13 +15,13 @@ pub struct View {
     pub eye: [f32; 3],
     /// Unit, towards the light.
     pub sun: [f32; 3],
-    /// As shown.
-    pub background: [f32; 3],
+    /// Unit, across its rays.
+    pub across: [[f32; 3]; 2],
     /// Unit normal, offset, m.
     pub ground: [f32; 4],
     /// Of the scene, m.
     pub middle: [f32; 3],
-    /// How far the scene goes from there, m.
+    /// How far from there the shadow goes, m.
     pub reach: f32,
     /// How far a shadow's caster must lie in front, of the shadow's depth.
     pub bias: f32,
@@ -100,10 +100,15 @@ pub fn columns(matrix: DMat4) -> [[f32; 4]; 4] {
     matrix.as_mat4().to_cols_array_2d()
 }
 
+/// Unit vectors across the sun's rays.
+pub fn across(sun: DVec3) -> [DVec3; 2] {
+    let right = sun.any_orthonormal_vector();
+    [right, sun.cross(right)]
+}
+
 /// From the world to what the sun sees of a ball: x and y from 0 to 1, depth from 0 (nearest to the sun) to 1.
 pub fn light(sun: DVec3, middle: DVec3, reach: f64) -> DMat4 {
-    let right = sun.any_orthonormal_vector();
-    let up = sun.cross(right);
+    let [right, up] = across(sun);
     let scale = 0.5 / reach;
     let row = |axis: DVec3| (scale * axis).extend(0.5 - scale * axis.dot(middle));
     DMat4::from_cols(row(right), row(up), row(-sun), glam::DVec4::W).transpose()

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 
-use super::look::{BACKGROUND, Material, View, columns, light};
+use super::look::{BACKGROUND, Material, View, across, columns, light};
 use super::moment::Moment;
 use super::parts::Parts;
 use super::picture::Picture;
@@ -24,7 +24,11 @@ const MATERIALS: usize = 32;
 /// How far a shadow's caster must lie in front, of what the sun sees.
 const BIAS: f64 = 0.006;
 /// Towards the sun.
-const SUN: DVec3 = DVec3::new(-0.45, 0.85, 0.55);
+const SUN: DVec3 = DVec3::new(-0.25, 0.85, 0.8);
+/// What the sun sees, of a ball around all bodies.
+const ROOM: f64 = 1.05;
+/// Meshes whose edges are shorter than so many of the shadow's texels are shaded at their vertices.
+const FINE: f64 = 4.0;
 /// Triangles of a slice on a device that draws on the processor, and on any other.
 const CPU_SLICE: u32 = 24_000;
 const GPU_SLICE: u32 = 1 << 20;
@@ -54,7 +58,8 @@ pub struct Renderer {
     shadow: Canvas,
     shadow_depths: Buffer,
     canvas: Canvas,
-    solid: RasterPipeline,
+    /// Shaded at pixels, and at vertices.
+    solid: [RasterPipeline; 2],
     glass: RasterPipeline,
     ground: RasterPipeline,
     caster: RasterPipeline,
@@ -65,8 +70,10 @@ impl Renderer {
     /// For a simulation as it is now: where its bodies are decides where positions are measured from.
     pub fn new(simulation: &mut Simulation, settings: Settings) -> Result<Renderer> {
         let context = simulation.context().clone();
-        let parts = Parts::new(&context, simulation)?;
-        let (middle, _) = around(parts.skins.iter().map(|part| part.ball));
+        let mut parts = Parts::new(&context, simulation)?;
+        let (middle, reach) = around(parts.skins.iter().map(|part| part.ball));
+        let texel = 2.0 * ROOM * reach / f64::from(SHADOW_SIDE);
+        parts.skins.iter_mut().for_each(|part| part.is_fine = part.edge < FINE * texel);
         let skins = simulation.skin_arrays()?;
         let (positions, normals) = (skins.positions.clone(), skins.normals.clone());
         let vertices = positions.bytes() / 16;
@@ -74,6 +81,8 @@ impl Renderer {
         let shade = Onto { has_depth: true, hides: true, samples: 1, ..Onto::default() };
         let blend = Onto { hides: false, blends: true, ..onto };
         let pipeline = |name: &str, onto: &Onto| RasterPipeline::onto(&context, name, &[], onto);
+        let solid = Onto { culls: Some(Side::Back), ..onto };
+        let fine = [("AT_VERTICES", true.into())];
         let shadow_image = Image::new(&context, "what the sun sees", Texels::Depth, [SHADOW_SIDE; 2], 1)?;
         let host = |name: &str, bytes: usize| Buffer::new(&context, name, bytes as u64, Memory::Upload);
         let mut renderer = Renderer {
@@ -84,7 +93,7 @@ impl Renderer {
             view: host("view", size_of::<View>())?,
             materials: host("looks", MATERIALS * size_of::<Material>())?,
             colours: host("colours of values", 256 * 16)?,
-            solid: pipeline("view/mesh", &Onto { culls: Some(Side::Back), ..onto })?,
+            solid: [pipeline("view/mesh", &solid)?, RasterPipeline::onto(&context, "view/mesh", &fine, &solid)?],
             glass: pipeline("view/mesh", &Onto { culls: Some(Side::Back), ..blend })?,
             ground: pipeline("view/ground", &blend)?,
             caster: pipeline("view/shadow", &shade)?,
@@ -122,21 +131,22 @@ impl Renderer {
             (part.ball.0 + moved, part.ball.1)
         });
         let (middle, reach) = around(balls);
+        let reach = ROOM * reach;
         let sun = SUN.normalize();
         let shift = DMat4::from_translation(self.origin);
         let (normal, offset) = self.parts.ground;
         let relative = |x: DVec3| (x - self.origin).as_vec3().to_array();
         self.view.mapped_mut::<View>()?[0] = View {
             clip: columns(camera.matrix(width, height) * shift),
-            light: columns(light(sun, middle, 1.05 * reach) * shift),
+            light: columns(light(sun, middle, reach) * shift),
             eye: relative(camera.eye()),
             sun: sun.as_vec3().to_array(),
-            background: BACKGROUND,
+            across: across(sun).map(|axis| axis.as_vec3().to_array()),
             ground: normal.extend(offset - normal.dot(self.origin)).as_vec4().to_array(),
             middle: relative(middle),
             reach: reach as f32,
             bias: BIAS as f32,
-            texel: (2.1 * reach / f64::from(SHADOW_SIDE)) as f32,
+            texel: (2.0 * reach / f64::from(SHADOW_SIDE)) as f32,
             shadow_side: SHADOW_SIDE,
         };
         let mut materials = self.materials.mapped_mut::<Material>()?;
@@ -196,7 +206,7 @@ impl Renderer {
         }
         let unresolved = Canvas { mean: None, ..self.canvas.clone() };
         for slice in work {
-            let slice = self.record_skins(&unresolved, before, &self.solid, &slice)?;
+            let slice = self.record_skins(&unresolved, before, &slice)?;
             self.slices.push(slice);
             before = Before::Kept;
         }
@@ -226,14 +236,16 @@ impl Renderer {
         &self,
         canvas: &Canvas,
         before: Before,
-        pipeline: &RasterPipeline,
         work: &[(usize, u32, u32)],
     ) -> Result<Recording> {
         let mut recorder = Recorder::untimed(&self.context)?;
         recorder.stage("skins");
         let buffers = self.mesh_buffers();
         let slots: Vec<u32> = (0..MATERIALS as u32).collect();
-        let drawn = work.iter().map(|&(k, first, count)| self.skin(pipeline, &buffers, &slots[k..=k], k, (first, count)));
+        let drawn = work.iter().map(|&(k, first, count)| {
+            let pipeline = &self.solid[usize::from(self.parts.skins[k].is_fine)];
+            self.skin(pipeline, &buffers, &slots[k..=k], k, (first, count))
+        });
         recorder.paint(canvas, before, &drawn.collect::<Vec<_>>());
         recorder.finish()
     }
