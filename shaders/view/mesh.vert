@@ -13,7 +13,7 @@ layout(binding = 1) uniform samplerBuffer positions;    // m, from the origin
 layout(binding = 2) uniform samplerBuffer normals;      // unit, outward
 layout(binding = 3) uniform samplerBuffer values;       // four vertices a texel
 layout(binding = 4) uniform samplerBuffer shadow;       // depths that the sun sees
-layout(binding = 5) uniform samplerBuffer colours;      // of values, 256, linear
+layout(binding = 5) uniform samplerBuffer colours;      // of a scale, then of numbers, linear
 layout(scalar, binding = 6) readonly buffer Materials { Material materials[]; };
 layout(push_constant) uniform Push { uint material_index; };
 

@@ -3,6 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3};
 
+use crate::step::Field;
+
 /// What a picture is taken with.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -57,6 +59,8 @@ pub mod flags {
     pub const UNLIT: u32 = 8;
     /// Values are colours everywhere.
     pub const EVEN: u32 = 16;
+    /// Values are whole numbers, each with a colour of its own.
+    pub const NUMBERED: u32 = 32;
 }
 
 /// What is behind everything, as shown.
@@ -87,6 +91,34 @@ impl Material {
     pub fn body(index: usize) -> Material {
         Material::plain(BODIES[index % BODIES.len()])
     }
+}
+
+/// Colours of a scale, and of numbers.
+pub const SCALE_COLOURS: usize = 256;
+
+/// The map that a field is shown with: perceptually uniform, and read by the colour-blind as by others.
+pub fn map(field: Field) -> colorous::Gradient {
+    match field {
+        Field::Depth => colorous::VIRIDIS,
+        Field::Pressure => colorous::PLASMA,
+        Field::StrainEnergy => colorous::INFERNO,
+        Field::Displacement => colorous::CIVIDIS,
+    }
+}
+
+/// A map's colours, then those of numbers, linear.
+pub fn colours(field: Option<Field>) -> Vec<[f32; 4]> {
+    let shown = |colour: colorous::Color| {
+        let [r, g, b] = [colour.r, colour.g, colour.b].map(linear);
+        [r, g, b, 1.0]
+    };
+    let map = map(field.unwrap_or(Field::Pressure));
+    let scale = (0..SCALE_COLOURS).map(|k| shown(map.eval_rational(k, SCALE_COLOURS)));
+    // Neighbours in number are far apart in hue.
+    let golden = |k: usize| (k as f64 * 0.618_033_988_749_895).fract();
+    let numbers = (0..SCALE_COLOURS).map(|k| shown(colorous::RAINBOW.eval_continuous(golden(k))));
+    let pale = |c: [f32; 4]| [0.25 + 0.6 * c[0], 0.25 + 0.6 * c[1], 0.25 + 0.6 * c[2], 1.0];
+    scale.chain(numbers.map(pale)).collect()
 }
 
 /// From a byte of sRGB to linear.

@@ -4,11 +4,17 @@
 pub mod camera;
 mod decimate;
 mod look;
+mod marks;
 mod moment;
+pub mod overlay;
 mod parts;
 pub mod picture;
+mod pieces;
 mod renderer;
+pub mod scale;
 
 pub use camera::Camera;
+pub use look::map;
 pub use moment::Moment;
-pub use renderer::{Renderer, Settings};
+pub use overlay::{Overlay, Overlays};
+pub use renderer::{Legend, Renderer, Settings};

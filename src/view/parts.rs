@@ -27,8 +27,10 @@ pub struct Part {
     /// How many.
     pub index_count: u32,
     pub material: Material,
-    /// Whether it is seen through.
-    pub is_glass: bool,
+    /// The tool, which is seen through.
+    pub is_tool: bool,
+    /// Whether it deforms.
+    pub is_soft: bool,
     /// Mean edge of its triangles, m.
     pub edge: f64,
     /// Whether its triangles are as small as the shadow's texels.
@@ -80,7 +82,8 @@ impl Parts {
                 indices: Buffer::from_slice(context, "triangles to draw", &triangles, Memory::Device)?,
                 index_count: 3 * triangles.len() as u32,
                 material: if is_tool { Material::plain(TOOL).glass(TOOL_ALPHA) } else { Material::body(body) },
-                is_glass: is_tool,
+                is_tool,
+                is_soft: matches!(simulation.bodies().get(body).map(|b| &b.shape), Some(Shape::Soft { .. })),
                 edge: edge(&vertices, own),
                 is_fine: false,
                 ball: (centre, radius),
