@@ -22,6 +22,8 @@ mod recording;
 pub mod spirv;
 mod threads;
 mod transfer;
+#[cfg(feature = "view")]
+mod window;
 
 pub use buffer::{Buffer, Mapped, MappedMut, Memory};
 pub use context::{Context, Options};
@@ -33,6 +35,8 @@ pub use raster::RasterPipeline;
 pub use recorder::Recorder;
 pub use recording::{ArrayUse, Pass, Recording, StagePasses};
 pub use transfer::{read_all, write_all};
+#[cfg(feature = "view")]
+pub use window::{Content, Window, display_extensions};
 
 use crate::error::Error;
 

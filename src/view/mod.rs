@@ -2,3 +2,4 @@
 //! (`palpate view`) or writes files (`palpate film`) stands on this.
 
 pub mod camera;
+pub mod turns;
