@@ -2,4 +2,5 @@
 //! (`palpate view`) or writes files (`palpate film`) stands on this.
 
 pub mod camera;
+pub mod live;
 pub mod turns;
