@@ -40,7 +40,7 @@ pub use contacts::ContactPoint;
 use frames::Frames;
 use probes::ProbePlace;
 use recordings::{Recordings, Stages};
-pub use shown::Skins;
+pub use shown::{Field, FieldValues, Skins};
 
 /// How often a step that fails is halved: eighths of it at last.
 const MOST_HALVINGS: u32 = 3;
@@ -79,6 +79,8 @@ pub struct Simulation {
     timed_every: u64,
     /// Whether friction is recorded.
     has_friction: bool,
+    /// Whether the device still has what the solver applied in the last step.
+    is_solved: bool,
     /// Where somebody looks.
     shown: Option<shown::Shown>,
 }
@@ -134,7 +136,7 @@ impl Simulation {
         let begun = Instant::now();
         self.step += 1;
         let report = self.advance(time - h, h, MOST_HALVINGS)?;
-        self.time = time;
+        (self.time, self.is_solved) = (time, true);
         let device = self.drive.device(time, h);
         let probes = self.read_probes()?;
         self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report));

@@ -40,10 +40,8 @@ layout(scalar, binding = 13) writeonly buffer Gradients { vec4 gradients[]; };  
 layout(scalar, binding = 14) buffer CountsInOut { Counts counts; };
 layout(scalar, binding = 15) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
 
-const float LEAST = 0.3;
-const float STIFFENING = 10.0;
-const float COROTATIONAL = 0.0;     // the law of a material
-const uint JACOBI_SWEEPS = 5;
+#include "shared/squeeze.glsl"
+
 // 2 mu sym(E) + lambda tr(E) I.
 mat3 stress(mat3 e, float mu, float lambda) {
     float pressure = lambda * (e[0][0] + e[1][1] + e[2][2]);
@@ -58,34 +56,6 @@ mat3 stress(mat3 e, float mu, float lambda) {
 vec3 displacement_in(uint node, uint link) {
     vec3 d = texelFetch(displacement, int(node)).xyz;
     return SPANS && link != 0 ? across(links[link], texelFetch(node_rest, int(node)).xyz, d) : d;
-}
-
-// sum min(0, 1 + e_k - LEAST) n_k n_k^T over the eigenvalues and axes of the symmetric part of E, by Jacobi's rotations.
-mat3 squeeze(mat3 strain) {
-    mat3 a = 0.5 * (strain + transpose(strain));
-    // Gershgorin's circles: nothing is squeezed, as nearly everywhere. A loop of no rounds, since some devices run untaken
-    // branches masked.
-    vec3 reach = vec3(abs(a[1][0]) + abs(a[2][0]), abs(a[1][0]) + abs(a[2][1]), abs(a[2][0]) + abs(a[2][1]));
-    bool clear = all(greaterThan(vec3(1.0 + a[0][0], 1.0 + a[1][1], 1.0 + a[2][2]) - reach, vec3(LEAST)));
-    uint rounds = clear ? 0 : 3 * JACOBI_SWEEPS;
-    mat3 axes = mat3(1.0);
-    for (uint k = 0; k < rounds; k++) {
-        uint p = k % 3 == 2 ? 1 : 0, q = k % 3 == 0 ? 1 : 2;
-        if (a[p][q] == 0.0) continue;
-        float theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-        float t = (theta < 0.0 ? -1.0 : 1.0) / (abs(theta) + sqrt(theta * theta + 1.0));
-        float c = inversesqrt(t * t + 1.0), s = t * c;
-        mat3 turn = mat3(1.0);
-        turn[p][p] = c;
-        turn[q][q] = c;
-        turn[q][p] = s;
-        turn[p][q] = -s;
-        a = transpose(turn) * a * turn;
-        axes = axes * turn;
-    }
-    mat3 sum = mat3(0.0);
-    for (uint k = 0; k < min(rounds, 3); k++) sum += min(0.0, 1.0 + a[k][k] - LEAST) * outerProduct(axes[k], axes[k]);
-    return sum;
 }
 
 void main() {
@@ -109,13 +79,7 @@ void main() {
     // The next start must be a rotation, whatever a trial that overflows makes of it.
     rotations[t] = dot(q, q) < 2.0 ? q : vec4(0.0, 0.0, 0.0, 1.0);
 
-    // R^T - I = 2 [v]x [v]x - 2 w [v]x, column by column, without cancellation.
-    mat3 e;
-    for (int k = 0; k < 3; k++) {
-        vec3 axis = vec3(k == 0, k == 1, k == 2);
-        vec3 turned = cross(q.xyz, axis);
-        e[k] = rotate_back(q, g[k]) + 2.0 * (cross(q.xyz, turned) - q.w * turned);
-    }
+    mat3 e = strain(q, g);
     mat3 squeezed = squeeze(e);
     float stiffening = STIFFENING * (lambda + 2.0 * mu);
     float operator_mu = squeezed == mat3(0.0) ? mu : mu + 0.5 * stiffening, operator_lambda = PATCHES && patch_of[t] != NONE ? 0.0 : lambda;

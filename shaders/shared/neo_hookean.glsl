@@ -44,3 +44,13 @@ NeoHookean neo_hookean(mat3 e, float mu, float lambda, mat3 squeezed) {
     law.fold = inverse(s);
     return law;
 }
+
+// Energy density (J/m^3), zero at rest, expanded the same way: with x = (I - 3) / 4,
+// m/2 (3/4 (|e|^2 + tr(e e) - tr(e)^2) - 3/2 det e + x - log(1 + x)) + l/2 (J - 1)^2.
+float neo_hookean_energy(mat3 e, float mu, float lambda) {
+    float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e), second = trace(e * e), third = determinant(e);
+    float x = 0.25 * (2.0 * tr + square(e)), larger = tr + 0.5 * (tr * tr - second) + third;
+    float bent = x - log(1.0 + x);
+    if (abs(x) < 0.1) bent = x * x * (1.0 / 2.0 - x * (1.0 / 3.0 - x * (1.0 / 4.0 - x * (1.0 / 5.0 - x * (1.0 / 6.0 - x / 7.0)))));
+    return 0.5 * (m * (0.75 * (square(e) + second - tr * tr) - 1.5 * third + bent) + l * larger * larger);
+}

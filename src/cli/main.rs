@@ -4,6 +4,8 @@
 mod bench;
 mod devices;
 mod engine;
+#[cfg(feature = "view")]
+mod film;
 mod hold;
 mod prepare;
 mod press;
@@ -40,6 +42,9 @@ enum Command {
     Bench(bench::Arguments),
     /// Run stiff and extreme cases, and judge each by laws
     Stability(stability::Arguments),
+    /// Make a film of a scene, or a folder of pictures, without a display
+    #[cfg(feature = "view")]
+    Film(film::Arguments),
     /// List the Vulkan devices that can be used
     Devices,
 }
@@ -56,6 +61,8 @@ fn main() -> ExitCode {
         Command::Query(arguments) => query::query(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Stability(arguments) => stability::stability(&arguments),
+        #[cfg(feature = "view")]
+        Command::Film(arguments) => film::film(&arguments),
         Command::Devices => devices::devices(),
     };
     match result {

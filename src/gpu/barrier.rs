@@ -18,8 +18,18 @@ pub(super) struct Use {
     pub write_access: Access,
 }
 
-/// Stages that draw.
+/// Stages whose shaders draw.
 const GRAPHICS: Stages = Stages::from_raw(Stages::VERTEX_SHADER.as_raw() | Stages::FRAGMENT_SHADER.as_raw());
+/// Stages that touch the images drawn onto, and how.
+pub(super) const CANVAS: Stages = Stages::from_raw(
+    Stages::COLOR_ATTACHMENT_OUTPUT.as_raw()
+        | Stages::EARLY_FRAGMENT_TESTS.as_raw()
+        | Stages::LATE_FRAGMENT_TESTS.as_raw(),
+);
+pub(super) const CANVAS_WRITE: Access =
+    Access::from_raw(Access::COLOR_ATTACHMENT_WRITE.as_raw() | Access::DEPTH_STENCIL_ATTACHMENT_WRITE.as_raw());
+const CANVAS_READ: Access =
+    Access::from_raw(Access::COLOR_ATTACHMENT_READ.as_raw() | Access::DEPTH_STENCIL_ATTACHMENT_READ.as_raw());
 
 /// What happened since the last barrier.
 #[derive(Debug, Default)]
@@ -40,7 +50,7 @@ impl Hazards {
     pub fn before(&mut self, uses: &[Use]) -> Option<MemoryBarrier2<'static>> {
         let waits = |u: &Use| self.written.contains(&u.id) || (u.writes && self.read.contains(&u.id));
         let mut needed = uses.iter().any(waits);
-        if !self.draws && uses.iter().any(|u| u.stages.intersects(GRAPHICS)) {
+        if !self.draws && uses.iter().any(|u| u.stages.intersects(GRAPHICS | CANVAS)) {
             self.draws = true;
             // Earlier barriers did not reach the drawing stages: this one carries all earlier writes to them.
             if self.barriers > 0 {
@@ -85,14 +95,15 @@ impl Hazards {
     /// From all since the last barrier, to whatever may follow.
     fn barrier(&mut self) -> MemoryBarrier2<'static> {
         let mut stages = Stages::COMPUTE_SHADER | Stages::DRAW_INDIRECT | Stages::ALL_TRANSFER;
-        let access = Access::SHADER_READ
+        let mut access = Access::SHADER_READ
             | Access::SHADER_WRITE
             | Access::UNIFORM_READ
             | Access::INDIRECT_COMMAND_READ
             | Access::TRANSFER_READ
             | Access::TRANSFER_WRITE;
         if self.draws {
-            stages |= GRAPHICS;
+            stages |= GRAPHICS | CANVAS | Stages::INDEX_INPUT;
+            access |= CANVAS_READ | CANVAS_WRITE | Access::INDEX_READ;
         }
         let barrier = MemoryBarrier2::default()
             .src_stage_mask(self.stages)

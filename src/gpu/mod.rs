@@ -3,17 +3,19 @@
 //! [`Context`] is a device and its queue; [`Buffer`] memory on it; [`Kernel`] an immutable compute pipeline whose
 //! interface is reflected from its SPIR-V; [`Recorder`] writes passes, in order, into a [`Recording`] that is replayed
 //! every step, and derives barriers from what each kernel declares to read and write; with a [`RasterPipeline`] the
-//! rasterizer shares out a pass.
+//! rasterizer shares out a pass, or draws onto the [`Image`]s of a [`Canvas`].
 
 mod barrier;
 mod buffer;
 mod cache;
+mod canvas;
 mod check;
 mod context;
 mod debug;
 mod device;
 mod draw;
 mod host;
+mod image;
 mod kernel;
 mod log;
 mod raster;
@@ -26,12 +28,14 @@ mod transfer;
 mod window;
 
 pub use buffer::{Buffer, Mapped, MappedMut, Memory};
+pub use canvas::{Before, Canvas, Drawn};
 pub use context::{Context, Options};
 pub use device::{DeviceInfo, DeviceKind};
 pub use host::{HostDevice, QueueLock};
+pub use image::{Image, Texels};
 pub use kernel::{Const, Kernel, Size, shader_names};
 pub use log::{Level, Log};
-pub use raster::RasterPipeline;
+pub use raster::{Onto, RasterPipeline, Side};
 pub use recorder::Recorder;
 pub use recording::{ArrayUse, Pass, Recording, StagePasses};
 pub use transfer::{read_all, write_all};

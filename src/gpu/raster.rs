@@ -1,5 +1,6 @@
-//! The graphics pipeline without attachments, where a stage wants the rasterizer to share out work: triangles whose
-//! corners the vertex shader fetches itself, an invocation of the fragment shader a pixel. `draw.rs` records with it.
+//! The graphics pipeline: triangles whose corners the vertex shader fetches itself, an invocation of the fragment shader a
+//! pixel. Without attachments, where a stage wants the rasterizer to share out work (`draw.rs` records with it), or onto the
+//! images of a canvas, where somebody looks (`canvas.rs`).
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
@@ -8,11 +9,38 @@ use ash::vk;
 
 use super::context::Context;
 use super::failed;
+use super::image::{Texels, sample_flag};
 use super::kernel::{Const, Interface, Module, Specialization, shader};
 use super::spirv::Reflection;
 use crate::error::{Error, Result};
 
-/// A graphics pipeline; a cheap handle. No vertex attributes, no culling, no attachments.
+/// How a pipeline draws onto a canvas.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Onto {
+    /// Whether there is a colour, or depth alone.
+    pub has_colour: bool,
+    /// Whether there is a depth that decides what is seen.
+    pub has_depth: bool,
+    /// Whether what it draws hides what lies behind.
+    pub hides: bool,
+    /// Whether colours are mixed with what was there; they come multiplied by their alpha.
+    pub blends: bool,
+    /// Which sides of triangles are left out: of those that turn their backs, of those that face the viewer.
+    pub culls: Option<Side>,
+    /// Samples a pixel: 1 or 4.
+    pub samples: u32,
+}
+
+/// A side of a triangle. It faces the viewer where its corners go counter-clockwise in the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// That faces the viewer.
+    Front,
+    /// That turns its back.
+    Back,
+}
+
+/// A graphics pipeline; a cheap handle. No vertex attributes.
 #[derive(Clone)]
 pub struct RasterPipeline(pub(super) Arc<PipelineInner>);
 
@@ -30,6 +58,19 @@ impl RasterPipeline {
             let device = context.device_name();
             return Err(Error::NoDevice(format!("{device} cannot run {name}: it lacks fragmentStoresAndAtomics")));
         }
+        Self::made(context, name, constants, &Onto { samples: 1, ..Onto::default() })
+    }
+
+    /// The pipeline of two shaders that only read, which draws onto canvases of this kind.
+    pub fn onto(context: &Arc<Context>, name: &str, constants: &[(&str, Const)], onto: &Onto) -> Result<RasterPipeline> {
+        let pipeline = Self::made(context, name, constants, onto)?;
+        match pipeline.bindings().iter().find(|binding| binding.writes) {
+            Some(written) => Err(Error::Simulation(format!("pipeline {name} draws, and may not write {}", written.name))),
+            None => Ok(pipeline),
+        }
+    }
+
+    fn made(context: &Arc<Context>, name: &str, constants: &[(&str, Const)], onto: &Onto) -> Result<RasterPipeline> {
         let (vertex_words, vertex) = shader(context, &format!("{name}.vert"))?;
         let (fragment_words, fragment) = shader(context, &format!("{name}.frag"))?;
         let (of_vertex, of_fragment): (Vec<_>, Vec<_>) = (
@@ -58,7 +99,7 @@ impl RasterPipeline {
             stage(vk::ShaderStageFlags::VERTEX, modules.0.handle, &of_vertex),
             stage(vk::ShaderStageFlags::FRAGMENT, modules.1.handle, &of_fragment),
         ];
-        let pipeline = create_pipeline(context, &interface, &stages)?;
+        let pipeline = create_pipeline(context, &interface, &stages, onto)?;
         context.labels.name(pipeline, name);
         Ok(RasterPipeline(Arc::new(PipelineInner { interface, pipeline })))
     }
@@ -103,15 +144,40 @@ fn create_pipeline(
     context: &Context,
     interface: &Interface,
     stages: &[vk::PipelineShaderStageCreateInfo<'_>],
+    onto: &Onto,
 ) -> Result<vk::Pipeline> {
     let vertices = vk::PipelineVertexInputStateCreateInfo::default();
     let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
     let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
-    let raster = vk::PipelineRasterizationStateCreateInfo::default().cull_mode(vk::CullModeFlags::NONE).line_width(1.0);
-    let samples = vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
+    let cull = match onto.culls {
+        None => vk::CullModeFlags::NONE,
+        Some(Side::Front) => vk::CullModeFlags::FRONT,
+        Some(Side::Back) => vk::CullModeFlags::BACK,
+    };
+    let raster = vk::PipelineRasterizationStateCreateInfo::default().cull_mode(cull).line_width(1.0);
+    let samples =
+        vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(sample_flag(onto.samples.max(1)));
+    let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+        .depth_test_enable(onto.has_depth)
+        .depth_write_enable(onto.has_depth && onto.hides)
+        .depth_compare_op(vk::CompareOp::LESS_OR_EQUAL);
+    let mix = [vk::PipelineColorBlendAttachmentState::default()
+        .color_write_mask(vk::ColorComponentFlags::RGBA)
+        .blend_enable(onto.blends)
+        .src_color_blend_factor(vk::BlendFactor::ONE)
+        .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+        .src_alpha_blend_factor(vk::BlendFactor::ONE)
+        .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)];
+    let colours = [Texels::Colour.format()];
+    let colour_count = usize::from(onto.has_colour);
+    let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&mix[..colour_count]);
     let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
     let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
-    let mut no_attachments = vk::PipelineRenderingCreateInfo::default();
+    let mut attachments =
+        vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colours[..colour_count]);
+    if onto.has_depth {
+        attachments = attachments.depth_attachment_format(Texels::Depth.format());
+    }
     let info = vk::GraphicsPipelineCreateInfo::default()
         .stages(stages)
         .vertex_input_state(&vertices)
@@ -119,9 +185,11 @@ fn create_pipeline(
         .viewport_state(&viewport)
         .rasterization_state(&raster)
         .multisample_state(&samples)
+        .depth_stencil_state(&depth)
+        .color_blend_state(&blend)
         .dynamic_state(&dynamic)
         .layout(interface.layout)
-        .push_next(&mut no_attachments);
+        .push_next(&mut attachments);
     // SAFETY: modules and layout belong to this device; every pointer lives through the call.
     let made = unsafe { context.device.create_graphics_pipelines(context.cache, &[info], None) };
     let stage = || format!("pipeline {}", interface.name);

@@ -14,6 +14,7 @@ use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
 use super::context::Context;
 use super::failed;
+use super::image::Image;
 use crate::error::{Error, Result};
 use chain::Chain;
 use commands::Commands;
@@ -38,18 +39,12 @@ pub fn display_extensions(display: &impl HasDisplayHandle) -> Result<Vec<&'stati
 }
 
 /// What is shown.
-#[derive(Debug, Clone, Copy)]
-pub enum Content {
+#[derive(Clone, Copy)]
+pub enum Content<'a> {
     /// One colour: red, green, blue, opacity.
     Colour([f32; 4]),
-}
-
-/// A picture that is ready, in [`vk::ImageLayout::GENERAL`], made by work that was submitted before.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Source {
-    pub image: vk::Image,
-    pub width: u32,
-    pub height: u32,
+    /// A picture with one sample a pixel, drawn by work that is done; stretched where the window is of another size.
+    Picture(&'a Image),
 }
 
 /// A window that pictures are shown in. One thread at a time uses it.
@@ -138,20 +133,9 @@ impl Window {
 
     /// Shows something in the image that was acquired; nothing where none was.
     pub fn present(&mut self, content: Content) -> Result<()> {
-        let Content::Colour(colour) = content;
-        self.show(commands::What::Colour(colour))
-    }
-
-    /// Shows a picture, stretched to the window where it is of another size.
-    #[allow(dead_code)]
-    pub(super) fn present_image(&mut self, source: Source) -> Result<()> {
-        self.show(commands::What::Picture(source))
-    }
-
-    fn show(&mut self, what: commands::What) -> Result<()> {
         let (Some(chain), Some(index)) = (&mut self.chain, self.acquired.take()) else { return Ok(()) };
         let image = &chain.images[index as usize];
-        self.commands.copy(what, image.image, chain.extent, image.drawn)?;
+        self.commands.copy(content, image.image, chain.extent, image.drawn)?;
         let (semaphores, handles, indices) = ([image.drawn], [chain.handle], [index]);
         let info =
             vk::PresentInfoKHR::default().wait_semaphores(&semaphores).swapchains(&handles).image_indices(&indices);

@@ -232,9 +232,14 @@ impl Elements {
         self.patches.iter().map(|patch| means[*patch as usize]).collect()
     }
 
-    /// Elastic energy, J: of corotational tetrahedra V (mu |E|^2 + lambda/2 theta^2) with E = sym(R^T F) - I, theta its trace
-    /// or the patch's mean of that; of others their law's; and that of squeezed axes.
+    /// Elastic energy, J.
     pub fn energy(&self, d: &[DVec3], rotations: &[DQuat]) -> f64 {
+        self.densities(d, rotations).iter().zip(&self.volumes).map(|(density, volume)| volume * density).sum()
+    }
+
+    /// Elastic energy of each tetrahedron over its volume, J/m^3: of corotational ones mu |E|^2 + lambda/2 theta^2 with
+    /// E = sym(R^T F) - I, theta its trace or the patch's mean of that; of others their law's; and that of squeezed axes.
+    pub fn densities(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<f64> {
         let strains: Vec<_> =
             (0..rotations.len()).map(|e| strain(rotations[e].normalize(), self.gradient(e, d))).collect();
         let dilatations = self.dilatations(&strains);
@@ -249,7 +254,7 @@ impl Elements {
             };
             of_law + squeezed
         };
-        (0..self.tetrahedra.len()).map(|e| self.volumes[e] * density(e)).sum()
+        (0..self.tetrahedra.len()).map(density).collect()
     }
 
     /// These elements with the operator of a state. A corotational tetrahedron that is squeezed gets half the stiffening

@@ -22,11 +22,11 @@ pub struct Elastic {
     pub tetrahedron_count: usize,
     /// Nodes.
     pub node_count: usize,
-    materials: Buffer,
+    pub(super) materials: Buffer,
     /// Four nodes a tetrahedron.
     pub tetrahedra: Buffer,
     /// Where something spans frames.
-    tetrahedron_links: Option<Buffer>,
+    pub(super) tetrahedron_links: Option<Buffer>,
     /// Three a tetrahedron, rest axes, and the square root of its volume.
     pub(super) rest_gradients: Buffer,
     /// Position in the frame, mass.

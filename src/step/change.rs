@@ -134,7 +134,7 @@ impl Simulation {
         if model.friction[0] > 0.0 && !self.has_friction {
             let (stages, plain, timed) = self.recorded(&model, &scene, &bodies)?;
             (self.stages, self.plain, self.timed, self.shown) = (stages, plain, timed, None);
-            self.has_friction = true;
+            (self.has_friction, self.is_solved) = (true, false);
         } else if let Err(error) = self.stages.refresh(&model) {
             // As well as it can be.
             let _ = self.stages.refresh(&self.model);

@@ -6,7 +6,7 @@ use crate::plan::{Array, Explanation, KernelUse, StageUse, stage_of, why_not};
 use crate::stages::depth::Path;
 
 /// Shaders of these folders are no part of the step: the tests', and what shows it.
-const OTHER_SHADERS: [&str; 2] = ["test/", "draw/"];
+const OTHER_SHADERS: [&str; 3] = ["test/", "draw/", "view/"];
 
 impl Simulation {
     /// Every stage with its passes and arrays, for a step of `iterations` solver iterations that needs no second solve.

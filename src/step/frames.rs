@@ -134,6 +134,11 @@ impl Frames {
         for (core, frame) in self.dynamic.iter().enumerate() {
             frames[*frame].core = core as u32;
         }
+        self.write_links(links);
+    }
+
+    /// Writes how frames that something spans lie to each other now.
+    pub fn write_links(&self, links: &mut [Link]) {
         for (link, [to, from]) in links.iter_mut().zip(&self.links) {
             let (to, from) = (&self.states[*to], &self.states[*from]);
             let back = to.start.rotation.conjugate();

@@ -9,6 +9,11 @@ impl Simulation {
         &self.scene
     }
 
+    /// At the end of the last step, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
     /// What joins tool and device from now on. The loop chooses its own; whoever steps on without it gives back what there was.
     pub fn couple(&mut self, coupling: Option<Coupling>) {
         if let Some(tool) = &mut self.tool {

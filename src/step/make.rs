@@ -139,6 +139,7 @@ impl Prepared {
             last_iterations: 0,
             last_timed: None,
             timed_every: TIMED_EVERY,
+            is_solved: false,
             shown: None,
         })
     }

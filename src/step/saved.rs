@@ -83,7 +83,7 @@ impl Simulation {
         self.drive = state.drive;
         self.frames.restore(&state.frames);
         (self.last_wrench, self.last_iterations) = (state.wrench, state.iterations);
-        self.last_timed = None;
+        (self.last_timed, self.is_solved) = (None, false);
         Ok(())
     }
 

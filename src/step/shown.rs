@@ -1,44 +1,94 @@
-//! What another program draws: the skins as they are now, on the device.
+//! What another program draws: the skins as they are now, on the device, and numbers to colour them by. Reads what the step
+//! leaves and writes nothing of it: a run is the same bits whether anybody looks or not.
 
 use std::ops::Range;
 
 use glam::DVec3;
 
 use super::Simulation;
-use crate::Result;
-use crate::gpu::{Recorder, Recording};
+use crate::gpu::{Buffer, Recorder, Recording};
 use crate::prepare::{Body, Shape};
-use crate::stages::draw::Draw;
-pub use crate::stages::draw::Skins;
-use crate::stages::types::Frame;
+use crate::stages::contact::Touch;
+use crate::stages::draw::{Draw, Fields};
+pub use crate::stages::draw::{Field, Skins};
+use crate::stages::types::{Frame, Link};
+use crate::{Error, Result};
 
 /// The arrays that are shown, and the passes that fill them.
 pub(super) struct Shown {
     draw: Draw,
     recording: Recording,
+    fields: Option<ShownFields>,
+}
+
+/// The same of fields: made when the first is asked for.
+struct ShownFields {
+    fields: Fields,
+    /// By [`Field`].
+    recordings: [Recording; 4],
+}
+
+/// A field as it was when it was asked for.
+#[derive(Clone)]
+pub struct FieldValues {
+    /// Which one.
+    pub field: Field,
+    /// A float a skin vertex, in the order of the skins, packed: as texels of four, padded to a whole one. The array is the
+    /// same each time; it can be a storage, texel or vertex buffer.
+    pub values: Buffer,
+    /// The greatest of each body, the tool's last; zero where a body has no skin.
+    pub greatest: Vec<f32>,
 }
 
 impl Simulation {
     /// The skins as they are now, relative to `origin` (m): the arrays are filled when this returns, and stay so until it is
     /// called again. They are made at the first call.
     pub fn skins(&mut self, origin: DVec3) -> Result<Skins<'_>> {
-        let shown = match self.shown.take() {
-            Some(shown) => shown,
-            None => self.show()?,
-        };
-        let Shown { draw, recording } = self.shown.insert(shown);
-        self.frames.write_places(origin, self.tool.as_ref(), &mut draw.frames.mapped_mut::<Frame>()?);
-        recording.submit_and_wait()?;
-        Ok(draw.skins())
+        let shown = self.shown_at(origin)?;
+        shown.recording.submit_and_wait()?;
+        Ok(shown.draw.skins())
     }
 
     /// The same arrays as they were filled last; uninitialised before.
     pub fn skin_arrays(&mut self) -> Result<Skins<'_>> {
+        Ok(self.shown()?.draw.skins())
+    }
+
+    /// A field after the last step, on the device: the array is filled when this returns, and stays so until the field is asked
+    /// for again (depth and pressure are filled together). Made at the first call; made anew, as the skins are, where
+    /// [`Simulation::set_contact`] brings friction into a scene that had none.
+    pub fn field(&mut self, field: Field) -> Result<FieldValues> {
+        let is_solved = u32::from(self.is_solved);
+        if self.shown()?.fields.is_none() {
+            let fields = self.show_fields()?;
+            self.shown()?.fields = Some(fields);
+        }
+        let shown = self.shown_at(DVec3::ZERO)?;
+        let Some(ShownFields { fields, recordings }) = &shown.fields else { return Err(missing()) };
+        fields.is_solved.mapped_mut::<u32>()?[0] = is_solved;
+        let at = field as usize;
+        recordings[at].submit_and_wait()?;
+        let values = fields.values[at].clone();
+        let greatest = fields.most_values[at].read()?;
+        let bodies = self.bodies.len() + usize::from(self.tool_body.is_some());
+        Ok(FieldValues { field, values, greatest: greatest[..bodies].to_vec() })
+    }
+
+    /// What is shown, with frames and links as they are now, positions relative to `origin`.
+    fn shown_at(&mut self, origin: DVec3) -> Result<&mut Shown> {
+        self.shown()?;
+        let Some(shown) = &mut self.shown else { return Err(missing()) };
+        self.frames.write_places(origin, self.tool.as_ref(), &mut shown.draw.frames.mapped_mut::<Frame>()?);
+        self.frames.write_links(&mut shown.draw.links.mapped_mut::<Link>()?);
+        Ok(shown)
+    }
+
+    fn shown(&mut self) -> Result<&mut Shown> {
         let shown = match self.shown.take() {
             Some(shown) => shown,
             None => self.show()?,
         };
-        Ok(self.shown.insert(shown).draw.skins())
+        Ok(self.shown.insert(shown))
     }
 
     fn show(&self) -> Result<Shown> {
@@ -46,7 +96,20 @@ impl Simulation {
         let draw = Draw::new(&self.context, &self.model, &self.skin_ranges(), skin)?;
         let mut recorder = Recorder::untimed(&self.context)?;
         draw.record(&mut recorder, &self.stages.elastic);
-        Ok(Shown { draw, recording: recorder.finish()? })
+        Ok(Shown { draw, recording: recorder.finish()?, fields: None })
+    }
+
+    fn show_fields(&self) -> Result<ShownFields> {
+        let Some(Shown { draw, .. }) = &self.shown else { return Err(missing()) };
+        let touch: Option<&Touch> = self.stages.touch.as_ref().map(|stages| &stages.contact.touch);
+        let fields = Fields::new(&self.context, &self.model, &self.skin_ranges(), touch)?;
+        let record = |field: Field| -> Result<Recording> {
+            let mut recorder = Recorder::untimed(&self.context)?;
+            fields.record(&mut recorder, field, draw, &self.stages.common, &self.stages.elastic, touch);
+            recorder.finish()
+        };
+        let [depth, pressure, energy, displacement] = Field::ALL.map(record);
+        Ok(ShownFields { recordings: [depth?, pressure?, energy?, displacement?], fields })
     }
 
     /// Where the vertices of any body's skin are, world, m; the tool comes after the bodies.
@@ -96,4 +159,9 @@ impl Simulation {
             _ => Vec::new(),
         }
     }
+}
+
+/// It was put there before.
+fn missing() -> Error {
+    Error::Simulation("what is shown is not there".into())
 }

@@ -2,5 +2,15 @@
 //! (`palpate view`) or writes files (`palpate film`) stands on this.
 
 pub mod camera;
+mod decimate;
 pub mod live;
+mod look;
+mod moment;
+mod parts;
+pub mod picture;
+mod renderer;
 pub mod turns;
+
+pub use camera::Camera;
+pub use moment::Moment;
+pub use renderer::{Renderer, Settings};

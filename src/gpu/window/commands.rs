@@ -5,15 +5,10 @@ use std::sync::Arc;
 
 use ash::vk::{self, AccessFlags2 as Access, ImageLayout as Layout, PipelineStageFlags2 as Stages};
 
-use super::{STAGE, Source};
+use super::{Content, STAGE};
 use crate::error::Result;
+use crate::gpu::image::Image;
 use crate::gpu::{Context, failed};
-
-/// What is copied.
-pub(super) enum What {
-    Colour([f32; 4]),
-    Picture(Source),
-}
 
 /// Commands and what orders them; one copy at a time is under way.
 pub(super) struct Commands {
@@ -22,6 +17,8 @@ pub(super) struct Commands {
     buffer: vk::CommandBuffer,
     fence: vk::Fence,
     is_under_way: bool,
+    /// What is copied now.
+    picture: Option<Image>,
     /// Signalled when the swapchain's image may be drawn into, waited for by the copy.
     pub acquired: vk::Semaphore,
 }
@@ -35,6 +32,7 @@ impl Commands {
             buffer: vk::CommandBuffer::null(),
             fence: vk::Fence::null(),
             is_under_way: false,
+            picture: None,
             acquired: vk::Semaphore::null(),
         };
         let pool = vk::CommandPoolCreateInfo::default()
@@ -68,8 +66,9 @@ impl Commands {
     }
 
     /// Fills an image that was acquired and is of this size; `drawn` is signalled then.
-    pub fn copy(&mut self, what: What, image: vk::Image, size: vk::Extent2D, drawn: vk::Semaphore) -> Result<()> {
+    pub fn copy(&mut self, what: Content, image: vk::Image, size: vk::Extent2D, drawn: vk::Semaphore) -> Result<()> {
         self.wait()?;
+        let picture = if let Content::Picture(picture) = what { Some(picture.clone()) } else { None };
         let (device, buffer) = (&self.context.device, self.buffer);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY (all here): the pool's commands are done; images are alive, the swapchain's acquired; the queue is locked.
@@ -85,11 +84,11 @@ impl Commands {
                 Access::TRANSFER_WRITE,
             );
             match what {
-                What::Colour(float32) => {
+                Content::Colour(float32) => {
                     let (colour, layout) = (vk::ClearColorValue { float32 }, Layout::TRANSFER_DST_OPTIMAL);
                     device.cmd_clear_color_image(buffer, image, layout, &colour, &[whole()]);
                 }
-                What::Picture(source) => self.blit(&source, image, size),
+                Content::Picture(picture) => self.blit(picture, image, size),
             }
             let layouts = [Layout::TRANSFER_DST_OPTIMAL, Layout::PRESENT_SRC_KHR];
             self.barrier(image, layouts, Access::TRANSFER_WRITE, Access::NONE);
@@ -105,7 +104,7 @@ impl Commands {
             let queue = self.context.queue();
             device.queue_submit2(queue.queue(), &[submit], self.fence).map_err(failed("vkQueueSubmit2", STAGE))?;
         }
-        self.is_under_way = true;
+        (self.is_under_way, self.picture) = (true, picture);
         Ok(())
     }
 
@@ -126,7 +125,7 @@ impl Commands {
         unsafe { self.context.device.cmd_pipeline_barrier2(self.buffer, &info) };
     }
 
-    fn blit(&self, source: &Source, image: vk::Image, size: vk::Extent2D) {
+    fn blit(&self, picture: &Image, image: vk::Image, size: vk::Extent2D) {
         // Whatever drew it is done: its recording was waited for. It becomes visible to this copy.
         let made = [vk::MemoryBarrier2::default()
             .src_stage_mask(Stages::ALL_COMMANDS)
@@ -137,11 +136,11 @@ impl Commands {
         let corner = |width: u32, height: u32| vk::Offset3D { x: width as i32, y: height as i32, z: 1 };
         let regions = [vk::ImageBlit2::default()
             .src_subresource(layers)
-            .src_offsets([vk::Offset3D::default(), corner(source.width, source.height)])
+            .src_offsets([vk::Offset3D::default(), corner(picture.0.size[0], picture.0.size[1])])
             .dst_subresource(layers)
             .dst_offsets([vk::Offset3D::default(), corner(size.width, size.height)])];
         let info = vk::BlitImageInfo2::default()
-            .src_image(source.image)
+            .src_image(picture.0.handle)
             .src_image_layout(Layout::GENERAL)
             .dst_image(image)
             .dst_image_layout(Layout::TRANSFER_DST_OPTIMAL)

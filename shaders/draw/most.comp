@@ -1,0 +1,31 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+
+// Draw: the greatest of the numbers of each range, none of which is negative; zero where there are none, or one is no number
+// and no other is greater. One workgroup a range. Oracle: the same in f64.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
+
+layout(scalar, binding = 0) readonly buffer Ranges { uvec2 ranges[]; };         // first, and one after the last
+layout(scalar, binding = 1) readonly buffer Values { float values[]; };
+layout(scalar, binding = 2) writeonly buffer Most { float most[]; };
+
+shared float greatest[SIZE];
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uvec2 range = ranges[gl_WorkGroupID.x];
+    float own = 0.0;
+    for (uint k = range.x + lane; k < range.y; k += SIZE) {
+        float value = values[k];
+        if (value > own) own = value;
+    }
+    greatest[lane] = own;
+    for (uint width = SIZE / 2; width > 0; width /= 2) {
+        barrier();
+        if (lane < width) greatest[lane] = max(greatest[lane], greatest[lane + width]);
+    }
+    if (lane == 0) most[gl_WorkGroupID.x] = greatest[0];
+}

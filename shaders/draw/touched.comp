@@ -1,0 +1,45 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+#include "shared/pressure.glsl"
+
+// Draw: depth (m) and pressure (Pa) of the last step's contacts, at the vertex that gathered each and at the corners of the
+// triangle it met, so that both skins show what one of them gathers; of several the greatest. The pressure is what the
+// solver applied at the end of the step, max(0, k delta + (h k + d) delta'), or where nobody knows that (the state was taken
+// up from elsewhere) what the step began with. A dropped contact gives neither. The arrays are cleared before. No number is
+// negative, so that the order of bits is that of numbers. One invocation a contact; vertices are written by atomics whose
+// order does not matter. Oracle: the same over Simulation::touch.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const uint CAPACITY = 0;
+
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
+layout(scalar, binding = 2) readonly buffer Contacts { Contact contacts[]; };
+layout(binding = 3) uniform samplerBuffer contact_forces;
+layout(binding = 4) uniform usamplerBuffer triangles;
+layout(scalar, binding = 5) readonly buffer Solved { uint is_solved; };         // whether contact_forces are of these contacts
+layout(scalar, binding = 6) buffer Depths { uint depths[]; };                   // bits of a float a skin vertex
+layout(scalar, binding = 7) buffer Pressures { uint pressures[]; };
+
+const float LARGEST = 3.0e38;
+
+// Of what is no number, nothing.
+uint bits_of(float x) { return x > 0.0 && x < LARGEST ? floatBitsToUint(x) : 0; }
+
+void main() {
+    uint c = gl_GlobalInvocationID.x;
+    if (c >= min(counts.contacts, CAPACITY)) return;
+    Contact contact = contacts[c];
+    if (contact.stiffness == 0.0) return;
+    float pressure = is_solved != 0 ? end_pressure(contact, texelFetch(contact_forces, int(c)), params.dt)
+        : contact.stiffness * contact.depth + contact.damping * contact.rate;
+    uint depth_bits = bits_of(contact.depth), pressure_bits = bits_of(pressure);
+    uvec3 met = contact.triangle == NONE ? uvec3(contact.vertex) : texelFetch(triangles, int(contact.triangle)).xyz;
+    uint touched[4] = uint[](contact.vertex, met.x, met.y, met.z);
+    for (uint k = 0; k < 4; k++) {
+        atomicMax(depths[touched[k]], depth_bits);
+        atomicMax(pressures[touched[k]], pressure_bits);
+    }
+}

@@ -1,0 +1,26 @@
+// How much of the sun reaches a point: the mean of the depths that the sun sees over three texels a side, weighted as if the mean
+// of 2 x 2 were taken everywhere between. Wants `shadow` (samplerBuffer, four depths a texel, row by row) and `view`.
+
+// Which of four depths in a row, from this one on, lie behind a depth.
+vec4 lit_row(int first, float depth) {
+    vec4 a = texelFetch(shadow, first >> 2), b = texelFetch(shadow, (first >> 2) + 1);
+    int from = first & 3;
+    vec4 row = from == 0 ? a : (from == 1 ? vec4(a.yzw, b.x) : (from == 2 ? vec4(a.zw, b.xy) : vec4(a.w, b.xyz)));
+    return step(vec4(depth), row);
+}
+
+float lit(vec3 x, vec3 normal) {
+    // Off the surface by some texels: neighbours of a slope must not shade it.
+    vec3 place = (view.light * vec4(x + 2.0 * view.texel * normal, 1.0)).xyz;
+    float side = float(view.shadow_side);
+    vec2 texel = place.xy * side - 0.5, corner = floor(texel), share = texel - corner;
+    // What the sun does not see lies in its light.
+    bool is_seen = all(greaterThanEqual(corner, vec2(1.0))) && all(lessThan(corner, vec2(side - 4.0)));
+    if (!is_seen || place.z >= 1.0) return 1.0;
+    float depth = place.z - view.bias;
+    int first = int(corner.y - 1.0) * int(view.shadow_side) + int(corner.x - 1.0);
+    vec4 along = vec4(1.0 - share.x, 1.0, 1.0, share.x), across = vec4(1.0 - share.y, 1.0, 1.0, share.y);
+    float sum = 0.0;
+    for (int j = 0; j < 4; j++) sum += across[j] * dot(along, lit_row(first + j * int(view.shadow_side), depth));
+    return sum / 9.0;
+}

@@ -1,0 +1,45 @@
+// Strain of a tetrahedron, and what of it is squeezed. Needs shared/rotation.glsl. Oracle: oracle::elastic.
+
+const float LEAST = 0.3;            // the least principal stretch that is not squeezed
+const float STIFFENING = 10.0;      // along a squeezed axis, of lambda + 2 mu
+const float COROTATIONAL = 0.0;     // the law of a material
+const uint JACOBI_SWEEPS = 5;
+
+// E = R^T G + (R^T - I), R^T - I = 2 [v]x [v]x - 2 w [v]x, column by column, without cancellation.
+mat3 strain(vec4 q, mat3 g) {
+    mat3 e;
+    for (int k = 0; k < 3; k++) {
+        vec3 axis = vec3(k == 0, k == 1, k == 2);
+        vec3 turned = cross(q.xyz, axis);
+        e[k] = rotate_back(q, g[k]) + 2.0 * (cross(q.xyz, turned) - q.w * turned);
+    }
+    return e;
+}
+
+// sum min(0, 1 + e_k - LEAST) n_k n_k^T over the eigenvalues and axes of the symmetric part of E, by Jacobi's rotations.
+mat3 squeeze(mat3 strain) {
+    mat3 a = 0.5 * (strain + transpose(strain));
+    // Gershgorin's circles: nothing is squeezed, as nearly everywhere. A loop of no rounds, since some devices run untaken
+    // branches masked.
+    vec3 reach = vec3(abs(a[1][0]) + abs(a[2][0]), abs(a[1][0]) + abs(a[2][1]), abs(a[2][0]) + abs(a[2][1]));
+    bool clear = all(greaterThan(vec3(1.0 + a[0][0], 1.0 + a[1][1], 1.0 + a[2][2]) - reach, vec3(LEAST)));
+    uint rounds = clear ? 0 : 3 * JACOBI_SWEEPS;
+    mat3 axes = mat3(1.0);
+    for (uint k = 0; k < rounds; k++) {
+        uint p = k % 3 == 2 ? 1 : 0, q = k % 3 == 0 ? 1 : 2;
+        if (a[p][q] == 0.0) continue;
+        float theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+        float t = (theta < 0.0 ? -1.0 : 1.0) / (abs(theta) + sqrt(theta * theta + 1.0));
+        float c = inversesqrt(t * t + 1.0), s = t * c;
+        mat3 turn = mat3(1.0);
+        turn[p][p] = c;
+        turn[q][q] = c;
+        turn[q][p] = s;
+        turn[p][q] = -s;
+        a = transpose(turn) * a * turn;
+        axes = axes * turn;
+    }
+    mat3 sum = mat3(0.0);
+    for (uint k = 0; k < min(rounds, 3); k++) sum += min(0.0, 1.0 + a[k][k] - LEAST) * outerProduct(axes[k], axes[k]);
+    return sum;
+}

@@ -1,0 +1,5 @@
+#version 460
+
+// View: the depth alone is kept.
+
+void main() {}

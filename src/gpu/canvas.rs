@@ -1,0 +1,236 @@
+//! Drawing onto images: what [`Recorder`] does where somebody looks.
+#![allow(unsafe_code)]
+
+use ash::vk::{self, AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
+
+use super::barrier::{CANVAS, CANVAS_WRITE, Use};
+use super::buffer::Buffer;
+use super::image::{Image, Texels};
+use super::raster::RasterPipeline;
+use super::recorder::Recorder;
+use crate::error::Result;
+
+/// Images that are drawn onto together, all of one size.
+#[derive(Clone, Default)]
+pub struct Canvas {
+    /// What is seen.
+    pub colour: Option<Image>,
+    /// How far away it is.
+    pub depth: Option<Image>,
+    /// Takes the mean of the samples of `colour`, where that has several.
+    pub mean: Option<Image>,
+}
+
+/// What a canvas holds before it is drawn onto.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Before {
+    /// What was drawn before.
+    Kept,
+    /// This colour (red, green, blue, alpha; 0 to 1), and all infinitely far away.
+    Cleared([f32; 4]),
+}
+
+/// Triangles to draw, a pipeline for all of them.
+pub struct Drawn<'a> {
+    /// How.
+    pub pipeline: &'a RasterPipeline,
+    /// In ascending order of binding, one for each reflected.
+    pub buffers: &'a [&'a Buffer],
+    /// As long as the pipeline's push constants.
+    pub push: &'a [u8],
+    /// Vertices, a u32 each; `None`: from 0 on.
+    pub indices: Option<&'a Buffer>,
+    /// The first of them, and how many.
+    pub range: (u32, u32),
+    /// How often.
+    pub instances: u32,
+    /// The part of the canvas that is drawn onto: left, top, width, height; `None`: all of it.
+    pub part: Option<[u32; 4]>,
+}
+
+impl Canvas {
+    fn images(&self) -> impl Iterator<Item = &Image> {
+        self.colour.iter().chain(&self.depth).chain(&self.mean)
+    }
+
+    /// Width and height, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.images().next().map_or([0; 2], Image::size)
+    }
+}
+
+impl Recorder {
+    /// Draws all of these in order, as one pass.
+    pub fn paint(&mut self, canvas: &Canvas, before: Before, all: &[Drawn]) {
+        let ready = self.try_paint(canvas, before, all);
+        self.note(ready);
+    }
+
+    fn try_paint(&mut self, canvas: &Canvas, before: Before, all: &[Drawn]) -> Result<()> {
+        let size = canvas.size();
+        if canvas.images().any(|image| image.size() != size) || size[0] == 0 {
+            return Err(self.error("the images of a canvas differ in size, or there are none".into()));
+        }
+        let mut uses: Vec<Use> = canvas.images().map(|image| drawn_onto(image)).collect();
+        for drawn in all {
+            let (interface, shaders) = (&drawn.pipeline.0.interface, Stages::VERTEX_SHADER | Stages::FRAGMENT_SHADER);
+            uses.extend(self.check_uses(interface, drawn.buffers, drawn.push, shaders)?);
+            if let Some(indices) = drawn.indices {
+                let end = u64::from(drawn.range.0) + u64::from(drawn.range.1);
+                if 4 * end > indices.bytes() {
+                    let what = format!("index {end} of {} lies beyond its {} bytes", indices.name(), indices.bytes());
+                    return Err(self.error(what));
+                }
+                let id = indices.0.handle.as_raw();
+                uses.push(Use { id, reads: true, writes: false, stages: Stages::INDEX_INPUT, write_access: Access::NONE });
+            }
+        }
+        if !self.is_well() {
+            return Ok(());
+        }
+        let names: Vec<_> = all.iter().map(|drawn| drawn.pipeline.0.interface.name.as_str()).collect();
+        self.pass("draw", &names.join(", "), &uses);
+        canvas.images().for_each(|image| self.commands.keep(image.0.handle.as_raw(), &image.0));
+        self.begin(canvas, before);
+        for drawn in all {
+            self.draw_one(drawn, size)?;
+        }
+        // SAFETY: recording, within the rendering that began above.
+        unsafe { self.commands.context.device.cmd_end_rendering(self.commands.buffer) };
+        Ok(())
+    }
+
+    fn begin(&mut self, canvas: &Canvas, before: Before) {
+        let [width, height] = canvas.size();
+        let (load, colour) = match before {
+            Before::Kept => (vk::AttachmentLoadOp::LOAD, [0.0; 4]),
+            Before::Cleared(colour) => (vk::AttachmentLoadOp::CLEAR, colour),
+        };
+        if before != Before::Kept {
+            canvas.colour.iter().chain(&canvas.depth).for_each(|image| self.take(image));
+        }
+        canvas.mean.iter().for_each(|image| self.take(image));
+        let attachment = |image: &Image| {
+            vk::RenderingAttachmentInfo::default()
+                .image_view(image.0.view)
+                .image_layout(vk::ImageLayout::GENERAL)
+                .load_op(load)
+                .store_op(vk::AttachmentStoreOp::STORE)
+        };
+        let clear = vk::ClearValue { color: vk::ClearColorValue { float32: colour } };
+        let far = vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 } };
+        let mut colours: Vec<_> = canvas.colour.iter().map(|image| attachment(image).clear_value(clear)).collect();
+        if let (Some(colour), Some(mean)) = (colours.first_mut(), &canvas.mean) {
+            *colour = colour
+                .resolve_mode(vk::ResolveModeFlags::AVERAGE)
+                .resolve_image_view(mean.0.view)
+                .resolve_image_layout(vk::ImageLayout::GENERAL);
+        }
+        let depth = canvas.depth.as_ref().map(|image| attachment(image).clear_value(far));
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let mut rendering =
+            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colours);
+        if let Some(depth) = &depth {
+            rendering = rendering.depth_attachment(depth);
+        }
+        let viewport = vk::Viewport {
+            width: width as f32,
+            height: height as f32,
+            max_depth: 1.0,
+            ..vk::Viewport::default()
+        };
+        let (device, commands) = (&self.commands.context.device, self.commands.buffer);
+        // SAFETY: recording, outside rendering; the images are alive, kept, of one size, and in the general layout.
+        unsafe {
+            device.cmd_begin_rendering(commands, &rendering);
+            device.cmd_set_viewport(commands, 0, &[viewport]);
+        }
+    }
+
+    /// Brings an image whose content does not matter into the general layout.
+    fn take(&mut self, image: &Image) {
+        let range =
+            vk::ImageSubresourceRange::default().aspect_mask(image.0.texels.aspect()).level_count(1).layer_count(1);
+        let barriers = [vk::ImageMemoryBarrier2::default()
+            .src_stage_mask(Stages::ALL_COMMANDS)
+            .src_access_mask(Access::MEMORY_WRITE)
+            .dst_stage_mask(CANVAS)
+            .dst_access_mask(CANVAS_WRITE | Access::COLOR_ATTACHMENT_READ | Access::DEPTH_STENCIL_ATTACHMENT_READ)
+            .old_layout(vk::ImageLayout::UNDEFINED)
+            .new_layout(vk::ImageLayout::GENERAL)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(image.0.handle)
+            .subresource_range(range)];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+        // SAFETY: recording, outside rendering; the image is alive and kept.
+        unsafe { self.commands.context.device.cmd_pipeline_barrier2(self.commands.buffer, &info) };
+    }
+
+    fn draw_one(&mut self, drawn: &Drawn, size: [u32; 2]) -> Result<()> {
+        let Drawn { pipeline, buffers, push, indices, range: (first, count), instances, part } = drawn;
+        self.commands.keep(pipeline.0.pipeline.as_raw(), &pipeline.0);
+        self.bind(&pipeline.0.interface, buffers, push, vk::PipelineBindPoint::GRAPHICS)?;
+        if let Some(indices) = indices {
+            self.keep(indices);
+        }
+        let [left, top, width, height] = part.unwrap_or([0, 0, size[0], size[1]]);
+        let (width, height) = (width.min(size[0].saturating_sub(left)), height.min(size[1].saturating_sub(top)));
+        let scissor = vk::Rect2D {
+            offset: vk::Offset2D { x: left as i32, y: top as i32 },
+            extent: vk::Extent2D { width, height },
+        };
+        let (device, commands) = (&self.commands.context.device, self.commands.buffer);
+        // SAFETY: recording, within rendering; pipeline, set and indices are alive and kept; the range was checked.
+        unsafe {
+            device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, pipeline.0.pipeline);
+            device.cmd_set_scissor(commands, 0, &[scissor]);
+            match indices {
+                Some(indices) => {
+                    device.cmd_bind_index_buffer(commands, indices.0.handle, 0, vk::IndexType::UINT32);
+                    device.cmd_draw_indexed(commands, *count, *instances, *first, 0, 0);
+                }
+                None => device.cmd_draw(commands, *count, *instances, *first, 0),
+            }
+        }
+        Ok(())
+    }
+
+    /// Copies all pixels of an image that was drawn onto to an array, row by row from the top, four bytes each.
+    pub fn copy_out(&mut self, image: &Image, array: &Buffer) {
+        if array.bytes() < image.bytes() || image.0.samples > 1 {
+            let what = format!("image {} of {} bytes cannot be copied to {}", image.name(), image.bytes(), array.name());
+            let error = Err(self.error(what));
+            self.note(error);
+        }
+        if !self.is_well() {
+            return;
+        }
+        let (source, target) = (image.0.handle.as_raw(), array.0.handle.as_raw());
+        let read =
+            Use { id: source, reads: true, writes: false, stages: Stages::ALL_TRANSFER, write_access: Access::NONE };
+        let written = Use { id: target, reads: false, writes: true, write_access: Access::TRANSFER_WRITE, ..read };
+        self.pass("copy", array.name(), &[read, written]);
+        self.commands.keep(source, &image.0);
+        self.keep(array);
+        let layers = vk::ImageSubresourceLayers::default().aspect_mask(image.0.texels.aspect()).layer_count(1);
+        let [width, height] = image.size();
+        let region = [vk::BufferImageCopy::default()
+            .image_subresource(layers)
+            .image_extent(vk::Extent3D { width, height, depth: 1 })];
+        let layout = vk::ImageLayout::GENERAL;
+        // SAFETY: recording, outside rendering; both are alive and kept; the array has room.
+        unsafe {
+            let device = &self.commands.context.device;
+            device.cmd_copy_image_to_buffer(self.commands.buffer, image.0.handle, layout, array.0.handle, &region);
+        }
+    }
+}
+
+fn drawn_onto(image: &Image) -> Use {
+    let write_access = match image.0.texels {
+        Texels::Colour => Access::COLOR_ATTACHMENT_WRITE,
+        Texels::Depth => Access::DEPTH_STENCIL_ATTACHMENT_WRITE,
+    };
+    Use { id: image.0.handle.as_raw(), reads: true, writes: true, stages: CANVAS, write_access }
+}

@@ -1,0 +1,173 @@
+//! Images that are drawn into. They stay in the general layout from the first use on, so nobody has to know where one is; what
+//! shaders read of one is copied into an array first.
+#![allow(unsafe_code)]
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+use super::context::Context;
+use super::failed;
+use crate::error::{Error, Result};
+
+/// What a pixel holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Texels {
+    /// Red, green, blue and alpha, a byte each, as they are.
+    Colour,
+    /// Depth, a float.
+    Depth,
+}
+
+/// A rectangle of pixels on the device; a cheap handle.
+#[derive(Clone)]
+pub struct Image(pub(super) Arc<ImageInner>);
+
+pub(super) struct ImageInner {
+    pub context: Arc<Context>,
+    pub name: String,
+    pub handle: vk::Image,
+    pub view: vk::ImageView,
+    pub texels: Texels,
+    pub size: [u32; 2],
+    pub samples: u32,
+    allocation: Option<Allocation>,
+}
+
+impl Texels {
+    pub(super) fn format(self) -> vk::Format {
+        match self {
+            Texels::Colour => vk::Format::R8G8B8A8_UNORM,
+            Texels::Depth => vk::Format::D32_SFLOAT,
+        }
+    }
+
+    pub(super) fn aspect(self) -> vk::ImageAspectFlags {
+        match self {
+            Texels::Colour => vk::ImageAspectFlags::COLOR,
+            Texels::Depth => vk::ImageAspectFlags::DEPTH,
+        }
+    }
+
+    fn usage(self) -> vk::ImageUsageFlags {
+        let attachment = match self {
+            Texels::Colour => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+            Texels::Depth => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+        };
+        attachment | vk::ImageUsageFlags::TRANSFER_SRC
+    }
+}
+
+impl Image {
+    /// An uninitialised image of `size` pixels (width, height) with 1 or 4 samples each.
+    pub fn new(context: &Arc<Context>, name: &str, texels: Texels, size: [u32; 2], samples: u32) -> Result<Image> {
+        let most = context.limits.max_framebuffer_width.min(context.limits.max_framebuffer_height);
+        let most = most.min(context.limits.max_image_dimension2_d);
+        if size.iter().any(|side| !(1..=most).contains(side)) {
+            let [width, height] = size;
+            return Err(Error::Usage(format!("{width} x {height} pixels; the device draws 1 to {most} a side")));
+        }
+        let usage = if samples == 1 { texels.usage() } else { texels.usage() & !vk::ImageUsageFlags::TRANSFER_SRC };
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(texels.format())
+            .extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 })
+            .mip_levels(1)
+            .array_layers(1)
+            .samples(sample_flag(samples))
+            .usage(usage);
+        let stage = || format!("image {name}");
+        // SAFETY: the device is alive; the info lives through the call.
+        let handle = unsafe { context.device.create_image(&info, None) }.map_err(failed("vkCreateImage", stage()))?;
+        context.labels.name(handle, name);
+        // From here on, dropping `inner` frees what there is.
+        let mut inner = ImageInner {
+            context: context.clone(),
+            name: name.into(),
+            handle,
+            view: vk::ImageView::null(),
+            texels,
+            size,
+            samples,
+            allocation: None,
+        };
+        inner.allocate()?;
+        let range = vk::ImageSubresourceRange::default().aspect_mask(texels.aspect()).level_count(1).layer_count(1);
+        let view = vk::ImageViewCreateInfo::default()
+            .image(handle)
+            .view_type(vk::ImageViewType::TYPE_2D)
+            .format(texels.format())
+            .subresource_range(range);
+        // SAFETY: the image is alive and has memory.
+        inner.view =
+            unsafe { context.device.create_image_view(&view, None) }.map_err(failed("vkCreateImageView", stage()))?;
+        Ok(Image(Arc::new(inner)))
+    }
+
+    /// Width and height, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.0.size
+    }
+
+    /// What a pixel holds.
+    pub fn texels(&self) -> Texels {
+        self.0.texels
+    }
+
+    /// Bytes of all pixels; a pixel has four.
+    pub fn bytes(&self) -> u64 {
+        4 * u64::from(self.0.size[0]) * u64::from(self.0.size[1])
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.0.name
+    }
+}
+
+/// The flag of a number of samples.
+pub(super) fn sample_flag(samples: u32) -> vk::SampleCountFlags {
+    if samples == 4 { vk::SampleCountFlags::TYPE_4 } else { vk::SampleCountFlags::TYPE_1 }
+}
+
+impl ImageInner {
+    fn allocate(&mut self) -> Result<()> {
+        let device = &self.context.device;
+        // SAFETY: the image belongs to this live device.
+        let requirements = unsafe { device.get_image_memory_requirements(self.handle) };
+        let desc = AllocationCreateDesc {
+            name: &self.name,
+            requirements,
+            location: MemoryLocation::GpuOnly,
+            linear: false,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        };
+        let allocation = self.context.allocator().allocate(&desc).map_err(|e| {
+            let [width, height] = self.size;
+            Error::Memory(format!("image {} of {width} x {height} gets no memory from the device: {e}", self.name))
+        })?;
+        // SAFETY: the range belongs to this allocation alone, and fits the requirements asked for.
+        let bound = unsafe { device.bind_image_memory(self.handle, allocation.memory(), allocation.offset()) };
+        self.context.allocated.fetch_add(allocation.size(), Ordering::Relaxed);
+        self.allocation = Some(allocation);
+        bound.map_err(failed("vkBindImageMemory", format!("image {}", self.name)))
+    }
+}
+
+impl Drop for ImageInner {
+    fn drop(&mut self) {
+        // SAFETY: the last handle goes; recordings hold handles and wait for their work, so the device is done. A null
+        // view is ignored.
+        unsafe {
+            self.context.device.destroy_image_view(self.view, None);
+            self.context.device.destroy_image(self.handle, None);
+        }
+        if let Some(allocation) = self.allocation.take() {
+            self.context.allocated.fetch_sub(allocation.size(), Ordering::Relaxed);
+            let _ = self.context.allocator().free(allocation);
+        }
+    }
+}

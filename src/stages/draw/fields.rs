@@ -1,0 +1,238 @@
+//! Fields: numbers a vertex that are shown as colours. Read from what the step leaves; nothing of that is written.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::super::contact::Touch;
+use super::super::elastic::Elastic;
+use super::super::model::Model;
+use super::super::types::{Contact, NONE};
+use super::super::{Common, array, count, upload};
+use super::{Draw, Points, lists};
+use crate::Result;
+use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
+
+/// What is shown as a colour on the skins. None is ever negative, nor anything but a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Field {
+    /// How deep a vertex was in another body at the start of the last step, m; zero without a contact. Contacts are gathered by
+    /// the vertices of one skin or of both; each counts for the vertex that gathers it and for the corners of the triangle
+    /// that it meets, and the deepest of a vertex is shown.
+    Depth,
+    /// With which the last step's contacts pushed at its end, Pa: times a contact's area that is its force along its normal.
+    /// Shown at the same vertices as the depth, the greatest of each. After a state was taken up, and before the next step,
+    /// with which it began to push.
+    Pressure,
+    /// Of the layer that the skin is embedded in, J/m^3, by each tetrahedron's law; the mean by volume around a node, and
+    /// between nodes as the skin is embedded. Zero on rigid bodies.
+    StrainEnergy,
+    /// How far deformation has moved a vertex, m: from where it would be if its body were carried rigidly, by the core that
+    /// each of its nodes goes with, or by the frame that follows a body without cores. How the body as a whole moves is no
+    /// part of it; with fixed cores it is the distance from where the vertex was placed. Zero on rigid bodies.
+    Displacement,
+}
+
+impl Field {
+    /// All of them.
+    pub const ALL: [Field; 4] = [Field::Depth, Field::Pressure, Field::StrainEnergy, Field::Displacement];
+
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Field::Depth => "penetration depth",
+            Field::Pressure => "pressure",
+            Field::StrainEnergy => "strain energy density",
+            Field::Displacement => "displacement",
+        }
+    }
+
+    /// The unit of its numbers.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Field::Depth | Field::Displacement => "m",
+            Field::Pressure => "Pa",
+            Field::StrainEnergy => "J/m^3",
+        }
+    }
+}
+
+/// Kernels and arrays.
+pub struct Fields {
+    touched: Option<Kernel>,
+    energy: Kernel,
+    share: Option<Patches>,
+    mean: Kernel,
+    spread: Kernel,
+    moved: Kernel,
+    most: Kernel,
+    body_count: u32,
+    node_first: Buffer,
+    node_tetrahedra: Buffer,
+    densities: Buffer,
+    node_values: Buffer,
+    ranges: Buffer,
+    /// Whether the device still has what the solver applied in the last step: one u32, written by the host.
+    pub is_solved: Buffer,
+    /// A float a vertex, by [`Field`].
+    pub values: [Buffer; 4],
+    /// A float a body, the tool's last: the greatest of its vertices; by [`Field`].
+    pub most_values: [Buffer; 4],
+}
+
+/// Tetrahedra that share a volumetric strain.
+struct Patches {
+    kernel: Kernel,
+    count: u32,
+    first: Buffer,
+    members: Buffer,
+}
+
+impl Fields {
+    /// For a model whose bodies' skins take up these ranges of the vertices; `touch`: where anything can.
+    pub fn new(
+        context: &Arc<Context>,
+        model: &Model,
+        ranges: &[Range<usize>],
+        touch: Option<&Touch>,
+    ) -> Result<Fields> {
+        let (vertices, nodes) = (model.skin_nodes.len(), model.node_rest.len());
+        let corners = model.tetrahedra.iter().zip(0..).flat_map(|(nodes, t)| nodes.map(|node| (node, t)));
+        let (node_first, node_tetrahedra) = lists(nodes, corners);
+        let group = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Group, constants);
+        let share = || -> Result<Patches> {
+            let patches = model.patches.of.iter().zip(0..).filter(|(patch, _)| **patch != NONE);
+            let (first, members) = lists(model.patches.count(), patches.map(|(patch, t)| (*patch, t)));
+            Ok(Patches {
+                kernel: group("draw/share", &[("PATCHES", count(model.patches.count()))])?,
+                count: model.patches.count() as u32,
+                first: upload(context, "first shown members of patches", &first)?,
+                members: upload(context, "shown members of patches", &members)?,
+            })
+        };
+        let touched = |touch: &Touch| {
+            let capacity = touch.contacts.bytes() as usize / size_of::<Contact>();
+            group("draw/touched", &[("CAPACITY", count(capacity))])
+        };
+        let rows: Vec<[u32; 2]> = ranges.iter().map(|range| [range.start as u32, range.end as u32]).collect();
+        let has_patches = model.patches.count() > 0;
+        // In whole texels.
+        let bytes = (4 * vertices.max(1)).next_multiple_of(16) as u64;
+        let [depths, pressures, energies, distances] =
+            Field::ALL.map(|field| Buffer::shared(context, field.name(), bytes));
+        let most = |field: Field| {
+            let name = format!("greatest {}", field.name());
+            Buffer::new(context, &name, (4 * rows.len().max(1)) as u64, Memory::Readback)
+        };
+        let [most_depths, most_pressures, most_energies, most_distances] = Field::ALL.map(most);
+        Ok(Fields {
+            touched: touch.map(touched).transpose()?,
+            energy: group(
+                "draw/energy",
+                &[
+                    ("TETRAHEDRA", count(model.tetrahedra.len())),
+                    ("SPANS", model.spans_frames().into()),
+                    ("PATCHES", has_patches.into()),
+                    ("NEO_HOOKEAN", model.has_neo_hookean().into()),
+                ],
+            )?,
+            share: has_patches.then(share).transpose()?,
+            mean: group("draw/mean", &[("NODES", count(nodes))])?,
+            spread: group("draw/spread", &[("VERTICES", count(vertices))])?,
+            moved: group("draw/moved", &[("VERTICES", count(vertices))])?,
+            most: Kernel::new(context, "draw/most", Size::Reduce, &[])?,
+            body_count: rows.len() as u32,
+            node_first: upload(context, "first tetrahedra around nodes", &node_first)?,
+            node_tetrahedra: upload(context, "tetrahedra around nodes", &node_tetrahedra)?,
+            densities: array::<[f32; 4]>(context, "energy densities", model.tetrahedra.len())?,
+            node_values: array::<f32>(context, "energy densities at nodes", nodes)?,
+            ranges: upload(context, "ranges of skins", &rows)?,
+            is_solved: Buffer::new(context, "whether contacts are solved", 4, Memory::Upload)?,
+            values: [depths?, pressures?, energies?, distances?],
+            most_values: [most_depths?, most_pressures?, most_energies?, most_distances?],
+        })
+    }
+
+    /// Fills the array of a field, and the greatest of each body; depth and pressure come together. `touch`: as when this was made.
+    pub fn record(
+        &self,
+        recorder: &mut Recorder,
+        field: Field,
+        draw: &Draw,
+        common: &Common,
+        elastic: &Elastic,
+        touch: Option<&Touch>,
+    ) {
+        recorder.stage("draw");
+        match field {
+            Field::Depth | Field::Pressure => {
+                self.record_touched(recorder, common, touch, &draw.triangles);
+                self.record_most(recorder, Field::Depth);
+                self.record_most(recorder, Field::Pressure);
+            }
+            Field::StrainEnergy => {
+                self.record_energy(recorder, draw, elastic);
+                let values = &self.values[field as usize];
+                let buffers = [&draw.points.nodes, &draw.points.weights, &self.node_values, values];
+                recorder.dispatch(&self.spread, &buffers, &[], draw.points.count);
+                self.record_most(recorder, field);
+            }
+            Field::Displacement => {
+                self.record_moved(recorder, draw, elastic, &draw.points, &self.values[field as usize]);
+                self.record_most(recorder, field);
+            }
+        }
+    }
+
+    fn record_touched(&self, recorder: &mut Recorder, common: &Common, touch: Option<&Touch>, triangles: &Buffer) {
+        let [depths, pressures, ..] = &self.values;
+        recorder.fill(depths, 0);
+        recorder.fill(pressures, 0);
+        let (Some(touched), Some(touch)) = (&self.touched, touch) else { return };
+        let capacity = touch.contacts.bytes() as usize / size_of::<Contact>();
+        let buffers = [
+            &common.params,
+            &common.counts,
+            &touch.contacts,
+            &touch.contact_forces,
+            triangles,
+            &self.is_solved,
+            depths,
+            pressures,
+        ];
+        recorder.dispatch(touched, &buffers, &[], capacity as u32);
+    }
+
+    /// To the nodes.
+    fn record_energy(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic) {
+        let buffers = [
+            &elastic.materials,
+            &elastic.tetrahedra,
+            &elastic.rest_gradients,
+            &elastic.displacement,
+            // Where nothing spans frames, or there are no patches, nobody reads of these.
+            elastic.tetrahedron_links.as_ref().unwrap_or(&elastic.tetrahedra),
+            &elastic.node_rest,
+            &draw.links,
+            elastic.dilate.as_ref().map_or(&elastic.tetrahedra, |dilate| &dilate.patch_of),
+            &elastic.rotations,
+            &self.densities,
+        ];
+        recorder.dispatch(&self.energy, &buffers, &[], elastic.tetrahedron_count as u32);
+        if let Some(patches) = &self.share {
+            let buffers = [&patches.first, &patches.members, &self.densities];
+            recorder.dispatch(&patches.kernel, &buffers, &[], patches.count);
+        }
+        let buffers = [&self.node_first, &self.node_tetrahedra, &self.densities, &self.node_values];
+        recorder.dispatch(&self.mean, &buffers, &[], elastic.node_count as u32);
+    }
+
+    fn record_moved(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic, points: &Points, values: &Buffer) {
+        let buffers = [&draw.frames, &points.nodes, &points.weights, &elastic.displacement, &elastic.node_info, values];
+        recorder.dispatch(&self.moved, &buffers, &[], points.count);
+    }
+
+    fn record_most(&self, recorder: &mut Recorder, field: Field) {
+        let buffers = [&self.ranges, &self.values[field as usize], &self.most_values[field as usize]];
+        recorder.dispatch_groups(&self.most, &buffers, &[], self.body_count);
+    }
+}
