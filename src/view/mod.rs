@@ -6,6 +6,8 @@ mod decimate;
 pub mod live;
 mod look;
 mod moment;
+pub mod overlay;
+pub mod painter;
 mod parts;
 pub mod picture;
 mod renderer;

@@ -192,19 +192,21 @@ mod tests {
                     thread::sleep(Duration::from_micros(50));
                 }
             });
-            for _ in 0..2000 {
+            until(|| slices.load(Ordering::SeqCst) > 0);
+            for _ in 0..1000 {
                 let before = slices.load(Ordering::SeqCst);
                 let turn = turns.step();
                 worst = worst.max(slices.load(Ordering::SeqCst) - before);
+                thread::sleep(Duration::from_micros(50));
                 drop(turn);
             }
             stop.store(true, Ordering::Relaxed);
         });
-        // The count may be read just before the slice under way counts itself.
-        assert!(worst <= 1, "a step waited for {worst} slices");
-        assert!(slices.load(Ordering::SeqCst) > 500, "{slices:?} slices beside 2000 steps");
+        // Between the count and the question one may end and another begin; the test before this one is exact.
+        assert!(worst <= 2, "a step waited for {worst} slices");
+        assert!(slices.load(Ordering::SeqCst) > 250, "{slices:?} slices beside 1000 steps");
         let delays = turns.delays();
-        assert_eq!(delays.steps, 2000);
+        assert_eq!(delays.steps, 1000);
         assert!(delays.most >= delays.median && delays.longest_slice >= 50e-6);
     }
 

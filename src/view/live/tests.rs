@@ -59,7 +59,7 @@ fn beside_drawing_the_trace_is_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let mut plain = simulation(folder.path());
     let expected: Vec<String> = (0..STEPS).map(|_| bits(&plain.step().unwrap())).collect();
-    assert!(expected.last().unwrap().contains("contacts: Some(") && plain.contact_wrench().unwrap().pressing > 0.0);
+    assert!(plain.contact_wrench().unwrap().wrench.force.y > 0.0, "it touches at last");
 
     let (mut live, rows) = live(simulation(folder.path()), Lead::Drive, Extent::Steps(STEPS), folder.path());
     let stop = AtomicBool::new(false);

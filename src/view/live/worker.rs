@@ -236,6 +236,7 @@ impl Worker {
         }
         let turns = self.turns.clone();
         let turn = turns.step();
+        let had_friction = self.simulation.scene().contact.friction > 0.0;
         let changed = match command {
             Command::Material(body, index, material) => self.simulation.set_material(body, index, material),
             Command::Contact(law) => self.simulation.set_contact(&law),
@@ -249,6 +250,10 @@ impl Worker {
         };
         drop(turn);
         self.is_changed = true;
+        if !had_friction && self.simulation.scene().contact.friction > 0.0 {
+            // Recorded with friction, it has other arrays to draw.
+            self.snapshot.generation += 1;
+        }
         if let Err(error) = changed {
             self.out.note(error.to_string());
         }
