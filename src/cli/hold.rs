@@ -32,7 +32,7 @@ fn profile_of(scene: &Scene, default: &str) -> Profile {
 }
 
 /// The device that a scene asks for.
-fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
+pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
     let haptics = &scene.haptics;
     let drive = Drive::new(&scene.drive, start);
     Ok(match haptics.device {
@@ -108,7 +108,7 @@ fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> 
 }
 
 /// Set by the first signal to end, so that the device is let go of in order; the second ends the program at once.
-fn stopped_by_signals() -> Result<Arc<AtomicBool>> {
+pub fn stopped_by_signals() -> Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     let failed = |error| Error::Simulation(format!("signals cannot be heard: {error}"));
     for signal in signal_hook::consts::TERM_SIGNALS.iter().chain(OTHER_SIGNALS) {

@@ -13,6 +13,8 @@ mod query;
 mod replay;
 mod run;
 mod stability;
+#[cfg(feature = "view")]
+mod view;
 
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
@@ -45,6 +47,9 @@ enum Command {
     /// Make a film of a scene, or a folder of pictures, without a display
     #[cfg(feature = "view")]
     Film(film::Arguments),
+    /// Open a window onto a scene, and hold its tool with the mouse or a haptic device
+    #[cfg(feature = "view")]
+    View(view::Arguments),
     /// List the Vulkan devices that can be used
     Devices,
 }
@@ -63,6 +68,8 @@ fn main() -> ExitCode {
         Command::Stability(arguments) => stability::stability(&arguments),
         #[cfg(feature = "view")]
         Command::Film(arguments) => film::film(&arguments),
+        #[cfg(feature = "view")]
+        Command::View(arguments) => view::view(&arguments),
         Command::Devices => devices::devices(),
     };
     match result {

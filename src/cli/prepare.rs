@@ -20,6 +20,9 @@ use crate::print;
 /// Steps of the progress bar after the body is made: pictures, files.
 const AFTER: u64 = 2;
 
+/// Cells along a surface's largest extent.
+const CELLS: u32 = 40;
+
 /// Options of `palpate prepare`.
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -32,7 +35,7 @@ pub struct Arguments {
     #[arg(long, value_name = "C", conflicts_with = "cells", value_parser = positive, allow_negative_numbers = true)]
     cell: Option<f64>,
     /// Cells along the surface's largest extent
-    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = CELLS, value_parser = clap::value_parser!(u32).range(1..=1000))]
     cells: u32,
     /// Largest cell deep inside, as a multiple of the edge: 1, 2, 4 or 8
     #[arg(long, value_name = "G", default_value_t = 1, value_parser = grade)]
@@ -69,6 +72,43 @@ fn grade(text: &str) -> std::result::Result<u32, String> {
     grade.ok_or_else(|| "give 1, 2, 4 or 8".into())
 }
 
+/// Prepares a surface as it is prepared without options, and writes the body and its scene into a folder.
+#[cfg(feature = "view")]
+pub fn quietly(surface: &Path, out: &Path, watch: &mut dyn FnMut(&str)) -> Result<()> {
+    let arguments = Arguments {
+        surface: surface.to_string_lossy().into_owned(),
+        out: out.into(),
+        cell: None,
+        cells: CELLS,
+        grade: 1,
+        thickness: None,
+        hulls: None,
+        scale: 1.0,
+        no_repair: false,
+        no_pictures: true,
+        no_cache: false,
+    };
+    let scene = scene_of(&arguments)?;
+    let mut output = Output::create(out)?;
+    let (body, _) = prepare::body_and_report(&scene.bodies[0], &scene, &Cache::of_user(), &mut |stage| {
+        watch(stage.name());
+        Ok(())
+    })
+    .map_err(|error| in_options(error, &arguments.surface))?;
+    let Shape::Soft { layer, skin, .. } = &body.shape else {
+        return Err(Error::Simulation("a surface was not prepared as a soft body".into()));
+    };
+    let depths = depths_of(&arguments, layer, skin)?;
+    let (cores, _) = press::cores(layer, &depths);
+    write_body(&mut output, layer, skin, |w| Press::into(skin, layer, &depths).write(w, &body.name, &cores))?;
+    output.commit()
+}
+
+fn depths_of(arguments: &Arguments, layer: &Layer, skin: &Skin) -> Result<Vec<f64>> {
+    bind::depths(layer, (&skin.vertices, &skin.triangles))
+        .map_err(|problem| Error::input(Path::new(&arguments.surface), None, problem, "give a closed surface"))
+}
+
 /// Prepares a surface. Nothing is written unless everything is.
 pub fn prepare(arguments: &Arguments) -> Result<()> {
     let scene = scene_of(arguments)?;
@@ -83,8 +123,7 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     let (Shape::Soft { layer, skin, .. }, Some(report)) = (&body.shape, &mut report) else {
         return Err(Error::Simulation("a surface was not prepared as a soft body".into()));
     };
-    let depths = bind::depths(layer, (&skin.vertices, &skin.triangles))
-        .map_err(|problem| Error::input(Path::new(&arguments.surface), None, problem, "give a closed surface"))?;
+    let depths = depths_of(arguments, layer, skin)?;
     let (cores, held) = press::cores(layer, &depths);
     if !arguments.no_pictures {
         bar.set_message("pictures");

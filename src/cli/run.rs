@@ -55,7 +55,7 @@ pub struct Arguments {
     out: Option<PathBuf>,
 }
 
-fn positive(text: &str) -> std::result::Result<f64, String> {
+pub fn positive(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
         _ => Err("give a number greater than zero".into()),
@@ -67,7 +67,7 @@ fn iterations(text: &str) -> std::result::Result<u32, String> {
     iterations.ok_or_else(|| format!("give a whole number from 1 to {MOST_ITERATIONS}"))
 }
 
-fn steps(text: &str) -> std::result::Result<u64, String> {
+pub fn steps(text: &str) -> std::result::Result<u64, String> {
     let steps = text.parse().ok().filter(|steps| (1..=MOST_STEPS).contains(steps));
     steps.ok_or_else(|| format!("give a whole number from 1 to {MOST_STEPS}"))
 }

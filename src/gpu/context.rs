@@ -31,6 +31,9 @@ pub struct Options {
     pub device: Option<String>,
     /// Use the Khronos validation layer with synchronisation validation.
     pub validation: bool,
+    /// What showing in a window takes of the instance: see [`display_extensions`](super::display_extensions). Empty: nothing
+    /// is shown.
+    pub display: Vec<&'static CStr>,
     /// Have lavapipe work on the calling thread, which is faster where work is little: waking its threads costs some 50 us a
     /// pass. Sets `LP_NUM_THREADS` in the environment, unless it is set: ask for it only where no other thread of the
     /// process looks at the environment meanwhile. A [`Simulation`](crate::step::Simulation) of more work than that leaves
@@ -51,8 +54,8 @@ pub struct Context {
     pub(super) device: ash::Device,
     pub(super) labels: Labels,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    instance: ash::Instance,
-    _entry: ash::Entry,
+    pub(super) instance: ash::Instance,
+    pub(super) entry: ash::Entry,
     messages: Box<Messages>,
     queue: Mutex<vk::Queue>,
     /// Of another program's device, which is left as it is.
@@ -65,6 +68,9 @@ pub struct Context {
     subgroup_size: u32,
     int64_atomics: bool,
     fragment_stores: bool,
+    pub(super) physical: vk::PhysicalDevice,
+    /// Whether it was opened to show in windows.
+    pub(super) presents: bool,
     /// Where arrays can be handed to other programs.
     pub(super) external_memory: Option<ash::khr::external_memory_fd::Device>,
     memory: vk::PhysicalDeviceMemoryProperties,
@@ -82,7 +88,7 @@ impl Context {
         threads::choose(options.one_thread);
         let entry = load()?;
         let messages = Box::new(Messages::heard_by(options.log.clone()));
-        let (instance, debug) = create_instance(&entry, options.validation, &messages)?;
+        let (instance, debug) = create_instance(&entry, options, &messages)?;
         let chosen = device::candidates(&instance).and_then(|all| device::choose(all, options.device.as_deref()));
         let chosen = match chosen {
             Ok(chosen) => chosen,
@@ -92,7 +98,7 @@ impl Context {
                 return Err(error);
             }
         };
-        let device = match create_device(&instance, &chosen) {
+        let device = match create_device(&instance, &chosen, !options.display.is_empty()) {
             Ok(device) => device,
             Err(error) => {
                 // SAFETY: as above.
@@ -153,6 +159,7 @@ impl Context {
             }
         };
         let Opened { entry, instance, device, queue, labels, messenger, messages, host } = opened;
+        let presents = host.is_none() && !options.display.is_empty();
         let external = || ash::khr::external_memory_fd::Device::new(&instance, &device);
         let external_memory = chosen.external_memory_fd.then(external);
         // SAFETY: the physical device is of this live instance.
@@ -165,7 +172,7 @@ impl Context {
             labels,
             messenger,
             instance,
-            _entry: entry,
+            entry,
             messages,
             queue: Mutex::new(queue),
             host,
@@ -177,6 +184,8 @@ impl Context {
             subgroup_size: chosen.subgroup_size,
             int64_atomics: chosen.int64_atomics,
             fragment_stores: chosen.fragment_stores,
+            physical: chosen.physical,
+            presents,
             external_memory,
             memory,
             cache_key: chosen.cache_key,
@@ -188,7 +197,7 @@ impl Context {
     /// All devices, usable or not.
     pub fn list() -> Result<Vec<DeviceInfo>> {
         let entry = load()?;
-        let (instance, _) = create_instance(&entry, false, &Messages::default())?;
+        let (instance, _) = create_instance(&entry, &Options::default(), &Messages::default())?;
         let list = device::candidates(&instance).map(|all| all.into_iter().map(|c| c.info).collect());
         // SAFETY: nothing made from the instance is left.
         unsafe { instance.destroy_instance(None) };
@@ -364,7 +373,8 @@ pub(super) fn load() -> Result<ash::Entry> {
 }
 
 /// The instance, and whether it has debug utilities.
-fn create_instance(entry: &ash::Entry, validation: bool, messages: &Messages) -> Result<(ash::Instance, bool)> {
+fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -> Result<(ash::Instance, bool)> {
+    let validation = options.validation;
     // SAFETY (this and the next): plain queries of a loaded entry.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
     let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
@@ -383,6 +393,16 @@ fn create_instance(entry: &ash::Entry, validation: bool, messages: &Messages) ->
     if validation {
         names.push(ash::ext::validation_features::NAME.as_ptr());
     }
+    let lacking =
+        options.display.iter().find(|name| !extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(**name)));
+    if let Some(name) = lacking {
+        let name = name.to_string_lossy();
+        return Err(Error::NoDevice(format!(
+            "Vulkan cannot show in a window here: {name} is missing. {}",
+            device::REMEDY
+        )));
+    }
+    names.extend(options.display.iter().map(|name| name.as_ptr()));
     let layer_names = if validation { vec![VALIDATION_LAYER.as_ptr()] } else { vec![] };
     let application = vk::ApplicationInfo::default()
         .application_name(c"palpate")
@@ -407,7 +427,13 @@ fn create_instance(entry: &ash::Entry, validation: bool, messages: &Messages) ->
     Ok((instance, debug))
 }
 
-fn create_device(instance: &ash::Instance, chosen: &Candidate) -> Result<ash::Device> {
+fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -> Result<ash::Device> {
+    if presents && !chosen.swapchain {
+        let name = &chosen.info.name;
+        return Err(Error::NoDevice(format!(
+            "{name} cannot show in a window: its driver lacks VK_KHR_swapchain; name another"
+        )));
+    }
     let priority = [1.0];
     let queues =
         [vk::DeviceQueueCreateInfo::default().queue_family_index(chosen.queue_family).queue_priorities(&priority)];
@@ -419,12 +445,13 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate) -> Result<ash::De
         .shader_buffer_int64_atomics(chosen.int64_atomics);
     let mut v13 =
         vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true).maintenance4(true);
-    let extensions: &[*const c_char] =
-        if chosen.external_memory_fd { &[ash::khr::external_memory_fd::NAME.as_ptr()] } else { &[] };
+    let wanted =
+        [(chosen.external_memory_fd, ash::khr::external_memory_fd::NAME), (presents, ash::khr::swapchain::NAME)];
+    let extensions: Vec<_> = wanted.iter().filter(|(is, _)| *is).map(|(_, name)| name.as_ptr()).collect();
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_features(&core)
-        .enabled_extension_names(extensions)
+        .enabled_extension_names(&extensions)
         .push_next(&mut v12)
         .push_next(&mut v13);
     // SAFETY: the device offers what is asked (checked in device.rs); every pointer lives through the call.

@@ -50,6 +50,7 @@ pub(super) struct Candidate {
     pub int64_atomics: bool,
     pub fragment_stores: bool,
     pub external_memory_fd: bool,
+    pub swapchain: bool,
     pub properties: vk::PhysicalDeviceProperties,
     pub cache_key: String,
 }
@@ -126,6 +127,9 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     let family = families.iter().position(|f| f.queue_flags.contains(wanted));
+    // SAFETY: as above.
+    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+    let offers = |name: &CStr| extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name));
     let features = features(instance, physical, api);
     let usable = match (features.lacking, family) {
         (Some(why), _) => Err(why),
@@ -153,7 +157,8 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         subgroup_size: subgroup.subgroup_size,
         int64_atomics: features.int64_atomics,
         fragment_stores: features.fragment_stores,
-        external_memory_fd: exports_buffers(instance, physical),
+        external_memory_fd: offers(ash::khr::external_memory_fd::NAME) && exports_buffers(instance, physical),
+        swapchain: offers(ash::khr::swapchain::NAME),
         properties,
         cache_key: format!("{}-{}", hex(&ids.device_uuid), hex(&ids.driver_uuid)),
     }
@@ -161,17 +166,12 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
 
 /// Whether memory of buffers can be given to other programs as a file descriptor.
 fn exports_buffers(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
-    // SAFETY: `physical` belongs to this live instance.
-    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
-    let wanted = ash::khr::external_memory_fd::NAME;
-    if !extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(wanted)) {
-        return false;
-    }
     let info = vk::PhysicalDeviceExternalBufferInfo::default()
         .usage(super::buffer::SHARED_USAGE)
         .handle_type(super::buffer::EXTERNAL);
     let mut properties = vk::ExternalBufferProperties::default();
-    // SAFETY: as above; the structs live through the call, which every device of Vulkan 1.1 has.
+    // SAFETY: `physical` belongs to this live instance; the structs live through the call, which every device of Vulkan 1.1
+    // has.
     unsafe { instance.get_physical_device_external_buffer_properties(physical, &info, &mut properties) };
     let can = properties.external_memory_properties.external_memory_features;
     can.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE)

@@ -24,6 +24,8 @@ mod recording;
 pub mod spirv;
 mod threads;
 mod transfer;
+#[cfg(feature = "view")]
+mod window;
 
 pub use buffer::{Buffer, Mapped, MappedMut, Memory};
 pub use canvas::{Before, Canvas, Drawn};
@@ -37,6 +39,8 @@ pub use raster::{Onto, RasterPipeline, Side};
 pub use recorder::Recorder;
 pub use recording::{ArrayUse, Pass, Recording, StagePasses};
 pub use transfer::{read_all, write_all};
+#[cfg(feature = "view")]
+pub use window::{Content, Window, display_extensions};
 
 use crate::error::Error;
 

@@ -24,8 +24,9 @@ pub struct Profile {
     pub senses_rotation: bool,
 }
 
-/// All that are built in. `scripted` is no hardware's: it follows a script, or stands for what nobody holds.
-pub const PROFILES: [Profile; 8] = [
+/// All that are built in. `scripted` is no hardware's: it follows a script, or stands for what nobody holds; nor is
+/// `mouse`.
+pub const PROFILES: [Profile; 9] = [
     profile("scripted", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true),
     profile("premium", [8.5, 0.188], [800.0, 5.0], [0.3, 0.004], 0.12, true),
     profile("touch", [3.3, 0.0], [400.0, 4.0], [0.0, 0.0], 0.075, true),
@@ -34,10 +35,14 @@ pub const PROFILES: [Profile; 8] = [
     profile("sigma.7", [12.0, 0.2], [4000.0, 30.0], [1.0, 0.07], 0.075, true),
     profile("falcon", [8.0, 0.0], [3000.0, 20.0], [0.0, 0.0], 0.04, false),
     INVERSE3,
+    MOUSE,
 ];
 
 /// The Haply Inverse3's.
 pub const INVERSE3: Profile = profile("inverse3", [10.0, 0.0], [1000.0, 6.0], [0.0, 0.0], 0.15, false);
+
+/// What a mouse stands for: nobody feels it, so the force that the eye sees may be large.
+pub const MOUSE: Profile = profile("mouse", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true);
 
 const fn profile(
     name: &'static str,

@@ -3,17 +3,23 @@
 
 pub mod camera;
 mod decimate;
+mod labels;
+pub mod live;
 mod look;
 mod marks;
 mod moment;
 pub mod overlay;
+pub mod painter;
 mod parts;
 pub mod picture;
 mod pieces;
 mod renderer;
 pub mod scale;
+pub mod tessellated;
+pub mod turns;
 
 pub use camera::Camera;
+pub use labels::Labels;
 pub use look::map;
 pub use moment::Moment;
 pub use overlay::{Overlay, Overlays};

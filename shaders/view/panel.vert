@@ -1,0 +1,22 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+
+// View: a corner of the panel's triangles. Place in points from the upper left; place in the atlas from 0 to 1; colour, a byte
+// each. One invocation a corner.
+
+layout(scalar, binding = 0) readonly buffer Corners { float corners[]; };
+
+layout(push_constant, scalar) uniform Push {
+    vec2 points;    // size of the picture
+    uvec2 atlas;    // size of the atlas, texels
+};
+
+layout(location = 0) out vec2 at;
+layout(location = 1) out vec4 tint;
+
+void main() {
+    int first = 5 * gl_VertexIndex;
+    at = vec2(corners[first + 2], corners[first + 3]) * vec2(atlas);
+    tint = unpackUnorm4x8(floatBitsToUint(corners[first + 4]));
+    gl_Position = vec4(2.0 * vec2(corners[first], corners[first + 1]) / points - 1.0, 0.0, 1.0);
+}

@@ -1,0 +1,190 @@
+//! `palpate view`: a window onto a scene under way, and a hand in it.
+
+mod app;
+mod drawing;
+mod dropped;
+mod hand;
+mod panel;
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
+use palpate::gpu::{Options, display_extensions};
+use palpate::haptics::Device;
+use palpate::haptics::devices::Mouse;
+use palpate::haptics::devices::mouse::Goal;
+use palpate::report::{Output, Row, Trace};
+use palpate::scene::{DeviceKind, Key, Scene};
+use palpate::step::Simulation;
+use palpate::view::live::{Begin, Extent, Lead, Live, MakeDevice, Watch};
+use palpate::{Error, Result};
+use winit::event_loop::EventLoop;
+
+use crate::{hold, tell};
+use app::App;
+
+const TRACE: &str = "trace.csv";
+const DEVICES: [&str; 6] = ["mouse", "drive", "scripted", "hand", "replay", "haply"];
+/// Of the window, pixels.
+const SIZE: [u32; 2] = [1280, 720];
+const LARGEST: u32 = 16_384;
+
+/// Options of `palpate view`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The scene, a TOML file
+    scene: PathBuf,
+    /// What leads the tool: a device, or `drive`, the scene's keys [default: mouse; drive where there is no tool]
+    #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DEVICES))]
+    device: Option<String>,
+    /// Vulkan device, by name or by index in `palpate devices`
+    #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
+    gpu: Option<String>,
+    /// Width and height of the window, pixels
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Close after so many steps of the scene's keys
+    #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = crate::run::steps, allow_negative_numbers = true)]
+    steps: Option<u64>,
+    /// Close after so much time, s
+    #[arg(long, value_name = "S", value_parser = crate::run::positive, allow_negative_numbers = true)]
+    seconds: Option<f64>,
+    /// Directory to write the trace of all steps into
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Have the Khronos validation layer check all that is asked of the device; what it says is an error
+    #[arg(long, hide = true)]
+    validation: bool,
+}
+
+fn size(text: &str) -> std::result::Result<[u32; 2], String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=LARGEST).contains(side));
+    let sides = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
+    sides.ok_or_else(|| format!("give width and height from 1 to {LARGEST}, such as 1280x720"))
+}
+
+/// Opens the window and stays until it is closed. Input is read first; whatever ends it, the device is let go of.
+pub fn view(arguments: &Arguments) -> Result<()> {
+    let mut scene = Scene::load(&arguments.scene)?;
+    let name = arguments.device.as_deref().unwrap_or(if scene.tool.is_some() { "mouse" } else { "drive" });
+    if let Some((_, kind)) = DeviceKind::CHOICES.iter().find(|(known, _)| *known == name) {
+        scene.haptics.device = *kind;
+    }
+    scene.haptics.is_held = name != "drive";
+    if scene.haptics.is_held && scene.tool.is_none() {
+        let problem = "is missing: a haptic device has nothing to hold";
+        return Err(Error::key(&scene.file, "tool", problem, "add a [tool], or view it with --device drive"));
+    }
+    let extent = extent_of(arguments, &scene)?;
+    let events = EventLoop::with_user_event().build().map_err(|error| no_display(&arguments.scene, &error))?;
+    let options = Options {
+        device: arguments.gpu.clone(),
+        one_thread: true,
+        validation: arguments.validation,
+        display: display_extensions(&events.owned_display_handle())?,
+        ..Options::default()
+    };
+    crate::watch("preparing the scene");
+    let simulation = Simulation::new(&scene, &options, None)?;
+    simulation.reports().flat_map(|(_, report)| &report.notes).for_each(|note| tell(note));
+    let context = simulation.context().clone();
+    let stop = hold::stopped_by_signals()?;
+    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let trace = Shared::new(output.as_mut(), &simulation)?;
+    let goal = (name == "mouse").then(Goal::default);
+    let folder = arguments.out.clone().unwrap_or_default();
+    let begin = Begin { lead: lead(name, goal.as_ref()), extent, watch: trace.watch(), folder: folder.clone(), simulation };
+    let size = arguments.size.unwrap_or(SIZE);
+    let mut app = App::new(&events, Live::start(begin)?, context.clone(), app::Setup { size, goal, folder, stop, scene });
+    let ran = events.run_app(&mut app).map_err(|error| Error::NoDevice(format!("the window failed: {error}")));
+    let ended = app.end();
+    trace.finish()?;
+    if let Some(output) = output {
+        output.commit()?;
+    }
+    ended.and(ran)?;
+    match context.validation_messages() {
+        messages if messages.is_empty() => Ok(()),
+        messages => Err(Error::Simulation(format!("validation: {}", messages.join(" ")))),
+    }
+}
+
+/// How far it goes. Where the keys lead, time is counted in steps.
+fn extent_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
+    match (arguments.steps, arguments.seconds) {
+        (None, None) => Ok(Extent::Endless),
+        (Some(_), _) if scene.haptics.is_held => {
+            let problem = "steps were asked for, and a session with a haptic device lasts some time";
+            Err(Error::key(&scene.file, "haptics.device", problem, "give --seconds instead, or --device drive"))
+        }
+        (Some(steps), _) => Ok(Extent::Steps(steps)),
+        (None, Some(seconds)) if scene.haptics.is_held => Ok(Extent::Seconds(seconds)),
+        (None, Some(seconds)) => Ok(Extent::Steps((seconds / scene.step.dt).round().max(1.0) as u64)),
+    }
+}
+
+fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
+    let scene = scene.display();
+    Error::NoDevice(format!(
+        "there is no display to open a window on ({error}); without one make a film: palpate film {scene} --out film.apng"
+    ))
+}
+
+/// What leads the tool, by its name; the mouse by the goal.
+fn lead(name: &str, goal: Option<&Goal>) -> Lead {
+    if name == "drive" {
+        return Lead::Drive;
+    }
+    let goal = goal.cloned();
+    let make: MakeDevice = Box::new(move |simulation, start: Key| match &goal {
+        None => hold::device(simulation.scene(), start),
+        Some(goal) => {
+            goal.place(start.position, start.orientation);
+            Ok(Box::new(Mouse::new(goal.clone())) as Box<dyn Device>)
+        }
+    });
+    Lead::Device { name: name.into(), make }
+}
+
+/// The trace, written by the simulation's thread and finished by this one.
+struct Shared {
+    trace: Arc<Mutex<Option<Trace<BufWriter<File>>>>>,
+    file: PathBuf,
+    probes: usize,
+}
+
+impl Shared {
+    fn new(output: Option<&mut Output>, simulation: &Simulation) -> Result<Shared> {
+        let probes: Vec<String> = simulation.scene().probes.iter().map(|probe| probe.name.clone()).collect();
+        let (mut trace, mut file) = (None, PathBuf::new());
+        if let Some(output) = output {
+            file = output.path(TRACE);
+            let made = Trace::new(output.file(TRACE)?, &probes);
+            trace = Some(made.map_err(|source| Error::Output { file: file.clone(), source })?);
+        }
+        Ok(Shared { trace: Arc::new(Mutex::new(trace)), file, probes: probes.len() })
+    }
+
+    /// Writes rows as they come; a scene that was dropped in has other probes, and is not traced.
+    fn watch(&self) -> Watch {
+        let (trace, file, probes) = (self.trace.clone(), self.file.clone(), self.probes);
+        Box::new(move |row: &Row| {
+            let mut trace = trace.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            match &mut *trace {
+                Some(trace) if row.probes.len() == probes => {
+                    trace.write(row).map_err(|source| Error::Output { file: file.clone(), source })
+                }
+                _ => Ok(()),
+            }
+        })
+    }
+
+    fn finish(&self) -> Result<()> {
+        let trace = self.trace.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
+        let finished = trace.map_or(Ok(()), Trace::finish);
+        finished.map_err(|source| Error::Output { file: self.file.clone(), source })
+    }
+}

@@ -1,0 +1,78 @@
+//! A swapchain and its images, each with the semaphore that says it is drawn.
+#![allow(unsafe_code)]
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::STAGE;
+use crate::error::Result;
+use crate::gpu::{Context, failed};
+
+/// Images of a window; nobody uses them any more when it is dropped.
+pub(super) struct Chain {
+    pub handle: vk::SwapchainKHR,
+    pub images: Vec<Image>,
+    pub extent: vk::Extent2D,
+    /// The window's size that it was made for.
+    pub asked: [u32; 2],
+    /// It no longer fits the window.
+    pub is_stale: bool,
+    swapchains: ash::khr::swapchain::Device,
+    context: Arc<Context>,
+}
+
+/// One of them.
+pub(super) struct Image {
+    pub image: vk::Image,
+    /// Signalled when it is drawn, waited for when it is shown.
+    pub drawn: vk::Semaphore,
+}
+
+impl Chain {
+    /// How many images to ask for: one more than needed, so that one is free while others wait to be shown.
+    pub fn images_of(can: &vk::SurfaceCapabilitiesKHR) -> u32 {
+        let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
+        (can.min_image_count + 1).min(most)
+    }
+
+    pub fn new(
+        context: &Arc<Context>,
+        swapchains: &ash::khr::swapchain::Device,
+        info: &vk::SwapchainCreateInfoKHR,
+        asked: [u32; 2],
+    ) -> Result<Chain> {
+        // SAFETY: the surface is alive, and nothing of the old swapchain is under way.
+        let handle =
+            unsafe { swapchains.create_swapchain(info, None) }.map_err(failed("vkCreateSwapchainKHR", STAGE))?;
+        let mut chain = Chain {
+            handle,
+            images: Vec::new(),
+            extent: info.image_extent,
+            asked,
+            is_stale: false,
+            swapchains: swapchains.clone(),
+            context: context.clone(),
+        };
+        // SAFETY: the swapchain is alive; on an error `chain` frees what was made.
+        unsafe {
+            let images = swapchains.get_swapchain_images(handle).map_err(failed("vkGetSwapchainImagesKHR", STAGE))?;
+            for image in images {
+                let drawn = context.device.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
+                let drawn = drawn.map_err(failed("vkCreateSemaphore", STAGE))?;
+                chain.images.push(Image { image, drawn });
+            }
+        }
+        Ok(chain)
+    }
+}
+
+impl Drop for Chain {
+    fn drop(&mut self) {
+        // SAFETY: the window waited until nothing of it is under way.
+        unsafe {
+            self.images.iter().for_each(|image| self.context.device.destroy_semaphore(image.drawn, None));
+            self.swapchains.destroy_swapchain(self.handle, None);
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! Turns at the device between the simulation's steps and slices of drawing, which share one queue. While both want it they
+//! alternate: a step is delayed by at most one slice, and drawing gets on however long the simulation does not rest. The
+//! haptic loop takes no turns: it waits for nobody.
+
+use std::collections::VecDeque;
+use std::sync::{Condvar, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+
+/// Steps whose delays are kept.
+const RECENT: usize = 512;
+
+/// Who may use the device now.
+#[derive(Debug, Default)]
+pub struct Turns {
+    state: Mutex<State>,
+    freed: Condvar,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+enum Who {
+    Step,
+    #[default]
+    Slice,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    is_taken: bool,
+    /// Steps and slices that wait.
+    waiting: [u32; 2],
+    /// Whose the last turn was.
+    last: Who,
+    delays: VecDeque<Duration>,
+    steps: u64,
+    slices: u64,
+    longest_slice: Duration,
+}
+
+/// How turns went lately.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Delays {
+    /// How long the last step waited for drawing, s.
+    pub last: f64,
+    /// The median of recent steps, s.
+    pub median: f64,
+    /// The longest of recent steps, s.
+    pub most: f64,
+    /// Steps so far.
+    pub steps: u64,
+    /// Slices so far.
+    pub slices: u64,
+    /// The longest slice since this was last asked, s.
+    pub longest_slice: f64,
+}
+
+/// The device, until it is dropped.
+#[derive(Debug)]
+pub struct Turn<'a> {
+    turns: &'a Turns,
+    who: Who,
+    begun: Instant,
+}
+
+impl Turns {
+    /// Nobody's turn.
+    pub fn new() -> Turns {
+        Turns::default()
+    }
+
+    /// The simulation's turn; waits for it.
+    pub fn step(&self) -> Turn<'_> {
+        let asked = Instant::now();
+        let turn = self.take(Who::Step);
+        let mut state = self.state();
+        if state.delays.len() == RECENT {
+            state.delays.pop_front();
+        }
+        state.delays.push_back(turn.begun - asked);
+        state.steps += 1;
+        turn
+    }
+
+    /// The turn of a slice of drawing; waits for it.
+    pub fn slice(&self) -> Turn<'_> {
+        self.take(Who::Slice)
+    }
+
+    /// How it went lately.
+    pub fn delays(&self) -> Delays {
+        let (mut recent, last, slices, steps, longest) = {
+            let mut state = self.state();
+            let recent: Vec<Duration> = state.delays.iter().copied().collect();
+            let longest = std::mem::take(&mut state.longest_slice);
+            (recent, state.delays.back().copied(), state.slices, state.steps, longest)
+        };
+        recent.sort_unstable();
+        let seconds = |delay: Option<Duration>| delay.unwrap_or_default().as_secs_f64();
+        Delays {
+            last: seconds(last),
+            median: seconds(recent.get(recent.len() / 2).copied()),
+            most: seconds(recent.last().copied()),
+            steps,
+            slices,
+            longest_slice: longest.as_secs_f64(),
+        }
+    }
+
+    fn take(&self, who: Who) -> Turn<'_> {
+        let mut state = self.state();
+        state.waiting[who as usize] += 1;
+        while state.is_taken || (state.last == who && state.waiting[1 - who as usize] > 0) {
+            state = self.freed.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner());
+        }
+        state.waiting[who as usize] -= 1;
+        state.is_taken = true;
+        Turn { turns: self, who, begun: Instant::now() }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+}
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        let mut state = self.turns.state();
+        (state.is_taken, state.last) = (false, self.who);
+        if self.who == Who::Slice {
+            state.slices += 1;
+            state.longest_slice = state.longest_slice.max(self.begun.elapsed());
+        }
+        drop(state);
+        // Of several that wait each looks for itself whether it is its turn.
+        self.turns.freed.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+    use std::thread;
+
+    use super::*;
+
+    fn until(what: impl Fn() -> bool) {
+        let begun = Instant::now();
+        while !what() {
+            assert!(begun.elapsed() < Duration::from_secs(20), "it does not come");
+            thread::sleep(Duration::from_micros(200));
+        }
+    }
+
+    fn waiting(turns: &Turns, who: Who) -> u32 {
+        turns.state().waiting[who as usize]
+    }
+
+    #[test]
+    fn a_step_that_comes_within_a_slice_goes_before_the_next_slice() {
+        for round in 0..20 {
+            let turns = Turns::new();
+            let order = Mutex::new(Vec::new());
+            thread::scope(|scope| {
+                let slice = turns.slice();
+                // A second one that draws is there first, and still comes after.
+                scope.spawn(|| {
+                    let _turn = turns.slice();
+                    order.lock().unwrap().push("slice");
+                });
+                until(|| waiting(&turns, Who::Slice) == 1);
+                scope.spawn(|| {
+                    let _turn = turns.step();
+                    order.lock().unwrap().push("step");
+                });
+                until(|| waiting(&turns, Who::Step) == 1);
+                drop(slice);
+            });
+            assert_eq!(*order.lock().unwrap(), ["step", "slice"], "round {round}");
+        }
+    }
+
+    #[test]
+    fn drawing_gets_on_while_steps_run_back_to_back_and_no_step_waits_for_two_slices() {
+        let turns = Arc::new(Turns::new());
+        let (stop, slices) = (AtomicBool::new(false), AtomicU64::new(0));
+        let mut worst = 0;
+        thread::scope(|scope| {
+            scope.spawn(|| {
+                while !stop.load(Ordering::Relaxed) {
+                    let _turn = turns.slice();
+                    slices.fetch_add(1, Ordering::SeqCst);
+                    thread::sleep(Duration::from_micros(50));
+                }
+            });
+            until(|| slices.load(Ordering::SeqCst) > 0);
+            for _ in 0..1000 {
+                let before = slices.load(Ordering::SeqCst);
+                let turn = turns.step();
+                worst = worst.max(slices.load(Ordering::SeqCst) - before);
+                thread::sleep(Duration::from_micros(50));
+                drop(turn);
+            }
+            stop.store(true, Ordering::Relaxed);
+        });
+        // Between the count and the question one may end and another begin; the test before this one is exact.
+        assert!(worst <= 2, "a step waited for {worst} slices");
+        assert!(slices.load(Ordering::SeqCst) > 250, "{slices:?} slices beside 1000 steps");
+        let delays = turns.delays();
+        assert_eq!(delays.steps, 1000);
+        assert!(delays.most >= delays.median && delays.longest_slice >= 50e-6);
+    }
+
+    #[test]
+    fn without_the_other_nobody_waits() {
+        let turns = Turns::new();
+        assert_eq!(turns.delays(), Delays::default());
+        (0..10).for_each(|_| drop(turns.step()));
+        (0..10).for_each(|_| drop(turns.slice()));
+        let delays = turns.delays();
+        assert_eq!((delays.steps, delays.slices), (10, 10));
+        assert!(delays.most < 0.5);
+    }
+
+    #[test]
+    fn a_turn_ends_with_a_panic() {
+        let turns = Turns::new();
+        thread::scope(|scope| {
+            let failing = scope.spawn(|| {
+                let _turn = turns.step();
+                panic!("a step fails");
+            });
+            assert!(failing.join().is_err());
+            drop(turns.slice());
+        });
+    }
+}
