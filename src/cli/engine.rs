@@ -82,6 +82,12 @@ impl Engine {
         &self.simulation
     }
 
+    /// The simulation, to look at between two steps.
+    #[cfg(feature = "view")]
+    pub fn shown(&mut self) -> &mut Simulation {
+        &mut self.simulation
+    }
+
     fn counted(&mut self, row: Row) -> Row {
         self.steps += 1;
         self.iterations += u64::from(row.iterations);

@@ -1,6 +1,6 @@
 //! `palpate run`: a scene from the first step to the last, a trace of it, and its state at the end.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
@@ -50,6 +50,13 @@ pub struct Arguments {
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "16",
         conflicts_with_all = ["steps", "seconds", "record"], value_parser = iterations)]
     explain: Option<u32>,
+    /// Write a picture every N steps, `snapshot-STEP.png`
+    #[cfg(feature = "view")]
+    #[arg(long, value_name = "N", requires = "out", value_parser = steps, allow_negative_numbers = true)]
+    snapshot: Option<u64>,
+    #[cfg(feature = "view")]
+    #[command(flatten)]
+    look: crate::film::Look,
     /// Directory to write results into; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -111,6 +118,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(iterations) = arguments.explain {
         return explain(arguments, &scene, iterations);
     }
+    #[cfg(feature = "view")]
+    if scene.haptics.is_held && arguments.snapshot.is_some() {
+        let problem = "is held in the world's time, and pictures would delay it";
+        let remedy = "leave out --snapshot, or watch it by palpate view";
+        return Err(palpate::Error::key(&scene.file, "haptics.device", problem, remedy));
+    }
     let extent = if scene.haptics.is_held {
         Extent::Seconds(seconds_of(arguments, &scene)?)
     } else {
@@ -119,7 +132,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let engine = Engine::open(&scene, arguments.device.as_deref())?;
     engine.notes().for_each(tell);
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
-    let done = simulate(engine, &scene, &extent, arguments.record.as_deref(), output.as_mut())?;
+    let done = simulate(engine, &scene, &extent, arguments, output.as_mut())?;
     if let Some(mut output) = output {
         write_end(&mut output, &scene, &done)?;
         output.commit()?;
@@ -165,7 +178,7 @@ fn simulate(
     mut engine: Engine,
     scene: &Scene,
     extent: &Extent,
-    record: Option<&Path>,
+    arguments: &Arguments,
     mut output: Option<&mut Output>,
 ) -> Result<Done> {
     let probes: Vec<String> = scene.probes.iter().map(|probe| probe.name.clone()).collect();
@@ -189,8 +202,17 @@ fn simulate(
         Ok(())
     };
     let report = match extent {
-        Extent::Steps(steps) => (0..*steps).try_for_each(|_| watch(&engine.step()?)).map(|()| None),
-        Extent::Seconds(seconds) => hold::hold(&mut engine, scene, *seconds, record, &mut watch).map(Some),
+        Extent::Steps(steps) => {
+            let mut snapshots = Snapshots::new(arguments, &mut engine)?;
+            let mut step = |k| {
+                watch(&engine.step()?)?;
+                snapshots.after(k, &mut engine, output.as_deref_mut())
+            };
+            (1..=*steps).try_for_each(&mut step).map(|()| None)
+        }
+        Extent::Seconds(seconds) => {
+            hold::hold(&mut engine, scene, *seconds, arguments.record.as_deref(), &mut watch).map(Some)
+        }
     }?;
     bar.finish_and_clear();
     let steps = tally.steps;
@@ -203,6 +225,42 @@ fn simulate(
         trace.finish().map_err(failed)?;
     }
     Ok(Done { tally, outcome: engine.finish()?, report })
+}
+
+/// Pictures every so many steps.
+#[cfg(feature = "view")]
+struct Snapshots(Option<(u64, palpate::view::Studio)>);
+
+#[cfg(feature = "view")]
+impl Snapshots {
+    fn new(arguments: &Arguments, engine: &mut Engine) -> Result<Snapshots> {
+        let Some(every) = arguments.snapshot else { return Ok(Snapshots(None)) };
+        Ok(Snapshots(Some((every, arguments.look.studio(engine.shown())?))))
+    }
+
+    fn after(&mut self, step: u64, engine: &mut Engine, output: Option<&mut Output>) -> Result<()> {
+        let (Some((every, studio)), Some(output)) = (&mut self.0, output) else { return Ok(()) };
+        if !step.is_multiple_of(*every) {
+            return Ok(());
+        }
+        let picture = studio.picture(engine.shown())?;
+        output.write(&format!("snapshot-{step:06}.png"), |w| picture.write_png(w))
+    }
+}
+
+/// None: this program was built without pictures.
+#[cfg(not(feature = "view"))]
+struct Snapshots;
+
+#[cfg(not(feature = "view"))]
+impl Snapshots {
+    fn new(_: &Arguments, _: &mut Engine) -> Result<Snapshots> {
+        Ok(Snapshots)
+    }
+
+    fn after(&mut self, _: u64, _: &mut Engine, _: Option<&mut Output>) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// A bar on standard error, drawn only where that is a terminal.

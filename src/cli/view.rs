@@ -30,7 +30,6 @@ const TRACE: &str = "trace.csv";
 const DEVICES: [&str; 6] = ["mouse", "drive", "scripted", "hand", "replay", "haply"];
 /// Of the window, pixels.
 const SIZE: [u32; 2] = [1280, 720];
-const LARGEST: u32 = 16_384;
 
 /// Options of `palpate view`.
 #[derive(clap::Args)]
@@ -44,7 +43,7 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     gpu: Option<String>,
     /// Width and height of the window, pixels
-    #[arg(long, value_name = "WxH", value_parser = size)]
+    #[arg(long, value_name = "WxH", value_parser = crate::film::size)]
     size: Option<[u32; 2]>,
     /// Close after so many steps of the scene's keys
     #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = crate::run::steps, allow_negative_numbers = true)]
@@ -58,12 +57,6 @@ pub struct Arguments {
     /// Have the Khronos validation layer check all that is asked of the device; what it says is an error
     #[arg(long, hide = true)]
     validation: bool,
-}
-
-fn size(text: &str) -> std::result::Result<[u32; 2], String> {
-    let side = |text: &str| text.parse().ok().filter(|side| (1..=LARGEST).contains(side));
-    let sides = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
-    sides.ok_or_else(|| format!("give width and height from 1 to {LARGEST}, such as 1280x720"))
 }
 
 /// Opens the window and stays until it is closed. Input is read first; whatever ends it, the device is let go of.

@@ -15,6 +15,7 @@ pub mod picture;
 mod pieces;
 mod renderer;
 pub mod scale;
+mod studio;
 pub mod tessellated;
 pub mod turns;
 
@@ -24,3 +25,4 @@ pub use look::map;
 pub use moment::Moment;
 pub use overlay::{Overlay, Overlays};
 pub use renderer::{Legend, Renderer, Settings};
+pub use studio::Studio;
