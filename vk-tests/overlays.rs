@@ -238,7 +238,7 @@ fn regions_are_squares_at_their_contacts() {
         assert!(within && square.normal.dot(from).abs() < 5e-3, "{contact:?} of {square:?}");
     }
     assert!((square.centre - (shift + up * 0.03)).length() < 0.01, "{square:?}");
-    let floor = "[[body]]\nname = \"floor\"\nplane = { normal = [0.0, 1.0, 0.0], offset = 0.0 }\n[[body]]\nname = \"block\"\n\
+    let floor = "[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
                  layer = { box = [[-0.02, -0.02, -0.02], [0.02, 0.02, 0.02]], cells = [3, 3, 3] }\n\
                  position = [0.1, 0.0195, 0.2]\nmaterial = { young = 5e4, poisson = 0.4, density = 1000.0 }\n";
     let mut simulation = open(&scene(floor), None);
