@@ -16,6 +16,7 @@ mod saved;
 mod shown;
 mod tools;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -40,7 +41,7 @@ pub use contacts::ContactPoint;
 use frames::Frames;
 use probes::ProbePlace;
 use recordings::{Recordings, Stages};
-pub use shown::{Field, FieldValues, Skins};
+pub use shown::{Cut, Field, FieldValues, Mesh, Overlay, Part, RegionSquare, Skins};
 
 /// How often a step that fails is halved: eighths of it at last.
 const MOST_HALVINGS: u32 = 3;
@@ -81,6 +82,10 @@ pub struct Simulation {
     has_friction: bool,
     /// Whether the device still has what the solver applied in the last step.
     is_solved: bool,
+    /// What positions of the last step are relative to on the device, m.
+    step_origin: DVec3,
+    /// Where the layers of bodies are cut open for who looks, if not where they are at first.
+    cuts: BTreeMap<usize, Cut>,
     /// Where somebody looks.
     shown: Option<shown::Shown>,
 }

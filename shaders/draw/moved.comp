@@ -8,7 +8,8 @@
 // body. One invocation a vertex. Oracle: the same sum in f64.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint VERTICES = 0;
+
+layout(push_constant) uniform Points { uint vertices; };
 
 layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };     // rotations as they are now
 layout(binding = 1) uniform usamplerBuffer skin_nodes;      // as in draw/place
@@ -19,7 +20,7 @@ layout(scalar, binding = 5) writeonly buffer Values { float values[]; };
 
 void main() {
     uint vertex = gl_GlobalInvocationID.x;
-    if (vertex >= VERTICES) return;
+    if (vertex >= vertices) return;
     uvec4 nodes = texelFetch(skin_nodes, int(vertex));
     vec4 weights = texelFetch(skin_weights, int(vertex));
     vec3 sum = vec3(0.0);

@@ -7,7 +7,8 @@
 // zero on a rigid body. One invocation a vertex. Oracle: the same sum in f64.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint VERTICES = 0;
+
+layout(push_constant) uniform Points { uint vertices; };
 
 layout(binding = 0) uniform usamplerBuffer skin_nodes;      // as in draw/place
 layout(binding = 1) uniform samplerBuffer skin_weights;
@@ -16,7 +17,7 @@ layout(scalar, binding = 3) writeonly buffer Values { float values[]; };
 
 void main() {
     uint vertex = gl_GlobalInvocationID.x;
-    if (vertex >= VERTICES) return;
+    if (vertex >= vertices) return;
     uvec4 nodes = texelFetch(skin_nodes, int(vertex));
     vec4 weights = texelFetch(skin_weights, int(vertex));
     float sum = 0.0;

@@ -16,8 +16,9 @@ float lit(vec3 x, vec3 normal) {
     vec2 texel = place.xy * side - 0.5, corner = floor(texel), share = texel - corner;
     // What the sun does not see lies in its light.
     bool is_seen = all(greaterThanEqual(corner, vec2(1.0))) && all(lessThan(corner, vec2(side - 4.0)));
-    if (!is_seen || place.z >= 1.0) return 1.0;
-    float depth = place.z - view.bias;
+    if (!is_seen) return 1.0;
+    // What lies behind all that the sun looks at is shaded by it as well.
+    float depth = min(place.z, 1.0) - view.bias;
     int first = int(corner.y - 1.0) * int(view.shadow_side) + int(corner.x - 1.0);
     vec4 along = vec4(1.0 - share.x, 1.0, 1.0, share.x), across = vec4(1.0 - share.y, 1.0, 1.0, share.y);
     float sum = 0.0;

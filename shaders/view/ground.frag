@@ -3,7 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/look.glsl"
 
-// View: the ground, with the shadows on it; it fades into the background. One invocation a pixel.
+// View: shadows on the ground, which is as the background is. One invocation a pixel.
 
 layout(scalar, binding = 0) uniform Views { View view; };
 layout(binding = 4) uniform samplerBuffer shadow;
@@ -15,10 +15,9 @@ layout(location = 0) out vec4 colour;
 
 void main() {
     vec3 n = view.ground.xyz;
+    // The shadow fades where it goes far.
     vec3 out_from = x - view.middle;
     float distance = length(out_from - dot(out_from, n) * n) / view.reach;
-    float share = 1.0 - smoothstep(1.0, 3.6, distance);
-    if (share <= 0.0) discard;
-    float light = 1.0 - 0.42 * (1.0 - lit(x, n));
-    colour = vec4(view.background * light * share, share);
+    float share = 0.36 * (1.0 - smoothstep(0.8, 2.6, distance)) * (1.0 - lit(x, n));
+    colour = vec4(0.0, 0.0, 0.0, share);
 }

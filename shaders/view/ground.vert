@@ -3,7 +3,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/look.glsl"
 
-// View: a square of the ground around the scene. Four invocations, two triangles.
+// View: the part of the ground whose light the shadow knows; beyond, ground and background are alike. Six invocations, two
+// triangles.
 
 layout(scalar, binding = 0) uniform Views { View view; };
 
@@ -11,10 +12,10 @@ layout(location = 0) out vec3 x;
 
 void main() {
     const vec2 CORNERS[6] = vec2[](vec2(-1, -1), vec2(1, -1), vec2(1, 1), vec2(-1, -1), vec2(1, 1), vec2(-1, 1));
+    vec2 corner = CORNERS[gl_VertexIndex];
+    vec3 from = view.middle + view.reach * (corner.x * view.across[0] + corner.y * view.across[1]);
+    // Along the sun's rays to the ground.
     vec3 n = view.ground.xyz;
-    vec3 u = normalize(abs(n.x) < 0.9 ? cross(n, vec3(1, 0, 0)) : cross(n, vec3(0, 1, 0)));
-    vec3 below = view.middle - (dot(n, view.middle) - view.ground.w) * n;
-    vec2 corner = 4.0 * view.reach * CORNERS[gl_VertexIndex];
-    x = below + corner.x * u + corner.y * cross(n, u);
+    x = from + (view.ground.w - dot(n, from)) / dot(n, view.sun) * view.sun;
     gl_Position = view.clip * vec4(x, 1.0);
 }

@@ -35,7 +35,7 @@ pub fn film(arguments: &Arguments) -> Result<()> {
         simulation.step()?;
         if step % 10 == 0 {
             let a = Instant::now();
-            let moment = Moment::of(&mut simulation, renderer.origin())?;
+            let moment = Moment::of(&mut simulation, renderer.origin(), palpate::view::Overlays::default())?;
             let b = Instant::now();
             renderer.look(&moment, &camera)?;
             let mut text = format!("skins {:.1} ms", (b - a).as_secs_f64() * 1e3);
@@ -48,6 +48,9 @@ pub fn film(arguments: &Arguments) -> Result<()> {
         }
     }
     let picture: Picture = renderer.read()?;
-    let file = std::fs::File::create(&arguments.out).map_err(|source| palpate::Error::Output { file: arguments.out.clone(), source })?;
-    picture.write_png(std::io::BufWriter::new(file)).map_err(|source| palpate::Error::Output { file: arguments.out.clone(), source })
+    let file = std::fs::File::create(&arguments.out)
+        .map_err(|source| palpate::Error::Output { file: arguments.out.clone(), source })?;
+    picture
+        .write_png(std::io::BufWriter::new(file))
+        .map_err(|source| palpate::Error::Output { file: arguments.out.clone(), source })
 }

@@ -2,6 +2,7 @@
 //! the step: made and run when somebody looks.
 
 mod fields;
+mod mesh;
 mod points;
 
 use std::ops::Range;
@@ -15,6 +16,7 @@ use super::{count, upload};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
 pub use fields::{Field, Fields};
+pub use mesh::{Mesh, Outline};
 pub use points::Points;
 
 /// Skins on the device: a vec4 a vertex of all bodies, one after another, the tool's last.

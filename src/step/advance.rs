@@ -19,6 +19,7 @@ impl Simulation {
     pub(super) fn advance(&mut self, from: f64, h: f64, halvings: u32) -> Result<Report> {
         let device = self.drive.device(from + h, h);
         self.frames.set_out(from + h, h, self.tool.as_ref());
+        self.step_origin = self.origin();
         self.write_inputs(h, &device)?;
         let mut report = self.submit()?;
         if report.verdict != verdict::FAILED {

@@ -140,6 +140,8 @@ impl Prepared {
             last_timed: None,
             timed_every: TIMED_EVERY,
             is_solved: false,
+            step_origin: DVec3::ZERO,
+            cuts: Default::default(),
             shown: None,
         })
     }

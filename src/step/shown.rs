@@ -1,6 +1,9 @@
 //! What another program draws: the skins as they are now, on the device, and numbers to colour them by. Reads what the step
 //! leaves and writes nothing of it: a run is the same bits whether anybody looks or not.
 
+mod overlay;
+mod squares;
+
 use std::ops::Range;
 
 use glam::DVec3;
@@ -13,12 +16,17 @@ use crate::stages::draw::{Draw, Fields};
 pub use crate::stages::draw::{Field, Skins};
 use crate::stages::types::{Frame, Link};
 use crate::{Error, Result};
+use overlay::ShownMesh;
+pub use overlay::{Cut, Mesh, Overlay, Part};
+pub use squares::RegionSquare;
 
 /// The arrays that are shown, and the passes that fill them.
 pub(super) struct Shown {
     draw: Draw,
     recording: Recording,
     fields: Option<ShownFields>,
+    /// By kind of overlay.
+    meshes: [Option<ShownMesh>; 4],
 }
 
 /// The same of fields: made when the first is asked for.
@@ -59,10 +67,7 @@ impl Simulation {
     /// [`Simulation::set_contact`] brings friction into a scene that had none.
     pub fn field(&mut self, field: Field) -> Result<FieldValues> {
         let is_solved = u32::from(self.is_solved);
-        if self.shown()?.fields.is_none() {
-            let fields = self.show_fields()?;
-            self.shown()?.fields = Some(fields);
-        }
+        self.shown_fields()?;
         let shown = self.shown_at(DVec3::ZERO)?;
         let Some(ShownFields { fields, recordings }) = &shown.fields else { return Err(missing()) };
         fields.is_solved.mapped_mut::<u32>()?[0] = is_solved;
@@ -96,7 +101,15 @@ impl Simulation {
         let draw = Draw::new(&self.context, &self.model, &self.skin_ranges(), skin)?;
         let mut recorder = Recorder::untimed(&self.context)?;
         draw.record(&mut recorder, &self.stages.elastic);
-        Ok(Shown { draw, recording: recorder.finish()?, fields: None })
+        Ok(Shown { draw, recording: recorder.finish()?, fields: None, meshes: Default::default() })
+    }
+
+    fn shown_fields(&mut self) -> Result<()> {
+        if self.shown()?.fields.is_none() {
+            let fields = self.show_fields()?;
+            self.shown()?.fields = Some(fields);
+        }
+        Ok(())
     }
 
     fn show_fields(&self) -> Result<ShownFields> {

@@ -3,6 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3};
 
+use crate::step::Field;
+
 /// What a picture is taken with.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -15,13 +17,13 @@ pub struct View {
     pub eye: [f32; 3],
     /// Unit, towards the light.
     pub sun: [f32; 3],
-    /// As shown.
-    pub background: [f32; 3],
+    /// Unit, across its rays.
+    pub across: [[f32; 3]; 2],
     /// Unit normal, offset, m.
     pub ground: [f32; 4],
     /// Of the scene, m.
     pub middle: [f32; 3],
-    /// How far the scene goes from there, m.
+    /// How far from there the shadow goes, m.
     pub reach: f32,
     /// How far a shadow's caster must lie in front, of the shadow's depth.
     pub bias: f32,
@@ -57,6 +59,8 @@ pub mod flags {
     pub const UNLIT: u32 = 8;
     /// Values are colours everywhere.
     pub const EVEN: u32 = 16;
+    /// Values are whole numbers, each with a colour of its own.
+    pub const NUMBERED: u32 = 32;
 }
 
 /// What is behind everything, as shown.
@@ -89,6 +93,34 @@ impl Material {
     }
 }
 
+/// Colours of a scale, and of numbers.
+pub const SCALE_COLOURS: usize = 256;
+
+/// The map that a field is shown with: perceptually uniform, and read by the colour-blind as by others.
+pub fn map(field: Field) -> colorous::Gradient {
+    match field {
+        Field::Depth => colorous::VIRIDIS,
+        Field::Pressure => colorous::PLASMA,
+        Field::StrainEnergy => colorous::INFERNO,
+        Field::Displacement => colorous::CIVIDIS,
+    }
+}
+
+/// A map's colours, then those of numbers, linear.
+pub fn colours(field: Option<Field>) -> Vec<[f32; 4]> {
+    let shown = |colour: colorous::Color| {
+        let [r, g, b] = [colour.r, colour.g, colour.b].map(linear);
+        [r, g, b, 1.0]
+    };
+    let map = map(field.unwrap_or(Field::Pressure));
+    let scale = (0..SCALE_COLOURS).map(|k| shown(map.eval_rational(k, SCALE_COLOURS)));
+    // Neighbours in number are far apart in hue.
+    let golden = |k: usize| (k as f64 * 0.618_033_988_749_895).fract();
+    let numbers = (0..SCALE_COLOURS).map(|k| shown(colorous::RAINBOW.eval_continuous(golden(k))));
+    let pale = |c: [f32; 4]| [0.25 + 0.6 * c[0], 0.25 + 0.6 * c[1], 0.25 + 0.6 * c[2], 1.0];
+    scale.chain(numbers.map(pale)).collect()
+}
+
 /// From a byte of sRGB to linear.
 pub fn linear(byte: u8) -> f32 {
     let x = f32::from(byte) / 255.0;
@@ -100,10 +132,15 @@ pub fn columns(matrix: DMat4) -> [[f32; 4]; 4] {
     matrix.as_mat4().to_cols_array_2d()
 }
 
+/// Unit vectors across the sun's rays.
+pub fn across(sun: DVec3) -> [DVec3; 2] {
+    let right = sun.any_orthonormal_vector();
+    [right, sun.cross(right)]
+}
+
 /// From the world to what the sun sees of a ball: x and y from 0 to 1, depth from 0 (nearest to the sun) to 1.
 pub fn light(sun: DVec3, middle: DVec3, reach: f64) -> DMat4 {
-    let right = sun.any_orthonormal_vector();
-    let up = sun.cross(right);
+    let [right, up] = across(sun);
     let scale = 0.5 / reach;
     let row = |axis: DVec3| (scale * axis).extend(0.5 - scale * axis.dot(middle));
     DMat4::from_cols(row(right), row(up), row(-sun), glam::DVec4::W).transpose()

@@ -1,5 +1,7 @@
 //! What can be shown besides the skins, each toggled by a key.
 
+use crate::step::Field;
+
 /// One of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
@@ -50,6 +52,28 @@ impl Overlays {
     /// Whether it is shown.
     pub fn has(self, overlay: Overlay) -> bool {
         self.0 >> overlay as u32 & 1 == 1
+    }
+
+    /// These.
+    pub fn of(all: &[Overlay]) -> Overlays {
+        let show = |mut shown: Overlays, overlay: &Overlay| {
+            if !shown.has(*overlay) {
+                shown.toggle(*overlay);
+            }
+            shown
+        };
+        all.iter().fold(Overlays::default(), show)
+    }
+
+    /// What skins are coloured by.
+    pub fn field(self) -> Option<Field> {
+        let all = [
+            (Overlay::Pressure, Field::Pressure),
+            (Overlay::Depth, Field::Depth),
+            (Overlay::Energy, Field::StrainEnergy),
+            (Overlay::Displacement, Field::Displacement),
+        ];
+        all.into_iter().find(|(overlay, _)| self.has(*overlay)).map(|(_, field)| field)
     }
 
     /// Shows it, or no longer; of colours on the skin the others go.

@@ -12,7 +12,7 @@ use crate::prepare::Shape;
 use crate::step::Simulation;
 
 /// A body's edge in cells of what casts its shadow.
-const SHADOW_CELLS: f64 = 48.0;
+const SHADOW_CELLS: f64 = 32.0;
 /// Of the tool where it is none of the bodies, as shown.
 const TOOL: [u8; 3] = [90, 130, 170];
 /// What is left of its own colour.
@@ -27,8 +27,14 @@ pub struct Part {
     /// How many.
     pub index_count: u32,
     pub material: Material,
-    /// Whether it is seen through.
-    pub is_glass: bool,
+    /// The tool, which is seen through.
+    pub is_tool: bool,
+    /// Whether it deforms.
+    pub is_soft: bool,
+    /// Mean edge of its triangles, m.
+    pub edge: f64,
+    /// Whether its triangles are as small as the shadow's texels.
+    pub is_fine: bool,
     /// Where it was at first, m: centre and radius.
     pub ball: (DVec3, f64),
     /// Where its first frame was then.
@@ -76,7 +82,10 @@ impl Parts {
                 indices: Buffer::from_slice(context, "triangles to draw", &triangles, Memory::Device)?,
                 index_count: 3 * triangles.len() as u32,
                 material: if is_tool { Material::plain(TOOL).glass(TOOL_ALPHA) } else { Material::body(body) },
-                is_glass: is_tool,
+                is_tool,
+                is_soft: matches!(simulation.bodies().get(body).map(|b| &b.shape), Some(Shape::Soft { .. })),
+                edge: edge(&vertices, own),
+                is_fine: false,
                 ball: (centre, radius),
                 frame,
             });
@@ -99,4 +108,10 @@ impl Parts {
 pub fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     points.iter().fold(none, |(low, high), x| (low.min(*x), high.max(*x)))
+}
+
+/// Mean edge of triangles, m.
+fn edge(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
+    let first = |t: &[u32; 3]| vertices[t[0] as usize].distance(vertices[t[1] as usize]);
+    triangles.iter().map(first).sum::<f64>() / triangles.len().max(1) as f64
 }

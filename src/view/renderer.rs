@@ -5,29 +5,35 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 
-use super::look::{BACKGROUND, Material, View, columns, light};
+use super::Camera;
+use super::look::{self, BACKGROUND, Material, SCALE_COLOURS, View, across, columns, light};
 use super::moment::Moment;
 use super::parts::Parts;
 use super::picture::Picture;
-use super::Camera;
+use super::pieces::{Piece, Pieces, Source, Style};
+use super::scale::Scale;
 use crate::gpu::{
     Before, Buffer, Canvas, Context, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording, Side,
     Texels,
 };
-use crate::step::Simulation;
+use crate::step::{Field, Simulation};
 use crate::{Error, Result};
 
 /// Texels along the shadow's edge.
 const SHADOW_SIDE: u32 = 512;
-/// Materials that the shaders know.
-const MATERIALS: usize = 32;
 /// How far a shadow's caster must lie in front, of what the sun sees.
 const BIAS: f64 = 0.006;
 /// Towards the sun.
-const SUN: DVec3 = DVec3::new(-0.45, 0.85, 0.55);
+const SUN: DVec3 = DVec3::new(-0.25, 0.85, 0.8);
+/// What the sun sees, of a ball around all bodies.
+const ROOM: f64 = 1.05;
+/// Meshes whose edges are shorter than so many of the shadow's texels are shaded at their vertices.
+const FINE: f64 = 4.0;
+/// Materials of a picture at most.
+const MATERIALS: usize = 1024;
 /// Triangles of a slice on a device that draws on the processor, and on any other.
-const CPU_SLICE: u32 = 24_000;
-const GPU_SLICE: u32 = 1 << 20;
+const CPU_SLICE: u32 = 48_000;
+const GPU_SLICE: u32 = 1 << 22;
 
 /// How pictures are made.
 #[derive(Debug, Clone, Copy)]
@@ -38,66 +44,87 @@ pub struct Settings {
     pub samples: u32,
 }
 
+/// What the colours and arrows of a picture stand for.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Legend {
+    /// What skins are coloured by, and where its scale ends; it begins at zero.
+    pub field: Option<(Field, f64)>,
+    /// N of the longest arrow of force, which is [`Legend::longest`]; 0: there was none yet.
+    pub force: f64,
+    /// N m of the longest arrow of torque.
+    pub torque: f64,
+}
+
 /// Draws a simulation.
 pub struct Renderer {
     context: Arc<Context>,
     settings: Settings,
     /// Where positions are measured from, m.
     origin: DVec3,
+    /// How far all bodies go from there at first, m.
+    reach: f64,
     parts: Parts,
     positions: Buffer,
     normals: Buffer,
-    values: Buffer,
+    no_values: Buffer,
     view: Buffer,
     materials: Buffer,
     colours: Buffer,
     shadow: Canvas,
     shadow_depths: Buffer,
     canvas: Canvas,
+    pipelines: Pipelines,
+    legend: Legend,
+    scales: [Scale; 6],
+    slices: Vec<Recording>,
+}
+
+struct Pipelines {
     solid: RasterPipeline,
+    fine: RasterPipeline,
+    open: RasterPipeline,
     glass: RasterPipeline,
     ground: RasterPipeline,
     caster: RasterPipeline,
-    slices: Vec<Recording>,
 }
+
+/// Scales of force and torque, after those of fields.
+const FORCE: usize = 4;
+const TORQUE: usize = 5;
 
 impl Renderer {
     /// For a simulation as it is now: where its bodies are decides where positions are measured from.
     pub fn new(simulation: &mut Simulation, settings: Settings) -> Result<Renderer> {
         let context = simulation.context().clone();
-        let parts = Parts::new(&context, simulation)?;
-        let (middle, _) = around(parts.skins.iter().map(|part| part.ball));
+        let mut parts = Parts::new(&context, simulation)?;
+        let (middle, reach) = around(parts.skins.iter().map(|part| part.ball));
+        let texel = 2.0 * ROOM * reach / f64::from(SHADOW_SIDE);
+        parts.skins.iter_mut().for_each(|part| part.is_fine = part.edge < FINE * texel);
         let skins = simulation.skin_arrays()?;
         let (positions, normals) = (skins.positions.clone(), skins.normals.clone());
-        let vertices = positions.bytes() / 16;
-        let onto = Onto { has_colour: true, has_depth: true, hides: true, samples: settings.samples, ..Onto::default() };
-        let shade = Onto { has_depth: true, hides: true, samples: 1, ..Onto::default() };
-        let blend = Onto { hides: false, blends: true, ..onto };
-        let pipeline = |name: &str, onto: &Onto| RasterPipeline::onto(&context, name, &[], onto);
-        let shadow_image = Image::new(&context, "what the sun sees", Texels::Depth, [SHADOW_SIDE; 2], 1)?;
+        let no_values = vec![0f32; (positions.bytes() / 16).next_multiple_of(4) as usize];
+        let shadow = Image::new(&context, "what the sun sees", Texels::Depth, [SHADOW_SIDE; 2], 1)?;
         let host = |name: &str, bytes: usize| Buffer::new(&context, name, bytes as u64, Memory::Upload);
-        let mut renderer = Renderer {
+        Ok(Renderer {
             canvas: canvas(&context, &settings)?,
-            shadow_depths: Buffer::new(&context, "shadow", shadow_image.bytes(), Memory::Device)?,
-            shadow: Canvas { depth: Some(shadow_image), ..Canvas::default() },
-            values: Buffer::from_slice(&context, "no values", &vec![0f32; vertices.next_multiple_of(4) as usize], Memory::Device)?,
+            shadow_depths: Buffer::new(&context, "shadow", shadow.bytes() + 16, Memory::Device)?,
+            shadow: Canvas { depth: Some(shadow), ..Canvas::default() },
+            no_values: Buffer::from_slice(&context, "no values", &no_values, Memory::Device)?,
             view: host("view", size_of::<View>())?,
             materials: host("looks", MATERIALS * size_of::<Material>())?,
-            colours: host("colours of values", 256 * 16)?,
-            solid: pipeline("view/mesh", &Onto { culls: Some(Side::Back), ..onto })?,
-            glass: pipeline("view/mesh", &Onto { culls: Some(Side::Back), ..blend })?,
-            ground: pipeline("view/ground", &blend)?,
-            caster: pipeline("view/shadow", &shade)?,
+            colours: host("colours of values", 2 * SCALE_COLOURS * 16)?,
+            pipelines: Pipelines::new(&context, settings.samples)?,
+            legend: Legend::default(),
+            scales: Default::default(),
             slices: Vec::new(),
             origin: middle,
+            reach,
             context,
             settings,
             parts,
             positions,
             normals,
-        };
-        renderer.record()?;
-        Ok(renderer)
+        })
     }
 
     /// Where positions are measured from, m: what [`Moment::of`] is given.
@@ -105,16 +132,61 @@ impl Renderer {
         self.origin
     }
 
-    /// Makes pictures of another size from now on.
+    /// Shows all bodies, as they were at first.
+    pub fn camera(&self) -> Camera {
+        Camera::around(self.origin - 0.62 * self.reach, self.origin + 0.62 * self.reach)
+    }
+
+    /// Makes pictures of another size from the next [`Renderer::look`] on.
     pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
         let settings = Settings { size, ..self.settings };
         self.canvas = canvas(&self.context, &settings)?;
         self.settings = settings;
-        self.record()
+        Ok(())
+    }
+
+    /// What colours and arrows stand for, since the last [`Renderer::look`].
+    pub fn legend(&self) -> &Legend {
+        &self.legend
     }
 
     /// Sets out what the next picture shows; the slices draw it.
     pub fn look(&mut self, moment: &Moment, camera: &Camera) -> Result<()> {
+        self.read_scales(moment);
+        self.write_view(moment, camera)?;
+        self.colours.write(&look::colours(moment.shown.field()))?;
+        let source = Source {
+            context: &self.context,
+            moment,
+            skins: &self.parts.skins,
+            positions: &self.positions,
+            normals: &self.normals,
+            no_values: &self.no_values,
+            origin: self.origin,
+            reach: self.reach,
+            legend: &self.legend,
+        };
+        let Pieces { all, materials } = source.pieces()?;
+        if materials.len() > MATERIALS {
+            return Err(Error::Simulation(format!("a picture shows {MATERIALS} materials, not {}", materials.len())));
+        }
+        self.materials.mapped_mut::<Material>()?[..materials.len()].copy_from_slice(&materials);
+        self.slices = self.record(&all)?;
+        Ok(())
+    }
+
+    fn read_scales(&mut self, moment: &Moment) {
+        let field = moment.field.as_ref().map(|values| {
+            let scale = &mut self.scales[values.field as usize];
+            scale.show(values.greatest.iter().copied().fold(0.0, f32::max).into());
+            (values.field, scale.high)
+        });
+        self.scales[FORCE].show(moment.force.length());
+        self.scales[TORQUE].show(moment.torque.length());
+        self.legend = Legend { field, force: self.scales[FORCE].high, torque: self.scales[TORQUE].high };
+    }
+
+    fn write_view(&self, moment: &Moment, camera: &Camera) -> Result<()> {
         let [width, height] = self.settings.size;
         let balls = self.parts.skins.iter().map(|part| {
             let now = moment.frames.get(part.body).copied().flatten();
@@ -122,31 +194,27 @@ impl Renderer {
             (part.ball.0 + moved, part.ball.1)
         });
         let (middle, reach) = around(balls);
-        let sun = SUN.normalize();
+        let (sun, reach) = (SUN.normalize(), ROOM * reach);
         let shift = DMat4::from_translation(self.origin);
         let (normal, offset) = self.parts.ground;
         let relative = |x: DVec3| (x - self.origin).as_vec3().to_array();
         self.view.mapped_mut::<View>()?[0] = View {
             clip: columns(camera.matrix(width, height) * shift),
-            light: columns(light(sun, middle, 1.05 * reach) * shift),
+            light: columns(light(sun, middle, reach) * shift),
             eye: relative(camera.eye()),
             sun: sun.as_vec3().to_array(),
-            background: BACKGROUND,
+            across: across(sun).map(|axis| axis.as_vec3().to_array()),
             ground: normal.extend(offset - normal.dot(self.origin)).as_vec4().to_array(),
             middle: relative(middle),
             reach: reach as f32,
             bias: BIAS as f32,
-            texel: (2.1 * reach / f64::from(SHADOW_SIDE)) as f32,
+            texel: (2.0 * reach / f64::from(SHADOW_SIDE)) as f32,
             shadow_side: SHADOW_SIDE,
         };
-        let mut materials = self.materials.mapped_mut::<Material>()?;
-        for (slot, part) in materials.iter_mut().zip(&self.parts.skins) {
-            *slot = part.material;
-        }
         Ok(())
     }
 
-    /// What draws a picture, in order: each is submitted by itself.
+    /// What draws the picture, in order: each is submitted by itself.
     pub fn slices(&self) -> &[Recording] {
         &self.slices
     }
@@ -169,47 +237,43 @@ impl Renderer {
         Ok(Picture { width, height, pixels: array.read()? })
     }
 
-    /// What the slices draw onto.
+    /// What the slices draw onto; it has one sample a pixel.
     pub fn image(&self) -> Result<&Image> {
         let seen = self.canvas.mean.as_ref().or(self.canvas.colour.as_ref());
         seen.ok_or_else(|| Error::Simulation("a canvas has no colour".into()))
     }
 
-    fn record(&mut self) -> Result<()> {
-        self.slices = Vec::new();
-        self.slices.push(self.record_shadow()?);
+    /// The shadow and what hides what is behind it, slice by slice; then all that is seen through.
+    fn record(&self, pieces: &[Piece]) -> Result<Vec<Recording>> {
         let most = if self.context.kind() == DeviceKind::Cpu { CPU_SLICE } else { GPU_SLICE };
-        let mut before = Before::Cleared([BACKGROUND[0], BACKGROUND[1], BACKGROUND[2], 1.0]);
-        let mut work: Vec<Vec<(usize, u32, u32)>> = vec![Vec::new()];
-        let mut room = 3 * most;
-        for (k, part) in self.parts.skins.iter().enumerate().filter(|(_, part)| !part.is_glass) {
-            let mut first = 0;
-            while first < part.index_count {
-                if room == 0 {
-                    work.push(Vec::new());
-                    room = 3 * most;
-                }
-                let count = room.min(part.index_count - first);
-                work.last_mut().into_iter().for_each(|slice| slice.push((k, first, count)));
-                (first, room) = (first + count, room - count);
-            }
-        }
+        let opaque = pieces.iter().filter(|piece| piece.style != Style::Glass);
+        let work = sliced(opaque, 3 * most);
         let unresolved = Canvas { mean: None, ..self.canvas.clone() };
-        for slice in work {
-            let slice = self.record_skins(&unresolved, before, &self.solid, &slice)?;
-            self.slices.push(slice);
+        let mut before = Before::Cleared([BACKGROUND[0], BACKGROUND[1], BACKGROUND[2], 1.0]);
+        let mut slices = Vec::with_capacity(work.len() + 1);
+        for (k, slice) in work.iter().enumerate() {
+            let mut recorder = Recorder::untimed(&self.context)?;
+            if k == 0 {
+                self.record_shadow(&mut recorder);
+            }
+            recorder.stage("solids");
+            self.record_pieces(&mut recorder, &unresolved, before, slice, false);
+            slices.push(recorder.finish()?);
             before = Before::Kept;
         }
-        let last = self.record_last(before)?;
-        self.slices.push(last);
-        Ok(())
+        let glass: Vec<_> =
+            pieces.iter().filter(|piece| piece.style == Style::Glass).map(|p| (p, p.range.clone())).collect();
+        let mut recorder = Recorder::untimed(&self.context)?;
+        recorder.stage("ground and glass");
+        self.record_pieces(&mut recorder, &self.canvas, before, &glass, true);
+        slices.push(recorder.finish()?);
+        Ok(slices)
     }
 
-    fn record_shadow(&self) -> Result<Recording> {
-        let mut recorder = Recorder::untimed(&self.context)?;
+    fn record_shadow(&self, recorder: &mut Recorder) {
         recorder.stage("shadow");
         let casters = Drawn {
-            pipeline: &self.caster,
+            pipeline: &self.pipelines.caster,
             buffers: &[&self.view, &self.positions],
             push: &[],
             indices: Some(&self.parts.casters),
@@ -219,71 +283,88 @@ impl Renderer {
         };
         recorder.paint(&self.shadow, Before::Cleared([0.0; 4]), &[casters]);
         self.shadow.depth.iter().for_each(|depth| recorder.copy_out(depth, &self.shadow_depths));
-        recorder.finish()
     }
 
-    fn record_skins(
+    fn record_pieces(
         &self,
+        recorder: &mut Recorder,
         canvas: &Canvas,
         before: Before,
-        pipeline: &RasterPipeline,
-        work: &[(usize, u32, u32)],
-    ) -> Result<Recording> {
-        let mut recorder = Recorder::untimed(&self.context)?;
-        recorder.stage("skins");
-        let buffers = self.mesh_buffers();
-        let slots: Vec<u32> = (0..MATERIALS as u32).collect();
-        let drawn = work.iter().map(|&(k, first, count)| self.skin(pipeline, &buffers, &slots[k..=k], k, (first, count)));
-        recorder.paint(canvas, before, &drawn.collect::<Vec<_>>());
-        recorder.finish()
-    }
-
-    fn skin<'a>(
-        &'a self,
-        pipeline: &'a RasterPipeline,
-        buffers: &'a [&'a Buffer],
-        slot: &'a [u32],
-        part: usize,
-        range: (u32, u32),
-    ) -> Drawn<'a> {
-        let indices = Some(&self.parts.skins[part].indices);
-        Drawn { pipeline, buffers, push: bytemuck::cast_slice(slot), indices, range, instances: 1, part: None }
-    }
-
-    fn mesh_buffers(&self) -> [&Buffer; 7] {
-        [
-            &self.view,
-            &self.positions,
-            &self.normals,
-            &self.values,
-            &self.shadow_depths,
-            &self.colours,
-            &self.materials,
-        ]
-    }
-
-    /// What is seen through comes last.
-    fn record_last(&self, before: Before) -> Result<Recording> {
-        let mut recorder = Recorder::untimed(&self.context)?;
-        recorder.stage("ground and glass");
-        let buffers = self.mesh_buffers();
-        let slots: Vec<u32> = (0..MATERIALS as u32).collect();
+        pieces: &[(&Piece, std::ops::Range<u32>)],
+        with_ground: bool,
+    ) {
+        let buffers: Vec<[&Buffer; 7]> = pieces
+            .iter()
+            .map(|(Piece { arrays, .. }, _)| {
+                let [positions, normals, values] = [&arrays.positions, &arrays.normals, &arrays.values];
+                [&self.view, positions, normals, values, &self.shadow_depths, &self.colours, &self.materials]
+            })
+            .collect();
+        let slots: Vec<u32> = pieces.iter().map(|(piece, _)| piece.material as u32).collect();
         let ground = [&self.view, &self.shadow_depths];
-        let mut all = vec![Drawn {
-            pipeline: &self.ground,
-            buffers: &ground,
+        let whole = |pipeline, buffers| Drawn {
+            pipeline,
+            buffers,
             push: &[],
             indices: None,
             range: (0, 6),
             instances: 1,
             part: None,
-        }];
-        for (k, part) in self.parts.skins.iter().enumerate().filter(|(_, part)| part.is_glass) {
-            all.push(self.skin(&self.glass, &buffers, &slots[k..=k], k, (0, part.index_count)));
+        };
+        let mut all = Vec::with_capacity(pieces.len() + 1);
+        if with_ground {
+            all.push(whole(&self.pipelines.ground, &ground));
         }
-        recorder.paint(&self.canvas, before, &all);
-        recorder.finish()
+        for (((piece, range), buffers), slot) in pieces.iter().zip(&buffers).zip(slots.chunks(1)) {
+            let pipeline = match piece.style {
+                Style::Solid => &self.pipelines.solid,
+                Style::Fine => &self.pipelines.fine,
+                Style::Open => &self.pipelines.open,
+                Style::Glass => &self.pipelines.glass,
+            };
+            let (indices, range) = (Some(&piece.arrays.indices), (range.start, range.end - range.start));
+            all.push(Drawn { indices, range, push: bytemuck::cast_slice(slot), ..whole(pipeline, buffers) });
+        }
+        recorder.paint(canvas, before, &all);
     }
+}
+
+impl Pipelines {
+    fn new(context: &Arc<Context>, samples: u32) -> Result<Pipelines> {
+        let onto = Onto { has_colour: true, has_depth: true, hides: true, samples, ..Onto::default() };
+        let outside = Onto { culls: Some(Side::Back), ..onto };
+        let blend = Onto { hides: false, blends: true, ..onto };
+        let shade = Onto { has_depth: true, hides: true, samples: 1, ..Onto::default() };
+        let mesh = |at_vertices: bool, onto| {
+            RasterPipeline::onto(context, "view/mesh", &[("AT_VERTICES", at_vertices.into())], onto)
+        };
+        Ok(Pipelines {
+            solid: mesh(false, &outside)?,
+            fine: mesh(true, &outside)?,
+            open: mesh(false, &onto)?,
+            glass: mesh(false, &Onto { culls: Some(Side::Back), ..blend })?,
+            ground: RasterPipeline::onto(context, "view/ground", &[], &blend)?,
+            caster: RasterPipeline::onto(context, "view/shadow", &[], &shade)?,
+        })
+    }
+}
+
+/// Pieces in slices of so many indices at most, three a triangle.
+fn sliced<'a>(pieces: impl Iterator<Item = &'a Piece>, most: u32) -> Vec<Vec<(&'a Piece, std::ops::Range<u32>)>> {
+    let (mut slices, mut room) = (vec![Vec::new()], most);
+    for piece in pieces {
+        let mut from = piece.range.start;
+        while from < piece.range.end {
+            if room == 0 {
+                slices.push(Vec::new());
+                room = most;
+            }
+            let to = piece.range.end.min(from + room);
+            slices.last_mut().into_iter().for_each(|slice: &mut Vec<_>| slice.push((piece, from..to)));
+            (room, from) = (room - (to - from), to);
+        }
+    }
+    slices
 }
 
 fn canvas(context: &Arc<Context>, settings: &Settings) -> Result<Canvas> {

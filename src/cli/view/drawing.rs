@@ -13,7 +13,7 @@ use palpate::view::live::Link;
 use palpate::view::overlay::Overlays;
 use palpate::view::painter::{Atlas, Flat, Painter};
 use palpate::view::picture::Picture;
-use palpate::view::{Camera, Moment, Renderer, Settings};
+use palpate::view::{Camera, Legend, Moment, Renderer, Settings};
 use palpate::{Error, Result};
 
 /// Where nothing can be shown, it is looked again after this.
@@ -27,6 +27,8 @@ pub struct Order {
     pub size: [u32; 2],
     pub camera: Camera,
     pub overlays: Overlays,
+    /// Where the device is, m.
+    pub device: Option<DVec3>,
     pub panel: Flat,
     /// Where it changed.
     pub atlas: Option<Atlas>,
@@ -43,6 +45,8 @@ pub struct Drawn {
     pub took: f64,
     /// Slices.
     pub slices: usize,
+    /// What its colours and arrows stand for.
+    pub legend: Legend,
     /// The picture that was written.
     pub picture: Option<PathBuf>,
 }
@@ -55,7 +59,12 @@ pub struct Drawing {
 
 impl Drawing {
     /// Draws into a window; `tell` hears of each frame, or of the error that ended it.
-    pub fn start(window: Window, context: Arc<Context>, link: Link, tell: impl Fn(Result<Drawn>) + Send + 'static) -> Result<Drawing> {
+    pub fn start(
+        window: Window,
+        context: Arc<Context>,
+        link: Link,
+        tell: impl Fn(Result<Drawn>) + Send + 'static,
+    ) -> Result<Drawing> {
         let (orders, given) = channel();
         let mut artist = Artist { painter: Painter::new(&context)?, window, link, seen: None };
         let work = move || artist.work(&given, tell);
@@ -110,12 +119,12 @@ impl Artist {
         if let Some(atlas) = &order.atlas {
             self.painter.set_atlas(atlas)?;
         }
-        let none = Drawn { is_shown: false, took: 0.0, slices: 0, picture: None };
+        let none = Drawn { is_shown: false, took: 0.0, slices: 0, legend: Legend::default(), picture: None };
         if !self.window.acquire(width, height)? {
             std::thread::sleep(UNSEEN);
             return Ok(none);
         }
-        let Some(moment) = self.moment(order.size)? else { return Ok(none) };
+        let Some(moment) = self.moment(&order)? else { return Ok(none) };
         let Some(seen) = &mut self.seen else { return Ok(none) };
         let turns = self.link.turns();
         let renderer = &mut seen.renderer;
@@ -146,22 +155,30 @@ impl Artist {
         }
         // The panel's and the presenting slice.
         let slices = renderer.slices().len() + 2;
-        Ok(Drawn { is_shown: true, took: begun.elapsed().as_secs_f64(), slices, picture })
+        let (took, legend) = (begun.elapsed().as_secs_f64(), *renderer.legend());
+        Ok(Drawn { is_shown: true, took, slices, legend, picture })
     }
 
     /// The simulation as it is between two steps, its skins in the arrays that are drawn; `None`: its thread has ended.
-    fn moment(&mut self, size: [u32; 2]) -> Result<Option<Moment>> {
-        let seen = self.seen.take();
-        let answer = self.link.ask(move |simulation, generation| looked(simulation, generation, seen, size));
+    fn moment(&mut self, order: &Order) -> Result<Option<Moment>> {
+        let (seen, size, overlays) = (self.seen.take(), order.size, order.overlays);
+        let answer =
+            self.link.ask(move |simulation, generation| looked(simulation, generation, seen, (size, overlays)));
         let Some(answer) = answer else { return Ok(None) };
-        let (seen, moment) = answer?;
+        let (seen, mut moment) = answer?;
+        moment.device = order.device;
         self.seen = Some(seen);
         Ok(Some(moment))
     }
 }
 
 /// A renderer for this simulation and size, and the simulation as it is.
-fn looked(simulation: &mut Simulation, generation: u64, seen: Option<Seen>, size: [u32; 2]) -> Result<(Seen, Moment)> {
+fn looked(
+    simulation: &mut Simulation,
+    generation: u64,
+    seen: Option<Seen>,
+    (size, overlays): ([u32; 2], Overlays),
+) -> Result<(Seen, Moment)> {
     let mut seen = match seen.filter(|seen| seen.generation == generation) {
         Some(seen) => seen,
         None => Seen { renderer: Renderer::new(simulation, Settings { size, samples: SAMPLES })?, generation, size },
@@ -171,7 +188,7 @@ fn looked(simulation: &mut Simulation, generation: u64, seen: Option<Seen>, size
         seen.size = size;
     }
     let origin: DVec3 = seen.renderer.origin();
-    let moment = Moment::of(simulation, origin)?;
+    let moment = Moment::of(simulation, origin, overlays)?;
     Ok((seen, moment))
 }
 

@@ -7,7 +7,9 @@ use egui::{Color32, Pos2, RichText, Sense, Slider, Stroke, Ui, Vec2};
 use palpate::scene::{Contact, Coupling, Material};
 use palpate::view::live::{Command, Sample, Settings, Snapshot, State};
 use palpate::view::overlay::{Overlay, Overlays};
+use palpate::view::scale::with_unit;
 use palpate::view::turns::Delays;
+use palpate::view::{Legend, map};
 
 /// Width, points.
 const WIDTH: f32 = 250.0;
@@ -19,6 +21,8 @@ const TRACE: f32 = 56.0;
 const OFTEN: Duration = Duration::from_millis(200);
 /// Lines that are kept.
 const LINES: usize = 5;
+/// Of a legend's colours.
+const BANDS: usize = 64;
 /// Stages that are listed, the slowest first.
 const STAGES: usize = 6;
 
@@ -31,6 +35,7 @@ pub struct Panel {
     samples: VecDeque<Sample>,
     lines: VecDeque<String>,
     frame: Frames,
+    legend: Legend,
     /// What is being dragged, and when it was last sent.
     dragged: Option<Dragged>,
     sent: Instant,
@@ -70,10 +75,11 @@ impl Panel {
             samples: VecDeque::new(),
             lines: VecDeque::new(),
             frame: Frames::default(),
+            legend: Legend::default(),
             dragged: None,
             sent: Instant::now(),
             shows_help: false,
-            overlays: Overlays::default(),
+            overlays: Overlays::of(&[Overlay::Pressure, Overlay::Arrows]),
             progress: None,
         }
     }
@@ -101,7 +107,8 @@ impl Panel {
     }
 
     /// A frame was shown.
-    pub fn shown(&mut self, took: f64, slices: usize) {
+    pub fn shown(&mut self, took: f64, slices: usize, legend: Legend) {
+        self.legend = legend;
         let frame = &mut self.frame;
         (frame.took, frame.slices) = (took, slices);
         frame.recent.push_back(Instant::now());
@@ -141,7 +148,29 @@ impl Panel {
         if !shown.is_empty() {
             ui.label(format!("shown: {}", shown.join(", ")));
         }
+        self.legend(ui);
         ui.label(if self.shows_help { HELP } else { "h: help" });
+    }
+
+    /// What colours and arrows stand for.
+    fn legend(&self, ui: &mut Ui) {
+        if let Some((field, high)) = self.legend.field {
+            let (response, painter) = ui.allocate_painter(Vec2::new(ui.available_width(), 10.0), Sense::hover());
+            let (area, map) = (response.rect, map(field));
+            let width = area.width() / BANDS as f32;
+            for band in 0..BANDS {
+                let colour = map.eval_rational(band, BANDS);
+                let left = area.left_top() + Vec2::new(band as f32 * width, 0.0);
+                let piece = egui::Rect::from_min_size(left, Vec2::new(width + 0.5, area.height()));
+                painter.rect_filled(piece, 0.0, Color32::from_rgb(colour.r, colour.g, colour.b));
+            }
+            ui.label(RichText::new(format!("{}, 0 to {}", field.name(), with_unit(high, field.unit()))).small());
+        }
+        if self.overlays.has(Overlay::Arrows) && self.legend.force > 0.0 {
+            let [force, torque] =
+                [(self.legend.force, "N"), (self.legend.torque, "N m")].map(|(x, unit)| with_unit(x, unit));
+            ui.label(RichText::new(format!("longest arrows: {force}, {torque}")).small());
+        }
     }
 
     fn felt(&self, ui: &mut Ui, snapshot: &Snapshot) {

@@ -65,7 +65,6 @@ pub struct Fields {
     spread: Kernel,
     moved: Kernel,
     most: Kernel,
-    body_count: u32,
     node_first: Buffer,
     node_tetrahedra: Buffer,
     densities: Buffer,
@@ -137,10 +136,9 @@ impl Fields {
             )?,
             share: has_patches.then(share).transpose()?,
             mean: group("draw/mean", &[("NODES", count(nodes))])?,
-            spread: group("draw/spread", &[("VERTICES", count(vertices))])?,
-            moved: group("draw/moved", &[("VERTICES", count(vertices))])?,
+            spread: group("draw/spread", &[])?,
+            moved: group("draw/moved", &[])?,
             most: Kernel::new(context, "draw/most", Size::Reduce, &[])?,
-            body_count: rows.len() as u32,
             node_first: upload(context, "first tetrahedra around nodes", &node_first)?,
             node_tetrahedra: upload(context, "tetrahedra around nodes", &node_tetrahedra)?,
             densities: array::<[f32; 4]>(context, "energy densities", model.tetrahedra.len())?,
@@ -152,7 +150,8 @@ impl Fields {
         })
     }
 
-    /// Fills the array of a field, and the greatest of each body; depth and pressure come together. `touch`: as when this was made.
+    /// Fills the array of a field, and the greatest of each body; depth and pressure come together. `touch`: as when this was
+    /// made.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -163,24 +162,47 @@ impl Fields {
         touch: Option<&Touch>,
     ) {
         recorder.stage("draw");
+        let both = [Field::Depth, Field::Pressure];
+        let filled = if both.contains(&field) { &both[..] } else { &[field] };
         match field {
-            Field::Depth | Field::Pressure => {
-                self.record_touched(recorder, common, touch, &draw.triangles);
-                self.record_most(recorder, Field::Depth);
-                self.record_most(recorder, Field::Pressure);
-            }
+            Field::Depth | Field::Pressure => self.record_touched(recorder, common, touch, &draw.triangles),
+            _ => self.record_onto(recorder, field, draw, elastic, &draw.points, &self.values[field as usize]),
+        }
+        for field in filled {
+            let (values, most) = (&self.values[*field as usize], &self.most_values[*field as usize]);
+            self.record_most(recorder, &self.ranges, values, most);
+        }
+    }
+
+    /// Fills an array of other vertices that ride on nodes: with the field there, or with zeros where contacts make it.
+    pub fn record_onto(
+        &self,
+        recorder: &mut Recorder,
+        field: Field,
+        draw: &Draw,
+        elastic: &Elastic,
+        points: &Points,
+        values: &Buffer,
+    ) {
+        recorder.stage("draw");
+        match field {
+            Field::Depth | Field::Pressure => recorder.fill(values, 0),
             Field::StrainEnergy => {
                 self.record_energy(recorder, draw, elastic);
-                let values = &self.values[field as usize];
-                let buffers = [&draw.points.nodes, &draw.points.weights, &self.node_values, values];
-                recorder.dispatch(&self.spread, &buffers, &[], draw.points.count);
-                self.record_most(recorder, field);
+                let buffers = [&points.nodes, &points.weights, &self.node_values, values];
+                recorder.dispatch(&self.spread, &buffers, &points.count.to_le_bytes(), points.count);
             }
             Field::Displacement => {
-                self.record_moved(recorder, draw, elastic, &draw.points, &self.values[field as usize]);
-                self.record_most(recorder, field);
+                let buffers =
+                    [&draw.frames, &points.nodes, &points.weights, &elastic.displacement, &elastic.node_info, values];
+                recorder.dispatch(&self.moved, &buffers, &points.count.to_le_bytes(), points.count);
             }
         }
+    }
+
+    /// The greatest of each of these ranges, two u32 each.
+    pub fn record_most(&self, recorder: &mut Recorder, ranges: &Buffer, values: &Buffer, most: &Buffer) {
+        recorder.dispatch_groups(&self.most, &[ranges, values, most], &[], (ranges.bytes() / 8) as u32);
     }
 
     fn record_touched(&self, recorder: &mut Recorder, common: &Common, touch: Option<&Touch>, triangles: &Buffer) {
@@ -224,15 +246,5 @@ impl Fields {
         }
         let buffers = [&self.node_first, &self.node_tetrahedra, &self.densities, &self.node_values];
         recorder.dispatch(&self.mean, &buffers, &[], elastic.node_count as u32);
-    }
-
-    fn record_moved(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic, points: &Points, values: &Buffer) {
-        let buffers = [&draw.frames, &points.nodes, &points.weights, &elastic.displacement, &elastic.node_info, values];
-        recorder.dispatch(&self.moved, &buffers, &[], points.count);
-    }
-
-    fn record_most(&self, recorder: &mut Recorder, field: Field) {
-        let buffers = [&self.ranges, &self.values[field as usize], &self.most_values[field as usize]];
-        recorder.dispatch_groups(&self.most, &buffers, &[], self.body_count);
     }
 }

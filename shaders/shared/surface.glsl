@@ -1,0 +1,37 @@
+// How a surface looks in the light of a sun and a sky, or coloured by its values. Wants `view`, `materials` and `colours`.
+
+// A point with its unit normal n; `sun_share`: how much of the sun reaches it. The colour comes as shown, times its alpha.
+vec4 surface(uint material_index, vec3 x, vec3 n, float value, float sun_share) {
+    Material material = materials[material_index];
+    vec3 eye = normalize(view.eye - x);
+    vec4 own = material.colour;
+    float evenness = 0.0;
+    if ((material.flags & VALUED) != 0) {
+        float share = clamp((value - material.low) / (material.high - material.low), 0.0, 1.0);
+        vec3 mapped = texelFetch(colours, int(share * float(SCALE_COLOURS - 1) + 0.5)).rgb;
+        // Where there is nothing to show, the surface itself is seen.
+        evenness = (material.flags & EVEN) != 0 ? 1.0 : smoothstep(0.0, 0.02, share);
+        own.rgb = mix(own.rgb, mapped, evenness);
+    }
+    if ((material.flags & NUMBERED) != 0) own.rgb = texelFetch(colours, int(SCALE_COLOURS + uint(value + 0.5) % SCALE_COLOURS)).rgb;
+    if ((material.flags & UNLIT) != 0) return vec4(shown(own.rgb) * own.a, own.a);
+    float sun = max(dot(n, view.sun), 0.0) * sun_share;
+    float sky = 0.5 + 0.5 * n.y;
+    // Values are read by their colour: light alters them less.
+    vec3 light = mix(vec3(0.16, 0.16, 0.18) + sky * vec3(0.26, 0.28, 0.31) + sun * vec3(0.86, 0.82, 0.74),
+                     vec3(0.62 + 0.18 * sky + 0.3 * sun), evenness);
+    float glint = max(dot(n, normalize(eye + view.sun)), 0.0);
+    glint *= glint;
+    glint *= glint;
+    glint *= glint;
+    glint *= glint;
+    glint = glint * glint * min(8.0 * sun, 1.0);
+    vec3 bright = own.rgb * light + 0.10 * glint * (1.0 - evenness);
+    float alpha = own.a;
+    if ((material.flags & GLASS) != 0) {
+        float rim = 1.0 - max(dot(n, eye), 0.0);
+        alpha = mix(own.a, 0.95, rim * rim * rim);
+        bright += 0.5 * glint;
+    }
+    return vec4(shown(bright) * alpha, alpha);
+}

@@ -1,0 +1,93 @@
+//! Meshes that are drawn besides the skins: made on the host once, placed by the device whenever somebody looks.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::super::model::texel;
+use super::super::types::NONE;
+use super::super::upload;
+use super::Points;
+use crate::Result;
+use crate::gpu::{Buffer, Context, Memory};
+
+/// A mesh in the making.
+#[derive(Debug, Clone, Default)]
+pub struct Outline {
+    nodes: Vec<[u32; 4]>,
+    weights: Vec<[f32; 4]>,
+    frames: Vec<u32>,
+    values: Vec<f32>,
+    /// Three vertices each, counter-clockwise from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Outline {
+    /// Vertices so far.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// A vertex that is a node, with a number to colour it by.
+    pub fn add_node(&mut self, node: u32, value: f32) -> u32 {
+        self.add([node; 4], [1.0, 0.0, 0.0, 0.0], NONE, value)
+    }
+
+    /// A vertex that rides on a frame, at this place in it (m).
+    pub fn add_rigid(&mut self, frame: u32, local: DVec3, value: f32) -> u32 {
+        self.add([NONE, 0, 0, 0], texel(local, 0.0), frame, value)
+    }
+
+    fn add(&mut self, nodes: [u32; 4], weights: [f32; 4], frame: u32, value: f32) -> u32 {
+        self.nodes.push(nodes);
+        self.weights.push(weights);
+        self.frames.push(frame);
+        self.values.push(value);
+        self.nodes.len() as u32 - 1
+    }
+}
+
+/// A mesh on the device.
+pub struct Mesh {
+    /// Its vertices.
+    pub points: Points,
+    /// Three u32 a triangle, packed, padded with zeros to a whole texel of four.
+    pub triangles: Buffer,
+    /// A float a vertex, packed, padded likewise.
+    pub values: Buffer,
+    /// All of it, as one range.
+    pub range: Buffer,
+    /// The greatest value.
+    pub most: Buffer,
+}
+
+impl Mesh {
+    /// What an outline says.
+    pub fn new(context: &Arc<Context>, name: &str, outline: &Outline) -> Result<Mesh> {
+        let nodes = upload(context, &format!("nodes of {name}"), &outline.nodes)?;
+        let weights = upload(context, &format!("weights of {name}"), &outline.weights)?;
+        let words = outline.triangles.as_flattened();
+        let triangles = Buffer::shared(context, &format!("triangles of {name}"), texels(words.len()))?;
+        triangles.write(words)?;
+        let values = Buffer::shared(context, &format!("values of {name}"), texels(outline.values.len()))?;
+        values.write(&outline.values)?;
+        let greatest = outline.values.iter().copied().fold(0.0f32, f32::max);
+        Ok(Mesh {
+            points: Points::new(context, outline.len(), nodes, weights, &outline.frames)?,
+            triangles,
+            values,
+            range: upload(context, &format!("range of {name}"), &[[0, outline.len() as u32]])?,
+            most: Buffer::from_slice(context, &format!("greatest of {name}"), &[greatest], Memory::Readback)?,
+        })
+    }
+}
+
+/// Bytes of so many words in whole texels, one at least.
+fn texels(words: usize) -> u64 {
+    (4 * words.max(1)).next_multiple_of(16) as u64
+}

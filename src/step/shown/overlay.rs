@@ -1,0 +1,353 @@
+//! Meshes that are drawn besides the skins, and where regions are: what the step works with, to look at.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::super::Simulation;
+use super::{Shown, missing};
+use crate::gpu::{Buffer, Recorder, Recording};
+use crate::prepare::layer::boundary_faces;
+use crate::prepare::{Body, Layer, Shape, hull};
+use crate::scene::Bind;
+use crate::stages::draw::{self, Field, Outline};
+use crate::{Error, Result};
+
+/// A mesh to draw over the skins, or in their place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Overlay {
+    /// The convex hulls of all bodies' proxies, riding on their frames; a part a body. Values: the proxy's number among all.
+    Proxies,
+    /// Tetrahedral layers cut open (see [`Simulation::cut_layer`]), nodes where they are now; two parts a soft body, "skin" for
+    /// faces that are the layer's boundary and "cut" for those that the cut laid open. Values: the field at each node, zero for
+    /// one that contacts make.
+    Layers(Field),
+    /// The tetrahedra that cores carry whole, their boundary; a part a core, by its name. Values: the core's number in its body.
+    Cores,
+    /// The capsules of cores that are bones, or are bound by a capsule, riding on their frames; a part a bone, by its name.
+    /// Values: the core's number in its body.
+    Bones,
+}
+
+impl Overlay {
+    fn kind(self) -> usize {
+        match self {
+            Overlay::Proxies => 0,
+            Overlay::Layers(_) => 1,
+            Overlay::Cores => 2,
+            Overlay::Bones => 3,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        ["proxies", "layers", "cores", "bones"][self.kind()]
+    }
+}
+
+/// A part of a mesh.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Part {
+    /// What it is; see [`Overlay`].
+    pub name: String,
+    /// Whose; the tool comes after the bodies.
+    pub body: usize,
+    /// Its vertices.
+    pub vertices: Range<usize>,
+    /// Its triangles.
+    pub triangles: Range<usize>,
+}
+
+/// A mesh on the device, as it was when it was asked for. Handles: the arrays are the same each time.
+#[derive(Clone)]
+pub struct Mesh {
+    /// A vec4 a vertex, m, from the origin; w is 1.
+    pub positions: Buffer,
+    /// Three u32 a triangle, counter-clockwise from outside, packed, padded to a whole texel of four.
+    pub triangles: Buffer,
+    /// A float a vertex to colour it by, packed, padded likewise.
+    pub values: Buffer,
+    /// The greatest of those; zero where there are none.
+    pub greatest: f32,
+    /// How many vertices there are.
+    pub vertex_count: usize,
+    /// How many triangles there are.
+    pub triangle_count: usize,
+    /// All of it in parts.
+    pub parts: Arc<[Part]>,
+}
+
+/// Where a layer is cut open: what lies above the plane is taken away, `normal . x > offset` of a tetrahedron's centroid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cut {
+    /// Unit, rest axes of the body.
+    pub normal: DVec3,
+    /// m.
+    pub offset: f64,
+}
+
+/// A mesh and the passes that fill it.
+pub(super) struct ShownMesh {
+    mesh: draw::Mesh,
+    parts: Arc<[Part]>,
+    triangle_count: usize,
+    place: Recording,
+    /// Of layers, by [`Field`].
+    fields: Vec<Recording>,
+}
+
+impl Simulation {
+    /// A mesh as it is now, relative to `origin` (m): the arrays are filled when this returns, and stay so until the same
+    /// overlay is asked for again. Made at the first call, and anew where the skins are; layers also where they are cut
+    /// elsewhere.
+    pub fn overlay(&mut self, overlay: Overlay, origin: DVec3) -> Result<Mesh> {
+        if let Overlay::Layers(_) = overlay {
+            self.shown_fields()?;
+        }
+        let kind = overlay.kind();
+        if self.shown()?.meshes[kind].is_none() {
+            let made = self.show_mesh(overlay)?;
+            self.shown()?.meshes[kind] = Some(made);
+        }
+        let shown = self.shown_at(origin)?;
+        let Some(ShownMesh { mesh, parts, triangle_count, place, fields }) = &shown.meshes[kind] else {
+            return Err(missing());
+        };
+        place.submit_and_wait()?;
+        if let Overlay::Layers(field) = overlay
+            && let Some(recording) = fields.get(field as usize)
+        {
+            recording.submit_and_wait()?;
+        }
+        Ok(Mesh {
+            positions: mesh.points.positions.clone(),
+            triangles: mesh.triangles.clone(),
+            values: mesh.values.clone(),
+            greatest: mesh.most.mapped::<f32>()?[0],
+            vertex_count: mesh.points.count as usize,
+            triangle_count: *triangle_count,
+            parts: parts.clone(),
+        })
+    }
+
+    /// Cuts a soft body's layer open elsewhere from now on; `None`: where it was at first, through the middle of its box across
+    /// the shorter of the x and z axes. Errors: the body is not soft, or the normal is no direction.
+    pub fn cut_layer(&mut self, body: usize, cut: Option<Cut>) -> Result<()> {
+        if self.layer_cut(body).is_none() {
+            return Err(Error::Usage(format!("body {body} has no layer to cut open")));
+        }
+        match cut {
+            None => self.cuts.remove(&body),
+            Some(Cut { normal, offset }) => {
+                let length = normal.length();
+                if !(length > 0.0 && length.is_finite() && offset.is_finite()) {
+                    return Err(Error::Usage(format!("{normal}, {offset} is no plane to cut a layer along")));
+                }
+                self.cuts.insert(body, Cut { normal: normal / length, offset })
+            }
+        };
+        if let Some(shown) = &mut self.shown {
+            shown.meshes[Overlay::Layers(Field::StrainEnergy).kind()] = None;
+        }
+        Ok(())
+    }
+
+    /// Where a soft body's layer is cut open; `None`: it is not soft.
+    pub fn layer_cut(&self, body: usize) -> Option<Cut> {
+        let Shape::Soft { layer, .. } = &self.bodies.get(body)?.shape else { return None };
+        Some(self.cuts.get(&body).copied().unwrap_or_else(|| middle(layer)))
+    }
+
+    fn show_mesh(&self, overlay: Overlay) -> Result<ShownMesh> {
+        let Some(Shown { draw, fields, .. }) = &self.shown else { return Err(missing()) };
+        let (outline, parts) = match overlay {
+            Overlay::Proxies => self.proxies_outline(),
+            Overlay::Layers(_) => self.layers_outline(),
+            Overlay::Cores => self.cores_outline(),
+            Overlay::Bones => self.bones_outline(),
+        };
+        let mesh = draw::Mesh::new(&self.context, overlay.name(), &outline)?;
+        let elastic = &self.stages.elastic;
+        let record = |write: &dyn Fn(&mut Recorder)| -> Result<Recording> {
+            let mut recorder = Recorder::untimed(&self.context)?;
+            write(&mut recorder);
+            recorder.finish()
+        };
+        let place = record(&|recorder| mesh.points.record(recorder, &draw.frames, elastic))?;
+        let field_recording = |field: Field| {
+            let Some(shown) = fields else { return Err(missing()) };
+            record(&|recorder| {
+                shown.fields.record_onto(recorder, field, draw, elastic, &mesh.points, &mesh.values);
+                shown.fields.record_most(recorder, &mesh.range, &mesh.values, &mesh.most);
+            })
+        };
+        let fields = match overlay {
+            Overlay::Layers(_) => Field::ALL.into_iter().map(field_recording).collect::<Result<_>>()?,
+            _ => Vec::new(),
+        };
+        Ok(ShownMesh { triangle_count: outline.triangles.len(), mesh, parts: parts.into(), place, fields })
+    }
+
+    /// The bodies, and the tool if it is one of its own, with their first frames.
+    fn shown_bodies(&self) -> impl Iterator<Item = (usize, &Body, u32)> {
+        let all = self.bodies.iter().chain(&self.tool_body).zip(&self.model.body_frames);
+        all.enumerate().map(|(index, (body, frame))| (index, body, *frame))
+    }
+
+    fn proxies_outline(&self) -> (Outline, Vec<Part>) {
+        let (mut building, mut number) = (Building::default(), 0);
+        for (index, body, first) in self.shown_bodies() {
+            let (Shape::Soft { proxies, .. } | Shape::Rigid { proxies, .. }) = &body.shape else { continue };
+            building.part(&body.name, index, |outline| {
+                for proxy in proxies {
+                    let frame = first + proxy.frame;
+                    let centre = self.model.frames[frame as usize].rest_centre;
+                    if let Some(hull) = hull::convex(&proxy.hull) {
+                        let corner = |x: &DVec3| outline.add_rigid(frame, *x - centre, number as f32);
+                        let corners: Vec<u32> = hull.vertices.iter().map(corner).collect();
+                        outline.triangles.extend(hull.triangles.iter().map(|t| t.map(|v| corners[v as usize])));
+                    }
+                    number += 1;
+                }
+            });
+        }
+        building.done()
+    }
+
+    fn layers_outline(&self) -> (Outline, Vec<Part>) {
+        let mut building = Building::default();
+        for (index, body, _) in self.shown_bodies() {
+            let (Shape::Soft { layer, .. }, Some(cut)) = (&body.shape, self.layer_cut(index)) else { continue };
+            let (skin, open) = opened(layer, cut);
+            building.part("skin", index, |outline| add_faces(outline, self.first_node(index), &skin, 0.0));
+            building.part("cut", index, |outline| add_faces(outline, self.first_node(index), &open, 0.0));
+        }
+        building.done()
+    }
+
+    fn cores_outline(&self) -> (Outline, Vec<Part>) {
+        let mut building = Building::default();
+        for (index, body, _) in self.shown_bodies() {
+            let Shape::Soft { layer, node_frames, .. } = &body.shape else { continue };
+            for (k, core) in self.scene.bodies[index].cores.iter().enumerate() {
+                let own = |node: &u32| layer.bound[*node as usize] && node_frames[*node as usize] == k as u32;
+                let whole: Vec<[u32; 4]> = layer.tetrahedra.iter().filter(|t| t.iter().all(own)).copied().collect();
+                let faces: Vec<[u32; 3]> = boundary_faces(&whole).into_iter().map(|(face, _)| face).collect();
+                let first = self.first_node(index);
+                building.part(&core.name, index, |outline| add_faces(outline, first, &faces, k as f32));
+            }
+        }
+        building.done()
+    }
+
+    fn bones_outline(&self) -> (Outline, Vec<Part>) {
+        let mut building = Building::default();
+        for (index, body, first) in self.shown_bodies() {
+            let Shape::Soft { .. } = &body.shape else { continue };
+            let scene = &self.scene.bodies[index];
+            for (k, core) in scene.cores.iter().enumerate() {
+                let Some(Bind::Capsule(capsule)) = &core.bind else { continue };
+                let frame = first + k as u32;
+                let centre = self.model.frames[frame as usize].rest_centre;
+                let ends = capsule.ends.map(|end| scene.scale * end - centre);
+                let radii = capsule.radii.map(|radius| scene.scale * radius);
+                building.part(&core.name, index, |outline| add_capsule(outline, frame, ends, radii, k as f32));
+            }
+        }
+        building.done()
+    }
+
+    /// The first of a soft body's nodes among all.
+    fn first_node(&self, body: usize) -> u32 {
+        let own = self.model.soft.iter().find(|soft| soft.body == body);
+        own.map_or(0, |soft| soft.nodes.start as u32)
+    }
+}
+
+/// An outline and its parts.
+#[derive(Default)]
+struct Building {
+    outline: Outline,
+    parts: Vec<Part>,
+}
+
+impl Building {
+    fn part(&mut self, name: &str, body: usize, add: impl FnOnce(&mut Outline)) {
+        let (vertex, triangle) = (self.outline.len(), self.outline.triangles.len());
+        add(&mut self.outline);
+        let (vertices, triangles) = (vertex..self.outline.len(), triangle..self.outline.triangles.len());
+        self.parts.push(Part { name: name.into(), body, vertices, triangles });
+    }
+
+    fn done(self) -> (Outline, Vec<Part>) {
+        (self.outline, self.parts)
+    }
+}
+
+/// Through the middle of a layer's box, across the shorter of the x and z axes, so that most of it is seen.
+fn middle(layer: &Layer) -> Cut {
+    let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = layer.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let normal = if high.x - low.x < high.z - low.z { DVec3::X } else { DVec3::Z };
+    Cut { normal, offset: normal.dot(0.5 * (low + high)) }
+}
+
+/// Outward faces of the tetrahedra that a cut leaves: those of the whole layer's boundary, and those that it laid open.
+fn opened(layer: &Layer, cut: Cut) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
+    let behind = |t: &&[u32; 4]| {
+        let middle = t.iter().map(|n| layer.nodes[*n as usize]).sum::<DVec3>() / 4.0;
+        cut.normal.dot(middle) <= cut.offset
+    };
+    let kept: Vec<[u32; 4]> = layer.tetrahedra.iter().filter(behind).copied().collect();
+    let sorted = |mut face: [u32; 3]| {
+        face.sort_unstable();
+        face
+    };
+    let outer: BTreeSet<[u32; 3]> =
+        boundary_faces(&layer.tetrahedra).into_iter().map(|(face, _)| sorted(face)).collect();
+    let faces = boundary_faces(&kept).into_iter().map(|(face, _)| face);
+    faces.partition(|face| outer.contains(&sorted(*face)))
+}
+
+/// Faces of nodes that count from `first` among all, each node one vertex.
+fn add_faces(outline: &mut Outline, first: u32, faces: &[[u32; 3]], value: f32) {
+    let nodes: BTreeSet<u32> = faces.iter().flatten().copied().collect();
+    let vertices: BTreeMap<u32, u32> =
+        nodes.into_iter().map(|node| (node, outline.add_node(first + node, value))).collect();
+    outline.triangles.extend(faces.iter().map(|face| face.map(|node| vertices[&node])));
+}
+
+/// Vertices around a capsule, and rings on each of its ends.
+const AROUND: usize = 16;
+const RINGS: usize = 5;
+
+/// All points at the radius there from an axis: two half balls with a cone between.
+fn add_capsule(outline: &mut Outline, frame: u32, [a, b]: [DVec3; 2], radii: [f64; 2], value: f32) {
+    let axis = (b - a).try_normalize().unwrap_or(DVec3::Y);
+    let (u, v) = axis.any_orthonormal_pair();
+    let start = outline.add_rigid(frame, a - radii[0] * axis, value);
+    // From the pole at a to its equator, from the equator of b to its pole.
+    let quarter = std::f64::consts::FRAC_PI_2 / RINGS as f64;
+    let of_a = (1..=RINGS).map(|k| (a, radii[0], k as f64 * quarter));
+    let of_b = (0..RINGS).map(|k| (b, radii[1], (RINGS + k) as f64 * quarter));
+    let mut rings: Vec<Vec<u32>> = Vec::new();
+    for (end, radius, angle) in of_a.chain(of_b) {
+        let at = |k: usize| {
+            let turn = std::f64::consts::TAU * k as f64 / AROUND as f64;
+            end + radius * (angle.sin() * (turn.cos() * u + turn.sin() * v) - angle.cos() * axis)
+        };
+        rings.push((0..AROUND).map(|k| outline.add_rigid(frame, at(k), value)).collect());
+    }
+    let finish = outline.add_rigid(frame, b + radii[1] * axis, value);
+    let next = |k: usize| (k + 1) % AROUND;
+    for k in 0..AROUND {
+        outline.triangles.push([start, rings[0][next(k)], rings[0][k]]);
+        for pair in rings.windows(2) {
+            outline.triangles.push([pair[0][k], pair[0][next(k)], pair[1][next(k)]]);
+            outline.triangles.push([pair[0][k], pair[1][next(k)], pair[1][k]]);
+        }
+        let last = &rings[rings.len() - 1];
+        outline.triangles.push([last[k], last[next(k)], finish]);
+    }
+}

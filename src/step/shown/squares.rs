@@ -1,0 +1,122 @@
+//! Where the regions of the last step are.
+
+use glam::DVec3;
+
+use super::super::{ContactPoint, Simulation};
+use crate::Result;
+use crate::prepare::Shape;
+use crate::stages::types::{PAIR_REGIONS, Region};
+
+/// A region of the last step: the directions that it looks along, and the rectangle that both bodies cover across them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RegionSquare {
+    /// Whose; the normal points from the first to the second. The tool comes after the bodies.
+    pub bodies: [usize; 2],
+    /// World, m.
+    pub centre: DVec3,
+    /// Unit, world.
+    pub normal: DVec3,
+    /// Unit, world, across the normal and each other.
+    pub tangents: [DVec3; 2],
+    /// How far it reaches along each tangent either way, m.
+    pub half: [f64; 2],
+    /// Contacts whose normal is nearest to this one, of those of its pair.
+    pub contacts: usize,
+}
+
+fn wide(x: [f32; 3]) -> DVec3 {
+    DVec3::from(x.map(f64::from))
+}
+
+impl Simulation {
+    /// The active regions of the last step, and one for each half-space that is touched. Along its normal a region is where its
+    /// contacts are in the mean, or, without any, where the smaller body's proxies face the other. Reads back a few numbers.
+    pub fn region_squares(&self) -> Result<Vec<RegionSquare>> {
+        let (regions, _) = self.touch()?;
+        let contacts = self.contacts()?;
+        let mut squares = Vec::new();
+        for (pair, [a, b]) in self.model.pair_bodies.iter().copied().enumerate() {
+            let both = |c: &&ContactPoint| c.bodies == [a, b] || c.bodies == [b, a];
+            let own: Vec<&ContactPoint> = contacts.iter().filter(both).collect();
+            if let Some(plane) = self.model.pair_planes[pair] {
+                // The half-space's normal points out of it, to the other.
+                squares.extend(of_plane([a, b], -plane.normal, &own));
+                continue;
+            }
+            let active: Vec<&Region> =
+                regions[PAIR_REGIONS * pair..][..PAIR_REGIONS].iter().filter(|region| region.weight > 0.0).collect();
+            for (k, region) in active.iter().enumerate() {
+                let normal_of = |c: &ContactPoint| if c.bodies[0] == a { -c.normal } else { c.normal };
+                let nearest = |c: &ContactPoint| {
+                    let along = |r: &Region| wide(r.normal).dot(normal_of(c));
+                    let best = (0..active.len()).max_by(|i, j| along(active[*i]).total_cmp(&along(active[*j])));
+                    best == Some(k)
+                };
+                let held: Vec<DVec3> = own.iter().filter(|c| nearest(c)).map(|c| c.position).collect();
+                squares.push(self.of_region([a, b], region, &held));
+            }
+        }
+        Ok(squares)
+    }
+
+    fn of_region(&self, bodies: [usize; 2], region: &Region, contacts: &[DVec3]) -> RegionSquare {
+        let (normal, tangents) = (wide(region.normal), [wide(region.tangent), wide(region.bitangent)]);
+        let column = |k: usize| [region.low[k], region.high[k]].map(f64::from);
+        let middle = [column(0), column(1)].map(|[low, high]| 0.5 * (low + high));
+        let half = [column(0), column(1)].map(|[low, high]| 0.5 * (high - low));
+        let across = self.step_origin + middle[0] * tangents[0] + middle[1] * tangents[1];
+        let height = match contacts.len() {
+            0 => self.facing(bodies, normal),
+            count => contacts.iter().map(|x| normal.dot(*x)).sum::<f64>() / count as f64,
+        };
+        let centre = across + (height - normal.dot(across)) * normal;
+        RegionSquare { bodies, centre, normal, tangents, half, contacts: contacts.len() }
+    }
+
+    /// How far along a normal from body a to b the smaller one's proxies face the other, m.
+    fn facing(&self, [a, b]: [usize; 2], normal: DVec3) -> f64 {
+        let range = |body: usize| {
+            let heights = self.hull_corners(body).into_iter().map(|x| normal.dot(x));
+            heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)))
+        };
+        let (of_a, of_b) = (range(a), range(b));
+        if of_a.1 - of_a.0 < of_b.1 - of_b.0 { of_a.1 } else { of_b.0 }
+    }
+
+    /// Corners of a body's proxies, world, m.
+    fn hull_corners(&self, body: usize) -> Vec<DVec3> {
+        let Some(owner) = self.bodies.iter().chain(&self.tool_body).nth(body) else { return Vec::new() };
+        let (Shape::Soft { proxies, .. } | Shape::Rigid { proxies, .. }) = &owner.shape else { return Vec::new() };
+        let place = |proxy: &crate::prepare::Proxy| -> Vec<DVec3> {
+            let frame = (self.model.body_frames[body] + proxy.frame) as usize;
+            let centre = self.model.frames[frame].rest_centre;
+            let world = |x: &DVec3| match &self.tool {
+                Some(tool) if self.model.tool_frame == Some(frame) => tool.centre + tool.orientation * (*x - centre),
+                _ => self.frames.world(frame, *x - centre),
+            };
+            proxy.hull.iter().map(world).collect()
+        };
+        proxies.iter().flat_map(place).collect()
+    }
+}
+
+/// Where a half-space is touched.
+fn of_plane(bodies: [usize; 2], normal: DVec3, contacts: &[&ContactPoint]) -> Option<RegionSquare> {
+    if contacts.is_empty() {
+        return None;
+    }
+    let (u, v) = normal.any_orthonormal_pair();
+    let tangents = [u, v];
+    let mean = contacts.iter().map(|c| c.position).sum::<DVec3>() / contacts.len() as f64;
+    let range = |t: DVec3| {
+        let along = contacts.iter().map(|c| t.dot(c.position));
+        along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+    };
+    let ranges = tangents.map(range);
+    let half = ranges.map(|(low, high)| 0.5 * (high - low));
+    let centre = tangents
+        .iter()
+        .zip(ranges)
+        .fold(normal.dot(mean) * normal, |sum, (t, (low, high))| sum + 0.5 * (low + high) * *t);
+    Some(RegionSquare { bodies, centre, normal, tangents, half, contacts: contacts.len() })
+}
