@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Installs what a bare Debian or Ubuntu machine lacks to build, run and test palpate: a Vulkan loader with Mesa's
-# drivers (lavapipe among them), the validation layers, the GLSL compiler, and what the tests of the C ABI compile and
-# look with. Silent when nothing is missing.
+# drivers (lavapipe among them), the validation layers, the GLSL compiler, what the tests of the C ABI compile and look
+# with, what a window is opened with, and a display for its tests. Silent when nothing is missing.
 set -euo pipefail
 cd "$(dirname "$0")"
 
 packages=(build-essential clang valgrind python3 python3-numpy pkg-config cmake libshaderc-dev glslang-dev spirv-tools libvulkan-dev
-    mesa-vulkan-drivers vulkan-validationlayers)
+    mesa-vulkan-drivers vulkan-validationlayers
+    libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0 xvfb xdotool)
 
 elsewhere() {
     cat >&2 <<'TEXT'

@@ -46,8 +46,10 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
         }
         assert_eq!(stage.recorded, stage.passes > 0, "{name}: passes of {}", stage.stage);
     }
-    let known: BTreeSet<String> =
-        shader_names().filter(|n| !n.starts_with("test/") && !n.starts_with("draw/") && !n.starts_with("view/")).map(Into::into).collect();
+    let known: BTreeSet<String> = shader_names()
+        .filter(|n| !n.starts_with("test/") && !n.starts_with("draw/") && !n.starts_with("view/"))
+        .map(Into::into)
+        .collect();
     assert_eq!(all.iter().cloned().collect::<BTreeSet<_>>(), known, "{name}");
     assert_eq!(all.len(), known.len(), "{name}: a kernel in two stages");
     let (stages, dependent) = simulation.passes(ITERATIONS);

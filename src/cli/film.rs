@@ -122,7 +122,8 @@ impl Look {
     /// What takes pictures of a simulation that look so.
     pub fn studio(&self, simulation: &mut Simulation) -> Result<Studio> {
         let shown = Overlays::of(&self.show);
-        if let Some((name, _)) = CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay)) {
+        if let Some((name, _)) = CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay))
+        {
             return Err(Error::Usage(format!("--show {name}: one field can be shown at a time; leave the others out")));
         }
         let mut studio = Studio::new(simulation, Settings { size: self.size, samples: SAMPLES })?;
@@ -192,7 +193,8 @@ pub fn film(arguments: &Arguments) -> Result<()> {
 
 /// The folder that is written into, and the name of an animated picture.
 fn target(out: &Path) -> (&Path, Option<&str>) {
-    let is_file = out.extension().is_some_and(|end| end.eq_ignore_ascii_case("apng") || end.eq_ignore_ascii_case("png"));
+    let is_file =
+        out.extension().is_some_and(|end| end.eq_ignore_ascii_case("apng") || end.eq_ignore_ascii_case("png"));
     match (is_file, out.parent(), out.file_name().and_then(|name| name.to_str())) {
         (true, Some(parent), Some(name)) => {
             (if parent.as_os_str().is_empty() { Path::new(".") } else { parent }, Some(name))

@@ -89,9 +89,11 @@ pub fn view(arguments: &Arguments) -> Result<()> {
     let trace = Shared::new(output.as_mut(), &simulation)?;
     let goal = (name == "mouse").then(Goal::default);
     let folder = arguments.out.clone().unwrap_or_default();
-    let begin = Begin { lead: lead(name, goal.as_ref()), extent, watch: trace.watch(), folder: folder.clone(), simulation };
+    let begin =
+        Begin { lead: lead(name, goal.as_ref()), extent, watch: trace.watch(), folder: folder.clone(), simulation };
     let size = arguments.size.unwrap_or(SIZE);
-    let mut app = App::new(&events, Live::start(begin)?, context.clone(), app::Setup { size, goal, folder, stop, scene });
+    let mut app =
+        App::new(&events, Live::start(begin)?, context.clone(), app::Setup { size, goal, folder, stop, scene });
     let ran = events.run_app(&mut app).map_err(|error| Error::NoDevice(format!("the window failed: {error}")));
     let ended = app.end();
     trace.finish()?;
@@ -120,7 +122,11 @@ fn extent_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
 }
 
 fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
-    let scene = scene.display();
+    let (scene, error) = (scene.display(), error.to_string());
+    // Before the reason winit says where in its own source it was found.
+    let error =
+        error.rsplit(".rs:").next().map_or("", |end| end.trim_start_matches(|c: char| c.is_ascii_digit() || c == ':'));
+    let error = error.trim().trim_end_matches('.');
     Error::NoDevice(format!(
         "there is no display to open a window on ({error}); without one make a film: palpate film {scene} --out film.apng"
     ))

@@ -82,7 +82,13 @@ impl Recorder {
                     return Err(self.error(what));
                 }
                 let id = indices.0.handle.as_raw();
-                uses.push(Use { id, reads: true, writes: false, stages: Stages::INDEX_INPUT, write_access: Access::NONE });
+                uses.push(Use {
+                    id,
+                    reads: true,
+                    writes: false,
+                    stages: Stages::INDEX_INPUT,
+                    write_access: Access::NONE,
+                });
             }
         }
         if !self.is_well() {
@@ -128,17 +134,12 @@ impl Recorder {
         }
         let depth = canvas.depth.as_ref().map(|image| attachment(image).clear_value(far));
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
-        let mut rendering =
-            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colours);
+        let mut rendering = vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colours);
         if let Some(depth) = &depth {
             rendering = rendering.depth_attachment(depth);
         }
-        let viewport = vk::Viewport {
-            width: width as f32,
-            height: height as f32,
-            max_depth: 1.0,
-            ..vk::Viewport::default()
-        };
+        let viewport =
+            vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..vk::Viewport::default() };
         let (device, commands) = (&self.commands.context.device, self.commands.buffer);
         // SAFETY: recording, outside rendering; the images are alive, kept, of one size, and in the general layout.
         unsafe {
@@ -199,7 +200,8 @@ impl Recorder {
     /// Copies all pixels of an image that was drawn onto to an array, row by row from the top, four bytes each.
     pub fn copy_out(&mut self, image: &Image, array: &Buffer) {
         if array.bytes() < image.bytes() || image.0.samples > 1 {
-            let what = format!("image {} of {} bytes cannot be copied to {}", image.name(), image.bytes(), array.name());
+            let what =
+                format!("image {} of {} bytes cannot be copied to {}", image.name(), image.bytes(), array.name());
             let error = Err(self.error(what));
             self.note(error);
         }
@@ -215,9 +217,11 @@ impl Recorder {
         self.keep(array);
         let layers = vk::ImageSubresourceLayers::default().aspect_mask(image.0.texels.aspect()).layer_count(1);
         let [width, height] = image.size();
-        let region = [vk::BufferImageCopy::default()
-            .image_subresource(layers)
-            .image_extent(vk::Extent3D { width, height, depth: 1 })];
+        let region = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
+            width,
+            height,
+            depth: 1,
+        })];
         let layout = vk::ImageLayout::GENERAL;
         // SAFETY: recording, outside rendering; both are alive and kept; the array has room.
         unsafe {

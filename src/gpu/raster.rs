@@ -62,10 +62,17 @@ impl RasterPipeline {
     }
 
     /// The pipeline of two shaders that only read, which draws onto canvases of this kind.
-    pub fn onto(context: &Arc<Context>, name: &str, constants: &[(&str, Const)], onto: &Onto) -> Result<RasterPipeline> {
+    pub fn onto(
+        context: &Arc<Context>,
+        name: &str,
+        constants: &[(&str, Const)],
+        onto: &Onto,
+    ) -> Result<RasterPipeline> {
         let pipeline = Self::made(context, name, constants, onto)?;
         match pipeline.bindings().iter().find(|binding| binding.writes) {
-            Some(written) => Err(Error::Simulation(format!("pipeline {name} draws, and may not write {}", written.name))),
+            Some(written) => {
+                Err(Error::Simulation(format!("pipeline {name} draws, and may not write {}", written.name)))
+            }
             None => Ok(pipeline),
         }
     }
@@ -173,8 +180,7 @@ fn create_pipeline(
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&mix[..colour_count]);
     let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
     let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
-    let mut attachments =
-        vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colours[..colour_count]);
+    let mut attachments = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colours[..colour_count]);
     if onto.has_depth {
         attachments = attachments.depth_attachment_format(Texels::Depth.format());
     }

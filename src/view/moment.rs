@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::overlay::{Overlay, Overlays};
 use crate::Result;
+use crate::gpu::Buffer;
 use crate::step::{self, Field, FieldValues, Mesh, RegionSquare, Simulation};
 
 /// A simulation as it was when [`Moment::of`] looked. The arrays it names stay as they are until it looks again.
@@ -21,6 +22,9 @@ pub struct Moment {
     pub force: DVec3,
     /// Contact torque on the tool about its centre, N m.
     pub torque: DVec3,
+    /// Of all skins; others than before where the simulation made them anew.
+    pub(super) positions: Buffer,
+    pub(super) normals: Buffer,
     /// Where the first frame of each body is, the tool's last, m.
     pub(super) frames: Vec<Option<DVec3>>,
     /// What skins are coloured by.
@@ -32,7 +36,8 @@ pub struct Moment {
 impl Moment {
     /// Fills the arrays of what is shown, relative to `origin`. Between two steps.
     pub fn of(simulation: &mut Simulation, origin: DVec3, shown: Overlays) -> Result<Moment> {
-        simulation.skins(origin)?;
+        let skins = simulation.skins(origin)?;
+        let (positions, normals) = (skins.positions.clone(), skins.normals.clone());
         let field = shown.field().map(|field| simulation.field(field)).transpose()?;
         let layers = step::Overlay::Layers(shown.field().unwrap_or(Field::StrainEnergy));
         let wanted = [
@@ -59,6 +64,8 @@ impl Moment {
             device: None,
             force: wrench.force,
             torque: wrench.torque,
+            positions,
+            normals,
             frames: frames.chain([tool]).collect(),
             field,
             meshes,

@@ -71,9 +71,7 @@ pub struct Source<'a> {
     pub context: &'a Arc<Context>,
     pub moment: &'a Moment,
     pub skins: &'a [Part],
-    /// Positions and normals of all skins, and zeros.
-    pub positions: &'a Buffer,
-    pub normals: &'a Buffer,
+    /// Zeros.
     pub no_values: &'a Buffer,
     pub origin: DVec3,
     /// How far the scene goes, m.
@@ -122,8 +120,8 @@ impl Source<'_> {
             }
             let values = self.moment.field.as_ref().map_or(self.no_values, |field| &field.values);
             let arrays = Arrays {
-                positions: self.positions.clone(),
-                normals: self.normals.clone(),
+                positions: self.moment.positions.clone(),
+                normals: self.moment.normals.clone(),
                 values: values.clone(),
                 indices: part.indices.clone(),
             };
@@ -170,9 +168,7 @@ impl Source<'_> {
         let mut marks = Marks::new(self.origin);
         let mut made = Vec::new();
         if let Some(tool) = tool.filter(|_| shown.has(Overlay::Arrows)) {
-            for (vector, high, colour) in
-                [(force, self.legend.force, FORCE), (torque, self.legend.torque, TORQUE)]
-            {
+            for (vector, high, colour) in [(force, self.legend.force, FORCE), (torque, self.legend.torque, TORQUE)] {
                 if high > 0.0 {
                     let arrow = marks.arrow(tool, tool + longest / high * *vector, thick);
                     made.push((arrow, Style::Solid, Material::plain(colour)));

@@ -27,6 +27,8 @@ const BIAS: f64 = 0.006;
 const SUN: DVec3 = DVec3::new(-0.25, 0.85, 0.8);
 /// What the sun sees, of a ball around all bodies.
 const ROOM: f64 = 1.05;
+/// Half the edge of the box that is framed, of the ball around all bodies, which they seldom fill.
+const SNUG: f64 = 0.5;
 /// Meshes whose edges are shorter than so many of the shadow's texels are shaded at their vertices.
 const FINE: f64 = 4.0;
 /// Materials of a picture at most.
@@ -64,8 +66,6 @@ pub struct Renderer {
     /// How far all bodies go from there at first, m.
     reach: f64,
     parts: Parts,
-    positions: Buffer,
-    normals: Buffer,
     no_values: Buffer,
     view: Buffer,
     materials: Buffer,
@@ -100,9 +100,8 @@ impl Renderer {
         let (middle, reach) = around(parts.skins.iter().map(|part| part.ball));
         let texel = 2.0 * ROOM * reach / f64::from(SHADOW_SIDE);
         parts.skins.iter_mut().for_each(|part| part.is_fine = part.edge < FINE * texel);
-        let skins = simulation.skin_arrays()?;
-        let (positions, normals) = (skins.positions.clone(), skins.normals.clone());
-        let no_values = vec![0f32; (positions.bytes() / 16).next_multiple_of(4) as usize];
+        let vertices = simulation.skin_ranges().last().map_or(0, |range| range.end);
+        let no_values = vec![0f32; vertices.next_multiple_of(4)];
         let shadow = Image::new(&context, "what the sun sees", Texels::Depth, [SHADOW_SIDE; 2], 1)?;
         let host = |name: &str, bytes: usize| Buffer::new(&context, name, bytes as u64, Memory::Upload);
         Ok(Renderer {
@@ -122,8 +121,6 @@ impl Renderer {
             context,
             settings,
             parts,
-            positions,
-            normals,
         })
     }
 
@@ -134,7 +131,7 @@ impl Renderer {
 
     /// Shows all bodies, as they were at first.
     pub fn camera(&self) -> Camera {
-        Camera::around(self.origin - 0.62 * self.reach, self.origin + 0.62 * self.reach)
+        Camera::around(self.origin - SNUG * self.reach, self.origin + SNUG * self.reach)
     }
 
     /// Makes pictures of another size from the next [`Renderer::look`] on.
@@ -159,8 +156,6 @@ impl Renderer {
             context: &self.context,
             moment,
             skins: &self.parts.skins,
-            positions: &self.positions,
-            normals: &self.normals,
             no_values: &self.no_values,
             origin: self.origin,
             reach: self.reach,
@@ -171,7 +166,7 @@ impl Renderer {
             return Err(Error::Simulation(format!("a picture shows {MATERIALS} materials, not {}", materials.len())));
         }
         self.materials.mapped_mut::<Material>()?[..materials.len()].copy_from_slice(&materials);
-        self.slices = self.record(&all)?;
+        self.slices = self.record(&all, &moment.positions)?;
         Ok(())
     }
 
@@ -244,7 +239,7 @@ impl Renderer {
     }
 
     /// The shadow and what hides what is behind it, slice by slice; then all that is seen through.
-    fn record(&self, pieces: &[Piece]) -> Result<Vec<Recording>> {
+    fn record(&self, pieces: &[Piece], positions: &Buffer) -> Result<Vec<Recording>> {
         let most = if self.context.kind() == DeviceKind::Cpu { CPU_SLICE } else { GPU_SLICE };
         let opaque = pieces.iter().filter(|piece| piece.style != Style::Glass);
         let work = sliced(opaque, 3 * most);
@@ -254,14 +249,15 @@ impl Renderer {
         for (k, slice) in work.iter().enumerate() {
             let mut recorder = Recorder::untimed(&self.context)?;
             if k == 0 {
-                self.record_shadow(&mut recorder);
+                self.record_shadow(&mut recorder, positions);
             }
             recorder.stage("solids");
             self.record_pieces(&mut recorder, &unresolved, before, slice, false);
             slices.push(recorder.finish()?);
             before = Before::Kept;
         }
-        let glass: Vec<_> = pieces.iter().filter(|piece| piece.style == Style::Glass).map(|p| (p, p.range.clone())).collect();
+        let glass: Vec<_> =
+            pieces.iter().filter(|piece| piece.style == Style::Glass).map(|p| (p, p.range.clone())).collect();
         let mut recorder = Recorder::untimed(&self.context)?;
         recorder.stage("ground and glass");
         self.record_pieces(&mut recorder, &self.canvas, before, &glass, true);
@@ -269,11 +265,11 @@ impl Renderer {
         Ok(slices)
     }
 
-    fn record_shadow(&self, recorder: &mut Recorder) {
+    fn record_shadow(&self, recorder: &mut Recorder, positions: &Buffer) {
         recorder.stage("shadow");
         let casters = Drawn {
             pipeline: &self.pipelines.caster,
-            buffers: &[&self.view, &self.positions],
+            buffers: &[&self.view, positions],
             push: &[],
             indices: Some(&self.parts.casters),
             range: (0, self.parts.caster_count),

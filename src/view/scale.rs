@@ -53,15 +53,23 @@ mod tests {
             scale.show(x);
             scale.high
         };
-        assert_eq!([0.0, 3.1e-3, 4.9e-3, 1e-3, 5.1e-3, 2e-3, 1e-3].map(&mut high).map(|x| (x * 1e6).round()), [
-            0.0, 5000.0, 5000.0, 5000.0, 10000.0, 10000.0, 1000.0
-        ]);
+        assert_eq!(
+            [0.0, 3.1e-3, 4.9e-3, 1e-3, 5.1e-3, 2e-3, 1e-3].map(&mut high).map(|x| (x * 1e6).round()),
+            [0.0, 5000.0, 5000.0, 5000.0, 10000.0, 10000.0, 1000.0]
+        );
         assert_eq!([f64::NAN, f64::INFINITY, -1.0].map(high), [1e-3; 3], "nothing to scale by");
     }
 
     #[test]
     fn numbers_have_prefixes() {
-        let all = [(0.0123, "12.3 mN"), (0.0, "0 N"), (1234.0, "1.23 kN"), (5.0, "5 N"), (250.0, "250 N"), (-2e-5, "-20 \u{b5}N")];
+        let all = [
+            (0.0123, "12.3 mN"),
+            (0.0, "0 N"),
+            (1234.0, "1.23 kN"),
+            (5.0, "5 N"),
+            (250.0, "250 N"),
+            (-2e-5, "-20 \u{b5}N"),
+        ];
         for (x, text) in all {
             assert_eq!(with_unit(x, "N"), text);
         }

@@ -114,8 +114,9 @@ impl App {
     fn open(&mut self, events: &ActiveEventLoop) -> Result<()> {
         let [width, height] = self.setup.size;
         let title = format!("palpate: {}", self.setup.scene.name());
-        let attributes =
-            winit::window::Window::default_attributes().with_title(title).with_inner_size(PhysicalSize::new(width, height));
+        let attributes = winit::window::Window::default_attributes()
+            .with_title(title)
+            .with_inner_size(PhysicalSize::new(width, height));
         let window = events.create_window(attributes);
         let window = Arc::new(window.map_err(|error| Error::NoDevice(format!("no window can be opened: {error}")))?);
         let shown = Window::new(&self.context, window.clone())?;
@@ -150,6 +151,8 @@ impl App {
             command = self.panel.show(ui, &snapshot, &delays).or(command.take());
         });
         input.handle_platform_output(window, output.platform_output);
+        let goal = self.setup.goal.as_ref().map(|goal| goal.pose().0);
+        let device = goal.or(snapshot.row.as_ref().and_then(|row| row.tool).map(|tool| tool.device.position));
         let changed = tessellated::update(&mut self.atlas, &output.textures_delta);
         let mut delta = output.textures_delta;
         delta.clear();
@@ -158,6 +161,7 @@ impl App {
             size,
             camera: self.camera,
             overlays: self.panel.overlays,
+            device,
             panel: tessellated::flat(&primitives, output.pixels_per_point, size),
             atlas: changed.then(|| self.atlas.clone()),
             picture: self.picture.take(),

@@ -27,6 +27,8 @@ pub struct Order {
     pub size: [u32; 2],
     pub camera: Camera,
     pub overlays: Overlays,
+    /// Where the device is, m.
+    pub device: Option<DVec3>,
     pub panel: Flat,
     /// Where it changed.
     pub atlas: Option<Atlas>,
@@ -55,9 +57,15 @@ pub struct Drawing {
 
 impl Drawing {
     /// Draws into a window; `tell` hears of each frame, or of the error that ended it.
-    pub fn start(window: Window, context: Arc<Context>, link: Link, tell: impl Fn(Result<Drawn>) + Send + 'static) -> Result<Drawing> {
+    pub fn start(
+        window: Window,
+        context: Arc<Context>,
+        link: Link,
+        tell: impl Fn(Result<Drawn>) + Send + 'static,
+    ) -> Result<Drawing> {
         let (orders, given) = channel();
-        let mut artist = Artist { painter: Painter::new(&context)?, labels: Labels::new(&context)?, window, link, seen: None };
+        let mut artist =
+            Artist { painter: Painter::new(&context)?, labels: Labels::new(&context)?, window, link, seen: None };
         let work = move || artist.work(&given, tell);
         let thread = std::thread::Builder::new().name("palpate-drawing".into()).spawn(work);
         let thread = thread.map_err(|error| Error::Simulation(format!("no thread for drawing: {error}")))?;
@@ -116,7 +124,7 @@ impl Artist {
             std::thread::sleep(UNSEEN);
             return Ok(none);
         }
-        let Some(moment) = self.moment(order.size, order.overlays)? else { return Ok(none) };
+        let Some(moment) = self.moment(&order)? else { return Ok(none) };
         let Some(seen) = &mut self.seen else { return Ok(none) };
         let turns = self.link.turns();
         let renderer = &mut seen.renderer;
@@ -156,11 +164,13 @@ impl Artist {
     }
 
     /// The simulation as it is between two steps, its skins in the arrays that are drawn; `None`: its thread has ended.
-    fn moment(&mut self, size: [u32; 2], shown: Overlays) -> Result<Option<Moment>> {
-        let seen = self.seen.take();
-        let answer = self.link.ask(move |simulation, generation| looked(simulation, generation, seen, size, shown));
+    fn moment(&mut self, order: &Order) -> Result<Option<Moment>> {
+        let (seen, size, overlays) = (self.seen.take(), order.size, order.overlays);
+        let answer =
+            self.link.ask(move |simulation, generation| looked(simulation, generation, seen, (size, overlays)));
         let Some(answer) = answer else { return Ok(None) };
-        let (seen, moment) = answer?;
+        let (seen, mut moment) = answer?;
+        moment.device = order.device;
         self.seen = Some(seen);
         Ok(Some(moment))
     }
@@ -171,8 +181,7 @@ fn looked(
     simulation: &mut Simulation,
     generation: u64,
     seen: Option<Seen>,
-    size: [u32; 2],
-    shown: Overlays,
+    (size, overlays): ([u32; 2], Overlays),
 ) -> Result<(Seen, Moment)> {
     let mut seen = match seen.filter(|seen| seen.generation == generation) {
         Some(seen) => seen,
@@ -183,7 +192,7 @@ fn looked(
         seen.size = size;
     }
     let origin: DVec3 = seen.renderer.origin();
-    let moment = Moment::of(simulation, origin, shown)?;
+    let moment = Moment::of(simulation, origin, overlays)?;
     Ok((seen, moment))
 }
 

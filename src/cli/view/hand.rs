@@ -34,7 +34,14 @@ impl Hand {
     }
 
     /// Does what an event says; `over_panel`: the panel takes it, but for buttons that are let go.
-    pub fn hear(&mut self, event: &WindowEvent, over_panel: bool, camera: &mut Camera, goal: Option<&Goal>, size: [u32; 2]) {
+    pub fn hear(
+        &mut self,
+        event: &WindowEvent,
+        over_panel: bool,
+        camera: &mut Camera,
+        goal: Option<&Goal>,
+        size: [u32; 2],
+    ) {
         match event {
             WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
             WindowEvent::CursorMoved { position, .. } => {

@@ -73,7 +73,7 @@ impl Panel {
             dragged: None,
             sent: Instant::now(),
             shows_help: false,
-            overlays: Overlays::default(),
+            overlays: Overlays::of(&[Overlay::Pressure, Overlay::Arrows]),
             progress: None,
         }
     }

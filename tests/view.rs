@@ -1,0 +1,214 @@
+//! The window through the built program, in a real X server without a screen: held with the mouse, resized, hidden, closed.
+#![cfg(all(unix, feature = "view"))]
+
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A ball of 50 g close above a soft block.
+const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
+    layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
+    material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
+    [[body.core]]\nname = \"bottom\"\nbind = { box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }\n\
+    [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.053, 0.0]\n\
+    [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.005\n\
+    [drive]\nkeys = [[0.0, 0.0, 0.053, 0.0], [0.1, 0.0, 0.043, 0.0]]\n";
+
+/// Nothing takes longer.
+const PATIENCE: Duration = Duration::from_secs(90);
+
+/// An X server without a screen; it ends with its owner.
+struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Display {
+    fn start() -> Display {
+        // The server looks for a free number itself, and says which.
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("Xvfb is installed by setup.sh");
+        let mut said = server.stdout.take().unwrap();
+        let mut number = String::new();
+        while !number.ends_with('\n') {
+            let mut byte = [0];
+            assert_eq!(said.read(&mut byte).unwrap(), 1, "Xvfb does not start");
+            number.push(byte[0].into());
+        }
+        Display { server, name: format!(":{}", number.trim()) }
+    }
+
+    fn program(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+        command.args(arguments).env("DISPLAY", &self.name).env_remove("WAYLAND_DISPLAY");
+        // No input method and no other display is asked for.
+        command.env("XMODIFIERS", "@im=none").stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    fn xdotool(&self, arguments: &[&str]) -> String {
+        let output = Command::new("xdotool").args(arguments).env("DISPLAY", &self.name).output();
+        let output = output.expect("xdotool is installed by setup.sh");
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap().trim().into()
+    }
+
+    /// The id of the window whose title this is, once it is there.
+    fn window(&self, title: &str, program: &mut Child) -> String {
+        let begun = Instant::now();
+        loop {
+            let found = Command::new("xdotool").args(["search", "--name", title]).env("DISPLAY", &self.name).output();
+            let ids = String::from_utf8(found.unwrap().stdout).unwrap();
+            if let Some(id) = ids.lines().next() {
+                return id.into();
+            }
+            if let Some(status) = program.try_wait().unwrap() {
+                let mut text = String::new();
+                program.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+                panic!("it ended with {status}: {text}");
+            }
+            assert!(begun.elapsed() < PATIENCE, "no window");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+fn scene(folder: &Path) -> PathBuf {
+    let file = folder.join("scene.toml");
+    fs::write(&file, SCENE).unwrap();
+    file
+}
+
+/// Exit status, standard output and standard error, once it has ended.
+fn end(program: Child) -> (Option<i32>, String, String) {
+    let output = program.wait_with_output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+/// The columns of a trace by their heads, row by row.
+fn column(trace: &str, head: &str) -> Vec<f64> {
+    let mut lines = trace.lines();
+    let at = lines.next().unwrap().split(',').position(|name| name == head).unwrap();
+    lines.map(|line| line.split(',').nth(at).unwrap().parse().unwrap()).collect()
+}
+
+fn pause(seconds: f64) {
+    std::thread::sleep(Duration::from_secs_f64(seconds));
+}
+
+#[test]
+fn the_mouse_presses_a_body_in_a_window_that_is_resized_hidden_and_closed() {
+    let (folder, display) = (tempfile::tempdir().unwrap(), Display::start());
+    let (file, out) = (scene(folder.path()), folder.path().join("out"));
+    let [file, out_name] = [&file, &out].map(|path| path.to_str().unwrap());
+    let arguments = ["view", file, "--size", "800x600", "--out", out_name, "--validation"];
+    let mut program = display.program(&arguments).spawn().unwrap();
+    let id = display.window("palpate: scene", &mut program);
+    pause(3.0);
+    display.xdotool(&["windowfocus", &id]);
+    // The tool is dragged down into the block, where it stays.
+    display.xdotool(&["mousemove", "--window", &id, "300", "200", "mousedown", "1"]);
+    for _ in 0..8 {
+        display.xdotool(&["mousemove_relative", "--", "0", "6"]);
+        pause(0.1);
+    }
+    pause(0.5);
+    display.xdotool(&["key", "s"]);
+    pause(0.5);
+    display.xdotool(&["mouseup", "1"]);
+    // A turn about the scene and a look from nearer.
+    display.xdotool(&["mousedown", "3", "mousemove_relative", "--", "40", "10", "mouseup", "3", "click", "4"]);
+    for key in ["1", "h", "Left", "space", "period", "space"] {
+        display.xdotool(&["key", key]);
+        pause(0.2);
+    }
+    for size in [["500", "400"], ["1000", "700"], ["301", "203"]] {
+        display.xdotool(&["windowsize", &id, size[0], size[1]]);
+        pause(0.4);
+    }
+    display.xdotool(&["windowunmap", &id]);
+    pause(0.5);
+    display.xdotool(&["windowmap", &id]);
+    pause(0.5);
+    display.xdotool(&["windowfocus", &id]);
+    display.xdotool(&["key", "r"]);
+    pause(0.3);
+    assert!(program.try_wait().unwrap().is_none(), "it is still there");
+    // At any moment of a step.
+    display.xdotool(&["key", "Escape"]);
+    let (status, text, stderr) = end(program);
+    assert_eq!(status, Some(0), "{stderr}");
+    let trace = fs::read_to_string(out.join("trace.csv")).unwrap();
+    let (contacts, force) = (column(&trace, "contacts"), column(&trace, "force_y"));
+    assert_eq!(contacts[0], 0.0, "first nothing touches");
+    assert!(contacts.iter().any(|count| *count > 0.0) && force.iter().any(|newton| *newton > 0.01), "{text}{stderr}");
+    assert!(text.contains("picture: "), "{text}{stderr}");
+    let picture = out.join("scene-1.png");
+    let reader = png::Decoder::new(std::io::BufReader::new(fs::File::open(picture).unwrap())).read_info().unwrap();
+    assert_eq!((reader.info().width, reader.info().height), (800, 600));
+}
+
+#[test]
+fn with_the_window_the_trace_is_that_of_a_run() {
+    let (folder, display) = (tempfile::tempdir().unwrap(), Display::start());
+    let file = scene(folder.path());
+    let (run, view) = (folder.path().join("run"), folder.path().join("view"));
+    let [file, run_name, view_name] = [&file, &run, &view].map(|path| path.to_str().unwrap());
+    let done = end(display.program(&["run", file, "--steps", "200", "--out", run_name]).spawn().unwrap());
+    assert_eq!(done.0, Some(0), "{}", done.2);
+    let arguments = ["view", file, "--device", "drive", "--steps", "200", "--size", "320x240", "--out", view_name];
+    let done = end(display.program(&arguments).spawn().unwrap());
+    assert_eq!(done.0, Some(0), "{}", done.2);
+    let [run, view] = [run, view].map(|folder| fs::read_to_string(folder.join("trace.csv")).unwrap());
+    let at = run.lines().next().unwrap().split(',').position(|name| name == "step_us").unwrap();
+    let bits = |trace: &str| -> Vec<String> {
+        let cells = |line: &str| {
+            let cells = line.split(',').enumerate().filter(|(k, _)| *k != at);
+            cells.map(|(_, cell)| cell).collect::<Vec<_>>().join(",")
+        };
+        trace.lines().map(cells).collect()
+    };
+    assert_eq!(bits(&run).len(), 201);
+    assert!(column(&run, "contacts").iter().any(|count| *count > 0.0), "it touches");
+    assert_eq!(bits(&run), bits(&view));
+}
+
+#[test]
+fn a_signal_closes_it_in_order() {
+    let (folder, display) = (tempfile::tempdir().unwrap(), Display::start());
+    let file = scene(folder.path());
+    let mut program = display.program(&["view", file.to_str().unwrap(), "--validation"]).spawn().unwrap();
+    display.window("palpate: scene", &mut program);
+    pause(1.0);
+    let sent = Command::new("kill").args(["-TERM", &program.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let (status, _, stderr) = end(program);
+    assert_eq!(status, Some(0), "{stderr}");
+}
+
+#[test]
+fn without_a_display_one_line_names_the_film() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scene(folder.path());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    command.args(["view", file.to_str().unwrap()]).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
+    let output = command.env_remove("WAYLAND_SOCKET").output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), stderr.lines().count()), (Some(3), 1), "{stderr}");
+    let film = format!("palpate film {} --out film.apng", file.display());
+    assert!(stderr.contains("no display") && stderr.contains(&film), "{stderr}");
+}
