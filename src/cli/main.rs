@@ -5,6 +5,8 @@ mod bench;
 mod devices;
 mod engine;
 #[cfg(feature = "view")]
+mod figures;
+#[cfg(feature = "view")]
 mod film;
 mod hold;
 mod prepare;
@@ -47,6 +49,9 @@ enum Command {
     /// Make a film of a scene, or a folder of pictures, without a display
     #[cfg(feature = "view")]
     Film(film::Arguments),
+    /// Make the pictures of the README
+    #[cfg(feature = "view")]
+    Figures(figures::Arguments),
     /// Open a window onto a scene, and hold its tool with the mouse or a haptic device
     #[cfg(feature = "view")]
     View(view::Arguments),
@@ -68,6 +73,8 @@ fn main() -> ExitCode {
         Command::Stability(arguments) => stability::stability(&arguments),
         #[cfg(feature = "view")]
         Command::Film(arguments) => film::film(&arguments),
+        #[cfg(feature = "view")]
+        Command::Figures(arguments) => figures::figures(&arguments),
         #[cfg(feature = "view")]
         Command::View(arguments) => view::view(&arguments),
         Command::Devices => devices::devices(),

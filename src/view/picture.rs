@@ -24,6 +24,18 @@ impl Picture {
         Ok(writer.finish()?)
     }
 
+    /// Pictures of one height from left to right; lower ones end in white.
+    pub fn beside(pictures: &[Picture]) -> Picture {
+        let width = pictures.iter().map(|picture| picture.width).sum();
+        let height = pictures.iter().map(|picture| picture.height).max().unwrap_or(0);
+        let row = |picture: &Picture, y: u32| {
+            let [y, width] = [y as usize, picture.width as usize];
+            picture.pixels.get(y * width..(y + 1) * width).map_or_else(|| vec![[255; 4]; width], <[_]>::to_vec)
+        };
+        let pixels = (0..height).flat_map(|y| pictures.iter().flat_map(move |picture| row(picture, y)));
+        Picture { width, height, pixels: pixels.collect() }
+    }
+
     /// Without alpha: pictures hide what is behind them.
     pub fn rgb(&self) -> Vec<u8> {
         self.pixels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect()
