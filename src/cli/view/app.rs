@@ -24,7 +24,7 @@ use winit::window::WindowId;
 use super::drawing::{Drawing, Drawn, Order};
 use super::dropped::Dropped;
 use super::hand::Hand;
-use super::panel::Panel;
+use super::panel::{Panel, WIDTH};
 use super::tessellated;
 use crate::print;
 
@@ -267,9 +267,11 @@ impl ApplicationHandler<Said> for App {
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let (Some(window), Some(input)) = (&self.window, &mut self.input) else { return };
-        let consumed = input.on_window_event(window, &event).consumed;
+        // What the panel makes of it, it shows in the next frame.
+        let _ = input.on_window_event(window, &event);
+        let edge = f64::from(window.inner_size().width) - f64::from(WIDTH) * window.scale_factor();
         let size = self.size();
-        self.hand.hear(&event, consumed && !self.hand.holds_tool(), &mut self.camera, self.setup.goal.as_ref(), size);
+        self.hand.hear(&event, edge, &mut self.camera, self.setup.goal.as_ref(), size);
         match event {
             WindowEvent::CloseRequested => events.exit(),
             WindowEvent::DroppedFile(file) => {

@@ -76,7 +76,9 @@ impl Drawing {
     /// Orders a frame.
     pub fn order(&self, order: Order) {
         // A thread that ended said why.
-        let _ = self.orders.as_ref().map(|orders| orders.send(order));
+        if let Some(orders) = &self.orders {
+            drop(orders.send(order));
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use palpate::view::turns::Delays;
 use palpate::view::{Legend, map};
 
 /// Width, points.
-const WIDTH: f32 = 250.0;
+pub const WIDTH: f32 = 250.0;
 /// Of simulated time in the traces, s.
 const SPAN: f64 = 4.0;
 /// Points of a trace's height.
