@@ -69,6 +69,8 @@ pub struct App {
     camera: Camera,
     atlas: Atlas,
     is_drawing: bool,
+    /// The camera looks at all of the next simulation.
+    reframes: bool,
     due: Instant,
     picture: Option<PathBuf>,
     /// The dropped file's own folder, as long as its scene is shown.
@@ -93,6 +95,7 @@ impl App {
             camera,
             atlas: Atlas::default(),
             is_drawing: false,
+            reframes: false,
             due: Instant::now(),
             picture: None,
             dropped: None,
@@ -175,6 +178,9 @@ impl App {
         if drawn.is_shown {
             self.panel.shown(drawn.took, drawn.slices, drawn.legend);
         }
+        if let Some(camera) = drawn.framed.filter(|_| self.reframes) {
+            (self.camera, self.reframes) = (camera, false);
+        }
         if let Some(file) = drawn.picture {
             let line = format!("picture: {}", file.display());
             // Whoever closed the other end has read enough.
@@ -227,7 +233,7 @@ impl App {
                 let (scene, bodies, dropped) = *made;
                 self.setup.scene = scene.clone();
                 self.live.link().tell(Command::Replace(Box::new((scene, bodies))));
-                self.camera = framed(&self.live);
+                self.reframes = true;
                 self.dropped = Some(dropped);
             }
             Err(error) => self.panel.say(error.to_string()),

@@ -45,6 +45,8 @@ pub struct Drawn {
     pub took: f64,
     /// Slices.
     pub slices: usize,
+    /// From where all of the simulation is seen, where it is another than in the frame before.
+    pub framed: Option<Camera>,
     /// What its colours and arrows stand for.
     pub legend: Legend,
     /// The picture that was written.
@@ -121,7 +123,9 @@ impl Artist {
         if let Some(atlas) = &order.atlas {
             self.painter.set_atlas(atlas)?;
         }
-        let none = Drawn { is_shown: false, took: 0.0, slices: 0, legend: Legend::default(), picture: None };
+        let none =
+            Drawn { is_shown: false, took: 0.0, slices: 0, framed: None, legend: Legend::default(), picture: None };
+        let before = self.seen.as_ref().map(|seen| seen.generation);
         if !self.window.acquire(width, height)? {
             std::thread::sleep(UNSEEN);
             return Ok(none);
@@ -129,7 +133,7 @@ impl Artist {
         let Some(moment) = self.moment(&order)? else { return Ok(none) };
         let Some(seen) = &mut self.seen else { return Ok(none) };
         let turns = self.link.turns();
-        let renderer = &mut seen.renderer;
+        let (renderer, generation) = (&mut seen.renderer, seen.generation);
         renderer.look(&moment, &order.camera)?;
         for slice in renderer.slices() {
             let _turn = turns.slice();
@@ -158,7 +162,8 @@ impl Artist {
         // The panel's and the presenting slice.
         let slices = renderer.slices().len() + 2;
         let (took, legend) = (begun.elapsed().as_secs_f64(), *renderer.legend());
-        Ok(Drawn { is_shown: true, took, slices, legend, picture })
+        let framed = (before != Some(generation)).then(|| renderer.camera());
+        Ok(Drawn { is_shown: true, took, slices, framed, legend, picture })
     }
 
     /// The simulation as it is between two steps, its skins in the arrays that are drawn; `None`: its thread has ended.
