@@ -152,14 +152,12 @@ impl Artist {
         };
         let panel = self.painter.paint(&order.panel, renderer.image()?)?;
         {
+            // Both are short: as two slices they would let one more step pass.
             let _turn = turns.slice();
             panel.submit_and_wait()?;
-        }
-        {
-            let _turn = turns.slice();
             self.window.present(Content::Picture(renderer.image()?))?;
         }
-        // The panel's and the presenting slice.
+        // What fills the arrays is one, the panel with the presenting another.
         let slices = renderer.slices().len() + 2;
         let (took, legend) = (begun.elapsed().as_secs_f64(), *renderer.legend());
         let framed = (before != Some(generation)).then(|| renderer.camera());
