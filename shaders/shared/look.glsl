@@ -27,6 +27,7 @@ const uint GLASS = 4;       // seen through, less so at the rim
 const uint UNLIT = 8;       // its colour as it is
 const uint EVEN = 16;       // values are colours everywhere, from `low` on
 const uint NUMBERED = 32;   // values are whole numbers, each with a colour of its own
+const uint BARE = 64;       // no shadow falls on it
 const uint SCALE_COLOURS = 256;     // of a scale; as many for numbers follow
 
 // From linear to what a display wants: sRGB, to 0.1 % (I. Taylor 2012, "sRGB approximations for HLSL").

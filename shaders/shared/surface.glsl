@@ -15,7 +15,7 @@ vec4 surface(uint material_index, vec3 x, vec3 n, float value, float sun_share) 
     }
     if ((material.flags & NUMBERED) != 0) own.rgb = texelFetch(colours, int(SCALE_COLOURS + uint(value + 0.5) % SCALE_COLOURS)).rgb;
     if ((material.flags & UNLIT) != 0) return vec4(shown(own.rgb) * own.a, own.a);
-    float sun = max(dot(n, view.sun), 0.0) * sun_share;
+    float sun = max(dot(n, view.sun), 0.0) * ((material.flags & BARE) != 0 ? 1.0 : sun_share);
     float sky = 0.5 + 0.5 * n.y;
     // Values are read by their colour: light alters them less.
     vec3 light = mix(vec3(0.16, 0.16, 0.18) + sky * vec3(0.26, 0.28, 0.31) + sun * vec3(0.86, 0.82, 0.74),

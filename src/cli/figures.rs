@@ -73,7 +73,7 @@ const FIGURES: [Figure; 6] = [
                 "touch-head",
                 0.3,
                 &[Overlay::Pressure, Overlay::Arrows],
-                [40.0, 5.0, 3.6],
+                [40.0, 5.0, 2.8],
                 [0.02, -0.02, 0.05],
                 [720, 560],
             ),
@@ -92,9 +92,9 @@ const FIGURES: [Figure; 6] = [
         number: 4,
         name: "contact",
         shots: &[
-            shot("two-heads", 0.1, &[Overlay::Proxies], [60.0, 10.0, 1.2], [0.0; 3], [427, 480]),
-            shot("two-heads", 0.1, &[Overlay::Cores, Overlay::Regions], [60.0, 10.0, 1.2], [0.0; 3], [427, 480]),
-            shot("touch-head", 0.3, &[Overlay::Depth], [40.0, 5.0, 5.0], [0.02, -0.02, 0.05], [426, 480]),
+            shot("two-heads", 0.1, &[Overlay::Proxies], [60.0, 10.0, 1.0], [0.0; 3], [427, 480]),
+            shot("two-heads", 0.1, &[Overlay::Cores, Overlay::Regions], [60.0, 10.0, 1.0], [0.0; 3], [427, 480]),
+            shot("touch-head", 0.3, &[Overlay::Depth], [40.0, 5.0, 4.5], [0.02, -0.02, 0.05], [426, 480]),
         ],
     },
     Figure {
@@ -117,8 +117,8 @@ const FIGURES: [Figure; 6] = [
         number: 7,
         name: "pumpkins-and-human",
         shots: &[
-            shot("pumpkins", 0.0, &[], [20.0, 10.0, 1.1], [0.0; 3], [427, 480]),
-            shot("pumpkins", 0.25, &[Overlay::Pressure], [20.0, 10.0, 1.1], [0.0; 3], [427, 480]),
+            shot("pumpkins", 0.0, &[], [20.0, 10.0, 0.95], [0.0; 3], [427, 480]),
+            shot("pumpkins", 0.25, &[Overlay::Pressure], [20.0, 10.0, 0.95], [0.0; 3], [427, 480]),
             shot("touch-human", 0.3, &[Overlay::Arrows], [25.0, 8.0, 1.5], [0.0, 0.2, 0.0], [426, 480]),
         ],
     },

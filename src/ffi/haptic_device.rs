@@ -74,7 +74,7 @@ pub struct palpate_haptic_device {
     pub write: Option<unsafe extern "C" fn(user: *mut c_void, play: *const palpate_play) -> i32>,
     /// Lets go; called once at the end, whatever happened, if `open` gave 0. Null: there is nothing to do.
     pub close: Option<unsafe extern "C" fn(user: *mut c_void)>,
-    /// What the device can do, by name: "scripted", "premium", "touch", "omega.x", "delta.6", "sigma.7", "falcon" or "inverse3"
+    /// What the device can do, by name: "scripted", "premium", "touch", "omega.x", "delta.6", "sigma.7", "falcon", "inverse3" or "mouse"
     /// (README, "The hand"). Null: the scene's `haptics.profile`.
     pub profile: *const c_char,
 }

@@ -571,7 +571,7 @@ typedef struct palpate_haptic_device {
     int32_t (*write)(void *user, const struct palpate_play *play);
     // Lets go; called once at the end, whatever happened, if `open` gave 0. Null: there is nothing to do.
     void (*close)(void *user);
-    // What the device can do, by name: "scripted", "premium", "touch", "omega.x", "delta.6", "sigma.7", "falcon" or "inverse3"
+    // What the device can do, by name: "scripted", "premium", "touch", "omega.x", "delta.6", "sigma.7", "falcon", "inverse3" or "mouse"
     // (README, "The hand"). Null: the scene's `haptics.profile`.
     const char *profile;
 } palpate_haptic_device;

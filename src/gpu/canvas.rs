@@ -71,7 +71,7 @@ impl Recorder {
         if canvas.images().any(|image| image.size() != size) || size[0] == 0 {
             return Err(self.error("the images of a canvas differ in size, or there are none".into()));
         }
-        let mut uses: Vec<Use> = canvas.images().map(|image| drawn_onto(image)).collect();
+        let mut uses: Vec<Use> = canvas.images().map(drawn_onto).collect();
         for drawn in all {
             let (interface, shaders) = (&drawn.pipeline.0.interface, Stages::VERTEX_SHADER | Stages::FRAGMENT_SHADER);
             uses.extend(self.check_uses(interface, drawn.buffers, drawn.push, shaders)?);

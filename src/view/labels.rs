@@ -21,6 +21,8 @@ const PLAIN: f32 = 720.0;
 const EDGE: f32 = 18.0;
 const BAR: Vec2 = Vec2::new(230.0, 12.0);
 const LETTERS: f32 = 15.0;
+/// Letters are read whatever is behind.
+const PAPER: Color32 = Color32::from_rgba_premultiplied(190, 191, 193, 200);
 const INK: Color32 = Color32::from_rgb(40, 42, 48);
 
 /// Writes legends.
@@ -84,6 +86,12 @@ fn lines(moment: &Moment, legend: &Legend) -> Vec<(Color32, String)> {
 fn write(painter: &egui::Painter, screen: Rect, lines: &[(Color32, String)], legend: &Legend) {
     let font = FontId::proportional(LETTERS);
     let mut at = Pos2::new(EDGE, screen.bottom() - EDGE);
+    let scale = if legend.field.is_some() { 2.7 * LETTERS + BAR.y + 4.0 } else { 0.0 };
+    let height = 1.35 * LETTERS * lines.len() as f32 + scale;
+    let width = lines.iter().map(|(_, line)| painter.layout_no_wrap(line.clone(), font.clone(), INK).size().x);
+    let width = width.fold(if legend.field.is_some() { BAR.x } else { 0.0 }, f32::max);
+    let behind = Rect::from_min_max(at - Vec2::new(0.0, height), at + Vec2::new(width, 0.0)).expand(8.0);
+    painter.rect_filled(behind, 4.0, PAPER);
     for (colour, line) in lines.iter().rev() {
         painter.text(at, Align2::LEFT_BOTTOM, line, font.clone(), *colour);
         at.y -= 1.35 * LETTERS;

@@ -32,6 +32,9 @@ pub type MakeDevice = Box<dyn FnMut(&Simulation, Key) -> Result<Box<dyn Device>>
 /// Hears every row; an error ends the run.
 pub type Watch = Box<dyn FnMut(&Row) -> Result<()> + Send>;
 
+/// What is done with a simulation between two steps; the number changes with the simulation.
+pub type Question = Box<dyn FnOnce(&mut Simulation, u64) + Send>;
+
 /// What leads the tool.
 pub enum Lead {
     /// The scene's keys, step after step, no faster than the world.
@@ -90,8 +93,8 @@ pub enum Command {
     Replace(Box<(Scene, Bodies)>),
     /// Come to an end.
     Quit,
-    /// Anything else, within a turn of drawing; the number changes with the simulation.
-    Ask(Box<dyn FnOnce(&mut Simulation, u64) + Send>),
+    /// Anything else, within a turn of drawing.
+    Ask(Question),
 }
 
 /// The running thread; dropped, it ends after the step under way.

@@ -61,6 +61,8 @@ pub mod flags {
     pub const EVEN: u32 = 16;
     /// Values are whole numbers, each with a colour of its own.
     pub const NUMBERED: u32 = 32;
+    /// No shadow falls on it.
+    pub const BARE: u32 = 64;
 }
 
 /// What is behind everything, as shown.
@@ -99,9 +101,8 @@ pub const SCALE_COLOURS: usize = 256;
 /// The map that a field is shown with: perceptually uniform, and read by the colour-blind as by others.
 pub fn map(field: Field) -> colorous::Gradient {
     match field {
-        Field::Depth => colorous::VIRIDIS,
+        Field::Depth | Field::StrainEnergy => colorous::VIRIDIS,
         Field::Pressure => colorous::PLASMA,
-        Field::StrainEnergy => colorous::INFERNO,
         Field::Displacement => colorous::CIVIDIS,
     }
 }

@@ -24,8 +24,9 @@ const FORCE: [u8; 3] = [200, 50, 40];
 const TORQUE: [u8; 3] = [70, 80, 190];
 const REGION: [u8; 3] = [60, 150, 140];
 const LEAD: [u8; 3] = [110, 110, 120];
-/// Of the scene's reach: the longest arrow, an arrow's radius, a rod's, a region's normal.
-const ARROW: [f64; 4] = [0.7, 0.012, 0.004, 0.25];
+/// Of the height that is seen around the middle of the picture: the longest arrow, an arrow's radius, a rod's, a region's
+/// normal.
+const ARROW: [f64; 4] = [0.3, 0.006, 0.0025, 0.12];
 
 /// How a mesh is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,8 +75,8 @@ pub struct Source<'a> {
     /// Zeros.
     pub no_values: &'a Buffer,
     pub origin: DVec3,
-    /// How far the scene goes, m.
-    pub reach: f64,
+    /// What the picture's height shows around its middle, m.
+    pub height: f64,
     pub legend: &'a Legend,
 }
 
@@ -157,13 +158,13 @@ impl Source<'_> {
                     step::Overlay::Cores | step::Overlay::Bones => (Style::Open, Material::plain(BONE)),
                 };
                 let range = 3 * part.triangles.start as u32..3 * part.triangles.end as u32;
-                pieces.add(arrays.clone(), range, style, material.with(flags::FLAT));
+                pieces.add(arrays.clone(), range, style, material.with(flags::FLAT | flags::BARE));
             }
         }
     }
 
     fn marks(&self, pieces: &mut Pieces) -> Result<()> {
-        let [longest, thick, thin, normal] = ARROW.map(|share| share * self.reach);
+        let [longest, thick, thin, normal] = ARROW.map(|share| share * self.height);
         let Moment { tool, device, force, torque, shown, regions, .. } = self.moment;
         let mut marks = Marks::new(self.origin);
         let mut made = Vec::new();
@@ -187,7 +188,7 @@ impl Source<'_> {
         }
         let Some(mesh) = marks.upload(self.context)? else { return Ok(()) };
         for (range, style, material) in made {
-            pieces.add(mesh.clone(), range, style, material);
+            pieces.add(mesh.clone(), range, style, material.with(flags::BARE));
         }
         Ok(())
     }

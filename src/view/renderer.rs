@@ -158,7 +158,7 @@ impl Renderer {
             skins: &self.parts.skins,
             no_values: &self.no_values,
             origin: self.origin,
-            reach: self.reach,
+            height: 2.0 * camera.distance * (0.5 * camera.fovy).tan(),
             legend: &self.legend,
         };
         let Pieces { all, materials } = source.pieces()?;

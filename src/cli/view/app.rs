@@ -25,7 +25,7 @@ use winit::window::WindowId;
 use super::drawing::{Drawing, Drawn, Order};
 use super::dropped::Dropped;
 use super::hand::Hand;
-use super::panel::Panel;
+use super::panel::{Panel, WIDTH};
 use crate::print;
 
 /// A frame takes at least this.
@@ -69,6 +69,8 @@ pub struct App {
     camera: Camera,
     atlas: Atlas,
     is_drawing: bool,
+    /// The camera looks at all of the next simulation.
+    reframes: bool,
     due: Instant,
     picture: Option<PathBuf>,
     /// The dropped file's own folder, as long as its scene is shown.
@@ -93,6 +95,7 @@ impl App {
             camera,
             atlas: Atlas::default(),
             is_drawing: false,
+            reframes: false,
             due: Instant::now(),
             picture: None,
             dropped: None,
@@ -175,6 +178,9 @@ impl App {
         if drawn.is_shown {
             self.panel.shown(drawn.took, drawn.slices);
         }
+        if let Some(camera) = drawn.framed.filter(|_| self.reframes) {
+            (self.camera, self.reframes) = (camera, false);
+        }
         if let Some(file) = drawn.picture {
             let line = format!("picture: {}", file.display());
             // Whoever closed the other end has read enough.
@@ -227,7 +233,7 @@ impl App {
                 let (scene, bodies, dropped) = *made;
                 self.setup.scene = scene.clone();
                 self.live.link().tell(Command::Replace(Box::new((scene, bodies))));
-                self.camera = framed(&self.live);
+                self.reframes = true;
                 self.dropped = Some(dropped);
             }
             Err(error) => self.panel.say(error.to_string()),
@@ -267,9 +273,11 @@ impl ApplicationHandler<Said> for App {
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let (Some(window), Some(input)) = (&self.window, &mut self.input) else { return };
-        let consumed = input.on_window_event(window, &event).consumed;
+        // What the panel makes of it, it shows in the next frame.
+        let _ = input.on_window_event(window, &event);
+        let edge = f64::from(window.inner_size().width) - f64::from(WIDTH) * window.scale_factor();
         let size = self.size();
-        self.hand.hear(&event, consumed && !self.hand.holds_tool(), &mut self.camera, self.setup.goal.as_ref(), size);
+        self.hand.hear(&event, edge, &mut self.camera, self.setup.goal.as_ref(), size);
         match event {
             WindowEvent::CloseRequested => events.exit(),
             WindowEvent::DroppedFile(file) => {

@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use palpate::gpu::{Content, Context, Window};
+use palpate::gpu::{Content, Context, Recording, Window};
 use palpate::step::Simulation;
 use palpate::view::live::Link;
 use palpate::view::overlay::Overlays;
@@ -45,6 +45,8 @@ pub struct Drawn {
     pub took: f64,
     /// Slices.
     pub slices: usize,
+    /// From where all of the simulation is seen, where it is another than in the frame before.
+    pub framed: Option<Camera>,
     /// The picture that was written.
     pub picture: Option<PathBuf>,
 }
@@ -75,7 +77,9 @@ impl Drawing {
     /// Orders a frame.
     pub fn order(&self, order: Order) {
         // A thread that ended said why.
-        let _ = self.orders.as_ref().map(|orders| orders.send(order));
+        if let Some(orders) = &self.orders {
+            drop(orders.send(order));
+        }
     }
 }
 
@@ -119,7 +123,8 @@ impl Artist {
         if let Some(atlas) = &order.atlas {
             self.painter.set_atlas(atlas)?;
         }
-        let none = Drawn { is_shown: false, took: 0.0, slices: 0, picture: None };
+        let none = Drawn { is_shown: false, took: 0.0, slices: 0, framed: None, picture: None };
+        let before = self.seen.as_ref().map(|seen| seen.generation);
         if !self.window.acquire(width, height)? {
             std::thread::sleep(UNSEEN);
             return Ok(none);
@@ -127,40 +132,44 @@ impl Artist {
         let Some(moment) = self.moment(&order)? else { return Ok(none) };
         let Some(seen) = &mut self.seen else { return Ok(none) };
         let turns = self.link.turns();
-        let renderer = &mut seen.renderer;
+        let (renderer, generation) = (&mut seen.renderer, seen.generation);
         renderer.look(&moment, &order.camera)?;
-        for slice in renderer.slices() {
+        let labels = self.labels.paint(&moment, renderer.legend(), renderer.image()?)?;
+        let panel = self.painter.paint(&order.panel, renderer.image()?)?;
+        let Some((last, others)) = renderer.slices().split_last() else { return Ok(none) };
+        for slice in others {
             let _turn = turns.slice();
             slice.submit_and_wait()?;
         }
-        let labels = self.labels.paint(&moment, renderer.legend(), renderer.image()?)?;
-        if let Some(labels) = &labels {
+        // What is short goes together: each slice lets a step pass.
+        let scene: Vec<&Recording> = [last].into_iter().chain(&labels).collect();
+        let picture = {
             let _turn = turns.slice();
-            labels.submit_and_wait()?;
-        }
-        let picture = match order.picture {
-            Some(file) => {
-                let picture = {
-                    let _turn = turns.slice();
-                    renderer.read()?
-                };
-                write(&picture, &file)?;
-                Some(file)
+            match &order.picture {
+                Some(_) => {
+                    Recording::submit_all(&scene)?;
+                    let picture = renderer.read()?;
+                    panel.submit_and_wait()?;
+                    Some(picture)
+                }
+                None => {
+                    Recording::submit_all(&scene.into_iter().chain([&panel]).collect::<Vec<_>>())?;
+                    None
+                }
             }
-            None => None,
         };
-        let panel = self.painter.paint(&order.panel, renderer.image()?)?;
-        {
-            let _turn = turns.slice();
-            panel.submit_and_wait()?;
-        }
         {
             let _turn = turns.slice();
             self.window.present(Content::Picture(renderer.image()?))?;
         }
-        // The panel's and the presenting slice.
-        let slices = renderer.slices().len() + usize::from(labels.is_some()) + 2;
-        Ok(Drawn { is_shown: true, took: begun.elapsed().as_secs_f64(), slices, picture })
+        if let (Some(picture), Some(file)) = (&picture, &order.picture) {
+            write(picture, file)?;
+        }
+        let picture = order.picture.filter(|_| picture.is_some());
+        // What fills the arrays is one, presenting another.
+        let slices = others.len() + 3;
+        let framed = (before != Some(generation)).then(|| renderer.camera());
+        Ok(Drawn { is_shown: true, took: begun.elapsed().as_secs_f64(), slices, framed, picture })
     }
 
     /// The simulation as it is between two steps, its skins in the arrays that are drawn; `None`: its thread has ended.

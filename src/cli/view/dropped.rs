@@ -12,7 +12,7 @@ use super::app::Said;
 
 /// The folder of a scene that was made of a surface.
 #[derive(Debug)]
-pub struct Dropped(#[expect(dead_code, reason = "removed when it is dropped")] TempDir);
+pub struct Dropped(#[allow(dead_code)] TempDir);
 
 /// Prepares a file and says how it goes.
 pub fn prepare(file: PathBuf, said: EventLoopProxy<Said>) {
@@ -40,4 +40,29 @@ fn made(file: &Path, say: &mut dyn FnMut(String)) -> Result<(Scene, Bodies, Drop
         Ok(())
     })?;
     Ok((scene, bodies, Dropped(folder)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box of 4 cm.
+    const BOX: &str = "v -2 -2 -2\nv 2 -2 -2\nv 2 2 -2\nv -2 2 -2\nv -2 -2 2\nv 2 -2 2\nv 2 2 2\nv -2 2 2\n\
+        f 1 3 2\nf 1 4 3\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 3 4 8\nf 3 8 7\nf 2 3 7\nf 2 7 6\nf 1 5 8\nf 1 8 4\n";
+
+    #[test]
+    fn a_surface_becomes_a_body_with_a_sphere_in_front_of_it_and_a_bad_one_a_line() {
+        let folder = TempDir::new().unwrap();
+        let (good, bad) = (folder.path().join("box.obj"), folder.path().join("bad.obj"));
+        std::fs::write(&good, BOX).unwrap();
+        std::fs::write(&bad, "v 1 2\nf 1 2 3\n").unwrap();
+        let mut lines = Vec::new();
+        let (scene, bodies, dropped) = made(&good, &mut |line| lines.push(line)).unwrap();
+        assert!(scene.tool.is_some() && scene.coupling.is_some() && scene.haptics.is_held);
+        assert_eq!((bodies.bodies.len(), bodies.tool.is_some()), (1, true));
+        assert!(lines.iter().all(|line| line.starts_with("preparing box.obj: ")) && lines.len() > 3, "{lines:?}");
+        assert!(dropped.0.path().join("scene.toml").exists());
+        let error = made(&bad, &mut |_| {}).map(drop).unwrap_err().to_string();
+        assert!(error.contains("bad.obj") && !error.contains('\n'), "{error}");
+    }
 }

@@ -28,20 +28,11 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// Whether the tool is held.
-    pub fn holds_tool(&self) -> bool {
-        self.tool
-    }
-
-    /// Does what an event says; `over_panel`: the panel takes it, but for buttons that are let go.
-    pub fn hear(
-        &mut self,
-        event: &WindowEvent,
-        over_panel: bool,
-        camera: &mut Camera,
-        goal: Option<&Goal>,
-        size: [u32; 2],
-    ) {
+    /// Does what an event says. What happens over the panel, from `edge` on to the right, is the panel's, but for buttons that
+    /// are let go.
+    pub fn hear(&mut self, event: &WindowEvent, edge: f64, camera: &mut Camera, goal: Option<&Goal>, size: [u32; 2]) {
+        // Not asked of the panel: until it is laid out again it knows only where the cursor was before.
+        let over_panel = self.cursor.x >= edge;
         match event {
             WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
             WindowEvent::CursorMoved { position, .. } => {

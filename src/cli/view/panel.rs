@@ -10,7 +10,7 @@ use palpate::view::overlay::{Overlay, Overlays};
 use palpate::view::turns::Delays;
 
 /// Width, points.
-const WIDTH: f32 = 250.0;
+pub const WIDTH: f32 = 250.0;
 /// Of simulated time in the traces, s.
 const SPAN: f64 = 4.0;
 /// Points of a trace's height.

@@ -15,6 +15,7 @@ const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
     [[body.core]]\nname = \"bottom\"\nbind = { box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }\n\
     [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.053, 0.0]\n\
+    [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.005\n\
     [drive]\nkeys = [[0.0, 0.0, 0.053, 0.0], [0.06, 0.0, 0.04, 0.0]]\n";
 
 fn simulation(folder: &std::path::Path) -> Simulation {
