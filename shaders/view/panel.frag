@@ -1,8 +1,8 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// View: the panel's triangles, tinted texels of the atlas, between four texels by their distance. Colours are as shown, and
-// multiplied by their alpha. One invocation a pixel.
+// View: the panel's triangles, tinted texels of the atlas. Letters lie on whole pixels, so the nearest texel is theirs. Colours
+// are as shown, and multiplied by their alpha. One invocation a pixel.
 
 layout(scalar, binding = 1) readonly buffer Atlas { uint texels[]; };
 
@@ -15,15 +15,7 @@ layout(location = 0) in vec2 at;
 layout(location = 1) in vec4 tint;
 layout(location = 0) out vec4 colour;
 
-vec4 texel(ivec2 place) {
-    ivec2 inside = clamp(place, ivec2(0), ivec2(atlas) - 1);
-    return unpackUnorm4x8(texels[uint(inside.y) * atlas.x + uint(inside.x)]);
-}
-
 void main() {
-    vec2 corner = floor(at - 0.5), share = at - 0.5 - corner;
-    ivec2 low = ivec2(corner);
-    vec4 upper = mix(texel(low), texel(low + ivec2(1, 0)), share.x);
-    vec4 lower = mix(texel(low + ivec2(0, 1)), texel(low + 1), share.x);
-    colour = tint * mix(upper, lower, share.y);
+    uvec2 place = uvec2(clamp(ivec2(floor(at)), ivec2(0), ivec2(atlas) - 1));
+    colour = tint * unpackUnorm4x8(texels[place.y * atlas.x + place.x]);
 }

@@ -66,7 +66,7 @@ pub mod flags {
 }
 
 /// What is behind everything, as shown.
-pub const BACKGROUND: [f32; 3] = [0.93, 0.94, 0.95];
+pub const BACKGROUND: [f32; 4] = [0.93, 0.94, 0.95, 1.0];
 /// Of bodies, in order, as shown: warm and cold in turn, of like lightness, told apart by the colour-blind as well.
 const BODIES: [[u8; 3]; 6] =
     [[226, 178, 146], [142, 176, 204], [212, 196, 120], [176, 160, 200], [150, 190, 164], [205, 160, 165]];

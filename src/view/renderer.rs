@@ -34,7 +34,7 @@ const FINE: f64 = 4.0;
 /// Materials of a picture at most.
 const MATERIALS: usize = 1024;
 /// Triangles of a slice on a device that draws on the processor, and on any other.
-const CPU_SLICE: u32 = 48_000;
+const CPU_SLICE: u32 = 60_000;
 const GPU_SLICE: u32 = 1 << 22;
 
 /// How pictures are made.
@@ -238,30 +238,32 @@ impl Renderer {
         seen.ok_or_else(|| Error::Simulation("a canvas has no colour".into()))
     }
 
-    /// The shadow and what hides what is behind it, slice by slice; then all that is seen through.
+    /// The shadow and what hides what is behind it, slice by slice, and with the last of those all that is seen through.
     fn record(&self, pieces: &[Piece], positions: &Buffer) -> Result<Vec<Recording>> {
         let most = if self.context.kind() == DeviceKind::Cpu { CPU_SLICE } else { GPU_SLICE };
-        let opaque = pieces.iter().filter(|piece| piece.style != Style::Glass);
-        let work = sliced(opaque, 3 * most);
+        let (glass, opaque): (Vec<&Piece>, Vec<&Piece>) = pieces.iter().partition(|piece| piece.style == Style::Glass);
+        let glass = glass.into_iter().map(|piece| (piece, piece.range.clone()));
+        let mut work = sliced(opaque.into_iter(), 3 * most);
+        let last = work.len() - 1;
+        work[last].extend(glass);
         let unresolved = Canvas { mean: None, ..self.canvas.clone() };
-        let mut before = Before::Cleared([BACKGROUND[0], BACKGROUND[1], BACKGROUND[2], 1.0]);
-        let mut slices = Vec::with_capacity(work.len() + 1);
+        let mut slices = Vec::with_capacity(work.len());
         for (k, slice) in work.iter().enumerate() {
             let mut recorder = Recorder::untimed(&self.context)?;
             if k == 0 {
                 self.record_shadow(&mut recorder, positions);
             }
-            recorder.stage("solids");
-            self.record_pieces(&mut recorder, &unresolved, before, slice, false);
+            recorder.stage("picture");
+            let before = if k == 0 { Before::Cleared(BACKGROUND) } else { Before::Kept };
+            self.record_pieces(
+                &mut recorder,
+                if k == last { &self.canvas } else { &unresolved },
+                before,
+                slice,
+                k == last,
+            );
             slices.push(recorder.finish()?);
-            before = Before::Kept;
         }
-        let glass: Vec<_> =
-            pieces.iter().filter(|piece| piece.style == Style::Glass).map(|p| (p, p.range.clone())).collect();
-        let mut recorder = Recorder::untimed(&self.context)?;
-        recorder.stage("ground and glass");
-        self.record_pieces(&mut recorder, &self.canvas, before, &glass, true);
-        slices.push(recorder.finish()?);
         Ok(slices)
     }
 
@@ -307,10 +309,12 @@ impl Renderer {
             part: None,
         };
         let mut all = Vec::with_capacity(pieces.len() + 1);
-        if with_ground {
-            all.push(whole(&self.pipelines.ground, &ground));
-        }
-        for (((piece, range), buffers), slot) in pieces.iter().zip(&buffers).zip(slots.chunks(1)) {
+        // Between what hides it and what it is seen through.
+        let under = pieces.iter().position(|(piece, _)| piece.style == Style::Glass).unwrap_or(pieces.len());
+        for (k, (((piece, range), buffers), slot)) in pieces.iter().zip(&buffers).zip(slots.chunks(1)).enumerate() {
+            if k == under && with_ground {
+                all.push(whole(&self.pipelines.ground, &ground));
+            }
             let pipeline = match piece.style {
                 Style::Solid => &self.pipelines.solid,
                 Style::Fine => &self.pipelines.fine,
@@ -319,6 +323,9 @@ impl Renderer {
             };
             let (indices, range) = (Some(&piece.arrays.indices), (range.start, range.end - range.start));
             all.push(Drawn { indices, range, push: bytemuck::cast_slice(slot), ..whole(pipeline, buffers) });
+        }
+        if under == pieces.len() && with_ground {
+            all.push(whole(&self.pipelines.ground, &ground));
         }
         recorder.paint(canvas, before, &all);
     }

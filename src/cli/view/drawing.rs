@@ -145,7 +145,7 @@ impl Artist {
         let scene: Vec<&Recording> = [last].into_iter().chain(&labels).collect();
         let picture = {
             let _turn = turns.slice();
-            match &order.picture {
+            let picture = match &order.picture {
                 Some(_) => {
                     Recording::submit_all(&scene)?;
                     let picture = renderer.read()?;
@@ -156,18 +156,16 @@ impl Artist {
                     Recording::submit_all(&scene.into_iter().chain([&panel]).collect::<Vec<_>>())?;
                     None
                 }
-            }
-        };
-        {
-            let _turn = turns.slice();
+            };
             self.window.present(Content::Picture(renderer.image()?))?;
-        }
+            picture
+        };
         if let (Some(picture), Some(file)) = (&picture, &order.picture) {
             write(picture, file)?;
         }
         let picture = order.picture.filter(|_| picture.is_some());
-        // What fills the arrays is one, presenting another.
-        let slices = others.len() + 3;
+        // What fills the arrays is one more.
+        let slices = renderer.slices().len() + 1;
         let framed = (before != Some(generation)).then(|| renderer.camera());
         Ok(Drawn { is_shown: true, took: begun.elapsed().as_secs_f64(), slices, framed, picture })
     }
