@@ -30,6 +30,8 @@ struct State {
     waiting: [u32; 2],
     /// Whose the last turn was.
     last: Who,
+    /// A slice took place where a step was due: that step comes next, and waited for so long.
+    owed: Option<Duration>,
     delays: VecDeque<Duration>,
     steps: u64,
     slices: u64,
@@ -58,6 +60,8 @@ pub struct Delays {
 pub struct Turn<'a> {
     turns: &'a Turns,
     who: Who,
+    /// It was taken by the thread that steps.
+    is_before_step: bool,
     begun: Instant,
 }
 
@@ -75,7 +79,8 @@ impl Turns {
         if state.delays.len() == RECENT {
             state.delays.pop_front();
         }
-        state.delays.push_back(turn.begun - asked);
+        let owed = state.owed.take().unwrap_or_default();
+        state.delays.push_back(turn.begun - asked + owed);
         state.steps += 1;
         turn
     }
@@ -83,6 +88,20 @@ impl Turns {
     /// The turn of a slice of drawing; waits for it.
     pub fn slice(&self) -> Turn<'_> {
         self.take(Who::Slice)
+    }
+
+    /// The turn of a slice that the thread which steps draws itself before its next step, which it delays: until that step, or
+    /// [`Turns::rest`], no other slice begins.
+    pub fn slice_before_step(&self) -> Turn<'_> {
+        let mut turn = self.take(Who::Slice);
+        turn.is_before_step = true;
+        turn
+    }
+
+    /// No step is due.
+    pub fn rest(&self) {
+        self.state().owed = None;
+        self.freed.notify_all();
     }
 
     /// How it went lately.
@@ -108,12 +127,16 @@ impl Turns {
     fn take(&self, who: Who) -> Turn<'_> {
         let mut state = self.state();
         state.waiting[who as usize] += 1;
-        while state.is_taken || (state.last == who && state.waiting[1 - who as usize] > 0) {
+        let must_wait = |state: &State| {
+            let is_others = state.last == who && state.waiting[1 - who as usize] > 0;
+            state.is_taken || is_others || (who == Who::Slice && state.owed.is_some())
+        };
+        while must_wait(&state) {
             state = self.freed.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner());
         }
         state.waiting[who as usize] -= 1;
         state.is_taken = true;
-        Turn { turns: self, who, begun: Instant::now() }
+        Turn { turns: self, who, is_before_step: false, begun: Instant::now() }
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -128,6 +151,9 @@ impl Drop for Turn<'_> {
         if self.who == Who::Slice {
             state.slices += 1;
             state.longest_slice = state.longest_slice.max(self.begun.elapsed());
+            if self.is_before_step {
+                state.owed = Some(self.begun.elapsed());
+            }
         }
         drop(state);
         // Of several that wait each looks for itself whether it is its turn.
@@ -208,6 +234,31 @@ mod tests {
         let delays = turns.delays();
         assert_eq!(delays.steps, 1000);
         assert!(delays.most >= delays.median && delays.longest_slice >= 50e-6);
+    }
+
+    #[test]
+    fn a_slice_in_a_steps_place_delays_that_step_and_holds_back_others() {
+        let turns = Turns::new();
+        let order = Mutex::new(Vec::new());
+        thread::scope(|scope| {
+            let slice = turns.slice_before_step();
+            scope.spawn(|| {
+                let _turn = turns.slice();
+                order.lock().unwrap().push("slice");
+            });
+            until(|| waiting(&turns, Who::Slice) == 1);
+            thread::sleep(Duration::from_millis(5));
+            drop(slice);
+            thread::sleep(Duration::from_millis(5));
+            let step = turns.step();
+            order.lock().unwrap().push("step");
+            drop(step);
+        });
+        assert_eq!(*order.lock().unwrap(), ["step", "slice"]);
+        assert!(turns.delays().last >= 5e-3, "{:?}", turns.delays());
+        drop(turns.slice_before_step());
+        turns.rest();
+        drop(turns.slice());
     }
 
     #[test]

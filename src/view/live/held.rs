@@ -48,25 +48,20 @@ impl Heard {
 }
 
 /// What the tool meets.
-struct Felt<'a> {
-    worker: &'a mut Worker,
+struct Felt<'a, 'b> {
+    worker: &'a RefCell<&'b mut Worker>,
     heard: Rc<RefCell<Heard>>,
-    stop: Arc<AtomicBool>,
 }
 
-impl Environment for Felt<'_> {
+impl Environment for Felt<'_, '_> {
     fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
-        let worker = &mut *self.worker;
+        let mut worker = self.worker.borrow_mut();
         let row = worker.in_turn(|simulation| simulation.step_held(held, h))?;
         let nothing = || ContactWrench { time: held.time, ..ContactWrench::none(held.tool) };
         let wrench = worker.simulation.contact_wrench().copied().unwrap_or_else(nothing);
         worker.last_held = Some(*held);
         worker.set_loop(Some(self.heard.borrow_mut().taken()));
         worker.found(&row)?;
-        worker.obey_all();
-        if worker.next.is_some() {
-            self.stop.store(true, Ordering::Relaxed);
-        }
         Ok(wrench)
     }
 }
@@ -114,6 +109,7 @@ impl Worker {
         }));
         let (ears, notes) = (heard.clone(), self.out.notes.clone());
         let mut recording = recording;
+        let worker = RefCell::new(self);
         let hear = |moment: Moment| {
             match moment {
                 // Who reads may be gone.
@@ -128,22 +124,32 @@ impl Worker {
                 _ => {}
             }
             match (&mut recording, moment) {
-                (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool),
-                (Some(recording), Moment::Tick(tick)) => recording.tick(tick),
-                (Some(recording), Moment::Step(held, h, wrench)) => recording.step(held, h, wrench),
-                _ => Ok(()),
+                (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool)?,
+                (Some(recording), Moment::Tick(tick)) => recording.tick(tick)?,
+                (Some(recording), Moment::Step(held, h, wrench)) => recording.step(held, h, wrench)?,
+                _ => {}
             }
+            // The loop has the step's wrench, and the next begins with what the hand does then.
+            if let Moment::Step(..) = moment {
+                let mut worker = worker.borrow_mut();
+                worker.obey_all();
+                if worker.next.is_some() {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            }
+            Ok(())
         };
-        let mut felt = Felt { worker: self, heard, stop };
+        let mut felt = Felt { worker: &worker, heard };
         let report = session::hold(device, &tool, &scene.haptics, &mut felt, &options, hear);
+        let this = worker.into_inner();
         if let (Some(recording), Some(file)) = (recording, record) {
             let totals = recording.finish()?;
             let name = file.display();
-            self.out.note(format!("recorded {} ticks: palpate replay {name}", totals.ticks));
+            this.out.note(format!("recorded {} ticks: palpate replay {name}", totals.ticks));
         }
         let report = report?;
-        if let (Some(why), None) = (report.ended, &self.next) {
-            self.out.note(format!("the session ended: {why}"));
+        if let (Some(why), None) = (report.ended, &this.next) {
+            this.out.note(format!("the session ended: {why}"));
         }
         Ok(())
     }

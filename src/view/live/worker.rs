@@ -107,10 +107,12 @@ impl Worker {
     /// Steps until something else comes, or the end.
     pub fn go(&mut self, record: Option<PathBuf>) -> Result<()> {
         self.set_state(record.as_ref().map_or(State::Running, |file| State::Recording(file.clone())));
-        match self.lead {
+        let done = match self.lead {
             Lead::Drive => self.drive(),
             Lead::Device { .. } => self.hold(record),
-        }
+        };
+        self.turns.rest();
+        done
     }
 
     /// By the scene's keys, at the pace of the world at most.
@@ -210,7 +212,7 @@ impl Worker {
         match command {
             Command::Ask(what) => {
                 let turns = self.turns.clone();
-                let _turn = turns.slice();
+                let _turn = if rests { turns.slice() } else { turns.slice_before_step() };
                 what(&mut self.simulation, self.snapshot.generation);
             }
             Command::Quit => self.next = Some(Next::Quit),
@@ -322,6 +324,13 @@ impl Worker {
         (self.snapshot.row, self.last_held, self.is_changed) = (None, None, false);
         self.show_settings();
         Ok(())
+    }
+}
+
+impl Drop for Worker {
+    /// Whatever ended it, drawing goes on.
+    fn drop(&mut self) {
+        self.turns.rest();
     }
 }
 
