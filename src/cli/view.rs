@@ -3,6 +3,7 @@
 mod app;
 mod drawing;
 mod dropped;
+mod easel;
 mod hand;
 mod panel;
 

@@ -34,7 +34,7 @@ const FINE: f64 = 4.0;
 /// Materials of a picture at most.
 const MATERIALS: usize = 1024;
 /// Triangles of a slice on a device that draws on the processor, and on any other.
-const CPU_SLICE: u32 = 60_000;
+const CPU_SLICE: u32 = 30_000;
 const GPU_SLICE: u32 = 1 << 22;
 
 /// How pictures are made.

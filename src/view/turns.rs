@@ -6,8 +6,8 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// Steps whose delays are kept.
-const RECENT: usize = 512;
+/// Steps whose delays and lengths are kept.
+const RECENT: usize = 128;
 
 /// Who may use the device now.
 #[derive(Debug, Default)]
@@ -33,6 +33,8 @@ struct State {
     /// A slice took place where a step was due: that step comes next, and waited for so long.
     owed: Option<Duration>,
     delays: VecDeque<Duration>,
+    /// How long recent steps took, without waiting.
+    lengths: VecDeque<Duration>,
     steps: u64,
     slices: u64,
     longest_slice: Duration,
@@ -76,11 +78,8 @@ impl Turns {
         let asked = Instant::now();
         let turn = self.take(Who::Step);
         let mut state = self.state();
-        if state.delays.len() == RECENT {
-            state.delays.pop_front();
-        }
         let owed = state.owed.take().unwrap_or_default();
-        state.delays.push_back(turn.begun - asked + owed);
+        keep(&mut state.delays, turn.begun - asked + owed);
         state.steps += 1;
         turn
     }
@@ -93,9 +92,7 @@ impl Turns {
     /// The turn of a slice that the thread which steps draws itself before its next step, which it delays: until that step, or
     /// [`Turns::rest`], no other slice begins.
     pub fn slice_before_step(&self) -> Turn<'_> {
-        let mut turn = self.take(Who::Slice);
-        turn.is_before_step = true;
-        turn
+        self.take_as(Who::Slice, true)
     }
 
     /// No step is due.
@@ -104,20 +101,24 @@ impl Turns {
         self.freed.notify_all();
     }
 
+    /// How long a slice may take, s: as long as recent steps took, in the median. Drawing then costs the simulation at most half
+    /// of its pace, and a picture that fits is drawn at once however long steps are.
+    pub fn slice_length(&self) -> f64 {
+        let lengths = self.state().lengths.clone();
+        median(lengths).as_secs_f64()
+    }
+
     /// How it went lately.
     pub fn delays(&self) -> Delays {
-        let (mut recent, last, slices, steps, longest) = {
+        let (recent, last, slices, steps, longest) = {
             let mut state = self.state();
-            let recent: Vec<Duration> = state.delays.iter().copied().collect();
             let longest = std::mem::take(&mut state.longest_slice);
-            (recent, state.delays.back().copied(), state.slices, state.steps, longest)
+            (state.delays.clone(), state.delays.back().copied(), state.slices, state.steps, longest)
         };
-        recent.sort_unstable();
-        let seconds = |delay: Option<Duration>| delay.unwrap_or_default().as_secs_f64();
         Delays {
-            last: seconds(last),
-            median: seconds(recent.get(recent.len() / 2).copied()),
-            most: seconds(recent.last().copied()),
+            last: last.unwrap_or_default().as_secs_f64(),
+            most: recent.iter().max().copied().unwrap_or_default().as_secs_f64(),
+            median: median(recent).as_secs_f64(),
             steps,
             slices,
             longest_slice: longest.as_secs_f64(),
@@ -125,18 +126,22 @@ impl Turns {
     }
 
     fn take(&self, who: Who) -> Turn<'_> {
+        self.take_as(who, false)
+    }
+
+    fn take_as(&self, who: Who, is_before_step: bool) -> Turn<'_> {
         let mut state = self.state();
         state.waiting[who as usize] += 1;
         let must_wait = |state: &State| {
             let is_others = state.last == who && state.waiting[1 - who as usize] > 0;
-            state.is_taken || is_others || (who == Who::Slice && state.owed.is_some())
+            state.is_taken || is_others || (who == Who::Slice && !is_before_step && state.owed.is_some())
         };
         while must_wait(&state) {
             state = self.freed.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner());
         }
         state.waiting[who as usize] -= 1;
         state.is_taken = true;
-        Turn { turns: self, who, is_before_step: false, begun: Instant::now() }
+        Turn { turns: self, who, is_before_step, begun: Instant::now() }
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -148,17 +153,33 @@ impl Drop for Turn<'_> {
     fn drop(&mut self) {
         let mut state = self.turns.state();
         (state.is_taken, state.last) = (false, self.who);
-        if self.who == Who::Slice {
+        if self.who == Who::Step {
+            keep(&mut state.lengths, self.begun.elapsed());
+        } else {
             state.slices += 1;
             state.longest_slice = state.longest_slice.max(self.begun.elapsed());
             if self.is_before_step {
-                state.owed = Some(self.begun.elapsed());
+                state.owed = Some(state.owed.unwrap_or_default() + self.begun.elapsed());
             }
         }
         drop(state);
         // Of several that wait each looks for itself whether it is its turn.
         self.turns.freed.notify_all();
     }
+}
+
+/// The newest of what is recent.
+fn keep(recent: &mut VecDeque<Duration>, newest: Duration) {
+    if recent.len() == RECENT {
+        recent.pop_front();
+    }
+    recent.push_back(newest);
+}
+
+fn median(recent: VecDeque<Duration>) -> Duration {
+    let mut sorted = Vec::from(recent);
+    sorted.sort_unstable();
+    sorted.get(sorted.len() / 2).copied().unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -256,7 +277,8 @@ mod tests {
         });
         assert_eq!(*order.lock().unwrap(), ["step", "slice"]);
         assert!(turns.delays().last >= 5e-3, "{:?}", turns.delays());
-        drop(turns.slice_before_step());
+        // The thread that steps never waits for its own step.
+        (0..2).for_each(|_| drop(turns.slice_before_step()));
         turns.rest();
         drop(turns.slice());
     }

@@ -7,19 +7,17 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use palpate::gpu::{Content, Context, Recording, Window};
-use palpate::step::Simulation;
+use palpate::gpu::{Context, Window};
+use palpate::view::Camera;
 use palpate::view::live::Link;
 use palpate::view::overlay::Overlays;
-use palpate::view::painter::{Atlas, Flat, Painter};
-use palpate::view::picture::Picture;
-use palpate::view::{Camera, Labels, Moment, Renderer, Settings};
+use palpate::view::painter::{Atlas, Flat};
 use palpate::{Error, Result};
+
+use super::easel::Easel;
 
 /// Where nothing can be shown, it is looked again after this.
 const UNSEEN: Duration = Duration::from_millis(50);
-/// Samples a pixel.
-const SAMPLES: u32 = 1;
 
 /// A frame to draw.
 pub struct Order {
@@ -37,7 +35,7 @@ pub struct Order {
 }
 
 /// A frame that was drawn.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Drawn {
     /// Whether it was shown, and not left out.
     pub is_shown: bool,
@@ -66,8 +64,7 @@ impl Drawing {
         tell: impl Fn(Result<Drawn>) + Send + 'static,
     ) -> Result<Drawing> {
         let (orders, given) = channel();
-        let mut artist =
-            Artist { painter: Painter::new(&context)?, labels: Labels::new(&context)?, window, link, seen: None };
+        let mut artist = Artist { easel: Some(Easel::new(&context, window)?), link };
         let work = move || artist.work(&given, tell);
         let thread = std::thread::Builder::new().name("palpate-drawing".into()).spawn(work);
         let thread = thread.map_err(|error| Error::Simulation(format!("no thread for drawing: {error}")))?;
@@ -90,20 +87,11 @@ impl Drop for Drawing {
     }
 }
 
-/// What draws, and what of.
+/// What draws.
 struct Artist {
-    painter: Painter,
-    labels: Labels,
-    window: Window,
+    /// With the simulation's thread while that looks; lost where that has ended.
+    easel: Option<Easel>,
     link: Link,
-    seen: Option<Seen>,
-}
-
-/// A simulation's renderer, and the simulation's number.
-struct Seen {
-    renderer: Renderer,
-    generation: u64,
-    size: [u32; 2],
 }
 
 impl Artist {
@@ -120,91 +108,33 @@ impl Artist {
 
     fn draw(&mut self, order: Order) -> Result<Drawn> {
         let (begun, [width, height]) = (Instant::now(), order.size);
-        if let Some(atlas) = &order.atlas {
-            self.painter.set_atlas(atlas)?;
-        }
-        let none = Drawn { is_shown: false, took: 0.0, slices: 0, framed: None, picture: None };
-        let before = self.seen.as_ref().map(|seen| seen.generation);
-        if !self.window.acquire(width, height)? {
+        let Some(mut easel) = self.easel.take() else { return Ok(Drawn::default()) };
+        if !easel.acquire(width, height)? {
+            self.easel = Some(easel);
             std::thread::sleep(UNSEEN);
-            return Ok(none);
+            return Ok(Drawn::default());
         }
-        let Some(moment) = self.moment(&order)? else { return Ok(none) };
-        let Some(seen) = &mut self.seen else { return Ok(none) };
-        let turns = self.link.turns();
-        let (renderer, generation) = (&mut seen.renderer, seen.generation);
-        renderer.look(&moment, &order.camera)?;
-        let labels = self.labels.paint(&moment, renderer.legend(), renderer.image()?)?;
-        let panel = self.painter.paint(&order.panel, renderer.image()?)?;
-        let Some((last, others)) = renderer.slices().split_last() else { return Ok(none) };
-        for slice in others {
+        let turns = self.link.turns().clone();
+        let most = Duration::from_secs_f64(turns.slice_length());
+        // What fits goes with looking, which the simulation's thread does between two steps.
+        let answer = self.link.ask(move |simulation, generation| {
+            let looked = Instant::now();
+            let frame = easel.begin(simulation, generation, order);
+            let frame = frame.and_then(|mut frame| easel.go_on(&mut frame, looked + most).map(|()| frame));
+            (easel, frame)
+        });
+        let Some((mut easel, frame)) = answer else { return Ok(Drawn::default()) };
+        let mut frame = frame?;
+        let mut slices = 1;
+        while !frame.is_done() {
             let _turn = turns.slice();
-            slice.submit_and_wait()?;
+            let until = Instant::now() + most;
+            easel.draw_next(&mut frame)?;
+            easel.go_on(&mut frame, until)?;
+            slices += 1;
         }
-        // What is short goes together: each slice lets a step pass.
-        let scene: Vec<&Recording> = [last].into_iter().chain(&labels).collect();
-        let picture = {
-            let _turn = turns.slice();
-            let picture = match &order.picture {
-                Some(_) => {
-                    Recording::submit_all(&scene)?;
-                    let picture = renderer.read()?;
-                    panel.submit_and_wait()?;
-                    Some(picture)
-                }
-                None => {
-                    Recording::submit_all(&scene.into_iter().chain([&panel]).collect::<Vec<_>>())?;
-                    None
-                }
-            };
-            self.window.present(Content::Picture(renderer.image()?))?;
-            picture
-        };
-        if let (Some(picture), Some(file)) = (&picture, &order.picture) {
-            write(picture, file)?;
-        }
-        let picture = order.picture.filter(|_| picture.is_some());
-        // What fills the arrays is one more.
-        let slices = renderer.slices().len() + 1;
-        let framed = (before != Some(generation)).then(|| renderer.camera());
-        Ok(Drawn { is_shown: true, took: begun.elapsed().as_secs_f64(), slices, framed, picture })
+        let drawn = easel.end(frame)?;
+        self.easel = Some(easel);
+        Ok(Drawn { slices, took: begun.elapsed().as_secs_f64(), ..drawn })
     }
-
-    /// The simulation as it is between two steps, its skins in the arrays that are drawn; `None`: its thread has ended.
-    fn moment(&mut self, order: &Order) -> Result<Option<Moment>> {
-        let (seen, size, overlays) = (self.seen.take(), order.size, order.overlays);
-        let answer =
-            self.link.ask(move |simulation, generation| looked(simulation, generation, seen, (size, overlays)));
-        let Some(answer) = answer else { return Ok(None) };
-        let (seen, mut moment) = answer?;
-        moment.device = order.device;
-        self.seen = Some(seen);
-        Ok(Some(moment))
-    }
-}
-
-/// A renderer for this simulation and size, and the simulation as it is.
-fn looked(
-    simulation: &mut Simulation,
-    generation: u64,
-    seen: Option<Seen>,
-    (size, overlays): ([u32; 2], Overlays),
-) -> Result<(Seen, Moment)> {
-    let mut seen = match seen.filter(|seen| seen.generation == generation) {
-        Some(seen) => seen,
-        None => Seen { renderer: Renderer::new(simulation, Settings { size, samples: SAMPLES })?, generation, size },
-    };
-    if seen.size != size {
-        seen.renderer.resize(size)?;
-        seen.size = size;
-    }
-    let origin: DVec3 = seen.renderer.origin();
-    let moment = Moment::of(simulation, origin, overlays)?;
-    Ok((seen, moment))
-}
-
-fn write(picture: &Picture, file: &std::path::Path) -> Result<()> {
-    let failed = |source| Error::Output { file: file.into(), source };
-    let out = std::fs::File::create(file).map_err(failed)?;
-    picture.write_png(std::io::BufWriter::new(out)).map_err(failed)
 }

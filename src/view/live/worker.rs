@@ -172,10 +172,16 @@ impl Worker {
         self.publish();
     }
 
-    /// Does what was told, until something else is to come or nothing is left.
+    /// Does what was told, until something else is to come or nothing is left, or a slice was drawn: the next step waits for
+    /// one at most.
     pub fn obey_all(&mut self) {
         while self.next.is_none() {
             match self.commands.try_recv() {
+                Ok(Command::Ask(what)) => {
+                    let turns = self.turns.clone();
+                    let _turn = turns.slice_before_step();
+                    return what(&mut self.simulation, self.snapshot.generation);
+                }
                 Ok(command) => self.obey(command),
                 Err(TryRecvError::Empty) => return,
                 Err(TryRecvError::Disconnected) => self.next = Some(Next::Quit),
@@ -183,10 +189,11 @@ impl Worker {
         }
     }
 
-    /// The same until a time; what is there is done even where the time has passed.
+    /// The same, and where no step is due before then all else that is told meanwhile.
     fn obey_until(&mut self, due: Instant) {
         self.obey_all();
-        while self.next.is_none() {
+        while self.next.is_none() && Instant::now() < due {
+            self.turns.rest();
             match self.commands.recv_timeout(due.saturating_duration_since(Instant::now())) {
                 Ok(command) => self.obey(command),
                 Err(RecvTimeoutError::Timeout) => return,
@@ -212,7 +219,7 @@ impl Worker {
         match command {
             Command::Ask(what) => {
                 let turns = self.turns.clone();
-                let _turn = if rests { turns.slice() } else { turns.slice_before_step() };
+                let _turn = turns.slice();
                 what(&mut self.simulation, self.snapshot.generation);
             }
             Command::Quit => self.next = Some(Next::Quit),
