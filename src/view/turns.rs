@@ -6,8 +6,10 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// Steps whose delays and lengths are kept.
+/// Steps whose delays are kept.
 const RECENT: usize = 128;
+/// Steps whose lengths are kept: they change at once where contact begins.
+const NEWEST: usize = 7;
 
 /// Who may use the device now.
 #[derive(Debug, Default)]
@@ -79,7 +81,7 @@ impl Turns {
         let turn = self.take(Who::Step);
         let mut state = self.state();
         let owed = state.owed.take().unwrap_or_default();
-        keep(&mut state.delays, turn.begun - asked + owed);
+        keep(&mut state.delays, turn.begun - asked + owed, RECENT);
         state.steps += 1;
         turn
     }
@@ -101,7 +103,7 @@ impl Turns {
         self.freed.notify_all();
     }
 
-    /// How long a slice may take, s: as long as recent steps took, in the median. Drawing then costs the simulation at most half
+    /// How long a slice may take, s: as long as the last steps took, in the median. Drawing then costs the simulation at most half
     /// of its pace, and a picture that fits is drawn at once however long steps are.
     pub fn slice_length(&self) -> f64 {
         let lengths = self.state().lengths.clone();
@@ -154,7 +156,7 @@ impl Drop for Turn<'_> {
         let mut state = self.turns.state();
         (state.is_taken, state.last) = (false, self.who);
         if self.who == Who::Step {
-            keep(&mut state.lengths, self.begun.elapsed());
+            keep(&mut state.lengths, self.begun.elapsed(), NEWEST);
         } else {
             state.slices += 1;
             state.longest_slice = state.longest_slice.max(self.begun.elapsed());
@@ -168,9 +170,9 @@ impl Drop for Turn<'_> {
     }
 }
 
-/// The newest of what is recent.
-fn keep(recent: &mut VecDeque<Duration>, newest: Duration) {
-    if recent.len() == RECENT {
+/// Adds the newest, and keeps so many.
+fn keep(recent: &mut VecDeque<Duration>, newest: Duration, most: usize) {
+    if recent.len() == most {
         recent.pop_front();
     }
     recent.push_back(newest);
