@@ -1,6 +1,7 @@
 //! `palpate view`: a window onto a scene under way, and a hand in it.
 
 mod app;
+mod closing;
 mod drawing;
 mod dropped;
 mod easel;

@@ -6,6 +6,8 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
+use crate::haptics::clock::Lateness;
+
 /// Steps whose delays are kept.
 const RECENT: usize = 128;
 /// Steps whose lengths are kept: they change at once where contact begins.
@@ -25,7 +27,7 @@ enum Who {
     Slice,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct State {
     is_taken: bool,
     /// Steps and slices that wait.
@@ -40,6 +42,24 @@ struct State {
     steps: u64,
     slices: u64,
     longest_slice: Duration,
+    all: Lateness,
+}
+
+impl Default for State {
+    fn default() -> State {
+        State {
+            is_taken: false,
+            waiting: [0; 2],
+            last: Who::default(),
+            owed: None,
+            delays: VecDeque::new(),
+            lengths: VecDeque::new(),
+            steps: 0,
+            slices: 0,
+            longest_slice: Duration::ZERO,
+            all: Lateness::new(),
+        }
+    }
 }
 
 /// How turns went lately.
@@ -81,7 +101,9 @@ impl Turns {
         let turn = self.take(Who::Step);
         let mut state = self.state();
         let owed = state.owed.take().unwrap_or_default();
-        keep(&mut state.delays, turn.begun - asked + owed, RECENT);
+        let delay = turn.begun - asked + owed;
+        keep(&mut state.delays, delay, RECENT);
+        state.all.add(delay.as_secs_f64(), f64::INFINITY);
         state.steps += 1;
         turn
     }
@@ -108,6 +130,18 @@ impl Turns {
     pub fn slice_length(&self) -> f64 {
         let lengths = self.state().lengths.clone();
         median(lengths).as_secs_f64()
+    }
+
+    /// How all steps since [`Turns::forget`] waited, a tenth of a second being the most that a share is told of.
+    pub fn all_delays(&self) -> Lateness {
+        self.state().all.clone()
+    }
+
+    /// What was so far does not count: a first picture has its pipelines compiled within its turn.
+    pub fn forget(&self) {
+        let mut state = self.state();
+        state.delays.clear();
+        (state.all, state.longest_slice) = (Lateness::new(), Duration::ZERO);
     }
 
     /// How it went lately.

@@ -22,6 +22,7 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::keyboard::{KeyCode, PhysicalKey};
 use winit::window::WindowId;
 
+use super::closing::Frames;
 use super::drawing::{Drawing, Drawn, Order};
 use super::dropped::Dropped;
 use super::hand::Hand;
@@ -65,6 +66,7 @@ pub struct App {
     egui: egui::Context,
     input: Option<egui_winit::State>,
     panel: Panel,
+    frames: Frames,
     hand: Hand,
     camera: Camera,
     atlas: Atlas,
@@ -91,6 +93,7 @@ impl App {
             egui: egui::Context::default(),
             input: None,
             panel: Panel::new(),
+            frames: Frames::default(),
             hand: Hand::default(),
             camera,
             atlas: Atlas::default(),
@@ -108,10 +111,12 @@ impl App {
         self.drawing = None;
         self.input = None;
         self.window = None;
+        let delays = self.live.link().turns().all_delays();
         if !self.live.quit() {
             return Err(Error::Simulation("the simulation's thread failed; its device was let go of".into()));
         }
-        self.error.take().map_or(Ok(()), Err)
+        self.error.take().map_or(Ok(()), Err)?;
+        print(&self.frames.summary(&delays))
     }
 
     fn open(&mut self, events: &ActiveEventLoop) -> Result<()> {
@@ -177,6 +182,10 @@ impl App {
         self.is_drawing = false;
         if drawn.is_shown {
             self.panel.shown(drawn.took, drawn.slices);
+            self.frames.add(drawn.took, drawn.slices, drawn.framed.is_some());
+        }
+        if drawn.framed.is_some() {
+            self.live.link().turns().forget();
         }
         if let Some(camera) = drawn.framed.filter(|_| self.reframes) {
             (self.camera, self.reframes) = (camera, false);

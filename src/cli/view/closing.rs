@@ -1,0 +1,70 @@
+//! What is said when a window closes: how fast it drew, and what that cost the simulation.
+
+use std::time::Instant;
+
+use palpate::haptics::clock::Lateness;
+
+/// The frames of a window.
+#[derive(Default)]
+pub struct Frames {
+    first: Option<Instant>,
+    last: Option<Instant>,
+    /// s each.
+    took: Vec<f32>,
+    slices: usize,
+}
+
+impl Frames {
+    /// One was shown. The first after a change of simulation compiled what it is drawn with, and counts anew from there.
+    pub fn add(&mut self, took: f64, slices: usize, is_first: bool) {
+        let now = Instant::now();
+        if is_first {
+            *self = Frames { first: Some(now), ..Frames::default() };
+            return;
+        }
+        self.last = Some(now);
+        self.took.push(took as f32);
+        self.slices += slices;
+    }
+
+    /// Two lines; none where nothing was shown.
+    pub fn summary(&self, delays: &Lateness) -> String {
+        let (Some(first), Some(last), false) = (self.first, self.last, self.took.is_empty()) else {
+            return String::new();
+        };
+        let (count, seconds) = (self.took.len() as f64, (last - first).as_secs_f64());
+        let mut took = self.took.clone();
+        took.sort_unstable_by(f32::total_cmp);
+        let [median, most] = [took[took.len() / 2], took[took.len() - 1]].map(|s| 1e3 * s);
+        let [rate, slices] = [count / seconds.max(1e-3), self.slices as f64 / count];
+        let frames = format!("frames: {count} in {seconds:.1} s, {rate:.1} a second, {slices:.1} slices each");
+        let [waited, often, longest] = [delays.quantile(0.5), delays.quantile(0.99), delays.worst()].map(|s| 1e3 * s);
+        let steps = delays.ticks();
+        format!(
+            "{frames}; {median:.1} ms (median), {most:.1} (most)\n\
+             steps: {steps}; waited for drawing {waited:.2} ms (median), {often:.2} (99 %), {longest:.2} (most)\n"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_shown_is_nothing_said() {
+        let mut frames = Frames::default();
+        assert_eq!(frames.summary(&Lateness::new()), "");
+        frames.add(0.5, 3, true);
+        assert_eq!(frames.summary(&Lateness::new()), "", "the first alone");
+        (0..4).for_each(|k| frames.add(0.01 * f64::from(k + 1), 2, false));
+        let mut delays = Lateness::new();
+        [0.001, 0.002, 0.003].into_iter().for_each(|delay| delays.add(delay, f64::INFINITY));
+        let said = frames.summary(&delays);
+        assert!(
+            said.starts_with("frames: 4 in ") && said.contains("2.0 slices each; 30.0 ms (median), 40.0 (most)"),
+            "{said}"
+        );
+        assert!(said.ends_with("steps: 3; waited for drawing 2.00 ms (median), 3.00 (99 %), 3.00 (most)\n"), "{said}");
+    }
+}
