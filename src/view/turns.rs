@@ -10,6 +10,8 @@ use crate::haptics::clock::Lateness;
 
 /// Steps whose delays are kept.
 const RECENT: usize = 128;
+/// What a slice may take, of a step.
+const SLICE: f64 = 1.5;
 /// Steps whose lengths are kept: they change at once where contact begins.
 const NEWEST: usize = 7;
 
@@ -125,11 +127,11 @@ impl Turns {
         self.freed.notify_all();
     }
 
-    /// How long a slice may take, s: as long as the last steps took, in the median. Drawing then costs the simulation at most half
-    /// of its pace, and a picture that fits is drawn at once however long steps are.
+    /// How long a slice may take, s: one and a half times as long as the last steps took, in the median. Drawing then leaves the
+    /// simulation two fifths of its pace at least, and a picture that fits is drawn at once however long steps are.
     pub fn slice_length(&self) -> f64 {
         let lengths = self.state().lengths.clone();
-        median(lengths).as_secs_f64()
+        SLICE * median(lengths).as_secs_f64()
     }
 
     /// How all steps since [`Turns::forget`] waited, a tenth of a second being the most that a share is told of.
