@@ -288,8 +288,8 @@ fn surfaces_are_shaded_as_in_f64() {
     let mut random = Random(23);
     for case in 0..6 {
         let plain = Material { low: 2.0, high: 12.0, ..Material::body(case) };
-        // Nothing, little, and more than the scale has.
-        for (what, value) in [("below", 1.0), ("a little", 2.1), ("some", 5.0), ("much", 11.0), ("beyond", 20.0)] {
+        // Nothing, little, and more than the scale has; none half-way between two colours.
+        for (what, value) in [("below", 1.0), ("a little", 2.1), ("some", 5.3), ("much", 10.7), ("beyond", 20.0)] {
             for more in [0, flags::EVEN] {
                 let face = Face::new(&mut random, [value; 3]);
                 let valued = plain.with(flags::VALUED | more);
