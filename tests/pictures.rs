@@ -18,6 +18,9 @@ use palpate::view::picture::Picture;
 use palpate::view::{Overlay, Overlays, Settings, Studio};
 use tempfile::TempDir;
 
+#[path = "spoil/mod.rs"]
+mod spoil;
+
 /// Pixels.
 const SIZE: [u32; 2] = [480, 270];
 /// Pixels of a picture whose mean is compared, a side: nobody sees noise of single ones.
@@ -93,9 +96,9 @@ fn device() -> Option<String> {
 }
 
 /// A scene after some steps, and what takes pictures of it.
-fn studio(scene: &str, steps: usize) -> (Simulation, Studio) {
+fn studio(scene: &str, steps: usize, replaced: Vec<(String, Vec<u8>)>) -> (Simulation, Studio) {
     let scene = Scene::load(&golden_folder().join(format!("{scene}.toml"))).unwrap();
-    let options = Options { device: device(), one_thread: true, ..Options::default() };
+    let options = Options { device: device(), one_thread: true, replaced, ..Options::default() };
     let mut simulation = Simulation::new(&scene, &options, None).unwrap();
     let studio = Studio::new(&mut simulation, Settings { size: SIZE, samples: 4 }).unwrap();
     for _ in 0..steps {
@@ -164,7 +167,7 @@ fn pictures_look_like_the_golden_ones() {
         let all: Vec<&Golden> = GOLDEN.iter().filter(|golden| golden.scene == scene).collect();
         let steps = all[0].steps;
         assert!(all.iter().all(|golden| golden.steps == steps));
-        let (mut simulation, mut studio) = studio(scene, steps);
+        let (mut simulation, mut studio) = studio(scene, steps, vec![]);
         for golden in all {
             golden.aim(&mut studio);
             let picture = studio.picture(&mut simulation).unwrap();
@@ -195,7 +198,7 @@ fn unlabelled(mut image: RgbImage) -> RgbImage {
 
 #[test]
 fn the_comparison_sees_what_eyes_see() {
-    let (mut simulation, mut studio) = studio("touch", 60);
+    let (mut simulation, mut studio) = studio("touch", 60, vec![]);
     let mut sun_at = |studio: &mut Studio, golden: &Golden, sun: DVec3| {
         golden.aim(studio);
         studio.renderer().set_sun(sun);
@@ -241,6 +244,23 @@ fn the_comparison_sees_what_eyes_see() {
     let alike = likeness(&pressure, &depth);
     println!("another map {alike:.3}");
     assert!(alike < ALIKE, "another map: {alike}");
+}
+
+#[test]
+fn the_comparison_sees_that_a_shadow_is_missing() {
+    let [golden, ..] = &GOLDEN;
+    let file = read(&golden_folder().join(format!("{}.png", golden.name)));
+    let vertex = "value, lit(x, normal))";
+    for (shader, from, to) in
+        [("view/ground.frag", "1.0 - lit(x, n)", "0.0"), ("view/mesh.vert", vertex, "value, 1.0)")]
+    {
+        let replaced = vec![(shader.to_string(), spoil::spoiled(shader, from, to))];
+        let (mut simulation, mut studio) = studio(golden.scene, golden.steps, replaced);
+        golden.aim(&mut studio);
+        let alike = likeness(&file, &image(&studio.picture(&mut simulation).unwrap()));
+        println!("{shader} without a shadow: {alike:.3}");
+        assert!(alike < ALIKE, "{shader}: {alike}");
+    }
 }
 
 /// A ball of 50 g close above a soft block.
@@ -365,7 +385,7 @@ fn snapshots_leave_the_trace_as_it_is() {
 
 #[test]
 fn a_snapshot_is_what_the_studio_takes() {
-    let (mut simulation, mut studio) = studio("touch", 20);
+    let (mut simulation, mut studio) = studio("touch", 20, vec![]);
     let [_, golden, ..] = &GOLDEN;
     golden.aim(&mut studio);
     let at = studio.camera.target.to_array().map(|x| format!("{x:?}")).join(",");
