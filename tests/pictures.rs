@@ -43,7 +43,7 @@ struct Golden {
     aside: [f64; 3],
 }
 
-const GOLDEN: [Golden; 6] = [
+const GOLDEN: [Golden; 8] = [
     Golden { name: "head", scene: "touch", steps: 60, shown: &[], from: [25.0, 12.0, 1.0], aside: [0.0; 3] },
     Golden {
         name: "pressure",
@@ -68,6 +68,15 @@ const GOLDEN: [Golden; 6] = [
         shown: &[Overlay::Layer, Overlay::Cores, Overlay::Displacement],
         from: [40.0, 12.0, 1.2],
         aside: [-0.07, -0.03, 0.06],
+    },
+    Golden { name: "fine", scene: "fine", steps: 40, shown: &[], from: [-10.0, 12.0, 1.0], aside: [0.0; 3] },
+    Golden {
+        name: "displacement",
+        scene: "fine",
+        steps: 40,
+        shown: &[Overlay::Displacement],
+        from: [40.0, 8.0, 2.0],
+        aside: [-0.03, -0.05, 0.06],
     },
     Golden {
         name: "energy",
@@ -163,7 +172,7 @@ fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
 #[test]
 fn pictures_look_like_the_golden_ones() {
     let is_written = std::env::var_os("PALPATE_WRITE_GOLDEN").is_some();
-    for scene in ["touch", "pair"] {
+    for scene in ["touch", "fine", "pair"] {
         let all: Vec<&Golden> = GOLDEN.iter().filter(|golden| golden.scene == scene).collect();
         let steps = all[0].steps;
         assert!(all.iter().all(|golden| golden.steps == steps));
@@ -248,12 +257,13 @@ fn the_comparison_sees_what_eyes_see() {
 
 #[test]
 fn the_comparison_sees_that_a_shadow_is_missing() {
-    let [golden, ..] = &GOLDEN;
-    let file = read(&golden_folder().join(format!("{}.png", golden.name)));
-    let vertex = "value, lit(x, normal))";
-    for (shader, from, to) in
-        [("view/ground.frag", "1.0 - lit(x, n)", "0.0"), ("view/mesh.vert", vertex, "value, 1.0)")]
-    {
+    for (name, shader, from, to) in [
+        ("head", "view/ground.frag", "(1.0 - lit(x, n))", "(1e-9 * lit(x, n))"),
+        ("head", "view/mesh.frag", "lit(x, n))", "1.0 + 1e-9 * lit(x, n))"),
+        ("fine", "view/mesh.vert", "lit(x, normal))", "1.0 + 1e-9 * lit(x, normal))"),
+    ] {
+        let golden = GOLDEN.iter().find(|golden| golden.name == name).unwrap();
+        let file = read(&golden_folder().join(format!("{name}.png")));
         let replaced = vec![(shader.to_string(), spoil::spoiled(shader, from, to))];
         let (mut simulation, mut studio) = studio(golden.scene, golden.steps, replaced);
         golden.aim(&mut studio);

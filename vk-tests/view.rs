@@ -20,6 +20,8 @@ use crate::whole_step::{open, run, scene};
 const SIZE: [u32; 2] = [24, 16];
 /// Of a colour: the shader's sRGB is off by 0.1 %, and it is rounded to a byte.
 const SHADE: f64 = 2.0 / 255.0;
+/// Of a depth: f32 directions, and corners to 1/256 of a texel on a slope.
+const DEPTH: f64 = 2e-5;
 /// Texels a side of the shadows of these tests; no multiple of four would do for rows that are read four at a time.
 const SIDE: u32 = 32;
 
@@ -223,14 +225,16 @@ fn drawn_face(
 ) -> Vec<[f64; 4]> {
     let constants = [("AT_VERTICES", at_vertices.into())];
     let pipeline = RasterPipeline::onto(context(), "view/mesh", &constants, &PLAIN).unwrap();
-    let narrow = |all: [DVec3; 3], w: f32| all.map(|x| x.as_vec3().extend(w).to_array());
-    let values = [face.values[0] as f32, face.values[1] as f32, face.values[2] as f32, 0.0];
+    // Three others first: values come four at a time.
+    let narrow = |all: [DVec3; 3], w: f32| [[[9.0f32; 4]; 3], all.map(|x| x.as_vec3().extend(w).to_array())].concat();
+    let [a, b, c] = face.values.map(|value| value as f32);
+    let values = [[9.0, 9.0, 9.0, a], [b, c, 9.0, 9.0]];
     let other = Material { colour: [1.0, 0.0, 1.0, 1.0], flags: flags::UNLIT, low: 0.0, high: 1.0 };
     let buffers = [
         words("view", &[*view]),
         words("positions", &narrow(face.positions, 1.0)),
         words("normals", &narrow(face.normals, 0.0)),
-        words("values", &[values]),
+        words("values", &values),
         shadow_array(depths),
         words("colours", colours),
         words("looks", &[other, *material, other]),
@@ -244,7 +248,7 @@ fn drawn_face(
         buffers: &buffers,
         push: &push,
         indices: None,
-        range: (0, 3),
+        range: (3, 3),
         instances: 1,
         part: None,
     };
@@ -266,12 +270,18 @@ fn expect_shaded(what: &str, view: &View, material: &Material, depths: &[f32], f
         for (pixel, at) in centres(SIZE).enumerate() {
             let share = face.shares(at);
             let x = mix(share, face.positions);
+            let value: f64 = (0..3).map(|k| share[k] * face.values[k]).sum();
+            // Rounding decides between two colours.
+            let step = 255.0 * (value - f64::from(material.low)) / f64::from(material.high - material.low) + 0.5;
+            if !at_vertices && face.values[0] != face.values[1] && (step - step.round()).abs() < 0.01 {
+                continue;
+            }
             let want = if at_vertices {
                 [0, 1, 2, 3].map(|c| (0..3).map(|k| share[k] * corners[k][c]).sum())
             } else {
                 let towards = if plane.dot(wide(view.eye) - x) < 0.0 { -plane } else { plane };
                 let n = if is_flat { towards } else { mix(share, face.normals).normalize() };
-                shade(x, n, (0..3).map(|k| share[k] * face.values[k]).sum())
+                shade(x, n, value)
             };
             expect_colour(&format!("{what}, at vertices: {at_vertices}, {at}"), got[pixel], want, SHADE);
         }
@@ -296,6 +306,8 @@ fn surfaces_are_shaded_as_in_f64() {
                 expect_shaded(&format!("{what} of a scale, {more}"), &view(&mut random), &valued, &OPEN, &face);
             }
         }
+        let slope = Face::new(&mut random, [2.1, 6.3, 10.7]);
+        expect_shaded("a slope of values", &view(&mut random), &plain.with(flags::VALUED), &OPEN, &slope);
         let face = Face::new(&mut random, [7.0; 3]);
         for number in [0.0, 3.0, 255.0, 258.0] {
             let face = Face { values: [number; 3], ..Face::new(&mut random, [0.0; 3]) };
@@ -377,22 +389,40 @@ fn shaded_ground(view: &View, square: [DVec3; 4], side: u32) -> (Vec<[f64; 4]>, 
     (sheet.draw(Before::Cleared([0.0; 4]), &[one]).0, depths)
 }
 
+/// Where the sun sees the square, it sees its depth.
+fn expect_depths(depths: &[f32], view: &View, (on, plane): (DVec3, DVec3), side: u32) {
+    let (sun, [right, up], middle, reach) =
+        (wide(view.sun), view.across.map(wide), wide(view.middle), f64::from(view.reach));
+    let mut seen = 0;
+    for (texel, at) in centres([side; 2]).enumerate().filter(|(texel, _)| depths[*texel] < 1.0) {
+        let place = (2.0 * at / f64::from(side) - 1.0) * reach;
+        let from = middle + place.x * right + place.y * up;
+        let along = (on - from).dot(plane) / sun.dot(plane);
+        let want = 0.5 - 0.5 * along / reach;
+        assert!((f64::from(depths[texel]) - want).abs() < DEPTH, "at {at}: {} for {want}", depths[texel]);
+        seen += 1;
+    }
+    assert!(seen > 1000, "the sun sees {seen} texels of it");
+}
+
 #[test]
 fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
     let (size, side) = ([64u32, 48], 512u32);
     let mut random = Random(41);
     for case in 0..6 {
         let mut towards = random.vector();
-        towards.y = 1.0 + towards.y.abs();
+        // High and low: a shadow fades where it goes far.
+        towards.y = if case % 2 == 0 { 1.0 + towards.y.abs() } else { 0.4 * towards.x.hypot(towards.z) };
         let (sun, reach) = (towards.normalize(), 2.0);
         let (normal, offset) = (DVec3::Y, -0.8);
         let middle = 0.2 * random.vector();
-        // Level, turned about the vertical, above the ground.
-        let (u, v) = (DVec3::new(0.5, 0.0, 0.3), DVec3::new(-0.2, 0.1, 0.4));
+        // Nearly level, turned about the vertical, above the ground.
+        let (u, v) = (DVec3::new(0.5, 0.0, 0.3), DVec3::new(-0.2, 0.03, 0.4));
         let centre = middle + DVec3::new(0.0, 0.3, 0.0);
         let square = [centre - u - v, centre - u + v, centre + u + v, centre + u - v];
         let mut camera = palpate::view::Camera::around(middle - 1.0, middle + 1.0);
         (camera.yaw, camera.pitch) = (3.0 * random.next(), 0.9);
+        camera.target = centre - (centre.y - offset) / sun.y * sun;
         let texel = 2.0 * reach / f64::from(side);
         let view = View {
             clip: columns(camera.matrix(size[0], size[1])),
@@ -407,7 +437,9 @@ fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
             texel: texel as f32,
             shadow_side: side,
         };
-        let (got, _) = shaded_ground(&view, square, side);
+        let (got, depths) = shaded_ground(&view, square, side);
+        let plane = u.cross(v);
+        expect_depths(&depths.read().unwrap(), &view, (centre, plane), side);
         let (mut dark, mut bright) = (0, 0);
         for (pixel, at) in centres(size).enumerate() {
             let ray = camera.ray(at.x, at.y, size[0], size[1]);
@@ -419,14 +451,14 @@ fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
             if along < 0.0 || seen > 0.95 * reach {
                 continue;
             }
-            // Where the ray towards the sun meets the square's plane, in halves of its edges.
-            let plane = u.cross(v);
-            let met = x + (centre - x).dot(plane) / sun.dot(plane) * sun - centre;
+            // Where the ray towards the sun meets the square's plane, in halves of its edges. It begins a little above the ground,
+            // as in the shader: slopes must not shade themselves.
+            let from = x + 2.0 * texel * normal;
+            let met = from + (centre - from).dot(plane) / sun.dot(plane) * sun - centre;
             let halves = [met.cross(v).dot(plane) / plane.dot(plane), u.cross(met).dot(plane) / plane.dot(plane)];
-            let off = halves.map(|h| 1.0 - h.abs());
-            let least = off[0].min(off[1]);
-            // Three texels and those by which the point is moved off the ground.
-            let near = 8.0 * texel / u.length().min(v.length());
+            let least = halves.map(|h| 1.0 - h.abs()).into_iter().fold(f64::INFINITY, f64::min);
+            // Texels that are smoothed, as they lie on the square.
+            let near = 4.0 * texel / (u.length().min(v.length()) * sun.dot(plane.normalize()).abs());
             if least.abs() < near {
                 continue;
             }
