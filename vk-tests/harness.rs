@@ -2,7 +2,7 @@
 //! behind their end, inputs are compared after the run, and any validation message fails the case.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
 use bytemuck::Pod;
 use palpate::gpu::{Buffer, Const, Context, Kernel, Memory, Options, Recorder, Size};
@@ -22,6 +22,13 @@ pub fn context() -> &'static Arc<Context> {
         assert_clean(&context, "set-up");
         context
     })
+}
+
+/// One at a time, so that a validation message belongs to whoever holds this; and threads that end recordings side by side crash
+/// validation layer 1.3.239 now and then.
+pub fn alone() -> MutexGuard<'static, ()> {
+    static RUNNING: Mutex<()> = Mutex::new(());
+    RUNNING.lock().unwrap_or_else(|e| e.into_inner())
 }
 
 /// Fails on any validation message since the last look.
@@ -141,10 +148,8 @@ impl Case {
 
     /// Runs the case and checks guards, inputs, canaries and validation; panics where any fails.
     pub fn run(self) -> Outcome {
-        // One case at a time, so that a validation message belongs to it.
-        static RUNNING: Mutex<()> = Mutex::new(());
         let context = context();
-        let _running = RUNNING.lock().unwrap_or_else(|e| e.into_inner());
+        let _alone = alone();
         let constants: Vec<_> = self.constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
         // Drivers take longer to compile a kernel than to run it, and an iteration runs the same ones again and again.
         static KERNELS: Mutex<BTreeMap<String, Arc<Kernel>>> = Mutex::new(BTreeMap::new());

@@ -6,6 +6,7 @@ mod agreement;
 mod bodies;
 mod bones;
 mod candidates;
+mod canvas;
 mod change;
 mod chunks;
 mod contact;
@@ -62,5 +63,7 @@ mod spoil;
 mod system;
 mod touch;
 mod transpose;
+#[cfg(feature = "view")]
+mod view;
 mod whole_step;
 mod wrench;

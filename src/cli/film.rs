@@ -119,13 +119,20 @@ fn overlay(text: &str) -> std::result::Result<Overlay, String> {
 }
 
 impl Look {
+    /// What is shown; refuses more than can be.
+    pub fn shown(&self) -> Result<Overlays> {
+        let shown = Overlays::of(&self.show);
+        match CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay)) {
+            None => Ok(shown),
+            Some((name, _)) => {
+                Err(Error::Usage(format!("--show {name}: one field can be shown at a time; leave the others out")))
+            }
+        }
+    }
+
     /// What takes pictures of a simulation that look so.
     pub fn studio(&self, simulation: &mut Simulation) -> Result<Studio> {
-        let shown = Overlays::of(&self.show);
-        if let Some((name, _)) = CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay))
-        {
-            return Err(Error::Usage(format!("--show {name}: one field can be shown at a time; leave the others out")));
-        }
+        let shown = self.shown()?;
         let mut studio = Studio::new(simulation, Settings { size: self.size, samples: SAMPLES })?;
         studio.shown = shown;
         if let Some(view) = self.camera {
@@ -150,6 +157,7 @@ impl View {
 
 /// Makes the film.
 pub fn film(arguments: &Arguments) -> Result<()> {
+    arguments.look.shown()?;
     let scene = Scene::load(&arguments.scene)?;
     let duration = arguments.seconds.unwrap_or(scene.duration());
     let apart = arguments.speed / f64::from(arguments.fps);

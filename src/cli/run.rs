@@ -106,6 +106,8 @@ fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
 
 /// Runs a scene. Input is read and prepared before the device is opened, and output is made after.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    #[cfg(feature = "view")]
+    arguments.look.shown()?;
     let mut scene = Scene::load(&arguments.scene)?;
     if let Some(name) = &arguments.depth {
         scene.contact.depth = DepthPath::CHOICES.iter().find(|(known, _)| known == name).and_then(|(_, path)| *path);

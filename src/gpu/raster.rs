@@ -115,6 +115,11 @@ impl RasterPipeline {
     pub fn bindings(&self) -> &[super::spirv::Binding] {
         &self.0.interface.reflection.bindings
     }
+
+    /// Member names and byte offsets of a struct of either stage, and its bytes; `None` when they have none of that name.
+    pub fn struct_layout(&self, name: &str) -> Option<(&[(String, u32)], u32)> {
+        self.0.interface.reflection.structs.get(name).map(|layout| (layout.members.as_slice(), layout.size))
+    }
 }
 
 impl Drop for PipelineInner {

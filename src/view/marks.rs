@@ -39,8 +39,8 @@ impl Marks {
             let neck = to - HEAD[0] * radius * axis;
             self.cone([from, neck], [radius; 2]);
             self.cone([neck, to], [HEAD[1] * radius, 0.0]);
-            self.disc(from, -axis, radius);
-            self.disc(neck, -axis, HEAD[1] * radius);
+            self.ring(from, -axis, [0.0, radius]);
+            self.ring(neck, -axis, [radius, HEAD[1] * radius]);
         }
         first..self.index_count()
     }
@@ -99,14 +99,20 @@ impl Marks {
         }
     }
 
-    fn disc(&mut self, centre: DVec3, normal: DVec3, radius: f64) {
+    /// What lies between two circles, the inner one first.
+    fn ring(&mut self, centre: DVec3, normal: DVec3, radii: [f64; 2]) {
         let (u, v) = normal.any_orthonormal_pair();
-        let middle = self.vertex(centre, normal);
+        let first = self.positions.len() as u32;
         for k in 0..SIDES {
             let (sin, cos) = (TAU * f64::from(k) / f64::from(SIDES)).sin_cos();
-            self.vertex(centre + radius * (cos * u + sin * v), normal);
+            for radius in radii {
+                self.vertex(centre + radius * (cos * u + sin * v), normal);
+            }
         }
-        self.triangles.extend((0..SIDES).map(|k| [middle, middle + 1 + k, middle + 1 + (k + 1) % SIDES]));
+        for k in 0..SIDES {
+            let [a, b] = [first + 2 * k, first + 2 * ((k + 1) % SIDES)];
+            self.triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+        }
     }
 
     /// Puts them on the device; `None` where there are none.

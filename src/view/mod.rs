@@ -5,7 +5,7 @@ pub mod camera;
 mod decimate;
 mod labels;
 pub mod live;
-mod look;
+pub mod look;
 mod marks;
 mod moment;
 pub mod overlay;

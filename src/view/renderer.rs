@@ -77,6 +77,10 @@ pub struct Renderer {
     legend: Legend,
     scales: [Scale; 6],
     slices: Vec<Recording>,
+    /// Unit, towards the sun.
+    sun: DVec3,
+    /// Triangles of a slice at most.
+    most: u32,
 }
 
 struct Pipelines {
@@ -116,6 +120,8 @@ impl Renderer {
             legend: Legend::default(),
             scales: Default::default(),
             slices: Vec::new(),
+            sun: SUN.normalize(),
+            most: if context.kind() == DeviceKind::Cpu { CPU_SLICE } else { GPU_SLICE },
             origin: middle,
             reach,
             context,
@@ -140,6 +146,16 @@ impl Renderer {
         self.canvas = canvas(&self.context, &settings)?;
         self.settings = settings;
         Ok(())
+    }
+
+    /// Lights pictures from elsewhere from the next [`Renderer::look`] on; zero is no direction, and changes nothing.
+    pub fn set_sun(&mut self, towards: DVec3) {
+        self.sun = towards.try_normalize().unwrap_or(self.sun);
+    }
+
+    /// Draws so many triangles a slice at most from the next [`Renderer::look`] on.
+    pub fn set_slice(&mut self, triangles: u32) {
+        self.most = triangles.clamp(1, GPU_SLICE);
     }
 
     /// What colours and arrows stand for, since the last [`Renderer::look`].
@@ -189,7 +205,7 @@ impl Renderer {
             (part.ball.0 + moved, part.ball.1)
         });
         let (middle, reach) = around(balls);
-        let (sun, reach) = (SUN.normalize(), ROOM * reach);
+        let (sun, reach) = (self.sun, ROOM * reach);
         let shift = DMat4::from_translation(self.origin);
         let (normal, offset) = self.parts.ground;
         let relative = |x: DVec3| (x - self.origin).as_vec3().to_array();
@@ -240,10 +256,9 @@ impl Renderer {
 
     /// The shadow and what hides what is behind it, slice by slice, and with the last of those all that is seen through.
     fn record(&self, pieces: &[Piece], positions: &Buffer) -> Result<Vec<Recording>> {
-        let most = if self.context.kind() == DeviceKind::Cpu { CPU_SLICE } else { GPU_SLICE };
         let (glass, opaque): (Vec<&Piece>, Vec<&Piece>) = pieces.iter().partition(|piece| piece.style == Style::Glass);
         let glass = glass.into_iter().map(|piece| (piece, piece.range.clone()));
-        let mut work = sliced(opaque.into_iter(), 3 * most);
+        let mut work = sliced(opaque.into_iter(), 3 * self.most);
         let last = work.len() - 1;
         work[last].extend(glass);
         let unresolved = Canvas { mean: None, ..self.canvas.clone() };

@@ -27,6 +27,11 @@ impl Studio {
         Ok(Studio { camera: renderer.camera(), renderer, labels, shown: Overlays::default() })
     }
 
+    /// What draws the pictures.
+    pub fn renderer(&mut self) -> &mut Renderer {
+        &mut self.renderer
+    }
+
     /// How the simulation looks now. Between two steps; nothing of it is changed.
     pub fn picture(&mut self, simulation: &mut Simulation) -> Result<Picture> {
         let moment = Moment::of(simulation, self.renderer.origin(), self.shown)?;

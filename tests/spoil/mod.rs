@@ -5,11 +5,12 @@ mod compile;
 
 use std::path::Path;
 
-/// The SPIR-V of the kernel `shaders/<kernel>.comp` with the one place that reads `from` reading `to` instead; its name and
-/// this are what [`palpate::gpu::Options::replaced`] takes.
+/// The SPIR-V of the kernel `shaders/<kernel>.comp`, or of a shader whose name says its stage, with the one place that reads
+/// `from` reading `to` instead; its name and this are what [`palpate::gpu::Options::replaced`] takes.
 pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
-    let source = root.join(format!("{kernel}.comp"));
+    let plain = root.join(kernel);
+    let source = if compile::kind(&plain).is_some() { plain } else { root.join(format!("{kernel}.comp")) };
     let text = std::fs::read_to_string(&source).unwrap();
     assert_eq!(text.matches(from).count(), 1, "`{from}` stands in {kernel} once");
     assert!(compile::kind(&source).is_some());
