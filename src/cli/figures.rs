@@ -13,7 +13,7 @@ use palpate::view::picture::Picture;
 use palpate::view::{Overlay, Overlays, Settings, Studio};
 use palpate::{Error, Result};
 
-use crate::film::View;
+use crate::film::{SAMPLES, View};
 
 /// Options of `palpate figures`.
 #[derive(clap::Args)]
@@ -123,9 +123,6 @@ const FIGURES: [Figure; 6] = [
         ],
     },
 ];
-
-/// Samples a pixel.
-const SAMPLES: u32 = 4;
 
 /// Makes all figures, or some.
 pub fn figures(arguments: &Arguments) -> Result<()> {

@@ -16,6 +16,8 @@ use palpate::{Error, Result};
 use crate::run::positive;
 use crate::tell;
 
+/// Of pictures, pixels.
+pub const SIZE: [u32; 2] = [1280, 720];
 /// Pixels a side at most, as devices draw them.
 const LARGEST: u32 = 16_384;
 /// Pictures of a film at most.
@@ -60,9 +62,8 @@ pub struct Arguments {
 /// How pictures look.
 #[derive(clap::Args)]
 pub struct Look {
-    /// Width and height of pictures, pixels
-    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
-    size: [u32; 2],
+    #[arg(long, value_name = "WxH", value_parser = size, help = "Width and height of pictures, pixels [default: 1280x720]")]
+    size: Option<[u32; 2]>,
     /// Where from: degrees to the right of the front and above the horizon, and how many times as near as for all to be seen
     #[arg(long, value_name = "YAW,PITCH[,NEARER]", value_parser = view, allow_hyphen_values = true)]
     camera: Option<View>,
@@ -130,10 +131,19 @@ impl Look {
         }
     }
 
+    fn size(&self) -> [u32; 2] {
+        self.size.unwrap_or(SIZE)
+    }
+
+    /// Whether any of it was asked for.
+    pub fn is_asked_for(&self) -> bool {
+        self.size.is_some() || self.camera.is_some() || self.at.is_some() || !self.show.is_empty()
+    }
+
     /// What takes pictures of a simulation that look so.
     pub fn studio(&self, simulation: &mut Simulation) -> Result<Studio> {
         let shown = self.shown()?;
-        let mut studio = Studio::new(simulation, Settings { size: self.size, samples: SAMPLES })?;
+        let mut studio = Studio::new(simulation, Settings { size: self.size(), samples: SAMPLES })?;
         studio.shown = shown;
         if let Some(view) = self.camera {
             view.aim(&mut studio);
@@ -144,7 +154,7 @@ impl Look {
 }
 
 /// Samples a pixel.
-const SAMPLES: u32 = 4;
+pub const SAMPLES: u32 = 4;
 
 impl View {
     /// Takes pictures from here.
@@ -219,9 +229,10 @@ fn animate(
     take: &mut dyn FnMut(u64) -> Result<Picture>,
 ) -> Result<()> {
     let failed = |error: png::EncodingError| Error::Output { file: arguments.out.clone(), source: error.into() };
-    let [width, height] = arguments.look.size;
+    let [width, height] = arguments.look.size();
     let mut encoder = png::Encoder::new(out, width, height);
     encoder.set_color(png::ColorType::Rgb);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     encoder.set_animated(pictures, 0).map_err(failed)?;
     encoder.set_frame_delay(1, arguments.fps).map_err(failed)?;
     let mut writer = encoder.write_header().map_err(failed)?;

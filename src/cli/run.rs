@@ -52,7 +52,7 @@ pub struct Arguments {
     explain: Option<u32>,
     /// Write a picture every N steps, `snapshot-STEP.png`
     #[cfg(feature = "view")]
-    #[arg(long, value_name = "N", requires = "out", value_parser = steps, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", requires = "out", conflicts_with = "explain", value_parser = steps, allow_negative_numbers = true)]
     snapshot: Option<u64>,
     #[cfg(feature = "view")]
     #[command(flatten)]
@@ -108,6 +108,11 @@ fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
 pub fn run(arguments: &Arguments) -> Result<()> {
     #[cfg(feature = "view")]
     arguments.look.shown()?;
+    #[cfg(feature = "view")]
+    if arguments.snapshot.is_none() && arguments.look.is_asked_for() {
+        let what = "--size, --camera, --at and --show are of pictures, and none are asked for";
+        return Err(palpate::Error::Usage(format!("{what}: give --snapshot N as well")));
+    }
     let mut scene = Scene::load(&arguments.scene)?;
     if let Some(name) = &arguments.depth {
         scene.contact.depth = DepthPath::CHOICES.iter().find(|(known, _)| known == name).and_then(|(_, path)| *path);

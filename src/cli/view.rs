@@ -19,7 +19,7 @@ use palpate::haptics::Device;
 use palpate::haptics::devices::Mouse;
 use palpate::haptics::devices::mouse::Goal;
 use palpate::report::{Output, Row, Trace};
-use palpate::scene::{DeviceKind, Key, Scene};
+use palpate::scene::{DeviceKind, Haptics, Key, Scene};
 use palpate::step::Simulation;
 use palpate::view::live::{Begin, Extent, Lead, Live, MakeDevice, Watch};
 use palpate::{Error, Result};
@@ -30,8 +30,6 @@ use app::App;
 
 const TRACE: &str = "trace.csv";
 const DEVICES: [&str; 6] = ["mouse", "drive", "scripted", "hand", "replay", "haply"];
-/// Of the window, pixels.
-const SIZE: [u32; 2] = [1280, 720];
 
 /// Options of `palpate view`.
 #[derive(clap::Args)]
@@ -91,18 +89,27 @@ pub fn view(arguments: &Arguments) -> Result<()> {
     let trace = Shared::new(output.as_mut(), &simulation)?;
     let goal = (name == "mouse").then(Goal::default);
     let folder = arguments.out.clone().unwrap_or_default();
-    let begin =
-        Begin { lead: lead(name, goal.as_ref()), extent, watch: trace.watch(), folder: folder.clone(), simulation };
-    let size = arguments.size.unwrap_or(SIZE);
-    let mut app =
-        App::new(&events, Live::start(begin)?, context.clone(), app::Setup { size, goal, folder, stop, scene });
+    let begin = Begin {
+        lead: lead(name, goal.as_ref(), &scene.haptics),
+        extent,
+        watch: trace.watch(),
+        folder: folder.clone(),
+        simulation,
+    };
+    let size = arguments.size.unwrap_or(crate::film::SIZE);
+    let mut app = App::new(
+        &events,
+        Live::start(begin)?,
+        context.clone(),
+        app::Setup { size, goal, folder, ends: extent != Extent::Endless, stop, scene },
+    );
     let ran = events.run_app(&mut app).map_err(|error| Error::NoDevice(format!("the window failed: {error}")));
     let ended = app.end();
     trace.finish()?;
+    ended.and(ran)?;
     if let Some(output) = output {
         output.commit()?;
     }
-    ended.and(ran)?;
     match context.validation_messages() {
         messages if messages.is_empty() => Ok(()),
         messages => Err(Error::Simulation(format!("validation: {}", messages.join(" ")))),
@@ -135,13 +142,14 @@ fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
 }
 
 /// What leads the tool, by its name; the mouse by the goal.
-fn lead(name: &str, goal: Option<&Goal>) -> Lead {
+fn lead(name: &str, goal: Option<&Goal>, haptics: &Haptics) -> Lead {
     if name == "drive" {
         return Lead::Drive;
     }
-    let goal = goal.cloned();
+    let (goal, haptics) = (goal.cloned(), haptics.clone());
     let make: MakeDevice = Box::new(move |simulation, start: Key| match &goal {
-        None => hold::device(simulation.scene(), start),
+        // Of a surface that was dropped the device stays what the user chose.
+        None => hold::device(&Scene { haptics: haptics.clone(), ..simulation.scene().clone() }, start),
         Some(goal) => {
             goal.place(start.position, start.orientation);
             Ok(Box::new(Mouse::new(goal.clone())) as Box<dyn Device>)
@@ -154,7 +162,6 @@ fn lead(name: &str, goal: Option<&Goal>) -> Lead {
 struct Shared {
     trace: Arc<Mutex<Option<Trace<BufWriter<File>>>>>,
     file: PathBuf,
-    probes: usize,
 }
 
 impl Shared {
@@ -166,19 +173,17 @@ impl Shared {
             let made = Trace::new(output.file(TRACE)?, &probes);
             trace = Some(made.map_err(|source| Error::Output { file: file.clone(), source })?);
         }
-        Ok(Shared { trace: Arc::new(Mutex::new(trace)), file, probes: probes.len() })
+        Ok(Shared { trace: Arc::new(Mutex::new(trace)), file })
     }
 
-    /// Writes rows as they come; a scene that was dropped in has other probes, and is not traced.
+    /// Writes rows as they come.
     fn watch(&self) -> Watch {
-        let (trace, file, probes) = (self.trace.clone(), self.file.clone(), self.probes);
+        let (trace, file) = (self.trace.clone(), self.file.clone());
         Box::new(move |row: &Row| {
             let mut trace = trace.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
             match &mut *trace {
-                Some(trace) if row.probes.len() == probes => {
-                    trace.write(row).map_err(|source| Error::Output { file: file.clone(), source })
-                }
-                _ => Ok(()),
+                Some(trace) => trace.write(row).map_err(|source| Error::Output { file: file.clone(), source }),
+                None => Ok(()),
             }
         })
     }

@@ -14,6 +14,11 @@ impl Simulation {
         self.time
     }
 
+    /// Contact stiffness of the stiffest pair of bodies, N/m^3; 0: nothing can touch.
+    pub fn contact_stiffness(&self) -> f64 {
+        self.model.pairs.iter().map(|pair| f64::from(pair.stiffness)).fold(0.0, f64::max)
+    }
+
     /// What joins tool and device from now on. The loop chooses its own; whoever steps on without it gives back what there was.
     pub fn couple(&mut self, coupling: Option<Coupling>) {
         if let Some(tool) = &mut self.tool {

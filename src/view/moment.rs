@@ -12,8 +12,6 @@ use crate::step::{self, Field, FieldValues, Mesh, RegionSquare, Simulation};
 pub struct Moment {
     /// What is shown besides the skins.
     pub shown: Overlays,
-    /// Simulated time, s.
-    pub time: f64,
     /// Where the tool is, m.
     pub tool: Option<DVec3>,
     /// Where the device that holds it is, m; whoever knows sets it.
@@ -59,7 +57,6 @@ impl Moment {
         let frames = (0..simulation.bodies().len()).map(|body| simulation.frames(body).first().map(|p| p.centre));
         Ok(Moment {
             shown,
-            time: simulation.time(),
             tool,
             device: None,
             force: wrench.force,

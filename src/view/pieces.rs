@@ -80,6 +80,11 @@ pub struct Source<'a> {
     pub legend: &'a Legend,
 }
 
+/// Whether a field is everywhere in a body, and not where it is touched alone.
+pub fn is_of_bodies(field: Field) -> bool {
+    matches!(field, Field::StrainEnergy | Field::Displacement)
+}
+
 impl Pieces {
     fn add(&mut self, arrays: Arrays, range: Range<u32>, style: Style, material: Material) {
         let known = self.materials.iter().position(|other| *other == material);
@@ -106,8 +111,7 @@ impl Source<'_> {
     /// With values as colours where a field is shown.
     fn coloured(&self, material: Material) -> Material {
         let Some((field, high)) = self.legend.field else { return material };
-        let is_even = matches!(field, Field::StrainEnergy | Field::Displacement);
-        let flags = if is_even { flags::VALUED | flags::EVEN } else { flags::VALUED };
+        let flags = if is_of_bodies(field) { flags::VALUED | flags::EVEN } else { flags::VALUED };
         // Before anything was found the whole scale is at its beginning.
         Material { low: 0.0, high: if high > 0.0 { high as f32 } else { 1.0 }, ..material.with(flags) }
     }

@@ -8,19 +8,20 @@ use glam::{DMat4, DVec3};
 use super::Camera;
 use super::look::{self, BACKGROUND, Material, SCALE_COLOURS, View, across, columns, light};
 use super::moment::Moment;
-use super::parts::Parts;
+use super::overlay::Overlay;
+use super::parts::{Part, Parts};
 use super::picture::Picture;
-use super::pieces::{Piece, Pieces, Source, Style};
+use super::pieces::{Piece, Pieces, Source, Style, is_of_bodies};
 use super::scale::Scale;
 use crate::gpu::{
     Before, Buffer, Canvas, Context, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording, Side,
     Texels,
 };
-use crate::step::{Field, Simulation};
+use crate::step::{self, Field, FieldValues, Simulation};
 use crate::{Error, Result};
 
-/// Texels along the shadow's edge.
-const SHADOW_SIDE: u32 = 512;
+/// Texels along the shadow's edge: four a texel of its array, of which every device takes 65,536.
+const SHADOW_SIDE: u32 = 508;
 /// How far a shadow's caster must lie in front, of what the sun sees.
 const BIAS: f64 = 0.006;
 /// Towards the sun.
@@ -189,9 +190,10 @@ impl Renderer {
     fn read_scales(&mut self, moment: &Moment) {
         let field = moment.field.as_ref().map(|values| {
             let scale = &mut self.scales[values.field as usize];
-            scale.show(values.greatest.iter().copied().fold(0.0, f32::max).into());
+            scale.show(greatest_shown(moment, values, &self.parts.skins).into());
             (values.field, scale.high)
         });
+        let field = field.filter(|(field, _)| shows(moment, *field, &self.parts.skins));
         self.scales[FORCE].show(moment.force.length());
         self.scales[TORQUE].show(moment.torque.length());
         self.legend = Legend { field, force: self.scales[FORCE].high, torque: self.scales[TORQUE].high };
@@ -364,6 +366,21 @@ impl Pipelines {
             caster: RasterPipeline::onto(context, "view/shadow", &[], &shade)?,
         })
     }
+}
+
+/// Whether something is coloured by a field: a soft body's skin, or its layer where nodes have it.
+fn shows(moment: &Moment, field: Field, skins: &[Part]) -> bool {
+    let has_skins = !moment.shown.has(Overlay::Proxies) && !moment.shown.has(Overlay::Layer);
+    let has_layers = moment.shown.has(Overlay::Layer) && is_of_bodies(field);
+    (has_skins || has_layers) && skins.iter().any(|part| part.is_soft)
+}
+
+/// The greatest number of what is coloured.
+fn greatest_shown(moment: &Moment, values: &FieldValues, skins: &[Part]) -> f32 {
+    let soft = skins.iter().filter(|part| part.is_soft && !moment.shown.has(Overlay::Layer));
+    let of_skins = soft.filter_map(|part| values.greatest.get(part.body));
+    let layers = moment.meshes.iter().filter(|(overlay, _)| matches!(overlay, step::Overlay::Layers(_)));
+    of_skins.copied().chain(layers.map(|(_, mesh)| mesh.greatest)).fold(0.0, f32::max)
 }
 
 /// Pieces in slices of so many indices at most, three a triangle.

@@ -10,6 +10,8 @@ use crate::haptics::clock::Lateness;
 
 /// Steps whose delays are kept.
 const RECENT: usize = 128;
+/// A step that is due is asked for within this, or the simulation waits for something else.
+const SOON: Duration = Duration::from_millis(20);
 /// What a slice may take, of a step.
 const SLICE: f64 = 1.5;
 /// Steps whose lengths are kept: they change at once where contact begins.
@@ -38,6 +40,7 @@ struct State {
     last: Who,
     /// A slice took place where a step was due: that step comes next, and waited for so long.
     owed: Option<Duration>,
+    owed_since: Option<Instant>,
     delays: VecDeque<Duration>,
     /// How long recent steps took, without waiting.
     lengths: VecDeque<Duration>,
@@ -54,6 +57,7 @@ impl Default for State {
             waiting: [0; 2],
             last: Who::default(),
             owed: None,
+            owed_since: None,
             delays: VecDeque::new(),
             lengths: VecDeque::new(),
             steps: 0,
@@ -115,8 +119,8 @@ impl Turns {
         self.take(Who::Slice)
     }
 
-    /// The turn of a slice that the thread which steps draws itself before its next step, which it delays: until that step, or
-    /// [`Turns::rest`], no other slice begins.
+    /// The turn of a slice that the thread which steps draws itself before its next step, which it delays: until that step, if it
+    /// comes soon, or [`Turns::rest`], no other slice begins.
     pub fn slice_before_step(&self) -> Turn<'_> {
         self.take_as(Who::Slice, true)
     }
@@ -172,10 +176,12 @@ impl Turns {
         state.waiting[who as usize] += 1;
         let must_wait = |state: &State| {
             let is_others = state.last == who && state.waiting[1 - who as usize] > 0;
-            state.is_taken || is_others || (who == Who::Slice && !is_before_step && state.owed.is_some())
+            let is_due = state.owed.is_some() && state.owed_since.is_some_and(|since| since.elapsed() < SOON);
+            state.is_taken || is_others || (who == Who::Slice && !is_before_step && is_due)
         };
         while must_wait(&state) {
-            state = self.freed.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner());
+            let waited = self.freed.wait_timeout(state, SOON);
+            state = waited.unwrap_or_else(|poisoned| poisoned.into_inner()).0;
         }
         state.waiting[who as usize] -= 1;
         state.is_taken = true;
@@ -198,6 +204,7 @@ impl Drop for Turn<'_> {
             state.longest_slice = state.longest_slice.max(self.begun.elapsed());
             if self.is_before_step {
                 state.owed = Some(state.owed.unwrap_or_default() + self.begun.elapsed());
+                state.owed_since = Some(Instant::now());
             }
         }
         drop(state);

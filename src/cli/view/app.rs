@@ -24,10 +24,9 @@ use winit::window::WindowId;
 
 use super::closing::Frames;
 use super::drawing::{Drawing, Drawn, Order};
-use super::dropped::Dropped;
 use super::hand::Hand;
 use super::panel::{Panel, WIDTH};
-use crate::print;
+use crate::{print, tell};
 
 /// A frame takes at least this.
 const FRAME: Duration = Duration::from_millis(15);
@@ -40,7 +39,7 @@ pub enum Said {
     /// What a dropped file is being made into.
     Progress(String),
     /// A dropped file is ready, or cannot be used.
-    Ready(Result<Box<(Scene, Bodies, Dropped)>>),
+    Ready(Result<Box<(Scene, Bodies)>>),
 }
 
 /// What the window is opened with.
@@ -50,6 +49,8 @@ pub struct Setup {
     pub goal: Option<Goal>,
     /// For pictures.
     pub folder: PathBuf,
+    /// Whether it closes by itself, after so much.
+    pub ends: bool,
     /// Set by a signal.
     pub stop: Arc<AtomicBool>,
     pub scene: Scene,
@@ -70,13 +71,13 @@ pub struct App {
     hand: Hand,
     camera: Camera,
     atlas: Atlas,
+    /// Not yet painted with.
+    is_atlas_new: bool,
     is_drawing: bool,
     /// The camera looks at all of the next simulation.
     reframes: bool,
     due: Instant,
     picture: Option<PathBuf>,
-    /// The dropped file's own folder, as long as its scene is shown.
-    dropped: Option<Dropped>,
     error: Option<Error>,
 }
 
@@ -97,11 +98,11 @@ impl App {
             hand: Hand::default(),
             camera,
             atlas: Atlas::default(),
+            is_atlas_new: false,
             is_drawing: false,
             reframes: false,
             due: Instant::now(),
             picture: None,
-            dropped: None,
             error: None,
         }
     }
@@ -114,6 +115,11 @@ impl App {
         let delays = self.live.link().turns().all_delays();
         if !self.live.quit() {
             return Err(Error::Simulation("the simulation's thread failed; its device was let go of".into()));
+        }
+        let notes: Vec<String> = self.live.notes().collect();
+        notes.iter().for_each(|note| tell(note));
+        if let State::Failed(why) = &self.live.snapshot().state {
+            self.error.get_or_insert(Error::Simulation(why.clone()));
         }
         self.error.take().map_or(Ok(()), Err)?;
         print(&self.frames.summary(&delays))
@@ -161,7 +167,7 @@ impl App {
         input.handle_platform_output(window, output.platform_output);
         let goal = self.setup.goal.as_ref().map(|goal| goal.pose().0);
         let device = goal.or(snapshot.row.as_ref().and_then(|row| row.tool).map(|tool| tool.device.position));
-        let changed = tessellated::update(&mut self.atlas, &output.textures_delta);
+        self.is_atlas_new |= tessellated::update(&mut self.atlas, &output.textures_delta);
         let mut delta = output.textures_delta;
         delta.clear();
         let primitives = self.egui.tessellate(output.shapes, output.pixels_per_point);
@@ -171,8 +177,8 @@ impl App {
             overlays: self.panel.overlays,
             device,
             panel: tessellated::flat(&primitives, output.pixels_per_point, size),
-            atlas: changed.then(|| self.atlas.clone()),
-            picture: self.picture.take(),
+            atlas: self.is_atlas_new.then(|| self.atlas.clone()),
+            picture: self.picture.clone(),
         });
         self.is_drawing = true;
         command.into_iter().for_each(|command| self.live.link().tell(command));
@@ -181,6 +187,8 @@ impl App {
     fn drawn(&mut self, drawn: Drawn) {
         self.is_drawing = false;
         if drawn.is_shown {
+            // A frame that is not shown took neither.
+            (self.is_atlas_new, self.picture) = (false, None);
             self.panel.shown(drawn.took, drawn.slices);
             self.frames.add(drawn.took, drawn.slices, drawn.framed.is_some());
         }
@@ -190,11 +198,15 @@ impl App {
         if let Some(camera) = drawn.framed.filter(|_| self.reframes) {
             (self.camera, self.reframes) = (camera, false);
         }
-        if let Some(file) = drawn.picture {
-            let line = format!("picture: {}", file.display());
-            // Whoever closed the other end has read enough.
-            let _ = print(&format!("{line}\n"));
-            self.panel.say(line);
+        match drawn.picture {
+            Some(Ok(file)) => {
+                let line = format!("picture: {}", file.display());
+                // Whoever closed the other end has read enough.
+                let _ = print(&format!("{line}\n"));
+                self.panel.say(line);
+            }
+            Some(Err(error)) => self.panel.say(error.to_string()),
+            None => {}
         }
     }
 
@@ -235,15 +247,14 @@ impl App {
         events.exit();
     }
 
-    fn ready(&mut self, made: Result<Box<(Scene, Bodies, Dropped)>>) {
+    fn ready(&mut self, made: Result<Box<(Scene, Bodies)>>) {
         self.panel.progress = None;
         match made {
             Ok(made) => {
-                let (scene, bodies, dropped) = *made;
+                let (scene, bodies) = *made;
                 self.setup.scene = scene.clone();
                 self.live.link().tell(Command::Replace(Box::new((scene, bodies))));
                 self.reframes = true;
-                self.dropped = Some(dropped);
             }
             Err(error) => self.panel.say(error.to_string()),
         }
@@ -284,6 +295,10 @@ impl ApplicationHandler<Said> for App {
         let (Some(window), Some(input)) = (&self.window, &mut self.input) else { return };
         // What the panel makes of it, it shows in the next frame.
         let _ = input.on_window_event(window, &event);
+        if matches!(event, WindowEvent::KeyboardInput { .. }) && self.egui.egui_wants_keyboard_input() {
+            // A number is being written.
+            return;
+        }
         let edge = f64::from(window.inner_size().width) - f64::from(WIDTH) * window.scale_factor();
         let size = self.size();
         self.hand.hear(&event, edge, &mut self.camera, self.setup.goal.as_ref(), size);
@@ -303,7 +318,9 @@ impl ApplicationHandler<Said> for App {
     }
 
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {
-        if self.setup.stop.load(Ordering::Relaxed) || self.live.snapshot().state == State::Ended {
+        let state = &self.live.snapshot().state;
+        let is_over = *state == State::Ended || (self.setup.ends && matches!(state, State::Failed(_)));
+        if self.setup.stop.load(Ordering::Relaxed) || is_over {
             events.exit();
             return;
         }

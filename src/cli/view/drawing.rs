@@ -45,8 +45,8 @@ pub struct Drawn {
     pub slices: usize,
     /// From where all of the simulation is seen, where it is another than in the frame before.
     pub framed: Option<Camera>,
-    /// The picture that was written.
-    pub picture: Option<PathBuf>,
+    /// The picture that was written, or why it was not.
+    pub picture: Option<Result<PathBuf>>,
 }
 
 /// The thread; dropped, it ends after the frame under way.
@@ -133,7 +133,7 @@ impl Artist {
             easel.go_on(&mut frame, until)?;
             slices += 1;
         }
-        let drawn = easel.end(frame)?;
+        let drawn = easel.end(frame);
         self.easel = Some(easel);
         Ok(Drawn { slices, took: begun.elapsed().as_secs_f64(), ..drawn })
     }

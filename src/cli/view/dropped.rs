@@ -10,10 +10,6 @@ use winit::event_loop::EventLoopProxy;
 
 use super::app::Said;
 
-/// The folder of a scene that was made of a surface.
-#[derive(Debug)]
-pub struct Dropped(#[allow(dead_code)] TempDir);
-
 /// Prepares a file and says how it goes.
 pub fn prepare(file: PathBuf, said: EventLoopProxy<Said>) {
     let tell = said.clone();
@@ -28,7 +24,7 @@ pub fn prepare(file: PathBuf, said: EventLoopProxy<Said>) {
     }
 }
 
-fn made(file: &Path, say: &mut dyn FnMut(String)) -> Result<(Scene, Bodies, Dropped)> {
+fn made(file: &Path, say: &mut dyn FnMut(String)) -> Result<(Scene, Bodies)> {
     let folder = TempDir::new().map_err(|source| Error::Output { file: std::env::temp_dir(), source })?;
     let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     crate::prepare::quietly(file, folder.path(), &mut |stage| say(format!("preparing {name}: {stage}")))?;
@@ -39,7 +35,7 @@ fn made(file: &Path, say: &mut dyn FnMut(String)) -> Result<(Scene, Bodies, Drop
         say(format!("preparing {name}: {}, {}", progress.name, progress.stage.name()));
         Ok(())
     })?;
-    Ok((scene, bodies, Dropped(folder)))
+    Ok((scene, bodies))
 }
 
 #[cfg(test)]
@@ -57,11 +53,10 @@ mod tests {
         std::fs::write(&good, BOX).unwrap();
         std::fs::write(&bad, "v 1 2\nf 1 2 3\n").unwrap();
         let mut lines = Vec::new();
-        let (scene, bodies, dropped) = made(&good, &mut |line| lines.push(line)).unwrap();
+        let (scene, bodies) = made(&good, &mut |line| lines.push(line)).unwrap();
         assert!(scene.tool.is_some() && scene.coupling.is_some() && scene.haptics.is_held);
         assert_eq!((bodies.bodies.len(), bodies.tool.is_some()), (1, true));
         assert!(lines.iter().all(|line| line.starts_with("preparing box.obj: ")) && lines.len() > 3, "{lines:?}");
-        assert!(dropped.0.path().join("scene.toml").exists());
         let error = made(&bad, &mut |_| {}).map(drop).unwrap_err().to_string();
         assert!(error.contains("bad.obj") && !error.contains('\n'), "{error}");
     }

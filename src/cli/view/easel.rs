@@ -4,12 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use palpate::Result;
 use palpate::gpu::{Content, Context, Recording, Window};
+use palpate::report::Output;
 use palpate::step::Simulation;
 use palpate::view::painter::Painter;
 use palpate::view::picture::Picture;
 use palpate::view::{Labels, Moment, Renderer, Settings};
-use palpate::{Error, Result};
 
 use super::drawing::{Drawn, Order};
 
@@ -127,18 +128,19 @@ impl Easel {
     }
 
     /// Writes the picture that was asked for, where one was.
-    pub fn end(&mut self, frame: Frame) -> Result<Drawn> {
+    pub fn end(&mut self, frame: Frame) -> Drawn {
         let Frame { order, took, picture, drawn, .. } = frame;
         self.took = took;
-        if let (Some(picture), Some(file)) = (&picture, &order.picture) {
-            write(picture, file)?;
-        }
-        Ok(Drawn { picture: order.picture.filter(|_| picture.is_some()), ..drawn })
+        let written = picture.zip(order.picture).map(|(picture, file)| write(&picture, &file).map(|()| file));
+        Drawn { picture: written, ..drawn }
     }
 }
 
+/// All of the file, or nothing.
 fn write(picture: &Picture, file: &Path) -> Result<()> {
-    let failed = |source| Error::Output { file: file.into(), source };
-    let out = std::fs::File::create(file).map_err(failed)?;
-    picture.write_png(std::io::BufWriter::new(out)).map_err(failed)
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let mut output = Output::create(folder)?;
+    output.write(&name, |w| picture.write_png(w))?;
+    output.commit()
 }

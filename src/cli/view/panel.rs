@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use egui::{Color32, Pos2, RichText, Sense, Slider, Stroke, Ui, Vec2};
+use egui::{Color32, Pos2, RichText, Sense, Slider, SliderClamping, Stroke, Ui, Vec2};
 use palpate::scene::{Contact, Coupling, Material};
 use palpate::view::live::{Command, Sample, Settings, Snapshot, State};
 use palpate::view::overlay::{Overlay, Overlays};
@@ -23,16 +23,17 @@ const LINES: usize = 5;
 const STAGES: usize = 6;
 
 const HELP: &str = "left drag: move the tool, with the wheel its depth\narrows, q, e: turn the tool\nright drag: orbit   middle \
-    drag: pan   wheel: zoom\nspace: pause   . : one step   r: reset\ns: picture   t: record a session\n1 to 9: what else is \
-    shown   h: this help\nEsc: close";
+    drag: pan   wheel: zoom\nspace: pause   . : one step   r: reset\ns: picture   t: record a session\n1 pressure   2 depth   \
+    3 force\n4 proxies   5 regions   6 layer   7 cores\n8 strain energy   9 displacement\nh: this help   Esc: close";
 
 /// What the panel keeps between frames.
 pub struct Panel {
     samples: VecDeque<Sample>,
     lines: VecDeque<String>,
     frame: Frames,
-    /// What is being dragged, and when it was last sent.
+    /// What is being dragged, whether it was sent as it is, and when something was.
     dragged: Option<Dragged>,
+    is_sent: bool,
     sent: Instant,
     pub shows_help: bool,
     pub overlays: Overlays,
@@ -71,6 +72,7 @@ impl Panel {
             lines: VecDeque::new(),
             frame: Frames::default(),
             dragged: None,
+            is_sent: true,
             sent: Instant::now(),
             shows_help: false,
             overlays: Overlays::of(&[Overlay::Pressure, Overlay::Arrows]),
@@ -209,8 +211,10 @@ impl Panel {
         let mut touched = None;
         let mut is_let_go = false;
         let mut slide = |ui: &mut Ui, value: &mut f64, range: [f64; 2], text: &str, is_log: bool| {
-            let slider = Slider::new(value, range[0]..=range[1]).text(text).logarithmic(is_log).max_decimals(6);
-            let response = ui.add(slider);
+            // What the scene says stays as it is until somebody moves it, within the range or not.
+            let slider = Slider::new(value, range[0]..=range[1]).text(text).logarithmic(is_log);
+            let slider = slider.clamping(SliderClamping::Never).update_while_editing(false);
+            let response = ui.add(slider.custom_formatter(|x, _| shown(x)));
             is_let_go |= response.drag_stopped() || (response.changed() && !response.dragged());
             response.changed() || response.drag_stopped()
         };
@@ -235,8 +239,9 @@ impl Panel {
                     _ => law.clone(),
                 };
                 let mut changed = false;
-                if let Some(stiffness) = &mut new.stiffness {
-                    changed |= slide(ui, stiffness, [1e5, 1e10], "stiffness, N/m^3", true);
+                let mut stiffness = new.stiffness.unwrap_or(settings.stiffness);
+                if slide(ui, &mut stiffness, [1e5, 1e10], "stiffness, N/m^3", true) {
+                    (new.stiffness, changed) = (Some(stiffness), true);
                 }
                 changed |= slide(ui, &mut new.friction, [0.0, 1.5], "friction", false);
                 if changed {
@@ -260,15 +265,27 @@ impl Panel {
                 }
             });
         }
-        let touched = touched?;
+        let Some(touched) = touched else {
+            // A drag that rests has its last value sent as well.
+            let is_due = !self.is_sent && self.sent.elapsed() >= OFTEN;
+            let waiting = self.dragged.as_ref().filter(|dragged| is_due && !matches!(dragged, Dragged::Coupling(_)));
+            let command = waiting.map(Dragged::command)?;
+            (self.is_sent, self.sent) = (true, Instant::now());
+            return Some(command);
+        };
         // A coupling begins a session anew: only when it is let go.
         let waits = matches!(touched, Dragged::Coupling(_)) || self.sent.elapsed() < OFTEN;
         if waits && !is_let_go {
-            self.dragged = Some(touched);
+            (self.dragged, self.is_sent) = (Some(touched), false);
             return None;
         }
-        self.sent = Instant::now();
+        (self.is_sent, self.sent) = (true, Instant::now());
         self.dragged = (!is_let_go).then(|| touched.clone());
         Some(touched.command())
     }
+}
+
+/// A slider's number, short.
+fn shown(x: f64) -> String {
+    if x != 0.0 && !(1e-3..1e5).contains(&x.abs()) { format!("{x:.3e}") } else { format!("{x:.4}") }
 }

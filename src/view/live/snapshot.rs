@@ -34,6 +34,8 @@ pub struct Settings {
     pub materials: Vec<(usize, usize, String, Material)>,
     /// The contact law.
     pub contact: Option<Contact>,
+    /// Of the stiffest pair of bodies, N/m^3: what "auto" stands for.
+    pub stiffness: f64,
     /// The coupling asked for.
     pub coupling: Option<Coupling>,
     /// Whether the loop chooses what the coupling may be.
@@ -119,6 +121,7 @@ pub(super) fn settings(simulation: &Simulation, is_held: bool) -> Settings {
     Settings {
         materials: scene.bodies.iter().enumerate().flat_map(of_body).collect(),
         contact: Some(scene.contact.clone()),
+        stiffness: simulation.contact_stiffness(),
         coupling: if simulation.tool().is_some() { scene.coupling } else { None },
         is_held,
     }

@@ -36,6 +36,8 @@ pub(super) struct Worker {
     /// The state before the first step.
     first: Vec<u8>,
     is_changed: bool,
+    /// It is another scene than that of the beginning, which nobody watches and no file replays.
+    is_replaced: bool,
     /// Steps of [`Extent::Steps`] that were done.
     done: u64,
 }
@@ -44,7 +46,10 @@ pub(super) struct Worker {
 pub(super) enum Next {
     Run,
     Rest(State),
-    Reset,
+    /// From the start, and then running or not.
+    Reset {
+        rests: bool,
+    },
     Record,
     Replace(Box<(Scene, Bodies)>),
     Quit,
@@ -68,6 +73,7 @@ impl Worker {
             turns,
             commands,
             is_changed: false,
+            is_replaced: false,
             done: 0,
         };
         worker.show_settings();
@@ -81,7 +87,8 @@ impl Worker {
             let done = match next {
                 Next::Quit => return,
                 Next::Run => self.go(None),
-                Next::Reset => self.reset().and_then(|()| self.go(None)),
+                Next::Reset { rests: false } => self.reset().and_then(|()| self.go(None)),
+                Next::Reset { rests: true } => self.reset().map(|()| self.rest(State::Paused)),
                 Next::Record => self.record(),
                 Next::Replace(other) => {
                     self.replace(*other);
@@ -141,7 +148,9 @@ impl Worker {
 
     /// Publishes what a step found.
     pub fn found(&mut self, row: &Row) -> Result<()> {
-        (self.watch)(row)?;
+        if !self.is_replaced {
+            (self.watch)(row)?;
+        }
         self.out.sample(row);
         if let Some(stages) = self.simulation.stage_times() {
             self.snapshot.stages = stages.to_vec();
@@ -223,13 +232,17 @@ impl Worker {
                 what(&mut self.simulation, self.snapshot.generation);
             }
             Command::Quit => self.next = Some(Next::Quit),
-            Command::Reset => self.next = Some(Next::Reset),
+            Command::Reset => self.next = Some(Next::Reset { rests: self.snapshot.state == State::Paused }),
             Command::Pause => self.next = Some(if rests { Next::Run } else { Next::Rest(State::Paused) }),
             Command::Step if rests => self.step_once(),
             Command::Step => self.next = Some(Next::Rest(State::Paused)),
             Command::Record => match (&self.snapshot.state, &self.lead) {
                 (State::Recording(_), _) => self.next = Some(Next::Run),
                 (_, Lead::Drive) => self.out.note("nothing is recorded: the scene's keys lead, and no device does"),
+                _ if self.is_replaced => {
+                    let remedy = "palpate prepare FILE --out DIR, then palpate view DIR/scene.toml";
+                    self.out.note(format!("nothing is recorded: a dropped surface has no scene to replay; {remedy}"));
+                }
                 _ => self.next = Some(Next::Record),
             },
             Command::Replace(other) => self.next = Some(Next::Replace(other)),
@@ -318,7 +331,7 @@ impl Worker {
         let context = self.simulation.context().clone();
         let made = Simulation::check_room(&context, &scene).and_then(|()| Simulation::of(&context, &scene, bodies));
         match made.and_then(|simulation| self.take(simulation)) {
-            Ok(()) => self.given = scene,
+            Ok(()) => (self.given, self.is_replaced) = (scene, true),
             Err(error) => self.out.note(error.to_string()),
         }
     }
