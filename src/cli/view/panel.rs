@@ -117,7 +117,7 @@ impl Panel {
         let mut command = None;
         egui::Panel::right("panel").exact_size(WIDTH).show(ui, |ui| {
             egui::ScrollArea::vertical().show(ui, |ui| {
-                ui.spacing_mut().slider_width = 100.0;
+                ui.spacing_mut().slider_width = 64.0;
                 self.state(ui, snapshot);
                 self.felt(ui, snapshot);
                 self.cost(ui, snapshot, delays);
@@ -285,7 +285,37 @@ impl Panel {
     }
 }
 
-/// A slider's number, short.
+/// A slider's number: four digits.
 fn shown(x: f64) -> String {
-    if x != 0.0 && !(1e-3..1e5).contains(&x.abs()) { format!("{x:.3e}") } else { format!("{x:.4}") }
+    if x == 0.0 {
+        return "0".into();
+    }
+    let power = x.abs().log10().floor();
+    if !(-3.0..=5.0).contains(&power) {
+        return format!("{x:.2e}");
+    }
+    let text = format!("{x:.0$}", (3.0 - power).max(0.0) as usize);
+    let trimmed = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    trimmed.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_sliders_are_short_and_read_back() {
+        let all = [
+            (0.0, "0"),
+            (20_000.0, "20000"),
+            (0.45, "0.45"),
+            (1.0 / 3.0, "0.3333"),
+            (2e-3, "0.002"),
+            (3.1e8, "3.10e8"),
+        ];
+        for (x, text) in all {
+            assert_eq!(shown(x), text);
+            assert!((text.parse::<f64>().unwrap() - x).abs() <= 1e-3 * x);
+        }
+    }
 }
