@@ -118,7 +118,7 @@ const FIGURES: [Figure; 6] = [
         name: "pumpkins-and-human",
         shots: &[
             shot("pumpkins", 0.0, &[], [20.0, 10.0, 0.95], [0.0; 3], [427, 480]),
-            shot("pumpkins", 0.25, &[Overlay::Pressure], [20.0, 10.0, 0.95], [0.0; 3], [427, 480]),
+            shot("pumpkins", 0.25, &[], [20.0, 10.0, 0.95], [0.0; 3], [427, 480]),
             shot("touch-human", 0.3, &[Overlay::Arrows], [25.0, 8.0, 1.5], [0.0, 0.2, 0.0], [426, 480]),
         ],
     },

@@ -187,8 +187,8 @@ impl App {
     fn drawn(&mut self, drawn: Drawn) {
         self.is_drawing = false;
         if drawn.is_shown {
-            // A frame that is not shown took neither.
-            (self.is_atlas_new, self.picture) = (false, None);
+            // A frame that is not shown did not take it.
+            self.is_atlas_new = false;
             self.panel.shown(drawn.took, drawn.slices);
             self.frames.add(drawn.took, drawn.slices, drawn.framed.is_some());
         }
@@ -197,6 +197,9 @@ impl App {
         }
         if let Some(camera) = drawn.framed.filter(|_| self.reframes) {
             (self.camera, self.reframes) = (camera, false);
+        }
+        if drawn.picture.is_some() {
+            self.picture = None;
         }
         match drawn.picture {
             Some(Ok(file)) => {

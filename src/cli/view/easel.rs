@@ -4,13 +4,12 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use palpate::Result;
 use palpate::gpu::{Content, Context, Recording, Window};
-use palpate::report::Output;
 use palpate::step::Simulation;
 use palpate::view::painter::Painter;
 use palpate::view::picture::Picture;
 use palpate::view::{Labels, Moment, Renderer, Settings};
+use palpate::{Error, Result};
 
 use super::drawing::{Drawn, Order};
 
@@ -139,8 +138,9 @@ impl Easel {
 /// All of the file, or nothing.
 fn write(picture: &Picture, file: &Path) -> Result<()> {
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let name = file.file_name().unwrap_or_default().to_string_lossy();
-    let mut output = Output::create(folder)?;
-    output.write(&name, |w| picture.write_png(w))?;
-    output.commit()
+    let failed = |source| Error::Output { file: file.into(), source };
+    // Not an `Output`: the session may be writing one into the same folder.
+    let mut out = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+    picture.write_png(std::io::BufWriter::new(&mut out)).map_err(failed)?;
+    out.persist(file).map(drop).map_err(|error| failed(error.error))
 }
