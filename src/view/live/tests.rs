@@ -127,6 +127,8 @@ fn it_pauses_steps_by_hand_resets_and_changes_between_steps() {
     let first = bits(&rows.lock().unwrap()[0]);
     let before = rows.lock().unwrap().len();
     live.link().tell(Command::Reset);
+    until(&mut live, |snapshot| snapshot.state == State::Paused && snapshot.row.is_none());
+    live.link().tell(Command::Pause);
     until(&mut live, |snapshot| snapshot.state == State::Running && snapshot.row.is_some());
     assert_eq!(bits(&rows.lock().unwrap()[before]), first, "nothing touches in the first step");
     assert!(live.quit() && !live.is_running());
@@ -181,7 +183,8 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
     let recording = |snapshot: &Snapshot| matches!(snapshot.state, State::Recording(_));
     until(&mut live, |snapshot| recording(snapshot) && snapshot.haptics.as_ref().is_some_and(|s| s.ticks > 20));
     goal.shift(DVec3::Y * -0.01);
-    until(&mut live, |snapshot| recording(snapshot) && pressed(snapshot));
+    let has_stepped = |snapshot: &Snapshot| snapshot.row.as_ref().is_some_and(|row| row.step > 20);
+    until(&mut live, |snapshot| recording(snapshot) && pressed(snapshot) && has_stepped(snapshot));
     live.link().tell(Command::Record);
     until(&mut live, |snapshot| snapshot.state == State::Running);
     live.link().tell(Command::Pause);
