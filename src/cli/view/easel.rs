@@ -1,5 +1,7 @@
 //! What a frame is drawn with, in parts: it begins on the simulation's thread, between two steps, and goes on where there is time.
 
+use std::fs::{self, File};
+use std::io::BufWriter;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -137,10 +139,14 @@ impl Easel {
 
 /// All of the file, or nothing.
 fn write(picture: &Picture, file: &Path) -> Result<()> {
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let failed = |source| Error::Output { file: file.into(), source };
     // Not an `Output`: the session may be writing one into the same folder.
-    let mut out = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    picture.write_png(std::io::BufWriter::new(&mut out)).map_err(failed)?;
-    out.persist(file).map(drop).map_err(|error| failed(error.error))
+    let partial = file.with_extension("png.partial");
+    let written = File::create(&partial)
+        .and_then(|out| picture.write_png(BufWriter::new(out)))
+        .and_then(|()| fs::rename(&partial, file));
+    written.map_err(|source| {
+        // What cannot be removed stays: there is nobody left to tell.
+        let _ = fs::remove_file(&partial);
+        Error::Output { file: file.into(), source }
+    })
 }
