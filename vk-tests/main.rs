@@ -44,6 +44,7 @@ mod motion;
 mod newton;
 mod overflows;
 mod overlays;
+mod panel;
 mod paths;
 mod pose;
 mod query;
