@@ -37,6 +37,8 @@ pub struct Section {
     pub plot: Option<String>,
     /// One sentence that the numbers say.
     pub finding: String,
+    /// What else is to be known of them.
+    pub notes: Vec<String>,
 }
 
 /// Columns of text; the first is flush left, the others are numbers.
@@ -55,8 +57,14 @@ impl Document {
         for chapter in &self.chapters {
             // Writing into a string cannot fail.
             let _ = write!(text, "\n## {}\n\n{}\n", chapter.title, chapter.preface);
-            for Section { title, question, table, finding, .. } in &chapter.sections {
+            for Section { title, question, table, finding, notes, .. } in &chapter.sections {
                 let _ = write!(text, "\n### {title}\n\n{question}\n\n{}\n**Found:** {finding}\n", table.markdown());
+                if !notes.is_empty() {
+                    text.push('\n');
+                }
+                for note in notes {
+                    let _ = writeln!(text, "- {note}");
+                }
             }
         }
         text
@@ -96,6 +104,10 @@ mod tests {
     fn a_table_is_aligned() {
         let table = Table { rows: vec![vec!["a".into(), "12".into()]], ..Table::new(["name", "n"]) };
         let section = Section { title: "T".into(), table, finding: "So.".into(), ..Section::default() };
+        let noted = Section { notes: vec!["And so.".into()], ..section.clone() };
+        let chapter = Chapter { title: "C".into(), sections: vec![noted], ..Chapter::default() };
+        let text = Document { chapters: vec![chapter], ..Document::default() }.markdown();
+        assert!(text.ends_with("**Found:** So.\n\n- And so.\n"), "{text}");
         let chapter = Chapter { title: "C".into(), sections: vec![section], ..Chapter::default() };
         let text = Document { chapters: vec![chapter], ..Document::default() }.markdown();
         assert!(text.contains("| name |  n |\n| ---- | -: |\n| a    | 12 |\n"), "{text}");

@@ -54,7 +54,7 @@ impl Document {
 }
 
 fn write_section(page: &mut String, section: &Section, id: &str) {
-    let Section { title, question, table, plot, finding } = section;
+    let Section { title, question, table, plot, finding, notes } = section;
     let _ = writeln!(
         page,
         "<section id=\"{id}\">\n<h3>{}</h3>\n<p class=\"question\">{}</p>",
@@ -66,6 +66,10 @@ fn write_section(page: &mut String, section: &Section, id: &str) {
         // What comes before the element itself is for files.
         let element = svg.find("<svg").map_or(svg.as_str(), |at| &svg[at..]);
         let _ = writeln!(page, "<figure>{element}</figure>");
+    }
+    if !notes.is_empty() {
+        let notes: String = notes.iter().map(|note| format!("<li>{}</li>\n", set(note))).collect();
+        let _ = writeln!(page, "<ul class=\"notes\">\n{notes}</ul>");
     }
     write_table(page, table);
     page.push_str("</section>\n");
@@ -124,8 +128,8 @@ mod tests {
     fn a_page_has_everything_within_it() {
         let table = Table { rows: vec![vec!["a < b".into(), "12".into()]], ..Table::new(["name", "n"]) };
         let plot = Some("<?xml version=\"1.0\"?>\n<svg width=\"1\"></svg>".into());
-        let section =
-            Section { title: "T & U".into(), question: "Is `x` so?".into(), table, plot, finding: "So.".into() };
+        let (question, notes) = ("Is `x` so?".into(), vec!["Not > it.".into()]);
+        let section = Section { title: "T & U".into(), question, table, plot, finding: "So.".into(), notes };
         let chapter = Chapter { title: "C".into(), preface: "How.".into(), sections: vec![section.clone(), section] };
         let page = Document { title: "R".into(), preface: "Where.".into(), chapters: vec![chapter] }.html();
         let parts = [
@@ -133,6 +137,7 @@ mod tests {
             "<code>x</code>",
             "T &amp; U",
             "<figure><svg width",
+            "<li>Not &gt; it.</li>",
             "#c0s1",
             "Where.",
         ];

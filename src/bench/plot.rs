@@ -10,8 +10,16 @@ use crate::{Error, Result};
 const SIZE: (u32, u32) = (760, 420);
 /// Of a bar and the gap after it.
 const BAR_HEIGHT: u32 = 30;
-/// From here on a logarithmic axis has room for powers of ten alone.
-const CROWDED: f64 = 50.0;
+/// Ticks of a logarithmic axis: more would run into each other, fewer tell nothing of the scale.
+const TICKS: std::ops::RangeInclusive<usize> = 3..=7;
+/// Digits at which it has them, from sparse to dense.
+const DIGITS: [&[f64]; 5] = [
+    &[1.0],
+    &[1.0, 3.0],
+    &[1.0, 2.0, 5.0],
+    &[1.0, 1.5, 2.0, 3.0, 5.0, 7.0],
+    &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
+];
 /// Of a power of ten.
 const ROUNDING: f64 = 1e-9;
 /// Of a row of panels.
@@ -186,11 +194,11 @@ fn spans(axes: &Logarithmic, panels: &[Panel]) -> [std::ops::Range<f64>; 2] {
 fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops::Range<f64>; 2]) -> Drawn {
     let mut builder = ChartBuilder::on(area);
     builder.margin(12).margin_right(NAMES).x_label_area_size(44).y_label_area_size(66).caption(&panel.title, FONT);
-    let mut chart = builder.build_cartesian_2d(x.clone().log_scale(), y.clone().log_scale())?;
+    let keyed = |span: &std::ops::Range<f64>| span.clone().log_scale().with_key_points(ticks(span));
+    let mut chart = builder.build_cartesian_2d(keyed(x), keyed(y))?;
     let mut mesh = chart.configure_mesh();
     mesh.x_desc(axes.x).y_desc(axes.y).label_style(FONT).axis_desc_style(FONT);
-    let (x_name, y_name) = (|at: &f64| power(*at, x), |at: &f64| power(*at, y));
-    mesh.x_label_formatter(&x_name).y_label_formatter(&y_name);
+    mesh.x_label_formatter(&|at| power(*at)).y_label_formatter(&|at| power(*at));
     mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).draw()?;
     if let Some(level) = axes.level {
         let ends = [(x.start, level), (x.end, level)];
@@ -207,14 +215,21 @@ fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops
     draw_names(area, &panel.lines, ends)
 }
 
-/// Of 1, 2 and 5 times a power of ten, or of that alone where many are in the span; as [`number`] where that is short.
-fn power(x: f64, span: &std::ops::Range<f64>) -> String {
-    let digit = (x / 10f64.powf((x.log10() + 1e-9).floor())).round() as u32;
-    match digit {
-        1 => (),
-        2 | 5 if span.end < CROWDED * span.start => (),
-        _ => return String::new(),
-    }
+/// Round numbers within a span: the sparsest set that has enough of them, without some of the powers of ten where they alone
+/// are too many.
+fn ticks(span: &std::ops::Range<f64>) -> Vec<f64> {
+    let powers = span.start.log10().floor() as i32..=span.end.log10().ceil() as i32;
+    let of = |digits: &[f64]| -> Vec<f64> {
+        let all = powers.clone().flat_map(|power| digits.iter().map(move |digit| digit * 10f64.powi(power)));
+        all.filter(|tick| span.contains(tick)).collect()
+    };
+    let all = DIGITS.iter().map(|digits| of(digits)).find(|ticks| ticks.len() >= *TICKS.start());
+    let all = all.unwrap_or_else(|| of(DIGITS[DIGITS.len() - 1]));
+    all.iter().copied().step_by(all.len().div_ceil(*TICKS.end()).max(1)).collect()
+}
+
+/// As [`number`] where that is short.
+fn power(x: f64) -> String {
     if (0.1..1e4).contains(&x) { number(x) } else { format!("{x:.0e}") }
 }
 
@@ -283,10 +298,11 @@ mod tests {
     }
 
     #[test]
-    fn crowded_axes_name_powers_of_ten_alone() {
-        let names = |end: f64| [1.0, 2.0, 3.0, 5.0, 10.0].map(|x| power(x, &(1.0..end)));
-        assert_eq!(names(20.0), ["1", "2", "", "5", "10"]);
-        assert_eq!(names(1e3), ["1", "", "", "", "10"]);
-        assert_eq!(power(1e-5, &(1e-6..1.0)), "1e-5");
+    fn axes_have_enough_ticks_and_not_too_many() {
+        assert_eq!(ticks(&(0.9..2e3)), [1.0, 10.0, 100.0, 1e3]);
+        assert_eq!(ticks(&(9.0..70.0)), [10.0, 20.0, 50.0]);
+        assert_eq!(ticks(&(13.0..21.0)), [14.0, 16.0, 18.0, 20.0]);
+        assert_eq!(ticks(&(0.9e-9..1.1e3)).len(), 7, "every second power");
+        assert_eq!([1e-5, 0.2, 1.4, 5e4].map(power), ["1e-5", "0.2", "1.4", "5e4"]);
     }
 }

@@ -39,6 +39,7 @@ pub fn document(results: &Results) -> Document {
         table: laws(results),
         plot: Some(heat_map::svg(results)),
         finding,
+        ..Section::default()
     };
     let sections = vec![matrix, safe(results), rest(results)];
     let chapter = Chapter { title: "Stability".into(), preface: method.into(), sections };
@@ -73,17 +74,32 @@ fn laws(results: &Results) -> Table {
     table
 }
 
+/// Where a region has no end.
+const NOTHING: &str = "none";
+
 fn safe(results: &Results) -> Section {
     let mut table = Table::new(["axis", "passes", "first beyond, below", "first beyond, above"]);
+    let mut ends = Vec::new();
     for axis in &results.axes {
-        table.rows.push(safe_row(axis));
+        let row = safe_row(axis);
+        // Beyond both ends nothing was tried: it passes wherever it was.
+        if row[2..] != [NOTHING, NOTHING] {
+            ends.push(axis.title.to_lowercase());
+        }
+        table.rows.push(row);
     }
+    let all = results.axes.len();
+    let finding = match ends.len() {
+        0 => format!("All values of all {all} axes pass."),
+        count => format!("{} of {all} axes pass over all their values; {} do not.", all - count, ends.join(", ")),
+    };
     Section {
         title: "Where the safe region ends".into(),
         question: "Between which values of each axis do all cases pass, and what comes first beyond?".into(),
         table,
         plot: None,
-        finding: "Outside of these values flags say in which steps not to trust the force.".into(),
+        finding,
+        ..Section::default()
     }
 }
 
@@ -100,7 +116,7 @@ fn safe_row(axis: &AxisResult) -> Vec<String> {
         }
     }
     let label = |k: usize| format!("{} ({})", axis.cells[k].label, axis.cells[k].verdict.name());
-    let none = || "none".to_string();
+    let none = || NOTHING.to_string();
     if best.is_empty() {
         return vec![axis.title.clone(), none(), none(), axis.cells.first().map_or_else(none, |_| label(0))];
     }
@@ -132,6 +148,7 @@ fn rest(results: &Results) -> Section {
             [] => "No failure is silent, and all that must pass passes.".into(),
             faults => format!("Not as it must be: {}.", faults.join("; ")),
         },
+        ..Section::default()
     }
 }
 

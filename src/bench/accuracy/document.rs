@@ -51,12 +51,17 @@ pub fn section(curve: &Curve) -> Result<Section> {
             None => drawn.push(Panel { title: line.panel.into(), lines: vec![new] }),
         }
     }
+    // What has no error has no logarithm.
+    drawn.retain(|panel| panel.lines.iter().any(|line| line.points.iter().any(|(_, error)| *error > 0.0)));
+    let plot = if drawn.is_empty() { None } else { Some(panels(&axes, &drawn)?) };
+    let (finding, notes) = finding(curve);
     Ok(Section {
         title: curve.title.clone(),
         question: curve.question.clone(),
         table: table(curve, is_by_time),
-        plot: Some(panels(&axes, &drawn)?),
-        finding: finding(curve),
+        plot,
+        finding,
+        notes,
     })
 }
 
@@ -83,12 +88,17 @@ fn table(curve: &Curve, is_by_time: bool) -> Table {
     table
 }
 
-fn finding(curve: &Curve) -> String {
-    [verdict(curve), bought(curve), orders(curve), span(curve)]
-        .into_iter()
-        .filter(|text| !text.is_empty())
-        .collect::<Vec<_>>()
-        .join(" ")
+/// The one sentence, and what stands below it: of a curve beyond its bound that it is; of settings none of which is finer than
+/// another that all are the same; else what the error costs.
+fn finding(curve: &Curve) -> (String, Vec<String>) {
+    let (verdict, bought) = (verdict(curve), bought(curve));
+    let [first, second] = match (curve.judged, curve.is_within()) {
+        (Judged::Every, _) => [verdict, String::new()],
+        (_, true) => [bought, verdict],
+        (_, false) => [verdict, bought],
+    };
+    let notes = [second, orders(curve), span(curve)];
+    (first, notes.into_iter().filter(|text| !text.is_empty()).collect())
 }
 
 /// What the settings that are judged promise.
@@ -103,6 +113,9 @@ fn verdict(curve: &Curve) -> String {
             Judged::FinestOfAll => "The finest setting",
             Judged::Every => "Every setting",
         };
+        if curve.bound == 0.0 {
+            return format!("{who} has the reference's force, bit for bit.");
+        }
         return format!("{who} is within {bound} of the reference ({} at worst).", percent(worst));
     }
     let all: Vec<String> = beyond.iter().map(|(line, error)| format!("{} ({})", line.title(), of(*error))).collect();

@@ -11,6 +11,21 @@ fn curve(errors: &[f64]) -> Curve {
     Curve { name: "some".into(), points, expected, bound: 0.1, ..Curve::default() }
 }
 
+/// Sentence and notes as one.
+fn finding(curve: &Curve) -> String {
+    let (sentence, notes) = super::finding(curve);
+    sentence + " " + &notes.join(" ")
+}
+
+#[test]
+fn what_is_found_is_what_an_error_costs_unless_there_is_more_to_say() {
+    let good = curve(&[0.5, 0.05]);
+    assert!(super::finding(&good).0.starts_with("Cheapest below 7.0 %"), "{:?}", super::finding(&good));
+    assert!(super::finding(&curve(&[0.05, 0.5])).0.starts_with("NOT within"));
+    let every = Curve { judged: Judged::Every, bound: 0.0, ..curve(&[0.0, 0.0]) };
+    assert!(super::finding(&every).0.contains("bit for bit") && !finding(&every).contains("Cheapest"));
+}
+
 #[test]
 fn an_order_and_a_span_have_reasons_of_their_own_and_an_empty_one_shows() {
     let mut first = curve(&[0.08, 0.04, 0.02, 0.01]);

@@ -93,6 +93,7 @@ fn section_of(curve: &Curve, shipped: &[Preset]) -> Section {
         table,
         plot: None,
         finding: format!("{}.", said.join("; ")),
+        ..Section::default()
     }
 }
 

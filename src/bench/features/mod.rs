@@ -241,6 +241,7 @@ fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
         table,
         plot: Some(plot::bars("ms a step", &bars)?),
         finding: finding(costs),
+        ..Section::default()
     })
 }
 

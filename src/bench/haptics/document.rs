@@ -97,6 +97,7 @@ fn jitter(sessions: &[Punctual]) -> Result<Section> {
         table,
         plot: Some(bars("lateness, us", &drawn)?),
         finding: jitter_finding(sessions),
+        ..Section::default()
     })
 }
 

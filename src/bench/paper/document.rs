@@ -82,6 +82,7 @@ fn scenes(all: &[Ran]) -> Result<Section> {
         table,
         plot: Some(bars("median time of the query, ms", &drawn)?),
         finding: scenes_finding(all),
+        ..Section::default()
     })
 }
 
@@ -132,6 +133,7 @@ fn stages(all: &[Ran]) -> Result<Section> {
         table,
         plot: None,
         finding: format!("The longest stage by scene is {}.", longest.collect::<Vec<_>>().join("; ")),
+        ..Section::default()
     })
 }
 
@@ -169,7 +171,14 @@ fn growth(by: By, rows: &[Grown]) -> Result<Section> {
     );
     let axes = Logarithmic { x: axis, y: "median time, ms", level: None };
     let panel = Panel { title: title.into(), lines: drawn };
-    Ok(Section { title: title.into(), question: question.into(), table, plot: Some(panels(&axes, &[panel])?), finding })
+    Ok(Section {
+        title: title.into(),
+        question: question.into(),
+        table,
+        plot: Some(panels(&axes, &[panel])?),
+        finding,
+        ..Section::default()
+    })
 }
 
 /// To three digits after the point.

@@ -80,7 +80,7 @@ pub struct Grown {
     pub times: Times,
 }
 
-/// A row a value: all come into contact, then each does a few steps in turn.
+/// A row a value: all come into contact, then each does a few steps in turn, and the other way round in the next turn.
 pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Grown>> {
     let mut all = Vec::new();
     for &value in settings.values(by) {
@@ -94,9 +94,15 @@ pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Resu
         let row = Grown { name, value, bodies, tetrahedra, vertices, bytes_device, ..Grown::default() };
         all.push((watched, row));
     }
-    for _ in 0..settings.growth_steps {
-        for (watched, row) in &mut all {
-            // Two that are not timed by stage, and two that are.
+    for turn in 0..settings.growth_steps {
+        let mut order: Vec<_> = all.iter_mut().collect();
+        // Each way in turn, so that what changes on the machine meanwhile favours none.
+        if turn % 2 == 1 {
+            order.reverse();
+        }
+        for (watched, row) in order {
+            // One finds caches cold; of the others two are not timed by stage, and two are.
+            watched.step(None)?;
             (0..4).try_for_each(|_| watched.step(Some(&mut row.times)).map(drop))?;
         }
     }

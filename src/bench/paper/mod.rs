@@ -35,7 +35,7 @@ pub struct Settings {
     pub cells: Vec<f64>,
     /// Numbers of blocks.
     pub bodies: Vec<f64>,
-    /// Turns of four steps that each size has.
+    /// Turns of four steps that count that each size has.
     pub growth_steps: usize,
     /// Device, by name or index; `None`: the best.
     pub device: Option<String>,
@@ -66,7 +66,7 @@ impl Settings {
             vertices: vec![11e3, 44e3, 176e3],
             cells: vec![0.03, 0.018, 0.014],
             bodies: vec![1.0, 4.0, 16.0],
-            growth_steps: 2,
+            growth_steps: 4,
             ..Settings::full()
         }
     }

@@ -94,6 +94,7 @@ fn sensitivity(rows: &[Sensitivity]) -> Result<Section> {
         table,
         plot: Some(lines(&axis, "median time, ms", &stage_lines(points))?),
         finding: sensitivity_finding(rows) + &flags,
+        ..Section::default()
     })
 }
 
@@ -131,6 +132,7 @@ fn area(rows: &[Area]) -> Result<Section> {
         table,
         plot: Some(lines(&axis, "median time, ms", &stage_lines(points))?),
         finding: area_finding(rows) + &flags,
+        ..Section::default()
     })
 }
 
@@ -200,6 +202,7 @@ fn peers(peers: &Peers) -> Result<Section> {
         table,
         plot: Some(bars("median time, ms", &drawn)?),
         finding: peers_finding(peers) + &flagged(place.flags.iter()),
+        ..Section::default()
     })
 }
 

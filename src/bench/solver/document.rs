@@ -99,6 +99,7 @@ fn accuracy(cases: &[Measured]) -> Result<Section> {
         table,
         plot: Some(panels(&axes, &drawn)?),
         finding: accuracy_finding(cases),
+        ..Section::default()
     })
 }
 
@@ -166,6 +167,7 @@ fn peers(compared: &[(Peer, &Measured)]) -> Section {
             met.len(),
             met.iter().map(factor).collect::<Vec<_>>().join("; ")
         ),
+        ..Section::default()
     }
 }
 
@@ -207,6 +209,7 @@ fn growth(sizes: &[Size]) -> Result<Section> {
         table,
         plot: Some(panels(&axes, &[panel])?),
         finding: growth_finding(sizes, &lines),
+        ..Section::default()
     })
 }
 

@@ -62,6 +62,7 @@ pub fn holds(holds: &[Held]) -> Result<Section> {
         table,
         plot: Some(panels(&axes, &drawn)?),
         finding: hold_finding(holds),
+        ..Section::default()
     })
 }
 
@@ -139,6 +140,7 @@ pub fn slides(slides: &[Slid]) -> Result<Section> {
         table,
         plot: slides.first().map(trace).transpose()?,
         finding: slide_finding(slides),
+        ..Section::default()
     })
 }
 

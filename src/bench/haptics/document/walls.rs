@@ -68,6 +68,7 @@ pub fn widths(widths: &[Width]) -> Result<Section> {
         table,
         plot: Some(panels(&axes, &drawn)?),
         finding: width_finding(widths),
+        ..Section::default()
     })
 }
 
@@ -98,6 +99,7 @@ pub fn delays(limits: &[Limit]) -> Result<Section> {
         table: table(limits, "delay, ms", |limit| format!("{:.0}", 1e3 * limit.delay)),
         plot: Some(plot(limits, "delay and half a tick, ms", x)?),
         finding: limits_finding(limits, |limit| format!("{:.0} ms", 1e3 * limit.delay)),
+        ..Section::default()
     })
 }
 
@@ -112,6 +114,7 @@ pub fn rates(limits: &[Limit]) -> Result<Section> {
         table: table(limits, "rate, Hz", |limit| format!("{:.0}", limit.rate)),
         plot: Some(plot(limits, "rate of the simulation, Hz", |limit| limit.rate)?),
         finding: limits_finding(limits, |limit| format!("{:.0} Hz", limit.rate)),
+        ..Section::default()
     })
 }
 
