@@ -28,8 +28,8 @@ fn measure(name: &str, settings: &Settings) -> Curve {
     }
     let text = accuracy::section(&curve).unwrap();
     assert!(text.plot.is_some() && !text.finding.is_empty() && text.table.rows.len() == curve.points.len());
-    assert!(!text.finding.contains("why is not known"), "{name}: {}", text.finding);
-    println!("{name}: {}", text.finding);
+    assert!(!text.notes.concat().contains("why is not known"), "{name}: {:?}", text.notes);
+    println!("{name}: {} {:?}", text.finding, text.notes);
     curve
 }
 
@@ -75,11 +75,13 @@ fn single_precision_loses_little_of_the_force_wherever_it_is() {
 #[test]
 fn presets_are_settings_that_were_measured() {
     let curve = measure("presets", &tiny());
-    let best = curve.best();
-    for (name, below, point) in accuracy::presets(&curve) {
-        let Some(point) = point else { continue };
-        let index = curve.points.iter().position(|other| other == point).unwrap();
-        assert!(point.error().unwrap() < below && best[index] && point.keys.len() == 4, "{name}: {point:?}");
+    assert_eq!(curve.lines().iter().map(|line| line.panel).collect::<std::collections::BTreeSet<_>>().len(), 2);
+    for (name, below, setting) in accuracy::presets(&curve) {
+        let Some(setting) = setting else { continue };
+        assert!(setting.error().unwrap() < below && setting.points.len() == 2, "{name}: {setting:?}");
+        for point in &setting.points {
+            assert!(curve.points.contains(point) && point.flags.is_empty() && point.keys.len() == 4, "{name}: {point:?}");
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use super::suite::Results;
+use super::samples::{HANDS, hands};
 use super::{Table, median};
 use crate::{Error, Result};
 
@@ -14,11 +15,8 @@ const ALLOWED: f64 = 0.10;
 const ALLOWED_ERROR: f64 = 0.10;
 /// Errors below this are rounding.
 const ROUNDING: f64 = 1e-6;
-/// Samples of few rounds are dealt into so many hands, one after the other, so that each has its share of every phase of a
-/// run; their medians show the spread.
-const HANDS: usize = 5;
 /// Ranges of fewer rounds, or hands, do not overlap too often by chance: of five and five once in 252 comparisons.
-const LEAST_ROUNDS: usize = 5;
+const LEAST_ROUNDS: usize = HANDS;
 
 /// What is compared, now and before.
 #[derive(Debug, Clone, PartialEq)]
@@ -193,13 +191,7 @@ fn rounds(value: &Value) -> Option<Vec<f64>> {
         Some(one) => vec![one],
         None => value.as_array()?.iter().map(numbers).collect::<Option<_>>()?,
     };
-    let each: Vec<Vec<f64>> = each.into_iter().filter(|round| !round.is_empty()).collect();
-    if each.len() >= LEAST_ROUNDS {
-        return Some(each.iter().map(|round| median(round)).collect());
-    }
-    let all: Vec<f64> = each.into_iter().flatten().collect();
-    let hand = |k: usize| all.iter().skip(k).step_by(HANDS).copied().collect::<Vec<f64>>();
-    if all.is_empty() { None } else { Some((0..HANDS.min(all.len())).map(|k| median(&hand(k))).collect()) }
+    Some(hands(&each)).filter(|hands| !hands.is_empty())
 }
 
 #[cfg(test)]

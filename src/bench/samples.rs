@@ -49,9 +49,31 @@ impl<'de> Deserialize<'de> for Samples {
     }
 }
 
-/// The median by nearest rank; 0 of nothing.
+/// The median, of an even number the mean of the two in the middle; 0 of nothing.
 pub fn median(samples: &[f64]) -> f64 {
-    crate::report::summary::quantiles(samples).map_or(0.0, |(median, _)| median)
+    let mut sorted = samples.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted.len() / 2;
+    match sorted.len() {
+        0 => 0.0,
+        count if count % 2 == 1 => sorted[middle],
+        _ => 0.5 * (sorted[middle - 1] + sorted[middle]),
+    }
+}
+
+/// Samples of few rounds are dealt into so many hands, one after the other, so that each has its share of every phase of a
+/// run.
+pub const HANDS: usize = 5;
+
+/// Medians of the rounds, which show the spread; of fewer than [`HANDS`], of the hands that all their samples are dealt into.
+pub fn hands(rounds: &[Vec<f64>]) -> Vec<f64> {
+    let rounds: Vec<&Vec<f64>> = rounds.iter().filter(|round| !round.is_empty()).collect();
+    if rounds.len() >= HANDS {
+        return rounds.into_iter().map(|round| median(round)).collect();
+    }
+    let all: Vec<f64> = rounds.into_iter().flatten().copied().collect();
+    let hand = |k: usize| all.iter().skip(k).step_by(HANDS).copied().collect::<Vec<f64>>();
+    (0..HANDS.min(all.len())).map(|k| median(&hand(k))).collect()
 }
 
 #[cfg(test)]
@@ -64,6 +86,16 @@ mod tests {
 
     fn as_one(us: f64) -> Vec<(String, f64)> {
         vec![(POSE_TO_CONTACT.into(), us), ("solve".into(), 1e6)]
+    }
+
+    #[test]
+    fn medians_of_rounds_or_of_hands() {
+        assert_eq!([&[][..], &[3.0], &[9.0, 1.0], &[5.0, 1.0, 2.0]].map(median), [0.0, 3.0, 5.0, 2.0]);
+        let one: Vec<f64> = (0..10).map(f64::from).collect();
+        assert_eq!(hands(std::slice::from_ref(&one)), [2.5, 3.5, 4.5, 5.5, 6.5]);
+        assert_eq!(hands(&[vec![1.0, 2.0, 9.0], vec![], vec![4.0]]), [1.0, 2.0, 9.0, 4.0]);
+        let five: Vec<Vec<f64>> = (0..5).map(|k| vec![f64::from(k); 3]).collect();
+        assert_eq!(hands(&five), [0.0, 1.0, 2.0, 3.0, 4.0]);
     }
 
     #[test]

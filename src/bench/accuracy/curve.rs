@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::bench::samples::hands;
 use crate::bench::{fit, median};
 
 /// Changes of a force that a person just notices, of the force (see README, "bench").
@@ -23,8 +24,10 @@ const LEAST_POINTS: usize = 3;
 const SCATTER: f64 = 1.0;
 /// An error that is less than both neighbours' by more than this factor is so by chance: it changed its sign there.
 const CHANCE: f64 = 2.0;
-/// Steps whose times are nearer than this, of the dearer, cost the same.
+/// Steps whose times are nearer than this, of the dearer, cost the same ...
 const SAME_COST: f64 = 0.05;
+/// ... and errors that are nearer, of the greater, are the same.
+const SAME_ERROR: f64 = 0.05;
 
 /// What one knob of a scene buys: error and time of each of its settings, measured turn by turn.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -63,8 +66,8 @@ pub enum Judged {
     /// The finest of each line: another may be near by chance.
     #[default]
     Finest,
-    /// The finest of all, where the lines are one set of settings.
-    FinestOfAll,
+    /// The finest of each panel, where its lines are one set of settings.
+    FinestOfPanel,
     /// Every one, where none is finer than another.
     Every,
 }
@@ -131,19 +134,20 @@ impl Point {
         ms(&self.stage_us)
     }
 
-    /// From the fastest to the slowest round, milliseconds a step.
+    /// From the fastest to the slowest round, or hand of few rounds (see [`hands`]), milliseconds a step.
     pub fn step_range_ms(&self) -> [f64; 2] {
-        let rounds: Vec<f64> = self.step_us.iter().map(|round| 1e-3 * median(round)).collect();
+        let rounds: Vec<f64> = hands(&self.step_us).iter().map(|us| 1e-3 * us).collect();
         [rounds.iter().copied().fold(f64::INFINITY, f64::min), rounds.iter().copied().fold(0.0, f64::max)]
     }
 
-    /// From the fastest to the slowest round, in units of [`Point::cost`].
+    /// The same in units of [`Point::cost`].
     fn cost_range(&self) -> [f64; 2] {
         let unit = if self.simulated_s > 0.0 { 1e-3 / self.simulated_s } else { 1.0 };
         self.step_range_ms().map(|ms| unit * ms)
     }
 
-    /// Whether it costs less than another beyond noise: each of its rounds than each of the other's, and its median by 5 %.
+    /// Whether it costs less than another beyond noise: each of its rounds, or hands, than each of the other's, and its median
+    /// by 5 %.
     pub fn is_cheaper(&self, other: &Point) -> bool {
         self.cost() < (1.0 - SAME_COST) * other.cost() && self.cost_range()[1] < other.cost_range()[0]
     }
@@ -158,11 +162,16 @@ impl Point {
         self.force_error.or(self.displacement_error)
     }
 
-    /// Whether no other is at once cheaper and no less accurate, or more accurate and no dearer; flagged ones do not count.
+    /// Whether no other is at once cheaper and no less accurate, or more accurate and no dearer, each by 5 % at least; flagged
+    /// ones do not count.
     fn is_best_of(&self, others: &[Point]) -> bool {
         let Some(error) = self.error().filter(|_| self.flags.is_empty()) else { return false };
         let is_better = |other: &Point| match other.error().filter(|_| other.flags.is_empty()) {
-            Some(its) => its <= error && other.is_cheaper(self) || its < error && !self.is_cheaper(other),
+            Some(its) => {
+                let (is_as_accurate, is_better) =
+                    ((1.0 - SAME_ERROR) * its <= error, its < (1.0 - SAME_ERROR) * error);
+                is_as_accurate && other.is_cheaper(self) || is_better && !self.is_cheaper(other)
+            }
             None => false,
         };
         !others.iter().any(is_better)
@@ -199,9 +208,10 @@ impl Curve {
         match self.judged {
             Judged::Finest => lines().map(|line| (line.clone(), line.finest())).collect(),
             Judged::Every => lines().map(|line| (line.clone(), line.worst())).collect(),
-            Judged::FinestOfAll => {
-                let all = Line { panel: "", name: "all", points: self.points.iter().collect() };
-                vec![(all.clone(), all.finest())]
+            Judged::FinestOfPanel => {
+                let panels = self.points.chunk_by(|a, b| a.panel == b.panel);
+                let whole = panels.map(|own| Line { panel: &own[0].panel, name: "", points: own.iter().collect() });
+                whole.map(|line| (line.clone(), line.finest())).collect()
             }
         }
     }

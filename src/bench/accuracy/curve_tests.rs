@@ -58,15 +58,24 @@ fn luck_neither_spans_nor_judges_nor_makes_an_order() {
 }
 
 #[test]
-fn who_is_judged_is_the_finest_of_a_line_or_of_all_or_everyone() {
+fn who_is_judged_is_the_finest_of_a_line_or_of_a_panel_or_everyone() {
     let named = |line: &str, error| Point { line: line.into(), ..point(1.0, 1.0, error) };
     let all = vec![named("a", Some(1e-4)), named("a", Some(0.5)), named("b", Some(0.5)), named("b", Some(1e-4))];
     let judged = |judged, points: &[Point]| Curve { judged, ..curve(points.to_vec()) }.beyond().len();
     assert_eq!(judged(Judged::Finest, &all), 1);
-    assert_eq!((judged(Judged::FinestOfAll, &all), judged(Judged::FinestOfAll, &all[..3])), (0, 1));
+    assert_eq!((judged(Judged::FinestOfPanel, &all), judged(Judged::FinestOfPanel, &all[..3])), (0, 1));
+    let apart = Point { panel: "other".into(), ..named("c", Some(0.5)) };
+    assert_eq!(judged(Judged::FinestOfPanel, &[&all[..], &[apart]].concat()), 1);
     assert_eq!((judged(Judged::Every, &all), judged(Judged::Every, &all[3..])), (2, 0));
     assert_eq!(judged(Judged::Every, &[named("a", None), named("a", Some(1e-4))]), 1);
     assert_eq!(judged(Judged::Finest, &[named("a", Some(f64::NAN))]), 1);
+}
+
+#[test]
+fn errors_that_are_nearly_the_same_buy_nothing() {
+    let cheap = point(1.0, 1.0, Some(0.0102));
+    assert_eq!(curve(vec![cheap.clone(), point(1.0, 2.0, Some(0.01))]).best(), [true, false]);
+    assert_eq!(curve(vec![cheap, point(1.0, 2.0, Some(0.009))]).best(), [true, true]);
 }
 
 #[test]

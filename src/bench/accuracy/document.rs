@@ -8,6 +8,8 @@ use crate::Result;
 use crate::bench::plot::{self, Logarithmic, Panel, panels};
 use crate::bench::{Section, Table};
 
+/// What buys less than this of the error is not worth a word.
+const WORTH_TELLING: f64 = 2.0;
 /// Said where a curve gives no reason; no curve may come to that.
 const UNKNOWN: &str = "why is not known";
 
@@ -16,9 +18,10 @@ pub fn preface(settings: &Value) -> String {
     let rounds = settings.get("rounds").and_then(Value::as_u64).unwrap_or(0);
     format!(
         "`ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of runs ({rounds} \
-         of each setting); all settings of a curve run a few steps in turn. `error` is the largest difference of the force on \
+         of each setting), `from` and `to` those of the fastest and slowest of five runs, or of five hands that the steps of fewer are \
+         dealt into; the settings of a curve run a few steps in turn, twelve at once at most. `error` is the largest difference of the force on \
          the tool from the reference's, over its largest force; `shape` the same of the nodes' displacements. `*` marks the \
-         best buys: nothing else in the plot is as accurate and faster, by 5 % and in every run, flagged settings left out. The dashed line is \
+         best buys: nothing else in the plot is as accurate and faster, both by 5 % and in every run or hand, flagged settings left out. The dashed line is \
          {}, which a person just notices.",
         percent(JUST_NOTICEABLE)
     )
@@ -110,7 +113,7 @@ fn verdict(curve: &Curve) -> String {
         let worst = curve.counted().into_iter().filter_map(|(_, error)| error).fold(0.0, f64::max);
         let who = match curve.judged {
             Judged::Finest => "The finest setting of each line",
-            Judged::FinestOfAll => "The finest setting",
+            Judged::FinestOfPanel => "The finest setting of each plot",
             Judged::Every => "Every setting",
         };
         if curve.bound == 0.0 {
@@ -147,7 +150,7 @@ fn bought(curve: &Curve) -> String {
         let finest = own.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
         let cheap =
             format!("{} at {} ms a step ({})", cheapest.1.setting, ms(cheapest.1.step_ms()), percent(cheapest.0));
-        Some(if finest.1.setting == cheapest.1.setting {
+        Some(if WORTH_TELLING * finest.0 > cheapest.0 {
             cheap
         } else {
             let times = digits(finest.1.cost() / cheapest.1.cost());

@@ -1,4 +1,5 @@
-//! All knobs at once, on a head that a sphere presses: which settings nothing beats, of which three have names ([`super::presets`]).
+//! All knobs at once, on a soft and on a stiff head that a sphere presses: which settings nothing beats, of which three have
+//! names ([`super::presets`]).
 
 use glam::{DQuat, DVec3};
 
@@ -8,6 +9,7 @@ use super::{Curve, Judged, Point, Settings, factor};
 use crate::Result;
 use crate::bench::haptics;
 use crate::bench::haptics::head::{self, CHEEK, Skin};
+use crate::bench::solver::stiffness;
 use crate::scene::{Coupling, Key, Scene, Sides};
 
 /// Of the curve.
@@ -19,6 +21,8 @@ const ABOVE: f64 = 0.0005;
 /// Longest steps that the way down takes, and that a run has.
 const DOWN: f64 = 1.5;
 const UNITS: usize = 3;
+/// Young's moduli of the head, Pa: flesh, and what is a hundred times as stiff.
+const YOUNG: [f64; 2] = [2e4, 2e6];
 /// Of the reference.
 const TIGHT: (f64, u32) = (1e-5, 3);
 /// The force of the most accurate setting, of the reference's.
@@ -37,46 +41,52 @@ const SIDES: &[(&str, Sides)] = &[("one", Sides::One), ("both", Sides::Both)];
 const FULL: Grid = Grid { tolerances: &[1e-1, 1e-2, 1e-3, 1e-4], newton: &[1, 2], sides: SIDES, spared: 1 };
 const QUICK: Grid = Grid { tolerances: &[1e-1, 1e-2], newton: &[1, 2], sides: SIDES, spared: 2 };
 
-/// Tolerance, Newton's iterations, contact's sides and time step, each with each.
+/// Tolerance, Newton's iterations, contact's sides and time step, each with each, on both heads.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let grid = if settings.is_quick { QUICK } else { FULL };
-    let (scene, tetrahedra) = scene(settings)?;
     let most = settings.halvings.saturating_sub(grid.spared).max(1);
-    let at = |halvings: u32, tolerance: f64, newton: u32, sides: Sides| {
-        let mut scene = scene.clone();
+    let (head, tetrahedra) = scene(settings)?;
+    let at = |young: f64, halvings: u32, tolerance: f64, newton: u32, sides: Sides| {
+        let mut scene = head.clone();
+        scene.bodies.iter_mut().filter_map(|body| body.material.as_mut()).for_each(|material| material.young = young);
         (scene.solver.tolerance, scene.solver.max_iterations) = (tolerance, MANY);
         (scene.contact.sides, scene.step.newton) = (sides, newton);
         scene.step.dt = LONGEST / f64::from(1u32 << halvings);
         scene
     };
-    let mut entrants = Vec::new();
-    for halvings in 1..=most {
-        for &(name, sides) in grid.sides {
-            for (&newton, &tolerance) in grid.newton.iter().flat_map(|n| grid.tolerances.iter().map(move |t| (n, t))) {
-                let scene = at(halvings, tolerance, newton, sides);
-                let point = point(&scene, name);
-                entrants.push((halvings, Entrant { point, scene, steps: UNITS << halvings }));
+    let options = settings.options();
+    let (mut entrants, mut judges, mut references) = (Vec::new(), Vec::new(), Vec::new());
+    for (head, young) in YOUNG.into_iter().enumerate() {
+        watch(&format!("reference at {}", stiffness(young)));
+        let fine = |halvings: u32| at(young, halvings, TIGHT.0, TIGHT.1, Sides::Both);
+        references.push(extrapolated(&fine, most + 2, UNITS, &options)?);
+        for halvings in 1..=most {
+            for &(name, sides) in grid.sides {
+                for (&newton, &tolerance) in grid.newton.iter().flat_map(|n| grid.tolerances.iter().map(move |t| (n, t))) {
+                    let scene = at(young, halvings, tolerance, newton, sides);
+                    let point = point(&scene, name, stiffness(young));
+                    entrants.push(Entrant { point, scene, steps: UNITS << halvings });
+                    judges.push((head, halvings));
+                }
             }
         }
     }
-    let options = settings.options();
-    watch("reference");
-    let fine = |halvings: u32| at(halvings, TIGHT.0, TIGHT.1, Sides::Both);
-    let reference = extrapolated(&fine, most + 2, UNITS, &options)?;
-    let (halvings, entrants): (Vec<u32>, Vec<Entrant>) = entrants.into_iter().unzip();
     let rules = Rules { rounds: settings.rounds.min(2), ..settings.rules(&["solve"], &options) };
     let points = race(entrants, &rules, watch, &mut |index, run| {
-        (relative_error(&at_units(run, 1 << halvings[index]), &reference), None)
+        let (head, halvings) = judges[index];
+        (relative_error(&at_units(run, 1 << halvings), &references[head]), None)
     })?;
     Ok(Curve {
         name: NAME.into(),
         title: "All knobs at once".into(),
         question: format!(
-            "Which settings does nothing beat? A sphere is pressed {:.0} mm into the cheek of a head ({} vertices, \
-             {tetrahedra} tetrahedra); every tolerance with each number of Newton's iterations, one or both of contact's sides, and \
+            "Which settings does nothing beat? A hand moves a sphere by {:.0} mm into the cheek of a head ({} vertices, \
+             {tetrahedra} tetrahedra) of {} and of {}; every tolerance with each number of Newton's iterations, one or both of contact's sides, and \
              each time step; the force every {:.0} ms against shorter steps, extrapolated to none.",
             1e3 * TRAVEL,
             settings.vertices,
+            stiffness(YOUNG[0]),
+            stiffness(YOUNG[1]),
             1e3 * LONGEST
         ),
         knob: "time step, ms".into(),
@@ -84,17 +94,20 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         span_reason: span_reason(&points),
         points,
         bound: BOUND,
-        judged: Judged::FinestOfAll,
+        judged: Judged::FinestOfPanel,
         ..Curve::default()
     })
 }
 
 /// Which knob has most of the error: how far settings of the same time step are apart, and how far time steps are.
 fn span_reason(points: &[Point]) -> String {
-    let lines: Vec<&[Point]> = points.chunk_by(|a, b| a.line == b.line).collect();
     let least = |own: &[Point]| own.iter().filter_map(Point::error).fold(f64::INFINITY, f64::min);
-    let steps = factor(lines.iter().map(|own| least(own)).filter(|error| error.is_finite()));
-    let others = lines.iter().map(|own| factor(own.iter().filter_map(Point::error))).fold(1.0, f64::max);
+    let (mut steps, mut others) = (1.0f64, 1.0f64);
+    for panel in points.chunk_by(|a, b| a.panel == b.panel) {
+        let lines = || panel.chunk_by(|a, b| a.line == b.line);
+        steps = steps.max(factor(lines().map(least).filter(|error| error.is_finite())));
+        others = lines().map(|own| factor(own.iter().filter_map(Point::error))).fold(others, f64::max);
+    }
     let most =
         if steps > others { "most of the error is the time step's" } else { "the time step has not most of the error" };
     format!(
@@ -103,7 +116,7 @@ fn span_reason(points: &[Point]) -> String {
     )
 }
 
-fn point(scene: &Scene, sides: &str) -> Point {
+fn point(scene: &Scene, sides: &str, panel: String) -> Point {
     let (dt, newton, tolerance) = (scene.step.dt, scene.step.newton, scene.solver.tolerance);
     let keys = [
         ("step.dt", format!("{dt:.6}")),
@@ -113,11 +126,12 @@ fn point(scene: &Scene, sides: &str) -> Point {
     ];
     Point {
         setting: format!(
-            "{:.2} ms, {newton} x to {tolerance:.0e}, {sides} side{}",
+            "{panel}, {:.2} ms, {newton} x to {tolerance:.0e}, {sides} side{}",
             1e3 * dt,
             if sides == "one" { "" } else { "s" }
         ),
         line: format!("{:.1} ms", 1e3 * dt),
+        panel,
         value: 1e3 * dt,
         simulated_s: dt,
         keys: keys.map(|(key, value)| (key.to_string(), value)).to_vec(),

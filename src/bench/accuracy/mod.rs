@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 
 pub use curve::{Curve, Expected, JUST_NOTICEABLE, Judged, Line, Point};
 pub use document::section;
-pub use presets::presets;
+pub use presets::{Setting, presets};
 
 use super::suite::{from_value, to_value};
 use super::{Benchmark, Section};

@@ -1,6 +1,6 @@
 //! The presets: which of all settings has each name, and whether the program ships it.
 
-use super::document::{digits, ms, percent};
+use super::document::{digits, percent};
 use super::{Curve, JUST_NOTICEABLE, Point};
 use crate::bench::{Section, Table};
 use crate::scene::preset::Preset;
@@ -12,39 +12,92 @@ pub const PRESETS: [(&str, f64); 3] =
 /// A shipped time step is the measured one within this factor: measured ones halve each other.
 const SAME_STEP: f64 = 1.25;
 
-/// The setting that has each preset's name: the cheapest of the best buys below its error.
-pub fn presets(curve: &Curve) -> [(&'static str, f64, Option<&Point>); 3] {
-    let best = curve.best();
+/// A setting on every body that it was measured on.
+#[derive(Debug, Clone)]
+pub struct Setting<'a> {
+    /// One of each body: a panel of the curve.
+    pub points: Vec<&'a Point>,
+    /// Mean over the bodies of its time over that of the cheapest setting there.
+    pub cost: f64,
+}
+
+impl Setting<'_> {
+    /// The greater of its errors; `None` where one is no number.
+    pub fn error(&self) -> Option<f64> {
+        let errors: Option<Vec<f64>> = self.points.iter().map(|point| point.error()).collect();
+        errors?.into_iter().max_by(f64::total_cmp)
+    }
+
+    fn is_flagged(&self) -> bool {
+        self.points.iter().any(|point| !point.flags.is_empty())
+    }
+
+    /// What it has at a key of a scene.
+    fn key(&self, name: &str) -> &str {
+        let keys = self.points.iter().flat_map(|point| &point.keys);
+        keys.into_iter().find(|(key, _)| key == name).map_or("", |(_, value)| value)
+    }
+
+    /// In words, without the body.
+    fn name(&self) -> &str {
+        let Some(point) = self.points.first() else { return "" };
+        point.setting.strip_prefix(&format!("{}, ", point.panel)).unwrap_or(&point.setting)
+    }
+
+    /// Times on each body over the time that they simulate.
+    fn of_real_time(&self) -> String {
+        self.points.iter().map(|point| digits(point.cost())).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// All settings of a curve.
+fn settings(curve: &Curve) -> Vec<Setting<'_>> {
+    let panels: Vec<&[Point]> = curve.points.chunk_by(|a, b| a.panel == b.panel).collect();
+    let least = |own: &&[Point]| own.iter().map(Point::cost).fold(f64::INFINITY, f64::min);
+    let least: Vec<f64> = panels.iter().map(least).collect();
+    let of = |first: &Point| {
+        let own = panels.iter().filter_map(|panel| panel.iter().find(|point| point.keys == first.keys));
+        let points: Vec<&Point> = own.collect();
+        let costs = points.iter().zip(&least).map(|(point, least)| point.cost() / least);
+        let cost = costs.sum::<f64>() / points.len() as f64;
+        Setting { points, cost }
+    };
+    panels.first().map_or_else(Vec::new, |panel| panel.iter().map(of).collect())
+}
+
+/// The setting that has each preset's name: the cheapest without a flag that is below its error on every body.
+pub fn presets(curve: &Curve) -> [(&'static str, f64, Option<Setting<'_>>); 3] {
     PRESETS.map(|(name, below)| {
-        let fits = |point: &&Point| point.error().is_some_and(|error| error < below);
-        let best = curve.points.iter().zip(&best).filter(|(_, is_best)| **is_best).map(|(point, _)| point);
-        (name, below, best.filter(fits).min_by(|a, b| a.cost().total_cmp(&b.cost())))
+        let fits = |own: &Setting| !own.is_flagged() && own.error().is_some_and(|error| error < below);
+        (name, below, settings(curve).into_iter().filter(fits).min_by(|a, b| a.cost.total_cmp(&b.cost)))
     })
 }
 
 /// Whether what is shipped is as good as what was found: the measured setting that it is keeps the preset's error, without a
 /// flag, and costs no more beyond noise. Else what is wrong.
-fn disagreement(curve: &Curve, shipped: &Preset, below: f64, found: Option<&Point>) -> Option<String> {
-    let Some(own) = curve.points.iter().find(|point| is_measured(shipped, point)) else {
+fn disagreement(curve: &Curve, shipped: &Preset, below: f64, found: Option<&Setting>) -> Option<String> {
+    let Some(own) = settings(curve).into_iter().find(|own| is_measured(shipped, own)) else {
         return Some("was not measured".into());
     };
     match own.error() {
-        Some(error) if error < below && own.flags.is_empty() => {}
+        Some(error) if error < below && !own.is_flagged() => {}
         error => return Some(format!("has an error of {}", error.map_or("no number".into(), percent))),
     }
-    let found = found.filter(|found| found.is_cheaper(own))?;
-    Some(format!("costs {} times what {} does", digits(own.cost() / found.cost()), found.setting))
+    let is_cheaper = |found: &&Setting| {
+        found.cost < own.cost && found.points.iter().zip(&own.points).any(|(found, own)| found.is_cheaper(own))
+    };
+    let found = found.filter(is_cheaper)?;
+    Some(format!("costs {} times what {} does", digits(own.cost / found.cost), found.name()))
 }
 
-/// Whether a point has a preset's settings.
-fn is_measured(shipped: &Preset, point: &Point) -> bool {
-    let key = |name: &str| point.keys.iter().find(|(key, _)| key == name).map_or("", |(_, value)| value);
-    let number = |name: &str| key(name).parse::<f64>().unwrap_or(f64::NAN);
+/// Whether a measured setting is a preset's.
+fn is_measured(shipped: &Preset, own: &Setting) -> bool {
+    let number = |name: &str| own.key(name).parse::<f64>().unwrap_or(f64::NAN);
     let ratio = number("step.dt") / shipped.dt;
     (1.0 / SAME_STEP..=SAME_STEP).contains(&ratio)
         && (number("solver.tolerance") / shipped.tolerance - 1.0).abs() < 1e-6
         && number("step.newton") == f64::from(shipped.newton)
-        && key("contact.sides") == sides(shipped)
+        && own.key("contact.sides") == sides(shipped)
 }
 
 fn sides(shipped: &Preset) -> &'static str {
@@ -61,48 +114,48 @@ const KEYS: [&str; 4] = ["step.dt", "step.newton", "solver.tolerance", "contact.
 
 fn section_of(curve: &Curve, shipped: &[Preset]) -> Section {
     let heads = ["preset", "error below"].into_iter().chain(KEYS);
-    let heads = heads.chain(["ms", "of real time", "error", "is it shipped"]);
+    let heads = heads.chain(["of real time", "error", "is it shipped"]);
     let mut table = Table::new(heads.map(String::from));
-    let mut said = Vec::new();
-    for (name, below, point) in presets(curve) {
-        said.push(match point {
-            Some(point) => format!("`{name}` is {} ({} of real time)", point.setting, digits(point.cost())),
+    let (mut named, mut notes) = (Vec::new(), Vec::new());
+    for (name, below, found) in presets(curve) {
+        named.push(match &found {
+            Some(own) => format!("`{name}` is {} ({} of real time)", own.name(), own.of_real_time()),
             None => format!("no setting is below the {} of `{name}`", percent(below)),
         });
         let shipped = shipped.iter().find(|shipped| shipped.name == name);
         let wrong = match shipped {
-            Some(shipped) => disagreement(curve, shipped, below, point),
+            Some(shipped) => disagreement(curve, shipped, below, found.as_ref()),
             None => Some("has no setting".into()),
         };
         let agrees = wrong.clone().map_or("agrees".into(), |wrong| format!("no: {wrong}"));
         let names = [name.to_string(), percent(below)];
-        table.rows.push(names.into_iter().chain(found(point)).chain([agrees]).collect());
+        table.rows.push(names.into_iter().chain(cells(found.as_ref())).chain([agrees]).collect());
         table.rows.extend(shipped.map(row));
-        said.push(match wrong {
-            Some(wrong) => format!("what is shipped as `{name}` does NOT agree: it {wrong}"),
-            None => "what is shipped agrees".into(),
-        });
+        notes.extend(wrong.map(|wrong| format!("What is shipped as `{name}` does NOT agree: it {wrong}.")));
+    }
+    if notes.is_empty() {
+        notes.push("What is shipped agrees with all of them.".into());
     }
     Section {
         title: "Presets".into(),
         question:
-            "Which settings should a scene get that names a preset? Of the best buys above, the cheapest whose error is below \
-             the preset's. What the program ships agrees where it is below that error as well and costs no more beyond noise. \
-             A part of real time below one is faster than the world."
+            "Which settings should a scene get that names a preset? Of the settings above the cheapest without a flag whose error \
+             is below the preset's on every body; cost is the mean over the bodies of the time over that of the cheapest setting. \
+             What the program ships agrees where it is below that error as well and costs no more beyond noise. A part of real \
+             time below one is faster than the world; it is said of each body."
                 .into(),
         table,
         plot: None,
-        finding: format!("{}.", said.join("; ")),
-        ..Section::default()
+        finding: format!("{}.", named.join("; ")),
+        notes,
     }
 }
 
 /// Settings, times and error of what was found.
-fn found(point: Option<&Point>) -> Vec<String> {
-    let Some(point) = point else { return vec!["none".into(); KEYS.len() + 3] };
-    let value = |name: &str| point.keys.iter().find(|(key, _)| key == name).map_or("", |(_, value)| value);
-    let mut row = KEYS.map(|key| value(key).to_string()).to_vec();
-    row.extend([ms(point.step_ms()), digits(point.cost()), point.error().map_or(String::new(), percent)]);
+fn cells(found: Option<&Setting>) -> Vec<String> {
+    let Some(own) = found else { return vec!["none".into(); KEYS.len() + 2] };
+    let mut row = KEYS.map(|key| own.key(key).to_string()).to_vec();
+    row.extend([own.of_real_time(), own.error().map_or(String::new(), percent)]);
     row
 }
 
@@ -110,7 +163,7 @@ fn found(point: Option<&Point>) -> Vec<String> {
 fn row(s: &Preset) -> Vec<String> {
     let own = [format!("{:.6}", s.dt), s.newton.to_string(), format!("{:e}", s.tolerance), sides(s).into()];
     let row = [format!("{}, shipped", s.name), String::new()].into_iter().chain(own);
-    row.chain(std::iter::repeat_n(String::new(), 4)).collect()
+    row.chain(std::iter::repeat_n(String::new(), 3)).collect()
 }
 
 #[cfg(test)]
@@ -144,7 +197,7 @@ mod tests {
         let preset = |name, dt, tolerance| Preset { name, dt, tolerance, ..scene::preset::NONE };
         let good = [preset("fast", 0.008, 1e-1), preset("balanced", 0.004, 1e-1), preset("accurate", 0.002, 1e-1)];
         let section = section_of(&curve(), &good);
-        assert!(!section.finding.contains("NOT"), "{}", section.finding);
+        assert!(!section.notes.concat().contains("NOT"), "{:?}", section.notes);
         assert!(
             section.table.rows.len() == 6
                 && section.table.rows.iter().all(|row| row.len() == section.table.heads.len())
@@ -157,9 +210,21 @@ mod tests {
         ] {
             let mut shipped = good;
             shipped[k] = spoilt;
-            let finding = section_of(&curve(), &shipped).finding;
-            assert!(finding.contains(why) && finding.matches("NOT").count() == 1, "{finding}");
+            let notes = section_of(&curve(), &shipped).notes.concat();
+            assert!(notes.contains(why) && notes.matches("NOT").count() == 1, "{notes}");
         }
+    }
+
+    #[test]
+    fn a_preset_must_do_on_every_body() {
+        let mut both = curve();
+        let stiff = |point: Point| Point { panel: "stiff".into(), force_error: point.error().map(|e| 3.0 * e), ..point };
+        both.points.extend(curve().points.into_iter().map(stiff));
+        let dt = |curve: &Curve| presets(curve).map(|(_, _, found)| found.map(|own| own.key("step.dt").to_string()));
+        assert_eq!(dt(&curve()), [Some("0.0081".into()), Some("0.0041".into()), Some("0.0021".into())]);
+        assert_eq!(dt(&both), [Some("0.0021".into()), None, None]);
+        both.points[4].flags = vec!["frozen".into()];
+        assert_eq!(presets(&both)[0].2.as_ref().map(|own| own.key("solver.tolerance")), Some("1e-2"));
     }
 
     #[test]

@@ -21,7 +21,8 @@ const TIMED_EVERY: u64 = 4;
 /// Steps of each part before those that count: they find caches cold.
 const WARM_UP: usize = 1;
 /// Simulations at once, at most: each has kernels of its own, which are some 150 MB on lavapipe. Those of more settings race in
-/// heats, the last one first in every second round.
+/// heats, the last one first in every second round, and each heat has settings from all over the list: what the machine did
+/// meanwhile is then no property of neighbours.
 const MOST_AT_ONCE: usize = 12;
 
 /// Who takes part: a setting, its scene, and how many steps of it.
@@ -111,7 +112,8 @@ fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Ve
     let repeats: Vec<usize> = entrants.iter().map(|entrant| rules.repeats(entrant.steps)).collect();
     let again = |k: usize| repeats.iter().enumerate().filter(move |(_, own)| k < **own).map(|(index, _)| index);
     let most = repeats.iter().max().copied().unwrap_or(0);
-    let all: Vec<usize> = (0..most).flat_map(again).collect();
+    let mut all: Vec<usize> = (0..most).flat_map(again).collect();
+    mix(&mut all);
     let mut heats: Vec<&[usize]> = all.chunks(MOST_AT_ONCE).collect();
     if round % 2 == 1 {
         heats.reverse();
@@ -123,6 +125,14 @@ fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Ve
         }
     }
     Ok(runs)
+}
+
+/// Where there are more than one heat has, reorders them so that each heat has its share of every part of the list: by the
+/// multiples of the golden ratio, of which no few are near each other.
+fn mix(all: &mut [usize]) {
+    if all.len() > MOST_AT_ONCE {
+        all.sort_by_cached_key(|index| (*index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    }
 }
 
 /// A run of each of these entrants, in turns.
