@@ -52,3 +52,14 @@ fn what_overflows_is_flagged_and_moves_nothing() {
     }
     assert_eq!(simulation.tool().unwrap().centre.y, 0.009);
 }
+
+#[test]
+fn as_many_iterations_as_a_scene_allows_are_done() {
+    // A long stiff bar, which Jacobi's iterations reach the end of slowly: they take many submits.
+    let bar = "[step]\ndt = 0.01\n[solver]\npreconditioner = \"jacobi\"\nmax_iterations = 1500\ntolerance = 1e-6\n\
+               [[body]]\nname = \"bar\"\nlayer = { box = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.1]], cells = [40, 3, 3] }\n\
+               material = { young = 1e9, poisson = 0.4, density = 1000.0 }\n\
+               [[body.core]]\nname = \"k\"\nbind = { box = [[-1, -1, -1], [1e-6, 1, 1]] }\n";
+    let row = run(&mut open(&scene(bar), None), 1)[0].clone();
+    assert!(row.iterations > 1024, "{row:?}");
+}

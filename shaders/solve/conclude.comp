@@ -38,8 +38,9 @@ layout(scalar, binding = 14) writeonly buffer CoreChanges { float core_changes[]
 layout(scalar, binding = 15) readonly buffer RigidInverses { float rigid_inverses[]; };
 
 const uint MAX_RETRIES = 4;
-// Residual above which a broken solve is not accepted.
+// Residual above which a broken solve is not accepted, and any other: there it is further off than where it began.
 const float WORTHLESS = 0.1;
+const float DIVERGED = 1.0;
 
 shared float deepest[SIZE];
 
@@ -122,7 +123,8 @@ void main() {
             flags |= FLAG_NON_FINITE;
             residual = 1.0;
         }
-        bool failed = !finite || (solve.status == STATUS_BROKEN && residual > max(WORTHLESS, 10.0 * residual_floor));
+        float worthless = solve.status == STATUS_BROKEN ? WORTHLESS : DIVERGED;
+        bool failed = !finite || residual > max(worthless, 10.0 * residual_floor);
         if (failed) {
             verdict = VERDICT_FAILED;
             // Nothing was solved, nothing applied.

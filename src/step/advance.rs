@@ -68,7 +68,7 @@ impl Simulation {
             Some(both) if timed => &both[(self.step / self.timed_every % 2) as usize],
             _ => &self.plain,
         };
-        let wanted = self.last_iterations + SPARE_ITERATIONS;
+        let mut wanted = self.last_iterations + SPARE_ITERATIONS;
         let (mut again, mut times) = (&set.again, Vec::new());
         // What comes first, if anything does.
         let mut first = Some(&set.begin);
@@ -83,7 +83,8 @@ impl Simulation {
             }
             let mut report = self.stages.common.report.mapped::<Report>()?[0];
             match report.verdict {
-                verdict::CONTINUE => first = None,
+                // Twice as many at a time, so that as many as a scene may ask for are soon reached.
+                verdict::CONTINUE => (first, wanted) = (None, 2 * wanted),
                 verdict::RETRY => {
                     earlier += report.iterations;
                     first = Some(again);
