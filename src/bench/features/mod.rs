@@ -1,5 +1,8 @@
-//! `palpate bench features`: what each feature costs in time and memory, switched off one by one.
+//! `palpate bench features`: what each feature costs in time and memory, switched off one by one; and that one which is not
+//! used costs nothing.
 
+mod document;
+mod plan;
 mod scenes;
 
 use std::time::Instant;
@@ -7,20 +10,21 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+pub use plan::Plan;
 pub use scenes::Feature;
 
-use super::plot::{self, Bar};
 use super::suite::{from_value, to_value};
-use super::{Benchmark, Section, Table, median};
+use super::{Benchmark, Section, median};
 use crate::gpu::Options;
 use crate::haptics::RigidState;
 use crate::haptics::servo_thread::Held;
+use crate::report::Row;
 use crate::scene::Scene;
 use crate::step::Simulation;
 use crate::{Error, Result};
 
-/// Solver iterations of the step whose passes are counted.
-const ITERATIONS: u32 = 16;
+/// Of the scenes, s.
+const STEP: f64 = 0.001;
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
@@ -52,12 +56,8 @@ impl Settings {
 pub struct Run {
     /// Microseconds, a step each, for each round.
     pub step_us: Vec<Vec<f64>>,
-    /// Memory on the device.
-    pub bytes_device: u64,
-    /// Of a step of sixteen iterations.
-    pub passes: u32,
-    /// Those of them that wait for an earlier one.
-    pub dependent_passes: u32,
+    /// What a step is made of.
+    pub plan: Plan,
     /// Iterations of all steps that count.
     pub iterations: u64,
 }
@@ -69,12 +69,27 @@ pub struct Cost {
     pub with: Run,
     /// Without it.
     pub without: Run,
+    /// Two simulations that cost the same where a feature that is not used costs nothing: one in which it is switched off, and
+    /// one that never heard of it; `None`: a scene that does not want it says nothing of it, and has no way to.
+    pub idle: Option<[Plan; 2]>,
+}
+
+impl Cost {
+    /// Whether a feature that is not used costs nothing; `None`: it cannot be switched off.
+    pub fn is_free_when_idle(&self) -> Option<bool> {
+        self.idle.as_ref().map(|[off, never]| off == never)
+    }
 }
 
 impl Run {
     /// Median over the steps of a round, the median of those, ms.
     pub fn ms(&self) -> f64 {
         median(&self.step_us.iter().map(|round| 1e-3 * median(round)).collect::<Vec<_>>())
+    }
+
+    /// Milliseconds over iterations, of a step.
+    fn ms_an_iteration(&self) -> f64 {
+        self.ms() / self.mean_iterations()
     }
 
     /// Of a step that counts.
@@ -115,65 +130,89 @@ impl Benchmark for Features {
         let number = |key: &str| settings[key].as_u64().unwrap_or(0);
         Ok(format!(
             "The smallest scene that shows a feature, with and without it, in turns: {} steps that do not count, then {} rounds \
-             of {} steps each; medians of a round, and of those. Passes are those of a step of {ITERATIONS} solver iterations.",
+             of {} steps each; medians of a round, and of those. Passes are those of a step of {} solver iterations.",
             number("warm_up"),
             number("rounds"),
-            number("steps")
+            number("steps"),
+            plan::ITERATIONS
         ))
     }
 
     fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
-        let known = Feature::ALL.into_iter().filter_map(|feature| Some((feature, parts.get(feature.name())?)));
-        let costs: Vec<(Feature, Cost)> =
-            known.map(|(feature, value)| Ok((feature, from_value(value)?))).collect::<Result<_>>()?;
-        if costs.is_empty() { Ok(Vec::new()) } else { Ok(vec![section(&costs)?]) }
+        let costs = costs(parts)?;
+        if costs.is_empty() { Ok(Vec::new()) } else { Ok(vec![document::section(&costs)?]) }
     }
+
+    fn faults(&self, parts: &Map<String, Value>) -> Result<Vec<String>> {
+        let bad = costs(parts)?.into_iter().filter(|(_, cost)| cost.is_free_when_idle() == Some(false));
+        Ok(bad.map(|(feature, _)| format!("{}: is not used, and costs something", feature.name())).collect())
+    }
+}
+
+fn costs(parts: &Map<String, Value>) -> Result<Vec<(Feature, Cost)>> {
+    let known = Feature::ALL.into_iter().filter_map(|feature| Some((feature, parts.get(feature.name())?)));
+    known.map(|(feature, value)| Ok((feature, from_value(value)?))).collect()
 }
 
 /// One of the two under way.
 struct Side {
     simulation: Simulation,
-    held: Option<Held>,
+    /// A loop holds the tool, with stiffness and damping asked for in every step, or in the first of them alone.
+    held: Option<(Held, bool)>,
     run: Run,
 }
 
 impl Side {
     fn open(feature: Feature, with: bool, settings: &Settings) -> Result<Side> {
         let scene = feature.scene(with)?;
-        let options = Options { device: settings.device.clone(), one_thread: true, ..Options::default() };
-        let mut simulation = Simulation::new(&scene, &options, None)?;
+        let mut simulation = open(&scene, settings)?;
         simulation.time_every(u64::from(feature == Feature::Timestamps && with))?;
-        let (passes, dependent_passes) = simulation.passes(ITERATIONS);
-        let run = Run {
-            bytes_device: simulation.context().bytes_allocated(),
-            passes: passes.iter().map(|(_, count)| count).sum(),
-            dependent_passes,
-            ..Run::default()
-        };
-        let held = (feature == Feature::Stiffness && with).then(|| held(&scene)).flatten();
+        let run = Run { plan: Plan::of(&simulation), ..Run::default() };
+        let held = (feature == Feature::Stiffness).then(|| held(&scene)).flatten().map(|held| (held, with));
         Ok(Side { simulation, held, run })
     }
 
-    /// So many steps; those of the warm-up are the keys' own.
-    fn steps(&mut self, count: usize, counts: bool, dt: f64) -> Result<()> {
+    /// Steps that do not count: those that the scene's keys take, and one that hands the tool to the loop, if there is one.
+    fn warm_up(&mut self, count: usize) -> Result<()> {
+        (0..count).try_for_each(|_| self.simulation.step().map(drop))?;
+        self.step_held().map(drop)
+    }
+
+    /// A step in which stiffness and damping are asked for; `None`: there is no loop.
+    fn step_held(&mut self) -> Result<Option<Row>> {
+        let Some((held, _)) = &self.held else { return Ok(None) };
+        // The loop has the tool wherever the simulation has it, so that both sides go the same way.
+        let now = self.simulation.tool().map(|tool| RigidState {
+            position: tool.centre,
+            orientation: tool.orientation,
+            velocity: tool.velocity,
+            angular_velocity: tool.angular_velocity,
+        });
+        let held = Held { tool: now.unwrap_or(held.tool), ..*held };
+        self.simulation.step_held(&held, STEP).map(Some)
+    }
+
+    /// A round.
+    fn steps(&mut self, count: usize) -> Result<()> {
         let mut times = Vec::with_capacity(count);
         for _ in 0..count {
             let begun = Instant::now();
-            let row = match &self.held {
-                Some(held) if counts => self.simulation.step_held(held, dt)?,
-                _ => self.simulation.step()?,
-            };
+            let asked = if self.held.as_ref().is_some_and(|(_, with)| *with) { self.step_held()? } else { None };
+            let row = asked.map_or_else(|| self.simulation.step(), Ok)?;
             times.push(begun.elapsed().as_secs_f64() * 1e6);
-            self.run.iterations += if counts { u64::from(row.iterations) } else { 0 };
+            self.run.iterations += u64::from(row.iterations);
         }
-        if counts {
-            self.run.step_us.push(times);
-        }
+        self.run.step_us.push(times);
         Ok(())
     }
 }
 
-/// A loop whose device stays where the keys end, and whose tool is pressed in as deep.
+fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
+    let options = Options { device: settings.device.clone(), one_thread: true, ..Options::default() };
+    Simulation::new(scene, &options, None)
+}
+
+/// A loop whose device stays where the keys end.
 fn held(scene: &Scene) -> Option<Held> {
     let last = scene.drive.last()?;
     let state = RigidState::at_rest(last.position, last.orientation);
@@ -181,81 +220,30 @@ fn held(scene: &Scene) -> Option<Held> {
 }
 
 fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
-    let mut sides = [true, false].map(|with| Side::open(feature, with, settings));
-    if let [Ok(with), Ok(without)] = &mut sides {
-        for side in [&mut *with, &mut *without] {
-            side.steps(settings.warm_up, false, 0.001)?;
-        }
-        for round in 0..settings.rounds {
-            // First the one, then the other goes first.
-            let order = if round % 2 == 0 { [&mut *with, &mut *without] } else { [&mut *without, &mut *with] };
-            for side in order {
-                side.steps(settings.steps, true, 0.001)?;
-            }
+    let [mut with, mut without] = [Side::open(feature, true, settings)?, Side::open(feature, false, settings)?];
+    with.warm_up(settings.warm_up)?;
+    without.warm_up(settings.warm_up)?;
+    for round in 0..settings.rounds {
+        // First the one, then the other goes first.
+        let order = if round % 2 == 0 { [&mut with, &mut without] } else { [&mut without, &mut with] };
+        for side in order {
+            side.steps(settings.steps)?;
         }
     }
-    let [with, without] = sides;
-    Ok(Cost { with: with?.run, without: without?.run })
-}
-
-fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
-    let heads = [
-        "feature",
-        "compared",
-        "with, ms",
-        "without, ms",
-        "ratio",
-        "iterations",
-        "with, MB",
-        "without, MB",
-        "passes",
-        "dependent",
-    ];
-    let mut table = Table::new(heads);
-    let mut bars = Vec::new();
-    for (feature, Cost { with, without }) in costs {
-        let pair = |of: fn(&Run) -> u32| format!("{} / {}", of(with), of(without));
-        let megabytes = |run: &Run| format!("{:.2}", 1e-6 * run.bytes_device as f64);
-        table.rows.push(vec![
-            feature.name().into(),
-            feature.question().into(),
-            format!("{:.2}", with.ms()),
-            format!("{:.2}", without.ms()),
-            format!("{:.2}", with.ms() / without.ms()),
-            format!("{:.0} / {:.0}", with.mean_iterations(), without.mean_iterations()),
-            megabytes(with),
-            megabytes(without),
-            pair(|run| run.passes),
-            pair(|run| run.dependent_passes),
-        ]);
-        for (run, kind, what) in [(with, 0, "with"), (without, 1, "without")] {
-            bars.push(Bar { name: format!("{what} {}", feature.name()), length: run.ms(), kind });
+    let idle = match feature.idle()? {
+        Some(scenes::Idle::Scenes(both)) => {
+            let [off, never] = both.each_ref().map(|scene| open(scene, settings).map(|s| Plan::of(&s)));
+            Some([off?, never?])
         }
-    }
-    Ok(Section {
-        title: "Time and memory of a step with each feature, and without it".into(),
-        question:
-            "What does a feature cost where it is used? Iterations (of a step, mean), passes and dependent passes are \
-                   with and without it."
-                .into(),
-        table,
-        plot: Some(plot::bars("ms a step", &bars)?),
-        finding: finding(costs),
-        ..Section::default()
-    })
-}
-
-/// The dearest in time, and in memory.
-fn finding(costs: &[(Feature, Cost)]) -> String {
-    let time = |cost: &Cost| cost.with.ms() / cost.without.ms();
-    let bytes = |cost: &Cost| cost.with.bytes_device as f64 / cost.without.bytes_device.max(1) as f64;
-    let most = |of: &dyn Fn(&Cost) -> f64| costs.iter().max_by(|a, b| of(&a.1).total_cmp(&of(&b.1)));
-    let (Some((slow, a)), Some((large, b))) = (most(&time), most(&bytes)) else { return String::new() };
-    format!(
-        "Dearest in time is {} ({:.2} times the step without), in memory {} ({:.2} times).",
-        slow.name(),
-        time(a),
-        large.name(),
-        bytes(b)
-    )
+        // What is asked for step by step: it was used, and is so no more.
+        Some(scenes::Idle::Again(scene)) => {
+            with.simulation.time_every(0)?;
+            with.simulation.step()?;
+            let mut never = open(&scene, settings)?;
+            never.time_every(0)?;
+            Some([Plan::of(&with.simulation), Plan::of(&never)])
+        }
+        None => None,
+    };
+    Ok(Cost { with: with.run, without: without.run, idle })
 }

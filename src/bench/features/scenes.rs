@@ -62,7 +62,7 @@ impl Feature {
             Feature::Damping => "damped by mass and stiffness against not at all, a sphere pressed into a block",
             Feature::Skin => "20,000 skin vertices against 2,000 on the same layer, a sphere pressed into a head",
             Feature::Joints => "two cores of a bar joined against apart, let go",
-            Feature::Stiffness => "a loop that holds the tool against none, a sphere pressed into a block",
+            Feature::Stiffness => "asked for in every step against not, a loop that presses a sphere into a block",
             Feature::Timestamps => "every step timed stage by stage against none, a sphere pressed into a block",
         }
     }
@@ -87,6 +87,30 @@ impl Feature {
             Feature::Stiffness | Feature::Timestamps => block("", "", MATERIAL),
         };
         Scene::parse(Path::new(self.name()), &text)
+    }
+}
+
+/// How a feature is not used.
+pub enum Idle {
+    /// A scene that switches it off, and one that says nothing of it.
+    Scenes([Scene; 2]),
+    /// A scene where it is asked for step by step, and is so no more.
+    Again(Scene),
+}
+
+impl Feature {
+    /// How a simulation that has heard of it does not use it; `None`: where it is not wanted nothing can be said of it.
+    pub fn idle(self) -> Result<Option<Idle>> {
+        let scene = |text: String| Scene::parse(Path::new(self.name()), &text);
+        let plain = || scene(block("", "", MATERIAL));
+        let off = match self {
+            Feature::Friction => block("friction = 0.0", "", MATERIAL),
+            Feature::CoarseLevel => block("", "preconditioner = \"jacobi\"", MATERIAL),
+            Feature::Damping => block("", "", &format!("{MATERIAL}, damping_mass = 0.0, damping_stiffness = 0.0")),
+            Feature::Stiffness | Feature::Timestamps => return Ok(Some(Idle::Again(plain()?))),
+            Feature::SecondSide | Feature::Skin | Feature::Joints => return Ok(None),
+        };
+        Ok(Some(Idle::Scenes([scene(off)?, plain()?])))
     }
 }
 

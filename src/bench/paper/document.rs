@@ -116,13 +116,16 @@ fn stages(all: &[Ran]) -> Result<Section> {
     let mut table = Table::new(["scene".to_string()].into_iter().chain(names.iter().map(|name| format!("{name} ms"))));
     table.heads.push("solve, % of all".into());
     for Ran { name, times, .. } in all {
-        let each: Vec<f64> = names.iter().map(|stage| times.stage_ms(stage)).collect();
-        let share = times.stage_ms("solve") / each.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        let cells = each.into_iter().map(|time| format!("{time:.3}")).chain([format!("{:.0}", 1e2 * share)]);
+        let each: Vec<Option<f64>> = names.iter().map(|stage| times.stage_ms(stage)).collect();
+        let sum = each.iter().flatten().sum::<f64>();
+        let share = times.stage_ms("solve").unwrap_or(0.0) / sum.max(f64::MIN_POSITIVE);
+        let cells = each.into_iter().map(|time| time.map_or("-".into(), |time| format!("{time:.3}")));
+        let cells = cells.chain([format!("{:.0}", 1e2 * share)]);
         table.rows.push([name.clone()].into_iter().chain(cells).collect());
     }
     let longest = all.iter().map(|ran| {
-        let most = names.iter().max_by(|a, b| ran.times.stage_ms(a).total_cmp(&ran.times.stage_ms(b)));
+        let time = |stage: &str| ran.times.stage_ms(stage).unwrap_or(0.0);
+        let most = names.iter().max_by(|a, b| time(a).total_cmp(&time(b)));
         format!("{}: {}", ran.name, most.copied().unwrap_or("none"))
     });
     Ok(Section {
@@ -135,6 +138,10 @@ fn stages(all: &[Ran]) -> Result<Section> {
         finding: format!("The longest stage by scene is {}.", longest.collect::<Vec<_>>().join("; ")),
         ..Section::default()
     })
+}
+
+fn solve_ms(times: &Times) -> f64 {
+    times.stage_ms("solve").unwrap_or(0.0)
 }
 
 fn growth(by: By, rows: &[Grown]) -> Result<Section> {
@@ -150,7 +157,7 @@ fn growth(by: By, rows: &[Grown]) -> Result<Section> {
         let times = &row.times;
         let mut cells = vec![row.bodies.to_string(), row.vertices.to_string(), row.tetrahedra.to_string()];
         cells.extend([format!("{:.2}", 1e4 * times.area()), format!("{:.0}", times.contacts())]);
-        cells.extend([times.query_ms(), times.stage_ms("solve"), times.step_ms()].map(ms));
+        cells.extend([times.query_ms(), solve_ms(times), times.step_ms()].map(ms));
         cells.extend([format!("{:.0}", times.iterations()), format!("{:.1}", 1e-6 * row.bytes_device as f64)]);
         table.rows.push(cells);
     }
@@ -158,16 +165,19 @@ fn growth(by: By, rows: &[Grown]) -> Result<Section> {
         name: name.into(),
         points: rows.iter().map(|row| (x(row), time(&row.times))).collect(),
     };
-    let drawn =
-        vec![line("loop", &Times::step_ms), line("query", &Times::query_ms), line("solve", &|t| t.stage_ms("solve"))];
-    let power = |line: &Line| exponent(&line.points).map_or("too few rows to say".into(), |p| format!("{p:.2}"));
+    let drawn = vec![line("loop", &Times::step_ms), line("query", &Times::query_ms), line("solve", &solve_ms)];
+    let ends = |of: &dyn Fn(&Grown) -> f64| [rows.first(), rows.last()].map(|row| row.map_or(0.0, of));
+    let goes = |time: &dyn Fn(&Times) -> f64, line: &Line| {
+        let [from, to] = ends(&|row| time(&row.times)).map(ms);
+        let power = exponent(&line.points).map_or("too few rows for a power".into(), |p| format!("power {p:.2}"));
+        format!("{from} to {to} ms ({power})")
+    };
+    let [from, to] = ends(&x).map(digits);
     let finding = format!(
-        "From {} to {} ({axis}) the query's time grows with power {}, the loop's with {}, the solver's with {}.",
-        rows.first().map_or(0.0, |row| digits(x(row))),
-        rows.last().map_or(0.0, |row| digits(x(row))),
-        power(&drawn[1]),
-        power(&drawn[0]),
-        power(&drawn[2])
+        "From {from} to {to} ({axis}) the query goes from {}, the solver from {}, the loop from {}.",
+        goes(&Times::query_ms, &drawn[1]),
+        goes(&solve_ms, &drawn[2]),
+        goes(&Times::step_ms, &drawn[0]),
     );
     let axes = Logarithmic { x: axis, y: "median time, ms", level: None };
     let panel = Panel { title: title.into(), lines: drawn };

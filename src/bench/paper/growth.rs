@@ -11,7 +11,7 @@ use crate::Result;
 use crate::scene::Scene;
 
 /// Steps in which the tool goes to where it stays, and in which the bodies come to lie, untimed.
-const APPROACH: usize = 40;
+const APPROACH: usize = 80;
 /// How far a sphere is pressed into the head at most, m.
 const DEEP: f64 = 0.004;
 /// Front of the head's cheek (see touch-head): where the sphere's centre is aimed at, m.
@@ -114,7 +114,7 @@ fn head(radius: f64, vertices: usize, cell: f64) -> Result<Scene> {
     let end = CHEEK + DVec3::Z * (radius - DEEP);
     let start = end + DVec3::Z * (2.0 * DEEP);
     let [DVec3 { x, y, z }, to] = [start, end];
-    let time = 0.75 * APPROACH as f64 * 1e-3;
+    let time = 0.4 * APPROACH as f64 * 1e-3;
     let text = format!(
         "
         [[body]]

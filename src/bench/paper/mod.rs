@@ -62,10 +62,9 @@ impl Settings {
         Settings {
             steps: 16,
             scene_seconds: 3.0,
-            radii: vec![0.005, 0.01, 0.02],
-            vertices: vec![11e3, 44e3, 176e3],
-            cells: vec![0.03, 0.018, 0.014],
-            bodies: vec![1.0, 4.0, 16.0],
+            vertices: vec![5.5e3, 11e3, 22e3, 44e3, 88e3, 176e3],
+            cells: vec![0.036, 0.03, 0.024, 0.02, 0.018, 0.016],
+            bodies: vec![1.0, 2.0, 4.0, 8.0, 16.0, 32.0],
             growth_steps: 4,
             ..Settings::full()
         }

@@ -14,8 +14,6 @@ use crate::scene::Scene;
 use crate::stages::POSE_TO_CONTACT;
 use crate::step::Simulation;
 
-/// Contacts are read back in every so many steps, which costs a transfer.
-const AREA_EVERY: usize = 8;
 /// In four steps two are not timed by stage, one is by all stages, and one by the query as a whole.
 const TIMED_EVERY: u64 = 2;
 
@@ -32,7 +30,7 @@ pub struct Times {
     pub step_us: Vec<f64>,
     /// Contacts of both skins.
     pub contacts: Vec<u32>,
-    /// What they cover, projected on the normal, m^2; of some steps.
+    /// What they cover, projected on the normal, m^2.
     pub areas: Vec<f64>,
     /// Solver iterations, of all solves of a step.
     pub iterations: Vec<u32>,
@@ -49,9 +47,9 @@ impl Times {
         1e-3 * median(&self.step_us)
     }
 
-    /// Median of a stage, ms; 0: the scene has none.
-    pub fn stage_ms(&self, stage: &str) -> f64 {
-        1e-3 * self.stages_us.get(stage).map_or(0.0, |us| median(us))
+    /// Median of a stage, ms; `None`: the scene has none.
+    pub fn stage_ms(&self, stage: &str) -> Option<f64> {
+        self.stages_us.get(stage).map(|us| 1e-3 * median(us))
     }
 
     /// Median contacts of a step.
@@ -106,9 +104,7 @@ impl Watched {
         self.0.time_every(if times.is_some() { TIMED_EVERY } else { 0 })?;
         let row = self.0.step()?;
         let Some((times, contacts)) = times.zip(row.contacts.filter(|&found| found > 0)) else { return Ok(row) };
-        if times.touching % AREA_EVERY == 0 {
-            times.areas.push(self.0.touch()?.1.iter().map(|contact| f64::from(contact.area)).sum());
-        }
+        times.areas.push(self.0.touch()?.1.iter().map(|contact| f64::from(contact.area)).sum());
         times.touching += 1;
         times.contacts.push(contacts);
         times.iterations.push(row.iterations);

@@ -68,9 +68,8 @@ impl Settings {
         cases.retain(|case| case.dt == DT[0]);
         Settings {
             cases,
-            tolerances: vec![1e-2, 1e-3, 3e-4, 1e-4, 1e-5],
             repetitions: 1,
-            scaling: vec![8, 12, 18],
+            scaling: vec![6, 8, 10, 12, 15, 18],
             scaling_steps: 3,
             is_quick: true,
             ..Settings::full()
