@@ -80,7 +80,10 @@ fn presets_are_settings_that_were_measured() {
         let Some(setting) = setting else { continue };
         assert!(setting.error().unwrap() < below && setting.points.len() == 2, "{name}: {setting:?}");
         for point in &setting.points {
-            assert!(curve.points.contains(point) && point.flags.is_empty() && point.keys.len() == 4, "{name}: {point:?}");
+            assert!(
+                curve.points.contains(point) && point.flags.is_empty() && point.keys.len() == 4,
+                "{name}: {point:?}"
+            );
         }
     }
 }

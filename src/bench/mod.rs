@@ -6,6 +6,7 @@ pub mod compare;
 pub mod document;
 pub mod features;
 pub mod fit;
+mod gauge;
 pub mod haptics;
 pub mod meshes;
 pub(crate) mod page;

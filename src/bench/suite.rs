@@ -7,14 +7,16 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
+use super::gauge::gauge;
+use super::samples::hands;
 use super::{Chapter, Document, Section};
-use crate::gpu::{Context, Options};
+use crate::gpu::{Context, DeviceKind, Options};
 use crate::prepare::Cache;
 use crate::step::choice::Choice;
 use crate::{Error, Result};
 
 /// Version of the format of `results.json`: raised when a field changes its meaning or goes.
-pub const SCHEMA: u32 = 4;
+pub const SCHEMA: u32 = 5;
 
 /// Exit status of what fails while it runs.
 const FAILED: u8 = 4;
@@ -70,6 +72,8 @@ pub struct Head {
     pub driver: String,
     /// Path of the depth stage that this device takes by itself.
     pub depth_path: String,
+    /// Whether the device is the processor itself.
+    pub is_cpu: bool,
     /// Threads that this machine runs at once.
     pub threads: usize,
     /// Whether this is a short form of the whole.
@@ -93,6 +97,19 @@ struct Measured {
     /// All that there are, measured or not.
     names: Vec<String>,
     parts: Map<String, Value>,
+    /// Of each part, before and after it was measured: see [`super::gauge`], us.
+    gauges: Map<String, Value>,
+}
+
+impl Results {
+    /// How fast the machine was while a part (`solver/scaling`) was measured: hands of the same work, us. `None`: nobody knows,
+    /// or the device is another than the processor whose work it was.
+    pub fn gauge(&self, part: &str) -> Option<Vec<f64>> {
+        let (benchmark, part) = part.split_once('/')?;
+        let samples = self.benchmarks.get(benchmark)?.get("gauges")?.get(part)?;
+        let hands = hands(&[samples.as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?]);
+        (self.head.is_cpu && !hands.is_empty()).then_some(hands)
+    }
 }
 
 impl Head {
@@ -106,6 +123,7 @@ impl Head {
             device: context.device_name().into(),
             driver: context.driver().into(),
             depth_path: Choice::new(&context, None, &Cache::of_user())?.path.name().into(),
+            is_cpu: context.kind() == DeviceKind::Cpu,
             threads: std::thread::available_parallelism().map_or(1, Into::into),
             is_quick,
         })
@@ -135,12 +153,16 @@ pub fn measure(
     for benchmark in benchmarks {
         let name = benchmark.name();
         let names: Vec<String> = benchmark.parts().into_iter().filter(|part| is_asked(name, part)).collect();
-        let mut parts = Map::new();
+        let (mut parts, mut gauges) = (Map::new(), Map::new());
         for part in &names {
             if turn % shard.count == shard.index {
                 watch(&format!("{name}: {part}"));
+                let before = gauge();
                 match benchmark.measure(part, watch) {
-                    Ok(measured) => drop(parts.insert(part.clone(), measured)),
+                    Ok(measured) => {
+                        parts.insert(part.clone(), measured);
+                        gauges.insert(part.clone(), to_value(&[before, gauge()].concat())?);
+                    }
                     // Not the part's fault: what the user gave cannot be used.
                     Err(error) if error.exit_status() < FAILED => return Err(error),
                     Err(error) => failed.push(format!("{name}/{part}: {error}")),
@@ -149,7 +171,7 @@ pub fn measure(
             turn += 1;
         }
         if !names.is_empty() {
-            let measured = Measured { settings: benchmark.settings()?, names, parts };
+            let measured = Measured { settings: benchmark.settings()?, names, parts, gauges };
             all.insert(name.into(), to_value(&measured)?);
         }
     }
@@ -162,7 +184,7 @@ pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<
         Document { title: "palpate: benchmarks".into(), preface: results.head.preface(), chapters: vec![] };
     for benchmark in benchmarks {
         let Some(measured) = results.benchmarks.get(benchmark.name()) else { continue };
-        let Measured { settings, names, parts } = from_value(measured)?;
+        let Measured { settings, names, parts, .. } = from_value(measured)?;
         let missing: Vec<&str> = names.iter().map(String::as_str).filter(|name| !parts.contains_key(*name)).collect();
         let mut preface = benchmark.preface(&settings)?;
         if !missing.is_empty() {
@@ -215,9 +237,12 @@ fn joined(file: &Path, name: &str, own: &Value, other: &Value) -> Result<Value> 
         let problem = format!("has `{part}` of `{name}`, which another directory has as well");
         return Err(Error::input(file, None, problem, "name each shard once"));
     }
-    let of = |part: &String| Some((part.clone(), own.parts.get(part).or_else(|| other.parts.get(part))?.clone()));
-    let parts = own.names.iter().filter_map(of).collect();
-    to_value(&Measured { parts, ..own })
+    let both = |one: &Map<String, Value>, two: &Map<String, Value>| {
+        let of = |part: &String| Some((part.clone(), one.get(part).or_else(|| two.get(part))?.clone()));
+        own.names.iter().filter_map(of).collect()
+    };
+    let (parts, gauges) = (both(&own.parts, &other.parts), both(&own.gauges, &other.gauges));
+    to_value(&Measured { parts, gauges, ..own })
 }
 
 /// Reads `results.json`. Errors name the file.

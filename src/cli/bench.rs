@@ -144,11 +144,19 @@ fn results_in(path: &Path) -> Result<Results> {
 fn compared(old: &Results, new: &Results) -> Result<Option<String>> {
     let (all, lonely) = compare::compare(old, new)?;
     let of = |head: &Head| format!("{} ({}), commit {}", head.device, head.driver, head.commit);
+    let machine = |head: &Head| (head.device.clone(), head.driver.clone(), head.threads);
+    let elsewhere = match machine(&old.head) == machine(&new.head) {
+        true => "",
+        false => {
+            " They were measured on ANOTHER device, driver or number of threads: ratios of times say more of those."
+        }
+    };
     let count = |verdict| all.iter().filter(|c| c.verdict == verdict).count();
     let (worse, better, unjudged) = (count(Verdict::Worse), count(Verdict::Better), count(Verdict::Unjudged));
     print(&format!(
-        "\n# Compared\n\nOld: {}. New: {}. A ratio is of medians; it lies between those of the fastest round over the slowest \
-         and the other way round.\n\n{}\n{} of {} are worse beyond noise, {better} better, {unjudged} have too few samples. \
+        "\n# Compared\n\nOld: {}. New: {}.{elsewhere} A ratio of times is of medians, over what the processor itself took for the \
+         same work meanwhile where it is the device; it lies between those of the fastest round over the slowest and the other \
+         way round.\n\n{}\n{} of {} are worse beyond noise, {better} better, {unjudged} have too few samples. \
          In one of them only: {}.\n",
         of(&old.head),
         of(&new.head),
@@ -157,5 +165,5 @@ fn compared(old: &Results, new: &Results) -> Result<Option<String>> {
         all.len(),
         if lonely.is_empty() { "nothing".into() } else { lonely.join(", ") }
     ))?;
-    Ok((worse > 0).then(|| format!("{worse} of {} are slower or less accurate than before", all.len())))
+    Ok((worse > 0).then(|| format!("{worse} of {} are slower, less accurate or larger than before", all.len())))
 }

@@ -168,8 +168,7 @@ impl Point {
         let Some(error) = self.error().filter(|_| self.flags.is_empty()) else { return false };
         let is_better = |other: &Point| match other.error().filter(|_| other.flags.is_empty()) {
             Some(its) => {
-                let (is_as_accurate, is_better) =
-                    ((1.0 - SAME_ERROR) * its <= error, its < (1.0 - SAME_ERROR) * error);
+                let (is_as_accurate, is_better) = ((1.0 - SAME_ERROR) * its <= error, its < (1.0 - SAME_ERROR) * error);
                 is_as_accurate && other.is_cheaper(self) || is_better && !self.is_cheaper(other)
             }
             None => false,

@@ -62,7 +62,9 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         references.push(extrapolated(&fine, most + 2, UNITS, &options)?);
         for halvings in 1..=most {
             for &(name, sides) in grid.sides {
-                for (&newton, &tolerance) in grid.newton.iter().flat_map(|n| grid.tolerances.iter().map(move |t| (n, t))) {
+                for (&newton, &tolerance) in
+                    grid.newton.iter().flat_map(|n| grid.tolerances.iter().map(move |t| (n, t)))
+                {
                     let scene = at(young, halvings, tolerance, newton, sides);
                     let point = point(&scene, name, stiffness(young));
                     entrants.push(Entrant { point, scene, steps: UNITS << halvings });

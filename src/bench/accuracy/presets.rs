@@ -38,6 +38,11 @@ impl Setting<'_> {
         keys.into_iter().find(|(key, _)| key == name).map_or("", |(_, value)| value)
     }
 
+    /// Of the solver; not a number where its keys do not tell.
+    fn tolerance(&self) -> f64 {
+        self.key("solver.tolerance").parse().unwrap_or(f64::NAN)
+    }
+
     /// In words, without the body.
     fn name(&self) -> &str {
         let Some(point) = self.points.first() else { return "" };
@@ -65,11 +70,17 @@ fn settings(curve: &Curve) -> Vec<Setting<'_>> {
     panels.first().map_or_else(Vec::new, |panel| panel.iter().map(of).collect())
 }
 
-/// The setting that has each preset's name: the cheapest without a flag that is below its error on every body.
+/// The setting that has each preset's name: the cheapest without a flag that is below its error on every body, solved to no
+/// looser a tolerance than the preset before it.
 pub fn presets(curve: &Curve) -> [(&'static str, f64, Option<Setting<'_>>); 3] {
+    let mut loosest = f64::INFINITY;
     PRESETS.map(|(name, below)| {
-        let fits = |own: &Setting| !own.is_flagged() && own.error().is_some_and(|error| error < below);
-        (name, below, settings(curve).into_iter().filter(fits).min_by(|a, b| a.cost.total_cmp(&b.cost)))
+        let fits = |own: &Setting| {
+            !own.is_flagged() && own.error().is_some_and(|error| error < below) && own.tolerance() <= loosest
+        };
+        let found = settings(curve).into_iter().filter(fits).min_by(|a, b| a.cost.total_cmp(&b.cost));
+        loosest = found.as_ref().map_or(loosest, Setting::tolerance);
+        (name, below, found)
     })
 }
 
@@ -95,7 +106,7 @@ fn is_measured(shipped: &Preset, own: &Setting) -> bool {
     let number = |name: &str| own.key(name).parse::<f64>().unwrap_or(f64::NAN);
     let ratio = number("step.dt") / shipped.dt;
     (1.0 / SAME_STEP..=SAME_STEP).contains(&ratio)
-        && (number("solver.tolerance") / shipped.tolerance - 1.0).abs() < 1e-6
+        && (own.tolerance() / shipped.tolerance - 1.0).abs() < 1e-6
         && number("step.newton") == f64::from(shipped.newton)
         && own.key("contact.sides") == sides(shipped)
 }
@@ -140,7 +151,7 @@ fn section_of(curve: &Curve, shipped: &[Preset]) -> Section {
         title: "Presets".into(),
         question:
             "Which settings should a scene get that names a preset? Of the settings above the cheapest without a flag whose error \
-             is below the preset's on every body; cost is the mean over the bodies of the time over that of the cheapest setting. \
+             is below the preset's on every body, and whose tolerance is no looser than that of the preset before; cost is the mean over the bodies of the time over that of the cheapest setting. \
              What the program ships agrees where it is below that error as well and costs no more beyond noise. A part of real \
              time below one is faster than the world; it is said of each body."
                 .into(),
@@ -218,13 +229,19 @@ mod tests {
     #[test]
     fn a_preset_must_do_on_every_body() {
         let mut both = curve();
-        let stiff = |point: Point| Point { panel: "stiff".into(), force_error: point.error().map(|e| 3.0 * e), ..point };
+        let stiff =
+            |point: Point| Point { panel: "stiff".into(), force_error: point.error().map(|e| 3.0 * e), ..point };
         both.points.extend(curve().points.into_iter().map(stiff));
         let dt = |curve: &Curve| presets(curve).map(|(_, _, found)| found.map(|own| own.key("step.dt").to_string()));
         assert_eq!(dt(&curve()), [Some("0.0081".into()), Some("0.0041".into()), Some("0.0021".into())]);
         assert_eq!(dt(&both), [Some("0.0021".into()), None, None]);
         both.points[4].flags = vec!["frozen".into()];
         assert_eq!(presets(&both)[0].2.as_ref().map(|own| own.key("solver.tolerance")), Some("1e-2"));
+        // What is more accurate is not solved less far.
+        let mut one = curve();
+        one.points[0].flags = vec!["frozen".into()];
+        let tolerances = presets(&one).map(|(_, _, found)| found.map_or(0.0, |own| own.tolerance()));
+        assert_eq!(tolerances, [1e-2; 3]);
     }
 
     #[test]
