@@ -445,7 +445,7 @@ fn a_preset_decides_what_the_file_leaves_open() {
     assert_eq!((none.solver.tolerance, none.solver.max_iterations, none.step.newton), (1e-5, 200, 1));
     assert_eq!((none.contact.sides, none.preset), (Sides::Both, None));
     let fast = of("preset = \"fast\"\n[contact]\nsides = \"both\"\n[step]\ndt = 0.002").unwrap();
-    assert_eq!((fast.solver.tolerance, fast.contact.sides, fast.step.dt), (1e-1, Sides::Both, 0.002));
+    assert_eq!((fast.solver.tolerance, fast.contact.sides, fast.step.dt), (1e-2, Sides::Both, 0.002));
     let chosen = fast.preset.unwrap();
     let keys: Vec<&str> = chosen.set.iter().map(|(key, _)| *key).collect();
     assert_eq!((chosen.preset, keys), ("fast", vec!["solver.tolerance", "solver.max_iterations", "step.newton"]));
