@@ -44,12 +44,14 @@ const HEADROOM: f64 = 1.12;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// A line of a plot.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Line {
     /// At its end.
     pub name: String,
     /// In the units of the axes.
     pub points: Vec<(f64, f64)>,
+    /// From where to where each point may be along x, drawn as a bar through it; empty: nothing is known of it.
+    pub ranges: Vec<[f64; 2]>,
 }
 
 /// What runs along an axis.
@@ -180,6 +182,8 @@ fn spans(axes: &Logarithmic, panels: &[Panel]) -> [std::ops::Range<f64>; 2] {
     let nothing = [[f64::INFINITY, 0.0]; 2];
     let grown = |[low, high]: [f64; 2], x: f64| [low.min(x), high.max(x)];
     let [x, mut y] = all.fold(nothing, |[xs, ys], (x, y)| [grown(xs, x), grown(ys, y)]);
+    let bars = panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| line.ranges.as_flattened()).copied();
+    let x = bars.filter(|end| *end > 0.0 && end.is_finite()).fold(x, grown);
     if let Some(level) = axes.level {
         y = grown(y, level);
     }
@@ -210,6 +214,9 @@ fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops
         let style = COLOURS[k % COLOURS.len()].stroke_width(2);
         chart.draw_series(LineSeries::new(points.iter().copied(), style))?;
         chart.draw_series(points.iter().map(|&at| Circle::new(at, 3, style.filled())))?;
+        let bars = line.points.iter().zip(&line.ranges).filter(|(at, [low, _])| is_drawn(at) && *low > 0.0);
+        let thin = COLOURS[k % COLOURS.len()].mix(0.45).stroke_width(1);
+        chart.draw_series(bars.map(|((_, y), [low, high])| PathElement::new([(*low, *y), (*high, *y)], thin)))?;
         ends.extend(points.last().map(|at| (k, chart.backend_coord(at))));
     }
     draw_names(area, &panel.lines, ends)
@@ -275,7 +282,7 @@ mod tests {
     #[test]
     fn plots_say_what_they_show() {
         let axis = Axis { label: "vertices".into(), names: vec!["11 k".into(), "44 k".into()] };
-        let line = Line { name: "total".into(), points: vec![(0.0, 1.0), (1.0, 1.25)] };
+        let line = Line { name: "total".into(), points: vec![(0.0, 1.0), (1.0, 1.25)], ..Line::default() };
         let svg = lines(&axis, "ms", &[line]).unwrap();
         assert!(["vertices", "11 k", "44 k", "total"].iter().all(|text| svg.contains(text)), "{svg}");
         let bar = |name: &str, length, kind| Bar { name: name.into(), length, kind };
@@ -286,7 +293,7 @@ mod tests {
 
     #[test]
     fn panels_are_logarithmic_and_leave_out_what_has_no_logarithm() {
-        let line = |points: &[(f64, f64)]| Line { name: "jacobi".into(), points: points.to_vec() };
+        let line = |points: &[(f64, f64)]| Line { name: "jacobi".into(), points: points.to_vec(), ..Line::default() };
         let panel = |title: &str, points: &[(f64, f64)]| Panel { title: title.into(), lines: vec![line(points)] };
         let axes = Logarithmic { x: "ms", y: "error", level: Some(1e-4) };
         let drawn = [panel("soft", &[(20.0, 3e-6), (7.0, 0.0), (8.0, f64::NAN)]), panel("stiff", &[(4.0, 2e-5)])];

@@ -142,7 +142,7 @@ impl Point {
     }
 
     /// The same in units of [`Point::cost`].
-    fn cost_range(&self) -> [f64; 2] {
+    pub fn cost_range(&self) -> [f64; 2] {
         let unit = if self.simulated_s > 0.0 { 1e-3 / self.simulated_s } else { 1.0 };
         self.step_range_ms().map(|ms| unit * ms)
     }
@@ -191,10 +191,12 @@ impl Curve {
         lines
     }
 
-    /// Which points are the best buys among those of their panel: no other is faster beyond noise and as accurate.
+    /// Which points are the best buys among those of their panel: no other is faster beyond noise and as accurate. None is of
+    /// what is not the engine's.
     pub fn best(&self) -> Vec<bool> {
         let panel = |name: &str| self.points.iter().filter(|other| other.panel == name).cloned().collect::<Vec<_>>();
-        self.points.iter().map(|point| point.is_best_of(&panel(&point.panel))).collect()
+        let is_own = |point: &Point| self.beside.is_empty() || point.panel != self.beside;
+        self.points.iter().map(|point| is_own(point) && point.is_best_of(&panel(&point.panel))).collect()
     }
 
     /// Powers of ten that the errors of a line span, of the line where they are most.

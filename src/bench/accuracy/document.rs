@@ -46,9 +46,9 @@ pub fn section(curve: &Curve) -> Result<Section> {
     let axes = Logarithmic { x, y: "force error, %", level: Some(100.0 * JUST_NOTICEABLE) };
     let mut drawn: Vec<Panel> = Vec::new();
     for line in curve.lines() {
-        let at = |point: &&Point| Some((point.cost(), 100.0 * point.error()?));
-        let points = line.points.iter().filter_map(at).collect();
-        let new = plot::Line { name: line.name.into(), points };
+        let at = |point: &&Point| Some(((point.cost(), 100.0 * point.error()?), point.cost_range()));
+        let (points, ranges) = line.points.iter().filter_map(at).unzip();
+        let new = plot::Line { name: line.name.into(), points, ranges };
         match drawn.iter_mut().find(|panel| panel.title == line.panel) {
             Some(panel) => panel.lines.push(new),
             None => drawn.push(Panel { title: line.panel.into(), lines: vec![new] }),

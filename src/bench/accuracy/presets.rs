@@ -239,7 +239,9 @@ mod tests {
         assert_eq!(presets(&both)[0].2.as_ref().map(|own| own.key("solver.tolerance")), Some("1e-2"));
         // What is more accurate is not solved less far.
         let mut one = curve();
-        [0, 2].map(|k| one.points[k].flags = vec!["frozen".into()]);
+        for k in [0, 2] {
+            one.points[k].flags = vec!["frozen".into()];
+        }
         let tolerances = presets(&one).map(|(_, _, found)| found.map_or(0.0, |own| own.tolerance()));
         assert_eq!(tolerances, [1e-2; 3]);
     }

@@ -164,6 +164,7 @@ fn growth(by: By, rows: &[Grown]) -> Result<Section> {
     let line = |name: &str, time: &dyn Fn(&Times) -> f64| Line {
         name: name.into(),
         points: rows.iter().map(|row| (x(row), time(&row.times))).collect(),
+        ..Line::default()
     };
     let drawn = vec![line("loop", &Times::step_ms), line("query", &Times::query_ms), line("solve", &solve_ms)];
     let ends = |of: &dyn Fn(&Grown) -> f64| [rows.first(), rows.last()].map(|row| row.map_or(0.0, of));

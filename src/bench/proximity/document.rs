@@ -58,8 +58,9 @@ fn stage_lines<'a>(points: impl Iterator<Item = (f64, &'a Place)> + Clone) -> Ve
     let stage = |(k, name): (usize, &str)| Line {
         name: name.into(),
         points: points.clone().map(|(x, place)| (x, place.samples_us.medians_ms()[k])).collect(),
+        ..Line::default()
     };
-    let mut all = vec![Line { name: "total".into(), points: total }];
+    let mut all = vec![Line { name: "total".into(), points: total, ..Line::default() }];
     all.extend(QUERY.into_iter().enumerate().map(stage));
     all
 }

@@ -20,7 +20,8 @@ pub fn preface(settings: &Value) -> String {
     format!(
         "Bodies hang from a fixed core under gravity, untouched, from rest (Poisson's ratio 0.45, 1000 kg/m^3, no damping). \
          `ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of at most {} \
-         runs; all settings run a few steps in turn. `best` is that of the fastest run. `error` is the largest distance of a \
+         runs, `from` and `to` those of the fastest and the slowest of five runs or of five hands that the steps of fewer are dealt into; \
+         all settings run a few steps in turn. `error` is the largest distance of a \
          node after the last step from where f64 steps solved directly have it, over the largest displacement.",
         settings["repetitions"]
     )
@@ -59,7 +60,7 @@ fn setting(run: &Run) -> String {
 
 /// The cases of one body.
 fn accuracy(cases: &[Measured]) -> Result<Section> {
-    let heads = ["case", "preconditioner", "tolerance", "ms", "best", "iterations", "flagged", "error"];
+    let heads = ["case", "preconditioner", "tolerance", "ms", "from", "to", "iterations", "flagged", "error"];
     let mut table = Table::new(heads);
     let mut drawn = Vec::new();
     for case in cases {
@@ -69,7 +70,8 @@ fn accuracy(cases: &[Measured]) -> Result<Section> {
                 run.preconditioner.clone(),
                 format!("{:.0e}", run.tolerance),
                 ms(run.ms()),
-                ms(run.best_ms()),
+                ms(run.range_ms()[0]),
+                ms(run.range_ms()[1]),
                 format!("{:.0}", run.median_iterations()),
                 run.flagged.to_string(),
                 format!("{:.1e}", run.error),
@@ -83,6 +85,7 @@ fn accuracy(cases: &[Measured]) -> Result<Section> {
                 .filter(|run| run.preconditioner == name)
                 .map(|run| (run.ms(), run.error))
                 .collect(),
+            ..Line::default()
         };
         drawn.push(Panel { title: case.case.label(), lines: PRECONDITIONERS.iter().map(line).collect() });
     }
@@ -219,11 +222,25 @@ fn growth_lines(sizes: &[Size]) -> Vec<(Line, bool)> {
     let points = |time: &dyn Fn(&Size) -> f64| sizes.iter().map(|size| (size.tetrahedra as f64, time(size))).collect();
     let of_steps = first.steps.iter().enumerate().map(|(k, steps)| {
         let name = format!("step, {}", stiffness(steps.young));
-        (Line { name, points: points(&|size| size.steps.get(k).map_or(f64::NAN, |steps| steps.ms())) }, false)
+        (
+            Line {
+                name,
+                points: points(&|size| size.steps.get(k).map_or(f64::NAN, |steps| steps.ms())),
+                ..Line::default()
+            },
+            false,
+        )
     });
     let of_iterations = first.iterations.iter().enumerate().map(|(k, iteration)| {
         let name = format!("iteration, {}", iteration.preconditioner);
-        (Line { name, points: points(&|size| size.iterations.get(k).map_or(f64::NAN, |it| it.ms())) }, true)
+        (
+            Line {
+                name,
+                points: points(&|size| size.iterations.get(k).map_or(f64::NAN, |it| it.ms())),
+                ..Line::default()
+            },
+            true,
+        )
     });
     of_steps.chain(of_iterations).collect()
 }

@@ -9,6 +9,7 @@ use super::reference::{Reference, reference};
 use super::{PRECONDITIONERS, Settings};
 use crate::Result;
 use crate::bench::median;
+use crate::bench::samples::hands;
 use crate::bench::suite::nan_of_null;
 use crate::gpu::Options;
 use crate::prepare::Cache;
@@ -68,9 +69,11 @@ impl Run {
         median(&self.medians_ms())
     }
 
-    /// The same of the fastest repetition.
-    pub fn best_ms(&self) -> f64 {
-        self.medians_ms().into_iter().fold(f64::INFINITY, f64::min)
+    /// The same of the fastest and the slowest repetition, or hand of few (see [`hands`]).
+    pub fn range_ms(&self) -> [f64; 2] {
+        let hands = hands(&self.step_us);
+        let (low, high) = hands.into_iter().fold((f64::INFINITY, 0.0f64), |(a, b), us| (a.min(us), b.max(us)));
+        [1e-3 * low, 1e-3 * high]
     }
 
     /// Median of the iterations of a step.

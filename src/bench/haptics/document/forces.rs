@@ -78,7 +78,7 @@ fn noise(holds: &[Held]) -> Panel {
                 None => points.push((held.rate, noise)),
             }
         }
-        Line { name: String::from(name), points }
+        Line { name: String::from(name), points, ..Line::default() }
     };
     Panel { title: holds.first().map(|held| name_of(held.met)).unwrap_or_default(), lines: short.map(line).into() }
 }
@@ -153,6 +153,7 @@ fn trace(slid: &Slid) -> Result<String> {
     let line = |k: usize, name: &str| Line {
         name: name.into(),
         points: last.iter().map(|point| (point[0] - last[0][0], point[k])).collect(),
+        ..Line::default()
     };
     let axis = Axis { label: format!("time, s ({} at {:.0} Hz)", slid.profile, slid.rate), names: Vec::new() };
     lines(&axis, "force, N", &[line(1, "played"), line(2, "contact"), line(3, "raw")])

@@ -48,6 +48,7 @@ pub fn widths(widths: &[Width]) -> Result<Section> {
         let line = |name: &str, of: fn(&Width) -> f64| Line {
             name: name.into(),
             points: group.iter().map(|w| (dissipation() + w.damping, of(w))).collect(),
+            ..Line::default()
         };
         let lines = vec![line("session", |w| w.session), line("raw", |w| w.raw), line("Colgate", |w| w.colgate)];
         Panel { title: group.first().map_or("", |w| &w.profile).into(), lines }
@@ -141,6 +142,7 @@ fn plot(limits: &[Limit], x: &str, at: impl Fn(&Limit) -> f64) -> Result<String>
         let line = |name: &str, of: fn(&Limit) -> f64| Line {
             name: name.into(),
             points: group.iter().map(|limit| (at(limit), of(limit))).collect(),
+            ..Line::default()
         };
         let lines = vec![line("local", |l| l.local), line("raw", |l| l.raw), line("Gil", |l| l.gil)];
         Panel { title: group.first().map_or("", |limit| &limit.profile).into(), lines }
