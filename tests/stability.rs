@@ -51,7 +51,7 @@ fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
     let (told, flagged, steps) = flags("300 rad/s");
     assert!(told.contains(Flags::TURNS_TOO_FAR) && flagged == steps, "{told:?} in {flagged} of {steps} steps");
     // Let go inside out, it turns back.
-    let (told, flagged, steps) = flags("inside out");
+    let (told, flagged, steps) = flags("turned inside out");
     assert!(told.contains(Flags::INVERTED) && flagged < steps / 2, "{told:?} in {flagged} of {steps} steps");
     assert!(results.cases().all(|(.., case)| case.verdict != Verdict::Silent), "{:?}", results.faults());
 }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::cases::{Case, bare, both, hang, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust};
+use super::labels::{power, si, stretched};
 use super::meshes;
 use super::setup::{Bound, Setup};
 use crate::Result;
@@ -340,36 +341,6 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
         }
         _ => return Ok(None),
     }))
-}
-
-/// How a factor along an edge reads.
-fn stretched(factor: f64) -> String {
-    let percent = (100.0 * factor.abs()).round();
-    match factor {
-        f if f == -1.0 => "inside out".into(),
-        f if f < 0.0 => format!("inside out (to {percent} %)"),
-        f if f < 1.0 => format!("pressed (to {percent} %)"),
-        _ => format!("stretched (by {} %)", percent - 100.0),
-    }
-}
-
-fn power(value: f64) -> String {
-    format!("{value:.0e}")
-}
-
-/// A number with its unit and thousands' prefix.
-pub fn si(value: f64, unit: &str) -> String {
-    let (scale, prefix) = match value.abs() {
-        x if x >= 1e12 => (1e-12, "T"),
-        x if x >= 1e9 => (1e-9, "G"),
-        x if x >= 1e6 => (1e-6, "M"),
-        x if x >= 1e3 => (1e-3, "k"),
-        x if x >= 1.0 || x == 0.0 => (1.0, ""),
-        x if x >= 1e-3 => (1e3, "m"),
-        _ => (1e6, "u"),
-    };
-    let digits = (value * scale * 1e3).round() / 1e3;
-    format!("{digits} {prefix}{unit}")
 }
 
 #[cfg(test)]

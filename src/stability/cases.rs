@@ -133,7 +133,10 @@ pub fn press(setup: Setup, sphere: Sphere) -> Case {
     let after = ((1.0 - PHASES[2]) * pressing).max(damped_steps(&setup) as f64).min(AFTER_STEPS);
     let steps = (PHASES[2] * pressing + after).ceil() as usize;
     let gap = 0.02 * setup.edge;
-    let deep = -DEPTH * setup.edge;
+    // Where more than the usual weight has taken the top.
+    let usual = Setup { gravity: Setup::default().gravity, ..setup.clone() };
+    let sunk = (sag(&setup) - sag(&usual)).clamp(0.0, 0.5 * setup.edge);
+    let deep = -DEPTH * setup.edge - sunk;
     let path = vec![(0.0, gap), (down, deep), (held, deep), (up, AWAY * setup.edge)];
     let settling = Some(Settling { steps: Some(after as usize), other: swing(&sphere, setup.dt) });
     let scenario = if setup.material.damping_mass > 0.0 { "press" } else { "press, undamped" };

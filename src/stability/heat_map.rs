@@ -10,7 +10,9 @@ use crate::bench::page::escaped;
 const WIDTH: usize = 1240;
 /// Of the names of rows.
 const NAMES: usize = 250;
-const ROW: usize = 60;
+const ROW: usize = 66;
+/// Width of a letter of a label, about.
+const LETTER: usize = 7;
 /// Above the first row: the legend.
 const TOP: usize = 40;
 
@@ -89,16 +91,40 @@ fn cell_at(svg: &mut String, cell: &CellResult, x: usize, y: usize, width: usize
         x + 2,
         y + 2,
         ROW - 5,
-        y + 19
+        y + 18
     );
-    // What is in brackets has a line of its own.
-    let (first, second) = cell.label.split_once(" (").unwrap_or((&cell.label, ""));
-    for (k, line) in [first, second.trim_end_matches(')')].into_iter().enumerate() {
+    for (k, line) in lines(&cell.label, inner / LETTER).into_iter().enumerate() {
         let _ = writeln!(
             svg,
-            "<text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\" font-size=\"15\" fill=\"{ink}\">{}</text>",
-            y + 36 + 16 * k,
-            escaped(line)
+            "<text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\" font-size=\"14\" fill=\"{ink}\">{}</text>",
+            y + 33 + 14 * k,
+            escaped(&line)
         );
+    }
+}
+
+/// A label in lines of so many letters at most, where its words allow it; a number stays with its unit.
+fn lines(label: &str, most: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in label.split(' ') {
+        match lines.last_mut() {
+            Some(line) if word == "%" || word == "%)" || line.chars().count() + 1 + word.chars().count() <= most => {
+                *line += " ";
+                *line += word;
+            }
+            _ => lines.push(word.into()),
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_label_is_cut_between_words() {
+        assert_eq!(lines("stretched to 400 % (by 300 %)", 10), ["stretched", "to 400 %", "(by 300 %)"]);
+        assert_eq!(lines("10 kPa", 10), ["10 kPa"]);
     }
 }

@@ -8,6 +8,7 @@ pub mod cases;
 pub mod document;
 mod equations;
 mod heat_map;
+mod labels;
 pub mod laws;
 mod meshes;
 mod modes;
