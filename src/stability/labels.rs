@@ -4,7 +4,7 @@
 pub fn stretched(factor: f64) -> String {
     let percent = (100.0 * factor.abs()).round();
     match factor {
-        f if f == -1.0 => "turned inside out".into(),
+        -1.0 => "turned inside out".into(),
         f if f < 0.0 => format!("inside out, to {percent} %"),
         f if f < 1.0 => format!("pressed to {percent} %"),
         _ => format!("stretched to {percent} % (by {} %)", percent - 100.0),
