@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::cases::{Case, both, hang, press, release, rest, sphere, spin, still, teleport, throw, thrust};
+use super::cases::{Case, bare, both, hang, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust};
+use super::labels::{power, si, stretched};
 use super::meshes;
 use super::setup::{Bound, Setup};
 use crate::Result;
@@ -27,12 +28,14 @@ pub struct Axis {
     pub name: &'static str,
     /// For readers.
     pub title: &'static str,
+    /// Whether its values are no numbers that rise.
+    pub is_listed: bool,
     /// Its values, rising.
     pub cells: Vec<Cell>,
 }
 
 /// Names of all axes, in order.
-pub const NAMES: [&str; 20] = [
+pub const NAMES: [&str; 21] = [
     "young",
     "poisson",
     "poisson-neo-hookean",
@@ -47,6 +50,7 @@ pub const NAMES: [&str; 20] = [
     "thrust",
     "teleport",
     "spin",
+    "spin-stiff",
     "rest",
     "size",
     "origin",
@@ -76,20 +80,20 @@ fn with(change: impl Fn(&mut Setup)) -> Setup {
 struct Values(&'static [f64], &'static [f64]);
 
 impl Values {
-    /// The row; `core`: the least and the greatest value that must pass.
+    /// The row; `core`: the least and the greatest value that must pass; `None`: none must.
     fn axis(
         self,
         name: &'static str,
         title: &'static str,
         extent: Extent,
         label: impl Fn(f64) -> String,
-        core: [f64; 2],
+        core: Option<[f64; 2]>,
         cases: impl Fn(f64) -> Vec<Case>,
     ) -> Axis {
         let values = if extent.is_quick { self.1 } else { self.0 };
-        let is_core = |x: f64| core[0] <= x && x <= core[1];
+        let is_core = |x: f64| core.is_some_and(|[least, greatest]| least <= x && x <= greatest);
         let cell = |x: &f64| Cell { label: label(*x), is_core: is_core(*x), cases: cases(*x) };
-        Axis { name, title, cells: values.iter().map(cell).collect() }
+        Axis { name, title, is_listed: false, cells: values.iter().map(cell).collect() }
     }
 }
 
@@ -103,10 +107,10 @@ pub fn axis(name: &str, extent: Extent) -> Result<Option<Axis>> {
 
 fn material(name: &str, extent: Extent) -> Option<Axis> {
     const NU: Values = Values(&[-0.5, -0.25, 0.0, 0.3, 0.45, 0.49, 0.499, 0.4999], &[-0.5, 0.3, 0.4999]);
-    let poisson = |law: Law| move |nu: f64| both(with(|s| (s.material.poisson, s.material.law) = (nu, law)));
+    let poisson = |law: Law| move |nu: f64| bare(with(|s| (s.material.poisson, s.material.law) = (nu, law)));
     let plain = |x: f64| format!("{x}");
-    let young = |x: f64| both(with(|s| s.material.young = x));
-    let density = |x: f64| both(with(|s| s.material.density = x));
+    let young = |x: f64| bare(with(|s| s.material.young = x));
+    let density = |x: f64| bare(with(|s| s.material.density = x));
     let damping_mass = |x: f64| {
         let setup = with(|s| s.material.damping_mass = x);
         vec![hang(setup.clone()), press(setup, sphere(0.1))]
@@ -115,28 +119,33 @@ fn material(name: &str, extent: Extent) -> Option<Axis> {
     Some(match name {
         "young" => {
             let all = &[1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12];
-            Values(all, &[1.0, 1e3, 1e7, 1e12]).axis(
+            Values(all, &[1.0, 1e3, 1e5, 1e7, 1e12]).axis(
                 "young",
                 "Young's modulus",
                 extent,
                 |x| si(x, "Pa"),
-                [1e3, 1e7],
+                Some([1e3, 1e7]),
                 young,
             )
         }
-        "poisson" => {
-            NU.axis("poisson", "Poisson's ratio, corotational", extent, plain, [0.0, 0.49], poisson(Law::Corotational))
-        }
+        "poisson" => NU.axis(
+            "poisson",
+            "Poisson's ratio, corotational",
+            extent,
+            plain,
+            Some([0.0, 0.49]),
+            poisson(Law::Corotational),
+        ),
         "poisson-neo-hookean" => {
             let title = "Poisson's ratio, neo-Hookean";
-            NU.axis("poisson-neo-hookean", title, extent, plain, [0.0, 0.49], poisson(Law::NeoHookean))
+            NU.axis("poisson-neo-hookean", title, extent, plain, Some([0.0, 0.49]), poisson(Law::NeoHookean))
         }
-        "density" => Values(&[1.0, 10.0, 100.0, 1e3, 5e3, 2e4], &[1.0, 2e4]).axis(
+        "density" => Values(&[1.0, 10.0, 100.0, 1e3, 5e3, 2e4], &[1.0, 1e3, 2e4]).axis(
             "density",
             "Density, kg/m^3",
             extent,
             plain,
-            [100.0, 5e3],
+            Some([100.0, 5e3]),
             density,
         ),
         "damping-mass" => Values(&[0.0, 1.0, 100.0, 1e4, 1e6], &[0.0, 1e6]).axis(
@@ -144,7 +153,7 @@ fn material(name: &str, extent: Extent) -> Option<Axis> {
             "Damping by mass, 1/s",
             extent,
             plain,
-            [0.0, 100.0],
+            Some([0.0, 100.0]),
             damping_mass,
         ),
         "damping-stiffness" => Values(&[0.0, 1e-3, 0.1, 10.0, 1e3], &[0.0, 1e3]).axis(
@@ -152,7 +161,7 @@ fn material(name: &str, extent: Extent) -> Option<Axis> {
             "Damping by stiffness",
             extent,
             |x| si(x, "s"),
-            [0.0, 0.01],
+            Some([0.0, 0.01]),
             damping_stiffness,
         ),
         _ => return None,
@@ -167,28 +176,41 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
         "mass-ratio" => {
             let all = &[1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
             let title = "Mass of tool to body";
-            Values(all, &[1e-5, 0.1, 1e5])
-                .axis("mass-ratio", title, extent, power, [1e-3, 1.0], |x| vec![throw(setup(), x)])
+            Values(all, &[1e-5, 1e-3, 0.1, 10.0, 1e3, 1e5]).axis(
+                "mass-ratio",
+                title,
+                extent,
+                power,
+                Some([1e-3, 1.0]),
+                |x| vec![throw(setup(), x)],
+            )
         }
         "contact-stiffness" => {
             let all = &[1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11];
             let title = "Contact stiffness, N/m^3";
-            Values(all, &[1e3, 1e7, 1e11]).axis("contact-stiffness", title, extent, power, [1e6, 1e8], stiffness)
+            Values(all, &[1e3, 1e5, 1e7, 1e9, 1e11]).axis(
+                "contact-stiffness",
+                title,
+                extent,
+                power,
+                Some([1e6, 1e8]),
+                stiffness,
+            )
         }
         "thrust" => Values(&[0.3, 1.0, 3.0, 10.0], &[1.0, 10.0]).axis(
             "thrust",
             "Tool thrust through the body",
             extent,
             |x| format!("{x} m/s"),
-            [9.0, 0.0],
+            None,
             |x| vec![thrust(setup(), x)],
         ),
-        "teleport" => Values(&[1e-3, 3e-3, 1e-2, 3e-2, 0.1], &[1e-3, 0.1]).axis(
+        "teleport" => Values(&[1e-3, 3e-3, 1e-2, 3e-2, 0.1], &[1e-3, 1e-2, 0.1]).axis(
             "teleport",
             "Device teleported",
             extent,
             |x| si(x, "m"),
-            [0.0, 1e-3],
+            Some([0.0, 1e-3]),
             |x| vec![teleport(setup(), x)],
         ),
         "rest" => {
@@ -197,7 +219,12 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
             values.extend(extent.is_soak.then_some(1e6));
             let label = |x: f64| format!("{x} steps");
             let cell = |x: f64| Cell { label: label(x), is_core: true, cases: vec![rest(setup(), x as usize)] };
-            Axis { name: "rest", title: "Resting contact", cells: values.into_iter().map(cell).collect() }
+            Axis {
+                name: "rest",
+                title: "Resting contact",
+                is_listed: false,
+                cells: values.into_iter().map(cell).collect(),
+            }
         }
         _ => return None,
     })
@@ -206,20 +233,20 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
 fn motion(name: &str, extent: Extent) -> Option<Axis> {
     let setup = || Setup::default().damped();
     Some(match name {
-        "step" => Values(&[1e-4, 2.5e-4, 1e-3, 4e-3, 1e-2, 3.3e-2, 0.1], &[1e-4, 1e-2, 0.1]).axis(
+        "step" => Values(&[1e-4, 2.5e-4, 1e-3, 4e-3, 1e-2, 3.3e-2, 0.1], &[1e-4, 1e-3, 1e-2, 0.1]).axis(
             "step",
             "Time step",
             extent,
             |x| si(x, "s"),
-            [2.5e-4, 1e-2],
-            |x| both(with(|s| s.dt = x)),
+            Some([2.5e-4, 1e-2]),
+            |x| bare(with(|s| s.dt = x)),
         ),
         "stretch" => Values(&[-1.0, -0.5, 0.05, 0.1, 0.5, 2.0, 3.0, 4.0], &[-1.0, 0.1, 4.0]).axis(
             "stretch",
-            "Let go when stretched to",
+            "Let go when",
             extent,
-            |x| format!("{}%", 100.0 * x),
-            [0.5, 2.0],
+            stretched,
+            Some([0.5, 2.0]),
             |x| {
                 let neo = |mut s: Setup| {
                     s.material.law = Law::NeoHookean;
@@ -233,22 +260,28 @@ fn motion(name: &str, extent: Extent) -> Option<Axis> {
             "Spinning free",
             extent,
             |x| format!("{x} rad/s"),
-            [0.0, 10.0],
+            Some([0.0, 10.0]),
             |x| vec![spin(Setup::default(), x)],
+        ),
+        "spin-stiff" => Values(&[2e4, 1e6, 1e8, 1e10, 1e12], &[2e4, 1e8, 1e12]).axis(
+            "spin-stiff",
+            "Spinning free at 10 rad/s",
+            extent,
+            |x| si(x, "Pa"),
+            Some([1e3, 1e6]),
+            |x| vec![spin(with(|s| s.material.young = x), 10.0)],
         ),
         "gravity" => Values(&[0.0, 1.0, 3.0, 10.0, 30.0, 100.0], &[0.0, 1.0, 100.0]).axis(
             "gravity",
             "Gravity",
             extent,
             |x| format!("{x} g"),
-            [0.0, 1.0],
+            Some([0.0, 1.0]),
             |x| {
-                let cases = both(with(|s| s.gravity = 9.81 * x));
-                if x == 0.0 {
-                    cases.into_iter().map(|c| if c.scenario == "hang" { still(c) } else { c }).collect()
-                } else {
-                    cases
-                }
+                let setup = with(|s| s.gravity = 9.81 * x);
+                let cases = [both(setup.clone()), vec![hang(setup)]].concat();
+                let hangs = |case: &Case| case.scenario.starts_with("hang");
+                cases.into_iter().map(|c| if x == 0.0 && hangs(&c) { still(c) } else { c }).collect()
             },
         ),
         "origin" => Values(&[0.0, 1.0, 1e3, 1e6], &[1e3]).axis(
@@ -256,7 +289,7 @@ fn motion(name: &str, extent: Extent) -> Option<Axis> {
             "Away from the origin",
             extent,
             |x| si(x, "m"),
-            [0.0, 1e3],
+            Some([0.0, 1e3]),
             |x| both(with(|s| s.origin = x * DVec3::new(0.6, 0.0, 0.8))),
         ),
         _ => return None,
@@ -271,26 +304,30 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
             "Size of the body",
             extent,
             |x| si(x, "m"),
-            [1e-2, 1.0],
-            |x| both(with(|s| (s.edge, s.material.young) = (x, 2e4 * x / 0.1))),
+            Some([1e-2, 1.0]),
+            |x| {
+                let setup = with(|s| (s.edge, s.material.young) = (x, 2e4 * x / 0.1));
+                [both(setup.clone()), vec![pluck(setup)]].concat()
+            },
         ),
         "sliver" => {
             let values: &[f64] = if extent.is_quick { &[0.01, 1.0] } else { &[0.01, 0.1, 1.0, 10.0] };
             let mut cells = Vec::new();
             for &angle in values {
                 let mesh = meshes::slivers(extent.folder, angle, Setup::default().edge)?;
-                let cases = both(with(|s| s.mesh = Some(mesh.clone())));
+                let setup = with(|s| s.mesh = Some(mesh.clone()));
+                let cases = [both(setup.clone()), vec![pluck(setup)]].concat();
                 cells.push(Cell { label: format!("{angle} deg"), is_core: angle >= 1.0, cases });
             }
-            Axis { name: "sliver", title: "Least dihedral angle", cells }
+            Axis { name: "sliver", title: "Least dihedral angle", is_listed: false, cells }
         }
         "tetrahedron" => {
             let mesh = meshes::tetrahedron(extent.folder, Setup::default().edge)?;
             let setup = with(|s| s.mesh = Some(mesh.clone())).damped();
             let on_floor = rest(setup.clone(), if extent.is_quick { 600 } else { 2000 });
             let cell = |label: &str, case| Cell { label: label.into(), is_core: true, cases: vec![case] };
-            let cells = vec![cell("by a face", hang(setup)), cell("on a floor", on_floor)];
-            Axis { name: "tetrahedron", title: "A single tetrahedron", cells }
+            let cells = vec![cell("held by a face", hang(setup)), cell("on a floor", on_floor)];
+            Axis { name: "tetrahedron", title: "A single tetrahedron", is_listed: true, cells }
         }
         "bound" => {
             let cell = |label: &str, bound: Bound, is_still| {
@@ -300,27 +337,29 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
                 Cell { label: label.into(), is_core: true, cases }
             };
             let cells = vec![cell("all but one", Bound::AllButOne, false), cell("all", Bound::All, true)];
-            Axis { name: "bound", title: "Nodes bound", cells }
+            Axis { name: "bound", title: "Nodes bound", is_listed: true, cells }
         }
         _ => return Ok(None),
     }))
 }
 
-fn power(value: f64) -> String {
-    format!("{value:.0e}")
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// A number with its unit and thousands' prefix.
-pub fn si(value: f64, unit: &str) -> String {
-    let (scale, prefix) = match value.abs() {
-        x if x >= 1e12 => (1e-12, "T"),
-        x if x >= 1e9 => (1e-9, "G"),
-        x if x >= 1e6 => (1e-6, "M"),
-        x if x >= 1e3 => (1e-3, "k"),
-        x if x >= 1.0 || x == 0.0 => (1.0, ""),
-        x if x >= 1e-3 => (1e3, "m"),
-        _ => (1e6, "u"),
-    };
-    let digits = (value * scale * 1e3).round() / 1e3;
-    format!("{digits} {prefix}{unit}")
+    #[test]
+    fn whatever_has_something_to_touch_is_to_touch_it() {
+        let folder = MeshFolder::new().unwrap();
+        for is_quick in [false, true] {
+            let extent = Extent { is_quick, is_soak: false, folder: &folder };
+            for name in NAMES {
+                let axis = axis(name, extent).unwrap().unwrap();
+                assert_eq!(axis.name, name);
+                for case in axis.cells.iter().flat_map(|cell| &cell.cases) {
+                    let can_touch = case.setup.sphere.is_some() || case.setup.has_floor;
+                    assert_eq!(case.promise.touches, can_touch, "{name}: {}", case.scenario);
+                }
+            }
+        }
+    }
 }

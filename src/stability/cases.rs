@@ -3,12 +3,19 @@
 use super::laws::{AT_REST, DRIFT, Promise};
 use super::modes;
 use super::setup::{Bound, RADIUS, Setup, Sphere};
+use super::trace::HALF_ULP;
 use crate::scene::Law;
 
-/// Steps of a case at most, and at least.
-const STEPS: [f64; 2] = [40.0, 400.0];
+/// Steps of a case at least, and at most until it is at rest.
+const STEPS: [f64; 2] = [40.0, 2500.0];
+/// Steps of pressing at most, of what is not at rest in time, and those after pressing.
+const PRESS_STEPS: f64 = 400.0;
+const AFTER_STEPS: f64 = 1000.0;
 /// Steps where nothing damps.
 const UNDAMPED: f64 = 200.0;
+/// Where a block is let go that nothing damps it is stretched by a tenth; a stiffer one than the usual by less, so that it has
+/// no more energy.
+const PLUCKED: f64 = 0.1;
 /// Damping times time after which what swung is at rest, ln(1e-6).
 const TO_REST: f64 = 14.0;
 /// s: how long the sphere is pressed in, held, drawn out, and left to itself.
@@ -23,6 +30,18 @@ const AWAY: f64 = 0.2;
 const SETTLED: usize = 500;
 /// What nothing moves is where it was, of the block's edge.
 const STILL: f64 = 1e-9;
+/// What was let go is within this of its shape, of its edge. A block of the usual stiffness sags by a fortieth under its weight;
+/// of what sags by more than a half of this nothing is promised.
+const SHAPE: f64 = 0.1;
+/// A thrown sphere that weighs less than the first of the block's mass bounces off; of more than the second, it goes through.
+const BOUNCES: f64 = 0.2;
+const PASSES: f64 = 500.0;
+/// Sums within a body round their largest part some times over.
+const INSIDE: f64 = 4.0;
+/// The sphere that is thrown, m/s.
+const THROWN: f64 = 0.5;
+/// Steps before the device is elsewhere, and as many until it is back.
+const TELEPORTED: f64 = 20.5;
 
 /// How the body begins.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,11 +71,11 @@ pub struct Case {
     pub settling: Option<Settling>,
 }
 
-/// Steps that are left to come to rest in, and the slowest decay of what is not the body, of its velocity, a step.
+/// What is left to come to rest in, and the slowest decay of what is not the body, of its velocity, a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settling {
-    /// Steps.
-    pub steps: usize,
+    /// Steps at least; `None`: those after the last in which anything pressed.
+    pub steps: Option<usize>,
     /// Of the tool; 0: there is none.
     pub other: f64,
 }
@@ -65,31 +84,71 @@ pub struct Settling {
 pub fn hang(setup: Setup) -> Case {
     let setup = Setup { bound: Bound::Side, ..setup };
     let steps = damped_steps(&setup);
-    let settling = Some(Settling { steps, other: 0.0 });
-    Case { scenario: "hang", setup, start: Start::Rest, steps, promise: Promise::default(), settling }
+    let scenario = if setup.material.damping_mass > 0.0 { "hang" } else { "hang, undamped" };
+    let settling = Some(Settling { steps: Some(steps), other: 0.0 });
+    Case { scenario, setup, start: Start::Rest, steps, promise: Promise::default(), settling }
 }
 
-/// How many steps it takes to come to rest, or as many as are done.
+/// How many steps it takes to come to rest; where those are too many, or nothing damps, some.
 fn damped_steps(setup: &Setup) -> usize {
     let rate = setup.material.damping_mass;
     let steps = if rate > 0.0 { (TO_REST / rate / setup.dt).ceil() } else { UNDAMPED };
-    steps.clamp(STEPS[0], STEPS[1]) as usize
+    // What takes longer than is done is not at rest either way.
+    if steps > STEPS[1] { PRESS_STEPS as usize } else { steps.max(STEPS[0]) as usize }
+}
+
+/// Let go where nothing holds, weighs or damps it: its middle stays, and it may swing no wider.
+pub fn pluck(setup: Setup) -> Case {
+    let usual = Setup::default();
+    let stiffer = setup.material.young / usual.material.young * usual.edge / setup.edge;
+    let stretch = PLUCKED * stiffer.max(1.0).sqrt().recip();
+    // No node is faster than the stretch a step; of that the solver leaves a share, with which the middle goes on.
+    let way = stretch * UNDAMPED;
+    let solved = DRIFT * (1.0 + way);
+    // And what a step turns over of momentum inside, in waves' ways a step squared, is rounded.
+    let waves = setup.material.young / setup.material.density * (setup.dt / setup.edge).powi(2);
+    let rounded = INSIDE * HALF_ULP * waves * way;
+    let promise = Promise { drift: Some((0, (solved + rounded) * setup.edge)), ..Promise::default() };
+    let setup = Setup { bound: Bound::Nothing, gravity: 0.0, ..setup };
+    let (start, steps) = (Start::Stretched(1.0 + stretch), UNDAMPED as usize);
+    Case { scenario: "pluck", setup, start, steps, promise, settling: None }
+}
+
+/// How far the top of a block sinks under its own weight, m.
+fn sag(setup: &Setup) -> f64 {
+    0.5 * setup.material.density * setup.gravity * setup.edge.powi(2) / setup.material.young
+}
+
+/// Of the end of a case in which a tool touched a block: it is out again, and the block is as it was.
+fn left_alone(setup: &Setup) -> Promise {
+    let is_firm = sag(setup) <= 0.5 * SHAPE * setup.edge;
+    Promise { shape: is_firm.then_some(SHAPE * setup.edge), touches: true, parts: is_firm, ..Promise::default() }
 }
 
 /// Pressed in by a held sphere, and released.
 pub fn press(setup: Setup, sphere: Sphere) -> Case {
-    let steps = (PRESS / setup.dt).round().clamp(STEPS[0], STEPS[1]);
-    let end = steps * setup.dt;
+    let pressing = (PRESS / setup.dt).round().clamp(STEPS[0], PRESS_STEPS);
+    let end = pressing * setup.dt;
     let [down, held, up] = PHASES.map(|phase| phase * end);
+    let after = ((1.0 - PHASES[2]) * pressing).max(damped_steps(&setup) as f64).min(AFTER_STEPS);
+    let steps = (PHASES[2] * pressing + after).ceil() as usize;
     let gap = 0.02 * setup.edge;
-    let deep = -DEPTH * setup.edge;
+    // Where more than the usual weight has taken the top.
+    let usual = Setup { gravity: Setup::default().gravity, ..setup.clone() };
+    let sunk = (sag(&setup) - sag(&usual)).clamp(0.0, 0.5 * setup.edge);
+    let deep = -DEPTH * setup.edge - sunk;
     let path = vec![(0.0, gap), (down, deep), (held, deep), (up, AWAY * setup.edge)];
-    let (stiffness, damping) = sphere.coupling.unwrap_or((0.0, 0.0));
-    // The tool's own swing on its coupling.
-    let other = modes::decay((stiffness / sphere.mass).sqrt(), damping / sphere.mass, setup.dt);
-    let settling = Some(Settling { steps: ((1.0 - PHASES[2]) * steps) as usize, other });
+    let settling = Some(Settling { steps: Some(after as usize), other: swing(&sphere, setup.dt) });
+    let scenario = if setup.material.damping_mass > 0.0 { "press" } else { "press, undamped" };
+    let promise = left_alone(&setup);
     let setup = Setup { bound: Bound::Bottom, sphere: Some(Sphere { path, ..sphere }), ..setup };
-    Case { scenario: "press", setup, start: Start::Rest, steps: steps as usize, promise: Promise::default(), settling }
+    Case { scenario, setup, start: Start::Rest, steps, promise, settling }
+}
+
+/// What a step leaves of a sphere's own swing on its coupling.
+fn swing(sphere: &Sphere, dt: f64) -> f64 {
+    let (stiffness, damping) = sphere.coupling.unwrap_or((0.0, 0.0));
+    modes::decay((stiffness / sphere.mass).sqrt(), damping / sphere.mass, dt)
 }
 
 /// A sphere of 50 g on a coupling of 500 N/m, scaled with the block.
@@ -99,20 +158,27 @@ pub fn sphere(edge: f64) -> Sphere {
     Sphere { mass: 0.05 * scale.powi(3), coupling, speed: 0.0, path: Vec::new() }
 }
 
-/// A free sphere that flies at the block, nothing weighs.
+/// A free sphere that flies at the block, nothing weighs: for as long as it takes it to go through, and the block to come to
+/// rest then.
 pub fn throw(setup: Setup, mass: f64) -> Case {
-    let sphere = Sphere { mass, coupling: None, speed: 0.5, path: Vec::new() };
-    let setup = Setup { bound: Bound::Bottom, gravity: 0.0, sphere: Some(sphere), ..setup };
-    Case { scenario: "throw", setup, start: Start::Rest, steps: 200, promise: Promise::default(), settling: None }
+    let sphere = Sphere { mass, coupling: None, speed: THROWN, path: Vec::new() };
+    let setup = Setup { bound: Bound::Bottom, gravity: 0.0, ..setup };
+    let block = setup.material.density * setup.edge.powi(3);
+    let is_brief = mass <= BOUNCES * block || mass >= PASSES * block;
+    let through = ((1.5 + 2.0 * RADIUS) * setup.edge / THROWN / setup.dt).ceil() as usize;
+    let steps = through + damped_steps(&setup);
+    let promise = Promise { parts: is_brief, ..left_alone(&setup) };
+    let settling = Some(Settling { steps: None, other: 0.0 });
+    let setup = Setup { sphere: Some(sphere), ..setup };
+    Case { scenario: "throw", setup, start: Start::Rest, steps, promise, settling }
 }
 
 /// Stretched, pressed or turned inside out, and let go.
 pub fn release(setup: Setup, factor: f64) -> Case {
     let setup = Setup { bound: Bound::Bottom, ..setup };
     let steps = damped_steps(&setup);
-    // At rest a block of the usual stiffness sags by a fortieth of its edge.
-    let promise = Promise { shape: Some(0.1 * setup.edge), ..Promise::default() };
-    let settling = Some(Settling { steps, other: 0.0 });
+    let promise = Promise { shape: Some(SHAPE * setup.edge), ..Promise::default() };
+    let settling = Some(Settling { steps: Some(steps), other: 0.0 });
     let scenario = match setup.material.law {
         Law::Corotational => "release",
         Law::NeoHookean => "release, neo-Hookean",
@@ -126,25 +192,34 @@ fn pushed(edge: f64) -> Sphere {
     Sphere { coupling: tool.coupling.map(|(stiffness, damping)| (100.0 * stiffness, 10.0 * damping)), ..tool }
 }
 
-/// The device goes down through block and all at a speed, m/s.
+/// The device goes down through block and all at a speed, m/s, and stays below.
 pub fn thrust(setup: Setup, speed: f64) -> Case {
     let gap = 0.02 * setup.edge;
     let way = (1.5 + 2.0 * RADIUS) * setup.edge;
-    let steps = (way / speed / setup.dt).ceil() as usize + 100;
+    let after = damped_steps(&setup);
+    let steps = (way / speed / setup.dt).ceil() as usize + after;
     let path = vec![(0.0, gap), (way / speed, gap - way)];
     let tool = Sphere { path, ..pushed(setup.edge) };
+    let settling = Some(Settling { steps: Some(after), other: swing(&tool, setup.dt) });
+    let promise = left_alone(&setup);
     let setup = Setup { bound: Bound::Bottom, sphere: Some(tool), ..setup };
-    Case { scenario: "thrust", setup, start: Start::Rest, steps, promise: Promise::default(), settling: None }
+    Case { scenario: "thrust", setup, start: Start::Rest, steps, promise, settling }
 }
 
-/// The device is elsewhere from one step to the next, down by so many metres.
+/// The device is elsewhere from one step to the next, into the block by so many metres, and later back above it. Reckoned from
+/// where the block's top is once it has sagged.
 pub fn teleport(setup: Setup, way: f64) -> Case {
     let gap = 0.02 * setup.edge;
-    let at = 20.5 * setup.dt;
-    let path = vec![(0.0, gap), (at, gap), (at + 1e-9, gap - way)];
+    let [at, back] = [1.0, 5.0].map(|times| times * TELEPORTED * setup.dt);
+    let (deep, away) = (-way - sag(&setup), AWAY * setup.edge);
+    let path = vec![(0.0, gap), (at, gap), (at + 1e-9, deep), (back, deep), (back + 1e-9, away)];
+    let after = damped_steps(&setup);
+    let steps = (5.0 * TELEPORTED).ceil() as usize + after;
     let tool = Sphere { path, ..pushed(setup.edge) };
+    let settling = Some(Settling { steps: Some(after), other: swing(&tool, setup.dt) });
+    let promise = left_alone(&setup);
     let setup = Setup { bound: Bound::Bottom, sphere: Some(tool), ..setup };
-    Case { scenario: "teleport", setup, start: Start::Rest, steps: 220, promise: Promise::default(), settling: None }
+    Case { scenario: "teleport", setup, start: Start::Rest, steps, promise, settling }
 }
 
 /// A free block that turns, nothing weighs: its middle stays.
@@ -157,7 +232,8 @@ pub fn spin(setup: Setup, speed: f64) -> Case {
 /// On a floor for so many steps: once settled, it stays.
 pub fn rest(setup: Setup, steps: usize) -> Case {
     let setup = Setup { bound: Bound::Nothing, has_floor: true, ..setup };
-    let promise = Promise { rest: Some(AT_REST), drift: Some((SETTLED, DRIFT * setup.edge)), ..Promise::default() };
+    let drift = Some((SETTLED, DRIFT * setup.edge));
+    let promise = Promise { rest: Some(AT_REST), drift, touches: true, ..Promise::default() };
     Case { scenario: "rest", setup, start: Start::Rest, steps, promise, settling: None }
 }
 
@@ -171,4 +247,11 @@ pub fn still(case: Case) -> Case {
 pub fn both(setup: Setup) -> Vec<Case> {
     let edge = setup.edge;
     vec![hang(setup.clone().damped()), press(setup.damped(), sphere(edge))]
+}
+
+/// Let go damped, so that it comes to rest; pressed and plucked with nothing to damp it, so that no damping hides what the
+/// step does.
+pub fn bare(setup: Setup) -> Vec<Case> {
+    let edge = setup.edge;
+    vec![hang(setup.clone().damped()), press(setup.clone(), sphere(edge)), pluck(setup)]
 }

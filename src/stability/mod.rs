@@ -6,13 +6,16 @@
 pub mod axes;
 pub mod cases;
 pub mod document;
+mod equations;
 mod heat_map;
+mod labels;
 pub mod laws;
 mod meshes;
 mod modes;
 mod reasons;
 mod run;
 pub mod setup;
+mod touch;
 pub mod trace;
 
 use serde::Serialize;
@@ -24,7 +27,7 @@ use crate::report::Flags;
 use laws::{Finding, Verdict};
 
 /// Version of the format of `results.json`: raised when a field changes its meaning or goes.
-pub const SCHEMA: u32 = 1;
+pub const SCHEMA: u32 = 2;
 
 /// What is run.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -63,8 +66,32 @@ pub struct Judged {
     pub findings: Vec<Finding>,
     /// Why it was refused.
     pub refusal: Option<String>,
+    /// Some of its steps, the first and the last among them, where it does not pass.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub trace: Vec<Traced>,
     /// Wall time, s.
     pub seconds: f64,
+}
+
+/// What was measured of a step of a case that does not pass.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Traced {
+    /// From 1; 0: the start.
+    pub step: usize,
+    /// Kinetic, elastic, gravity's and the coupling's, J.
+    pub energy: f64,
+    /// Put in since the start, J.
+    pub supplied: f64,
+    /// On the tool, N.
+    pub force: f64,
+    /// Of b - A x, of b; f64.
+    pub residual: f64,
+    /// What the tool's momentum is missed by, of the largest impulse.
+    pub balance: f64,
+    /// Tetrahedra inside out.
+    pub inverted: usize,
+    /// The step's.
+    pub flags: u32,
 }
 
 impl Judged {
@@ -101,6 +128,8 @@ pub struct AxisResult {
     pub name: String,
     /// For readers.
     pub title: String,
+    /// Whether its values are no numbers that rise.
+    pub is_listed: bool,
     /// Its values.
     pub cells: Vec<CellResult>,
 }
@@ -112,6 +141,8 @@ pub struct Results {
     pub schema: u32,
     /// Of palpate.
     pub version: String,
+    /// The commit that it was built from, changes since then not counted; `unknown` outside a repository.
+    pub commit: String,
     /// Name of the device.
     pub device: String,
     /// Its driver.
@@ -124,13 +155,6 @@ pub struct Results {
     pub axes: Vec<AxisResult>,
     /// Wall time, s.
     pub seconds: f64,
-}
-
-impl Settings {
-    /// Axes of these names that there are not.
-    pub fn unknown(&self) -> Option<&str> {
-        self.only.iter().map(String::as_str).find(|name| !axes::NAMES.contains(name))
-    }
 }
 
 impl Results {

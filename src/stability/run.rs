@@ -11,13 +11,17 @@ use super::cases::{Case, Start};
 use super::laws::{self, Promise, Verdict};
 use super::modes;
 use super::trace::{Observer, Sample};
-use super::{AxisResult, CellResult, Judged, Results, Settings};
+use super::{AxisResult, CellResult, Judged, Results, Settings, Traced};
 use crate::bench::meshes::MeshFolder;
 use crate::gpu::{Context, Options};
 use crate::prepare::Shape;
 use crate::step::Simulation;
 use crate::{Error, Result};
 
+/// Where this much at most is left of kinetic energy, a twentieth at most is left of the way: the shape is back.
+const SHAPED: f64 = 1e-2;
+/// Steps that a trace tells, about.
+const TRACED: usize = 200;
 /// Simulations side by side at most: each holds a device of its own.
 const MOST_WORKERS: usize = 8;
 
@@ -50,12 +54,14 @@ pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> 
         .map(|axis| AxisResult {
             name: axis.name.into(),
             title: axis.title.into(),
+            is_listed: axis.is_listed,
             cells: axis.cells.iter().map(|cell| cell_result(cell, &mut judged)).collect(),
         })
         .collect();
     Ok(Results {
         schema: super::SCHEMA,
         version: env!("CARGO_PKG_VERSION").into(),
+        commit: env!("PALPATE_COMMIT").into(),
         device,
         driver,
         threads,
@@ -131,8 +137,8 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
     simulation.time_every(0)?;
     begin(&mut simulation, case)?;
     let mut observer = Observer::new(&simulation, &scene, case.setup.edge)?;
-    let promise = promise(case, &observer)?;
-    let mut samples = vec![observer.at_start(&simulation)];
+    let decay = modes::slowest_decay(observer.body(), case.setup.dt)?;
+    let mut samples = vec![observer.at_start()];
     for _ in 0..case.steps {
         let sample = observer.step(&mut simulation)?;
         samples.push(sample);
@@ -140,23 +146,29 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
             break;
         }
     }
-    Ok(judged(case, &samples, &promise, begun))
+    Ok(judged(case, &samples, &promise(case, decay, &samples), begun))
 }
 
-/// What the case promises, with what must be left of its motion: as its slowest mode decays, and ten times that, since what
-/// swings at first has not only one mode. Where that is all of it, nothing is promised of rest.
-fn promise(case: &Case, observer: &Observer) -> Result<Promise> {
-    let Some(settling) = case.settling else { return Ok(case.promise) };
-    let decay = modes::slowest_decay(observer.body(), case.setup.dt)?.max(settling.other);
-    let left = 10.0 * decay.powf(2.0 * settling.steps as f64);
-    Ok(Promise { rest: Some(left).filter(|left| *left < 1.0), ..case.promise })
+/// What the case promises, with what may be left of its motion: as its slowest mode decays, and ten times that, since what
+/// swings at first has not only one mode. Where that is all of it, or the shape is not due to be back, nothing is promised of
+/// either. `decay`: what the body keeps of its velocity, a step.
+fn promise(case: &Case, decay: f64, samples: &[Sample]) -> Promise {
+    let Some(settling) = case.settling else { return case.promise };
+    let since_pressed = || samples.iter().rev().take_while(|sample| sample.pressed == 0.0).count();
+    let steps = settling.steps.unwrap_or_else(since_pressed);
+    // The end begins earlier than the last step.
+    let due = steps.saturating_sub(samples.len() - laws::end_of(samples));
+    let left = 10.0 * decay.max(settling.other).powf(2.0 * due as f64);
+    let shape = case.promise.shape.filter(|_| left < SHAPED);
+    Promise { rest: Some(left).filter(|left| *left < 1.0), shape, ..case.promise }
 }
 
 fn judged(case: &Case, samples: &[Sample], promise: &Promise, begun: Instant) -> Judged {
     let findings = laws::judge(samples, promise);
+    let verdict = laws::verdict(samples, &findings);
     Judged {
         scenario: case.scenario.into(),
-        verdict: laws::verdict(samples, &findings),
+        verdict,
         steps: samples.len().saturating_sub(1),
         flags: samples.iter().fold(0, |all, sample| all | sample.flags.0),
         flagged: samples.iter().filter(|sample| sample.flags.0 != 0).count(),
@@ -164,8 +176,26 @@ fn judged(case: &Case, samples: &[Sample], promise: &Promise, begun: Instant) ->
         inverted: samples.iter().map(|sample| sample.inverted).max().unwrap_or(0),
         findings,
         refusal: None,
+        trace: if verdict == Verdict::Pass { Vec::new() } else { traced(samples) },
         seconds: begun.elapsed().as_secs_f64(),
     }
+}
+
+/// Every step of a short case, else evenly some; the last always.
+fn traced(samples: &[Sample]) -> Vec<Traced> {
+    let every = samples.len().div_ceil(TRACED);
+    let is_kept = |step: &usize| step.is_multiple_of(every) || *step + 1 == samples.len();
+    let of = |(step, sample): (usize, &Sample)| Traced {
+        step,
+        energy: sample.energy,
+        supplied: sample.supplied,
+        force: sample.force,
+        residual: sample.residual,
+        balance: sample.balance,
+        inverted: sample.inverted,
+        flags: sample.flags.0,
+    };
+    samples.iter().enumerate().filter(|(step, _)| is_kept(step)).map(of).collect()
 }
 
 /// Puts the nodes where the case begins.

@@ -5,18 +5,24 @@ use std::collections::{HashMap, HashSet};
 
 use glam::{DMat3, DQuat, DVec3};
 
+use super::equations::{Before, Done};
 use super::setup::RADIUS;
+use super::touch::{self, Motion, Skin};
 use crate::Result;
+use crate::haptics::RigidState;
+use crate::haptics::drive::rotation_vector;
+use crate::haptics::tool::Tool;
 use crate::oracle::step::SoftBody;
 use crate::prepare::Shape;
-use crate::report::Flags;
+use crate::report::{Flags, ToolRow};
 use crate::scene::Scene;
+use crate::stages::types::Contact;
 use crate::step::Simulation;
 
 /// Half a unit in the last place of f32.
-const HALF_ULP: f64 = 6e-8;
-/// Roundings that a sum over the elements of a node adds up.
-const ROUNDINGS: f64 = 16.0;
+pub const HALF_ULP: f64 = 6e-8;
+/// Roundings that a sum over the elements or contacts of a node adds up.
+pub const ROUNDINGS: f64 = 16.0;
 
 /// What one step left, and what was measured of it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -25,14 +31,15 @@ pub struct Sample {
     pub is_finite: bool,
     /// Kinetic, elastic, gravity's and the coupling's, J; of gravity since the start.
     pub energy: f64,
-    /// J.
-    pub kinetic: f64,
     /// Work of the device, and energy of contacts that were found inside, since the start, J.
     pub supplied: f64,
     /// What bounds rounding of `energy`: the sum of its parts' sizes, J.
     pub turned_over: f64,
-    /// What this step and the last leave of their linear systems, of the right-hand sides; the diagonal's norm. While nothing
-    /// touches.
+    /// Kinetic of the body, and of the tool where a coupling holds it: what comes to rest, J.
+    pub motion: f64,
+    /// The same and the body's elastic energy, J.
+    pub stirred: f64,
+    /// What this step and the last leave of their linear systems, of the right-hand sides; the diagonal's norm.
     pub residual: f64,
     /// What rounding alone leaves of it.
     pub residual_floor: f64,
@@ -40,8 +47,14 @@ pub struct Sample {
     pub balance: f64,
     /// On the tool, N.
     pub force: f64,
-    /// What the contacts can press at most, N.
-    pub force_bound: f64,
+    /// What contacts push with, all sizes summed, N.
+    pub pressed: f64,
+    /// What the wrench on the tool misses of the sum of its contacts, force and torque over radius, N.
+    pub missed: f64,
+    /// The largest pull of a contact, N.
+    pub pulled: f64,
+    /// What f32 may make of a sum of these contacts, N.
+    pub touch_floor: f64,
     /// How far, and which way, the centre of the free nodes is from where it was, m.
     pub moved: DVec3,
     /// Tetrahedra that are inside out.
@@ -57,18 +70,16 @@ pub struct Observer {
     body: SoftBody,
     /// Of each tetrahedron, followed from step to step: where it is inside out there are several, and the last one leads.
     rotations: Vec<DQuat>,
-    /// Of the tool's own rows, the square of the right-hand side over the diagonal: the solver stops by the size of all rows.
-    tool_rhs2: f64,
+    skin: Skin,
     /// The largest impulse on the tool so far, N s.
     largest: f64,
     gravity: DVec3,
     dt: f64,
-    /// Of the last step's right-hand side, the size: it left some of it, which this one makes good. `None`: unknown, it
-    /// touched.
+    /// Of the last step's right-hand side, the size: it left some of it, which this one makes good. `None`: unknown, it was
+    /// done in parts.
     last_size: Option<f64>,
     tool_leftover: DVec3,
-    velocity: Vec<DVec3>,
-    tool: Option<(DVec3, DVec3)>,
+    tool: Option<Tool>,
     device: Option<(DVec3, DQuat)>,
     /// Side and vertex of what touches.
     touching: HashSet<(u32, u32)>,
@@ -92,14 +103,13 @@ impl Observer {
         let mut observer = Observer {
             rotations: vec![DQuat::IDENTITY; layer.tetrahedra.len()],
             largest: 0.0,
-            tool_rhs2: 0.0,
+            skin: Skin::new(&placed.shape, scene)?,
             last_size: Some(0.0),
             tool_leftover: DVec3::ZERO,
-            velocity: Vec::new(),
             body,
             gravity: scene.step.gravity,
             dt: scene.step.dt,
-            tool: tool.map(|t| (t.centre, t.velocity)),
+            tool: tool.cloned(),
             tool_start: tool.map_or(DVec3::ZERO, |t| t.centre),
             device: tool.map(|t| (t.centre, t.orientation)),
             touching: HashSet::new(),
@@ -143,16 +153,15 @@ impl Observer {
     }
 
     /// The state before the first step.
-    pub fn at_start(&self, simulation: &Simulation) -> Sample {
+    pub fn at_start(&self) -> Sample {
         let mut sample = Sample { is_finite: true, ..Sample::default() };
-        self.energies(simulation, &mut sample);
+        self.energies(&mut sample);
         sample
     }
 
     /// Does a step and measures it.
     pub fn step(&mut self, simulation: &mut Simulation) -> Result<Sample> {
-        let before = Before::of(&self.body, &self.rotations);
-        self.velocity.clone_from(&self.body.velocity);
+        let before = Before::of(&self.body, &self.rotations, self.tool.as_ref());
         let row = simulation.step()?;
         self.read(simulation)?;
         let mut sample = Sample { flags: row.flags, ..Sample::default() };
@@ -163,20 +172,66 @@ impl Observer {
         if !sample.is_finite {
             return Ok(sample);
         }
-        let touch = simulation.touch()?.1;
-        self.contacts(&touch);
-        self.tool_laws(simulation, &row, &touch, &mut sample);
-        let last = self.last_size.take();
-        if touch.is_empty() && !row.flags.contains(Flags::STEP_RETRIED) {
-            self.last_size = Some(self.equations(&before, last, &mut sample));
+        let contacts = simulation.touch()?.1;
+        self.found(&contacts);
+        let device = row.tool.map(|told| self.device_now(&told));
+        if let (Some(tool), Some(told), Some(device)) = (simulation.tool(), row.tool, device) {
+            self.balance(tool, &told, &device, &mut sample);
         }
-        self.energies(simulation, &mut sample);
+        let last = self.last_size.take();
+        // What is read of a step that was done in parts is its last part's.
+        if !row.flags.contains(Flags::STEP_RETRIED) {
+            let pressing = self.skin.pressing(&contacts);
+            let tool = simulation.tool().zip(device);
+            self.touching_laws(&pressing, tool, row.tool.as_ref(), &mut sample);
+            let (h, gravity) = (self.dt, self.gravity);
+            let done = Done { h, gravity, end: &self.body.velocity, tool, contacts: &pressing };
+            let left = before.left(&done);
+            // Both steps leave their share; to carry it along would add up what f32 rounds the same way in every step of a
+            // body at rest.
+            let size = left.size2.sqrt();
+            if let Some(all) = last.map(|last| size + last).filter(|all| *all > 0.0) {
+                (sample.residual, sample.residual_floor) = (left.left2.sqrt() / all, left.floor2.sqrt() / all);
+            }
+            self.last_size = Some(size);
+        }
+        self.device = device.map(|device| (device.position, device.orientation));
+        self.tool = simulation.tool().cloned();
+        self.energies(&mut sample);
         Ok(sample)
+    }
+
+    /// The wrench against its contacts.
+    fn touching_laws(
+        &self,
+        pressing: &[touch::Pressing],
+        tool: Option<(&Tool, RigidState)>,
+        told: Option<&ToolRow>,
+        sample: &mut Sample,
+    ) {
+        let (linear, angular) =
+            tool.map_or((DVec3::ZERO, DVec3::ZERO), |(tool, _)| (tool.velocity, tool.angular_velocity));
+        let motion = Motion { nodes: &self.body.velocity, linear, angular };
+        let held = touch::held(pressing, self.dt, &motion, told, RADIUS * self.edge);
+        (sample.pressed, sample.pulled) = (held.pressed, held.pulled.max(0.0));
+        (sample.missed, sample.touch_floor) = (held.missed, held.rounding);
+    }
+
+    /// The device at the end of the step, which it came to evenly.
+    fn device_now(&self, told: &ToolRow) -> RigidState {
+        let (position, orientation) = (told.device.position, told.device.orientation);
+        let (last_place, last_turn) = self.device.unwrap_or((position, orientation));
+        RigidState {
+            position,
+            orientation,
+            velocity: (position - last_place) / self.dt,
+            angular_velocity: rotation_vector(orientation * last_turn.conjugate()) / self.dt,
+        }
     }
 
     /// A contact that is found inside brings energy with it: what it can press beyond all that it had pressed before. One
     /// that comes and goes brings it once.
-    fn contacts(&mut self, touch: &[crate::stages::types::Contact]) {
+    fn found(&mut self, touch: &[Contact]) {
         let stiffest = touch.iter().map(|c| c.stiffness).fold(0.0, f32::max);
         let mut now = HashSet::new();
         for contact in touch {
@@ -192,28 +247,13 @@ impl Observer {
         self.touching = now;
     }
 
-    fn tool_laws(
-        &mut self,
-        simulation: &Simulation,
-        row: &crate::report::Row,
-        touch: &[crate::stages::types::Contact],
-        sample: &mut Sample,
-    ) {
-        let (Some(tool), Some(told), Some((_, velocity))) = (simulation.tool(), row.tool, self.tool) else { return };
-        let (h, device) = (self.dt, told.device);
-        let (last_place, last_turn) = self.device.unwrap_or((device.position, device.orientation));
-        let state = crate::haptics::RigidState {
-            position: device.position,
-            orientation: device.orientation,
-            velocity: (device.position - last_place) / h,
-            angular_velocity: crate::haptics::drive::rotation_vector(device.orientation * last_turn.conjugate()) / h,
-        };
-        let pull = tool.pull(&state);
-        self.supplied += h * (pull.force.dot(state.velocity) + pull.torque.dot(state.angular_velocity));
+    /// Force, weight and coupling against the tool's momentum, and what the device puts in.
+    fn balance(&mut self, tool: &Tool, told: &ToolRow, device: &RigidState, sample: &mut Sample) {
+        let h = self.dt;
+        let velocity = self.tool.as_ref().map_or(tool.velocity, |before| before.velocity);
+        let pull = tool.pull(device);
+        self.supplied += h * (pull.force.dot(device.velocity) + pull.torque.dot(device.angular_velocity));
         let weight = tool.mass * self.gravity;
-        // Without contact the rows are diagonal, but for those that turn.
-        let rows = tool.mass + tool.coupling.map_or(0.0, |c| h * (h * c.stiffness + c.damping));
-        self.tool_rhs2 = rows * (tool.velocity - velocity).length_squared();
         let change = tool.mass * (tool.velocity - velocity);
         let missed = h * (told.force + weight + pull.force) - change + self.tool_leftover;
         let sizes = [change, h * told.force, h * weight, h * pull.force].map(|x| x.length());
@@ -221,53 +261,10 @@ impl Observer {
         self.largest = sizes.into_iter().fold(self.largest, f64::max);
         sample.balance = if self.largest > 0.0 { missed.length() / self.largest } else { 0.0 };
         self.tool_leftover = missed;
-        self.device = Some((device.position, device.orientation));
-        self.tool = Some((tool.centre, tool.velocity));
         sample.force = told.force.length();
-        // All that can lie under the sphere, seen from both sides, at the greatest depth and closing as fast as anything moves.
-        let area = 2.0 * std::f64::consts::PI * (RADIUS * self.edge).powi(2);
-        let stiffness = touch.iter().map(|c| f64::from(c.stiffness)).fold(0.0, f64::max);
-        let damping = touch.iter().map(|c| f64::from(c.damping)).fold(0.0, f64::max);
-        let depth = row.max_depth.unwrap_or(0.0);
-        let nodes = self.velocity.iter().chain(&self.body.velocity).map(|v| v.length()).fold(0.0, f64::max);
-        let speed = nodes + velocity.length().max(tool.velocity.length());
-        sample.force_bound = area * (stiffness * depth + (h * stiffness + damping) * speed);
     }
 
-    /// b - A x of the step, of the sizes of b in it and in the last one, by the diagonal of A; gives the former. Both steps
-    /// leave their share; to carry it along would add up what f32 rounds the same way in every step of a body at rest.
-    fn equations(&self, before: &Before, last: Option<f64>, sample: &mut Sample) -> f64 {
-        let (h, elements) = (self.dt, &before.body.elements);
-        let (start, end) = (&self.velocity, &self.body.velocity);
-        let stiff = |p: &[DVec3]| elements.apply_weighted(p, &before.rotations, |m| h * (h + m.damping_stiffness));
-        let (of_end, of_start) = (stiff(end), stiff(start));
-        let forces = elements.forces(&before.body.displacement, &before.rotations);
-        let (mut left2, mut rhs2, mut floor2) = (0.0, self.tool_rhs2, 0.0);
-        let sizes = before.sizes(h, start, end);
-        for i in 0..start.len() {
-            if self.body.layer.bound[i] {
-                continue;
-            }
-            let (mass, damping) = (elements.masses[i], elements.damping[i]);
-            let rhs = h * forces[i] + h * mass * self.gravity - h * damping * start[i] - of_start[i];
-            let image = (mass + h * damping) * (end[i] - start[i]) + of_end[i] - of_start[i];
-            let diagonal = mass + h * damping + sizes[i].0;
-            let floor = sizes[i].1
-                + mass * (start[i].length() + end[i].length() + h * self.gravity.length())
-                + h * damping * (start[i].length() + end[i].length());
-            left2 += (rhs - image).length_squared() / diagonal;
-            // Where forces cancel, weight tells how large they are.
-            rhs2 += (rhs.length_squared() + (h * mass * self.gravity).length_squared()) / diagonal;
-            floor2 += (ROUNDINGS * HALF_ULP * floor).powi(2) / diagonal;
-        }
-        let size = f64::sqrt(rhs2);
-        if let Some(all) = last.map(|last| size + last).filter(|all| *all > 0.0) {
-            (sample.residual, sample.residual_floor) = (f64::sqrt(left2) / all, f64::sqrt(floor2) / all);
-        }
-        size
-    }
-
-    fn energies(&self, simulation: &Simulation, sample: &mut Sample) {
+    fn energies(&self, sample: &mut Sample) {
         let elements = &self.body.elements;
         let (mut kinetic, mut weight) = (0.0, 0.0);
         for i in self.free() {
@@ -275,18 +272,19 @@ impl Observer {
             weight -= elements.masses[i] * self.gravity.dot(elements.frame * self.body.displacement[i]);
         }
         let elastic = elements.energy(&self.body.displacement, &self.rotations);
-        let mut coupling = 0.0;
-        if let Some(tool) = simulation.tool() {
+        let (mut coupling, mut motion) = (0.0, kinetic);
+        if let Some(tool) = &self.tool {
             let (position, orientation) = self.device.unwrap_or((tool.centre, tool.orientation));
             let (velocity, angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
-            let device = crate::haptics::RigidState { position, orientation, velocity, angular_velocity };
+            let device = RigidState { position, orientation, velocity, angular_velocity };
             let moving = tool.mass * 0.5 * tool.velocity.length_squared();
             kinetic += moving;
+            motion += if tool.coupling.is_some() { moving } else { 0.0 };
             coupling = tool.stored(&device) - moving;
             weight -= tool.mass * self.gravity.dot(tool.centre - self.tool_start);
         }
         sample.energy = kinetic + weight + elastic + coupling;
-        sample.kinetic = kinetic;
+        (sample.motion, sample.stirred) = (motion, motion + elastic);
         sample.supplied = self.supplied;
         sample.turned_over = kinetic + weight.abs() + elastic + coupling + self.supplied.abs();
         sample.moved = self.start.map_or(DVec3::ZERO, |start| self.centre() - start);
@@ -294,48 +292,6 @@ impl Observer {
         let turned_out =
             |e: &usize| (DMat3::IDENTITY + elements.gradient(*e, &self.body.displacement)).determinant() <= 0.0;
         sample.inverted = (0..elements.tetrahedra.len()).filter(turned_out).count();
-    }
-}
-
-/// The body at the start of a step, linearised there.
-struct Before {
-    body: SoftBody,
-    rotations: Vec<DQuat>,
-}
-
-impl Before {
-    fn of(body: &SoftBody, rotations: &[DQuat]) -> Before {
-        let rotations = rotations.to_vec();
-        let mut body = body.clone();
-        body.elements = body.elements.linearised(&body.displacement, &rotations);
-        Before { body, rotations }
-    }
-
-    /// At each node: the stiffness on the diagonal (kg), and the sizes of what its elements add up (N s).
-    fn sizes(&self, h: f64, start: &[DVec3], end: &[DVec3]) -> Vec<(f64, f64)> {
-        let elements = &self.body.elements;
-        let mut sizes = vec![(0.0, 0.0); start.len()];
-        let spread = |nodes: &[u32; 4], of: &[DVec3]| {
-            nodes.iter().map(|i| of[*i as usize].distance(of[nodes[0] as usize])).fold(0.0, f64::max)
-        };
-        // A velocity is rounded as a whole, whatever of it its element feels.
-        let greatest =
-            |nodes: &[u32; 4], of: &[DVec3]| nodes.iter().map(|i| of[*i as usize].length()).fold(0.0, f64::max);
-        for (e, nodes) in elements.tetrahedra.iter().enumerate() {
-            let operator = &elements.operators[e];
-            let modulus = 2.0 * operator.mu + operator.lambda.abs();
-            let steep = elements.gradients[e].iter().map(|g| g.length_squared()).fold(0.0, f64::max);
-            let (stiffness, beta) = (elements.volumes[e] * modulus * steep, elements.materials[e].damping_stiffness);
-            let lag = h * (h + beta) * stiffness;
-            let size = h * stiffness * spread(nodes, &self.body.displacement)
-                + lag * (greatest(nodes, start) + greatest(nodes, end));
-            for i in nodes {
-                let at = &mut sizes[*i as usize];
-                // A node has a third to all of the steepest gradient; a half stands for it.
-                *at = (at.0 + 0.5 * lag, at.1 + size);
-            }
-        }
-        sizes
     }
 }
 

@@ -1,0 +1,32 @@
+//! How values of axes read.
+
+/// How a factor along an edge reads.
+pub fn stretched(factor: f64) -> String {
+    let percent = (100.0 * factor.abs()).round();
+    match factor {
+        -1.0 => "turned inside out".into(),
+        f if f < 0.0 => format!("inside out, to {percent} %"),
+        f if f < 1.0 => format!("pressed to {percent} %"),
+        _ => format!("stretched to {percent} % (by {} %)", percent - 100.0),
+    }
+}
+
+/// As a power of ten.
+pub fn power(value: f64) -> String {
+    format!("{value:.0e}")
+}
+
+/// A number with its unit and thousands' prefix.
+pub fn si(value: f64, unit: &str) -> String {
+    let (scale, prefix) = match value.abs() {
+        x if x >= 1e12 => (1e-12, "T"),
+        x if x >= 1e9 => (1e-9, "G"),
+        x if x >= 1e6 => (1e-6, "M"),
+        x if x >= 1e3 => (1e-3, "k"),
+        x if x >= 1.0 || x == 0.0 => (1.0, ""),
+        x if x >= 1e-3 => (1e3, "m"),
+        _ => (1e6, "u"),
+    };
+    let digits = (value * scale * 1e3).round() / 1e3;
+    format!("{digits} {prefix}{unit}")
+}
