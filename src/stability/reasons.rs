@@ -16,7 +16,7 @@ const FLAGS: [(Flags, &str); 9] = [
         "the sphere bounces off within a step, and contacts still pulled after four solves",
     ),
     (Flags::NOT_CONVERGED, "the solver stopped above what single precision was expected to leave"),
-    (Flags::TURNS_TOO_FAR, "it turns by more than 0.12 rad a step"),
+    (Flags::TURNS_TOO_FAR, "it turns too far in a step for what it is made of"),
     (Flags::INVERTED, "tetrahedra were inside out"),
     (Flags::NOT_A_HEIGHT_FIELD, "the skin folds over itself before the sphere"),
 ];

@@ -126,12 +126,12 @@ impl Model {
     }
 
     /// mu, lambda, Pa, and beta, s.
-    fn material_of(&self, tetrahedron: usize) -> [f64; 3] {
+    pub(crate) fn material_of(&self, tetrahedron: usize) -> [f64; 3] {
         let [mu, lambda, _, beta] = self.materials[self.rest_gradients[3 * tetrahedron + 1][3] as usize];
         [mu, lambda, beta].map(f64::from)
     }
 
-    fn volume(&self, tetrahedron: usize) -> f64 {
+    pub(crate) fn volume(&self, tetrahedron: usize) -> f64 {
         f64::from(self.rest_gradients[3 * tetrahedron][3]).powi(2)
     }
 

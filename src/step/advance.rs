@@ -1,6 +1,5 @@
 //! One step on the device: submitted, continued where it was too short, halved where it failed.
 
-use super::frames::MOST_TURN;
 use super::{Simulation, tools};
 use crate::gpu::Recording;
 use crate::report::Flags;
@@ -26,9 +25,9 @@ impl Simulation {
             if let (Some(tool), None) = (&mut self.tool, self.model.held) {
                 tool.advance(h, report.tool_change.map(f64::from));
             }
-            let turn = self.frames.most_turn(h);
+            let turned = self.frames.turns_too_far(h);
             self.arrive(h, true)?;
-            if turn.max(self.frames.most_turn(h)) > MOST_TURN {
+            if turned || self.frames.turns_too_far(h) {
                 report.flags |= Flags::TURNS_TOO_FAR.0;
             }
             return Ok(report);

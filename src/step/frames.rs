@@ -2,6 +2,7 @@
 //! another. What the device does is the same wherever a frame is put, up to rounding; a good frame keeps displacements
 //! small.
 
+mod crossing;
 mod saved;
 
 use glam::{DMat3, DQuat, DVec3};
@@ -18,7 +19,10 @@ pub use saved::SavedFrame;
 /// rad a step, beyond which a frame turns too far: what it carries keeps the rotations of the step's start, nodes go along
 /// tangents, and what turns by x is stretched by x^2 / 2 unopposed, here by less than a hundredth;
 /// free blocks that spin gain up to a thousandth of their energy by it (`palpate stability --only spin`).
-pub const MOST_TURN: f64 = 0.12;
+const MOST_TURN: f64 = 0.12;
+/// Stiff bodies bring more energy from the same stretch, (turn x step / crossing time)^2 of what they spin with: beyond this turn
+/// times step over the time that a pressure wave takes across them, it is as much (`palpate stability --only spin-stiff`).
+const MOST_STIFF_TURN: f64 = 0.0079;
 
 /// Where a frame is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -34,6 +38,8 @@ pub struct Frames {
     states: Vec<State>,
     /// Which of them nodes are measured from.
     has_nodes: Vec<bool>,
+    /// Of each: see [`crossing::crossing_times`].
+    crossing_times: Vec<Option<f64>>,
     links: Vec<[usize; 2]>,
     /// The states that are fitted, in the model's order.
     floating: Vec<usize>,
@@ -92,7 +98,8 @@ impl Frames {
         let floating = model.floating.iter().map(|f| f.frame).collect();
         let mut has_nodes = vec![false; states.len()];
         model.node_info.iter().for_each(|node| has_nodes[node[2] as usize] = true);
-        Frames { has_nodes, states, links, floating, dynamic: model.cores.iter().map(|core| core.frame).collect() }
+        let dynamic = model.cores.iter().map(|core| core.frame).collect();
+        Frames { has_nodes, crossing_times: crossing::crossing_times(model), states, links, floating, dynamic }
     }
 
     /// Where a frame is at the start of the step.
@@ -193,11 +200,16 @@ impl Frames {
         }
     }
 
-    /// How far the frame that turns most does so in a step of `h` seconds, rad: one that is driven on the way it has set out
-    /// for, others by what they turn at now. Rigid bodies have no nodes, and nothing that bends.
-    pub fn most_turn(&self, h: f64) -> f64 {
-        let bending = self.states.iter().zip(&self.has_nodes).filter(|(_, has_nodes)| **has_nodes);
-        bending.map(|(state, _)| state.turn(h)).fold(0.0, f64::max)
+    /// Whether a frame turns further in a step of `h` seconds than what it carries can bear (see [`MOST_TURN`],
+    /// [`MOST_STIFF_TURN`]): one that is driven on the way it has set out for, others by what they turn at now. Rigid bodies have
+    /// no nodes, and nothing that bends.
+    pub fn turns_too_far(&self, h: f64) -> bool {
+        let all = self.states.iter().zip(&self.has_nodes).zip(&self.crossing_times);
+        let mut bending = all.filter(|((_, has_nodes), _)| **has_nodes);
+        bending.any(|((state, _), time)| {
+            let turn = state.turn(h);
+            turn > MOST_TURN || time.is_some_and(|time| turn * h / time > MOST_STIFF_TURN)
+        })
     }
 
     /// Stops frames that float or are dynamic where they are.
