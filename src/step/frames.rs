@@ -20,8 +20,9 @@ pub use saved::SavedFrame;
 /// tangents, and what turns by x is stretched by x^2 / 2 unopposed, here by less than a hundredth;
 /// free blocks that spin gain up to a thousandth of their energy by it (`palpate stability --only spin`).
 const MOST_TURN: f64 = 0.12;
-/// Stiff bodies bring more energy from the same stretch, (turn x step / crossing time)^2 of what they spin with: beyond this turn
-/// times step over the time that a pressure wave takes across them, it is as much (`palpate stability --only spin-stiff`).
+/// What is stiff and spins free gains more energy from the same stretch, (turn x step / crossing time)^2 of what it spins with:
+/// beyond this turn times step over the time that a pressure wave takes across it, as much (`palpate stability --only
+/// spin-stiff`).
 const MOST_STIFF_TURN: f64 = 0.0079;
 
 /// Where a frame is.
@@ -208,7 +209,8 @@ impl Frames {
         let mut bending = all.filter(|((_, has_nodes), _)| **has_nodes);
         bending.any(|((state, _), time)| {
             let turn = state.turn(h);
-            turn > MOST_TURN || time.is_some_and(|time| turn * h / time > MOST_STIFF_TURN)
+            let is_free = matches!(state.mover, Mover::Floating(_) | Mover::Dynamic { .. });
+            turn > MOST_TURN || is_free && time.is_some_and(|time| turn * h / time > MOST_STIFF_TURN)
         })
     }
 
