@@ -93,9 +93,9 @@ impl Feature {
 /// How a feature is not used.
 pub enum Idle {
     /// A scene that switches it off, and one that says nothing of it.
-    Scenes([Scene; 2]),
+    Scenes(Box<[Scene; 2]>),
     /// A scene where it is asked for step by step, and is so no more.
-    Again(Scene),
+    Again(Box<Scene>),
 }
 
 impl Feature {
@@ -107,10 +107,10 @@ impl Feature {
             Feature::Friction => block("friction = 0.0", "", MATERIAL),
             Feature::CoarseLevel => block("", "preconditioner = \"jacobi\"", MATERIAL),
             Feature::Damping => block("", "", &format!("{MATERIAL}, damping_mass = 0.0, damping_stiffness = 0.0")),
-            Feature::Stiffness | Feature::Timestamps => return Ok(Some(Idle::Again(plain()?))),
+            Feature::Stiffness | Feature::Timestamps => return Ok(Some(Idle::Again(plain()?.into()))),
             Feature::SecondSide | Feature::Skin | Feature::Joints => return Ok(None),
         };
-        Ok(Some(Idle::Scenes([scene(off)?, plain()?])))
+        Ok(Some(Idle::Scenes([scene(off)?, plain()?].into())))
     }
 }
 
