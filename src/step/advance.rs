@@ -25,9 +25,10 @@ impl Simulation {
             if let (Some(tool), None) = (&mut self.tool, self.model.held) {
                 tool.advance(h, report.tool_change.map(f64::from));
             }
-            let turned = self.frames.turns_too_far(h);
+            let newton = self.scene.step.newton;
+            let turned = self.frames.turns_too_far(h, newton);
             self.arrive(h, true)?;
-            if turned || self.frames.turns_too_far(h) {
+            if turned || self.frames.turns_too_far(h, newton) {
                 report.flags |= Flags::TURNS_TOO_FAR.0;
             }
             return Ok(report);
