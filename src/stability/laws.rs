@@ -86,13 +86,13 @@ impl Law {
             Law::Push => Flags::ADHESIVE_DROPPED_TWICE,
             // The sum leaves out what pulls, as the wrench does: nothing excuses that.
             Law::Force | Law::Touch => Flags(0),
-            // The flag says just this; a rotation inside out cannot be followed from outside, so the system is another; and what is
-            // stretched along its tangents is under so much stress that its rounding outweighs inertia.
+            // The flag says just this; a rotation inside out cannot be followed from outside, so the system is another; and in
+            // blocks of 1 TPa that spin it is missed while they gain energy, presumably by the rounding of so much stress.
             Law::Residual => Flags::NOT_CONVERGED | Flags::INVERTED | Flags::TURNS_TOO_FAR,
             // The tool's rows are left with the others; pulls that the wrench leaves out move the tool; of a step done in parts
             // the last part's force is told; stopped is stopped.
             Law::Balance => Flags::NOT_CONVERGED | Flags::ADHESIVE_DROPPED_TWICE | Flags::STEP_RETRIED | Flags::FROZEN,
-            // What is left unsolved may push the whole, and so may the rounding of such stress.
+            // What is left unsolved may push the whole; and the same blocks drift.
             Law::Drift => Flags::NOT_CONVERGED | Flags::TURNS_TOO_FAR,
             // A body caught inside out creeps, and does not swing as it does at rest.
             Law::Rest => Flags::INVERTED,

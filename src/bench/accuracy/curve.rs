@@ -6,7 +6,7 @@ use crate::bench::samples::hands;
 use crate::bench::{fit, median};
 
 /// Changes of a force that a person just notices, of the force: X. D. Pang, H. Z. Tan and N. I. Durlach, "Manual
-/// discrimination of force using active finger motion" (1991), found 5 to 10 %, about 7 %.
+/// discrimination of force using active finger motion" (1991), found roughly 7 %.
 pub const JUST_NOTICEABLE: f64 = 0.07;
 /// An order is as theory has it when it is this near.
 pub const NEAR_ORDER: f64 = 0.25;
