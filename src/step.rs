@@ -6,6 +6,7 @@ pub(crate) mod choice;
 mod contacts;
 mod explain;
 pub mod frames;
+mod gap;
 mod held;
 pub mod joints;
 mod make;
@@ -74,6 +75,8 @@ pub struct Simulation {
     has_weight: bool,
     /// Of the body that is held, kg.
     held_mass: f64,
+    /// Greatest force of the coupling's stiffness, N.
+    max_force: f64,
     last_wrench: Option<ContactWrench>,
     last_iterations: u32,
     last_timed: Option<Vec<(String, f64)>>,
@@ -99,7 +102,8 @@ impl Simulation {
         self.step_to(self.next_end(h), h)
     }
 
-    /// A step of `h` s for the loop: from its tool, towards its device as it is now. Where the device will be at the end nobody
+    /// A step of `h` s for the loop: from its tool (but where contact pushed in the last step no further out than that left it),
+    /// towards its device as it is now. Where the device will be at the end nobody
     /// knows: taken to go on as it moves, at 50 steps a second it makes contact swing that is steady without (README, "The
     /// hand"). A tool that is a soft body's core stays the simulation's. Weight is not felt: what the hand holds is carried.
     pub fn step_held(&mut self, held: &Held, h: f64) -> Result<Row> {
@@ -107,17 +111,25 @@ impl Simulation {
         self.has_weight = false;
         let RigidState { position, orientation, .. } = held.device;
         self.drive = Drive::new(&[], Key { time: self.time, position, orientation });
+        self.max_force = held.max_force;
         if let Some(tool) = &mut self.tool {
             tool.coupling = held.coupling;
         }
         if let (Some(tool), None) = (&mut self.tool, self.model.held) {
             let RigidState { position, orientation, velocity, angular_velocity } = held.tool;
-            (tool.centre, tool.orientation) = (position, orientation);
+            // The body is as the last step left it. From further out the step would begin without contact, which is found at its
+            // beginning, and the tool fall into the body unopposed.
+            let normal = self.last_wrench.and_then(|wrench| wrench.normal()).unwrap_or_default();
+            let out = normal.dot(position - tool.centre).max(0.0);
+            (tool.centre, tool.orientation) = (position - out * normal, orientation);
             (tool.velocity, tool.angular_velocity) = (velocity, angular_velocity);
         }
-        let row = self.step_to(time, h)?;
+        let row = self.step_to(time, h);
+        self.max_force = f64::INFINITY;
+        let row = row?;
         if let Some(wrench) = &mut self.last_wrench {
             wrench.time = held.time;
+            wrench.is_driven = self.frames.is_any_driven(time - h, time);
         }
         Ok(row)
     }
@@ -145,6 +157,7 @@ impl Simulation {
         let device = self.drive.device(time, h);
         let probes = self.read_probes()?;
         self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report));
+        self.add_gap(&report)?;
         Ok(self.row(&report, time, &device, probes, begun))
     }
 
@@ -269,6 +282,7 @@ impl Simulation {
             ..bytemuck::Zeroable::zeroed()
         };
         if let Some(tool) = &self.tool {
+            let device = &tool.within_reach(device, self.max_force);
             let gravity = if self.has_weight { step.gravity } else { DVec3::ZERO };
             let mut rows = match self.model.held {
                 Some(_) => tool.coupling_rows(h, device),

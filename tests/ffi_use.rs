@@ -4,7 +4,7 @@
 mod ffi_help;
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::ffi::CString;
+use std::ffi::{CString, c_char, c_void};
 use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -146,6 +146,17 @@ fn wrong_use_is_told_and_harms_nothing() {
         refused(palpate_context_create(&options, &mut none), palpate_status::NoDevice, "nobody's");
         (options.validation, options.device) = (2, null());
         refused(palpate_context_create(&options, &mut none), Argument, "validation is 2");
+        // Three bytes of a callback, which would have been called at what they and five zeros make.
+        unsafe extern "C" fn log(_: *mut c_void, _: u32, _: *const c_char) {}
+        options = palpate_context_options { size: 19, log: Some(log), ..ffi_help::zeroed() };
+        let cut =
+            "palpate_context_options.size is 19, which cuts a field in two; set it to sizeof(palpate_context_options)";
+        refused(palpate_context_create(&options, &mut none), Argument, cut);
+        assert!(none.is_null());
+        // What ends with a field is an older program's.
+        options.size = std::mem::offset_of!(palpate_context_options, log) as u32;
+        ok(palpate_context_create(&options, &mut none));
+        ok(palpate_context_destroy(none));
     }
     // Nothing of that was a step.
     told.size = size_of::<palpate_wrench>() as u32;

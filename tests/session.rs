@@ -1,11 +1,15 @@
 //! Sessions with a haptic device through the built program: held, recorded, replayed, stopped, refused.
 
 use std::fs;
+use std::io::Write;
+use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use serde_json::{Value, json};
+use tungstenite::Message;
 
 /// A ball of 50 g above a soft block, and a device that goes down into it.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
@@ -77,6 +81,94 @@ fn a_scene_lowers_limits_and_is_told_where_it_would_raise_them() {
     }
 }
 
+#[test]
+fn a_profile_of_the_command_line_takes_the_place_of_the_scenes() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scene(folder.path(), "[haptics]\ndevice = \"hand\"\nprofile = \"sigma.7\"\n");
+    let (file, out) = (file.to_str().unwrap(), folder.path().join("out"));
+    // By the scene's device, and by one of the command line.
+    for more in [&[][..], &["--haptics", "scripted"]] {
+        let arguments = ["run", file, "--seconds", "0.3", "--profile", "touch", "--out", out.to_str().unwrap()];
+        let (status, _, stderr) = palpate(&[&arguments, more].concat());
+        assert_eq!(status, 0, "{stderr}");
+        let summary: Value = serde_json::from_str(&fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
+        assert_eq!(summary["haptics"]["profile"], "touch");
+    }
+}
+
+/// Answers every message of one connection after another as an Inverse service with one resting device of a type does, and
+/// keeps the greatest force that it was sent, N.
+fn inverse_service(kind: &'static str) -> (String, Arc<Mutex<f64>>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("ws://{}", listener.local_addr().unwrap());
+    let most = Arc::new(Mutex::new(0.0_f64));
+    let told = most.clone();
+    let zero = json!({"x": 0.0, "y": 0.0, "z": 0.0});
+    let state = json!({"cursor_position": zero, "cursor_velocity": zero});
+    let inventory = json!({"inverse3": [{"device_id": "A", "config": {"type": kind}, "state": state}]}).to_string();
+    let frame = json!({"inverse3": [{"device_id": "A", "state": state}]}).to_string();
+    let serve = move |mut stream: TcpStream| -> Option<()> {
+        let mut start = [0; 12];
+        stream.peek(&mut start).ok()?;
+        if start == *b"GET /version" {
+            return stream.write_all(b"HTTP/1.1 404 Not Found\r\n\r\n").ok();
+        }
+        let mut socket = tungstenite::accept(stream).ok()?;
+        socket.send(Message::text(inventory.as_str())).ok()?;
+        loop {
+            let Message::Text(text) = socket.read().ok()? else { continue };
+            let message: Value = serde_json::from_str(&text).ok()?;
+            let force = &message["inverse3"][0]["commands"]["set_cursor_force"]["vector"];
+            let length = ["x", "y", "z"].iter().map(|axis| force[axis].as_f64().unwrap().powi(2)).sum::<f64>().sqrt();
+            let mut most = told.lock().unwrap();
+            *most = most.max(length);
+            socket.send(Message::text(frame.as_str())).ok()?;
+        }
+    };
+    let serve = Arc::new(serve);
+    std::thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            let serve = serve.clone();
+            std::thread::spawn(move || serve(stream));
+        }
+    });
+    (url, most)
+}
+
+#[test]
+fn a_haply_is_held_with_the_profile_of_the_type_that_its_service_reports() {
+    let cases = [
+        ("inverse3", "inverse3", None),
+        ("minverse", "minverse", None),
+        ("minverse", "minverse", Some("inverse3")),
+        ("inverse3", "minverse", Some("minverse")),
+        ("maxverse", "minverse", None),
+    ];
+    for (kind, profile, asked) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let (url, most) = inverse_service(kind);
+        // The ball begins in the block, which pushes it against the resting device.
+        let inside = SCENE.replace("position = [0.0, 0.053, 0.0]", "position = [0.0, 0.04, 0.0]");
+        let file = folder.path().join("scene.toml");
+        fs::write(&file, format!("{inside}[haptics]\ndevice = \"haply\"\nhaply = {{ address = \"{url}\" }}\n"))
+            .unwrap();
+        let (out, record) = (folder.path().join("out"), folder.path().join("session.palpate"));
+        let [file, out_name, record] = [&file, &out, &record].map(|path| path.to_str().unwrap());
+        let arguments = ["run", file, "--seconds", "0.5", "--out", out_name, "--record", record];
+        let (status, _, stderr) =
+            palpate(&[&arguments[..], &asked.map_or(vec![], |name| vec!["--profile", name])].concat());
+        assert_eq!(status, 0, "{kind}: {stderr}");
+        let summary: Value = serde_json::from_str(&fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
+        let report = &summary["haptics"];
+        assert_eq!(report["profile"], profile, "{kind} {asked:?}");
+        let played = *most.lock().unwrap();
+        let limit = if profile == "minverse" { 2.0 } else { 10.0 };
+        assert!(played > 0.02 && played <= limit + 1e-9, "{kind}: {played} N, {report}");
+        let (status, text, _) = palpate(&["replay", record]);
+        assert_eq!((status, text.contains("the same bits")), (0, true), "{text}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_signal_ends_a_session_in_order() {
@@ -112,6 +204,13 @@ fn what_cannot_be_held_is_refused() {
     };
     refused(&["--haptics", "phantom"], "possible values: scripted, hand, replay, haply");
     refused(&["--haptics", "hand", "--steps", "10"], "give --seconds instead of --steps");
+    refused(&["--haptics", "hand", "--profile", "omni"], "possible values: scripted, premium, touch, omega.x, delta.6");
+    refused(&["--profile", "touch"], "none holds the tool: give --haptics DEVICE as well");
+    refused(
+        &["--haptics", "haply", "--profile", "touch"],
+        "--profile touch is not that of a Haply: remove it, or give",
+    );
+    refused(&["--haptics", "replay", "--profile", "touch"], "the profile of its recording: leave it out");
     refused(&["--haptics", "replay"], "`haptics.recording`");
     refused(&["--haptics", "scripted", "--seconds", "1", "--record", missing.to_str().unwrap()], "session.palpate");
     let (status, _, stderr) = {

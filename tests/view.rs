@@ -212,3 +212,23 @@ fn without_a_display_one_line_names_the_film() {
     let film = format!("palpate film {} --out film.apng", file.display());
     assert!(stderr.contains("no display") && stderr.contains(&film), "{stderr}");
 }
+
+#[test]
+fn a_profile_is_refused_where_no_haptic_device_could_have_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scene(folder.path());
+    let cases = [
+        ("mouse", "touch", "the tool is led by the mouse: give --device DEVICE as well"),
+        ("drive", "touch", "the tool is led by the drive: give --device DEVICE as well"),
+        ("haply", "touch", "--profile touch is not that of a Haply: remove it, or give inverse3 or minverse"),
+        ("hand", "omni", "possible values: scripted, premium, touch"),
+    ];
+    for (device, profile, words) in cases {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+        command.args(["view", file.to_str().unwrap(), "--device", device, "--profile", profile]);
+        let output = command.output().unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), stderr.lines().count()), (Some(2), 1), "{stderr}");
+        assert!(stderr.contains(words), "{device} {profile}: {stderr}");
+    }
+}

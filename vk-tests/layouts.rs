@@ -209,4 +209,6 @@ fn contacts_solver_and_report() {
             damping,
         }
     );
+    same_layout!("wrench/gap", SkinPart { proxy, chunk_first, chunk_count, low, high });
+    same_layout!("wrench/gap", SkinGap { way, triangle, back });
 }

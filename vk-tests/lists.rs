@@ -90,7 +90,7 @@ fn lists_of_slots_are_joined_in_order() {
             assert_eq!([groups(args::ACTIVE), groups(args::ITEMS)], [want.len(), items.len()]);
             let gather = want.iter().filter(|entry| (entry.slot as usize) < gathering).count();
             assert_eq!([groups(args::GATHERING), count.gathering as usize], [gather; 2]);
-            assert_eq!(words[3 * 16 + 1] as usize, items.len(), "instances to draw");
+            assert_eq!(words[4 * args::DRAW as usize + 1] as usize, items.len(), "instances to draw");
         }
     }
 }

@@ -26,6 +26,7 @@ mod fields;
 mod flow;
 mod frames;
 mod friction;
+mod gap;
 mod gpu;
 mod haptics;
 mod harness;

@@ -32,7 +32,7 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
         limits,
         local_model: true,
         passivity: true,
-        most_damping: 30.0,
+        most_damping: [30.0, 0.0],
         trust: 5e-3,
         arm: 0.02,
     };

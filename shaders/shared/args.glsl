@@ -16,7 +16,8 @@ const uint ARGS_LOOP_CARRIED = 12;  // a workgroup a block of nodes that cores c
 const uint ARGS_LOOP_TOOL = 13;     // one
 const uint ARGS_COMMIT = 14;        // every node, once the step is accepted
 const uint ARGS_WRENCH = 15;
-const uint ARGS_DRAW = 16;          // VkDrawIndirectCommand: four words at 3 * 16, a multiple of 16 bytes
+const uint ARGS_GAP = 16;           // a workgroup a part of the skins that the tool may touch, where a loop holds it
+const uint ARGS_DRAW = 20;          // VkDrawIndirectCommand: four words at 3 * 20, a multiple of 16 bytes
 
 layout(constant_id = 10) const uint GROUP = 64;   // local size of the kernels that are dispatched by elements
 

@@ -254,6 +254,21 @@ struct Report {
     float damping[21];
 };
 
+// Chunks of a proxy that the tool may touch.
+struct SkinPart {
+    uint proxy;
+    uint chunk_first, chunk_count;
+    vec3 low, high;             // what holds their boxes at rest, in the proxy's frame, m
+};
+
+// The shortest way from the tool to such a part at the end of the step, for the host: from a sphere's centre, from any other
+// tool's surface.
+struct SkinGap {
+    vec3 way;                   // to what faces the tool, world axes, m
+    uint triangle;              // where it ends, of the skin or of the tool; NONE: nothing is near
+    float back;                 // length of the shortest met to what faces away, m
+};
+
 const uint VERDICT_DONE = 0;
 const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out
 const uint VERDICT_RETRY = 2;       // contacts pulled: dropped, solve again

@@ -19,6 +19,7 @@ layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 4) const bool TOOL = false;
 layout(constant_id = 6) const uint RIGIDS = 0;
 layout(constant_id = 8) const uint NODES = 0;
+layout(constant_id = 9) const uint SKIN_PARTS = 0;      // workgroups of wrench/gap
 
 layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
 layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
@@ -140,6 +141,7 @@ void main() {
         for (uint index = 0; index < RIGIDS && done; index++) rigids[index].leftover = rigids[index].image;
         args[3 * ARGS_COMMIT] = done ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = done ? 1 : 0;
+        args[3 * ARGS_GAP] = done && params.is_held != 0 ? SKIN_PARTS : 0;
     }
     report.verdict = verdict;
     report.iterations = iterations[solve.current].count;

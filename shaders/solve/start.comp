@@ -172,10 +172,11 @@ void main() {
     args[3 * ARGS_LOOP_FREE] = on * FREE_BLOCKS;
     args[3 * ARGS_LOOP_CARRIED] = on * (BLOCKS - FREE_BLOCKS);
     args[3 * ARGS_LOOP_TOOL] = TOOL ? on : 0;
-    for (uint k = ARGS_LOOP_APPLY; k <= ARGS_WRENCH; k++) {
+    for (uint k = ARGS_LOOP_APPLY; k <= ARGS_GAP; k++) {
         args[3 * k + 1] = 1;
         args[3 * k + 2] = 1;
     }
     args[3 * ARGS_COMMIT] = 0;
     args[3 * ARGS_WRENCH] = 0;
+    args[3 * ARGS_GAP] = 0;
 }

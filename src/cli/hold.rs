@@ -8,12 +8,13 @@ use palpate::haptics::devices::{Hand, Haply, Replay, Scripted, haply};
 use palpate::haptics::drive::Drive;
 use palpate::haptics::environment::Environment;
 use palpate::haptics::local_model::ContactWrench;
+use palpate::haptics::profile::PROFILES;
 use palpate::haptics::record::{Header, Recording};
 use palpate::haptics::servo_thread::Held;
 use palpate::haptics::session::{self, Moment, Options, Report};
 use palpate::haptics::{Device, Profile};
 use palpate::report::Row;
-use palpate::scene::{DeviceKind, Key, Scene};
+use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Scene};
 use palpate::{Error, Result};
 
 use crate::engine::Engine;
@@ -28,7 +29,34 @@ const OTHER_SIGNALS: &[i32] = &[];
 /// A profile that is built in: the one a scene names, else this.
 fn profile_of(scene: &Scene, default: &str) -> Profile {
     let profile = scene.haptics.profile.or_else(|| Profile::named(default));
-    profile.unwrap_or(&palpate::haptics::profile::PROFILES[0]).clone()
+    profile.unwrap_or(&PROFILES[0]).clone()
+}
+
+/// Gives the scene's device a profile by its name, whatever the scene says of it.
+///
+/// # Errors
+/// Nothing is held, or what is held cannot have that profile.
+pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
+    let wrong = |problem: &str, remedy: &str| Err(Error::Usage(format!("--profile {name} {problem}: {remedy}")));
+    let Some(profile) = Profile::named(name) else {
+        let names = PROFILES.map(|profile| profile.name).join(", ");
+        return wrong("is no profile", &format!("give one of {names}"));
+    };
+    if !scene.haptics.is_held {
+        return wrong(
+            "is a haptic device's, and none holds the tool",
+            "give --haptics DEVICE as well, or leave it out",
+        );
+    }
+    match scene.haptics.device {
+        DeviceKind::Replay => {
+            return wrong("is not a replay's, which has the profile of its recording", "leave it out");
+        }
+        DeviceKind::Haply => palpate::scene::of_haply(profile).or_else(|remedy| wrong(NOT_HAPLYS, &remedy))?,
+        DeviceKind::Scripted | DeviceKind::Hand => {}
+    }
+    scene.haptics.profile = Some(profile);
+    Ok(())
 }
 
 /// The device that a scene asks for.
@@ -46,8 +74,16 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
             Box::new(Replay::open(haptics.recording.as_ref().ok_or_else(missing)?)?)
         }
         DeviceKind::Haply => {
-            let settings = haply::Settings { home: start.position, rate: haptics.rate, ..haptics.haply.clone() };
-            Box::new(Haply::new(settings))
+            let settings = haply::Settings {
+                home: start.position,
+                rate: haptics.rate,
+                profile: haptics.profile,
+                ..haptics.haply.clone()
+            };
+            let mut haply = Haply::new(settings);
+            // A session takes limits from the profile before it opens the device.
+            haply.identify().map_err(|fault| Error::NoDevice(fault.to_string()))?;
+            Box::new(haply)
         }
     })
 }

@@ -6,6 +6,7 @@ use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::Result;
 use palpate::haptics::devices::Replay;
+use palpate::haptics::profile::PROFILES;
 use palpate::haptics::session::Report;
 use palpate::report::haptics::Closing;
 use palpate::report::summary::ClosingTable;
@@ -43,6 +44,9 @@ pub struct Arguments {
     /// Hold the tool by this device, with a force a thousand times a second, in the world's time [default: the scene's]
     #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DeviceKind::CHOICES.map(|(name, _)| name)))]
     haptics: Option<String>,
+    /// Profile of that device, whatever the scene says: what it can do; a Haply's can only be lowered
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
+    profile: Option<String>,
     /// File to record every tick of the loop into, for `palpate replay`; a table if its name ends in .csv
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -122,6 +126,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         scene.haptics.device = kind.map_or(scene.haptics.device, |(_, kind)| *kind);
     }
     scene.haptics.is_held |= arguments.haptics.is_some() || arguments.record.is_some();
+    if let Some(name) = &arguments.profile {
+        hold::choose_profile(&mut scene, name)?;
+    }
     if let Some(iterations) = arguments.explain {
         return explain(arguments, &scene, iterations);
     }

@@ -18,6 +18,7 @@ use palpate::gpu::{Options, display_extensions};
 use palpate::haptics::Device;
 use palpate::haptics::devices::Mouse;
 use palpate::haptics::devices::mouse::Goal;
+use palpate::haptics::profile::PROFILES;
 use palpate::report::{Output, Row, Trace};
 use palpate::scene::{DeviceKind, Haptics, Key, Scene};
 use palpate::step::Simulation;
@@ -39,6 +40,9 @@ pub struct Arguments {
     /// What leads the tool: a device, or `drive`, the scene's keys [default: mouse; drive where there is no tool]
     #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DEVICES))]
     device: Option<String>,
+    /// Profile of that device, whatever the scene says: what it can do; a Haply's can only be lowered
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
+    profile: Option<String>,
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     gpu: Option<String>,
@@ -70,6 +74,13 @@ pub fn view(arguments: &Arguments) -> Result<()> {
     if scene.haptics.is_held && scene.tool.is_none() {
         let problem = "is missing: a haptic device has nothing to hold";
         return Err(Error::key(&scene.file, "tool", problem, "add a [tool], or view it with --device drive"));
+    }
+    if let Some(profile) = &arguments.profile {
+        if !DeviceKind::CHOICES.iter().any(|(known, _)| *known == name) {
+            let problem = format!("--profile {profile} is a haptic device's, and the tool is led by the {name}");
+            return Err(Error::Usage(format!("{problem}: give --device DEVICE as well, or leave it out")));
+        }
+        hold::choose_profile(&mut scene, profile)?;
     }
     let extent = extent_of(arguments, &scene)?;
     let events = EventLoop::with_user_event().build().map_err(|error| no_display(&arguments.scene, &error))?;

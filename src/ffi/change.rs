@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::handles;
 use super::simulation::{SimulationObject, palpate_pose, palpate_simulation, pose_of};
-use super::sized::{self, Sized32};
+use super::sized::{self, Field, Sized32, fields};
 use super::state::change;
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use crate::scene::{Contact, Coupling, Material};
@@ -69,11 +69,12 @@ pub struct palpate_coupling {
 
 /// What these structs have in common: all of it are numbers.
 macro_rules! numbers {
-    ($name:ident, $least:expr) => {
+    ($name:ident, $least:expr, { $($field:ident),+ }) => {
         // SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
         unsafe impl Sized32 for $name {
             const NAME: &str = stringify!($name);
             const LEAST: usize = $least;
+            const FIELDS: &'static [Field] = fields!($name { $($field),+ });
 
             fn unset() -> Self {
                 // SAFETY: all of it are numbers.
@@ -83,9 +84,9 @@ macro_rules! numbers {
     };
 }
 
-numbers!(palpate_material, 48);
-numbers!(palpate_contact_law, 48);
-numbers!(palpate_coupling, 40);
+numbers!(palpate_material, 48, { size, reserved, young, poisson, density, damping_mass, damping_stiffness });
+numbers!(palpate_contact_law, 48, { size, reserved, stiffness, damping, friction, friction_speed, depth_limit });
+numbers!(palpate_coupling, 40, { size, reserved, stiffness, damping, angular_stiffness, angular_damping });
 
 /// Reads one of the structs, which must be there; `reserved` is zero.
 unsafe fn needed<T: Sized32>(from: *const T, name: &str, reserved: impl Fn(&T) -> u32) -> Outcome<T> {

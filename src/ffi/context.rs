@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::handles::{self, Handled};
 use super::log::{self, palpate_log};
-use super::sized::{self, Sized32};
+use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use crate::gpu::{Context, DeviceKind, Options};
 
@@ -67,6 +67,7 @@ pub struct palpate_context_options {
 unsafe impl Sized32 for palpate_context_options {
     const NAME: &str = "palpate_context_options";
     const LEAST: usize = 2 * size_of::<u32>() + size_of::<*const c_char>();
+    const FIELDS: &'static [Field] = fields!(palpate_context_options { size, validation, device, log, log_user });
 
     fn unset() -> Self {
         palpate_context_options {

@@ -4,7 +4,7 @@ use std::ffi::c_char;
 use std::mem::offset_of;
 
 use super::simulation::palpate_pose;
-use super::sized::Sized32;
+use super::sized::{Field, Sized32, fields};
 
 /// It does not move. The kinds of motion: of a core, or of a rigid body.
 pub const PALPATE_MOTION_FIXED: u32 = 0;
@@ -209,11 +209,12 @@ pub struct palpate_tool {
 
 /// Zero bytes are a value of all of them: numbers, null pointers. The least size is that of the first version.
 macro_rules! grows {
-    ($name:ident, $last:ident) => {
+    ($name:ident, $last:ident, { $($field:ident),+ }) => {
         // SAFETY: `repr(C)`, the size comes first, and any bytes are a value: a pointer is only followed as the header says.
         unsafe impl Sized32 for $name {
             const NAME: &str = stringify!($name);
             const LEAST: usize = offset_of!($name, $last) + 8;
+            const FIELDS: &'static [Field] = fields!($name { $($field),+ });
 
             fn unset() -> Self {
                 // SAFETY: as above.
@@ -224,7 +225,7 @@ macro_rules! grows {
     };
 }
 
-grows!(palpate_settings, depth_limit);
-grows!(palpate_core, all);
-grows!(palpate_body, hulls);
-grows!(palpate_tool, angular_damping);
+grows!(palpate_settings, depth_limit, { size, newton, dt, gravity, weightless, max_iterations, tolerance, contact_stiffness, contact_damping, friction, friction_speed, depth_limit });
+grows!(palpate_core, all, { size, motion, name, keys, key_count, mass, inset, box_low, box_high, sphere_centre, sphere_radius, nodes, node_count, all, reserved });
+grows!(palpate_body, hulls, { size, motion, name, surface, layer, cell, across, grade, thickness, box_low, box_high, box_cells, law, dilatation, strict, young, poisson, density, damping_mass, damping_stiffness, plane, scale, position, orientation, velocity, mass, keys, key_count, cores, core_count, hulls, reserved });
+grows!(palpate_tool, angular_damping, { size, strict, sphere, surface, body, mass, position, orientation, velocity, scale, stiffness, damping, angular_stiffness, angular_damping });

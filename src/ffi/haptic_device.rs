@@ -6,7 +6,7 @@ use std::ffi::{c_char, c_void};
 use glam::{DQuat, DVec3};
 
 use super::simulation::palpate_pose;
-use super::sized::{self, Sized32};
+use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 use crate::haptics::drive::rotation_vector;
 use crate::haptics::profile::PROFILES;
@@ -74,8 +74,8 @@ pub struct palpate_haptic_device {
     pub write: Option<unsafe extern "C" fn(user: *mut c_void, play: *const palpate_play) -> i32>,
     /// Lets go; called once at the end, whatever happened, if `open` gave 0. Null: there is nothing to do.
     pub close: Option<unsafe extern "C" fn(user: *mut c_void)>,
-    /// What the device can do, by name: "scripted", "premium", "touch", "omega.x", "delta.6", "sigma.7", "falcon", "inverse3" or "mouse"
-    /// (README, "The hand"). Null: the scene's `haptics.profile`.
+    /// What the device can do, by name: "scripted", "premium", "touch", "omega.x", "delta.6", "sigma.7", "falcon", "inverse3",
+    /// "minverse" or "mouse" (README, "The hand"). Null: the scene's `haptics.profile`.
     pub profile: *const c_char,
 }
 
@@ -83,6 +83,8 @@ pub struct palpate_haptic_device {
 unsafe impl Sized32 for palpate_haptic_device {
     const NAME: &str = "palpate_haptic_device";
     const LEAST: usize = 2 * size_of::<u32>() + 6 * size_of::<*const c_void>();
+    const FIELDS: &'static [Field] =
+        fields!(palpate_haptic_device { size, reserved, user, open, read, write, close, profile });
 
     fn unset() -> Self {
         let (user, profile) = (std::ptr::null_mut(), std::ptr::null());

@@ -5,7 +5,7 @@ use std::ffi::c_void;
 use super::context::{ContextObject, palpate_context};
 use super::handles;
 use super::log::{self, palpate_log};
-use super::sized::{self, Sized32};
+use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use crate::gpu::{Context, HostDevice, Options, QueueLock};
 
@@ -61,6 +61,22 @@ pub struct palpate_vulkan {
 unsafe impl Sized32 for palpate_vulkan {
     const NAME: &str = "palpate_vulkan";
     const LEAST: usize = 4 * size_of::<u32>() + 10 * size_of::<*const c_void>();
+    const FIELDS: &'static [Field] = fields!(palpate_vulkan {
+        size,
+        enabled,
+        get_instance_proc_addr,
+        instance,
+        physical_device,
+        device,
+        queue,
+        queue_family,
+        reserved,
+        lock,
+        unlock,
+        lock_user,
+        log,
+        log_user
+    });
 
     fn unset() -> Self {
         let null = std::ptr::null_mut();

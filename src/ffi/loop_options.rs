@@ -1,6 +1,6 @@
 //! How a loop differs from what its scene says.
 
-use super::sized::Sized32;
+use super::sized::{Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 use crate::scene::{HAPTIC_RATES, Haptics};
 
@@ -31,12 +31,29 @@ pub struct palpate_loop_options {
     pub workspace: f64,
     /// Age from which a wrench makes the force fade, s.
     pub watchdog: f64,
+    /// The longest step of the simulation, s: the loop takes the shortest that lasts as long as it costs, from the scene's dt up
+    /// to this; where that is not enough, bodies move slower than in the world.
+    pub longest_step: f64,
 }
 
 // SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
 unsafe impl Sized32 for palpate_loop_options {
     const NAME: &str = "palpate_loop_options";
     const LEAST: usize = 72;
+    const FIELDS: &'static [Field] = fields!(palpate_loop_options {
+        size,
+        local_model,
+        passivity,
+        reserved,
+        rate,
+        seconds,
+        max_force,
+        max_torque,
+        max_slew,
+        workspace,
+        watchdog,
+        longest_step
+    });
 
     fn unset() -> Self {
         palpate_loop_options {
@@ -51,6 +68,7 @@ unsafe impl Sized32 for palpate_loop_options {
             max_slew: 0.0,
             workspace: 0.0,
             watchdog: 0.0,
+            longest_step: 0.0,
         }
     }
 }
@@ -80,6 +98,7 @@ pub(super) fn chosen(options: &palpate_loop_options, scene: &Haptics) -> Outcome
         }
         haptics.rate = rate;
     }
+    haptics.longest_step = number("longest_step", options.longest_step)?.unwrap_or(scene.longest_step);
     haptics.local_model = truth("local_model", options.local_model, scene.local_model)?;
     haptics.passivity = truth("passivity", options.passivity, scene.passivity)?;
     let (asked, limits) = (options, &mut haptics.limits);
@@ -120,7 +139,14 @@ mod tests {
     }
 
     #[test]
-    fn the_options_are_as_long_as_their_first_version() {
-        assert_eq!(size_of::<palpate_loop_options>(), palpate_loop_options::LEAST);
+    fn the_first_version_of_the_options_is_read_without_the_longest_step() {
+        assert_eq!(std::mem::offset_of!(palpate_loop_options, longest_step), palpate_loop_options::LEAST);
+        assert_eq!(size_of::<palpate_loop_options>(), palpate_loop_options::LEAST + size_of::<f64>());
+        let set = palpate_loop_options { longest_step: 0.01, ..palpate_loop_options::unset() };
+        let haptics = Haptics::default();
+        assert_eq!(chosen(&set, &haptics).unwrap().longest_step, 0.01);
+        assert_eq!(chosen(&palpate_loop_options::unset(), &haptics).unwrap().longest_step, haptics.longest_step);
+        let wrong = palpate_loop_options { longest_step: f64::NAN, ..set };
+        assert!(chosen(&wrong, &haptics).err().unwrap().message.contains("options.longest_step is NaN"));
     }
 }

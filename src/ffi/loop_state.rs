@@ -3,7 +3,7 @@
 use std::sync::{Condvar, Mutex, MutexGuard};
 
 use super::simulation::palpate_pose;
-use super::sized::Sized32;
+use super::sized::{Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 use super::steps::Newest;
 use crate::haptics::RigidState;
@@ -31,7 +31,7 @@ pub const PALPATE_EVENT_LATE_TICK: u32 = 128;
 pub const PALPATE_EVENT_ENGAGING: u32 = 256;
 /// The tool left the neighbourhood in which the local model is trusted; the force does not grow further.
 pub const PALPATE_EVENT_BEYOND_TRUST: u32 = 512;
-/// Passivity control took force away, or damped.
+/// Passivity control damped.
 pub const PALPATE_EVENT_DAMPED: u32 = 1024;
 /// Passivity control wanted more damping than the device allows.
 pub const PALPATE_EVENT_DAMPING_LIMITED: u32 = 2048;
@@ -43,6 +43,8 @@ pub const PALPATE_EVENT_SLEW_LIMITED: u32 = 8192;
 pub const PALPATE_EVENT_BAD_FORCE: u32 = 16384;
 /// Ticks before this one were not heard of: the simulation's step took longer than there was room for.
 pub const PALPATE_EVENT_RECORD_LOST: u32 = 32768;
+/// The newest wrench is followed more slowly: it holds more energy than the hand has given.
+pub const PALPATE_EVENT_UNPAID: u32 = 65536;
 
 /// Ticks from one quantile of the lateness to the next: it looks through a histogram.
 const QUANTILE_EVERY: u64 = 1000;
@@ -107,6 +109,32 @@ pub struct palpate_loop_state {
 unsafe impl Sized32 for palpate_loop_state {
     const NAME: &str = "palpate_loop_state";
     const LEAST: usize = 320;
+    const FIELDS: &'static [Field] = fields!(palpate_loop_state {
+        size,
+        is_running,
+        status,
+        notes,
+        events,
+        events_so_far,
+        buttons,
+        reserved,
+        ticks,
+        steps,
+        wrench_step,
+        missed,
+        time,
+        wrench_age,
+        device,
+        tool,
+        contact_force,
+        contact_torque,
+        played_force,
+        played_torque,
+        gain,
+        peak_force,
+        late_p99,
+        late_worst
+    });
 
     fn unset() -> Self {
         let pose = palpate_pose { position: [0.0; 3], orientation: [0.0, 0.0, 0.0, 1.0] };
@@ -281,6 +309,7 @@ mod tests {
             PALPATE_EVENT_SLEW_LIMITED,
             PALPATE_EVENT_BAD_FORCE,
             PALPATE_EVENT_RECORD_LOST,
+            PALPATE_EVENT_UNPAID,
         ];
         let bit = |(event, _)| {
             let mut events = Events::default();

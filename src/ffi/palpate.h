@@ -15,8 +15,9 @@
  *
  * Arrays and structs are the caller's. The library copies what it is given, writes no further than `capacity` elements or
  * `size` bytes, and keeps no pointer after a call, but for callbacks and their `user`, which must stay as long as what they were
- * given to: a log and a queue's lock until the context and the last of its simulations are gone. Structs that begin with `size` may grow: set it to sizeof the struct, and
- * the rest to zero. Strings are UTF-8 and end in a zero.
+ * given to: a log and a queue's lock until the context and the last of its simulations are gone. Structs that begin with `size`
+ * may grow: set it to sizeof the struct, and the rest to zero. A size that cuts a field in two is refused
+ * (PALPATE_STATUS_ARGUMENT). Strings are UTF-8 and end in a zero.
  *
  * Threads: any thread may use any handle, one at a time; a call on a handle that another is using gives PALPATE_STATUS_BUSY at
  * once. Simulations of different contexts run at the same time; those of one context take turns on its queue. The message of
@@ -107,7 +108,7 @@
 // The tool left the neighbourhood in which the local model is trusted; the force does not grow further.
 #define PALPATE_EVENT_BEYOND_TRUST 512
 
-// Passivity control took force away, or damped.
+// Passivity control damped.
 #define PALPATE_EVENT_DAMPED 1024
 
 // Passivity control wanted more damping than the device allows.
@@ -124,6 +125,9 @@
 
 // Ticks before this one were not heard of: the simulation's step took longer than there was room for.
 #define PALPATE_EVENT_RECORD_LOST 32768
+
+// The newest wrench is followed more slowly: it holds more energy than the hand has given.
+#define PALPATE_EVENT_UNPAID 65536
 
 // Which array is exported: where skin vertices are.
 #define PALPATE_SKIN_POSITIONS 0
@@ -571,8 +575,8 @@ typedef struct palpate_haptic_device {
     int32_t (*write)(void *user, const struct palpate_play *play);
     // Lets go; called once at the end, whatever happened, if `open` gave 0. Null: there is nothing to do.
     void (*close)(void *user);
-    // What the device can do, by name: "scripted", "premium", "touch", "omega.x", "delta.6", "sigma.7", "falcon", "inverse3" or "mouse"
-    // (README, "The hand"). Null: the scene's `haptics.profile`.
+    // What the device can do, by name: "scripted", "premium", "touch", "omega.x", "delta.6", "sigma.7", "falcon", "inverse3",
+    // "minverse" or "mouse" (README, "The hand"). Null: the scene's `haptics.profile`.
     const char *profile;
 } palpate_haptic_device;
 
@@ -601,6 +605,9 @@ typedef struct palpate_loop_options {
     double workspace;
     // Age from which a wrench makes the force fade, s.
     double watchdog;
+    // The longest step of the simulation, s: the loop takes the shortest that lasts as long as it costs, from the scene's dt up
+    // to this; where that is not enough, bodies move slower than in the world.
+    double longest_step;
 } palpate_loop_options;
 
 // A loop as it was after the simulation's last step: what it says of ticks is no older than a step. Before the first tick

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::handles;
 use super::simulation::{SimulationObject, palpate_simulation};
-use super::sized::{self, Sized32};
+use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use crate::step::{ContactPoint, Simulation, Skins};
 
@@ -34,6 +34,8 @@ pub struct palpate_skins {
 unsafe impl Sized32 for palpate_skins {
     const NAME: &str = "palpate_skins";
     const LEAST: usize = 40;
+    const FIELDS: &'static [Field] =
+        fields!(palpate_skins { size, vertex_count, triangle_count, reserved, positions, normals, triangles });
 
     fn unset() -> Self {
         let size = size_of::<Self>() as u32;

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use super::context::{opened, palpate_context};
 use super::handles::{self, Handled};
 use super::scene::{SceneObject, palpate_scene};
-use super::sized::{self, Sized32};
+use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::steps::{self, SimulationSteps, Stepped};
 use crate::report::{Pose, Row};
@@ -62,6 +62,20 @@ pub struct palpate_wrench {
 unsafe impl Sized32 for palpate_wrench {
     const NAME: &str = "palpate_wrench";
     const LEAST: usize = 208;
+    const FIELDS: &'static [Field] = fields!(palpate_wrench {
+        size,
+        flags,
+        step,
+        time,
+        force,
+        torque,
+        tool,
+        device,
+        max_depth,
+        residual,
+        contacts,
+        iterations
+    });
 
     fn unset() -> Self {
         let pose = palpate_pose { position: [0.0; 3], orientation: [0.0, 0.0, 0.0, 1.0] };

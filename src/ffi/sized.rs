@@ -13,8 +13,47 @@ pub(super) unsafe trait Sized32: Copy {
     const NAME: &str;
     /// Size of the first version of it.
     const LEAST: usize;
+    /// All its fields, in order, as [`fields!`] lists them.
+    const FIELDS: &'static [Field];
     /// What the fields are that a user does not know of.
     fn unset() -> Self;
+}
+
+/// Where a field begins and ends in its struct, B.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Field {
+    pub start: usize,
+    pub end: usize,
+}
+
+impl Field {
+    /// A field at `start`, as large as what a reference to it leads to.
+    pub const fn at<S, F>(start: usize, _: fn(&S) -> &F) -> Field {
+        Field { start, end: start + size_of::<F>() }
+    }
+}
+
+/// [`Sized32::FIELDS`] of a struct. One that leaves a field out, or names one that is none, does not compile.
+macro_rules! fields {
+    ($name:ident { $($field:ident),+ $(,)? }) => {{
+        const _: fn(&$name) = |whole| {
+            let $name { $($field: _),+ } = whole;
+        };
+        &[$($crate::ffi::sized::Field::at(std::mem::offset_of!($name, $field), |whole: &$name| &whole.$field)),+]
+    }};
+}
+pub(super) use fields;
+
+/// Whether a user's struct may have this size: no field is cut, whichever version of it the user was compiled with. It ends
+/// where a field does, or at the padding's end behind it, which sizeof of a version that ended there counts; or it is as large
+/// as the struct is now, or larger.
+fn ends_whole<T: Sized32>(size: usize) -> bool {
+    let starts = T::FIELDS.iter().skip(1).map(|field| field.start).chain([size_of::<T>()]);
+    let padded =
+        |field: &Field, next: usize| Some(field.end.next_multiple_of(align_of::<T>())).filter(|end| *end <= next);
+    let is_end =
+        T::FIELDS.iter().zip(starts).any(|(field, next)| size == field.end || padded(field, next) == Some(size));
+    is_end || size >= size_of::<T>()
 }
 
 /// Reads a struct of any known version; null: nothing is set.
@@ -78,6 +117,10 @@ unsafe fn size_of_struct<T: Sized32>(of: *const T) -> Outcome<usize> {
     let size = unsafe { of.cast::<u32>().read() } as usize;
     if size < T::LEAST || size > 1 << 16 {
         let problem = format!("{0}.size is {size}; set it to sizeof({0})", T::NAME);
+        return Err(Failure::new(palpate_status::Argument, problem));
+    }
+    if !ends_whole::<T>(size) {
+        let problem = format!("{0}.size is {size}, which cuts a field in two; set it to sizeof({0})", T::NAME);
         return Err(Failure::new(palpate_status::Argument, problem));
     }
     Ok(size)
@@ -209,6 +252,15 @@ pub(super) unsafe fn copy<T: Copy>(from: &[T], to: *mut T, capacity: usize, name
 
 #[cfg(test)]
 mod tests {
+    use super::super::change::{palpate_contact_law, palpate_coupling, palpate_material};
+    use super::super::context::palpate_context_options;
+    use super::super::describe::{palpate_body, palpate_core, palpate_settings, palpate_tool};
+    use super::super::haptic_device::palpate_haptic_device;
+    use super::super::host::palpate_vulkan;
+    use super::super::loop_options::palpate_loop_options;
+    use super::super::loop_state::palpate_loop_state;
+    use super::super::shown::palpate_skins;
+    use super::super::simulation::palpate_wrench;
     use super::*;
 
     /// As it is, and as a program that is older knows it.
@@ -224,6 +276,7 @@ mod tests {
     unsafe impl Sized32 for Grown {
         const NAME: &str = "grown";
         const LEAST: usize = 8;
+        const FIELDS: &'static [Field] = fields!(Grown { size, old, new });
 
         fn unset() -> Self {
             Grown { size: 12, old: 1, new: 2 }
@@ -239,6 +292,111 @@ mod tests {
         assert_eq!(given, Grown { size: 8, old: 6, new: 77 });
         given.size = 7;
         assert!(unsafe { read(&given) }.unwrap_err().message.contains("grown.size is 7"));
+    }
+
+    /// Grown by a field that begins behind padding, and by one that begins where another version had padding.
+    #[repr(C, align(8))]
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    struct Padded {
+        size: u32,
+        old: u32,
+        small: u8,
+        large: u64,
+        half: u32,
+        bytes: [u8; 8],
+    }
+
+    // SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
+    unsafe impl Sized32 for Padded {
+        const NAME: &str = "padded";
+        const LEAST: usize = 8;
+        const FIELDS: &'static [Field] = fields!(Padded { size, old, small, large, half, bytes });
+
+        fn unset() -> Self {
+            Padded { size: 40, old: 0, small: 0, large: 0, half: 0, bytes: [0; 8] }
+        }
+    }
+
+    #[test]
+    fn sizes_of_all_versions_are_taken_and_no_others() {
+        // By hand: old ends at 8; small at 9, padded to 16; large at 24; half at 28, where bytes begin; bytes at 36, padded to 40.
+        let taken: Vec<usize> = (8..43).filter(|size| ends_whole::<Padded>(*size)).collect();
+        assert_eq!(taken, [8, 9, 16, 24, 28, 36, 40, 41, 42]);
+        let taken: Vec<usize> = (8..14).filter(|size| ends_whole::<Grown>(*size)).collect();
+        assert_eq!(taken, [8, 12, 13]);
+        let taken: Vec<usize> = (16..=40).filter(|size| ends_whole::<palpate_context_options>(*size)).collect();
+        if size_of::<*const u8>() == 8 {
+            assert_eq!(taken, [16, 24, 32, 33, 34, 35, 36, 37, 38, 39, 40]);
+        }
+    }
+
+    /// Asks for a struct of every size from none to more than it has, and gives its name.
+    fn try_every_size<T: Sized32>() -> &'static str {
+        let (name, whole) = (T::NAME, size_of::<T>());
+        let fields = T::FIELDS;
+        // The list is all of the struct: it begins with the size, leaves no gap but padding, and ends where the struct does.
+        assert_eq!(fields[0], Field { start: 0, end: 4 }, "{name}");
+        for pair in fields.windows(2) {
+            assert!(pair[0].end <= pair[1].start && pair[1].start - pair[0].end < align_of::<T>(), "{name}: {pair:?}");
+        }
+        assert_eq!(fields[fields.len() - 1].end.next_multiple_of(align_of::<T>()), whole, "{name}");
+        let mut taken = 0;
+        for size in 0..=whole + 16 {
+            // Aligned as any struct is, zero but for the size.
+            let mut place = vec![0u64; (whole + 16).div_ceil(8)];
+            let pointer = place.as_mut_ptr().cast::<T>();
+            // SAFETY (all here): there are as many bytes as the size says, and zero is a value of every field.
+            unsafe { pointer.cast::<u32>().write(size as u32) };
+            let is_cut = fields.iter().any(|field| field.start < size && size < field.end);
+            match unsafe { read(pointer.cast_const()) } {
+                Ok(_) => {
+                    assert!(size >= T::LEAST && !is_cut, "{name} of {size}");
+                    unsafe { write(pointer, &T::unset()) }.unwrap();
+                    taken += 1;
+                }
+                Err(failure) => {
+                    let message = failure.message;
+                    assert!(message.starts_with(&format!("{name}.size is {size}")), "{message}");
+                    assert!(message.ends_with(&format!("set it to sizeof({name})")) && !message.contains('\n'));
+                    let is_end = fields.iter().any(|field| field.end == size);
+                    assert!(size < T::LEAST || !is_end && size < whole, "{name} of {size}: {message}");
+                    assert!(unsafe { write(pointer, &T::unset()) }.is_err(), "{name} of {size}");
+                }
+            }
+        }
+        assert!(taken >= 17, "{name}: {taken}");
+        name
+    }
+
+    #[test]
+    fn no_struct_of_the_interface_is_cut_within_a_field() {
+        let tried = [
+            try_every_size::<palpate_context_options>(),
+            try_every_size::<palpate_vulkan>(),
+            try_every_size::<palpate_wrench>(),
+            try_every_size::<palpate_material>(),
+            try_every_size::<palpate_contact_law>(),
+            try_every_size::<palpate_coupling>(),
+            try_every_size::<palpate_settings>(),
+            try_every_size::<palpate_core>(),
+            try_every_size::<palpate_body>(),
+            try_every_size::<palpate_tool>(),
+            try_every_size::<palpate_skins>(),
+            try_every_size::<palpate_haptic_device>(),
+            try_every_size::<palpate_loop_options>(),
+            try_every_size::<palpate_loop_state>(),
+        ];
+        // Every struct of the header that says its own size is among them; the library itself writes the size of the others.
+        let header = include_str!("palpate.h");
+        let sized = header.split("typedef struct ").skip(1).filter(|text| {
+            let body = text.split_once('}').map_or("", |(body, _)| body);
+            body.contains("sizeof(")
+        });
+        let mut named: Vec<&str> = sized.map(|text| text.split([' ', '{']).next().unwrap()).collect();
+        let mut tried = tried.to_vec();
+        named.sort_unstable();
+        tried.sort_unstable();
+        assert_eq!(named, tried);
     }
 
     #[test]

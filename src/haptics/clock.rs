@@ -47,20 +47,45 @@ impl Metronome {
 /// How late ticks were.
 #[derive(Debug, Clone, Default)]
 pub struct Lateness {
-    /// Of each tick, microseconds, whole.
+    /// Ticks by lateness: a bin a whole microsecond up to [`FINE`], then [`COARSE`] bins that widen with it.
     histogram: Vec<u64>,
     ticks: u64,
     missed: u64,
     worst: f64,
 }
 
-/// Lateness is told apart up to here, microseconds; what is later is counted there.
-const LONGEST: usize = 100_000;
+/// Up to here lateness is told apart to the microsecond; microseconds, and that many bins.
+const FINE: usize = 100_000;
+/// From there on a bin reaches from a lateness to this many times as much: its middle is right to half a percent.
+const WIDENING: f64 = 1.01;
+/// Bins beyond [`FINE`]: up to 1000 s and some. What is later still is counted in the last of them.
+const COARSE: usize = 930;
+/// The last bin.
+const LAST: usize = FINE + COARSE - 1;
+
+/// The bin of a lateness, s.
+fn bin(late: f64) -> usize {
+    // The casts take NaN and what is negative as 0, and what is infinite as the most.
+    let us = (late * 1e6).round();
+    if us.is_nan() || us < FINE as f64 {
+        return us as usize;
+    }
+    let beyond = (us / FINE as f64).ln() / WIDENING.ln();
+    FINE + (beyond as usize).min(LAST - FINE)
+}
+
+/// The lateness that a bin stands for, s.
+fn lateness_of(bin: usize) -> f64 {
+    match bin.checked_sub(FINE) {
+        None => bin as f64 / 1e6,
+        Some(beyond) => FINE as f64 / 1e6 * WIDENING.powf(beyond as f64 + 0.5),
+    }
+}
 
 impl Lateness {
     /// Nothing yet.
     pub fn new() -> Lateness {
-        Lateness { histogram: vec![0; LONGEST + 1], ..Lateness::default() }
+        Lateness { histogram: vec![0; FINE + COARSE], ..Lateness::default() }
     }
 
     /// Adds a tick that came `late` s after its deadline, `period` s from the next. Deadlines that passed while it was
@@ -68,13 +93,14 @@ impl Lateness {
     pub fn add(&mut self, late: f64, period: f64) {
         self.ticks += 1;
         self.worst = self.worst.max(late);
-        self.histogram[((late * 1e6).round() as usize).min(LONGEST)] += 1;
+        self.histogram[bin(late)] += 1;
         if late > MISSED {
             self.missed += ((late - MISSED) / period).ceil().max(1.0) as u64;
         }
     }
 
-    /// The lateness that a share of the ticks stays within, s.
+    /// The lateness that a share of the ticks stays within, s: to the microsecond up to 0.1 s, to half a percent up to
+    /// 1000 s, and never above the latest; 0 without any.
     pub fn quantile(&self, share: f64) -> f64 {
         let wanted = (share * self.ticks as f64).ceil().max(1.0) as u64;
         let mut seen = 0;
@@ -82,7 +108,12 @@ impl Lateness {
             seen += count;
             seen >= wanted
         });
-        at.map_or(0.0, |us| if us == LONGEST { self.worst } else { us as f64 / 1e6 })
+        at.map_or(0.0, |at| match at {
+            // Whole microseconds stay, though rounding may have put them above the latest.
+            ..FINE => lateness_of(at),
+            LAST => self.worst,
+            _ => lateness_of(at).min(self.worst),
+        })
     }
 
     /// Ticks.
@@ -121,6 +152,39 @@ mod tests {
         assert_eq!((lateness.ticks(), lateness.missed()), (1000, 1 + 5));
         assert_eq!((lateness.quantile(0.5), lateness.quantile(0.999)), (50e-6, 2.5e-3));
         assert_eq!(lateness.worst(), 6.5e-3);
+    }
+
+    #[test]
+    fn quantiles_are_right_far_beyond_a_tenth_of_a_second() {
+        for late in [0.0999, 0.1, 0.15, 0.3, 2.0, 10.0, 59.9, 490.0] {
+            let mut lateness = Lateness::new();
+            (0..60).for_each(|_| lateness.add(late, f64::INFINITY));
+            (0..39).for_each(|_| lateness.add(2.0 * late, f64::INFINITY));
+            lateness.add(30.0 * late, f64::INFINITY);
+            for (share, exact) in [(0.5, late), (0.6, late), (0.99, 2.0 * late), (1.0, 30.0 * late)] {
+                let told = lateness.quantile(share);
+                assert!((told - exact).abs() <= 0.01 * exact, "{share} of {late} s: {told} s for {exact} s");
+            }
+            assert_eq!(lateness.worst(), 30.0 * late);
+        }
+    }
+
+    #[test]
+    fn no_quantile_is_above_the_latest_and_what_cannot_be_is_counted_all_the_same() {
+        let mut lateness = Lateness::new();
+        assert_eq!((lateness.quantile(0.5), lateness.quantile(1.0)), (0.0, 0.0));
+        for late in (0..2000).map(|k| 1e-4 * 1.01_f64.powi(k)).take_while(|late| *late < 2000.0) {
+            lateness.add(late, f64::INFINITY);
+            let last = lateness.quantile(1.0);
+            assert!(last <= lateness.worst() + 5e-7 && last >= 0.99 * late, "{late}: {last}");
+        }
+        let before = lateness.ticks();
+        [f64::NAN, f64::INFINITY, 1e300, -1.0].iter().for_each(|late| lateness.add(*late, f64::INFINITY));
+        assert_eq!((lateness.ticks(), lateness.quantile(1.0)), (before + 4, f64::INFINITY));
+        // Bins follow one another without a gap.
+        for k in 0..FINE + COARSE {
+            assert_eq!(bin(lateness_of(k)), k);
+        }
     }
 
     #[test]

@@ -18,6 +18,8 @@ const MARGIN: f64 = 0.8;
 pub struct Gains {
     /// The gains.
     pub coupling: Coupling,
+    /// Damping that the device bears beside them, N s/m, and about any axis, N m s/rad: see [`injectable`].
+    pub most_damping: [f64; 2],
     /// One line: what they are, and why.
     pub reason: String,
 }
@@ -33,6 +35,13 @@ pub fn stiffest(dissipation: f64, damping: f64, period: f64, delay: f64) -> f64 
     let colgate = 2.0 * (dissipation - damping).max(0.0) / period;
     let delayed = (dissipation + damping) / (0.5 * period + delay);
     colgate.min(delayed)
+}
+
+/// Damping that may be added to a coupling of this stiffness and damping at period T (s): what Colgate's rule leaves,
+/// b > K T / 2 + B. A velocity that is estimated over a period is half of one late beside the force that is held for one: the
+/// damping then acts with a delay t_d of half a period, and by Gil's rule takes 1 / (1 + 2 t_d / T) of that.
+pub fn injectable(dissipation: f64, stiffness: f64, damping: f64, period: f64) -> f64 {
+    MARGIN * 0.5 * (dissipation - 0.5 * stiffness * period - damping).max(0.0)
 }
 
 /// Gains from the profile, the period (s) and the delay of the force (s): of a raw force the wrench's age; with the local
@@ -77,5 +86,12 @@ pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f6
         most.stiffness,
         most.damping,
     );
-    Gains { coupling, reason }
+    let injectable = |[most_stiffness, most_damping]: [f64; 2], stiffness: f64, damping: f64| {
+        injectable(dissipation(most_stiffness, most_damping), stiffness, damping, period)
+    };
+    let most_damping = [
+        injectable([profile.stiffness, profile.damping], stiffness, damping),
+        injectable([profile.angular_stiffness, profile.angular_damping], angular_stiffness, angular_damping),
+    ];
+    Gains { coupling, most_damping, reason }
 }

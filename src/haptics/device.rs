@@ -77,8 +77,14 @@ pub enum Fault {
 pub trait Device: Send {
     /// Makes ready to be read; the force is zero afterwards.
     fn open(&mut self) -> Result<(), Fault>;
-    /// What it may be asked to play.
+    /// What it may be asked to play. A device that learns only in [`Device::open`] which hardware it is gives the smallest
+    /// limits that may be the hardware's until then, and never smaller ones later: limits that were taken from it before
+    /// stay safe.
     fn profile(&self) -> &Profile;
+    /// What the user should know of the device before the loop begins, a line each; of hardware, complete once it is open.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
     /// Where it is at `time`, s since the loop began. Simulated devices move up to that time; others report the newest that
     /// they know.
     fn read(&mut self, time: f64) -> Result<Reading, Fault>;

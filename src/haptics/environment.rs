@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 use super::device::{RigidState, Wrench};
-use super::local_model::ContactWrench;
+use super::local_model::{ContactWrench, Gap};
 use super::servo::state_of;
 use super::servo_thread::Held;
-use super::tool::Tool;
+use super::tool::{Rows, Tool};
 use crate::Result;
 use crate::step::Simulation;
 
@@ -31,6 +31,8 @@ pub struct Wall {
     pub stiffness: f64,
     /// N s/m.
     pub damping: f64,
+    /// Whether the way to the wall is told where nothing touches.
+    pub tells_gap: bool,
     /// As the loop's.
     pub tool: Tool,
     /// Steps done.
@@ -46,6 +48,7 @@ impl Environment for Wall {
         (tool.centre, tool.orientation) = (position, orientation);
         (tool.velocity, tool.angular_velocity) = (velocity, angular_velocity);
         let device = RigidState::at_rest(held.device.position, held.device.orientation);
+        let device = tool.within_reach(&device, held.max_force);
         let rows = tool.rows(h, DVec3::ZERO, &device);
         let force = |y: f64, v: f64| -self.stiffness * y - self.damping * v;
         let mut change: [f64; 6] = std::array::from_fn(|k| rows.rhs[k] / rows.matrix[k][k]);
@@ -66,6 +69,112 @@ impl Environment for Wall {
         };
         if push > 0.0 {
             (wrench.stiffness[1][1], wrench.damping[1][1]) = (self.stiffness, self.damping);
+        } else if self.tells_gap {
+            let distance = tool.centre.y.max(0.0);
+            wrench.gap = Some(Gap { normal: DVec3::Y, distance, stiffness: self.stiffness });
+        }
+        Ok(wrench)
+    }
+}
+
+/// A soft body of one coordinate: a surface with mass on a spring and a damper, which the tool presses down. Contact is a
+/// penalty, whose stiffness alone is told, as a simulation tells it with the body held still: several times what is felt.
+#[derive(Debug, Clone)]
+pub struct Cushion {
+    /// Of the spring, N/m.
+    pub stiffness: f64,
+    /// Of the damper, N s/m.
+    pub damping: f64,
+    /// Of the surface, kg.
+    pub mass: f64,
+    /// Of contact, N/m.
+    pub penalty: f64,
+    /// Where the spring's far end is at a time (s), m; it begins at 0.
+    pub far_end: fn(f64) -> f64,
+    /// Whether wrenches tell that the far end moves as it is told.
+    pub tells_driven: bool,
+    /// Whether the way to the surface is told where nothing touches.
+    pub tells_gap: bool,
+    /// As the loop's.
+    pub tool: Tool,
+    /// Height (m) and velocity (m/s) of the surface.
+    pub surface: [f64; 2],
+    /// Simulated so far, s.
+    pub time: f64,
+    /// Steps done.
+    pub steps: u64,
+}
+
+impl Cushion {
+    /// At rest with its surface at y = 0; contact is three times as stiff as the spring.
+    pub fn new(stiffness: f64, tool: Tool) -> Cushion {
+        Cushion {
+            stiffness,
+            damping: 2.0 * (0.005 * stiffness).sqrt(),
+            mass: 0.005,
+            penalty: 3.0 * stiffness,
+            far_end: |_| 0.0,
+            tells_driven: false,
+            tells_gap: true,
+            tool,
+            surface: [0.0; 2],
+            time: 0.0,
+            steps: 0,
+        }
+    }
+
+    /// Stiffness that is felt at rest, N/m.
+    pub fn felt(&self) -> f64 {
+        1.0 / (1.0 / self.stiffness + 1.0 / self.penalty)
+    }
+
+    /// Changes of the velocities of tool and surface in a step of `h` s, and the force between them, by implicit Euler.
+    fn solve(&self, rows: &Rows, h: f64, touches: bool) -> [f64; 3] {
+        let penalty = if touches { self.penalty } else { 0.0 };
+        let [y, v] = self.surface;
+        let begun = penalty * (y - self.tool.centre.y + h * (v - self.tool.velocity.y));
+        let sunk = y + h * v - (self.far_end)(self.time + h);
+        let (tool, both) = (rows.matrix[1][1] + h * h * penalty, -h * h * penalty);
+        let surface = self.mass + h * self.damping + h * h * (self.stiffness + penalty);
+        let rhs = [rows.rhs[1] + h * begun, -h * (begun + self.stiffness * sunk + self.damping * v)];
+        let determinant = tool * surface - both * both;
+        let changes = [(rhs[0] * surface - both * rhs[1]) / determinant, (tool * rhs[1] - both * rhs[0]) / determinant];
+        [changes[0], changes[1], begun + penalty * h * (changes[1] - changes[0])]
+    }
+}
+
+impl Environment for Cushion {
+    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
+        let device = RigidState::at_rest(held.device.position, held.device.orientation);
+        let tool = &mut self.tool;
+        tool.coupling = held.coupling;
+        (tool.centre, tool.orientation) = (held.tool.position, held.tool.orientation);
+        (tool.velocity, tool.angular_velocity) = (held.tool.velocity, held.tool.angular_velocity);
+        let rows = tool.rows(h, DVec3::ZERO, &tool.within_reach(&device, held.max_force));
+        let touching = self.solve(&rows, h, true);
+        let [moved, sunk, force] = if touching[2] > 0.0 { touching } else { self.solve(&rows, h, false) };
+        let mut change: [f64; 6] = std::array::from_fn(|k| rows.rhs[k] / rows.matrix[k][k]);
+        change[1] = moved;
+        self.tool.advance(h, change);
+        self.surface[1] += sunk;
+        self.surface[0] += h * self.surface[1];
+        let is_driven = self.tells_driven && (self.far_end)(self.time) != (self.far_end)(self.time + h);
+        self.time += h;
+        self.steps += 1;
+        let push = force.max(0.0);
+        let mut wrench = ContactWrench {
+            step: self.steps,
+            time: held.time,
+            wrench: Wrench { force: DVec3::Y * push, torque: DVec3::ZERO },
+            pressing: push,
+            is_driven,
+            ..ContactWrench::none(state_of(&self.tool))
+        };
+        if push > 0.0 {
+            wrench.stiffness[1][1] = self.penalty;
+        } else if self.tells_gap {
+            let distance = self.tool.centre.y - self.surface[0];
+            wrench.gap = Some(Gap { normal: DVec3::Y, distance, stiffness: self.penalty });
         }
         Ok(wrench)
     }

@@ -26,7 +26,7 @@ pub enum Event {
     Engaging,
     /// The tool left the neighbourhood in which the local model is trusted; the force does not grow further.
     BeyondTrust,
-    /// Passivity control took force away, or damped.
+    /// Passivity control damped.
     Damped,
     /// Passivity control wanted more damping than the device allows.
     DampingLimited,
@@ -38,11 +38,13 @@ pub enum Event {
     BadForce,
     /// Ticks before this one are missing from the recording.
     RecordLost,
+    /// The newest wrench is followed more slowly: it holds more energy than the hand has given.
+    Unpaid,
 }
 
 impl Event {
     /// Every event and its name, by rising bit.
-    pub const ALL: [(Event, &'static str); 16] = [
+    pub const ALL: [(Event, &'static str); 17] = [
         (Event::DeviceLost, "device_lost"),
         (Event::BadReading, "bad_reading"),
         (Event::PoseJump, "pose_jump"),
@@ -59,6 +61,7 @@ impl Event {
         (Event::SlewLimited, "slew_limited"),
         (Event::BadForce, "bad_force"),
         (Event::RecordLost, "record_lost"),
+        (Event::Unpaid, "unpaid"),
     ];
 }
 

@@ -17,6 +17,8 @@ const ONE_SIDED: f64 = 0.3;
 
 /// An arm is taken for no shorter, m: a tool of one point has none.
 const SHORTEST_ARM: f64 = 1e-4;
+/// Of the greatest eigenvalue of K, the share below which a direction has no stiffness: a force along it stores nothing.
+const LEAST_STIFF: f64 = 1e-3;
 /// Rounds of the eigenvalue iteration at most; it takes about ten.
 const MOST_ROUNDS: usize = 200;
 
@@ -37,13 +39,46 @@ pub struct ContactWrench {
     pub damping: [[f64; 6]; 6],
     /// Sizes of the contacts' forces along their normals, summed, N: as large as the force where all press the same way.
     pub pressing: f64,
+    /// The free way to the nearest body; `None`: the tool touches something, or nothing is known to be near.
+    pub gap: Option<Gap>,
+    /// Whether a body moved as it is told during the step: contact may do work that nobody did on it.
+    pub is_driven: bool,
+}
+
+/// The free way from the tool to the nearest body, and how stiff contact will be where it ends.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// Unit vector from the body to the tool: the direction in which contact will push.
+    pub normal: DVec3,
+    /// How far the tool can go against the normal before it touches, m; below zero, it touches at the end of a step that began
+    /// without contact.
+    pub distance: f64,
+    /// An upper bound of the stiffness that contact will have at first, with the body held still, N/m.
+    pub stiffness: f64,
 }
 
 impl ContactWrench {
     /// Before the first step: no contact.
     pub fn none(tool: RigidState) -> ContactWrench {
         let zero = [[0.0; 6]; 6];
-        ContactWrench { step: 0, time: 0.0, tool, wrench: Wrench::ZERO, stiffness: zero, damping: zero, pressing: 0.0 }
+        let (stiffness, damping) = (zero, zero);
+        ContactWrench {
+            step: 0,
+            time: 0.0,
+            tool,
+            wrench: Wrench::ZERO,
+            stiffness,
+            damping,
+            pressing: 0.0,
+            gap: None,
+            is_driven: false,
+        }
+    }
+
+    /// The direction in which contacts push, where they press from one side.
+    pub fn normal(&self) -> Option<DVec3> {
+        let size = self.wrench.force.length();
+        (size > 0.0 && size >= ONE_SIDED * self.pressing).then(|| self.wrench.force / size)
     }
 
     /// Whether all of it is finite.
@@ -52,7 +87,16 @@ impl ContactWrench {
         self.tool.is_valid()
             && self.wrench.is_finite()
             && self.pressing.is_finite()
+            && self.gap.is_none_or(|gap| gap.is_valid())
             && numbers.into_iter().all(|x| x.is_finite())
+    }
+}
+
+impl Gap {
+    /// Whether the normal is a unit vector to 1e-3, the distance finite, and the stiffness finite and not negative.
+    pub fn is_valid(&self) -> bool {
+        let is_stiffness = self.stiffness.is_finite() && self.stiffness >= 0.0;
+        (self.normal.length() - 1.0).abs() < 1e-3 && self.distance.is_finite() && is_stiffness
     }
 }
 
@@ -72,81 +116,174 @@ impl Tangent {
     pub fn zero() -> Tangent {
         Tangent { force: Vector6::zeros(), stiffness: Matrix6::zeros(), damping: Matrix6::zeros() }
     }
-
-    /// (1 - share) of this and `share` of another.
-    pub fn blend(&self, other: &Tangent, share: f64) -> Tangent {
-        let mix = |a: Matrix6<f64>, b: Matrix6<f64>| a * (1.0 - share) + b * share;
-        Tangent {
-            force: self.force * (1.0 - share) + other.force * share,
-            stiffness: mix(self.stiffness, other.stiffness),
-            damping: mix(self.damping, other.damping),
-        }
-    }
 }
 
-/// The model of one wrench.
+/// The model of one wrench: the gradient of a convex potential, and damping.
+///
+/// With the force at rest f = F0 + D v0 - K (y - y0) the potential is f . C f / 2, where C is the pseudo-inverse of K: what the
+/// contact gives back until it lets go. It grows with the square of p = sqrt(f . C f) up to the trust's bound, and evenly
+/// beyond (P. Huber, "Robust estimation of a location parameter", 1964), so that the force grows no further, and what the
+/// hand pays on its way in is what it may get on its way out.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalModel {
     tool: RigidState,
     at: Tangent,
-    pressing: f64,
-    /// Rotations count as displacements at this arm, m.
-    arm: f64,
-    /// How far from the wrench's pose it is trusted, m.
-    trust: f64,
+    /// Force at the wrench's pose without its damping.
+    at_rest: Vector6<f64>,
+    /// Pseudo-inverse of the stiffness.
+    compliance: Matrix6<f64>,
+    /// The direction in which contact pushes, where it can only push.
+    normal: Option<DVec3>,
+    /// p up to which the force grows, square root of J.
+    most: f64,
+    /// Stiffness against the normal beside K, further in than the wrench's pose, N/m; and how far it grows, m.
+    inward: [f64; 2],
+}
+
+/// What a model says of a state of the tool.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Evaluation {
+    /// Force, torque and slopes.
+    pub tangent: Tangent,
+    /// The potential, J.
+    pub stored: f64,
+    /// Whether the force would be greater, if the model were trusted further.
+    pub is_beyond: bool,
+}
+
+impl Evaluation {
+    /// No contact.
+    fn zero() -> Evaluation {
+        Evaluation { tangent: Tangent::zero(), stored: 0.0, is_beyond: false }
+    }
+
+    /// (1 - share) of this and `share` of another.
+    pub fn blend(&self, other: &Evaluation, share: f64) -> Evaluation {
+        let mix = |a: Matrix6<f64>, b: Matrix6<f64>| a * (1.0 - share) + b * share;
+        let tangent = Tangent {
+            force: self.tangent.force * (1.0 - share) + other.tangent.force * share,
+            stiffness: mix(self.tangent.stiffness, other.tangent.stiffness),
+            damping: mix(self.tangent.damping, other.tangent.damping),
+        };
+        let stored = self.stored * (1.0 - share) + other.stored * share;
+        Evaluation { tangent, stored, is_beyond: self.is_beyond || other.is_beyond }
+    }
 }
 
 impl LocalModel {
-    /// The model of a wrench; `arm`: m, the radius of the tool; `trust`: m. K and D lose what is not symmetric positive
-    /// semi-definite about them.
+    /// The model of a wrench; `arm`: m, the radius of the tool, at which rotations count as displacements; `trust`: m, how far
+    /// from the wrench's pose the force grows as K says. K and D lose what is not symmetric positive semi-definite about them.
+    /// Where the wrench has no contact but knows a gap, contact begins there.
     pub fn new(wrench: &ContactWrench, arm: f64, trust: f64) -> LocalModel {
+        if let (Some(gap), true) = (wrench.gap, wrench.wrench == Wrench::ZERO) {
+            return LocalModel::of_gap(wrench.tool, &gap, trust);
+        }
         let arm = arm.max(SHORTEST_ARM);
+        let (stiffness, compliance, stiffest) = project(&wrench.stiffness, arm);
         let at = Tangent {
             force: vector(wrench.wrench.force, wrench.wrench.torque),
-            stiffness: project(&wrench.stiffness, arm),
-            damping: project(&wrench.damping, arm),
+            stiffness,
+            damping: project(&wrench.damping, arm).0,
         };
-        LocalModel { tool: wrench.tool, at, pressing: wrench.pressing, arm, trust }
+        LocalModel::with(wrench.tool, at, compliance, wrench.normal(), trust * stiffest.sqrt())
+    }
+
+    /// A wall at the end of a gap.
+    fn of_gap(tool: RigidState, gap: &Gap, trust: f64) -> LocalModel {
+        let n = vector(gap.normal, DVec3::ZERO);
+        let force = -gap.stiffness * gap.distance * n;
+        let at = Tangent { force, stiffness: gap.stiffness * n * n.transpose(), damping: Matrix6::zeros() };
+        let compliance = if gap.stiffness > 0.0 { n * n.transpose() / gap.stiffness } else { Matrix6::zeros() };
+        LocalModel::with(tool, at, compliance, Some(gap.normal), trust * gap.stiffness.sqrt())
+    }
+
+    /// `growth`: how much p may grow, square root of J.
+    fn with(tool: RigidState, at: Tangent, compliance: Matrix6<f64>, normal: Option<DVec3>, growth: f64) -> LocalModel {
+        let twist = vector(tool.velocity, tool.angular_velocity);
+        let at_rest = at.force + at.damping * twist;
+        let presses = normal.is_none_or(|normal| along(&normal, &at_rest) > 0.0);
+        let now = if presses { at_rest.dot(&(compliance * at_rest)).max(0.0).sqrt() } else { 0.0 };
+        LocalModel { tool, at, at_rest, compliance, normal, most: now + growth, inward: [0.0; 2] }
+    }
+
+    /// This model, but along its normal inwards at least as stiff as this (N/m), up to `trust` (m): contact that has just begun is
+    /// shallow, and stiffer further in.
+    pub fn no_softer_inward(self, stiffness: f64, trust: f64) -> LocalModel {
+        let own = self.normal.map_or(stiffness, |normal| slope(&normal, &self.at.stiffness));
+        LocalModel { inward: [(stiffness - own).max(0.0), trust], ..self }
     }
 
     /// The same without K and D: the raw force, whatever the tool does.
     pub fn raw(wrench: &ContactWrench) -> LocalModel {
         let at = Tangent { force: vector(wrench.wrench.force, wrench.wrench.torque), ..Tangent::zero() };
-        LocalModel { tool: wrench.tool, at, pressing: 0.0, arm: 1.0, trust: f64::INFINITY }
+        LocalModel::with(wrench.tool, at, Matrix6::zeros(), None, f64::INFINITY)
     }
 
-    /// Force, torque and slopes where the tool is now, and whether it is beyond trust. Contact that lets go pulls nothing.
-    pub fn evaluate(&self, tool: &RigidState) -> (Tangent, bool) {
-        let moved = tool.position - self.tool.position;
-        let turned = rotation_vector(tool.orientation * self.tool.orientation.conjugate());
-        let length = moved.length().hypot(self.arm * turned.length());
-        let faster = vector(tool.velocity - self.tool.velocity, tool.angular_velocity - self.tool.angular_velocity);
-        let (moved, damped) = (vector(moved, turned), self.at.damping * faster);
-        // Trust limits how far the force grows, not that it ends.
-        if self.has_let_go(&(self.at.force - self.at.stiffness * moved - damped)) {
-            return (Tangent::zero(), false);
+    /// A model that gives what was evaluated at this state of the tool, and goes on from there by the same slopes.
+    pub fn of(tool: &RigidState, evaluation: &Evaluation, arm: f64, trust: f64) -> LocalModel {
+        let at = evaluation.tangent;
+        let rows: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|k| at.stiffness[(i, k)]));
+        let (stiffness, compliance, stiffest) = project(&rows, arm.max(SHORTEST_ARM));
+        let normal = DVec3::new(at.force[0], at.force[1], at.force[2]).try_normalize();
+        let normal = normal.filter(|normal| slope(normal, &stiffness) > 0.0);
+        LocalModel::with(*tool, Tangent { stiffness, ..at }, compliance, normal, trust * stiffest.sqrt())
+    }
+
+    /// Force, torque, slopes and potential where the tool is now. Contact that lets go pulls nothing.
+    pub fn evaluate(&self, tool: &RigidState) -> Evaluation {
+        let moved = vector(
+            tool.position - self.tool.position,
+            rotation_vector(tool.orientation * self.tool.orientation.conjugate()),
+        );
+        let twist = vector(tool.velocity, tool.angular_velocity);
+        let at_rest = self.at_rest - self.at.stiffness * moved;
+        let damped = self.at.damping * twist;
+        if self.normal.is_some_and(|normal| self.has_let_go(&normal, &(at_rest - damped))) {
+            return Evaluation::zero();
         }
-        let is_beyond = length > self.trust && self.has_contact();
-        let stiffness = if is_beyond { self.at.stiffness * (self.trust / length) } else { self.at.stiffness };
-        let force = self.at.force - stiffness * moved - damped;
-        (Tangent { force, stiffness, damping: self.at.damping }, is_beyond)
+        let strain = self.compliance * at_rest;
+        let size = at_rest.dot(&strain).max(0.0).sqrt();
+        let mut evaluation = if size <= self.most {
+            let tangent = Tangent { force: at_rest - damped, ..self.at };
+            Evaluation { tangent, stored: 0.5 * size * size, is_beyond: false }
+        } else {
+            let share = self.most / size;
+            let force = at_rest - (1.0 - share) * (self.at.stiffness * strain) - damped;
+            let tangent = Tangent { force, stiffness: share * self.at.stiffness, damping: self.at.damping };
+            Evaluation { tangent, stored: self.most * (size - 0.5 * self.most), is_beyond: true }
+        };
+        if let Some(normal) = self.normal {
+            self.stiffen(&normal, -along(&normal, &moved), &mut evaluation);
+        }
+        evaluation
     }
 
-    /// Whether the wrench had contact.
+    /// Adds what is stiffer `depth` (m) further in.
+    fn stiffen(&self, normal: &DVec3, depth: f64, evaluation: &mut Evaluation) {
+        let [stiffness, trust] = self.inward;
+        if stiffness == 0.0 || depth <= 0.0 {
+            return;
+        }
+        let (near, n) = (depth.min(trust), vector(*normal, DVec3::ZERO));
+        evaluation.tangent.force += stiffness * near * n;
+        evaluation.tangent.stiffness += stiffness * near / depth * n * n.transpose();
+        evaluation.stored += stiffness * near * (depth - 0.5 * near);
+        evaluation.is_beyond |= depth > trust;
+    }
+
+    /// Whether there is contact, or will be at the end of a gap.
     pub fn has_contact(&self) -> bool {
         self.at.stiffness.trace() > 0.0
     }
 
+    /// The direction in which contact pushes.
+    pub fn normal(&self) -> Option<DVec3> {
+        self.normal.or_else(|| DVec3::new(self.at.force[0], self.at.force[1], self.at.force[2]).try_normalize())
+    }
+
     /// Contacts that press from one side pull where the model is followed past the point at which they part.
-    fn has_let_go(&self, force: &Vector6<f64>) -> bool {
-        let start = self.at.force.fixed_rows::<3>(0);
-        let size = start.norm();
-        if size == 0.0 {
-            return false;
-        }
-        let normal = start / size;
-        let slope = (normal.transpose() * self.at.stiffness.fixed_view::<3, 3>(0, 0) * normal).x;
-        size >= ONE_SIDED * self.pressing && slope > 0.0 && normal.dot(&force.fixed_rows::<3>(0)) <= 0.0
+    fn has_let_go(&self, normal: &DVec3, force: &Vector6<f64>) -> bool {
+        slope(normal, &self.at.stiffness) > 0.0 && along(normal, force) <= 0.0
     }
 
     /// The force along the wrench's own direction that K foretells at another pose, and that direction; for comparison
@@ -157,8 +294,18 @@ impl LocalModel {
         let moved = tool.position - self.tool.position;
         let turned = rotation_vector(tool.orientation * self.tool.orientation.conjugate());
         let change = self.at.stiffness * vector(moved, turned);
-        Some((normal, -normal.dot(DVec3::new(change[0], change[1], change[2]))))
+        Some((normal, -along(&normal, &change)))
     }
+}
+
+/// The linear part's component along a direction.
+pub fn along(direction: &DVec3, v: &Vector6<f64>) -> f64 {
+    direction.dot(DVec3::new(v[0], v[1], v[2]))
+}
+
+/// Stiffness along a direction, N/m.
+fn slope(direction: &DVec3, stiffness: &Matrix6<f64>) -> f64 {
+    along(direction, &(stiffness * vector(*direction, DVec3::ZERO)))
 }
 
 /// Linear and angular as one.
@@ -166,18 +313,26 @@ pub fn vector(linear: DVec3, angular: DVec3) -> Vector6<f64> {
     Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }
 
-/// The nearest symmetric positive semi-definite matrix (in the Frobenius norm, rotations measured at `arm`).
-fn project(rows: &[[f64; 6]; 6], arm: f64) -> Matrix6<f64> {
+/// The nearest symmetric positive semi-definite matrix (in the Frobenius norm, rotations measured at `arm`), its
+/// pseudo-inverse, and its greatest eigenvalue with rotations so measured.
+fn project(rows: &[[f64; 6]; 6], arm: f64) -> (Matrix6<f64>, Matrix6<f64>, f64) {
     let unit = |k: usize| if k < 3 { 1.0 } else { arm };
     let scaled = Matrix6::from_fn(|i, k| 0.5 * (rows[i][k] + rows[k][i]) / (unit(i) * unit(k)));
+    let none = (Matrix6::zeros(), Matrix6::zeros(), 0.0);
     if scaled.iter().all(|x| *x == 0.0) {
-        return Matrix6::zeros();
+        return none;
     }
     // Numbers so large that their squares overflow have no such parts, and are followed as a raw force is.
-    let Some(mut parts) = SymmetricEigen::try_new(scaled, f64::EPSILON, MOST_ROUNDS) else { return Matrix6::zeros() };
+    let Some(mut parts) = SymmetricEigen::try_new(scaled, f64::EPSILON, MOST_ROUNDS) else { return none };
     parts.eigenvalues.apply(|x| *x = x.max(0.0));
+    let greatest = parts.eigenvalues.max();
+    let symmetric = |m: &Matrix6<f64>, i: usize, k: usize| 0.5 * (m[(i, k)] + m[(k, i)]);
     let nearest = parts.recompose();
-    Matrix6::from_fn(|i, k| 0.5 * (nearest[(i, k)] + nearest[(k, i)]) * unit(i) * unit(k))
+    let nearest = Matrix6::from_fn(|i, k| symmetric(&nearest, i, k) * unit(i) * unit(k));
+    parts.eigenvalues.apply(|x| *x = if *x > LEAST_STIFF * greatest { 1.0 / *x } else { 0.0 });
+    let inverse = parts.recompose();
+    let inverse = Matrix6::from_fn(|i, k| symmetric(&inverse, i, k) / (unit(i) * unit(k)));
+    (nearest, inverse, greatest)
 }
 
 #[cfg(test)]
@@ -202,17 +357,86 @@ mod tests {
     #[test]
     fn force_follows_the_tool_and_lets_go_without_pulling() {
         let model = LocalModel::new(&pressed(2.0), 0.01, 1e-3);
-        let force = |y: f64| model.evaluate(&at(y)).0.force[1];
+        let force = |y: f64| model.evaluate(&at(y)).tangent.force[1];
         assert!((force(-5e-4) - 2.5).abs() < 1e-12 && (force(5e-4) - 1.5).abs() < 1e-12);
-        // Beyond trust no stiffer, and let go of at 2 mm.
-        assert!((force(-0.01) - 3.0).abs() < 1e-12 && model.evaluate(&at(-0.01)).1);
-        assert_eq!(model.evaluate(&at(2.1e-3)), (Tangent::zero(), false));
+        // Beyond trust no greater, and let go of at 2 mm.
+        assert!((force(-0.01) - 3.0).abs() < 1e-12 && model.evaluate(&at(-0.01)).is_beyond);
+        assert_eq!(model.evaluate(&at(2.1e-3)), Evaluation::zero());
         let leaving = RigidState { velocity: DVec3::Y * 0.1, ..at(0.0) };
-        assert!((model.evaluate(&leaving).0.force[1] - 1.7).abs() < 1e-12);
+        assert!((model.evaluate(&leaving).tangent.force[1] - 1.7).abs() < 1e-12);
         // From two sides, 6 N and 4 N, it pushes back either way.
         let between = LocalModel::new(&pressed(10.0), 0.01, 1.0);
-        assert!((between.evaluate(&at(5e-3)).0.force[1] + 3.0).abs() < 1e-12);
-        assert_eq!(LocalModel::raw(&pressed(2.0)).evaluate(&at(-0.1)).0.force[1], 2.0);
+        assert!((between.evaluate(&at(5e-3)).tangent.force[1] + 3.0).abs() < 1e-12);
+        assert_eq!(LocalModel::raw(&pressed(2.0)).evaluate(&at(-0.1)).tangent.force[1], 2.0);
+    }
+
+    #[test]
+    fn a_gap_is_a_wall_where_it_ends() {
+        let gap = Gap { normal: DVec3::Y, distance: 2e-3, stiffness: 500.0 };
+        let model =
+            LocalModel::new(&ContactWrench { step: 1, gap: Some(gap), ..ContactWrench::none(at(0.0)) }, 0.01, 1e-3);
+        assert!(model.has_contact() && model.evaluate(&at(-1.9e-3)) == Evaluation::zero());
+        let within = model.evaluate(&at(-2.4e-3));
+        assert!((within.tangent.force[1] - 0.2).abs() < 1e-12 && (within.stored - 0.5 * 500.0 * 1.6e-7).abs() < 1e-15);
+        let touched = Gap { distance: -1e-3, ..gap };
+        let wrench = ContactWrench { step: 1, gap: Some(touched), ..ContactWrench::none(at(0.0)) };
+        assert!((LocalModel::new(&wrench, 0.01, 1e-3).evaluate(&at(0.0)).tangent.force[1] - 0.5).abs() < 1e-12);
+        let deep = model.evaluate(&at(-0.01));
+        assert!((deep.tangent.force[1] - 0.5).abs() < 1e-12 && deep.is_beyond);
+    }
+
+    /// Six axes, one side and two, within trust and beyond: the work along any closed way is nothing, and along any way it is what
+    /// the potential falls by.
+    #[test]
+    fn force_is_the_gradient_of_the_potential() {
+        let mut wrench = pressed(2.0);
+        wrench.wrench.torque = DVec3::new(0.004, 0.0, -0.002);
+        for (k, x) in [(0, 300.0), (2, 200.0), (3, 0.05), (4, 0.02), (5, 0.04)] {
+            wrench.stiffness[k][k] = x;
+        }
+        (wrench.stiffness[0][5], wrench.stiffness[5][0]) = (1.5, 1.5);
+        wrench.damping = [[0.0; 6]; 6];
+        let mut beyond = 0;
+        for (pressing, trust) in [(2.0, 1e-4), (2.0, 1e-2), (10.0, 1e-4), (10.0, 1e-2)] {
+            let model =
+                LocalModel::new(&ContactWrench { pressing, ..wrench }, 0.01, trust).no_softer_inward(2000.0, trust);
+            // About one axis, so that turns add up as vectors do.
+            let state = |t: f64| {
+                let (sine, cosine) = t.sin_cos();
+                RigidState {
+                    position: 1e-3 * DVec3::new(sine, 0.6 * cosine - 0.8, (2.0 * t).sin()),
+                    orientation: DQuat::from_rotation_z(0.1 * (sine + cosine)),
+                    ..at(0.0)
+                }
+            };
+            let (count, mut work) = (40_000, 0.0);
+            let time = |k: usize| k as f64 * std::f64::consts::TAU / count as f64;
+            let start = model.evaluate(&state(0.0)).stored;
+            for k in 0..count {
+                let (a, b) = (state(time(k)), state(time(k + 1)));
+                let middle = model.evaluate(&state(0.5 * (time(k) + time(k + 1))));
+                beyond += usize::from(middle.is_beyond);
+                let turned = rotation_vector(b.orientation * a.orientation.conjugate());
+                work += middle.tangent.force.dot(&vector(b.position - a.position, turned));
+                let fallen = start - model.evaluate(&b).stored;
+                assert!((work - fallen).abs() < 1e-9, "{pressing} {trust} {k}: {work} {fallen} J");
+            }
+            assert!(work.abs() < 1e-9, "{work} J around");
+        }
+        assert!(beyond > 10_000, "{beyond}");
+    }
+
+    #[test]
+    fn a_model_of_what_is_felt_goes_on_from_there() {
+        let model = LocalModel::new(&pressed(2.0), 0.01, 1e-3);
+        let here = RigidState { velocity: DVec3::Y * -0.01, ..at(-4e-4) };
+        let felt = model.evaluate(&here);
+        let next = LocalModel::of(&here, &felt, 0.01, 1e-3);
+        for y in [-8e-4, -4e-4, 0.0, 5e-4] {
+            let there = RigidState { velocity: DVec3::Y * 0.02, ..at(y) };
+            let (a, b) = (model.evaluate(&there), next.evaluate(&there));
+            assert!((a.tangent.force - b.tangent.force).norm() < 1e-9 && (a.stored - b.stored).abs() < 1e-12, "{y}");
+        }
     }
 
     #[test]
@@ -223,16 +447,17 @@ mod tests {
         let before = Matrix6::from_fn(|i, k| wrench.stiffness[i][k]);
         assert!(before.symmetric_eigenvalues().min() < -1.0);
         for arm in [0.01, 0.0] {
-            let (tangent, _) = LocalModel::new(&wrench, arm, 1.0).evaluate(&at(0.0));
+            let tangent = LocalModel::new(&wrench, arm, 1.0).evaluate(&at(0.0)).tangent;
             let least = tangent.stiffness.symmetric_eigenvalues().min();
             assert!(least > -1e-9 && tangent.stiffness == tangent.stiffness.transpose(), "{arm}: {least}");
             assert!(tangent.stiffness[(0, 0)].abs() < 1e-9 && tangent.stiffness[(1, 1)] > 100.0, "{arm}");
         }
         // One that is positive semi-definite stays as it is.
-        let (tangent, _) = LocalModel::new(&pressed(2.0), 0.01, 1.0).evaluate(&at(0.0));
+        let tangent = LocalModel::new(&pressed(2.0), 0.01, 1.0).evaluate(&at(0.0)).tangent;
         assert!((tangent.stiffness[(1, 1)] - 1000.0).abs() < 1e-9);
         wrench.stiffness = [[1e200; 6]; 6];
-        assert!(LocalModel::new(&wrench, 0.01, 1.0).evaluate(&at(0.0)).0.stiffness.iter().all(|x| x.is_finite()));
+        let tangent = LocalModel::new(&wrench, 0.01, 1.0).evaluate(&at(0.0)).tangent;
+        assert!(tangent.stiffness.iter().all(|x| x.is_finite()));
     }
 
     #[test]

@@ -12,7 +12,9 @@ pub mod environment;
 pub mod event;
 #[cfg(test)]
 mod faults;
+pub mod follow;
 pub mod local_model;
+pub mod pace;
 pub mod passivity;
 pub mod profile;
 pub mod record;
@@ -22,6 +24,8 @@ pub mod sense;
 pub mod servo;
 pub mod servo_thread;
 pub mod session;
+#[cfg(test)]
+mod steady;
 pub mod tool;
 pub mod velocity;
 pub mod virtual_time;

@@ -1,5 +1,6 @@
-//! What devices can do, as CHAI3D publishes it (`cHapticDeviceInfo` of its drivers, version 3.2). Stiffness and damping are
-//! the greatest that a device renders stably at 1 kHz, not those of its mechanism.
+//! What devices can do, as CHAI3D publishes it (`cHapticDeviceInfo` of its drivers, version 3.2); [`MINVERSE`] says where
+//! else its figures are from. Stiffness and damping are the greatest that a device renders stably at 1 kHz, not those of its
+//! mechanism.
 
 /// Limits and axes of a device.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,7 +27,7 @@ pub struct Profile {
 
 /// All that are built in. `scripted` is no hardware's: it follows a script, or stands for what nobody holds; nor is
 /// `mouse`.
-pub const PROFILES: [Profile; 9] = [
+pub const PROFILES: [Profile; 10] = [
     profile("scripted", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true),
     profile("premium", [8.5, 0.188], [800.0, 5.0], [0.3, 0.004], 0.12, true),
     profile("touch", [3.3, 0.0], [400.0, 4.0], [0.0, 0.0], 0.075, true),
@@ -35,11 +36,24 @@ pub const PROFILES: [Profile; 9] = [
     profile("sigma.7", [12.0, 0.2], [4000.0, 30.0], [1.0, 0.07], 0.075, true),
     profile("falcon", [8.0, 0.0], [3000.0, 20.0], [0.0, 0.0], 0.04, false),
     INVERSE3,
+    MINVERSE,
     MOUSE,
 ];
 
 /// The Haply Inverse3's.
 pub const INVERSE3: Profile = profile("inverse3", [10.0, 0.0], [1000.0, 6.0], [0.0, 0.0], 0.15, false);
+
+/// The Haply Minverse's. The workspace is the radius to which Haply's tutorial keeps a Minverse's cursor (docs.haply.co,
+/// Inverse service 3.5, tutorial 06: 0.04 m, where an Inverse3 has 0.10 m). The force is the lower end of the 2 to 4 N that a
+/// comparison of controllers quotes from haply.co/minverse; the maker's own sheet was not at hand. No stiffness or damping of
+/// it is published: these are the default stiffness and the greatest damping of Haply's tutorials for the larger Inverse3.
+pub const MINVERSE: Profile = profile("minverse", [2.0, 0.0], [300.0, 3.0], [0.0, 0.0], 0.04, false);
+
+/// Those of Haply's devices.
+pub const HAPLY: [Profile; 2] = [INVERSE3, MINVERSE];
+
+/// The one of them that no other falls below in any figure; what a Haply is given until it is known which it is.
+pub const HAPLY_SMALLEST: Profile = MINVERSE;
 
 /// What a mouse stands for: nobody feels it, so the force that the eye sees may be large.
 pub const MOUSE: Profile = profile("mouse", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true);
@@ -71,12 +85,19 @@ impl Profile {
         PROFILES.iter().find(|profile| profile.name == name)
     }
 
-    /// Whether figures from outside can be used: each finite and not negative, the workspace greater than zero.
-    ///
-    /// # Errors
-    /// The first that cannot, one line.
-    pub fn check(&self) -> Result<(), String> {
-        let figures = [
+    /// Whether it is that of one of Haply's devices.
+    pub fn is_haplys(&self) -> bool {
+        HAPLY.iter().any(|profile| profile.name == self.name)
+    }
+
+    /// Whether no limit of it is above the other's.
+    pub fn is_within(&self, other: &Profile) -> bool {
+        self.limits().iter().zip(other.limits()).all(|((_, own), (_, others))| *own <= others)
+    }
+
+    /// Its limits with their names.
+    fn limits(&self) -> [(&'static str, f64); 7] {
+        [
             ("max_force", self.max_force),
             ("max_torque", self.max_torque),
             ("stiffness", self.stiffness),
@@ -84,10 +105,17 @@ impl Profile {
             ("angular_stiffness", self.angular_stiffness),
             ("angular_damping", self.angular_damping),
             ("workspace", self.workspace),
-        ];
+        ]
+    }
+
+    /// Whether figures from outside can be used: each finite and not negative, the workspace greater than zero.
+    ///
+    /// # Errors
+    /// The first that cannot, one line.
+    pub fn check(&self) -> Result<(), String> {
         let fits =
             |name: &str, figure: f64| figure.is_finite() && figure >= 0.0 && (figure > 0.0 || name != "workspace");
-        match figures.into_iter().find(|&(name, figure)| !fits(name, figure)) {
+        match self.limits().into_iter().find(|&(name, figure)| !fits(name, figure)) {
             Some(("workspace", figure)) => {
                 Err(format!("profile {}: workspace is {figure}; give a radius greater than 0", self.name))
             }
@@ -106,8 +134,9 @@ impl Profile {
 mod tests {
     use super::*;
 
-    /// The figures that CHAI3D publishes: force, torque, stiffness, damping.
-    const PUBLISHED: [(&str, [f64; 4]); 7] = [
+    /// Force, torque, stiffness and damping: the figures that CHAI3D publishes; the last one's are from elsewhere, as
+    /// [`MINVERSE`] says.
+    const PUBLISHED: [(&str, [f64; 4]); 8] = [
         ("premium", [8.5, 0.188, 800.0, 5.0]),
         ("touch", [3.3, 0.0, 400.0, 4.0]),
         ("omega.x", [12.0, 0.0, 5000.0, 30.0]),
@@ -115,6 +144,7 @@ mod tests {
         ("sigma.7", [12.0, 0.2, 4000.0, 30.0]),
         ("falcon", [8.0, 0.0, 3000.0, 20.0]),
         ("inverse3", [10.0, 0.0, 1000.0, 6.0]),
+        ("minverse", [2.0, 0.0, 300.0, 3.0]),
     ];
 
     #[test]
@@ -125,6 +155,17 @@ mod tests {
             assert_eq!(p.plays_torque(), figures[1] > 0.0, "{name}");
         }
         assert_eq!(Profile::named("omni"), None);
+    }
+
+    #[test]
+    fn the_smallest_haply_is_within_every_other() {
+        assert!(HAPLY.iter().all(|profile| Profile::named(profile.name) == Some(profile) && profile.is_haplys()));
+        assert!(HAPLY.iter().all(|profile| HAPLY_SMALLEST.is_within(profile)));
+        assert!(!INVERSE3.is_within(&MINVERSE) && PROFILES.iter().all(|profile| profile.is_within(profile)));
+        assert!(!PROFILES[0].is_haplys());
+        // A single figure that is above the other's is enough.
+        let far = Profile { workspace: 0.2, ..MINVERSE };
+        assert!(!far.is_within(&INVERSE3));
     }
 
     type Change = fn(&mut Profile, f64);

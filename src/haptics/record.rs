@@ -31,7 +31,7 @@ pub use table::Table;
 /// Opens a recording.
 const MAGIC: &[u8; 8] = b"palpate\0";
 /// Of the format. It changes with anything that is recorded.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// No header or entry is longer, bytes.
 const MOST_BYTES: usize = 1 << 20;
 /// Written at once, bytes.

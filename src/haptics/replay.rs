@@ -232,7 +232,8 @@ impl Replay<'_> {
 fn problem_of(settings: &Settings) -> Option<String> {
     let Settings { period, limits, most_damping, trust, arm, .. } = *settings;
     let Limits { force, torque, slew, angular_slew, workspace, watchdog } = limits;
-    let rest = [most_damping, trust, arm, force, torque, slew, angular_slew, workspace, watchdog];
+    let [linear, angular] = most_damping;
+    let rest = [linear, angular, trust, arm, force, torque, slew, angular_slew, workspace, watchdog];
     if !(period > 0.0 && period.is_finite()) {
         return Some(format!("its ticks are {period:?} s long"));
     }

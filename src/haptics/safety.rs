@@ -13,8 +13,9 @@ const SLEW_TIME: f64 = 4e-3;
 pub const FADE_TIME: f64 = 0.05;
 /// A force that comes, first or again, rises in this time, s.
 pub const ENGAGE_TIME: f64 = 0.2;
-/// A wrench may be this old at most before the force fades, s, unless a scene wants it fresher.
-pub const WATCHDOG: f64 = 0.25;
+/// A wrench may be this old at most before the force fades, s, unless a scene wants it fresher. Until then its model is followed:
+/// it is passive by itself, and simulations of large bodies take a tenth of a second a step and more.
+pub const WATCHDOG: f64 = 1.0;
 
 /// Limits of what is played.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -78,6 +79,11 @@ impl Gain {
     pub fn go(&mut self, is_well: bool, period: f64) {
         let change = if is_well { period / ENGAGE_TIME } else { -period / FADE_TIME };
         self.0 = (self.0 + change).clamp(0.0, 1.0);
+    }
+
+    /// All, at once: for a force that is next to nothing.
+    pub fn fill(&mut self) {
+        self.0 = 1.0;
     }
 
     /// Nothing, at once.
@@ -169,7 +175,7 @@ mod tests {
     fn a_scene_lowers_limits_and_never_raises_them() {
         let profile = Profile::named("premium").unwrap();
         let (whole, _) = Limits::new(profile, &Lowered::default());
-        assert_eq!((whole.force, whole.torque, whole.workspace, whole.watchdog), (8.5, 0.188, 0.12, 0.25));
+        assert_eq!((whole.force, whole.torque, whole.workspace, whole.watchdog), (8.5, 0.188, 0.12, 1.0));
         let ask = |x| Lowered { force: Some(x), torque: Some(x), slew: Some(x), workspace: Some(x), watchdog: Some(x) };
         let (low, refused) = Limits::new(profile, &ask(0.01));
         assert_eq!([low.force, low.torque, low.slew, low.workspace, low.watchdog], [0.01; 5]);

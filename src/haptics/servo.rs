@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use super::device::{Fault, Reading, RigidState, Wrench};
 use super::event::{Event, Events};
-use super::local_model::{ContactWrench, LocalModel, Tangent};
+use super::follow::{Followed, Rules};
+use super::local_model::{ContactWrench, vector};
 use super::passivity::{Energy, Passivity};
 use super::safety::{Gain, Guard, Limits};
 use super::sense::Sense;
@@ -29,6 +30,15 @@ const STEP_FORCE: f64 = 0.02;
 const LONGEST_SMOOTHING: f64 = 0.001;
 /// Of the period, the least.
 const SHORTEST_TICK: f64 = 0.25;
+/// A clock that leaps further than this has jumped, s.
+const LONGEST_GAP: f64 = 0.25;
+/// A simulation that answers, but with what cannot be, is trusted no longer than this, s.
+const LONGEST_BAD: f64 = 0.25;
+/// A new wrench is blended in over the interval since the last one, but over this at most, s: for longer than that the tool would
+/// lag behind a body that moves.
+const LONGEST_BLEND: f64 = 0.02;
+/// Without contact a force below this share of the limit is so small that there is nothing to fade.
+const NOTHING_TO_FADE: f64 = 0.02;
 
 /// What a servo is made with; with the readings and the wrenches it decides every bit of what is played.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -41,8 +51,8 @@ pub struct Settings {
     pub local_model: bool,
     /// Whether the passivity controller acts; energy is observed in any case.
     pub passivity: bool,
-    /// Greatest damping that it may inject, N s/m.
-    pub most_damping: f64,
+    /// Greatest damping that it may inject, N s/m, and about any axis, N m s/rad.
+    pub most_damping: [f64; 2],
     /// How far from its pose the local model is trusted, m.
     pub trust: f64,
     /// At which rotations of the tool count as displacements, m.
@@ -91,11 +101,9 @@ pub struct Servo {
     /// The device as read and believed, and smoothed.
     sensed: RigidState,
     device: RigidState,
-    newest: ContactWrench,
-    /// Models of the newest wrench and the one before.
-    models: [LocalModel; 2],
-    /// When the newest wrench was taken, and the time to blend it in over, s.
-    taken: (f64, f64),
+    contact: Followed,
+    /// What contact pushed the tool with in the last tick.
+    felt: Wrench,
     gain: Gain,
     last_gain: f64,
     guard: Guard,
@@ -110,19 +118,20 @@ impl Servo {
     /// A tool that rests where it is, coupled to a device that has not been read yet.
     pub fn new(settings: Settings, tool: Tool) -> Servo {
         let start = state_of(&tool);
-        let newest = ContactWrench::none(start);
-        let model = LocalModel::raw(&newest);
+        let Settings { local_model, arm, trust, limits, .. } = settings;
         Servo {
             sense: Sense::new(start),
             sensed: start,
             device: start,
-            newest,
-            models: [model, model],
-            taken: (0.0, 0.0),
+            contact: Followed::new(
+                Rules { local_model, arm, trust, longest: limits.watchdog.min(LONGEST_BLEND) },
+                start,
+            ),
+            felt: Wrench::ZERO,
             gain: Gain::default(),
             last_gain: 0.0,
             guard: Guard::new(settings.limits),
-            passivity: Passivity::new(settings.passivity, settings.most_damping),
+            passivity: Passivity::new(settings.passivity, !local_model, settings.most_damping),
             index: 0,
             time: None,
             home: start.position,
@@ -139,16 +148,26 @@ impl Servo {
         let period = self.clock(time, late, &mut events);
         let (device, is_well) = self.feel_for(&reading, period, &mut events);
         self.take(newest, time, &mut events);
-        let age = if self.newest.step > 0 { time - self.newest.time } else { 0.0 };
+        let newest = self.contact.newest();
+        let (step, age) = (newest.step, if newest.step > 0 { time - newest.time } else { 0.0 });
         // A wrench from the future tells as little as one that is old, or of no known age.
-        if age.is_nan() || age.abs() > self.settings.limits.watchdog {
+        let longest = match events.has(Event::BadWrench) {
+            true => self.settings.limits.watchdog.min(LONGEST_BAD),
+            false => self.settings.limits.watchdog,
+        };
+        if age.is_nan() || age.abs() > longest {
             events.raise(Event::StaleWrench);
         }
         if (device.position - self.home).length() > self.settings.limits.workspace {
             events.raise(Event::OutsideWorkspace);
         }
         let fading = events.has_any(&[Event::StaleWrench, Event::OutsideWorkspace]);
-        self.gain.go(is_well && !fading && self.newest.step > 0, period);
+        let is_well = is_well && !fading && step > 0;
+        let touches = self.felt != Wrench::ZERO || self.contact.newest().wrench != Wrench::ZERO;
+        if is_well && !touches && self.pulls_little(&device) {
+            self.gain.fill();
+        }
+        self.gain.go(is_well, period);
         if events.has_any(&[Event::DeviceLost, Event::ClockJump]) {
             self.gain.cut();
         }
@@ -156,8 +175,8 @@ impl Servo {
             events.raise(Event::Engaging);
         }
         self.device = device;
-        let contact = self.move_tool(&device, time, period, &mut events);
-        let (played, damping) = self.play(&device, contact, period, &mut events);
+        self.felt = self.move_tool(&device, period, &mut events);
+        let (played, damping) = self.play(&device, period, &mut events);
         let tick = Tick {
             index: self.index,
             time,
@@ -165,9 +184,9 @@ impl Servo {
             reading: reading.ok(),
             device,
             tool: state_of(&self.tool),
-            contact,
+            contact: self.felt,
             played,
-            step: self.newest.step,
+            step,
             age,
             gain: self.gain.value(),
             damping,
@@ -182,12 +201,13 @@ impl Servo {
     pub fn held(&self) -> Held {
         let time = self.time.unwrap_or(0.0);
         let coupling = self.tool.coupling.filter(|_| self.index > 0);
-        Held { ticks: self.index, time, device: self.device, tool: state_of(&self.tool), coupling }
+        let max_force = self.settings.limits.force;
+        Held { ticks: self.index, time, device: self.device, tool: state_of(&self.tool), coupling, max_force }
     }
 
     /// The newest wrench.
     pub fn newest(&self) -> ContactWrench {
-        self.newest
+        *self.contact.newest()
     }
 
     /// Of a tick, s.
@@ -212,7 +232,7 @@ impl Servo {
         let nominal = self.settings.period;
         let elapsed = self.time.map_or(nominal, |last| time - last);
         self.time = Some(time);
-        if !(elapsed > 0.0 && elapsed < self.settings.limits.watchdog.max(LONGEST_TICK * nominal)) {
+        if !(elapsed > 0.0 && elapsed < LONGEST_GAP.max(LONGEST_TICK * nominal)) {
             events.raise(Event::ClockJump);
             return nominal;
         }
@@ -253,58 +273,41 @@ impl Servo {
 
     /// A wrench that is new becomes the newest.
     fn take(&mut self, newest: &ContactWrench, time: f64, events: &mut Events) {
-        if newest.step == self.newest.step {
+        if newest.step == self.contact.newest().step {
             return;
         }
         if !newest.is_finite() {
             events.raise(Event::BadWrench);
             return;
         }
-        let model = match self.settings.local_model {
-            true => LocalModel::new(newest, self.settings.arm, self.settings.trust),
-            false => LocalModel::raw(newest),
-        };
-        // Where a wrench finds no contact, and the last one that did says the same of that place, it says where contact
-        // begins again: a tool that bounces meets it between two wrenches.
-        let remembered = self.models[0].evaluate(&newest.tool).0 == Tangent::zero();
-        let is_kept = !model.has_contact() && self.models[0].has_contact() && remembered;
-        self.models = [if is_kept { self.models[0] } else { model }, self.models[0]];
-        // Neither what came before the first wrench nor a stall is an interval to blend over.
-        let interval = if self.newest.step > 0 { time - self.taken.0 } else { 0.0 };
-        self.taken = (time, interval.clamp(0.0, self.settings.limits.watchdog));
-        self.newest = *newest;
-    }
-
-    /// Contact where the tool is: the newest model, blended in over one interval.
-    fn contact(&self, time: f64, events: &mut Events) -> Tangent {
-        let tool = state_of(&self.tool);
-        let [(newest, is_beyond), (before, _)] = self.models.map(|model| model.evaluate(&tool));
-        if is_beyond {
-            events.raise(Event::BeyondTrust);
-        }
-        let (since, interval) = (time - self.taken.0, self.taken.1);
-        let share = if self.settings.local_model && interval > 0.0 { (since / interval).clamp(0.0, 1.0) } else { 1.0 };
-        before.blend(&newest, share)
+        self.contact.take(newest, time, &state_of(&self.tool), self.passivity.energy().lent);
     }
 
     /// Moves the tool by implicit Euler: coupling towards the device as it is now, and contact.
-    fn move_tool(&mut self, device: &RigidState, time: f64, h: f64, events: &mut Events) -> Wrench {
-        let contact = self.contact(time, events);
+    fn move_tool(&mut self, device: &RigidState, h: f64, events: &mut Events) -> Wrench {
+        let (state, gain) = (state_of(&self.tool), self.gain.value());
+        if self.contact.advance(&state, h, gain, self.stored(device), &mut self.passivity) {
+            events.raise(Event::Unpaid);
+        }
+        let evaluated = self.contact.evaluate(&state);
+        if evaluated.is_beyond {
+            events.raise(Event::BeyondTrust);
+        }
+        let contact = evaluated.tangent;
         let rows = self.tool.rows(h, DVec3::ZERO, &self.within_reach(device));
-        let twist = super::local_model::vector(self.tool.velocity, self.tool.angular_velocity);
+        let twist = vector(self.tool.velocity, self.tool.angular_velocity);
         let matrix = Matrix6::from_fn(|i, k| rows.matrix[i][k]) + h * (contact.damping + h * contact.stiffness);
         let rhs = Vector6::from(rows.rhs) + h * (contact.force - h * (contact.stiffness * twist));
-        let before = state_of(&self.tool);
         let change = matrix.cholesky().map(|factor| factor.solve(&rhs));
         let Some(change) = change.filter(|change| change.iter().all(|x| x.is_finite())) else {
             events.raise(Event::BadForce);
-            self.still_at(&before);
+            self.still_at(&state);
             return Wrench::ZERO;
         };
         self.tool.advance(h, change.into());
         if !state_of(&self.tool).is_valid() {
             events.raise(Event::BadForce);
-            self.still_at(&before);
+            self.still_at(&state);
             return Wrench::ZERO;
         }
         let force = contact.force - h * (contact.stiffness * (twist + change)) - contact.damping * change;
@@ -318,25 +321,55 @@ impl Servo {
 
     /// The device, drawn up to the tool so far that the coupling pulls no harder than may be played.
     fn within_reach(&self, device: &RigidState) -> RigidState {
-        let Some(coupling) = self.tool.coupling.filter(|coupling| coupling.stiffness > 0.0) else { return *device };
-        let reach = self.settings.limits.force / coupling.stiffness;
-        let away = device.position - self.tool.centre;
-        RigidState { position: self.tool.centre + away.clamp_length_max(reach), ..*device }
+        self.tool.within_reach(device, self.settings.limits.force)
+    }
+
+    /// What coupling and tool store, J.
+    fn stored(&self, device: &RigidState) -> f64 {
+        self.tool.stored(device, self.settings.limits.force, self.settings.limits.torque > 0.0)
+    }
+
+    /// Whether the coupling pulls so little that a force need not rise slowly.
+    fn pulls_little(&self, device: &RigidState) -> bool {
+        let Limits { force, torque, .. } = self.settings.limits;
+        let pull = self.tool.pull(device);
+        pull.force.length() <= NOTHING_TO_FADE * force
+            && (torque == 0.0 || pull.torque.length() <= NOTHING_TO_FADE * torque)
+    }
+
+    /// Books what the share of the force that is played does to what is stored: a rise is lent as far as nobody has paid for it,
+    /// a fall repays. Contact that has ended leaves nothing but what coupling and tool hold.
+    fn book(&mut self, device: &RigidState) {
+        let gain = self.gain.value();
+        let risen = gain - std::mem::replace(&mut self.last_gain, gain);
+        let contact = self.contact.evaluate(&state_of(&self.tool));
+        let stored = self.stored(device) + contact.stored;
+        if risen > 0.0 {
+            let missing = -self.passivity.surplus(gain * stored);
+            // What lies beyond the coupling's reach was never felt.
+            let near = self.tool.stored(&self.within_reach(device), f64::INFINITY, self.settings.limits.torque > 0.0);
+            self.passivity.lend(missing.min(risen * (near + contact.stored)));
+        } else if risen < 0.0 {
+            if gain - risen == 1.0 {
+                self.passivity.begin_to_fade();
+            }
+            self.passivity.repay(-risen * stored);
+        }
+        if self.felt == Wrench::ZERO && self.contact.newest().wrench == Wrench::ZERO {
+            self.passivity.end_contact(gain * stored);
+            self.contact.end();
+        }
+        self.passivity.note_stored(gain * stored);
     }
 
     /// What the coupling pulls the tool with, the other way round; then what passivity and safety leave of it.
-    fn play(&mut self, device: &RigidState, contact: Wrench, h: f64, events: &mut Events) -> (Wrench, f64) {
+    fn play(&mut self, device: &RigidState, h: f64, events: &mut Events) -> (Wrench, f64) {
         let pull = self.tool.pull(&self.within_reach(device));
         let gain = self.gain.value();
-        let risen = gain - std::mem::replace(&mut self.last_gain, gain);
-        let stored = self.tool.stored(&self.within_reach(device));
-        self.passivity.lend(risen.max(0.0) * stored, gain * stored);
+        self.book(device);
         let plays_torque = self.settings.limits.torque > 0.0;
         let torque = if plays_torque { -gain * pull.torque } else { DVec3::ZERO };
         let wanted = Wrench { force: -gain * pull.force, torque };
-        if contact == Wrench::ZERO {
-            self.passivity.forget(self.tool.stored(device));
-        }
         let control = self.passivity.control(wanted, &self.sensed, h, gain);
         if control.wrench != wanted {
             events.raise(Event::Damped);

@@ -35,6 +35,8 @@ pub struct Held {
     pub tool: RigidState,
     /// What joins them; `None` before the first tick.
     pub coupling: Option<Coupling>,
+    /// Greatest force of the coupling's stiffness, N: what may be played, so that nothing presses harder than the hand feels.
+    pub max_force: f64,
 }
 
 /// A loop that runs. Dropping it stops it.
@@ -270,7 +272,7 @@ mod tests {
             limits,
             local_model: true,
             passivity: false,
-            most_damping: 5.0,
+            most_damping: [5.0, 0.0],
             trust: 2e-3,
             arm: 6e-3,
         };

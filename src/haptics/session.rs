@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 
 use super::clock::Lateness;
 use super::coupling;
-use super::device::Device;
+use super::device::{Device, Wrench};
 use super::environment::Environment;
 use super::event::{Event, EventCounts};
 use super::local_model::{ContactWrench, LocalModel};
+use super::pace::Pace;
 use super::passivity::Energy;
 use super::safety::Limits;
 use super::servo::{Servo, Settings, Tick, state_of};
@@ -20,8 +21,6 @@ use crate::{Error, Result};
 
 /// Steps before the loop begins, to learn how long one takes.
 const FIRST_STEPS: u32 = 5;
-/// Share of the newest in the mean time of a step.
-const NEWEST_SHARE: f64 = 0.1;
 /// A device that is lost for longer ends the session, s.
 const LONGEST_LOSS: f64 = 5.0;
 /// Forces below which K says nothing about what is felt, N.
@@ -71,6 +70,8 @@ pub struct Report {
     pub energy: Energy,
     /// Greatest force that was played, N.
     pub peak_force: f64,
+    /// What was played in the last tick before the end, and what contact pushed the tool with then.
+    pub end: [Wrench; 2],
     /// Sums of the force changes that K foretold and of those that came, N: how far K overestimates what is felt.
     pub foretold: (f64, f64),
     /// Steps of the simulation while the loop ran.
@@ -91,7 +92,7 @@ impl Report {
     }
 }
 
-/// How old wrenches were, to the microsecond; from a tenth of a second on, as old as the oldest.
+/// How old wrenches were: to the microsecond up to a tenth of a second, to half a percent up to 1000 s.
 #[derive(Debug, Clone)]
 pub struct Ages(Lateness);
 
@@ -128,13 +129,13 @@ pub fn hold(
     options: &Options,
     mut record: impl FnMut(Moment) -> Result<()>,
 ) -> Result<Report> {
-    let mut notes = Vec::new();
+    let mut notes = device.notes();
     let profile = device.profile().clone();
     let (limits, refused) = Limits::new(&profile, &haptics.limits);
     for key in refused {
         notes.push(format!("haptics.{key} is above what the profile {} allows, which holds", profile.name));
     }
-    let first = first_steps(environment, tool, options.shortest_step)?;
+    let first = first_steps(environment, tool, options.shortest_step, limits.force)?;
     let period = 1.0 / haptics.rate;
     let delay = if haptics.local_model { 0.0 } else { first.age };
     let inertia = (0..3).map(|k| tool.inertia.col(k)[k]).sum::<f64>() / 3.0;
@@ -145,7 +146,7 @@ pub fn hold(
         limits,
         local_model: haptics.local_model,
         passivity: haptics.passivity,
-        most_damping: profile.damping,
+        most_damping: gains.most_damping,
         trust: haptics.trust,
         arm: (inertia / tool.mass).sqrt(),
     };
@@ -165,6 +166,9 @@ pub fn hold(
     }
     notes.iter().try_for_each(|note| record(Moment::Note(note)))?;
     let mut session = Session::new(thread, profile.name, notes, period, &settings);
+    if let Some((_, wrench)) = first.steps.last() {
+        session.thread.give(*wrench);
+    }
     let ended = session.run(environment, options, haptics, &first, &mut record);
     let has_failed = !session.thread.stop();
     let taken = session.take_ticks(&mut record);
@@ -187,9 +191,9 @@ struct FirstSteps {
 }
 
 /// Steps with the tool at rest, coupled to nothing: the first is not counted, for it is slow on many drivers.
-fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64) -> Result<FirstSteps> {
+fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force: f64) -> Result<FirstSteps> {
     let state = state_of(tool);
-    let held = Held { ticks: 0, time: 0.0, device: state, tool: state, coupling: None };
+    let held = Held { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force };
     let (mut steps, mut times) = (Vec::new(), Vec::new());
     for _ in 0..FIRST_STEPS {
         let begun = Instant::now();
@@ -228,6 +232,7 @@ impl Session {
             events: EventCounts::default(),
             energy: Energy::default(),
             peak_force: 0.0,
+            end: [Wrench::ZERO; 2],
             foretold: (0.0, 0.0),
             steps: 0,
             pace: 1.0,
@@ -246,16 +251,16 @@ impl Session {
         first: &FirstSteps,
         record: &mut impl FnMut(Moment) -> Result<()>,
     ) -> Result<()> {
-        let longest = haptics.longest_step.max(options.shortest_step);
-        let mut mean = first.took;
+        let mut pace = Pace::new(options.shortest_step, haptics.longest_step, first.took);
         let mut simulated = 0.0;
         while self.thread.newest().ticks == 0 && self.thread.is_running() {
             std::thread::sleep(Duration::from_secs_f64(self.period));
         }
         let begun = self.thread.now();
+        let (mut last, mut ahead) = (begun, 0.0);
         while self.goes_on(options) {
             let (start, held) = (self.thread.now(), self.thread.newest());
-            let h = mean.clamp(options.shortest_step, longest);
+            let h = pace.length();
             let wrench = environment.feel(&held, h)?;
             self.thread.give(wrench);
             simulated += h;
@@ -264,11 +269,14 @@ impl Session {
             record(Moment::Step(&held, h, &wrench))?;
             self.take_ticks(record)?;
             // A step that was done before its time waits for the world.
-            let spare = h - (self.thread.now() - start);
-            if h <= options.shortest_step && spare > 0.0 {
-                std::thread::sleep(Duration::from_secs_f64(spare));
+            let now = self.thread.now();
+            pace.took(now - start, now);
+            // Steps that are done before their time wait for the world; a step that took longer is made up for, but no more.
+            ahead = (ahead + h - (now - last)).max(-h);
+            last = now;
+            if ahead > 0.0 {
+                std::thread::sleep(Duration::from_secs_f64(ahead));
             }
-            mean += NEWEST_SHARE * (self.thread.now() - start - mean);
         }
         self.report.pace = simulated / (self.thread.now() - begun).max(self.period);
         Ok(())
@@ -295,6 +303,7 @@ impl Session {
             report.events.add(tick.events);
             report.energy = tick.energy;
             report.peak_force = report.peak_force.max(tick.played.force.length());
+            report.end = [tick.played, tick.contact];
             if tick.step > 0 {
                 report.age.add(tick.age);
             }

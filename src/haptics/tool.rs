@@ -86,15 +86,30 @@ impl Tool {
         }
     }
 
-    /// What the coupling and the tool's motion store, J.
-    pub fn stored(&self, device: &RigidState) -> f64 {
+    /// A device as the coupling feels it: drawn up to the tool so far that the coupling's stiffness pulls no harder than `force`
+    /// (N).
+    pub fn within_reach(&self, device: &RigidState, force: f64) -> RigidState {
+        let away = (device.position - self.centre).clamp_length_max(self.reach(force));
+        RigidState { position: self.centre + away, ..*device }
+    }
+
+    /// How far the coupling stretches before it pulls with `force` (N), m.
+    fn reach(&self, force: f64) -> f64 {
+        self.coupling.map_or(f64::INFINITY, |c| if c.stiffness > 0.0 { force / c.stiffness } else { f64::INFINITY })
+    }
+
+    /// What the coupling and the tool's motion store, J. The coupling pulls no harder than `force` (N), however far the device
+    /// is; `turns`: whether its turning is felt.
+    pub fn stored(&self, device: &RigidState, force: f64, turns: bool) -> f64 {
         let turn = DMat3::from_quat(self.orientation);
         let (v, w) = (self.velocity, turn.transpose() * self.angular_velocity);
         let motion = 0.5 * self.mass * v.length_squared() + 0.5 * w.dot(self.inertia * w);
         let springs = self.coupling.map_or(0.0, |c| {
             let turn = rotation_vector(device.orientation * self.orientation.conjugate());
-            let stretch = device.position - self.centre;
-            0.5 * c.stiffness * stretch.length_squared() + 0.5 * c.angular_stiffness * turn.length_squared()
+            let stretch = (device.position - self.centre).length();
+            let near = stretch.min(self.reach(force));
+            let angular = if turns { 0.5 * c.angular_stiffness * turn.length_squared() } else { 0.0 };
+            c.stiffness * near * (stretch - 0.5 * near) + angular
         });
         motion + springs
     }

@@ -31,6 +31,19 @@ pub fn run(
     environment: &mut dyn Environment,
     schedule: Schedule,
     ticks: u64,
+    each: impl FnMut(&Tick),
+) -> Result<()> {
+    run_controlled(device, servo, environment, schedule, ticks, |_| (), each)
+}
+
+/// Ticks a servo as [`run`] does, but that `control` may change what a tick plays before the device is told.
+pub fn run_controlled(
+    device: &mut dyn Device,
+    servo: &mut Servo,
+    environment: &mut dyn Environment,
+    schedule: Schedule,
+    ticks: u64,
+    mut control: impl FnMut(&mut Tick),
     mut each: impl FnMut(&Tick),
 ) -> Result<()> {
     let period = servo.period();
@@ -48,6 +61,7 @@ pub fn run(
         let time = k as f64 * period;
         let reading = device.read(time);
         let mut tick = servo.tick(time, 0.0, reading, &newest);
+        control(&mut tick);
         if device.write(&tick.played).is_err() {
             servo.unplayed(&mut tick);
         }

@@ -16,6 +16,7 @@
 //! | [`joint`] | springs between dynamic cores |
 //! | [`coarse`] | the coarse level of the solver's preconditioner |
 //! | [`wrench`] | net force, torque, stiffness and damping on the tool |
+//! | [`gap`] | the ways from a tool to a skin |
 //! | [`statics`] | linear static equilibrium, for laws only |
 
 pub mod body;
@@ -24,6 +25,7 @@ pub mod contact;
 pub mod cull;
 pub mod elastic;
 pub mod friction;
+pub mod gap;
 pub mod joint;
 pub mod linear;
 pub mod neo_hookean;

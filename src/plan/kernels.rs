@@ -1,5 +1,6 @@
 //! Why a kernel is not recorded. Which are, the recordings say; this knows only reasons.
 
+use crate::stages::gap;
 use crate::stages::model::Model;
 
 /// The stage that a kernel belongs to where it is recorded: its folder, but for two.
@@ -28,6 +29,8 @@ pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static s
         "solve/cores" if model.cores.is_empty() => "no dynamic cores",
         "solve/apply" if model.tetrahedra.is_empty() => "no tetrahedra",
         "solve/commit" if model.node_rest.is_empty() => "no nodes",
+        "wrench/gap" if model.tool_frame.is_none() => "the tool is a body of the scene",
+        "wrench/gap" if gap::part_count(model) == 0 => "the tool may touch no skin",
         "solve/assemble" | "solve/begin" | "solve/coarse" if model.blocks.blocks.is_empty() => "no nodes",
         "solve/gather" | "solve/update" if model.blocks.blocks.is_empty() && model.tool_frame.is_none() => {
             "nothing moves"

@@ -36,6 +36,13 @@ pub fn summary(report: &Report) -> Value {
             "given": energy.given,
             "net_given": energy.net(),
             "damped": energy.damped,
+            "lent": energy.lent,
+            "stored": energy.stored,
+            "dissipated": energy.dissipated(),
+        },
+        "end": {
+            "played_force_n": report.end[0].force.length(),
+            "contact_force_n": report.end[1].force.length(),
         },
         "overestimate": report.overestimate(),
         "events": events,
@@ -84,8 +91,21 @@ impl fmt::Display for Closing<'_> {
         writeln!(f, "steps: {steps}; bodies moved at {pace:.0} % of the world's pace")?;
         let energy = report.energy;
         let (taken, given) = (energy.taken.iter().sum::<f64>(), energy.given.iter().sum::<f64>());
-        writeln!(f, "energy: hand gave {taken:.2e} J, got {given:.2e} J; {:.2e} J damped", energy.damped)?;
-        writeln!(f, "peak force played: {:.4} N", report.peak_force)?;
+        writeln!(
+            f,
+            "energy: hand gave {taken:.2e} J and was lent {:.2e}; it got {given:.2e} J, {:.2e} are stored, {:.2e} were dissipated \
+             ({:.2e} of them by passivity control)",
+            energy.lent,
+            energy.stored,
+            energy.dissipated(),
+            energy.damped
+        )?;
+        let [played, contact] = report.end.map(|wrench| wrench.force.length());
+        writeln!(
+            f,
+            "force at the end: played {played:.4} N, contact {contact:.4} N; peak played {:.4} N",
+            report.peak_force
+        )?;
         if let Some(overestimate) = report.overestimate() {
             writeln!(f, "the local model foretold {overestimate:.1} times the change of force that came")?;
         }

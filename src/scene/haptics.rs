@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::keys::{Table, Value};
 use crate::Result;
 use crate::haptics::devices::{HandParameters, haply};
-use crate::haptics::profile::{PROFILES, Profile};
+use crate::haptics::profile::{HAPLY, PROFILES, Profile};
 use crate::haptics::safety::Lowered;
 
 /// Rates that the loop can keep, Hz.
@@ -22,7 +22,7 @@ pub struct Haptics {
     pub is_held: bool,
     /// Which device.
     pub device: DeviceKind,
-    /// The profile that a simulated device has; `None`: its own.
+    /// The profile that a simulated device has, and that a Haply stays within; `None`: the device's own.
     pub profile: Option<&'static Profile>,
     /// Rate of the loop, Hz.
     pub rate: f64,
@@ -53,7 +53,7 @@ pub enum DeviceKind {
     Hand,
     /// Plays the readings of a recorded session again.
     Replay,
-    /// Haply's Inverse3.
+    /// A device of Haply's: an Inverse3 or a Minverse.
     Haply,
 }
 
@@ -142,10 +142,22 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
     needs("hand", table.has("hand"), DeviceKind::Hand)?;
     needs("haply", table.has("haply"), DeviceKind::Haply)?;
     needs("recording", haptics.recording.is_some(), DeviceKind::Replay)?;
-    if haptics.device == DeviceKind::Haply && haptics.profile.is_some_and(|profile| profile.name != "inverse3") {
-        return Err(table.error("profile", "is not that of a Haply", "remove it"));
+    if let (DeviceKind::Haply, Some(profile)) = (haptics.device, haptics.profile) {
+        of_haply(profile).map_err(|remedy| table.error("profile", NOT_HAPLYS, remedy))?;
     }
     Ok(haptics)
+}
+
+/// What is wrong with a profile that [`of_haply`] refuses.
+pub const NOT_HAPLYS: &str = "is not that of a Haply";
+
+/// Whether a profile may be named for a Haply, whose own it can only lower: one of Haply's devices.
+///
+/// # Errors
+/// What to do where it may not.
+pub fn of_haply(profile: &Profile) -> std::result::Result<(), String> {
+    let names = || HAPLY.each_ref().map(|profile| profile.name).join(" or ");
+    if profile.is_haplys() { Ok(()) } else { Err(format!("remove it, or give {}", names())) }
 }
 
 /// `hand = { mass = 0.15, .. }`.

@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 pub use crate::prepare::model::Model;
 pub use body::{Dilatation, MOST_HULLS};
 pub use build::Builder;
-pub use haptics::{DeviceKind, Haptics, RATES as HAPTIC_RATES};
+pub use haptics::{DeviceKind, Haptics, NOT_HAPLYS, RATES as HAPTIC_RATES, of_haply};
 pub use joint::{Joint, Resistance};
 pub use keys::unit_quaternion;
 pub use material::{Group, Law, Material, Place, Region};

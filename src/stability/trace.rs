@@ -280,7 +280,7 @@ impl Observer {
             let moving = tool.mass * 0.5 * tool.velocity.length_squared();
             kinetic += moving;
             motion += if tool.coupling.is_some() { moving } else { 0.0 };
-            coupling = tool.stored(&device) - moving;
+            coupling = tool.stored(&device, f64::INFINITY, true) - moving;
             weight -= tool.mass * self.gravity.dot(tool.centre - self.tool_start);
         }
         sample.energy = kinetic + weight + elastic + coupling;

@@ -32,7 +32,9 @@ pub const LOOP_TOOL: u32 = 13;
 pub const COMMIT: u32 = 14;
 /// One, once the step is accepted.
 pub const WRENCH: u32 = 15;
+/// A workgroup a part of the skins that the tool may touch, once the step is accepted, where a loop holds the tool.
+pub const GAP: u32 = 16;
 /// The draw, counted in VkDrawIndirectCommands.
-pub const DRAW: u32 = 12;
+pub const DRAW: u32 = 15;
 /// Words in the buffer.
-pub const WORDS: usize = 52;
+pub const WORDS: usize = 64;

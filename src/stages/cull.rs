@@ -46,7 +46,8 @@ pub struct Cull {
     active_slots: Buffer,
     /// A [`super::types::Chunk`] each.
     pub chunks: Buffer,
-    chunk_nodes: Buffer,
+    /// Nodes that move each chunk.
+    pub chunk_nodes: Buffer,
     slot_chunks: Buffer,
     slabs: Buffer,
     /// Heights that each side's chunks reach in the squares of a region.

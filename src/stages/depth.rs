@@ -24,7 +24,8 @@ const SQUARES: u32 = MOST_CELLS + 1;
 /// Crossings of all regions.
 pub struct Depth {
     cross: Cross,
-    chunk_triangles: Buffer,
+    /// Triangles, by chunk.
+    pub chunk_triangles: Buffer,
     /// Triangle, next on the same ray, bits of the depth, twice its work item and whether it is a front.
     pub hits: Buffer,
 }

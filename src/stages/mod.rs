@@ -13,6 +13,7 @@ pub mod depth;
 pub mod dilate;
 pub mod draw;
 pub mod elastic;
+pub mod gap;
 pub mod joints;
 mod layers;
 pub mod model;

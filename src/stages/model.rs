@@ -8,12 +8,13 @@ use glam::{DQuat, DVec3};
 use super::blocks::Blocks;
 use super::coarse::Coarse;
 use super::dilate::Patches;
+use super::gap;
 use super::joints::Joint;
 use super::layers::OF_PATCH;
 use super::types::{Chunk, NONE, PAIR_REGIONS, Pair, Proxy, Slot};
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
-use crate::scene::{Scene, Sides};
+use crate::scene::{Scene, Sides, ToolShape};
 
 /// Active chunks times their regions at most, a workgroup each on any device: four million vertices; more raise the region
 /// overflow flag.
@@ -119,6 +120,10 @@ pub struct Model {
     pub floating: Vec<Floating>,
     /// Frame of the tool.
     pub tool_frame: Option<usize>,
+    /// Radius of a tool that is a sphere, m.
+    pub tool_sphere: Option<f64>,
+    /// Of a ball about a rigid tool's centre that holds all of it, m.
+    pub tool_radius: f64,
     /// The dynamic core that the device holds, where the tool is a body.
     pub held: Option<usize>,
     /// Soft bodies.
@@ -215,9 +220,14 @@ impl Model {
         }
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
         model.newton = scene.step.newton;
+        model.tool_sphere = scene.tool.as_ref().and_then(|tool| match tool.shape {
+            ToolShape::Sphere(radius) => Some(radius),
+            _ => None,
+        });
         let held_frame = scene.held_body().map(|body| model.body_frames[body] as usize);
         model.held = model.cores.iter().position(|core| Some(core.frame) == held_frame);
         model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
+        model.tool_radius = gap::tool_radius(&model);
         model
     }
 

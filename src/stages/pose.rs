@@ -17,7 +17,8 @@ pub struct Pose {
     proxy_count: u32,
     hull_rest: Buffer,
     face_rest: Buffer,
-    proxy_nodes: Buffer,
+    /// Nodes that move each proxy.
+    pub proxy_nodes: Buffer,
     /// Proxies of all bodies.
     pub proxies: Buffer,
     /// Hull vertices of all proxies, relative to the origin.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::contact::Touch;
 use super::model::Model;
-use super::{args, array, count, types, upload, zeros};
+use super::{args, array, count, gap, types, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Size};
 
@@ -183,7 +183,10 @@ impl Solve {
             begin: reduce("solve/begin", &[coarse])?,
             update: variants("solve/update", &[blocks, coarse, partials, rigids, ("WIDEST", count(widest))])?,
             no_args: zeros::<u32>(context, "no arguments", 1)?,
-            conclude: reduce("solve/conclude", &[nodes_c, contact, tool, coarse, blocks, rigids, group])?,
+            conclude: reduce(
+                "solve/conclude",
+                &[nodes_c, contact, tool, coarse, blocks, rigids, group, ("SKIN_PARTS", count(gap::part_count(model)))],
+            )?,
             commit: Kernel::new(context, "solve/commit", Size::Group, &[nodes_c, rigids])?,
             touch: touch.cloned().map_or_else(|| Touch::nothing(context), Ok)?,
             has_contact: touch.is_some(),

@@ -350,6 +350,34 @@ pub struct Report {
     pub damping: [f32; 21],
 }
 
+/// Chunks of a proxy that the tool may touch.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct SkinPart {
+    /// The proxy.
+    pub proxy: u32,
+    /// The first of the chunks.
+    pub chunk_first: u32,
+    /// How many.
+    pub chunk_count: u32,
+    /// Least corner of what holds their boxes at rest, in the proxy's frame, m.
+    pub low: [f32; 3],
+    /// Greatest corner.
+    pub high: [f32; 3],
+}
+
+/// The shortest way from the tool to such a part at the end of the step: from a sphere's centre, from any other tool's surface.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct SkinGap {
+    /// To what faces the tool, world axes, m.
+    pub way: [f32; 3],
+    /// Where it ends, of the skin or of the tool; [`NONE`]: nothing is near.
+    pub triangle: u32,
+    /// Length of the shortest met to what faces away, m.
+    pub back: f32,
+}
+
 /// Verdicts of [`Report`].
 pub mod verdict {
     /// The recorded iterations ran out.

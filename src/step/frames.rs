@@ -204,6 +204,15 @@ impl Frames {
         }
     }
 
+    /// Whether a frame moves as it is told between two times, s.
+    pub fn is_any_driven(&self, from: f64, to: f64) -> bool {
+        let moves = |state: &State| match &state.mover {
+            Mover::Driven(drive) => drive.pose(from) != drive.pose(to),
+            _ => false,
+        };
+        self.states.iter().any(moves)
+    }
+
     /// Whether a frame turns further in a step of `h` seconds than what it carries can bear (see [`MOST_TURN`],
     /// [`MOST_STIFF_TURN`]): one that is driven on the way it has set out for, others by what they turn at now. Rigid bodies have
     /// no nodes, and nothing that bends.

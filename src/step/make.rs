@@ -135,6 +135,7 @@ impl Prepared {
             time: 0.0,
             has_weight: true,
             held_mass,
+            max_force: f64::INFINITY,
             last_wrench: None,
             last_iterations: 0,
             last_timed: None,

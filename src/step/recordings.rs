@@ -8,6 +8,7 @@ use crate::stages::contact::Contact;
 use crate::stages::cull::Cull;
 use crate::stages::depth::{Depth, Path};
 use crate::stages::elastic::Elastic;
+use crate::stages::gap::{Gap, Skins};
 use crate::stages::model::Model;
 use crate::stages::skin::{Probes, Skin};
 use crate::stages::solve::Solve;
@@ -24,6 +25,7 @@ pub struct Stages {
     pub solve: Solve,
     pub touch: Option<TouchStages>,
     pub wrench: Option<Wrench>,
+    pub gap: Option<Gap>,
     pub probes: Option<Probes>,
     pub carried: Option<pose::Carried>,
     pub floating: Option<pose::Floating>,
@@ -88,9 +90,11 @@ impl Stages {
         let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;
         let held = model.tool_frame.or(model.held);
         let wrench = if held.is_some() && touch.is_some() { Some(Wrench::new(context, model)?) } else { None };
+        let gap = if touch.is_some() { Gap::new(context, model)? } else { None };
         let probes = if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes)?) };
         let (carried, floating) = (pose::Carried::new(context, model)?, pose::Floating::new(context, model)?);
-        Ok(Stages { elastic: Elastic::new(context, model)?, common, solve, touch, wrench, probes, carried, floating })
+        let elastic = Elastic::new(context, model)?;
+        Ok(Stages { elastic, common, solve, touch, wrench, gap, probes, carried, floating })
     }
 
     /// Takes up what a model of the same bodies says of materials.
@@ -115,7 +119,7 @@ impl Stages {
 impl Recordings {
     /// Records every part, with iterations up to one more than the cap, so that the pass that notices it is there.
     pub fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
-        let Stages { common, elastic, solve, touch, wrench, probes, carried, floating } = stages;
+        let Stages { common, elastic, solve, touch, wrench, gap, probes, carried, floating } = stages;
 
         let mut begin = recorder()?;
         if let Some(carried) = carried {
@@ -163,6 +167,9 @@ impl Recordings {
         solve.record_end(&mut end, common, elastic);
         if let (Some(wrench), Some(touch)) = (wrench, touch) {
             wrench.record(&mut end, common, &touch.contact.touch);
+        }
+        if let (Some(gap), Some(TouchStages { pose, skin, cull, depth: Some(depth), .. })) = (gap, touch) {
+            gap.record(&mut end, common, &Skins { pose, cull, skin, depth }, elastic, solve);
         }
         if let Some(floating) = floating {
             floating.record(&mut end, common, elastic);

@@ -14,7 +14,7 @@ use crate::haptics::servo::state_of;
 use crate::{Error, Result};
 
 /// What the bytes begin with.
-const MARK: [u8; 8] = *b"palpate1";
+const MARK: [u8; 8] = *b"palpate2";
 
 /// Everything that moves.
 #[derive(Serialize, Deserialize)]

@@ -92,6 +92,8 @@ pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> Contact
         stiffness: matrix(&report.stiffness),
         damping: matrix(&report.damping),
         pressing: report.pressing.into(),
+        gap: None,
+        is_driven: false,
     }
 }
 

@@ -15,6 +15,7 @@ use std::thread::JoinHandle;
 
 use super::turns::Turns;
 use crate::haptics::Device;
+use crate::haptics::session::Report;
 use crate::prepare::bodies::Bodies;
 use crate::report::Row;
 use crate::scene::{Contact, Coupling, Key, Material, Scene};
@@ -104,6 +105,7 @@ pub struct Live {
     snapshots: triple_buffer::Output<Snapshot>,
     samples: rtrb::Consumer<Sample>,
     notes: Receiver<String>,
+    sessions: Receiver<Report>,
 }
 
 /// What tells the thread; one for each who does.
@@ -124,10 +126,16 @@ impl Live {
         let (out, snapshots) = triple_buffer::triple_buffer(&Snapshot::default());
         let (samples_in, samples) = rtrb::RingBuffer::new(SAMPLES);
         let (tell, notes) = channel();
-        let worker = Worker::new(begin, turns.clone(), told, snapshot::Out { out, samples: samples_in, notes: tell })?;
+        let (end, sessions) = channel();
+        let worker = Worker::new(
+            begin,
+            turns.clone(),
+            told,
+            snapshot::Out { out, samples: samples_in, notes: tell, sessions: end },
+        )?;
         let thread = std::thread::Builder::new().name("palpate-steps".into()).spawn(move || worker.run());
         let thread = thread.map_err(|error| Error::Simulation(format!("no thread for the simulation: {error}")))?;
-        Ok(Live { link: Link { commands, turns }, thread: Some(thread), snapshots, samples, notes })
+        Ok(Live { link: Link { commands, turns }, thread: Some(thread), snapshots, samples, notes, sessions })
     }
 
     /// What tells it, for another thread as well.
@@ -148,6 +156,11 @@ impl Live {
     /// Lines that the user should read.
     pub fn notes(&self) -> impl Iterator<Item = String> + '_ {
         self.notes.try_iter()
+    }
+
+    /// What came of sessions with a device that ended since this was last asked, the oldest first.
+    pub fn sessions(&self) -> impl Iterator<Item = Report> + '_ {
+        self.sessions.try_iter()
     }
 
     /// Whether the thread is there.

@@ -138,7 +138,7 @@ impl Turns {
         SLICE * median(lengths).as_secs_f64()
     }
 
-    /// How all steps since [`Turns::forget`] waited, a tenth of a second being the most that a share is told of.
+    /// How all steps since [`Turns::forget`] waited.
     pub fn all_delays(&self) -> Lateness {
         self.state().all.clone()
     }

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use palpate::stages::args;
 use palpate::stages::types::verdict;
 
-use super::passes::{Change, Passes, UNTOUCHED};
+use super::passes::{Change, Passes, SKIN_PARTS, UNTOUCHED};
 use crate::harness::{Tolerance, context, expect_close};
 use crate::random::Random;
 use crate::system::{System, layer, layered, material, triples, two_layers};
@@ -56,7 +56,7 @@ fn verdicts_by_hand() {
     expect_close("residual", &[report.residual, report.residual_floor], &[0.05, 1.25e-4], ROUNDING);
     assert_eq!(granted(&passes), [groups, 1]);
     assert_eq!((report.max_depth, report.force, report.stiffness), (0.0, [7.0; 3], [7.0; 21]));
-    let written = [args::COMMIT, args::WRENCH].map(|slot| 3 * slot as usize);
+    let written = [args::COMMIT, args::WRENCH, args::GAP].map(|slot| 3 * slot as usize);
     let others = passes.args.iter().enumerate().filter(|(i, _)| !written.contains(i));
     assert!(others.into_iter().all(|(_, word)| *word == UNTOUCHED), "other arguments stay");
 
@@ -97,6 +97,17 @@ fn verdicts_by_hand() {
     with_dots(&mut passes, &[[1e-9, 0.0]]);
     passes.conclude();
     assert_eq!((passes.report.residual, passes.report.flags), (0.0, 0));
+}
+
+#[test]
+fn the_gap_is_looked_for_where_a_loop_holds_the_tool() {
+    for (is_held, worth, want) in [(0, 0.16, 0), (1, 0.16, SKIN_PARTS), (1, f32::NAN, 0)] {
+        let mut passes = some_nodes();
+        passes.system.params.is_held = is_held;
+        with_dots(&mut passes, &[[worth, 0.0]]);
+        passes.conclude();
+        assert_eq!(passes.args[3 * args::GAP as usize], want, "{is_held} {worth}");
+    }
 }
 
 #[test]

@@ -22,7 +22,7 @@ const FACTOR: f64 = 1.0e-4;
 
 /// Slots' first words in their order from `LOOP_APPLY` on.
 fn loop_groups(args: &[u32]) -> Vec<u32> {
-    (args::LOOP_APPLY..=args::WRENCH).map(|slot| args[3 * slot as usize]).collect()
+    (args::LOOP_APPLY..=args::GAP).map(|slot| args[3 * slot as usize]).collect()
 }
 
 #[test]
@@ -39,12 +39,11 @@ fn the_warm_factor_and_the_arguments_by_hand() {
     assert_eq!((s.current, s.status, s.retries), (0, 0, 3));
     assert_eq!(passes.iterations, [Iteration { gamma: 0.0, alpha: 0.0, count: 0 }; 2]);
     let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
-    assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 0, 2, 0, 0, 0, 0]);
-    for slot in args::LOOP_APPLY..=args::WRENCH {
+    assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 0, 2, 0, 0, 0, 0, 0]);
+    for slot in args::LOOP_APPLY..=args::GAP {
         assert_eq!(passes.args[3 * slot as usize + 1..][..2], [1, 1], "slot {slot}");
     }
-    let others =
-        [&passes.args[..3 * args::LOOP_APPLY as usize], &passes.args[3 * args::WRENCH as usize + 3..]].concat();
+    let others = [&passes.args[..3 * args::LOOP_APPLY as usize], &passes.args[3 * args::GAP as usize + 3..]].concat();
     assert!(others.iter().all(|word| *word == UNTOUCHED), "other stages' arguments stay");
 }
 
@@ -56,7 +55,7 @@ fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
     (passes.partials, passes.dots) = (vec![[0.5, 0.5]], vec![[1.0, 1.0]]);
     passes.start();
     assert_eq!((passes.state.warm, passes.state.status), (0.0, 1));
-    assert_eq!(loop_groups(&passes.args), [0; 8]);
+    assert_eq!(loop_groups(&passes.args), [0; 9]);
     for bad in [[f32::NAN; 2], [f32::INFINITY; 2], [f32::NEG_INFINITY, f32::INFINITY], [1.0, 0.0], [f32::NAN, 1.0]] {
         (passes.partials, passes.dots) = (vec![[2.0, 0.5]], vec![bad]);
         passes.start();

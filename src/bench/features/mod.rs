@@ -216,7 +216,7 @@ fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
 fn held(scene: &Scene) -> Option<Held> {
     let last = scene.drive.last()?;
     let state = RigidState::at_rest(last.position, last.orientation);
-    Some(Held { ticks: 0, time: 0.0, device: state, tool: state, coupling: scene.coupling })
+    Some(Held { ticks: 0, time: 0.0, device: state, tool: state, coupling: scene.coupling, max_force: f64::INFINITY })
 }
 
 fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {

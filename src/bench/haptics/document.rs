@@ -1,5 +1,6 @@
 //! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
 
+mod controllers;
 mod forces;
 mod walls;
 
@@ -45,6 +46,9 @@ pub fn sections(results: &Results) -> Result<Vec<Section>> {
     }
     if !results.slides.is_empty() {
         sections.push(forces::slides(&results.slides)?);
+    }
+    if !results.controllers.is_empty() {
+        sections.push(controllers::controllers(&results.controllers)?);
     }
     if !results.jitter.is_empty() {
         sections.push(jitter(&results.jitter)?);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::bench::haptics::{Change, Changes, Held, Limit, Met, Mode, Slid, Spread, Width};
+use crate::bench::haptics::{Change, Changes, Controlled, Controller, Held, Limit, Met, Mode, Slid, Spread, Width};
 
 fn width(damping: f64, [session, local, raw]: [f64; 3]) -> Width {
     Width { profile: "touch".into(), coupling: 400.0, damping, session, local, raw, colgate: 5000.0 }
@@ -121,4 +121,35 @@ fn a_loop_that_misses_more_than_a_bare_timer_is_named() {
 #[test]
 fn what_was_not_measured_has_no_section() {
     assert!(sections(&Results::default()).unwrap().is_empty());
+}
+
+#[test]
+fn what_a_controller_leaves_and_what_the_hand_gains_are_told_of_each() {
+    let case = |controller, share, net, lent| Controlled {
+        controller,
+        profile: "touch".into(),
+        body: 300.0,
+        rate: 60.0,
+        gap: true,
+        share,
+        deviation: 1e-3,
+        net,
+        lent,
+        acts: 0.25,
+    };
+    let all = [
+        case(Controller::Session, 1.0, 2e-3, 2e-3),
+        case(Controller::Observer, 0.2, -1e-3, 0.0),
+        case(Controller::Observer, 0.98, 3e-3, 0.0),
+    ];
+    let section = controllers::controllers(&all).unwrap();
+    let told =
+        "session 100 % (1 of 1 within 3 %), 0.00 mJ; Hannaford and Ryu 2002 20 to 98 % (1 of 2 within 3 %), 3.00 mJ.";
+    assert!(section.finding.ends_with(told), "{}", section.finding);
+    assert_eq!(
+        section.table.rows[1][..6],
+        ["Hannaford and Ryu 2002", "touch", "300", "60", "yes", "20.0"].map(String::from)
+    );
+    assert_eq!(section.table.heads.len(), section.table.rows[0].len());
+    assert!(controllers::controllers(&[]).unwrap().finding.contains("nothing"));
 }

@@ -1,6 +1,7 @@
 //! `palpate bench haptics`: what the hand feels of the loop: how stiff a wall may be, how still a force keeps, how far it
 //! jumps, and how punctual its ticks are.
 
+mod controllers;
 mod document;
 pub(super) mod head;
 mod hold;
@@ -12,6 +13,7 @@ mod width;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+pub use controllers::{Controlled, Controller};
 pub use hold::{Held, Met, is_still};
 pub use jitter::Punctual;
 pub use rig::{Mode, Spread};
@@ -117,6 +119,8 @@ pub struct Results {
     pub holds: Vec<Held>,
     /// Slides over the head.
     pub slides: Vec<Slid>,
+    /// Passivity controllers.
+    pub controllers: Vec<Controlled>,
     /// Late ticks.
     pub jitter: Vec<Punctual>,
 }
@@ -124,20 +128,21 @@ pub struct Results {
 impl Results {
     /// Of the parts that were measured. Errors: they are none of this benchmark.
     pub fn of(parts: &Map<String, Value>) -> Result<Results> {
-        let [widths, delays, rates, holds, slides, jitter] = PARTS;
+        let [widths, delays, rates, holds, slides, controllers, jitter] = PARTS;
         Ok(Results {
             widths: part(parts, widths)?,
             delays: part(parts, delays)?,
             rates: part(parts, rates)?,
             holds: part(parts, holds)?,
             slides: part(parts, slides)?,
+            controllers: part(parts, controllers)?,
             jitter: part(parts, jitter)?,
         })
     }
 }
 
 /// Names of the parts.
-const PARTS: [&str; 6] = ["damping", "delay", "rate", "hold", "slide", "ticks"];
+const PARTS: [&str; 7] = ["damping", "delay", "rate", "hold", "slide", "controllers", "ticks"];
 
 /// The benchmark: a part for each question.
 pub struct Haptics(pub Settings);
@@ -166,6 +171,7 @@ impl Benchmark for Haptics {
             "delay" => to_value(&width::by_delay(settings, watch)?),
             "rate" => to_value(&width::by_rate(settings, watch)?),
             "hold" => to_value(&hold::measure(settings, watch)?),
+            "controllers" => to_value(&controllers::measure(settings, watch)?),
             "slide" => to_value(&slide::measure(settings, watch)?),
             _ => to_value(&jitter::measure(settings, watch)?),
         }

@@ -3,6 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
+use crate::haptics::coupling::Gains;
 use crate::haptics::devices::hand::{Hand, HandParameters};
 use crate::haptics::drive::Drive;
 use crate::haptics::environment::{Environment, Wall};
@@ -55,7 +56,11 @@ pub struct Rig {
 impl Rig {
     /// The gains that a session would choose with the local model.
     pub fn coupling(&self) -> Coupling {
-        coupling::choose(self.profile, PERIOD, 0.0, MASS, inertia(), None).coupling
+        self.gains().coupling
+    }
+
+    fn gains(&self) -> Gains {
+        coupling::choose(self.profile, PERIOD, 0.0, MASS, inertia(), None)
     }
 
     /// What one step of the hand's encoders is worth by the coupling, N: by its stiffness, and by its damping where the
@@ -73,13 +78,25 @@ impl Rig {
         environment: &mut dyn Environment,
         schedule: Schedule,
     ) -> Result<Vec<Tick>> {
+        self.follow_controlled(keys, tool, environment, schedule, |_| ())
+    }
+
+    /// Follows keys as [`Rig::follow`] does, but that `control` may change what a tick plays before the device is told.
+    pub fn follow_controlled(
+        &self,
+        keys: &[Key],
+        tool: &Tool,
+        environment: &mut dyn Environment,
+        schedule: Schedule,
+        control: impl FnMut(&mut Tick),
+    ) -> Result<Vec<Tick>> {
         let [first, .., last] = keys else { return Ok(Vec::new()) };
         let settings = Settings {
             period: PERIOD,
             limits: Limits::new(self.profile, &Lowered::default()).0,
             local_model: self.mode != Mode::Raw,
             passivity: self.mode == Mode::Session,
-            most_damping: self.profile.damping,
+            most_damping: self.gains().most_damping,
             trust: Haptics::default().trust,
             arm: (inertia() / MASS).sqrt(),
         };
@@ -89,7 +106,8 @@ impl Rig {
         hand.open().map_err(|fault| Error::Simulation(fault.to_string()))?;
         let count = (last.time / PERIOD).round() as u64;
         let mut ticks = Vec::with_capacity(count as usize);
-        virtual_time::run(&mut hand, &mut servo, environment, schedule, count, |tick| ticks.push(*tick))?;
+        let each = |tick: &Tick| ticks.push(*tick);
+        virtual_time::run_controlled(&mut hand, &mut servo, environment, schedule, count, control, each)?;
         Ok(ticks)
     }
 }
@@ -119,7 +137,7 @@ pub fn key(time: f64, position: DVec3) -> Key {
 
 /// A wall of this stiffness (N/m) and damping (N s/m), for a tool that starts at `centre`.
 pub fn wall(stiffness: f64, damping: f64, centre: DVec3) -> Wall {
-    Wall { stiffness, damping, tool: tool(centre), steps: 0 }
+    Wall { stiffness, damping, tells_gap: true, tool: tool(centre), steps: 0 }
 }
 
 /// An environment, and all that it found.

@@ -36,8 +36,8 @@ pub const STILL_SHARE: f64 = 0.01;
 pub const STILL: f64 = 0.01;
 /// A swing grows if its second half is so many times its first.
 const GROWTH: f64 = 1.2;
-/// A force is there if it is more than this share of what springs at rest would give: one that was taken away is still too.
-const THERE: f64 = 0.5;
+/// A force is there if it is at least this share of what springs at rest would give: one that was taken away is still too.
+const THERE: f64 = 0.97;
 /// Where the hand means to be within the wall, m.
 const WITHIN: f64 = 0.01;
 /// Swings that are smaller are rounding, N.
@@ -190,7 +190,7 @@ fn keeps_still(ticks: &[Tick], balance: f64) -> bool {
     let (first, second) = last.split_at(last.len() / 2);
     let [whole, first, second] = [&last[..], first, second].map(|part| Spread::of(part.iter().copied()));
     let grows = second.swing > GROWTH * first.swing && second.swing > NOTHING;
-    whole.swing <= (STILL_SHARE * whole.mean.abs()).max(STILL) && !grows && whole.mean > THERE * balance
+    whole.swing <= (STILL_SHARE * whole.mean.abs()).max(STILL) && !grows && whole.mean >= THERE * balance
 }
 
 /// Up from the softest to the first that swings, then between the two.

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use palpate::gpu::{Context, Window};
 use palpate::haptics::devices::mouse::Goal;
 use palpate::prepare::bodies::Bodies;
+use palpate::report::haptics::Closing;
 use palpate::scene::Scene;
 use palpate::view::Camera;
 use palpate::view::live::{Command, Live, State};
@@ -122,7 +123,9 @@ impl App {
             self.error.get_or_insert(Error::Simulation(why.clone()));
         }
         self.error.take().map_or(Ok(()), Err)?;
-        print(&self.frames.summary(&delays))
+        print(&self.frames.summary(&delays))?;
+        // Of several, after pauses, the last tells how it stood at the end.
+        self.live.sessions().last().map_or(Ok(()), |report| print(&Closing(&report).to_string()))
     }
 
     fn open(&mut self, events: &ActiveEventLoop) -> Result<()> {

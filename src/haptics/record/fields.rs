@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::Step;
 use crate::haptics::device::{Reading, RigidState, Wrench};
 use crate::haptics::event::{Event, Events};
-use crate::haptics::local_model::ContactWrench;
+use crate::haptics::local_model::{ContactWrench, Gap};
 use crate::haptics::passivity::Energy;
 use crate::haptics::servo::Tick;
 use crate::haptics::servo_thread::Held;
@@ -92,10 +92,12 @@ pub fn of_tick(tick: &Tick) -> Vec<Field> {
     fields.number("age_s", age);
     fields.number("gain", gain);
     fields.number("damping", damping);
-    let Energy { taken, given, damped } = energy;
+    let Energy { taken, given, damped, lent, stored } = energy;
     fields.numbers("energy_taken", SIX, taken);
     fields.numbers("energy_given", SIX, given);
     fields.number("energy_damped", damped);
+    fields.number("energy_lent", lent);
+    fields.number("energy_stored", stored);
     fields.add(["events", "", ""], Value::Events(events));
     fields.0
 }
@@ -104,7 +106,7 @@ pub fn of_tick(tick: &Tick) -> Vec<Field> {
 pub fn of_step(step: &Step) -> Vec<Field> {
     let Step { held, h, wrench } = *step;
     let mut fields = List::default();
-    let Held { ticks, time, device, tool, coupling } = held;
+    let Held { ticks, time, device, tool, coupling, max_force } = held;
     fields.count("held_ticks", ticks);
     fields.number("held_time_s", time);
     fields.state("held_device", &device);
@@ -115,8 +117,9 @@ pub fn of_step(step: &Step) -> Vec<Field> {
     fields.add(["held_damping", "", ""], gain(|c| c.damping));
     fields.add(["held_stiffness", "_angular", ""], gain(|c| c.angular_stiffness));
     fields.add(["held_damping", "_angular", ""], gain(|c| c.angular_damping));
+    fields.number("held_max_force", max_force);
     fields.number("h_s", h);
-    let ContactWrench { step, time, tool, wrench, stiffness, damping, pressing } = wrench;
+    let ContactWrench { step, time, tool, wrench, stiffness, damping, pressing, gap, is_driven } = wrench;
     fields.count("step", step);
     fields.number("time_s", time);
     fields.state("tool", &tool);
@@ -127,6 +130,13 @@ pub fn of_step(step: &Step) -> Vec<Field> {
         }
     }
     fields.number("pressing_n", pressing);
+    let of_gap = |of: fn(&Gap) -> f64| gap.as_ref().map_or(Value::Nothing, |gap| Value::Number(of(gap)));
+    fields.add(["gap_normal", "_x", ""], of_gap(|gap| gap.normal.x));
+    fields.add(["gap_normal", "_y", ""], of_gap(|gap| gap.normal.y));
+    fields.add(["gap_normal", "_z", ""], of_gap(|gap| gap.normal.z));
+    fields.add(["gap_m", "", ""], of_gap(|gap| gap.distance));
+    fields.count("is_driven", is_driven.into());
+    fields.add(["gap_stiffness", "", ""], of_gap(|gap| gap.stiffness));
     fields.0
 }
 

@@ -49,7 +49,7 @@ pub struct Walled(Wall);
 
 impl Walled {
     pub fn new() -> Walled {
-        Walled(Wall { stiffness: 600.0, damping: 1.0, tool: tool(), steps: 0 })
+        Walled(Wall { stiffness: 600.0, damping: 1.0, tells_gap: true, tool: tool(), steps: 0 })
     }
 }
 
@@ -81,7 +81,7 @@ fn session(mut keep: impl FnMut(Entry)) {
         limits,
         local_model: true,
         passivity: true,
-        most_damping: 5.0,
+        most_damping: [5.0, 0.0],
         trust: 5e-3,
         arm: 0.02,
     };
@@ -231,7 +231,7 @@ fn every_way_a_file_can_be_wrong_is_one_line_that_says_where() {
         |at: usize, new: &'static [u8]| -> Spoil { Box::new(move |b| b[at..at + new.len()].copy_from_slice(new)) };
     let wrong: [(Spoil, String); 8] = [
         (put(0, b"PALPATE"), "is no recording".into()),
-        (put(8, &[2, 0]), "version 2; this palpate reads version 1".into()),
+        (put(8, &[1, 0]), "version 1; this palpate reads version 2".into()),
         (put(at, &[1, 0, 16, 0]), format!("{}: it is 1048577 bytes long", damaged(at))),
         (put(at, &[255; 4]), damaged(at)),
         (put(at + 4, &[9]), damaged(at)),

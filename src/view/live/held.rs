@@ -148,9 +148,11 @@ impl Worker {
             this.out.note(format!("recorded {} ticks: palpate replay {name}", totals.ticks));
         }
         let report = report?;
-        if let (Some(why), None) = (report.ended, &this.next) {
+        if let (Some(why), None) = (&report.ended, &this.next) {
             this.out.note(format!("the session ended: {why}"));
         }
+        // Who reads may be gone.
+        let _ = this.out.sessions.send(report);
         Ok(())
     }
 }

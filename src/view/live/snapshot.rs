@@ -7,6 +7,7 @@ use std::sync::mpsc::Sender;
 use glam::DVec3;
 
 use crate::haptics::Wrench;
+use crate::haptics::session::Report;
 use crate::report::Row;
 use crate::scene::{Contact, Coupling, Material};
 use crate::step::Simulation;
@@ -90,6 +91,8 @@ pub(super) struct Out {
     pub out: triple_buffer::Input<Snapshot>,
     pub samples: rtrb::Producer<Sample>,
     pub notes: Sender<String>,
+    /// What came of sessions with a device.
+    pub sessions: Sender<Report>,
 }
 
 impl Out {

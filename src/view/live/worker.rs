@@ -287,7 +287,8 @@ impl Worker {
         let h = self.simulation.scene().step.dt;
         let held = self.simulation.tool().map(|tool| {
             let own = state_of(tool);
-            let first = Held { ticks: 0, time: 0.0, device: own, tool: own, coupling: tool.coupling };
+            let (coupling, max_force) = (tool.coupling, f64::INFINITY);
+            let first = Held { ticks: 0, time: 0.0, device: own, tool: own, coupling, max_force };
             Held { tool: own, ..self.last_held.unwrap_or(first) }
         });
         let row = match (&self.lead, held) {

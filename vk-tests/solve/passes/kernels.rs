@@ -9,6 +9,9 @@ use crate::harness::{Case, Outcome, case, context};
 
 type Quads = Vec<[f32; 4]>;
 
+/// Workgroups that solve/conclude asks for to look for the gap.
+pub const SKIN_PARTS: u32 = 5;
+
 impl Passes {
     fn reduce(&self, name: &str) -> Case {
         case(name).size(Size::Reduce).constant("COARSE", self.coarse)
@@ -375,6 +378,7 @@ impl Passes {
             .constant("BLOCKS", self.block_count as u32)
             .constant("RIGIDS", self.rigid_count())
             .constant("GROUP", context().group_size())
+            .constant("SKIN_PARTS", SKIN_PARTS)
             .input("params", &[s.params])
             .input("frames", &s.frames)
             .input("dots", &self.dots)

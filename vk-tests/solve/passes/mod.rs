@@ -8,6 +8,8 @@ use palpate::gpu::Size;
 use palpate::stages::args;
 use palpate::stages::types::{Iteration, Joint, NONE, Report, Rigid, RigidIterate, Solve};
 
+pub use kernels::SKIN_PARTS;
+
 use crate::harness::case;
 use crate::system::System;
 

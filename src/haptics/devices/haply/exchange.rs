@@ -9,9 +9,11 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use triple_buffer::{Input, Output};
 
+use super::kind::Identity;
 use super::link::{Address, Link};
 use super::protocol::{self, Dialect, State};
 use crate::haptics::Fault;
+use crate::haptics::profile::Profile;
 use crate::haptics::servo_thread::raise_priority;
 
 /// Oldest state that is still true of the device, and the longest wait for an answer before the next message.
@@ -39,6 +41,9 @@ pub struct Shot {
     pub garbled: u32,
     /// What went wrong since.
     pub trouble: Option<Fault>,
+    /// Which device it is, once the service has said so; from then on it is this one and no other, which would be somewhere
+    /// else and might bear less.
+    pub identity: Option<Arc<Identity>>,
 }
 
 /// What the loop wants played.
@@ -67,13 +72,15 @@ fn count(counter: &AtomicU64) {
 /// The thread's side.
 pub struct Exchange {
     pub address: Address,
-    /// Device to talk to; `None`: the first.
+    /// Device to talk to where none was found before; `None`: the first.
     pub device_id: Option<String>,
     /// Dialect to speak; `None`: what the service's version asks for.
     pub dialect: Option<Dialect>,
     /// Of a message.
     pub period: Duration,
-    /// Greatest force, N.
+    /// A profile that lowers the device's own.
+    pub asked: Option<&'static Profile>,
+    /// Greatest force, N: that of the connected device's profile.
     pub max_force: f64,
     pub shots: Input<Shot>,
     pub orders: Output<Order>,
@@ -118,9 +125,19 @@ impl Exchange {
         count(&self.tally.connections);
         let inventory = link.receive(Instant::now() + INVENTORY_WAIT)?;
         let inventory = inventory.ok_or_else(|| Fault::Lost("the service sends no inventory".into()))?;
-        let (device_id, _) = protocol::find(&inventory, self.device_id.as_deref())?;
-        // From now on this one and no other, which would be somewhere else.
-        self.device_id = Some(device_id.clone());
+        let (identity, _) = protocol::find(&inventory, self.wanted())?;
+        let device_id = identity.device_id.clone();
+        self.max_force = identity.kind.profile(self.asked).max_force;
+        match &self.shot.identity {
+            Some(known) if **known != identity => {
+                // Limits were chosen for what was there before.
+                let (before, now) = (&known.kind, &identity.kind);
+                let what = format!("the service reported {before} of {device_id:?} and now reports {now}");
+                return Err(Fault::Lost(format!("{what}: end the session and begin another")));
+            }
+            Some(_) => {}
+            None => self.shot.identity = Some(Arc::new(identity)),
+        }
         let told = || link.version().and_then(|version| Dialect::of_version(&version));
         let dialect = self.dialect.or_else(told).unwrap_or(Dialect::Vector);
         link.send(protocol::greeting(&device_id, dialect))?;
@@ -130,6 +147,12 @@ impl Exchange {
         let _ = self.play(&mut partner, DVec3::ZERO);
         partner.link.close();
         ended
+    }
+
+    /// The device that is asked for: the one that was found, or the user's.
+    fn wanted(&self) -> Option<&str> {
+        let found = self.shot.identity.as_ref().map(|identity| identity.device_id.as_str());
+        found.or(self.device_id.as_deref())
     }
 
     /// A frame and a message a period, the greeting being sent.
@@ -159,7 +182,7 @@ impl Exchange {
                 return Err(Fault::Lost("the service does not keep up, or says nothing of use".into()));
             }
             sent = Instant::now();
-            let force = self.wanted();
+            let force = self.force();
             self.play(partner, force)?;
             owed += 1;
         }
@@ -170,9 +193,10 @@ impl Exchange {
     fn take(&mut self, text: &str, owed: &mut u32) {
         *owed = owed.saturating_sub(1);
         count(&self.tally.frames);
-        match protocol::find(text, self.device_id.as_deref()) {
+        match protocol::find(text, self.wanted()) {
             Ok((_, state)) => {
-                self.shot = Shot { state: Some((Instant::now(), state)), garbled: 0, trouble: None };
+                self.shot.state = Some((Instant::now(), state));
+                (self.shot.garbled, self.shot.trouble) = (0, None);
                 self.shots.write(self.shot.clone());
             }
             Err(fault) => self.report(fault),
@@ -193,7 +217,7 @@ impl Exchange {
     }
 
     /// What the loop wants played, or nothing where it or the service is silent.
-    fn wanted(&mut self) -> DVec3 {
+    fn force(&mut self) -> DVec3 {
         let order = self.orders.read();
         let is_seen = self.shot.state.is_some_and(|(at, _)| at.elapsed() <= STATE_LIFE);
         let is_meant = order.written.is_some_and(|at| at.elapsed() <= FORCE_LIFE);

@@ -46,10 +46,13 @@ impl Heard {
 /// Says what to do with a message, by its connection's number and its own in it, both from 0.
 pub type Script = dyn Fn(usize, usize) -> Act + Send + Sync;
 
+/// The inventory of a connection, by its number from 0.
+pub type Inventory = dyn Fn(usize) -> String + Send + Sync;
+
 /// What all threads of a service share.
 struct Shared {
     version: Option<&'static str>,
-    inventory: String,
+    inventory: Box<Inventory>,
     script: Box<Script>,
     heard: Mutex<Vec<Heard>>,
     sent: AtomicUsize,
@@ -77,10 +80,20 @@ pub fn grips(id: &str, wired: Value, wireless: Value) -> String {
 
 /// One device in a frame.
 pub fn arm(id: &str, position: [f64; 3], velocity: [f64; 3]) -> Value {
+    arm_of(json!({"type": "inverse3"}), id, position, velocity)
+}
+
+/// An inventory of one resting device "A" of a type.
+pub fn inventory(kind: Value) -> String {
+    json!({ "inverse3": [arm_of(json!({ "type": kind }), "A", [0.0, -0.12, 0.15], [0.0; 3])] }).to_string()
+}
+
+/// One device in a frame, of a configuration.
+fn arm_of(config: Value, id: &str, position: [f64; 3], velocity: [f64; 3]) -> Value {
     let vector = |[x, y, z]: [f64; 3]| json!({"x": x, "y": y, "z": z});
     let state =
         json!({"cursor_position": vector(position), "cursor_velocity": vector(velocity), "control_mode": "idle"});
-    json!({"device_id": id, "config": {"type": "inverse3"}, "state": state, "status": {"ready": true}})
+    json!({"device_id": id, "config": config, "state": state, "status": {"ready": true}})
 }
 
 impl Fake {
@@ -95,12 +108,21 @@ impl Fake {
         inventory: String,
         script: impl Fn(usize, usize) -> Act + Send + Sync + 'static,
     ) -> Fake {
+        Fake::listing(version, move |_| inventory.clone(), script)
+    }
+
+    /// Starts one whose inventory is another at each connection.
+    pub fn listing(
+        version: Option<&'static str>,
+        inventory: impl Fn(usize) -> String + Send + Sync + 'static,
+        script: impl Fn(usize, usize) -> Act + Send + Sync + 'static,
+    ) -> Fake {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         listener.set_nonblocking(true).unwrap();
         let url = format!("ws://{}", listener.local_addr().unwrap());
         let shared = Arc::new(Shared {
             version,
-            inventory,
+            inventory: Box::new(inventory),
             script: Box::new(script),
             heard: Mutex::default(),
             sent: AtomicUsize::new(0),
@@ -168,7 +190,7 @@ fn serve(mut stream: TcpStream, shared: &Shared) -> Option<()> {
     let mut socket = tungstenite::accept(stream).ok()?;
     socket.get_mut().set_read_timeout(Some(Duration::from_millis(10))).ok()?;
     let connection = shared.connections.fetch_add(1, SeqCst);
-    socket.send(Message::text(shared.inventory.as_str())).ok()?;
+    socket.send(Message::text((shared.inventory)(connection))).ok()?;
     let mut number = 0;
     while !shared.stop.load(SeqCst) {
         let text = match socket.read() {

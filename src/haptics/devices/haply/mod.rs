@@ -1,4 +1,4 @@
-//! The Haply Inverse3, through the Inverse service's WebSocket. Spoken over `tungstenite` and not over the crate `haply`
+//! The Haply Inverse3 and Minverse, through the Inverse service's WebSocket. Spoken over `tungstenite` and not over the crate `haply`
 //! (1.3): that holds 1 kHz too, but takes messages of up to 64 MiB and what it can save of malformed ones, speaks to
 //! service 3.5 only, and spins without end once a connection has ended.
 
@@ -7,6 +7,7 @@ mod exchange;
 mod fake;
 #[cfg(test)]
 mod faults;
+mod kind;
 mod link;
 mod protocol;
 #[cfg(test)]
@@ -21,8 +22,9 @@ use glam::{DQuat, DVec3};
 use triple_buffer::{Input, Output, triple_buffer};
 
 use crate::haptics::device::{Device, Fault, Reading, RigidState, Wrench};
-use crate::haptics::profile::{INVERSE3, Profile};
+use crate::haptics::profile::{HAPLY_SMALLEST, Profile};
 use exchange::{Exchange, MANY_GARBLED, Order, STATE_LIFE, Shot, Tally};
+use kind::Identity;
 use link::Address;
 pub use protocol::Dialect;
 
@@ -48,6 +50,8 @@ pub struct Settings {
     pub home: DVec3,
     /// Messages a second, that of the loop: 50 to 4000 Hz.
     pub rate: f64,
+    /// A profile of Haply's to stay within; one that is above the device's own has no effect.
+    pub profile: Option<&'static Profile>,
 }
 
 impl Default for Settings {
@@ -59,6 +63,7 @@ impl Default for Settings {
             dialect: None,
             home: DVec3::ZERO,
             rate: 1000.0,
+            profile: None,
         }
     }
 }
@@ -78,11 +83,14 @@ pub struct Counts {
     pub withheld: u64,
 }
 
-/// A Haply Inverse3. Orientation and buttons are those of a Verse grip that the service lists; without one the orientation
+/// A device of Haply's. Its type, which the service reports, decides its profile: until it is known, and where this version
+/// does not know it, that is the smallest of all. Orientation and buttons are those of a Verse grip that the service lists; without one the orientation
 /// is the identity. A grip's angular velocity is not known, and read as zero.
 pub struct Haply {
     settings: Settings,
     profile: Profile,
+    /// The device that was found when it was identified or opened first; from then on it is this one and no other.
+    identity: Option<Arc<Identity>>,
     tally: Arc<Tally>,
     line: Option<Line>,
 }
@@ -103,7 +111,19 @@ struct Line {
 impl Haply {
     /// A device that is not open yet; nothing is asked of the service.
     pub fn new(settings: Settings) -> Haply {
-        Haply { settings, profile: INVERSE3, tally: Arc::default(), line: None }
+        Haply { settings, profile: HAPLY_SMALLEST, identity: None, tally: Arc::default(), line: None }
+    }
+
+    /// Finds out which device the service has, so that its profile holds before it is opened; plays nothing, and closes it
+    /// again. Who takes limits from [`Device::profile`] before [`Device::open`] calls this first: the smallest are taken
+    /// otherwise.
+    ///
+    /// # Errors
+    /// As [`Device::open`].
+    pub fn identify(&mut self) -> Result<(), Fault> {
+        self.open()?;
+        self.close();
+        Ok(())
     }
 
     /// What has happened so far.
@@ -133,12 +153,13 @@ impl Haply {
             device_id: self.settings.device_id.clone(),
             dialect: self.settings.dialect,
             period: Duration::from_secs_f64(1.0 / rate),
-            max_force: self.profile.max_force,
+            asked: self.settings.profile,
+            max_force: HAPLY_SMALLEST.max_force,
             shots: shot_input,
             orders: order_output,
             stop: stop.clone(),
             tally: self.tally.clone(),
-            shot: Shot::default(),
+            shot: Shot { identity: self.identity.clone(), ..Shot::default() },
         };
         let spawned = thread::Builder::new().name("haply".into()).spawn(move || exchange.run());
         let handle = spawned.map_err(|e| Fault::Lost(format!("no thread for it: {e}")))?;
@@ -147,15 +168,17 @@ impl Haply {
 }
 
 impl Device for Haply {
-    /// Connects and waits for the first state, 2 s at most.
+    /// Connects and waits for the first state, 2 s at most. Another device than the one found before is refused.
     fn open(&mut self) -> Result<(), Fault> {
         self.close();
         let line = self.line.insert(self.start()?);
         let started = Instant::now();
         while started.elapsed() < OPEN_WAIT {
-            if let Some((_, first)) = line.shots.read().state {
+            if let Shot { state: Some((_, first)), identity: Some(identity), .. } = line.shots.read() {
                 line.offset = self.settings.home - first.position;
+                self.profile = identity.kind.profile(self.settings.profile).clone();
                 self.profile.senses_rotation = first.orientation.is_some();
+                self.identity = Some(identity.clone());
                 return Ok(());
             }
             thread::sleep(Duration::from_millis(1));
@@ -165,12 +188,16 @@ impl Device for Haply {
             None => format!("{}: no answer", line.url),
         };
         self.close();
-        let remedy = "start the Inverse service with an Inverse3 plugged in, or check the address";
+        let remedy = "start the Inverse service with an Inverse3 or a Minverse plugged in, or check the address";
         Err(Fault::Lost(format!("no state in {} s ({trouble}): {remedy}", OPEN_WAIT.as_secs())))
     }
 
     fn profile(&self) -> &Profile {
         &self.profile
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.identity.as_ref().map_or_else(Vec::new, |identity| identity.kind.notes(self.settings.profile))
     }
 
     /// The newest state. Never waits.

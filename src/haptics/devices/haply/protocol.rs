@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::kind::{Identity, Kind};
 use crate::haptics::Fault;
 
 /// Farthest that a cursor can plausibly be from the device's origin, m: seven times its workspace.
@@ -81,11 +82,12 @@ fn tick(device_id: &str, dialect: Dialect, force: DVec3) -> Value {
     json!({"inverse3": [{"device_id": device_id, "commands": {"set_cursor_force": force}}]})
 }
 
-/// The device to talk to: the wanted one, else the first of an inventory; with its state.
+/// The device to talk to: the wanted one, else the first of an inventory; with its state. Its type is in the inventory alone:
+/// later frames have no `config`.
 ///
 /// # Errors
 /// [`Fault::Lost`] where the service does not list it, [`Fault::Garbled`] where the text is not a plausible frame.
-pub fn find(text: &str, wanted: Option<&str>) -> Result<(String, State), Fault> {
+pub fn find(text: &str, wanted: Option<&str>) -> Result<(Identity, State), Fault> {
     let frame: Frame = serde_json::from_str(text).map_err(|e| garbled(format!("not a state frame: {e}")))?;
     let is_wanted = |arm: &&Arm| wanted.is_none_or(|id| arm.device_id == id);
     let listed = frame.inverse3.unwrap_or_default();
@@ -103,7 +105,7 @@ pub fn find(text: &str, wanted: Option<&str>) -> Result<(String, State), Fault> 
         orientation,
         buttons: grip.map_or(0, |grip| grip.pressed()),
     };
-    Ok((arm.device_id.clone(), state))
+    Ok((Identity { device_id: arm.device_id.clone(), kind: Kind::of_config(arm.config.as_ref()) }, state))
 }
 
 fn garbled(what: String) -> Fault {
@@ -120,6 +122,7 @@ struct Frame {
 #[derive(Deserialize)]
 struct Arm {
     device_id: String,
+    config: Option<Value>,
     state: Option<ArmState>,
 }
 
@@ -263,9 +266,12 @@ mod tests {
         let text = r#"{"inverse3":[
             {"device_id":"A","state":{"cursor_position":{"x":0.1,"y":0,"z":0},"cursor_velocity":{"x":0,"y":0,"z":0}}},
             {"device_id":"B","state":{"cursor_position":{"x":0.2,"y":0,"z":0},"cursor_velocity":{"x":0,"y":0,"z":0}}}]}"#;
-        assert_eq!(find(text, None).unwrap().0, "A");
-        let (id, state) = find(text, Some("B")).unwrap();
-        assert_eq!((id.as_str(), state.position.x), ("B", 0.2));
+        assert_eq!(find(text, None).unwrap().0.device_id, "A");
+        let (identity, state) = find(text, Some("B")).unwrap();
+        assert_eq!((identity.device_id.as_str(), state.position.x), ("B", 0.2));
+        assert_eq!(identity.kind, Kind::default());
+        let (identity, _) = find(&frame("A", [0.0; 3], [0.0; 3]), None).unwrap();
+        assert_eq!(identity.kind.profile(None).name, "inverse3");
         assert!(matches!(find(text, Some("C")), Err(Fault::Lost(why)) if why.contains("\"C\"")));
         assert!(matches!(find(r#"{"session_id":1,"inverse3":[]}"#, None), Err(Fault::Lost(_))));
     }
@@ -289,6 +295,7 @@ mod tests {
             deep.clone(),
             format!(r#"{{"inverse3":{deep}"#),
             format!(r#"{{"other":{deep}"#),
+            format!(r#"{{"inverse3":[{{"device_id":"A","config":{deep}"#),
         ];
         for text in spoiled.iter().chain(&others) {
             assert!(matches!(state(text), Err(Fault::Garbled(_))), "{}", &text[..text.len().min(200)]);

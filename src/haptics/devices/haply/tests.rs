@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use glam::{DQuat, DVec3};
 use serde_json::json;
 
-use super::fake::{Act, Fake, Heard, arm, frame, grips, resting};
+use super::fake::{Act, Fake, Heard, arm, frame, grips, inventory, resting};
 use super::*;
 
 /// Longer than anything here takes.
@@ -176,6 +176,79 @@ fn no_more_than_the_devices_force_leaves() {
     tick_until(&mut device, DVec3::splat(f64::NAN), |_| last_force(&fake) == DVec3::ZERO);
     wait_until("counted", || device.counts().limited > limited);
     assert!(fake.heard().iter().all(|h| force(h).length() <= 10.0 + 1e-9));
+}
+
+/// Pushes with 50 N for a while; the greatest force that arrived.
+fn most_played(fake: &Fake, device: &mut Haply) -> f64 {
+    let (started, mut ticks) = (Instant::now(), 0);
+    while ticks < 100 && started.elapsed() < PATIENCE {
+        assert!(device.read(0.0).is_ok());
+        device.write(&push(DVec3::new(0.0, 30.0, 40.0))).unwrap();
+        ticks += 1;
+        thread::sleep(ms(1));
+    }
+    fake.heard().iter().map(|h| force(h).length()).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_type_that_the_service_reports_decides_what_is_played() {
+    let kinds =
+        [("inverse3", "inverse3"), ("inverse3x", "inverse3"), ("minverse", "minverse"), ("maxverse", "minverse")];
+    for (kind, name) in kinds {
+        let profile = Profile::named(name).unwrap();
+        let fake = Fake::with(None, inventory(json!(kind)), |_, _| Act::Reply(resting()));
+        let mut device = device(&fake);
+        assert_eq!(device.profile(), &HAPLY_SMALLEST, "nothing is known yet");
+        device.open().unwrap();
+        assert_eq!((device.profile(), device.notes().len()), (profile, usize::from(kind == "maxverse")), "{kind}");
+        assert!((most_played(&fake, &mut device) - profile.max_force).abs() < 1e-9, "{kind}");
+    }
+}
+
+#[test]
+fn an_identified_device_has_its_profile_before_it_is_opened_and_has_played_nothing() {
+    let fake = Fake::with(None, inventory(json!("inverse3")), |_, _| Act::Reply(resting()));
+    let mut device = device(&fake);
+    device.identify().unwrap();
+    assert_eq!(device.profile(), Profile::named("inverse3").unwrap());
+    assert!(fake.heard().iter().all(|h| force(h) == DVec3::ZERO));
+    assert!(device.write(&push(DVec3::X)).is_err(), "it is closed");
+    device.open().unwrap();
+    assert!((most_played(&fake, &mut device) - 10.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_profile_of_the_users_lowers_what_is_played_and_never_raises_it() {
+    let cases = [("inverse3", "minverse", 2.0, 0), ("minverse", "inverse3", 2.0, 1), ("inverse3", "touch", 10.0, 1)];
+    for (kind, asked, most, notes) in cases {
+        let fake = Fake::with(None, inventory(json!(kind)), |_, _| Act::Reply(resting()));
+        let settings = Settings { url: fake.url().into(), profile: Profile::named(asked), ..Settings::default() };
+        let mut device = Haply::new(settings);
+        device.open().unwrap();
+        assert_eq!((device.profile().max_force, device.notes().len()), (most, notes), "{kind} {asked}");
+        assert!((most_played(&fake, &mut device) - most).abs() < 1e-9, "{kind} {asked}");
+    }
+}
+
+#[test]
+fn a_device_that_comes_back_as_another_type_is_lost_and_plays_nothing() {
+    let kinds = |connection| inventory(json!(if connection == 0 { "inverse3" } else { "minverse" }));
+    let fake = Fake::listing(None, kinds, |connection, n| match (connection, n) {
+        (0, 30) => Act::HangUp,
+        _ => Act::Reply(resting()),
+    });
+    let mut device = opened(&fake);
+    tick_until(
+        &mut device,
+        DVec3::X,
+        |reading| matches!(reading, Err(Fault::Lost(why)) if why.contains("\"inverse3\"") && why.contains("\"minverse\"")),
+    );
+    assert!(fake.heard().iter().all(|h| h.connection == 0), "nothing is sent to it");
+    // Nor is it opened by who has limits for the other.
+    let mut before = super::tests::device(&fake);
+    before.identity = Some(Arc::new(Identity { device_id: "A".into(), kind: kind::Kind::default() }));
+    assert!(matches!(before.open(), Err(Fault::Lost(why)) if why.contains("begin another")));
+    assert_eq!(before.profile(), &HAPLY_SMALLEST);
 }
 
 #[test]

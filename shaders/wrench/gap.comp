@@ -1,0 +1,364 @@
+#version 460
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/types.glsl"
+#include "shared/rotation.glsl"
+
+// Wrench: the shortest way from a rigid tool to the skins that it may touch, at the end of the step and for a loop alone, which
+// puts a wall there. Skin is where the new displacements and the frames at the end have it. A sphere's way is that from its
+// centre to a triangle; any other tool's is the shortest between a vertex of one skin and a triangle of the other, both ways
+// round, as contact is found. Of what faces away the shortest length is kept: where that is less, the tool is within a body.
+// A part is some chunks of one proxy; those are taken in the order of lower bounds of their ways (the rest box moved by the
+// middle of its nodes' displacements and grown by (sum |w|) times half their spread), until no bound is below the shortest
+// way found. Ties go to the lower triangle, then the lower vertex. One workgroup a part; it writes one SkinGap, and leaves the
+// positions of vertices that it looked at, along the tool's axes from its centre, in `skin`. Oracle: oracle::gap.
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 1) const uint RIGIDS = 1;          // the tool is the last of them
+layout(constant_id = 2) const bool SPANS = false;       // whether a skin vertex may have nodes in several frames
+layout(constant_id = 3) const uint SHARE = 64;          // chunks of a part at most
+layout(constant_id = 4) const bool ROUND = false;       // the tool is a sphere
+layout(constant_id = 5) const float RADIUS = 0.0;       // about the tool's centre, holds all of it, m
+layout(constant_id = 6) const float REACH = 0.0;        // longest way that is looked for, m
+layout(constant_id = 7) const uint TOOL_FRAME = 0;
+layout(constant_id = 8) const uint TOOL_CHUNK_FIRST = 0;
+layout(constant_id = 9) const uint TOOL_CHUNKS = 0;
+
+layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
+layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
+layout(scalar, binding = 2) readonly buffer SolveIn { Solve solve; };
+layout(scalar, binding = 3) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar, binding = 4) readonly buffer Parts { SkinPart parts[]; };
+layout(scalar, binding = 5) readonly buffer Proxies { Proxy proxies[]; };
+layout(scalar, binding = 6) readonly buffer Chunks { Chunk chunks[]; };
+layout(binding = 7) uniform usamplerBuffer proxy_nodes;     // two a texel: node, link from the proxy's frame to its own
+layout(binding = 8) uniform usamplerBuffer chunk_nodes;     // likewise
+layout(binding = 9) uniform usamplerBuffer chunk_vertices;  // four a texel
+layout(binding = 10) uniform usamplerBuffer chunk_triangles;    // four a texel
+layout(binding = 11) uniform usamplerBuffer triangles;
+layout(binding = 12) uniform usamplerBuffer skin_nodes;     // four nodes; NONE first: rigid
+layout(binding = 13) uniform samplerBuffer skin_weights;    // four weights; of a rigid skin: position in the frame
+layout(binding = 14) uniform samplerBuffer node_rest;
+layout(binding = 15) uniform samplerBuffer displacement;
+layout(binding = 16) uniform usamplerBuffer node_info;      // frame in z
+layout(scalar, binding = 17) readonly buffer Links { Link links[]; };
+layout(scalar, binding = 18) coherent buffer Skin { vec4 skin[]; };
+layout(scalar, binding = 19) writeonly buffer Gaps { SkinGap gaps[]; };
+
+#include "shared/settle.glsl"
+
+// Bounds are drawn in by this, m: more than they round, so that a tie is never left out.
+const float SLACK = 1.0e-6;
+const float FAR = 3.0e38;
+
+// Where a frame is.
+struct Place {
+    vec4 rotation;
+    vec3 centre;
+};
+
+// A way from the tool to skin.
+struct Way {
+    vec3 along;         // from a sphere's centre, or from the other tool's own point
+    float size;
+    uint triangle, vertex;
+};
+
+shared float bounds[SHARE];
+shared vec3 middles[SHARE];
+shared vec3 spreads[SHARE];
+shared float partial[SIZE];
+shared Way ways[SIZE];
+
+float[6] change_of(uint rigid) { return iterates[solve.current * RIGIDS + rigid].x; }
+
+// A frame at the end of the step; see solve/commit.
+Place end_of(Frame frame) {
+    if (frame.core == NONE) {
+        vec4 back = vec4(-frame.turn.xyz, frame.turn.w);
+        return Place(compose(frame.rotation, back), frame.centre + params.dt * frame.linear);
+    }
+    float x[6] = change_of(frame.core);
+    vec4 turn = turn_by(params.dt * (frame.angular + vec3(x[3], x[4], x[5])));
+    return Place(compose(turn, frame.rotation), frame.centre + params.dt * (frame.linear + vec3(x[0], x[1], x[2])));
+}
+
+Place tool_at_end() {
+    float x[6] = change_of(RIGIDS - 1), v[6] = params.tool_twist;
+    for (int k = 0; k < 6; k++) x[k] = params.dt * (v[k] + x[k]);
+    vec4 turn = turn_by(vec3(x[3], x[4], x[5]));
+    return Place(compose(turn, frames[TOOL_FRAME].rotation), params.tool_centre + vec3(x[0], x[1], x[2]));
+}
+
+vec3 node_position(uint node) { return texelFetch(node_rest, int(node)).xyz + texelFetch(displacement, int(node)).xyz; }
+
+vec3 world(uint node) {
+    Place place = end_of(frames[texelFetch(node_info, int(node)).z]);
+    return place.centre + rotate(place.rotation, node_position(node));
+}
+
+// A skin vertex, from the tool's centre along the tool's axes.
+vec3 position(Place place, Place tool, uint vertex) {
+    uvec4 nodes = texelFetch(skin_nodes, int(vertex));
+    vec4 weights = texelFetch(skin_weights, int(vertex));
+    vec3 x;
+    if (SPANS && nodes.x != NONE) {
+        x = weights.x * world(nodes.x) + weights.y * world(nodes.y) + weights.z * world(nodes.z)
+            + weights.w * world(nodes.w);
+    } else {
+        vec3 local = weights.xyz;
+        if (nodes.x != NONE) {
+            local = weights.x * node_position(nodes.x) + weights.y * node_position(nodes.y)
+                + weights.z * node_position(nodes.z) + weights.w * node_position(nodes.w);
+        }
+        x = place.centre + rotate(place.rotation, local);
+    }
+    return rotate_back(tool.rotation, x - tool.centre);
+}
+
+// What a node has moved by since rest, in the frame of the proxy that lists it; links are those of the start.
+vec3 moved(uvec2 node, Frame start, Place place) {
+    vec3 d = texelFetch(displacement, int(node.x)).xyz;
+    if (!SPANS || node.y == 0) return d;
+    Frame own = frames[texelFetch(node_info, int(node.x)).z];
+    vec3 apart = rotate_back(start.rotation, own.centre - start.centre) - links[node.y].offset;
+    return rotate_back(place.rotation, world(node.x) - place.centre) - apart - texelFetch(node_rest, int(node.x)).xyz;
+}
+
+// From a box about the origin.
+float box_distance(vec3 x, vec3 half_extent) { return length(max(abs(x) - half_extent, vec3(0.0))); }
+
+// How far the nodes that move the proxy have moved at most, squared.
+float largest_move2(Proxy proxy, Frame start, Place place) {
+    float largest = 0.0;
+    for (uint i = proxy.node_first / 2 + gl_LocalInvocationID.x; 2 * i < proxy.node_first + proxy.node_count; i += SIZE) {
+        uvec4 two = texelFetch(proxy_nodes, int(i));
+        vec3 d = moved(two.xy, start, place), e = moved(two.zw, start, place);
+        largest = max(largest, max(dot(d, d), dot(e, e)));
+    }
+    return largest;
+}
+
+float workgroup_min(float value) {
+    uint lane = gl_LocalInvocationID.x;
+    partial[lane] = value;
+    for (uint width = SIZE / 2; width > 0; width /= 2) {
+        barrier();
+        if (lane < width) partial[lane] = min(partial[lane], partial[lane + width]);
+    }
+    barrier();
+    float least = partial[0];
+    barrier();
+    return least;
+}
+
+// Middle of a chunk's displacements and half their spread, grown by what weights make of it.
+void spread_of(Chunk chunk, Frame start, Place place, out vec3 middle, out vec3 spread) {
+    middle = vec3(0.0);
+    spread = vec3(0.0);
+    if (chunk.node_count == 0) return;
+    vec3 least = vec3(FAR), greatest = vec3(-FAR);
+    for (uint k = chunk.node_first; k < chunk.node_first + chunk.node_count; k += 2) {
+        uvec4 two = texelFetch(chunk_nodes, int(k / 2));
+        vec3 d = moved(two.xy, start, place), e = moved(two.zw, start, place);
+        least = min(least, min(d, e));
+        greatest = max(greatest, max(d, e));
+    }
+    middle = 0.5 * (least + greatest);
+    // A thousandth more covers rounding.
+    spread = 1.001 * chunk.weight_bound * 0.5 * (greatest - least);
+}
+
+// No more than the distance of a point from a chunk's skin.
+float chunk_distance(Chunk chunk, vec3 middle, vec3 spread, Place place, vec3 x) {
+    vec3 at = rotate_back(place.rotation, x - place.centre) - chunk.centre - middle;
+    vec3 third = cross(chunk.axes[0], chunk.axes[1]);
+    vec3 along = vec3(dot(chunk.axes[0], at), dot(chunk.axes[1], at), dot(third, at));
+    vec3 grown = vec3(dot(abs(chunk.axes[0]), spread), dot(abs(chunk.axes[1]), spread), dot(abs(third), spread));
+    return box_distance(along, chunk.half_extent + grown) - SLACK;
+}
+
+// A chunk of the tool lies in a ball about this point, of this radius.
+vec3 ball_centre(uint k, Place tool) { return tool.centre + rotate(tool.rotation, chunks[TOOL_CHUNK_FIRST + k].centre); }
+float ball_radius(uint k) { return length(chunks[TOOL_CHUNK_FIRST + k].half_extent); }
+
+// No more than the way to a chunk's skin.
+float chunk_bound(Chunk chunk, vec3 middle, vec3 spread, Place place, Place tool) {
+    if (ROUND) return chunk_distance(chunk, middle, spread, place, tool.centre);
+    float least = FAR;
+    for (uint k = 0; k < TOOL_CHUNKS; k++) {
+        least = min(least, chunk_distance(chunk, middle, spread, place, ball_centre(k, tool)) - ball_radius(k));
+    }
+    return least;
+}
+
+// The point of an edge that is nearest to the origin.
+vec3 nearest_of_edge(vec3 a, vec3 b) {
+    vec3 ab = b - a;
+    return a + clamp(-dot(a, ab) / max(dot(ab, ab), 1.0e-30), 0.0, 1.0) * ab;
+}
+
+// The point of a triangle that is nearest to the origin; n: along its normal.
+vec3 nearest_of_triangle(vec3 a, vec3 b, vec3 c, vec3 n) {
+    float square = dot(n, n);
+    if (square > 0.0 && dot(cross(a, b), n) >= 0.0 && dot(cross(b, c), n) >= 0.0 && dot(cross(c, a), n) >= 0.0) {
+        return dot(a, n) / square * n;
+    }
+    vec3 x = nearest_of_edge(a, b), y = nearest_of_edge(b, c), z = nearest_of_edge(c, a);
+    x = dot(y, y) < dot(x, x) ? y : x;
+    return dot(z, z) < dot(x, x) ? z : x;
+}
+
+bool is_shorter(Way a, Way b) {
+    if (a.size != b.size) return a.size < b.size;
+    return a.triangle < b.triangle || (a.triangle == b.triangle && a.vertex < b.vertex);
+}
+
+// Keeps the way from the origin to a triangle, if that faces it and it is the shortest, or else its length. `sign`: -1 where
+// the origin is on the skin and the triangle on the tool.
+void consider(vec3 a, vec3 b, vec3 c, float sign, uint triangle, uint vertex, inout Way front, inout float back) {
+    vec3 n = cross(b - a, c - a), x = nearest_of_triangle(a, b, c, n);
+    Way way = Way(sign * x, length(x), triangle, vertex);
+    if (dot(a, n) <= 0.0) {
+        if (is_shorter(way, front)) front = way;
+    } else {
+        back = min(back, way.size);
+    }
+}
+
+uint vertex_at(uint i) { return texelFetch(chunk_vertices, int(i / 4))[i % 4]; }
+uvec3 corners_at(uint i, out uint triangle) {
+    triangle = texelFetch(chunk_triangles, int(i / 4))[i % 4];
+    return texelFetch(triangles, int(triangle)).xyz;
+}
+
+// From a vertex of the tool to a triangle of the skin.
+void consider_vertex(uint i, uint end, vec3 a, vec3 b, vec3 c, uint triangle, inout Way front, inout float back) {
+    if (i >= end) return;
+    uint vertex = vertex_at(i);
+    vec3 x = texelFetch(skin_weights, int(vertex)).xyz;
+    consider(a - x, b - x, c - x, 1.0, triangle, vertex, front, back);
+}
+
+// From a triangle of the tool to a vertex of the skin.
+void consider_triangle(uint i, uint end, vec3 x, uint vertex, inout Way front, inout float back) {
+    if (i >= end) return;
+    uint triangle;
+    uvec3 v = corners_at(i, triangle);
+    vec3 a = texelFetch(skin_weights, int(v.x)).xyz - x, b = texelFetch(skin_weights, int(v.y)).xyz - x;
+    vec3 c = texelFetch(skin_weights, int(v.z)).xyz - x;
+    consider(a, b, c, -1.0, triangle, vertex, front, back);
+}
+
+// Ways between a chunk of the skin and one of the tool. Four of the tool's a round of the loops: llvmpipe allows 65,535.
+void look_between(Chunk chunk, Chunk other, float limit, inout Way front, inout float back) {
+    float radius = length(other.half_extent) + SLACK;
+    uint end = other.vertex_first + other.vertex_count;
+    for (uint k = gl_LocalInvocationID.x; k < chunk.triangle_count; k += SIZE) {
+        uint triangle;
+        uvec3 v = corners_at(chunk.triangle_first + k, triangle);
+        vec3 a = skin[v.x].xyz, b = skin[v.y].xyz, c = skin[v.z].xyz;
+        vec3 n = cross(b - a, c - a);
+        vec3 nearest = nearest_of_triangle(a - other.centre, b - other.centre, c - other.centre, n);
+        if (length(nearest) - radius > min(front.size, limit)) continue;
+        for (uint i = other.vertex_first; i < end; i += 4) {
+            consider_vertex(i, end, a, b, c, triangle, front, back);
+            consider_vertex(i + 1, end, a, b, c, triangle, front, back);
+            consider_vertex(i + 2, end, a, b, c, triangle, front, back);
+            consider_vertex(i + 3, end, a, b, c, triangle, front, back);
+        }
+    }
+    end = other.triangle_first + other.triangle_count;
+    for (uint l = gl_LocalInvocationID.x; l < chunk.vertex_count; l += SIZE) {
+        uint vertex = vertex_at(chunk.vertex_first + l);
+        vec3 x = skin[vertex].xyz;
+        if (distance(x, other.centre) - radius > min(front.size, limit)) continue;
+        for (uint i = other.triangle_first; i < end; i += 4) {
+            consider_triangle(i, end, x, vertex, front, back);
+            consider_triangle(i + 1, end, x, vertex, front, back);
+            consider_triangle(i + 2, end, x, vertex, front, back);
+            consider_triangle(i + 3, end, x, vertex, front, back);
+        }
+    }
+}
+
+// The ways to a chunk; `limit`: no longer ones are wanted; becomes what the workgroup has found.
+void look_at(Chunk chunk, uint k, Place place, Place tool, inout float limit, inout Way front, inout float back) {
+    for (uint l = gl_LocalInvocationID.x; l < chunk.embed_count; l += SIZE) {
+        uint vertex = vertex_at(chunk.vertex_first + l);
+        skin[vertex] = vec4(position(place, tool, vertex), 1.0);
+    }
+    settle();
+    if (ROUND) {
+        for (uint t = gl_LocalInvocationID.x; t < chunk.triangle_count; t += SIZE) {
+            uint triangle;
+            uvec3 v = corners_at(chunk.triangle_first + t, triangle);
+            consider(skin[v.x].xyz, skin[v.y].xyz, skin[v.z].xyz, 1.0, triangle, 0, front, back);
+        }
+        limit = min(limit, workgroup_min(front.size));
+        return;
+    }
+    for (uint other = 0; other < TOOL_CHUNKS; other++) {
+        float apart = chunk_distance(chunk, middles[k], spreads[k], place, ball_centre(other, tool));
+        if (apart - ball_radius(other) > limit) continue;
+        look_between(chunk, chunks[TOOL_CHUNK_FIRST + other], limit, front, back);
+        limit = min(limit, workgroup_min(front.size));
+    }
+}
+
+// The shortest of all lanes', for lane 0.
+Way shortest(Way own) {
+    uint lane = gl_LocalInvocationID.x;
+    ways[lane] = own;
+    for (uint width = SIZE / 2; width > 0; width /= 2) {
+        barrier();
+        if (lane < width && is_shorter(ways[lane + width], ways[lane])) ways[lane] = ways[lane + width];
+    }
+    return ways[lane];
+}
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    SkinPart part = parts[gl_WorkGroupID.x];
+    Proxy proxy = proxies[part.proxy];
+    Frame start = frames[proxy.frame];
+    Place place = end_of(start), tool = tool_at_end();
+    Way front = Way(vec3(0.0), REACH, NONE, NONE);
+    float back = FAR;
+    float limit = REACH;
+
+    // All of it may be too far away.
+    float largest = sqrt(-workgroup_min(-largest_move2(proxy, start, place)));
+    vec3 at = rotate_back(place.rotation, tool.centre - place.centre) - 0.5 * (part.low + part.high);
+    float apart = box_distance(at, 0.5 * (part.high - part.low)) - 1.001 * proxy.weight_bound * largest - SLACK;
+    uint count = apart - (ROUND ? 0.0 : RADIUS) > REACH ? 0 : part.chunk_count;
+
+    for (uint k = lane; k < count; k += SIZE) {
+        Chunk chunk = chunks[part.chunk_first + k];
+        vec3 middle, spread;
+        spread_of(chunk, start, place, middle, spread);
+        bounds[k] = chunk_bound(chunk, middle, spread, place, tool);
+        middles[k] = middle;
+        spreads[k] = spread;
+    }
+    for (uint turn = 0; turn < count; turn++) {
+        // What the last turn wrote is there for all, who choose alike.
+        barrier();
+        float least = FAR;
+        uint next = 0;
+        for (uint k = 0; k < count; k++) {
+            if (bounds[k] < least) {
+                least = bounds[k];
+                next = k;
+            }
+        }
+        barrier();
+        if (!(least <= limit)) break;
+        if (lane == 0) bounds[next] = FAR;
+        look_at(chunks[part.chunk_first + next], next, place, tool, limit, front, back);
+    }
+    front = shortest(front);
+    back = workgroup_min(back);
+    if (lane == 0) gaps[gl_WorkGroupID.x] = SkinGap(rotate(tool.rotation, front.along), front.triangle, back);
+}

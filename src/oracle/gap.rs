@@ -1,0 +1,101 @@
+//! The ways from a tool to a skin: every point of the one against every triangle of the other. Twin of wrench/gap.
+
+use glam::DVec3;
+
+/// Vertices, m, and triangles.
+pub type Mesh<'a> = (&'a [DVec3], &'a [[u32; 3]]);
+
+/// A way from a point of the tool to the nearest point of a triangle, or from that of a triangle of the tool to a vertex.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Way {
+    /// From the tool to the skin, m.
+    pub along: DVec3,
+    /// The triangle, of whichever it is.
+    pub triangle: usize,
+    /// Whether the triangle faces the point.
+    pub faces: bool,
+}
+
+/// The point of a triangle nearest to `x`, by the Voronoi region that `x` lies in (Ericson, "Real-Time Collision Detection",
+/// 2005, 5.1.5).
+pub fn nearest_of_triangle(x: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
+    let (ab, ac) = (b - a, c - a);
+    let [(d1, d2), (d3, d4), (d5, d6)] = [a, b, c].map(|corner| (ab.dot(x - corner), ac.dot(x - corner)));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let (of_a, of_b, of_c) = (d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2);
+    if of_c <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * (d1 / (d1 - d3));
+    }
+    if of_b <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * (d2 / (d2 - d6));
+    }
+    let (from_b, from_c) = (d4 - d3, d5 - d6);
+    if of_a <= 0.0 && from_b >= 0.0 && from_c >= 0.0 {
+        return b + (c - b) * (from_b / (from_b + from_c));
+    }
+    a + (ab * of_b + ac * of_c) / (of_a + of_b + of_c)
+}
+
+/// The ways from a point to the triangles of a mesh.
+pub fn from_point<'a>(x: DVec3, (positions, triangles): Mesh<'a>) -> impl Iterator<Item = Way> + 'a {
+    triangles.iter().enumerate().map(move |(triangle, corners)| {
+        let [a, b, c] = corners.map(|i| positions[i as usize]);
+        let faces = (b - a).cross(c - a).dot(x - a) >= 0.0;
+        Way { along: nearest_of_triangle(x, [a, b, c]) - x, triangle, faces }
+    })
+}
+
+/// The ways from a tool's vertices to a skin's triangles, and from its triangles to the skin's vertices.
+pub fn from_surface<'a>(tool: Mesh<'a>, skin: Mesh<'a>) -> impl Iterator<Item = Way> + 'a {
+    let to_triangles = tool.0.iter().flat_map(move |x| from_point(*x, skin));
+    let back = move |x: &DVec3| from_point(*x, tool).map(|way| Way { along: -way.along, ..way });
+    to_triangles.chain(skin.0.iter().flat_map(back))
+}
+
+/// The shortest of those whose triangle faces the point, or does not; `None` where there is none.
+pub fn shortest(ways: impl Iterator<Item = Way>, faces: bool) -> Option<Way> {
+    ways.filter(|way| way.faces == faces).min_by(|a, b| a.along.length().total_cmp(&b.along.length()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_region_of_a_triangle_by_hand() {
+        let corners = [DVec3::ZERO, DVec3::X * 2.0, DVec3::Y * 2.0];
+        for (x, want) in [
+            ([0.5, 0.5, 3.0], [0.5, 0.5, 0.0]),
+            ([-1.0, -1.0, 1.0], [0.0, 0.0, 0.0]),
+            ([3.0, -1.0, 1.0], [2.0, 0.0, 0.0]),
+            ([-1.0, 3.0, -1.0], [0.0, 2.0, 0.0]),
+            ([1.0, -2.0, 1.0], [1.0, 0.0, 0.0]),
+            ([-2.0, 1.5, 0.0], [0.0, 1.5, 0.0]),
+            ([2.0, 2.0, 1.0], [1.0, 1.0, 0.0]),
+        ] {
+            assert!((nearest_of_triangle(x.into(), corners) - DVec3::from(want)).length() < 1e-15, "{x:?}");
+        }
+    }
+
+    #[test]
+    fn a_tool_before_a_triangle_and_behind_it() {
+        let skin = ([DVec3::ZERO, DVec3::X * 2.0, DVec3::Y * 2.0], [[0, 1, 2]]);
+        let skin = (&skin.0[..], &skin.1[..]);
+        let at = |z: f64| from_point(DVec3::new(0.5, 0.5, z), skin).next().unwrap();
+        assert_eq!((at(3.0).along, at(3.0).faces, at(-3.0).faces), (-DVec3::Z * 3.0, true, false));
+        // One vertex of the tool over the skin's edge, and one of the skin under the tool.
+        let tool = ([DVec3::new(-1.0, 1.0, 1.0), DVec3::new(1.0, -1.0, 1.0), DVec3::new(-1.0, -1.0, 1.0)], [[0, 1, 2]]);
+        let ways: Vec<Way> = from_surface((&tool.0, &tool.1), skin).collect();
+        assert_eq!(ways.len(), 6);
+        let least = shortest(ways.into_iter(), true).unwrap();
+        assert!((least.along + DVec3::Z).length() < 1e-15, "{least:?}");
+    }
+}

@@ -1,0 +1,178 @@
+//! Gap: the shortest way from a rigid tool to the skins that it may touch, in steps of a loop; part of the wrench stage.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::cull::Cull;
+use super::depth::Depth;
+use super::elastic::Elastic;
+use super::model::Model;
+use super::pose::Pose;
+use super::skin::Skin;
+use super::solve::Solve;
+use super::types::{Chunk, SkinGap, SkinPart};
+use super::{Common, args, count, upload};
+use crate::Result;
+use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
+
+/// How far from the tool's surface skin is looked for, m.
+pub const RANGE: f64 = 0.03;
+/// Chunks of a part at most: of a sphere's way, and of another tool's, whose loops are longer.
+const SHARE: [usize; 2] = [64, 8];
+
+/// The kernel and what it finds.
+pub struct Gap {
+    kernel: Kernel,
+    parts: Buffer,
+    /// A [`SkinGap`] a part, for the host.
+    pub gaps: Buffer,
+    /// The pair of bodies of each part.
+    pub pairs: Vec<usize>,
+}
+
+/// The stages that have the skins.
+pub struct Skins<'a> {
+    /// Proxies.
+    pub pose: &'a Pose,
+    /// Chunks.
+    pub cull: &'a Cull,
+    /// Vertices.
+    pub skin: &'a Skin,
+    /// Triangles of chunks.
+    pub depth: &'a Depth,
+}
+
+/// A part, and the pair of bodies that it is of.
+#[derive(Debug, Clone, Copy)]
+pub struct PairPart {
+    /// The pair.
+    pub pair: usize,
+    /// The part.
+    pub part: SkinPart,
+}
+
+/// Parts of all skins that a rigid tool may touch; none of half-spaces, nor where the tool is a body of the scene.
+pub fn parts(model: &Model) -> Vec<PairPart> {
+    if model.tool_frame.is_none() {
+        return Vec::new();
+    }
+    let share = SHARE[usize::from(model.tool_sphere.is_none())] as u32;
+    let mut parts = Vec::new();
+    for (index, pair) in model.pairs.iter().enumerate().filter(|(_, pair)| pair.tool_sign != 0.0 && pair.is_plane == 0)
+    {
+        let side = usize::from(pair.tool_sign > 0.0);
+        let first = pair.first_proxy[side];
+        for proxy_index in first..first + pair.proxy_count[side] {
+            let proxy = &model.proxies[proxy_index as usize];
+            let end = proxy.chunk_first + proxy.chunk_count;
+            for chunk_first in (proxy.chunk_first..end).step_by(share as usize) {
+                let chunk_count = share.min(end - chunk_first);
+                let chunks = &model.chunks[chunk_first as usize..][..chunk_count as usize];
+                let (low, high) = box_of(chunks);
+                let part = SkinPart { proxy: proxy_index, chunk_first, chunk_count, low, high };
+                parts.push(PairPart { pair: index, part });
+            }
+        }
+    }
+    parts
+}
+
+/// Workgroups of the pass.
+pub fn part_count(model: &Model) -> usize {
+    parts(model).len()
+}
+
+/// What holds the boxes of chunks at rest, in their frame.
+fn box_of(chunks: &[Chunk]) -> ([f32; 3], [f32; 3]) {
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for chunk in chunks {
+        let (centre, half) = (Vec3::from(chunk.centre), Vec3::from(chunk.half_extent));
+        let [u, v] = chunk.axes.map(Vec3::from);
+        let reach = half.x * u.abs() + half.y * v.abs() + half.z * u.cross(v).abs();
+        (low, high) = (low.min(centre - reach), high.max(centre + reach));
+    }
+    (low.to_array(), high.to_array())
+}
+
+/// The chunks of the tool's skin: the first, and how many.
+fn tool_chunks(model: &Model, pair: usize) -> (u32, u32) {
+    let pair = &model.pairs[pair];
+    let side = usize::from(pair.tool_sign < 0.0);
+    let proxies = &model.proxies[pair.first_proxy[side] as usize..][..pair.proxy_count[side] as usize];
+    (proxies.first().map_or(0, |p| p.chunk_first), proxies.iter().map(|p| p.chunk_count).sum())
+}
+
+/// Vertices of a rigid tool's skin, from its centre along its axes.
+pub fn tool_vertices(model: &Model) -> impl Iterator<Item = Vec3> + '_ {
+    let frame = model.tool_frame.map(|frame| frame as u32);
+    let proxies = model.proxies.iter().filter(move |proxy| Some(proxy.frame) == frame);
+    let chunks = proxies.flat_map(|p| &model.chunks[p.chunk_first as usize..][..p.chunk_count as usize]);
+    let vertices = chunks.flat_map(|c| &model.chunk_vertices[c.vertex_first as usize..][..c.vertex_count as usize]);
+    vertices.map(|vertex| Vec3::from_slice(&model.skin_weights[*vertex as usize][..3]))
+}
+
+/// Radius of a ball about the centre of a rigid tool that holds all of it, m: a sphere's own.
+pub(super) fn tool_radius(model: &Model) -> f64 {
+    model.tool_sphere.unwrap_or_else(|| tool_vertices(model).map(|x| x.as_dvec3().length()).fold(0.0, f64::max))
+}
+
+impl Gap {
+    /// Kernel and arrays; `None` where there are no [`parts`].
+    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Option<Gap>> {
+        let all = parts(model);
+        let (Some(first), Some(tool_frame)) = (all.first(), model.tool_frame) else { return Ok(None) };
+        let (chunk_first, chunk_count) = tool_chunks(model, first.pair);
+        let is_round = model.tool_sphere.is_some();
+        let constants = [
+            ("RIGIDS", count(model.cores.len() + 1)),
+            ("SPANS", Const::Bool(model.spans_frames())),
+            ("SHARE", count(SHARE[usize::from(!is_round)])),
+            ("ROUND", is_round.into()),
+            ("RADIUS", Const::Float(model.tool_radius as f32)),
+            ("REACH", Const::Float((RANGE + model.tool_sphere.unwrap_or(0.0)) as f32)),
+            ("TOOL_FRAME", count(tool_frame)),
+            ("TOOL_CHUNK_FIRST", chunk_first.into()),
+            ("TOOL_CHUNKS", chunk_count.into()),
+        ];
+        let found = (all.len() * size_of::<SkinGap>()) as u64;
+        let pairs = all.iter().map(|part| part.pair).collect();
+        let all: Vec<SkinPart> = all.iter().map(|part| part.part).collect();
+        Ok(Some(Gap {
+            kernel: Kernel::new(context, "wrench/gap", Size::Reduce, &constants)?,
+            parts: upload(context, "parts of skins", &all)?,
+            pairs,
+            gaps: Buffer::new(context, "gaps", found, Memory::Readback)?,
+        }))
+    }
+
+    /// One pass once the step is accepted, beside the wrench's; none where no loop holds the tool. Nobody needs the skin positions
+    /// of the contact stage then: it takes their array for those of the step's end.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, skins: &Skins, elastic: &Elastic, solve: &Solve) {
+        recorder.stage("wrench");
+        let Skins { pose, cull, skin, depth } = skins;
+        let buffers = [
+            &common.params,
+            &common.frames,
+            &solve.state,
+            &solve.iterates,
+            &self.parts,
+            &pose.proxies,
+            &cull.chunks,
+            &pose.proxy_nodes,
+            &cull.chunk_nodes,
+            &skin.chunk_vertices,
+            &depth.chunk_triangles,
+            &skin.triangles,
+            &skin.skin_nodes,
+            &skin.skin_weights,
+            &elastic.node_rest,
+            &elastic.displacement,
+            &elastic.node_info,
+            &common.links,
+            &skin.skin,
+            &self.gaps,
+        ];
+        recorder.dispatch_indirect(&self.kernel, &buffers, &[], &common.args, args::GAP);
+    }
+}

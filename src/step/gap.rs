@@ -1,0 +1,90 @@
+//! The free way from the tool to the nearest body, of what the device found and of the half-spaces, for the loop.
+
+use glam::DVec3;
+
+use super::Simulation;
+use crate::Result;
+use crate::haptics::local_model::Gap;
+use crate::report::Flags;
+use crate::stages::gap;
+use crate::stages::types::{NONE, Report, SkinGap};
+
+/// Width of the ring along which a tool's bounding sphere is taken to touch first, m.
+const FIRST_TOUCH: f64 = 1e-3;
+/// Skin that faces away counts as nearer where it is so by more than this share: ways to a common edge differ by their rounding.
+const ROUNDING: f64 = 1e-5;
+/// What the device says where it met nothing that faces away, m.
+const FAR: f32 = 3.0e38;
+
+impl Simulation {
+    /// Adds the gap to the last step's wrench, where a loop holds the tool and it touches nothing.
+    pub(super) fn add_gap(&mut self, report: &Report) -> Result<()> {
+        // A step that was frozen found nothing.
+        let is_known = !self.has_weight && !Flags(report.flags).contains(Flags::FROZEN);
+        let touches = self.last_wrench.is_some_and(|w| w.pressing > 0.0 || w.wrench.force != DVec3::ZERO);
+        if is_known && !touches {
+            let gap = self.gap()?;
+            if let Some(wrench) = &mut self.last_wrench {
+                wrench.gap = gap;
+            }
+        }
+        Ok(())
+    }
+
+    /// The shortest of all ways; `None` where the tool is a body of the scene, or is within one.
+    fn gap(&self) -> Result<Option<Gap>> {
+        let model = &self.model;
+        if model.tool_frame.is_none() {
+            return Ok(None);
+        }
+        let (is_within, mut shortest) = self.skin_gap()?;
+        if is_within {
+            return Ok(None);
+        }
+        for (index, plane) in model.pair_planes.iter().enumerate().filter(|(i, _)| model.pairs[*i].tool_sign != 0.0) {
+            let (Some(plane), Some(tool)) = (plane, &self.tool) else { continue };
+            let lowest = match model.tool_sphere {
+                Some(radius) => -radius,
+                None => {
+                    let normal = tool.orientation.inverse() * plane.normal;
+                    gap::tool_vertices(model).map(|x| normal.dot(x.as_dvec3())).fold(f64::INFINITY, f64::min)
+                }
+            };
+            let distance = plane.normal.dot(tool.centre) - plane.offset + lowest;
+            if shortest.is_none_or(|known| distance < known.distance) {
+                shortest = self.within_range(index, plane.normal, distance).or(shortest);
+            }
+        }
+        Ok(shortest)
+    }
+
+    /// Whether a sphere's centre, or any of another tool, is within a body; else the shortest way to skin.
+    fn skin_gap(&self) -> Result<(bool, Option<Gap>)> {
+        let Some(stage) = &self.stages.gap else { return Ok((false, None)) };
+        let found = stage.gaps.mapped::<SkinGap>()?;
+        let back = found.iter().map(|gap| f64::from(gap.back)).fold(f64::INFINITY, f64::min);
+        let ways = found.iter().zip(&stage.pairs).filter(|(gap, _)| gap.triangle != NONE).map(|(gap, pair)| {
+            let along = DVec3::from(gap.way.map(f64::from));
+            (along, along.length(), gap.triangle, *pair)
+        });
+        // Of equals that to the lower triangle.
+        let shortest = ways.min_by(|(_, a, t, _), (_, b, u, _)| a.total_cmp(b).then(t.cmp(u)));
+        if back < (1.0 - ROUNDING) * shortest.map_or(f64::from(FAR), |way| way.1) {
+            return Ok((true, None));
+        }
+        let radius = self.model.tool_sphere.unwrap_or(0.0);
+        let gap = shortest.and_then(|(along, length, _, pair)| {
+            along.try_normalize().and_then(|along| self.within_range(pair, -along, length - radius))
+        });
+        Ok((false, gap))
+    }
+
+    /// A gap of this length, if it is no longer than what is looked for; below zero where a sphere, or a half-space, was met in the
+    /// step that began without contact. Stiffness: all of the ring along which a tool of this
+    /// radius touches within its first millimetre.
+    fn within_range(&self, pair: usize, normal: DVec3, distance: f64) -> Option<Gap> {
+        let area = 2.0 * std::f64::consts::PI * self.model.tool_radius * FIRST_TOUCH;
+        let stiffness = f64::from(self.model.pairs[pair].stiffness) * area;
+        (distance <= gap::RANGE).then_some(Gap { normal, distance, stiffness })
+    }
+}
