@@ -246,9 +246,14 @@ fn a_drag_over_the_head_adds_no_damping_to_the_force_along_the_motion() {
         let played = median(dragged.iter().map(|tick| tick.played.force.y).collect());
         let steps = dragged[0].step as usize..dragged[dragged.len() - 1].step as usize;
         let found = median(wrenches[steps].iter().map(|wrench| wrench.wrench.force.y).collect());
-        println!("{profile}: {played:.4} N along the drag, {found:.4} N by the simulation");
+        let left_out = median(dragged.iter().map(|tick| (tick.played.force.y - tick.contact.force.y).abs()).collect());
+        let along = median(dragged.iter().map(|tick| tick.contact.force.y.abs()).collect());
+        println!(
+            "{profile}: {played:.4} N along the drag, {found:.4} N by the simulation; {left_out:.5} N of {along:.4} N are not played"
+        );
         let size = median(dragged.iter().map(|tick| tick.played.force.length()).collect());
         assert!(size > 1.0 && (played - found).abs() < 0.03 * size, "{profile}: {played} {found} of {size}");
+        assert!(left_out < 0.03 * along, "{profile}: {left_out} of {along}");
         assert!(dragged.iter().filter(|tick| acts(tick)).count() * 100 < dragged.len(), "{profile}");
         // Lifted off, nothing holds the device back.
         assert!(ticks[3250].played.force.length() < 0.01 && ticks[3250].contact.force == DVec3::ZERO, "{profile}");

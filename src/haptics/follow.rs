@@ -122,7 +122,9 @@ impl Followed {
         self.interval = if local_model { interval } else { 0.0 };
         self.share = 0.0;
         self.most_lent = self.most_lent.max(self.opposed(tool));
-        self.credit = self.credit.max(self.unopposed(tool)).min((self.most_lent - lent).max(0.0));
+        // A wall that was known opposed the way.
+        let unopposed = if self.wall > 0.0 { 0.0 } else { self.unopposed(tool) };
+        self.credit = self.credit.max(unopposed).min((self.most_lent - lent).max(0.0));
         (self.newest, self.taken) = (*wrench, time);
         if wrench.wrench == Wrench::ZERO {
             (self.entered, self.most_lent) = (wrench.tool.position, 0.0);
