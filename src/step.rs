@@ -2,8 +2,9 @@
 
 mod advance;
 mod change;
-pub(crate) mod choice;
+mod contact_wrench;
 mod contacts;
+pub mod drive;
 mod explain;
 pub mod frames;
 mod gap;
@@ -12,9 +13,12 @@ pub mod joints;
 mod make;
 mod nodes;
 mod probes;
-pub(crate) mod recordings;
+mod recordings;
+mod report;
+mod rigid;
 mod saved;
 mod shown;
+pub mod tool;
 mod tools;
 
 use std::collections::BTreeMap;
@@ -25,24 +29,25 @@ use glam::DVec3;
 
 use crate::Result;
 use crate::gpu::Context;
-use crate::haptics::RigidState;
-use crate::haptics::drive::Drive;
-use crate::haptics::local_model::ContactWrench;
-use crate::haptics::servo_thread::Held;
-use crate::haptics::tool::Tool;
 use crate::plan::Plan;
 use crate::prepare::{Body, BodyReport, Shape};
-use crate::report::{Flags, Pose, Row, ToolRow};
-use crate::scene::{Key, Scene};
+use crate::scene::{Coupling, Key, Scene};
+pub use crate::stages::Flags;
 use crate::stages::depth::Path;
 use crate::stages::joints::Joint;
 use crate::stages::model::{self, Model};
 use crate::stages::types::{self, Counts, Frame, Link, Pair, Region, Report, StepParams};
+pub use contact_wrench::{ContactWrench, Gap};
 pub use contacts::ContactPoint;
+use drive::Drive;
 use frames::Frames;
+pub use held::Held;
 use probes::ProbePlace;
 use recordings::{Recordings, Stages};
+pub use report::{Pose, StepReport, ToolReport};
+pub use rigid::{RigidState, Wrench};
 pub use shown::{Cut, Field, FieldValues, Mesh, Overlay, Part, RegionSquare, Skins};
+use tool::Tool;
 
 /// How often a step that fails is halved: eighths of it at last.
 const MOST_HALVINGS: u32 = 3;
@@ -96,7 +101,7 @@ pub struct Simulation {
 impl Simulation {
     /// One step of the scene's `dt`, with the device where the scene's keys put it: pose in, wrench out. After
     /// [`Simulation::step_held`], which leaves the keys for good, the device stays where that had it.
-    pub fn step(&mut self) -> Result<Row> {
+    pub fn step(&mut self) -> Result<StepReport> {
         let h = self.scene.step.dt;
         self.has_weight = true;
         self.step_to(self.next_end(h), h)
@@ -106,7 +111,7 @@ impl Simulation {
     /// towards its device as it is now. Where the device will be at the end nobody
     /// knows: taken to go on as it moves, at 50 steps a second it makes contact swing that is steady without (README, "The
     /// hand"). A tool that is a soft body's core stays the simulation's. Weight is not felt: what the hand holds is carried.
-    pub fn step_held(&mut self, held: &Held, h: f64) -> Result<Row> {
+    pub fn step_held(&mut self, held: &Held, h: f64) -> Result<StepReport> {
         let time = self.time + h;
         self.has_weight = false;
         let RigidState { position, orientation, .. } = held.device;
@@ -141,7 +146,7 @@ impl Simulation {
     }
 
     /// A step of the scene's `dt` with the device at this pose at its end, having moved evenly from where it was.
-    pub fn step_at(&mut self, pose: Pose) -> Result<Row> {
+    pub fn step_at(&mut self, pose: Pose) -> Result<StepReport> {
         let h = self.scene.step.dt;
         let end = self.next_end(h);
         self.has_weight = true;
@@ -149,7 +154,7 @@ impl Simulation {
         self.step_to(end, h)
     }
 
-    fn step_to(&mut self, time: f64, h: f64) -> Result<Row> {
+    fn step_to(&mut self, time: f64, h: f64) -> Result<StepReport> {
         let begun = Instant::now();
         self.step += 1;
         let report = self.advance(time - h, h, MOST_HALVINGS)?;
@@ -159,6 +164,33 @@ impl Simulation {
         self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report));
         self.add_gap(&report)?;
         Ok(self.row(&report, time, &device, probes, begun))
+    }
+
+    /// The scene that it was made of, with what was changed since.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// At the end of the last step, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Contact stiffness of the stiffest pair of bodies, N/m^3; 0: nothing can touch.
+    pub fn contact_stiffness(&self) -> f64 {
+        self.model.pairs.iter().map(|pair| f64::from(pair.stiffness)).fold(0.0, f64::max)
+    }
+
+    /// What joins tool and device from now on. The loop chooses its own; whoever steps on without it gives back what there was.
+    pub fn couple(&mut self, coupling: Option<Coupling>) {
+        if let Some(tool) = &mut self.tool {
+            tool.coupling = coupling;
+        }
+    }
+
+    /// When the next step of `h` s ends, s: a whole multiple of it, unless the loop took steps of its own length.
+    pub(super) fn next_end(&self, h: f64) -> f64 {
+        if self.time == self.step as f64 * h { (self.step + 1) as f64 * h } else { self.time + h }
     }
 
     /// The device that runs the step.
@@ -329,13 +361,13 @@ impl Simulation {
         Ok(self.probes.iter().zip(moved.chunks(4)).map(place).collect())
     }
 
-    fn row(&self, report: &Report, time: f64, device: &RigidState, probes: Vec<DVec3>, begun: Instant) -> Row {
+    fn row(&self, report: &Report, time: f64, device: &RigidState, probes: Vec<DVec3>, begun: Instant) -> StepReport {
         let vector = |x: [f32; 3]| DVec3::new(x[0].into(), x[1].into(), x[2].into());
         let touch = self.stages.touch.is_some();
-        Row {
+        StepReport {
             step: self.step,
             time,
-            tool: self.tool.as_ref().map(|tool| ToolRow {
+            tool: self.tool.as_ref().map(|tool| ToolReport {
                 tool: Pose { position: tool.centre, orientation: tool.orientation },
                 device: Pose { position: device.position, orientation: device.orientation },
                 force: vector(report.force),

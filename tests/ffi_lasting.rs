@@ -103,7 +103,7 @@ fn overhead(text: &str) -> (f64, f64) {
         }
         for _ in 0..ROW {
             let begun = Instant::now();
-            let row = own.step_at(palpate::report::Pose { position, orientation });
+            let row = own.step_at(palpate::step::Pose { position, orientation });
             times[1].push(begun.elapsed().as_secs_f64());
             row.unwrap();
         }

@@ -6,12 +6,15 @@ use std::process::Command;
 
 use glam::DVec3;
 use palpate::gpu::Options;
+use palpate::haptics::Reading;
 use palpate::haptics::environment::Environment;
 use palpate::haptics::record::{Header, Recording};
-use palpate::haptics::safety::{Limits, Lowered};
+use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::{Profile, Reading, RigidState};
+use palpate::scene::Lowered;
+use palpate::scene::Profile;
 use palpate::scene::Scene;
+use palpate::step::RigidState;
 use palpate::step::Simulation;
 
 /// A ball of 50 g that is pushed into a soft block.

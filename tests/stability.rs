@@ -4,9 +4,9 @@ mod spoil;
 
 use std::process::Command;
 
-use palpate::report::Flags;
 use palpate::stability::laws::{Law, Verdict};
 use palpate::stability::{self, Results, Settings, document};
+use palpate::step::Flags;
 
 /// An axis or more of the short form.
 fn run(only: &[&str], replaced: Vec<(String, Vec<u8>)>) -> Results {

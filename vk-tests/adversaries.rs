@@ -6,9 +6,9 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 use palpate::prepare::layer;
-use palpate::report::Row;
 use palpate::stages::depth::Path;
 use palpate::step::Simulation;
+use palpate::step::StepReport;
 use tempfile::TempDir;
 
 use crate::whole_step::{open, run, scene};
@@ -78,7 +78,7 @@ fn block_and_mesh(mesh: &Mesh, position: [f64; 3]) -> Simulation {
 }
 
 /// Runs; every number is finite, the first step's flags are `first`, and there are none but those and `later`.
-fn judge(name: &str, mut simulation: Simulation, first: u32, later: u32) -> Vec<Row> {
+fn judge(name: &str, mut simulation: Simulation, first: u32, later: u32) -> Vec<StepReport> {
     let rows = run(&mut simulation, STEPS);
     let seen: Vec<u32> = rows.iter().map(|row| row.flags.0).collect();
     let force: Vec<f64> = rows.iter().map(|row| row.tool.map_or(0.0, |tool| tool.force.length())).collect();

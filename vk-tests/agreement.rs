@@ -157,7 +157,7 @@ fn culling_leaves_no_colliding_vertex_out() {
         Subject::new("sphere 258", sphere(0.1, 3), octants),
         Subject::new("torus 480", torus(0.08, 0.03, 30, 16), whole),
         Subject::new("thin torus 384", torus(0.1, 0.012, 48, 8), whole),
-        Subject::new("head 3000", Model::Head.surface(3000), whole),
+        Subject::new("head 3000", palpate::prepare::model::surface(Model::Head, 3000), whole),
     ];
     let (device, mut random) = (device(), Random(402));
     head();

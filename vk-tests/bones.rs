@@ -5,14 +5,14 @@ use std::fmt::Write;
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Options;
-use palpate::haptics::RigidState;
-use palpate::haptics::drive::Drive;
-use palpate::haptics::tool::Tool;
 use palpate::oracle;
 use palpate::prepare::{FrameMotion, Shape, layer};
-use palpate::report::Flags;
 use palpate::scene::{Key, Scene};
+use palpate::step::Flags;
+use palpate::step::RigidState;
 use palpate::step::Simulation;
+use palpate::step::drive::Drive;
+use palpate::step::tool::Tool;
 
 use crate::touch::{Place, Twin, press};
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
-use palpate::report::Pose;
 use palpate::scene::{Material, Scene};
+use palpate::step::Pose;
 use palpate::step::Simulation;
 
 use crate::touch::{Place, press};

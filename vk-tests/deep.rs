@@ -4,8 +4,8 @@
 use glam::{DMat3, DVec3};
 use palpate::gpu::Options;
 use palpate::prepare::{Layer, Shape};
-use palpate::report::Row;
 use palpate::step::Simulation;
+use palpate::step::StepReport;
 
 use crate::whole_step::{meshes, scene};
 
@@ -65,7 +65,7 @@ fn press(deep: &Deep) {
     let mut simulation = Simulation::new(&scene(&text), &options, None).unwrap();
     let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
     let layer = layer.clone();
-    let mut rows: Vec<Row> = Vec::new();
+    let mut rows: Vec<StepReport> = Vec::new();
     let mut least = f64::INFINITY;
     let mut deepest = 0.0f64;
     for step in 0..PHASES.iter().sum() {

@@ -1,8 +1,8 @@
 //! Meshes as they come: layers with slivers under gravity, a skin with holes under a tool.
 
 use glam::DVec3;
-use palpate::report::Flags;
 use palpate::scene::tetrahedra;
+use palpate::step::Flags;
 
 use crate::whole_step::{meshes, open, run, scene};
 

@@ -4,9 +4,9 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Const;
 use palpate::oracle::elastic::{lame, outer, polar_rotation, strain};
 use palpate::prepare::{Layer, Materials};
-use palpate::report::Flags;
 use palpate::scene::Material;
 use palpate::stages::types::Counts;
+use palpate::step::Flags;
 
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 use crate::random::Random;

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use palpate::report::Flags;
 use palpate::stages::types::Contact;
+use palpate::step::Flags;
 
 use crate::laws::{BLOCK, State};
 use crate::whole_step::{open, run, scene};

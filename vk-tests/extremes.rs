@@ -1,8 +1,8 @@
 //! Scenes at the edge of what can be computed: what a scene asks for never loses contacts without a word, and what does
 //! not fit single precision is said to be so and changes nothing.
 
-use palpate::report::{Flags, Row};
 use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport};
 
 use crate::whole_step::{open, run, scene};
 
@@ -18,7 +18,7 @@ fn press(tool: &str, more: &str) -> Simulation {
     open(&scene(&format!("[[body]]\nname = \"b\"\n{BLOCK}{HELD}[tool]\n{tool}{more}")), None)
 }
 
-fn force(rows: &[Row]) -> f64 {
+fn force(rows: &[StepReport]) -> f64 {
     rows[rows.len() - 1].tool.unwrap().force.length()
 }
 

@@ -5,9 +5,9 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::{Const, Size};
 use palpate::prepare::patch::patches;
 use palpate::prepare::{Layer, Shape};
-use palpate::report::Row;
 use palpate::scene::{Law, Sides};
 use palpate::stages::types::{Contact, Counts, Frame, NONE, StepParams};
+use palpate::step::StepReport;
 use palpate::step::{Field, Overlay, Simulation};
 
 use crate::elastic::{deformed_of, expect_of_largest, stretched};
@@ -492,7 +492,7 @@ fn pressures_are_what_the_tool_feels() {
 }
 
 /// Of each step: its row, the force that the pressures of the tool's own contacts make, and their sizes summed.
-fn run_looking(simulation: &mut Simulation, steps: usize) -> Vec<(Row, DVec3, f64)> {
+fn run_looking(simulation: &mut Simulation, steps: usize) -> Vec<(StepReport, DVec3, f64)> {
     let mut all = Vec::new();
     for _ in 0..steps {
         let row = run(simulation, 1).remove(0);

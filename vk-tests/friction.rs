@@ -7,9 +7,9 @@ use palpate::oracle::friction::Friction;
 use palpate::oracle::step::{Held, auto_stiffness};
 use palpate::oracle::tool;
 use palpate::prepare::{self, Embedding, Shape, Skin};
-use palpate::report::{Flags, Row};
 use palpate::scene::Scene;
 use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport};
 
 use crate::bones::{cube, twin_cores};
 use crate::touch::{Place, press};
@@ -137,7 +137,7 @@ pub struct Errors {
 pub fn beside(
     scene: &Scene,
     steps: usize,
-    mut each: impl FnMut(&Row, &Simulation, &Twin, &oracle::step::Report),
+    mut each: impl FnMut(&StepReport, &Simulation, &Twin, &oracle::step::Report),
 ) -> Errors {
     let mut simulation = open(scene, None);
     let mut twin = Twin::new(scene, &simulation);
@@ -149,7 +149,7 @@ pub fn beside(
         let region = simulation.touch().unwrap().0[0];
         let contacts = twin.contacts(DVec3::from(region.normal.map(f64::from)).normalize_or_zero());
         let device = scene.coupling.map(|_| {
-            let device = palpate::haptics::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
+            let device = palpate::step::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
             tool::Device {
                 position: device.position,
                 orientation: device.orientation,

@@ -418,9 +418,9 @@ fn shortest_ways_to_deformed_bodies() {
 /// What the loop is told, of the whole step.
 mod told {
     use glam::{DQuat, DVec3};
-    use palpate::haptics::RigidState;
-    use palpate::haptics::local_model::ContactWrench;
-    use palpate::haptics::servo_thread::Held;
+    use palpate::step::ContactWrench;
+    use palpate::step::Held;
+    use palpate::step::RigidState;
     use palpate::step::Simulation;
 
     use super::RADIUS;

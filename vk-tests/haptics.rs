@@ -4,18 +4,20 @@
 use glam::{DQuat, DVec3};
 use palpate::gpu::Options;
 use palpate::haptics::devices::{Hand, HandParameters, Scripted};
-use palpate::haptics::drive::Drive;
 use palpate::haptics::environment::Environment;
 use palpate::haptics::event::Event;
-use palpate::haptics::local_model::ContactWrench;
-use palpate::haptics::safety::{Limits, Lowered};
+use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::servo_thread::Held;
-use palpate::haptics::tool::Tool;
 use palpate::haptics::virtual_time::{self, Schedule};
-use palpate::haptics::{Device, Profile, coupling};
+use palpate::haptics::{Device, coupling};
 use palpate::scene::Key;
+use palpate::scene::Lowered;
+use palpate::scene::Profile;
+use palpate::step::ContactWrench;
+use palpate::step::Held;
 use palpate::step::Simulation;
+use palpate::step::drive::Drive;
+use palpate::step::tool::Tool;
 
 use crate::whole_step::scene;
 
@@ -193,7 +195,7 @@ fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch
             None,
         );
         alone.couple(Some(coupling.coupling));
-        let pose = |position| palpate::report::Pose { position, orientation: DQuat::IDENTITY };
+        let pose = |position| palpate::step::Pose { position, orientation: DQuat::IDENTITY };
         let rest = (0..150).map(|_| alone.step_at(pose(held.device.position)).unwrap()).last().unwrap();
         let rest = rest.tool.unwrap().force.length();
         println!("{profile}: played {played:.4} N, step {step:.4} N, at rest {rest:.4} N");

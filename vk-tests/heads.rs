@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use palpate::gpu::Options;
-use palpate::report::{Flags, Row};
 use palpate::scene::Scene;
 use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport};
 
 use crate::whole_step::meshes;
 
@@ -20,7 +20,7 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
     // Validation is for the small scenes: these are long.
     let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() };
     let mut simulation = Simulation::new(scene, &options, None).unwrap();
-    let rows: Vec<Row> = (0..steps).map(|_| simulation.step().unwrap()).collect();
+    let rows: Vec<StepReport> = (0..steps).map(|_| simulation.step().unwrap()).collect();
     let force: Vec<f64> = rows.iter().map(|row| row.tool.unwrap().force.length()).collect();
     let touch = rows.iter().position(|row| row.contacts.unwrap() > 0).expect("it never touches");
     let pressing = &force[touch - 1..];

@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 use palpate::gpu::Options;
-use palpate::report::{Flags, Row, ToolRow};
 use palpate::scene::Scene;
 use palpate::stages::types::Contact;
 use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport, ToolReport};
 
 use crate::friction::beside;
 use crate::whole_step::{run, scene, soft_twin};
@@ -72,9 +72,9 @@ const REST: f64 = 0.02;
 const MASS: f64 = 0.0467;
 
 /// Energy of bodies, contacts and coupling, J, and the highest speed of a node, m/s.
-fn energy_and_speed(scene: &Scene, simulation: &Simulation, row: &Row) -> (f64, f64) {
+fn energy_and_speed(scene: &Scene, simulation: &Simulation, row: &StepReport) -> (f64, f64) {
     let coupling = scene.coupling.unwrap();
-    let ToolRow { tool, device, .. } = row.tool.unwrap();
+    let ToolReport { tool, device, .. } = row.tool.unwrap();
     let (away, turned) = (tool.position.distance(device.position), tool.orientation.angle_between(device.orientation));
     let mut energy = 0.5 * (coupling.stiffness * away * away + coupling.angular_stiffness * turned * turned);
     let pressed = |c: &Contact| 0.5 * f64::from(c.area * c.stiffness * c.depth * c.depth);

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DMat3, DQuat, DVec3};
 use palpate::oracle;
 use palpate::prepare::layer;
-use palpate::report::Flags;
+use palpate::step::Flags;
 use palpate::step::Simulation;
 
 use crate::bones::{SHAPE, SPEED, bar, twin_cores};

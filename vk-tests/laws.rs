@@ -5,10 +5,10 @@ use std::collections::BTreeSet;
 
 use glam::{DQuat, DVec3};
 use palpate::oracle;
-use palpate::report::{Flags, Row};
 use palpate::scene::Scene;
 use palpate::stages::depth;
 use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport};
 
 use crate::touch::{Place, press};
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};
@@ -16,7 +16,7 @@ use crate::whole_step::{open, relative_error, run, scene, soft_twin};
 /// Nodes, their velocities and the tool at one moment.
 pub struct State {
     twin: oracle::step::SoftBody,
-    pub tool: Option<palpate::haptics::tool::Tool>,
+    pub tool: Option<palpate::step::tool::Tool>,
 }
 
 impl State {
@@ -127,8 +127,8 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
 }
 
 /// A row without its wall time, to the last bit: f64's debug form is the shortest that reads back as the same number.
-fn bits(rows: &[Row]) -> Vec<String> {
-    rows.iter().map(|row| format!("{:?}", Row { step_us: 0.0, ..row.clone() })).collect()
+fn bits(rows: &[StepReport]) -> Vec<String> {
+    rows.iter().map(|row| format!("{:?}", StepReport { step_us: 0.0, ..row.clone() })).collect()
 }
 
 #[test]

@@ -6,9 +6,9 @@ use std::path::Path;
 use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::prepare::{Shape, layer};
-use palpate::report::Row;
 use palpate::scene::obj;
 use palpate::step::Simulation;
+use palpate::step::StepReport;
 
 use crate::whole_step::scene;
 
@@ -41,14 +41,14 @@ fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
     let mut simulation = Simulation::new(&scene(&text), &options(), None).unwrap();
     let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
     let tetrahedra = layer.tetrahedra.len();
-    let rows: Vec<Row> = (0..STEPS).map(|_| simulation.step().unwrap()).collect();
+    let rows: Vec<StepReport> = (0..STEPS).map(|_| simulation.step().unwrap()).collect();
     // At such long steps the normal, which follows the contacts a step late, still sways by a few degrees (README, Known
     // limits), contacts at the rim may pull, and the force rests within a few percent: its mean is what is compared.
     let pulling = rows.iter().filter(|row| row.flags.0 == PULLING).count();
     let others = rows.iter().filter(|row| ![0, PULLING].contains(&row.flags.0)).count();
     assert!(pulling <= STEPS / 3 && others == 0, "{:?}", rows.iter().map(|r| r.flags.0).collect::<Vec<_>>());
-    let force = |row: &Row| row.tool.unwrap().force.length();
-    let mean = |rows: &[Row]| rows.iter().map(force).sum::<f64>() / rows.len() as f64;
+    let force = |row: &StepReport| row.tool.unwrap().force.length();
+    let mean = |rows: &[StepReport]| rows.iter().map(force).sum::<f64>() / rows.len() as f64;
     let (last, before) = (mean(&rows[STEPS - 4..]), mean(&rows[STEPS - 8..STEPS - 4]));
     assert!((last / before - 1.0).abs() < 0.04, "it rests: {before} {last}");
     (last, tetrahedra)

@@ -3,8 +3,8 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::oracle;
-use palpate::report::{Flags, Row};
 use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport};
 
 use crate::bodies;
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};
@@ -151,7 +151,7 @@ fn a_body_at_rest_on_a_plane_stays() {
             probe("high", "block", DVec3::new(0.03, 0.03, -0.03))
         );
         let mut simulation = open(&scene(&text), None);
-        let places = |simulation: &Simulation, row: &Row| {
+        let places = |simulation: &Simulation, row: &StepReport| {
             let frame = simulation.frames(0)[0];
             let turned = frame.centre + frame.rotation * DVec3::splat(0.03);
             [row.probes[0], row.probes[1], frame.centre, turned]

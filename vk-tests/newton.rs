@@ -4,9 +4,9 @@
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::oracle;
-use palpate::report::Flags;
 use palpate::scene::Scene;
 use palpate::stages::types::{Frame, NONE, RigidIterate, Solve, StepParams};
+use palpate::step::Flags;
 
 use crate::bones::{self, carry, twin_cores};
 use crate::friction::beside;

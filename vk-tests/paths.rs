@@ -4,7 +4,6 @@ use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::gpu::Recorder;
 use palpate::prepare::{self, Body, sphere};
-use palpate::report::{Flags, Row};
 use palpate::scene::Scene;
 use palpate::stages::Common;
 use palpate::stages::contact::Contact;
@@ -17,6 +16,7 @@ use palpate::stages::skin::Skin;
 use palpate::stages::types::{CHUNK_VERTICES, Counts, Frame, Link, NONE, Pair, Region, StepParams};
 use palpate::step::Simulation;
 use palpate::step::frames::Frames;
+use palpate::step::{Flags, StepReport};
 
 use crate::harness::{assert_clean, context};
 use crate::random::Random;
@@ -25,7 +25,7 @@ use crate::whole_step::{open, run, scene};
 const PATHS: [Path; 2] = [Path::Compute, Path::Graphics];
 
 /// A row as bits, without the wall time.
-fn bits(row: &Row) -> Vec<u64> {
+fn bits(row: &StepReport) -> Vec<u64> {
     let tool = row.tool.unwrap();
     let vectors = [tool.tool.position, tool.force, tool.torque];
     let mut all: Vec<f64> = vectors.iter().flat_map(|v| v.to_array()).collect();

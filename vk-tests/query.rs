@@ -5,8 +5,8 @@ use glam::{DQuat, DVec3};
 use palpate::oracle::contact::ray_depths;
 use palpate::prepare::{self, Body, Shape};
 use palpate::query::{Answer, Query, QuerySettings};
-use palpate::report::Flags;
 use palpate::stages::depth::Path;
+use palpate::step::Flags;
 
 use crate::bodies::{octants, rigid, sphere, whole};
 use crate::harness::{assert_clean, context};

@@ -3,15 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use palpate::haptics::drive::Drive;
+use palpate::haptics::Reading;
 use palpate::haptics::environment::Environment;
 use palpate::haptics::record::{Header, Recorded, Recording};
 use palpate::haptics::replay::{Replayed, replay};
-use palpate::haptics::safety::{Limits, Lowered};
+use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::{Profile, Reading};
+use palpate::scene::Lowered;
+use palpate::scene::Profile;
 use palpate::scene::{Key, Scene};
 use palpate::stages::depth;
+use palpate::step::drive::Drive;
 
 use crate::touch::{Place, press};
 use crate::whole_step::open;

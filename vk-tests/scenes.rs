@@ -5,8 +5,8 @@ use std::path::Path;
 
 use glam::DVec3;
 use palpate::gpu::Options;
-use palpate::report::Flags;
 use palpate::scene::Scene;
+use palpate::step::Flags;
 use palpate::step::Simulation;
 
 /// Steps of a millisecond.

@@ -5,11 +5,11 @@ use palpate::oracle;
 use palpate::oracle::contact::{self, Law, Support, Surface};
 use palpate::oracle::step::{self, auto_stiffness};
 use palpate::prepare::{self, Shape};
-use palpate::report::{Flags, Row};
 use palpate::scene::{Scene, Sides};
 use palpate::stages::depth;
 use palpate::stages::types::Contact;
 use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport};
 
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};
 
@@ -134,7 +134,7 @@ fn touch_agrees_with_the_oracle_and_the_depth_paths_with_each_other() {
         let paths = [depth::Path::Compute, depth::Path::Graphics];
         let [(compute, found), (graphics, found_too)] = paths.map(|path| against_the_oracle(&scene, path, young));
         assert_eq!(found, found_too, "contacts of the two depth paths");
-        let force = |rows: &[Row]| -> Vec<DVec3> { rows.iter().map(|r| r.tool.unwrap().force).collect() };
+        let force = |rows: &[StepReport]| -> Vec<DVec3> { rows.iter().map(|r| r.tool.unwrap().force).collect() };
         let error = relative_error(&force(&compute), &force(&graphics));
         println!("touch at {young:e} Pa: compute against graphics {error:.1e} of the largest force");
         assert!(error < FORCE);
@@ -144,7 +144,7 @@ fn touch_agrees_with_the_oracle_and_the_depth_paths_with_each_other() {
 /// Vertex and side of every contact, step by step.
 type Found = Vec<Vec<(u32, u32)>>;
 
-fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Row>, Found) {
+fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<StepReport>, Found) {
     let mut simulation = open(scene, Some(path));
     let mut twin = Twin::new(scene, &simulation);
     let skin_vertices = twin.skin.0.vertices.len() as u32;
@@ -162,7 +162,7 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Row>
         found.push(contacts.iter().map(|c| (c.side, c.vertex)).collect());
         let tool = row.tool.unwrap();
         let h = scene.step.dt;
-        let device = palpate::haptics::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
+        let device = palpate::step::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
         let device = oracle::tool::Device {
             position: device.position,
             orientation: device.orientation,

@@ -6,10 +6,10 @@ use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::oracle;
 use palpate::prepare::Shape;
-use palpate::report::Row;
 use palpate::scene::Scene;
 use palpate::stages::depth;
 use palpate::step::Simulation;
+use palpate::step::StepReport;
 
 /// The folder of meshes that are not part of the project; `None`, with a line that says so, where it is missing.
 pub fn meshes(test: &str) -> Option<PathBuf> {
@@ -37,7 +37,7 @@ pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
 }
 
 /// Runs steps; any validation message fails.
-pub fn run(simulation: &mut Simulation, steps: usize) -> Vec<Row> {
+pub fn run(simulation: &mut Simulation, steps: usize) -> Vec<StepReport> {
     let rows = (0..steps).map(|_| simulation.step().unwrap()).collect();
     let messages = simulation.context().validation_messages();
     assert!(messages.is_empty(), "{messages:#?}");

@@ -12,7 +12,7 @@ use super::samples::hands;
 use super::{Chapter, Document, Section};
 use crate::gpu::{Context, DeviceKind, Options};
 use crate::prepare::Cache;
-use crate::step::choice::Choice;
+use crate::query::choice::Choice;
 use crate::{Error, Result};
 
 /// Version of the format of `results.json`: raised when a field changes its meaning or goes.

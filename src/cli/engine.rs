@@ -2,13 +2,14 @@
 
 use glam::DVec3;
 use palpate::gpu::{Context, DeviceInfo, Options};
-use palpate::haptics::local_model::ContactWrench;
-use palpate::haptics::servo_thread::Held;
 use palpate::prepare::Shape;
-use palpate::report::{Facts, Plan, Row, StageSamples};
+use palpate::report::{Facts, Plan, StageSamples};
 use palpate::scene::Scene;
 use palpate::stages::query_as_one;
+use palpate::step::ContactWrench;
+use palpate::step::Held;
 use palpate::step::Simulation;
+use palpate::step::StepReport;
 use palpate::{Error, Result};
 
 /// A simulation under way, and the times of its stages.
@@ -65,13 +66,13 @@ impl Engine {
     }
 
     /// One step of the scene's own.
-    pub fn step(&mut self) -> Result<Row> {
+    pub fn step(&mut self) -> Result<StepReport> {
         let row = self.simulation.step()?;
         Ok(self.counted(row))
     }
 
     /// A step of `h` s from what the loop holds, and what the tool felt in it.
-    pub fn step_held(&mut self, held: &Held, h: f64) -> Result<(Row, ContactWrench)> {
+    pub fn step_held(&mut self, held: &Held, h: f64) -> Result<(StepReport, ContactWrench)> {
         let row = self.simulation.step_held(held, h)?;
         let wrench = self.simulation.contact_wrench().copied().unwrap_or(ContactWrench::none(held.tool));
         Ok((self.counted(row), wrench))
@@ -88,7 +89,7 @@ impl Engine {
         &mut self.simulation
     }
 
-    fn counted(&mut self, row: Row) -> Row {
+    fn counted(&mut self, row: StepReport) -> StepReport {
         self.steps += 1;
         self.iterations += u64::from(row.iterations);
         for (stage, us) in self.simulation.stage_times().unwrap_or_default() {

@@ -4,17 +4,18 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use palpate::haptics::Device;
 use palpate::haptics::devices::{Hand, Haply, Replay, Scripted, haply};
-use palpate::haptics::drive::Drive;
 use palpate::haptics::environment::Environment;
-use palpate::haptics::local_model::ContactWrench;
-use palpate::haptics::profile::PROFILES;
 use palpate::haptics::record::{Header, Recording};
-use palpate::haptics::servo_thread::Held;
 use palpate::haptics::session::{self, Moment, Options, Report};
-use palpate::haptics::{Device, Profile};
-use palpate::report::Row;
+use palpate::scene::Profile;
+use palpate::scene::profile::PROFILES;
 use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Scene};
+use palpate::step::ContactWrench;
+use palpate::step::Held;
+use palpate::step::StepReport;
+use palpate::step::drive::Drive;
 use palpate::{Error, Result};
 
 use crate::engine::Engine;
@@ -78,7 +79,7 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
                 home: start.position,
                 rate: haptics.rate,
                 profile: haptics.profile,
-                ..haptics.haply.clone()
+                service: haptics.haply.clone(),
             };
             let mut haply = Haply::new(settings);
             // A session takes limits from the profile before it opens the device.
@@ -91,7 +92,7 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
 /// The engine as what the tool meets; whoever watches sees the row of every step.
 struct Watched<'a> {
     engine: &'a mut Engine,
-    watch: &'a mut dyn FnMut(&Row) -> Result<()>,
+    watch: &'a mut dyn FnMut(&StepReport) -> Result<()>,
 }
 
 impl Environment for Watched<'_> {
@@ -108,7 +109,7 @@ pub fn hold(
     scene: &Scene,
     seconds: f64,
     record: Option<&Path>,
-    watch: &mut dyn FnMut(&Row) -> Result<()>,
+    watch: &mut dyn FnMut(&StepReport) -> Result<()>,
 ) -> Result<Report> {
     let Some(tool) = engine.simulation().tool().cloned() else {
         return Err(Error::key(&scene.file, "tool", "is missing: a haptic device has nothing to hold", "add a [tool]"));

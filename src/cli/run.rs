@@ -6,12 +6,14 @@ use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::Result;
 use palpate::haptics::devices::Replay;
-use palpate::haptics::profile::PROFILES;
 use palpate::haptics::session::Report;
+use palpate::report;
 use palpate::report::haptics::Closing;
 use palpate::report::summary::ClosingTable;
-use palpate::report::{self, Output, Row, Summary, Tally, Trace};
+use palpate::report::{Output, Summary, Tally, Trace};
+use palpate::scene::profile::PROFILES;
 use palpate::scene::{DepthPath, DeviceKind, Scene, obj, vtk};
+use palpate::step::StepReport;
 
 use crate::engine::{Engine, Outcome};
 use crate::{hold, print, tell};
@@ -204,7 +206,7 @@ fn simulate(
     };
     let bar = progress(extent);
     let mut tally = Tally::default();
-    let mut watch = |row: &Row| {
+    let mut watch = |row: &StepReport| {
         if let Some(trace) = &mut trace {
             trace.write(row).map_err(failed)?;
         }

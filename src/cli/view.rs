@@ -18,10 +18,11 @@ use palpate::gpu::{Options, display_extensions};
 use palpate::haptics::Device;
 use palpate::haptics::devices::Mouse;
 use palpate::haptics::devices::mouse::Goal;
-use palpate::haptics::profile::PROFILES;
-use palpate::report::{Output, Row, Trace};
+use palpate::report::{Output, Trace};
+use palpate::scene::profile::PROFILES;
 use palpate::scene::{DeviceKind, Haptics, Key, Scene};
 use palpate::step::Simulation;
+use palpate::step::StepReport;
 use palpate::view::live::{Begin, Extent, Lead, Live, MakeDevice, Watch};
 use palpate::{Error, Result};
 use winit::event_loop::EventLoop;
@@ -190,7 +191,7 @@ impl Shared {
     /// Writes rows as they come.
     fn watch(&self) -> Watch {
         let (trace, file) = (self.trace.clone(), self.file.clone());
-        Box::new(move |row: &Row| {
+        Box::new(move |row: &StepReport| {
             let mut trace = trace.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
             match &mut *trace {
                 Some(trace) => trace.write(row).map_err(|source| Error::Output { file: file.clone(), source }),

@@ -8,10 +8,12 @@ use glam::{DQuat, DVec3};
 use super::simulation::palpate_pose;
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
-use crate::haptics::drive::rotation_vector;
-use crate::haptics::profile::PROFILES;
 use crate::haptics::velocity::AdaptiveWindow;
-use crate::haptics::{Device, Fault, Profile, Reading, RigidState, Wrench};
+use crate::haptics::{Device, Fault, Reading};
+use crate::scene::Profile;
+use crate::scene::profile::PROFILES;
+use crate::step::drive::rotation_vector;
+use crate::step::{RigidState, Wrench};
 
 /// Steps of a coarse encoder, m and rad: velocities that a device does not measure are as fine as these allow.
 const QUANTA: [f64; 2] = [2e-5, 5e-4];

@@ -16,11 +16,11 @@ use super::sized;
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::steps::{self, Newest, SimulationSteps, Stepped};
 use crate::haptics::environment::Environment;
-use crate::haptics::local_model::ContactWrench;
-use crate::haptics::servo_thread::Held;
 use crate::haptics::session::{self, Options, Report};
-use crate::haptics::tool::Tool;
 use crate::scene::Haptics;
+use crate::step::ContactWrench;
+use crate::step::Held;
+use crate::step::tool::Tool;
 
 const HELD: &str = "a loop; stop that first";
 

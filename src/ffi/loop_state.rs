@@ -6,10 +6,10 @@ use super::simulation::palpate_pose;
 use super::sized::{Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 use super::steps::Newest;
-use crate::haptics::RigidState;
 use crate::haptics::clock::Lateness;
 use crate::haptics::servo::Tick;
 use crate::haptics::session::{Moment, Report};
+use crate::step::RigidState;
 
 /// The device could not be read or written; nothing is played.
 pub const PALPATE_EVENT_DEVICE_LOST: u32 = 1;

@@ -10,8 +10,8 @@ use super::scene::{SceneObject, palpate_scene};
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::steps::{self, SimulationSteps, Stepped};
-use crate::report::{Pose, Row};
 use crate::step::Simulation;
+use crate::step::{Pose, StepReport};
 
 /// A scene under way.
 pub struct palpate_simulation {
@@ -218,7 +218,7 @@ pub(super) fn pose_of(given: &palpate_pose, what: &str) -> Outcome<Pose> {
     Ok(Pose { position: DVec3::from_array(given.position), orientation: orientation.normalize() })
 }
 
-pub(super) fn wrench_of(row: &Row) -> palpate_wrench {
+pub(super) fn wrench_of(row: &StepReport) -> palpate_wrench {
     let pose =
         |pose: &Pose| palpate_pose { position: pose.position.to_array(), orientation: pose.orientation.to_array() };
     let mut wrench = palpate_wrench {
@@ -274,7 +274,7 @@ pub unsafe extern "C" fn palpate_nodes(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::Flags;
+    use crate::step::Flags;
 
     #[test]
     fn every_flag_has_its_constant() {

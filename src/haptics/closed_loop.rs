@@ -3,15 +3,16 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::devices::hand::{Hand, HandParameters};
-use super::drive::Drive;
 use super::environment::Wall;
-use super::profile::Profile;
-use super::safety::{Limits, Lowered};
+use super::safety::Limits;
 use super::servo::{Servo, Settings, Tick};
-use super::tool::Tool;
 use super::virtual_time::{self, Schedule};
 use super::{Device, coupling};
 use crate::scene::Key;
+use crate::scene::Lowered;
+use crate::scene::profile::Profile;
+use crate::step::drive::Drive;
+use crate::step::tool::Tool;
 
 const PERIOD: f64 = 1e-3;
 

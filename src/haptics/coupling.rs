@@ -5,8 +5,8 @@
 //! stable where K < (b + B) / (T / 2 + t_d) (J. J. Gil, E. Sanchez, T. Hulin, C. Preusche and G. Hirzinger, "Stability
 //! boundary for haptic rendering: influence of damping and delay", 2009).
 
-use super::profile::Profile;
 use crate::scene::Coupling;
+use crate::scene::profile::Profile;
 
 /// Period at which the profiles' stiffness and damping are given, s.
 const PUBLISHED_PERIOD: f64 = 1e-3;

@@ -1,35 +1,9 @@
 //! What every haptic device does: it is read once a tick and told once a tick what to play.
 
-use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::profile::Profile;
-
-/// Pose and twist of something rigid, world axes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct RigidState {
-    /// World position, m.
-    pub position: DVec3,
-    /// To world.
-    pub orientation: DQuat,
-    /// World velocity, m/s.
-    pub velocity: DVec3,
-    /// World angular velocity, rad/s.
-    pub angular_velocity: DVec3,
-}
-
-impl RigidState {
-    /// At rest in a pose.
-    pub fn at_rest(position: DVec3, orientation: DQuat) -> RigidState {
-        RigidState { position, orientation, velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO }
-    }
-
-    /// Whether all of it is finite, and the orientation a unit quaternion to 1e-3.
-    pub fn is_valid(&self) -> bool {
-        let finite = [self.position, self.velocity, self.angular_velocity].iter().all(|v| v.is_finite());
-        finite && (self.orientation.length() - 1.0).abs() < 1e-3
-    }
-}
+use crate::scene::Profile;
+use crate::step::{RigidState, Wrench};
 
 /// What a device says of itself.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -40,25 +14,6 @@ pub struct Reading {
     pub state: RigidState,
     /// A bit each, the first button in the lowest; 1: pressed.
     pub buttons: u32,
-}
-
-/// A force and a torque, world axes.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Wrench {
-    /// N.
-    pub force: DVec3,
-    /// N m, about the device's position.
-    pub torque: DVec3,
-}
-
-impl Wrench {
-    /// Nothing.
-    pub const ZERO: Wrench = Wrench { force: DVec3::ZERO, torque: DVec3::ZERO };
-
-    /// Whether all of it is finite.
-    pub fn is_finite(&self) -> bool {
-        self.force.is_finite() && self.torque.is_finite()
-    }
 }
 
 /// Why a device could not be read or written. None of them ends the loop: it plays nothing until the device is back.

@@ -2,13 +2,12 @@
 
 use glam::DVec3;
 
-use super::device::{RigidState, Wrench};
-use super::local_model::{ContactWrench, Gap};
-use super::servo::state_of;
-use super::servo_thread::Held;
-use super::tool::{Rows, Tool};
 use crate::Result;
+use crate::step::Held;
 use crate::step::Simulation;
+use crate::step::tool::{Rows, Tool};
+use crate::step::{ContactWrench, Gap};
+use crate::step::{RigidState, Wrench};
 
 /// Steps from what the loop holds to what the tool feels.
 pub trait Environment {
@@ -65,7 +64,7 @@ impl Environment for Wall {
             time: held.time,
             wrench: Wrench { force: DVec3::Y * push, torque: DVec3::ZERO },
             pressing: push,
-            ..ContactWrench::none(state_of(tool))
+            ..ContactWrench::none(tool.state())
         };
         if push > 0.0 {
             (wrench.stiffness[1][1], wrench.damping[1][1]) = (self.stiffness, self.damping);
@@ -168,7 +167,7 @@ impl Environment for Cushion {
             wrench: Wrench { force: DVec3::Y * push, torque: DVec3::ZERO },
             pressing: push,
             is_driven,
-            ..ContactWrench::none(state_of(&self.tool))
+            ..ContactWrench::none(self.tool.state())
         };
         if push > 0.0 {
             wrench.stiffness[1][1] = self.penalty;

@@ -4,17 +4,19 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::coupling;
-use super::device::{Device, Fault, Reading, Wrench};
+use super::device::{Device, Fault, Reading};
 use super::devices::hand::{Hand, HandParameters};
-use super::drive::Drive;
 use super::environment::{Environment, Wall};
 use super::event::Event;
-use super::local_model::ContactWrench;
-use super::profile::Profile;
-use super::safety::{Limits, Lowered};
+use super::safety::Limits;
 use super::servo::{Servo, Settings, Tick};
-use super::tool::Tool;
 use crate::scene::Key;
+use crate::scene::Lowered;
+use crate::scene::profile::Profile;
+use crate::step::ContactWrench;
+use crate::step::Wrench;
+use crate::step::drive::Drive;
+use crate::step::tool::Tool;
 
 const PERIOD: f64 = 1e-3;
 /// A wrench every so many ticks, there so many ticks later.
@@ -183,7 +185,7 @@ fn a_simulation_that_stalls_for_longer_lets_the_force_fade() {
 fn a_force_that_is_there_from_the_start_rises_slowly_and_one_that_is_not_is_played_at_once() {
     let Making { settings, mut tool, .. } = making("premium");
     tool.centre = DVec3::ZERO;
-    let start = super::servo::state_of(&tool);
+    let start = tool.state();
     let reading = Reading { time: 0.0, state: start, buttons: 0 };
     let pushed = Wrench { force: DVec3::Y * 2.0, ..Wrench::ZERO };
     let mut wrench = ContactWrench { step: 5, wrench: pushed, pressing: 2.0, ..ContactWrench::none(start) };

@@ -7,7 +7,6 @@ mod closed_loop;
 pub mod coupling;
 pub mod device;
 pub mod devices;
-pub mod drive;
 pub mod environment;
 pub mod event;
 #[cfg(test)]
@@ -16,7 +15,6 @@ pub mod follow;
 pub mod local_model;
 pub mod pace;
 pub mod passivity;
-pub mod profile;
 pub mod record;
 pub mod replay;
 pub mod safety;
@@ -26,9 +24,7 @@ pub mod servo_thread;
 pub mod session;
 #[cfg(test)]
 mod steady;
-pub mod tool;
 pub mod velocity;
 pub mod virtual_time;
 
-pub use device::{Device, Fault, Reading, RigidState, Wrench};
-pub use profile::Profile;
+pub use device::{Device, Fault, Reading};

@@ -12,8 +12,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::device::{RigidState, Wrench};
-use super::drive::rotation_vector;
+use crate::step::drive::rotation_vector;
+use crate::step::{RigidState, Wrench};
 
 /// The budget may be overdrawn by so much at least, J.
 const ALLOWANCE: f64 = 5e-7;

@@ -18,12 +18,12 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::local_model::ContactWrench;
 use super::servo::{Settings, Tick};
-use super::servo_thread::Held;
-use super::tool::Tool;
 use crate::scene::Scene;
+use crate::step::ContactWrench;
+use crate::step::Held;
 use crate::step::Simulation;
+use crate::step::tool::Tool;
 use crate::{Error, Result};
 pub use read::Recorded;
 pub use table::Table;

@@ -7,11 +7,11 @@ use std::fmt;
 use super::device::{Fault, Reading};
 use super::environment::Environment;
 use super::event::Event;
-use super::local_model::ContactWrench;
 use super::record::fields::{self, Field};
 use super::record::{Begin, Entry, Recorded, Step};
 use super::safety::Limits;
 use super::servo::{Servo, Settings, Tick};
+use crate::step::ContactWrench;
 use crate::{Error, Result};
 
 /// What came of a replay.

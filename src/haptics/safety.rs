@@ -3,9 +3,9 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::device::Wrench;
 use super::event::{Event, Events};
-use super::profile::Profile;
+use crate::scene::{Lowered, Profile};
+use crate::step::Wrench;
 
 /// The force may go from nothing to its limit in this time at the fastest, s.
 const SLEW_TIME: f64 = 4e-3;
@@ -32,21 +32,6 @@ pub struct Limits {
     pub workspace: f64,
     /// Age from which a wrench makes the force fade, s.
     pub watchdog: f64,
-}
-
-/// What a scene asks of the limits; it can lower them.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Lowered {
-    /// N.
-    pub force: Option<f64>,
-    /// N m.
-    pub torque: Option<f64>,
-    /// N/s.
-    pub slew: Option<f64>,
-    /// m.
-    pub workspace: Option<f64>,
-    /// s.
-    pub watchdog: Option<f64>,
 }
 
 impl Limits {

@@ -1,8 +1,9 @@
 //! What of a device's readings can be believed.
 
-use super::device::{Fault, Reading, RigidState};
-use super::drive::rotation_vector;
+use super::device::{Fault, Reading};
 use super::event::{Event, Events};
+use crate::step::RigidState;
+use crate::step::drive::rotation_vector;
 
 /// No hand moves a device faster, m/s.
 const FASTEST: f64 = 5.0;

@@ -8,15 +8,17 @@ use glam::DVec3;
 use nalgebra::{Matrix6, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::device::{Fault, Reading, RigidState, Wrench};
+use super::device::{Fault, Reading};
 use super::event::{Event, Events};
 use super::follow::{Followed, Rules};
-use super::local_model::{ContactWrench, vector};
+use super::local_model::vector;
 use super::passivity::{Energy, Passivity};
 use super::safety::{Gain, Guard, Limits};
 use super::sense::Sense;
-use super::servo_thread::Held;
-use super::tool::Tool;
+use crate::step::ContactWrench;
+use crate::step::Held;
+use crate::step::tool::Tool;
+use crate::step::{RigidState, Wrench};
 
 /// A tick is late from here on, s.
 const LATE: f64 = 2e-3;
@@ -117,7 +119,7 @@ pub struct Servo {
 impl Servo {
     /// A tool that rests where it is, coupled to a device that has not been read yet.
     pub fn new(settings: Settings, tool: Tool) -> Servo {
-        let start = state_of(&tool);
+        let start = tool.state();
         let Settings { local_model, arm, trust, limits, .. } = settings;
         Servo {
             sense: Sense::new(start),
@@ -183,7 +185,7 @@ impl Servo {
             late,
             reading: reading.ok(),
             device,
-            tool: state_of(&self.tool),
+            tool: self.tool.state(),
             contact: self.felt,
             played,
             step,
@@ -202,7 +204,7 @@ impl Servo {
         let time = self.time.unwrap_or(0.0);
         let coupling = self.tool.coupling.filter(|_| self.index > 0);
         let max_force = self.settings.limits.force;
-        Held { ticks: self.index, time, device: self.device, tool: state_of(&self.tool), coupling, max_force }
+        Held { ticks: self.index, time, device: self.device, tool: self.tool.state(), coupling, max_force }
     }
 
     /// The newest wrench.
@@ -280,12 +282,12 @@ impl Servo {
             events.raise(Event::BadWrench);
             return;
         }
-        self.contact.take(newest, time, &state_of(&self.tool), self.passivity.energy().lent);
+        self.contact.take(newest, time, &self.tool.state(), self.passivity.energy().lent);
     }
 
     /// Moves the tool by implicit Euler: coupling towards the device as it is now, and contact.
     fn move_tool(&mut self, device: &RigidState, h: f64, events: &mut Events) -> Wrench {
-        let (state, gain) = (state_of(&self.tool), self.gain.value());
+        let (state, gain) = (self.tool.state(), self.gain.value());
         if self.contact.advance(&state, h, gain, self.stored(device), &mut self.passivity) {
             events.raise(Event::Unpaid);
         }
@@ -305,7 +307,7 @@ impl Servo {
             return Wrench::ZERO;
         };
         self.tool.advance(h, change.into());
-        if !state_of(&self.tool).is_valid() {
+        if !self.tool.state().is_valid() {
             events.raise(Event::BadForce);
             self.still_at(&state);
             return Wrench::ZERO;
@@ -342,7 +344,7 @@ impl Servo {
     fn book(&mut self, device: &RigidState) {
         let gain = self.gain.value();
         let risen = gain - std::mem::replace(&mut self.last_gain, gain);
-        let contact = self.contact.evaluate(&state_of(&self.tool));
+        let contact = self.contact.evaluate(&self.tool.state());
         let stored = self.stored(device) + contact.stored;
         if risen > 0.0 {
             let missing = -self.passivity.surplus(gain * stored);
@@ -384,16 +386,6 @@ impl Servo {
         self.played = played;
         self.passivity.play(played);
         (played, control.damping)
-    }
-}
-
-/// Where the tool is.
-pub fn state_of(tool: &Tool) -> RigidState {
-    RigidState {
-        position: tool.centre,
-        orientation: tool.orientation,
-        velocity: tool.velocity,
-        angular_velocity: tool.angular_velocity,
     }
 }
 

@@ -6,38 +6,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use serde::{Deserialize, Serialize};
 use thread_priority::ThreadPriority;
 
 use super::clock::{Lateness, Metronome};
-use super::device::{Device, Fault, RigidState};
+use super::device::{Device, Fault};
 use super::event::Event;
-use super::local_model::ContactWrench;
 use super::servo::{Servo, Tick};
-use crate::scene::Coupling;
+use crate::step::{ContactWrench, Held};
 
 /// Ticks that wait to be taken at most: what comes after is lost, and said so.
 const ROOM: usize = 1 << 14;
 /// Of 0 to 99.
 #[cfg(unix)]
 const MIDDLE: u8 = 50;
-
-/// What a step of the simulation starts from.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Held {
-    /// Ticks done.
-    pub ticks: u64,
-    /// When the last of them began, s on the loop's clock.
-    pub time: f64,
-    /// The device.
-    pub device: RigidState,
-    /// The tool.
-    pub tool: RigidState,
-    /// What joins them; `None` before the first tick.
-    pub coupling: Option<Coupling>,
-    /// Greatest force of the coupling's stiffness, N: what may be played, so that nothing presses harder than the hand feels.
-    pub max_force: f64,
-}
 
 /// A loop that runs. Dropping it stops it.
 pub struct ServoThread {
@@ -207,10 +188,14 @@ mod tests {
     use glam::{DMat3, DQuat, DVec3};
 
     use super::*;
-    use crate::haptics::safety::{Limits, Lowered};
+    use crate::haptics::Reading;
+    use crate::haptics::safety::Limits;
     use crate::haptics::servo::Settings;
-    use crate::haptics::tool::Tool;
-    use crate::haptics::{Profile, Reading, Wrench};
+    use crate::scene::Coupling;
+    use crate::scene::Lowered;
+    use crate::scene::Profile;
+    use crate::step::tool::Tool;
+    use crate::step::{RigidState, Wrench};
 
     /// What a device was told, in order; `None`: it was closed.
     type Told = Arc<Mutex<Vec<Option<Wrench>>>>;

@@ -6,17 +6,20 @@ use std::time::{Duration, Instant};
 
 use super::clock::Lateness;
 use super::coupling;
-use super::device::{Device, Wrench};
+use super::device::Device;
 use super::environment::Environment;
 use super::event::{Event, EventCounts};
-use super::local_model::{ContactWrench, LocalModel};
+use super::local_model::LocalModel;
 use super::pace::Pace;
 use super::passivity::Energy;
 use super::safety::Limits;
-use super::servo::{Servo, Settings, Tick, state_of};
-use super::servo_thread::{BareTimer, Held, ServoThread};
-use super::tool::Tool;
+use super::servo::{Servo, Settings, Tick};
+use super::servo_thread::{BareTimer, ServoThread};
 use crate::scene::Haptics;
+use crate::step::ContactWrench;
+use crate::step::Held;
+use crate::step::Wrench;
+use crate::step::tool::Tool;
 use crate::{Error, Result};
 
 /// Steps before the loop begins, to learn how long one takes.
@@ -192,7 +195,7 @@ struct FirstSteps {
 
 /// Steps with the tool at rest, coupled to nothing: the first is not counted, for it is slow on many drivers.
 fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force: f64) -> Result<FirstSteps> {
-    let state = state_of(tool);
+    let state = tool.state();
     let held = Held { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force };
     let (mut steps, mut times) = (Vec::new(), Vec::new());
     for _ in 0..FIRST_STEPS {

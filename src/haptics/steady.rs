@@ -5,17 +5,18 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::devices::{Hand, HandParameters, Scripted};
-use super::drive::Drive;
 use super::environment::{Cushion, Environment};
 use super::event::Event;
-use super::local_model::ContactWrench;
-use super::profile::Profile;
-use super::safety::{Limits, Lowered};
+use super::safety::Limits;
 use super::servo::{Servo, Settings, Tick};
-use super::tool::Tool;
 use super::virtual_time::Schedule;
 use super::{Device, coupling};
 use crate::scene::Key;
+use crate::scene::Lowered;
+use crate::scene::profile::Profile;
+use crate::step::ContactWrench;
+use crate::step::drive::Drive;
+use crate::step::tool::Tool;
 
 const PERIOD: f64 = 1e-3;
 /// Above the surface at the start, m.

@@ -3,9 +3,9 @@
 
 use super::device::Device;
 use super::environment::Environment;
-use super::local_model::ContactWrench;
 use super::servo::{Servo, Tick};
 use crate::Result;
+use crate::step::ContactWrench;
 
 /// When steps begin, and when what they found is there.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_margin_too_small_shows_in_the_coverage() {
-        let (vertices, triangles) = scene::Model::Head.surface(3000);
+        let (vertices, triangles) = crate::prepare::model::surface(scene::Model::Head, 3000);
         let skin = skin::build(vertices, triangles);
         let mut proxies = proxies(&skin).unwrap();
         assert_eq!(share(&skin, &proxies), 1.0);

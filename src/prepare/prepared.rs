@@ -178,7 +178,7 @@ fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
             Err(keys.error("surface.vertices", problem, format!("give {} to {}", range.start(), range.end())))
         }
         Surface::Model { model, vertices } => {
-            let (vertices, triangles) = model.surface(*vertices);
+            let (vertices, triangles) = crate::prepare::model::surface(*model, *vertices);
             Ok(TriangleMesh { vertices, triangles })
         }
     }

@@ -332,7 +332,7 @@ pub(crate) mod tests {
 
     #[test]
     fn busy_parts_are_halved_and_the_number_asked_for_is_kept() {
-        let (v, t) = crate::prepare::model::Model::Head.surface(6000);
+        let (v, t) = crate::prepare::model::surface(crate::scene::Model::Head, 6000);
         let head = skin::build(v, t);
         for hulls in [1, 4, 16, 24, 48] {
             let proxies = at_most(&head, hulls).unwrap();

@@ -2,7 +2,6 @@
 
 pub mod field;
 pub mod figure;
-pub mod flags;
 pub mod haptics;
 mod letters;
 pub mod output;
@@ -11,8 +10,7 @@ pub mod query;
 pub mod summary;
 pub mod trace;
 
-pub use flags::Flags;
 pub use output::Output;
 pub use query::QueryReport;
 pub use summary::{Facts, Plan, StageSamples, Summary, Tally};
-pub use trace::{Pose, Row, ToolRow, Trace};
+pub use trace::Trace;

@@ -145,8 +145,8 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::report::Flags;
     use crate::stages::types::Counts;
+    use crate::step::Flags;
 
     fn answer() -> Answer {
         let contact = |body, vertex, depth| QueryContact {

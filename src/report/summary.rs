@@ -6,9 +6,9 @@ use glam::DVec3;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::{Flags, Row};
 use crate::prepare::BodyReport;
 use crate::scene::preset::Chosen;
+use crate::step::{Flags, StepReport};
 
 /// What the engine knows of itself at the end of a run.
 #[derive(Debug, Clone, Default)]
@@ -93,7 +93,7 @@ pub struct Tally {
 
 impl Tally {
     /// Adds a step.
-    pub fn add(&mut self, row: &Row) {
+    pub fn add(&mut self, row: &StepReport) {
         self.steps += 1;
         if let Some(tool) = &row.tool {
             self.peak_force = Some(self.peak_force.unwrap_or(0.0).max(tool.force.length()));
@@ -228,8 +228,8 @@ impl fmt::Display for ClosingTable<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ToolRow;
     use super::*;
+    use crate::step::ToolReport;
 
     fn example() -> (Facts, Tally) {
         let facts = Facts {
@@ -249,8 +249,8 @@ mod tests {
         };
         let mut tally = Tally::default();
         for (force, flags) in [(3.0, Flags(0)), (5.0, Flags::FROZEN), (4.0, Flags::FROZEN)] {
-            let tool = Some(ToolRow { force: DVec3::Y * -force, ..Default::default() });
-            tally.add(&Row { tool, flags, iterations: 4, step_us: force, ..Default::default() });
+            let tool = Some(ToolReport { force: DVec3::Y * -force, ..Default::default() });
+            tally.add(&StepReport { tool, flags, iterations: 4, step_us: force, ..Default::default() });
         }
         (facts, tally)
     }

@@ -2,64 +2,13 @@
 
 use std::io::Write;
 
-use glam::{DQuat, DVec3};
-
-use super::Flags;
+use crate::step::StepReport;
 
 const HEAD: &str = "step,time_s,tool_x,tool_y,tool_z,tool_qx,tool_qy,tool_qz,tool_qw,device_x,device_y,device_z,\
 device_qx,device_qy,device_qz,device_qw,force_x,force_y,force_z,torque_x,torque_y,torque_z,contacts,max_depth_m,\
 iterations,residual,flags,step_us";
 /// Columns that a scene without a tool leaves empty: two poses, force and torque.
 const TOOL_COLUMNS: usize = 20;
-
-/// What one step did.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Row {
-    /// Steps done, this one included.
-    pub step: u64,
-    /// Time at the end of the step, s.
-    pub time: f64,
-    /// The tool, if the scene has one.
-    pub tool: Option<ToolRow>,
-    /// Colliding vertices of both sides; `None` where nothing can collide.
-    pub contacts: Option<u32>,
-    /// Greatest depth, m; `None` where nothing can collide.
-    pub max_depth: Option<f64>,
-    /// How far the normal of a region turned in the step at most, rad; `None` where nothing can collide.
-    pub normal_turn: Option<f64>,
-    /// Conjugate gradient iterations of all solves of the step.
-    pub iterations: u32,
-    /// Relative residual at the end of the solve.
-    pub residual: f64,
-    /// What went wrong.
-    pub flags: Flags,
-    /// Wall time of the step, pose in to wrench out, microseconds.
-    pub step_us: f64,
-    /// World positions of the scene's probes, m, in the scene's order.
-    pub probes: Vec<DVec3>,
-}
-
-/// The tool at the end of a step.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct ToolRow {
-    /// Where the tool is.
-    pub tool: Pose,
-    /// Where the device is.
-    pub device: Pose,
-    /// Contact force on the tool, world axes, N.
-    pub force: DVec3,
-    /// Contact torque on the tool about its centre, world axes, N m.
-    pub torque: DVec3,
-}
-
-/// A position (m) and orientation, world.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Pose {
-    /// Position, m.
-    pub position: DVec3,
-    /// Orientation.
-    pub orientation: DQuat,
-}
 
 /// Writes rows as CSV. Numbers are the shortest that read back as the same f64 (`step_us` has one decimal).
 pub struct Trace<W: Write> {
@@ -79,7 +28,7 @@ impl<W: Write> Trace<W> {
     }
 
     /// Writes one row, which must hold as many probes as the heading.
-    pub fn write(&mut self, row: &Row) -> std::io::Result<()> {
+    pub fn write(&mut self, row: &StepReport) -> std::io::Result<()> {
         assert_eq!(row.probes.len(), self.probes, "a row has the heading's probes");
         let w = &mut self.writer;
         write!(w, "{},{:?}", row.step, row.time)?;
@@ -116,9 +65,12 @@ fn write_numbers(w: &mut impl Write, numbers: &[f64]) -> std::io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use glam::DVec3;
 
-    fn lines(rows: &[Row], probes: &[String]) -> Vec<Vec<String>> {
+    use super::*;
+    use crate::step::{Flags, ToolReport};
+
+    fn lines(rows: &[StepReport], probes: &[String]) -> Vec<Vec<String>> {
         let mut bytes = Vec::new();
         let mut trace = Trace::new(&mut bytes, probes).unwrap();
         rows.iter().for_each(|row| trace.write(row).unwrap());
@@ -127,11 +79,11 @@ mod tests {
         text.lines().map(|line| line.split(',').map(Into::into).collect()).collect()
     }
 
-    fn row() -> Row {
-        Row {
+    fn row() -> StepReport {
+        StepReport {
             step: 7,
             time: 0.1 + 0.2,
-            tool: Some(ToolRow { force: DVec3::new(1e-17, f64::from(0.1_f32), -3.0), ..Default::default() }),
+            tool: Some(ToolReport { force: DVec3::new(1e-17, f64::from(0.1_f32), -3.0), ..Default::default() }),
             contacts: Some(12),
             max_depth: Some(1.5e-4),
             normal_turn: Some(0.0),
@@ -158,7 +110,7 @@ mod tests {
 
     #[test]
     fn a_scene_without_a_tool_leaves_its_cells_empty() {
-        let table = lines(&[Row { tool: None, contacts: None, max_depth: None, ..row() }], &["nose".into()]);
+        let table = lines(&[StepReport { tool: None, contacts: None, max_depth: None, ..row() }], &["nose".into()]);
         assert_eq!(table[0].len(), table[1].len());
         for (head, cell) in table[0].iter().zip(&table[1]) {
             let is_of_tool = ["tool_", "device_", "force_", "torque_", "contacts", "max_depth"].iter();

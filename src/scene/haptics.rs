@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
+use serde::{Deserialize, Serialize};
+
+use super::hand::HandParameters;
 use super::keys::{Table, Value};
+use super::profile::{HAPLY, PROFILES, Profile};
 use crate::Result;
-use crate::haptics::devices::{HandParameters, haply};
-use crate::haptics::profile::{HAPLY, PROFILES, Profile};
-use crate::haptics::safety::Lowered;
 
 /// Rates that the loop can keep, Hz.
 pub const RATES: [f64; 2] = [50.0, 4000.0];
@@ -39,9 +40,52 @@ pub struct Haptics {
     /// The simulated human, of device = "hand".
     pub hand: HandParameters,
     /// How a Haply is reached: all but home and rate, which the session knows.
-    pub haply: haply::Settings,
+    pub haply: HaplyService,
     /// The session that is played again.
     pub recording: Option<PathBuf>,
+}
+
+/// The service that a Haply is reached by, `haply = { .. }`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HaplyService {
+    /// `ws://HOST:PORT`; its host must be `localhost` or a loopback address.
+    pub url: String,
+    /// Whether the service may be on another machine.
+    pub trust_remote: bool,
+    /// Which device; `None`: the first.
+    pub device_id: Option<String>,
+    /// How forces are sent; `None`: as the service's version asks, [`Dialect::Vector`] where it does not tell one.
+    pub dialect: Option<Dialect>,
+}
+
+impl Default for HaplyService {
+    fn default() -> HaplyService {
+        HaplyService { url: "ws://localhost:10001".into(), trust_remote: false, device_id: None, dialect: None }
+    }
+}
+
+/// How a service wants its forces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dialect {
+    /// Under `vector`: version 3.5 and later.
+    Vector,
+    /// Under `values`: older 3.x.
+    Values,
+}
+
+/// What a scene asks of the limits; it can lower them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Lowered {
+    /// N.
+    pub force: Option<f64>,
+    /// N m.
+    pub torque: Option<f64>,
+    /// N/s.
+    pub slew: Option<f64>,
+    /// m.
+    pub workspace: Option<f64>,
+    /// s.
+    pub watchdog: Option<f64>,
 }
 
 /// Which device.
@@ -85,7 +129,7 @@ impl Default for Haptics {
             passivity: true,
             longest_step: LONGEST_STEP,
             hand: HandParameters::default(),
-            haply: haply::Settings::default(),
+            haply: HaplyService::default(),
             recording: None,
         }
     }
@@ -195,17 +239,16 @@ fn hand(value: &Value) -> Result<HandParameters> {
 }
 
 /// `haply = { address = "ws://localhost:10001", .. }`.
-fn haply(value: &Value) -> Result<haply::Settings> {
+fn haply(value: &Value) -> Result<HaplyService> {
     let (table, default) =
-        (value.table(&["address", "trust_remote", "device_id", "force_key"])?, haply::Settings::default());
+        (value.table(&["address", "trust_remote", "device_id", "force_key"])?, HaplyService::default());
     let text = |value: &Value| value.text().map(String::from);
-    let dialects = [("vector", haply::Dialect::Vector), ("values", haply::Dialect::Values)];
-    Ok(haply::Settings {
+    let dialects = [("vector", Dialect::Vector), ("values", Dialect::Values)];
+    Ok(HaplyService {
         url: table.or("address", default.url.clone(), text)?,
         trust_remote: table.or("trust_remote", default.trust_remote, Value::truth)?,
         device_id: table.option("device_id", text)?,
         dialect: table.option("force_key", |value| value.one_of("a key of forces", &dialects))?,
-        ..default
     })
 }
 

@@ -10,15 +10,18 @@ mod cursor;
 mod drive;
 pub mod gmsh;
 pub mod groups;
+mod hand;
 mod haptics;
 mod joint;
 mod keys;
 mod load;
 mod material;
 pub mod meshes;
+mod model;
 mod names;
 pub mod obj;
 pub mod preset;
+pub mod profile;
 mod skeleton;
 #[cfg(test)]
 mod tests;
@@ -33,13 +36,15 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-pub use crate::prepare::model::Model;
 pub use body::{Dilatation, MOST_HULLS};
 pub use build::Builder;
-pub use haptics::{DeviceKind, Haptics, NOT_HAPLYS, RATES as HAPTIC_RATES, of_haply};
+pub use hand::HandParameters;
+pub use haptics::{DeviceKind, Dialect, HaplyService, Haptics, Lowered, NOT_HAPLYS, RATES as HAPTIC_RATES, of_haply};
 pub use joint::{Joint, Resistance};
 pub use keys::unit_quaternion;
 pub use material::{Group, Law, Material, Place, Region};
+pub use model::Model;
+pub use profile::Profile;
 pub use skeleton::{Bone, Skeleton};
 
 /// A whole scene, as written.

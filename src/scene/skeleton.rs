@@ -123,7 +123,7 @@ mod tests {
         let bones = human();
         assert!(bones.len() >= 15);
         assert_eq!(bones.iter().filter(|bone| bone.parent.is_none()).count(), 1);
-        let (vertices, triangles) = Model::Human.surface(Model::Human.default_vertices());
+        let (vertices, triangles) = crate::prepare::model::surface(Model::Human, Model::Human.default_vertices());
         for bone in &bones {
             let [a, b] = bone.capsule.ends;
             for p in (0..=10).map(|k| a.lerp(b, f64::from(k) / 10.0)) {
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn every_bone_of_the_human_holds_nodes_of_a_coarse_layer() {
-        let (vertices, triangles) = Model::Human.surface(Model::Human.default_vertices());
+        let (vertices, triangles) = crate::prepare::model::surface(Model::Human, Model::Human.default_vertices());
         let (layer, _) = stuff(&vertices, &triangles, &Options::uniform(CELL)).unwrap();
         println!("{} nodes, {} tetrahedra", layer.nodes.len(), layer.tetrahedra.len());
         let core = |bone: &Bone| Core {

@@ -3,7 +3,7 @@
 use super::laws::{Law, Verdict};
 use super::{AxisResult, CellResult, Judged, Results, heat_map, reasons};
 use crate::bench::document::{Chapter, Document, Section, Table};
-use crate::report::Flags;
+use crate::step::Flags;
 
 /// The report.
 pub fn document(results: &Results) -> Document {

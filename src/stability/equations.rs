@@ -5,9 +5,9 @@ use glam::{DQuat, DVec3};
 
 use super::touch::{Motion, Pressing};
 use super::trace::{HALF_ULP, ROUNDINGS};
-use crate::haptics::RigidState;
-use crate::haptics::tool::Tool;
 use crate::oracle::step::SoftBody;
+use crate::step::RigidState;
+use crate::step::tool::Tool;
 
 /// The body at the start of a step, linearised there.
 pub struct Before {

@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::trace::Sample;
-use crate::report::Flags;
+use crate::step::Flags;
 
 /// Energy may exceed what was there and what was put in by this much of what was turned over: the solver stops at 1e-5 of
 /// the right-hand side in its own norm, and the state is f32.

@@ -23,7 +23,7 @@ use serde::Serialize;
 pub use document::document;
 pub use run::run;
 
-use crate::report::Flags;
+use crate::step::Flags;
 use laws::{Finding, Verdict};
 
 /// Version of the format of `results.json`: raised when a field changes its meaning or goes.

@@ -3,7 +3,7 @@
 
 use super::laws::Verdict;
 use super::{AxisResult, CellResult, Judged};
-use crate::report::Flags;
+use crate::step::Flags;
 
 /// What a flag means where no more is known, the gravest first.
 const FLAGS: [(Flags, &str); 9] = [

@@ -6,9 +6,9 @@ use glam::DVec3;
 use super::trace::{HALF_ULP, ROUNDINGS};
 use crate::oracle::step::auto_stiffness;
 use crate::prepare::Shape;
-use crate::report::ToolRow;
 use crate::scene::Scene;
 use crate::stages::types::{self, NONE};
+use crate::step::ToolReport;
 use crate::{Error, Result};
 
 /// The skin that touches, and the law it touches by.
@@ -147,7 +147,7 @@ impl Pressing {
 }
 
 /// Holds what the wrench tells against the sum of contacts, of a tool of such a radius, m; `told`: none without a tool.
-pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolRow>, radius: f64) -> Held {
+pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolReport>, radius: f64) -> Held {
     let mut held = Held::default();
     let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
     for contact in contacts {
@@ -187,10 +187,10 @@ mod tests {
         // 2 (100 0.1 + (0.01 100 + 10) (0.5 - 0.2)) = 26.6 N, upwards on the tool.
         let nodes = [DVec3::Y * 0.5];
         let motion = Motion { nodes: &nodes, linear: DVec3::Y * 0.2, angular: DVec3::ZERO };
-        let told = ToolRow { force: DVec3::Y * 26.6, ..ToolRow::default() };
+        let told = ToolReport { force: DVec3::Y * 26.6, ..ToolReport::default() };
         let good = held(&[one()], 0.01, &motion, Some(&told), 0.02);
         assert!(good.missed < 1e-12 && good.pulled <= 0.0 && (good.pressed - 26.6).abs() < 1e-12, "{good:?}");
-        let told = ToolRow { force: DVec3::Y * 1.2 * 26.6, torque: DVec3::X, ..ToolRow::default() };
+        let told = ToolReport { force: DVec3::Y * 1.2 * 26.6, torque: DVec3::X, ..ToolReport::default() };
         let bad = held(&[one()], 0.01, &motion, Some(&told), 0.5);
         assert!((bad.missed - 0.2 * 26.6 - 2.0).abs() < 1e-9, "{bad:?}");
     }
@@ -200,7 +200,7 @@ mod tests {
         let nodes = [DVec3::Y * -2.0];
         let motion = Motion { nodes: &nodes, linear: DVec3::ZERO, angular: DVec3::ZERO };
         // 2 (10 - 11 2) = -24 N, which the wrench leaves out.
-        let pulling = held(&[one()], 0.01, &motion, Some(&ToolRow::default()), 0.02);
+        let pulling = held(&[one()], 0.01, &motion, Some(&ToolReport::default()), 0.02);
         assert!((pulling.pulled - 24.0).abs() < 1e-3 && pulling.missed == 0.0 && pulling.pressed == 0.0, "{pulling:?}");
     }
 }

@@ -9,15 +9,15 @@ use super::equations::{Before, Done};
 use super::setup::RADIUS;
 use super::touch::{self, Motion, Skin};
 use crate::Result;
-use crate::haptics::RigidState;
-use crate::haptics::drive::rotation_vector;
-use crate::haptics::tool::Tool;
 use crate::oracle::step::SoftBody;
 use crate::prepare::Shape;
-use crate::report::{Flags, ToolRow};
 use crate::scene::Scene;
 use crate::stages::types::Contact;
+use crate::step::RigidState;
 use crate::step::Simulation;
+use crate::step::drive::rotation_vector;
+use crate::step::tool::Tool;
+use crate::step::{Flags, ToolReport};
 
 /// Half a unit in the last place of f32.
 pub const HALF_ULP: f64 = 6e-8;
@@ -206,7 +206,7 @@ impl Observer {
         &self,
         pressing: &[touch::Pressing],
         tool: Option<(&Tool, RigidState)>,
-        told: Option<&ToolRow>,
+        told: Option<&ToolReport>,
         sample: &mut Sample,
     ) {
         let (linear, angular) =
@@ -218,7 +218,7 @@ impl Observer {
     }
 
     /// The device at the end of the step, which it came to evenly.
-    fn device_now(&self, told: &ToolRow) -> RigidState {
+    fn device_now(&self, told: &ToolReport) -> RigidState {
         let (position, orientation) = (told.device.position, told.device.orientation);
         let (last_place, last_turn) = self.device.unwrap_or((position, orientation));
         RigidState {
@@ -248,7 +248,7 @@ impl Observer {
     }
 
     /// Force, weight and coupling against the tool's momentum, and what the device puts in.
-    fn balance(&mut self, tool: &Tool, told: &ToolRow, device: &RigidState, sample: &mut Sample) {
+    fn balance(&mut self, tool: &Tool, told: &ToolReport, device: &RigidState, sample: &mut Sample) {
         let h = self.dt;
         let velocity = self.tool.as_ref().map_or(tool.velocity, |before| before.velocity);
         let pull = tool.pull(device);

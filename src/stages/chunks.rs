@@ -243,11 +243,11 @@ fn mean_edge(skin: &Skin, triangles: &[u32]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prepare::{model, skin};
+    use crate::prepare::skin;
 
     #[test]
     fn chunks_hold_each_vertex_and_triangle_once_and_stay_small() {
-        let (vertices, triangles) = model::Model::Head.surface(6000);
+        let (vertices, triangles) = crate::prepare::model::surface(crate::scene::Model::Head, 6000);
         let head = skin::build(vertices, triangles);
         let proxies = prepare::proxies(&head).unwrap();
         let (mut owned, mut drawn, mut parts) = (vec![0; head.vertices.len()], vec![0; head.triangles.len()], 0);

@@ -13,6 +13,7 @@ pub mod depth;
 pub mod dilate;
 pub mod draw;
 pub mod elastic;
+mod flags;
 pub mod gap;
 pub mod joints;
 mod layers;
@@ -21,6 +22,7 @@ mod pairs;
 pub mod pose;
 pub mod skin;
 pub mod solve;
+pub mod touch;
 pub mod types;
 pub mod wrench;
 
@@ -30,6 +32,7 @@ use bytemuck::Pod;
 
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Memory};
+pub use flags::Flags;
 use model::Model;
 use types::{Counts, Frame, Joint, Link, Report, StepParams};
 

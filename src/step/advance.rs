@@ -2,8 +2,8 @@
 
 use super::{Simulation, tools};
 use crate::gpu::Recording;
-use crate::report::Flags;
 use crate::stages::types::{Fit, Report, verdict};
+use crate::step::Flags;
 use crate::{Error, Result};
 
 /// Iterations a plan has over the last step's count, so that most steps need one submit.

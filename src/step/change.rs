@@ -11,9 +11,9 @@ use super::recordings::{Recordings, Stages};
 use super::{Simulation, make, tools};
 use crate::gpu::{Recorder, read_all, write_all};
 use crate::prepare::{Body, FrameMotion, Shape, cores};
-use crate::report::Pose;
 use crate::scene::{self, Coupling, Dilatation, Key, Material};
 use crate::stages::model::Model;
+use crate::step::Pose;
 use crate::{Error, Result};
 
 /// How far a centre of mass may move by rounding, of the distance of the nodes from it.

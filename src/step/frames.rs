@@ -8,12 +8,12 @@ mod saved;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::haptics::drive::{Drive, rotation_vector};
-use crate::haptics::tool::{Tool, gyroscopic_impulse};
 use crate::prepare::FrameMotion;
 use crate::scene::Key;
 use crate::stages::model::{FramePlace, Model, Motion};
 use crate::stages::types::{Fit, Frame, Link, NONE};
+use crate::step::drive::{Drive, rotation_vector};
+use crate::step::tool::{Tool, gyroscopic_impulse};
 pub use saved::SavedFrame;
 
 /// rad a step, beyond which a frame turns too far: what it carries keeps the rotations of the step's start, nodes go along

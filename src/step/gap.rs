@@ -4,10 +4,10 @@ use glam::DVec3;
 
 use super::Simulation;
 use crate::Result;
-use crate::haptics::local_model::Gap;
-use crate::report::Flags;
 use crate::stages::gap;
 use crate::stages::types::{NONE, Report, SkinGap};
+use crate::step::Flags;
+use crate::step::Gap;
 
 /// Width of the ring along which a tool's bounding sphere is taken to touch first, m.
 const FIRST_TOUCH: f64 = 1e-3;

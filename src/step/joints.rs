@@ -3,9 +3,9 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::frames::{Frames, Place, unwound};
-use crate::haptics::drive::rotation_vector;
 use crate::stages::joints::Joint;
 use crate::stages::types::{self, NONE};
+use crate::step::drive::rotation_vector;
 
 /// 1 + cos of a swing at least, for the twist: with the axis turned nearly back to front (beyond 155 degrees), where it is
 /// hardly defined, its spring pulls more softly.

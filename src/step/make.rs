@@ -4,21 +4,21 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::choice::Choice;
 use super::frames::Frames;
 use super::probes::{ProbePlace, probes_of};
 use super::recordings::{Recordings, Stages};
 use super::{Simulation, TIMED_EVERY, tools};
 use crate::gpu::{Context, Level, Options, Recorder};
-use crate::haptics::drive::Drive;
-use crate::haptics::tool::Tool;
 use crate::plan::Plan;
 use crate::prepare::bodies::Bodies;
 use crate::prepare::{Body, Cache};
+use crate::query::choice::Choice;
 use crate::scene::{self, Key, Scene};
 use crate::stages::depth::Path;
 use crate::stages::model::Model;
 use crate::stages::{query_as_one, types};
+use crate::step::drive::Drive;
+use crate::step::tool::Tool;
 use crate::{Error, Result};
 
 /// Tetrahedra below which one thread of a CPU is faster than two (see README, "Measured facts").

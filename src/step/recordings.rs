@@ -4,14 +4,13 @@ use std::sync::Arc;
 
 use crate::Result;
 use crate::gpu::{Buffer, Context, Recorder, Recording};
-use crate::stages::contact::Contact;
-use crate::stages::cull::Cull;
-use crate::stages::depth::{Depth, Path};
+use crate::stages::depth::Path;
 use crate::stages::elastic::Elastic;
 use crate::stages::gap::{Gap, Skins};
 use crate::stages::model::Model;
-use crate::stages::skin::{Probes, Skin};
+use crate::stages::skin::Probes;
 use crate::stages::solve::Solve;
+use crate::stages::touch::TouchStages;
 use crate::stages::wrench::Wrench;
 use crate::stages::{Common, pose};
 
@@ -31,15 +30,6 @@ pub struct Stages {
     pub floating: Option<pose::Floating>,
 }
 
-/// The stages of scenes where something can touch.
-pub struct TouchStages {
-    pub pose: pose::Pose,
-    pub skin: Skin,
-    pub cull: Cull,
-    pub depth: Option<Depth>,
-    pub contact: Contact,
-}
-
 /// One step, recorded in parts that are submitted together.
 pub struct Recordings {
     /// Everything before the solver's loop.
@@ -54,32 +44,6 @@ pub struct Recordings {
     pub end: Recording,
     /// Where no step succeeds: everything stops.
     pub stop: Recording,
-}
-
-impl TouchStages {
-    /// Kernels and arrays of the stages from pose to contact; `path` where the depth stage is needed; `blend`: see [`Contact::new`]
-    /// and [`Cull::new`].
-    pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, blend: bool) -> Result<TouchStages> {
-        Ok(TouchStages {
-            pose: pose::Pose::new(context, model)?,
-            skin: Skin::new(context, model)?,
-            cull: Cull::new(context, model, blend)?,
-            depth: path.map(|path| Depth::new(context, model, path)).transpose()?,
-            contact: Contact::new(context, model, blend)?,
-        })
-    }
-
-    /// Everything from frames and nodes to contacts: what the step and the query have in common.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
-        let TouchStages { pose, skin, cull, depth, contact } = self;
-        pose.record(recorder, common, elastic, skin);
-        cull.record(recorder, common, pose, skin, contact, elastic);
-        skin.record(recorder, common, pose, cull, elastic);
-        if let Some(depth) = depth {
-            depth.record(recorder, common, cull, skin);
-        }
-        contact.record(recorder, common, cull, skin, depth.as_ref(), elastic);
-    }
 }
 
 impl Stages {

@@ -7,10 +7,9 @@ use sha2::{Digest, Sha256};
 use super::Simulation;
 use super::frames::SavedFrame;
 use crate::gpu::{read_all, write_all};
-use crate::haptics::device::RigidState;
-use crate::haptics::drive::Drive;
-use crate::haptics::local_model::ContactWrench;
-use crate::haptics::servo::state_of;
+use crate::step::ContactWrench;
+use crate::step::RigidState;
+use crate::step::drive::Drive;
 use crate::{Error, Result};
 
 /// What the bytes begin with.
@@ -42,7 +41,7 @@ impl Simulation {
             step: self.step,
             time: self.time,
             has_weight: self.has_weight,
-            tool: self.tool.as_ref().map(state_of),
+            tool: self.tool.as_ref().map(|tool| tool.state()),
             drive: self.drive.clone(),
             frames: self.frames.saved(),
             wrench: self.last_wrench,

@@ -3,15 +3,14 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::frames::Frames;
-use crate::haptics::Wrench;
-use crate::haptics::local_model::ContactWrench;
-use crate::haptics::servo::state_of;
-use crate::haptics::tool::Tool;
 use crate::prepare::{Body, Shape};
-use crate::report::Flags;
 use crate::scene::Scene;
 use crate::stages::model::Model;
 use crate::stages::types::Report;
+use crate::step::ContactWrench;
+use crate::step::Flags;
+use crate::step::Wrench;
+use crate::step::tool::Tool;
 use crate::{Error, Result};
 
 /// The tool as the scene starts it; `body`: its own, prepared.
@@ -87,7 +86,7 @@ pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> Contact
     ContactWrench {
         step,
         time: 0.0,
-        tool: state_of(tool),
+        tool: tool.state(),
         wrench: Wrench { force: vector(report.force), torque: vector(report.torque) },
         stiffness: matrix(&report.stiffness),
         damping: matrix(&report.damping),

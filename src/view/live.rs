@@ -17,9 +17,9 @@ use super::turns::Turns;
 use crate::haptics::Device;
 use crate::haptics::session::Report;
 use crate::prepare::bodies::Bodies;
-use crate::report::Row;
 use crate::scene::{Contact, Coupling, Key, Material, Scene};
 use crate::step::Simulation;
+use crate::step::StepReport;
 use crate::{Error, Result};
 pub use snapshot::{LoopState, Sample, Settings, Snapshot, State};
 use worker::Worker;
@@ -31,7 +31,7 @@ const SAMPLES: usize = 1 << 14;
 pub type MakeDevice = Box<dyn FnMut(&Simulation, Key) -> Result<Box<dyn Device>> + Send>;
 
 /// Hears every row; an error ends the run.
-pub type Watch = Box<dyn FnMut(&Row) -> Result<()> + Send>;
+pub type Watch = Box<dyn FnMut(&StepReport) -> Result<()> + Send>;
 
 /// What is done with a simulation between two steps; the number changes with the simulation.
 pub type Question = Box<dyn FnOnce(&mut Simulation, u64) + Send>;

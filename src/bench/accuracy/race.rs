@@ -8,8 +8,8 @@ use glam::DVec3;
 use super::curve::Point;
 use crate::Result;
 use crate::gpu::Options;
-use crate::report::Flags;
 use crate::scene::Scene;
+use crate::step::Flags;
 use crate::step::Simulation;
 
 /// Parts of a run that are done in turn, where it has the steps for them.

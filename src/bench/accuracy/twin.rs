@@ -5,13 +5,13 @@ use glam::DVec3;
 
 use super::race::{Errors, Run, relative_error};
 use crate::gpu::Options;
-use crate::haptics::drive::Drive;
 use crate::oracle::contact::{self, Law, Support, Surface};
 use crate::oracle::step::{self, SoftBody, auto_stiffness};
 use crate::oracle::tool;
 use crate::prepare::{self, Shape};
 use crate::scene::{Key, Scene};
 use crate::step::Simulation;
+use crate::step::drive::Drive;
 use crate::{Error, Result};
 
 /// As tight as a scene can ask for with a purpose: single precision ends here.

@@ -16,11 +16,11 @@ pub use scenes::Feature;
 use super::suite::{from_value, to_value};
 use super::{Benchmark, Section, median};
 use crate::gpu::Options;
-use crate::haptics::RigidState;
-use crate::haptics::servo_thread::Held;
-use crate::report::Row;
 use crate::scene::Scene;
+use crate::step::Held;
+use crate::step::RigidState;
 use crate::step::Simulation;
+use crate::step::StepReport;
 use crate::{Error, Result};
 
 /// Of the scenes, s.
@@ -179,7 +179,7 @@ impl Side {
     }
 
     /// A step in which stiffness and damping are asked for; `None`: there is no loop.
-    fn step_held(&mut self) -> Result<Option<Row>> {
+    fn step_held(&mut self) -> Result<Option<StepReport>> {
         let Some((held, _)) = &self.held else { return Ok(None) };
         // The loop has the tool wherever the simulation has it, so that both sides go the same way.
         let now = self.simulation.tool().map(|tool| RigidState {

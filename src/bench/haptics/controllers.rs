@@ -15,7 +15,7 @@ use crate::haptics::environment::Cushion;
 use crate::haptics::event::Event;
 use crate::haptics::servo::Tick;
 use crate::haptics::virtual_time::Schedule;
-use crate::haptics::{RigidState, Wrench};
+use crate::step::{RigidState, Wrench};
 
 /// Bodies, N/m.
 pub const BODIES: [f64; 2] = [300.0, 2000.0];

@@ -11,10 +11,10 @@ use super::{Settings, profile};
 use crate::Result;
 use crate::haptics::clock::Lateness;
 use crate::haptics::devices::scripted::Scripted;
-use crate::haptics::drive::Drive;
 use crate::haptics::environment::Environment;
 use crate::haptics::session::{Options, hold};
 use crate::scene::Haptics;
+use crate::step::drive::Drive;
 
 /// Of all deadlines, the share that the loop may miss beyond what the bare timer misses.
 pub const MORE: f64 = 1e-3;

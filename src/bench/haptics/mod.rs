@@ -22,7 +22,7 @@ pub use width::{Limit, Width};
 
 use super::suite::{part, to_value};
 use super::{Benchmark, Section};
-use crate::haptics::Profile;
+use crate::scene::Profile;
 use crate::{Error, Result};
 
 /// How much is measured.

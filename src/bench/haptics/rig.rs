@@ -5,16 +5,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::haptics::coupling::Gains;
 use crate::haptics::devices::hand::{Hand, HandParameters};
-use crate::haptics::drive::Drive;
 use crate::haptics::environment::{Environment, Wall};
-use crate::haptics::local_model::ContactWrench;
-use crate::haptics::safety::{Limits, Lowered};
+use crate::haptics::safety::Limits;
 use crate::haptics::servo::{Servo, Settings, Tick};
-use crate::haptics::servo_thread::Held;
-use crate::haptics::tool::Tool;
 use crate::haptics::virtual_time::{self, Schedule};
-use crate::haptics::{Device, Profile, coupling};
+use crate::haptics::{Device, coupling};
+use crate::scene::Lowered;
+use crate::scene::Profile;
 use crate::scene::{Coupling, Haptics, Key};
+use crate::step::ContactWrench;
+use crate::step::Held;
+use crate::step::drive::Drive;
+use crate::step::tool::Tool;
 use crate::{Error, Result};
 
 /// Of the loop, s.

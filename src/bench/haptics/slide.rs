@@ -9,10 +9,10 @@ use super::rig::{Mode, PERIOD, Recorded, Rig, Spread, key, tool};
 use super::{Settings, profile};
 use crate::Result;
 use crate::haptics::devices::hand::HandParameters;
-use crate::haptics::local_model::ContactWrench;
 use crate::haptics::servo::Tick;
 use crate::haptics::virtual_time::Schedule;
 use crate::scene::Key;
+use crate::step::ContactWrench;
 
 /// How fast, m/s.
 pub const SPEED: f64 = 0.02;

@@ -6,11 +6,12 @@ use serde::{Deserialize, Serialize};
 use super::Settings;
 use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 use crate::Result;
+use crate::haptics::coupling;
 use crate::haptics::devices::hand::HandParameters;
 use crate::haptics::servo::Tick;
 use crate::haptics::virtual_time::Schedule;
-use crate::haptics::{Profile, coupling};
 use crate::scene::Key;
+use crate::scene::Profile;
 
 /// The stiffest and the softest wall, N/m.
 pub const RANGE: [f64; 2] = [10.0, 1e5];

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Settings;
 use super::watched::{Times, Watched};
-use crate::report::Flags;
 use crate::scene::Scene;
+use crate::step::Flags;
 use crate::{Error, Result};
 
 /// A scene of the paper and what it says of it (Galoppo and others 2007, a GeForce 7800 and a Pentium of 3.4 GHz): time of the

@@ -9,10 +9,10 @@ use crate::Result;
 use crate::bench::median;
 use crate::gpu::Options;
 use crate::prepare::Shape;
-use crate::report::Row;
 use crate::scene::Scene;
 use crate::stages::POSE_TO_CONTACT;
 use crate::step::Simulation;
+use crate::step::StepReport;
 
 /// In four steps two are not timed by stage, one is by all stages, and one by the query as a whole.
 const TIMED_EVERY: u64 = 2;
@@ -100,7 +100,7 @@ impl Watched {
     }
 
     /// A step, measured if there is somewhere to put it and it touches.
-    pub fn step(&mut self, times: Option<&mut Times>) -> Result<Row> {
+    pub fn step(&mut self, times: Option<&mut Times>) -> Result<StepReport> {
         self.0.time_every(if times.is_some() { TIMED_EVERY } else { 0 })?;
         let row = self.0.step()?;
         let Some((times, contacts)) = times.zip(row.contacts.filter(|&found| found > 0)) else { return Ok(row) };

@@ -16,8 +16,8 @@ use super::patches::{Place, measure_one};
 use super::{Settings, rigid};
 use crate::bench::median;
 use crate::gpu::Context;
-use crate::prepare::model::Model;
 use crate::query::{Query, QuerySettings};
+use crate::scene::Model;
 use crate::{Error, Result};
 
 /// A small pumpkin's vertices are about as far apart as the head's.
@@ -75,9 +75,9 @@ impl Peers {
 pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Peers> {
     let [pumpkin_count, head_count] = settings.peer_vertices;
     watch(&format!("peers: a pumpkin of {pumpkin_count} vertices and a head of {head_count}"));
-    let (points, pumpkin_triangles) = Model::Pumpkin.surface(pumpkin_count);
+    let (points, pumpkin_triangles) = crate::prepare::model::surface(Model::Pumpkin, pumpkin_count);
     let points: Vec<DVec3> = points.into_iter().map(|x| SCALE * x).collect();
-    let (head_points, head_triangles) = Model::Head.surface(head_count);
+    let (head_points, head_triangles) = crate::prepare::model::surface(Model::Head, head_count);
     let mut tree = tree(&head_points, &head_triangles)?;
     let head_box = bounds(&head_points);
     let head = rigid("head", head_points, head_triangles)?;

@@ -9,8 +9,8 @@ use super::speed::{asking, open};
 use super::{PRECONDITIONERS, Settings, YOUNG};
 use crate::Result;
 use crate::bench::median;
-use crate::report::Flags;
 use crate::scene::{Preconditioner, Scene};
+use crate::step::Flags;
 use crate::step::Simulation;
 
 /// Iterations of the two steps whose difference is taken.

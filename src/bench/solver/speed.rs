@@ -13,8 +13,8 @@ use crate::bench::samples::hands;
 use crate::bench::suite::nan_of_null;
 use crate::gpu::Options;
 use crate::prepare::Cache;
-use crate::report::Flags;
 use crate::scene::{Preconditioner, Scene};
+use crate::step::Flags;
 use crate::step::Simulation;
 
 /// Steps of one setting before another has its turn: enough for what the first of them finds cold to be no median.

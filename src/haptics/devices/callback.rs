@@ -1,6 +1,8 @@
 //! A device of the host program: it says where the hand is and takes what is to be played.
 
-use crate::haptics::{Device, Fault, Profile, Reading, Wrench};
+use crate::haptics::{Device, Fault, Reading};
+use crate::scene::Profile;
+use crate::step::Wrench;
 
 /// Says where the device is at a time, s since the loop began. The loop's thread calls it once a tick.
 pub type Read = Box<dyn FnMut(f64) -> Result<Reading, Fault> + Send>;
@@ -56,8 +58,8 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
-    use crate::haptics::RigidState;
-    use crate::haptics::profile::PROFILES;
+    use crate::scene::profile::PROFILES;
+    use crate::step::RigidState;
 
     fn still(time: f64) -> Result<Reading, Fault> {
         Ok(Reading { time, state: RigidState::at_rest(DVec3::Y, DQuat::IDENTITY), buttons: 5 })

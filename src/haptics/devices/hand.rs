@@ -5,21 +5,24 @@ use std::collections::VecDeque;
 
 use glam::{DQuat, DVec3};
 
-use crate::haptics::drive::{Drive, rotation_vector};
 use crate::haptics::velocity::AdaptiveWindow;
-use crate::haptics::{Device, Fault, Profile, Reading, RigidState, Wrench};
+use crate::haptics::{Device, Fault, Reading};
+use crate::scene::Profile;
+use crate::step::drive::{Drive, rotation_vector};
+use crate::step::{RigidState, Wrench};
 
 mod limb;
-mod parameters;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod wall;
 
-pub use parameters::HandParameters;
+pub use crate::scene::HandParameters;
 
-use limb::Load;
-use parameters::EARLY;
+use limb::{Limb, Load};
+
+/// See [`HandParameters::EARLY`].
+const EARLY: f64 = HandParameters::EARLY;
 
 /// Substeps that a reading moves the hand by at most: a reading is never slow, whatever the clock does.
 const CATCH_UP: u64 = 1000;
@@ -114,8 +117,8 @@ impl Hand {
     pub fn stored(&self) -> f64 {
         let (position, orientation) = self.intended.pose(self.time());
         let turn = rotation_vector(self.state.orientation * orientation.conjugate());
-        self.parameters.arm().stored(self.state.position - position, self.state.velocity)
-            + self.parameters.wrist().stored(turn, self.state.angular_velocity)
+        Limb::arm(&self.parameters).stored(self.state.position - position, self.state.velocity)
+            + Limb::wrist(&self.parameters).stored(turn, self.state.angular_velocity)
     }
 
     /// One substep. The intended pose goes straight from where it is at the start to where it is at the end.
@@ -134,8 +137,8 @@ impl Hand {
             intended: rotation_vector(turned_to * turned_from.conjugate()) / h,
             force: self.played.torque,
         };
-        let moved = self.parameters.arm().step(h, self.state.velocity, &arm);
-        let turned = self.parameters.wrist().step(h, self.state.angular_velocity, &wrist);
+        let moved = Limb::arm(&self.parameters).step(h, self.state.velocity, &arm);
+        let turned = Limb::wrist(&self.parameters).step(h, self.state.angular_velocity, &wrist);
         self.state = RigidState {
             position: self.state.position + h * moved.mean,
             orientation: (DQuat::from_scaled_axis(h * turned.mean) * self.state.orientation).normalize(),

@@ -6,9 +6,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{DQuat, DVec3};
 
-use crate::haptics::drive::rotation_vector;
-use crate::haptics::profile::MOUSE;
-use crate::haptics::{Device, Fault, Profile, Reading, RigidState, Wrench};
+use crate::haptics::{Device, Fault, Reading};
+use crate::scene::Profile;
+use crate::scene::profile::MOUSE;
+use crate::step::drive::rotation_vector;
+use crate::step::{RigidState, Wrench};
 
 /// How quickly the device follows, 1/s: critically damped. A pixel's step is spread over some fifty ticks.
 const FOLLOWS: f64 = 40.0;

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use crate::haptics::profile::{PROFILES, Profile};
 use crate::haptics::record::{Entry, Recorded};
 use crate::haptics::replay::reading_of;
-use crate::haptics::{Device, Fault, Reading, RigidState, Wrench};
+use crate::haptics::{Device, Fault, Reading};
+use crate::scene::profile::{PROFILES, Profile};
+use crate::step::{RigidState, Wrench};
 use crate::{Error, Result};
 
 /// The readings of a recording, tick for tick: the n-th read gives the n-th one, faults included, whatever the time. After

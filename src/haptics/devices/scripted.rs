@@ -2,8 +2,10 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::haptics::drive::Drive;
-use crate::haptics::{Device, Fault, Profile, Reading, Wrench};
+use crate::haptics::{Device, Fault, Reading};
+use crate::scene::Profile;
+use crate::step::Wrench;
+use crate::step::drive::Drive;
 
 /// A script's pose over time.
 #[derive(Debug, Clone)]
@@ -48,8 +50,8 @@ impl Device for Scripted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::haptics::profile::PROFILES;
     use crate::scene::Key;
+    use crate::scene::profile::PROFILES;
 
     fn key(time: f64, x: f64, angle: f64) -> Key {
         Key { time, position: DVec3::X * x, orientation: DQuat::from_rotation_y(angle) }

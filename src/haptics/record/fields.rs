@@ -3,13 +3,14 @@
 use glam::DVec3;
 
 use super::Step;
-use crate::haptics::device::{Reading, RigidState, Wrench};
+use crate::haptics::device::Reading;
 use crate::haptics::event::{Event, Events};
-use crate::haptics::local_model::{ContactWrench, Gap};
 use crate::haptics::passivity::Energy;
 use crate::haptics::servo::Tick;
-use crate::haptics::servo_thread::Held;
 use crate::scene::Coupling;
+use crate::step::Held;
+use crate::step::{ContactWrench, Gap};
+use crate::step::{RigidState, Wrench};
 
 const XYZ: [&str; 3] = ["_x", "_y", "_z"];
 /// Linear, then angular.

@@ -5,10 +5,13 @@ use glam::{DMat3, DQuat, DVec3};
 use super::*;
 use crate::haptics::environment::{Environment, Wall};
 use crate::haptics::event::Event;
-use crate::haptics::safety::{Limits, Lowered};
+use crate::haptics::safety::Limits;
 use crate::haptics::servo::Servo;
-use crate::haptics::{Fault, Profile, Reading, RigidState};
+use crate::haptics::{Fault, Reading};
 use crate::scene::Coupling;
+use crate::scene::Lowered;
+use crate::scene::Profile;
+use crate::step::RigidState;
 
 /// Ticks from one step to the next, and from a step's beginning until its wrench is there.
 const EVERY: u64 = 20;

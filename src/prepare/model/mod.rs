@@ -14,66 +14,18 @@ mod split;
 #[cfg(test)]
 mod tests;
 
-use std::ops::RangeInclusive;
-
 use glam::DVec3;
 
-/// A model that the engine makes by itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Model {
-    /// A head, 0.25 m tall, looking towards +z.
-    Head,
-    /// A pumpkin, 0.3 m across, stem up.
-    Pumpkin,
-    /// A spur gear of tip radius 0.05 m about z, with a bore.
-    Gear,
-    /// A standing human, 1.7 m tall, arms held out, looking towards +z, the soles at y = 0.
-    Human,
-}
+use crate::scene::Model;
 
-impl Model {
-    /// Every model.
-    pub const ALL: [Model; 4] = [Model::Head, Model::Pumpkin, Model::Gear, Model::Human];
-
-    /// Its name in a scene.
-    pub fn name(self) -> &'static str {
-        match self {
-            Model::Head => "head",
-            Model::Pumpkin => "pumpkin",
-            Model::Gear => "gear",
-            Model::Human => "human",
-        }
-    }
-
-    /// Vertices where a scene does not say.
-    pub fn default_vertices(self) -> usize {
-        match self {
-            Model::Head => 44_000,
-            Model::Pumpkin => 30_000,
-            Model::Gear => 29_000,
-            Model::Human => 13_000,
-        }
-    }
-
-    /// Numbers of vertices that make sense: fewer lose the shape, more take minutes and gigabytes.
-    pub fn vertices(self) -> RangeInclusive<usize> {
-        match self {
-            Model::Head => 500..=400_000,
-            Model::Pumpkin => 500..=400_000,
-            Model::Gear => 2_000..=400_000,
-            Model::Human => 2_000..=400_000,
-        }
-    }
-
-    /// The surface with exactly `vertex_count` vertices (m; within [`Model::vertices`]) and its triangles: closed,
-    /// manifold, outward, one piece, genus 0 (the gear 1).
-    pub fn surface(self, vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-        match self {
-            Model::Head => head::head(vertex_count),
-            Model::Pumpkin => pumpkin::pumpkin(vertex_count),
-            Model::Gear => gear::gear(vertex_count),
-            Model::Human => human::human(vertex_count),
-        }
+/// The surface of a model with exactly `vertex_count` vertices (m; within [`Model::vertices`]) and its triangles: closed,
+/// manifold, outward, one piece, genus 0 (the gear 1).
+pub fn surface(model: Model, vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    match model {
+        Model::Head => head::head(vertex_count),
+        Model::Pumpkin => pumpkin::pumpkin(vertex_count),
+        Model::Gear => gear::gear(vertex_count),
+        Model::Human => human::human(vertex_count),
     }
 }
 

@@ -62,7 +62,7 @@ fn models_of_any_count_are_closed_outward_and_whole() {
         let least = *model.vertices().start();
         for count in [least, 3_333, model.default_vertices()] {
             let start = std::time::Instant::now();
-            let (vertices, triangles) = model.surface(count);
+            let (vertices, triangles) = super::surface(model, count);
             println!("{} of {count}: {:.2?}", model.name(), start.elapsed());
             let skin = skin::build(vertices, triangles);
             check_topology(&skin, count, usize::from(model == Model::Gear));
@@ -82,7 +82,7 @@ fn models_of_any_count_are_closed_outward_and_whole() {
 fn models_are_the_same_bits_every_time() {
     for model in Model::ALL {
         let bits = || {
-            let (vertices, triangles) = model.surface(3_000);
+            let (vertices, triangles) = super::surface(model, 3_000);
             let numbers = vertices.iter().flat_map(|v| v.to_array()).map(f64::to_bits);
             let all = numbers.chain(triangles.into_iter().flatten().map(u64::from));
             // FNV-1a (G. Fowler, L. Noll and P. Vo 1991) over words.
@@ -96,7 +96,7 @@ fn models_are_the_same_bits_every_time() {
 
 #[test]
 fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
-    let (vertices, triangles) = Model::Gear.surface(Model::Gear.default_vertices());
+    let (vertices, triangles) = crate::prepare::model::surface(Model::Gear, Model::Gear.default_vertices());
     // Where an involute starts on the base circle, from the middle of its tooth: found at the pitch circle, where a
     // tooth is half a pitch wide.
     let pressure = 20f64.to_radians();
@@ -130,7 +130,7 @@ fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
 
 #[test]
 fn the_human_has_ten_fingers_apart() {
-    let (vertices, triangles) = Model::Human.surface(Model::Human.default_vertices());
+    let (vertices, triangles) = crate::prepare::model::surface(Model::Human, Model::Human.default_vertices());
     // Beyond the knuckles of both hands there are four pieces each.
     let beyond = |t: &&[u32; 3]| t.iter().all(|&v| vertices[v as usize].x.abs() > 0.805);
     let fingers: Vec<[u32; 3]> = triangles.iter().filter(beyond).copied().collect();
@@ -149,7 +149,7 @@ fn the_human_has_ten_fingers_apart() {
 
 #[test]
 fn the_pumpkin_has_ten_ribs_and_a_stem() {
-    let (vertices, triangles) = Model::Pumpkin.surface(10_000);
+    let (vertices, triangles) = crate::prepare::model::surface(Model::Pumpkin, 10_000);
     let inside = |p: DVec3| winding_number(&vertices, &triangles, p) > 0.5;
     let at = |turns: f64, r: f64| DVec3::new(r * (turns * 0.62832).cos(), 0.0, r * (turns * 0.62832).sin());
     for k in 0..10 {

@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Frames, Mover, Place, State};
-use crate::haptics::drive::Drive;
+use crate::step::drive::Drive;
 
 /// The motion of one frame.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -16,11 +16,11 @@ use crate::Result;
 use crate::haptics::clock::Lateness;
 use crate::haptics::environment::Environment;
 use crate::haptics::event::Events;
-use crate::haptics::local_model::ContactWrench;
 use crate::haptics::record::{Header, Recording};
-use crate::haptics::servo_thread::Held;
 use crate::haptics::session::{self, Moment, Options};
 use crate::scene::Key;
+use crate::step::ContactWrench;
+use crate::step::Held;
 
 /// How often quantiles of the lateness are taken: that goes through a large table.
 const REFRESH: Duration = Duration::from_millis(250);

@@ -6,11 +6,11 @@ use std::sync::mpsc::Sender;
 
 use glam::DVec3;
 
-use crate::haptics::Wrench;
 use crate::haptics::session::Report;
-use crate::report::Row;
 use crate::scene::{Contact, Coupling, Material};
 use crate::step::Simulation;
+use crate::step::StepReport;
+use crate::step::Wrench;
 
 /// What the thread does.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -64,7 +64,7 @@ pub struct Snapshot {
     /// What the thread does.
     pub state: State,
     /// Of the last step.
-    pub row: Option<Row>,
+    pub row: Option<StepReport>,
     /// Names of the row's probes.
     pub probes: Arc<Vec<String>>,
     /// Of the last step that was timed, microseconds.
@@ -103,7 +103,7 @@ impl Out {
     }
 
     /// Publishes a step; the samples that nobody takes are dropped.
-    pub fn sample(&mut self, row: &Row) {
+    pub fn sample(&mut self, row: &StepReport) {
         if let Some(tool) = &row.tool {
             let _ = self.samples.push(Sample { time: row.time, force: tool.force, torque: tool.torque });
         }

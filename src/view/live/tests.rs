@@ -27,14 +27,19 @@ fn simulation(folder: &std::path::Path) -> Simulation {
 }
 
 /// All that a trace holds but the time that the step took.
-fn bits(row: &Row) -> String {
-    format!("{:?}", Row { step_us: 0.0, ..row.clone() })
+fn bits(row: &StepReport) -> String {
+    format!("{:?}", StepReport { step_us: 0.0, ..row.clone() })
 }
 
-fn live(simulation: Simulation, lead: Lead, extent: Extent, folder: &std::path::Path) -> (Live, Arc<Mutex<Vec<Row>>>) {
+fn live(
+    simulation: Simulation,
+    lead: Lead,
+    extent: Extent,
+    folder: &std::path::Path,
+) -> (Live, Arc<Mutex<Vec<StepReport>>>) {
     let rows = Arc::new(Mutex::new(Vec::new()));
     let kept = rows.clone();
-    let watch: Watch = Box::new(move |row: &Row| {
+    let watch: Watch = Box::new(move |row: &StepReport| {
         kept.lock().unwrap().push(row.clone());
         Ok(())
     });

@@ -7,12 +7,11 @@ use std::time::{Duration, Instant};
 
 use super::snapshot::{self, LoopState, Out, Snapshot, State};
 use super::{Begin, Command, Extent, Lead, Watch};
-use crate::haptics::servo::state_of;
-use crate::haptics::servo_thread::Held;
 use crate::prepare::bodies::Bodies;
-use crate::report::Row;
 use crate::scene::Scene;
+use crate::step::Held;
 use crate::step::Simulation;
+use crate::step::StepReport;
 use crate::view::turns::Turns;
 use crate::{Error, Result};
 
@@ -147,7 +146,7 @@ impl Worker {
     }
 
     /// Publishes what a step found.
-    pub fn found(&mut self, row: &Row) -> Result<()> {
+    pub fn found(&mut self, row: &StepReport) -> Result<()> {
         if !self.is_replaced {
             (self.watch)(row)?;
         }
@@ -286,7 +285,7 @@ impl Worker {
     fn step_once(&mut self) {
         let h = self.simulation.scene().step.dt;
         let held = self.simulation.tool().map(|tool| {
-            let own = state_of(tool);
+            let own = tool.state();
             let (coupling, max_force) = (tool.coupling, f64::INFINITY);
             let first = Held { ticks: 0, time: 0.0, device: own, tool: own, coupling, max_force };
             Held { tool: own, ..self.last_held.unwrap_or(first) }

@@ -4,6 +4,8 @@
 
 use glam::DVec3;
 
+use crate::scene::HandParameters;
+
 /// Constants; in rotation read kg m^2, N m/rad, N m s/rad and N m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limb {
@@ -17,6 +19,30 @@ pub(super) struct Limb {
     pub(super) drag: f64,
     /// Coulomb friction of the device, N, the same in all directions.
     pub(super) friction: f64,
+}
+
+impl Limb {
+    /// Of translation.
+    pub(super) fn arm(hand: &HandParameters) -> Limb {
+        Limb {
+            mass: hand.mass,
+            stiffness: hand.stiffness,
+            damping: hand.damping,
+            drag: hand.device_damping,
+            friction: hand.friction,
+        }
+    }
+
+    /// Of rotation.
+    pub(super) fn wrist(hand: &HandParameters) -> Limb {
+        Limb {
+            mass: hand.inertia,
+            stiffness: hand.angular_stiffness,
+            damping: hand.angular_damping,
+            drag: 0.0,
+            friction: 0.0,
+        }
+    }
 }
 
 /// What acts on a limb during a step.

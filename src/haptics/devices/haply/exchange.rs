@@ -11,10 +11,11 @@ use triple_buffer::{Input, Output};
 
 use super::kind::Identity;
 use super::link::{Address, Link};
-use super::protocol::{self, Dialect, State};
+use super::protocol::{self, State};
 use crate::haptics::Fault;
-use crate::haptics::profile::Profile;
 use crate::haptics::servo_thread::raise_priority;
+use crate::scene::Dialect;
+use crate::scene::profile::Profile;
 
 /// Oldest state that is still true of the device, and the longest wait for an answer before the next message.
 pub const STATE_LIFE: Duration = Duration::from_millis(50);
@@ -138,7 +139,7 @@ impl Exchange {
             Some(_) => {}
             None => self.shot.identity = Some(Arc::new(identity)),
         }
-        let told = || link.version().and_then(|version| Dialect::of_version(&version));
+        let told = || link.version().and_then(|version| protocol::dialect_of(&version));
         let dialect = self.dialect.or_else(told).unwrap_or(Dialect::Vector);
         link.send(protocol::greeting(&device_id, dialect))?;
         let mut partner = Partner { link, device_id, dialect };

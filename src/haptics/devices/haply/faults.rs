@@ -1,5 +1,6 @@
 //! The device against a fake service that goes wrong: silence, garbage, floods, hang-ups, and no service at all.
 
+use crate::scene::HaplyService;
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
 
@@ -124,7 +125,11 @@ fn a_service_that_hangs_up_is_lost_and_found_again_where_the_device_was() {
 #[test]
 fn another_machine_is_refused_unless_trusted_and_so_is_a_rate_beyond_bounds() {
     for (url, rate, word) in [("ws://192.0.2.1:10001", 1000.0, "trusted"), ("ws://127.0.0.1:1", 5000.0, "4000")] {
-        let mut device = Haply::new(Settings { url: url.into(), rate, ..Settings::default() });
+        let mut device = Haply::new(Settings {
+            service: HaplyService { url: url.into(), ..HaplyService::default() },
+            rate,
+            ..Settings::default()
+        });
         assert!(matches!(device.open(), Err(Fault::Lost(why)) if why.contains(word)), "{url}");
         assert_eq!(device.counts().connections, 0);
     }
@@ -135,12 +140,18 @@ fn nobody_there_or_nothing_plugged_in_is_said_with_a_remedy() {
     let free = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("ws://{}", free.local_addr().unwrap());
     // A port on which somebody listens, but says nothing.
-    let mut mute = Haply::new(Settings { url: url.clone(), ..Settings::default() });
+    let mut mute = Haply::new(Settings {
+        service: HaplyService { url: url.clone(), ..HaplyService::default() },
+        ..Settings::default()
+    });
     assert!(
         matches!(mute.open(), Err(Fault::Lost(why)) if why.contains(&url) && why.contains("start the Inverse service"))
     );
     drop(free);
-    let mut nobody = Haply::new(Settings { url: url.clone(), ..Settings::default() });
+    let mut nobody = Haply::new(Settings {
+        service: HaplyService { url: url.clone(), ..HaplyService::default() },
+        ..Settings::default()
+    });
     assert!(matches!(nobody.open(), Err(Fault::Lost(why)) if why.contains(&url) && why.contains("refused")));
     let empty = Fake::with(None, r#"{"inverse3":[]}"#.into(), |_, _| Act::Silence);
     assert!(matches!(device(&empty).open(), Err(Fault::Lost(why)) if why.contains("plug it in")));

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use crate::haptics::profile::{HAPLY_SMALLEST, INVERSE3, MINVERSE, Profile};
+use crate::scene::profile::{HAPLY_SMALLEST, INVERSE3, MINVERSE, Profile};
 
 /// The types that the service reports as `config.type` in its inventory, as Haply's own client library lists them (crate
 /// `haply` 1.3, `device_model/enums.rs`), and their profiles. Nothing is published of the Inverse3x by itself; Haply's
@@ -81,7 +81,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::haptics::profile::{HAPLY, PROFILES};
+    use crate::scene::profile::{HAPLY, PROFILES};
 
     fn kind(told: Value) -> Kind {
         Kind::of_config(Some(&json!({ "type": told })))

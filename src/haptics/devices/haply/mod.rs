@@ -21,12 +21,13 @@ use std::time::{Duration, Instant};
 use glam::{DQuat, DVec3};
 use triple_buffer::{Input, Output, triple_buffer};
 
-use crate::haptics::device::{Device, Fault, Reading, RigidState, Wrench};
-use crate::haptics::profile::{HAPLY_SMALLEST, Profile};
+use crate::haptics::device::{Device, Fault, Reading};
+use crate::scene::HaplyService;
+use crate::scene::profile::{HAPLY_SMALLEST, Profile};
+use crate::step::{RigidState, Wrench};
 use exchange::{Exchange, MANY_GARBLED, Order, STATE_LIFE, Shot, Tally};
 use kind::Identity;
 use link::Address;
-pub use protocol::Dialect;
 
 /// Longest wait for the first state.
 const OPEN_WAIT: Duration = Duration::from_secs(2);
@@ -38,14 +39,8 @@ const RATES: std::ops::RangeInclusive<f64> = 50.0..=4000.0;
 /// Where the service is, and how it is used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Of the service, `ws://HOST:PORT`; its host must be `localhost` or a loopback address.
-    pub url: String,
-    /// Whether the service may be on another machine.
-    pub trust_remote: bool,
-    /// Which device; `None`: the first.
-    pub device_id: Option<String>,
-    /// How forces are sent; `None`: as the service's version asks, [`Dialect::Vector`] where it does not tell one.
-    pub dialect: Option<Dialect>,
+    /// The service.
+    pub service: HaplyService,
     /// World position of the first reading, m; the others lie about it as they do in the hand.
     pub home: DVec3,
     /// Messages a second, that of the loop: 50 to 4000 Hz.
@@ -56,15 +51,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings {
-            url: "ws://localhost:10001".into(),
-            trust_remote: false,
-            device_id: None,
-            dialect: None,
-            home: DVec3::ZERO,
-            rate: 1000.0,
-            profile: None,
-        }
+        Settings { service: HaplyService::default(), home: DVec3::ZERO, rate: 1000.0, profile: None }
     }
 }
 
@@ -139,7 +126,7 @@ impl Haply {
     }
 
     fn start(&self) -> Result<Line, Fault> {
-        let address = Address::new(&self.settings.url, self.settings.trust_remote)?;
+        let address = Address::new(&self.settings.service.url, self.settings.service.trust_remote)?;
         let rate = self.settings.rate;
         if !RATES.contains(&rate) {
             return Err(Fault::Lost(format!("a rate of {rate} Hz: use 50 to 4000")));
@@ -150,8 +137,8 @@ impl Haply {
         let url = address.url().to_string();
         let exchange = Exchange {
             address,
-            device_id: self.settings.device_id.clone(),
-            dialect: self.settings.dialect,
+            device_id: self.settings.service.device_id.clone(),
+            dialect: self.settings.service.dialect,
             period: Duration::from_secs_f64(1.0 / rate),
             asked: self.settings.profile,
             max_force: HAPLY_SMALLEST.max_force,

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::kind::{Identity, Kind};
 use crate::haptics::Fault;
+use crate::scene::Dialect;
 
 /// Farthest that a cursor can plausibly be from the device's origin, m: seven times its workspace.
 const FARTHEST: f64 = 1.0;
@@ -16,28 +17,17 @@ const FASTEST: f64 = 50.0;
 /// Greatest error of a plausible quaternion's norm; real grips send it rounded, off by 0.2 %.
 const NORM_ERROR: f64 = 0.01;
 
-/// How a service wants its forces.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Dialect {
-    /// Under `vector`: version 3.5 and later.
-    Vector,
-    /// Under `values`: older 3.x.
-    Values,
+/// How a service of a version such as `3.5.0` wants its forces; `None` where it is no version.
+pub fn dialect_of(version: &str) -> Option<Dialect> {
+    let mut numbers = version.split('.').map(|part| part.parse::<u32>().ok());
+    let (major, minor) = (numbers.next()??, numbers.next()??);
+    Some(if (major, minor) >= (3, 5) { Dialect::Vector } else { Dialect::Values })
 }
 
-impl Dialect {
-    /// That of a version such as `3.5.0`; `None` where it is no version.
-    pub fn of_version(version: &str) -> Option<Dialect> {
-        let mut numbers = version.split('.').map(|part| part.parse::<u32>().ok());
-        let (major, minor) = (numbers.next()??, numbers.next()??);
-        Some(if (major, minor) >= (3, 5) { Dialect::Vector } else { Dialect::Values })
-    }
-
-    fn key(self) -> &'static str {
-        match self {
-            Dialect::Vector => "vector",
-            Dialect::Values => "values",
-        }
+fn key_of(dialect: Dialect) -> &'static str {
+    match dialect {
+        Dialect::Vector => "vector",
+        Dialect::Values => "values",
     }
 }
 
@@ -78,7 +68,7 @@ pub fn greeting(device_id: &str, dialect: Dialect) -> String {
 
 fn tick(device_id: &str, dialect: Dialect, force: DVec3) -> Value {
     let f = to_service(force);
-    let force = json!({dialect.key(): {"x": f.x, "y": f.y, "z": f.z}});
+    let force = json!({key_of(dialect): {"x": f.x, "y": f.y, "z": f.z}});
     json!({"inverse3": [{"device_id": device_id, "commands": {"set_cursor_force": force}}]})
 }
 
@@ -306,9 +296,9 @@ mod tests {
     fn versions_have_their_dialect() {
         let cases = [("3.5.0", Dialect::Vector), ("3.4.1.0", Dialect::Values), ("4.0.0", Dialect::Vector)];
         for (version, dialect) in cases {
-            assert_eq!(Dialect::of_version(version), Some(dialect), "{version}");
+            assert_eq!(dialect_of(version), Some(dialect), "{version}");
         }
-        assert_eq!(Dialect::of_version("latest"), None);
+        assert_eq!(dialect_of("latest"), None);
         assert!(command("A", Dialect::Values, DVec3::ZERO).contains("values"));
     }
 }

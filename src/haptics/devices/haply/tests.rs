@@ -1,6 +1,7 @@
 //! The device against a fake service: what must arrive, and what must not. Waits are bounded; nothing is timed
 //! against a clock but the fake's own delays.
 
+use crate::scene::{Dialect, HaplyService};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::thread;
@@ -20,8 +21,11 @@ pub const fn ms(count: u64) -> Duration {
 }
 
 pub fn device(fake: &Fake) -> Haply {
-    let device =
-        Haply::new(Settings { url: fake.url().into(), home: DVec3::new(1.0, 2.0, 3.0), ..Settings::default() });
+    let device = Haply::new(Settings {
+        service: HaplyService { url: fake.url().into(), ..HaplyService::default() },
+        home: DVec3::new(1.0, 2.0, 3.0),
+        ..Settings::default()
+    });
     assert_eq!(device.counts(), Counts::default());
     device
 }
@@ -110,7 +114,10 @@ fn older_services_get_values_and_an_option_forces_either() {
     let forced = [(Some("3.4.1"), Some(Dialect::Vector), "vector"), (Some("3.6"), Some(Dialect::Values), "values")];
     for (version, dialect, key) in cases.into_iter().chain(forced) {
         let fake = Fake::with(version, resting(), |_, _| Act::Reply(resting()));
-        let mut device = Haply::new(Settings { url: fake.url().into(), dialect, ..Settings::default() });
+        let mut device = Haply::new(Settings {
+            service: HaplyService { url: fake.url().into(), dialect, ..HaplyService::default() },
+            ..Settings::default()
+        });
         device.open().unwrap();
         assert!(fake.heard().iter().all(|h| h.force(key).is_some()), "{version:?} {dialect:?}: {:?}", fake.heard());
     }
@@ -222,7 +229,11 @@ fn a_profile_of_the_users_lowers_what_is_played_and_never_raises_it() {
     let cases = [("inverse3", "minverse", 2.0, 0), ("minverse", "inverse3", 2.0, 1), ("inverse3", "touch", 10.0, 1)];
     for (kind, asked, most, notes) in cases {
         let fake = Fake::with(None, inventory(json!(kind)), |_, _| Act::Reply(resting()));
-        let settings = Settings { url: fake.url().into(), profile: Profile::named(asked), ..Settings::default() };
+        let settings = Settings {
+            service: HaplyService { url: fake.url().into(), ..HaplyService::default() },
+            profile: Profile::named(asked),
+            ..Settings::default()
+        };
         let mut device = Haply::new(settings);
         device.open().unwrap();
         assert_eq!((device.profile().max_force, device.notes().len()), (most, notes), "{kind} {asked}");
@@ -279,7 +290,10 @@ fn of_two_devices_the_first_or_the_one_named() {
     for (device_id, spoken_to, speed) in [(None, "A", 0.0), (Some("B".to_string()), "B", 1.0)] {
         let reply = both.to_string();
         let fake = Fake::with(None, reply.clone(), move |_, _| Act::Reply(reply.clone()));
-        let mut device = Haply::new(Settings { url: fake.url().into(), device_id, ..Settings::default() });
+        let mut device = Haply::new(Settings {
+            service: HaplyService { url: fake.url().into(), device_id, ..HaplyService::default() },
+            ..Settings::default()
+        });
         device.open().unwrap();
         assert_eq!(device.read(0.0).unwrap().state.velocity.x, speed);
         assert!(fake.heard().iter().all(|h| h.message["inverse3"][0]["device_id"] == spoken_to));
@@ -308,7 +322,11 @@ fn the_first_device_stays_the_one_however_they_are_listed_later() {
 fn rate_held() {
     for rate in [1000.0, 2000.0, 4000.0] {
         let fake = Fake::start(|_, _| Act::Reply(resting()));
-        let mut device = Haply::new(Settings { url: fake.url().into(), rate, ..Settings::default() });
+        let mut device = Haply::new(Settings {
+            service: HaplyService { url: fake.url().into(), ..HaplyService::default() },
+            rate,
+            ..Settings::default()
+        });
         device.open().unwrap();
         let loops = Arc::new(AtomicUsize::new(0));
         let started = Instant::now();

@@ -60,7 +60,7 @@ fn files_with_defects_are_filled_soundly_or_refused() {
 #[ignore = "figures, not a test: seconds against vertices, about a minute"]
 fn seconds_against_vertices() {
     for count in [10_000, 44_000, 100_000, 400_000] {
-        let mesh = Model::Head.surface(count);
+        let mesh = crate::prepare::model::surface(Model::Head, count);
         let (layer, report) = stuff(&mesh.0, &mesh.1, &Options::uniform(0.00625)).unwrap();
         let start = Instant::now();
         let out = embed::extrapolation(&embed(&mesh.0, &layer).unwrap());

@@ -125,8 +125,8 @@ fn sphere(scene: &Scene) -> Result<Body> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::gpu::Options;
+    use crate::query::choice::*;
 
     #[test]
     fn a_device_is_measured_once_and_never_where_the_path_is_asked_for() {

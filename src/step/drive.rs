@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::device::RigidState;
 use crate::scene::Key;
+use crate::step::RigidState;
 
 /// Keys of the device's pose.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -64,7 +64,7 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::step::drive::*;
 
     fn key(time: f64, x: f64, angle: f64) -> Key {
         Key { time, position: DVec3::X * x, orientation: DQuat::from_rotation_y(angle) }

@@ -132,7 +132,7 @@ impl Profile {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::scene::profile::*;
 
     /// Force, torque, stiffness and damping: the figures that CHAI3D publishes; the last one's are from elsewhere, as
     /// [`MINVERSE`] says.

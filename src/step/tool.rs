@@ -5,9 +5,9 @@
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::device::{RigidState, Wrench};
-use super::drive::rotation_vector;
 use crate::scene::Coupling;
+use crate::step::drive::rotation_vector;
+use crate::step::{RigidState, Wrench};
 
 /// Newton's rounds for the gyroscopic term; it converges quadratically from the start's spin.
 const GYROSCOPIC_ROUNDS: usize = 4;
@@ -41,6 +41,16 @@ pub struct Rows {
 }
 
 impl Tool {
+    /// Its pose and twist.
+    pub fn state(&self) -> RigidState {
+        RigidState {
+            position: self.centre,
+            orientation: self.orientation,
+            velocity: self.velocity,
+            angular_velocity: self.angular_velocity,
+        }
+    }
+
     /// Implicit Euler over `h` seconds, linearised about the start: gravity, gyroscopic torque, and the
     /// coupling towards the device's pose and twist at the end of the step.
     pub fn rows(&self, h: f64, gravity: DVec3, device: &RigidState) -> Rows {

@@ -1,20 +1,22 @@
 //! The proximity query by itself: two rigid skins, each in a pose, and which vertices of either lie within the other. It
 //! records the stages from pose to contact as the step does, and nothing after them.
 
+pub(crate) mod choice;
+
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
 use crate::gpu::{Buffer, Context, Memory, Options, Recorder, Recording, StagePasses};
 use crate::prepare::{Body, Cache, Proxy, Shape, Skin};
-use crate::report::Flags;
+use crate::query::choice::Choice;
 use crate::stages::depth::Path;
 use crate::stages::elastic::Elastic;
 use crate::stages::model::{Model, texel};
+use crate::stages::touch::TouchStages;
 use crate::stages::types::{Contact, Counts, Frame, Link, Pair, Region, StepParams};
 use crate::stages::{Common, query_as_one};
-use crate::step::choice::Choice;
-use crate::step::recordings::TouchStages;
+use crate::step::Flags;
 use crate::{Error, Result};
 
 /// Share of the smaller body's extent that [`QuerySettings::of`] allows as depth.

@@ -1,10 +1,5 @@
 //! What the simulated hand is made of.
 
-use super::limb::Limb;
-
-/// Part of a substep that a time may lie before its end and still count as there: times are sums of rounded ticks.
-pub(super) const EARLY: f64 = 1e-6;
-
 /// The person and the device, by what matters to stability. People: 0.05 to 0.3 kg, 100 to 500 N/m, 2 to 10 N s/m. Devices
 /// render a wall passively up to the lesser of 2 `device_damping` / T and 2 `friction` / `quantum` N/m at a period T (Abbott
 /// and Okamura 2005, "Effects of position quantization and sampling rate on virtual-wall passivity"); by default that is
@@ -55,6 +50,9 @@ impl Default for HandParameters {
 }
 
 impl HandParameters {
+    /// Part of a substep that a time may lie before its end and still count as there: times are sums of rounded ticks.
+    pub const EARLY: f64 = 1e-6;
+
     /// Whether all are in range.
     ///
     /// # Errors
@@ -79,36 +77,14 @@ impl HandParameters {
             }
         }
         let substeps = self.delay / self.substep;
-        if (substeps - substeps.round()).abs() > EARLY {
+        if (substeps - substeps.round()).abs() > Self::EARLY {
             return Err(format!("the hand's delay is {substeps} substeps of {} s; give a whole number", self.substep));
         }
         Ok(())
     }
 
     /// The delay as a number of substeps.
-    pub(super) fn delay_substeps(&self) -> u64 {
+    pub fn delay_substeps(&self) -> u64 {
         (self.delay / self.substep).round() as u64
-    }
-
-    /// In translation.
-    pub(super) fn arm(&self) -> Limb {
-        Limb {
-            mass: self.mass,
-            stiffness: self.stiffness,
-            damping: self.damping,
-            drag: self.device_damping,
-            friction: self.friction,
-        }
-    }
-
-    /// In rotation.
-    pub(super) fn wrist(&self) -> Limb {
-        Limb {
-            mass: self.inertia,
-            stiffness: self.angular_stiffness,
-            damping: self.angular_damping,
-            drag: 0.0,
-            friction: 0.0,
-        }
     }
 }

@@ -1,0 +1,53 @@
+//! The stages from pose to contact together: what the step and the proximity query have in common.
+
+use std::sync::Arc;
+
+use super::contact::Contact;
+use super::cull::Cull;
+use super::depth::{Depth, Path};
+use super::elastic::Elastic;
+use super::model::Model;
+use super::skin::Skin;
+use super::{Common, pose};
+use crate::Result;
+use crate::gpu::{Context, Recorder};
+
+/// The stages of scenes where something can touch.
+pub struct TouchStages {
+    /// Collision proxies in the world, and their support points.
+    pub pose: pose::Pose,
+    /// Skins in the world.
+    pub skin: Skin,
+    /// Broad phase.
+    pub cull: Cull,
+    /// Narrow phase; `None` where only half-spaces can be touched.
+    pub depth: Option<Depth>,
+    /// Contacts.
+    pub contact: Contact,
+}
+
+impl TouchStages {
+    /// Kernels and arrays of the stages from pose to contact; `path` where the depth stage is needed; `blend`: see [`Contact::new`]
+    /// and [`Cull::new`].
+    pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, blend: bool) -> Result<TouchStages> {
+        Ok(TouchStages {
+            pose: pose::Pose::new(context, model)?,
+            skin: Skin::new(context, model)?,
+            cull: Cull::new(context, model, blend)?,
+            depth: path.map(|path| Depth::new(context, model, path)).transpose()?,
+            contact: Contact::new(context, model, blend)?,
+        })
+    }
+
+    /// Everything from frames and nodes to contacts: what the step and the query have in common.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+        let TouchStages { pose, skin, cull, depth, contact } = self;
+        pose.record(recorder, common, elastic, skin);
+        cull.record(recorder, common, pose, skin, contact, elastic);
+        skin.record(recorder, common, pose, cull, elastic);
+        if let Some(depth) = depth {
+            depth.record(recorder, common, cull, skin);
+        }
+        contact.record(recorder, common, cull, skin, depth.as_ref(), elastic);
+    }
+}

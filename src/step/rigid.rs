@@ -1,0 +1,49 @@
+//! Pose, twist and wrench of something rigid: the device and the tool.
+
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// Pose and twist of something rigid, world axes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RigidState {
+    /// World position, m.
+    pub position: DVec3,
+    /// To world.
+    pub orientation: DQuat,
+    /// World velocity, m/s.
+    pub velocity: DVec3,
+    /// World angular velocity, rad/s.
+    pub angular_velocity: DVec3,
+}
+
+impl RigidState {
+    /// At rest in a pose.
+    pub fn at_rest(position: DVec3, orientation: DQuat) -> RigidState {
+        RigidState { position, orientation, velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO }
+    }
+
+    /// Whether all of it is finite, and the orientation a unit quaternion to 1e-3.
+    pub fn is_valid(&self) -> bool {
+        let finite = [self.position, self.velocity, self.angular_velocity].iter().all(|v| v.is_finite());
+        finite && (self.orientation.length() - 1.0).abs() < 1e-3
+    }
+}
+
+/// A force and a torque, world axes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Wrench {
+    /// N.
+    pub force: DVec3,
+    /// N m, about the device's position.
+    pub torque: DVec3,
+}
+
+impl Wrench {
+    /// Nothing.
+    pub const ZERO: Wrench = Wrench { force: DVec3::ZERO, torque: DVec3::ZERO };
+
+    /// Whether all of it is finite.
+    pub fn is_finite(&self) -> bool {
+        self.force.is_finite() && self.torque.is_finite()
+    }
+}
