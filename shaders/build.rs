@@ -23,7 +23,6 @@ fn main() {
 /// Compiles all shaders; the message of an error names the file and line.
 fn build() -> Result<(), String> {
     println!("cargo:rerun-if-changed=shaders");
-    tell_commit();
     let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").map_err(|e| e.to_string())?).join("shaders");
     let out = PathBuf::from(env::var("OUT_DIR").map_err(|e| e.to_string())?);
     let mut sources = Vec::new();
@@ -54,22 +53,6 @@ fn build() -> Result<(), String> {
     text.push_str("];\n");
     let list = out.join("shaders.rs");
     fs::write(&list, text).map_err(|e| format!("cannot write {}: {e}", list.display()))
-}
-
-/// The commit that reports name, as `PALPATE_COMMIT`; changes since then are not known to it.
-fn tell_commit() {
-    let git = |arguments: &[&str]| {
-        let output = process::Command::new("git").args(arguments).output().ok().filter(|o| o.status.success())?;
-        Some(String::from_utf8_lossy(&output.stdout).trim().to_string()).filter(|text| !text.is_empty())
-    };
-    println!(
-        "cargo:rustc-env=PALPATE_COMMIT={}",
-        git(&["rev-parse", "--short=10", "HEAD"]).unwrap_or("unknown".into())
-    );
-    // Written with every commit and checkout; a file that is not there would have this script run every time.
-    if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]).filter(|log| Path::new(log).exists()) {
-        println!("cargo:rerun-if-changed={log}");
-    }
 }
 
 /// The sorted contents of a folder.

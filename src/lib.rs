@@ -5,21 +5,14 @@
 //! speaks Vulkan, [`oracle`] holds the f64 twins that tests compare with, [`report`] writes results, [`bench`]
 //! measures.
 
-pub mod bench;
 pub mod error;
-pub mod ffi;
 pub mod gpu;
 pub mod haptics;
-pub mod oracle;
 pub mod plan;
 pub mod prepare;
 pub mod query;
-pub mod report;
 pub mod scene;
-pub mod stability;
 pub mod stages;
 pub mod step;
-#[cfg(feature = "view")]
-pub mod view;
 
 pub use error::{Error, Result};

@@ -3,7 +3,8 @@
 
 mod spoil;
 
-use palpate::bench::accuracy::{self, Curve, Settings};
+use palpate_bench::accuracy::{Curve, Settings};
+use palpate_bench::accuracy;
 
 /// Of blocks and heads that are quickly solved, both by engine and by reference.
 fn tiny() -> Settings {

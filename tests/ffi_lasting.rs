@@ -9,8 +9,8 @@ use std::process::Command;
 use std::time::Instant;
 
 use ffi_help::{BLOCK, DEEP, SPHERE, compiled, context, ok, simulation, wrench};
-use palpate::ffi::context::palpate_context_destroy;
-use palpate::ffi::simulation::{palpate_simulation_destroy, palpate_step};
+use palpate_capi::context::palpate_context_destroy;
+use palpate_capi::simulation::{palpate_simulation_destroy, palpate_step};
 use palpate::gpu::{Context, Options};
 use palpate::scene::Scene;
 use palpate::step::Simulation;

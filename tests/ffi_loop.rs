@@ -9,17 +9,14 @@ use std::ptr::{null, null_mut};
 use std::sync::Mutex;
 
 use ffi_help::*;
-use palpate::ffi::context::palpate_context_destroy;
-use palpate::ffi::haptic_device::{palpate_haptic_device, palpate_play, palpate_reading};
-use palpate::ffi::haptic_loop::{
-    palpate_loop, palpate_loop_destroy, palpate_loop_ended, palpate_loop_note, palpate_loop_read, palpate_loop_start,
-    palpate_loop_stop, palpate_loop_wrench,
-};
-use palpate::ffi::loop_options::palpate_loop_options;
-use palpate::ffi::loop_state::*;
-use palpate::ffi::simulation::{palpate_simulation, palpate_simulation_destroy, palpate_step, palpate_wrench};
-use palpate::ffi::status::palpate_status;
-use palpate::ffi::steps::{palpate_step_submit, palpate_step_wait, palpate_wrench_newest};
+use palpate_capi::context::palpate_context_destroy;
+use palpate_capi::haptic_device::{palpate_haptic_device, palpate_play, palpate_reading};
+use palpate_capi::haptic_loop::{palpate_loop, palpate_loop_destroy, palpate_loop_ended, palpate_loop_note, palpate_loop_read, palpate_loop_start, palpate_loop_stop, palpate_loop_wrench};
+use palpate_capi::loop_options::palpate_loop_options;
+use palpate_capi::loop_state::*;
+use palpate_capi::simulation::{palpate_simulation, palpate_simulation_destroy, palpate_step, palpate_wrench};
+use palpate_capi::status::palpate_status;
+use palpate_capi::steps::{palpate_step_submit, palpate_step_wait, palpate_wrench_newest};
 
 /// What the callbacks were asked and told, and how they are to behave.
 #[derive(Debug, Default, Clone, PartialEq)]

@@ -14,8 +14,8 @@ use image_compare::prelude::{ImageBuffer, Rgb, RgbImage};
 use palpate::gpu::Options;
 use palpate::scene::Scene;
 use palpate::step::Simulation;
-use palpate::view::picture::Picture;
-use palpate::view::{Overlay, Overlays, Settings, Studio};
+use palpate_view::picture::Picture;
+use palpate_view::{Overlay, Overlays, Settings, Studio};
 use tempfile::TempDir;
 
 #[path = "spoil/mod.rs"]

@@ -8,7 +8,7 @@ use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::haptics::Reading;
 use palpate::haptics::environment::Environment;
-use palpate::haptics::record::{Header, Recording};
+use palpate_devices::record::{Header, Recording};
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
 use palpate::scene::Lowered;

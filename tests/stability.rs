@@ -4,8 +4,9 @@ mod spoil;
 
 use std::process::Command;
 
-use palpate::stability::laws::{Law, Verdict};
-use palpate::stability::{self, Results, Settings, document};
+use palpate_bench::stability::laws::{Law, Verdict};
+use palpate_bench::stability::{Results, Settings, document};
+use palpate_bench::stability;
 use palpate::step::Flags;
 
 /// An axis or more of the short form.

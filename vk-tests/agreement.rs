@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use palpate::gpu::{Context, Options};
-use palpate::oracle::rays::Rays;
+use palpate_oracle::rays::Rays;
 use palpate::prepare::repair;
 use palpate::query::{Answer, Query, QueryContact, QuerySettings, Timing};
 use palpate::scene::Model;

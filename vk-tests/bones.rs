@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Options;
-use palpate::oracle;
+use palpate_oracle;
 use palpate::prepare::{FrameMotion, Shape, layer};
 use palpate::scene::{Key, Scene};
 use palpate::step::Flags;

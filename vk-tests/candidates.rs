@@ -2,7 +2,7 @@
 //! lists of crossings made up.
 
 use glam::{DMat3, DVec3};
-use palpate::oracle::regions;
+use palpate_oracle::regions;
 use palpate::stages::args;
 use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, Chunk, NONE, PAIR_REGIONS, Pair, Region};
 

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Size;
-use palpate::oracle::regions::{along, chunk_box};
+use palpate_oracle::regions::{along, chunk_box};
 use palpate::stages::args;
 use palpate::stages::types::{ActiveChunk, Counts, NONE, PAIR_REGIONS, Pair, Proxy, Region, Slot};
 

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
 use palpate::gpu::Size;
-use palpate::oracle::contact::{self as oracle, Carrier, Law, Support, Surface};
-use palpate::oracle::skin as embedded;
+use palpate_oracle::contact as oracle;
+use palpate_oracle::contact::{Carrier, Law, Support, Surface};
+use palpate_oracle::skin as embedded;
 use palpate::prepare::{Body, Shape};
 use palpate::scene::Sides;
 use palpate::stages::args;

@@ -135,7 +135,7 @@ fn check_bins(flow: &Flow) -> usize {
         let (r, side) = (*region_side as usize / 2, *region_side as usize % 2);
         let region = &flow.regions[r];
         let x = flow.skin[*vertex as usize];
-        let at = palpate::oracle::regions::along(axes(region), wide([x[0], x[1], x[2]]));
+        let at = palpate_oracle::regions::along(axes(region), wide([x[0], x[1], x[2]]));
         let depth = |k: usize| (at[k] - f64::from(region.low[k])).min(f64::from(region.high[k]) - at[k]);
         let within = depth(0).min(depth(1));
         let sees = flow.shares[side * PAIR_REGIONS + r] > 0.0;
@@ -210,7 +210,7 @@ fn check_crossings(flow: &Flow) -> usize {
         let region = &flow.regions[*region_side as usize / 2];
         let place = |v: u32| {
             let x = flow.skin[v as usize];
-            palpate::oracle::regions::along(axes(region), wide([x[0], x[1], x[2]]))
+            palpate_oracle::regions::along(axes(region), wide([x[0], x[1], x[2]]))
         };
         let x = place(*vertex);
         let seen = (0..2).all(|k| x[k] > f64::from(region.low[k]) && x[k] < f64::from(region.high[k]));
@@ -378,7 +378,7 @@ fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
     let region = flow.regions[0];
     // Only a's vertices of that square, whichever way its axes lie, and all of b's.
     let first = flow.skin.iter().take(flow.skin.len() - mesh.0.len()).filter(|x| {
-        let at = palpate::oracle::regions::along(axes(&region), wide([x[0], x[1], x[2]])).as_vec3();
+        let at = palpate_oracle::regions::along(axes(&region), wide([x[0], x[1], x[2]])).as_vec3();
         square(&[at.x, at.y, 0.0, 0.0])
     });
     let inside = first.count();

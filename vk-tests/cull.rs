@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
-use palpate::oracle::{cull as exact, proximity};
+use palpate_oracle::{cull as exact, proximity};
 use palpate::prepare::hull::{self, Hull};
 use palpate::stages::args;
 use palpate::stages::types::{Counts, NONE, Proxy, ProxyBounds};

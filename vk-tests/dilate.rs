@@ -1,7 +1,7 @@
 //! Patches that share a volumetric strain: their rows, what they give to the right-hand side, and their product.
 
 use glam::{DQuat, DVec3};
-use palpate::oracle::elastic::lame;
+use palpate_oracle::elastic::lame;
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::patch::{MOST_NODES, patches};
 use palpate::prepare::{Body, Shape};

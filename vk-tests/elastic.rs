@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Const;
-use palpate::oracle::elastic::{lame, outer, polar_rotation, strain};
+use palpate_oracle::elastic::{lame, outer, polar_rotation, strain};
 use palpate::prepare::{Layer, Materials};
 use palpate::scene::Material;
 use palpate::stages::types::Counts;

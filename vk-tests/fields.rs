@@ -74,7 +74,7 @@ fn energy(system: &System, patch_of: &[u32]) -> Outcome {
 
 /// The oracle's densities of a system's bodies, at their own rotations.
 fn wanted(system: &System) -> Vec<f64> {
-    let of_body = |body: &palpate::oracle::step::SoftBody| {
+    let of_body = |body: &palpate_oracle::step::SoftBody| {
         let rotations = body.elements.rotations(&body.displacement);
         body.elements.densities(&body.displacement, &rotations)
     };

@@ -3,7 +3,8 @@
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::gpu::Size;
-use palpate::oracle::gap::{self as oracle, Mesh, Way};
+use palpate_oracle::gap as oracle;
+use palpate_oracle::gap::{Mesh, Way};
 use palpate::prepare::{self, Body, FrameMotion, Shape};
 use palpate::stages::gap::{RANGE, parts};
 use palpate::stages::types::{Chunk, Frame, Link, NONE, Proxy, RigidIterate, SkinGap, SkinPart, Solve};

@@ -3,7 +3,7 @@
 
 use glam::{DQuat, DVec3};
 use palpate::gpu::Options;
-use palpate::haptics::devices::{Hand, HandParameters, Scripted};
+use palpate_devices::{Hand, HandParameters, Scripted};
 use palpate::haptics::environment::Environment;
 use palpate::haptics::event::Event;
 use palpate::haptics::safety::Limits;

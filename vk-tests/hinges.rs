@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::oracle;
+use palpate_oracle;
 use palpate::prepare::layer;
 use palpate::step::Flags;
 use palpate::step::Simulation;

@@ -1,8 +1,8 @@
 //! Cores that joints join: whole steps against the oracle, and laws.
 
 use glam::{DQuat, DVec3};
-use palpate::oracle;
-use palpate::oracle::joint::Side;
+use palpate_oracle;
+use palpate_oracle::joint::Side;
 use palpate::prepare::{Frame, FrameMotion, Shape};
 use palpate::scene::{Key, Resistance};
 use palpate::stages::joints::Joint;

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use glam::{DQuat, DVec3};
-use palpate::oracle;
+use palpate_oracle;
 use palpate::scene::Scene;
 use palpate::stages::depth;
 use palpate::step::Simulation;

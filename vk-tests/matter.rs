@@ -1,7 +1,7 @@
 //! Materials: neo-Hookean tetrahedra and corotational ones side by side, each with its own density and damping.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::oracle;
+use palpate_oracle;
 use palpate::prepare::layer::volume6;
 use palpate::prepare::{Layer, Shape};
 use palpate::scene::{Law, Material};

@@ -2,7 +2,7 @@
 //! does it as a rigid one.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::oracle;
+use palpate_oracle;
 use palpate::step::Simulation;
 use palpate::step::{Flags, StepReport};
 

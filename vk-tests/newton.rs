@@ -3,7 +3,7 @@
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
-use palpate::oracle;
+use palpate_oracle;
 use palpate::scene::Scene;
 use palpate::stages::types::{Frame, NONE, RigidIterate, Solve, StepParams};
 use palpate::step::Flags;

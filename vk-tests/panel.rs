@@ -1,7 +1,7 @@
 //! view/panel: tinted texels of the atlas, mixed with the picture, against f64.
 
 use palpate::gpu::{Before, Buffer, Canvas, Image, Memory, Recorder, Texels};
-use palpate::view::painter::{Atlas, Flat, Painter, Piece};
+use palpate_view::painter::{Atlas, Flat, Painter, Piece};
 
 use crate::harness::{alone, assert_clean, context};
 

@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::gpu::Size;
-use palpate::oracle::proximity;
+use palpate_oracle::proximity;
 use palpate::stages::args;
 use palpate::stages::types::{Counts, Frame, Link, NONE, Proxy, ProxyBounds};
 

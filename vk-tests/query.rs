@@ -2,7 +2,7 @@
 //! whatever their unit, on both paths, the same every time.
 
 use glam::{DQuat, DVec3};
-use palpate::oracle::contact::ray_depths;
+use palpate_oracle::contact::ray_depths;
 use palpate::prepare::{self, Body, Shape};
 use palpate::query::{Answer, Query, QuerySettings};
 use palpate::stages::depth::Path;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use glam::DVec3;
-use palpate::oracle::regions::along;
+use palpate_oracle::regions::along;
 use palpate::stages::types::NONE;
 
 use crate::crossings::{axes, bumpy, crossed, meshes, region, sight_key, wide};

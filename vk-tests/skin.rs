@@ -1,7 +1,7 @@
 //! skin/embed and skin/probe: where skin is, and the probed vertices. What skin/embed bins is in bins.rs.
 
 use glam::{DQuat, DVec3};
-use palpate::oracle::{proximity, skin as oracle};
+use palpate_oracle::{proximity, skin as oracle};
 use palpate::prepare::{Body, Shape};
 use palpate::stages::args;
 use palpate::stages::model::Model;

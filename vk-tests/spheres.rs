@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use palpate::oracle::contact::{Hit, ray_depths};
+use palpate_oracle::contact::{Hit, ray_depths};
 use palpate::prepare::{Body, Shape};
 use palpate::stages::depth::Path;
 

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::oracle::contact::{Carrier, Contact as Twin, Point};
-use palpate::oracle::friction::Friction;
-use palpate::oracle::linear::Entries;
-use palpate::oracle::step::{Simulation, SoftBody};
-use palpate::oracle::tool::{Device, Tool};
+use palpate_oracle::contact::{Carrier, Contact as Twin, Point};
+use palpate_oracle::friction::Friction;
+use palpate_oracle::linear::Entries;
+use palpate_oracle::step::{Simulation, SoftBody};
+use palpate_oracle::tool::{Device, Tool};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
 use palpate::scene::{self, Coupling, Hinge, Law, Material, Preconditioner, Scene};
@@ -234,7 +234,7 @@ impl System {
             (frame.linear, frame.angular) = (velocity.as_vec3().to_array(), spin.as_vec3().to_array());
             let turn = DMat3::from_quat(place.orientation);
             let inertia = turn * self.model.inertia_of(core) * turn.transpose();
-            frame.gyroscopic = palpate::oracle::tool::gyroscopic(inertia, spin, self.twin.dt).as_vec3().to_array();
+            frame.gyroscopic = palpate_oracle::tool::gyroscopic(inertia, spin, self.twin.dt).as_vec3().to_array();
             let body = self.model.soft.iter().position(|soft| soft.nodes.contains(&(core.nodes[0] as usize))).unwrap();
             let node_first = self.model.soft[body].nodes.start;
             for node in &core.nodes {
@@ -244,7 +244,7 @@ impl System {
                 self.velocity[*node as usize] = narrow(velocity + spin.cross(arm));
             }
             let local = core.nodes.iter().map(|n| (body, n - node_first as u32)).collect();
-            self.twin.cores.push(palpate::oracle::step::Core { nodes: local, centre, velocity, spin, hinge });
+            self.twin.cores.push(palpate_oracle::step::Core { nodes: local, centre, velocity, spin, hinge });
         }
     }
 
@@ -458,7 +458,7 @@ impl System {
     /// The oracle's unknowns by body, three numbers a node: zero where held, of its core where carried; and the tool's.
     pub fn rows(&self, unknowns: &[f64]) -> (Vec<Vec<f64>>, Vec<f64>) {
         let places = self.twin.unknowns();
-        let row = |map: &palpate::oracle::step::Map| {
+        let row = |map: &palpate_oracle::step::Map| {
             let part = |(first, matrix): &(usize, DMat3)| *matrix * DVec3::from_slice(&unknowns[*first..first + 3]);
             map.iter().map(part).sum::<DVec3>().to_array()
         };
@@ -500,7 +500,7 @@ pub fn triples(nodes: &[[f32; 4]]) -> Vec<f32> {
 pub fn two_layers_one_on_a_core() -> Vec<Body> {
     let mut bodies = two_layers();
     if let Shape::Soft { layer, frames, materials, .. } = &mut bodies[1].shape {
-        let masses = palpate::oracle::elastic::Elements::new(layer, &*materials, DMat3::IDENTITY).masses;
+        let masses = palpate_oracle::elastic::Elements::new(layer, &*materials, DMat3::IDENTITY).masses;
         let bound = (0..masses.len()).filter(|n| layer.bound[*n]);
         let (sum, mass) = bound.fold((DVec3::ZERO, 0.0), |(s, m), n| (s + masses[n] * layer.nodes[n], m + masses[n]));
         frames[0] = prepare::Frame { centre: sum / mass, motion: FrameMotion::Dynamic { mass: None, hinge: None } };

@@ -1,9 +1,11 @@
 //! A tool that presses into a soft body: against the f64 oracle step by step, on both depth paths, and on whole heads.
 
 use glam::{DQuat, DVec3};
-use palpate::oracle;
-use palpate::oracle::contact::{self, Law, Support, Surface};
-use palpate::oracle::step::{self, auto_stiffness};
+use palpate_oracle;
+use palpate_oracle::contact::{Law, Support, Surface};
+use palpate_oracle::contact;
+use palpate_oracle::step::auto_stiffness;
+use palpate_oracle::step;
 use palpate::prepare::{self, Shape};
 use palpate::scene::{Scene, Sides};
 use palpate::stages::depth;

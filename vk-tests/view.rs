@@ -7,8 +7,9 @@ use bytemuck::Zeroable;
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use palpate::gpu::{Before, Buffer, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Texels};
 use palpate::step::{Field, Simulation};
-use palpate::view::look::{self, Material, SCALE_COLOURS, View, across, columns, flags, light};
-use palpate::view::{Moment, Overlay, Overlays, Renderer, Settings};
+use palpate_view::look::{Material, SCALE_COLOURS, View, across, columns, flags, light};
+use palpate_view::look;
+use palpate_view::{Moment, Overlay, Overlays, Renderer, Settings};
 
 use crate::canvas::{PLAIN, Sheet, centres, expect_colour};
 use crate::harness::{alone, assert_clean, context};
@@ -424,7 +425,7 @@ fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
         let (u, v) = (DVec3::new(0.5, 0.0, 0.3), DVec3::new(-0.2, 0.03, 0.4));
         let centre = middle + DVec3::new(0.0, 0.3, 0.0);
         let square = [centre - u - v, centre - u + v, centre + u + v, centre + u - v];
-        let mut camera = palpate::view::Camera::around(middle - 1.0, middle + 1.0);
+        let mut camera = palpate_view::Camera::around(middle - 1.0, middle + 1.0);
         (camera.yaw, camera.pitch) = (3.0 * random.next(), 0.9);
         camera.target = centre - (centre.y - offset) / sun.y * sun;
         let texel = 2.0 * reach / f64::from(side);
@@ -560,7 +561,7 @@ fn a_picture_shows_the_sun_from_where_it_is() {
         renderer.look(&moment, &camera).unwrap();
         renderer.picture().unwrap()
     };
-    let brightness = |picture: &palpate::view::picture::Picture| {
+    let brightness = |picture: &palpate_view::picture::Picture| {
         picture.pixels.iter().map(|p| u64::from(p[0]) + u64::from(p[1]) + u64::from(p[2])).sum::<u64>()
     };
     let above = taken(DVec3::Y);

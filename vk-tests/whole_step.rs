@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use palpate::gpu::Options;
-use palpate::oracle;
+use palpate_oracle;
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
 use palpate::stages::depth;

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use palpate::gpu::Size;
-use palpate::oracle::step::Resolved;
-use palpate::oracle::wrench;
+use palpate_oracle::step::Resolved;
+use palpate_oracle::wrench;
 use palpate::stages::types::{Contact, Report, StepParams};
 
 use crate::harness::{Tolerance, case, context, expect_close};

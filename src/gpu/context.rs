@@ -55,7 +55,7 @@ pub struct Context {
     pub(super) labels: Labels,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub(super) instance: ash::Instance,
-    #[cfg_attr(not(feature = "view"), allow(dead_code))]
+    #[cfg_attr(not(feature = "window"), allow(dead_code))]
     pub(super) entry: ash::Entry,
     messages: Box<Messages>,
     queue: Mutex<vk::Queue>,
@@ -69,10 +69,10 @@ pub struct Context {
     subgroup_size: u32,
     int64_atomics: bool,
     fragment_stores: bool,
-    #[cfg_attr(not(feature = "view"), allow(dead_code))]
+    #[cfg_attr(not(feature = "window"), allow(dead_code))]
     pub(super) physical: vk::PhysicalDevice,
     /// Whether it was opened to show in windows.
-    #[cfg_attr(not(feature = "view"), allow(dead_code))]
+    #[cfg_attr(not(feature = "window"), allow(dead_code))]
     pub(super) presents: bool,
     /// Where arrays can be handed to other programs.
     pub(super) external_memory: Option<ash::khr::external_memory_fd::Device>,

@@ -24,7 +24,7 @@ mod recording;
 pub mod spirv;
 mod threads;
 mod transfer;
-#[cfg(feature = "view")]
+#[cfg(feature = "window")]
 mod window;
 
 pub use buffer::{Buffer, Mapped, MappedMut, Memory};
@@ -39,7 +39,7 @@ pub use raster::{Onto, RasterPipeline, Side};
 pub use recorder::Recorder;
 pub use recording::{ArrayUse, Pass, Recording, StagePasses};
 pub use transfer::{read_all, write_all};
-#[cfg(feature = "view")]
+#[cfg(feature = "window")]
 pub use window::{Content, Window, display_extensions};
 
 use crate::error::Error;

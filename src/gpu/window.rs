@@ -10,7 +10,7 @@ use std::ffi::CStr;
 use std::sync::Arc;
 
 use ash::vk;
-use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
+use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
 use super::context::Context;
 use super::failed;

@@ -2,28 +2,19 @@
 //! its force a thousand times a second.
 
 pub mod clock;
-#[cfg(test)]
-mod closed_loop;
 pub mod coupling;
 pub mod device;
-pub mod devices;
 pub mod environment;
 pub mod event;
-#[cfg(test)]
-mod faults;
 pub mod follow;
 pub mod local_model;
 pub mod pace;
 pub mod passivity;
-pub mod record;
-pub mod replay;
 pub mod safety;
 pub mod sense;
 pub mod servo;
 pub mod servo_thread;
 pub mod session;
-#[cfg(test)]
-mod steady;
 pub mod velocity;
 pub mod virtual_time;
 

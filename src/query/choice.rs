@@ -10,7 +10,7 @@ use crate::gpu::Context;
 use crate::prepare::cache::{Entry, KeyMaker};
 use crate::prepare::{self, Body, Cache};
 use crate::query::{Query, QuerySettings};
-use crate::report::summary::quantiles;
+
 use crate::scene::{Scene, Tool, ToolShape};
 use crate::stages::depth::{self, Path};
 use crate::{Error, Result};
@@ -24,6 +24,7 @@ const OVERLAP: f64 = 0.002;
 
 /// A path, and why.
 pub struct Choice {
+    /// The path.
     pub path: Path,
     why: Why,
 }
@@ -106,7 +107,10 @@ fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
             }
         }
     }
-    Ok(times.map(|times| quantiles(&times).map_or(f64::INFINITY, |(median, _)| median)))
+    Ok(times.map(|mut times| {
+        times.sort_unstable_by(f64::total_cmp);
+        times[RUNS / 2]
+    }))
 }
 
 /// A sphere about the origin.

@@ -1,7 +1,7 @@
 //! The proximity query by itself: two rigid skins, each in a pose, and which vertices of either lie within the other. It
 //! records the stages from pose to contact as the step does, and nothing after them.
 
-pub(crate) mod choice;
+pub mod choice;
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::stages::model::{Model, texel};
 use crate::stages::touch::TouchStages;
 use crate::stages::types::{Contact, Counts, Frame, Link, Pair, Region, StepParams};
 use crate::stages::{Common, query_as_one};
-use crate::step::Flags;
+use crate::stages::Flags;
 use crate::{Error, Result};
 
 /// Share of the smaller body's extent that [`QuerySettings::of`] allows as depth.

@@ -60,30 +60,25 @@ fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String
     }
 }
 
+/// A row a line; `#` begins a comment line, blanks and double quotes about a number count for nothing.
 fn read_csv(path: &Path) -> Result<Vec<Key>> {
-    let unreadable = |error: csv::Error| {
-        let line = error.position().map(|position| position.line() as usize);
-        let message = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
-        Error::input(path, line, format!("cannot be read: {message}"), KEY_REMEDY)
-    };
-    let mut reader = csv::ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .comment(Some(b'#'))
-        .trim(csv::Trim::All)
-        .from_path(path)
-        .map_err(unreadable)?;
+    let bytes = std::fs::read(path)
+        .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), KEY_REMEDY))?;
     let mut keys: Vec<Key> = Vec::new();
-    for (row, record) in reader.records().enumerate() {
-        let record = record.map_err(unreadable)?;
-        if row == 0 && record.iter().all(|field| field.parse::<f64>().is_err()) {
+    let mut is_first = true;
+    for (line, row) in bytes.split(|byte| *byte == b'\n').enumerate() {
+        let bad = |problem: String| Error::input(path, Some(line + 1), problem, KEY_REMEDY);
+        let row = std::str::from_utf8(row).map_err(|_| bad("is not UTF-8".into()))?.trim();
+        if row.is_empty() || row.starts_with('#') {
             continue;
         }
-        let line = record.position().map(|position| position.line() as usize);
-        let bad = |problem: String| Error::input(path, line, problem, KEY_REMEDY);
+        let fields = || row.split(',').map(|field| field.trim().trim_matches('"').trim());
+        if std::mem::take(&mut is_first) && fields().all(|field| field.parse::<f64>().is_err()) {
+            continue;
+        }
         let number =
             |field: &str| field.parse().map_err(|_| bad(format!("\"{}\" is not a number", field.escape_debug())));
-        let numbers: Vec<f64> = record.iter().map(number).collect::<Result<_>>()?;
+        let numbers: Vec<f64> = fields().map(number).collect::<Result<_>>()?;
         keys.push(key(&numbers, keys.last()).map_err(bad)?);
     }
     if keys.is_empty() {

@@ -7,12 +7,10 @@ use std::process::Command;
 use std::ptr::{null, null_mut};
 use std::time::{Duration, Instant};
 
-use palpate::ffi::context::{palpate_context, palpate_context_create, palpate_context_memory};
-use palpate::ffi::scene::{palpate_scene_destroy, palpate_scene_parse};
-use palpate::ffi::simulation::{
-    palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_wrench,
-};
-use palpate::ffi::status::{palpate_last_error, palpate_status};
+use palpate_capi::context::{palpate_context, palpate_context_create, palpate_context_memory};
+use palpate_capi::scene::{palpate_scene_destroy, palpate_scene_parse};
+use palpate_capi::simulation::{palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_wrench};
+use palpate_capi::status::{palpate_last_error, palpate_status};
 
 /// A block, fixed at its bottom.
 pub const BLOCK: &str = r#"

@@ -30,7 +30,7 @@ fn true_blocks(system: &System) -> Vec<Option<DMat3>> {
         }
     }
     let block = |first: usize| DMat3::from_cols_array(&std::array::from_fn(|k| sums[&(first + k % 3, first + k / 3)]));
-    let own = |map: &palpate::oracle::step::Map| if let [(first, _)] = map[..] { Some(block(first)) } else { None };
+    let own = |map: &palpate_oracle::step::Map| if let [(first, _)] = map[..] { Some(block(first)) } else { None };
     system.twin.unknowns().nodes.iter().flatten().map(own).collect()
 }
 

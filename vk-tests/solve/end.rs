@@ -153,8 +153,8 @@ fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
 fn pressures(system: &System, change: &[f64]) -> Vec<f64> {
     let places = system.twin.unknowns();
     let end: Vec<f64> = system.start().iter().zip(change).map(|(v, dv)| v + dv).collect();
-    let pressure = |contact: &palpate::oracle::contact::Contact| -> f64 {
-        let palpate::oracle::contact::Contact { stiffness, damping, depth, .. } = contact;
+    let pressure = |contact: &palpate_oracle::contact::Contact| -> f64 {
+        let palpate_oracle::contact::Contact { stiffness, damping, depth, .. } = contact;
         let rate: f64 = system.twin.row(&places, contact).iter().map(|(i, w)| w * end[*i]).sum();
         stiffness * depth + (system.twin.dt * stiffness + damping) * rate
     };

@@ -4,7 +4,7 @@
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
-use palpate::oracle::linear::{Entries, Solver};
+use palpate_oracle::linear::{Entries, Solver};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame, FrameMotion, Shape};
 use palpate::scene::{Hinge, Joint, Preconditioner, Resistance};
@@ -35,7 +35,7 @@ fn bar() -> Body {
     layer.bound = layer.nodes.iter().map(|x| core_of(x).is_some()).collect();
     let node_frames: Vec<u32> =
         layer.nodes.iter().map(|x| (((x.x + 0.24) / 0.08).round() as u32).min(CORES as u32 - 1)).collect();
-    let masses = palpate::oracle::elastic::Elements::new(&layer, material(1e5), DMat3::IDENTITY).masses;
+    let masses = palpate_oracle::elastic::Elements::new(&layer, material(1e5), DMat3::IDENTITY).masses;
     let frame = |core: usize| {
         let own = (0..masses.len()).filter(|n| core_of(&layer.nodes[*n]) == Some(core));
         let (sum, mass) = own.fold((DVec3::ZERO, 0.0), |(s, m), n| (s + masses[n] * layer.nodes[n], m + masses[n]));

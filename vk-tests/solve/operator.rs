@@ -60,7 +60,7 @@ fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
         expect_of_largest(&format!("{what}: tool, force"), &passes.tool_rows()[..3], &twist[..3], PRODUCT);
         expect_of_largest(&format!("{what}: tool, torque"), &passes.tool_rows()[3..], &twist[3..], PRODUCT);
     }
-    let inverted = |body: &palpate::oracle::step::SoftBody| {
+    let inverted = |body: &palpate_oracle::step::SoftBody| {
         let deformed =
             |e: &usize| (DMat3::IDENTITY + body.elements.gradient(*e, &body.displacement)).determinant() < 0.0;
         (0..body.layer.tetrahedra.len()).filter(deformed).count()

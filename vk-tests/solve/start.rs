@@ -1,6 +1,6 @@
 //! The tool's block, the warm start and the loop's arguments from solve/start; the first iterate from solve/begin.
 
-use palpate::oracle::linear::{Entries, Solver};
+use palpate_oracle::linear::{Entries, Solver};
 use palpate::stages::args;
 use palpate::stages::types::Iteration;
 

@@ -1,6 +1,6 @@
 //! The solver's passes in the order of the step, on small systems: to the oracle's direct solution.
 
-use palpate::oracle::linear::Solver;
+use palpate_oracle::linear::Solver;
 use palpate::prepare::Body;
 use palpate::scene::Preconditioner;
 use palpate::stages::types::verdict;

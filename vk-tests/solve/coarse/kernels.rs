@@ -3,7 +3,7 @@
 
 use faer::Mat;
 use glam::{DMat3, DVec3};
-use palpate::oracle::coarse::MODES;
+use palpate_oracle::coarse::MODES;
 use palpate::prepare::Body;
 use palpate::scene::Preconditioner;
 

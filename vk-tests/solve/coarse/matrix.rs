@@ -2,8 +2,8 @@
 
 use faer::{Mat, Side};
 use glam::DQuat;
-use palpate::oracle::coarse::{correction, matrix};
-use palpate::oracle::linear::Entries;
+use palpate_oracle::coarse::{correction, matrix};
+use palpate_oracle::linear::Entries;
 use palpate::scene::Preconditioner;
 
 use super::{host_inverse, kinds, large_core, modes_of, rest_turns};

@@ -8,7 +8,7 @@ mod turns;
 
 use faer::Mat;
 use glam::{DQuat, DVec3};
-use palpate::oracle::coarse::{Block, MODES, modes};
+use palpate_oracle::coarse::{Block, MODES, modes};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame, FrameMotion, Layer, Shape};
 use palpate::scene::Hinge;
@@ -114,7 +114,7 @@ fn two_frames() -> Body {
 pub fn large_core(hinged: bool) -> Body {
     let mut body = turned(boxed([6, 6, 8], |x| x.z < 0.03));
     if let Shape::Soft { layer, frames, materials, .. } = &mut body.shape {
-        let masses = palpate::oracle::elastic::Elements::new(layer, &*materials, glam::DMat3::IDENTITY).masses;
+        let masses = palpate_oracle::elastic::Elements::new(layer, &*materials, glam::DMat3::IDENTITY).masses;
         let bound = || (0..masses.len()).filter(|n| layer.bound[*n]);
         let mass: f64 = bound().map(|n| masses[n]).sum();
         let centre = bound().map(|n| masses[n] * layer.nodes[n]).sum::<DVec3>() / mass;

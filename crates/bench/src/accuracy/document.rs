@@ -1,0 +1,256 @@
+//! The report of the curves. Findings are computed: no number of a measurement is written here.
+
+use serde_json::Value;
+
+use super::curve::{DECADES, JUST_NOTICEABLE, NEAR_ORDER};
+use super::{Curve, Judged, Point, front, presets};
+use palpate::Result;
+use crate::plot::{Logarithmic, Panel, panels};
+use crate::plot;
+use crate::{Section, Table};
+
+/// What buys less than this of the error is not worth a word.
+const WORTH_TELLING: f64 = 2.0;
+/// Said where a curve gives no reason; no curve may come to that.
+const UNKNOWN: &str = "why is not known";
+
+/// How it was measured.
+pub fn preface(settings: &Value) -> String {
+    let rounds = settings.get("rounds").and_then(Value::as_u64).unwrap_or(0);
+    format!(
+        "`ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of runs ({rounds} \
+         of each setting), `from` and `to` those of the fastest and slowest of five runs, or of five hands that the steps of fewer are \
+         dealt into; the settings of a curve run a few steps in turn, twelve at once at most. `error` is the largest difference of the force on \
+         the tool from the reference's, over its largest force; `shape` the same of the nodes' displacements. `*` marks the \
+         best buys: nothing else in the plot is as accurate and faster, both by 5 % and in every run or hand, flagged settings left out. The dashed line is \
+         {}, which a person just notices.",
+        percent(JUST_NOTICEABLE)
+    )
+}
+
+/// A section for each curve, and the presets after theirs.
+pub fn sections(curves: &[Curve]) -> Result<Vec<Section>> {
+    let mut sections = Vec::new();
+    for curve in curves {
+        sections.push(section(curve)?);
+        if curve.name == front::NAME {
+            sections.push(presets::section(curve));
+        }
+    }
+    Ok(sections)
+}
+
+/// A curve's table, plot and finding.
+pub fn section(curve: &Curve) -> Result<Section> {
+    let is_by_time = curve.points.iter().any(|point| point.simulated_s > 0.0);
+    let x = if is_by_time { "computing time over simulated time" } else { "ms a step" };
+    let axes = Logarithmic { x, y: "force error, %", level: Some(100.0 * JUST_NOTICEABLE) };
+    let mut drawn: Vec<Panel> = Vec::new();
+    for line in curve.lines() {
+        let at = |point: &&Point| Some(((point.cost(), 100.0 * point.error()?), point.cost_range()));
+        let (points, ranges) = line.points.iter().filter_map(at).unzip();
+        let new = plot::Line { name: line.name.into(), points, ranges };
+        match drawn.iter_mut().find(|panel| panel.title == line.panel) {
+            Some(panel) => panel.lines.push(new),
+            None => drawn.push(Panel { title: line.panel.into(), lines: vec![new] }),
+        }
+    }
+    // What has no error has no logarithm.
+    drawn.retain(|panel| panel.lines.iter().any(|line| line.points.iter().any(|(_, error)| *error > 0.0)));
+    let plot = if drawn.is_empty() { None } else { Some(panels(&axes, &drawn)?) };
+    let (finding, notes) = finding(curve);
+    Ok(Section {
+        title: curve.title.clone(),
+        question: curve.question.clone(),
+        table: table(curve, is_by_time),
+        plot,
+        finding,
+        notes,
+    })
+}
+
+fn table(curve: &Curve, is_by_time: bool) -> Table {
+    let stage = format!("ms of {}", curve.stage);
+    let mut heads = vec!["setting", "ms", "from", "to", stage.as_str()];
+    if is_by_time {
+        heads.push("of real time");
+    }
+    heads.extend(["iterations", "error", "shape", "flags", "best"]);
+    let mut table = Table::new(heads);
+    for (point, is_best) in curve.points.iter().zip(curve.best()) {
+        let [low, high] = point.step_range_ms();
+        let mut row = vec![point.setting.clone(), ms(point.step_ms()), ms(low), ms(high), ms(point.stage_ms())];
+        if is_by_time {
+            row.push(digits(point.cost()));
+        }
+        row.push(format!("{:.0}", point.iterations));
+        row.extend([point.force_error, point.displacement_error].map(|error| error.map_or("none".into(), percent)));
+        row.push(if point.flags.is_empty() { "-".into() } else { point.flags.join(", ") });
+        row.push(if is_best { "*".into() } else { String::new() });
+        table.rows.push(row);
+    }
+    table
+}
+
+/// The one sentence, and what stands below it: of a curve beyond its bound that it is; of settings none of which is finer than
+/// another that all are the same; else what the error costs.
+fn finding(curve: &Curve) -> (String, Vec<String>) {
+    let (verdict, bought) = (verdict(curve), bought(curve));
+    let [first, second] = match (curve.judged, curve.is_within()) {
+        (Judged::Every, _) => [verdict, String::new()],
+        (_, true) => [bought, verdict],
+        (_, false) => [verdict, bought],
+    };
+    let notes = [second, orders(curve), span(curve)];
+    (first, notes.into_iter().filter(|text| !text.is_empty()).collect())
+}
+
+/// What the settings that are judged promise.
+fn verdict(curve: &Curve) -> String {
+    let bound = percent(curve.bound);
+    let of = |error: Option<f64>| error.map_or("no finite force".into(), percent);
+    let beyond = curve.beyond();
+    if beyond.is_empty() {
+        let worst = curve.counted().into_iter().filter_map(|(_, error)| error).fold(0.0, f64::max);
+        let who = match curve.judged {
+            Judged::Finest => "The finest setting of each line",
+            Judged::FinestOfPanel => "The finest setting of each plot",
+            Judged::Every => "Every setting",
+        };
+        if curve.bound == 0.0 {
+            return format!("{who} has the reference's force, bit for bit.");
+        }
+        return format!("{who} is within {bound} of the reference ({} at worst).", percent(worst));
+    }
+    let all: Vec<String> = beyond.iter().map(|(line, error)| format!("{} ({})", line.title(), of(*error))).collect();
+    format!("NOT within {bound} of the reference: {}.", all.join("; "))
+}
+
+/// Curves that are not within their bounds, in words.
+pub fn faults(curves: &[Curve]) -> Vec<String> {
+    let bad = curves.iter().filter(|curve| !curve.is_within());
+    bad.map(|curve| format!("{}: {}", curve.name, verdict(curve).trim_end_matches('.'))).collect()
+}
+
+/// The cheapest setting below what is noticed, of each panel, and what the most accurate one costs beside it.
+fn bought(curve: &Curve) -> String {
+    let best = curve.best();
+    let mut panels: Vec<&str> = curve.points.iter().map(|point| point.panel.as_str()).collect();
+    panels.dedup();
+    panels.retain(|panel| curve.beside.is_empty() || *panel != curve.beside);
+    let one = |panel: &&str| {
+        let own: Vec<(f64, &Point)> = curve
+            .points
+            .iter()
+            .zip(&best)
+            .filter(|(point, is_best)| point.panel == **panel && **is_best)
+            .filter_map(|(point, _)| Some((point.error()?, point)))
+            .collect();
+        let unnoticed = own.iter().filter(|(error, _)| *error < JUST_NOTICEABLE);
+        let cheapest = unnoticed.min_by(|a, b| a.1.cost().total_cmp(&b.1.cost()))?;
+        let finest = own.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let cheap =
+            format!("{} at {} ms a step ({})", cheapest.1.setting, ms(cheapest.1.step_ms()), percent(cheapest.0));
+        Some(if WORTH_TELLING * finest.0 > cheapest.0 {
+            cheap
+        } else {
+            let times = digits(finest.1.cost() / cheapest.1.cost());
+            format!("{cheap}, and {times} times its cost buys {} ({})", percent(finest.0), finest.1.setting)
+        })
+    };
+    let all: Vec<String> = panels.iter().filter_map(one).collect();
+    match all.is_empty() {
+        true => format!("No setting without a flag has an error below {}.", percent(JUST_NOTICEABLE)),
+        false => format!("Cheapest below {} without a flag: {}.", percent(JUST_NOTICEABLE), all.join("; ")),
+    }
+}
+
+/// Orders of convergence beside what theory has; where they are not that, those from setting to setting, and why.
+fn orders(curve: &Curve) -> String {
+    let Some(expected) = &curve.expected else { return shares(curve) };
+    let mut others = Vec::new();
+    let one = |line: &super::Line| {
+        let order = line.order(expected.is_of_shape);
+        if order.is_none_or(|(order, _)| (order - expected.order).abs() > NEAR_ORDER) {
+            let all = line.local_orders(expected.is_of_shape);
+            let all: Vec<String> = all.iter().map(|order| format!("{order:.1}")).collect();
+            others.push(format!("{}{}", all.join(", "), named(line)));
+        }
+        match order {
+            Some((order, count)) => format!("{order:.2}{} ({count} points)", named(line)),
+            None => format!("not to be told{}", named(line)),
+        }
+    };
+    let all: Vec<String> = curve.lines().iter().map(one).collect();
+    let as_expected = match others.is_empty() {
+        true => ", which is near enough".into(),
+        false => format!("; from setting to setting it is {}: {}", others.join("; "), reason(&curve.order_reason)),
+    };
+    format!(
+        "Order of convergence of the {}, by least squares of the logarithms over the finest settings above the floor, where \
+         neighbours agree: {}; theory has {} ({}){as_expected}.",
+        if expected.is_of_shape { "shape" } else { "force" },
+        all.join(", "),
+        expected.order,
+        expected.law
+    )
+}
+
+/// What is left of the error with each unit of the knob.
+fn shares(curve: &Curve) -> String {
+    if curve.share.is_empty() {
+        return String::new();
+    }
+    let one = |line: &super::Line| {
+        let share = line.share().map_or("not to be told".into(), |(x, count)| format!("{x:.2} ({count} points)"));
+        format!("{share}{}", named(line))
+    };
+    let all: Vec<String> = curve.lines().iter().map(one).collect();
+    format!("Each more leaves this of the error: {}; theory has a share, not a power: {}.", all.join(", "), curve.share)
+}
+
+fn named(line: &super::Line) -> String {
+    let title = line.title();
+    if title.is_empty() { title } else { format!(" for {title}") }
+}
+
+fn span(curve: &Curve) -> String {
+    let decades = curve.decades();
+    // Where none is finer than another, errors fall along no line, however far they are apart.
+    if decades >= DECADES && curve.judged != Judged::Every {
+        return String::new();
+    }
+    format!("The errors of a line span {decades:.1} powers of ten: {}.", reason(&curve.span_reason))
+}
+
+fn reason(known: &str) -> &str {
+    if known.is_empty() { UNKNOWN } else { known }
+}
+
+/// Three digits.
+pub(super) fn ms(time: f64) -> String {
+    match time {
+        t if t < 10.0 => format!("{t:.2}"),
+        t if t < 100.0 => format!("{t:.1}"),
+        t => format!("{t:.0}"),
+    }
+}
+
+pub(super) fn digits(x: f64) -> String {
+    if x < 0.01 { format!("{x:.0e}") } else { ms(x) }
+}
+
+/// Two digits.
+pub(super) fn percent(share: f64) -> String {
+    match 100.0 * share {
+        0.0 => "0 %".into(),
+        x if x < 0.01 => format!("{x:.1e} %"),
+        x if x < 1.0 => format!("{x:.2} %"),
+        x if x < 10.0 => format!("{x:.1} %"),
+        x => format!("{x:.0} %"),
+    }
+}
+
+#[cfg(test)]
+#[path = "document_tests.rs"]
+mod tests;

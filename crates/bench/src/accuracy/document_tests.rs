@@ -1,0 +1,53 @@
+use super::*;
+use crate::accuracy::Expected;
+
+fn point(value: f64, error: f64) -> Point {
+    Point { value, force_error: Some(error), step_us: vec![vec![1e3]], ..Point::default() }
+}
+
+fn curve(errors: &[f64]) -> Curve {
+    let points = errors.iter().enumerate().map(|(k, error)| point(0.5f64.powi(k as i32), *error)).collect();
+    let expected = Some(Expected { order: 2.0, law: "a law".into(), is_of_shape: false });
+    Curve { name: "some".into(), points, expected, bound: 0.1, ..Curve::default() }
+}
+
+/// Sentence and notes as one.
+fn finding(curve: &Curve) -> String {
+    let (sentence, notes) = super::finding(curve);
+    sentence + " " + &notes.join(" ")
+}
+
+#[test]
+fn what_is_found_is_what_an_error_costs_unless_there_is_more_to_say() {
+    let good = curve(&[0.5, 0.05]);
+    assert!(super::finding(&good).0.starts_with("Cheapest below 7.0 %"), "{:?}", super::finding(&good));
+    assert!(super::finding(&curve(&[0.05, 0.5])).0.starts_with("NOT within"));
+    let every = Curve { judged: Judged::Every, bound: 0.0, ..curve(&[0.0, 0.0]) };
+    assert!(super::finding(&every).0.contains("bit for bit") && !finding(&every).contains("Cheapest"));
+}
+
+#[test]
+fn an_order_and_a_span_have_reasons_of_their_own_and_an_empty_one_shows() {
+    let mut first = curve(&[0.08, 0.04, 0.02, 0.01]);
+    assert_eq!(finding(&first).matches(UNKNOWN).count(), 2);
+    first.order_reason = "of the order".into();
+    let told = finding(&first);
+    assert!(told.contains("1.0, 1.0, 1.0: of the order") && told.contains(&format!("ten: {UNKNOWN}")), "{told}");
+    first.span_reason = "of the span".into();
+    let told = finding(&first);
+    assert!(told.contains("ten: of the span") && !told.contains(UNKNOWN), "{told}");
+    // As theory has it, and over two decades: nothing is to be explained.
+    let second = finding(&curve(&[0.08, 0.02, 0.005, 0.00125, 0.0003125]));
+    assert!(!second.contains(UNKNOWN) && second.contains("near enough"), "{second}");
+}
+
+#[test]
+fn faults_are_the_curves_that_are_not_within() {
+    let good = curve(&[0.5, 0.05]);
+    let bad = Curve { name: "other".into(), ..curve(&[0.05, 0.5]) };
+    let found = faults(&[good.clone(), bad, good]);
+    assert!(
+        found.len() == 1 && found[0].starts_with("other: NOT within 10 %") && found[0].contains("50 %"),
+        "{found:?}"
+    );
+}

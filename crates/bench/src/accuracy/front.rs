@@ -1,0 +1,174 @@
+//! All knobs at once, on a soft and on a stiff head that a sphere presses: which settings nothing beats, of which three have
+//! names ([`super::presets`]).
+
+use glam::{DQuat, DVec3};
+
+use super::race::{Entrant, Rules, race, relative_error};
+use super::steps::{LONGEST, MANY, at_units, extrapolated};
+use super::{Curve, Judged, Point, Settings, factor};
+use palpate::Result;
+use crate::haptics;
+use crate::haptics::head::{CHEEK, Skin};
+use crate::haptics::head;
+use crate::solver::stiffness;
+use palpate::scene::{Coupling, Key, Scene, Sides};
+
+/// Of the curve.
+pub const NAME: &str = "presets";
+/// From the first touch of the cheek to where the hand ends, m.
+const TRAVEL: f64 = 0.008;
+/// Above the first touch, m.
+const ABOVE: f64 = 0.0005;
+/// Longest steps that the way down takes, and that a run has.
+const DOWN: f64 = 1.5;
+const UNITS: usize = 3;
+/// Young's moduli of the head, Pa: flesh, and what is a hundred times as stiff.
+const YOUNG: [f64; 2] = [2e4, 2e6];
+/// Of the reference.
+const TIGHT: (f64, u32) = (1e-5, 3);
+/// The force of the most accurate setting, of the reference's.
+const BOUND: f64 = 0.05;
+
+struct Grid {
+    tolerances: &'static [f64],
+    newton: &'static [u32],
+    sides: &'static [(&'static str, Sides)],
+    /// Of the longest step, but for these of the settings.
+    spared: u32,
+}
+
+/// Of each knob the finest last.
+const SIDES: &[(&str, Sides)] = &[("one", Sides::One), ("both", Sides::Both)];
+const FULL: Grid = Grid { tolerances: &[1e-1, 1e-2, 1e-3, 1e-4], newton: &[1, 2], sides: SIDES, spared: 1 };
+const QUICK: Grid = Grid { tolerances: &[1e-1, 1e-2], newton: &[1, 2], sides: SIDES, spared: 2 };
+
+/// Tolerance, Newton's iterations, contact's sides and time step, each with each, on both heads.
+pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let grid = if settings.is_quick { QUICK } else { FULL };
+    let most = settings.halvings.saturating_sub(grid.spared).max(1);
+    let (head, tetrahedra) = scene(settings)?;
+    let at = |young: f64, halvings: u32, tolerance: f64, newton: u32, sides: Sides| {
+        let mut scene = head.clone();
+        scene.bodies.iter_mut().filter_map(|body| body.material.as_mut()).for_each(|material| material.young = young);
+        (scene.solver.tolerance, scene.solver.max_iterations) = (tolerance, MANY);
+        (scene.contact.sides, scene.step.newton) = (sides, newton);
+        scene.step.dt = LONGEST / f64::from(1u32 << halvings);
+        scene
+    };
+    let options = settings.options();
+    let (mut entrants, mut judges, mut references) = (Vec::new(), Vec::new(), Vec::new());
+    for (head, young) in YOUNG.into_iter().enumerate() {
+        watch(&format!("reference at {}", stiffness(young)));
+        let fine = |halvings: u32| at(young, halvings, TIGHT.0, TIGHT.1, Sides::Both);
+        references.push(extrapolated(&fine, most + 2, UNITS, &options)?);
+        for halvings in 1..=most {
+            for &(name, sides) in grid.sides {
+                for (&newton, &tolerance) in
+                    grid.newton.iter().flat_map(|n| grid.tolerances.iter().map(move |t| (n, t)))
+                {
+                    let scene = at(young, halvings, tolerance, newton, sides);
+                    let point = point(&scene, name, stiffness(young));
+                    entrants.push(Entrant { point, scene, steps: UNITS << halvings });
+                    judges.push((head, halvings));
+                }
+            }
+        }
+    }
+    let rules = Rules { rounds: settings.rounds.min(2), ..settings.rules(&["solve"], &options) };
+    let points = race(entrants, &rules, watch, &mut |index, run| {
+        let (head, halvings) = judges[index];
+        (relative_error(&at_units(run, 1 << halvings), &references[head]), None)
+    })?;
+    Ok(Curve {
+        name: NAME.into(),
+        title: "All knobs at once".into(),
+        question: format!(
+            "Which settings does nothing beat? A hand moves a sphere by {:.0} mm into the cheek of a head ({} vertices, \
+             {tetrahedra} tetrahedra) of {} and of {}; every tolerance with each number of Newton's iterations, one or both of contact's sides, and \
+             each time step; the force every {:.0} ms against shorter steps, extrapolated to none.",
+            1e3 * TRAVEL,
+            settings.vertices,
+            stiffness(YOUNG[0]),
+            stiffness(YOUNG[1]),
+            1e3 * LONGEST
+        ),
+        knob: "time step, ms".into(),
+        stage: "solve".into(),
+        span_reason: span_reason(&points),
+        points,
+        bound: BOUND,
+        judged: Judged::FinestOfPanel,
+        ..Curve::default()
+    })
+}
+
+/// Which knob has most of the error: how far settings of the same time step are apart, and how far time steps are.
+fn span_reason(points: &[Point]) -> String {
+    let least = |own: &[Point]| own.iter().filter_map(Point::error).fold(f64::INFINITY, f64::min);
+    let (mut steps, mut others) = (1.0f64, 1.0f64);
+    for panel in points.chunk_by(|a, b| a.panel == b.panel) {
+        let lines = || panel.chunk_by(|a, b| a.line == b.line);
+        steps = steps.max(factor(lines().map(least).filter(|error| error.is_finite())));
+        others = lines().map(|own| factor(own.iter().filter_map(Point::error))).fold(others, f64::max);
+    }
+    let most =
+        if steps > others { "most of the error is the time step's" } else { "the time step has not most of the error" };
+    format!(
+        "{most}: the best of each step are apart by a factor of {steps:.1}, settings of one step by {others:.1} at most, and \
+         steps so short as to span more are not worth their time here"
+    )
+}
+
+fn point(scene: &Scene, sides: &str, panel: String) -> Point {
+    let (dt, newton, tolerance) = (scene.step.dt, scene.step.newton, scene.solver.tolerance);
+    let keys = [
+        ("step.dt", format!("{dt:.6}")),
+        ("step.newton", newton.to_string()),
+        ("solver.tolerance", format!("{tolerance:e}")),
+        ("contact.sides", sides.to_string()),
+    ];
+    Point {
+        setting: format!(
+            "{panel}, {:.2} ms, {newton} x to {tolerance:.0e}, {sides} side{}",
+            1e3 * dt,
+            if sides == "one" { "" } else { "s" }
+        ),
+        line: format!("{:.1} ms", 1e3 * dt),
+        panel,
+        value: 1e3 * dt,
+        simulated_s: dt,
+        keys: keys.map(|(key, value)| (key.to_string(), value)).to_vec(),
+        ..Point::default()
+    }
+}
+
+/// The head, pressed, and its tetrahedra.
+fn scene(settings: &Settings) -> Result<(Scene, usize)> {
+    let head = haptics::Settings { vertices: settings.vertices, cell: settings.cell, ..haptics::Settings::quick() };
+    let at_origin = head::scene(&head, DVec3::ZERO);
+    let touch = Skin::of(&at_origin)?.touch(CHEEK)?;
+    let key = |time: f64, position: DVec3| Key { time, position, orientation: DQuat::IDENTITY };
+    let (start, end) = (touch + DVec3::Z * ABOVE, touch - DVec3::Z * TRAVEL);
+    let mut scene = head::scene(&head, start);
+    scene.coupling = Some(Coupling { stiffness: 500.0, damping: 5.0, angular_stiffness: 0.5, angular_damping: 0.002 });
+    scene.drive = vec![key(0.0, start), key(DOWN * LONGEST, end)];
+    // A head that sags under its weight while it is pressed would say more of the sag.
+    scene.step.gravity = DVec3::ZERO;
+    let body = crate::solver::prepared(&scene)?;
+    let tetrahedra = crate::solver::layer(&body)?.tetrahedra.len();
+    Ok((scene, tetrahedra))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn most_of_the_error_is_the_steps_only_where_it_is() {
+        let at = |line: &str, error| Point { line: line.into(), force_error: Some(error), ..Point::default() };
+        let told = span_reason(&[at("4 ms", 0.4), at("4 ms", 0.5), at("2 ms", 0.2), at("2 ms", 0.2)]);
+        assert!(told.starts_with("most of") && told.contains("2.0") && told.contains("1.2"), "{told}");
+        let told = span_reason(&[at("4 ms", 0.1), at("4 ms", 0.5), at("2 ms", 0.2), at("2 ms", 0.2)]);
+        assert!(told.starts_with("the time step has not"), "{told}");
+    }
+}

@@ -1,0 +1,164 @@
+//! `palpate bench accuracy`: what each knob of a scene buys: the error of the force against the time of a step.
+
+pub mod curve;
+mod document;
+mod front;
+mod precision;
+mod presets;
+mod press;
+pub mod race;
+mod space;
+mod steps;
+mod tolerance;
+mod twin;
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+pub use curve::{Curve, Expected, JUST_NOTICEABLE, Judged, Line, Point};
+pub use document::section;
+pub use presets::{Setting, presets};
+
+use super::suite::{from_value, to_value};
+use super::{Benchmark, Section};
+use palpate::gpu::Options;
+use palpate::{Error, Result};
+
+/// How much is measured.
+#[derive(Debug, Clone, Serialize)]
+pub struct Settings {
+    /// Runs of each setting.
+    pub rounds: usize,
+    /// See [`race::Rules`].
+    pub timed_steps: usize,
+    /// Of the blocks that are pressed, an edge.
+    pub cells: [u32; 3],
+    /// Steps of a press.
+    pub steps: usize,
+    /// Halvings of the longest time step.
+    pub halvings: u32,
+    /// Of the head's skin.
+    pub vertices: usize,
+    /// Lattice cell of the head's layer, m.
+    pub cell: f64,
+    /// Whether this is a short form of the whole.
+    pub is_quick: bool,
+    /// Device, by name or index; `None`: the best.
+    pub device: Option<String>,
+    /// See [`Options::replaced`].
+    #[serde(skip)]
+    pub replaced: Vec<(String, Vec<u8>)>,
+}
+
+/// Why errors that fall to a floor span no more.
+const SINGLE: &str = "single precision has what is left of them";
+
+type Measure = fn(&Settings, &mut dyn FnMut(&str)) -> Result<Curve>;
+
+/// Every curve, and what measures it.
+const CURVES: &[(&str, Measure)] = &[
+    ("tolerance", tolerance::by_tolerance),
+    ("iterations", tolerance::by_iterations),
+    ("layer", space::by_layer),
+    ("skin", space::by_skin),
+    ("stiffness", space::by_stiffness),
+    ("texel", space::by_texel),
+    ("proxies", space::by_proxies),
+    ("sides", space::by_sides),
+    ("time-step", steps::by_time_step),
+    ("newton", steps::by_newton),
+    ("precision", precision::measure),
+    (front::NAME, front::measure),
+];
+
+impl Settings {
+    /// All of it.
+    pub fn full() -> Settings {
+        Settings {
+            rounds: 3,
+            timed_steps: 24,
+            cells: [8, 5, 8],
+            steps: 60,
+            halvings: 7,
+            vertices: 6_000,
+            cell: 0.03,
+            is_quick: false,
+            device: None,
+            replaced: Vec::new(),
+        }
+    }
+
+    /// How settings race: whose times are summed, on which device.
+    fn rules<'a>(&self, stages: &'a [&'a str], options: &'a Options) -> race::Rules<'a> {
+        race::Rules { rounds: self.rounds, timed_steps: self.timed_steps, stages, options }
+    }
+
+    /// Smaller bodies, one run: for a first look, not for figures.
+    pub fn quick() -> Settings {
+        Settings { rounds: 1, timed_steps: 0, cells: [7, 4, 7], steps: 50, is_quick: true, ..Settings::full() }
+    }
+
+    /// What the engine is opened with.
+    pub fn options(&self) -> Options {
+        Options { device: self.device.clone(), replaced: self.replaced.clone(), ..Options::default() }
+    }
+}
+
+/// Of all curves.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    CURVES.iter().map(|(name, _)| *name)
+}
+
+/// Measures one curve; `watch` is told what begins. Errors: no curve of that name, a device or a reference that fails.
+pub fn measure(name: &str, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let found = CURVES.iter().find(|(known, _)| *known == name);
+    let (_, measure) = found.ok_or_else(|| Error::Simulation(format!("there is no curve `{name}`")))?;
+    measure(settings, &mut |what| watch(&format!("{name}: {what}")))
+}
+
+/// The largest of some errors over the least; 1 without any.
+fn factor(errors: impl Iterator<Item = f64>) -> f64 {
+    let (low, high) = errors.fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
+    if low < high { high / low } else { 1.0 }
+}
+
+fn curves(parts: &Map<String, Value>) -> Result<Vec<Curve>> {
+    names().filter_map(|name| parts.get(name)).map(from_value).collect()
+}
+
+/// The benchmark: a part for each curve.
+pub struct Accuracy(pub Settings);
+
+impl Benchmark for Accuracy {
+    fn name(&self) -> &'static str {
+        "accuracy"
+    }
+
+    fn title(&self) -> &'static str {
+        "What accuracy costs"
+    }
+
+    fn settings(&self) -> Result<Value> {
+        to_value(&self.0)
+    }
+
+    fn parts(&self) -> Vec<String> {
+        names().map(Into::into).collect()
+    }
+
+    fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
+        to_value(&measure(part, &self.0, watch)?)
+    }
+
+    fn preface(&self, settings: &Value) -> Result<String> {
+        Ok(document::preface(settings))
+    }
+
+    fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
+        document::sections(&curves(parts)?)
+    }
+
+    fn faults(&self, parts: &Map<String, Value>) -> Result<Vec<String>> {
+        Ok(document::faults(&curves(parts)?))
+    }
+}

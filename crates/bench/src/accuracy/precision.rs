@@ -1,0 +1,129 @@
+//! What single precision costs: the engine, as tight as it can be asked for, against the same steps in f64.
+
+use super::document::percent;
+use super::press::Press;
+use super::race::{Entrant, race};
+use super::twin::{Reference, reference};
+use super::{Curve, Judged, Point, Settings, factor};
+use palpate::Result;
+
+/// As tight as a scene can ask for with a purpose.
+const TIGHTEST: f64 = 1e-7;
+/// And iterations for it.
+const MANY: u32 = 2_000;
+/// Of the blocks: f64 steps are solved directly, which takes long.
+const CELLS: [u32; 3] = [6, 4, 6];
+/// Young's moduli, Pa.
+const YOUNG: [f64; 6] = [1e3, 1e4, 1e5, 1e6, 1e7, 1e8];
+/// Edges of the block, m.
+const EDGES: [f64; 6] = [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
+/// Of the block from the world's origin, along x and z, m.
+const OFFSETS: [f64; 6] = [0.1, 1.0, 10.0, 1e2, 1e3, 1e4];
+/// Steps, of the usual number, over 10.
+const TENTHS: [usize; 6] = [5, 10, 20, 30, 40, 80];
+/// Edge of the usual block, m.
+const EDGE: f64 = 0.1;
+/// Every force, of the reference's.
+const BOUND: f64 = 1e-3;
+
+/// An error that changes by less than this factor changes by little.
+const LITTLE: f64 = 3.0;
+
+/// Stiffness, size, place and number of steps, each from little to much.
+pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let usual = Press { cells: CELLS, ..Press::default() };
+    let steps = if settings.is_quick { settings.steps / 2 } else { settings.steps };
+    let stiff = YOUNG.map(|young| ("stiffness", young, format!("{young:.0e} Pa"), Press { young, ..usual }, steps));
+    let size = EDGES.map(|edge| ("size", edge, format!("{edge} m"), alike(edge / EDGE, &usual), steps));
+    let far = OFFSETS.map(|offset| ("offset", offset, format!("{offset} m off"), Press { offset, ..usual }, steps));
+    let long = TENTHS.map(|tenths| {
+        let steps = (steps * tenths).div_ceil(10).max(1);
+        ("steps", steps as f64, format!("{steps} steps"), usual, steps)
+    });
+    // A first look goes two of the ways: f64 steps take long.
+    let all = if settings.is_quick { [stiff, far].concat() } else { [stiff, size, far, long].concat() };
+    let options = settings.options();
+    let longest = all.iter().filter(|(line, ..)| *line == "steps").map(|(.., steps)| *steps).max().unwrap_or(0);
+    let (mut references, mut entrants) = (Vec::<Reference>::new(), Vec::new());
+    let mut of_steps: Option<Reference> = None;
+    for (line, value, setting, press, steps) in all {
+        watch(&format!("reference, {setting}"));
+        let mut scene = press.scene();
+        (scene.solver.tolerance, scene.solver.max_iterations) = (TIGHTEST, MANY);
+        references.push(match &of_steps {
+            Some(longest) if line == "steps" => longest.clone(),
+            _ if line == "steps" => of_steps.insert(reference(&scene, longest, &options)?).clone(),
+            _ => reference(&scene, steps, &options)?,
+        });
+        let point = Point { setting, line: line.into(), panel: line.into(), value, ..Point::default() };
+        entrants.push(Entrant { point, scene, steps });
+    }
+    let rules = settings.rules(&["solve"], &options);
+    let points = race(entrants, &rules, watch, &mut |index, run| references[index].errors(run))?;
+    Ok(Curve {
+        name: "precision".into(),
+        title: "Single against double precision".into(),
+        question: format!(
+            "How much of the force is lost to single precision, and where? The sphere and the block ({} tetrahedra, 20 kPa, \
+             {EDGE} m, {steps} steps of 1 ms unless the setting says another), the solver to {TIGHTEST:.0e}, against the \
+             same steps in f64.",
+            usual.tetrahedra()
+        ),
+        knob: "Pa, m, m or steps".into(),
+        stage: "solve".into(),
+        span_reason: span_reason(&points),
+        points,
+        bound: BOUND,
+        judged: Judged::Every,
+        ..Curve::default()
+    })
+}
+
+/// The press of another size, in times that make the motion the same but for it.
+fn alike(size: f64, usual: &Press) -> Press {
+    Press { size, dt: size * usual.dt, seconds: size * usual.seconds, damping: size * usual.damping, ..*usual }
+}
+
+/// Along which ways the error changes by little, and along which by how much.
+fn span_reason(points: &[Point]) -> String {
+    let (mut little, mut much) = (Vec::new(), Vec::new());
+    for own in points.chunk_by(|a, b| a.line == b.line) {
+        let errors = || own.iter().filter_map(|point| Some((point.error()?, point)));
+        let by = factor(errors().map(|(error, _)| error));
+        let told = format!("{} ({by:.1})", own[0].line);
+        let most = errors().max_by(|a, b| a.0.total_cmp(&b.0));
+        match most.filter(|_| by > LITTLE) {
+            Some((error, point)) => much.push(format!("{told}, most at {} ({})", point.setting, percent(error))),
+            None => little.push(told),
+        }
+    }
+    let listed =
+        |all: &[String], what: &str| if all.is_empty() { String::new() } else { format!("{what} {}", all.join(", ")) };
+    let parts = [
+        listed(&little, "the error changes by little, a factor, along"),
+        listed(&much, "it changes by a factor with"),
+        "rounding is all that is left of it".into(),
+    ];
+    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_was_measured_and_changes_little_is_said_to() {
+        let point = |line: &str, error| Point {
+            line: line.into(),
+            setting: format!("{error}"),
+            force_error: Some(error),
+            ..Point::default()
+        };
+        let told = span_reason(&[point("stiffness", 1e-5), point("stiffness", 12.5e-5), point("offset", 1e-5)]);
+        let (little, much) = told.split_once("; it changes").unwrap();
+        assert!(little.contains("offset (1.0)") && !little.contains("stiffness"), "{told}");
+        assert!(much.contains("stiffness (12.5)") && much.contains("0.000125") && !told.contains("size"), "{told}");
+        let told = span_reason(&[point("stiffness", 1e-5), point("stiffness", 1.2e-5)]);
+        assert!(told.contains("little") && !told.contains("it changes"), "{told}");
+    }
+}

@@ -1,0 +1,237 @@
+//! The settings of a curve against each other: each does a few steps in turn, and the other way round in the next turn, so
+//! that what changes on the machine meanwhile favours none; where there are many, in heats.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::curve::Point;
+use palpate::Result;
+use palpate::gpu::Options;
+use palpate::scene::Scene;
+use palpate::step::Flags;
+use palpate::step::Simulation;
+
+/// Parts of a run that are done in turn, where it has the steps for them.
+const TURNS: usize = 10;
+/// Steps of a part, at least: a run of fewer than twice as many is done in one.
+const TURN: usize = 6;
+/// Steps whose stages are timed, which costs time of its own: every so many.
+const TIMED_EVERY: u64 = 4;
+/// Steps of each part before those that count: they find caches cold.
+const WARM_UP: usize = 1;
+/// Simulations at once, at most: each has kernels of its own, which are some 150 MB on lavapipe. Those of more settings race in
+/// heats, the last one first in every second round, and each heat has settings from all over the list: what the machine did
+/// meanwhile is then no property of neighbours.
+const MOST_AT_ONCE: usize = 12;
+
+/// Who takes part: a setting, its scene, and how many steps of it.
+#[derive(Debug, Clone)]
+pub struct Entrant {
+    /// Its names and number; times and errors are filled in.
+    pub point: Point,
+    /// With the setting in it.
+    pub scene: Scene,
+    /// From rest.
+    pub steps: usize,
+}
+
+/// How it is run.
+#[derive(Debug, Clone, Copy)]
+pub struct Rules<'a> {
+    /// Runs of each entrant.
+    pub rounds: usize,
+    /// A run of fewer steps is done again in the same round, until it has so many: the median of a few says little.
+    pub timed_steps: usize,
+    /// The stages whose times are summed; see [`palpate::stages`].
+    pub stages: &'a [&'a str],
+    /// The device.
+    pub options: &'a Options,
+}
+
+impl Rules<'_> {
+    /// How often a run of so many steps is done in a round.
+    fn repeats(&self, steps: usize) -> usize {
+        self.timed_steps.div_ceil(steps.max(1)).max(1)
+    }
+}
+
+/// What a run found.
+#[derive(Debug, Clone, Default)]
+pub struct Run {
+    /// Ends of the steps, s.
+    pub times: Vec<f64>,
+    /// Force on the tool at each of them, world, N; empty without a tool.
+    pub forces: Vec<DVec3>,
+    /// Displacements of the first body's nodes after the last step, rest axes, m; empty where it is not soft.
+    pub displacement: Vec<DVec3>,
+    /// Of each step.
+    pub iterations: Vec<u32>,
+    /// All that were raised.
+    pub flags: Flags,
+    step_us: Vec<f64>,
+    stage_us: Vec<f64>,
+}
+
+/// Errors of a run: of the force and of the displacements; `None`: not finite, or there is none.
+pub type Errors = (Option<f64>, Option<f64>);
+
+/// Runs all of them; `errors` judges the first run of each, by its index: all runs of a setting find the same.
+pub fn race(
+    entrants: Vec<Entrant>,
+    rules: &Rules,
+    watch: &mut dyn FnMut(&str),
+    errors: &mut dyn FnMut(usize, &Run) -> Errors,
+) -> Result<Vec<Point>> {
+    let mut points: Vec<Point> = entrants.iter().map(|entrant| entrant.point.clone()).collect();
+    for round in 0..rules.rounds {
+        watch(&format!("run {} of {}", round + 1, rules.rounds));
+        for (index, (runs, point)) in one_round(&entrants, rules, round)?.into_iter().zip(&mut points).enumerate() {
+            if let (0, Some(run)) = (round, runs.first()) {
+                (point.force_error, point.displacement_error) = errors(index, run);
+                point.iterations = crate::median(&run.iterations.iter().map(|&n| n.into()).collect::<Vec<_>>());
+                point.flags = run.flags.names().map(String::from).collect();
+            }
+            point.step_us.push(runs.iter().flat_map(|run| run.step_us.clone()).collect());
+            point.stage_us.push(runs.iter().flat_map(|run| run.stage_us.clone()).collect());
+        }
+    }
+    Ok(points)
+}
+
+/// One scene by itself: for references.
+pub fn run(scene: &Scene, steps: usize, options: &Options) -> Result<Run> {
+    let mut simulation = Simulation::new(scene, options, None)?;
+    let mut run = Run::default();
+    run.add_steps(&mut simulation, steps, &[])?;
+    run.finish(&simulation)
+}
+
+/// All runs of each entrant in one round.
+fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Vec<Run>>> {
+    let repeats: Vec<usize> = entrants.iter().map(|entrant| rules.repeats(entrant.steps)).collect();
+    let again = |k: usize| repeats.iter().enumerate().filter(move |(_, own)| k < **own).map(|(index, _)| index);
+    let most = repeats.iter().max().copied().unwrap_or(0);
+    let mut all: Vec<usize> = (0..most).flat_map(again).collect();
+    mix(&mut all);
+    let mut heats: Vec<&[usize]> = all.chunks(MOST_AT_ONCE).collect();
+    if round % 2 == 1 {
+        heats.reverse();
+    }
+    let mut runs = vec![Vec::new(); entrants.len()];
+    for own in heats {
+        for (index, run) in own.iter().zip(heat(entrants, own, rules, round)?) {
+            runs[*index].push(run);
+        }
+    }
+    Ok(runs)
+}
+
+/// Where there are more than one heat has, reorders them so that each heat has its share of every part of the list: by the
+/// multiples of the golden ratio, of which no few are near each other.
+fn mix(all: &mut [usize]) {
+    if all.len() > MOST_AT_ONCE {
+        all.sort_by_cached_key(|index| (*index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    }
+}
+
+/// A run of each of these entrants, in turns.
+fn heat(entrants: &[Entrant], own: &[usize], rules: &Rules, round: usize) -> Result<Vec<Run>> {
+    let open = |index: &usize| -> Result<(Simulation, Run)> {
+        let mut simulation = Simulation::new(&entrants[*index].scene, rules.options, None)?;
+        simulation.time_every(TIMED_EVERY)?;
+        Ok((simulation, Run::default()))
+    };
+    let mut under_way = own.iter().map(open).collect::<Result<Vec<_>>>()?;
+    for turn in 1..=TURNS {
+        let forward = (0..under_way.len()).collect::<Vec<_>>();
+        let order = if (turn + round) % 2 == 1 { forward } else { forward.into_iter().rev().collect() };
+        for k in order {
+            let (simulation, run) = &mut under_way[k];
+            let due = done(entrants[own[k]].steps, turn) - run.times.len();
+            run.add_steps(simulation, due, rules.stages)?;
+        }
+    }
+    under_way.into_iter().map(|(simulation, run)| run.finish(&simulation)).collect()
+}
+
+/// How many of its steps a run has done after a turn. Short ones have few turns, in the middle of all: else most of their
+/// steps would be the first of a turn, and find caches cold.
+fn done(steps: usize, turn: usize) -> usize {
+    let own = (steps / TURN).clamp(1, TURNS);
+    steps * ((turn * own + TURNS / 2) / TURNS) / own
+}
+
+impl Run {
+    fn add_steps(&mut self, simulation: &mut Simulation, steps: usize, stages: &[&str]) -> Result<()> {
+        for step in 0..steps {
+            let begun = Instant::now();
+            let row = simulation.step()?;
+            let time = begun.elapsed().as_secs_f64() * 1e6;
+            if step >= WARM_UP {
+                match simulation.stage_times() {
+                    Some(times) => self.add_stage(times, stages),
+                    None => self.step_us.push(time),
+                }
+            }
+            self.times.push(row.time);
+            self.forces.extend(row.tool.map(|tool| tool.force));
+            self.iterations.push(row.iterations);
+            self.flags |= row.flags;
+        }
+        Ok(())
+    }
+
+    /// In every second timed step the query's stages are one, and those that are asked for may not be there.
+    fn add_stage(&mut self, times: &[(String, f64)], stages: &[&str]) {
+        let own: Vec<f64> =
+            times.iter().filter(|(name, _)| stages.contains(&name.as_str())).map(|(_, us)| *us).collect();
+        if !own.is_empty() {
+            self.stage_us.push(own.iter().sum());
+        }
+    }
+
+    fn finish(mut self, simulation: &Simulation) -> Result<Run> {
+        self.displacement = simulation.nodes(0)?.map_or(Vec::new(), |(displacement, _)| displacement);
+        Ok(self)
+    }
+}
+
+/// The largest difference over the largest of the reference; `None` where that is no number, or the reference is zero.
+pub fn relative_error(found: &[DVec3], reference: &[DVec3]) -> Option<f64> {
+    let largest = reference.iter().map(|x| x.length()).fold(0.0, f64::max);
+    let differences = found.iter().zip(reference).map(|(a, b)| a.distance(*b));
+    // The maximum of a number and a NaN is the number.
+    let error = differences.fold(0.0, |a: f64, b| if a > b || a.is_nan() { a } else { b }) / largest;
+    (error.is_finite() && largest > 0.0 && found.len() == reference.len()).then_some(error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_run_is_done_in_turns_of_enough_steps() {
+        for steps in 1..400 {
+            let turns: Vec<usize> = (1..=TURNS).map(|turn| done(steps, turn) - done(steps, turn - 1)).collect();
+            assert_eq!((done(steps, 0), done(steps, TURNS)), (0, steps));
+            assert!(turns.iter().all(|&own| own == 0 || own >= TURN.min(steps)), "{steps}: {turns:?}");
+        }
+        let turns = |steps| (1..=TURNS).filter(|turn| done(steps, *turn) > done(steps, turn - 1)).count();
+        assert_eq!([6, 12, 60, 384].map(turns), [1, 2, 10, 10]);
+        let options = Options::default();
+        let rules = |timed_steps| Rules { rounds: 1, timed_steps, stages: &[], options: &options };
+        assert_eq!([6, 12, 23, 24, 384].map(|steps| rules(24).repeats(steps)), [4, 2, 2, 1, 1]);
+        assert_eq!([0, 6, 384].map(|steps| rules(0).repeats(steps)), [1, 1, 1]);
+    }
+
+    #[test]
+    fn errors_are_of_the_largest_and_none_where_they_are_no_numbers() {
+        let reference = [DVec3::ZERO, DVec3::new(0.0, 3.0, 4.0)];
+        assert_eq!(relative_error(&[DVec3::X * 0.5, reference[1]], &reference), Some(0.1));
+        for found in [vec![DVec3::NAN, reference[1]], vec![DVec3::ZERO, DVec3::NAN], vec![DVec3::ZERO]] {
+            assert_eq!(relative_error(&found, &reference), None);
+        }
+        assert_eq!(relative_error(&[DVec3::X], &[DVec3::ZERO]), None);
+    }
+}

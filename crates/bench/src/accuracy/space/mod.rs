@@ -1,0 +1,64 @@
+//! Curves of what is cut into pieces in space: layers, skins, contact's springs, texels, proxies. A stiffly held ball is
+//! pressed into a body ([`press`]) until all is at rest, and the force that is felt then is compared.
+
+mod layer;
+mod limit;
+mod press;
+mod proxies;
+mod sampled;
+mod shapes;
+mod skin;
+mod stiffness;
+mod texel;
+
+pub use layer::by_layer;
+pub use proxies::by_proxies;
+pub use skin::{by_sides, by_skin};
+pub use stiffness::by_stiffness;
+pub use texel::by_texel;
+
+use glam::DVec3;
+
+use super::race::{self, Entrant, Errors, Run};
+use super::{Point, Settings};
+use palpate::Result;
+use palpate::scene::Scene;
+use press::Press;
+
+/// A setting on a press.
+fn entrant(press: &Press, panel: &str, line: &str, setting: String, value: f64) -> Entrant {
+    let point = Point { setting, panel: panel.into(), line: line.into(), value, ..Point::default() };
+    Entrant { point, scene: press.scene(), steps: press::STEPS }
+}
+
+/// The force on the ball once all is at rest, N.
+fn at_rest(run: &Run) -> DVec3 {
+    run.forces.last().copied().unwrap_or(DVec3::NAN)
+}
+
+/// The same of a scene that runs by itself.
+fn force(scene: &Scene, settings: &Settings) -> Result<f64> {
+    Ok(at_rest(&race::run(scene, press::STEPS, &settings.options())?).length())
+}
+
+/// How far a run's force is from where it should be, of that.
+fn error_against(reference: f64, run: &Run) -> Errors {
+    let error = (at_rest(run).length() - reference).abs() / reference.abs();
+    (error.is_finite().then_some(error), None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_force_is_judged_by_its_size_and_no_number_has_no_error() {
+        let run = |forces: Vec<DVec3>| {
+            let mut run = Run::default();
+            run.forces = forces;
+            run
+        };
+        assert_eq!(error_against(2.0, &run(vec![DVec3::X, DVec3::new(0.0, 0.0, 1.5)])), (Some(0.25), None));
+        assert_eq!(error_against(2.0, &run(vec![])), (None, None));
+    }
+}

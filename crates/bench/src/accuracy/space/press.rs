@@ -1,0 +1,173 @@
+//! What the curves in space press: a body with its touched point in the origin, and a stiffly held ball that is pushed into
+//! it along -y (a head: along -z) and held there until all is at rest.
+
+use std::path::PathBuf;
+
+use glam::{DQuat, DVec3};
+
+use palpate::scene::{Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Scene, Sides, Surface, Tool, ToolShape};
+use palpate::scene;
+
+/// Time step, s: what matters is where everything comes to rest.
+const DT: f64 = 0.02;
+/// Steps in which the ball goes down ...
+const DOWN: usize = 12;
+/// ... and in which it is held.
+const HELD: usize = 10;
+/// Of a press.
+pub const STEPS: usize = DOWN + HELD;
+/// Height of blocks, and radius of domes, m.
+pub const HEIGHT: f64 = 0.04;
+/// Half the width of blocks, m.
+pub const HALF_WIDTH: f64 = 0.06;
+/// Between ball and body at the start, of the way into it.
+const GAP: f64 = 0.1;
+/// Nodes this near the base are held, m.
+const ON_BASE: f64 = 1e-4;
+/// Of the head, about where a ball that comes along -z meets it, m.
+const CHEEK: DVec3 = DVec3::new(0.03, -0.02, 0.08);
+/// Pa.
+pub const YOUNG: f64 = 2e4;
+/// Of the ball, kg.
+const MASS: f64 = 0.05;
+
+/// Of contact unless said otherwise, N/m^3.
+pub const STIFFNESS: f64 = 2e7;
+
+/// A press.
+#[derive(Debug, Clone)]
+pub struct Press {
+    /// What is pressed.
+    pub body: Body,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Against locking, or not.
+    pub dilatation: Dilatation,
+    /// Of the ball, m.
+    pub radius: f64,
+    /// A mesh of it; `None`: the engine's.
+    pub ball: Option<PathBuf>,
+    /// How deep it goes beyond the first touch, m.
+    pub depth: f64,
+    /// Contact stiffness, N/m^3; `None`: the engine's.
+    pub stiffness: Option<f64>,
+    /// Whose vertices are asked.
+    pub sides: Sides,
+    /// Residual to stop at.
+    pub tolerance: f64,
+}
+
+/// What is pressed.
+#[derive(Debug, Clone)]
+pub enum Body {
+    /// On a held base, [`HEIGHT`] below the origin.
+    Based(Option<Surface>, Layer),
+    /// The engine's head of so many skin vertices, with so many proxies, pressed in its cheek.
+    Head(usize, Option<u32>),
+}
+
+impl Press {
+    /// A ball of 6 cm, 3 mm into a body.
+    pub fn new(body: Body) -> Press {
+        Press {
+            body,
+            poisson: 0.45,
+            dilatation: Dilatation::Element,
+            radius: 0.06,
+            ball: None,
+            depth: 0.003,
+            stiffness: Some(STIFFNESS),
+            sides: Sides::Both,
+            tolerance: 1e-6,
+        }
+    }
+
+    /// Where the ball's middle is when it has gone in, m, and the direction in which it came out of the body.
+    pub fn pressed(&self) -> (DVec3, DVec3) {
+        let (touch, outward) = self.touch();
+        (touch + (self.radius - self.depth) * outward, outward)
+    }
+
+    fn touch(&self) -> (DVec3, DVec3) {
+        match self.body {
+            Body::Based(..) => (DVec3::ZERO, DVec3::Y),
+            Body::Head(..) => (CHEEK, DVec3::Z),
+        }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> Scene {
+        let (touch, outward) = self.touch();
+        let centre = |out: f64| touch + (self.radius + out) * outward;
+        let start = centre(GAP * self.depth);
+        let key = |time: f64, position: DVec3| Key { time, position, orientation: DQuat::IDENTITY };
+        let tool = Tool {
+            shape: self
+                .ball
+                .clone()
+                .map_or(ToolShape::Sphere(self.radius), |file| ToolShape::Surface(Surface::File(file))),
+            mass: MASS,
+            position: start,
+            orientation: DQuat::IDENTITY,
+            velocity: DVec3::ZERO,
+            scale: 1.0,
+            repair: true,
+        };
+        // So stiff that the ball is where it should be to a few micrometres.
+        let coupling = Coupling { stiffness: 1e6, damping: 2e3, angular_stiffness: 50.0, angular_damping: 1.0 };
+        let mut scene = Scene {
+            tool: Some(tool),
+            coupling: Some(coupling),
+            drive: vec![key(0.0, start), key(DOWN as f64 * DT, centre(-self.depth))],
+            ..Scene::of_body("press", self.body())
+        };
+        scene.step.dt = DT;
+        // A body at rest keeps its shape.
+        scene.step.gravity = DVec3::ZERO;
+        scene.contact.stiffness = self.stiffness;
+        scene.contact.sides = self.sides;
+        scene.contact.depth_limit = 0.02;
+        scene.solver.tolerance = self.tolerance;
+        scene.solver.max_iterations = 1000;
+        scene
+    }
+
+    fn body(&self) -> scene::Body {
+        let (surface, layer, hulls, bind) = match &self.body {
+            Body::Based(surface, layer) => {
+                let high = DVec3::new(1.0, -HEIGHT + ON_BASE, 1.0);
+                (surface.clone(), layer.clone(), None, Bind::Box { low: -DVec3::ONE, high })
+            }
+            Body::Head(vertices, hulls) => {
+                let surface = Surface::Model { model: Model::Head, vertices: *vertices };
+                let layer = Layer::Cell { cell: 0.03, grade: 1, thickness: None };
+                (Some(surface), layer, *hulls, Bind::Inset(0.03))
+            }
+        };
+        let material = Material {
+            young: YOUNG,
+            poisson: self.poisson,
+            density: 1000.0,
+            damping_mass: 0.0,
+            damping_stiffness: 0.0,
+            law: Law::Corotational,
+        };
+        scene::Body {
+            name: "body".into(),
+            shape: scene::Shape::Soft { surface, layer },
+            hulls,
+            scale: 1.0,
+            position: DVec3::ZERO,
+            orientation: DQuat::IDENTITY,
+            velocity: DVec3::ZERO,
+            material: Some(material),
+            collides: None,
+            cores: vec![Core { name: "base".into(), motion: Motion::Fixed, bind: Some(bind), mass: None, hinge: None }],
+            regions: Vec::new(),
+            dilatation: self.dilatation,
+            repair: true,
+            joints: Vec::new(),
+            skeleton: None,
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! How many proxies a body needs: they say what may touch, and not how hard.
+
+use super::press::{Body, Press};
+use super::{at_rest, entrant, error_against, force};
+use palpate::Result;
+use crate::accuracy::race::{Entrant, race};
+use crate::accuracy::{Curve, Judged, Settings};
+
+/// Convex hulls at most.
+const HULLS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
+/// Of the reference: none of those.
+const REFERENCE: u32 = 40;
+/// Skin vertices of the head, in full and in short.
+const VERTICES: [usize; 2] = [20_000, 8_000];
+/// Of the head.
+const RADIUS: f64 = 0.02;
+/// Every number of hulls: what may differ is rounding.
+const BOUND: f64 = 1e-3;
+/// What the times are of.
+const STAGES: &[&str] = &["cull"];
+
+/// Proxies of a head.
+pub fn by_proxies(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let vertices = VERTICES[usize::from(settings.is_quick)];
+    let press = |hulls: u32| Press { radius: RADIUS, ..Press::new(Body::Head(vertices, Some(hulls))) };
+    watch("reference");
+    let reference = force(&press(REFERENCE).scene(), settings)?;
+    let entrants: Vec<Entrant> =
+        HULLS.iter().map(|&hulls| entrant(&press(hulls), "", "", format!("{hulls} at most"), hulls.into())).collect();
+    let options = settings.options();
+    let rules = settings.rules(STAGES, &options);
+    let mut forces = Vec::new();
+    let points = race(entrants, &rules, watch, &mut |_, run| {
+        forces.push(at_rest(run).length());
+        error_against(reference, run)
+    })?;
+    let (low, high) = forces.iter().fold((f64::INFINITY, 0.0f64), |(low, high), &f| (low.min(f), high.max(f)));
+    Ok(Curve {
+        name: "proxies".into(),
+        title: "Number of proxies".into(),
+        question: format!(
+            "Does the force depend on the proxies, and what do they save? A ball of 2 cm goes 3 mm into the cheek of a head of \
+             {vertices} skin vertices with ever more convex hulls; against {REFERENCE} of them."
+        ),
+        knob: "convex hulls at most".into(),
+        stage: STAGES.concat(),
+        points,
+        expected: None,
+        span_reason: format!(
+            "proxies say what may touch, contacts themselves say how: forces with 1 to {} hulls lie within {:.1e} of each other",
+            HULLS[HULLS.len() - 1],
+            high / low - 1.0
+        ),
+        bound: BOUND,
+        judged: Judged::Every,
+        ..Curve::default()
+    })
+}

@@ -1,0 +1,87 @@
+//! What texels would have cost: the depth of skins as the paper finds it, by heights of both at the middles of texels, in f64
+//! on the CPU, beside the rays that the engine's depth is held against.
+
+use glam::DVec3;
+
+use palpate_oracle::rays::Rays;
+use palpate_oracle::skin;
+
+/// Two skins in one pose, and the direction from the first to the second.
+#[derive(Clone, Copy)]
+pub struct Pose<'a> {
+    /// Of the skin that looks: positions (m), triangles, and the share of a vertex in the skin (m^2).
+    pub first: (&'a [DVec3], &'a [[u32; 3]], &'a [f64]),
+    /// Of the other skin: positions, triangles.
+    pub second: (&'a [DVec3], &'a [[u32; 3]]),
+    /// Unit.
+    pub normal: DVec3,
+}
+
+impl Pose<'_> {
+    /// Volume of the overlap as vertices of the first skin find it, each by its own ray, m^3: a penalty's force, of its
+    /// stiffness.
+    pub fn exact(&self) -> f64 {
+        let rays = Rays::new(self.normal, self.second.0, self.second.1);
+        self.sum(|x| self.depth(&rays, x))
+    }
+
+    /// The same with depths looked up in texels of this edge (m): how far the skins overlap on the line through the middle of
+    /// the texel that a vertex lies in.
+    pub fn sampled(&self, texel: f64) -> f64 {
+        let above = Rays::new(self.normal, self.first.0, self.first.1);
+        let below = Rays::new(-self.normal, self.second.0, self.second.1);
+        let tangents = self.normal.any_orthonormal_pair();
+        // From so far off that both are seen from without.
+        let off = 2.0 * self.first.0.iter().chain(self.second.0).map(|x| x.length()).fold(0.0, f64::max) * self.normal;
+        self.sum(|x| {
+            let middle = |t: DVec3| ((x.dot(t) / texel).floor() + 0.5) * texel * t;
+            let foot = middle(tangents.0) + middle(tangents.1);
+            match (above.first(foot + off), below.first(foot - off)) {
+                (Some(top), Some(bottom)) => 2.0 * off.length() - top.depth - bottom.depth,
+                _ => 0.0,
+            }
+        })
+    }
+
+    fn depth(&self, rays: &Rays, x: DVec3) -> f64 {
+        rays.first(x).filter(|crossing| crossing.leaves).map_or(0.0, |crossing| crossing.depth)
+    }
+
+    fn sum(&self, depth: impl Fn(DVec3) -> f64) -> f64 {
+        let (positions, triangles, areas) = self.first;
+        let normals = skin::normals(positions, triangles);
+        let facing = positions.iter().zip(&normals).zip(areas);
+        let share = |((x, m), area): ((&DVec3, &DVec3), &f64)| {
+            let projected = area * m.dot(self.normal).max(0.0);
+            if projected > 0.0 { projected * depth(*x).max(0.0) } else { 0.0 }
+        };
+        facing.map(share).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accuracy::space::shapes::{ball, block_skin};
+
+    #[test]
+    fn the_overlap_of_a_ball_and_a_block_is_a_cap_and_texels_tend_to_it() {
+        let (radius, depth) = (0.02, 0.003);
+        let (mut vertices, triangles) = ball(radius, 48, 2.0);
+        vertices.iter_mut().for_each(|x| x.y += radius - depth);
+        let areas = skin::areas(&vertices, &triangles);
+        let (block, faces) = block_skin(DVec3::splat(0.05), [1, 1, 1], DVec3::ZERO);
+        let first = (&vertices[..], &triangles[..], &areas[..]);
+        let pose = Pose { first, second: (&block, &faces), normal: DVec3::NEG_Y };
+        let cap = std::f64::consts::PI * depth * depth * (radius - depth / 3.0);
+        let exact = pose.exact();
+        assert!((exact / cap - 1.0).abs() < 0.01, "{exact} {cap}");
+        let error = |texel: f64| (pose.sampled(texel) / exact - 1.0).abs();
+        let errors = [0.008, 0.002, 0.0001].map(error);
+        assert!(errors[0] > 0.02 && errors[1] < 0.5 * errors[0] && errors[2] < 0.2 * errors[1], "{errors:?}");
+        // Apart, nothing overlaps.
+        let up: Vec<DVec3> = vertices.iter().map(|x| *x + 0.01 * DVec3::Y).collect();
+        let apart = Pose { first: (&up, &triangles, &areas), ..pose };
+        assert_eq!((apart.exact(), apart.sampled(0.001)), (0.0, 0.0));
+    }
+}

@@ -1,0 +1,152 @@
+//! How fine skins must be: the same block in skins of any fineness, and the same ball, for neither should count.
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+
+use super::layer::{GRADES, block};
+use super::limit::limit;
+use super::press::{Body, HALF_WIDTH, HEIGHT, Press};
+use super::shapes::{ball, block_skin};
+use super::{entrant, error_against, force};
+use palpate::Result;
+use crate::accuracy::race::{Entrant, race};
+use crate::accuracy::{Curve, Expected, Point, Settings};
+use crate::meshes::MeshFolder;
+use palpate::scene::{Sides, Surface};
+use palpate::stages::QUERY;
+
+/// Cells across the block's skin, and a quarter of the ball's girth.
+const CELLS: [u32; 6] = [6, 8, 12, 16, 24, 32];
+/// Of the skins that the reference is extrapolated from: finer than any of those.
+const REFERENCE: [u32; 2] = [40, 80];
+/// Of the other side, while one is varied: not a divisor of theirs.
+const OTHER: u32 = 44;
+/// Vertices are the finer by one more than this where they touch.
+const GRADE: f64 = 2.0;
+/// Across the layer.
+const LAYER: u32 = 8;
+const ORDER: f64 = 2.0;
+/// The finest skin.
+const BOUND: f64 = 0.02;
+/// What is varied, the block's skin or the ball's or both, and whose vertices are asked.
+struct Line {
+    name: &'static str,
+    is_varied: [bool; 2],
+    sides: Sides,
+}
+
+const EITHER: [Line; 2] = [
+    Line { name: "the block's skin", is_varied: [true, false], sides: Sides::Both },
+    Line { name: "the ball's mesh", is_varied: [false, true], sides: Sides::Both },
+];
+const BOTH: [Line; 2] = [
+    Line { name: "both sides", is_varied: [true, true], sides: Sides::Both },
+    Line { name: "one side", is_varied: [true, true], sides: Sides::One },
+];
+
+/// Vertices of either skin.
+pub fn by_skin(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let (points, _) = compared(&EITHER, false, settings, watch)?;
+    Ok(Curve {
+        name: "skin".into(),
+        title: "Resolution of the skin".into(),
+        question: format!(
+            "Does the force depend on how finely skins are cut? {} Either skin is varied while the other has {OTHER} cells, \
+             each against its own limit.",
+            scene()
+        ),
+        span_reason: "either side carries half of the force, so that coarse vertices of one spoil half at most".into(),
+        ..curve(points)
+    })
+}
+
+/// Contact at the vertices of both skins, or of the finer one alone.
+pub fn by_sides(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let (points, limits) = compared(&BOTH, true, settings, watch)?;
+    Ok(Curve {
+        name: "sides".into(),
+        title: "Two-sided and one-sided contact".into(),
+        question: format!(
+            "What do the vertices of the second skin buy? {} Both skins are varied, with `sides = \"both\"` and with \"one\", \
+             both against the limit of two sides; that of one side is {:+.2} % from it.",
+            scene(),
+            100.0 * (limits[1] / limits[0] - 1.0)
+        ),
+        span_reason: {
+            let ratio = f64::from(CELLS[CELLS.len() - 1]) / f64::from(CELLS[0]);
+            format!(
+                "skins whose cells have a ratio of {ratio:.1} give an error of order 2 no more than {:.1}",
+                ORDER * ratio.log10()
+            )
+        },
+        ..curve(points)
+    })
+}
+
+fn scene() -> String {
+    format!(
+        "A ball of 6 cm goes 3 mm into a block of {LAYER} cells across, with skins of ever more vertices, three times as fine \
+         where they touch. Against the limit of skins of {} and {} cells, extrapolated with order 2.",
+        REFERENCE[0], REFERENCE[1]
+    )
+}
+
+fn curve(points: Vec<Point>) -> Curve {
+    let law = "sums over vertices of a pressure without jumps".into();
+    Curve {
+        knob: "one over the skin's cells".into(),
+        stage: "pose to contact".into(),
+        points,
+        order_reason: "whether a vertex lies just within the rim or without is chance".into(),
+        expected: Some(Expected { order: ORDER, law, is_of_shape: false }),
+        bound: BOUND,
+        ..Curve::default()
+    }
+}
+
+impl Line {
+    fn press(&self, folder: &MeshFolder, cells: u32) -> Result<Press> {
+        let [of_block, of_ball] = self.is_varied.map(|is_varied| if is_varied { cells } else { OTHER });
+        let surface = Some(Surface::File(skin(folder, of_block)?));
+        let mut press = Press::new(Body::Based(surface, block(folder, LAYER, GRADES)?));
+        press.ball = Some(folder.surface(&format!("ball{of_ball}"), &ball(press.radius, of_ball, GRADE))?);
+        press.sides = self.sides;
+        Ok(press)
+    }
+}
+
+/// The points of all lines, and the limit of each; `is_shared`: all are measured against the first line's.
+fn compared(
+    lines: &[Line; 2],
+    is_shared: bool,
+    settings: &Settings,
+    watch: &mut dyn FnMut(&str),
+) -> Result<(Vec<Point>, [f64; 2])> {
+    let folder = MeshFolder::new()?;
+    let mut entrants: Vec<Entrant> = Vec::new();
+    let mut limits = [0.0; 2];
+    for (line, own) in lines.iter().zip(&mut limits) {
+        let mut last = [(0.0, 0.0); 2];
+        for (last, cells) in last.iter_mut().zip(REFERENCE) {
+            watch(&format!("reference: {}, {cells} cells", line.name));
+            *last = (1.0 / f64::from(cells), force(&line.press(&folder, cells)?.scene(), settings)?);
+        }
+        *own = limit(last, ORDER);
+        for cells in CELLS {
+            let setting = format!("{}, {cells} cells", line.name);
+            entrants.push(entrant(&line.press(&folder, cells)?, "", line.name, setting, 1.0 / f64::from(cells)));
+        }
+    }
+    let options = settings.options();
+    let rules = settings.rules(&QUERY, &options);
+    let reference = |index: usize| limits[if is_shared { 0 } else { index / CELLS.len() }];
+    let points = race(entrants, &rules, watch, &mut |index, run| error_against(reference(index), run))?;
+    Ok((points, limits))
+}
+
+fn skin(folder: &MeshFolder, cells: u32) -> Result<PathBuf> {
+    let size = DVec3::new(HALF_WIDTH, HEIGHT, HALF_WIDTH);
+    let mesh = block_skin(size, [cells, cells.div_ceil(2), cells], DVec3::new(GRADE, 1.0, GRADE));
+    folder.surface(&format!("skin{cells}"), &mesh)
+}

@@ -1,0 +1,154 @@
+//! What shorter time steps and more of Newton's iterations buy.
+
+use glam::DVec3;
+
+use super::press::Press;
+use super::race::{Entrant, Run, race, relative_error, run};
+use super::twin::{Reference, reference};
+use super::{Curve, Expected, Point, SINGLE, Settings};
+use palpate::Result;
+use palpate::gpu::Options;
+use palpate::scene::{Law, Scene};
+
+/// The longest time step, s: 30 steps a second. The others halve it, so that all end a step where it does.
+pub const LONGEST: f64 = 0.033;
+/// Newton's iterations of a step.
+const NEWTON: [u32; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
+/// As many as change nothing more.
+const CONVERGED: u32 = 14;
+/// For what is not about the solver.
+const TIGHT: f64 = 1e-6;
+/// And iterations for it.
+pub const MANY: u32 = 2_000;
+/// The force of the shortest step, of the reference's.
+const STEP_BOUND: f64 = 0.02;
+/// The force after most iterations, of the reference's.
+const NEWTON_BOUND: f64 = 1e-3;
+
+/// The force wherever the longest step ends, in steps of that, halved ever again, against what they tend to.
+pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let (units, beyond) = if settings.is_quick { (5, 1) } else { (9, 2) };
+    let most = settings.halvings;
+    let scene = |halvings: u32| {
+        let dt = LONGEST / f64::from(1u32 << halvings);
+        let press = Press { cells: settings.cells, dt, seconds: 3.0 * LONGEST, hand_damping: 8.0, ..Press::default() };
+        tight(press.scene(), 1)
+    };
+    let options = settings.options();
+    watch("reference");
+    let reference = extrapolated(&scene, most + beyond, units, &options)?;
+    let entrant = |halvings: u32| {
+        let scene = scene(halvings);
+        let dt = scene.step.dt;
+        let setting = format!("{:.3} ms", 1e3 * dt);
+        let point = Point { setting, value: 1e3 * dt, simulated_s: dt, ..Point::default() };
+        Entrant { point, scene, steps: units << halvings }
+    };
+    let rules = settings.rules(&["solve"], &options);
+    let entrants = (0..=most).map(entrant).collect();
+    let points = race(entrants, &rules, watch, &mut |halvings, run| {
+        (relative_error(&at_units(run, 1 << halvings), &reference), None)
+    })?;
+    let order_reason = format!(
+        "the longest step is a third of the press, which an error of higher order enters; at {} it is {}",
+        points.last().map_or("", |point| &point.setting),
+        super::curve::last_order(&points).map_or("not to be told".into(), |order| format!("{order:.2}"))
+    );
+    let shortest = 1e3 * LONGEST / f64::from(1u32 << (most + beyond));
+    Ok(Curve {
+        name: "time-step".into(),
+        title: "Time step".into(),
+        question: format!(
+            "What does a shorter time step buy? A sphere is pressed 5 mm into a block ({} tetrahedra) in {:.0} ms and held; \
+             the force every {:.0} ms, against steps of {shortest:.3} ms and of twice that, extrapolated to none.",
+            tetrahedra(settings),
+            3e3 * LONGEST,
+            1e3 * LONGEST
+        ),
+        knob: "time step, ms".into(),
+        stage: "solve".into(),
+        points,
+        expected: Some(Expected { order: 1.0, law: "implicit Euler".into(), ..Expected::default() }),
+        order_reason,
+        span_reason: format!(
+            "steps whose lengths have a ratio of {} give a first-order error no more than {:.1}",
+            1u32 << most,
+            f64::from(1u32 << most).log10()
+        ),
+        bound: STEP_BOUND,
+        ..Curve::default()
+    })
+}
+
+/// Newton's iterations in long steps of a deep press into a very soft block, by both laws.
+pub fn by_newton(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let steps = if settings.is_quick { 9 } else { 12 };
+    let scene = |law: Law, newton: u32| {
+        let deep =
+            Press { cells: settings.cells, young: 5e3, dt: 0.01, travel: 0.02, seconds: 0.08, ..Press::default() };
+        tight(Press { law, ..deep }.scene(), newton)
+    };
+    let options = settings.options();
+    let laws = [("corotational", Law::Corotational), ("neo-Hookean", Law::NeoHookean)];
+    let mut references: Vec<Reference> = Vec::new();
+    for (name, law) in laws {
+        watch(&format!("reference, {name}"));
+        references.push(reference(&scene(law, CONVERGED), steps, &options)?);
+    }
+    let of = |(name, law): (&'static str, Law)| {
+        NEWTON.map(|newton| {
+            let setting = format!("{name}, {newton}");
+            let point = Point { setting, line: name.into(), value: newton.into(), ..Point::default() };
+            Entrant { point, scene: scene(law, newton), steps }
+        })
+    };
+    let rules = settings.rules(&["elastic", "solve"], &options);
+    let points = race(laws.into_iter().flat_map(of).collect(), &rules, watch, &mut |index, run| {
+        references[index / NEWTON.len()].errors(run)
+    })?;
+    Ok(Curve {
+        name: "newton".into(),
+        title: "Newton's iterations".into(),
+        question: format!(
+            "What does it buy to linearise a step more than once? A sphere is pressed some 15 mm into a block of 5 kPa ({} \
+             tetrahedra) in {steps} steps of 10 ms, against f64 steps of {CONVERGED} iterations.",
+            tetrahedra(settings)
+        ),
+        knob: "Newton's iterations".into(),
+        stage: "elastic and solve".into(),
+        points,
+        span_reason: SINGLE.into(),
+        share: "the stiffness leaves out how rotations of the elements turn with the strain".into(),
+        bound: NEWTON_BOUND,
+        ..Curve::default()
+    })
+}
+
+fn tetrahedra(settings: &Settings) -> u32 {
+    Press { cells: settings.cells, ..Press::default() }.tetrahedra()
+}
+
+fn tight(mut scene: Scene, newton: u32) -> Scene {
+    (scene.solver.tolerance, scene.solver.max_iterations, scene.step.newton) = (TIGHT, MANY, newton);
+    scene
+}
+
+/// The forces at the ends of `units` longest steps, as steps that are none would have them, by Richardson's extrapolation of
+/// an error of first order: from steps of the longest halved so often, and once less.
+pub fn extrapolated(
+    scene: &dyn Fn(u32) -> Scene,
+    halvings: u32,
+    units: usize,
+    options: &Options,
+) -> Result<Vec<DVec3>> {
+    let forces = |halvings: u32| -> Result<Vec<DVec3>> {
+        Ok(at_units(&run(&scene(halvings), units << halvings, options)?, 1 << halvings))
+    };
+    let (fine, coarse) = (forces(halvings)?, forces(halvings - 1)?);
+    Ok(fine.iter().zip(&coarse).map(|(fine, coarse)| 2.0 * *fine - *coarse).collect())
+}
+
+/// The forces at the ends of the longest steps, each of `steps` of this run.
+pub fn at_units(run: &Run, steps: usize) -> Vec<DVec3> {
+    run.forces.chunks_exact(steps).filter_map(|unit| unit.last().copied()).collect()
+}

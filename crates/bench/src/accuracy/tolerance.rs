@@ -1,0 +1,166 @@
+//! What the solver's tolerance and its cap on iterations buy, against f64 steps solved directly.
+
+use super::press::Press;
+use super::race::{Entrant, race};
+use super::twin::{Reference, reference};
+use super::{Curve, Expected, Point, SINGLE, Settings};
+use palpate::Result;
+use crate::solver::stiffness;
+use palpate::scene::{Preconditioner, Scene};
+
+/// Young's moduli of the blocks, Pa.
+const YOUNG: [f64; 2] = [2e4, 2e6];
+/// Residuals to stop at.
+const TOLERANCES: [f64; 7] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7];
+/// With which preconditioners.
+const PRECONDITIONERS: [(&str, Preconditioner); 3] =
+    [("jacobi", Preconditioner::Jacobi), ("coarse", Preconditioner::Coarse), ("auto", Preconditioner::Auto)];
+/// Iterations at most.
+const CAPS: [u32; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
+/// Iterations that a tolerance may take.
+const MANY: u32 = 2_000;
+/// Of the cap's curve: below what its longest runs reach.
+const TIGHT: f64 = 1e-5;
+/// The force of the tightest setting, of the reference's.
+const BOUND: f64 = 1e-3;
+/// An error that is less than another by more than this factor is much less.
+const MUCH: f64 = 2.0;
+/// What the times are of.
+const STAGES: &[&str] = &["solve"];
+
+fn press(settings: &Settings, young: f64) -> Press {
+    Press { cells: settings.cells, young, ..Press::default() }
+}
+
+/// In short only what a user gets and the plainest.
+fn preconditioners(settings: &Settings) -> impl Iterator<Item = &'static (&'static str, Preconditioner)> {
+    let is_quick = settings.is_quick;
+    PRECONDITIONERS.iter().filter(move |(_, kind)| !is_quick || *kind != Preconditioner::Coarse)
+}
+
+/// Residual to stop at, with every preconditioner, on a soft and on a stiff block.
+pub fn by_tolerance(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let of = |young: f64| {
+        preconditioners(settings).flat_map(move |&(name, kind)| {
+            TOLERANCES.map(|tolerance| {
+                let mut scene = press(settings, young).scene();
+                scene.solver.preconditioner = kind;
+                scene.solver.tolerance = tolerance;
+                scene.solver.max_iterations = MANY;
+                let setting = format!("{}, {name} to {tolerance:.0e}", stiffness(young));
+                (young, scene, point(young, setting, name, tolerance))
+            })
+        })
+    };
+    let points = compared(YOUNG.into_iter().flat_map(of).collect(), settings, watch)?;
+    let law = "the error of a linear system is proportionate to its residual".into();
+    let expected = Expected { order: 1.0, law, is_of_shape: true };
+    Ok(Curve {
+        name: "tolerance".into(),
+        title: "Solver tolerance and preconditioner".into(),
+        question: question(
+            "How small a residual does the force need, and which preconditioner gets there first?",
+            settings,
+        ),
+        knob: "relative residual to stop at".into(),
+        stage: STAGES.concat(),
+        order_reason: order_reason(&points),
+        span_reason: SINGLE.into(),
+        points,
+        expected: Some(expected),
+        bound: BOUND,
+        ..Curve::default()
+    })
+}
+
+/// Iterations at most, to a tolerance that few of them reach.
+pub fn by_iterations(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
+    let of = |young: f64| {
+        CAPS.map(|cap| {
+            let mut scene = press(settings, young).scene();
+            scene.solver.tolerance = TIGHT;
+            scene.solver.max_iterations = cap;
+            let setting = format!("{}, at most {cap}", stiffness(young));
+            (young, scene, point(young, setting, "auto", cap.into()))
+        })
+    };
+    let points = compared(YOUNG.into_iter().flat_map(of).collect(), settings, watch)?;
+    Ok(Curve {
+        name: "iterations".into(),
+        title: "Cap on the solver's iterations".into(),
+        span_reason: SINGLE.into(),
+        share: "conjugate gradients, by the condition of the system".into(),
+        question: question("What is lost where a step may not take the iterations that it needs?", settings),
+        knob: "iterations at most".into(),
+        stage: STAGES.concat(),
+        points,
+        bound: BOUND,
+        ..Curve::default()
+    })
+}
+
+/// Why a shape's error may not fall with the residual: where a preconditioner leaves much less of it than Jacobi's at the
+/// loosest residual, the rest of the way to the floor is short.
+fn order_reason(points: &[Point]) -> String {
+    let lines = points.chunk_by(|a, b| (&a.panel, &a.line) == (&b.panel, &b.line)).filter_map(|own| own.first());
+    let lines: Vec<(&Point, f64)> = lines.filter_map(|point| Some((point, point.displacement_error?))).collect();
+    let less = |(point, error): &(&Point, f64)| {
+        let jacobi =
+            lines.iter().find(|(other, _)| other.panel == point.panel && other.line == PRECONDITIONERS[0].0)?;
+        let times = jacobi.1 / error;
+        (times > MUCH).then(|| format!("{times:.0} times less with {} at {}", point.line, point.panel))
+    };
+    let less: Vec<String> = lines.iter().filter_map(less).collect();
+    if less.is_empty() {
+        return "few settings lie between the loosest and the floor of single precision".into();
+    }
+    format!(
+        "the residual is weighed by the diagonal alone and hardly sees the smooth errors that make a shape; the coarse level \
+         takes these first, so that the loosest residual leaves less of the shape's error than Jacobi's ({}), and the way to \
+         the floor of single precision is short",
+        less.join(", ")
+    )
+}
+
+fn point(young: f64, setting: String, line: &str, value: f64) -> Point {
+    Point { setting, line: line.into(), panel: stiffness(young), value, ..Point::default() }
+}
+
+fn question(asked: &str, settings: &Settings) -> String {
+    format!(
+        "{asked} A sphere is pressed 5 mm into a block with a fixed bottom ({} tetrahedra, {} steps of 1 ms), against f64 \
+         steps solved directly.",
+        press(settings, 1.0).tetrahedra(),
+        settings.steps
+    )
+}
+
+fn compared(all: Vec<(f64, Scene, Point)>, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Point>> {
+    let options = settings.options();
+    let mut references: Vec<(f64, Reference)> = Vec::new();
+    for young in YOUNG {
+        watch(&format!("reference at {}", stiffness(young)));
+        references.push((young, reference(&press(settings, young).scene(), settings.steps, &options)?));
+    }
+    let youngs: Vec<f64> = all.iter().map(|(young, ..)| *young).collect();
+    let entrants = all.into_iter().map(|(_, scene, point)| Entrant { point, scene, steps: settings.steps }).collect();
+    let rules = settings.rules(STAGES, &options);
+    race(entrants, &rules, watch, &mut |index, run| {
+        let own = references.iter().find(|(young, _)| *young == youngs[index]);
+        own.map_or((None, None), |(_, reference)| reference.errors(run))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_coarse_level_is_blamed_only_where_it_leaves_less() {
+        let at = |line: &str, error| Point { displacement_error: Some(error), ..point(2e6, String::new(), line, 0.1) };
+        let told = order_reason(&[at("jacobi", 1.2e-3), at("jacobi", 1e-4), at("auto", 1e-4)]);
+        assert!(told.contains("12 times less with auto at 2 MPa"), "{told}");
+        let told = order_reason(&[at("jacobi", 1.2e-3), at("auto", 1.2e-3)]);
+        assert!(told.starts_with("few settings") && !told.contains("coarse level"), "{told}");
+    }
+}

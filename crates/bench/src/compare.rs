@@ -1,0 +1,276 @@
+//! Two results side by side: how many times as long each thing takes now, and whether that is more than noise; and whether
+//! errors, iterations, passes, memory or flags grew, which have none.
+
+mod series;
+
+use std::collections::BTreeMap;
+
+use series::{Series, series_of};
+
+use super::samples::HANDS;
+use super::suite::Results;
+use super::{Table, median};
+use palpate::{Error, Result};
+
+/// Slower by less than this beyond the spread of both is no regression: so much the same program differs on a busy machine.
+const ALLOWED: f64 = 0.10;
+/// Errors are the same bits on the same device; of another, they may be so much greater.
+const ALLOWED_ERROR: f64 = 0.10;
+/// Errors below this are rounding.
+const ROUNDING: f64 = 1e-6;
+/// Memory and passes may grow by this: what alignment makes of them.
+const ALLOWED_SIZE: f64 = 0.02;
+/// Iterations may: a last bit may take one more.
+const ALLOWED_ITERATIONS: f64 = 0.25;
+/// Ranges of fewer rounds, or hands, do not overlap too often by chance: of five and five once in 252 comparisons.
+const LEAST_ROUNDS: usize = HANDS;
+/// Of so many times and more, one is slower only where its ratio is out of the ordinary among all of them ...
+const CROWD: usize = 8;
+/// ... by so many of their standard deviations, told from the median of their distances from the median.
+const DEVIATIONS: f64 = 4.0;
+/// A part is slower where the median of its times is by this, and most of them are by [`ALLOWED`].
+const ALLOWED_PART: f64 = 0.15;
+/// Of a part's times.
+const MOST: f64 = 0.75;
+
+/// What is compared, now and before.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    /// Where it stands in `results.json`: `solver/block10k-20kPa-1ms/runs/jacobi 1e-5/step_us`; of a part as a whole its name.
+    pub path: String,
+    /// What it is.
+    pub kind: Kind,
+    /// The old one: of a time the median of its rounds, us.
+    pub old: f64,
+    /// The new one.
+    pub new: f64,
+    /// New over old, less what the machine's own speed has of it: the fastest round over the slowest, the medians, the slowest
+    /// over the fastest.
+    pub ratio: [f64; 3],
+    /// Whether even the first of these is above 1 by more than is allowed, or there are too few rounds to say.
+    pub verdict: Verdict,
+}
+
+/// What is compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Samples, us.
+    Time,
+    /// The median ratio of all times of a part.
+    Part,
+    /// Of a force, of displacements.
+    Error,
+    /// Of the solver, of a step or of all.
+    Iterations,
+    /// Passes or bytes.
+    Size,
+    /// How many kinds were raised.
+    Flags,
+}
+
+/// What a ratio says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Slower, more, or a greater error, beyond noise.
+    Worse,
+    /// Faster, less, or a smaller error, beyond noise.
+    Better,
+    /// Within noise.
+    Same,
+    /// Too few samples.
+    Unjudged,
+}
+
+/// All that both have, and what only one has. Errors: they were measured with other settings.
+pub fn compare(old: &Results, new: &Results) -> Result<(Vec<Comparison>, Vec<String>)> {
+    for (name, measured) in &old.benchmarks {
+        let differs = new.benchmarks.get(name).is_some_and(|other| other["settings"] != measured["settings"]);
+        if differs || old.head.is_quick != new.head.is_quick {
+            let problem = format!("`{name}` was measured with other settings than what it is to be compared with");
+            return Err(Error::Usage(format!("{problem}; measure both alike, with or without --quick")));
+        }
+    }
+    let (before, mut now) = (series_of(old), series_of(new));
+    let (mut all, mut lonely) = (Vec::new(), Vec::new());
+    for (path, old_series) in before {
+        match now.remove(&path) {
+            Some(series) => all.extend(Comparison::new(&path, &old_series, &series, machine(old, new, part_of(&path)))),
+            None => lonely.push(path),
+        }
+    }
+    lonely.extend(now.into_keys());
+    excuse_the_ordinary(&mut all);
+    all.extend(parts(&all));
+    Ok((all, lonely))
+}
+
+/// Benchmark and part of a path.
+fn part_of(path: &str) -> &str {
+    let end = path.match_indices('/').nth(1).map_or(path.len(), |(at, _)| at);
+    &path[..end]
+}
+
+/// How many times as long the machine itself took for the same work while a part was measured: at least, the median, at
+/// most. 1 where nothing is known of it.
+fn machine(old: &Results, new: &Results, part: &str) -> [f64; 3] {
+    match (old.gauge(part), new.gauge(part)) {
+        (Some(old), Some(new)) => [low(&new) / high(&old), median(&new) / median(&old), high(&new) / low(&old)],
+        _ => [1.0; 3],
+    }
+}
+
+fn low(all: &[f64]) -> f64 {
+    all.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+fn high(all: &[f64]) -> f64 {
+    all.iter().copied().fold(0.0, f64::max)
+}
+
+impl Comparison {
+    /// `None`: they are not of one kind. `machine`: see [`machine`].
+    fn new(path: &str, old: &Series, new: &Series, machine: [f64; 3]) -> Option<Comparison> {
+        let (kind, old, new, ratio, verdict) = match (old, new) {
+            (Series::Times(old), Series::Times(new)) => {
+                let ratio = [
+                    low(new) / high(old) / machine[2],
+                    median(new) / median(old) / machine[1],
+                    high(new) / low(old) / machine[0],
+                ];
+                let is_judged = old.len().min(new.len()) >= LEAST_ROUNDS && low(old) > 0.0;
+                let verdict = if is_judged { beyond(ratio, ALLOWED) } else { Verdict::Unjudged };
+                (Kind::Time, median(old), median(new), ratio, verdict)
+            }
+            (Series::Error(old), Series::Error(new)) => {
+                let verdict = match (old.is_nan(), new.is_nan()) {
+                    (true, true) => Verdict::Same,
+                    // An error that is no number any more is the worst of all.
+                    (false, true) => Verdict::Worse,
+                    (true, false) => Verdict::Better,
+                    _ if old.max(*new) < ROUNDING => Verdict::Same,
+                    _ => beyond([new / old; 3], ALLOWED_ERROR),
+                };
+                (Kind::Error, *old, *new, [new / old; 3], verdict)
+            }
+            (Series::Iterations(old), Series::Iterations(new)) => {
+                (Kind::Iterations, *old, *new, [new / old; 3], beyond([new / old; 3], ALLOWED_ITERATIONS))
+            }
+            (Series::Size(old), Series::Size(new)) => {
+                (Kind::Size, *old, *new, [new / old; 3], beyond([new / old; 3], ALLOWED_SIZE))
+            }
+            (Series::Flags(old), Series::Flags(new)) => {
+                let has_more = |a: &[String], b: &[String]| a.iter().any(|flag| !b.contains(flag));
+                let verdict = match (has_more(new, old), has_more(old, new)) {
+                    (true, _) => Verdict::Worse,
+                    (false, true) => Verdict::Better,
+                    (false, false) => Verdict::Same,
+                };
+                let [old, new] = [old.len() as f64, new.len() as f64];
+                (Kind::Flags, old, new, [new / old; 3], verdict)
+            }
+            _ => return None,
+        };
+        Some(Comparison { path: path.into(), kind, old, new, ratio, verdict })
+    }
+}
+
+/// Whether all of a ratio is beyond what is allowed.
+fn beyond([from, _, to]: [f64; 3], allowed: f64) -> Verdict {
+    if from > 1.0 + allowed {
+        Verdict::Worse
+    } else if to * (1.0 + allowed) < 1.0 {
+        Verdict::Better
+    } else {
+        Verdict::Same
+    }
+}
+
+/// The spread within a run is not all of the noise: a run is also slower or faster than another as a whole, some of its parts
+/// more than others. Where there are many times, their own ratios tell how much.
+fn excuse_the_ordinary(all: &mut [Comparison]) {
+    let judged = |c: &&Comparison| c.kind == Kind::Time && c.verdict != Verdict::Unjudged && c.ratio[1] > 0.0;
+    let logs: Vec<f64> = all.iter().filter(judged).map(|c| c.ratio[1].ln()).collect();
+    if logs.len() < CROWD {
+        return;
+    }
+    let middle = median(&logs);
+    // Of a normal distribution the standard deviation is 1.4826 times that.
+    let deviation = 1.4826 * median(&logs.iter().map(|x| (x - middle).abs()).collect::<Vec<_>>());
+    for c in all.iter_mut().filter(|c| c.kind == Kind::Time) {
+        let distance = c.ratio[1].ln() - middle;
+        let is_ordinary = distance.abs() <= DEVIATIONS * deviation;
+        if is_ordinary && matches!(c.verdict, Verdict::Worse | Verdict::Better) {
+            c.verdict = Verdict::Same;
+        }
+    }
+}
+
+/// Each part as a whole, of those that have as many times as a spread takes.
+fn parts(all: &[Comparison]) -> Vec<Comparison> {
+    let mut by_part: BTreeMap<&str, Vec<&Comparison>> = BTreeMap::new();
+    for c in all.iter().filter(|c| c.kind == Kind::Time && c.verdict != Verdict::Unjudged) {
+        by_part.entry(part_of(&c.path)).or_default().push(c);
+    }
+    let of = |(part, own): (&str, Vec<&Comparison>)| {
+        let ratios: Vec<f64> = own.iter().map(|c| c.ratio[1]).collect();
+        let share = |is: &dyn Fn(f64) -> bool| ratios.iter().filter(|x| is(**x)).count() as f64 / ratios.len() as f64;
+        let middle = median(&ratios);
+        let verdict = match beyond([middle; 3], ALLOWED_PART) {
+            Verdict::Worse if share(&|x| x > 1.0 + ALLOWED) < MOST => Verdict::Same,
+            Verdict::Better if share(&|x| x * (1.0 + ALLOWED) < 1.0) < MOST => Verdict::Same,
+            verdict => verdict,
+        };
+        let sum = |of: &dyn Fn(&Comparison) -> f64| own.iter().map(|c| of(c)).sum::<f64>();
+        Comparison {
+            path: part.into(),
+            kind: Kind::Part,
+            old: sum(&|c| c.old),
+            new: sum(&|c| c.new),
+            ratio: [low(&ratios), middle, high(&ratios)],
+            verdict,
+        }
+    };
+    by_part.into_iter().filter(|(_, own)| own.len() >= LEAST_ROUNDS).map(of).collect()
+}
+
+/// A row each; those that are worse first, then better ones, then by name.
+pub fn table(all: &[Comparison]) -> Table {
+    let mut sorted: Vec<&Comparison> = all.iter().collect();
+    let rank = |verdict| match verdict {
+        Verdict::Worse => 0,
+        Verdict::Better => 1,
+        Verdict::Same => 2,
+        Verdict::Unjudged => 3,
+    };
+    sorted.sort_by_key(|c| rank(c.verdict));
+    let mut table = Table::new(["what", "old", "new", "ratio", "from", "to", "verdict"]);
+    for Comparison { path, kind, old, new, ratio, verdict } in sorted {
+        let number = |x: f64| match kind {
+            Kind::Time | Kind::Part => format!("{x:.1} us"),
+            Kind::Error => format!("{x:.2e}"),
+            Kind::Iterations => format!("{x:.1}"),
+            Kind::Size | Kind::Flags => format!("{x}"),
+        };
+        let words = match kind {
+            Kind::Time | Kind::Part => ["slower", "faster"],
+            Kind::Error => ["greater error", "smaller error"],
+            Kind::Iterations | Kind::Size => ["more", "less"],
+            Kind::Flags => ["new flags", "fewer flags"],
+        };
+        let verdict = match verdict {
+            Verdict::Worse => words[0],
+            Verdict::Better => words[1],
+            Verdict::Same => "same",
+            Verdict::Unjudged => "too few samples",
+        };
+        let path = if *kind == Kind::Part { format!("{path}, all times") } else { path.clone() };
+        let mut row = vec![path, number(*old), number(*new)];
+        row.extend([ratio[1], ratio[0], ratio[2]].map(|x| format!("{x:.2}")));
+        row.push(verdict.into());
+        table.rows.push(row);
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests;

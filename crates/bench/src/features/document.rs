@@ -1,0 +1,101 @@
+//! The report of the features.
+
+use super::{Cost, Feature, Run};
+use palpate::Result;
+use crate::plot::Bar;
+use crate::plot;
+use crate::{Section, Table};
+
+/// The table, a bar for each of the two, and what was found.
+pub fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
+    let heads = [
+        "feature",
+        "compared",
+        "with, ms",
+        "without, ms",
+        "ratio",
+        "iterations",
+        "ratio an iteration",
+        "with, MB",
+        "without, MB",
+        "passes",
+        "dependent",
+        "not used",
+    ];
+    let mut table = Table::new(heads);
+    let mut bars = Vec::new();
+    for (feature, cost) in costs {
+        let Cost { with, without, .. } = cost;
+        let pair = |of: fn(&Run) -> u32| format!("{} / {}", of(with), of(without));
+        let megabytes = |run: &Run| format!("{:.2}", 1e-6 * run.plan.bytes_device as f64);
+        table.rows.push(vec![
+            feature.name().into(),
+            feature.question().into(),
+            format!("{:.2}", with.ms()),
+            format!("{:.2}", without.ms()),
+            format!("{:.2}", with.ms() / without.ms()),
+            format!("{:.0} / {:.0}", with.mean_iterations(), without.mean_iterations()),
+            format!("{:.2}", with.ms_an_iteration() / without.ms_an_iteration()),
+            megabytes(with),
+            megabytes(without),
+            pair(|run| run.plan.passes),
+            pair(|run| run.plan.dependent_passes),
+            match cost.is_free_when_idle() {
+                Some(true) => "identical".into(),
+                Some(false) => "NOT identical".into(),
+                None => "-".into(),
+            },
+        ]);
+        for (run, kind, what) in [(with, 0, "with"), (without, 1, "without")] {
+            bars.push(Bar { name: format!("{what} {}", feature.name()), length: run.ms(), kind });
+        }
+    }
+    Ok(Section {
+        title: "Time and memory of a step with each feature, and without it".into(),
+        question:
+            "What does a feature cost where it is used, and where it is not? Iterations (of a step, mean), passes and dependent \
+             passes are with and without it; time over iterations leaves out that one may make systems harder to solve. `not used`: \
+             whether a simulation in which it is switched off has the pass list, arrays and bytes of one that never heard of it \
+             (friction, damping: written as zero; coarse level: Jacobi asked for where the body is too soft for another; stiffness, timestamps: used \
+             before); `-`: a scene that does without says nothing of it."
+                .into(),
+        table,
+        plot: Some(plot::bars("ms a step", &bars)?),
+        finding: finding(costs),
+        notes: vec![format!("What each has beyond the step without it: {}.", beyond(costs))],
+    })
+}
+
+fn beyond(costs: &[(Feature, Cost)]) -> String {
+    let one = |(feature, cost): &(Feature, Cost)| {
+        format!("{}: {}", feature.name(), cost.with.plan.beyond(&cost.without.plan))
+    };
+    costs.iter().map(one).collect::<Vec<_>>().join("; ")
+}
+
+/// The dearest in time, and in memory, and whether what is not used costs nothing.
+fn finding(costs: &[(Feature, Cost)]) -> String {
+    let time = |cost: &Cost| cost.with.ms() / cost.without.ms();
+    let bytes = |cost: &Cost| cost.with.plan.bytes_device as f64 / cost.without.plan.bytes_device.max(1) as f64;
+    let most = |of: &dyn Fn(&Cost) -> f64| costs.iter().max_by(|a, b| of(&a.1).total_cmp(&of(&b.1)));
+    let (Some((slow, a)), Some((large, b))) = (most(&time), most(&bytes)) else { return String::new() };
+    let (mut free, mut not) = (0, Vec::new());
+    for (feature, cost) in costs {
+        match cost.is_free_when_idle() {
+            Some(true) => free += 1,
+            Some(false) => not.push(feature.name()),
+            None => (),
+        }
+    }
+    let idle = match not.as_slice() {
+        [] => format!("all {free} that can be switched off cost nothing then"),
+        not => format!("NOT free when switched off: {}", not.join(", ")),
+    };
+    format!(
+        "Dearest in time is {} ({:.2} times the step without), in memory {} ({:.2} times); {idle}.",
+        slow.name(),
+        time(a),
+        large.name(),
+        bytes(b)
+    )
+}

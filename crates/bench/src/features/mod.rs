@@ -1,0 +1,249 @@
+//! `palpate bench features`: what each feature costs in time and memory, switched off one by one; and that one which is not
+//! used costs nothing.
+
+mod document;
+mod plan;
+mod scenes;
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+pub use plan::Plan;
+pub use scenes::Feature;
+
+use super::suite::{from_value, to_value};
+use super::{Benchmark, Section, median};
+use palpate::gpu::Options;
+use palpate::scene::Scene;
+use palpate::step::Held;
+use palpate::step::RigidState;
+use palpate::step::Simulation;
+use palpate::step::StepReport;
+use palpate::{Error, Result};
+
+/// Of the scenes, s.
+const STEP: f64 = 0.001;
+
+/// How much is measured.
+#[derive(Debug, Clone, Serialize)]
+pub struct Settings {
+    /// Steps before those that count: until the tool is pressed in.
+    pub warm_up: usize,
+    /// Rounds; in each, both take their turn.
+    pub rounds: usize,
+    /// Steps of each in a round.
+    pub steps: usize,
+    /// Device, by name or index; `None`: the best.
+    pub device: Option<String>,
+}
+
+impl Settings {
+    /// Some minutes.
+    pub fn full() -> Settings {
+        Settings { warm_up: 30, rounds: 10, steps: 20, device: None }
+    }
+
+    /// A first look.
+    pub fn quick() -> Settings {
+        Settings { warm_up: 22, rounds: 3, steps: 5, ..Settings::full() }
+    }
+}
+
+/// A scene with the feature, or without it.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Run {
+    /// Microseconds, a step each, for each round.
+    pub step_us: Vec<Vec<f64>>,
+    /// What a step is made of.
+    pub plan: Plan,
+    /// Iterations of all steps that count.
+    pub iterations: u64,
+}
+
+/// A feature's cost.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Cost {
+    /// With it.
+    pub with: Run,
+    /// Without it.
+    pub without: Run,
+    /// Two simulations that cost the same where a feature that is not used costs nothing: one in which it is switched off, and
+    /// one that never heard of it; `None`: a scene that does not want it says nothing of it, and has no way to.
+    pub idle: Option<[Plan; 2]>,
+}
+
+impl Cost {
+    /// Whether a feature that is not used costs nothing; `None`: it cannot be switched off.
+    pub fn is_free_when_idle(&self) -> Option<bool> {
+        self.idle.as_ref().map(|[off, never]| off == never)
+    }
+}
+
+impl Run {
+    /// Median over the steps of a round, the median of those, ms.
+    pub fn ms(&self) -> f64 {
+        median(&self.step_us.iter().map(|round| 1e-3 * median(round)).collect::<Vec<_>>())
+    }
+
+    /// Milliseconds over iterations, of a step.
+    fn ms_an_iteration(&self) -> f64 {
+        self.ms() / self.mean_iterations()
+    }
+
+    /// Of a step that counts.
+    fn mean_iterations(&self) -> f64 {
+        let steps: usize = self.step_us.iter().map(Vec::len).sum();
+        self.iterations as f64 / steps.max(1) as f64
+    }
+}
+
+/// The benchmark: a part a feature.
+pub struct Features(pub Settings);
+
+impl Benchmark for Features {
+    fn name(&self) -> &'static str {
+        "features"
+    }
+
+    fn title(&self) -> &'static str {
+        "What a feature costs"
+    }
+
+    fn settings(&self) -> Result<Value> {
+        to_value(&self.0)
+    }
+
+    fn parts(&self) -> Vec<String> {
+        Feature::ALL.map(|feature| feature.name().into()).to_vec()
+    }
+
+    fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
+        let unknown = || Error::Usage(format!("no feature `{part}`; --list shows all"));
+        let feature = Feature::ALL.into_iter().find(|feature| feature.name() == part).ok_or_else(unknown)?;
+        watch(part);
+        to_value(&cost(feature, &self.0)?)
+    }
+
+    fn preface(&self, settings: &Value) -> Result<String> {
+        let number = |key: &str| settings[key].as_u64().unwrap_or(0);
+        Ok(format!(
+            "The smallest scene that shows a feature, with and without it, in turns: {} steps that do not count, then {} rounds \
+             of {} steps each; medians of a round, and of those. Passes are those of a step of {} solver iterations.",
+            number("warm_up"),
+            number("rounds"),
+            number("steps"),
+            plan::ITERATIONS
+        ))
+    }
+
+    fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
+        let costs = costs(parts)?;
+        if costs.is_empty() { Ok(Vec::new()) } else { Ok(vec![document::section(&costs)?]) }
+    }
+
+    fn faults(&self, parts: &Map<String, Value>) -> Result<Vec<String>> {
+        let bad = costs(parts)?.into_iter().filter(|(_, cost)| cost.is_free_when_idle() == Some(false));
+        Ok(bad.map(|(feature, _)| format!("{}: is not used, and costs something", feature.name())).collect())
+    }
+}
+
+fn costs(parts: &Map<String, Value>) -> Result<Vec<(Feature, Cost)>> {
+    let known = Feature::ALL.into_iter().filter_map(|feature| Some((feature, parts.get(feature.name())?)));
+    known.map(|(feature, value)| Ok((feature, from_value(value)?))).collect()
+}
+
+/// One of the two under way.
+struct Side {
+    simulation: Simulation,
+    /// A loop holds the tool, with stiffness and damping asked for in every step, or in the first of them alone.
+    held: Option<(Held, bool)>,
+    run: Run,
+}
+
+impl Side {
+    fn open(feature: Feature, with: bool, settings: &Settings) -> Result<Side> {
+        let scene = feature.scene(with)?;
+        let mut simulation = open(&scene, settings)?;
+        simulation.time_every(u64::from(feature == Feature::Timestamps && with))?;
+        let run = Run { plan: Plan::of(&simulation), ..Run::default() };
+        let held = (feature == Feature::Stiffness).then(|| held(&scene)).flatten().map(|held| (held, with));
+        Ok(Side { simulation, held, run })
+    }
+
+    /// Steps that do not count: those that the scene's keys take, and one that hands the tool to the loop, if there is one.
+    fn warm_up(&mut self, count: usize) -> Result<()> {
+        (0..count).try_for_each(|_| self.simulation.step().map(drop))?;
+        self.step_held().map(drop)
+    }
+
+    /// A step in which stiffness and damping are asked for; `None`: there is no loop.
+    fn step_held(&mut self) -> Result<Option<StepReport>> {
+        let Some((held, _)) = &self.held else { return Ok(None) };
+        // The loop has the tool wherever the simulation has it, so that both sides go the same way.
+        let now = self.simulation.tool().map(|tool| RigidState {
+            position: tool.centre,
+            orientation: tool.orientation,
+            velocity: tool.velocity,
+            angular_velocity: tool.angular_velocity,
+        });
+        let held = Held { tool: now.unwrap_or(held.tool), ..*held };
+        self.simulation.step_held(&held, STEP).map(Some)
+    }
+
+    /// A round.
+    fn steps(&mut self, count: usize) -> Result<()> {
+        let mut times = Vec::with_capacity(count);
+        for _ in 0..count {
+            let begun = Instant::now();
+            let asked = if self.held.as_ref().is_some_and(|(_, with)| *with) { self.step_held()? } else { None };
+            let row = asked.map_or_else(|| self.simulation.step(), Ok)?;
+            times.push(begun.elapsed().as_secs_f64() * 1e6);
+            self.run.iterations += u64::from(row.iterations);
+        }
+        self.run.step_us.push(times);
+        Ok(())
+    }
+}
+
+fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
+    let options = Options { device: settings.device.clone(), one_thread: true, ..Options::default() };
+    Simulation::new(scene, &options, None)
+}
+
+/// A loop whose device stays where the keys end.
+fn held(scene: &Scene) -> Option<Held> {
+    let last = scene.drive.last()?;
+    let state = RigidState::at_rest(last.position, last.orientation);
+    Some(Held { ticks: 0, time: 0.0, device: state, tool: state, coupling: scene.coupling, max_force: f64::INFINITY })
+}
+
+fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
+    let [mut with, mut without] = [Side::open(feature, true, settings)?, Side::open(feature, false, settings)?];
+    with.warm_up(settings.warm_up)?;
+    without.warm_up(settings.warm_up)?;
+    for round in 0..settings.rounds {
+        // First the one, then the other goes first.
+        let order = if round % 2 == 0 { [&mut with, &mut without] } else { [&mut without, &mut with] };
+        for side in order {
+            side.steps(settings.steps)?;
+        }
+    }
+    let idle = match feature.idle()? {
+        Some(scenes::Idle::Scenes(both)) => {
+            let [off, never] = both.each_ref().map(|scene| open(scene, settings).map(|s| Plan::of(&s)));
+            Some([off?, never?])
+        }
+        // What is asked for step by step: it was used, and is so no more.
+        Some(scenes::Idle::Again(scene)) => {
+            with.simulation.time_every(0)?;
+            with.simulation.step()?;
+            let mut never = open(&scene, settings)?;
+            never.time_every(0)?;
+            Some([Plan::of(&with.simulation), Plan::of(&never)])
+        }
+        None => None,
+    };
+    Ok(Cost { with: with.run, without: without.run, idle })
+}

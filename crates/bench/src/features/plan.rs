@@ -1,0 +1,79 @@
+//! What a step is made of: all that a feature can cost without being run.
+
+use serde::{Deserialize, Serialize};
+
+use palpate::step::Simulation;
+
+/// Solver iterations of the step whose passes are counted.
+pub const ITERATIONS: u32 = 16;
+
+/// Passes and memory of a step; two that are equal record the same and allocate the same.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Kernels, fills and copies in their order, and how often each runs in a step of [`ITERATIONS`].
+    pub kernels: Vec<(String, f64)>,
+    /// Arrays, and their bytes.
+    pub arrays: Vec<(String, u64)>,
+    /// Passes of such a step.
+    pub passes: u32,
+    /// Those of them that wait for an earlier one.
+    pub dependent_passes: u32,
+    /// Memory on the device, as the driver gives it out.
+    pub bytes_device: u64,
+}
+
+impl Plan {
+    /// As the recordings have it.
+    pub fn of(simulation: &Simulation) -> Plan {
+        let explained = simulation.explain(ITERATIONS);
+        let kernels = explained.stages.iter().flat_map(|stage| &stage.kernels).filter(|kernel| kernel.recorded);
+        let arrays = explained.stages.iter().flat_map(|stage| &stage.arrays);
+        Plan {
+            kernels: kernels.map(|kernel| (kernel.kernel.clone(), kernel.passes)).collect(),
+            arrays: arrays.map(|array| (array.name.clone(), array.bytes)).collect(),
+            passes: explained.passes,
+            dependent_passes: explained.dependent_passes,
+            // Together with recordings and what is mapped.
+            bytes_device: simulation.context().bytes_allocated(),
+        }
+    }
+
+    /// What it has beyond another, in words.
+    pub fn beyond(&self, other: &Plan) -> String {
+        let new: Vec<&str> = self
+            .kernels
+            .iter()
+            .filter(|(name, _)| other.kernels.iter().all(|(known, _)| known != name))
+            .map(|(name, _)| name.as_str())
+            .collect();
+        let larger = self.arrays.iter().filter(|(name, bytes)| {
+            let known = other.arrays.iter().find(|(known, _)| known == name);
+            known.is_none_or(|(_, other)| bytes > other)
+        });
+        let kernels = if new.is_empty() { "no kernel".into() } else { new.join(", ") };
+        let bytes = self.bytes_device.saturating_sub(other.bytes_device);
+        match (larger.count(), bytes) {
+            (0, 0) => format!("{kernels}, no memory"),
+            (arrays, bytes) => format!("{kernels}, {:.1} kB, {arrays} arrays new or larger", 1e-3 * bytes as f64),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_plan_has_beyond_another() {
+        let plan = |kernels: &[&str], arrays: &[(&str, u64)]| Plan {
+            kernels: kernels.iter().map(|name| (name.to_string(), 1.0)).collect(),
+            arrays: arrays.iter().map(|(name, bytes)| (name.to_string(), *bytes)).collect(),
+            bytes_device: arrays.iter().map(|(_, bytes)| bytes).sum(),
+            ..Plan::default()
+        };
+        let small = plan(&["a"], &[("x", 1000), ("y", 1000)]);
+        let large = plan(&["a", "b"], &[("x", 1000), ("y", 3000), ("z", 500)]);
+        assert_eq!(large.beyond(&small), "b, 2.5 kB, 2 arrays new or larger");
+        assert_eq!(small.beyond(&large), "no kernel, no memory");
+    }
+}

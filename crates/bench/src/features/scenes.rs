@@ -1,0 +1,168 @@
+//! The smallest scenes that show a feature, with it and without it.
+
+use std::path::Path;
+
+use palpate::Result;
+use palpate::scene::Scene;
+
+/// A feature that can be left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Feature {
+    /// Coulomb's, of all contacts.
+    Friction,
+    /// Of the preconditioner.
+    CoarseLevel,
+    /// Vertices of both skins gather contacts.
+    SecondSide,
+    /// By mass and by stiffness.
+    Damping,
+    /// A skin of ten times as many vertices.
+    Skin,
+    /// Between cores.
+    Joints,
+    /// The wrench's, for a loop.
+    Stiffness,
+    /// Times of the stages in every step.
+    Timestamps,
+}
+
+impl Feature {
+    /// All of them, in the order of the report.
+    pub const ALL: [Feature; 8] = [
+        Feature::Friction,
+        Feature::CoarseLevel,
+        Feature::SecondSide,
+        Feature::Damping,
+        Feature::Skin,
+        Feature::Joints,
+        Feature::Stiffness,
+        Feature::Timestamps,
+    ];
+
+    /// Its name, and that of its part.
+    pub fn name(self) -> &'static str {
+        match self {
+            Feature::Friction => "friction",
+            Feature::CoarseLevel => "coarse-level",
+            Feature::SecondSide => "second-side",
+            Feature::Damping => "damping",
+            Feature::Skin => "high-resolution-skin",
+            Feature::Joints => "joints",
+            Feature::Stiffness => "6x6-stiffness",
+            Feature::Timestamps => "timestamps",
+        }
+    }
+
+    /// What is compared.
+    pub fn question(self) -> &'static str {
+        match self {
+            Feature::Friction => "coefficient 0.5 against none, a sphere pressed into a block",
+            Feature::CoarseLevel => "coarse level against block Jacobi, a sphere pressed into a block of 2 MPa",
+            Feature::SecondSide => "both skins gather contacts against the finer one, a sphere pressed into a head",
+            Feature::Damping => "damped by mass and stiffness against not at all, a sphere pressed into a block",
+            Feature::Skin => "20,000 skin vertices against 2,000 on the same layer, a sphere pressed into a head",
+            Feature::Joints => "two cores of a bar joined against apart, let go",
+            Feature::Stiffness => "asked for in every step against not, a loop that presses a sphere into a block",
+            Feature::Timestamps => "every step timed stage by stage against none, a sphere pressed into a block",
+        }
+    }
+
+    /// The scene; of the last two features it is the same with and without.
+    pub fn scene(self, with: bool) -> Result<Scene> {
+        let pick = |yes: &'static str, no: &'static str| if with { yes } else { no };
+        let text = match self {
+            Feature::Friction => block(pick("friction = 0.5", ""), "", MATERIAL),
+            Feature::CoarseLevel => {
+                let solver = pick("preconditioner = \"coarse\"", "preconditioner = \"jacobi\"");
+                block("", solver, "young = 2e6, poisson = 0.45, density = 1000.0")
+            }
+            Feature::Damping => {
+                let damped =
+                    "young = 2e4, poisson = 0.45, density = 1000.0, damping_mass = 2.0, damping_stiffness = 0.002";
+                block("", "", pick(damped, MATERIAL))
+            }
+            Feature::SecondSide => head(20_000, pick("sides = \"both\"", "sides = \"one\"")),
+            Feature::Skin => head(if with { 20_000 } else { 2_000 }, ""),
+            Feature::Joints => bar(with),
+            Feature::Stiffness | Feature::Timestamps => block("", "", MATERIAL),
+        };
+        Scene::parse(Path::new(self.name()), &text)
+    }
+}
+
+/// How a feature is not used.
+pub enum Idle {
+    /// A scene that switches it off, and one that says nothing of it.
+    Scenes(Box<[Scene; 2]>),
+    /// A scene where it is asked for step by step, and is so no more.
+    Again(Box<Scene>),
+}
+
+impl Feature {
+    /// How a simulation that has heard of it does not use it; `None`: where it is not wanted nothing can be said of it.
+    pub fn idle(self) -> Result<Option<Idle>> {
+        let scene = |text: String| Scene::parse(Path::new(self.name()), &text);
+        let plain = || scene(block("", "", MATERIAL));
+        let off = match self {
+            Feature::Friction => block("friction = 0.0", "", MATERIAL),
+            Feature::CoarseLevel => block("", "preconditioner = \"jacobi\"", MATERIAL),
+            Feature::Damping => block("", "", &format!("{MATERIAL}, damping_mass = 0.0, damping_stiffness = 0.0")),
+            Feature::Stiffness | Feature::Timestamps => return Ok(Some(Idle::Again(plain()?.into()))),
+            Feature::SecondSide | Feature::Skin | Feature::Joints => return Ok(None),
+        };
+        Ok(Some(Idle::Scenes([scene(off)?, plain()?].into())))
+    }
+}
+
+const MATERIAL: &str = "young = 2e4, poisson = 0.45, density = 1000.0";
+/// A hand that holds the tool.
+const COUPLING: &str =
+    "[coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
+
+/// A sphere pressed 4 mm into a block within 20 ms, and held there.
+fn block(contact: &str, solver: &str, material: &str) -> String {
+    format!(
+        "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\n{contact}\n[solver]\n{solver}\n[[body]]\nname = \"block\"\n\
+         layer = {{ box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [12, 8, 12] }}\n\
+         material = {{ {material} }}\n[[body.core]]\nname = \"bottom\"\nmotion = \"fixed\"\n\
+         bind = {{ box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }}\n\
+         [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0502, 0.0]\n{COUPLING}\
+         [drive]\nkeys = [[0.0, 0.0, 0.0502, 0.0], [0.02, 0.0, 0.046, 0.0]]\n"
+    )
+}
+
+/// A sphere pressed into the cheek of a head within 20 ms, and held there.
+fn head(vertices: u32, contact: &str) -> String {
+    format!(
+        "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\n{contact}\n[[body]]\nname = \"head\"\n\
+         surface = {{ model = \"head\", vertices = {vertices} }}\nlayer = {{ cell = 0.015 }}\n\
+         material = {{ {MATERIAL}, damping_stiffness = 0.002 }}\n[[body.core]]\nname = \"skull\"\nmotion = \"fixed\"\n\
+         bind = {{ inset = 0.03 }}\n[tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.03, -0.02, 0.092]\n{COUPLING}\
+         [drive]\nkeys = [[0.0, 0.03, -0.02, 0.092], [0.02, 0.03, -0.02, 0.083]]\n"
+    )
+}
+
+/// A bar with a dynamic core at either end that falls.
+fn bar(joined: bool) -> String {
+    let joint = if joined { "[[body.joint]]\ncores = [\"left\", \"right\"]\npoint = [0.1, 0.01, 0.01]\n" } else { "" };
+    format!(
+        "[[body]]\nname = \"bar\"\nlayer = {{ box = [[0.0, 0.0, 0.0], [0.2, 0.02, 0.02]], cells = [40, 4, 4] }}\n\
+         material = {{ {MATERIAL} }}\n\
+         [[body.core]]\nname = \"left\"\nmotion = \"dynamic\"\nbind = {{ box = [[-1.0, -1.0, -1.0], [0.041, 1.0, 1.0]] }}\n\
+         [[body.core]]\nname = \"right\"\nmotion = \"dynamic\"\nbind = {{ box = [[0.159, -1.0, -1.0], [1.0, 1.0, 1.0]] }}\n{joint}"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scene_is_read() {
+        for feature in Feature::ALL {
+            for with in [true, false] {
+                assert!(feature.scene(with).is_ok(), "{}: {:?}", feature.name(), feature.scene(with).err());
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! Passivity controllers side by side: the session's, Hannaford and Ryu's of 2002, reference energy following (Ryu and others
+//! 2005), and none, on a soft body that is pressed, held and let go of.
+//!
+//! The published two look at the port alone and damp: F' = F - alpha v, alpha = (E_ref - E) / (T v^2), at most what the device
+//! renders, with E the energy that the hand gave and E_ref zero (2002) or what coupling and contact model store (2005).
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::rig::{Mode, PERIOD, Rig, key, tool};
+use super::{Settings, profile};
+use palpate::Result;
+use palpate_devices::hand::HandParameters;
+use palpate::haptics::environment::Cushion;
+use palpate::haptics::event::Event;
+use palpate::haptics::servo::Tick;
+use palpate::haptics::virtual_time::Schedule;
+use palpate::step::{RigidState, Wrench};
+
+/// Bodies, N/m.
+pub const BODIES: [f64; 2] = [300.0, 2000.0];
+/// Rates of the simulation, Hz.
+pub const RATES: [f64; 2] = [8.0, 60.0];
+/// How fast it is pressed, m/s.
+pub const SPEED: f64 = 0.04;
+/// Above the body at the start, and below its surface where the hand means to be, m.
+const WAY: [f64; 2] = [0.005, 0.012];
+/// When the press begins, and how long it is held, s.
+const TIMES: [f64; 2] = [0.3, 3.0];
+
+/// A controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Controller {
+    /// The session's: energy is kept at its source, what is missing at the port is damped.
+    Session,
+    /// Hannaford and Ryu 2002.
+    Observer,
+    /// Ryu, Preusche, Hannaford and Hirzinger 2005.
+    Following,
+    /// None.
+    Off,
+}
+
+impl Controller {
+    /// Every one and its name.
+    pub const ALL: [(Controller, &'static str); 4] = [
+        (Controller::Session, "session"),
+        (Controller::Observer, "Hannaford and Ryu 2002"),
+        (Controller::Following, "reference energy following 2005"),
+        (Controller::Off, "none"),
+    ];
+}
+
+/// A press, and what came of it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Controlled {
+    /// What controlled.
+    pub controller: Controller,
+    /// The device's profile.
+    pub profile: String,
+    /// Of the body, N/m.
+    pub body: f64,
+    /// Of the simulation, Hz.
+    pub rate: f64,
+    /// Whether the way to the body was known before contact.
+    pub gap: bool,
+    /// Played in the last second of the hold, as a share of what springs at rest give.
+    pub share: f64,
+    /// Standard deviation there, N.
+    pub deviation: f64,
+    /// That the hand received more than it gave over all of it, J; of what was lent, what was not repaid.
+    pub net: f64,
+    /// Lent at most, J.
+    pub lent: f64,
+    /// Share of the ticks in which the controller acted.
+    pub acts: f64,
+}
+
+/// All controllers on all bodies at all rates.
+pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Controlled>> {
+    let mut all = Vec::new();
+    for &name in &settings.devices {
+        for (controller, title) in Controller::ALL {
+            watch(&format!("controllers: {title}, {name}"));
+            for (body, rate, gap) in BODIES
+                .into_iter()
+                .flat_map(|body| RATES.into_iter().flat_map(move |rate| [(body, rate, true), (body, rate, false)]))
+            {
+                all.push(press(controller, name, body, rate, gap)?);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// A published controller at the port.
+struct Port {
+    controller: Controller,
+    /// N s/m.
+    most: f64,
+    /// That the hand gave, less what it received, J.
+    energy: f64,
+    last: Option<(DVec3, Wrench)>,
+    acted: u64,
+}
+
+impl Port {
+    /// What is played of what a tick wants.
+    fn control(&mut self, tick: &Tick) -> Wrench {
+        let state = tick.reading.map_or(tick.device, |reading| reading.state);
+        if let Some((position, played)) = self.last {
+            self.energy -= played.force.dot(state.position - position);
+        }
+        let reference = if self.controller == Controller::Following { tick.energy.stored } else { 0.0 };
+        let (missing, square) = (reference - self.energy, state.velocity.length_squared());
+        let mut played = tick.played;
+        if self.controller != Controller::Off && missing > 0.0 && square > 0.0 {
+            played.force -= (missing / (PERIOD * square)).min(self.most) * state.velocity;
+            self.acted += 1;
+        }
+        self.last = Some((state.position, played));
+        played
+    }
+}
+
+fn press(controller: Controller, name: &'static str, body: f64, rate: f64, gap: bool) -> Result<Controlled> {
+    let profile = profile(name)?;
+    let mode = if controller == Controller::Session { Mode::Session } else { Mode::Local };
+    let rig = Rig { profile, hand: HandParameters::default(), mode };
+    let [above, within] = WAY;
+    let way = (above + within) / SPEED;
+    let [begin, hold] = TIMES;
+    let ends = [0.0, begin, begin + way, begin + way + hold, begin + 2.0 * way + hold, begin + 2.0 * way + hold + 0.5];
+    let heights = [above, above, -within, -within, above, above];
+    let keys: Vec<_> = ends.into_iter().zip(heights).map(|(time, y)| key(time, DVec3::Y * y)).collect();
+    let start = tool(DVec3::Y * above);
+    let mut cushion = Cushion { tells_gap: gap, ..Cushion::new(body, start.clone()) };
+    let (felt, most) = (cushion.felt(), profile.damping);
+    let mut port = Port { controller, most, energy: 0.0, last: None, acted: 0 };
+    let control = |tick: &mut Tick| tick.played = port.control(tick);
+    let schedule = Schedule::at(rate, PERIOD);
+    let ticks = match controller {
+        Controller::Session => rig.follow(&keys, &start, &mut cushion, schedule)?,
+        _ => rig.follow_controlled(&keys, &start, &mut cushion, schedule, control)?,
+    };
+    let held = |tick: &&Tick| (ends[3] - 1.0..ends[3]).contains(&tick.time);
+    let forces = ticks.iter().filter(held).map(|tick| tick.played.force.y);
+    let spread = super::rig::Spread::of(forces);
+    let device = ticks.iter().rfind(held).map_or(0.0, |tick| tick.device.position.y);
+    let still = (-device / (1.0 / felt + 1.0 / rig.coupling().stiffness)).min(profile.max_force);
+    let read = |tick: &Tick| tick.reading.map_or(tick.device, |reading: palpate::haptics::Reading| reading.state);
+    let work = |pair: &[Tick]| {
+        let [from, to]: [RigidState; 2] = [read(&pair[0]), read(&pair[1])];
+        pair[0].played.force.dot(to.position - from.position)
+    };
+    let acts = |tick: &&Tick| tick.events.has_any(&[Event::Damped, Event::Unpaid]);
+    let acted = if controller == Controller::Session { ticks.iter().filter(acts).count() as u64 } else { port.acted };
+    Ok(Controlled {
+        controller,
+        profile: name.into(),
+        body,
+        rate,
+        gap,
+        share: spread.mean / still,
+        deviation: spread.deviation,
+        net: ticks.windows(2).map(work).sum(),
+        lent: ticks.iter().map(|tick| tick.energy.lent).fold(0.0, f64::max),
+        acts: acted as f64 / ticks.len().max(1) as f64,
+    })
+}

@@ -1,0 +1,183 @@
+//! Forces held, and forces while sliding.
+
+use super::range;
+use palpate::Result;
+use crate::haptics::hold::{WITHIN, is_still, is_there};
+use crate::haptics::slide::{ALLOWED, ALLOWED_SHARE, SPEED, WAY};
+use crate::haptics::width::{STILL, STILL_SHARE};
+use crate::haptics::{Change, Changes, Held, Met, Mode, Slid, Spread};
+use crate::plot::{Axis, Line, Logarithmic, Panel, lines, panels};
+use crate::{Section, Table};
+
+/// What is less is drawn there, N.
+const DRAWN: f64 = 1e-6;
+/// Points of the slide that are drawn.
+const POINTS: usize = 60;
+
+fn name_of(met: Met) -> String {
+    match met {
+        Met::Wall(stiffness) => format!("wall, {stiffness:.0} N/m"),
+        Met::Head => "head".into(),
+    }
+}
+
+fn quantum([stiffness, damping]: &[f64; 2]) -> String {
+    format!("{:.0} + {:.0}", 1e3 * stiffness, 1e3 * damping)
+}
+
+/// Forces held.
+pub fn holds(holds: &[Held]) -> Result<Section> {
+    let mut table = Table::new(["against", "device", "rate, Hz"]);
+    for (_, name) in Mode::ALL {
+        table.heads.extend([format!("{name}: N"), "noise (swing), mN".into(), "no friction".into()]);
+    }
+    table.heads.extend(["reading's swing, um", "encoder's step, mN"].map(Into::into));
+    for group in holds.chunk_by(|a, b| a.met == b.met && a.profile == b.profile && a.rate == b.rate) {
+        let Some(first) = group.first() else { continue };
+        let mut row = vec![name_of(first.met), first.profile.clone(), format!("{:.0}", first.rate)];
+        for (mode, _) in Mode::ALL {
+            let noise = |f: Spread| format!("{:.2} ({:.2})", 1e3 * f.deviation, 1e3 * f.swing);
+            let held = group.iter().find(|held| held.mode == mode);
+            row.push(held.map_or_else(String::new, |held| format!("{:.3}", held.force.mean)));
+            row.push(held.map_or_else(String::new, |held| noise(held.force)));
+            row.push(held.and_then(|held| held.no_friction).map_or_else(String::new, noise));
+        }
+        row.extend([format!("{:.0}", 1e6 * first.reading.swing), quantum(&first.quantum_forces)]);
+        table.rows.push(row);
+    }
+    let axes = Logarithmic { x: "rate of the simulation, Hz", y: "noise, N", level: Some(STILL) };
+    let drawn: Vec<Panel> = holds.chunk_by(|a, b| a.met == b.met).map(noise).collect();
+    Ok(Section {
+        title: "How still a held force keeps".into(),
+        question: format!(
+            "How much noise is in the force of a person who means to be {:.0} mm deep, over the last of three seconds? Allowed \
+             are {:.0} % of the force or {STILL} N; `noise` is its standard deviation, `swing` from the least to the greatest, \
+             both of all axes together; the same where the device has no friction for the \
+             hand to rest in, against walls alone. The reading's swing is that of the device in a session, and the encoder's step what \
+             one of its quanta is worth by the coupling's stiffness and, over a tick, by its damping. In the plots the worst of all devices; what is below {DRAWN:.0e} N is \
+             drawn there.",
+            1e3 * WITHIN,
+            1e2 * STILL_SHARE
+        ),
+        table,
+        plot: Some(panels(&axes, &drawn)?),
+        finding: hold_finding(holds),
+        ..Section::default()
+    })
+}
+
+/// The worst of all devices by rate, a line each mode; rates as they come.
+fn noise(holds: &[Held]) -> Panel {
+    let short = [(Mode::Session, "session"), (Mode::Local, "local"), (Mode::Raw, "raw")];
+    let line = |(mode, name)| {
+        let mut points: Vec<(f64, f64)> = Vec::new();
+        for held in holds.iter().filter(|held| held.mode == mode && is_there(&held.force)) {
+            let noise = held.force.deviation.max(DRAWN);
+            match points.iter_mut().find(|point| point.0 == held.rate) {
+                Some(point) => point.1 = point.1.max(noise),
+                None => points.push((held.rate, noise)),
+            }
+        }
+        Line { name: String::from(name), points, ..Line::default() }
+    };
+    Panel { title: holds.first().map(|held| name_of(held.met)).unwrap_or_default(), lines: short.map(line).into() }
+}
+
+fn hold_finding(holds: &[Held]) -> String {
+    let of = |(mode, name): (Mode, &str)| {
+        let all = || holds.iter().filter(move |held| held.mode == mode);
+        let [own, slippery] = [|held: &Held| Some(held.force), |held: &Held| held.no_friction]
+            .map(|of| judged(&all().filter_map(|held| Some((held, of(held)?))).collect::<Vec<_>>()));
+        format!("{name} {own}; without friction {slippery}")
+    };
+    format!("Still enough are: {}.", Mode::ALL.map(of).join("; "))
+}
+
+/// How many of forces are still, the noisiest, and how many are none.
+fn judged(forces: &[(&Held, Spread)]) -> String {
+    let still = forces.iter().filter(|(_, force)| is_still(force)).count();
+    let there = || forces.iter().filter(|(_, force)| is_there(force));
+    let gone = forces.len() - there().count();
+    let gone = if gone > 0 { format!(", {gone} left without a force") } else { String::new() };
+    let worst = there().max_by(|a, b| a.1.deviation.total_cmp(&b.1.deviation));
+    let worst = worst.map_or_else(String::new, |(held, force)| {
+        let at = format!("{}, {}, {:.0} Hz", name_of(held.met), held.profile, held.rate);
+        format!(" (the noisiest {:.2} mN of {:.2} N: {at})", 1e3 * force.deviation, force.mean)
+    });
+    format!("{still} of {}{worst}{gone}", forces.len())
+}
+
+/// Forces while sliding.
+pub fn slides(slides: &[Slid]) -> Result<Section> {
+    let mut table = Table::new(["device", "rate, Hz", "loop", "force, N"]);
+    for phase in ["touch", "slide"] {
+        table.heads.extend(["played", "contact", "raw wrench"].map(|what| format!("{phase}: {what}, mN (%)")));
+    }
+    for slid in slides {
+        let name = Mode::ALL.iter().find(|(mode, _)| *mode == slid.mode).map_or("", |(_, name)| name);
+        let cell = |c: &Change| format!("{:.1} ({:.1})", 1e3 * c.newtons, percent(c));
+        let mut row =
+            vec![slid.profile.clone(), format!("{:.0}", slid.rate), name.into(), format!("{:.2}", slid.force.mean)];
+        for changes in [&slid.touch, &slid.slide] {
+            row.extend([&changes.played, &changes.contact, &changes.raw].map(cell));
+        }
+        row.push(quantum(&slid.quantum_forces));
+        table.rows.push(row);
+    }
+    table.heads.push("encoder's step, mN".into());
+    Ok(Section {
+        title: "How far the force jumps while sliding over the head".into(),
+        question: format!(
+            "A person presses the sphere into the cheek of the head of touch-head and slides {:.0} mm along it at {:.0} mm/s, a \
+             step of the engine being as long as the interval between steps. Which change of the force is the furthest beyond \
+             the allowed {:.0} % of the force or {ALLOWED} N (in brackets: of the force there)? Played force and contact from \
+             one tick to the next; the raw wrench, which is kept between steps, from one step to the next. `touch` is all \
+             before the slide, first contact among it. Drawn is the end of the first slide.",
+            1e3 * WAY,
+            1e3 * SPEED,
+            1e2 * ALLOWED_SHARE
+        ),
+        table,
+        plot: slides.first().map(trace).transpose()?,
+        finding: slide_finding(slides),
+        ..Section::default()
+    })
+}
+
+fn percent(change: &Change) -> f64 {
+    if change.force > 0.0 { 1e2 * change.newtons / change.force } else { 0.0 }
+}
+
+fn trace(slid: &Slid) -> Result<String> {
+    let last = &slid.trace[slid.trace.len().saturating_sub(POINTS)..];
+    let line = |k: usize, name: &str| Line {
+        name: name.into(),
+        points: last.iter().map(|point| (point[0] - last[0][0], point[k])).collect(),
+        ..Line::default()
+    };
+    let axis = Axis { label: format!("time, s ({} at {:.0} Hz)", slid.profile, slid.rate), names: Vec::new() };
+    lines(&axis, "force, N", &[line(1, "played"), line(2, "contact"), line(3, "raw")])
+}
+
+fn slide_finding(slides: &[Slid]) -> String {
+    let of = |(mode, name): (Mode, &str)| {
+        let all: Vec<&Slid> = slides.iter().filter(|slid| slid.mode == mode).collect();
+        let there: Vec<&&Slid> = all.iter().filter(|slid| is_there(&slid.force)).collect();
+        let phase = |what: &str, of: fn(&Slid) -> &Changes| {
+            let worst =
+                there.iter().map(|slid| (of(slid).played, slid)).max_by(|a, b| a.0.excess.total_cmp(&b.0.excess))?;
+            let (change, slid) = worst;
+            let kept = there.iter().filter(|slid| of(slid).played.excess <= 1.0).count();
+            let at = format!("{}, {:.0} Hz", slid.profile, slid.rate);
+            let (newtons, share) = (1e3 * change.newtons, percent(&change));
+            Some(format!("{kept} of {} while {what} (at worst {newtons:.1} mN, {share:.1} %: {at})", all.len()))
+        };
+        let phases = [phase("touching", |slid| &slid.touch), phase("sliding", |slid| &slid.slide)];
+        let gone = all.len() - there.len();
+        let gone = (gone > 0).then(|| format!("{gone} of {} left without a force", all.len()));
+        format!("{name} {}", phases.into_iter().flatten().chain(gone).collect::<Vec<_>>().join(", "))
+    };
+    let raw = range(slides.iter().map(|slid| 1e3 * slid.slide.raw.newtons), |x| format!("{x:.1}"));
+    let all = Mode::ALL.map(of).join("; ");
+    format!("Within what is allowed the played force changes: {all}. The raw wrench jumps by {raw} mN while sliding.")
+}

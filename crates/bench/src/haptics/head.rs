@@ -1,0 +1,108 @@
+//! The head of `assets/scenes/touch-head.toml`, and ways over its cheek.
+
+use glam::{DQuat, DVec3};
+
+use super::Settings;
+use super::rig::{MASS, RADIUS};
+use palpate::gpu::Options;
+use palpate::prepare::Shape;
+use palpate::prepare;
+use palpate::scene::{Bind, Core, Dilatation, Law, Layer, Material, Model, Motion, Scene, Surface, Tool, ToolShape};
+use palpate::scene;
+use palpate::step::Simulation;
+use palpate::{Error, Result};
+
+/// Where the cheek is pressed, m.
+pub const CHEEK: [f64; 2] = [0.03, -0.02];
+
+/// The head, and a tool that starts at `centre`.
+pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
+    let material = Material {
+        young: 2e4,
+        poisson: 0.45,
+        density: 1000.0,
+        damping_mass: 0.0,
+        damping_stiffness: 0.002,
+        law: Law::Corotational,
+    };
+    let surface = Surface::Model { model: Model::Head, vertices: settings.vertices };
+    let skull =
+        Core { name: "skull".into(), motion: Motion::Fixed, bind: Some(Bind::Inset(0.03)), mass: None, hinge: None };
+    let body = scene::Body {
+        name: "head".into(),
+        shape: scene::Shape::Soft {
+            surface: Some(surface),
+            layer: Layer::Cell { cell: settings.cell, grade: 1, thickness: None },
+        },
+        hulls: None,
+        scale: 1.0,
+        position: DVec3::ZERO,
+        orientation: DQuat::IDENTITY,
+        velocity: DVec3::ZERO,
+        material: Some(material),
+        collides: None,
+        cores: vec![skull],
+        regions: Vec::new(),
+        dilatation: Dilatation::Element,
+        repair: true,
+        joints: Vec::new(),
+        skeleton: None,
+    };
+    let tool = Tool {
+        shape: ToolShape::Sphere(RADIUS),
+        mass: MASS,
+        position: centre,
+        orientation: DQuat::IDENTITY,
+        velocity: DVec3::ZERO,
+        scale: 1.0,
+        repair: true,
+    };
+    Scene { tool: Some(tool), ..Scene::of_body("head", body) }
+}
+
+/// The engine on a scene; no step is timed by stage, which would take time.
+pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
+    let options = Options { device: settings.device.clone(), ..Options::default() };
+    let mut simulation = Simulation::new(scene, &options, None)?;
+    simulation.time_every(0)?;
+    Ok(simulation)
+}
+
+/// The skin at rest, to find its height in.
+pub struct Skin {
+    vertices: Vec<DVec3>,
+}
+
+impl Skin {
+    /// Of the scene's first body, prepared. Errors: a body that cannot be made, or is not soft.
+    pub fn of(scene: &Scene) -> Result<Skin> {
+        let missing = || Error::Simulation("a scene without a soft body".into());
+        match prepare::body(scene.bodies.first().ok_or_else(missing)?, scene)?.shape {
+            Shape::Soft { skin, .. } => Ok(Skin { vertices: skin.vertices }),
+            _ => Err(missing()),
+        }
+    }
+
+    /// Where the tool's centre is when it first touches a vertex, coming down z at (x, y). Errors: nothing lies beneath.
+    pub fn touch(&self, [x, y]: [f64; 2]) -> Result<DVec3> {
+        let height = |v: &DVec3| {
+            let beside = (v.x - x).powi(2) + (v.y - y).powi(2);
+            (beside < RADIUS * RADIUS).then(|| v.z + (RADIUS * RADIUS - beside).sqrt())
+        };
+        let z = self.vertices.iter().filter_map(height).max_by(f64::total_cmp);
+        let missing = || Error::Simulation(format!("there is no skin below x = {x} m, y = {y} m"));
+        Ok(DVec3::new(x, y, z.ok_or_else(missing)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sphere_rests_on_the_vertex_that_is_in_its_way() {
+        let skin = Skin { vertices: vec![DVec3::ZERO, DVec3::new(0.006, 0.0, 0.005), DVec3::new(1.0, 0.0, 9.0)] };
+        assert!((skin.touch([0.0, 0.0]).unwrap() - DVec3::Z * 0.013).length() < 1e-12);
+        assert!(skin.touch([0.5, 0.0]).is_err());
+    }
+}

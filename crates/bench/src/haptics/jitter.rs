@@ -1,0 +1,119 @@
+//! How punctual the loop's ticks are in real time, beside a thread that does nothing but wake at the same deadlines.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::head::{self, CHEEK, Skin};
+use super::rig::{PERIOD, key, tool, wall};
+use super::{Settings, profile};
+use palpate::Result;
+use palpate::haptics::clock::Lateness;
+use palpate_devices::scripted::Scripted;
+use palpate::haptics::environment::Environment;
+use palpate::haptics::session::{Options, hold};
+use palpate::scene::Haptics;
+use palpate::step::drive::Drive;
+
+/// Of all deadlines, the share that the loop may miss beyond what the bare timer misses.
+pub const MORE: f64 = 1e-3;
+/// Of the device, whose force is not felt.
+const DEVICE: &str = "scripted";
+/// Above the skin at the start and below it later, m.
+const DEEP: f64 = 0.005;
+/// The shortest step of the simulation, s.
+const SHORTEST_STEP: f64 = 1e-3;
+
+/// Ticks of the loop and of the bare timer beside it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Punctual {
+    /// Whether the engine simulates the head meanwhile, without pause; else a wall, which takes no time.
+    pub is_loaded: bool,
+    /// Of the loop.
+    pub servo: Late,
+    /// Of the bare timer; `None`: there was no thread for it.
+    pub bare: Option<Late>,
+    /// Steps of the simulation.
+    pub steps: u64,
+    /// How old the newest wrench was at most, in half of the ticks and in 99 of 100, s.
+    pub age: [f64; 2],
+    /// What the session said of itself.
+    pub notes: Vec<String>,
+}
+
+impl Punctual {
+    /// Whether the loop misses no more than the bare timer does, and [`MORE`] besides; without a bare timer, than that.
+    pub fn is_punctual(&self) -> bool {
+        self.servo.share_missed <= self.bare.map_or(0.0, |bare| bare.share_missed) + MORE
+    }
+}
+
+/// How late ticks came.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Late {
+    /// That came.
+    pub ticks: u64,
+    /// Half of them came so late at most, s.
+    pub median: f64,
+    /// 99 of 100, s.
+    pub p99: f64,
+    /// 999 of 1000, s.
+    pub p999: f64,
+    /// The latest, s.
+    pub worst: f64,
+    /// Deadlines missed by more than 2 ms.
+    pub missed: u64,
+    /// The same, of all deadlines.
+    pub share_missed: f64,
+}
+
+impl Late {
+    fn of(lateness: &Lateness) -> Late {
+        Late {
+            ticks: lateness.ticks(),
+            median: lateness.quantile(0.5),
+            p99: lateness.quantile(0.99),
+            p999: lateness.quantile(0.999),
+            worst: lateness.worst(),
+            missed: lateness.missed(),
+            share_missed: lateness.share_missed(),
+        }
+    }
+}
+
+/// Without load, then with it.
+pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Punctual>> {
+    watch("ticks: without load");
+    let idle = session(settings, false, [DVec3::Y * DEEP, DVec3::Y * -DEEP], &mut wall(500.0, 0.0, DVec3::Y * DEEP))?;
+    watch("ticks: while the head is simulated");
+    let touch = Skin::of(&head::scene(settings, DVec3::ZERO))?.touch(CHEEK)?;
+    let ends = [touch + DVec3::Z * DEEP, touch - DVec3::Z * DEEP];
+    let mut simulation = head::open(&head::scene(settings, ends[0]), settings)?;
+    Ok(vec![idle, session(settings, true, ends, &mut simulation)?])
+}
+
+fn session(
+    settings: &Settings,
+    is_loaded: bool,
+    [start, end]: [DVec3; 2],
+    environment: &mut dyn Environment,
+) -> Result<Punctual> {
+    let keys = [key(0.0, start), key(0.5, start), key(1.0, end)];
+    let device = Scripted::new(Drive::new(&keys, keys[0]), profile(DEVICE)?.clone(), PERIOD);
+    let options = Options {
+        seconds: settings.jitter_seconds,
+        shortest_step: SHORTEST_STEP,
+        stop: Arc::default(),
+        bare_timer: true,
+    };
+    let report = hold(Box::new(device), &tool(start), &Haptics::default(), environment, &options, |_| Ok(()))?;
+    Ok(Punctual {
+        is_loaded,
+        servo: Late::of(&report.lateness),
+        bare: report.bare.as_ref().map(Late::of),
+        steps: report.steps,
+        age: [0.5, 0.99].map(|share| report.age.quantile(share)),
+        notes: report.notes,
+    })
+}

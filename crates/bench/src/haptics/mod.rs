@@ -1,0 +1,187 @@
+//! `palpate bench haptics`: what the hand feels of the loop: how stiff a wall may be, how still a force keeps, how far it
+//! jumps, and how punctual its ticks are.
+
+mod controllers;
+mod document;
+pub(super) mod head;
+mod hold;
+mod jitter;
+mod rig;
+mod slide;
+mod width;
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+pub use controllers::{Controlled, Controller};
+pub use hold::{Held, Met, is_still};
+pub use jitter::Punctual;
+pub use rig::{Mode, Spread};
+pub use slide::{Change, Changes, Slid};
+pub use width::{Limit, Width};
+
+use super::suite::{part, to_value};
+use super::{Benchmark, Section};
+use palpate::scene::Profile;
+use palpate::{Error, Result};
+
+/// How much is measured.
+#[derive(Debug, Clone, Serialize)]
+pub struct Settings {
+    /// Names of the devices' profiles.
+    pub devices: Vec<&'static str>,
+    /// Of the wall, N s/m.
+    pub dampings: Vec<f64>,
+    /// Of the force, s.
+    pub delays: Vec<f64>,
+    /// Of the simulation against walls, Hz.
+    pub rates: Vec<f64>,
+    /// The stiffest wall is found to this share of it.
+    pub bisected: f64,
+    /// Walls to hold against, N/m.
+    pub walls: Vec<f64>,
+    /// Of the engine's simulation, Hz.
+    pub head_rates: Vec<f64>,
+    /// Rates at which to slide over the head, Hz.
+    pub slide_rates: Vec<f64>,
+    /// Devices to slide over the head with.
+    pub slide_devices: Vec<&'static str>,
+    /// Of the head's skin.
+    pub vertices: usize,
+    /// Lattice cell of the head's layer, m.
+    pub cell: f64,
+    /// Real time that each count of late ticks takes, s.
+    pub jitter_seconds: f64,
+    /// Whether this is a short form of the whole.
+    pub is_quick: bool,
+    /// Device that simulates, by name or index; `None`: the best.
+    pub device: Option<String>,
+}
+
+impl Settings {
+    /// All of it: under ten minutes on two cores.
+    pub fn full() -> Settings {
+        Settings {
+            devices: vec!["touch", "premium", "sigma.7"],
+            dampings: vec![0.0, 2.0, 5.0, 10.0, 20.0, 50.0],
+            delays: vec![0.0, 2e-3, 5e-3, 10e-3, 20e-3],
+            rates: vec![30.0, 60.0, 125.0, 250.0, 500.0, 1000.0],
+            bisected: 0.02,
+            walls: vec![500.0, 2000.0],
+            head_rates: vec![30.0, 50.0, 125.0],
+            slide_rates: vec![40.0, 50.0],
+            slide_devices: vec!["touch", "premium", "sigma.7"],
+            vertices: 44_000,
+            cell: 0.018,
+            jitter_seconds: 10.0,
+            is_quick: false,
+            device: None,
+        }
+    }
+
+    /// One device, few cases: for a first look, not for figures.
+    pub fn quick() -> Settings {
+        Settings {
+            devices: vec!["premium"],
+            dampings: vec![0.0, 10.0],
+            delays: vec![0.0, 5e-3, 20e-3],
+            rates: vec![30.0, 125.0, 1000.0],
+            bisected: 0.1,
+            head_rates: vec![50.0],
+            slide_rates: vec![50.0],
+            slide_devices: vec!["premium"],
+            jitter_seconds: 3.0,
+            is_quick: true,
+            ..Settings::full()
+        }
+    }
+
+    /// The profiles of the devices. Errors: a name of none.
+    fn profiles(&self) -> Result<Vec<&'static Profile>> {
+        self.devices.iter().map(|name| profile(name)).collect()
+    }
+}
+
+fn profile(name: &str) -> Result<&'static Profile> {
+    Profile::named(name).ok_or_else(|| Error::Simulation(format!("there is no device profile `{name}`")))
+}
+
+/// What was found; nothing of a part that was not measured.
+#[derive(Debug, Clone, Default)]
+pub struct Results {
+    /// Stiffest walls by their damping.
+    pub widths: Vec<Width>,
+    /// Stiffest walls by delay.
+    pub delays: Vec<Limit>,
+    /// Stiffest walls by the simulation's rate.
+    pub rates: Vec<Limit>,
+    /// Forces held.
+    pub holds: Vec<Held>,
+    /// Slides over the head.
+    pub slides: Vec<Slid>,
+    /// Passivity controllers.
+    pub controllers: Vec<Controlled>,
+    /// Late ticks.
+    pub jitter: Vec<Punctual>,
+}
+
+impl Results {
+    /// Of the parts that were measured. Errors: they are none of this benchmark.
+    pub fn of(parts: &Map<String, Value>) -> Result<Results> {
+        let [widths, delays, rates, holds, slides, controllers, jitter] = PARTS;
+        Ok(Results {
+            widths: part(parts, widths)?,
+            delays: part(parts, delays)?,
+            rates: part(parts, rates)?,
+            holds: part(parts, holds)?,
+            slides: part(parts, slides)?,
+            controllers: part(parts, controllers)?,
+            jitter: part(parts, jitter)?,
+        })
+    }
+}
+
+/// Names of the parts.
+const PARTS: [&str; 7] = ["damping", "delay", "rate", "hold", "slide", "controllers", "ticks"];
+
+/// The benchmark: a part for each question.
+pub struct Haptics(pub Settings);
+
+impl Benchmark for Haptics {
+    fn name(&self) -> &'static str {
+        "haptics"
+    }
+
+    fn title(&self) -> &'static str {
+        "What the hand feels of the loop"
+    }
+
+    fn settings(&self) -> Result<Value> {
+        to_value(&self.0)
+    }
+
+    fn parts(&self) -> Vec<String> {
+        PARTS.map(Into::into).into()
+    }
+
+    fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
+        let settings = &self.0;
+        match part {
+            "damping" => to_value(&width::by_damping(settings, watch)?),
+            "delay" => to_value(&width::by_delay(settings, watch)?),
+            "rate" => to_value(&width::by_rate(settings, watch)?),
+            "hold" => to_value(&hold::measure(settings, watch)?),
+            "controllers" => to_value(&controllers::measure(settings, watch)?),
+            "slide" => to_value(&slide::measure(settings, watch)?),
+            _ => to_value(&jitter::measure(settings, watch)?),
+        }
+    }
+
+    fn preface(&self, settings: &Value) -> Result<String> {
+        Ok(document::preface(settings))
+    }
+
+    fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
+        document::sections(&Results::of(parts)?)
+    }
+}

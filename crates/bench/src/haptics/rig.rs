@@ -1,0 +1,229 @@
+//! The loop as a session makes it, but in virtual time and held by the simulated hand: the same bits in every run.
+
+use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+use palpate::haptics::coupling::Gains;
+use palpate_devices::hand::{Hand, HandParameters};
+use palpate::haptics::environment::{Environment, Wall};
+use palpate::haptics::safety::Limits;
+use palpate::haptics::servo::{Servo, Settings, Tick};
+use palpate::haptics::virtual_time::Schedule;
+use palpate::haptics::virtual_time;
+use palpate::haptics::{Device, coupling};
+use palpate::scene::Lowered;
+use palpate::scene::Profile;
+use palpate::scene::{Coupling, Haptics, Key};
+use palpate::step::ContactWrench;
+use palpate::step::Held;
+use palpate::step::drive::Drive;
+use palpate::step::tool::Tool;
+use palpate::{Error, Result};
+
+/// Of the loop, s.
+pub const PERIOD: f64 = 1e-3;
+/// Of the tool, a sphere, m.
+pub const RADIUS: f64 = 0.01;
+/// Of the tool, kg.
+pub const MASS: f64 = 0.05;
+
+/// What the loop does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// What a session does unless told otherwise: the local model and passivity control.
+    Session,
+    /// The local model alone.
+    Local,
+    /// The raw force, kept as it is from wrench to wrench.
+    Raw,
+}
+
+impl Mode {
+    /// Every mode and its name.
+    pub const ALL: [(Mode, &'static str); 3] =
+        [(Mode::Session, "as in a session"), (Mode::Local, "no passivity control"), (Mode::Raw, "raw force")];
+}
+
+/// A device, who holds it, and what the loop does.
+#[derive(Debug, Clone, Copy)]
+pub struct Rig {
+    /// Of the device; it also gives the gains.
+    pub profile: &'static Profile,
+    /// Who holds it.
+    pub hand: HandParameters,
+    /// What the loop does.
+    pub mode: Mode,
+}
+
+impl Rig {
+    /// The gains that a session would choose with the local model.
+    pub fn coupling(&self) -> Coupling {
+        self.gains().coupling
+    }
+
+    fn gains(&self) -> Gains {
+        coupling::choose(self.profile, PERIOD, 0.0, MASS, inertia(), None)
+    }
+
+    /// What one step of the hand's encoders is worth by the coupling, N: by its stiffness, and by its damping where the
+    /// velocity is told from a tick.
+    pub fn quantum_forces(&self) -> [f64; 2] {
+        let Coupling { stiffness, damping, .. } = self.coupling();
+        [self.hand.quantum * stiffness, self.hand.quantum * damping / PERIOD]
+    }
+
+    /// Follows keys to the last; all ticks. `tool`: where it starts.
+    pub fn follow(
+        &self,
+        keys: &[Key],
+        tool: &Tool,
+        environment: &mut dyn Environment,
+        schedule: Schedule,
+    ) -> Result<Vec<Tick>> {
+        self.follow_controlled(keys, tool, environment, schedule, |_| ())
+    }
+
+    /// Follows keys as [`Rig::follow`] does, but that `control` may change what a tick plays before the device is told.
+    pub fn follow_controlled(
+        &self,
+        keys: &[Key],
+        tool: &Tool,
+        environment: &mut dyn Environment,
+        schedule: Schedule,
+        control: impl FnMut(&mut Tick),
+    ) -> Result<Vec<Tick>> {
+        let [first, .., last] = keys else { return Ok(Vec::new()) };
+        let settings = Settings {
+            period: PERIOD,
+            limits: Limits::new(self.profile, &Lowered::default()).0,
+            local_model: self.mode != Mode::Raw,
+            passivity: self.mode == Mode::Session,
+            most_damping: self.gains().most_damping,
+            trust: Haptics::default().trust,
+            arm: (inertia() / MASS).sqrt(),
+        };
+        let mut servo = Servo::new(settings, Tool { coupling: Some(self.coupling()), ..tool.clone() });
+        let hand = Hand::new(self.hand, Drive::new(keys, *first), self.profile.clone());
+        let mut hand = hand.map_err(Error::Simulation)?;
+        hand.open().map_err(|fault| Error::Simulation(fault.to_string()))?;
+        let count = (last.time / PERIOD).round() as u64;
+        let mut ticks = Vec::with_capacity(count as usize);
+        let each = |tick: &Tick| ticks.push(*tick);
+        virtual_time::run_controlled(&mut hand, &mut servo, environment, schedule, count, control, each)?;
+        Ok(ticks)
+    }
+}
+
+/// Of the tool, a sphere, kg m^2.
+fn inertia() -> f64 {
+    0.4 * MASS * RADIUS * RADIUS
+}
+
+/// The tool at rest somewhere.
+pub fn tool(centre: DVec3) -> Tool {
+    Tool {
+        mass: MASS,
+        inertia: DMat3::IDENTITY * inertia(),
+        coupling: None,
+        centre,
+        orientation: DQuat::IDENTITY,
+        velocity: DVec3::ZERO,
+        angular_velocity: DVec3::ZERO,
+    }
+}
+
+/// A device's pose at a time.
+pub fn key(time: f64, position: DVec3) -> Key {
+    Key { time, position, orientation: DQuat::IDENTITY }
+}
+
+/// A wall of this stiffness (N/m) and damping (N s/m), for a tool that starts at `centre`.
+pub fn wall(stiffness: f64, damping: f64, centre: DVec3) -> Wall {
+    Wall { stiffness, damping, tells_gap: true, tool: tool(centre), steps: 0 }
+}
+
+/// An environment, and all that it found.
+pub struct Recorded<'a> {
+    /// What is met.
+    pub inner: &'a mut dyn Environment,
+    /// In order.
+    pub wrenches: Vec<ContactWrench>,
+}
+
+impl Environment for Recorded<'_> {
+    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
+        let wrench = self.inner.feel(held, h)?;
+        self.wrenches.push(wrench);
+        Ok(wrench)
+    }
+}
+
+/// How a force kept still.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// N.
+    pub mean: f64,
+    /// Standard deviation, N.
+    pub deviation: f64,
+    /// From the least to the greatest, N.
+    pub swing: f64,
+}
+
+impl Spread {
+    /// Of samples; zero of nothing.
+    pub fn of(samples: impl Iterator<Item = f64> + Clone) -> Spread {
+        let count = samples.clone().count().max(1) as f64;
+        let mean = samples.clone().sum::<f64>() / count;
+        let variance = samples.clone().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+        let (low, high) = samples.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        Spread { mean, deviation: variance.sqrt(), swing: (high - low).max(0.0) }
+    }
+
+    /// Of vectors: the length of their mean, the root of the axes' summed variances, and the diagonal of the box that they
+    /// fill.
+    pub fn of_vectors(vectors: &[DVec3]) -> Spread {
+        let axes: [Spread; 3] = std::array::from_fn(|k| Spread::of(vectors.iter().map(|v| v[k])));
+        let length = |part: fn(&Spread) -> f64| DVec3::from(axes.each_ref().map(part)).length();
+        Spread { mean: length(|s| s.mean), deviation: length(|s| s.deviation), swing: length(|s| s.swing) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spread_is_of_what_was_sampled() {
+        let spread = Spread::of([1.0, 3.0, 1.0, 3.0].into_iter());
+        assert_eq!(spread, Spread { mean: 2.0, deviation: 1.0, swing: 2.0 });
+        assert_eq!(Spread::of(std::iter::empty()), Spread::default());
+        let vectors = [DVec3::new(0.0, 4.0, 3.0), DVec3::new(0.0, 10.0, 11.0)];
+        assert_eq!(Spread::of_vectors(&vectors), Spread { mean: 98f64.sqrt(), deviation: 5.0, swing: 10.0 });
+    }
+
+    #[test]
+    fn a_rig_presses_against_a_wall_and_gives_the_same_bits_twice() {
+        let profile = Profile::named("premium").unwrap();
+        let rig = Rig { profile, hand: HandParameters::default(), mode: Mode::Local };
+        let start = DVec3::Y * 0.002;
+        let keys = [key(0.0, start), key(0.3, start), key(0.4, DVec3::Y * -0.005), key(1.0, DVec3::Y * -0.005)];
+        let run = || {
+            let mut wall = wall(500.0, 0.0, start);
+            let mut recorded = Recorded { inner: &mut wall, wrenches: Vec::new() };
+            let ticks = rig.follow(&keys, &tool(start), &mut recorded, Schedule::at(100.0, PERIOD)).unwrap();
+            (ticks.last().unwrap().played.force.y, ticks.len(), recorded.wrenches.len())
+        };
+        let (force, ticks, steps) = run();
+        // Arm, coupling and wall in series; friction holds the hand within 0.05 N of balance.
+        let exact = 0.005 / (1.0 / 300.0 + 1.0 / 500.0 + 1.0 / rig.coupling().stiffness);
+        assert!((force - exact).abs() < 0.05, "{force} N, {exact} N");
+        assert_eq!((ticks, steps), (1000, 100));
+        assert_eq!(run().0.to_bits(), force.to_bits());
+        assert!(
+            rig.follow(&keys[..1], &tool(start), &mut wall(1.0, 0.0, start), Schedule::at(100.0, PERIOD))
+                .unwrap()
+                .is_empty()
+        );
+    }
+}

@@ -1,0 +1,166 @@
+//! A person who slides over the head's cheek: how far the force jumps from one tick to the next.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::head::{self, CHEEK, Skin};
+use super::hold::cases;
+use super::rig::{Mode, PERIOD, Recorded, Rig, Spread, key, tool};
+use super::{Settings, profile};
+use palpate::Result;
+use palpate_devices::hand::HandParameters;
+use palpate::haptics::servo::Tick;
+use palpate::haptics::virtual_time::Schedule;
+use palpate::scene::Key;
+use palpate::step::ContactWrench;
+
+/// How fast, m/s.
+pub const SPEED: f64 = 0.02;
+/// How far, m, along y: up from the cheek.
+pub const WAY: f64 = 0.03;
+/// A change is allowed up to this share of the force, or up to [`ALLOWED`].
+pub const ALLOWED_SHARE: f64 = 0.05;
+/// N.
+pub const ALLOWED: f64 = 0.05;
+/// Above the skin at the start, m.
+const ABOVE: f64 = 0.003;
+/// Below it where the person means to be, m.
+const WITHIN: f64 = 0.005;
+/// Between keys of the way, m.
+const SPACING: f64 = 0.0025;
+/// When the person begins to press, means to be within, and begins to slide, s.
+const TIMES: [f64; 3] = [0.3, 0.6, 1.0];
+/// Ticks between points of the trace.
+const TRACED: usize = 5;
+
+/// The change of a force that is furthest beyond what is allowed, or nearest to it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Change {
+    /// N.
+    pub newtons: f64,
+    /// The greater of the force before and after it, N.
+    pub force: f64,
+    /// When, s.
+    pub time: f64,
+    /// Over what is allowed: above 1 it is too much.
+    pub excess: f64,
+}
+
+/// The worst changes of a phase.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Changes {
+    /// Of what was played, from tick to tick.
+    pub played: Change,
+    /// Of the contact as the loop has it, from tick to tick.
+    pub contact: Change,
+    /// Of what the simulation found, from step to step: the jump of a force that is held between steps.
+    pub raw: Change,
+}
+
+/// A slide, and what came of it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Slid {
+    /// The device's profile.
+    pub profile: String,
+    /// Of the simulation, Hz.
+    pub rate: f64,
+    /// What the loop did.
+    pub mode: Mode,
+    /// While sliding, N.
+    pub force: Spread,
+    /// What one step of the encoders is worth by the coupling's stiffness and by its damping, N.
+    pub quantum_forces: [f64; 2],
+    /// From the first touch until the slide begins.
+    pub touch: Changes,
+    /// While sliding.
+    pub slide: Changes,
+    /// Time (s), and lengths of what was played, of contact and of what the simulation found (N), at some ticks of the slide.
+    pub trace: Vec<[f64; 4]>,
+}
+
+/// Slides with every device of the settings, at every rate.
+pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Slid>> {
+    let keys = way(&Skin::of(&head::scene(settings, DVec3::ZERO))?)?;
+    let scene = head::scene(settings, keys[0].position);
+    let mut slides = Vec::new();
+    for (name, rate, mode) in cases(&settings.slide_devices, &settings.slide_rates) {
+        watch(&format!("slide: {name} at {rate} Hz"));
+        let rig = Rig { profile: profile(name)?, hand: HandParameters::default(), mode };
+        let mut simulation = head::open(&scene, settings)?;
+        let mut recorded = Recorded { inner: &mut simulation, wrenches: Vec::new() };
+        let ticks = rig.follow(&keys, &tool(keys[0].position), &mut recorded, Schedule::at(rate, PERIOD))?;
+        slides.push(judge(&rig, rate, &ticks, &recorded.wrenches));
+    }
+    Ok(slides)
+}
+
+/// Down to the cheek, and along it at an even depth below the skin at rest.
+fn way(skin: &Skin) -> Result<Vec<Key>> {
+    let [x, y] = CHEEK;
+    let [presses, within, slides] = TIMES;
+    let touch = skin.touch(CHEEK)?;
+    let start = touch + DVec3::Z * ABOVE;
+    let mut keys = vec![key(0.0, start), key(presses, start), key(within, touch - DVec3::Z * WITHIN)];
+    for k in 0..=(WAY / SPACING).round() as u32 {
+        let gone = f64::from(k) * SPACING;
+        keys.push(key(slides + gone / SPEED, skin.touch([x, y + gone])? - DVec3::Z * WITHIN));
+    }
+    Ok(keys)
+}
+
+fn judge(rig: &Rig, rate: f64, ticks: &[Tick], wrenches: &[ContactWrench]) -> Slid {
+    let slides = TIMES[2];
+    let changes = |is_in: &dyn Fn(f64) -> bool| {
+        let of_ticks = |force: fn(&Tick) -> DVec3| worst(ticks.iter().map(|t| (t.time, force(t))), is_in);
+        Changes {
+            played: of_ticks(|tick| tick.played.force),
+            contact: of_ticks(|tick| tick.contact.force),
+            raw: worst(wrenches.iter().map(|w| (w.time, w.wrench.force)), is_in),
+        }
+    };
+    let sliding: Vec<&Tick> = ticks.iter().filter(|tick| tick.time >= slides).collect();
+    let found = |tick: &Tick| wrenches.iter().find(|w| w.step == tick.step).map_or(0.0, |w| w.wrench.force.length());
+    let point = |t: &&Tick| [t.time, t.played.force.length(), t.contact.force.length(), found(t)];
+    Slid {
+        profile: rig.profile.name.into(),
+        rate,
+        mode: rig.mode,
+        quantum_forces: rig.quantum_forces(),
+        force: Spread::of(sliding.iter().map(|tick| tick.played.force.length())),
+        touch: changes(&|time| time < slides),
+        slide: changes(&|time| time >= slides),
+        trace: sliding.iter().step_by(TRACED).map(point).collect(),
+    }
+}
+
+/// The worst change of a force between neighbours of a phase.
+fn worst(forces: impl Iterator<Item = (f64, DVec3)>, is_in: &dyn Fn(f64) -> bool) -> Change {
+    let (mut worst, mut last) = (Change::default(), None);
+    for (time, now) in forces {
+        if let Some(before) = last.replace(now).filter(|_| is_in(time)) {
+            let newtons = (now - before).length();
+            let force = now.length().max(before.length());
+            let excess = newtons / ALLOWED.max(ALLOWED_SHARE * force);
+            if excess > worst.excess {
+                worst = Change { newtons, force, time, excess };
+            }
+        }
+    }
+    worst
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_change_is_the_one_that_is_furthest_beyond_what_is_allowed() {
+        let forces = [(0.0, 4.0), (0.1, 4.15), (0.2, 4.15), (0.3, 0.5), (0.4, 0.44), (0.5, 0.45)];
+        let of = |from: f64| worst(forces.iter().map(|&(t, f)| (t, DVec3::Z * f)), &|time| time >= from);
+        let all = of(0.0);
+        assert!(all.time == 0.3 && (all.newtons - 3.65).abs() < 1e-12 && all.excess > 17.0, "{all:?}");
+        let late = of(0.35);
+        assert!(late.time == 0.4 && (late.excess - 1.2).abs() < 1e-9 && late.force == 0.5, "{late:?}");
+        assert_eq!(of(1.0), Change::default());
+    }
+}

@@ -1,0 +1,255 @@
+//! How stiff a wall may be until the loop swings: by the wall's damping, by the force's delay, by the simulation's rate.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::Settings;
+use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
+use palpate::Result;
+use palpate::haptics::coupling;
+use palpate_devices::hand::HandParameters;
+use palpate::haptics::servo::Tick;
+use palpate::haptics::virtual_time::Schedule;
+use palpate::scene::Key;
+use palpate::scene::Profile;
+
+/// The stiffest and the softest wall, N/m.
+pub const RANGE: [f64; 2] = [10.0, 1e5];
+/// Walls tried to a power of ten on the way up, before the first that swings is narrowed down.
+const TRIED: f64 = 4.0;
+/// Who takes little: without friction and encoders, as the linear bounds have it.
+pub const CRITICAL: HandParameters = HandParameters {
+    mass: 0.15,
+    stiffness: 300.0,
+    damping: 2.0,
+    device_damping: 0.5,
+    friction: 0.0,
+    inertia: 1e-3,
+    angular_stiffness: 2.0,
+    angular_damping: 0.04,
+    quantum: 0.0,
+    delay: 0.0,
+    substep: 1e-4,
+};
+/// A force keeps still if it swings by no more than this share of its mean, or by [`STILL`].
+pub const STILL_SHARE: f64 = 0.01;
+/// N.
+pub const STILL: f64 = 0.01;
+/// A swing grows if its second half is so many times its first.
+const GROWTH: f64 = 1.2;
+/// A force is there if it is at least this share of what springs at rest would give: one that was taken away is still too.
+const THERE: f64 = 0.97;
+/// Where the hand means to be within the wall, m.
+const WITHIN: f64 = 0.01;
+/// Swings that are smaller are rounding, N.
+const NOTHING: f64 = 1e-6;
+
+const DELAY: &str = "delay";
+const RATE: &str = "rate";
+
+/// The stiffest wall that keeps still, N/m: 0 where none does, the end of [`RANGE`] where all do.
+pub type Stiffest = f64;
+
+/// By the wall's own damping.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Width {
+    /// Of the device.
+    pub profile: String,
+    /// Of the coupling, N/m.
+    pub coupling: f64,
+    /// Of the wall, N s/m.
+    pub damping: f64,
+    /// With the local model and passivity control.
+    pub session: Stiffest,
+    /// With the local model.
+    pub local: Stiffest,
+    /// With the raw force.
+    pub raw: Stiffest,
+    /// That passivity by Colgate and Schenkel allows without a coupling, N/m.
+    pub colgate: f64,
+}
+
+/// By delay or rate.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Limit {
+    /// Of the device.
+    pub profile: String,
+    /// Of the coupling, N/m.
+    pub coupling: f64,
+    /// From being told a force to playing it, s.
+    pub delay: f64,
+    /// Of the simulation, Hz.
+    pub rate: f64,
+    /// With the local model.
+    pub local: Stiffest,
+    /// With the raw force.
+    pub raw: Stiffest,
+    /// Of a wall that is sampled at that rate without further delay, by Colgate and Schenkel, N/m.
+    pub colgate: f64,
+    /// Of the same with the delay, and by rate an interval more, by Gil and others, N/m.
+    pub gil: f64,
+}
+
+/// What coupling and wall are together, N/m.
+pub fn in_series(coupling: f64, wall: f64) -> f64 {
+    if wall > 0.0 { 1.0 / (1.0 / coupling + 1.0 / wall) } else { 0.0 }
+}
+
+/// What the critical hand and its device dissipate, N s/m.
+pub fn dissipation() -> f64 {
+    CRITICAL.damping + CRITICAL.device_damping
+}
+
+/// By the wall's damping at 1 kHz.
+pub fn by_damping(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Width>> {
+    let mut widths = Vec::new();
+    for profile in settings.profiles()? {
+        watch(&format!("walls: {} by damping", profile.name));
+        for &damping in &settings.dampings {
+            let of = |mode: Mode| {
+                let rig = Rig { mode, ..rig_of(profile) };
+                stiffest(settings, |stiffness| press(&rig, stiffness, damping, 1.0 / PERIOD))
+            };
+            let stiffness = rig_of(profile).coupling().stiffness;
+            let colgate = coupling::stiffest(dissipation(), damping, PERIOD, 0.0);
+            let (session, local, raw) = (of(Mode::Session)?, of(Mode::Local)?, of(Mode::Raw)?);
+            widths.push(Width {
+                profile: profile.name.into(),
+                coupling: stiffness,
+                damping,
+                session,
+                local,
+                raw,
+                colgate,
+            });
+        }
+    }
+    Ok(widths)
+}
+
+/// By the delay of the force at 1 kHz.
+pub fn by_delay(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
+    let cases: Vec<(f64, f64)> = settings.delays.iter().map(|&delay| (delay, 1.0 / PERIOD)).collect();
+    limits(settings, DELAY, &cases, watch)
+}
+
+/// By the rate of the simulation, whose wrench arrives one interval later.
+pub fn by_rate(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
+    let cases: Vec<(f64, f64)> = settings.rates.iter().map(|&rate| (0.0, rate)).collect();
+    limits(settings, RATE, &cases, watch)
+}
+
+fn limits(settings: &Settings, what: &str, cases: &[(f64, f64)], watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
+    let mut limits = Vec::new();
+    for profile in settings.profiles()? {
+        watch(&format!("walls: {} by {what}", profile.name));
+        for &(delay, rate) in cases {
+            let of = |mode: Mode| {
+                let rig = Rig { hand: HandParameters { delay, ..CRITICAL }, mode, ..rig_of(profile) };
+                stiffest(settings, |stiffness| press(&rig, stiffness, 0.0, rate))
+            };
+            let interval = interval(rate);
+            // What is found comes an interval later, unless the local model makes up for it.
+            let late = delay + if what == RATE { interval } else { 0.0 };
+            limits.push(Limit {
+                profile: profile.name.into(),
+                coupling: rig_of(profile).coupling().stiffness,
+                delay,
+                rate,
+                local: of(Mode::Local)?,
+                raw: of(Mode::Raw)?,
+                colgate: coupling::stiffest(dissipation(), 0.0, interval, 0.0),
+                gil: dissipation() / (0.5 * interval + late),
+            });
+        }
+    }
+    Ok(limits)
+}
+
+/// Between steps, in whole ticks, s.
+fn interval(rate: f64) -> f64 {
+    f64::from(Schedule::at(rate, PERIOD).ticks_a_step) * PERIOD
+}
+
+fn rig_of(profile: &'static Profile) -> Rig {
+    Rig { profile, hand: CRITICAL, mode: Mode::Local }
+}
+
+/// The hand means to be so far within the wall; whether the force is there, and keeps still.
+fn press(rig: &Rig, stiffness: f64, damping: f64, rate: f64) -> Result<bool> {
+    let (start, within) = (DVec3::Y * 0.005, DVec3::Y * -WITHIN);
+    let keys: [Key; 4] = [key(0.0, start), key(0.3, start), key(0.6, within), key(4.0, within)];
+    let ticks = rig.follow(&keys, &tool(start), &mut wall(stiffness, damping, start), Schedule::at(rate, PERIOD))?;
+    let balance = WITHIN / (1.0 / CRITICAL.stiffness + 1.0 / in_series(rig.coupling().stiffness, stiffness));
+    Ok(keeps_still(&ticks, balance))
+}
+
+/// Over the last second; `balance`: the force of springs at rest, N.
+fn keeps_still(ticks: &[Tick], balance: f64) -> bool {
+    let second = (1.0 / PERIOD) as usize;
+    let last: Vec<f64> = ticks[ticks.len().saturating_sub(second)..].iter().map(|tick| tick.played.force.y).collect();
+    let (first, second) = last.split_at(last.len() / 2);
+    let [whole, first, second] = [&last[..], first, second].map(|part| Spread::of(part.iter().copied()));
+    let grows = second.swing > GROWTH * first.swing && second.swing > NOTHING;
+    whole.swing <= (STILL_SHARE * whole.mean.abs()).max(STILL) && !grows && whole.mean >= THERE * balance
+}
+
+/// Up from the softest to the first that swings, then between the two.
+fn stiffest(settings: &Settings, mut is_still: impl FnMut(f64) -> Result<bool>) -> Result<Stiffest> {
+    let steps = (TRIED * (RANGE[1] / RANGE[0]).log10()).round() as i32;
+    let (mut still, mut swings) = (0.0, None);
+    for k in 0..=steps {
+        let stiffness = RANGE[0] * 10f64.powf(f64::from(k) / TRIED);
+        if !is_still(stiffness)? {
+            swings = Some(stiffness);
+            break;
+        }
+        still = stiffness;
+    }
+    let Some(mut swings) = swings.filter(|_| still > 0.0) else { return Ok(still) };
+    while swings > still * (1.0 + settings.bisected) {
+        let middle = (still * swings).sqrt();
+        if is_still(middle)? { still = middle } else { swings = middle }
+    }
+    Ok(still)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_stiffest_wall_is_found_between_none_and_all() {
+        let settings = Settings { bisected: 0.01, ..Settings::quick() };
+        let mut tried = 0;
+        let found = stiffest(&settings, |k| {
+            tried += 1;
+            Ok(k <= 777.0)
+        });
+        let found = found.unwrap();
+        assert!(found <= 777.0 && found > 777.0 / 1.01 && tried < 20, "{found} {tried}");
+        assert_eq!(stiffest(&settings, |_| Ok(false)).unwrap(), 0.0);
+        assert!((stiffest(&settings, |_| Ok(true)).unwrap() / RANGE[1] - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_force_keeps_still_that_neither_swings_nor_grows() {
+        let profile = Profile::named("touch").unwrap();
+        let start = DVec3::Y;
+        let keys = [key(0.0, start), key(1.0, start)];
+        let far = || wall(1.0, 0.0, start);
+        let mut ticks = rig_of(profile).follow(&keys, &tool(start), &mut far(), Schedule::at(1e3, PERIOD)).unwrap();
+        let mut judge = |balance: f64, force: &dyn Fn(f64) -> f64| {
+            for (k, tick) in ticks.iter_mut().enumerate() {
+                tick.played.force.y = force(k as f64 * PERIOD);
+            }
+            keeps_still(&ticks, balance)
+        };
+        let wave = |t: f64| (40.0 * t).sin();
+        assert!(
+            judge(3.0, &|_| 3.0) && judge(3.0, &|t| 3.0 + 0.01 * wave(t)) && judge(0.1, &|t| 0.1 + 0.004 * wave(t))
+        );
+        assert!(!judge(3.0, &|t| 3.0 + 0.03 * wave(t)) && !judge(0.1, &|t| 0.1 + 0.006 * wave(t)));
+        assert!(!judge(3.0, &|t| 3.0 + 0.003 * t * wave(t)) && !judge(3.0, &|_| f64::NAN) && !judge(3.0, &|_| 0.0));
+    }
+}

@@ -1,0 +1,169 @@
+//! What the loop costs, by contact area, by size of the mesh, and by number of bodies.
+
+use std::path::Path;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::Settings;
+use super::watched::{Times, Watched};
+use palpate::Result;
+use palpate::scene::Scene;
+
+/// Steps in which the tool goes to where it stays, and in which the bodies come to lie, untimed.
+const APPROACH: usize = 80;
+/// How far a sphere is pressed into the head at most, m.
+const DEEP: f64 = 0.004;
+/// Front of the head's cheek (see touch-head): where the sphere's centre is aimed at, m.
+const CHEEK: DVec3 = DVec3::new(0.03, -0.02, 0.084);
+/// Edge of the blocks, m, and cells along it.
+const BLOCK: (f64, u32) = (0.05, 5);
+/// Of the head and the blocks.
+const MATERIAL: &str = "young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002";
+/// Between blocks, m.
+const APART: f64 = 0.08;
+
+/// What differs from row to row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum By {
+    /// Radius of the sphere.
+    Area,
+    /// Skin vertices of the head.
+    Skin,
+    /// Cells of the head's layer.
+    Layer,
+    /// Blocks that lie on the ground.
+    Bodies,
+}
+
+impl By {
+    /// Name of the part.
+    pub fn name(self) -> &'static str {
+        match self {
+            By::Area => "area",
+            By::Skin => "skin",
+            By::Layer => "layer",
+            By::Bodies => "bodies",
+        }
+    }
+
+    /// All of them.
+    pub const ALL: [By; 4] = [By::Area, By::Skin, By::Layer, By::Bodies];
+
+    fn scene(self, value: f64) -> Result<Scene> {
+        match self {
+            By::Area => head(value, 44_000, 0.018),
+            By::Skin => head(0.01, value as usize, 0.018),
+            By::Layer => head(0.01, 44_000, value),
+            By::Bodies => blocks(value as usize),
+        }
+    }
+}
+
+/// A size and what it costs.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Grown {
+    /// Name of the row.
+    pub name: String,
+    /// Radius (m), vertices, cell (m) or bodies.
+    pub value: f64,
+    /// That are soft.
+    pub bodies: usize,
+    /// Of all soft bodies.
+    pub tetrahedra: usize,
+    /// Of all skins but the tool's.
+    pub vertices: usize,
+    /// Bytes on the device.
+    pub bytes_device: u64,
+    /// Times and contacts.
+    #[serde(flatten)]
+    pub times: Times,
+}
+
+/// A row a value: all come into contact, then each does a few steps in turn, and the other way round in the next turn.
+pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Grown>> {
+    let mut all = Vec::new();
+    for &value in settings.values(by) {
+        watch(&format!("{}: {value}", by.name()));
+        let mut watched = Watched::open(&by.scene(value)?, settings)?;
+        let (tetrahedra, vertices) = watched.sizes();
+        (0..APPROACH).try_for_each(|_| watched.step(None).map(drop))?;
+        let bytes_device = watched.bytes();
+        let bodies = if by == By::Bodies { value as usize } else { 1 };
+        let name = value.to_string();
+        let row = Grown { name, value, bodies, tetrahedra, vertices, bytes_device, ..Grown::default() };
+        all.push((watched, row));
+    }
+    for turn in 0..settings.growth_steps {
+        let mut order: Vec<_> = all.iter_mut().collect();
+        // Each way in turn, so that what changes on the machine meanwhile favours none.
+        if turn % 2 == 1 {
+            order.reverse();
+        }
+        for (watched, row) in order {
+            // One finds caches cold; of the others two are not timed by stage, and two are.
+            watched.step(None)?;
+            (0..4).try_for_each(|_| watched.step(Some(&mut row.times)).map(drop))?;
+        }
+    }
+    Ok(all.into_iter().map(|(_, row)| row).collect())
+}
+
+/// A sphere pressed into the head's cheek.
+fn head(radius: f64, vertices: usize, cell: f64) -> Result<Scene> {
+    let end = CHEEK + DVec3::Z * (radius - DEEP);
+    let start = end + DVec3::Z * (2.0 * DEEP);
+    let [DVec3 { x, y, z }, to] = [start, end];
+    let time = 0.4 * APPROACH as f64 * 1e-3;
+    let text = format!(
+        "
+        [[body]]
+        name = 'head'
+        surface = {{ model = 'head', vertices = {vertices} }}
+        layer = {{ cell = {cell} }}
+        material = {{ {MATERIAL} }}
+        [[body.core]]
+        name = 'skull'
+        motion = 'fixed'
+        bind = {{ inset = 0.03 }}
+        [tool]
+        sphere = {radius}
+        mass = 0.05
+        position = [{x}, {y}, {z}]
+        [coupling]
+        stiffness = 2000.0
+        damping = 20.0
+        angular_stiffness = 0.5
+        angular_damping = 0.002
+        [drive]
+        keys = [[0.0, {x}, {y}, {z}], [{time}, {}, {}, {}]]
+        ",
+        to.x, to.y, to.z
+    );
+    Scene::parse(Path::new("head"), &text)
+}
+
+/// Blocks that lie side by side on the ground; none touches another.
+fn blocks(count: usize) -> Result<Scene> {
+    let (edge, cells) = BLOCK;
+    let columns = (count as f64).sqrt().ceil() as usize;
+    let block = |k: usize| {
+        let (x, z) = (APART * (k % columns) as f64, APART * (k / columns) as f64);
+        format!(
+            "
+            [[body]]
+            name = 'block{k}'
+            layer = {{ box = [[0.0, 0.0, 0.0], [{edge}, {edge}, {edge}]], cells = [{cells}, {cells}, {cells}] }}
+            material = {{ {MATERIAL} }}
+            position = [{x}, 0.0, {z}]
+            collides = ['floor']
+            "
+        )
+    };
+    let floor = "
+            [[body]]
+            name = 'floor'
+            plane = [0.0, 1.0, 0.0, 0.0]
+            ";
+    Scene::parse(Path::new("blocks"), &((0..count).map(block).collect::<String>() + floor))
+}

@@ -1,0 +1,135 @@
+//! `palpate bench paper`: the paper's scenes, its figures beside ours; and what the loop's time follows.
+
+mod document;
+mod growth;
+mod scenes;
+mod watched;
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+pub use growth::{By, Grown};
+pub use scenes::{Ran, SCENES, Told};
+pub use watched::Times;
+
+use super::suite::{from_value, part, to_value};
+use super::{Benchmark, Section};
+use palpate::Result;
+
+/// How much is measured.
+#[derive(Debug, Clone, Serialize)]
+pub struct Settings {
+    /// Folder of the scenes.
+    pub scenes: PathBuf,
+    /// Steps of each scene after its first contact.
+    pub steps: usize,
+    /// A scene is left after so many seconds, s.
+    pub scene_seconds: f64,
+    /// Radii of the sphere, m.
+    pub radii: Vec<f64>,
+    /// Skin vertices of the head.
+    pub vertices: Vec<f64>,
+    /// Cells of the head's layer, m.
+    pub cells: Vec<f64>,
+    /// Numbers of blocks.
+    pub bodies: Vec<f64>,
+    /// Turns of four steps that count that each size has.
+    pub growth_steps: usize,
+    /// Device, by name or index; `None`: the best.
+    pub device: Option<String>,
+}
+
+impl Settings {
+    /// All of it: some minutes.
+    pub fn full() -> Settings {
+        Settings {
+            scenes: PathBuf::from("assets/scenes"),
+            steps: 200,
+            scene_seconds: 60.0,
+            radii: vec![0.0025, 0.005, 0.01, 0.02, 0.04, 0.08],
+            vertices: vec![11e3, 22e3, 44e3, 88e3, 176e3, 352e3],
+            cells: vec![0.03, 0.024, 0.018, 0.014, 0.011, 0.009],
+            bodies: vec![1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0],
+            growth_steps: 20,
+            device: None,
+        }
+    }
+
+    /// Every question with few samples: for a first look, not for figures.
+    pub fn quick() -> Settings {
+        Settings {
+            steps: 16,
+            scene_seconds: 3.0,
+            vertices: vec![5.5e3, 11e3, 22e3, 44e3, 88e3, 176e3],
+            cells: vec![0.036, 0.03, 0.024, 0.02, 0.018, 0.016],
+            bodies: vec![1.0, 2.0, 4.0, 8.0, 16.0, 32.0],
+            growth_steps: 4,
+            ..Settings::full()
+        }
+    }
+
+    fn values(&self, by: By) -> &[f64] {
+        match by {
+            By::Area => &self.radii,
+            By::Skin => &self.vertices,
+            By::Layer => &self.cells,
+            By::Bodies => &self.bodies,
+        }
+    }
+}
+
+/// What was found; nothing of a part that was not measured.
+#[derive(Debug, Clone, Default)]
+pub struct Results {
+    /// The paper's scenes.
+    pub scenes: Vec<Ran>,
+    /// By contact area, skin, layer and number of bodies.
+    pub growth: Vec<(By, Vec<Grown>)>,
+}
+
+impl Results {
+    /// Of the parts that were measured. Errors: they are none of this benchmark.
+    pub fn of(parts: &Map<String, Value>) -> Result<Results> {
+        let scenes = SCENES.iter().filter_map(|told| parts.get(told.name)).map(from_value);
+        let growth = By::ALL.into_iter().map(|by| Ok((by, part(parts, by.name())?)));
+        Ok(Results { scenes: scenes.collect::<Result<_>>()?, growth: growth.collect::<Result<_>>()? })
+    }
+}
+
+/// The benchmark: a part for each scene, and one for each thing that time may follow.
+pub struct Paper(pub Settings);
+
+impl Benchmark for Paper {
+    fn name(&self) -> &'static str {
+        "paper"
+    }
+
+    fn title(&self) -> &'static str {
+        "The paper's scenes"
+    }
+
+    fn settings(&self) -> Result<Value> {
+        to_value(&self.0)
+    }
+
+    fn parts(&self) -> Vec<String> {
+        SCENES.iter().map(|told| told.name).chain(By::ALL.map(By::name)).map(Into::into).collect()
+    }
+
+    fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
+        match By::ALL.into_iter().find(|by| by.name() == part) {
+            Some(by) => to_value(&growth::measure(by, &self.0, watch)?),
+            None => to_value(&scenes::run(part, &self.0)?),
+        }
+    }
+
+    fn preface(&self, settings: &Value) -> Result<String> {
+        Ok(document::preface(settings))
+    }
+
+    fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
+        document::sections(&Results::of(parts)?)
+    }
+}

@@ -1,0 +1,90 @@
+//! The paper's scenes as they run, steps with contact: the query alone, every stage, and the whole loop.
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::Settings;
+use super::watched::{Times, Watched};
+use palpate::scene::Scene;
+use palpate::step::Flags;
+use palpate::{Error, Result};
+
+/// A scene of the paper and what it says of it (Galoppo and others 2007, a GeForce 7800 and a Pentium of 3.4 GHz): time of the
+/// query, an upper bound or about, and what is aimed at on two cores, ms.
+#[derive(Debug, Clone, Copy)]
+pub struct Told {
+    /// Name of the scene's file.
+    pub name: &'static str,
+    /// What touches what.
+    pub what: &'static str,
+    /// Of the query, ms.
+    pub paper_ms: f64,
+    /// The same, ms.
+    pub goal_ms: f64,
+}
+
+const fn told(name: &'static str, what: &'static str, paper_ms: f64, goal_ms: f64) -> Told {
+    Told { name, what, paper_ms, goal_ms }
+}
+
+/// All five.
+pub const SCENES: [Told; 5] = [
+    told("touch-head", "sphere on a head, 44,000 skin vertices", 2.0, 1.5),
+    told("two-heads", "two heads, 44,000 each", 6.0, 2.5),
+    told("gears", "two gears, 29,000 each", 3.0, 2.0),
+    told("pumpkins", "two pumpkins, 30,000 each", 3.0, 2.0),
+    told("touch-human", "sphere on a human, 10,382 tetrahedra", 2.0, 1.5),
+];
+
+/// What came of a scene.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Ran {
+    /// The scene.
+    pub name: String,
+    /// Of all soft bodies.
+    pub tetrahedra: usize,
+    /// Of all skins.
+    pub vertices: usize,
+    /// Steps after that of the first contact.
+    pub steps: usize,
+    /// Steps before them, untimed.
+    pub before: usize,
+    /// Times and contacts of those that touch.
+    #[serde(flatten)]
+    pub times: Times,
+    /// Names of the flags that were raised.
+    pub flags: Vec<String>,
+}
+
+/// Steps to the first contact untimed, since taking times takes time; of those after it every other is timed.
+pub fn run(name: &str, settings: &Settings) -> Result<Ran> {
+    let file = settings.scenes.join(format!("{name}.toml"));
+    if !file.exists() {
+        let remedy = "name the folder of the paper's scenes with --scenes, or benchmarks other than `paper`";
+        return Err(Error::input(&file, None, "is not there", remedy));
+    }
+    let scene = Scene::load(&file)?;
+    let mut watched = Watched::open(&scene, settings)?;
+    let mut ran = Ran { name: name.into(), ..Ran::default() };
+    (ran.tetrahedra, ran.vertices) = watched.sizes();
+    let mut flags = Flags::default();
+    let begun = Instant::now();
+    let mut has_begun = false;
+    let last = (scene.duration() / scene.step.dt).round() as usize;
+    while ran.steps < settings.steps
+        && ran.before + ran.steps < last
+        && begun.elapsed().as_secs_f64() < settings.scene_seconds
+    {
+        let row = watched.step(has_begun.then_some(&mut ran.times))?;
+        flags |= row.flags;
+        if has_begun {
+            ran.steps += 1;
+        } else {
+            ran.before += 1;
+            has_begun = row.contacts.unwrap_or(0) > 0;
+        }
+    }
+    ran.flags = flags.names().map(Into::into).collect();
+    Ok(ran)
+}

@@ -1,0 +1,129 @@
+//! A simulation whose steps with contact are timed: the whole by wall time in one step, its stages by the device in the next.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::Settings;
+use palpate::Result;
+use crate::median;
+use palpate::gpu::Options;
+use palpate::prepare::Shape;
+use palpate::scene::Scene;
+use palpate::stages::POSE_TO_CONTACT;
+use palpate::step::Simulation;
+use palpate::step::StepReport;
+
+/// In four steps two are not timed by stage, one is by all stages, and one by the query as a whole.
+const TIMED_EVERY: u64 = 2;
+
+/// Times and contacts of the steps that touch; microseconds, a step each.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Times {
+    /// Steps that touched.
+    pub touching: usize,
+    /// By stage.
+    pub stages_us: BTreeMap<String, Vec<f64>>,
+    /// Pose to contact, as one.
+    pub query_us: Vec<f64>,
+    /// Wall time, pose in and wrench out, of steps that are not timed by stage.
+    pub step_us: Vec<f64>,
+    /// Contacts of both skins.
+    pub contacts: Vec<u32>,
+    /// What they cover, projected on the normal, m^2.
+    pub areas: Vec<f64>,
+    /// Solver iterations, of all solves of a step.
+    pub iterations: Vec<u32>,
+}
+
+impl Times {
+    /// Median of the query, ms.
+    pub fn query_ms(&self) -> f64 {
+        1e-3 * median(&self.query_us)
+    }
+
+    /// Median of a step, ms.
+    pub fn step_ms(&self) -> f64 {
+        1e-3 * median(&self.step_us)
+    }
+
+    /// Median of a stage, ms; `None`: the scene has none.
+    pub fn stage_ms(&self, stage: &str) -> Option<f64> {
+        self.stages_us.get(stage).map(|us| 1e-3 * median(us))
+    }
+
+    /// Median contacts of a step.
+    pub fn contacts(&self) -> f64 {
+        of(&self.contacts)
+    }
+
+    /// Median area, m^2.
+    pub fn area(&self) -> f64 {
+        median(&self.areas)
+    }
+
+    /// Median iterations of a step.
+    pub fn iterations(&self) -> f64 {
+        of(&self.iterations)
+    }
+}
+
+fn of(counts: &[u32]) -> f64 {
+    median(&counts.iter().map(|&n| n.into()).collect::<Vec<f64>>())
+}
+
+/// A scene under way.
+pub struct Watched(Simulation);
+
+impl Watched {
+    /// Opens a scene; nothing is timed by stage yet. Errors: those of [`Simulation::new`].
+    pub fn open(scene: &Scene, settings: &Settings) -> Result<Watched> {
+        let options = Options { device: settings.device.clone(), one_thread: true, ..Options::default() };
+        let mut simulation = Simulation::new(scene, &options, None)?;
+        simulation.time_every(0)?;
+        Ok(Watched(simulation))
+    }
+
+    /// Tetrahedra, and skin vertices, of all bodies; those of a tool are not counted.
+    pub fn sizes(&self) -> (usize, usize) {
+        let sizes = self.0.bodies().iter().map(|body| match &body.shape {
+            Shape::Soft { layer, skin, .. } => (layer.tetrahedra.len(), skin.vertices.len()),
+            Shape::Rigid { skin, .. } => (0, skin.vertices.len()),
+            Shape::Plane { .. } => (0, 0),
+        });
+        sizes.fold((0, 0), |sum, size| (sum.0 + size.0, sum.1 + size.1))
+    }
+
+    /// On the device.
+    pub fn bytes(&self) -> u64 {
+        self.0.context().bytes_allocated()
+    }
+
+    /// A step, measured if there is somewhere to put it and it touches.
+    pub fn step(&mut self, times: Option<&mut Times>) -> Result<StepReport> {
+        self.0.time_every(if times.is_some() { TIMED_EVERY } else { 0 })?;
+        let row = self.0.step()?;
+        let Some((times, contacts)) = times.zip(row.contacts.filter(|&found| found > 0)) else { return Ok(row) };
+        times.areas.push(self.0.touch()?.1.iter().map(|contact| f64::from(contact.area)).sum());
+        times.touching += 1;
+        times.contacts.push(contacts);
+        times.iterations.push(row.iterations);
+        match self.0.stage_times() {
+            None => times.step_us.push(row.step_us),
+            Some(stages) => times.add(stages),
+        }
+        Ok(row)
+    }
+}
+
+impl Times {
+    fn add(&mut self, stages: &[(String, f64)]) {
+        if let Some((_, us)) = stages.iter().find(|(name, _)| name == POSE_TO_CONTACT) {
+            self.query_us.push(*us);
+            return;
+        }
+        for (name, us) in stages {
+            self.stages_us.entry(name.clone()).or_default().push(*us);
+        }
+    }
+}

@@ -1,0 +1,315 @@
+//! Plots as SVG. Colours are those of M. Okabe and K. Ito (2008), which colour-blind readers can tell apart; the text uses
+//! the reader's own fonts.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use palpate::{Error, Result};
+
+const SIZE: (u32, u32) = (760, 420);
+/// Of a bar and the gap after it.
+const BAR_HEIGHT: u32 = 30;
+/// Ticks of a logarithmic axis: more would run into each other, fewer tell nothing of the scale.
+const TICKS: std::ops::RangeInclusive<usize> = 3..=7;
+/// Digits at which it has them, from sparse to dense.
+const DIGITS: [&[f64]; 5] = [
+    &[1.0],
+    &[1.0, 3.0],
+    &[1.0, 2.0, 5.0],
+    &[1.0, 1.5, 2.0, 3.0, 5.0, 7.0],
+    &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
+];
+/// Of a power of ten.
+const ROUNDING: f64 = 1e-9;
+/// Of a row of panels.
+const PANEL_HEIGHT: u32 = 300;
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 0, 0),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 114, 178),
+    RGBColor(0, 158, 115),
+    RGBColor(230, 159, 0),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+];
+const FONT: (&str, u32) = ("sans-serif", 15);
+/// Room for the names of bars, of the width.
+const LABELS: f64 = 0.28;
+/// Room for the names of lines.
+const NAMES: u32 = 80;
+/// Room above the highest point.
+const HEADROOM: f64 = 1.12;
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// A line of a plot.
+#[derive(Debug, Clone, Default)]
+pub struct Line {
+    /// At its end.
+    pub name: String,
+    /// In the units of the axes.
+    pub points: Vec<(f64, f64)>,
+    /// From where to where each point may be along x, drawn as a bar through it; empty: nothing is known of it.
+    pub ranges: Vec<[f64; 2]>,
+}
+
+/// What runs along an axis.
+#[derive(Debug, Clone)]
+pub struct Axis {
+    /// With its unit.
+    pub label: String,
+    /// Names at 0, 1, 2 ..; empty: numbers.
+    pub names: Vec<String>,
+}
+
+/// Lines, each with its name at its end; the first is drawn stronger.
+pub fn lines(x: &Axis, y_label: &str, lines: &[Line]) -> Result<String> {
+    to_svg(SIZE, |area| draw_lines(area, x, y_label, lines))
+}
+
+/// A bar of a plot.
+#[derive(Debug, Clone)]
+pub struct Bar {
+    /// What it is.
+    pub name: String,
+    /// From 0.
+    pub length: f64,
+    /// Colour: bars of one kind have one.
+    pub kind: usize,
+}
+
+/// Bars from the top, each with its name and length.
+pub fn bars(x_label: &str, bars: &[Bar]) -> Result<String> {
+    to_svg((SIZE.0, 90 + BAR_HEIGHT * bars.len() as u32), |area| draw_bars(area, x_label, bars))
+}
+
+/// What runs along the axes of [`panels`].
+#[derive(Debug, Clone, Copy)]
+pub struct Logarithmic<'a> {
+    /// With its unit.
+    pub x: &'a str,
+    /// With its unit.
+    pub y: &'a str,
+    /// A height to compare with, drawn dashed.
+    pub level: Option<f64>,
+}
+
+/// One of several plots side by side.
+#[derive(Debug, Clone)]
+pub struct Panel {
+    /// Above it.
+    pub title: String,
+    /// Points that are not above zero are left out.
+    pub lines: Vec<Line>,
+}
+
+/// Plots side by side, two in a row, with the same logarithmic axes.
+pub fn panels(axes: &Logarithmic, panels: &[Panel]) -> Result<String> {
+    let columns = panels.len().clamp(1, 2);
+    let rows = panels.len().div_ceil(columns).max(1);
+    let height = if columns == 1 { SIZE.1 } else { PANEL_HEIGHT * rows as u32 };
+    to_svg((SIZE.0, height), |area| {
+        let areas = area.split_evenly((rows, columns));
+        areas.iter().zip(panels).try_for_each(|(area, panel)| draw_panel(area, axes, panel, &spans(axes, panels)))
+    })
+}
+
+type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
+
+fn to_svg(size: (u32, u32), draw: impl FnOnce(&Area) -> Drawn) -> Result<String> {
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+    let drawn = area.fill(&WHITE).map_err(Into::into).and_then(|()| draw(&area)).and_then(|()| Ok(area.present()?));
+    drop(area);
+    drawn.map_err(|error| Error::Simulation(format!("a plot cannot be drawn: {error}")))?;
+    Ok(svg)
+}
+
+fn draw_lines(area: &Area, x: &Axis, y_label: &str, lines: &[Line]) -> Drawn {
+    let points = || lines.iter().flat_map(|line| &line.points);
+    let high = points().fold((0.0, 0.0), |high: (f64, f64), p| (high.0.max(p.0), high.1.max(p.1)));
+    let margin = if x.names.is_empty() { 0.0 } else { 0.15 };
+    let span = -margin..(high.0 + margin).max(1e-9);
+    let mut builder = ChartBuilder::on(area);
+    builder.margin(12).margin_right(NAMES).x_label_area_size(44).y_label_area_size(60);
+    let mut chart = builder.build_cartesian_2d(span, 0.0..(HEADROOM * high.1).max(1e-9))?;
+    let name = |at: &f64| match x.names.get(at.round() as usize) {
+        Some(name) if (at - at.round()).abs() < 1e-6 && *at > -0.5 => name.clone(),
+        Some(_) => String::new(),
+        None if x.names.is_empty() => number(*at),
+        None => String::new(),
+    };
+    let mut mesh = chart.configure_mesh();
+    mesh.x_desc(&x.label).y_desc(y_label).label_style(FONT).axis_desc_style(FONT);
+    mesh.x_label_formatter(&name).y_label_formatter(&|at| number(*at));
+    mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12));
+    if !x.names.is_empty() {
+        mesh.disable_x_mesh().x_labels(x.names.len());
+    }
+    mesh.draw()?;
+    for (k, line) in lines.iter().enumerate() {
+        let style = COLOURS[k % COLOURS.len()].stroke_width(if k == 0 { 3 } else { 2 });
+        chart.draw_series(LineSeries::new(line.points.iter().copied(), style))?;
+        let dot = |&at: &(f64, f64)| Circle::new(at, if k == 0 { 4 } else { 3 }, style.filled());
+        chart.draw_series(line.points.iter().map(dot))?;
+    }
+    let ends = lines.iter().enumerate().filter_map(|(k, line)| Some((k, chart.backend_coord(line.points.last()?))));
+    draw_names(area, lines, ends.collect())
+}
+
+/// From the lowest end up, each name clear of the one below it.
+fn draw_names(area: &Area, lines: &[Line], mut ends: Vec<(usize, (i32, i32))>) -> Drawn {
+    ends.sort_by_key(|&(k, (_, y))| (std::cmp::Reverse(y), k));
+    let mut free = i32::MAX;
+    for (k, (x, y)) in ends {
+        let y = y.min(free);
+        free = y - FONT.1 as i32;
+        let style = TextStyle::from(FONT.into_font()).color(&COLOURS[k % COLOURS.len()]);
+        let (left, top) = area.get_base_pixel();
+        area.draw_text(&lines[k].name, &style.pos(Pos::new(HPos::Left, VPos::Center)), (x - left + 10, y - top))?;
+    }
+    Ok(())
+}
+
+fn is_drawn(&(x, y): &(f64, f64)) -> bool {
+    x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite()
+}
+
+/// What the axes of all panels span: whole powers of ten along y.
+fn spans(axes: &Logarithmic, panels: &[Panel]) -> [std::ops::Range<f64>; 2] {
+    let all = panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| &line.points).copied().filter(is_drawn);
+    let nothing = [[f64::INFINITY, 0.0]; 2];
+    let grown = |[low, high]: [f64; 2], x: f64| [low.min(x), high.max(x)];
+    let [x, mut y] = all.fold(nothing, |[xs, ys], (x, y)| [grown(xs, x), grown(ys, y)]);
+    let bars = panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| line.ranges.as_flattened()).copied();
+    let x = bars.filter(|end| *end > 0.0 && end.is_finite()).fold(x, grown);
+    if let Some(level) = axes.level {
+        y = grown(y, level);
+    }
+    let span = |[low, high]: [f64; 2]| if low <= high { low..high } else { 1.0..10.0 };
+    let (x, y) = (span(x), span(y));
+    let tens = |x: f64, way: fn(f64) -> f64| 10f64.powf(way(x.log10()));
+    // A little beyond, so that rounding does not leave the outermost powers out.
+    let (low, high) = (tens(y.start, |l| (l - 0.1).floor()), tens(y.end, |l| (l + 0.1).ceil()));
+    [x.start / 1.5..x.end * 1.5, low * (1.0 - ROUNDING)..high * (1.0 + ROUNDING)]
+}
+
+fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops::Range<f64>; 2]) -> Drawn {
+    let mut builder = ChartBuilder::on(area);
+    builder.margin(12).margin_right(NAMES).x_label_area_size(44).y_label_area_size(66).caption(&panel.title, FONT);
+    let keyed = |span: &std::ops::Range<f64>| span.clone().log_scale().with_key_points(ticks(span));
+    let mut chart = builder.build_cartesian_2d(keyed(x), keyed(y))?;
+    let mut mesh = chart.configure_mesh();
+    mesh.x_desc(axes.x).y_desc(axes.y).label_style(FONT).axis_desc_style(FONT);
+    mesh.x_label_formatter(&|at| power(*at)).y_label_formatter(&|at| power(*at));
+    mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).draw()?;
+    if let Some(level) = axes.level {
+        let ends = [(x.start, level), (x.end, level)];
+        chart.draw_series(DashedLineSeries::new(ends, 5, 4, BLACK.mix(0.5).stroke_width(1)))?;
+    }
+    let mut ends = Vec::new();
+    for (k, line) in panel.lines.iter().enumerate() {
+        let points: Vec<(f64, f64)> = line.points.iter().copied().filter(is_drawn).collect();
+        let style = COLOURS[k % COLOURS.len()].stroke_width(2);
+        chart.draw_series(LineSeries::new(points.iter().copied(), style))?;
+        chart.draw_series(points.iter().map(|&at| Circle::new(at, 3, style.filled())))?;
+        let bars = line.points.iter().zip(&line.ranges).filter(|(at, [low, _])| is_drawn(at) && *low > 0.0);
+        let thin = COLOURS[k % COLOURS.len()].mix(0.45).stroke_width(1);
+        chart.draw_series(bars.map(|((_, y), [low, high])| PathElement::new([(*low, *y), (*high, *y)], thin)))?;
+        ends.extend(points.last().map(|at| (k, chart.backend_coord(at))));
+    }
+    draw_names(area, &panel.lines, ends)
+}
+
+/// Round numbers within a span: the sparsest set that has enough of them, without some of the powers of ten where they alone
+/// are too many.
+fn ticks(span: &std::ops::Range<f64>) -> Vec<f64> {
+    let powers = span.start.log10().floor() as i32..=span.end.log10().ceil() as i32;
+    let of = |digits: &[f64]| -> Vec<f64> {
+        let all = powers.clone().flat_map(|power| digits.iter().map(move |digit| digit * 10f64.powi(power)));
+        all.filter(|tick| span.contains(tick)).collect()
+    };
+    let all = DIGITS.iter().map(|digits| of(digits)).find(|ticks| ticks.len() >= *TICKS.start());
+    let all = all.unwrap_or_else(|| of(DIGITS[DIGITS.len() - 1]));
+    all.iter().copied().step_by(all.len().div_ceil(*TICKS.end()).max(1)).collect()
+}
+
+/// As [`number`] where that is short.
+fn power(x: f64) -> String {
+    if (0.1..1e4).contains(&x) { number(x) } else { format!("{x:.0e}") }
+}
+
+fn draw_bars(area: &Area, x_label: &str, bars: &[Bar]) -> Drawn {
+    let high = bars.iter().fold(0.0, |high: f64, bar| high.max(bar.length));
+    let count = bars.len() as f64;
+    let mut chart = ChartBuilder::on(area)
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size((LABELS * f64::from(SIZE.0)) as u32)
+        .build_cartesian_2d(0.0..(1.15 * high).max(1e-9), 0.0..count.max(1.0))?;
+    // Names stand in the middle of their bars, and ticks need not fall there: they are drawn by hand.
+    let mut mesh = chart.configure_mesh();
+    mesh.x_desc(x_label).label_style(FONT).axis_desc_style(FONT).y_labels(0).disable_y_mesh();
+    mesh.x_label_formatter(&|at| number(*at));
+    mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).draw()?;
+    chart.draw_series(bars.iter().enumerate().map(|(k, bar)| {
+        let top = count - k as f64;
+        let colour = COLOURS[(bar.kind + 1) % COLOURS.len()];
+        Rectangle::new([(0.0, top - 0.15), (bar.length, top - 0.85)], colour.filled())
+    }))?;
+    for (k, bar) in bars.iter().enumerate() {
+        let middle = count - k as f64 - 0.5;
+        let (x, y) = chart.backend_coord(&(0.0, middle));
+        let style = |h: HPos| TextStyle::from(FONT.into_font()).pos(Pos::new(h, VPos::Center));
+        area.draw_text(&bar.name, &style(HPos::Right), (x - 8, y))?;
+        let (end, y) = chart.backend_coord(&(bar.length, middle));
+        area.draw_text(&number(bar.length), &style(HPos::Left), (end + 6, y))?;
+    }
+    Ok(())
+}
+
+/// Short, at most two digits after the point.
+fn number(x: f64) -> String {
+    let text = format!("{x:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plots_say_what_they_show() {
+        let axis = Axis { label: "vertices".into(), names: vec!["11 k".into(), "44 k".into()] };
+        let line = Line { name: "total".into(), points: vec![(0.0, 1.0), (1.0, 1.25)], ..Line::default() };
+        let svg = lines(&axis, "ms", &[line]).unwrap();
+        assert!(["vertices", "11 k", "44 k", "total"].iter().all(|text| svg.contains(text)), "{svg}");
+        let bar = |name: &str, length, kind| Bar { name: name.into(), length, kind };
+        let svg = bars("time, ms", &[bar("one", 1.5, 0), bar("two", 3.0, 1)]).unwrap();
+        assert!(["time, ms", "one", "two", "1.5"].iter().all(|text| svg.contains(text)), "{svg}");
+        assert!(lines(&axis, "ms", &[]).is_ok() && bars("ms", &[]).is_ok());
+    }
+
+    #[test]
+    fn panels_are_logarithmic_and_leave_out_what_has_no_logarithm() {
+        let line = |points: &[(f64, f64)]| Line { name: "jacobi".into(), points: points.to_vec(), ..Line::default() };
+        let panel = |title: &str, points: &[(f64, f64)]| Panel { title: title.into(), lines: vec![line(points)] };
+        let axes = Logarithmic { x: "ms", y: "error", level: Some(1e-4) };
+        let drawn = [panel("soft", &[(20.0, 3e-6), (7.0, 0.0), (8.0, f64::NAN)]), panel("stiff", &[(4.0, 2e-5)])];
+        let svg = panels(&axes, &drawn).unwrap();
+        assert!(["soft", "stiff", "jacobi", "error", "1e-5", "10"].iter().all(|text| svg.contains(text)), "{svg}");
+        let y = &spans(&axes, &drawn)[1];
+        assert!((y.start / 1e-6 - 1.0).abs() < 1e-8 && (y.end / 1e-3 - 1.0).abs() < 1e-8, "{y:?}");
+        assert!(!svg.contains("NaN") && panels(&axes, &[]).is_ok() && panels(&axes, &[panel("none", &[])]).is_ok());
+    }
+
+    #[test]
+    fn axes_have_enough_ticks_and_not_too_many() {
+        assert_eq!(ticks(&(0.9..2e3)), [1.0, 10.0, 100.0, 1e3]);
+        assert_eq!(ticks(&(9.0..70.0)), [10.0, 20.0, 50.0]);
+        assert_eq!(ticks(&(13.0..21.0)), [14.0, 16.0, 18.0, 20.0]);
+        assert_eq!(ticks(&(0.9e-9..1.1e3)).len(), 7, "every second power");
+        assert_eq!([1e-5, 0.2, 1.4, 5e4].map(power), ["1e-5", "0.2", "1.4", "5e4"]);
+    }
+}

@@ -1,0 +1,182 @@
+//! Round bodies of any number of vertices that are all alike about one pole: rings of vertices about the z axis, at a fixed
+//! spacing within a cap and ever coarser or finer beyond it.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+
+/// From ring to ring beyond the cap, spacings change by this at most.
+const GROWTH: f64 = 1.1;
+/// Depth of the grooves of a lobed body, of its radius; deep enough that one hull cannot cover it.
+const GROOVE: f64 = 0.4;
+const LOBES: f64 = 5.0;
+/// Polar angle over which grooves reach their depth, rad.
+const ONSET: f64 = 0.7;
+
+/// What all bodies of a family share.
+#[derive(Debug, Clone, Copy)]
+pub struct Family {
+    /// m.
+    pub radius: f64,
+    /// Radius of the cap along the surface, about the pole at +z, m.
+    pub cap: f64,
+    /// Edge of the triangles within the cap, m.
+    pub spacing: f64,
+    /// Whether grooves run down the body beyond the cap, as they do on a pumpkin; without them it is a sphere.
+    pub is_lobed: bool,
+}
+
+/// A closed surface, counter-clockwise seen from outside.
+#[derive(Debug, Clone)]
+pub struct Graded {
+    /// m; those of the cap come first.
+    pub vertices: Vec<DVec3>,
+    /// Those of the cap come first.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// Vertices at one polar angle.
+struct Ring {
+    polar: f64,
+    points: usize,
+}
+
+impl Family {
+    /// The member whose number of vertices is nearest to `count` (within a few in a hundred, unless the
+    /// cap and the way out of it have more).
+    pub fn member(&self, count: usize) -> Graded {
+        let (mut fine, mut coarse) = (0.05 * self.spacing / self.radius, 0.5_f64);
+        for _ in 0..50 {
+            let middle = (fine * coarse).sqrt();
+            if total(&self.rings(middle)) > count {
+                fine = middle;
+            } else {
+                coarse = middle;
+            }
+        }
+        let (more, fewer) = (self.rings(fine), self.rings(coarse));
+        let is_nearer = total(&more).abs_diff(count) < total(&fewer).abs_diff(count);
+        self.surface(if is_nearer { &more } else { &fewer })
+    }
+
+    /// Vertices and triangles of the cap.
+    pub fn cap_counts(&self) -> (usize, usize) {
+        let rings = self.cap_rings();
+        (1 + 3 * rings * (rings + 1), 6 * rings * rings)
+    }
+
+    fn cap_rings(&self) -> usize {
+        (self.cap / self.spacing).round().max(1.0) as usize
+    }
+
+    /// From pole to pole, `far` the angle between rings far from the cap.
+    fn rings(&self, far: f64) -> Vec<Ring> {
+        let near = self.spacing / self.radius;
+        let cap = self.cap_rings();
+        let mut rings: Vec<Ring> = (1..=cap).map(|i| Ring { polar: i as f64 * near, points: 6 * i }).collect();
+        let (mut polar, mut spacing) = (cap as f64 * near, near);
+        loop {
+            spacing = if far > near { (spacing * GROWTH).min(far) } else { (spacing / GROWTH).max(far) };
+            polar += spacing;
+            if polar > PI - 0.5 * spacing {
+                return rings;
+            }
+            let points = (TAU * libm::sin(polar) / spacing).round().max(6.0) as usize;
+            rings.push(Ring { polar, points });
+        }
+    }
+
+    fn surface(&self, rings: &[Ring]) -> Graded {
+        let mut vertices = vec![DVec3::Z * self.radius];
+        let mut triangles = Vec::new();
+        let first = rings.first().map_or(0, |ring| ring.points);
+        triangles.extend((0..first).map(|k| [0, 1 + k, 1 + (k + 1) % first]));
+        let mut last: Option<(usize, usize)> = None;
+        for ring in rings {
+            let start = vertices.len();
+            let angle = |k: usize| TAU * k as f64 / ring.points as f64;
+            vertices.extend((0..ring.points).map(|k| self.point(ring.polar, angle(k))));
+            if let Some((inner, points)) = last {
+                zip(&mut triangles, (inner, points), (start, ring.points));
+            }
+            last = Some((start, ring.points));
+        }
+        if let Some((start, points)) = last {
+            let pole = vertices.len();
+            triangles.extend((0..points).map(|k| [pole, start + (k + 1) % points, start + k]));
+        }
+        vertices.push(DVec3::Z * -self.radius);
+        Graded { vertices, triangles: triangles.iter().map(|t| t.map(|v| v as u32)).collect() }
+    }
+
+    fn point(&self, polar: f64, angle: f64) -> DVec3 {
+        let (sin, cos) = (libm::sin(polar), libm::cos(polar));
+        let mut radius = self.radius;
+        if self.is_lobed {
+            let t = ((polar - self.cap / self.radius) / ONSET).clamp(0.0, 1.0);
+            let depth = GROOVE * t * t * (3.0 - 2.0 * t) * sin * sin;
+            radius *= 1.0 - depth * 0.5 * (1.0 - libm::cos(LOBES * angle));
+        }
+        radius * DVec3::new(sin * libm::cos(angle), sin * libm::sin(angle), cos)
+    }
+}
+
+fn total(rings: &[Ring]) -> usize {
+    2 + rings.iter().map(|ring| ring.points).sum::<usize>()
+}
+
+/// Joins two rings, each given by its first vertex and its number of vertices: always to the nearer next vertex.
+fn zip(triangles: &mut Vec<[usize; 3]>, (inner, m): (usize, usize), (outer, n): (usize, usize)) {
+    let (mut i, mut j) = (0, 0);
+    while i < m || j < n {
+        let (a, b) = (inner + i % m, outer + j % n);
+        if i == m || (j < n && (j + 1) * m <= (i + 1) * n) {
+            triangles.push([a, b, outer + (j + 1) % n]);
+            j += 1;
+        } else {
+            triangles.push([a, b, inner + (i + 1) % m]);
+            i += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use palpate::prepare::{mass, skin};
+
+    const FAMILY: Family = Family { radius: 0.1, cap: 0.01, spacing: 0.001, is_lobed: true };
+
+    #[test]
+    fn members_are_closed_and_outward_and_have_the_vertices_asked_for() {
+        for count in [3_000, 11_000, 44_000] {
+            let Graded { vertices, triangles } = FAMILY.member(count);
+            assert!(vertices.len().abs_diff(count) < count / 20, "{} of {count}", vertices.len());
+            // Euler: closed, and of one piece without handles.
+            assert_eq!(triangles.len(), 2 * vertices.len() - 4);
+            assert_eq!(skin::defects(&triangles), (0, 0));
+            assert_eq!(skin::parts(vertices.len(), &triangles).1, 1);
+            let ball = 4.0 / 3.0 * PI * 1e-3;
+            let volume = mass::properties(&vertices, &triangles).volume;
+            assert!(volume > 0.5 * ball && volume < 0.9 * ball, "{volume}");
+        }
+    }
+
+    #[test]
+    fn members_have_the_same_cap_bit_for_bit() {
+        let (few, many) = (FAMILY.member(2_000), FAMILY.member(30_000));
+        let (vertices, triangles) = FAMILY.cap_counts();
+        let bits =
+            |graded: &Graded| graded.vertices[..vertices].iter().map(|v| v.to_array().map(f64::to_bits)).collect();
+        let (a, b): (Vec<_>, Vec<_>) = (bits(&few), bits(&many));
+        assert_eq!(a, b);
+        assert_eq!(few.triangles[..triangles], many.triangles[..triangles]);
+        assert!(few.triangles[..triangles].iter().flatten().all(|&v| (v as usize) < vertices));
+        // No other triangle lies within the cap.
+        let within = |t: &&[u32; 3]| t.iter().all(|&v| (v as usize) < vertices);
+        assert_eq!(many.triangles.iter().filter(within).count(), triangles);
+        // Without grooves every vertex is on the sphere.
+        let sphere = Family { is_lobed: false, ..FAMILY }.member(2_000);
+        assert!(sphere.vertices.iter().all(|v| (v.length() - 0.1).abs() < 1e-15));
+    }
+}

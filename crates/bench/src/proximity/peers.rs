@@ -1,0 +1,157 @@
+//! The same question answered by closest points: for each vertex of one body the nearest point of the other's surface, and
+//! whether it is inside, by a tree of boxes (parry3d, f64) on one core. Both bodies are rigid here; where they deform, the
+//! tree has to follow, and what that takes is measured too.
+
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::{DQuat, DVec3};
+use parry3d_f64::math::Vector;
+use parry3d_f64::query::PointQuery;
+use parry3d_f64::shape::{TriMesh, TriMeshFlags};
+use serde::{Deserialize, Serialize};
+
+use super::patches::{Place, measure_one};
+use super::{Settings, rigid};
+use crate::median;
+use palpate::gpu::Context;
+use palpate::query::{Query, QuerySettings};
+use palpate::scene::Model;
+use palpate::{Error, Result};
+
+/// A small pumpkin's vertices are about as far apart as the head's.
+const SCALE: f64 = 0.5;
+/// Where the pumpkin is, but for its distance behind the head, m.
+const BEHIND: DVec3 = DVec3::new(0.0, 0.03, 0.0);
+/// Distances of the pumpkin's centre to search, m.
+const DISTANCES: [f64; 2] = [0.11, 0.5];
+const HALVINGS: usize = 24;
+/// Refits of the tree take longer than queries, and vary less: one in so many runs is measured.
+const REFIT_EVERY: usize = 10;
+
+/// Times of both, and on what.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Peers {
+    /// Of the pumpkin and the head.
+    pub vertices: [usize; 2],
+    /// Vertices of the pumpkin within the head, by closest points.
+    pub inside: usize,
+    /// Vertices of the pumpkin in the box that the bodies' boxes have in common.
+    pub boxed: usize,
+    /// Colliding vertices of the pumpkin, and of the head, by the query.
+    pub colliding: [usize; 2],
+    /// The query.
+    #[serde(flatten)]
+    pub place: Place,
+    /// Closest points no farther than this are looked for, m: the query's `depth_limit`.
+    pub reach: f64,
+    /// Closest points for the vertices in the box, which are picked out each time, microseconds, a run each.
+    pub boxed_us: Vec<f64>,
+    /// Closest points for all vertices of the pumpkin, microseconds, a run each.
+    pub all_us: Vec<f64>,
+    /// The head's tree after its vertices moved, microseconds, a refit each.
+    pub refit_us: Vec<f64>,
+}
+
+impl Peers {
+    /// Closest points for the vertices in the box, ms.
+    pub fn boxed_ms(&self) -> f64 {
+        1e-3 * median(&self.boxed_us)
+    }
+
+    /// Closest points for all vertices of the pumpkin, ms.
+    pub fn all_ms(&self) -> f64 {
+        1e-3 * median(&self.all_us)
+    }
+
+    /// The head's tree after its vertices moved, ms.
+    pub fn refit_ms(&self) -> f64 {
+        1e-3 * median(&self.refit_us)
+    }
+}
+
+/// Both on one pose, in turn.
+pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Peers> {
+    let [pumpkin_count, head_count] = settings.peer_vertices;
+    watch(&format!("peers: a pumpkin of {pumpkin_count} vertices and a head of {head_count}"));
+    let (points, pumpkin_triangles) = palpate::prepare::model::surface(Model::Pumpkin, pumpkin_count);
+    let points: Vec<DVec3> = points.into_iter().map(|x| SCALE * x).collect();
+    let (head_points, head_triangles) = palpate::prepare::model::surface(Model::Head, head_count);
+    let mut tree = tree(&head_points, &head_triangles)?;
+    let head_box = bounds(&head_points);
+    let head = rigid("head", head_points, head_triangles)?;
+    let pumpkin = rigid("pumpkin", points.clone(), pumpkin_triangles)?;
+
+    let placed = |distance: f64| -> Vec<Vector> {
+        let at = BEHIND - DVec3::Z * distance;
+        points.iter().map(|x| *x + at).map(|x| Vector::new(x.x, x.y, x.z)).collect()
+    };
+    // The pumpkin's box holds all of its vertices: those in the head's box are those in the box of both.
+    let in_box = |x: &&Vector| (0..3).all(|k| (head_box[0][k]..=head_box[1][k]).contains(&x[k]));
+    let inside = |points: &[Vector]| closest(&tree, points.iter().filter(in_box), f64::MAX).0;
+    let [mut near, mut far] = DISTANCES;
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (near + far);
+        if inside(&placed(middle)) > settings.peer_colliding {
+            near = middle;
+        } else {
+            far = middle;
+        }
+    }
+    let all = placed(far);
+
+    let query_settings = QuerySettings::of(&head, &pumpkin);
+    let mut query = Query::on(context, &head, &pumpkin, &query_settings, None)?;
+    let pose = (BEHIND - DVec3::Z * far, DQuat::IDENTITY);
+    watch(&format!("peers: {} runs of each", settings.runs));
+    let place = measure_one(&mut query, pose, settings)?;
+    let answer = query.run((DVec3::ZERO, DQuat::IDENTITY), pose)?;
+    let of = |body: usize| answer.contacts.iter().filter(|contact| contact.body == body).count();
+    let mut peers = Peers {
+        vertices: [points.len(), settings.peer_vertices[1]],
+        inside: inside(&all),
+        boxed: all.iter().filter(in_box).count(),
+        colliding: [of(1), of(0)],
+        place,
+        reach: query_settings.depth_limit,
+        ..Peers::default()
+    };
+    for _ in 0..settings.runs {
+        peers.boxed_us.push(time(|| closest(&tree, black_box(&all).iter().filter(in_box), peers.reach)));
+        peers.all_us.push(time(|| closest(&tree, black_box(&all).iter(), peers.reach)));
+    }
+    let moved: Vec<Vector> = tree.vertices().to_vec();
+    for _ in 0..settings.runs.div_ceil(REFIT_EVERY) {
+        peers.refit_us.push(time(|| tree.set_vertices(black_box(&moved))));
+    }
+    Ok(peers)
+}
+
+/// A surface that knows inside from outside.
+fn tree(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Result<TriMesh> {
+    let points = vertices.iter().map(|x| Vector::new(x.x, x.y, x.z)).collect();
+    TriMesh::with_flags(points, triangles.to_vec(), TriMeshFlags::ORIENTED)
+        .map_err(|problem| Error::Simulation(format!("parry3d refuses the head: {problem}")))
+}
+
+/// How many points are inside, and how deep they are together; none farther than `reach`.
+fn closest<'a>(tree: &TriMesh, points: impl Iterator<Item = &'a Vector>, reach: f64) -> (usize, f64) {
+    let nearest =
+        points.filter_map(|&point| Some((point, tree.project_local_point_with_max_dist(point, false, reach)?)));
+    nearest
+        .filter(|(_, nearest)| nearest.is_inside)
+        .fold((0, 0.0), |(count, depth), (point, nearest)| (count + 1, depth + (nearest.point - point).length()))
+}
+
+/// Microseconds.
+fn time<T>(work: impl FnOnce() -> T) -> f64 {
+    let begun = Instant::now();
+    black_box(work());
+    begun.elapsed().as_secs_f64() * 1e6
+}
+
+fn bounds(points: &[DVec3]) -> [DVec3; 2] {
+    let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    [low, points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max)]
+}

@@ -1,0 +1,277 @@
+//! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
+
+use serde_json::Value;
+
+use super::cases::stiffness;
+use super::peers::{ALLOWED_ERROR, PEERS, Peer, fastest};
+use super::{Measured, PRECONDITIONERS, Results, Run, Size};
+use palpate::Result;
+use crate::fit::exponent;
+use crate::plot::{Line, Logarithmic, Panel, panels};
+use crate::{Section, Table};
+
+/// Time of an iteration may grow with such a power of the tetrahedra.
+const ALLOWED_EXPONENT: f64 = 1.05;
+/// Bytes on the device that a tetrahedron may take.
+const ALLOWED_BYTES: f64 = 400.0;
+
+/// How it was measured.
+pub fn preface(settings: &Value) -> String {
+    format!(
+        "Bodies hang from a fixed core under gravity, untouched, from rest (Poisson's ratio 0.45, 1000 kg/m^3, no damping). \
+         `ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of at most {} \
+         runs, `from` and `to` those of the fastest and the slowest of five runs or of five hands that the steps of fewer are dealt into; \
+         all settings run a few steps in turn. `error` is the largest distance of a \
+         node after the last step from where f64 steps solved directly have it, over the largest displacement.",
+        settings["repetitions"]
+    )
+}
+
+/// Questions and answers, plots drawn.
+pub fn sections(results: &Results) -> Result<Vec<Section>> {
+    let Results { cases, scaling } = results;
+    let mut sections = Vec::new();
+    for group in cases.chunk_by(|a, b| a.case.mesh == b.case.mesh) {
+        sections.push(accuracy(group)?);
+    }
+    let compared: Vec<(Peer, &Measured)> =
+        PEERS.into_iter().filter_map(|peer| peer.case(cases).map(|case| (peer, case))).collect();
+    if !compared.is_empty() {
+        sections.push(peers(&compared));
+    }
+    if !scaling.is_empty() {
+        sections.push(growth(scaling)?);
+    }
+    Ok(sections)
+}
+
+/// Three digits.
+fn ms(time: f64) -> String {
+    match time {
+        t if t < 10.0 => format!("{t:.2}"),
+        t if t < 100.0 => format!("{t:.1}"),
+        t => format!("{t:.0}"),
+    }
+}
+
+fn setting(run: &Run) -> String {
+    format!("{} to {:.0e}", run.preconditioner, run.tolerance)
+}
+
+/// The cases of one body.
+fn accuracy(cases: &[Measured]) -> Result<Section> {
+    let heads = ["case", "preconditioner", "tolerance", "ms", "from", "to", "iterations", "flagged", "error"];
+    let mut table = Table::new(heads);
+    let mut drawn = Vec::new();
+    for case in cases {
+        for run in &case.runs {
+            table.rows.push(vec![
+                case.case.label(),
+                run.preconditioner.clone(),
+                format!("{:.0e}", run.tolerance),
+                ms(run.ms()),
+                ms(run.range_ms()[0]),
+                ms(run.range_ms()[1]),
+                format!("{:.0}", run.median_iterations()),
+                run.flagged.to_string(),
+                format!("{:.1e}", run.error),
+            ]);
+        }
+        let line = |&(name, _): &(&str, _)| Line {
+            name: name.into(),
+            points: case
+                .runs
+                .iter()
+                .filter(|run| run.preconditioner == name)
+                .map(|run| (run.ms(), run.error))
+                .collect(),
+            ..Line::default()
+        };
+        drawn.push(Panel { title: case.case.label(), lines: PRECONDITIONERS.iter().map(line).collect() });
+    }
+    let axes = Logarithmic { x: "ms a step", y: "displacement error", level: Some(ALLOWED_ERROR) };
+    let Some(first) = cases.first() else { return Ok(Section::default()) };
+    let name = first.case.mesh.name();
+    Ok(Section {
+        title: format!("Time against error: {}", name),
+        question: format!(
+            "What does a smaller error cost, and which preconditioner gets there first? {} tetrahedra, {} nodes, {} steps. \
+             In the plots tolerances fall from top to bottom; the dashed line is an error of {ALLOWED_ERROR:.0e}.",
+            first.tetrahedra, first.nodes, first.case.steps
+        ),
+        table,
+        plot: Some(panels(&axes, &drawn)?),
+        finding: accuracy_finding(cases),
+        ..Section::default()
+    })
+}
+
+fn accuracy_finding(cases: &[Measured]) -> String {
+    let best = |case: &Measured| match fastest(case) {
+        Some(run) => {
+            let iterations = run.median_iterations();
+            format!("{} at {} ms ({}, {iterations:.0} iterations)", case.case.label(), ms(run.ms()), setting(run))
+        }
+        None => format!("{} by no setting", case.case.label()),
+    };
+    let all: Vec<String> = cases.iter().map(best).collect();
+    let mut flags: Vec<&str> =
+        cases.iter().flat_map(|case| &case.runs).flat_map(|run| &run.flags).map(String::as_str).collect();
+    flags.sort_unstable();
+    flags.dedup();
+    let flags = if flags.is_empty() { String::new() } else { format!(" Flags were raised: {}.", flags.join(", ")) };
+    format!("An error of {ALLOWED_ERROR:.0e} is reached without flags: {}.{flags}", all.join("; "))
+}
+
+fn peers(compared: &[(Peer, &Measured)]) -> Section {
+    let mut table = Table::new([
+        "case",
+        "Vega FEM ms",
+        "MuJoCo ms",
+        "palpate ms",
+        "setting",
+        "error",
+        "against Vega",
+        "against the faster",
+        "goal",
+    ]);
+    let mut met = Vec::new();
+    for (peer, case) in compared {
+        let run = fastest(case);
+        let cell = |text: &dyn Fn(&Run) -> String| run.map_or_else(|| "none".into(), text);
+        table.rows.push(vec![
+            format!("{}, {}", case.case.mesh.name(), case.case.label()),
+            ms(peer.vega_ms),
+            peer.mujoco_ms.map_or_else(String::new, ms),
+            cell(&|run| ms(run.ms())),
+            cell(&setting),
+            cell(&|run| format!("{:.1e}", run.error)),
+            cell(&|run| format!("{:.2}", peer.vega_ms / run.ms())),
+            cell(&|run| format!("{:.2}", peer.best_ms() / run.ms())),
+            format!("{}", peer.goal),
+        ]);
+        met.push((run.map_or(0.0, |run| peer.best_ms() / run.ms()), peer, case));
+    }
+    let reached = met.iter().filter(|(factor, peer, _)| *factor >= peer.goal).count();
+    let factor = |(factor, peer, case): &(f64, &Peer, &&Measured)| {
+        format!("{} at {}: {factor:.2} of {}", case.case.mesh.name(), stiffness(case.case.young), peer.goal)
+    };
+    Section {
+        title: "Peers on the same cases".into(),
+        question: format!(
+            "How many times faster is our fastest setting whose displacement error is at most {ALLOWED_ERROR:.0e}? Vega FEM \
+             4.0 ran in f64 with Jacobi's conjugate gradients to 1e-6, MuJoCo 4 in its fastest setting, both on another \
+             two-core machine of this kind: their times are quoted, not measured here."
+        ),
+        table,
+        plot: None,
+        finding: format!(
+            "{reached} of {} goals are reached, against the faster peer: {}.",
+            met.len(),
+            met.iter().map(factor).collect::<Vec<_>>().join("; ")
+        ),
+        ..Section::default()
+    }
+}
+
+fn growth(sizes: &[Size]) -> Result<Section> {
+    let mut table = Table::new(["tetrahedra", "nodes"]);
+    let Some(first) = sizes.first() else { return Ok(Section::default()) };
+    for iteration in &first.iterations {
+        let name = &iteration.preconditioner;
+        table.heads.extend([
+            format!("{name}: ms an iteration"),
+            "ns a tetrahedron".into(),
+            "bytes a tetrahedron".into(),
+        ]);
+    }
+    for steps in &first.steps {
+        table.heads.extend([format!("{}: ms a step", stiffness(steps.young)), "iterations".into()]);
+    }
+    for size in sizes {
+        let mut row = vec![size.tetrahedra.to_string(), size.nodes.to_string()];
+        let each = |x: f64| x / size.tetrahedra as f64;
+        for iteration in &size.iterations {
+            let (time, bytes) = (iteration.ms(), iteration.bytes_device as f64);
+            row.extend([format!("{time:.3}"), format!("{:.1}", 1e6 * each(time)), format!("{:.0}", each(bytes))]);
+        }
+        for steps in &size.steps {
+            row.extend([ms(steps.ms()), format!("{:.0}", steps.median_iterations())]);
+        }
+        table.rows.push(row);
+    }
+    let lines = growth_lines(sizes);
+    let axes = Logarithmic { x: "tetrahedra", y: "ms", level: None };
+    let panel = Panel { title: "Median time".into(), lines: lines.iter().map(|(line, _)| line.clone()).collect() };
+    Ok(Section {
+        title: "Growth with size".into(),
+        question: "Does an iteration's time grow as the tetrahedra do, and how much faster does a step's, which takes more \
+                   iterations? Blocks of 0.1 m with ever smaller cells, 1 ms steps; an iteration is the difference of steps \
+                   of 32 and of 8 over 24, a step is solved to the usual tolerance by `preconditioner = \"auto\"`."
+            .into(),
+        table,
+        plot: Some(panels(&axes, &[panel])?),
+        finding: growth_finding(sizes, &lines),
+        ..Section::default()
+    })
+}
+
+/// Each time over the tetrahedra, and whether it is of an iteration.
+fn growth_lines(sizes: &[Size]) -> Vec<(Line, bool)> {
+    let Some(first) = sizes.first() else { return Vec::new() };
+    let points = |time: &dyn Fn(&Size) -> f64| sizes.iter().map(|size| (size.tetrahedra as f64, time(size))).collect();
+    let of_steps = first.steps.iter().enumerate().map(|(k, steps)| {
+        let name = format!("step, {}", stiffness(steps.young));
+        (
+            Line {
+                name,
+                points: points(&|size| size.steps.get(k).map_or(f64::NAN, |steps| steps.ms())),
+                ..Line::default()
+            },
+            false,
+        )
+    });
+    let of_iterations = first.iterations.iter().enumerate().map(|(k, iteration)| {
+        let name = format!("iteration, {}", iteration.preconditioner);
+        (
+            Line {
+                name,
+                points: points(&|size| size.iterations.get(k).map_or(f64::NAN, |it| it.ms())),
+                ..Line::default()
+            },
+            true,
+        )
+    });
+    of_steps.chain(of_iterations).collect()
+}
+
+fn growth_finding(sizes: &[Size], lines: &[(Line, bool)]) -> String {
+    let (Some(first), Some(last)) = (sizes.first(), sizes.last()) else { return "nothing was measured.".into() };
+    let power = |(line, is_bounded): &(Line, bool)| {
+        let power = exponent(&line.points)?;
+        let verdict = match (is_bounded, power <= ALLOWED_EXPONENT) {
+            (false, _) => String::new(),
+            (true, true) => format!(" (within the {ALLOWED_EXPONENT} allowed)"),
+            (true, false) => format!(" (beyond the {ALLOWED_EXPONENT} allowed)"),
+        };
+        Some(format!("{} {power:.2}{verdict}", line.name))
+    };
+    let powers: Vec<String> = lines.iter().filter_map(power).collect();
+    let bytes = |size: &Size| {
+        let most = size.iterations.iter().map(|iteration| iteration.bytes_device).max().unwrap_or(0);
+        most as f64 / size.tetrahedra as f64
+    };
+    let most = sizes.iter().map(bytes).fold(0.0, f64::max);
+    let verdict = if most <= ALLOWED_BYTES { "within" } else { "beyond" };
+    format!(
+        "From {} to {} tetrahedra times grow with these powers of them: {}. At most {most:.0} bytes on the device a \
+         tetrahedron, {verdict} the {ALLOWED_BYTES} allowed.",
+        first.tetrahedra,
+        last.tetrahedra,
+        powers.join(", ")
+    )
+}
+
+#[cfg(test)]
+#[path = "document_tests.rs"]
+mod tests;

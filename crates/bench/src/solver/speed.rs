@@ -1,0 +1,180 @@
+//! Time of a step against the error that it leaves: every case with each preconditioner and tolerance.
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::cases::{self, Case};
+use super::reference::{Reference, reference};
+use super::{PRECONDITIONERS, Settings};
+use palpate::Result;
+use crate::median;
+use crate::samples::hands;
+use crate::suite::nan_of_null;
+use palpate::gpu::Options;
+use palpate::prepare::Cache;
+use palpate::scene::{Preconditioner, Scene};
+use palpate::step::Flags;
+use palpate::step::Simulation;
+
+/// Steps of one setting before another has its turn: enough for what the first of them finds cold to be no median.
+const TURN: usize = 5;
+
+/// A case and what was found.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Measured {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    #[serde(flatten)]
+    pub case: Case,
+    /// Of the body.
+    pub tetrahedra: usize,
+    /// Of the body, bound ones included.
+    pub nodes: usize,
+    /// What the reference took on the machine that found it, s.
+    pub reference_seconds: f64,
+    /// Largest displacement after the last step, by the reference, m.
+    pub largest_displacement: f64,
+    /// What was measured.
+    pub runs: Vec<Run>,
+}
+
+/// A preconditioner and a tolerance.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Run {
+    /// Name of the preconditioner.
+    pub preconditioner: String,
+    /// Residual to stop at.
+    pub tolerance: f64,
+    /// Largest distance of a node from the reference after the last step, over the largest displacement; the worst of all
+    /// repetitions; NaN, in JSON null, where the state is not finite.
+    #[serde(deserialize_with = "nan_of_null")]
+    pub error: f64,
+    /// Of each step.
+    pub iterations: Vec<u32>,
+    /// Steps that raised a flag.
+    pub flagged: usize,
+    /// Names of the flags.
+    pub flags: Vec<String>,
+    /// Bytes on the device.
+    pub bytes_device: u64,
+    /// Microseconds, a step each, for each repetition.
+    pub step_us: Vec<Vec<f64>>,
+}
+
+impl Run {
+    /// Milliseconds of a step: the median over the steps of a repetition, the median of those.
+    pub fn ms(&self) -> f64 {
+        median(&self.medians_ms())
+    }
+
+    /// The same of the fastest and the slowest repetition, or hand of few (see [`hands`]).
+    pub fn range_ms(&self) -> [f64; 2] {
+        let hands = hands(&self.step_us);
+        let (low, high) = hands.into_iter().fold((f64::INFINITY, 0.0f64), |(a, b), us| (a.min(us), b.max(us)));
+        [1e-3 * low, 1e-3 * high]
+    }
+
+    /// Median of the iterations of a step.
+    pub fn median_iterations(&self) -> f64 {
+        median(&self.iterations.iter().map(|&n| f64::from(n)).collect::<Vec<_>>())
+    }
+
+    /// Whether one more repetition, as long as the others were, ends before so many seconds are spent on all of them.
+    fn is_worth_another(&self, seconds: f64) -> bool {
+        let spent = 1e-6 * self.step_us.iter().flatten().sum::<f64>();
+        let done = self.step_us.len() as f64;
+        done == 0.0 || spent * (done + 1.0) / done <= seconds
+    }
+
+    fn add_step(&mut self, simulation: &mut Simulation) -> Result<Flags> {
+        let begun = Instant::now();
+        let row = simulation.step()?;
+        let time = begun.elapsed().as_secs_f64() * 1e6;
+        self.step_us.last_mut().into_iter().for_each(|steps| steps.push(time));
+        self.iterations.push(row.iterations);
+        self.flagged += usize::from(row.flags != Flags::default());
+        Ok(row.flags)
+    }
+
+    fn medians_ms(&self) -> Vec<f64> {
+        self.step_us.iter().map(|steps| 1e-3 * median(steps)).collect()
+    }
+}
+
+/// Measures a case with every setting of the solver, and tells `watch` of it.
+pub fn measure(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Measured> {
+    let scene = case.scene()?;
+    let body = cases::prepared(&scene)?;
+    let layer = cases::layer(&body)?;
+    let reference = reference(&scene, &body, case.steps, &Cache::of_user(), watch)?;
+    let asked = PRECONDITIONERS.iter().flat_map(|p| settings.tolerances.iter().map(move |tolerance| (p, *tolerance)));
+    let mut runs: Vec<(Scene, Run)> = asked
+        .map(|(&(preconditioner, kind), tolerance)| {
+            (
+                asking(&scene, kind, tolerance, settings),
+                Run { preconditioner: preconditioner.into(), tolerance, ..Run::default() },
+            )
+        })
+        .collect();
+    for repetition in 0..settings.repetitions {
+        watch(&format!("{}: run {} of {}", case.name(), repetition + 1, settings.repetitions));
+        repeat(&mut runs, case.steps, &reference, settings)?;
+    }
+    Ok(Measured {
+        name: case.name(),
+        case: *case,
+        tetrahedra: layer.tetrahedra.len(),
+        nodes: layer.nodes.len(),
+        reference_seconds: reference.seconds,
+        largest_displacement: reference.largest(),
+        runs: runs.into_iter().map(|(_, run)| run).collect(),
+    })
+}
+
+/// The scene with a solver of its own.
+pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, settings: &Settings) -> Scene {
+    let mut scene = scene.clone();
+    scene.solver.preconditioner = preconditioner;
+    scene.solver.tolerance = tolerance;
+    scene.solver.max_iterations = settings.max_iterations;
+    scene
+}
+
+/// The engine on a scene; no step is timed by stage, which would take time.
+pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
+    let mut simulation =
+        Simulation::new(scene, &Options { device: settings.device.clone(), ..Options::default() }, None)?;
+    simulation.time_every(0)?;
+    Ok(simulation)
+}
+
+/// Runs all settings once more, a few steps of each in turn, so that what changes on the machine meanwhile favours none.
+fn repeat(runs: &mut [(Scene, Run)], steps: usize, reference: &Reference, settings: &Settings) -> Result<()> {
+    let mut under_way = Vec::new();
+    for (scene, run) in runs.iter_mut() {
+        if run.is_worth_another(settings.seconds_each) {
+            run.iterations.clear();
+            run.flagged = 0;
+            run.step_us.push(Vec::with_capacity(steps));
+            under_way.push((open(scene, settings)?, Flags::default(), run));
+        }
+    }
+    for turn in (0..steps).step_by(TURN) {
+        for (simulation, flags, run) in &mut under_way {
+            for _ in turn..steps.min(turn + TURN) {
+                *flags |= run.add_step(simulation)?;
+            }
+        }
+    }
+    for (simulation, flags, run) in under_way {
+        run.flags = flags.names().map(Into::into).collect();
+        run.bytes_device = simulation.context().bytes_allocated();
+        if let Some((displacement, _)) = simulation.nodes(0)? {
+            let error = reference.error(&displacement);
+            run.error = if error > run.error || error.is_nan() { error } else { run.error };
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,365 @@
+//! The rows of the matrix: what is varied, and along which values.
+
+use glam::DVec3;
+
+use super::cases::{Case, bare, both, hang, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust};
+use super::labels::{power, si, stretched};
+use super::meshes;
+use super::setup::{Bound, Setup};
+use palpate::Result;
+use crate::meshes::MeshFolder;
+use palpate::scene::Law;
+
+/// A value of an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cell {
+    /// With its unit.
+    pub label: String,
+    /// Whether it is of the region where all must pass.
+    pub is_core: bool,
+    /// Its simulations.
+    pub cases: Vec<Case>,
+}
+
+/// What is varied.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// As `--only` calls it.
+    pub name: &'static str,
+    /// For readers.
+    pub title: &'static str,
+    /// Whether its values are no numbers that rise.
+    pub is_listed: bool,
+    /// Its values, rising.
+    pub cells: Vec<Cell>,
+}
+
+/// Names of all axes, in order.
+pub const NAMES: [&str; 21] = [
+    "young",
+    "poisson",
+    "poisson-neo-hookean",
+    "density",
+    "step",
+    "mass-ratio",
+    "contact-stiffness",
+    "damping-mass",
+    "damping-stiffness",
+    "sliver",
+    "stretch",
+    "thrust",
+    "teleport",
+    "spin",
+    "spin-stiff",
+    "rest",
+    "size",
+    "origin",
+    "gravity",
+    "tetrahedron",
+    "bound",
+];
+
+/// Which part of the matrix.
+#[derive(Debug, Clone, Copy)]
+pub struct Extent<'a> {
+    /// Fewer values and steps.
+    pub is_quick: bool,
+    /// A million steps of resting contact.
+    pub is_soak: bool,
+    /// Where meshes are written.
+    pub folder: &'a MeshFolder,
+}
+
+fn with(change: impl Fn(&mut Setup)) -> Setup {
+    let mut setup = Setup::default();
+    change(&mut setup);
+    setup
+}
+
+/// Values of an axis: those of the whole, and of them the few of the short form.
+struct Values(&'static [f64], &'static [f64]);
+
+impl Values {
+    /// The row; `core`: the least and the greatest value that must pass; `None`: none must.
+    fn axis(
+        self,
+        name: &'static str,
+        title: &'static str,
+        extent: Extent,
+        label: impl Fn(f64) -> String,
+        core: Option<[f64; 2]>,
+        cases: impl Fn(f64) -> Vec<Case>,
+    ) -> Axis {
+        let values = if extent.is_quick { self.1 } else { self.0 };
+        let is_core = |x: f64| core.is_some_and(|[least, greatest]| least <= x && x <= greatest);
+        let cell = |x: &f64| Cell { label: label(*x), is_core: is_core(*x), cases: cases(*x) };
+        Axis { name, title, is_listed: false, cells: values.iter().map(cell).collect() }
+    }
+}
+
+/// The axis of a name; `None`: there is none. Errors: a mesh cannot be written.
+pub fn axis(name: &str, extent: Extent) -> Result<Option<Axis>> {
+    Ok(match material(name, extent).or_else(|| contact(name, extent)).or_else(|| motion(name, extent)) {
+        Some(axis) => Some(axis),
+        None => shape(name, extent)?,
+    })
+}
+
+fn material(name: &str, extent: Extent) -> Option<Axis> {
+    const NU: Values = Values(&[-0.5, -0.25, 0.0, 0.3, 0.45, 0.49, 0.499, 0.4999], &[-0.5, 0.3, 0.4999]);
+    let poisson = |law: Law| move |nu: f64| bare(with(|s| (s.material.poisson, s.material.law) = (nu, law)));
+    let plain = |x: f64| format!("{x}");
+    let young = |x: f64| bare(with(|s| s.material.young = x));
+    let density = |x: f64| bare(with(|s| s.material.density = x));
+    let damping_mass = |x: f64| {
+        let setup = with(|s| s.material.damping_mass = x);
+        vec![hang(setup.clone()), press(setup, sphere(0.1))]
+    };
+    let damping_stiffness = |x: f64| both(with(|s| s.material.damping_stiffness = x));
+    Some(match name {
+        "young" => {
+            let all = &[1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12];
+            Values(all, &[1.0, 1e3, 1e5, 1e7, 1e12]).axis(
+                "young",
+                "Young's modulus",
+                extent,
+                |x| si(x, "Pa"),
+                Some([1e3, 1e7]),
+                young,
+            )
+        }
+        "poisson" => NU.axis(
+            "poisson",
+            "Poisson's ratio, corotational",
+            extent,
+            plain,
+            Some([0.0, 0.49]),
+            poisson(Law::Corotational),
+        ),
+        "poisson-neo-hookean" => {
+            let title = "Poisson's ratio, neo-Hookean";
+            NU.axis("poisson-neo-hookean", title, extent, plain, Some([0.0, 0.49]), poisson(Law::NeoHookean))
+        }
+        "density" => Values(&[1.0, 10.0, 100.0, 1e3, 5e3, 2e4], &[1.0, 1e3, 2e4]).axis(
+            "density",
+            "Density, kg/m^3",
+            extent,
+            plain,
+            Some([100.0, 5e3]),
+            density,
+        ),
+        "damping-mass" => Values(&[0.0, 1.0, 100.0, 1e4, 1e6], &[0.0, 1e6]).axis(
+            "damping-mass",
+            "Damping by mass, 1/s",
+            extent,
+            plain,
+            Some([0.0, 100.0]),
+            damping_mass,
+        ),
+        "damping-stiffness" => Values(&[0.0, 1e-3, 0.1, 10.0, 1e3], &[0.0, 1e3]).axis(
+            "damping-stiffness",
+            "Damping by stiffness",
+            extent,
+            |x| si(x, "s"),
+            Some([0.0, 0.01]),
+            damping_stiffness,
+        ),
+        _ => return None,
+    })
+}
+
+fn contact(name: &str, extent: Extent) -> Option<Axis> {
+    let setup = || Setup::default().damped();
+    let stiffness = |x: f64| vec![press(Setup { stiffness: Some(x), ..setup() }, sphere(0.1))];
+    Some(match name {
+        // The block weighs a kilogram.
+        "mass-ratio" => {
+            let all = &[1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
+            let title = "Mass of tool to body";
+            Values(all, &[1e-5, 1e-3, 0.1, 10.0, 1e3, 1e5]).axis(
+                "mass-ratio",
+                title,
+                extent,
+                power,
+                Some([1e-3, 1.0]),
+                |x| vec![throw(setup(), x)],
+            )
+        }
+        "contact-stiffness" => {
+            let all = &[1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11];
+            let title = "Contact stiffness, N/m^3";
+            Values(all, &[1e3, 1e5, 1e7, 1e9, 1e11]).axis(
+                "contact-stiffness",
+                title,
+                extent,
+                power,
+                Some([1e6, 1e8]),
+                stiffness,
+            )
+        }
+        "thrust" => Values(&[0.3, 1.0, 3.0, 10.0], &[1.0, 10.0]).axis(
+            "thrust",
+            "Tool thrust through the body",
+            extent,
+            |x| format!("{x} m/s"),
+            None,
+            |x| vec![thrust(setup(), x)],
+        ),
+        "teleport" => Values(&[1e-3, 3e-3, 1e-2, 3e-2, 0.1], &[1e-3, 1e-2, 0.1]).axis(
+            "teleport",
+            "Device teleported",
+            extent,
+            |x| si(x, "m"),
+            Some([0.0, 1e-3]),
+            |x| vec![teleport(setup(), x)],
+        ),
+        "rest" => {
+            let mut values = vec![1e3];
+            values.extend((!extent.is_quick).then_some(1e4));
+            values.extend(extent.is_soak.then_some(1e6));
+            let label = |x: f64| format!("{x} steps");
+            let cell = |x: f64| Cell { label: label(x), is_core: true, cases: vec![rest(setup(), x as usize)] };
+            Axis {
+                name: "rest",
+                title: "Resting contact",
+                is_listed: false,
+                cells: values.into_iter().map(cell).collect(),
+            }
+        }
+        _ => return None,
+    })
+}
+
+fn motion(name: &str, extent: Extent) -> Option<Axis> {
+    let setup = || Setup::default().damped();
+    Some(match name {
+        "step" => Values(&[1e-4, 2.5e-4, 1e-3, 4e-3, 1e-2, 3.3e-2, 0.1], &[1e-4, 1e-3, 1e-2, 0.1]).axis(
+            "step",
+            "Time step",
+            extent,
+            |x| si(x, "s"),
+            Some([2.5e-4, 1e-2]),
+            |x| bare(with(|s| s.dt = x)),
+        ),
+        "stretch" => Values(&[-1.0, -0.5, 0.05, 0.1, 0.5, 2.0, 3.0, 4.0], &[-1.0, 0.1, 4.0]).axis(
+            "stretch",
+            "Let go when",
+            extent,
+            stretched,
+            Some([0.5, 2.0]),
+            |x| {
+                let neo = |mut s: Setup| {
+                    s.material.law = Law::NeoHookean;
+                    s
+                };
+                vec![release(setup(), x), release(neo(setup()), x)]
+            },
+        ),
+        "spin" => Values(&[1.0, 10.0, 30.0, 100.0, 300.0, 1000.0], &[10.0, 100.0, 300.0]).axis(
+            "spin",
+            "Spinning free",
+            extent,
+            |x| format!("{x} rad/s"),
+            Some([0.0, 10.0]),
+            |x| vec![spin(Setup::default(), x)],
+        ),
+        "spin-stiff" => Values(&[2e4, 1e6, 1e8, 1e10, 1e12], &[2e4, 1e8, 1e12]).axis(
+            "spin-stiff",
+            "Spinning free at 10 rad/s",
+            extent,
+            |x| si(x, "Pa"),
+            Some([1e3, 1e6]),
+            |x| vec![spin(with(|s| s.material.young = x), 10.0)],
+        ),
+        "gravity" => Values(&[0.0, 1.0, 3.0, 10.0, 30.0, 100.0], &[0.0, 1.0, 100.0]).axis(
+            "gravity",
+            "Gravity",
+            extent,
+            |x| format!("{x} g"),
+            Some([0.0, 1.0]),
+            |x| {
+                let setup = with(|s| s.gravity = 9.81 * x);
+                let cases = [both(setup.clone()), vec![hang(setup)]].concat();
+                let hangs = |case: &Case| case.scenario.starts_with("hang");
+                cases.into_iter().map(|c| if x == 0.0 && hangs(&c) { still(c) } else { c }).collect()
+            },
+        ),
+        "origin" => Values(&[0.0, 1.0, 1e3, 1e6], &[1e3]).axis(
+            "origin",
+            "Away from the origin",
+            extent,
+            |x| si(x, "m"),
+            Some([0.0, 1e3]),
+            |x| both(with(|s| s.origin = x * DVec3::new(0.6, 0.0, 0.8))),
+        ),
+        _ => return None,
+    })
+}
+
+fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
+    Ok(Some(match name {
+        // As stiff for its weight at any size: strains are the same.
+        "size" => Values(&[1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0], &[1e-3, 100.0]).axis(
+            "size",
+            "Size of the body",
+            extent,
+            |x| si(x, "m"),
+            Some([1e-2, 1.0]),
+            |x| {
+                let setup = with(|s| (s.edge, s.material.young) = (x, 2e4 * x / 0.1));
+                [both(setup.clone()), vec![pluck(setup)]].concat()
+            },
+        ),
+        "sliver" => {
+            let values: &[f64] = if extent.is_quick { &[0.01, 1.0] } else { &[0.01, 0.1, 1.0, 10.0] };
+            let mut cells = Vec::new();
+            for &angle in values {
+                let mesh = meshes::slivers(extent.folder, angle, Setup::default().edge)?;
+                let setup = with(|s| s.mesh = Some(mesh.clone()));
+                let cases = [both(setup.clone()), vec![pluck(setup)]].concat();
+                cells.push(Cell { label: format!("{angle} deg"), is_core: angle >= 1.0, cases });
+            }
+            Axis { name: "sliver", title: "Least dihedral angle", is_listed: false, cells }
+        }
+        "tetrahedron" => {
+            let mesh = meshes::tetrahedron(extent.folder, Setup::default().edge)?;
+            let setup = with(|s| s.mesh = Some(mesh.clone())).damped();
+            let on_floor = rest(setup.clone(), if extent.is_quick { 600 } else { 2000 });
+            let cell = |label: &str, case| Cell { label: label.into(), is_core: true, cases: vec![case] };
+            let cells = vec![cell("held by a face", hang(setup)), cell("on a floor", on_floor)];
+            Axis { name: "tetrahedron", title: "A single tetrahedron", is_listed: true, cells }
+        }
+        "bound" => {
+            let cell = |label: &str, bound: Bound, is_still| {
+                let case = |case: Case| Case { setup: Setup { bound: bound.clone(), ..case.setup.clone() }, ..case };
+                let cases = both(Setup::default()).into_iter().map(case);
+                let cases = cases.map(|c| if is_still { still(c) } else { c }).collect();
+                Cell { label: label.into(), is_core: true, cases }
+            };
+            let cells = vec![cell("all but one", Bound::AllButOne, false), cell("all", Bound::All, true)];
+            Axis { name: "bound", title: "Nodes bound", is_listed: true, cells }
+        }
+        _ => return Ok(None),
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whatever_has_something_to_touch_is_to_touch_it() {
+        let folder = MeshFolder::new().unwrap();
+        for is_quick in [false, true] {
+            let extent = Extent { is_quick, is_soak: false, folder: &folder };
+            for name in NAMES {
+                let axis = axis(name, extent).unwrap().unwrap();
+                assert_eq!(axis.name, name);
+                for case in axis.cells.iter().flat_map(|cell| &cell.cases) {
+                    let can_touch = case.setup.sphere.is_some() || case.setup.has_floor;
+                    assert_eq!(case.promise.touches, can_touch, "{name}: {}", case.scenario);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! What a step leaves of its linear system, b - A x, in f64 and matrix by matrix as the equations are written down: elasticity
+//! linearised at the start, damping, weight, contacts, and the tool with its coupling.
+
+use glam::{DQuat, DVec3};
+
+use super::touch::{Motion, Pressing};
+use super::trace::{HALF_ULP, ROUNDINGS};
+use palpate_oracle::step::SoftBody;
+use palpate::step::RigidState;
+use palpate::step::tool::Tool;
+
+/// The body at the start of a step, linearised there.
+pub struct Before {
+    body: SoftBody,
+    rotations: Vec<DQuat>,
+    tool: Option<Tool>,
+}
+
+/// What a step did to it.
+pub struct Done<'a> {
+    /// s.
+    pub h: f64,
+    /// m/s^2.
+    pub gravity: DVec3,
+    /// Velocities of nodes at the end, m/s.
+    pub end: &'a [DVec3],
+    /// The tool at the end, and the device.
+    pub tool: Option<(&'a Tool, RigidState)>,
+    /// Contacts that were not dropped.
+    pub contacts: &'a [Pressing],
+}
+
+/// Squares in the norm of A's diagonal.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Left {
+    /// Of b - A x.
+    pub left2: f64,
+    /// Of b; of weight where forces cancel.
+    pub size2: f64,
+    /// Of what rounding alone may leave.
+    pub floor2: f64,
+}
+
+/// Sums that contacts add to a row: impulse at the end and at the start of the step, its rounding, and the diagonal.
+#[derive(Clone, Copy, Default)]
+struct Pushed {
+    end: DVec3,
+    start: DVec3,
+    rounding: f64,
+    diagonal: f64,
+}
+
+impl Before {
+    /// Now.
+    pub fn of(body: &SoftBody, rotations: &[DQuat], tool: Option<&Tool>) -> Before {
+        let rotations = rotations.to_vec();
+        let mut body = body.clone();
+        body.elements = body.elements.linearised(&body.displacement, &rotations);
+        Before { body, rotations, tool: tool.cloned() }
+    }
+
+    /// What the step left.
+    pub fn left(&self, done: &Done) -> Left {
+        let (h, elements) = (done.h, &self.body.elements);
+        let (start, end) = (&self.body.velocity, done.end);
+        let stiff = |p: &[DVec3]| elements.apply_weighted(p, &self.rotations, |m| h * (h + m.damping_stiffness));
+        let (of_end, of_start) = (stiff(end), stiff(start));
+        let forces = elements.forces(&self.body.displacement, &self.rotations);
+        let sizes = self.sizes(h, start, end);
+        let pushed = self.pushed(done);
+        let mut left = Left::default();
+        for i in (0..start.len()).filter(|i| !self.body.layer.bound[*i]) {
+            let (mass, damping, push) = (elements.masses[i], elements.damping[i], &pushed[i]);
+            let own = h * forces[i] + h * mass * done.gravity - h * damping * start[i] - of_start[i];
+            let image = (mass + h * damping) * (end[i] - start[i]) + of_end[i] - of_start[i];
+            let diagonal = mass + h * damping + sizes[i].0 + push.diagonal;
+            let floor = sizes[i].1
+                + mass * (start[i].length() + end[i].length() + h * done.gravity.length())
+                + h * damping * (start[i].length() + end[i].length());
+            left.left2 += (own + push.end - image).length_squared() / diagonal;
+            // Where forces cancel, weight tells how large they are.
+            let weight2 = (h * mass * done.gravity).length_squared();
+            left.size2 += ((own + push.start).length_squared() + weight2) / diagonal;
+            left.floor2 += (ROUNDINGS * HALF_ULP * floor + push.rounding).powi(2) / diagonal;
+        }
+        self.tool_rows(done, &mut left);
+        left
+    }
+
+    fn motions<'a>(&'a self, done: &Done<'a>) -> [Motion<'a>; 2] {
+        let motion = |nodes, tool: Option<&Tool>| Motion {
+            nodes,
+            linear: tool.map_or(DVec3::ZERO, |tool| tool.velocity),
+            angular: tool.map_or(DVec3::ZERO, |tool| tool.angular_velocity),
+        };
+        [motion(&self.body.velocity, self.tool.as_ref()), motion(done.end, done.tool.as_ref().map(|(tool, _)| *tool))]
+    }
+
+    /// What contacts give to each node, N s and kg.
+    fn pushed(&self, done: &Done) -> Vec<Pushed> {
+        let mut pushed = vec![Pushed::default(); self.body.velocity.len()];
+        let [start, end] = self.motions(done);
+        let h = done.h;
+        for contact in done.contacts {
+            let rounding = h * (contact.rounding(h, &start) + contact.rounding(h, &end));
+            let (push, at_start) = (contact.push(h, &end), contact.push(h, &start));
+            for (node, weight) in &contact.nodes {
+                let at = &mut pushed[*node];
+                at.end -= h * weight * push * contact.normal();
+                at.start -= h * weight * at_start * contact.normal();
+                at.rounding += weight.abs() * rounding;
+                at.diagonal += h * contact.slope(h) * weight * weight;
+            }
+        }
+        pushed
+    }
+
+    /// The tool's six.
+    fn tool_rows(&self, done: &Done, left: &mut Left) {
+        let (Some(before), Some((after, device))) = (&self.tool, &done.tool) else { return };
+        let h = done.h;
+        let rows = before.rows(h, done.gravity, device);
+        let linear = after.velocity - before.velocity;
+        let angular = after.angular_velocity - before.angular_velocity;
+        let change = [linear.to_array(), angular.to_array()].concat();
+        let speeds = [
+            before.velocity.length() + after.velocity.length(),
+            before.angular_velocity.length() + after.angular_velocity.length(),
+        ];
+        let [start, end] = self.motions(done);
+        for k in 0..6 {
+            let image: f64 = rows.matrix[k].iter().zip(&change).map(|(a, x)| a * x).sum();
+            let size: f64 = rows.matrix[k].iter().enumerate().map(|(l, a)| a.abs() * speeds[l / 3]).sum();
+            let mut push = Pushed { diagonal: rows.matrix[k][k], ..Pushed::default() };
+            let (mut of_end, mut of_start) = (rows.rhs[k], rows.rhs[k]);
+            for contact in done.contacts {
+                let column = contact.tool[k / 3][k % 3];
+                of_end -= h * column * contact.push(h, &end);
+                of_start -= h * column * contact.push(h, &start);
+                push.rounding += column.abs() * h * (contact.rounding(h, &start) + contact.rounding(h, &end));
+                push.diagonal += h * contact.slope(h) * column * column;
+            }
+            let floor = ROUNDINGS * HALF_ULP * (size + rows.rhs[k].abs()) + push.rounding;
+            left.left2 += (of_end - image).powi(2) / push.diagonal;
+            left.size2 += of_start.powi(2) / push.diagonal;
+            left.floor2 += floor.powi(2) / push.diagonal;
+        }
+    }
+
+    /// At each node: the stiffness on the diagonal (kg), and the sizes of what its elements add up (N s).
+    fn sizes(&self, h: f64, start: &[DVec3], end: &[DVec3]) -> Vec<(f64, f64)> {
+        let elements = &self.body.elements;
+        let mut sizes = vec![(0.0, 0.0); start.len()];
+        let spread = |nodes: &[u32; 4], of: &[DVec3]| {
+            nodes.iter().map(|i| of[*i as usize].distance(of[nodes[0] as usize])).fold(0.0, f64::max)
+        };
+        // A velocity is rounded as a whole, whatever of it its element feels.
+        let greatest =
+            |nodes: &[u32; 4], of: &[DVec3]| nodes.iter().map(|i| of[*i as usize].length()).fold(0.0, f64::max);
+        for (e, nodes) in elements.tetrahedra.iter().enumerate() {
+            let operator = &elements.operators[e];
+            let modulus = 2.0 * operator.mu + operator.lambda.abs();
+            let steep = elements.gradients[e].iter().map(|g| g.length_squared()).fold(0.0, f64::max);
+            let (stiffness, beta) = (elements.volumes[e] * modulus * steep, elements.materials[e].damping_stiffness);
+            let lag = h * (h + beta) * stiffness;
+            let size = h * stiffness * spread(nodes, &self.body.displacement)
+                + lag * (greatest(nodes, start) + greatest(nodes, end));
+            for i in nodes {
+                let at = &mut sizes[*i as usize];
+                // A node has a third to all of the steepest gradient; a half stands for it.
+                *at = (at.0 + 0.5 * lag, at.1 + size);
+            }
+        }
+        sizes
+    }
+}

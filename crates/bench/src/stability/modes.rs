@@ -1,0 +1,136 @@
+//! How fast what was let go comes to rest: the slowest mode of a body at rest, and how implicit Euler damps a mode.
+
+use glam::DQuat;
+
+use palpate::Result;
+use palpate_oracle::linear::{Entries, Solver};
+use palpate_oracle::step::SoftBody;
+
+/// Rounds of inverse iteration at most, and the change of the frequency's square that ends them, of itself.
+const ROUNDS: usize = 200;
+const DONE: f64 = 1e-9;
+
+/// What a body near rest keeps of its velocity over a step of `h` seconds, in the mode that keeps most; 0: nothing of it is
+/// free. The damping of all of it is that of its first tetrahedron.
+pub fn slowest_decay(body: &SoftBody, h: f64) -> Result<f64> {
+    let Some(square) = slowest_square(body)? else { return Ok(0.0) };
+    let Some(material) = body.elements.materials.first() else { return Ok(0.0) };
+    let (alpha, beta) = (material.damping_mass, material.damping_stiffness);
+    // Damped by stiffness, the fastest modes creep at 1 / beta: as fast as h + beta and beta are one to the other.
+    Ok(decay(square.sqrt(), alpha + beta * square, h).max(beta / (h + beta)))
+}
+
+/// What implicit Euler leaves of x'' = -w^2 x - a x' over a step, per step: |1 / (1 - h s)| of the slower root s of
+/// s^2 + a s + w^2.
+pub fn decay(frequency: f64, damping: f64, h: f64) -> f64 {
+    let square = frequency * frequency;
+    let inside = 0.25 * damping * damping - square;
+    if inside < 0.0 {
+        return (1.0 + h * damping + h * h * square).powf(-0.5);
+    }
+    // The product of both roots is w^2: nothing cancels.
+    let fast = 0.5 * damping + inside.sqrt();
+    let slow = if fast > 0.0 { square / fast } else { 0.0 };
+    1.0 / (1.0 + h * slow)
+}
+
+/// The least w^2 of K x = w^2 M x over the free nodes of a body at rest, by inverse iteration; `None`: nothing is
+/// free. Errors: K cannot be factorised.
+fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
+    let (elements, bound) = (&body.elements, &body.layer.bound);
+    let mut unknown = vec![None; bound.len()];
+    let free = bound.iter().enumerate().filter(|(_, bound)| !**bound);
+    let count = free.enumerate().map(|(k, (i, _))| unknown[i] = Some(3 * k)).count();
+    match count {
+        0 => return Ok(None),
+        // It moves as a whole, and stiffness has no inverse.
+        n if n == bound.len() => return Ok(Some(0.0)),
+        _ => {}
+    }
+    let mut stiffness = Entries::default();
+    for (e, nodes) in elements.tetrahedra.iter().enumerate() {
+        let blocks = elements.stiffness_blocks(e, DQuat::IDENTITY);
+        for (k, i) in nodes.iter().enumerate() {
+            for (l, j) in nodes.iter().enumerate() {
+                if let (Some(row), Some(column)) = (unknown[*i as usize], unknown[*j as usize]) {
+                    stiffness.add_block(row, column, &blocks[k][l]);
+                }
+            }
+        }
+    }
+    let mut masses = vec![0.0; 3 * count];
+    for (at, mass) in unknown.iter().zip(&elements.masses) {
+        at.iter().for_each(|at| masses[*at..*at + 3].fill(*mass));
+    }
+    let (mut solver, mut square) = (Solver::default(), f64::INFINITY);
+    // No mode's, and orthogonal to none.
+    let mut x: Vec<f64> = (0..3 * count).map(|k| 1.0 + 0.7 * (1.3 * k as f64).sin()).collect();
+    for _ in 0..ROUNDS {
+        let momentum: Vec<f64> = x.iter().zip(&masses).map(|(x, m)| x * m).collect();
+        let next = solver.solve(&stiffness, &momentum)?;
+        // Of `next`: K next = momentum, so that both forms are sums at hand.
+        let strain: f64 = next.iter().zip(&momentum).map(|(a, b)| a * b).sum();
+        let motion: f64 = next.iter().zip(&masses).map(|(x, m)| m * x * x).sum();
+        let (last, size) = (square, motion.sqrt());
+        square = strain / motion;
+        x = next.iter().map(|x| x / size).collect();
+        if (last - square).abs() <= DONE * square {
+            break;
+        }
+    }
+    Ok(Some(square))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use palpate::prepare::Layer;
+    use palpate::prepare::layer::kuhn_box;
+    use palpate::scene::{Law, Material};
+    use glam::DVec3;
+
+    fn bar(cells: [u32; 3], size: DVec3, poisson: f64) -> SoftBody {
+        let mut layer: Layer = kuhn_box(DVec3::ZERO, size, cells);
+        layer.bound = layer.nodes.iter().map(|x| x.x < 1e-9).collect();
+        let material = Material {
+            law: Law::Corotational,
+            young: 2e4,
+            poisson,
+            density: 1000.0,
+            damping_mass: 0.0,
+            damping_stiffness: 0.0,
+        };
+        SoftBody::new(layer, material, DVec3::ZERO, DQuat::IDENTITY, DVec3::ZERO)
+    }
+
+    #[test]
+    fn a_slender_bar_bends_at_the_frequency_of_a_cantilever() {
+        // w = 1.875^2 sqrt(E I / (rho A)) / L^2, square of edge a: I / A = a^2 / 12; linear tetrahedra are a little stiff.
+        let (length, edge) = (1.0, 0.1);
+        let body = bar([40, 4, 4], DVec3::new(length, edge, edge), 0.0);
+        let want = 1.875f64.powi(2) * (2e4f64 / 1000.0 / 12.0).sqrt() * edge / length.powi(2);
+        let got = slowest_square(&body).unwrap().unwrap().sqrt();
+        assert!(got > 0.97 * want && got < 1.1 * want, "{got} rad/s, {want} expected");
+    }
+
+    #[test]
+    fn a_mode_decays_as_implicit_euler_has_it() {
+        for (w, a, h) in
+            [(30.0, 0.0, 1e-3), (30.0, 20.0, 1e-2), (30.0, 63.0, 1e-3), (30.0, 500.0, 1e-2), (3.0, 1e6, 0.1)]
+        {
+            let (mut x, mut v) = (1.0, 0.3 * w);
+            let mut sizes = Vec::new();
+            for _ in 0..4000 {
+                v = (v - h * w * w * x) / (1.0 + h * a + h * h * w * w);
+                x += h * v;
+                let size = f64::hypot(w * x, v);
+                (x, v) = (x / size, v / size);
+                sizes.push(size);
+            }
+            // Of what swings, the mean; the fast root is gone.
+            let mean = (sizes[2000..].iter().map(|s| s.ln()).sum::<f64>() / 2000.0).exp();
+            let want = decay(w, a, h);
+            assert!((mean - want).abs() < 2e-3 * (1.0 - want), "{w} {a} {h}: {mean}, {want} expected");
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Why a case did not pass: a sentence or two, of what was done to the block, what came of it, and what mends it if anything
+//! does.
+
+use super::laws::Verdict;
+use super::{AxisResult, CellResult, Judged};
+use palpate::step::Flags;
+
+/// What a flag means where no more is known, the gravest first.
+const FLAGS: [(Flags, &str); 9] = [
+    (Flags::FROZEN, "no step short enough could be solved, and everything was stopped where it was"),
+    (Flags::NON_FINITE, "a number left single precision's range, and the step was done again in halves"),
+    (Flags::STEP_RETRIED, "the solver broke down, and the step was done again in halves"),
+    (Flags::DEPTH_BEYOND_LIMIT, "the sphere is deeper in the block than `depth_limit`"),
+    (
+        Flags::ADHESIVE_DROPPED_TWICE,
+        "the sphere bounces off within a step, and contacts still pulled after four solves",
+    ),
+    (Flags::NOT_CONVERGED, "the solver stopped above what single precision was expected to leave"),
+    (Flags::TURNS_TOO_FAR, "it turns too far in a step for what it is made of"),
+    (Flags::INVERTED, "tetrahedra were inside out"),
+    (Flags::NOT_A_HEIGHT_FIELD, "the skin folds over itself before the sphere"),
+];
+
+/// Why a case of an axis was degraded or failed, and what can be done about it.
+pub fn reason(axis: &AxisResult, cell: &CellResult, case: &Judged) -> String {
+    let flags = Flags(case.flags);
+    let plain = FLAGS.iter().find(|(flag, _)| flags.contains(*flag)).map(|(_, why)| capital(why));
+    let (cause, remedy) = match known(axis, cell, case) {
+        Some((cause, remedy)) => (Some(cause), remedy),
+        None => (plain, None),
+    };
+    let mut words = cause.map_or(String::new(), |cause| cause + ".");
+    if case.inverted > 0 {
+        let steps = case.trace.iter().filter(|step| step.inverted > 0).count();
+        let share = 100 * steps / case.trace.len().max(1);
+        let rare = if share == 0 { "under 1".into() } else { share.to_string() };
+        words += &format!(" At most {} tetrahedra were inside out at once, in {rare} % of its steps.", case.inverted);
+    }
+    if case.verdict == Verdict::Silent {
+        words += " No flag says so.";
+    }
+    remedy.map_or(words.clone(), |remedy| format!("{words} {remedy}.")).trim().into()
+}
+
+/// What was done, and came of it; and what mends that.
+fn known(axis: &AxisResult, cell: &CellResult, case: &Judged) -> Option<(String, Option<&'static str>)> {
+    let flags = Flags(case.flags);
+    let is_deep = flags.contains(Flags::DEPTH_BEYOND_LIMIT);
+    let (cause, remedy) = match (axis.name.as_str(), case.scenario.as_str()) {
+        ("young" | "gravity" | "density", "press" | "press, undamped" | "hang" | "hang, undamped")
+            if flags.contains(Flags::INVERTED) || is_deep =>
+        {
+            ("The block is too soft for its own weight, which folds it".into(), Some("A stiffer material bears it"))
+        }
+        ("stretch", _) if cell.label.contains("inside out") => {
+            ("It begins inside out, and turns back by itself".into(), None)
+        }
+        ("stretch", _) => ("It springs back so hard from there that it overshoots".into(), None),
+        ("mass-ratio", _) if is_deep => {
+            ("The block cannot stop a sphere so heavy, which goes through it and comes out".into(), None)
+        }
+        ("thrust", _) => (
+            "The device takes the sphere through the block, deeper than `depth_limit`, on a coupling stiffer than flesh".into(),
+            Some("A softer coupling holds it at the surface"),
+        ),
+        ("teleport", _) => (
+            "The device is within the block from one step to the next, deeper than `depth_limit`".into(),
+            Some("A softer coupling, or a higher `depth_limit`, helps"),
+        ),
+        ("spin", _) if flags.contains(Flags::TURNS_TOO_FAR) => (
+            "Rotations are frozen over a step, so what turns by more than 0.12 rad in it leaves along its tangents, stretched"
+                .into(),
+            Some("With `newton = 2` it loses energy instead of gaining it"),
+        ),
+        ("spin-stiff", _) => (
+            "Rotations are frozen over a step, and what spins is stretched along its tangents: in so stiff a block that is much \
+             energy, though the turn is small"
+                .into(),
+            Some("`newton = 2` mends it to 10 GPa; at 1 TPa neither 2 nor 3 does"),
+        ),
+        _ => return None,
+    };
+    Some((cause, remedy))
+}
+
+fn capital(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case(scenario: &str, flags: Flags, verdict: Verdict) -> Judged {
+        Judged {
+            scenario: scenario.into(),
+            verdict,
+            steps: 0,
+            flags: flags.0,
+            flagged: 1,
+            first_flagged: Some(1),
+            inverted: 0,
+            findings: Vec::new(),
+            refusal: None,
+            trace: Vec::new(),
+            seconds: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_reason_is_a_sentence_about_what_was_done_or_about_the_flag() {
+        let axis =
+            |name: &str| AxisResult { name: name.into(), title: name.into(), is_listed: false, cells: Vec::new() };
+        let cell = |label: &str| CellResult {
+            label: label.into(),
+            is_core: false,
+            verdict: Verdict::Degraded,
+            cases: Vec::new(),
+        };
+        let inverted = case("release", Flags::INVERTED, Verdict::Degraded);
+        assert!(reason(&axis("stretch"), &cell("turned inside out"), &inverted).starts_with("It begins inside out"));
+        let spin = case("spin", Flags::TURNS_TOO_FAR, Verdict::Silent);
+        let words = reason(&axis("spin"), &cell("300 rad/s"), &spin);
+        assert!(words.contains("No flag says so. With `newton = 2`") && words.ends_with('.'), "{words}");
+        let odd = case("pluck", Flags::NOT_CONVERGED, Verdict::Degraded);
+        let words = reason(&axis("young"), &cell("1 TPa"), &odd);
+        assert_eq!(words, "The solver stopped above what single precision was expected to leave.");
+    }
+}

@@ -1,0 +1,215 @@
+//! Runs the matrix, several cases side by side: each is a small simulation of one thread.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::axes::{self, Axis, Extent};
+use super::cases::{Case, Start};
+use super::laws::{self, Promise, Verdict};
+use super::modes;
+use super::trace::{Observer, Sample};
+use super::{AxisResult, CellResult, Judged, Results, Settings, Traced};
+use crate::meshes::MeshFolder;
+use palpate::gpu::{Context, Options};
+use palpate::prepare::Shape;
+use palpate::step::Simulation;
+use palpate::{Error, Result};
+
+/// Where this much at most is left of kinetic energy, a twentieth at most is left of the way: the shape is back.
+const SHAPED: f64 = 1e-2;
+/// Steps that a trace tells, about.
+const TRACED: usize = 200;
+/// Simulations side by side at most: each holds a device of its own.
+const MOST_WORKERS: usize = 8;
+
+/// Runs the matrix; `watch` is told of each case that is done.
+pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
+    let begun = Instant::now();
+    // Opened first, so that the choice of one thread is made before there are others.
+    let context = Context::new(&options(settings))?;
+    let (device, driver) = (context.device_name().to_string(), context.driver().to_string());
+    let threads = std::thread::available_parallelism().map_or(1, Into::into);
+    let folder = MeshFolder::new()?;
+    let extent = Extent { is_quick: settings.is_quick, is_soak: settings.is_soak, folder: &folder };
+    let wanted = |name: &&&str| settings.only.is_empty() || settings.only.iter().any(|only| only == **name);
+    let axes: Vec<Axis> = axes::NAMES
+        .iter()
+        .filter(wanted)
+        .filter_map(|name| axes::axis(name, extent).transpose())
+        .collect::<Result<_>>()?;
+    let cases: Vec<(String, &Case)> = axes
+        .iter()
+        .flat_map(|axis| axis.cells.iter().map(move |cell| (axis, cell)))
+        .flat_map(|(axis, cell)| {
+            cell.cases.iter().map(move |case| (format!("{} {}, {}", axis.name, cell.label, case.scenario), case))
+        })
+        .collect();
+    let judged = all(&cases, settings, threads.min(MOST_WORKERS), watch)?;
+    let mut judged = judged.into_iter();
+    let axes = axes
+        .iter()
+        .map(|axis| AxisResult {
+            name: axis.name.into(),
+            title: axis.title.into(),
+            is_listed: axis.is_listed,
+            cells: axis.cells.iter().map(|cell| cell_result(cell, &mut judged)).collect(),
+        })
+        .collect();
+    Ok(Results {
+        schema: super::SCHEMA,
+        version: env!("CARGO_PKG_VERSION").into(),
+        commit: env!("PALPATE_COMMIT").into(),
+        device,
+        driver,
+        threads,
+        settings: settings.clone(),
+        axes,
+        seconds: begun.elapsed().as_secs_f64(),
+    })
+}
+
+fn cell_result(cell: &axes::Cell, judged: &mut impl Iterator<Item = Judged>) -> CellResult {
+    let cases: Vec<Judged> = judged.take(cell.cases.len()).collect();
+    let verdict = cases.iter().map(|case| case.verdict).max().unwrap_or(Verdict::Pass);
+    CellResult { label: cell.label.clone(), is_core: cell.is_core, verdict, cases }
+}
+
+/// Every case, shared out among workers; in the order given.
+fn all(
+    cases: &[(String, &Case)],
+    settings: &Settings,
+    workers: usize,
+    watch: &mut dyn FnMut(&str),
+) -> Result<Vec<Judged>> {
+    let next = AtomicUsize::new(0);
+    let (sender, receiver) = mpsc::channel();
+    let mut judged: Vec<Option<Judged>> = vec![None; cases.len()];
+    std::thread::scope(|scope| {
+        for _ in 0..workers.min(cases.len()) {
+            let (sender, next) = (sender.clone(), &next);
+            scope.spawn(move || {
+                let take = || next.fetch_add(1, Ordering::Relaxed);
+                let mut at = take();
+                while let Some((_, case)) = cases.get(at) {
+                    // Nobody listens any more where another case could not be run.
+                    if sender.send((at, judge(case, settings))).is_err() {
+                        break;
+                    }
+                    at = take();
+                }
+            });
+        }
+        drop(sender);
+        for (at, result) in receiver {
+            let result = result.inspect_err(|_| next.store(cases.len(), Ordering::Relaxed))?;
+            watch(&format!("{}: {}", cases[at].0, result.in_words()));
+            judged[at] = Some(result);
+        }
+        Ok(())
+    })?;
+    Ok(judged.into_iter().flatten().collect())
+}
+
+fn options(settings: &Settings) -> Options {
+    Options {
+        device: settings.device.clone(),
+        one_thread: true,
+        replaced: settings.replaced.clone(),
+        ..Options::default()
+    }
+}
+
+/// Runs a case and judges it. Errors: a device fails; a scene that is refused is a verdict.
+fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
+    let begun = Instant::now();
+    let scene = case.setup.scene(case.scenario);
+    let mut simulation = match Simulation::new(&scene, &options(settings), None) {
+        Ok(simulation) => simulation,
+        Err(error @ (Error::Key { .. } | Error::Input { .. })) => {
+            let refusal = Some(error.to_string());
+            return Ok(Judged { verdict: Verdict::Refused, refusal, ..judged(case, &[], &case.promise, begun) });
+        }
+        Err(error) => return Err(error),
+    };
+    simulation.time_every(0)?;
+    begin(&mut simulation, case)?;
+    let mut observer = Observer::new(&simulation, &scene, case.setup.edge)?;
+    let decay = modes::slowest_decay(observer.body(), case.setup.dt)?;
+    let mut samples = vec![observer.at_start()];
+    for _ in 0..case.steps {
+        let sample = observer.step(&mut simulation)?;
+        samples.push(sample);
+        if !sample.is_finite {
+            break;
+        }
+    }
+    Ok(judged(case, &samples, &promise(case, decay, &samples), begun))
+}
+
+/// What the case promises, with what may be left of its motion: as its slowest mode decays, and ten times that, since what
+/// swings at first has not only one mode. Where that is all of it, or the shape is not due to be back, nothing is promised of
+/// either. `decay`: what the body keeps of its velocity, a step.
+fn promise(case: &Case, decay: f64, samples: &[Sample]) -> Promise {
+    let Some(settling) = case.settling else { return case.promise };
+    let since_pressed = || samples.iter().rev().take_while(|sample| sample.pressed == 0.0).count();
+    let steps = settling.steps.unwrap_or_else(since_pressed);
+    // The end begins earlier than the last step.
+    let due = steps.saturating_sub(samples.len() - laws::end_of(samples));
+    let left = 10.0 * decay.max(settling.other).powf(2.0 * due as f64);
+    let shape = case.promise.shape.filter(|_| left < SHAPED);
+    Promise { rest: Some(left).filter(|left| *left < 1.0), shape, ..case.promise }
+}
+
+fn judged(case: &Case, samples: &[Sample], promise: &Promise, begun: Instant) -> Judged {
+    let findings = laws::judge(samples, promise);
+    let verdict = laws::verdict(samples, &findings);
+    Judged {
+        scenario: case.scenario.into(),
+        verdict,
+        steps: samples.len().saturating_sub(1),
+        flags: samples.iter().fold(0, |all, sample| all | sample.flags.0),
+        flagged: samples.iter().filter(|sample| sample.flags.0 != 0).count(),
+        first_flagged: samples.iter().position(|sample| sample.flags.0 != 0),
+        inverted: samples.iter().map(|sample| sample.inverted).max().unwrap_or(0),
+        findings,
+        refusal: None,
+        trace: if verdict == Verdict::Pass { Vec::new() } else { traced(samples) },
+        seconds: begun.elapsed().as_secs_f64(),
+    }
+}
+
+/// Every step of a short case, else evenly some; the last always.
+fn traced(samples: &[Sample]) -> Vec<Traced> {
+    let every = samples.len().div_ceil(TRACED);
+    let is_kept = |step: &usize| step.is_multiple_of(every) || *step + 1 == samples.len();
+    let of = |(step, sample): (usize, &Sample)| Traced {
+        step,
+        energy: sample.energy,
+        supplied: sample.supplied,
+        force: sample.force,
+        residual: sample.residual,
+        balance: sample.balance,
+        inverted: sample.inverted,
+        flags: sample.flags.0,
+    };
+    samples.iter().enumerate().filter(|(step, _)| is_kept(step)).map(of).collect()
+}
+
+/// Puts the nodes where the case begins.
+fn begin(simulation: &mut Simulation, case: &Case) -> Result<()> {
+    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { return Ok(()) };
+    let rest = layer.nodes.clone();
+    let middle = DVec3::splat(0.5 * case.setup.edge);
+    let (displacements, velocities): (Vec<DVec3>, Vec<DVec3>) = match case.start {
+        Start::Rest => return Ok(()),
+        Start::Stretched(factor) => rest.iter().map(|x| (DVec3::Y * (factor - 1.0) * x.y, DVec3::ZERO)).unzip(),
+        Start::Spinning(speed) => {
+            let spin = speed * DVec3::new(2.0, 3.0, 6.0) / 7.0;
+            rest.iter().map(|x| (DVec3::ZERO, spin.cross(*x - middle))).unzip()
+        }
+    };
+    simulation.place_nodes(0, &displacements, &velocities)
+}

@@ -1,0 +1,198 @@
+//! Scenes of the matrix: a block that hangs from a face and is let go, or that a sphere is pressed into, all else as asked.
+
+use std::path::PathBuf;
+
+use glam::{DQuat, DVec3};
+
+use palpate::scene::{Bind, Body, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Scene, Shape, Tool, ToolShape};
+
+/// Nodes this near a face are on it, of the block's edge.
+const ON_FACE: f64 = 1e-6;
+/// Radius of the sphere, of the block's edge.
+pub const RADIUS: f64 = 0.2;
+/// How far above the block the sphere begins, of the block's edge.
+const GAP: f64 = 0.02;
+
+/// What is bound.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Bound {
+    /// The face x = 0, from which the block hangs out sideways.
+    Side,
+    /// The face y = 0, on which it stands.
+    Bottom,
+    /// Nothing.
+    Nothing,
+    /// Everything.
+    All,
+    /// All but the last node.
+    AllButOne,
+}
+
+/// Where the device takes the sphere, heights of its centre above where it would touch the block, m, at times, s.
+pub type Way = Vec<(f64, f64)>;
+
+/// A sphere above the block.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sphere {
+    /// kg.
+    pub mass: f64,
+    /// Stiffness and damping of its coupling, N/m and N s/m; `None`: it is thrown.
+    pub coupling: Option<(f64, f64)>,
+    /// Downwards at the start, m/s.
+    pub speed: f64,
+    /// Of the device.
+    pub path: Way,
+}
+
+/// A scene of the matrix, before it is one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setup {
+    /// Edge of the block, m.
+    pub edge: f64,
+    /// Cells along it.
+    pub cells: u32,
+    /// A mesh instead.
+    pub mesh: Option<PathBuf>,
+    /// Of all of it.
+    pub material: Material,
+    /// Time step, s.
+    pub dt: f64,
+    /// Downwards, m/s^2.
+    pub gravity: f64,
+    /// Where the block's corner is, m.
+    pub origin: DVec3,
+    /// What is held.
+    pub bound: Bound,
+    /// Tool.
+    pub sphere: Option<Sphere>,
+    /// Whether there is a floor at y = 0 of the block.
+    pub has_floor: bool,
+    /// Contact stiffness, N/m^3; `None`: the engine's choice.
+    pub stiffness: Option<f64>,
+}
+
+impl Default for Setup {
+    fn default() -> Setup {
+        let material = Material {
+            law: Law::Corotational,
+            young: 2e4,
+            poisson: 0.4,
+            density: 1000.0,
+            damping_mass: 0.0,
+            damping_stiffness: 0.0,
+        };
+        Setup {
+            edge: 0.1,
+            cells: 3,
+            mesh: None,
+            material,
+            dt: 1e-3,
+            gravity: 9.81,
+            origin: DVec3::ZERO,
+            bound: Bound::Side,
+            sphere: None,
+            has_floor: false,
+            stiffness: None,
+        }
+    }
+}
+
+impl Setup {
+    /// Angular frequency of the slowest swing of the block along its edge from the held face, rad/s; sideways it swings at less
+    /// than half of that (`modes`).
+    pub fn frequency(&self) -> f64 {
+        0.5 * std::f64::consts::PI * (self.material.young / self.material.density).sqrt() / self.edge
+    }
+
+    /// The same with damping by mass at which it is soon at rest: near to where its slowest mode no longer swings.
+    pub fn damped(mut self) -> Setup {
+        self.material.damping_mass = self.frequency();
+        self
+    }
+
+    /// Where the sphere's centre is when it touches the block's top, m.
+    pub fn touching(&self) -> DVec3 {
+        self.origin + self.edge * DVec3::new(0.5, 1.0 + RADIUS, 0.5)
+    }
+
+    /// The scene.
+    pub fn scene(&self, name: &str) -> Scene {
+        let mut scene = Scene::of_body(name, self.body());
+        scene.step.dt = self.dt;
+        scene.step.gravity = DVec3::new(0.0, -self.gravity, 0.0);
+        scene.contact.stiffness = self.stiffness;
+        scene.contact.depth_limit *= self.edge / Setup::default().edge;
+        if self.has_floor {
+            let shape = Shape::Plane { normal: DVec3::Y, offset: self.origin.y };
+            scene.bodies.push(Body { name: "floor".into(), shape, material: None, cores: Vec::new(), ..self.body() });
+        }
+        if let Some(sphere) = &self.sphere {
+            self.add_sphere(&mut scene, sphere);
+        }
+        scene
+    }
+
+    fn add_sphere(&self, scene: &mut Scene, sphere: &Sphere) {
+        let at = |height: f64| self.touching() + height * DVec3::Y;
+        let start = sphere.path.first().map_or(GAP * self.edge, |(_, height)| *height);
+        scene.tool = Some(Tool {
+            shape: ToolShape::Sphere(RADIUS * self.edge),
+            mass: sphere.mass,
+            position: at(start),
+            orientation: DQuat::IDENTITY,
+            velocity: -sphere.speed * DVec3::Y,
+            scale: 1.0,
+            repair: true,
+        });
+        let key =
+            |(time, height): &(f64, f64)| Key { time: *time, position: at(*height), orientation: DQuat::IDENTITY };
+        scene.drive = sphere.path.iter().map(key).collect();
+        // Of turning as of moving, at the sphere's radius.
+        let arm2 = (RADIUS * self.edge).powi(2);
+        scene.coupling = sphere.coupling.map(|(stiffness, damping)| Coupling {
+            stiffness,
+            damping,
+            angular_stiffness: stiffness * arm2,
+            angular_damping: damping * arm2,
+        });
+    }
+
+    fn body(&self) -> Body {
+        let layer = match &self.mesh {
+            Some(file) => Layer::File(file.clone()),
+            None => Layer::Box { low: DVec3::ZERO, high: DVec3::splat(self.edge), cells: [self.cells; 3] },
+        };
+        Body {
+            name: "block".into(),
+            shape: Shape::Soft { surface: None, layer },
+            hulls: Some(1),
+            scale: 1.0,
+            position: self.origin,
+            orientation: DQuat::IDENTITY,
+            velocity: DVec3::ZERO,
+            material: Some(self.material),
+            collides: None,
+            cores: self.bind().into_iter().map(core).collect(),
+            regions: Vec::new(),
+            dilatation: Dilatation::Element,
+            repair: true,
+            joints: Vec::new(),
+            skeleton: None,
+        }
+    }
+
+    fn bind(&self) -> Option<Bind> {
+        let (thin, wide) = (ON_FACE * self.edge, 2.0 * self.edge);
+        match self.bound {
+            Bound::Side => Some(Bind::Box { low: -DVec3::new(thin, wide, wide), high: DVec3::new(thin, wide, wide) }),
+            Bound::Bottom => Some(Bind::Box { low: -DVec3::new(wide, thin, wide), high: DVec3::new(wide, thin, wide) }),
+            Bound::Nothing => None,
+            Bound::All => Some(Bind::All),
+            Bound::AllButOne => Some(Bind::Nodes((0..(self.cells + 1).pow(3) - 1).collect())),
+        }
+    }
+}
+
+fn core(bind: Bind) -> Core {
+    Core { name: "held".into(), motion: Motion::Fixed, bind: Some(bind), mass: None, hinge: None }
+}

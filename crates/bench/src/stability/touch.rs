@@ -1,0 +1,207 @@
+//! Contacts as a step left them, in f64: how each moves with nodes and tool, and what the contact law makes of it. Stiffness and
+//! damping are the scene's, and not those that the device says it used.
+
+use glam::DVec3;
+
+use super::trace::{HALF_ULP, ROUNDINGS};
+use palpate_oracle::step::auto_stiffness;
+use palpate::prepare::Shape;
+use palpate::scene::Scene;
+use palpate::stages::types::NONE;
+use palpate::stages::types;
+use palpate::step::ToolReport;
+use palpate::{Error, Result};
+
+/// The skin that touches, and the law it touches by.
+pub struct Skin {
+    /// Nodes and weights of each vertex.
+    vertices: Vec<Vec<(usize, f64)>>,
+    triangles: Vec<[u32; 3]>,
+    /// N/m^3.
+    stiffness: f64,
+    /// N s/m^3.
+    damping: f64,
+}
+
+/// Velocities, m/s and rad/s: of all nodes, and of the tool's centre and turning.
+#[derive(Clone, Copy)]
+pub struct Motion<'a> {
+    /// World.
+    pub nodes: &'a [DVec3],
+    /// Zero without a tool.
+    pub linear: DVec3,
+    /// The same.
+    pub angular: DVec3,
+}
+
+/// A contact that was not dropped.
+pub struct Pressing {
+    normal: DVec3,
+    /// Weights of nodes in the depth's rate along the normal; both bodies' signs are in them.
+    pub nodes: Vec<(usize, f64)>,
+    /// Of the tool in the same, along the normal and about its centre; zero where it has no part.
+    pub tool: [DVec3; 2],
+    area: f64,
+    depth: f64,
+    stiffness: f64,
+    damping: f64,
+}
+
+/// What contacts do to the tool by the law, against what the wrench tells.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Held {
+    /// Pushes, summed by size, N.
+    pub pressed: f64,
+    /// The largest pull of one, N; 0: none pulls.
+    pub pulled: f64,
+    /// By which force, and torque over the tool's radius, miss the sum, N.
+    pub missed: f64,
+    /// What f32 may miss, N.
+    pub rounding: f64,
+}
+
+impl Skin {
+    /// Of the first body of a scene. Errors: it is not soft.
+    pub fn new(shape: &Shape, scene: &Scene) -> Result<Skin> {
+        let Shape::Soft { layer, materials, embedding, skin, .. } = shape else {
+            return Err(Error::Simulation("the matrix follows soft bodies".into()));
+        };
+        let nodes = |e: &palpate::prepare::Embedding| {
+            let corners = layer.tetrahedra[e.tetrahedron as usize];
+            corners.iter().zip(e.weights).map(|(node, weight)| (*node as usize, weight)).collect()
+        };
+        let own = || auto_stiffness(&[(layer, &materials.all[0])]).unwrap_or(0.0);
+        let stiffness = scene.contact.stiffness.unwrap_or_else(own);
+        Ok(Skin {
+            vertices: embedding.iter().map(nodes).collect(),
+            triangles: skin.triangles.clone(),
+            stiffness,
+            damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt),
+        })
+    }
+
+    /// Those of the contacts that were not dropped. The body comes first, so that its vertices and triangles do.
+    pub fn pressing(&self, contacts: &[types::Contact]) -> Vec<Pressing> {
+        contacts.iter().filter(|contact| contact.stiffness != 0.0).map(|contact| self.one(contact)).collect()
+    }
+
+    fn one(&self, contact: &types::Contact) -> Pressing {
+        let wide = |x: [f32; 3]| DVec3::from(x.map(f64::from));
+        // Of the side whose vertex it is.
+        let sign = if contact.side.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let mut nodes: Vec<(usize, f64)> = Vec::new();
+        let mut add = |vertex: usize, share: f64| {
+            if let Some(own) = self.vertices.get(vertex) {
+                nodes.extend(own.iter().map(|(node, weight)| (*node, share * weight)));
+            }
+        };
+        add(contact.vertex as usize, sign);
+        if let Some(corners) = self.triangles.get(contact.triangle as usize).filter(|_| contact.triangle != NONE) {
+            let [second, third] = contact.barycentric.map(f64::from);
+            for (corner, weight) in corners.iter().zip([1.0 - second - third, second, third]) {
+                add(*corner as usize, -sign * weight);
+            }
+        }
+        let normal = wide(contact.normal);
+        let lever = wide(contact.arm).cross(normal);
+        Pressing {
+            normal,
+            nodes,
+            tool: [normal, lever].map(|x| f64::from(contact.tool_sign) * x),
+            area: contact.area.into(),
+            depth: contact.depth.into(),
+            stiffness: self.stiffness,
+            damping: self.damping,
+        }
+    }
+}
+
+impl Pressing {
+    /// Of depth, m/s.
+    fn rate(&self, motion: &Motion) -> f64 {
+        let nodes: f64 = self.nodes.iter().map(|(node, weight)| weight * self.normal.dot(motion.nodes[*node])).sum();
+        nodes + self.tool[0].dot(motion.linear) + self.tool[1].dot(motion.angular)
+    }
+
+    /// How force answers to the rate, N s/m, over a step of `h` s.
+    pub fn slope(&self, h: f64) -> f64 {
+        self.area * (h * self.stiffness + self.damping)
+    }
+
+    /// area (k depth + (h k + d) rate), N: the law at the end of a step that ends with this motion; below zero it pulls.
+    pub fn push(&self, h: f64, motion: &Motion) -> f64 {
+        self.area * self.stiffness * self.depth + self.slope(h) * self.rate(motion)
+    }
+
+    /// What f32 may make of the same, N.
+    pub fn rounding(&self, h: f64, motion: &Motion) -> f64 {
+        let nodes: f64 = self.nodes.iter().map(|(node, weight)| weight.abs() * motion.nodes[*node].length()).sum();
+        let tool = self.tool[0].length() * motion.linear.length() + self.tool[1].length() * motion.angular.length();
+        let size = self.area * self.stiffness * self.depth + self.slope(h) * (nodes + tool);
+        ROUNDINGS * HALF_ULP * size
+    }
+
+    /// The impulse's direction at a node, of weight one.
+    pub fn normal(&self) -> DVec3 {
+        self.normal
+    }
+}
+
+/// Holds what the wrench tells against the sum of contacts, of a tool of such a radius, m; `told`: none without a tool.
+pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolReport>, radius: f64) -> Held {
+    let mut held = Held::default();
+    let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
+    for contact in contacts {
+        let push = contact.push(h, motion);
+        let rounding = contact.rounding(h, motion);
+        held.pressed += push.max(0.0);
+        held.pulled = held.pulled.max(-push - rounding);
+        held.rounding += rounding;
+        force -= push.max(0.0) * contact.tool[0];
+        torque -= push.max(0.0) * contact.tool[1];
+    }
+    if let Some(told) = told {
+        held.missed = told.force.distance(force) + told.torque.distance(torque) / radius;
+    }
+    held
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A vertex on one node against a tool above it that is b: 2 m^2, 100 N/m^3 and 10 N s/m^3, 0.1 m deep.
+    fn one() -> Pressing {
+        Pressing {
+            normal: DVec3::Y,
+            nodes: vec![(0, 1.0)],
+            tool: [-DVec3::Y, DVec3::ZERO],
+            area: 2.0,
+            depth: 0.1,
+            stiffness: 100.0,
+            damping: 10.0,
+        }
+    }
+
+    #[test]
+    fn the_law_by_hand_and_what_misses_it() {
+        // 2 (100 0.1 + (0.01 100 + 10) (0.5 - 0.2)) = 26.6 N, upwards on the tool.
+        let nodes = [DVec3::Y * 0.5];
+        let motion = Motion { nodes: &nodes, linear: DVec3::Y * 0.2, angular: DVec3::ZERO };
+        let told = ToolReport { force: DVec3::Y * 26.6, ..ToolReport::default() };
+        let good = held(&[one()], 0.01, &motion, Some(&told), 0.02);
+        assert!(good.missed < 1e-12 && good.pulled <= 0.0 && (good.pressed - 26.6).abs() < 1e-12, "{good:?}");
+        let told = ToolReport { force: DVec3::Y * 1.2 * 26.6, torque: DVec3::X, ..ToolReport::default() };
+        let bad = held(&[one()], 0.01, &motion, Some(&told), 0.5);
+        assert!((bad.missed - 0.2 * 26.6 - 2.0).abs() < 1e-9, "{bad:?}");
+    }
+
+    #[test]
+    fn what_parts_faster_than_the_spring_pushes_pulls() {
+        let nodes = [DVec3::Y * -2.0];
+        let motion = Motion { nodes: &nodes, linear: DVec3::ZERO, angular: DVec3::ZERO };
+        // 2 (10 - 11 2) = -24 N, which the wrench leaves out.
+        let pulling = held(&[one()], 0.01, &motion, Some(&ToolReport::default()), 0.02);
+        assert!((pulling.pulled - 24.0).abs() < 1e-3 && pulling.missed == 0.0 && pulling.pressed == 0.0, "{pulling:?}");
+    }
+}

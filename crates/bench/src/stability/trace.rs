@@ -1,0 +1,319 @@
+//! What a step did, measured from outside in f64: energies, work, and what the equations of motion are missed by. Shares no
+//! code with the shaders.
+
+use std::collections::{HashMap, HashSet};
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::equations::{Before, Done};
+use super::setup::RADIUS;
+use super::touch::{self, Motion, Skin};
+use palpate::Result;
+use palpate_oracle::step::SoftBody;
+use palpate::prepare::Shape;
+use palpate::scene::Scene;
+use palpate::stages::types::Contact;
+use palpate::step::RigidState;
+use palpate::step::Simulation;
+use palpate::step::drive::rotation_vector;
+use palpate::step::tool::Tool;
+use palpate::step::{Flags, ToolReport};
+
+/// Half a unit in the last place of f32.
+pub const HALF_ULP: f64 = 6e-8;
+/// Roundings that a sum over the elements or contacts of a node adds up.
+pub const ROUNDINGS: f64 = 16.0;
+
+/// What one step left, and what was measured of it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Sample {
+    /// Whether all that the step tells is finite.
+    pub is_finite: bool,
+    /// Kinetic, elastic, gravity's and the coupling's, J; of gravity since the start.
+    pub energy: f64,
+    /// Work of the device, and energy of contacts that were found inside, since the start, J.
+    pub supplied: f64,
+    /// What bounds rounding of `energy`: the sum of its parts' sizes, J.
+    pub turned_over: f64,
+    /// Kinetic of the body, and of the tool where a coupling holds it: what comes to rest, J.
+    pub motion: f64,
+    /// The same and the body's elastic energy, J.
+    pub stirred: f64,
+    /// What this step and the last leave of their linear systems, of the right-hand sides; the diagonal's norm.
+    pub residual: f64,
+    /// What rounding alone leaves of it.
+    pub residual_floor: f64,
+    /// What the tool's momentum misses force, weight and coupling by, of the largest of them.
+    pub balance: f64,
+    /// On the tool, N.
+    pub force: f64,
+    /// What contacts push with, all sizes summed, N.
+    pub pressed: f64,
+    /// What the wrench on the tool misses of the sum of its contacts, force and torque over radius, N.
+    pub missed: f64,
+    /// The largest pull of a contact, N.
+    pub pulled: f64,
+    /// What f32 may make of a sum of these contacts, N.
+    pub touch_floor: f64,
+    /// How far, and which way, the centre of the free nodes is from where it was, m.
+    pub moved: DVec3,
+    /// Tetrahedra that are inside out.
+    pub inverted: usize,
+    /// The largest displacement of a node from rest, m.
+    pub deformed: f64,
+    /// Flags of the step's wrench.
+    pub flags: Flags,
+}
+
+/// Follows a simulation step by step.
+pub struct Observer {
+    body: SoftBody,
+    /// Of each tetrahedron, followed from step to step: where it is inside out there are several, and the last one leads.
+    rotations: Vec<DQuat>,
+    skin: Skin,
+    /// The largest impulse on the tool so far, N s.
+    largest: f64,
+    gravity: DVec3,
+    dt: f64,
+    /// Of the last step's right-hand side, the size: it left some of it, which this one makes good. `None`: unknown, it was
+    /// done in parts.
+    last_size: Option<f64>,
+    tool_leftover: DVec3,
+    tool: Option<Tool>,
+    device: Option<(DVec3, DQuat)>,
+    /// Side and vertex of what touches.
+    touching: HashSet<(u32, u32)>,
+    /// The most that each vertex that ever touched could press, J.
+    pressed: HashMap<(u32, u32), f64>,
+    start: Option<DVec3>,
+    tool_start: DVec3,
+    supplied: f64,
+    edge: f64,
+}
+
+impl Observer {
+    /// Of the first body of a scene, as it is now.
+    pub fn new(simulation: &Simulation, scene: &Scene, edge: f64) -> Result<Observer> {
+        let placed = &simulation.bodies()[0];
+        let Shape::Soft { layer, materials, .. } = &placed.shape else {
+            return Err(palpate::Error::Simulation("the matrix follows soft bodies".into()));
+        };
+        let body = SoftBody::new(layer.clone(), materials, placed.position, placed.orientation, placed.velocity);
+        let tool = simulation.tool();
+        let mut observer = Observer {
+            rotations: vec![DQuat::IDENTITY; layer.tetrahedra.len()],
+            largest: 0.0,
+            skin: Skin::new(&placed.shape, scene)?,
+            last_size: Some(0.0),
+            tool_leftover: DVec3::ZERO,
+            body,
+            gravity: scene.step.gravity,
+            dt: scene.step.dt,
+            tool: tool.cloned(),
+            tool_start: tool.map_or(DVec3::ZERO, |t| t.centre),
+            device: tool.map(|t| (t.centre, t.orientation)),
+            touching: HashSet::new(),
+            pressed: HashMap::new(),
+            start: None,
+            supplied: 0.0,
+            edge,
+        };
+        observer.read(simulation)?;
+        observer.start = Some(observer.centre());
+        Ok(observer)
+    }
+
+    /// The body as it is.
+    pub fn body(&self) -> &SoftBody {
+        &self.body
+    }
+
+    fn read(&mut self, simulation: &Simulation) -> Result<()> {
+        if let Some((displacement, velocity)) = simulation.nodes(0)? {
+            (self.body.displacement, self.body.velocity) = (displacement, velocity);
+            for (e, q) in self.rotations.iter_mut().enumerate() {
+                let gradient = self.body.elements.gradient(e, &self.body.displacement);
+                *q = followed(DMat3::IDENTITY + gradient, *q);
+            }
+        }
+        Ok(())
+    }
+
+    fn free(&self) -> impl Iterator<Item = usize> + '_ {
+        self.body.layer.bound.iter().enumerate().filter(|(_, bound)| !**bound).map(|(i, _)| i)
+    }
+
+    fn centre(&self) -> DVec3 {
+        let (mut sum, mut mass) = (DVec3::ZERO, 0.0);
+        for i in self.free() {
+            sum += self.body.elements.masses[i] * self.body.displacement[i];
+            mass += self.body.elements.masses[i];
+        }
+        if mass > 0.0 { sum / mass } else { DVec3::ZERO }
+    }
+
+    /// The state before the first step.
+    pub fn at_start(&self) -> Sample {
+        let mut sample = Sample { is_finite: true, ..Sample::default() };
+        self.energies(&mut sample);
+        sample
+    }
+
+    /// Does a step and measures it.
+    pub fn step(&mut self, simulation: &mut Simulation) -> Result<Sample> {
+        let before = Before::of(&self.body, &self.rotations, self.tool.as_ref());
+        let row = simulation.step()?;
+        self.read(simulation)?;
+        let mut sample = Sample { flags: row.flags, ..Sample::default() };
+        let nodes = self.body.displacement.iter().chain(&self.body.velocity);
+        sample.is_finite = nodes.into_iter().all(|x| x.is_finite())
+            && row.residual.is_finite()
+            && row.tool.is_none_or(|t| t.force.is_finite() && t.torque.is_finite() && t.tool.position.is_finite());
+        if !sample.is_finite {
+            return Ok(sample);
+        }
+        let contacts = simulation.touch()?.1;
+        self.found(&contacts);
+        let device = row.tool.map(|told| self.device_now(&told));
+        if let (Some(tool), Some(told), Some(device)) = (simulation.tool(), row.tool, device) {
+            self.balance(tool, &told, &device, &mut sample);
+        }
+        let last = self.last_size.take();
+        // What is read of a step that was done in parts is its last part's.
+        if !row.flags.contains(Flags::STEP_RETRIED) {
+            let pressing = self.skin.pressing(&contacts);
+            let tool = simulation.tool().zip(device);
+            self.touching_laws(&pressing, tool, row.tool.as_ref(), &mut sample);
+            let (h, gravity) = (self.dt, self.gravity);
+            let done = Done { h, gravity, end: &self.body.velocity, tool, contacts: &pressing };
+            let left = before.left(&done);
+            // Both steps leave their share; to carry it along would add up what f32 rounds the same way in every step of a
+            // body at rest.
+            let size = left.size2.sqrt();
+            if let Some(all) = last.map(|last| size + last).filter(|all| *all > 0.0) {
+                (sample.residual, sample.residual_floor) = (left.left2.sqrt() / all, left.floor2.sqrt() / all);
+            }
+            self.last_size = Some(size);
+        }
+        self.device = device.map(|device| (device.position, device.orientation));
+        self.tool = simulation.tool().cloned();
+        self.energies(&mut sample);
+        Ok(sample)
+    }
+
+    /// The wrench against its contacts.
+    fn touching_laws(
+        &self,
+        pressing: &[touch::Pressing],
+        tool: Option<(&Tool, RigidState)>,
+        told: Option<&ToolReport>,
+        sample: &mut Sample,
+    ) {
+        let (linear, angular) =
+            tool.map_or((DVec3::ZERO, DVec3::ZERO), |(tool, _)| (tool.velocity, tool.angular_velocity));
+        let motion = Motion { nodes: &self.body.velocity, linear, angular };
+        let held = touch::held(pressing, self.dt, &motion, told, RADIUS * self.edge);
+        (sample.pressed, sample.pulled) = (held.pressed, held.pulled.max(0.0));
+        (sample.missed, sample.touch_floor) = (held.missed, held.rounding);
+    }
+
+    /// The device at the end of the step, which it came to evenly.
+    fn device_now(&self, told: &ToolReport) -> RigidState {
+        let (position, orientation) = (told.device.position, told.device.orientation);
+        let (last_place, last_turn) = self.device.unwrap_or((position, orientation));
+        RigidState {
+            position,
+            orientation,
+            velocity: (position - last_place) / self.dt,
+            angular_velocity: rotation_vector(orientation * last_turn.conjugate()) / self.dt,
+        }
+    }
+
+    /// A contact that is found inside brings energy with it: what it can press beyond all that it had pressed before. One
+    /// that comes and goes brings it once.
+    fn found(&mut self, touch: &[Contact]) {
+        let stiffest = touch.iter().map(|c| c.stiffness).fold(0.0, f32::max);
+        let mut now = HashSet::new();
+        for contact in touch {
+            let key = (contact.side, contact.vertex);
+            let energy = 0.5 * f64::from(stiffest * contact.area) * f64::from(contact.depth).powi(2);
+            let most = self.pressed.entry(key).or_default();
+            if !self.touching.contains(&key) {
+                self.supplied += (energy - *most).max(0.0);
+            }
+            *most = most.max(energy);
+            now.insert(key);
+        }
+        self.touching = now;
+    }
+
+    /// Force, weight and coupling against the tool's momentum, and what the device puts in.
+    fn balance(&mut self, tool: &Tool, told: &ToolReport, device: &RigidState, sample: &mut Sample) {
+        let h = self.dt;
+        let velocity = self.tool.as_ref().map_or(tool.velocity, |before| before.velocity);
+        let pull = tool.pull(device);
+        self.supplied += h * (pull.force.dot(device.velocity) + pull.torque.dot(device.angular_velocity));
+        let weight = tool.mass * self.gravity;
+        let change = tool.mass * (tool.velocity - velocity);
+        let missed = h * (told.force + weight + pull.force) - change + self.tool_leftover;
+        let sizes = [change, h * told.force, h * weight, h * pull.force].map(|x| x.length());
+        // Of the largest so far: when all is over, what is left is rounding.
+        self.largest = sizes.into_iter().fold(self.largest, f64::max);
+        sample.balance = if self.largest > 0.0 { missed.length() / self.largest } else { 0.0 };
+        self.tool_leftover = missed;
+        sample.force = told.force.length();
+    }
+
+    fn energies(&self, sample: &mut Sample) {
+        let elements = &self.body.elements;
+        let (mut kinetic, mut weight) = (0.0, 0.0);
+        for i in self.free() {
+            kinetic += 0.5 * elements.masses[i] * self.body.velocity[i].length_squared();
+            weight -= elements.masses[i] * self.gravity.dot(elements.frame * self.body.displacement[i]);
+        }
+        let elastic = elements.energy(&self.body.displacement, &self.rotations);
+        let (mut coupling, mut motion) = (0.0, kinetic);
+        if let Some(tool) = &self.tool {
+            let (position, orientation) = self.device.unwrap_or((tool.centre, tool.orientation));
+            let (velocity, angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
+            let device = RigidState { position, orientation, velocity, angular_velocity };
+            let moving = tool.mass * 0.5 * tool.velocity.length_squared();
+            kinetic += moving;
+            motion += if tool.coupling.is_some() { moving } else { 0.0 };
+            coupling = tool.stored(&device, f64::INFINITY, true) - moving;
+            weight -= tool.mass * self.gravity.dot(tool.centre - self.tool_start);
+        }
+        sample.energy = kinetic + weight + elastic + coupling;
+        (sample.motion, sample.stirred) = (motion, motion + elastic);
+        sample.supplied = self.supplied;
+        sample.turned_over = kinetic + weight.abs() + elastic + coupling + self.supplied.abs();
+        sample.moved = self.start.map_or(DVec3::ZERO, |start| self.centre() - start);
+        sample.deformed = self.body.displacement.iter().map(|d| d.length()).fold(0.0, f64::max);
+        let turned_out =
+            |e: &usize| (DMat3::IDENTITY + elements.gradient(*e, &self.body.displacement)).determinant() <= 0.0;
+        sample.inverted = (0..elements.tetrahedra.len()).filter(turned_out).count();
+    }
+}
+
+/// Rounds at most, and the turn that is none, rad.
+const ROUNDS: usize = 200;
+const DONE: f64 = 1e-12;
+
+/// The rotation of F that is reached from the last one (Mueller et al. 2016).
+fn followed(f: DMat3, from: DQuat) -> DQuat {
+    let mut q = from;
+    for _ in 0..ROUNDS {
+        let r = DMat3::from_quat(q);
+        let (mut axial, mut trace) = (DVec3::ZERO, 0.0);
+        for k in 0..3 {
+            axial += r.col(k).cross(f.col(k));
+            trace += r.col(k).dot(f.col(k));
+        }
+        let turn = axial / (trace.abs() + 1e-12);
+        if !turn.is_finite() || turn.length() < DONE {
+            break;
+        }
+        q = (DQuat::from_scaled_axis(turn) * q).normalize();
+    }
+    q
+}

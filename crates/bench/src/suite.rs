@@ -1,0 +1,283 @@
+//! What all benchmarks share: they are measured part by part, so that a sweep can be cut into shards and joined again, and
+//! their report is made of nothing but `results.json`.
+
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::{Map, Value};
+
+use super::gauge::gauge;
+use super::samples::hands;
+use super::{Chapter, Document, Section};
+use palpate::gpu::{Context, DeviceKind, Options};
+use palpate::prepare::Cache;
+use palpate::query::choice::Choice;
+use palpate::{Error, Result};
+
+/// Version of the format of `results.json`: raised when a field changes its meaning or goes.
+pub const SCHEMA: u32 = 5;
+
+/// Exit status of what fails while it runs.
+const FAILED: u8 = 4;
+
+/// A benchmark: parts that are measured one by one, and the report of those that were.
+pub trait Benchmark {
+    /// Its name on the command line and in `results.json`.
+    fn name(&self) -> &'static str;
+    /// Heading of its chapter.
+    fn title(&self) -> &'static str;
+    /// How much is measured, for `results.json`. Errors: it cannot be written as JSON.
+    fn settings(&self) -> Result<Value>;
+    /// Names of its parts, in the order of the report. What is compared with one another is one part, measured in turns.
+    fn parts(&self) -> Vec<String>;
+    /// Measures a part; `watch` is told what begins. Errors: no device, or one that fails; input that is none.
+    fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value>;
+    /// How it was measured, from its settings.
+    fn preface(&self, settings: &Value) -> Result<String>;
+    /// Questions and answers, of the parts that are there.
+    fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>>;
+    /// What must hold of the parts that are there and does not, a line each. Errors: they cannot be read.
+    fn faults(&self, _parts: &Map<String, Value>) -> Result<Vec<String>> {
+        Ok(Vec::new())
+    }
+}
+
+/// Which of all parts to measure: every `count`-th from `index` on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    /// From 0.
+    pub index: usize,
+    /// At least 1.
+    pub count: usize,
+}
+
+impl Shard {
+    /// All parts.
+    pub const WHOLE: Shard = Shard { index: 0, count: 1 };
+}
+
+/// By what, and where it was measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Head {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// Version of palpate.
+    pub version: String,
+    /// The commit that it was built from, changes since then not counted; `unknown` outside a repository.
+    pub commit: String,
+    /// Name of the device.
+    pub device: String,
+    /// Name and version of its driver.
+    pub driver: String,
+    /// Path of the depth stage that this device takes by itself.
+    pub depth_path: String,
+    /// Whether the device is the processor itself.
+    pub is_cpu: bool,
+    /// Threads that this machine runs at once.
+    pub threads: usize,
+    /// Whether this is a short form of the whole.
+    pub is_quick: bool,
+}
+
+/// The contents of `results.json`.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Results {
+    /// By what, and where.
+    #[serde(flatten)]
+    pub head: Head,
+    /// By name.
+    pub benchmarks: Map<String, Value>,
+}
+
+/// A benchmark in `results.json`.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Measured {
+    settings: Value,
+    /// All that there are, measured or not.
+    names: Vec<String>,
+    parts: Map<String, Value>,
+    /// Of each part, before and after it was measured: see [`super::gauge`], us.
+    gauges: Map<String, Value>,
+}
+
+impl Results {
+    /// How fast the machine was while a part (`solver/scaling`) was measured: hands of the same work, us. `None`: nobody knows,
+    /// or the device is another than the processor whose work it was.
+    pub fn gauge(&self, part: &str) -> Option<Vec<f64>> {
+        let (benchmark, part) = part.split_once('/')?;
+        let samples = self.benchmarks.get(benchmark)?.get("gauges")?.get(part)?;
+        let hands = hands(&[samples.as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?]);
+        (self.head.is_cpu && !hands.is_empty()).then_some(hands)
+    }
+}
+
+impl Head {
+    /// Of this program and a device, by name or index. Errors: no such device.
+    pub fn new(device: Option<&str>, is_quick: bool) -> Result<Head> {
+        let context = Context::new(&Options { device: device.map(Into::into), ..Options::default() })?;
+        Ok(Head {
+            schema: SCHEMA,
+            version: env!("CARGO_PKG_VERSION").into(),
+            commit: env!("PALPATE_COMMIT").into(),
+            device: context.device_name().into(),
+            driver: context.driver().into(),
+            depth_path: Choice::new(&context, None, &Cache::of_user())?.path.name().into(),
+            is_cpu: context.kind() == DeviceKind::Cpu,
+            threads: std::thread::available_parallelism().map_or(1, Into::into),
+            is_quick,
+        })
+    }
+
+    fn preface(&self) -> String {
+        let Head { version, commit, device, driver, depth_path, threads, is_quick, .. } = self;
+        let quick = if *is_quick { " This is a quick run: its figures are a first look." } else { "" };
+        format!(
+            "Measured by palpate {version} (commit {commit}) on {device} ({driver}), a machine of {threads} threads; depth by \
+             {depth_path}.{quick}"
+        )
+    }
+}
+
+/// Measures the parts of a shard, those that `is_asked` names by benchmark and part, one after the other. What fails is said
+/// beside what was measured, which is not lost by it.
+pub fn measure(
+    benchmarks: &[Box<dyn Benchmark>],
+    head: Head,
+    shard: Shard,
+    is_asked: &dyn Fn(&str, &str) -> bool,
+    watch: &mut dyn FnMut(&str),
+) -> Result<(Results, Vec<String>)> {
+    let (mut all, mut failed) = (Map::new(), Vec::new());
+    let mut turn = 0;
+    for benchmark in benchmarks {
+        let name = benchmark.name();
+        let names: Vec<String> = benchmark.parts().into_iter().filter(|part| is_asked(name, part)).collect();
+        let (mut parts, mut gauges) = (Map::new(), Map::new());
+        for part in &names {
+            if turn % shard.count == shard.index {
+                watch(&format!("{name}: {part}"));
+                let before = gauge();
+                match benchmark.measure(part, watch) {
+                    Ok(measured) => {
+                        parts.insert(part.clone(), measured);
+                        gauges.insert(part.clone(), to_value(&[before, gauge()].concat())?);
+                    }
+                    // Not the part's fault: what the user gave cannot be used.
+                    Err(error) if error.exit_status() < FAILED => return Err(error),
+                    Err(error) => failed.push(format!("{name}/{part}: {error}")),
+                }
+            }
+            turn += 1;
+        }
+        if !names.is_empty() {
+            let measured = Measured { settings: benchmark.settings()?, names, parts, gauges };
+            all.insert(name.into(), to_value(&measured)?);
+        }
+    }
+    Ok((Results { head, benchmarks: all }, failed))
+}
+
+/// The report of all that was measured; `benchmarks` gives it its order and its words.
+pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<Document> {
+    let mut document =
+        Document { title: "palpate: benchmarks".into(), preface: results.head.preface(), chapters: vec![] };
+    for benchmark in benchmarks {
+        let Some(measured) = results.benchmarks.get(benchmark.name()) else { continue };
+        let Measured { settings, names, parts, .. } = from_value(measured)?;
+        let missing: Vec<&str> = names.iter().map(String::as_str).filter(|name| !parts.contains_key(*name)).collect();
+        let mut preface = benchmark.preface(&settings)?;
+        if !missing.is_empty() {
+            preface += &format!(" Not measured here, or not joined yet: {}.", missing.join(", "));
+        }
+        let sections = benchmark.sections(&parts)?;
+        document.chapters.push(Chapter { title: benchmark.title().into(), preface, sections });
+    }
+    Ok(document)
+}
+
+/// What must hold of all that was measured and does not, a line each.
+pub fn faults(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<Vec<String>> {
+    let mut all = Vec::new();
+    for benchmark in benchmarks {
+        let Some(measured) = results.benchmarks.get(benchmark.name()) else { continue };
+        let faults = benchmark.faults(&from_value::<Measured>(measured)?.parts)?;
+        all.extend(faults.into_iter().map(|fault| format!("{}/{fault}", benchmark.name())));
+    }
+    Ok(all)
+}
+
+/// Joins shards. Errors, each naming the file: they are not of one program, device and settings, or both have a part.
+pub fn merge(shards: Vec<(&Path, Results)>) -> Result<Results> {
+    let mut shards = shards.into_iter();
+    let Some((first, mut all)) = shards.next() else {
+        return Err(Error::Simulation("there is nothing to merge; name the shards' directories".into()));
+    };
+    for (file, shard) in shards {
+        // The faster path is measured once a machine, and may be either where both are alike.
+        if (Head { depth_path: all.head.depth_path.clone(), ..shard.head }) != all.head {
+            let problem = format!("was made by another program, device or option than {}", first.display());
+            return Err(Error::input(file, None, problem, "merge shards of one sweep"));
+        }
+        for (name, measured) in shard.benchmarks {
+            let own = all.benchmarks.entry(&name).or_insert(Value::Null);
+            *own = if own.is_null() { measured } else { joined(file, &name, own, &measured)? };
+        }
+    }
+    Ok(all)
+}
+
+fn joined(file: &Path, name: &str, own: &Value, other: &Value) -> Result<Value> {
+    let (own, other): (Measured, Measured) = (from_value(own)?, from_value(other)?);
+    if own.settings != other.settings || own.names != other.names {
+        let problem = format!("has other settings of `{name}` than the first directory");
+        return Err(Error::input(file, None, problem, "merge shards of one sweep"));
+    }
+    if let Some(part) = other.parts.keys().find(|part| own.parts.contains_key(*part)) {
+        let problem = format!("has `{part}` of `{name}`, which another directory has as well");
+        return Err(Error::input(file, None, problem, "name each shard once"));
+    }
+    let both = |one: &Map<String, Value>, two: &Map<String, Value>| {
+        let of = |part: &String| Some((part.clone(), one.get(part).or_else(|| two.get(part))?.clone()));
+        own.names.iter().filter_map(of).collect()
+    };
+    let (parts, gauges) = (both(&own.parts, &other.parts), both(&own.gauges, &other.gauges));
+    to_value(&Measured { parts, gauges, ..own })
+}
+
+/// Reads `results.json`. Errors name the file.
+pub fn read(file: &Path) -> Result<Results> {
+    let remedy = "name a results.json of `palpate bench`, or its directory";
+    let text = std::fs::read_to_string(file).map_err(|e| Error::input(file, None, e.to_string(), remedy))?;
+    let value: Value =
+        serde_json::from_str(&text).map_err(|e| Error::input(file, Some(e.line()), e.to_string(), remedy))?;
+    if value["schema"] != SCHEMA {
+        let problem = format!("has schema {}, and {SCHEMA} is read here", value["schema"]);
+        return Err(Error::input(file, None, problem, "measure it again with this version"));
+    }
+    serde_json::from_value(value).map_err(|e| Error::input(file, None, e.to_string(), remedy))
+}
+
+/// As JSON.
+pub fn to_value<T: Serialize>(value: &T) -> Result<Value> {
+    serde_json::to_value(value).map_err(|error| Error::Simulation(format!("results cannot be written: {error}")))
+}
+
+/// From JSON that this program wrote.
+pub fn from_value<T: DeserializeOwned>(value: &Value) -> Result<T> {
+    T::deserialize(value).map_err(|error| Error::Simulation(format!("results cannot be read: {error}")))
+}
+
+/// A part, if it was measured; else nothing of its kind.
+pub fn part<T: DeserializeOwned + Default>(parts: &Map<String, Value>, name: &str) -> Result<T> {
+    parts.get(name).map_or_else(|| Ok(T::default()), from_value)
+}
+
+/// JSON has no NaN: it is written as null.
+pub fn nan_of_null<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
+#[cfg(test)]
+#[path = "suite_tests.rs"]
+mod tests;

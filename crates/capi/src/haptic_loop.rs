@@ -1,0 +1,301 @@
+//! The loop: a session with the caller's device on a thread of its own, started, watched and stopped.
+
+use std::ffi::c_char;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use super::handles::{self, Handled, Lent};
+use super::haptic_device::{Callbacks, is_in_callback, palpate_haptic_device};
+use super::loop_options::{chosen, palpate_loop_options};
+use super::loop_state::{Told, palpate_loop_state};
+use super::simulation::{SimulationObject, palpate_simulation, palpate_wrench, wrench_of};
+use super::sized;
+use super::status::{Failure, Outcome, guarded, palpate_status};
+use super::steps::{self, Newest, SimulationSteps, Stepped};
+use palpate::haptics::environment::Environment;
+use palpate::haptics::session::{Options, Report};
+use palpate::haptics::session;
+use palpate::scene::Haptics;
+use palpate::step::ContactWrench;
+use palpate::step::Held;
+use palpate::step::tool::Tool;
+
+const HELD: &str = "a loop; stop that first";
+
+/// A haptic loop: a device held a thousand times a second, and a simulation that steps for it.
+pub struct palpate_loop {
+    _opaque: [u8; 0],
+}
+
+/// The handle's part: all that there is lies beside it, for any number of threads.
+struct LoopObject;
+
+impl Handled for LoopObject {
+    const NAME: &str = "loop";
+}
+
+struct Loop {
+    told: Told,
+    stop: Arc<AtomicBool>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+/// What the loop's thread works with.
+struct Work {
+    lent: Lent<SimulationObject>,
+    steps: Arc<SimulationSteps>,
+    device: Callbacks,
+    tool: Tool,
+    haptics: Haptics,
+    options: Options,
+}
+
+/// The simulation as what the tool meets; each step's wrench is told.
+struct Felt<'a> {
+    object: &'a mut SimulationObject,
+    steps: &'a SimulationSteps,
+    told: &'a Told,
+}
+
+impl Environment for Felt<'_> {
+    fn feel(&mut self, held: &Held, h: f64) -> palpate::Result<ContactWrench> {
+        let begun = Instant::now();
+        let row = self.object.simulation.step_held(held, h);
+        self.object.has_failed = row.is_err();
+        let newest = Newest::new(wrench_of(&row?), begun);
+        self.steps.note(newest);
+        self.told.note(newest);
+        let nothing = || ContactWrench { time: held.time, ..ContactWrench::none(held.tool) };
+        Ok(self.object.simulation.contact_wrench().copied().unwrap_or_else(nothing))
+    }
+}
+
+impl Work {
+    /// Holds the device to the end; gives back the simulation before anybody hears of it.
+    fn run(self, told: &Told) -> Outcome<Report> {
+        let Work { lent, steps, device, tool, haptics, options } = self;
+        let hold = || {
+            let mut object = lent.lock();
+            let mut felt = Felt { object: &mut object, steps: &steps, told };
+            let hear = |moment: session::Moment| {
+                told.hear(moment);
+                Ok(())
+            };
+            let report = session::hold(Box::new(device), &tool, &haptics, &mut felt, &options, hear);
+            object.simulation.couple(tool.coupling);
+            report
+        };
+        // What a panic leaves behind is behind a lock that it poisons; on its way it stops the device.
+        match catch_unwind(AssertUnwindSafe(hold)) {
+            Ok(came) => came.map_err(Failure::from),
+            Err(panic) => Err(Failure::of_panic(&*panic)),
+        }
+    }
+}
+
+impl Loop {
+    fn start(self: &Arc<Self>, work: Work) -> Outcome {
+        let own = Arc::clone(self);
+        let work = move || {
+            let came = work.run(&own.told);
+            own.told.end(came);
+        };
+        let thread = std::thread::Builder::new().name("palpate-loop".into()).spawn(work);
+        let none = |error| Failure::new(palpate_status::Memory, format!("no thread for the loop: {error}"));
+        *self.thread() = Some(thread.map_err(none)?);
+        let begun = self.told.wait_for_begin();
+        if begun.is_err() {
+            self.join();
+        }
+        begun
+    }
+
+    fn thread(&self) -> std::sync::MutexGuard<'_, Option<JoinHandle<()>>> {
+        self.thread.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    /// Who comes second waits as well.
+    fn join(&self) {
+        let mut thread = self.thread();
+        if let Some(thread) = thread.take() {
+            // It keeps its panics to itself.
+            let _ = thread.join();
+        }
+    }
+
+    fn stop(&self) -> Outcome {
+        self.stop.store(true, Ordering::Relaxed);
+        if is_in_callback() {
+            let problem =
+                "a callback cannot wait for the loop: it was asked to end; stop it from another thread as well";
+            return Err(Failure::new(palpate_status::Busy, problem));
+        }
+        self.join();
+        Ok(())
+    }
+}
+
+fn of(the_loop: *mut palpate_loop) -> Outcome<Arc<Loop>> {
+    handles::beside::<LoopObject, Loop>(the_loop as usize)
+}
+
+/// Begins a loop: `device` is read and told what to play at the loop's rate, while the simulation, which must have a tool, steps
+/// in the world's time from where the device is. Both happen on threads of the loop's. `device` and `options` are copied;
+/// `options` may be null: all as in the scene's [haptics]. Waits for five first steps, which tell how long one takes, and for
+/// the device to open; PALPATE_STATUS_NO_DEVICE where it did not. `the_loop` is set before the first callback is called, and to
+/// null where there is no loop.
+///
+/// The loop has the simulation until it has ended: calls on it give PALPATE_STATUS_BUSY, but `palpate_wrench_newest`,
+/// `palpate_step_poll` and `palpate_step_wait`. It may be destroyed meanwhile. Afterwards it steps on from where the loop left
+/// it, tool, device and time. A loop that is not stopped goes on; stop it before the program ends.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_loop_start(
+    simulation: *mut palpate_simulation,
+    device: *const palpate_haptic_device,
+    options: *const palpate_loop_options,
+    the_loop: *mut *mut palpate_loop,
+) -> palpate_status {
+    guarded(|| {
+        // SAFETY (this and the next two): the caller's, as the header says.
+        let the_loop = unsafe { sized::answer(the_loop, "the_loop")? };
+        *the_loop = std::ptr::null_mut();
+        let options = unsafe { sized::read(options)? };
+        let lent = handles::lend::<SimulationObject>(simulation as usize, HELD)?;
+        let steps = steps::of(simulation)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let (device, tool, haptics, shortest_step) = {
+            let object = lent.lock();
+            object.is_fit()?;
+            let scene = object.simulation.scene();
+            let device = unsafe { Callbacks::new(device, scene.haptics.profile)? };
+            let missing =
+                || Failure::new(palpate_status::Input, "the scene has no tool for a device to hold; add a [tool]");
+            let tool = object.simulation.tool().ok_or_else(missing)?.clone();
+            (device, tool, chosen(&options, &scene.haptics)?, scene.step.dt)
+        };
+        let seconds = if options.seconds > 0.0 { options.seconds } else { f64::INFINITY };
+        let options = Options { seconds, shortest_step, stop: stop.clone(), bare_timer: false };
+        let own = Arc::new(Loop { told: Told::new(1.0 / haptics.rate), stop, thread: Mutex::new(None) });
+        let handle = handles::insert_with(LoopObject, own.clone());
+        *the_loop = handle as *mut palpate_loop;
+        own.start(Work { lent, steps, device, tool, haptics, options }).inspect_err(|_| {
+            *the_loop = std::ptr::null_mut();
+            // A callback may have destroyed it.
+            let _ = handles::remove::<LoopObject>(handle);
+        })
+    })
+}
+
+/// What a loop does and has done. Never waits; any thread may ask at any time, callbacks too.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_loop_read(
+    the_loop: *mut palpate_loop,
+    state: *mut palpate_loop_state,
+) -> palpate_status {
+    guarded(|| {
+        let told = of(the_loop)?.told.lock().state;
+        if state.is_null() {
+            return Err(Failure::new(palpate_status::Null, "state is null; say where the answer goes"));
+        }
+        // SAFETY: the caller's, as the header says.
+        unsafe { sized::write(state, &told) }
+    })
+}
+
+/// The wrench of the newest step of a loop's simulation, with what that has to confess, as `palpate_wrench_newest` tells it; also
+/// after the simulation's handle was destroyed. `age_seconds` receives how long ago the step began, s; it may be null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_loop_wrench(
+    the_loop: *mut palpate_loop,
+    wrench: *mut palpate_wrench,
+    age_seconds: *mut f64,
+) -> palpate_status {
+    guarded(|| {
+        let newest = of(the_loop)?.told.lock().newest;
+        // SAFETY: the caller's, as the header says.
+        unsafe { newest.tell(wrench, age_seconds) }
+    })
+}
+
+/// Something to know about a loop, in one line: what its coupling is and why, which limits were asked for that the profile does
+/// not allow, whether it lacks priority. `note`: from 0; how many there are is in `palpate_loop_state`. `count` receives the
+/// length of the text in bytes, with its ending zero; up to `capacity` bytes are written to `text`, which may be null where
+/// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more, and none was written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_loop_note(
+    the_loop: *mut palpate_loop,
+    note: u32,
+    text: *mut c_char,
+    capacity: usize,
+    count: *mut usize,
+) -> palpate_status {
+    guarded(|| {
+        let own = of(the_loop)?;
+        let facts = own.told.lock();
+        let Some(line) = facts.notes.get(note as usize) else {
+            let problem = format!("note is {note}; the loop has {}, counted from 0", facts.notes.len());
+            return Err(Failure::new(palpate_status::Argument, problem));
+        };
+        // SAFETY: the caller's, as the header says.
+        unsafe { tell(line, text, capacity, count) }
+    })
+}
+
+/// Why a loop ended, in one line; "" while it runs. The text comes as from `palpate_loop_note`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_loop_ended(
+    the_loop: *mut palpate_loop,
+    text: *mut c_char,
+    capacity: usize,
+    count: *mut usize,
+) -> palpate_status {
+    guarded(|| {
+        let own = of(the_loop)?;
+        let facts = own.told.lock();
+        // SAFETY: the caller's, as the header says.
+        unsafe { tell(&facts.ended, text, capacity, count) }
+    })
+}
+
+/// # Safety
+/// `text` is null or has room for `capacity` bytes, and `count` is null or can be written.
+unsafe fn tell(line: &str, text: *mut c_char, capacity: usize, count: *mut usize) -> Outcome {
+    // SAFETY: the caller's promise.
+    let count = unsafe { sized::answer(count, "count")? };
+    *count = line.len() + 1;
+    if capacity == 0 {
+        return Ok(());
+    }
+    let bytes: Vec<c_char> = line.bytes().chain([0]).map(|byte| byte as c_char).collect();
+    // SAFETY: the caller's promise.
+    unsafe { sized::copy(&bytes, text, capacity, "text") }
+}
+
+/// Ends a loop: the device plays nothing and is closed, and the simulation can be used again when this returns. What the loop
+/// tells can still be read. Gives what the loop failed with, if it did. From within a callback the loop is only asked to end,
+/// and the call gives PALPATE_STATUS_BUSY.
+#[unsafe(no_mangle)]
+pub extern "C" fn palpate_loop_stop(the_loop: *mut palpate_loop) -> palpate_status {
+    guarded(|| {
+        let own = of(the_loop)?;
+        own.stop()?;
+        let failure = own.told.lock().failure.clone();
+        failure.map_or(Ok(()), Err)
+    })
+}
+
+/// Stops a loop as `palpate_loop_stop` does, and lets go of it. From within a callback the loop is only asked to end, and its
+/// handle stays. Null does nothing.
+#[unsafe(no_mangle)]
+pub extern "C" fn palpate_loop_destroy(the_loop: *mut palpate_loop) -> palpate_status {
+    guarded(|| {
+        if the_loop.is_null() {
+            return Ok(());
+        }
+        of(the_loop)?.stop()?;
+        handles::remove::<LoopObject>(the_loop as usize)
+    })
+}

@@ -1,0 +1,152 @@
+//! How a loop differs from what its scene says.
+
+use super::sized::{Field, Sized32, fields};
+use super::status::{Failure, Outcome, palpate_status};
+use palpate::scene::{HAPTIC_RATES, Haptics};
+
+/// How a loop is run. What is 0 is as in the scene's [haptics], or as that table's default where there is none.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct palpate_loop_options {
+    /// sizeof(palpate_loop_options).
+    pub size: u32,
+    /// Whether contact is followed between wrenches: 1 yes, -1 no.
+    pub local_model: i32,
+    /// Whether the passivity controller acts: 1 yes, -1 no.
+    pub passivity: i32,
+    /// 0.
+    pub reserved: u32,
+    /// Ticks a second, 50 to 4000.
+    pub rate: f64,
+    /// How long the loop lasts, s; 0: until it is stopped.
+    pub seconds: f64,
+    /// Greatest force, N. This and the next four can lower what the profile allows; where one would raise it, the profile's
+    /// holds, and a note says so.
+    pub max_force: f64,
+    /// Greatest torque, N m.
+    pub max_torque: f64,
+    /// Greatest change of the force, N/s.
+    pub max_slew: f64,
+    /// Radius of the workspace about where the device was first read, m.
+    pub workspace: f64,
+    /// Age from which a wrench makes the force fade, s.
+    pub watchdog: f64,
+    /// The longest step of the simulation, s: the loop takes the shortest that lasts as long as it costs, from the scene's dt up
+    /// to this; where that is not enough, bodies move slower than in the world.
+    pub longest_step: f64,
+}
+
+// SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
+unsafe impl Sized32 for palpate_loop_options {
+    const NAME: &str = "palpate_loop_options";
+    const LEAST: usize = 72;
+    const FIELDS: &'static [Field] = fields!(palpate_loop_options {
+        size,
+        local_model,
+        passivity,
+        reserved,
+        rate,
+        seconds,
+        max_force,
+        max_torque,
+        max_slew,
+        workspace,
+        watchdog,
+        longest_step
+    });
+
+    fn unset() -> Self {
+        palpate_loop_options {
+            size: size_of::<Self>() as u32,
+            local_model: 0,
+            passivity: 0,
+            reserved: 0,
+            rate: 0.0,
+            seconds: 0.0,
+            max_force: 0.0,
+            max_torque: 0.0,
+            max_slew: 0.0,
+            workspace: 0.0,
+            watchdog: 0.0,
+            longest_step: 0.0,
+        }
+    }
+}
+
+/// The scene's settings with the options' in their place.
+pub(super) fn chosen(options: &palpate_loop_options, scene: &Haptics) -> Outcome<Haptics> {
+    let wrong = |what: String| Failure::new(palpate_status::Argument, format!("options.{what}"));
+    if options.reserved != 0 {
+        return Err(wrong(format!("reserved is {}; set it to 0", options.reserved)));
+    }
+    let number = |name: &str, given: f64| match given.is_finite() && given >= 0.0 {
+        true => Ok((given > 0.0).then_some(given)),
+        false => Err(wrong(format!("{name} is {given}; give more than 0, or 0 for the scene's"))),
+    };
+    let truth = |name: &str, given: i32, scene: bool| match given {
+        0 => Ok(scene),
+        1 => Ok(true),
+        -1 => Ok(false),
+        _ => Err(wrong(format!("{name} is {given}; give 1, -1, or 0 for the scene's"))),
+    };
+    number("seconds", options.seconds)?;
+    let mut haptics = scene.clone();
+    if let Some(rate) = number("rate", options.rate)? {
+        let [lowest, highest] = HAPTIC_RATES;
+        if !(lowest..=highest).contains(&rate) {
+            return Err(wrong(format!("rate is {rate}; give {lowest} to {highest} Hz")));
+        }
+        haptics.rate = rate;
+    }
+    haptics.longest_step = number("longest_step", options.longest_step)?.unwrap_or(scene.longest_step);
+    haptics.local_model = truth("local_model", options.local_model, scene.local_model)?;
+    haptics.passivity = truth("passivity", options.passivity, scene.passivity)?;
+    let (asked, limits) = (options, &mut haptics.limits);
+    limits.force = number("max_force", asked.max_force)?.or(limits.force);
+    limits.torque = number("max_torque", asked.max_torque)?.or(limits.torque);
+    limits.slew = number("max_slew", asked.max_slew)?.or(limits.slew);
+    limits.workspace = number("workspace", asked.workspace)?.or(limits.workspace);
+    limits.watchdog = number("watchdog", asked.watchdog)?.or(limits.watchdog);
+    Ok(haptics)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zero_is_the_scenes_and_what_cannot_be_is_refused() {
+        let unset = palpate_loop_options::unset();
+        let mut scene = Haptics { passivity: false, rate: 500.0, ..Haptics::default() };
+        scene.limits.force = Some(2.0);
+        assert_eq!(chosen(&unset, &scene).unwrap(), scene);
+        let other = palpate_loop_options { passivity: 1, local_model: -1, rate: 2000.0, max_force: 1.0, ..unset };
+        let told = chosen(&other, &scene).unwrap();
+        assert_eq!((told.passivity, told.local_model, told.rate), (true, false, 2000.0));
+        assert_eq!((told.limits.force, told.limits.torque), (Some(1.0), None));
+        let bad = [
+            ("rate", palpate_loop_options { rate: 9000.0, ..unset }),
+            ("seconds", palpate_loop_options { seconds: f64::NAN, ..unset }),
+            ("max_slew", palpate_loop_options { max_slew: -1.0, ..unset }),
+            ("watchdog", palpate_loop_options { watchdog: f64::INFINITY, ..unset }),
+            ("passivity", palpate_loop_options { passivity: 2, ..unset }),
+            ("reserved", palpate_loop_options { reserved: 1, ..unset }),
+        ];
+        for (name, options) in bad {
+            let refused = chosen(&options, &scene).unwrap_err();
+            assert!(refused.message.starts_with(&format!("options.{name} is ")), "{}", refused.message);
+        }
+    }
+
+    #[test]
+    fn the_first_version_of_the_options_is_read_without_the_longest_step() {
+        assert_eq!(std::mem::offset_of!(palpate_loop_options, longest_step), palpate_loop_options::LEAST);
+        assert_eq!(size_of::<palpate_loop_options>(), palpate_loop_options::LEAST + size_of::<f64>());
+        let set = palpate_loop_options { longest_step: 0.01, ..palpate_loop_options::unset() };
+        let haptics = Haptics::default();
+        assert_eq!(chosen(&set, &haptics).unwrap().longest_step, 0.01);
+        assert_eq!(chosen(&palpate_loop_options::unset(), &haptics).unwrap().longest_step, haptics.longest_step);
+        let wrong = palpate_loop_options { longest_step: f64::NAN, ..set };
+        assert!(chosen(&wrong, &haptics).err().unwrap().message.contains("options.longest_step is NaN"));
+    }
+}

@@ -1,0 +1,311 @@
+//! Simulations: made of a scene on a context, stepped, and read.
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+
+use super::context::{opened, palpate_context};
+use super::handles::{self, Handled};
+use super::scene::{SceneObject, palpate_scene};
+use super::sized::{self, Field, Sized32, fields};
+use super::status::{Failure, Outcome, guarded, palpate_status};
+use super::steps::{self, SimulationSteps, Stepped};
+use palpate::step::Simulation;
+use palpate::step::{Pose, StepReport};
+
+/// A scene under way.
+pub struct palpate_simulation {
+    _opaque: [u8; 0],
+}
+
+/// A position and an orientation, world.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default)]
+pub struct palpate_pose {
+    /// m.
+    pub position: [f64; 3],
+    /// Unit quaternion: x, y, z, w.
+    pub orientation: [f64; 4],
+}
+
+/// What a step did to the tool. Of a scene without one, force, torque and positions are zero, and orientations turn nothing.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct palpate_wrench {
+    /// sizeof(palpate_wrench).
+    pub size: u32,
+    /// What the step has to confess: a bit each, PALPATE_FLAG_*. 0: nothing.
+    pub flags: u32,
+    /// Steps done.
+    pub step: u64,
+    /// At the end of the step, s.
+    pub time: f64,
+    /// Of contacts on the tool, world axes, N.
+    pub force: [f64; 3],
+    /// The same about the tool's centre, N m.
+    pub torque: [f64; 3],
+    /// Where the tool is.
+    pub tool: palpate_pose,
+    /// Where the device is, which holds it.
+    pub device: palpate_pose,
+    /// Greatest depth of a contact, m.
+    pub max_depth: f64,
+    /// What the solver left, of the right-hand side.
+    pub residual: f64,
+    /// Colliding vertices, of both sides.
+    pub contacts: u32,
+    /// Of the solver.
+    pub iterations: u32,
+}
+
+// SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
+unsafe impl Sized32 for palpate_wrench {
+    const NAME: &str = "palpate_wrench";
+    const LEAST: usize = 208;
+    const FIELDS: &'static [Field] = fields!(palpate_wrench {
+        size,
+        flags,
+        step,
+        time,
+        force,
+        torque,
+        tool,
+        device,
+        max_depth,
+        residual,
+        contacts,
+        iterations
+    });
+
+    fn unset() -> Self {
+        let pose = palpate_pose { position: [0.0; 3], orientation: [0.0, 0.0, 0.0, 1.0] };
+        palpate_wrench {
+            size: size_of::<Self>() as u32,
+            flags: 0,
+            step: 0,
+            time: 0.0,
+            force: [0.0; 3],
+            torque: [0.0; 3],
+            tool: pose,
+            device: pose,
+            max_depth: 0.0,
+            residual: 0.0,
+            contacts: 0,
+            iterations: 0,
+        }
+    }
+}
+
+/// The solver stopped at its iteration limit with a residual above what single precision allows.
+pub const PALPATE_FLAG_NOT_CONVERGED: u32 = 1;
+/// More regions than there is room for.
+pub const PALPATE_FLAG_REGION_OVERFLOW: u32 = 2;
+/// More contacts than there is room for.
+pub const PALPATE_FLAG_CONTACT_OVERFLOW: u32 = 4;
+/// A contact deeper than the scene's `depth_limit`.
+pub const PALPATE_FLAG_DEPTH_BEYOND_LIMIT: u32 = 8;
+/// A skin folds over itself along the region's normal.
+pub const PALPATE_FLAG_NOT_A_HEIGHT_FIELD: u32 = 16;
+/// A number was not finite, and the step was recovered.
+pub const PALPATE_FLAG_NON_FINITE: u32 = 32;
+/// The step was repeated with a smaller time step.
+pub const PALPATE_FLAG_STEP_RETRIED: u32 = 64;
+/// The state was held because no step succeeded.
+pub const PALPATE_FLAG_FROZEN: u32 = 128;
+/// Contacts that pulled were dropped, and others pull after the repeated solve.
+pub const PALPATE_FLAG_ADHESIVE_DROPPED_TWICE: u32 = 256;
+/// Something turned so far within the step that it may gain energy.
+pub const PALPATE_FLAG_TURNS_TOO_FAR: u32 = 512;
+/// A tetrahedron was inside out, or pressed so thin that its rotation was not found.
+pub const PALPATE_FLAG_INVERTED: u32 = 1024;
+
+pub(super) struct SimulationObject {
+    pub simulation: Simulation,
+    /// Whether a step failed halfway.
+    pub has_failed: bool,
+}
+
+impl Handled for SimulationObject {
+    const NAME: &str = "simulation";
+}
+
+/// Makes a simulation of a scene on a context: prepares the bodies where palpate_scene_prepare has not, and records the step.
+/// The scene may be destroyed afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_simulation_create(
+    context: *mut palpate_context,
+    scene: *mut palpate_scene,
+    simulation: *mut *mut palpate_simulation,
+) -> palpate_status {
+    guarded(|| {
+        // SAFETY: the caller's, as the header says.
+        let simulation = unsafe { sized::answer(simulation, "simulation")? };
+        *simulation = std::ptr::null_mut();
+        let context = opened(context)?;
+        let (scene, mut bodies) = handles::with(scene as usize, |object: &mut SceneObject| Ok(object.parts()))?;
+        Simulation::check_room(&context, &scene)?;
+        bodies.complete(&scene, &mut |_| Ok(()))?;
+        let mut made = Simulation::of(&context, &scene, bodies)?;
+        made.time_every(0)?;
+        let object = SimulationObject { simulation: made, has_failed: false };
+        *simulation = handles::insert_with(object, Arc::new(SimulationSteps::default())) as *mut palpate_simulation;
+        Ok(())
+    })
+}
+
+/// Lets go of a simulation; waits for a step that was submitted and is under way. One that a loop holds goes when the loop
+/// ends. Null does nothing.
+#[unsafe(no_mangle)]
+pub extern "C" fn palpate_simulation_destroy(simulation: *mut palpate_simulation) -> palpate_status {
+    guarded(|| if simulation.is_null() { Ok(()) } else { steps::remove::<SimulationObject>(simulation as usize) })
+}
+
+/// One step of the scene's `dt`: pose in, wrench out, when it is done. `device`: where the device is at the end of the step,
+/// having moved evenly from where it was at the last; null: where the scene's `[drive]` has it, or once a pose was given, where
+/// that left it. `wrench` may be null. A step that fails in Vulkan or the solver ends the simulation: it may be read and
+/// destroyed, and gives PALPATE_STATUS_SIMULATION for further steps.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_step(
+    simulation: *mut palpate_simulation,
+    device: *const palpate_pose,
+    wrench: *mut palpate_wrench,
+) -> palpate_status {
+    guarded(|| {
+        // SAFETY (this and the next): the caller's, as the header says.
+        let device = unsafe { sized::given(device, "device")? }.map(|pose| pose_of(pose, "device")).transpose()?;
+        // Before anything moves: whether the answer has a place.
+        if !wrench.is_null() {
+            unsafe { sized::read(wrench.cast_const())? };
+        }
+        handles::with(simulation as usize, |object: &mut SimulationObject| {
+            let told = steps::of(simulation)?.step_now(object, device)?;
+            // SAFETY: the caller's, as the header says.
+            if wrench.is_null() { Ok(()) } else { unsafe { sized::write(wrench, &told) } }
+        })
+    })
+}
+
+impl Stepped for SimulationObject {
+    fn is_fit(&self) -> Outcome {
+        let problem = "an earlier step failed, and left the simulation between two steps; create it anew";
+        if self.has_failed { Err(Failure::new(palpate_status::Simulation, problem)) } else { Ok(()) }
+    }
+
+    fn step_to(&mut self, device: Option<Pose>) -> Outcome<palpate_wrench> {
+        self.is_fit()?;
+        let row = match device {
+            Some(pose) => self.simulation.step_at(pose),
+            None => self.simulation.step(),
+        };
+        self.has_failed = row.is_err();
+        Ok(wrench_of(&row?))
+    }
+}
+
+/// Checked: finite, and a rotation.
+pub(super) fn pose_of(given: &palpate_pose, what: &str) -> Outcome<Pose> {
+    let wrong = |problem: String| Failure::new(palpate_status::Argument, format!("{what}.{problem}"));
+    for (name, values) in [("position", &given.position[..]), ("orientation", &given.orientation[..])] {
+        if let Some(k) = values.iter().position(|x| !x.is_finite()) {
+            return Err(wrong(format!("{name}[{k}] is {}; give a number", values[k])));
+        }
+    }
+    let orientation = DQuat::from_array(given.orientation);
+    let length = orientation.length();
+    if (length - 1.0).abs() > 1e-3 {
+        return Err(wrong(format!("orientation has length {length}; give a unit quaternion, x y z w")));
+    }
+    Ok(Pose { position: DVec3::from_array(given.position), orientation: orientation.normalize() })
+}
+
+pub(super) fn wrench_of(row: &StepReport) -> palpate_wrench {
+    let pose =
+        |pose: &Pose| palpate_pose { position: pose.position.to_array(), orientation: pose.orientation.to_array() };
+    let mut wrench = palpate_wrench {
+        flags: row.flags.0,
+        step: row.step,
+        time: row.time,
+        max_depth: row.max_depth.unwrap_or_default(),
+        residual: row.residual,
+        contacts: row.contacts.unwrap_or_default(),
+        iterations: row.iterations,
+        ..palpate_wrench::unset()
+    };
+    if let Some(told) = &row.tool {
+        (wrench.force, wrench.torque) = (told.force.to_array(), told.torque.to_array());
+        (wrench.tool, wrench.device) = (pose(&told.tool), pose(&told.device));
+    }
+    wrench
+}
+
+/// Where the nodes of a soft body are, world, m: `count` of them, three numbers each, in the order of its layer. `body` is
+/// its position in the scene, from 0. `count` receives how many nodes it has, 0 where it is not soft; up to `capacity` nodes
+/// are written to `positions`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more, and none was
+/// written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_nodes(
+    simulation: *mut palpate_simulation,
+    body: u32,
+    positions: *mut [f64; 3],
+    capacity: usize,
+    count: *mut usize,
+) -> palpate_status {
+    guarded(|| {
+        // SAFETY: the caller's, as the header says.
+        let count = unsafe { sized::answer(count, "count")? };
+        handles::with(simulation as usize, |object: &mut SimulationObject| {
+            let bodies = object.simulation.bodies().len();
+            if body as usize >= bodies {
+                let problem = format!("body is {body}; the scene has {bodies}, counted from 0");
+                return Err(Failure::new(palpate_status::Argument, problem));
+            }
+            let all = object.simulation.node_positions(body as usize)?;
+            *count = all.len();
+            if capacity == 0 {
+                return Ok(());
+            }
+            let all: Vec<[f64; 3]> = all.iter().map(|x| x.to_array()).collect();
+            // SAFETY: the caller's, as the header says.
+            unsafe { sized::copy(&all, positions, capacity, "positions") }
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use palpate::step::Flags;
+
+    #[test]
+    fn every_flag_has_its_constant() {
+        let own = [
+            PALPATE_FLAG_NOT_CONVERGED,
+            PALPATE_FLAG_REGION_OVERFLOW,
+            PALPATE_FLAG_CONTACT_OVERFLOW,
+            PALPATE_FLAG_DEPTH_BEYOND_LIMIT,
+            PALPATE_FLAG_NOT_A_HEIGHT_FIELD,
+            PALPATE_FLAG_NON_FINITE,
+            PALPATE_FLAG_STEP_RETRIED,
+            PALPATE_FLAG_FROZEN,
+            PALPATE_FLAG_ADHESIVE_DROPPED_TWICE,
+            PALPATE_FLAG_TURNS_TOO_FAR,
+            PALPATE_FLAG_INVERTED,
+        ];
+        assert_eq!(Flags::ALL.map(|(flag, _)| flag.0), own);
+    }
+
+    #[test]
+    fn poses_that_are_none_are_refused() {
+        let good = palpate_pose { position: [1.0, 2.0, 3.0], orientation: [0.0, 0.0, 0.0, 1.0] };
+        assert!(pose_of(&good, "device").is_ok());
+        let mut bad = good;
+        bad.position[1] = f64::NAN;
+        assert!(pose_of(&bad, "device").unwrap_err().message.contains("device.position[1] is NaN"));
+        for orientation in [[0.0; 4], [0.0, 0.0, 0.0, 2.0], [f64::INFINITY, 0.0, 0.0, 1.0]] {
+            assert_eq!(
+                pose_of(&palpate_pose { orientation, ..good }, "device").unwrap_err().status,
+                palpate_status::Argument
+            );
+        }
+    }
+}

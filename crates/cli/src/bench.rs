@@ -1,0 +1,177 @@
+//! `palpate bench`: measures, prints the report, and writes it with every sample; joins shards; compares with before.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::builder::NonEmptyStringValueParser;
+use palpate_bench::accuracy::Accuracy;
+use palpate_bench::accuracy;
+use palpate_bench::compare::Verdict;
+use palpate_bench::compare;
+use palpate_bench::features::Features;
+use palpate_bench::features;
+use palpate_bench::haptics::Haptics;
+use palpate_bench::haptics;
+use palpate_bench::paper::Paper;
+use palpate_bench::paper;
+use palpate_bench::proximity::Proximity;
+use palpate_bench::proximity;
+use palpate_bench::solver::Solver;
+use palpate_bench::solver;
+use palpate_bench::suite::{Head, Shard};
+use palpate_bench::suite;
+use palpate_bench::{Benchmark, Results};
+use crate::report::Output;
+use palpate::{Error, Result};
+
+use crate::{print, watch};
+
+const RESULTS: &str = "results.json";
+const REPORT: &str = "report.html";
+
+/// Options of `palpate bench`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// What to measure: a benchmark (`solver`), one of its parts (`solver/scaling`), or all parts that begin with a name and a
+    /// dash (`solver/human`) [default: everything]
+    names: Vec<String>,
+    /// Fewer cases, sizes, runs and steps: a first look
+    #[arg(long)]
+    quick: bool,
+    /// List the parts that would be measured, and measure nothing
+    #[arg(long)]
+    list: bool,
+    /// Measure the I-th of N shards; every part is in one of them
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    shard: Option<Shard>,
+    /// Measure nothing: join the shards in these directories
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["names", "quick", "shard", "list", "device"])]
+    merge: Vec<PathBuf>,
+    /// Compare with these results; exit with status 4 where something is slower, or less accurate, beyond noise
+    #[arg(long, value_name = "OLD.json")]
+    compare: Option<PathBuf>,
+    /// Folder of the paper's scenes
+    #[arg(long, value_name = "DIR", default_value = "assets/scenes")]
+    scenes: PathBuf,
+    /// Vulkan device, by name or by index in `palpate devices`
+    #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
+    device: Option<String>,
+    /// Directory to write report.html and results.json into; without it nothing is written
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+fn shard(text: &str) -> std::result::Result<Shard, String> {
+    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse::<usize>().ok()?, n.parse::<usize>().ok()?)));
+    match parts {
+        Some((index, count)) if (1..=count).contains(&index) => Ok(Shard { index: index - 1, count }),
+        _ => Err("give the number of the shard and how many there are, such as 1/4".into()),
+    }
+}
+
+/// Every benchmark, in the order of the report.
+fn benchmarks(arguments: &Arguments) -> Vec<Box<dyn Benchmark>> {
+    let device = || arguments.device.clone();
+    let proximity = if arguments.quick { proximity::Settings::quick() } else { proximity::Settings::full() };
+    let solver = if arguments.quick { solver::Settings::quick() } else { solver::Settings::full() };
+    let haptics = if arguments.quick { haptics::Settings::quick() } else { haptics::Settings::full() };
+    let paper = if arguments.quick { paper::Settings::quick() } else { paper::Settings::full() };
+    let paper = paper::Settings { scenes: arguments.scenes.clone(), device: device(), ..paper };
+    let accuracy = if arguments.quick { accuracy::Settings::quick() } else { accuracy::Settings::full() };
+    let features = if arguments.quick { features::Settings::quick() } else { features::Settings::full() };
+    vec![
+        Box::new(Paper(paper)),
+        Box::new(Proximity(proximity::Settings { device: device(), ..proximity })),
+        Box::new(Solver(solver::Settings { device: device(), ..solver })),
+        Box::new(Haptics(haptics::Settings { device: device(), ..haptics })),
+        Box::new(Accuracy(accuracy::Settings { device: device(), ..accuracy })),
+        Box::new(Features(features::Settings { device: device(), ..features })),
+    ]
+}
+
+/// Measures or joins, writes what was found, prints it, and compares it. Errors after all that: something became worse, or is
+/// not within its bounds.
+pub fn bench(arguments: &Arguments) -> Result<()> {
+    let benchmarks = benchmarks(arguments);
+    let asked = asked(&arguments.names, &benchmarks)?;
+    if arguments.list {
+        return print(&asked.iter().map(|(name, part)| format!("{name}/{part}\n")).collect::<String>());
+    }
+    // What is to be compared with is read before minutes are spent.
+    let old = arguments.compare.as_deref().map(results_in).transpose()?;
+    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let (results, mut failed) = if arguments.merge.is_empty() {
+        let head = Head::new(arguments.device.as_deref(), arguments.quick)?;
+        let is_asked = |name: &str, part: &str| asked.iter().any(|(n, p)| *n == name && p == part);
+        suite::measure(&benchmarks, head, arguments.shard.unwrap_or(Shard::WHOLE), &is_asked, &mut watch)?
+    } else {
+        let shards = arguments.merge.iter().map(|dir| Ok((dir.as_path(), results_in(dir)?)));
+        (suite::merge(shards.collect::<Result<_>>()?)?, Vec::new())
+    };
+    let document = suite::document(&benchmarks, &results)?;
+    if let Some(output) = &mut output {
+        output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
+        output.write(REPORT, |w| w.write_all(document.html().as_bytes()))?;
+    }
+    output.map_or(Ok(()), Output::commit)?;
+    print(&document.markdown())?;
+    failed.extend(suite::faults(&benchmarks, &results)?);
+    if let Some(old) = old {
+        failed.extend(compared(&old, &results)?);
+    }
+    if failed.is_empty() { Ok(()) } else { Err(Error::Simulation(failed.join("; "))) }
+}
+
+/// Benchmark and part of all that the names call. Errors: a name that calls nothing.
+fn asked(names: &[String], benchmarks: &[Box<dyn Benchmark>]) -> Result<Vec<(&'static str, String)>> {
+    let mut all: Vec<(&'static str, String)> = Vec::new();
+    for benchmark in benchmarks {
+        all.extend(benchmark.parts().into_iter().map(|part| (benchmark.name(), part)));
+    }
+    let calls = |asked: &str, (name, part): &(&'static str, String)| {
+        asked == *name
+            || asked.strip_prefix(name).and_then(|rest| rest.strip_prefix('/')).is_some_and(|asked| {
+                part.strip_prefix(asked).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
+            })
+    };
+    if let Some(wrong) = names.iter().find(|asked| !all.iter().any(|part| calls(asked, part))) {
+        let known: Vec<&str> = benchmarks.iter().map(|benchmark| benchmark.name()).collect();
+        let problem = format!("there is no benchmark or part `{wrong}`");
+        let remedy = format!("give {}, or a part that --list shows", known.join(", "));
+        return Err(Error::Usage(format!("{problem}; {remedy}")));
+    }
+    Ok(all.into_iter().filter(|part| names.is_empty() || names.iter().any(|asked| calls(asked, part))).collect())
+}
+
+/// Of a directory or the file itself.
+fn results_in(path: &Path) -> Result<Results> {
+    if path.is_dir() { suite::read(&path.join(RESULTS)) } else { suite::read(path) }
+}
+
+/// Prints the ratios; says how many became worse, if any did. Errors: the two cannot be compared.
+fn compared(old: &Results, new: &Results) -> Result<Option<String>> {
+    let (all, lonely) = compare::compare(old, new)?;
+    let of = |head: &Head| format!("{} ({}), commit {}", head.device, head.driver, head.commit);
+    let machine = |head: &Head| (head.device.clone(), head.driver.clone(), head.threads);
+    let elsewhere = match machine(&old.head) == machine(&new.head) {
+        true => "",
+        false => {
+            " They were measured on ANOTHER device, driver or number of threads: ratios of times say more of those."
+        }
+    };
+    let count = |verdict| all.iter().filter(|c| c.verdict == verdict).count();
+    let (worse, better, unjudged) = (count(Verdict::Worse), count(Verdict::Better), count(Verdict::Unjudged));
+    print(&format!(
+        "\n# Compared\n\nOld: {}. New: {}.{elsewhere} A ratio of times is of medians, over what the processor itself took for the \
+         same work meanwhile where it is the device; it lies between those of the fastest round over the slowest and the other \
+         way round.\n\n{}\n{} of {} are worse beyond noise, {better} better, {unjudged} have too few samples. \
+         In one of them only: {}.\n",
+        of(&old.head),
+        of(&new.head),
+        compare::table(&all).markdown(),
+        worse,
+        all.len(),
+        if lonely.is_empty() { "nothing".into() } else { lonely.join(", ") }
+    ))?;
+    Ok((worse > 0).then(|| format!("{worse} of {} are slower, less accurate or larger than before", all.len())))
+}

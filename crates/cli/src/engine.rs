@@ -1,0 +1,151 @@
+//! The seam between the program and the engine: a run's samples, and what is left of it at the end.
+
+use glam::DVec3;
+use palpate::gpu::{Context, DeviceInfo, Options};
+use palpate::prepare::Shape;
+use crate::report::{Facts, Plan, StageSamples};
+use palpate::scene::Scene;
+use palpate::stages::query_as_one;
+use palpate::step::ContactWrench;
+use palpate::step::Held;
+use palpate::step::Simulation;
+use palpate::step::StepReport;
+use palpate::{Error, Result};
+
+/// A simulation under way, and the times of its stages.
+pub struct Engine {
+    simulation: Simulation,
+    stages: Vec<StageSamples>,
+    iterations: u64,
+    steps: u64,
+}
+
+/// What is left when a run is over.
+pub struct Outcome {
+    /// Device, plan and times.
+    pub facts: Facts,
+    /// Layers of the soft bodies.
+    pub layers: Vec<LayerResult>,
+    /// Skins of the soft bodies.
+    pub skins: Vec<SkinResult>,
+}
+
+/// A layer at the end of a run, for `NAME.vtk`.
+pub struct LayerResult {
+    /// The body.
+    pub name: String,
+    /// Deformed world positions, m, in input order.
+    pub nodes: Vec<DVec3>,
+    /// Four nodes each.
+    pub tetrahedra: Vec<[u32; 4]>,
+    /// From rest as placed, world axes, m; one a node.
+    pub displacement: Vec<DVec3>,
+}
+
+/// A skin at the end of a run, for `NAME.obj`.
+pub struct SkinResult {
+    /// The body.
+    pub name: String,
+    /// Deformed world positions, m, in file order.
+    pub vertices: Vec<DVec3>,
+    /// Three vertices each.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Engine {
+    /// Prepares the scene, opens the device (a name, an index, or the best one) and records the step.
+    pub fn open(scene: &Scene, device: Option<&str>) -> Result<Self> {
+        let options = Options { device: device.map(String::from), one_thread: true, ..Options::default() };
+        let simulation = Simulation::new(scene, &options, None)?;
+        Ok(Engine { simulation, stages: Vec::new(), iterations: 0, steps: 0 })
+    }
+
+    /// What was done to the scene's files, a line each.
+    pub fn notes(&self) -> impl Iterator<Item = &str> {
+        self.simulation.reports().flat_map(|(_, report)| report.notes.iter().map(String::as_str))
+    }
+
+    /// One step of the scene's own.
+    pub fn step(&mut self) -> Result<StepReport> {
+        let row = self.simulation.step()?;
+        Ok(self.counted(row))
+    }
+
+    /// A step of `h` s from what the loop holds, and what the tool felt in it.
+    pub fn step_held(&mut self, held: &Held, h: f64) -> Result<(StepReport, ContactWrench)> {
+        let row = self.simulation.step_held(held, h)?;
+        let wrench = self.simulation.contact_wrench().copied().unwrap_or(ContactWrench::none(held.tool));
+        Ok((self.counted(row), wrench))
+    }
+
+    /// The simulation itself.
+    pub fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    /// The simulation, to look at between two steps.
+    #[cfg(feature = "view")]
+    pub fn shown(&mut self) -> &mut Simulation {
+        &mut self.simulation
+    }
+
+    fn counted(&mut self, row: StepReport) -> StepReport {
+        self.steps += 1;
+        self.iterations += u64::from(row.iterations);
+        for (stage, us) in self.simulation.stage_times().unwrap_or_default() {
+            match self.stages.iter_mut().find(|samples| samples.stage == *stage) {
+                Some(samples) => samples.us.push(*us),
+                None => self.stages.push(StageSamples { stage: stage.clone(), passes: 0, us: vec![*us] }),
+            }
+        }
+        row
+    }
+
+    /// Reads back what is left.
+    pub fn finish(mut self) -> Result<Outcome> {
+        let mean_iterations = self.iterations.div_ceil(self.steps.max(1)) as u32;
+        let (passes, _) = self.simulation.passes(mean_iterations);
+        for samples in &mut self.stages {
+            let of_timer =
+                |(stage, _): &&(String, u32)| samples.stage == *stage || samples.stage == query_as_one(stage);
+            samples.passes = passes.iter().filter(of_timer).map(|(_, n)| n).sum();
+        }
+        let (mut layers, mut skins) = (Vec::new(), Vec::new());
+        for (index, body) in self.simulation.bodies().iter().enumerate() {
+            let Shape::Soft { layer, skin, .. } = &body.shape else { continue };
+            let Some((moved, _)) = self.simulation.nodes(index)? else { continue };
+            let nodes = self.simulation.node_positions(index)?;
+            let vertices = self.simulation.skin_positions(index)?;
+            skins.push(SkinResult { name: body.name.clone(), vertices, triangles: skin.triangles.clone() });
+            layers.push(LayerResult {
+                name: body.name.clone(),
+                nodes,
+                tetrahedra: layer.tetrahedra.clone(),
+                displacement: moved.iter().map(|d| body.orientation * *d).collect(),
+            });
+        }
+        let context = self.simulation.context();
+        let plan = self.simulation.plan().entries.iter();
+        let facts = Facts {
+            device: context.device_name().into(),
+            driver: context.driver().into(),
+            plan: plan
+                .map(|e| Plan { stage: e.stage.into(), recorded: e.recorded, reason: e.reason.clone() })
+                .collect(),
+            passes_per_step: passes.iter().map(|(_, n)| n).sum(),
+            bytes_device: context.bytes_allocated(),
+            stages: self.stages,
+            files: self.simulation.reports().map(|(name, report)| (name.into(), report.clone())).collect(),
+        };
+        Ok(Outcome { facts, layers, skins })
+    }
+}
+
+/// The devices of this machine, usable or not.
+pub fn devices() -> Result<Vec<DeviceInfo>> {
+    let devices = Context::list()?;
+    if devices.is_empty() {
+        return Err(Error::NoDevice("no Vulkan device".into()));
+    }
+    Ok(devices)
+}

@@ -1,0 +1,243 @@
+//! `palpate film`: a scene from the first step to the last as a film, or as pictures in a folder; no display is needed.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::builder::NonEmptyStringValueParser;
+use indicatif::{ProgressBar, ProgressFinish};
+use palpate::gpu::Options;
+use crate::report::Output;
+use palpate::scene::Scene;
+use palpate::step::Simulation;
+use palpate_view::picture::Picture;
+use palpate_view::{Overlay, Overlays, Settings, Studio};
+use palpate::{Error, Result};
+
+use crate::run::positive;
+use crate::tell;
+
+/// Of pictures, pixels.
+pub const SIZE: [u32; 2] = [1280, 720];
+/// Pixels a side at most, as devices draw them.
+const LARGEST: u32 = 16_384;
+/// Pictures of a film at most.
+const MOST_PICTURES: f64 = 1e5;
+/// What can be shown, by its name.
+const CHOICES: [(&str, Overlay); 9] = [
+    ("pressure", Overlay::Pressure),
+    ("depth", Overlay::Depth),
+    ("force", Overlay::Arrows),
+    ("proxies", Overlay::Proxies),
+    ("regions", Overlay::Regions),
+    ("layer", Overlay::Layer),
+    ("cores", Overlay::Cores),
+    ("energy", Overlay::Energy),
+    ("displacement", Overlay::Displacement),
+];
+
+/// Options of `palpate film`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The scene, a TOML file; its tool follows [drive]
+    scene: PathBuf,
+    /// FILE.apng, or FILE.png, an animated picture that browsers show; else a directory for pictures
+    #[arg(long, value_name = "FILE-OR-DIR")]
+    out: PathBuf,
+    /// Pictures a second
+    #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    fps: u16,
+    /// Simulated seconds in a second of film: 1 is as it happens, 0.1 slow motion
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
+    speed: f64,
+    /// Time to simulate, s [default: to the device's last key, else one second]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
+    seconds: Option<f64>,
+    /// Vulkan device, by name or by index in `palpate devices`
+    #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
+    device: Option<String>,
+    #[command(flatten)]
+    look: Look,
+}
+
+/// How pictures look.
+#[derive(clap::Args)]
+pub struct Look {
+    #[arg(long, value_name = "WxH", value_parser = size, help = "Width and height of pictures, pixels [default: 1280x720]")]
+    size: Option<[u32; 2]>,
+    /// Where from: degrees to the right of the front and above the horizon, and how many times as near as for all to be seen
+    #[arg(long, value_name = "YAW,PITCH[,NEARER]", value_parser = view, allow_hyphen_values = true)]
+    camera: Option<View>,
+    /// What is looked at, m [default: the middle of all bodies]
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    at: Option<glam::DVec3>,
+    /// What is shown besides the skins: pressure, depth, energy or displacement (one of them), force, proxies, regions, layer,
+    /// cores
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = overlay)]
+    show: Vec<Overlay>,
+}
+
+/// Where a picture is taken from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// To the right of the front, degrees.
+    pub yaw: f64,
+    /// Above the horizon, degrees.
+    pub pitch: f64,
+    /// How many times as near.
+    pub nearer: f64,
+}
+
+/// Width and height, as in `1280x720`.
+pub fn size(text: &str) -> std::result::Result<[u32; 2], String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=LARGEST).contains(side));
+    let sides = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
+    sides.ok_or_else(|| format!("give width and height from 1 to {LARGEST}, such as 1280x720"))
+}
+
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect()
+}
+
+fn view(text: &str) -> std::result::Result<View, String> {
+    match numbers(text).as_deref() {
+        Some([yaw, pitch]) => Ok(View { yaw: *yaw, pitch: *pitch, nearer: 1.0 }),
+        Some([yaw, pitch, nearer]) if *nearer > 0.0 => Ok(View { yaw: *yaw, pitch: *pitch, nearer: *nearer }),
+        _ => Err("give two angles in degrees, and how many times as near if wanted, such as 30,15,2".into()),
+    }
+}
+
+fn point(text: &str) -> std::result::Result<glam::DVec3, String> {
+    match numbers(text).as_deref() {
+        Some([x, y, z]) => Ok(glam::DVec3::new(*x, *y, *z)),
+        _ => Err("give three numbers, m, such as 0,0.1,0.05".into()),
+    }
+}
+
+fn overlay(text: &str) -> std::result::Result<Overlay, String> {
+    let known = CHOICES.iter().find(|(name, _)| *name == text);
+    let names = CHOICES.map(|(name, _)| name);
+    known.map(|(_, overlay)| *overlay).ok_or_else(|| format!("give some of {}", names.join(", ")))
+}
+
+impl Look {
+    /// What is shown; refuses more than can be.
+    pub fn shown(&self) -> Result<Overlays> {
+        let shown = Overlays::of(&self.show);
+        match CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay)) {
+            None => Ok(shown),
+            Some((name, _)) => {
+                Err(Error::Usage(format!("--show {name}: one field can be shown at a time; leave the others out")))
+            }
+        }
+    }
+
+    fn size(&self) -> [u32; 2] {
+        self.size.unwrap_or(SIZE)
+    }
+
+    /// Whether any of it was asked for.
+    pub fn is_asked_for(&self) -> bool {
+        self.size.is_some() || self.camera.is_some() || self.at.is_some() || !self.show.is_empty()
+    }
+
+    /// What takes pictures of a simulation that look so.
+    pub fn studio(&self, simulation: &mut Simulation) -> Result<Studio> {
+        let shown = self.shown()?;
+        let mut studio = Studio::new(simulation, Settings { size: self.size(), samples: SAMPLES })?;
+        studio.shown = shown;
+        if let Some(view) = self.camera {
+            view.aim(&mut studio);
+        }
+        studio.camera.target = self.at.unwrap_or(studio.camera.target);
+        Ok(studio)
+    }
+}
+
+/// Samples a pixel.
+pub const SAMPLES: u32 = 4;
+
+impl View {
+    /// Takes pictures from here.
+    pub fn aim(&self, studio: &mut Studio) {
+        let camera = &mut studio.camera;
+        (camera.yaw, camera.pitch) = (self.yaw.to_radians(), self.pitch.clamp(-89.0, 89.0).to_radians());
+        camera.distance /= self.nearer;
+    }
+}
+
+/// Makes the film.
+pub fn film(arguments: &Arguments) -> Result<()> {
+    arguments.look.shown()?;
+    let scene = Scene::load(&arguments.scene)?;
+    let duration = arguments.seconds.unwrap_or(scene.duration());
+    let apart = arguments.speed / f64::from(arguments.fps);
+    let pictures = (duration / apart + 1e-9).floor() + 1.0;
+    if pictures > MOST_PICTURES {
+        let problem = format!("{pictures} pictures of {duration:?} s; {MOST_PICTURES} at most");
+        return Err(Error::Usage(format!("{problem}: give a lower --fps, a higher --speed or fewer --seconds")));
+    }
+    let options = Options { device: arguments.device.clone(), one_thread: true, ..Options::default() };
+    let mut simulation = Simulation::new(&scene, &options, None)?;
+    simulation.reports().flat_map(|(_, report)| &report.notes).for_each(|note| tell(note));
+    let mut studio = arguments.look.studio(&mut simulation)?;
+    if apart < scene.step.dt {
+        tell(&format!("pictures are {apart:?} s apart and steps {:?} s: some pictures are alike", scene.step.dt));
+    }
+    let (folder, name) = target(&arguments.out);
+    let mut output = Output::create(folder)?;
+    let bar = ProgressBar::new(pictures as u64).with_finish(ProgressFinish::AndClear);
+    let mut take = |k: u64| -> Result<Picture> {
+        // The last step that is not beyond the picture's time, by more than half of one.
+        while simulation.time() + 0.5 * scene.step.dt < k as f64 * apart {
+            simulation.step()?;
+        }
+        bar.inc(1);
+        studio.picture(&mut simulation)
+    };
+    match name {
+        None => (0..pictures as u64).try_for_each(|k| {
+            let picture = take(k)?;
+            output.write(&format!("frame-{k:05}.png"), |w| picture.write_png(w))
+        })?,
+        Some(name) => {
+            let failed = |source| Error::Output { file: arguments.out.clone(), source };
+            let mut file = output.file(name)?;
+            animate(&mut file, arguments, pictures as u32, &mut take)?;
+            file.flush().map_err(failed)?;
+        }
+    }
+    output.commit()
+}
+
+/// The folder that is written into, and the name of an animated picture.
+fn target(out: &Path) -> (&Path, Option<&str>) {
+    let is_file =
+        out.extension().is_some_and(|end| end.eq_ignore_ascii_case("apng") || end.eq_ignore_ascii_case("png"));
+    match (is_file, out.parent(), out.file_name().and_then(|name| name.to_str())) {
+        (true, Some(parent), Some(name)) => {
+            (if parent.as_os_str().is_empty() { Path::new(".") } else { parent }, Some(name))
+        }
+        _ => (out, None),
+    }
+}
+
+/// Writes an animated PNG that plays for ever.
+fn animate(
+    out: impl Write,
+    arguments: &Arguments,
+    pictures: u32,
+    take: &mut dyn FnMut(u64) -> Result<Picture>,
+) -> Result<()> {
+    let failed = |error: png::EncodingError| Error::Output { file: arguments.out.clone(), source: error.into() };
+    let [width, height] = arguments.look.size();
+    let mut encoder = png::Encoder::new(out, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    encoder.set_animated(pictures, 0).map_err(failed)?;
+    encoder.set_frame_delay(1, arguments.fps).map_err(failed)?;
+    let mut writer = encoder.write_header().map_err(failed)?;
+    for k in 0..u64::from(pictures) {
+        writer.write_image_data(&take(k)?.rgb()).map_err(failed)?;
+    }
+    writer.finish().map_err(failed)
+}

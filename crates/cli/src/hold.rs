@@ -1,0 +1,156 @@
+//! A scene held by a haptic device: the device, the session, its recording.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use palpate::haptics::Device;
+use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
+use palpate::haptics::environment::Environment;
+use palpate_devices::record::{Header, Recording};
+use palpate::haptics::session::{self, Moment, Options, Report};
+use palpate::scene::Profile;
+use palpate::scene::profile::PROFILES;
+use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Scene};
+use palpate::step::ContactWrench;
+use palpate::step::Held;
+use palpate::step::StepReport;
+use palpate::step::drive::Drive;
+use palpate::{Error, Result};
+
+use crate::engine::Engine;
+use crate::tell;
+
+/// Besides those that end a program: the terminal has gone, or wants it to sleep with the last force standing.
+#[cfg(unix)]
+const OTHER_SIGNALS: &[i32] = &[signal_hook::consts::SIGHUP, signal_hook::consts::SIGTSTP];
+#[cfg(not(unix))]
+const OTHER_SIGNALS: &[i32] = &[];
+
+/// A profile that is built in: the one a scene names, else this.
+fn profile_of(scene: &Scene, default: &str) -> Profile {
+    let profile = scene.haptics.profile.or_else(|| Profile::named(default));
+    profile.unwrap_or(&PROFILES[0]).clone()
+}
+
+/// Gives the scene's device a profile by its name, whatever the scene says of it.
+///
+/// # Errors
+/// Nothing is held, or what is held cannot have that profile.
+pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
+    let wrong = |problem: &str, remedy: &str| Err(Error::Usage(format!("--profile {name} {problem}: {remedy}")));
+    let Some(profile) = Profile::named(name) else {
+        let names = PROFILES.map(|profile| profile.name).join(", ");
+        return wrong("is no profile", &format!("give one of {names}"));
+    };
+    if !scene.haptics.is_held {
+        return wrong(
+            "is a haptic device's, and none holds the tool",
+            "give --haptics DEVICE as well, or leave it out",
+        );
+    }
+    match scene.haptics.device {
+        DeviceKind::Replay => {
+            return wrong("is not a replay's, which has the profile of its recording", "leave it out");
+        }
+        DeviceKind::Haply => palpate::scene::of_haply(profile).or_else(|remedy| wrong(NOT_HAPLYS, &remedy))?,
+        DeviceKind::Scripted | DeviceKind::Hand => {}
+    }
+    scene.haptics.profile = Some(profile);
+    Ok(())
+}
+
+/// The device that a scene asks for.
+pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
+    let haptics = &scene.haptics;
+    let drive = Drive::new(&scene.drive, start);
+    Ok(match haptics.device {
+        DeviceKind::Scripted => Box::new(Scripted::new(drive, profile_of(scene, "scripted"), 1.0 / haptics.rate)),
+        DeviceKind::Hand => {
+            let hand = Hand::new(haptics.hand, drive, profile_of(scene, "premium"));
+            Box::new(hand.map_err(|problem| Error::key(&scene.file, "haptics.hand", problem, "correct it"))?)
+        }
+        DeviceKind::Replay => {
+            let missing = || Error::key(&scene.file, "haptics.recording", "is missing", "name the recording to play");
+            Box::new(Replay::open(haptics.recording.as_ref().ok_or_else(missing)?)?)
+        }
+        DeviceKind::Haply => {
+            let settings = haply::Settings {
+                home: start.position,
+                rate: haptics.rate,
+                profile: haptics.profile,
+                service: haptics.haply.clone(),
+            };
+            let mut haply = Haply::new(settings);
+            // A session takes limits from the profile before it opens the device.
+            haply.identify().map_err(|fault| Error::NoDevice(fault.to_string()))?;
+            Box::new(haply)
+        }
+    })
+}
+
+/// The engine as what the tool meets; whoever watches sees the row of every step.
+struct Watched<'a> {
+    engine: &'a mut Engine,
+    watch: &'a mut dyn FnMut(&StepReport) -> Result<()>,
+}
+
+impl Environment for Watched<'_> {
+    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
+        let (row, wrench) = self.engine.step_held(held, h)?;
+        (self.watch)(&row)?;
+        Ok(wrench)
+    }
+}
+
+/// Holds the scene's tool for so many seconds, or until the program is told to end; `watch` sees the row of every step.
+pub fn hold(
+    engine: &mut Engine,
+    scene: &Scene,
+    seconds: f64,
+    record: Option<&Path>,
+    watch: &mut dyn FnMut(&StepReport) -> Result<()>,
+) -> Result<Report> {
+    let Some(tool) = engine.simulation().tool().cloned() else {
+        return Err(Error::key(&scene.file, "tool", "is missing: a haptic device has nothing to hold", "add a [tool]"));
+    };
+    let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
+    let device = device(scene, start)?;
+    let mut recording = record.map(|path| recording(path, engine, scene, device.profile())).transpose()?;
+    let options = Options { seconds, shortest_step: scene.step.dt, stop: stopped_by_signals()?, bare_timer: true };
+    let write = |moment: Moment| match (&mut recording, moment) {
+        (_, Moment::Note(note)) => {
+            tell(note);
+            Ok(())
+        }
+        (None, _) => Ok(()),
+        (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool),
+        (Some(recording), Moment::Tick(tick)) => recording.tick(tick),
+        (Some(recording), Moment::Step(held, h, wrench)) => recording.step(held, h, wrench),
+    };
+    let mut environment = Watched { engine, watch };
+    let report = session::hold(device, &tool, &scene.haptics, &mut environment, &options, write)?;
+    recording.map_or(Ok(()), |recording| recording.finish().map(drop))?;
+    Ok(report)
+}
+
+fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> Result<Recording> {
+    let same = |other: &Path| matches!((path.canonicalize(), other.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    if same(&scene.file) || scene.haptics.recording.as_deref().is_some_and(same) {
+        let problem = "is what this run reads, and would be lost";
+        return Err(Error::input(path, None, problem, "record into another file"));
+    }
+    let header = Header::new(scene, engine.simulation(), profile.name, scene.haptics.device.name())?;
+    Recording::create(path, &header)
+}
+
+/// Set by the first signal to end, so that the device is let go of in order; the second ends the program at once.
+pub fn stopped_by_signals() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let failed = |error| Error::Simulation(format!("signals cannot be heard: {error}"));
+    for signal in signal_hook::consts::TERM_SIGNALS.iter().chain(OTHER_SIGNALS) {
+        signal_hook::flag::register_conditional_default(*signal, stop.clone()).map_err(failed)?;
+        signal_hook::flag::register(*signal, stop.clone()).map_err(failed)?;
+    }
+    Ok(stop)
+}

@@ -1,0 +1,130 @@
+//! The `palpate` program: reads the command line, runs one command, turns an error into one line and an exit status
+//! (0 success, 2 bad input, 3 no usable device, 4 the simulation failed).
+
+mod bench;
+mod devices;
+mod engine;
+#[cfg(feature = "view")]
+mod figures;
+#[cfg(feature = "view")]
+mod film;
+mod hold;
+mod prepare;
+mod press;
+mod query;
+mod replay;
+mod report;
+mod run;
+mod stability;
+#[cfg(feature = "view")]
+mod view;
+
+use std::io::{IsTerminal, Write};
+use std::process::ExitCode;
+
+use clap::error::ErrorKind;
+use clap::{Parser, Subcommand};
+
+/// Feel soft bodies: deformable contact and haptic forces on any Vulkan 1.3 device.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Simulate a scene and record what the tool feels
+    Run(run::Arguments),
+    /// Run a recorded session again, and say where it differs
+    Replay(replay::Arguments),
+    /// Make a layered body of a surface, with a report, pictures and a scene
+    Prepare(prepare::Arguments),
+    /// Find where two surfaces overlap, undeformed
+    Query(query::Arguments),
+    /// Measure, and write the report of it
+    Bench(bench::Arguments),
+    /// Run stiff and extreme cases, and judge each by laws
+    Stability(stability::Arguments),
+    /// Make a film of a scene, or a folder of pictures, without a display
+    #[cfg(feature = "view")]
+    Film(film::Arguments),
+    /// Make the pictures of the README
+    #[cfg(feature = "view")]
+    Figures(figures::Arguments),
+    /// Open a window onto a scene, and hold its tool with the mouse or a haptic device
+    #[cfg(feature = "view")]
+    View(view::Arguments),
+    /// List the Vulkan devices that can be used
+    Devices,
+}
+
+fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return usage(&error),
+    };
+    let result = match arguments.command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Replay(arguments) => replay::replay(&arguments),
+        Command::Prepare(arguments) => prepare::prepare(&arguments),
+        Command::Query(arguments) => query::query(&arguments),
+        Command::Bench(arguments) => bench::bench(&arguments),
+        Command::Stability(arguments) => stability::stability(&arguments),
+        #[cfg(feature = "view")]
+        Command::Film(arguments) => film::film(&arguments),
+        #[cfg(feature = "view")]
+        Command::Figures(arguments) => figures::figures(&arguments),
+        #[cfg(feature = "view")]
+        Command::View(arguments) => view::view(&arguments),
+        Command::Devices => devices::devices(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            let message = error.to_string().lines().collect::<Vec<_>>().join(" ");
+            // A closed stderr leaves the exit status to speak.
+            let _ = writeln!(std::io::stderr(), "error: {message}");
+            ExitCode::from(error.exit_status())
+        }
+    }
+}
+
+/// Help and version as they are; a mistake on the command line as one line, like every other error.
+fn usage(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        let _ = error.print();
+        return ExitCode::from(error.exit_code() as u8);
+    }
+    let text = error.to_string();
+    let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    // A closed stderr leaves the exit status to speak.
+    let _ = writeln!(std::io::stderr(), "{}", lines.join("; "));
+    ExitCode::from(error.exit_code() as u8)
+}
+
+/// Something to know, on standard error; a closed one stops nothing.
+fn tell(note: &str) {
+    drop(writeln!(std::io::stderr(), "note: {note}"));
+}
+
+/// Tells whoever waits at a terminal what is under way.
+fn watch(what: &str) {
+    let mut stderr = std::io::stderr();
+    if stderr.is_terminal() {
+        // A closed stderr does not stop a measurement.
+        drop(writeln!(stderr, "{what}"));
+    }
+}
+
+/// Prints to standard output. Whoever closed the other end has read enough: that is not an error.
+fn print(text: &str) -> palpate::Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(palpate::Error::Output { file: "standard output".into(), source })
+        }
+        _ => Ok(()),
+    }
+}

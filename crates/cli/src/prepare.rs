@@ -1,0 +1,271 @@
+//! `palpate prepare`: from a surface to a layered body, with a report, pictures, and a scene that presses into it.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use glam::{DQuat, DVec3};
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use palpate::prepare::report::peak_memory;
+use palpate::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
+use crate::report::picture::Picture;
+use crate::report::{Output, figure};
+use palpate::scene::{self, Law, Material, Model, Scene, Surface, gmsh, obj};
+use palpate::{Error, Result};
+
+use crate::press::{self, Press};
+use crate::print;
+
+/// Steps of the progress bar after the body is made: pictures, files.
+const AFTER: u64 = 2;
+
+/// Cells along a surface's largest extent.
+const CELLS: u32 = 40;
+
+/// Options of `palpate prepare`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The surface: an OBJ file, or a model of palpate's own, as head or head:44000 (vertices)
+    surface: String,
+    /// Directory to write the body, its report and pictures into
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Edge of the layer's cells, in the surface's units [default: a fortieth of its largest extent]
+    #[arg(long, value_name = "C", conflicts_with = "cells", value_parser = positive, allow_negative_numbers = true)]
+    cell: Option<f64>,
+    /// Cells along the surface's largest extent
+    #[arg(long, value_name = "N", default_value_t = CELLS, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    cells: u32,
+    /// Largest cell deep inside, as a multiple of the edge: 1, 2, 4 or 8
+    #[arg(long, value_name = "G", default_value_t = 1, value_parser = grade)]
+    grade: u32,
+    /// Fill only a shell of this depth, in the surface's units [default: everything]
+    #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
+    thickness: Option<f64>,
+    /// Convex hulls at most
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(scene::MOST_HULLS)))]
+    hulls: Option<u32>,
+    /// Factor from the surface's units to metres
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
+    scale: f64,
+    /// Refuse defects of the surface, and do not mend them
+    #[arg(long)]
+    no_repair: bool,
+    /// Write no pictures
+    #[arg(long)]
+    no_pictures: bool,
+    /// Make the body anew, and do not keep it
+    #[arg(long)]
+    no_cache: bool,
+}
+
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+        _ => Err("give a number greater than zero".into()),
+    }
+}
+
+fn grade(text: &str) -> std::result::Result<u32, String> {
+    let grade = text.parse().ok().filter(|grade| [1, 2, 4, 8].contains(grade));
+    grade.ok_or_else(|| "give 1, 2, 4 or 8".into())
+}
+
+/// Prepares a surface as it is prepared without options, and writes the body and its scene into a folder.
+#[cfg(feature = "view")]
+pub fn quietly(surface: &Path, out: &Path, watch: &mut dyn FnMut(&str)) -> Result<()> {
+    let arguments = Arguments {
+        surface: surface.to_string_lossy().into_owned(),
+        out: out.into(),
+        cell: None,
+        cells: CELLS,
+        grade: 1,
+        thickness: None,
+        hulls: None,
+        scale: 1.0,
+        no_repair: false,
+        no_pictures: true,
+        no_cache: false,
+    };
+    let scene = scene_of(&arguments)?;
+    let mut output = Output::create(out)?;
+    let (body, _) = prepare::body_and_report(&scene.bodies[0], &scene, &Cache::of_user(), &mut |stage| {
+        watch(stage.name());
+        Ok(())
+    })
+    .map_err(|error| in_options(error, &arguments.surface))?;
+    let Shape::Soft { layer, skin, .. } = &body.shape else {
+        return Err(Error::Simulation("a surface was not prepared as a soft body".into()));
+    };
+    let depths = depths_of(&arguments, layer, skin)?;
+    let (cores, _) = press::cores(layer, &depths);
+    write_body(&mut output, layer, skin, |w| Press::into(skin, layer, &depths).write(w, &body.name, &cores))?;
+    output.commit()
+}
+
+fn depths_of(arguments: &Arguments, layer: &Layer, skin: &Skin) -> Result<Vec<f64>> {
+    bind::depths(layer, (&skin.vertices, &skin.triangles))
+        .map_err(|problem| Error::input(Path::new(&arguments.surface), None, problem, "give a closed surface"))
+}
+
+/// Prepares a surface. Nothing is written unless everything is.
+pub fn prepare(arguments: &Arguments) -> Result<()> {
+    let scene = scene_of(arguments)?;
+    let mut output = Output::create(&arguments.out)?;
+    let bar = progress();
+    let cache = if arguments.no_cache { Cache::off() } else { Cache::of_user() };
+    let (body, mut report) = prepare::body_and_report(&scene.bodies[0], &scene, &cache, &mut |stage| {
+        show(&bar, stage);
+        Ok(())
+    })
+    .map_err(|error| in_options(error, &arguments.surface))?;
+    let (Shape::Soft { layer, skin, .. }, Some(report)) = (&body.shape, &mut report) else {
+        return Err(Error::Simulation("a surface was not prepared as a soft body".into()));
+    };
+    let depths = depths_of(arguments, layer, skin)?;
+    let (cores, held) = press::cores(layer, &depths);
+    if !arguments.no_pictures {
+        bar.set_message("pictures");
+        let begun = Instant::now();
+        let mut shown = layer.clone();
+        shown.bound = held;
+        write_pictures(&mut output, &body, &shown, skin)?;
+        report.seconds.insert("pictures".into(), begun.elapsed().as_secs_f64().into());
+        report.peak_memory_bytes = peak_memory();
+    }
+    bar.inc(1);
+    bar.set_message("files");
+    write_body(&mut output, layer, skin, |w| Press::into(skin, layer, &depths).write(w, &body.name, &cores))?;
+    output.write("report.json", |w| serde_json::to_writer_pretty(w, report).map_err(Into::into))?;
+    output.write("report.txt", |w| write_text(w, report))?;
+    output.commit()?;
+    bar.finish_and_clear();
+    print(&format!("{report}{}: run it with: palpate run {}\n", arguments.out.display(), run_path(arguments)))
+}
+
+fn write_text(w: &mut impl std::io::Write, report: &Report) -> std::io::Result<()> {
+    write!(w, "{report}")
+}
+
+fn run_path(arguments: &Arguments) -> String {
+    arguments.out.join("scene.toml").display().to_string()
+}
+
+/// A scene of one soft body, made of the options.
+fn scene_of(arguments: &Arguments) -> Result<Scene> {
+    let surface = surface_of(&arguments.surface)?;
+    let (cells, grade, thickness) = (arguments.cells, arguments.grade, arguments.thickness);
+    let layer = match arguments.cell {
+        Some(cell) => scene::Layer::Cell { cell, grade, thickness },
+        None => scene::Layer::Across { cells, grade, thickness },
+    };
+    let stem = arguments.surface.split(':').next().map(Path::new).and_then(Path::file_stem);
+    let name: String = stem.unwrap_or_default().to_string_lossy().chars().filter(|c| is_plain(*c)).collect();
+    let body = scene::Body {
+        name: if name.is_empty() || name == "tool" { "body".into() } else { name },
+        shape: scene::Shape::Soft { surface: Some(surface), layer },
+        hulls: arguments.hulls,
+        repair: !arguments.no_repair,
+        scale: arguments.scale,
+        position: DVec3::ZERO,
+        orientation: DQuat::IDENTITY,
+        velocity: DVec3::ZERO,
+        material: Some(Material {
+            law: Law::Corotational,
+            young: 2e4,
+            poisson: 0.45,
+            density: 1000.0,
+            damping_mass: 0.0,
+            damping_stiffness: 0.002,
+        }),
+        dilatation: Default::default(),
+        regions: Vec::new(),
+        collides: None,
+        cores: Vec::new(),
+        joints: Vec::new(),
+        skeleton: None,
+    };
+    Ok(Scene::of_body(&arguments.surface, body))
+}
+
+/// Characters that a body's name keeps: it becomes part of file names and keys.
+fn is_plain(c: char) -> bool {
+    c.is_ascii_alphanumeric() || c == '_' || c == '-'
+}
+
+/// A file, or a model's name, with its number of vertices after a colon where it is not the usual one.
+pub fn surface_of(text: &str) -> Result<Surface> {
+    let (name, count) = text.split_once(':').map_or((text, None), |(name, count)| (name, Some(count)));
+    let model = Model::ALL.into_iter().find(|model| model.name() == name);
+    if let Some(model) = model.filter(|_| !Path::new(text).exists()) {
+        let range = model.vertices();
+        let vertices = count.map_or(Ok(model.default_vertices()), str::parse).ok().filter(|n| range.contains(n));
+        let vertices = vertices.ok_or_else(|| {
+            let problem = format!("`{}` is no number of vertices for it", count.unwrap_or_default());
+            Error::input(Path::new(text), None, problem, format!("give {} to {}", range.start(), range.end()))
+        })?;
+        return Ok(Surface::Model { model, vertices });
+    }
+    let path = PathBuf::from(text);
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if extension != "obj" {
+        let models = Model::ALL.map(Model::name).join(", ");
+        let remedy = format!("give an .obj file, or a model: {models}, as head or head:44000");
+        return Err(Error::input(&path, None, "neither an OBJ file nor a model", remedy));
+    }
+    Ok(Surface::File(path))
+}
+
+/// An error about a key of the scene made here, told in the words of the command line.
+fn in_options(error: Error, surface: &str) -> Error {
+    let Error::Key { key, problem, remedy, .. } = error else { return error };
+    let option = match key.rsplit('.').next().unwrap_or_default() {
+        "cell" | "layer" => "--cell",
+        "across" => "--cells",
+        "hulls" => "--hulls",
+        _ => "SURFACE",
+    };
+    Error::Key { file: surface.into(), key: option.into(), problem, remedy }
+}
+
+/// A bar on standard error, drawn only where that is a terminal.
+fn progress() -> ProgressBar {
+    let bar = ProgressBar::new(Stage::ALL.len() as u64 + AFTER).with_finish(ProgressFinish::AndClear);
+    bar.enable_steady_tick(Duration::from_millis(200));
+    match ProgressStyle::with_template("{spinner} {wide_bar} {msg} ({elapsed})") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+fn show(bar: &ProgressBar, stage: Stage) {
+    bar.set_message(stage.name());
+    // The cache is asked first and told last.
+    let reached = Stage::ALL.iter().position(|&s| s == stage).unwrap_or(0) as u64;
+    bar.set_position(reached.max(bar.position()));
+}
+
+/// Proxies, the layer cut open, the skin; and the three beside each other.
+fn write_pictures(output: &mut Output, body: &Body, layer: &Layer, skin: &Skin) -> Result<()> {
+    let (Shape::Soft { proxies, .. } | Shape::Rigid { proxies, .. }) = &body.shape else { return Ok(()) };
+    let view = figure::view(skin);
+    let pictures = [figure::proxies(proxies, &view), figure::layer(layer, &view), figure::skin(skin, &view)];
+    for (name, picture) in ["proxies.png", "layer.png", "skin.png"].into_iter().zip(&pictures) {
+        output.write(name, |w| picture.write_png(w))?;
+    }
+    let all: Vec<&Picture> = pictures.iter().collect();
+    output.write("figure.png", |w| Picture::beside(&all).write_png(w))
+}
+
+/// The body, in metres, and the scene.
+fn write_body(
+    output: &mut Output,
+    layer: &Layer,
+    skin: &Skin,
+    scene: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<()> {
+    output.write("skin.obj", |w| obj::write(w, &skin.vertices, &skin.triangles))?;
+    output.write("layer.msh", |w| gmsh::write(w, &layer.nodes, &layer.tetrahedra))?;
+    output.write("scene.toml", scene)
+}

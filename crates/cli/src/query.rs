@@ -1,0 +1,233 @@
+//! `palpate query`: where two surfaces overlap, undeformed; their vertices within each other, a picture, stage times.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::builder::NonEmptyStringValueParser;
+use glam::{DQuat, DVec3};
+use palpate::gpu::Options;
+use palpate::prepare::repair::{self, Origin};
+use palpate::prepare::{self, Body, Shape};
+use palpate::query::{Answer, Query, QueryContact, QuerySettings, Timing};
+use crate::report::query::{Subject, write_contacts};
+use crate::report::{Output, QueryReport, StageSamples, field};
+use palpate::scene::{self, Scene, Surface, obj};
+use palpate::stages::POSE_TO_CONTACT;
+use palpate::{Error, Result};
+
+use crate::prepare::surface_of;
+use crate::print;
+
+/// Coordinates and lengths beyond it leave single precision no room.
+const LARGEST: f64 = 1e9;
+const CONTACTS: &str = "contacts.csv";
+const PICTURE: &str = "depth.png";
+const REPORT: &str = "query.json";
+
+/// Options of `palpate query`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The first surface: an OBJ file, or a model of palpate's own, as head or head:44000 (vertices)
+    a: String,
+    /// The second surface
+    b: String,
+    /// Where b is: position and orientation of its file's frame; a stays in its own
+    #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = pose, allow_hyphen_values = true)]
+    pose_b: Option<Pose>,
+    /// Measure depth along this direction from a to b, of any length [default: found from the surfaces]
+    #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
+    direction: Option<DVec3>,
+    /// Depths beyond it raise a flag [default: a tenth of the smaller surface's extent]
+    #[arg(long, value_name = "L", value_parser = length, allow_negative_numbers = true)]
+    depth_limit: Option<f64>,
+    /// Runs whose times are taken
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    runs: u32,
+    /// Vulkan device, by name or by index in `palpate devices`
+    #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
+    device: Option<String>,
+    /// Directory to write contacts, picture and report into; without it nothing is written
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Position and orientation.
+type Pose = (DVec3, DQuat);
+
+/// So many finite numbers between commas.
+fn numbers<const N: usize>(text: &str) -> std::result::Result<[f64; N], String> {
+    let parsed: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    let parsed = parsed.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
+    parsed.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| format!("give {N} numbers with commas between"))
+}
+
+fn pose(text: &str) -> std::result::Result<Pose, String> {
+    let [x, y, z, q @ ..]: [f64; 7] = numbers(text)?;
+    if [x, y, z].iter().any(|x| x.abs() > LARGEST) {
+        return Err(format!("give a position within {LARGEST:e} of the origin"));
+    }
+    let turn = scene::unit_quaternion(q).map_err(|(problem, remedy)| format!("{problem}; {remedy}"))?;
+    Ok((DVec3::new(x, y, z), turn))
+}
+
+fn direction(text: &str) -> std::result::Result<DVec3, String> {
+    let direction = DVec3::from_array(numbers(text)?);
+    direction.try_normalize().ok_or_else(|| "the direction has no length; give one that has".into())
+}
+
+fn length(text: &str) -> std::result::Result<f64, String> {
+    let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number <= LARGEST);
+    number.ok_or_else(|| format!("give a number greater than zero, {LARGEST:e} at most"))
+}
+
+/// Asks once and again for the times. Input is read and prepared before the device is opened, and output is made after.
+pub fn query(arguments: &Arguments) -> Result<()> {
+    let (a, b) = (Part::read(&arguments.a)?, Part::read(&arguments.b)?);
+    let mut settings = QuerySettings::of(&a.body, &b.body);
+    settings.direction = arguments.direction;
+    settings.depth_limit = arguments.depth_limit.unwrap_or(settings.depth_limit);
+    let options = Options { device: arguments.device.clone(), ..Options::default() };
+    let mut query = Query::new(&a.body, &b.body, &settings, &options, None)?;
+    for note in a.notes().iter().chain(b.notes()) {
+        // A closed stderr does not stop a query; the report carries the notes too.
+        drop(writeln!(std::io::stderr(), "note: {note}"));
+    }
+    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let pose_b = arguments.pose_b.unwrap_or((DVec3::ZERO, DQuat::IDENTITY));
+    let (answer, stages, wall_us) = run(&mut query, pose_b, arguments.runs)?;
+
+    let mut report = QueryReport {
+        device: query.context().device_name().into(),
+        driver: query.context().driver().into(),
+        depth_path: query.depth_path().name().into(),
+        a: a.subject(),
+        b: b.subject(),
+        depth_limit_m: settings.depth_limit,
+        ..QueryReport::default()
+    };
+    report.pose_b[..3].copy_from_slice(&pose_b.0.to_array());
+    report.pose_b[3..].copy_from_slice(&pose_b.1.to_array());
+    report.add_answer(&answer);
+    report.add_times(&stages, &wall_us);
+    if let Some(output) = &mut output {
+        let in_file = |contact: &QueryContact| if contact.body == 0 { b.in_file(contact) } else { a.in_file(contact) };
+        let contacts: Vec<QueryContact> = answer.contacts.iter().map(in_file).collect();
+        output.write(CONTACTS, |w| write_contacts(w, &contacts))?;
+        let picture = field::picture([&a.placed((DVec3::ZERO, DQuat::IDENTITY)), &b.placed(pose_b)], &answer.contacts);
+        output.write(PICTURE, |w| picture.write_png(w))?;
+        output.write(REPORT, |w| serde_json::to_writer_pretty(w, &report).map_err(Into::into))?;
+    }
+    output.map_or(Ok(()), Output::commit)?;
+    print(&report.to_string())
+}
+
+/// The answer, and the times of all runs: by stage, and from question to answer.
+fn run(query: &mut Query, pose_b: Pose, runs: u32) -> Result<(Answer, Vec<StageSamples>, Vec<f64>)> {
+    let passes = |stage: &palpate::gpu::StagePasses| StageSamples {
+        stage: stage.stage.clone(),
+        passes: stage.dispatches,
+        us: Vec::new(),
+    };
+    let mut stages: Vec<StageSamples> = query.passes().iter().map(passes).collect();
+    let all = query.passes().iter().map(|stage| stage.dispatches).sum();
+    stages.push(StageSamples { stage: POSE_TO_CONTACT.into(), passes: all, us: Vec::new() });
+    let mut wall_us = Vec::with_capacity(runs as usize);
+    let mut ask = |timing| -> Result<Answer> {
+        query.set_timing(timing);
+        let begun = Instant::now();
+        let answer = query.run((DVec3::ZERO, DQuat::IDENTITY), pose_b)?;
+        wall_us.push(begun.elapsed().as_secs_f64() * 1e6);
+        for (stage, us) in &answer.stage_times {
+            stages.iter_mut().filter(|samples| samples.stage == *stage).for_each(|samples| samples.us.push(*us));
+        }
+        Ok(answer)
+    };
+    let mut answer = ask(Timing::Stages)?;
+    for run in 1..runs {
+        answer = ask(if run % 2 == 0 { Timing::Stages } else { Timing::AsOne })?;
+    }
+    Ok((answer, stages, wall_us))
+}
+
+/// One of the two surfaces.
+struct Part {
+    surface: String,
+    body: Body,
+    /// Where its triangles are in the file; empty where they are not from one.
+    origins: Vec<Origin>,
+}
+
+impl Part {
+    fn read(text: &str) -> Result<Part> {
+        let surface = surface_of(text)?;
+        let body = scene::Body {
+            name: "body".into(),
+            shape: scene::Shape::Rigid { surface: surface.clone() },
+            hulls: None,
+            scale: 1.0,
+            position: DVec3::ZERO,
+            orientation: DQuat::IDENTITY,
+            velocity: DVec3::ZERO,
+            material: None,
+            dilatation: Default::default(),
+            regions: Vec::new(),
+            collides: None,
+            cores: Vec::new(),
+            repair: true,
+            joints: Vec::new(),
+            skeleton: None,
+        };
+        let scene = Scene::of_body(text, body);
+        let body = prepare::body(&scene.bodies[0], &scene).map_err(|error| of_file(error, text))?;
+        let origins = match &surface {
+            Surface::File(path) => repair::origins(&obj::read(path)?).map_err(|refusal| refusal.error(path))?,
+            Surface::Model { .. } | Surface::Mesh(_) => Vec::new(),
+        };
+        Ok(Part { surface: text.into(), body, origins })
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.body.report.notes
+    }
+
+    fn skin(&self) -> (&[DVec3], &[[u32; 3]]) {
+        match &self.body.shape {
+            Shape::Rigid { skin, .. } => (&skin.vertices, &skin.triangles),
+            _ => (&[], &[]),
+        }
+    }
+
+    fn subject(&self) -> Subject {
+        let (vertices, triangles) = self.skin();
+        Subject {
+            surface: self.surface.clone(),
+            vertices: vertices.len(),
+            triangles: triangles.len(),
+            contacts: 0,
+            notes: self.notes().to_vec(),
+        }
+    }
+
+    fn placed(&self, (position, orientation): Pose) -> field::Solid {
+        let (vertices, triangles) = self.skin();
+        let vertices = vertices.iter().map(|x| position + orientation * *x).collect();
+        field::Solid { vertices, triangles: triangles.to_vec() }
+    }
+
+    /// A contact with a triangle of this surface, its number and corners as in the file.
+    fn in_file(&self, contact: &QueryContact) -> QueryContact {
+        let Some(origin) = self.origins.get(contact.triangle as usize) else { return *contact };
+        let [u, v, w] = contact.barycentric;
+        let barycentric = if origin.is_turned { [u, w, v] } else { [u, v, w] };
+        QueryContact { triangle: origin.triangle, barycentric, ..*contact }
+    }
+}
+
+/// An error about a key of the scene made here, told of the file.
+fn of_file(error: Error, surface: &str) -> Error {
+    match error {
+        Error::Key { problem, remedy, .. } => Error::input(Path::new(surface), None, problem, remedy),
+        other => other,
+    }
+}

@@ -1,0 +1,139 @@
+//! `palpate replay`: a recorded session again, compared bit for bit; or its ticks as a table.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use clap::builder::NonEmptyStringValueParser;
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use palpate::gpu::Options;
+use palpate_devices::record::{Entry, Header, Recorded, Table};
+use palpate_devices::record;
+use palpate_devices::replay;
+use crate::report::Output;
+use palpate::scene::{DepthPath, Scene};
+use palpate::step::Simulation;
+use palpate::{Error, Result};
+
+use crate::{print, tell};
+
+/// Options of `palpate replay`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The recording, as `palpate run --record` wrote it
+    file: PathBuf,
+    /// The scene, where it is elsewhere now, or has changed [default: the recorded one, unchanged]
+    #[arg(long, value_name = "SCENE")]
+    scene: Option<PathBuf>,
+    /// Vulkan device, by name or by index in `palpate devices`; only the recorded one gives the same bits
+    #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
+    device: Option<String>,
+    /// Write the recorded ticks as CSV to this file, and replay nothing
+    #[arg(long, value_name = "OUT", conflicts_with_all = ["scene", "device"])]
+    csv: Option<PathBuf>,
+}
+
+/// Replays a recording, or writes its ticks.
+pub fn replay(arguments: &Arguments) -> Result<()> {
+    let (recorded, bar) = open(&arguments.file)?;
+    let result = match &arguments.csv {
+        Some(out) => export(recorded, out),
+        None => again(recorded, arguments),
+    };
+    bar.finish_and_clear();
+    print(&result?)
+}
+
+/// The recording, and a bar on standard error that follows how far it was read, drawn only where that is a terminal.
+fn open(path: &Path) -> Result<(Recorded, ProgressBar)> {
+    let unreadable = |error| {
+        let remedy = "give a file that `palpate run --record` wrote";
+        Error::input(path, None, format!("cannot be read: {error}"), remedy)
+    };
+    let file = File::open(path).map_err(unreadable)?;
+    let bytes = file.metadata().map_err(unreadable)?.len();
+    let mut bar = ProgressBar::new(bytes).with_finish(ProgressFinish::AndClear);
+    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {bytes} of {total_bytes}, {eta} left") {
+        bar = bar.with_style(style);
+    }
+    Ok((Recorded::read(path, BufReader::new(bar.wrap_read(file)))?, bar))
+}
+
+const CUT_SHORT: &str = "the recording was cut short; this is what there is of it";
+
+fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
+    let header = recorded.header.clone();
+    let scene = scene_of(&header, arguments)?;
+    let options = Options { device: arguments.device.clone(), one_thread: true, ..Options::default() };
+    let mut simulation = Simulation::new(&scene, &options, depth_of(&header, &arguments.file)?)?;
+    let context = simulation.context();
+    let now = [env!("CARGO_PKG_VERSION"), context.device_name(), context.driver()];
+    for (then, now) in [&header.program, &header.device, &header.driver].into_iter().zip(now) {
+        if then != now {
+            tell(&format!("recorded with {then}, replayed with {now}: that need not give the same bits"));
+        }
+    }
+    let replayed = replay::replay(recorded, &mut simulation)?;
+    if let Some(difference) = replayed.difference {
+        return Err(Error::Simulation(format!("{}: {difference}", arguments.file.display())));
+    }
+    if !replayed.is_whole {
+        tell(CUT_SHORT);
+    }
+    Ok(format!("replayed {} ticks and {} steps: the same bits\n", replayed.ticks, replayed.steps))
+}
+
+/// The scene that was recorded; another only where the user names it.
+fn scene_of(header: &Header, arguments: &Arguments) -> Result<Scene> {
+    let path = arguments.scene.as_deref().unwrap_or(Path::new(&header.scene));
+    if arguments.scene.is_none() && !path.exists() {
+        let problem = format!("its scene {} is not there", path.display());
+        return Err(Error::input(&arguments.file, None, problem, "name it by --scene"));
+    }
+    let mut scene = Scene::load(path)?;
+    scene.haptics.is_held = true;
+    if record::digest(path)? != header.scene_digest {
+        let problem = "is not the scene as it was recorded";
+        if arguments.scene.is_none() {
+            return Err(Error::input(path, None, problem, "restore it, or name by --scene the one to replay with"));
+        }
+        tell(&format!("{} {problem}", path.display()));
+    }
+    Ok(scene)
+}
+
+fn depth_of(header: &Header, file: &Path) -> Result<Option<DepthPath>> {
+    let Some(name) = &header.depth else { return Ok(None) };
+    let known = DepthPath::CHOICES.iter().find(|(known, path)| known == name && path.is_some());
+    let unknown = || {
+        let problem = format!("names a depth path \"{name}\", which is not known");
+        Error::input(file, None, problem, "take an undamaged copy")
+    };
+    Ok(known.ok_or_else(unknown)?.1)
+}
+
+/// All ticks as a table, which appears when it is whole.
+fn export(recorded: Recorded, out: &Path) -> Result<String> {
+    let failed = |source| Error::Output { file: out.into(), source };
+    let name = out.file_name().and_then(|name| name.to_str());
+    let name = name.ok_or_else(|| failed(std::io::ErrorKind::InvalidFilename.into()))?;
+    let mut output = Output::create(out.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new(".")))?;
+    let mut table = Table::new(output.file(name)?);
+    let (mut ticks, mut is_whole) = (0u64, false);
+    for entry in recorded {
+        match entry? {
+            Entry::Tick(tick) => {
+                table.write(&tick).map_err(failed)?;
+                ticks += 1;
+            }
+            Entry::End(_) => is_whole = true,
+            Entry::Begin(_) | Entry::Step(_) => {}
+        }
+    }
+    table.finish().map_err(failed)?;
+    output.commit()?;
+    if !is_whole {
+        tell(CUT_SHORT);
+    }
+    Ok(format!("wrote {ticks} ticks\n"))
+}

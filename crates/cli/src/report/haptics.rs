@@ -1,0 +1,121 @@
+//! What came of a session, for `summary.json` and for the terminal.
+
+use std::fmt;
+
+use serde_json::{Value, json};
+
+use palpate::haptics::clock::Lateness;
+use palpate::haptics::event::EventCounts;
+use palpate::haptics::session::Report;
+
+/// `haptics` of `summary.json`. Times are in the units of their names; `null`: not measured.
+pub fn summary(report: &Report) -> Value {
+    let energy = report.energy;
+    let events: serde_json::Map<String, Value> = report
+        .events
+        .happened()
+        .map(|(name, begun, ticks)| (name.into(), json!({ "begun": begun, "ticks": ticks })))
+        .collect();
+    json!({
+        "profile": report.profile,
+        "notes": report.notes,
+        "ticks": report.lateness.ticks(),
+        "ticks_lost": report.lost,
+        "lateness": lateness(&report.lateness),
+        "bare_timer": report.bare.as_ref().map(lateness),
+        "age_ms": {
+            "p50": 1e3 * report.age.quantile(0.5),
+            "p99": 1e3 * report.age.quantile(0.99),
+            "worst": 1e3 * report.age.quantile(1.0),
+        },
+        "steps": report.steps,
+        "pace": report.pace,
+        "peak_force_n": report.peak_force,
+        "energy_j": {
+            "taken": energy.taken,
+            "given": energy.given,
+            "net_given": energy.net(),
+            "damped": energy.damped,
+            "lent": energy.lent,
+            "stored": energy.stored,
+            "dissipated": energy.dissipated(),
+        },
+        "end": {
+            "played_force_n": report.end[0].force.length(),
+            "contact_force_n": report.end[1].force.length(),
+        },
+        "overestimate": report.overestimate(),
+        "events": events,
+        "ended": report.ended,
+    })
+}
+
+fn lateness(lateness: &Lateness) -> Value {
+    json!({
+        "p50_us": 1e6 * lateness.quantile(0.5),
+        "p99_us": 1e6 * lateness.quantile(0.99),
+        "p99_9_us": 1e6 * lateness.quantile(0.999),
+        "worst_us": 1e6 * lateness.worst(),
+        "missed": lateness.missed(),
+        "missed_share": lateness.share_missed(),
+    })
+}
+
+/// The lines that a session closes with.
+pub struct Closing<'a>(pub &'a Report);
+
+impl fmt::Display for Closing<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let Closing(report) = self;
+        let line = |f: &mut fmt::Formatter, name: &str, lateness: &Lateness| {
+            let us = |share| 1e6 * lateness.quantile(share);
+            let [half, most, nearly_all] = [0.5, 0.99, 0.999].map(us);
+            let (ticks, missed, share) = (lateness.ticks(), lateness.missed(), 100.0 * lateness.share_missed());
+            writeln!(
+                f,
+                "{name}: {ticks} ticks, late by {half:.0} us (median), {most:.0} (p99), {nearly_all:.0} (p99.9), {:.0} \
+                 (worst); {missed} late by more than 2 ms ({share:.3} %)",
+                1e6 * lateness.worst()
+            )
+        };
+        line(f, "loop", &report.lateness)?;
+        if let Some(bare) = &report.bare {
+            line(f, "bare timer", bare)?;
+        }
+        if report.lost > 0 {
+            writeln!(f, "lost: {} ticks are not counted, nor recorded", report.lost)?;
+        }
+        let ages = [0.5, 0.99, 1.0].map(|share| 1e3 * report.age.quantile(share));
+        let (steps, pace) = (report.steps, 100.0 * report.pace);
+        writeln!(f, "force age: {:.1} ms (median), {:.1} (p99), {:.1} (worst)", ages[0], ages[1], ages[2])?;
+        writeln!(f, "steps: {steps}; bodies moved at {pace:.0} % of the world's pace")?;
+        let energy = report.energy;
+        let (taken, given) = (energy.taken.iter().sum::<f64>(), energy.given.iter().sum::<f64>());
+        writeln!(
+            f,
+            "energy: hand gave {taken:.2e} J and was lent {:.2e}; it got {given:.2e} J, {:.2e} are stored, {:.2e} were dissipated \
+             ({:.2e} of them by passivity control)",
+            energy.lent,
+            energy.stored,
+            energy.dissipated(),
+            energy.damped
+        )?;
+        let [played, contact] = report.end.map(|wrench| wrench.force.length());
+        writeln!(
+            f,
+            "force at the end: played {played:.4} N, contact {contact:.4} N; peak played {:.4} N",
+            report.peak_force
+        )?;
+        if let Some(overestimate) = report.overestimate() {
+            writeln!(f, "the local model foretold {overestimate:.1} times the change of force that came")?;
+        }
+        writeln!(f, "events: {}", told(&report.events))?;
+        report.ended.iter().try_for_each(|reason| writeln!(f, "ended early: {reason}"))
+    }
+}
+
+fn told(events: &EventCounts) -> String {
+    let told: Vec<String> =
+        events.happened().map(|(name, begun, ticks)| format!("{name} {begun} times, in {ticks} ticks")).collect();
+    if told.is_empty() { "none".into() } else { told.join("; ") }
+}

@@ -1,0 +1,303 @@
+//! `summary.json`: what a run was, in one screen; and the closing table on the terminal.
+
+use std::fmt;
+
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use palpate::prepare::BodyReport;
+use palpate::scene::preset::Chosen;
+use palpate::step::{Flags, StepReport};
+
+/// What the engine knows of itself at the end of a run.
+#[derive(Debug, Clone, Default)]
+pub struct Facts {
+    /// Name of the device.
+    pub device: String,
+    /// Name and version of its driver.
+    pub driver: String,
+    /// Which stages the step records, and which it leaves out and why.
+    pub plan: Vec<Plan>,
+    /// Passes of one step.
+    pub passes_per_step: u32,
+    /// Memory on the device, bytes.
+    pub bytes_device: u64,
+    /// Times of the stages.
+    pub stages: Vec<StageSamples>,
+    /// What was found in the files of each body and the tool, by name.
+    pub files: Vec<(String, BodyReport)>,
+}
+
+/// One stage in the step plan.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// The stage.
+    pub stage: String,
+    /// Whether the step records it.
+    pub recorded: bool,
+    /// Why, above all where it is left out.
+    pub reason: String,
+}
+
+/// Times of one stage.
+#[derive(Debug, Clone)]
+pub struct StageSamples {
+    /// The stage.
+    pub stage: String,
+    /// Passes of this stage in a step.
+    pub passes: u32,
+    /// Microseconds, a step each.
+    pub us: Vec<f64>,
+}
+
+impl StageSamples {
+    /// Median and 99th percentile, microseconds; `None` without samples.
+    pub fn quantiles(&self) -> Option<(f64, f64)> {
+        quantiles(&self.us)
+    }
+}
+
+/// Median and 99th percentile by nearest rank; `None` of nothing.
+pub fn quantiles(samples: &[f64]) -> Option<(f64, f64)> {
+    let mut sorted = samples.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let rank = |percent: usize| (sorted.len() * percent).div_ceil(100).max(1) - 1;
+    if sorted.is_empty() { None } else { Some((sorted[rank(50)], sorted[rank(99)])) }
+}
+
+/// Shorter ways of the tool in a step say nothing of how the normal turns along them, m.
+const SLIDING: f64 = 1e-6;
+
+/// What the rows of a run add up to.
+#[derive(Debug, Clone, Default)]
+pub struct Tally {
+    /// Steps done.
+    pub steps: u64,
+    /// Greatest contact force on the tool, N; `None` without a tool.
+    pub peak_force: Option<f64>,
+    /// Greatest turn of a region's normal in a step, rad; `None` where nothing can collide.
+    pub normal_turn: Option<f64>,
+    /// The same per way that the tool went in that step, rad/mm, of steps in which it went at least [`SLIDING`].
+    pub normal_turn_per_mm: Option<f64>,
+    last_tool: Option<DVec3>,
+    /// Conjugate gradient iterations of all steps together.
+    pub iterations: u64,
+    /// Most iterations of a step.
+    pub most_iterations: u32,
+    /// Steps that raised each flag, in the order of [`Flags::ALL`].
+    pub flags: [u64; Flags::ALL.len()],
+    /// Wall time of each step, microseconds.
+    pub step_us: Vec<f64>,
+}
+
+impl Tally {
+    /// Adds a step.
+    pub fn add(&mut self, row: &StepReport) {
+        self.steps += 1;
+        if let Some(tool) = &row.tool {
+            self.peak_force = Some(self.peak_force.unwrap_or(0.0).max(tool.force.length()));
+        }
+        let way = row.tool.as_ref().zip(self.last_tool).map(|(tool, last)| tool.tool.position.distance(last));
+        if let Some(turn) = row.normal_turn {
+            self.normal_turn = Some(self.normal_turn.unwrap_or(0.0).max(turn));
+            if let Some(way) = way.filter(|way| *way >= SLIDING) {
+                self.normal_turn_per_mm = Some(self.normal_turn_per_mm.unwrap_or(0.0).max(turn / (1e3 * way)));
+            }
+        }
+        self.last_tool = row.tool.as_ref().map(|tool| tool.tool.position);
+        self.iterations += u64::from(row.iterations);
+        self.most_iterations = self.most_iterations.max(row.iterations);
+        for (count, (flag, _)) in self.flags.iter_mut().zip(Flags::ALL) {
+            *count += u64::from(row.flags.contains(flag));
+        }
+        self.step_us.push(row.step_us);
+    }
+
+    /// Names and counts of the flags that were raised.
+    pub fn raised(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        Flags::ALL.iter().zip(self.flags).filter(|(_, count)| *count > 0).map(|(&(_, name), count)| (name, count))
+    }
+}
+
+/// The contents of `summary.json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary {
+    /// Name of the device.
+    pub device: String,
+    /// Name and version of its driver.
+    pub driver: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Steps done.
+    pub steps: u64,
+    /// Time step, s.
+    pub dt_s: f64,
+    /// `median` and `p99` by stage, and of the whole `step` (wall time), microseconds.
+    pub stage_us: Map<String, Value>,
+    /// Passes of one step.
+    pub passes_per_step: u32,
+    /// `recorded`: stages; `reasons`: of each of them; `left_out`: stage and reason.
+    pub plan: Value,
+    /// Memory on the device, bytes.
+    pub bytes_device: u64,
+    /// Greatest contact force on the tool, N; null without a tool.
+    pub peak_force_n: Option<f64>,
+    /// `most_rad` in a step, `most_rad_per_mm` of the tool's way: how the normals of regions turned; null where nothing can
+    /// collide.
+    pub normal_turn: Value,
+    /// How many steps raised each flag; every flag is listed.
+    pub flags: Map<String, Value>,
+    /// By body: what was found in its files (`repair`, `notes`); bodies without files, or nothing to say, are left out.
+    pub files: Map<String, Value>,
+    /// The preset that the scene names, and what it decided; left out without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<Chosen>,
+    /// The loop of a session with a haptic device, see [`summary`](super::haptics::summary); left out of other runs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub haptics: Option<Value>,
+    /// Version of palpate.
+    pub version: &'static str,
+}
+
+impl Summary {
+    /// Sums a run up.
+    pub fn new(scene: &str, dt: f64, facts: &Facts, tally: &Tally) -> Self {
+        let times = |(median, p99): (f64, f64)| json!({ "median": median, "p99": p99 });
+        let mut stage_us: Map<String, Value> =
+            facts.stages.iter().filter_map(|s| Some((s.stage.clone(), times(s.quantiles()?)))).collect();
+        stage_us.extend(quantiles(&tally.step_us).map(|step| ("step".into(), times(step))));
+        let part = |recorded: bool| facts.plan.iter().filter(move |plan| plan.recorded == recorded);
+        let names: Vec<&str> = part(true).map(|plan| plan.stage.as_str()).collect();
+        let reasons: Map<String, Value> =
+            part(true).map(|plan| (plan.stage.clone(), plan.reason.as_str().into())).collect();
+        let out: Vec<Value> = part(false).map(|p| json!({ "stage": p.stage, "reason": p.reason })).collect();
+        let told = facts.files.iter().filter(|(_, report)| *report != BodyReport::default());
+        Summary {
+            device: facts.device.clone(),
+            driver: facts.driver.clone(),
+            scene: scene.into(),
+            steps: tally.steps,
+            dt_s: dt,
+            stage_us,
+            passes_per_step: facts.passes_per_step,
+            plan: json!({ "recorded": names, "reasons": reasons, "left_out": out }),
+            bytes_device: facts.bytes_device,
+            peak_force_n: tally.peak_force,
+            normal_turn: json!({ "most_rad": tally.normal_turn, "most_rad_per_mm": tally.normal_turn_per_mm }),
+            flags: Flags::ALL.iter().zip(tally.flags).map(|((_, name), n)| (name.to_string(), n.into())).collect(),
+            files: told.map(|(name, report)| (name.clone(), json!(report))).collect(),
+            preset: None,
+            haptics: None,
+            version: env!("CARGO_PKG_VERSION"),
+        }
+    }
+}
+
+/// The table that closes a run on the terminal.
+pub struct ClosingTable<'a> {
+    /// What the engine knows.
+    pub facts: &'a Facts,
+    /// What the rows add up to.
+    pub tally: &'a Tally,
+}
+
+impl fmt::Display for ClosingTable<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let ClosingTable { facts, tally } = self;
+        let line = |f: &mut fmt::Formatter, name: &str, passes: u32, times: Option<(f64, f64)>| {
+            let cell = |time: Option<f64>| time.map_or("-".into(), |us| format!("{us:.1}"));
+            let (median, p99) = (cell(times.map(|t| t.0)), cell(times.map(|t| t.1)));
+            writeln!(f, "{name:<16} {passes:>6} {median:>12} {p99:>12}")
+        };
+        writeln!(f, "{:<16} {:>6} {:>12} {:>12}", "stage", "passes", "median us", "p99 us")?;
+        for stage in &facts.stages {
+            line(f, &stage.stage, stage.passes, stage.quantiles())?;
+        }
+        line(f, "step", facts.passes_per_step, quantiles(&tally.step_us))?;
+        writeln!(f, "device: {} ({})", facts.device, facts.driver)?;
+        if let Some(force) = tally.peak_force {
+            writeln!(f, "peak force: {force:.4} N")?;
+        }
+        let mean = tally.iterations as f64 / tally.steps.max(1) as f64;
+        writeln!(f, "steps: {}; iterations: {mean:.1} a step, {} at most", tally.steps, tally.most_iterations)?;
+        let raised: Vec<String> = tally.raised().map(|(name, count)| format!("{name} in {count} steps")).collect();
+        writeln!(f, "flags: {}", if raised.is_empty() { "none".into() } else { raised.join(", ") })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use palpate::step::ToolReport;
+
+    fn example() -> (Facts, Tally) {
+        let facts = Facts {
+            device: "a device".into(),
+            driver: "a driver 1.2".into(),
+            plan: vec![
+                Plan { stage: "pose".into(), recorded: true, reason: "one pair".into() },
+                Plan { stage: "cull".into(), recorded: false, reason: "nothing collides".into() },
+            ],
+            passes_per_step: 3,
+            bytes_device: 4096,
+            stages: vec![StageSamples { stage: "pose".into(), passes: 3, us: (1..=200).map(f64::from).collect() }],
+            files: vec![
+                ("head".into(), BodyReport { repair: None, notes: vec!["head.obj: mended".into()] }),
+                ("floor".into(), BodyReport::default()),
+            ],
+        };
+        let mut tally = Tally::default();
+        for (force, flags) in [(3.0, Flags(0)), (5.0, Flags::FROZEN), (4.0, Flags::FROZEN)] {
+            let tool = Some(ToolReport { force: DVec3::Y * -force, ..Default::default() });
+            tally.add(&StepReport { tool, flags, iterations: 4, step_us: force, ..Default::default() });
+        }
+        (facts, tally)
+    }
+
+    #[test]
+    fn a_summary_has_every_key_and_what_the_rows_add_up_to() {
+        let (facts, tally) = example();
+        let value = serde_json::to_value(Summary::new("press", 0.001, &facts, &tally)).unwrap();
+        let keys: Vec<&String> = value.as_object().unwrap().keys().collect();
+        let expected = [
+            "device",
+            "driver",
+            "scene",
+            "steps",
+            "dt_s",
+            "stage_us",
+            "passes_per_step",
+            "plan",
+            "bytes_device",
+            "peak_force_n",
+            "normal_turn",
+            "flags",
+            "files",
+            "version",
+        ];
+        assert_eq!(keys, expected);
+        assert_eq!((&value["steps"], &value["peak_force_n"]), (&json!(3), &json!(5.0)));
+        assert_eq!(value["stage_us"]["pose"], json!({ "median": 100.0, "p99": 198.0 }));
+        assert_eq!(value["stage_us"]["step"], json!({ "median": 4.0, "p99": 5.0 }));
+        assert_eq!((&value["flags"]["frozen"], &value["flags"]["not_converged"]), (&json!(2), &json!(0)));
+        assert_eq!(value["files"], json!({ "head": { "repair": null, "notes": ["head.obj: mended"] } }));
+        assert_eq!(value["plan"]["recorded"], json!(["pose"]));
+        assert_eq!(value["plan"]["reasons"], json!({ "pose": "one pair" }));
+        assert_eq!(value["plan"]["left_out"], json!([{ "stage": "cull", "reason": "nothing collides" }]));
+    }
+
+    #[test]
+    fn the_closing_table_names_stages_and_raised_flags() {
+        let (facts, tally) = example();
+        let text = ClosingTable { facts: &facts, tally: &tally }.to_string();
+        assert!(text.contains("pose                  3        100.0        198.0"), "{text}");
+        assert!(text.contains("frozen in 2 steps") && !text.contains("not_converged"), "{text}");
+    }
+
+    #[test]
+    fn a_run_without_tool_or_steps_is_summed_up_too() {
+        let value = serde_json::to_value(Summary::new("s", 0.1, &Facts::default(), &Tally::default())).unwrap();
+        assert_eq!((&value["peak_force_n"], &value["stage_us"]), (&Value::Null, &json!({})));
+    }
+}

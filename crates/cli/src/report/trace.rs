@@ -1,0 +1,120 @@
+//! `trace.csv`: one row at the end of each step.
+
+use std::io::Write;
+
+use palpate::step::StepReport;
+
+const HEAD: &str = "step,time_s,tool_x,tool_y,tool_z,tool_qx,tool_qy,tool_qz,tool_qw,device_x,device_y,device_z,\
+device_qx,device_qy,device_qz,device_qw,force_x,force_y,force_z,torque_x,torque_y,torque_z,contacts,max_depth_m,\
+iterations,residual,flags,step_us";
+/// Columns that a scene without a tool leaves empty: two poses, force and torque.
+const TOOL_COLUMNS: usize = 20;
+
+/// Writes rows as CSV. Numbers are the shortest that read back as the same f64 (`step_us` has one decimal).
+pub struct Trace<W: Write> {
+    writer: W,
+    probes: usize,
+}
+
+impl<W: Write> Trace<W> {
+    /// Starts a trace and writes its heading; `probes` are the names of the scene's probes.
+    pub fn new(mut writer: W, probes: &[String]) -> std::io::Result<Self> {
+        write!(writer, "{HEAD}")?;
+        for name in probes {
+            write!(writer, ",{name}_x,{name}_y,{name}_z")?;
+        }
+        writeln!(writer)?;
+        Ok(Trace { writer, probes: probes.len() })
+    }
+
+    /// Writes one row, which must hold as many probes as the heading.
+    pub fn write(&mut self, row: &StepReport) -> std::io::Result<()> {
+        assert_eq!(row.probes.len(), self.probes, "a row has the heading's probes");
+        let w = &mut self.writer;
+        write!(w, "{},{:?}", row.step, row.time)?;
+        match &row.tool {
+            Some(tool) => {
+                for pose in [tool.tool, tool.device] {
+                    write_numbers(w, &pose.position.to_array())?;
+                    write_numbers(w, &pose.orientation.to_array())?;
+                }
+                write_numbers(w, &tool.force.to_array())?;
+                write_numbers(w, &tool.torque.to_array())?;
+            }
+            None => write!(w, "{}", ",".repeat(TOOL_COLUMNS))?,
+        }
+        write!(w, ",{}", row.contacts.map(|count| count.to_string()).unwrap_or_default())?;
+        write!(w, ",{}", row.max_depth.map(|depth| format!("{depth:?}")).unwrap_or_default())?;
+        write!(w, ",{},{:?},{},{:.1}", row.iterations, row.residual, row.flags.0, row.step_us)?;
+        for probe in &row.probes {
+            write_numbers(w, &probe.to_array())?;
+        }
+        writeln!(w)
+    }
+
+    /// Writes out what is buffered.
+    pub fn finish(mut self) -> std::io::Result<()> {
+        self.writer.flush()
+    }
+}
+
+/// f64's debug form is the shortest that reads back the same, with an exponent where that is shorter.
+fn write_numbers(w: &mut impl Write, numbers: &[f64]) -> std::io::Result<()> {
+    numbers.iter().try_for_each(|number| write!(w, ",{number:?}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use palpate::step::{Flags, ToolReport};
+
+    fn lines(rows: &[StepReport], probes: &[String]) -> Vec<Vec<String>> {
+        let mut bytes = Vec::new();
+        let mut trace = Trace::new(&mut bytes, probes).unwrap();
+        rows.iter().for_each(|row| trace.write(row).unwrap());
+        trace.finish().unwrap();
+        let text = String::from_utf8(bytes).unwrap();
+        text.lines().map(|line| line.split(',').map(Into::into).collect()).collect()
+    }
+
+    fn row() -> StepReport {
+        StepReport {
+            step: 7,
+            time: 0.1 + 0.2,
+            tool: Some(ToolReport { force: DVec3::new(1e-17, f64::from(0.1_f32), -3.0), ..Default::default() }),
+            contacts: Some(12),
+            max_depth: Some(1.5e-4),
+            normal_turn: Some(0.0),
+            iterations: 9,
+            residual: 3e-6,
+            flags: Flags::NOT_CONVERGED | Flags::FROZEN,
+            step_us: 812.3456,
+            probes: vec![DVec3::new(0.5, 0.25, 1e9)],
+        }
+    }
+
+    #[test]
+    fn numbers_stand_under_their_heads_and_read_back_the_same() {
+        let table = lines(&[row()], &["nose".into()]);
+        let cell = |head: &str| table[1][table[0].iter().position(|name| name == head).unwrap()].as_str();
+        assert_eq!(table[0].len(), table[1].len());
+        assert_eq!((cell("step"), cell("contacts"), cell("flags"), cell("step_us")), ("7", "12", "129", "812.3"));
+        let (row, number) = (row(), |head: &str| cell(head).parse::<f64>().unwrap());
+        assert_eq!(number("time_s"), row.time);
+        assert_eq!(DVec3::new(number("force_x"), number("force_y"), number("force_z")), row.tool.unwrap().force);
+        assert_eq!((number("tool_qw"), number("device_qw"), number("torque_z")), (1.0, 1.0, 0.0));
+        assert_eq!((number("max_depth_m"), number("residual"), number("nose_z")), (1.5e-4, 3e-6, 1e9));
+    }
+
+    #[test]
+    fn a_scene_without_a_tool_leaves_its_cells_empty() {
+        let table = lines(&[StepReport { tool: None, contacts: None, max_depth: None, ..row() }], &["nose".into()]);
+        assert_eq!(table[0].len(), table[1].len());
+        for (head, cell) in table[0].iter().zip(&table[1]) {
+            let is_of_tool = ["tool_", "device_", "force_", "torque_", "contacts", "max_depth"].iter();
+            assert_eq!(cell.is_empty(), is_of_tool.clone().any(|start| head.starts_with(start)), "{head}: `{cell}`");
+        }
+    }
+}

@@ -1,0 +1,309 @@
+//! `palpate run`: a scene from the first step to the last, a trace of it, and its state at the end.
+
+use std::path::PathBuf;
+
+use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use palpate::Result;
+use palpate_devices::Replay;
+use palpate::haptics::session::Report;
+use crate::report;
+use crate::report::haptics::Closing;
+use crate::report::summary::ClosingTable;
+use crate::report::{Output, Summary, Tally, Trace};
+use palpate::scene::profile::PROFILES;
+use palpate::scene::{DepthPath, DeviceKind, Scene, obj, vtk};
+use palpate::step::StepReport;
+
+use crate::engine::{Engine, Outcome};
+use crate::{hold, print, tell};
+
+const TRACE: &str = "trace.csv";
+const SUMMARY: &str = "summary.json";
+/// A day at one kilohertz, and some; the times of all steps are kept for the closing table.
+const MOST_STEPS: u64 = 100_000_000;
+/// As a scene's cap.
+const MOST_ITERATIONS: u32 = 10_000;
+const EXPLANATION: &str = "explain.json";
+
+/// Options of `palpate run`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The scene, a TOML file
+    scene: PathBuf,
+    /// Steps to do [default: to the device's last key, else one second]
+    #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = steps, allow_negative_numbers = true)]
+    steps: Option<u64>,
+    /// Time to simulate, s
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
+    seconds: Option<f64>,
+    /// Vulkan device, by name or by index in `palpate devices`
+    #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
+    device: Option<String>,
+    /// Path of the depth stage, whatever the scene says [default: the faster one, measured once a device]
+    #[arg(long, value_name = "PATH", value_parser = PossibleValuesParser::new(DepthPath::CHOICES.map(|(name, _)| name)))]
+    depth: Option<String>,
+    /// Hold the tool by this device, with a force a thousand times a second, in the world's time [default: the scene's]
+    #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DeviceKind::CHOICES.map(|(name, _)| name)))]
+    haptics: Option<String>,
+    /// Profile of that device, whatever the scene says: what it can do; a Haply's can only be lowered
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
+    profile: Option<String>,
+    /// File to record every tick of the loop into, for `palpate replay`; a table if its name ends in .csv
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Do not simulate: say which passes a step of N solver iterations records and leaves out, and why [default N: 16]
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "16",
+        conflicts_with_all = ["steps", "seconds", "record"], value_parser = iterations)]
+    explain: Option<u32>,
+    /// Write a picture every N steps, `snapshot-STEP.png`
+    #[cfg(feature = "view")]
+    #[arg(long, value_name = "N", requires = "out", conflicts_with = "explain", value_parser = steps, allow_negative_numbers = true)]
+    snapshot: Option<u64>,
+    #[cfg(feature = "view")]
+    #[command(flatten)]
+    look: crate::film::Look,
+    /// Directory to write results into; without it nothing is written
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+pub fn positive(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+        _ => Err("give a number greater than zero".into()),
+    }
+}
+
+fn iterations(text: &str) -> std::result::Result<u32, String> {
+    let iterations = text.parse().ok().filter(|iterations| (1..=MOST_ITERATIONS).contains(iterations));
+    iterations.ok_or_else(|| format!("give a whole number from 1 to {MOST_ITERATIONS}"))
+}
+
+pub fn steps(text: &str) -> std::result::Result<u64, String> {
+    let steps = text.parse().ok().filter(|steps| (1..=MOST_STEPS).contains(steps));
+    steps.ok_or_else(|| format!("give a whole number from 1 to {MOST_STEPS}"))
+}
+
+/// How long a device is held: one that a person holds, until told to end; a recorded one, as long as it lasted at that rate.
+fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
+    if let Some(steps) = arguments.steps {
+        let problem = format!("{steps} steps were asked for, and a session with a haptic device lasts some time");
+        return Err(palpate::Error::key(&scene.file, "haptics.device", problem, "give --seconds instead of --steps"));
+    }
+    match (arguments.seconds, scene.haptics.device, &scene.haptics.recording) {
+        (Some(seconds), ..) => Ok(seconds),
+        (None, DeviceKind::Haply, _) => Ok(f64::INFINITY),
+        (None, DeviceKind::Replay, Some(recording)) => Ok(Replay::open(recording)?.ticks() as f64 / scene.haptics.rate),
+        _ => Ok(scene.duration()),
+    }
+}
+
+/// How many steps to do; refuses more than anyone waits for.
+fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
+    let seconds = arguments.seconds.unwrap_or(scene.duration());
+    let steps = arguments.steps.unwrap_or_else(|| (seconds / scene.step.dt).round().max(1.0) as u64);
+    if steps <= MOST_STEPS {
+        return Ok(Extent::Steps(steps));
+    }
+    let problem = format!("{seconds:?} s are more than {MOST_STEPS} steps of {:?} s", scene.step.dt);
+    Err(palpate::Error::key(&scene.file, "step.dt", problem, "give a longer step, or fewer by --steps or --seconds"))
+}
+
+/// Runs a scene. Input is read and prepared before the device is opened, and output is made after.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    #[cfg(feature = "view")]
+    arguments.look.shown()?;
+    #[cfg(feature = "view")]
+    if arguments.snapshot.is_none() && arguments.look.is_asked_for() {
+        let what = "--size, --camera, --at and --show are of pictures, and none are asked for";
+        return Err(palpate::Error::Usage(format!("{what}: give --snapshot N as well")));
+    }
+    let mut scene = Scene::load(&arguments.scene)?;
+    if let Some(name) = &arguments.depth {
+        scene.contact.depth = DepthPath::CHOICES.iter().find(|(known, _)| known == name).and_then(|(_, path)| *path);
+    }
+    if let Some(name) = &arguments.haptics {
+        let kind = DeviceKind::CHOICES.iter().find(|(known, _)| known == name);
+        scene.haptics.device = kind.map_or(scene.haptics.device, |(_, kind)| *kind);
+    }
+    scene.haptics.is_held |= arguments.haptics.is_some() || arguments.record.is_some();
+    if let Some(name) = &arguments.profile {
+        hold::choose_profile(&mut scene, name)?;
+    }
+    if let Some(iterations) = arguments.explain {
+        return explain(arguments, &scene, iterations);
+    }
+    #[cfg(feature = "view")]
+    if scene.haptics.is_held && arguments.snapshot.is_some() {
+        let problem = "is held in the world's time, and pictures would delay it";
+        let remedy = "leave out --snapshot, or watch it by palpate view";
+        return Err(palpate::Error::key(&scene.file, "haptics.device", problem, remedy));
+    }
+    let extent = if scene.haptics.is_held {
+        Extent::Seconds(seconds_of(arguments, &scene)?)
+    } else {
+        steps_of(arguments, &scene)?
+    };
+    let engine = Engine::open(&scene, arguments.device.as_deref())?;
+    engine.notes().for_each(tell);
+    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let done = simulate(engine, &scene, &extent, arguments, output.as_mut())?;
+    if let Some(mut output) = output {
+        write_end(&mut output, &scene, &done)?;
+        output.commit()?;
+    }
+    let closing = done.report.as_ref().map(|report| Closing(report).to_string());
+    print(&format!(
+        "{}{}",
+        ClosingTable { facts: &done.outcome.facts, tally: &done.tally },
+        closing.unwrap_or_default()
+    ))
+}
+
+/// Says what a step does, and what it leaves out.
+fn explain(arguments: &Arguments, scene: &Scene, iterations: u32) -> Result<()> {
+    let engine = Engine::open(scene, arguments.device.as_deref())?;
+    engine.notes().for_each(tell);
+    let explanation = engine.simulation().explain(iterations);
+    if let Some(folder) = &arguments.out {
+        let mut output = Output::create(folder)?;
+        output.write(EXPLANATION, |w| serde_json::to_writer_pretty(w, &explanation).map_err(Into::into))?;
+        output.commit()?;
+    }
+    print(&explanation.to_string())
+}
+
+/// How far a run goes.
+enum Extent {
+    /// Steps of the scene's `dt`.
+    Steps(u64),
+    /// Of the world's time, held by a device.
+    Seconds(f64),
+}
+
+/// What a run leaves.
+struct Done {
+    tally: Tally,
+    outcome: Outcome,
+    report: Option<Report>,
+}
+
+/// All steps, each with its row in the trace.
+fn simulate(
+    mut engine: Engine,
+    scene: &Scene,
+    extent: &Extent,
+    arguments: &Arguments,
+    mut output: Option<&mut Output>,
+) -> Result<Done> {
+    let probes: Vec<String> = scene.probes.iter().map(|probe| probe.name.clone()).collect();
+    let file = output.as_ref().map(|output| output.path(TRACE)).unwrap_or_default();
+    let failed = |source| palpate::Error::Output { file: file.clone(), source };
+    let mut trace = match &mut output {
+        Some(output) => Some(Trace::new(output.file(TRACE)?, &probes).map_err(failed)?),
+        None => None,
+    };
+    let bar = progress(extent);
+    let mut tally = Tally::default();
+    let mut watch = |row: &StepReport| {
+        if let Some(trace) = &mut trace {
+            trace.write(row).map_err(failed)?;
+        }
+        tally.add(row);
+        match extent {
+            Extent::Steps(_) => bar.inc(1),
+            Extent::Seconds(_) => bar.set_position(bar.elapsed().as_millis() as u64),
+        }
+        Ok(())
+    };
+    let report = match extent {
+        Extent::Steps(steps) => {
+            let mut snapshots = Snapshots::new(arguments, &mut engine)?;
+            let mut step = |k| {
+                watch(&engine.step()?)?;
+                snapshots.after(k, &mut engine, output.as_deref_mut())
+            };
+            (1..=*steps).try_for_each(&mut step).map(|()| None)
+        }
+        Extent::Seconds(seconds) => {
+            hold::hold(&mut engine, scene, *seconds, arguments.record.as_deref(), &mut watch).map(Some)
+        }
+    }?;
+    bar.finish_and_clear();
+    let steps = tally.steps;
+    if tally.raised().any(|(name, count)| name == "non_finite" && count == steps) {
+        let problem = format!("none of the {steps} steps had a finite solution, and nothing moved");
+        let remedy = "bring the scene's numbers (sizes, masses, stiffnesses, the time step) closer to one another";
+        return Err(palpate::Error::Simulation(format!("{}: {problem}; {remedy}", scene.file.display())));
+    }
+    if let Some(trace) = trace {
+        trace.finish().map_err(failed)?;
+    }
+    Ok(Done { tally, outcome: engine.finish()?, report })
+}
+
+/// Pictures every so many steps.
+#[cfg(feature = "view")]
+struct Snapshots(Option<(u64, palpate_view::Studio)>);
+
+#[cfg(feature = "view")]
+impl Snapshots {
+    fn new(arguments: &Arguments, engine: &mut Engine) -> Result<Snapshots> {
+        let Some(every) = arguments.snapshot else { return Ok(Snapshots(None)) };
+        Ok(Snapshots(Some((every, arguments.look.studio(engine.shown())?))))
+    }
+
+    fn after(&mut self, step: u64, engine: &mut Engine, output: Option<&mut Output>) -> Result<()> {
+        let (Some((every, studio)), Some(output)) = (&mut self.0, output) else { return Ok(()) };
+        if !step.is_multiple_of(*every) {
+            return Ok(());
+        }
+        let picture = studio.picture(engine.shown())?;
+        output.write(&format!("snapshot-{step:06}.png"), |w| picture.write_png(w))
+    }
+}
+
+/// None: this program was built without pictures.
+#[cfg(not(feature = "view"))]
+struct Snapshots;
+
+#[cfg(not(feature = "view"))]
+impl Snapshots {
+    fn new(_: &Arguments, _: &mut Engine) -> Result<Snapshots> {
+        Ok(Snapshots)
+    }
+
+    fn after(&mut self, _: u64, _: &mut Engine, _: Option<&mut Output>) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// A bar on standard error, drawn only where that is a terminal.
+fn progress(extent: &Extent) -> ProgressBar {
+    let (length, template) = match extent {
+        Extent::Steps(steps) => (*steps, "{wide_bar} {pos}/{len} steps, {eta} left"),
+        Extent::Seconds(seconds) => ((1e3 * seconds) as u64, "{wide_bar} {elapsed} of the session, {eta} left"),
+    };
+    let bar = ProgressBar::new(length).with_finish(ProgressFinish::AndClear);
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+/// The files that are written once, at the end.
+fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
+    let Done { tally, outcome, report } = done;
+    for layer in &outcome.layers {
+        let name = format!("{}.vtk", layer.name);
+        output.write(&name, |w| vtk::write_layer(w, &layer.nodes, &layer.tetrahedra, &layer.displacement))?;
+    }
+    for skin in &outcome.skins {
+        output.write(&format!("{}.obj", skin.name), |w| obj::write(w, &skin.vertices, &skin.triangles))?;
+    }
+    let haptics = report.as_ref().map(report::haptics::summary);
+    let preset = scene.preset.clone();
+    let summary = Summary { haptics, preset, ..Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally) };
+    output.write(SUMMARY, |w| serde_json::to_writer_pretty(w, &summary).map_err(Into::into))
+}

@@ -1,0 +1,77 @@
+//! `palpate stability`: runs the matrix of stiff and extreme cases, prints the report, and writes it.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::builder::NonEmptyStringValueParser;
+use crate::report::Output;
+use palpate_bench::stability::{Settings, axes};
+use palpate_bench::stability;
+use palpate::{Error, Result};
+
+use crate::{print, watch};
+
+const RESULTS: &str = "results.json";
+const REPORT: &str = "report.html";
+/// Faults that are named at the end; the report has all.
+const TOLD: usize = 3;
+
+/// Options of `palpate stability`.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Exit status: 0; 4 where a failure raised no flag, or a case that must pass does not (about the usual: 1 kPa to \
+    10 MPa, Poisson's ratio 0 to 0.49, steps of 0.25 to 10 ms; the report marks them)"
+)]
+pub struct Arguments {
+    /// Fewer values and steps
+    #[arg(long)]
+    quick: bool,
+    /// A million steps of resting contact, which take half an hour
+    #[arg(long)]
+    soak: bool,
+    /// These axes alone, with commas between them: young, poisson, step, thrust and so on; a wrong one lists all
+    #[arg(long, value_name = "AXIS", value_delimiter = ',', value_parser = axis_name)]
+    only: Vec<String>,
+    /// Vulkan device, by name or by index in `palpate devices`
+    #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
+    device: Option<String>,
+    /// Directory to write report.html and results.json into; without it nothing is written
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Runs the matrix, writes the report into a directory, if there is one, and prints it. Errors: a failure that no flag told,
+/// or a case of the core that does not pass.
+pub fn stability(arguments: &Arguments) -> Result<()> {
+    let settings = Settings {
+        is_quick: arguments.quick,
+        is_soak: arguments.soak,
+        only: arguments.only.clone(),
+        device: arguments.device.clone(),
+        replaced: Vec::new(),
+    };
+    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let results = stability::run(&settings, &mut watch)?;
+    let document = stability::document(&results);
+    if let Some(output) = &mut output {
+        output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
+        output.write(REPORT, |w| w.write_all(document.html().as_bytes()))?;
+    }
+    output.map_or(Ok(()), Output::commit)?;
+    print(&document.markdown())?;
+    let faults = results.faults();
+    if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(in_short(&faults))) }
+}
+
+/// How many, and the first of them.
+fn in_short(faults: &[String]) -> String {
+    let first = faults[..faults.len().min(TOLD)].join("; ");
+    let more = if faults.len() > TOLD { "; the report has the others" } else { "" };
+    let cases = if faults.len() == 1 { "case fails" } else { "cases fail" };
+    format!("{} {cases} that must not: {first}{more}", faults.len())
+}
+
+fn axis_name(text: &str) -> std::result::Result<String, String> {
+    let known = axes::NAMES.contains(&text);
+    if known { Ok(text.into()) } else { Err(format!("is no axis; give some of: {}", axes::NAMES.join(", "))) }
+}

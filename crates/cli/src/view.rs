@@ -1,0 +1,208 @@
+//! `palpate view`: a window onto a scene under way, and a hand in it.
+
+mod app;
+mod closing;
+mod drawing;
+mod dropped;
+mod easel;
+mod hand;
+mod panel;
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
+use palpate::gpu::{Options, display_extensions};
+use palpate::haptics::Device;
+use palpate_devices::Mouse;
+use palpate_devices::mouse::Goal;
+use crate::report::{Output, Trace};
+use palpate::scene::profile::PROFILES;
+use palpate::scene::{DeviceKind, Haptics, Key, Scene};
+use palpate::step::Simulation;
+use palpate::step::StepReport;
+use palpate_view::live::{Begin, Extent, Lead, Live, MakeDevice, Watch};
+use palpate::{Error, Result};
+use winit::event_loop::EventLoop;
+
+use crate::{hold, tell};
+use app::App;
+
+const TRACE: &str = "trace.csv";
+const DEVICES: [&str; 6] = ["mouse", "drive", "scripted", "hand", "replay", "haply"];
+
+/// Options of `palpate view`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The scene, a TOML file
+    scene: PathBuf,
+    /// What leads the tool: a device, or `drive`, the scene's keys [default: mouse; drive where there is no tool]
+    #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DEVICES))]
+    device: Option<String>,
+    /// Profile of that device, whatever the scene says: what it can do; a Haply's can only be lowered
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
+    profile: Option<String>,
+    /// Vulkan device, by name or by index in `palpate devices`
+    #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
+    gpu: Option<String>,
+    /// Width and height of the window, pixels
+    #[arg(long, value_name = "WxH", value_parser = crate::film::size)]
+    size: Option<[u32; 2]>,
+    /// Close after so many steps of the scene's keys
+    #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = crate::run::steps, allow_negative_numbers = true)]
+    steps: Option<u64>,
+    /// Close after so much time, s
+    #[arg(long, value_name = "S", value_parser = crate::run::positive, allow_negative_numbers = true)]
+    seconds: Option<f64>,
+    /// Directory to write the trace of all steps into
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Have the Khronos validation layer check all that is asked of the device; what it says is an error
+    #[arg(long, hide = true)]
+    validation: bool,
+}
+
+/// Opens the window and stays until it is closed. Input is read first; whatever ends it, the device is let go of.
+pub fn view(arguments: &Arguments) -> Result<()> {
+    let mut scene = Scene::load(&arguments.scene)?;
+    let name = arguments.device.as_deref().unwrap_or(if scene.tool.is_some() { "mouse" } else { "drive" });
+    if let Some((_, kind)) = DeviceKind::CHOICES.iter().find(|(known, _)| *known == name) {
+        scene.haptics.device = *kind;
+    }
+    scene.haptics.is_held = name != "drive";
+    if scene.haptics.is_held && scene.tool.is_none() {
+        let problem = "is missing: a haptic device has nothing to hold";
+        return Err(Error::key(&scene.file, "tool", problem, "add a [tool], or view it with --device drive"));
+    }
+    if let Some(profile) = &arguments.profile {
+        if !DeviceKind::CHOICES.iter().any(|(known, _)| *known == name) {
+            let problem = format!("--profile {profile} is a haptic device's, and the tool is led by the {name}");
+            return Err(Error::Usage(format!("{problem}: give --device DEVICE as well, or leave it out")));
+        }
+        hold::choose_profile(&mut scene, profile)?;
+    }
+    let extent = extent_of(arguments, &scene)?;
+    let events = EventLoop::with_user_event().build().map_err(|error| no_display(&arguments.scene, &error))?;
+    let options = Options {
+        device: arguments.gpu.clone(),
+        one_thread: true,
+        validation: arguments.validation,
+        display: display_extensions(&events.owned_display_handle())?,
+        ..Options::default()
+    };
+    crate::watch("preparing the scene");
+    let simulation = Simulation::new(&scene, &options, None)?;
+    simulation.reports().flat_map(|(_, report)| &report.notes).for_each(|note| tell(note));
+    let context = simulation.context().clone();
+    let stop = hold::stopped_by_signals()?;
+    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let trace = Shared::new(output.as_mut(), &simulation)?;
+    let goal = (name == "mouse").then(Goal::default);
+    let folder = arguments.out.clone().unwrap_or_default();
+    let begin = Begin {
+        lead: lead(name, goal.as_ref(), &scene.haptics),
+        extent,
+        watch: trace.watch(),
+        folder: folder.clone(),
+        simulation,
+    };
+    let size = arguments.size.unwrap_or(crate::film::SIZE);
+    let mut app = App::new(
+        &events,
+        Live::start(begin)?,
+        context.clone(),
+        app::Setup { size, goal, folder, ends: extent != Extent::Endless, stop, scene },
+    );
+    let ran = events.run_app(&mut app).map_err(|error| Error::NoDevice(format!("the window failed: {error}")));
+    let ended = app.end();
+    trace.finish()?;
+    ended.and(ran)?;
+    if let Some(output) = output {
+        output.commit()?;
+    }
+    match context.validation_messages() {
+        messages if messages.is_empty() => Ok(()),
+        messages => Err(Error::Simulation(format!("validation: {}", messages.join(" ")))),
+    }
+}
+
+/// How far it goes. Where the keys lead, time is counted in steps.
+fn extent_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
+    match (arguments.steps, arguments.seconds) {
+        (None, None) => Ok(Extent::Endless),
+        (Some(_), _) if scene.haptics.is_held => {
+            let problem = "steps were asked for, and a session with a haptic device lasts some time";
+            Err(Error::key(&scene.file, "haptics.device", problem, "give --seconds instead, or --device drive"))
+        }
+        (Some(steps), _) => Ok(Extent::Steps(steps)),
+        (None, Some(seconds)) if scene.haptics.is_held => Ok(Extent::Seconds(seconds)),
+        (None, Some(seconds)) => Ok(Extent::Steps((seconds / scene.step.dt).round().max(1.0) as u64)),
+    }
+}
+
+fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
+    let (scene, error) = (scene.display(), error.to_string());
+    // Before the reason winit says where in its own source it was found.
+    let error =
+        error.rsplit(".rs:").next().map_or("", |end| end.trim_start_matches(|c: char| c.is_ascii_digit() || c == ':'));
+    let error = error.trim().trim_end_matches('.');
+    Error::NoDevice(format!(
+        "there is no display to open a window on ({error}); without one make a film: palpate film {scene} --out film.apng"
+    ))
+}
+
+/// What leads the tool, by its name; the mouse by the goal.
+fn lead(name: &str, goal: Option<&Goal>, haptics: &Haptics) -> Lead {
+    if name == "drive" {
+        return Lead::Drive;
+    }
+    let (goal, haptics) = (goal.cloned(), haptics.clone());
+    let make: MakeDevice = Box::new(move |simulation, start: Key| match &goal {
+        // Of a surface that was dropped the device stays what the user chose.
+        None => hold::device(&Scene { haptics: haptics.clone(), ..simulation.scene().clone() }, start),
+        Some(goal) => {
+            goal.place(start.position, start.orientation);
+            Ok(Box::new(Mouse::new(goal.clone())) as Box<dyn Device>)
+        }
+    });
+    Lead::Device { name: name.into(), make }
+}
+
+/// The trace, written by the simulation's thread and finished by this one.
+struct Shared {
+    trace: Arc<Mutex<Option<Trace<BufWriter<File>>>>>,
+    file: PathBuf,
+}
+
+impl Shared {
+    fn new(output: Option<&mut Output>, simulation: &Simulation) -> Result<Shared> {
+        let probes: Vec<String> = simulation.scene().probes.iter().map(|probe| probe.name.clone()).collect();
+        let (mut trace, mut file) = (None, PathBuf::new());
+        if let Some(output) = output {
+            file = output.path(TRACE);
+            let made = Trace::new(output.file(TRACE)?, &probes);
+            trace = Some(made.map_err(|source| Error::Output { file: file.clone(), source })?);
+        }
+        Ok(Shared { trace: Arc::new(Mutex::new(trace)), file })
+    }
+
+    /// Writes rows as they come.
+    fn watch(&self) -> Watch {
+        let (trace, file) = (self.trace.clone(), self.file.clone());
+        Box::new(move |row: &StepReport| {
+            let mut trace = trace.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            match &mut *trace {
+                Some(trace) => trace.write(row).map_err(|source| Error::Output { file: file.clone(), source }),
+                None => Ok(()),
+            }
+        })
+    }
+
+    fn finish(&self) -> Result<()> {
+        let trace = self.trace.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
+        let finished = trace.map_or(Ok(()), Trace::finish);
+        finished.map_err(|source| Error::Output { file: self.file.clone(), source })
+    }
+}

@@ -1,0 +1,140 @@
+//! The drawing thread: a frame at a time, each slice in its turn, so that the window's thread never waits for the device.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+use palpate::gpu::{Context, Window};
+use palpate_view::Camera;
+use palpate_view::live::Link;
+use palpate_view::overlay::Overlays;
+use palpate_view::painter::{Atlas, Flat};
+use palpate::{Error, Result};
+
+use super::easel::Easel;
+
+/// Where nothing can be shown, it is looked again after this.
+const UNSEEN: Duration = Duration::from_millis(50);
+
+/// A frame to draw.
+pub struct Order {
+    /// Of the window, pixels.
+    pub size: [u32; 2],
+    pub camera: Camera,
+    pub overlays: Overlays,
+    /// Where the device is, m.
+    pub device: Option<DVec3>,
+    pub panel: Flat,
+    /// Where it changed.
+    pub atlas: Option<Atlas>,
+    /// Where a picture of the scene goes.
+    pub picture: Option<PathBuf>,
+}
+
+/// A frame that was drawn.
+#[derive(Debug, Default)]
+pub struct Drawn {
+    /// Whether it was shown, and not left out.
+    pub is_shown: bool,
+    /// s.
+    pub took: f64,
+    /// Slices.
+    pub slices: usize,
+    /// From where all of the simulation is seen, where it is another than in the frame before.
+    pub framed: Option<Camera>,
+    /// The picture that was written, or why it was not.
+    pub picture: Option<Result<PathBuf>>,
+}
+
+/// The thread; dropped, it ends after the frame under way.
+pub struct Drawing {
+    orders: Option<Sender<Order>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Drawing {
+    /// Draws into a window; `tell` hears of each frame, or of the error that ended it.
+    pub fn start(
+        window: Window,
+        context: Arc<Context>,
+        link: Link,
+        tell: impl Fn(Result<Drawn>) + Send + 'static,
+    ) -> Result<Drawing> {
+        let (orders, given) = channel();
+        let mut artist = Artist { easel: Some(Easel::new(&context, window)?), link };
+        let work = move || artist.work(&given, tell);
+        let thread = std::thread::Builder::new().name("palpate-drawing".into()).spawn(work);
+        let thread = thread.map_err(|error| Error::Simulation(format!("no thread for drawing: {error}")))?;
+        Ok(Drawing { orders: Some(orders), thread: Some(thread) })
+    }
+
+    /// Orders a frame.
+    pub fn order(&self, order: Order) {
+        // A thread that ended said why.
+        if let Some(orders) = &self.orders {
+            drop(orders.send(order));
+        }
+    }
+}
+
+impl Drop for Drawing {
+    fn drop(&mut self) {
+        self.orders = None;
+        self.thread.take().into_iter().for_each(|thread| drop(thread.join()));
+    }
+}
+
+/// What draws.
+struct Artist {
+    /// With the simulation's thread while that looks; lost where that has ended.
+    easel: Option<Easel>,
+    link: Link,
+}
+
+impl Artist {
+    fn work(&mut self, orders: &Receiver<Order>, tell: impl Fn(Result<Drawn>)) {
+        while let Ok(order) = orders.recv() {
+            let drawn = self.draw(order);
+            let is_over = drawn.is_err();
+            tell(drawn);
+            if is_over {
+                return;
+            }
+        }
+    }
+
+    fn draw(&mut self, order: Order) -> Result<Drawn> {
+        let (begun, [width, height]) = (Instant::now(), order.size);
+        let Some(mut easel) = self.easel.take() else { return Ok(Drawn::default()) };
+        if !easel.acquire(width, height)? {
+            self.easel = Some(easel);
+            std::thread::sleep(UNSEEN);
+            return Ok(Drawn::default());
+        }
+        let turns = self.link.turns().clone();
+        let most = Duration::from_secs_f64(turns.slice_length());
+        // What fits goes with looking, which the simulation's thread does between two steps.
+        let answer = self.link.ask(move |simulation, generation| {
+            let looked = Instant::now();
+            let frame = easel.begin(simulation, generation, order);
+            let frame = frame.and_then(|mut frame| easel.go_on(&mut frame, looked + most).map(|()| frame));
+            (easel, frame)
+        });
+        let Some((mut easel, frame)) = answer else { return Ok(Drawn::default()) };
+        let mut frame = frame?;
+        let mut slices = 1;
+        while !frame.is_done() {
+            let _turn = turns.slice();
+            let until = Instant::now() + most;
+            easel.draw_next(&mut frame)?;
+            easel.go_on(&mut frame, until)?;
+            slices += 1;
+        }
+        let drawn = easel.end(frame);
+        self.easel = Some(easel);
+        Ok(Drawn { slices, took: begun.elapsed().as_secs_f64(), ..drawn })
+    }
+}

@@ -1,0 +1,92 @@
+//! A device of the host program: it says where the hand is and takes what is to be played.
+
+use palpate::haptics::{Device, Fault, Reading};
+use palpate::scene::Profile;
+use palpate::step::Wrench;
+
+/// Says where the device is at a time, s since the loop began. The loop's thread calls it once a tick.
+pub type Read = Box<dyn FnMut(f64) -> Result<Reading, Fault> + Send>;
+/// Takes the wrench to play until the next. The loop's thread calls it once a tick, and with zero on opening and closing.
+pub type Write = Box<dyn FnMut(&Wrench) -> Result<(), Fault> + Send>;
+
+/// A pair of functions as a device. Neither may wait for longer than a small part of a tick. What they answer is passed on
+/// as it is: the loop guards against poses that cannot be.
+pub struct Callback {
+    profile: Profile,
+    read: Read,
+    write: Write,
+}
+
+impl Callback {
+    /// A device with the limits of `profile`: a built-in one, or the host's own figures.
+    ///
+    /// # Errors
+    /// What is wrong with the profile, one line; see [`Profile::check`].
+    pub fn new(profile: Profile, read: Read, write: Write) -> Result<Callback, String> {
+        profile.check()?;
+        Ok(Callback { profile, read, write })
+    }
+}
+
+impl Device for Callback {
+    fn open(&mut self) -> Result<(), Fault> {
+        (self.write)(&Wrench::ZERO)
+    }
+
+    fn profile(&self) -> &Profile {
+        &self.profile
+    }
+
+    fn read(&mut self, time: f64) -> Result<Reading, Fault> {
+        (self.read)(time)
+    }
+
+    fn write(&mut self, wrench: &Wrench) -> Result<(), Fault> {
+        (self.write)(wrench)
+    }
+
+    fn close(&mut self) {
+        // A host whose device is gone has nothing to let go of.
+        let _ = (self.write)(&Wrench::ZERO);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+    use palpate::scene::profile::PROFILES;
+    use palpate::step::RigidState;
+
+    fn still(time: f64) -> Result<Reading, Fault> {
+        Ok(Reading { time, state: RigidState::at_rest(DVec3::Y, DQuat::IDENTITY), buttons: 5 })
+    }
+
+    #[test]
+    fn the_host_reads_and_is_written_to_with_zero_at_both_ends() {
+        let played = Arc::new(Mutex::new(Vec::new()));
+        let heard = Arc::clone(&played);
+        let write = move |wrench: &Wrench| {
+            heard.lock().unwrap().push(*wrench);
+            if wrench.force.x > 5.0 { Err(Fault::Lost("unplugged; plug it in".into())) } else { Ok(()) }
+        };
+        let mut device = Callback::new(PROFILES[2].clone(), Box::new(still), Box::new(write)).unwrap();
+        let push = |x| Wrench { force: DVec3::X * x, torque: DVec3::ZERO };
+        device.open().unwrap();
+        assert_eq!(device.read(0.25), still(0.25));
+        assert_eq!(device.write(&push(1.0)), Ok(()));
+        assert_eq!(device.write(&push(6.0)), Err(Fault::Lost("unplugged; plug it in".into())));
+        device.close();
+        assert_eq!(*played.lock().unwrap(), [Wrench::ZERO, push(1.0), push(6.0), Wrench::ZERO]);
+    }
+
+    #[test]
+    fn the_hosts_own_figures_are_checked() {
+        let own = Profile { name: "own", max_force: f64::NAN, ..PROFILES[0].clone() };
+        let refused = Callback::new(own, Box::new(still), Box::new(|_| Ok(()))).err().unwrap();
+        assert!(refused.contains("own") && refused.contains("max_force"), "{refused}");
+    }
+}

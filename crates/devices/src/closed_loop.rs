@@ -1,0 +1,146 @@
+//! Tests of the whole loop against a wall of known stiffness, held by the simulated hand, in virtual time.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::devices::hand::{Hand, HandParameters};
+use palpate::haptics::environment::Wall;
+use palpate::haptics::safety::Limits;
+use palpate::haptics::servo::{Servo, Settings, Tick};
+use palpate::haptics::virtual_time::Schedule;
+use palpate::haptics::virtual_time;
+use palpate::haptics::{Device, coupling};
+use palpate::scene::Key;
+use palpate::scene::Lowered;
+use palpate::scene::profile::Profile;
+use palpate::step::drive::Drive;
+use palpate::step::tool::Tool;
+
+const PERIOD: f64 = 1e-3;
+
+fn tool() -> Tool {
+    Tool {
+        mass: 0.05,
+        inertia: DMat3::IDENTITY * 2e-6,
+        coupling: None,
+        centre: DVec3::Y * 0.005,
+        orientation: DQuat::IDENTITY,
+        velocity: DVec3::ZERO,
+        angular_velocity: DVec3::ZERO,
+    }
+}
+
+fn key(time: f64, y: f64) -> Key {
+    Key { time, position: DVec3::Y * y, orientation: DQuat::IDENTITY }
+}
+
+/// A servo and a wall for a device of this profile.
+fn make(profile: &Profile, stiffness: f64, adjust: impl FnOnce(&mut Settings)) -> (Servo, Wall) {
+    let (limits, _) = Limits::new(profile, &Lowered::default());
+    let gains = coupling::choose(profile, PERIOD, 0.0, 0.05, 2e-6, None);
+    let tool = Tool { coupling: Some(gains.coupling), ..tool() };
+    let mut settings = Settings {
+        period: PERIOD,
+        limits,
+        local_model: true,
+        passivity: true,
+        most_damping: gains.most_damping,
+        trust: 2e-3,
+        arm: 0.01,
+    };
+    adjust(&mut settings);
+    let wall = Wall { stiffness, damping: 0.0, tells_gap: true, tool: tool.clone(), steps: 0 };
+    (Servo::new(settings, tool), wall)
+}
+
+/// Presses by an intended way and holds.
+fn press(profile: &str, stiffness: f64, rate: f64, adjust: impl FnOnce(&mut Settings)) -> (Vec<Tick>, Hand) {
+    follow(&[key(0.0, 0.005), key(0.3, 0.005), key(0.6, -0.01)], profile, stiffness, rate, adjust)
+}
+
+/// Three seconds of a hand that means to follow keys; all ticks.
+fn follow(
+    keys: &[Key],
+    profile: &str,
+    stiffness: f64,
+    rate: f64,
+    adjust: impl FnOnce(&mut Settings),
+) -> (Vec<Tick>, Hand) {
+    let profile = Profile::named(profile).unwrap();
+    let (mut servo, mut wall) = make(profile, stiffness, adjust);
+    let mut hand = Hand::new(HandParameters::default(), Drive::new(keys, keys[0]), profile.clone()).unwrap();
+    hand.open().unwrap();
+    let mut ticks = Vec::new();
+    let schedule = Schedule::at(rate, PERIOD);
+    virtual_time::run(&mut hand, &mut servo, &mut wall, schedule, 3000, |tick| ticks.push(*tick)).unwrap();
+    (ticks, hand)
+}
+
+/// Presses, holds and releases.
+fn cycle(profile: &str, stiffness: f64, rate: f64, adjust: impl FnOnce(&mut Settings)) -> (Vec<Tick>, Hand) {
+    let keys = [key(0.0, 0.005), key(0.3, 0.005), key(0.6, -0.01), key(1.6, -0.01), key(2.0, 0.01)];
+    follow(&keys, profile, stiffness, rate, adjust)
+}
+
+/// Mean and standard deviation of the force played over the last second, N.
+fn force_at_end(ticks: &[Tick]) -> (f64, f64) {
+    let last: Vec<f64> = ticks[ticks.len() - 1000..].iter().map(|tick| tick.played.force.y).collect();
+    let mean = last.iter().sum::<f64>() / last.len() as f64;
+    (mean, (last.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / last.len() as f64).sqrt())
+}
+
+#[test]
+fn the_local_model_holds_contact_where_the_raw_force_swings() {
+    for profile in ["premium", "touch", "inverse3", "sigma.7"] {
+        for (rate, stiffness) in [(50.0, 1000.0), (50.0, 2000.0), (30.0, 1000.0), (30.0, 5000.0)] {
+            let with = |local_model: bool| {
+                force_at_end(
+                    &press(profile, stiffness, rate, |s| (s.local_model, s.passivity) = (local_model, false)).0,
+                )
+            };
+            let ((mean, deviation), (_, raw)) = (with(true), with(false));
+            println!("{profile}, {stiffness} N/m at {rate} Hz: {mean:.3} N, swings {deviation:.4} N; raw {raw:.2} N");
+            assert!(mean > 1.0 && deviation < 0.001 * mean, "{profile} {rate} {stiffness}: {mean} +- {deviation}");
+            assert!(raw > 0.5, "{profile} {rate} {stiffness}: the raw force swings by {raw} N only");
+        }
+    }
+}
+
+#[test]
+fn a_prompt_force_is_the_same_with_and_without_the_local_model() {
+    for profile in ["premium", "touch", "inverse3", "sigma.7"] {
+        let with =
+            |local_model: bool| force_at_end(&press(profile, 300.0, 1000.0, |s| s.local_model = local_model).0).0;
+        let (local, raw) = (with(true), with(false));
+        // Arm, coupling and wall in series; friction holds the hand within 0.05 N of balance.
+        let coupling = coupling::choose(Profile::named(profile).unwrap(), PERIOD, 0.0, 0.05, 2e-6, None).coupling;
+        let exact = 0.01 / (1.0 / 300.0 + 1.0 / 300.0 + 1.0 / coupling.stiffness);
+        assert!((local - exact).abs() < 0.05 && (raw - exact).abs() < 0.05, "{profile}: {local} {raw}, {exact} N");
+    }
+}
+
+#[test]
+fn a_press_and_release_gives_the_hand_no_energy() {
+    for profile in ["premium", "touch", "inverse3", "minverse", "sigma.7"] {
+        for (rate, stiffness) in [(1000.0, 2000.0), (200.0, 2000.0), (50.0, 2000.0), (30.0, 5000.0)] {
+            for local_model in [true, false] {
+                let (ticks, hand) = cycle(profile, stiffness, rate, |s| s.local_model = local_model);
+                let peak = ticks.iter().map(|tick| tick.played.force.length()).fold(0.0, f64::max);
+                let changes = ticks.windows(2).map(|pair| (pair[1].played.force - pair[0].played.force).length());
+                let variation: f64 = changes.sum();
+                let most = (HandParameters::default().quantum * (peak + 0.5 * variation)).max(1e-6);
+                let energy = ticks.last().unwrap().energy;
+                let (seen, received) = (energy.net(), hand.energy().received());
+                println!(
+                    "{profile}, {stiffness} N/m at {rate} Hz, local model {local_model}: {received:.1e} J of {most:.1e}"
+                );
+                assert!(peak > 0.3, "{profile} {stiffness} {rate} {local_model}: {peak} N");
+                assert!(
+                    received <= most && seen <= most && energy.lent == 0.0,
+                    "{profile} {stiffness} {rate} {local_model}: {received} {seen} {energy:?}"
+                );
+            }
+        }
+    }
+    let (_, hand) = cycle("premium", 2000.0, 50.0, |s| (s.local_model, s.passivity) = (false, false));
+    assert!(hand.energy().received() > 0.1, "without control the raw force gives energy: {:?}", hand.energy());
+}

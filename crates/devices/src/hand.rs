@@ -1,0 +1,215 @@
+//! A simulated person who holds a simulated device: a mass on the arm's spring and damper, pulled towards where the person
+//! intends to be and pushed by what is played. Deterministic; closed-loop tests and `bench haptics` hold it.
+
+use std::collections::VecDeque;
+
+use glam::{DQuat, DVec3};
+
+use palpate::haptics::velocity::AdaptiveWindow;
+use palpate::haptics::{Device, Fault, Reading};
+use palpate::scene::Profile;
+use palpate::step::drive::{Drive, rotation_vector};
+use palpate::step::{RigidState, Wrench};
+
+mod limb;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod wall;
+
+pub use palpate::scene::HandParameters;
+
+use limb::{Limb, Load};
+
+/// See [`HandParameters::EARLY`].
+const EARLY: f64 = HandParameters::EARLY;
+
+/// Substeps that a reading moves the hand by at most: a reading is never slow, whatever the clock does.
+const CATCH_UP: u64 = 1000;
+
+/// Where the hand's energy came from and went, J. The change of [`Hand::stored`] is `force + torque + intent - lost`: to
+/// rounding in translation, and in rotation that keeps to one axis; about changing axes it differs by a little that vanishes
+/// with the substep, and is a loss where the person intends no turn.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct HandEnergy {
+    /// Work of the played force on the hand: the integral of force by true motion.
+    pub force: f64,
+    /// Work of the played torque.
+    pub torque: f64,
+    /// Work of the person, who moves the intended pose.
+    pub intent: f64,
+    /// Taken by the arm's, the wrist's and the device's damping and by friction; never negative.
+    pub lost: f64,
+}
+
+impl HandEnergy {
+    /// What the hand received from what was played, J: positive where the loop gave energy.
+    pub fn received(&self) -> f64 {
+        self.force + self.torque
+    }
+}
+
+/// The simulated person with the device. Time advances in whole substeps from 0, when the hand is at rest in the intended
+/// pose; a wrench is held until the next one is played.
+#[derive(Debug, Clone)]
+pub struct Hand {
+    parameters: HandParameters,
+    profile: Profile,
+    intended: Drive,
+    state: RigidState,
+    /// Substeps done.
+    done: u64,
+    /// Wrenches on their way, with the substep that first plays them.
+    coming: VecDeque<(u64, Wrench)>,
+    played: Wrench,
+    window: AdaptiveWindow,
+    energy: HandEnergy,
+}
+
+impl Hand {
+    /// A hand that intends to follow `intended`, on a device with the limits of `profile`. Torque acts only where the
+    /// profile plays it.
+    ///
+    /// # Errors
+    /// What is out of range, one line; see [`HandParameters::check`].
+    pub fn new(parameters: HandParameters, intended: Drive, profile: Profile) -> Result<Hand, String> {
+        parameters.check()?;
+        let (position, orientation) = intended.pose(0.0);
+        Ok(Hand {
+            parameters,
+            profile,
+            intended,
+            state: RigidState::at_rest(position, orientation),
+            done: 0,
+            coming: VecDeque::with_capacity(parameters.delay_substeps() as usize + 1),
+            played: Wrench::ZERO,
+            window: AdaptiveWindow::new(parameters.quantum),
+            energy: HandEnergy::default(),
+        })
+    }
+
+    /// How far the hand has moved in time, s.
+    pub fn time(&self) -> f64 {
+        self.done as f64 * self.parameters.substep
+    }
+
+    /// True pose and twist, at [`Hand::time`].
+    pub fn state(&self) -> &RigidState {
+        &self.state
+    }
+
+    /// Moves the hand elsewhere, or sets it in motion; a test's way to disturb it. The energy that this takes is not counted.
+    pub fn place(&mut self, state: RigidState) {
+        self.state = state;
+    }
+
+    /// Energy since the start, or since [`Hand::reset_energy`].
+    pub fn energy(&self) -> HandEnergy {
+        self.energy
+    }
+
+    /// Counts energy from zero.
+    pub fn reset_energy(&mut self) {
+        self.energy = HandEnergy::default();
+    }
+
+    /// Energy of the hand's motion and of its arm's and wrist's springs, J.
+    pub fn stored(&self) -> f64 {
+        let (position, orientation) = self.intended.pose(self.time());
+        let turn = rotation_vector(self.state.orientation * orientation.conjugate());
+        Limb::arm(&self.parameters).stored(self.state.position - position, self.state.velocity)
+            + Limb::wrist(&self.parameters).stored(turn, self.state.angular_velocity)
+    }
+
+    /// One substep. The intended pose goes straight from where it is at the start to where it is at the end.
+    fn advance(&mut self) {
+        while let Some(&(_, wrench)) = self.coming.front().filter(|(due, _)| *due <= self.done) {
+            self.played = wrench;
+            self.coming.pop_front();
+        }
+        let h = self.parameters.substep;
+        let (from, turned_from) = self.intended.pose(self.time());
+        self.done += 1;
+        let (to, turned_to) = self.intended.pose(self.time());
+        let arm = Load { stretch: self.state.position - from, intended: (to - from) / h, force: self.played.force };
+        let wrist = Load {
+            stretch: rotation_vector(self.state.orientation * turned_from.conjugate()),
+            intended: rotation_vector(turned_to * turned_from.conjugate()) / h,
+            force: self.played.torque,
+        };
+        let moved = Limb::arm(&self.parameters).step(h, self.state.velocity, &arm);
+        let turned = Limb::wrist(&self.parameters).step(h, self.state.angular_velocity, &wrist);
+        self.state = RigidState {
+            position: self.state.position + h * moved.mean,
+            orientation: (DQuat::from_scaled_axis(h * turned.mean) * self.state.orientation).normalize(),
+            velocity: moved.velocity,
+            angular_velocity: turned.velocity,
+        };
+        self.energy.force += moved.played;
+        self.energy.torque += turned.played;
+        self.energy.intent += moved.intent + turned.intent;
+        self.energy.lost += moved.lost + turned.lost;
+    }
+
+    /// What the device senses of the hand.
+    fn sensed(&mut self) -> RigidState {
+        let quantum = self.parameters.quantum;
+        let mut sensed = self.state;
+        if quantum > 0.0 {
+            sensed.position = (sensed.position / quantum).round() * quantum;
+        }
+        self.window.push(self.time(), sensed.position);
+        sensed.velocity = self.window.velocity();
+        if !self.profile.senses_rotation {
+            (sensed.orientation, sensed.angular_velocity) = (DQuat::IDENTITY, DVec3::ZERO);
+        }
+        sensed
+    }
+
+    fn let_go(&mut self) {
+        self.coming.clear();
+        self.played = Wrench::ZERO;
+    }
+}
+
+impl Device for Hand {
+    fn open(&mut self) -> Result<(), Fault> {
+        self.let_go();
+        Ok(())
+    }
+
+    fn profile(&self) -> &Profile {
+        &self.profile
+    }
+
+    /// Moves the hand to the last whole substep by `time`, but by a thousand substeps at most; the reading's time says how far
+    /// it got. Positions are quantised, and the velocity is estimated from them; angular velocity is the true one.
+    fn read(&mut self, time: f64) -> Result<Reading, Fault> {
+        // As an integer: a time that is negative or not a number becomes 0, and the hand stays.
+        let target = (time / self.parameters.substep + EARLY).floor() as u64;
+        let last = target.min(self.done + CATCH_UP);
+        while self.done < last {
+            self.advance();
+        }
+        Ok(Reading { time: self.time(), state: self.sensed(), buttons: 0 })
+    }
+
+    fn write(&mut self, wrench: &Wrench) -> Result<(), Fault> {
+        if !wrench.is_finite() {
+            self.let_go();
+            return Err(Fault::Garbled("it was told to play a force that is not finite; it plays nothing".into()));
+        }
+        let torque = if self.profile.plays_torque() { wrench.torque } else { DVec3::ZERO };
+        let due = self.done + self.parameters.delay_substeps();
+        // Of several told at one time only the last is played, and the others need no room.
+        if self.coming.back().is_some_and(|(last, _)| *last == due) {
+            self.coming.pop_back();
+        }
+        self.coming.push_back((due, Wrench { force: wrench.force, torque }));
+        Ok(())
+    }
+
+    fn close(&mut self) {
+        self.let_go();
+    }
+}

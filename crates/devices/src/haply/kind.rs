@@ -1,0 +1,134 @@
+//! Which of Haply's devices the Inverse service reports, and the limits that each is given. The type decides, and not the
+//! user: a force that an Inverse3 bears is several times what a Minverse does.
+
+use std::fmt;
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use palpate::scene::profile::{HAPLY_SMALLEST, INVERSE3, MINVERSE, Profile};
+
+/// The types that the service reports as `config.type` in its inventory, as Haply's own client library lists them (crate
+/// `haply` 1.3, `device_model/enums.rs`), and their profiles. Nothing is published of the Inverse3x by itself; Haply's
+/// tutorials use one set of figures for it and the Inverse3 (docs.haply.co, Inverse service 3.5, tutorial 06).
+const KNOWN: [(&str, &Profile); 3] = [("inverse3", &INVERSE3), ("inverse3x", &INVERSE3), ("minverse", &MINVERSE)];
+/// Longest name of a type that is repeated to the user, characters.
+const LONGEST: usize = 40;
+
+/// A device type as the service reports it; it may report none.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Kind(Option<Arc<str>>);
+
+/// One device of the service's.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Identity {
+    /// As it is addressed.
+    pub device_id: String,
+    pub kind: Kind,
+}
+
+impl Kind {
+    /// From the `config` of a device in an inventory.
+    pub fn of_config(config: Option<&Value>) -> Kind {
+        let told = config.and_then(|config| config.get("type")).filter(|told| !told.is_null());
+        let text = |told: &Value| told.as_str().map_or_else(|| told.to_string(), String::from);
+        Kind(told.map(|told| text(told).chars().take(LONGEST).collect::<String>().into()))
+    }
+
+    fn known(&self) -> Option<&'static Profile> {
+        let name = self.0.as_deref()?;
+        KNOWN.iter().find(|(known, _)| *known == name).map(|(_, profile)| *profile)
+    }
+
+    /// The profile that holds for a device of this type: its own, or the smallest of Haply's where the type is not known.
+    /// A profile that the user asks for takes its place only where it is one of Haply's and no figure of it is greater.
+    pub fn profile(&self, asked: Option<&'static Profile>) -> &'static Profile {
+        let own = self.known().unwrap_or(&HAPLY_SMALLEST);
+        asked.filter(|asked| asked.is_haplys() && asked.is_within(own)).unwrap_or(own)
+    }
+
+    /// What the user should know of the profile that holds; a line each.
+    pub fn notes(&self, asked: Option<&'static Profile>) -> Vec<String> {
+        let granted = self.profile(asked);
+        let mut notes = Vec::new();
+        if self.known().is_none() {
+            notes.push(format!(
+                "the Inverse service reports {self}, which this version does not know: the profile {}, the smallest of \
+                 Haply's devices, holds ({} N, {} m)",
+                granted.name, granted.max_force, granted.workspace
+            ));
+        }
+        if let Some(asked) = asked.filter(|asked| asked.name != granted.name) {
+            let why = if asked.is_haplys() { "exceeds what the device may play" } else { "is not that of a Haply" };
+            notes.push(format!("the profile {} {why}: the profile {} holds", asked.name, granted.name));
+        }
+        notes
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match &self.0 {
+            // Quoted, with control characters escaped: the text is another program's.
+            Some(name) => write!(f, "the device type {name:?}"),
+            None => write!(f, "no device type"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use palpate::scene::profile::{HAPLY, PROFILES};
+
+    fn kind(told: Value) -> Kind {
+        Kind::of_config(Some(&json!({ "type": told })))
+    }
+
+    #[test]
+    fn the_reported_type_decides_and_an_unknown_one_gets_the_smallest() {
+        for (told, profile) in [("inverse3", "inverse3"), ("inverse3x", "inverse3"), ("minverse", "minverse")] {
+            let kind = kind(json!(told));
+            assert_eq!((kind.profile(None).name, kind.notes(None)), (profile, vec![]), "{told}");
+        }
+        let others =
+            [json!("maxverse"), json!("Inverse3"), json!(""), json!(4), json!({"name": "inverse3"}), json!("\n")];
+        for told in others {
+            let kind = kind(told.clone());
+            assert_eq!(kind.profile(None), &HAPLY_SMALLEST, "{told}");
+            let notes = kind.notes(None);
+            assert!(notes.len() == 1 && notes[0].contains("2 N, 0.04 m") && !notes[0].contains('\n'), "{notes:?}");
+        }
+        for none in [None, Some(json!({})), Some(json!({"type": null})), Some(json!(7))] {
+            let kind = Kind::of_config(none.as_ref());
+            assert_eq!(kind.profile(None), &HAPLY_SMALLEST);
+            assert!(kind.notes(None)[0].contains("reports no device type"), "{:?}", kind.notes(None));
+        }
+        let long = kind(json!("x".repeat(1000))).notes(None);
+        assert!(long[0].len() < 300, "{long:?}");
+    }
+
+    #[test]
+    fn a_profile_that_is_asked_for_lowers_and_never_raises() {
+        for told in ["inverse3", "inverse3x", "minverse", "maxverse"] {
+            let kind = kind(json!(told));
+            let own = kind.profile(None);
+            for asked in PROFILES.each_ref().map(|profile| Profile::named(profile.name)) {
+                let (granted, name) = (kind.profile(asked), asked.unwrap().name);
+                assert!(granted.is_within(own) && HAPLY.contains(granted), "{told} asked for {name}: {granted:?}");
+                assert_eq!(
+                    granted.name == name,
+                    !kind.notes(asked).iter().any(|note| note.contains(name) && !note.contains("reports")),
+                    "{told} asked for {name}"
+                );
+            }
+        }
+        let (large, small) = (kind(json!("inverse3")), kind(json!("minverse")));
+        assert_eq!(large.profile(Some(&MINVERSE)).name, "minverse");
+        assert_eq!(small.profile(Some(&INVERSE3)).name, "minverse");
+        assert!(small.notes(Some(&INVERSE3))[0].contains("profile inverse3 exceeds"));
+        assert!(large.notes(Profile::named("touch"))[0].contains("profile touch is not that of a Haply"));
+    }
+}

@@ -1,0 +1,280 @@
+//! The connection to the Inverse service: which addresses are allowed, and a socket on which nothing waits beyond a
+//! deadline and no message is larger than a bound.
+
+use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
+use std::net::{IpAddr, Shutdown, SocketAddr, TcpStream, ToSocketAddrs};
+use std::time::{Duration, Instant};
+
+use serde::Deserialize;
+use tungstenite::error::ProtocolError;
+use tungstenite::http::Uri;
+use tungstenite::protocol::WebSocketConfig;
+use tungstenite::{Error, Message, Utf8Bytes, WebSocket};
+
+use palpate::haptics::Fault;
+
+/// Greatest message, B; an inventory of several devices has some 5 kB.
+const LARGEST: usize = 64 * 1024;
+/// Greatest answer to the question for the version, B.
+const LARGEST_VERSION: u64 = 16 * 1024;
+/// Longest wait for a connection and its handshake, for an answer over HTTP, and for the service to take a message.
+const CONNECT_WAIT: Duration = Duration::from_millis(500);
+const VERSION_WAIT: Duration = Duration::from_millis(300);
+const SEND_WAIT: Duration = Duration::from_millis(20);
+/// Most messages read in search of a text; more of them is a flood.
+const MOST_OTHERS: usize = 64;
+/// The service's own port, taken where a URL names none.
+const PORT: u16 = 10001;
+
+/// Where the service is.
+#[derive(Debug, Clone)]
+pub struct Address {
+    url: String,
+    host: String,
+    port: u16,
+    trust_remote: bool,
+}
+
+impl Address {
+    /// From a URL such as `ws://localhost:10001`.
+    ///
+    /// # Errors
+    /// Where it is no such URL, or its host is neither `localhost` nor a loopback address and not trusted.
+    pub fn new(url: &str, trust_remote: bool) -> Result<Address, Fault> {
+        let refuse = |why: &str| Err(Fault::Lost(format!("{url:?} {why}")));
+        let Some(uri) = url.parse::<Uri>().ok().filter(|uri| uri.host().is_some()) else {
+            return refuse("is no address: use one such as ws://localhost:10001");
+        };
+        if uri.scheme_str() != Some("ws") {
+            return refuse("is no WebSocket without TLS: use one such as ws://localhost:10001");
+        }
+        let name = uri.host().unwrap_or_default();
+        // `Uri` tells no difference between a port that is missing and one that is too large.
+        let port = match uri.authority().and_then(|all| all.as_str().strip_prefix(name)) {
+            Some("") => Some(PORT),
+            rest => rest.and_then(|rest| rest.strip_prefix(':')).and_then(|port| port.parse().ok()),
+        };
+        let Some(port) = port else {
+            return refuse("has no such port: use one such as ws://localhost:10001");
+        };
+        let host = name.trim_matches(['[', ']']).to_string();
+        let loopback = host.parse::<IpAddr>().map_or(host.eq_ignore_ascii_case("localhost"), |ip| ip.is_loopback());
+        if !loopback && !trust_remote {
+            return refuse("is not on this machine: use localhost, or say that a remote service is trusted");
+        }
+        Ok(Address { url: url.into(), host, port, trust_remote })
+    }
+
+    /// As it was given.
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    fn resolve(&self) -> Result<Vec<SocketAddr>, Fault> {
+        let found = (self.host.as_str(), self.port).to_socket_addrs().map_err(|e| lost(&e))?;
+        let allowed: Vec<_> = found.filter(|found| self.trust_remote || found.ip().is_loopback()).collect();
+        let none = || Fault::Lost(format!("{} does not resolve to a loopback address", self.host));
+        if allowed.is_empty() { Err(none()) } else { Ok(allowed) }
+    }
+
+    /// Connects to the first of its socket addresses that answers.
+    ///
+    /// # Errors
+    /// What the last of them failed with.
+    pub fn connect(&self) -> Result<Link, Fault> {
+        let mut failure = None;
+        for peer in self.resolve()? {
+            match Link::new(peer, &self.url) {
+                Ok(link) => return Ok(link),
+                Err(fault) => failure = Some(fault),
+            }
+        }
+        Err(failure.unwrap_or_else(|| Fault::Lost("no address".into())))
+    }
+}
+
+fn lost(why: &dyn std::error::Error) -> Fault {
+    Fault::Lost(why.to_string())
+}
+
+/// A WebSocket to the service.
+pub struct Link {
+    socket: WebSocket<Timed>,
+    peer: SocketAddr,
+}
+
+impl Link {
+    fn new(peer: SocketAddr, url: &str) -> Result<Link, Fault> {
+        let stream = Timed::connect(peer, CONNECT_WAIT).map_err(|e| lost(&e))?;
+        let config = WebSocketConfig::default()
+            .max_message_size(Some(LARGEST))
+            .max_frame_size(Some(LARGEST))
+            .read_buffer_size(LARGEST)
+            .write_buffer_size(0)
+            .max_write_buffer_size(LARGEST);
+        match tungstenite::client::client_with_config(url, stream, Some(config)) {
+            Ok((socket, _)) => Ok(Link { socket, peer }),
+            Err(e) => Err(Fault::Lost(format!("no WebSocket there: {e}"))),
+        }
+    }
+
+    /// The service's version, which it tells over HTTP on the same port and nowhere else; `None` where it does not.
+    pub fn version(&self) -> Option<String> {
+        #[derive(Deserialize)]
+        struct Version {
+            project_version: String,
+        }
+        let mut stream = Timed::connect(self.peer, VERSION_WAIT).ok()?;
+        let request = format!("GET /version HTTP/1.0\r\nHost: {}\r\nConnection: close\r\n\r\n", self.peer);
+        stream.write_all(request.as_bytes()).ok()?;
+        let mut answer = BufReader::new(stream.take(LARGEST_VERSION));
+        let mut line = String::new();
+        answer.read_line(&mut line).ok()?;
+        if line.split(' ').nth(1) != Some("200") {
+            return None;
+        }
+        while !line.trim_end().is_empty() {
+            line.clear();
+            answer.read_line(&mut line).ok()?;
+        }
+        // Read no further than the value's end: a service may leave the connection open.
+        let version = Version::deserialize(&mut serde_json::Deserializer::from_reader(answer)).ok()?;
+        Some(version.project_version)
+    }
+
+    /// The next text that arrives by `deadline`; `None` where none does. A deadline that is past takes what is there.
+    ///
+    /// # Errors
+    /// [`Fault::Garbled`] for what is no text or too large, [`Fault::Lost`] where the connection has ended.
+    pub fn receive(&mut self, deadline: Instant) -> Result<Option<Utf8Bytes>, Fault> {
+        self.socket.get_mut().deadline = deadline;
+        for _ in 0..MOST_OTHERS {
+            match self.socket.read() {
+                Ok(Message::Text(text)) => return Ok(Some(text)),
+                Ok(Message::Binary(_)) => return Err(Fault::Garbled("a binary message".into())),
+                Ok(Message::Close(_)) => return Err(Fault::Lost("the service closed the connection".into())),
+                Ok(_) => {}
+                Err(Error::Io(e)) if e.kind() == ErrorKind::WouldBlock => return Ok(None),
+                Err(e @ (Error::Io(_) | Error::ConnectionClosed | Error::AlreadyClosed)) => return Err(lost(&e)),
+                Err(e @ Error::Protocol(ProtocolError::ResetWithoutClosingHandshake)) => return Err(lost(&e)),
+                Err(e) => return Err(Fault::Garbled(e.to_string())),
+            }
+        }
+        Err(Fault::Garbled(format!("{MOST_OTHERS} messages without a text")))
+    }
+
+    /// Sends a text.
+    ///
+    /// # Errors
+    /// [`Fault::Lost`] where the service does not take it in time.
+    pub fn send(&mut self, text: String) -> Result<(), Fault> {
+        self.socket.get_mut().deadline = Instant::now() + SEND_WAIT;
+        self.socket.send(Message::text(text)).map_err(|e| lost(&e))
+    }
+
+    /// Closes it so that what was sent last still arrives: a socket closed with unread input would take it back.
+    pub fn close(mut self) {
+        let deadline = Instant::now() + SEND_WAIT;
+        self.socket.get_mut().deadline = deadline;
+        let _ = self.socket.close(None);
+        let stream = self.socket.get_mut();
+        let _ = stream.stream.shutdown(Shutdown::Write);
+        let mut rest = [0; 4096];
+        while Instant::now() < deadline && stream.read(&mut rest).is_ok_and(|count| count > 0) {}
+    }
+}
+
+/// A stream on which nothing waits beyond a deadline, however slowly the other side drips.
+struct Timed {
+    stream: TcpStream,
+    deadline: Instant,
+}
+
+impl Timed {
+    fn connect(peer: SocketAddr, wait: Duration) -> io::Result<Timed> {
+        let deadline = Instant::now() + wait;
+        let stream = TcpStream::connect_timeout(&peer, wait)?;
+        stream.set_nodelay(true)?;
+        Ok(Timed { stream, deadline })
+    }
+
+    fn left(&self) -> Duration {
+        self.deadline.saturating_duration_since(Instant::now())
+    }
+}
+
+/// One kind for what took too long, which differs between systems.
+fn late(e: io::Error) -> io::Error {
+    if e.kind() == ErrorKind::TimedOut { ErrorKind::WouldBlock.into() } else { e }
+}
+
+impl Read for Timed {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let left = self.left();
+        if left.is_zero() {
+            self.stream.set_nonblocking(true)?;
+            let read = self.stream.read(buffer);
+            self.stream.set_nonblocking(false)?;
+            return read;
+        }
+        self.stream.set_read_timeout(Some(left))?;
+        self.stream.read(buffer).map_err(late)
+    }
+}
+
+impl Write for Timed {
+    fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
+        let left = self.left();
+        if left.is_zero() {
+            return Err(ErrorKind::WouldBlock.into());
+        }
+        self.stream.set_write_timeout(Some(left))?;
+        self.stream.write(buffer).map_err(late)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.stream.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_this_machine_unless_told_otherwise() {
+        for url in
+            ["ws://localhost:10001", "ws://127.0.0.1", "ws://127.8.9.10:7/x", "ws://[::1]:10001", "ws://LOCALHOST"]
+        {
+            assert!(Address::new(url, false).is_ok(), "{url}");
+        }
+        let remote =
+            ["ws://192.168.0.7:10001", "ws://example.org", "ws://localhost.example.org", "ws://0.0.0.0", "ws://[::2]"];
+        for url in remote {
+            assert!(matches!(Address::new(url, false), Err(Fault::Lost(why)) if why.contains("trusted")), "{url}");
+            assert!(Address::new(url, true).is_ok(), "{url}");
+        }
+        for url in [
+            "",
+            "localhost",
+            "wss://localhost:10001",
+            "http://localhost:10001",
+            "ws://",
+            "ws://localhost:99999",
+            "ws://a@localhost",
+        ] {
+            assert!(
+                matches!(Address::new(url, true), Err(Fault::Lost(why)) if why.contains("ws://localhost")),
+                "{url}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_trusted_name_may_resolve_to_anywhere_and_an_untrusted_one_may_not() {
+        let mut address = Address::new("ws://192.168.0.7:10001", true).unwrap();
+        assert_eq!(address.resolve().unwrap().len(), 1);
+        address.trust_remote = false;
+        assert!(address.resolve().is_err());
+    }
+}

@@ -1,0 +1,304 @@
+//! What this program and the Inverse service say to each other: JSON text in SI units, z up, quaternions w x y z
+//! (docs.haply.co, Inverse service 3.5, "Simulation channel" and "Control commands"). Nothing that the service says is
+//! trusted: what is needed must be there, be of the right type, finite and plausible.
+
+use glam::{DQuat, DVec3};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::kind::{Identity, Kind};
+use palpate::haptics::Fault;
+use palpate::scene::Dialect;
+
+/// Farthest that a cursor can plausibly be from the device's origin, m: seven times its workspace.
+const FARTHEST: f64 = 1.0;
+/// Fastest that a cursor can plausibly move, m/s.
+const FASTEST: f64 = 50.0;
+/// Greatest error of a plausible quaternion's norm; real grips send it rounded, off by 0.2 %.
+const NORM_ERROR: f64 = 0.01;
+
+/// How a service of a version such as `3.5.0` wants its forces; `None` where it is no version.
+pub fn dialect_of(version: &str) -> Option<Dialect> {
+    let mut numbers = version.split('.').map(|part| part.parse::<u32>().ok());
+    let (major, minor) = (numbers.next()??, numbers.next()??);
+    Some(if (major, minor) >= (3, 5) { Dialect::Vector } else { Dialect::Values })
+}
+
+fn key_of(dialect: Dialect) -> &'static str {
+    match dialect {
+        Dialect::Vector => "vector",
+        Dialect::Values => "values",
+    }
+}
+
+/// What a frame says of one device, in palpate's axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct State {
+    /// From the device's origin, m.
+    pub position: DVec3,
+    /// m/s.
+    pub velocity: DVec3,
+    /// That of the first grip that is awake; `None` where there is none.
+    pub orientation: Option<DQuat>,
+    /// Of that grip; a bit each.
+    pub buttons: u32,
+}
+
+/// A vector in palpate's axes (y up) from the service's (z up): a quarter turn about x.
+fn from_service(v: DVec3) -> DVec3 {
+    DVec3::new(v.x, v.z, -v.y)
+}
+
+/// The other way round.
+fn to_service(v: DVec3) -> DVec3 {
+    DVec3::new(v.x, -v.z, v.y)
+}
+
+/// The message of one tick: a force in palpate's axes, N; finite.
+pub fn command(device_id: &str, dialect: Dialect, force: DVec3) -> String {
+    tick(device_id, dialect, force).to_string()
+}
+
+/// The first message of a connection: it names this program to the service, and plays nothing.
+pub fn greeting(device_id: &str, dialect: Dialect) -> String {
+    let mut message = tick(device_id, dialect, DVec3::ZERO);
+    message["session"] = json!({"configure": {"profile": {"name": "palpate:hand"}}});
+    message.to_string()
+}
+
+fn tick(device_id: &str, dialect: Dialect, force: DVec3) -> Value {
+    let f = to_service(force);
+    let force = json!({key_of(dialect): {"x": f.x, "y": f.y, "z": f.z}});
+    json!({"inverse3": [{"device_id": device_id, "commands": {"set_cursor_force": force}}]})
+}
+
+/// The device to talk to: the wanted one, else the first of an inventory; with its state. Its type is in the inventory alone:
+/// later frames have no `config`.
+///
+/// # Errors
+/// [`Fault::Lost`] where the service does not list it, [`Fault::Garbled`] where the text is not a plausible frame.
+pub fn find(text: &str, wanted: Option<&str>) -> Result<(Identity, State), Fault> {
+    let frame: Frame = serde_json::from_str(text).map_err(|e| garbled(format!("not a state frame: {e}")))?;
+    let is_wanted = |arm: &&Arm| wanted.is_none_or(|id| arm.device_id == id);
+    let listed = frame.inverse3.unwrap_or_default();
+    let Some(arm) = listed.iter().find(is_wanted) else {
+        let name = wanted.map_or(String::from("no inverse3"), |id| format!("no inverse3 {id:?}"));
+        return Err(Fault::Lost(format!("the service lists {name} among {}: plug it in", listed.len())));
+    };
+    let state = arm.state.as_ref().ok_or_else(|| garbled("an inverse3 without a state".into()))?;
+    let grips = [frame.verse_grip, frame.wireless_verse_grip].into_iter().flatten().flatten();
+    let grip = grips.filter(Grip::is_awake).find_map(|grip| grip.state.filter(|state| state.orientation.is_some()));
+    let orientation = grip.as_ref().and_then(|grip| grip.orientation.as_ref()).map(Quaternion::checked).transpose()?;
+    let state = State {
+        position: from_service(state.cursor_position.checked("cursor_position", FARTHEST)?),
+        velocity: from_service(state.cursor_velocity.checked("cursor_velocity", FASTEST)?),
+        orientation,
+        buttons: grip.map_or(0, |grip| grip.pressed()),
+    };
+    Ok((Identity { device_id: arm.device_id.clone(), kind: Kind::of_config(arm.config.as_ref()) }, state))
+}
+
+fn garbled(what: String) -> Fault {
+    Fault::Garbled(what)
+}
+
+#[derive(Deserialize)]
+struct Frame {
+    inverse3: Option<Vec<Arm>>,
+    verse_grip: Option<Vec<Grip>>,
+    wireless_verse_grip: Option<Vec<Grip>>,
+}
+
+#[derive(Deserialize)]
+struct Arm {
+    device_id: String,
+    config: Option<Value>,
+    state: Option<ArmState>,
+}
+
+#[derive(Deserialize)]
+struct ArmState {
+    cursor_position: Vector,
+    cursor_velocity: Vector,
+}
+
+#[derive(Deserialize)]
+struct Grip {
+    state: Option<GripState>,
+    status: Option<GripStatus>,
+}
+
+impl Grip {
+    /// A wireless grip that sleeps or is out of reach is listed with what it last said.
+    fn is_awake(&self) -> bool {
+        self.status.as_ref().is_none_or(|s| s.connected.unwrap_or(true) && s.awake.unwrap_or(true))
+    }
+}
+
+#[derive(Deserialize)]
+struct GripStatus {
+    connected: Option<bool>,
+    awake: Option<bool>,
+}
+
+#[derive(Deserialize)]
+struct GripState {
+    orientation: Option<Quaternion>,
+    /// A wired grip's only one.
+    button: Option<bool>,
+    buttons: Option<Buttons>,
+}
+
+impl GripState {
+    fn pressed(&self) -> u32 {
+        let b = self.buttons.as_ref();
+        let first = self.button.unwrap_or(false) || b.is_some_and(|b| b.a);
+        [first, b.is_some_and(|b| b.b), b.is_some_and(|b| b.c)]
+            .iter()
+            .rev()
+            .fold(0, |bits, &on| bits << 1 | u32::from(on))
+    }
+}
+
+#[derive(Deserialize)]
+struct Buttons {
+    #[serde(default)]
+    a: bool,
+    #[serde(default)]
+    b: bool,
+    #[serde(default)]
+    c: bool,
+}
+
+#[derive(Deserialize)]
+struct Vector {
+    x: f64,
+    y: f64,
+    z: f64,
+}
+
+impl Vector {
+    fn checked(&self, name: &str, longest: f64) -> Result<DVec3, Fault> {
+        let v = DVec3::new(self.x, self.y, self.z);
+        // Not `>`: what is not a number must fail too.
+        if v.length() <= longest { Ok(v) } else { Err(garbled(format!("a {name} of {v}"))) }
+    }
+}
+
+#[derive(Deserialize)]
+struct Quaternion {
+    w: f64,
+    x: f64,
+    y: f64,
+    z: f64,
+}
+
+impl Quaternion {
+    /// In palpate's axes, of unit length.
+    fn checked(&self) -> Result<DQuat, Fault> {
+        let v = from_service(DVec3::new(self.x, self.y, self.z));
+        let q = DQuat::from_xyzw(v.x, v.y, v.z, self.w);
+        let plausible = (q.length() - 1.0).abs() <= NORM_ERROR;
+        if plausible { Ok(q.normalize()) } else { Err(garbled(format!("an orientation of norm {}", q.length()))) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fake::{frame, grips};
+    use super::*;
+
+    fn state(text: &str) -> Result<State, Fault> {
+        find(text, None).map(|(_, state)| state)
+    }
+
+    #[test]
+    fn axes_turn_by_a_quarter_about_x() {
+        let read = state(&frame("A", [0.1, 0.2, 0.3], [1.0, 2.0, 3.0])).unwrap();
+        assert_eq!(read.position, DVec3::new(0.1, 0.3, -0.2));
+        assert_eq!(read.velocity, DVec3::new(1.0, 3.0, -2.0));
+        assert_eq!((read.orientation, read.buttons), (None, 0));
+        let sent: Value = serde_json::from_str(&command("A", Dialect::Vector, DVec3::new(1.0, 2.0, 3.0))).unwrap();
+        let force = json!({"vector": {"x": 1.0, "y": -3.0, "z": 2.0}});
+        assert_eq!(sent, json!({"inverse3": [{"device_id": "A", "commands": {"set_cursor_force": force}}]}));
+    }
+
+    #[test]
+    fn a_turn_about_the_services_up_is_a_turn_about_palpates_up() {
+        let half = 0.3_f64;
+        let wired =
+            json!([{"state": {"orientation": {"w": half.cos(), "x": 0, "y": 0, "z": half.sin()}, "button": true}}]);
+        let read = state(&grips("A", wired, json!([]))).unwrap();
+        assert!(read.orientation.unwrap().dot(DQuat::from_rotation_y(2.0 * half)).abs() > 1.0 - 1e-12);
+        assert_eq!(read.buttons, 1);
+        // Any vector turned by the read orientation is the service's vector turned by what it sent.
+        let sent = DQuat::from_xyzw(0.48, -0.36, 0.64, 0.48);
+        let q = json!({"w": sent.w, "x": sent.x, "y": sent.y, "z": sent.z});
+        let wireless = json!([{"state": {"orientation": q, "buttons": {"a": false, "b": true, "c": true}}}]);
+        let read = state(&grips("A", json!([]), wireless)).unwrap();
+        let v = DVec3::new(0.3, -0.5, 0.7);
+        let expected = from_service(sent * v);
+        assert!((read.orientation.unwrap() * from_service(v) - expected).length() < 1e-12);
+        assert_eq!(read.buttons, 0b110);
+    }
+
+    #[test]
+    fn a_sleeping_grip_is_passed_over() {
+        let zero = json!({"w": 0, "x": 0, "y": 0, "z": 0});
+        let asleep = json!([{"state": {"orientation": zero}, "status": {"awake": false}}]);
+        assert_eq!(state(&grips("A", json!([]), asleep)).unwrap().orientation, None);
+        let awake = json!([{"state": {"orientation": zero}, "status": {"awake": true}}]);
+        assert!(matches!(state(&grips("A", json!([]), awake)), Err(Fault::Garbled(_))));
+    }
+
+    #[test]
+    fn the_first_device_or_the_wanted_one() {
+        let text = r#"{"inverse3":[
+            {"device_id":"A","state":{"cursor_position":{"x":0.1,"y":0,"z":0},"cursor_velocity":{"x":0,"y":0,"z":0}}},
+            {"device_id":"B","state":{"cursor_position":{"x":0.2,"y":0,"z":0},"cursor_velocity":{"x":0,"y":0,"z":0}}}]}"#;
+        assert_eq!(find(text, None).unwrap().0.device_id, "A");
+        let (identity, state) = find(text, Some("B")).unwrap();
+        assert_eq!((identity.device_id.as_str(), state.position.x), ("B", 0.2));
+        assert_eq!(identity.kind, Kind::default());
+        let (identity, _) = find(&frame("A", [0.0; 3], [0.0; 3]), None).unwrap();
+        assert_eq!(identity.kind.profile(None).name, "inverse3");
+        assert!(matches!(find(text, Some("C")), Err(Fault::Lost(why)) if why.contains("\"C\"")));
+        assert!(matches!(find(r#"{"session_id":1,"inverse3":[]}"#, None), Err(Fault::Lost(_))));
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused() {
+        let good = frame("A", [0.1, 0.2, 0.3], [0.0; 3]);
+        assert!(state(&good).is_ok());
+        let spoiled =
+            ["\"NaN\"", "NaN", "1e999", "1e30", "1.5", "null", "[0.1]", "true"].map(|x| good.replace("0.1", x));
+        let deep = "[".repeat(30_000);
+        let others = [
+            String::from("hello"),
+            String::new(),
+            String::from("[]"),
+            String::from(r#"{"inverse3":{}}"#),
+            String::from(r#"{"inverse3":[{"device_id":"A"}]}"#),
+            String::from(r#"{"inverse3":[{"device_id":7,"state":{}}]}"#),
+            String::from(r#"{"inverse3":[{"device_id":"A","state":{"cursor_position":{"x":0,"y":0,"z":0}}}]}"#),
+            frame("A", [0.0; 3], [0.0, 51.0, 0.0]),
+            deep.clone(),
+            format!(r#"{{"inverse3":{deep}"#),
+            format!(r#"{{"other":{deep}"#),
+            format!(r#"{{"inverse3":[{{"device_id":"A","config":{deep}"#),
+        ];
+        for text in spoiled.iter().chain(&others) {
+            assert!(matches!(state(text), Err(Fault::Garbled(_))), "{}", &text[..text.len().min(200)]);
+        }
+    }
+
+    #[test]
+    fn versions_have_their_dialect() {
+        let cases = [("3.5.0", Dialect::Vector), ("3.4.1.0", Dialect::Values), ("4.0.0", Dialect::Vector)];
+        for (version, dialect) in cases {
+            assert_eq!(dialect_of(version), Some(dialect), "{version}");
+        }
+        assert_eq!(dialect_of("latest"), None);
+        assert!(command("A", Dialect::Values, DVec3::ZERO).contains("values"));
+    }
+}

@@ -1,0 +1,189 @@
+//! Ticks and steps as flat lists of named values: what is compared, and what a table shows.
+
+use glam::DVec3;
+
+use super::Step;
+use palpate::haptics::device::Reading;
+use palpate::haptics::event::{Event, Events};
+use palpate::haptics::passivity::Energy;
+use palpate::haptics::servo::Tick;
+use palpate::scene::Coupling;
+use palpate::step::Held;
+use palpate::step::{ContactWrench, Gap};
+use palpate::step::{RigidState, Wrench};
+
+const XYZ: [&str; 3] = ["_x", "_y", "_z"];
+/// Linear, then angular.
+const SIX: [&str; 6] = ["_x", "_y", "_z", "_rx", "_ry", "_rz"];
+
+/// One value, its name in up to three parts.
+#[derive(Debug, Clone, Copy)]
+pub struct Field {
+    name: [&'static str; 3],
+    value: Value,
+}
+
+/// A value of a field.
+#[derive(Debug, Clone, Copy)]
+pub enum Value {
+    /// There is none: the device could not be read.
+    Nothing,
+    /// A whole number.
+    Count(u64),
+    /// A number, of which every bit counts.
+    Number(f64),
+    /// Names of events, joined with `|`.
+    Events(Events),
+}
+
+impl Field {
+    /// Its name: the head of its column.
+    pub fn name(&self) -> String {
+        self.name.concat()
+    }
+
+    /// Its value: the shortest that reads back the same.
+    pub fn text(&self) -> String {
+        match self.value {
+            Value::Nothing => String::new(),
+            Value::Count(count) => count.to_string(),
+            Value::Number(number) => format!("{number:?}"),
+            Value::Events(events) => events.names().collect::<Vec<_>>().join("|"),
+        }
+    }
+
+    /// Its value as a message shows it: no two that differ look alike.
+    pub fn told(&self) -> String {
+        match self.value {
+            Value::Nothing => "nothing".into(),
+            Value::Number(number) if number.is_nan() => format!("NaN ({:#x})", number.to_bits()),
+            Value::Events(events) if events.0 >> Event::ALL.len() != 0 => format!("{:#x}", events.0),
+            Value::Events(Events(0)) => "none".into(),
+            _ => self.text(),
+        }
+    }
+
+    /// Whether two values are the same bits.
+    pub fn is_same(&self, other: &Field) -> bool {
+        match (self.value, other.value) {
+            (Value::Nothing, Value::Nothing) => true,
+            (Value::Count(a), Value::Count(b)) => a == b,
+            (Value::Number(a), Value::Number(b)) => a.to_bits() == b.to_bits(),
+            (Value::Events(a), Value::Events(b)) => a == b,
+            _ => false,
+        }
+    }
+}
+
+/// All of a tick. Poses are `_x _y _z` (m) and `_qx _qy _qz _qw`, twists `_vx _vy _vz` (m/s) and `_wx _wy _wz` (rad/s), world
+/// axes; energies (J) by axis, `_rx _ry _rz` about them; what the hand received less what it gave is net.
+pub fn of_tick(tick: &Tick) -> Vec<Field> {
+    let Tick { index, time, late, reading, device, tool, contact, played, step, age, gain, damping, energy, events } =
+        *tick;
+    let mut fields = List::default();
+    fields.count("tick", index);
+    fields.number("time_s", time);
+    fields.number("late_s", late);
+    fields.reading(reading);
+    fields.state("device", &device);
+    fields.state("tool", &tool);
+    fields.wrench(["contact_force", "contact_torque"], contact);
+    fields.wrench(["played_force", "played_torque"], played);
+    fields.count("step", step);
+    fields.number("age_s", age);
+    fields.number("gain", gain);
+    fields.number("damping", damping);
+    let Energy { taken, given, damped, lent, stored } = energy;
+    fields.numbers("energy_taken", SIX, taken);
+    fields.numbers("energy_given", SIX, given);
+    fields.number("energy_damped", damped);
+    fields.number("energy_lent", lent);
+    fields.number("energy_stored", stored);
+    fields.add(["events", "", ""], Value::Events(events));
+    fields.0
+}
+
+/// All of a step.
+pub fn of_step(step: &Step) -> Vec<Field> {
+    let Step { held, h, wrench } = *step;
+    let mut fields = List::default();
+    let Held { ticks, time, device, tool, coupling, max_force } = held;
+    fields.count("held_ticks", ticks);
+    fields.number("held_time_s", time);
+    fields.state("held_device", &device);
+    fields.state("held_tool", &tool);
+    let gain =
+        |of: fn(&Coupling) -> f64| coupling.as_ref().map_or(Value::Nothing, |coupling| Value::Number(of(coupling)));
+    fields.add(["held_stiffness", "", ""], gain(|c| c.stiffness));
+    fields.add(["held_damping", "", ""], gain(|c| c.damping));
+    fields.add(["held_stiffness", "_angular", ""], gain(|c| c.angular_stiffness));
+    fields.add(["held_damping", "_angular", ""], gain(|c| c.angular_damping));
+    fields.number("held_max_force", max_force);
+    fields.number("h_s", h);
+    let ContactWrench { step, time, tool, wrench, stiffness, damping, pressing, gap, is_driven } = wrench;
+    fields.count("step", step);
+    fields.number("time_s", time);
+    fields.state("tool", &tool);
+    fields.wrench(["force", "torque"], wrench);
+    for (group, matrix) in [("stiffness", stiffness), ("damping", damping)] {
+        for (row, numbers) in SIX.into_iter().zip(matrix) {
+            SIX.into_iter().zip(numbers).for_each(|(k, x)| fields.add([group, row, k], Value::Number(x)));
+        }
+    }
+    fields.number("pressing_n", pressing);
+    let of_gap = |of: fn(&Gap) -> f64| gap.as_ref().map_or(Value::Nothing, |gap| Value::Number(of(gap)));
+    fields.add(["gap_normal", "_x", ""], of_gap(|gap| gap.normal.x));
+    fields.add(["gap_normal", "_y", ""], of_gap(|gap| gap.normal.y));
+    fields.add(["gap_normal", "_z", ""], of_gap(|gap| gap.normal.z));
+    fields.add(["gap_m", "", ""], of_gap(|gap| gap.distance));
+    fields.count("is_driven", is_driven.into());
+    fields.add(["gap_stiffness", "", ""], of_gap(|gap| gap.stiffness));
+    fields.0
+}
+
+#[derive(Default)]
+struct List(Vec<Field>);
+
+impl List {
+    fn add(&mut self, name: [&'static str; 3], value: Value) {
+        self.0.push(Field { name, value });
+    }
+
+    fn count(&mut self, name: &'static str, count: u64) {
+        self.add([name, "", ""], Value::Count(count));
+    }
+
+    fn number(&mut self, name: &'static str, number: f64) {
+        self.add([name, "", ""], Value::Number(number));
+    }
+
+    fn numbers<const N: usize>(&mut self, group: &'static str, parts: [&'static str; N], numbers: [f64; N]) {
+        parts.into_iter().zip(numbers).for_each(|(part, x)| self.add([group, part, ""], Value::Number(x)));
+    }
+
+    fn state(&mut self, group: &'static str, state: &RigidState) {
+        let RigidState { position, orientation, velocity, angular_velocity } = *state;
+        self.numbers(group, XYZ, position.to_array());
+        self.numbers(group, ["_qx", "_qy", "_qz", "_qw"], orientation.to_array());
+        self.numbers(group, ["_vx", "_vy", "_vz"], velocity.to_array());
+        self.numbers(group, ["_wx", "_wy", "_wz"], angular_velocity.to_array());
+    }
+
+    fn wrench(&mut self, [linear, angular]: [&'static str; 2], wrench: Wrench) {
+        self.numbers(linear, XYZ, wrench.force.to_array());
+        self.numbers(angular, XYZ, wrench.torque.to_array());
+    }
+
+    /// As the device said it.
+    fn reading(&mut self, reading: Option<Reading>) {
+        let first = self.0.len();
+        let nothing = Reading { time: 0.0, state: RigidState::at_rest(DVec3::ZERO, Default::default()), buttons: 0 };
+        let Reading { time, state, buttons } = reading.unwrap_or(nothing);
+        self.number("read_time_s", time);
+        self.state("read", &state);
+        self.count("buttons", buttons.into());
+        if reading.is_none() {
+            self.0[first..].iter_mut().for_each(|field| field.value = Value::Nothing);
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! Reading a recording back. Files come from anywhere: nothing in one is believed before it is checked.
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+use super::{Entry, Header, MAGIC, MOST_BYTES, Totals, VERSION};
+use palpate::{Error, Result};
+
+const REMEDY: &str = "give a file that `palpate run --record` wrote";
+
+/// A recording; iterates over its entries. Where the file was cut short they end without [`Entry::End`], after the last
+/// whole one.
+pub struct Recorded {
+    /// What was recorded.
+    pub header: Header,
+    file: PathBuf,
+    bytes: Box<dyn Read>,
+    /// Bytes read.
+    position: u64,
+    /// Entries read.
+    totals: Totals,
+    next: u64,
+    is_over: bool,
+}
+
+impl Recorded {
+    /// Opens a file and reads its header.
+    pub fn open(path: &Path) -> Result<Recorded> {
+        let file =
+            File::open(path).map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), REMEDY))?;
+        Recorded::read(path, BufReader::new(file))
+    }
+
+    /// The same from anything that reads the file of that name.
+    pub fn read(path: &Path, bytes: impl Read + 'static) -> Result<Recorded> {
+        let mut bytes: Box<dyn Read> = Box::new(bytes);
+        let not_one = |problem: String| Error::input(path, None, problem, REMEDY);
+        let mut opening = [0; MAGIC.len() + 4];
+        let is_whole = fill(&mut bytes, &mut opening).map_err(|e| unreadable(path, &e))?;
+        let (magic, version) = opening.split_at(MAGIC.len());
+        if !is_whole || magic != MAGIC {
+            return Err(not_one("is no recording (a table of ticks is none either)".into()));
+        }
+        let version = version.try_into().map_or(0, u32::from_le_bytes);
+        if version != VERSION {
+            let problem = format!("is a recording of version {version}; this palpate reads version {VERSION}");
+            return Err(Error::input(path, None, problem, "use the palpate that wrote it"));
+        }
+        let mut position = opening.len() as u64;
+        let header = value(path, &mut bytes, &mut position)?;
+        let header = header.ok_or_else(|| not_one("is cut short: it ends within the header".into()))?;
+        let (totals, file) = (Totals::default(), path.into());
+        Ok(Recorded { header, file, bytes, position, totals, next: 0, is_over: false })
+    }
+
+    /// The file.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// The next entry, and that it fits to those before.
+    fn entry(&mut self) -> Result<Option<Entry>> {
+        let at = self.position;
+        let Some(entry) = value::<Entry>(&self.file, &mut self.bytes, &mut self.position)? else { return Ok(None) };
+        match &entry {
+            Entry::Begin(_) => {}
+            Entry::Tick(tick) if tick.index < self.next || tick.index == u64::MAX => {
+                return Err(damaged(&self.file, at, &format!("tick {} comes again", tick.index)));
+            }
+            Entry::Tick(tick) => {
+                self.totals.ticks += 1;
+                self.totals.lost += tick.index - self.next;
+                self.next = tick.index + 1;
+            }
+            Entry::Step(_) => self.totals.steps += 1,
+            Entry::End(totals) => {
+                self.is_over = true;
+                if *totals != self.totals {
+                    let problem = format!("it ends with {totals:?}, and holds {:?}", self.totals);
+                    return Err(damaged(&self.file, at, &problem));
+                }
+                if fill(&mut self.bytes, &mut [0]).map_err(|e| unreadable(&self.file, &e))? {
+                    return Err(damaged(&self.file, self.position, "more follows after the end"));
+                }
+            }
+        }
+        Ok(Some(entry))
+    }
+}
+
+impl Iterator for Recorded {
+    type Item = Result<Entry>;
+
+    fn next(&mut self) -> Option<Result<Entry>> {
+        if self.is_over {
+            return None;
+        }
+        let entry = self.entry().transpose();
+        self.is_over |= !matches!(entry, Some(Ok(_)));
+        entry
+    }
+}
+
+/// A value after its length; `None` where the file ends before it does.
+fn value<T: DeserializeOwned>(file: &Path, bytes: &mut impl Read, position: &mut u64) -> Result<Option<T>> {
+    let at = *position;
+    let mut length = [0; 4];
+    if !fill(bytes, &mut length).map_err(|e| unreadable(file, &e))? {
+        return Ok(None);
+    }
+    let length = u32::from_le_bytes(length) as usize;
+    if length > MOST_BYTES {
+        return Err(damaged(file, at, &format!("it is {length} bytes long, where {MOST_BYTES} are the most")));
+    }
+    let mut content = vec![0; length];
+    if !fill(bytes, &mut content).map_err(|e| unreadable(file, &e))? {
+        return Ok(None);
+    }
+    *position += 4 + length as u64;
+    match postcard::take_from_bytes(&content) {
+        Ok((value, [])) => Ok(Some(value)),
+        Ok((_, rest)) => Err(damaged(file, at, &format!("{} bytes of it are too many", rest.len()))),
+        Err(error) => Err(damaged(file, at, &error.to_string())),
+    }
+}
+
+/// Fills a buffer; whether there was enough.
+fn fill(bytes: &mut impl Read, buffer: &mut [u8]) -> std::io::Result<bool> {
+    match bytes.read_exact(buffer) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
+fn unreadable(file: &Path, error: &std::io::Error) -> Error {
+    Error::input(file, None, format!("cannot be read: {error}"), REMEDY)
+}
+
+fn damaged(file: &Path, at: u64, problem: &str) -> Error {
+    Error::input(file, None, format!("the entry at byte {at} is damaged: {problem}"), "take an undamaged copy")
+}

@@ -1,0 +1,308 @@
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::*;
+use palpate::haptics::environment::{Environment, Wall};
+use palpate::haptics::event::Event;
+use palpate::haptics::safety::Limits;
+use palpate::haptics::servo::Servo;
+use palpate::haptics::{Fault, Reading};
+use palpate::scene::Coupling;
+use palpate::scene::Lowered;
+use palpate::scene::Profile;
+use palpate::step::RigidState;
+
+/// Ticks from one step to the next, and from a step's beginning until its wrench is there.
+const EVERY: u64 = 20;
+const DELAY: u64 = 5;
+/// Steps before the first tick.
+const FIRST: u64 = 2;
+/// Ticks at which the device is lost, garbled, says no numbers, takes no force.
+const FAULTS: [u64; 4] = [301, 351, 401, 451];
+pub const TICKS: u64 = 500;
+
+pub fn header() -> Header {
+    Header {
+        program: "0.0.0".into(),
+        scene: "a/scene.toml".into(),
+        scene_digest: [7; 32],
+        device: "none".into(),
+        driver: "none".into(),
+        depth: Some("compute".into()),
+        profile: "premium".into(),
+        haptic_device: "scripted".into(),
+    }
+}
+
+fn tool() -> Tool {
+    Tool {
+        mass: 0.05,
+        inertia: DMat3::from_diagonal(DVec3::splat(8e-6)),
+        coupling: Some(Coupling { stiffness: 500.0, damping: 3.0, angular_stiffness: 0.1, angular_damping: 1e-3 }),
+        centre: DVec3::Y * 2e-3,
+        orientation: DQuat::IDENTITY,
+        velocity: DVec3::ZERO,
+        angular_velocity: DVec3::ZERO,
+    }
+}
+
+/// What the session of the tests meets: a wall, of which one step finds what is no number.
+pub struct Walled(Wall);
+
+impl Walled {
+    pub fn new() -> Walled {
+        Walled(Wall { stiffness: 600.0, damping: 1.0, tells_gap: true, tool: tool(), steps: 0 })
+    }
+}
+
+impl Environment for Walled {
+    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
+        let mut wrench = self.0.feel(held, h)?;
+        if wrench.step == 12 {
+            wrench.pressing = f64::NAN;
+        }
+        Ok(wrench)
+    }
+}
+
+/// A device that goes up and down through the wall's face.
+fn reading(time: f64) -> Reading {
+    let turn = 20.0 * time;
+    let state = RigidState {
+        velocity: DVec3::Y * -0.1 * turn.sin(),
+        ..RigidState::at_rest(DVec3::Y * 5e-3 * turn.cos(), DQuat::from_rotation_z(0.1 * turn.sin()))
+    };
+    Reading { time, state, buttons: u32::from(time > 0.1) }
+}
+
+/// A session in virtual time, as the program records it: each entry as it is known.
+fn session(mut keep: impl FnMut(Entry)) {
+    let (limits, _) = Limits::new(Profile::named("premium").unwrap(), &Lowered::default());
+    let settings = Settings {
+        period: 1e-3,
+        limits,
+        local_model: true,
+        passivity: true,
+        most_damping: [5.0, 0.0],
+        trust: 5e-3,
+        arm: 0.02,
+    };
+    let mut walled = Walled::new();
+    let mut servo = Servo::new(settings, tool());
+    keep(Entry::Begin(Box::new(Begin { settings, tool: tool() })));
+    for _ in 0..FIRST {
+        let (held, h) = (servo.held(), 0.01);
+        keep(Entry::Step(Box::new(Step { held, h, wrench: walled.feel(&held, h).unwrap() })));
+    }
+    let (mut newest, mut under_way, mut waiting) = (servo.newest(), None, Vec::new());
+    for k in 0..TICKS {
+        if k % EVERY == 0 {
+            let (held, h) = (servo.held(), 1e-3 * EVERY as f64);
+            under_way = Some(Step { held, h, wrench: walled.feel(&held, h).unwrap() });
+        }
+        if k % EVERY == DELAY {
+            newest = under_way.map_or(newest, |step| step.wrench);
+        }
+        let time = 1e-3 * k as f64;
+        let mut said = Ok(reading(time));
+        match FAULTS.iter().position(|at| *at == k) {
+            Some(0) => said = Err(Fault::Lost("gone".into())),
+            Some(1) => said = Err(Fault::Garbled("odd".into())),
+            Some(2) => said.as_mut().unwrap().state.position.y = f64::NAN,
+            _ => {}
+        }
+        let mut tick = servo.tick(time, 1e-5, said, &newest);
+        if k == FAULTS[3] {
+            servo.unplayed(&mut tick);
+        }
+        waiting.push(Entry::Tick(Box::new(tick)));
+        // Steps are on record before the first tick that feels them, except every third one.
+        if k % EVERY == DELAY + 2 || k + 1 == TICKS {
+            let step = under_way.take().map(|step| Entry::Step(Box::new(step)));
+            let at = if (k / EVERY).is_multiple_of(3) { waiting.len() } else { 0 };
+            waiting.splice(at..at, step);
+            waiting.drain(..).for_each(&mut keep);
+        }
+    }
+}
+
+fn entries() -> Vec<Entry> {
+    let mut entries = Vec::new();
+    session(|entry| entries.push(entry));
+    entries
+}
+
+fn write_all(recording: &mut Recording, entries: &[Entry]) {
+    for entry in entries {
+        match entry {
+            Entry::Begin(begin) => recording.begin(&begin.settings, &begin.tool),
+            Entry::Tick(tick) => recording.tick(tick),
+            Entry::Step(step) => recording.step(&step.held, step.h, &step.wrench),
+            Entry::End(_) => Ok(()),
+        }
+        .unwrap();
+    }
+}
+
+/// The session of the tests in a file, with its end.
+pub fn recorded(folder: &Path, spoil: impl Fn(&mut Entry)) -> PathBuf {
+    let path = folder.join("session.palpate");
+    let mut recording = Recording::create(&path, &header()).unwrap();
+    let mut entries = entries();
+    entries.iter_mut().for_each(spoil);
+    write_all(&mut recording, &entries);
+    recording.finish().unwrap();
+    path
+}
+
+/// Where each part of a file begins, header first, and the file's length.
+fn places(bytes: &[u8]) -> Vec<usize> {
+    let (mut at, mut places) = (12, vec![12]);
+    while at < bytes.len() {
+        at += 4 + u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+        places.push(at);
+    }
+    places
+}
+
+fn error_of(path: &Path) -> String {
+    let error = match Recorded::open(path) {
+        Ok(recorded) => recorded.filter_map(Result::err).next().expect("no error"),
+        Err(error) => error,
+    };
+    assert_eq!(error.exit_status(), 2);
+    let message = error.to_string();
+    assert!(message.contains("session.palpate") && !message.contains('\n'), "{message}");
+    message
+}
+
+#[test]
+fn what_is_recorded_reads_back_the_same_not_numbers_included() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = recorded(folder.path(), |_| {});
+    let recorded = Recorded::open(&path).unwrap();
+    assert_eq!(recorded.header, header());
+    let read: Vec<Entry> = recorded.collect::<Result<_>>().unwrap();
+    let (end, read) = read.split_last().unwrap();
+    assert_eq!(*end, Entry::End(Totals { ticks: TICKS, steps: FIRST + TICKS / EVERY, lost: 0 }));
+    let bytes = |entries: &[Entry]| -> Vec<Vec<u8>> {
+        entries.iter().map(|entry| postcard::to_stdvec(entry).unwrap()).collect()
+    };
+    let all = entries();
+    assert_eq!(bytes(read), bytes(&all));
+    // The session is one worth recording: it presses, it lets go, and everything out of the ordinary happens.
+    let ticks: Vec<&Tick> =
+        all.iter().filter_map(|entry| if let Entry::Tick(tick) = entry { Some(&**tick) } else { None }).collect();
+    let seen = |event| ticks.iter().filter(|tick| tick.events.has(event)).count();
+    assert_eq!((seen(Event::DeviceLost), seen(Event::BadReading)), (2, 2));
+    assert!(seen(Event::BadWrench) > 0);
+    assert!(ticks.iter().filter(|tick| tick.contact.force.y > 0.5 && tick.played.force.y > 0.1).count() > 50);
+    assert!(ticks.iter().filter(|tick| tick.step > 0 && tick.contact.force.y == 0.0).count() > 50);
+}
+
+#[test]
+fn a_recording_that_was_cut_short_is_read_up_to_its_last_whole_entry() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = recorded(folder.path(), |_| {});
+    let bytes = std::fs::read(&path).unwrap();
+    let places = places(&bytes);
+    for (cut, whole) in [(places[40], 39), (places[40] + 3, 39), (places[40] - 1, 38), (places[1], 0)] {
+        std::fs::write(&path, &bytes[..cut]).unwrap();
+        let read: Vec<Entry> = Recorded::open(&path).unwrap().collect::<Result<_>>().unwrap();
+        assert_eq!(read.len(), whole, "{cut}");
+        assert!(!matches!(read.last(), Some(Entry::End(_))));
+    }
+    for cut in [0, 5, 11] {
+        std::fs::write(&path, &bytes[..cut]).unwrap();
+        assert!(error_of(&path).contains("is no recording"), "{cut}");
+    }
+    std::fs::write(&path, &bytes[..places[1] - 1]).unwrap();
+    assert!(error_of(&path).contains("ends within the header"));
+}
+
+#[test]
+fn every_way_a_file_can_be_wrong_is_one_line_that_says_where() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = recorded(folder.path(), |_| {});
+    let bytes = std::fs::read(&path).unwrap();
+    let places = places(&bytes);
+    let (at, end) = (places[30], places[places.len() - 2]);
+    let damaged = |at: usize| format!("entry at byte {at} is damaged");
+    type Spoil = Box<dyn Fn(&mut Vec<u8>)>;
+    let put =
+        |at: usize, new: &'static [u8]| -> Spoil { Box::new(move |b| b[at..at + new.len()].copy_from_slice(new)) };
+    let wrong: [(Spoil, String); 8] = [
+        (put(0, b"PALPATE"), "is no recording".into()),
+        (put(8, &[1, 0]), "version 1; this palpate reads version 2".into()),
+        (put(at, &[1, 0, 16, 0]), format!("{}: it is 1048577 bytes long", damaged(at))),
+        (put(at, &[255; 4]), damaged(at)),
+        (put(at + 4, &[9]), damaged(at)),
+        (put(end + 5, &[0xf5]), format!("{}: it ends with", damaged(end))),
+        (Box::new(|b| b.push(0)), format!("{}: more follows", damaged(bytes.len()))),
+        (Box::new(move |b| b.splice(at..at, b[at - 1000..at].to_vec()).for_each(drop)), "is damaged".into()),
+    ];
+    for (spoil, words) in wrong {
+        let mut spoiled = bytes.clone();
+        spoil(&mut spoiled);
+        std::fs::write(&path, &spoiled).unwrap();
+        assert!(error_of(&path).contains(&words), "{words}: {}", error_of(&path));
+    }
+    // A tick that is there twice.
+    let mut twice = bytes.clone();
+    twice.splice(at..at, bytes[at..places[31]].to_vec());
+    std::fs::write(&path, &twice).unwrap();
+    assert!(error_of(&path).contains("comes again"), "{}", error_of(&path));
+}
+
+#[test]
+fn ticks_that_are_missing_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("session.palpate");
+    let mut recording = Recording::create(&path, &header()).unwrap();
+    let mut entries = entries();
+    entries.retain(|entry| !matches!(entry, Entry::Tick(tick) if (50..53).contains(&tick.index)));
+    write_all(&mut recording, &entries);
+    let totals = recording.finish().unwrap();
+    assert_eq!((totals.ticks, totals.lost), (TICKS - 3, 3));
+    assert!(Recorded::open(&path).unwrap().all(|entry| entry.is_ok()));
+}
+
+#[test]
+fn a_name_that_ends_in_csv_gives_a_table_of_the_ticks_in_full_precision() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ticks.CSV");
+    let mut recording = Recording::create(&path, &header()).unwrap();
+    let all = entries();
+    write_all(&mut recording, &all);
+    recording.finish().unwrap();
+    let mut table = csv::Reader::from_path(&path).unwrap();
+    let heads: Vec<String> = table.headers().unwrap().iter().map(String::from).collect();
+    assert_eq!(heads.iter().collect::<std::collections::BTreeSet<_>>().len(), heads.len(), "{heads:?}");
+    let rows: Vec<csv::StringRecord> = table.records().map(|row| row.unwrap()).collect();
+    let cell = |row: usize, head: &str| rows[row][heads.iter().position(|name| name == head).unwrap()].to_string();
+    let number = |row: usize, head: &str| cell(row, head).parse::<f64>().unwrap();
+    let mut row = 0;
+    for entry in &all {
+        let Entry::Tick(tick) = entry else { continue };
+        assert_eq!(cell(row, "tick"), tick.index.to_string());
+        assert_eq!(number(row, "time_s"), tick.time);
+        assert_eq!(number(row, "played_force_y"), tick.played.force.y);
+        assert_eq!(number(row, "device_qz"), tick.device.orientation.z);
+        assert_eq!(number(row, "energy_given_y"), tick.energy.given[1]);
+        assert_eq!(cell(row, "read_vy"), tick.reading.map_or(String::new(), |r| format!("{:?}", r.state.velocity.y)));
+        assert_eq!(cell(row, "events"), tick.events.names().collect::<Vec<_>>().join("|"));
+        row += 1;
+    }
+    assert_eq!((row, rows.len()), (TICKS as usize, TICKS as usize));
+    assert_eq!(cell(FAULTS[0] as usize, "read_x"), "");
+    assert_eq!(cell(FAULTS[0] as usize, "events"), "device_lost|engaging");
+    assert_eq!(cell(FAULTS[2] as usize, "read_y"), "NaN");
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = Recording::create(&folder.path().join("none/session"), &header()).err().unwrap();
+    assert!(matches!(&error, Error::Output { file, .. } if file.ends_with("none/session")), "{error}");
+}

@@ -1,0 +1,250 @@
+//! A recorded session run again: the same readings and times into a new servo, the same steps in a new environment, and
+//! every value compared with the recorded one, bit for bit.
+
+use std::collections::VecDeque;
+use std::fmt;
+
+use palpate::haptics::device::{Fault, Reading};
+use palpate::haptics::environment::Environment;
+use palpate::haptics::event::Event;
+use super::record::fields::{self, Field};
+use super::record::{Begin, Entry, Recorded, Step};
+use palpate::haptics::safety::Limits;
+use palpate::haptics::servo::{Servo, Settings, Tick};
+use palpate::step::ContactWrench;
+use palpate::{Error, Result};
+
+/// What came of a replay.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replayed {
+    /// Ticks that were the same.
+    pub ticks: u64,
+    /// Steps that were the same.
+    pub steps: u64,
+    /// Whether the recording has its end; else what there is of it was replayed.
+    pub is_whole: bool,
+    /// The first difference; nothing after it was replayed.
+    pub difference: Option<Difference>,
+}
+
+/// Where a replay left the recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Difference {
+    /// The tick or the step.
+    pub place: Place,
+    /// Name of the value, as in [`fields`].
+    pub field: String,
+    /// As recorded.
+    pub recorded: String,
+    /// As it is now.
+    pub replayed: String,
+}
+
+/// A place in a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// A tick, from 0.
+    Tick(u64),
+    /// A step of the simulation, from 1.
+    Step(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Place::Tick(index) => write!(f, "tick {index}"),
+            Place::Step(step) => write!(f, "step {step}"),
+        }
+    }
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let Difference { place, field, recorded, replayed } = self;
+        write!(f, "{place} differs first in {field}: {recorded} recorded, {replayed} replayed")
+    }
+}
+
+/// What the device gave at a tick, faults included.
+pub fn reading_of(tick: &Tick) -> std::result::Result<Reading, Fault> {
+    match tick.reading {
+        Some(reading) => Ok(reading),
+        None if tick.events.has(Event::BadReading) => Err(Fault::Garbled("so it was recorded".into())),
+        None => Err(Fault::Lost("so it was recorded".into())),
+    }
+}
+
+/// Runs a recording again up to its end, or to the first difference. The environment is one that has not stepped yet, made as
+/// the recorded one was. Fails where the recording holds no session that can be run again (ticks are lost, entries are out of
+/// order), and where the environment does.
+pub fn replay(recorded: Recorded, environment: &mut dyn Environment) -> Result<Replayed> {
+    let mut replay = Replay {
+        source: Source { recorded, ticks: VecDeque::new(), steps: VecDeque::new(), is_over: false, is_whole: false },
+        environment,
+        wrenches: VecDeque::new(),
+        done: (0, 0),
+    };
+    let difference = replay.run()?;
+    let (ticks, steps) = replay.done;
+    Ok(Replayed { ticks, steps, is_whole: replay.source.is_whole, difference })
+}
+
+/// The recording, read as far ahead as needed: a step stands after ticks that ran while it was computed.
+struct Source {
+    recorded: Recorded,
+    ticks: VecDeque<Box<Tick>>,
+    steps: VecDeque<Box<Step>>,
+    is_over: bool,
+    is_whole: bool,
+}
+
+impl Source {
+    /// Reads on until the next tick and the next step are known, or there are none.
+    fn look_ahead(&mut self) -> Result<()> {
+        while (self.ticks.is_empty() || self.steps.is_empty()) && !self.is_over {
+            match self.recorded.next().transpose()? {
+                Some(Entry::Tick(tick)) => self.ticks.push_back(tick),
+                Some(Entry::Step(step)) => self.steps.push_back(step),
+                Some(Entry::Begin(_)) => return Err(self.wrong("the servo begins twice".into())),
+                Some(Entry::End(_)) => self.is_whole = true,
+                None => self.is_over = true,
+            }
+        }
+        Ok(())
+    }
+
+    fn wrong(&self, problem: String) -> Error {
+        let remedy = "only a whole recording can be replayed; take an undamaged copy, or record again";
+        Error::input(self.recorded.file(), None, problem, remedy)
+    }
+}
+
+struct Replay<'a> {
+    source: Source,
+    environment: &'a mut dyn Environment,
+    /// Wrenches that the servo may still take, by rising step.
+    wrenches: VecDeque<ContactWrench>,
+    /// Ticks and steps that were the same.
+    done: (u64, u64),
+}
+
+impl Replay<'_> {
+    fn run(&mut self) -> Result<Option<Difference>> {
+        let begin = match self.source.recorded.next().transpose()? {
+            Some(Entry::Begin(begin)) => begin,
+            // Cut short before it.
+            None => return Ok(None),
+            Some(_) => return Err(self.source.wrong("the servo does not come first".into())),
+        };
+        if let Some(problem) = problem_of(&begin.settings) {
+            return Err(self.source.wrong(problem));
+        }
+        let Begin { settings, tool } = *begin;
+        let mut servo = Servo::new(settings, tool);
+        loop {
+            self.source.look_ahead()?;
+            let is_due = self.source.steps.front().is_some_and(|step| step.held.ticks <= self.done.0);
+            if is_due && let Some(step) = self.source.steps.pop_front() {
+                if let Some(difference) = self.step(&step, &servo)? {
+                    return Ok(Some(difference));
+                }
+                continue;
+            }
+            let Some(tick) = self.source.ticks.pop_front() else { break };
+            let Some(offered) = self.offered(&tick, &servo)? else { return Ok(None) };
+            if let Some(difference) = self.tick(&tick, &mut servo, &offered)? {
+                return Ok(Some(difference));
+            }
+        }
+        match self.source.steps.front() {
+            Some(step) if self.source.is_whole => {
+                let problem = format!("step {} starts from tick {}, after the last", self.done.1 + 1, step.held.ticks);
+                Err(self.source.wrong(problem))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// A step, from what the servo holds.
+    fn step(&mut self, recorded: &Step, servo: &Servo) -> Result<Option<Difference>> {
+        let number = self.done.1 + 1;
+        if recorded.held.ticks < self.done.0 {
+            let problem = format!("step {number} starts from tick {}, which is long past", recorded.held.ticks);
+            return Err(self.source.wrong(problem));
+        }
+        if !(recorded.h > 0.0 && recorded.h.is_finite()) {
+            return Err(self.source.wrong(format!("step {number} is {:?} s long", recorded.h)));
+        }
+        let held = servo.held();
+        let wrench = self.environment.feel(&held, recorded.h)?;
+        let step = Step { held, wrench, ..*recorded };
+        let difference = first_difference(Place::Step(number), &fields::of_step(recorded), &fields::of_step(&step));
+        if difference.is_none() {
+            self.done.1 = number;
+        }
+        if wrench.step > 0 {
+            self.wrenches.push_back(wrench);
+        }
+        Ok(difference)
+    }
+
+    /// The wrench that lay before the servo at a tick; `None`: the recording was cut short before it.
+    fn offered(&mut self, tick: &Tick, servo: &Servo) -> Result<Option<ContactWrench>> {
+        if tick.index != self.done.0 {
+            let problem = format!("ticks {} to {} were lost in the recording", self.done.0, tick.index - 1);
+            return Err(self.source.wrong(problem));
+        }
+        while self.wrenches.front().is_some_and(|wrench| wrench.step < tick.step) {
+            self.wrenches.pop_front();
+        }
+        if tick.events.has(Event::BadWrench) {
+            // The servo refuses it, and keeps the one that it had.
+            let bad = self.wrenches.iter().find(|wrench| wrench.step > tick.step && !wrench.is_finite());
+            return Ok(Some(bad.copied().unwrap_or(servo.newest())));
+        }
+        let taken = self.wrenches.front().filter(|wrench| wrench.step == tick.step);
+        if let Some(wrench) = taken {
+            return Ok(Some(*wrench));
+        }
+        if tick.step == servo.newest().step {
+            return Ok(Some(servo.newest()));
+        }
+        if !self.source.is_whole && self.source.is_over && self.wrenches.is_empty() {
+            return Ok(None);
+        }
+        Err(self.source.wrong(format!("tick {} felt step {}, which was not there", tick.index, tick.step)))
+    }
+
+    fn tick(&mut self, recorded: &Tick, servo: &mut Servo, offered: &ContactWrench) -> Result<Option<Difference>> {
+        let mut tick = servo.tick(recorded.time, recorded.late, reading_of(recorded), offered);
+        if recorded.events.has(Event::DeviceLost) && !tick.events.has(Event::DeviceLost) {
+            servo.unplayed(&mut tick);
+        }
+        let difference = first_difference(Place::Tick(tick.index), &fields::of_tick(recorded), &fields::of_tick(&tick));
+        if difference.is_none() {
+            self.done.0 += 1;
+        }
+        Ok(difference)
+    }
+}
+
+/// What no servo can be made with: files come from anywhere.
+fn problem_of(settings: &Settings) -> Option<String> {
+    let Settings { period, limits, most_damping, trust, arm, .. } = *settings;
+    let Limits { force, torque, slew, angular_slew, workspace, watchdog } = limits;
+    let [linear, angular] = most_damping;
+    let rest = [linear, angular, trust, arm, force, torque, slew, angular_slew, workspace, watchdog];
+    if !(period > 0.0 && period.is_finite()) {
+        return Some(format!("its ticks are {period:?} s long"));
+    }
+    let wrong = rest.into_iter().find(|x| x.is_nan() || *x < 0.0)?;
+    Some(format!("a limit of the servo is {wrong:?}"))
+}
+
+fn first_difference(place: Place, recorded: &[Field], replayed: &[Field]) -> Option<Difference> {
+    let (a, b) = recorded.iter().zip(replayed).find(|(a, b)| !a.is_same(b))?;
+    Some(Difference { place, field: a.name(), recorded: a.told(), replayed: b.told() })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,155 @@
+use std::path::Path;
+
+use super::*;
+use palpate::haptics::Device;
+use crate;
+use crate::record::tests::{TICKS, Walled, recorded};
+
+fn replayed(path: &Path) -> Result<Replayed> {
+    replay(Recorded::open(path)?, &mut Walled::new())
+}
+
+fn difference(spoil: impl Fn(&mut Entry)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = recorded(folder.path(), spoil);
+    replayed(&path).unwrap().difference.expect("no difference").to_string()
+}
+
+fn refusal(spoil: impl Fn(&mut Entry)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let error = replayed(&recorded(folder.path(), spoil)).unwrap_err();
+    assert_eq!(error.exit_status(), 2);
+    error.to_string()
+}
+
+/// Changes one tick.
+fn tick(index: u64, change: impl Fn(&mut Tick)) -> impl Fn(&mut Entry) {
+    move |entry| {
+        if let Entry::Tick(tick) = entry
+            && tick.index == index
+        {
+            change(tick);
+        }
+    }
+}
+
+/// Changes one step, from 1.
+fn step(number: u64, change: impl Fn(&mut Step)) -> impl Fn(&mut Entry) {
+    move |entry| {
+        if let Entry::Step(step) = entry
+            && step.wrench.step == number
+        {
+            change(step);
+        }
+    }
+}
+
+fn flip(number: &mut f64) {
+    *number = f64::from_bits(number.to_bits() ^ 1);
+}
+
+#[test]
+fn a_session_with_every_fault_replays_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = recorded(folder.path(), |_| {});
+    let result = replayed(&path).unwrap();
+    assert_eq!(result, Replayed { ticks: TICKS, steps: 27, is_whole: true, difference: None });
+    // Cut short, what there is of it.
+    let bytes = std::fs::read(&path).unwrap();
+    let mut most = 0;
+    for eighths in 1..8 {
+        std::fs::write(&path, &bytes[..bytes.len() * eighths / 8]).unwrap();
+        let result = replayed(&path).unwrap();
+        assert!(result.difference.is_none() && !result.is_whole && result.ticks > most, "{eighths}: {result:?}");
+        most = result.ticks;
+    }
+    assert!(most > TICKS * 3 / 4);
+}
+
+#[test]
+fn one_bit_is_found_and_named_where_it_is() {
+    let starts = |message: String, words: &str| assert!(message.starts_with(words), "{message}\nnot {words}");
+    starts(difference(tick(137, |tick| flip(&mut tick.played.force.y))), "tick 137 differs first in played_force_y: ");
+    starts(difference(tick(0, |tick| flip(&mut tick.energy.given[3]))), "tick 0 differs first in energy_given_rx: ");
+    starts(difference(tick(499, |tick| tick.events.raise(Event::Clamped))), "tick 499 differs first in events: ");
+    starts(difference(step(9, |step| step.h += 1e-6)), "step 9 differs first in ");
+    starts(difference(step(9, |step| flip(&mut step.held.tool.position.x))), "step 9 differs first in held_tool_x: ");
+    starts(difference(step(2, |step| flip(&mut step.wrench.wrench.force.y))), "step 2 differs first in force_y: ");
+    starts(
+        difference(step(5, |step| flip(&mut step.wrench.stiffness[1][3]))),
+        "step 5 differs first in stiffness_y_rx: ",
+    );
+    // A last bit of what is read may be lost in rounding where the device is smoothed.
+    let moved = tick(200, |tick| tick.reading.as_mut().unwrap().state.position.y += 1e-9);
+    starts(difference(moved), "tick 200 differs first in device_");
+    starts(difference(tick(200, |tick| tick.time += 1e-9)), "tick 200 differs first in device_");
+    let unread = tick(200, |tick| tick.reading = None);
+    starts(difference(unread), "tick 200 differs first in device_");
+    let later = tick(145, |tick| tick.step -= 1);
+    starts(difference(later), "tick 145 differs first in ");
+}
+
+#[test]
+fn what_is_no_session_is_refused() {
+    let lost = refusal(|entry| {
+        if let Entry::Tick(tick) = entry {
+            tick.index += u64::from(tick.index > 60) * 2;
+        }
+    });
+    assert!(lost.contains("ticks 61 to 62 were lost"), "{lost}");
+    let never = refusal(tick(300, |tick| tick.step = 1000));
+    assert!(never.contains("tick 300 felt step 1000, which was not there"), "{never}");
+    for h in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(refusal(step(4, |step| step.h = h)).contains("step 4 is "), "{h}");
+    }
+    for watchdog in [f64::NAN, -0.1] {
+        let spoil = |entry: &mut Entry| {
+            if let Entry::Begin(begin) = entry {
+                begin.settings.limits.watchdog = watchdog;
+            }
+        };
+        assert!(refusal(spoil).contains("a limit of the servo is "), "{watchdog}");
+    }
+    let past = refusal(step(8, |step| step.held.ticks = 3));
+    assert!(past.contains("step 8 starts from tick 3"), "{past}");
+    let beyond = refusal(step(27, |step| step.held.ticks = 10_000));
+    assert!(beyond.contains("tick 485 felt step 27") || beyond.contains("after the last"), "{beyond}");
+}
+
+#[test]
+fn the_replay_device_says_what_was_said_and_then_rests() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = recorded(folder.path(), |_| {});
+    let mut device = devices::Replay::open(&path).unwrap();
+    assert_eq!(device.profile().name, "premium");
+    let mut last = None;
+    for entry in Recorded::open(&path).unwrap() {
+        let Entry::Tick(tick) = entry.unwrap() else { continue };
+        let (said, recorded) = (device.read(0.0), reading_of(&tick));
+        assert_eq!(format!("{said:?}"), format!("{recorded:?}"));
+        assert_eq!(said.is_ok(), tick.reading.is_some());
+        last = said.ok().or(last);
+    }
+    let (rest, last) = (device.read(9.0).unwrap(), last.unwrap());
+    assert_eq!((rest.state.position, rest.time), (last.state.position, last.time));
+    assert_eq!(rest.state.velocity, glam::DVec3::ZERO);
+    assert_ne!(last.state.velocity, glam::DVec3::ZERO);
+}
+
+#[test]
+fn no_spoiled_byte_ends_in_a_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = recorded(folder.path(), |_| {});
+    let bytes = std::fs::read(&path).unwrap();
+    // All that decides how the servo begins, then every so many bytes; sign, exponent and last bit of a number among them.
+    let begin = 3000;
+    for at in (0..begin).chain((begin..bytes.len()).step_by(1499)) {
+        for flip in [1, 0x40, 0x80, 0xff] {
+            let mut spoiled = bytes.clone();
+            spoiled[at] ^= flip;
+            let recorded = Recorded::read(&path, std::io::Cursor::new(spoiled));
+            // Whatever comes of it: names in the header may change without any difference.
+            let _ = recorded.and_then(|recorded| replay(recorded, &mut Walled::new()));
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! A device that says again what another said in a recorded session.
+
+use std::path::Path;
+
+use crate::record::{Entry, Recorded};
+use crate::replay::reading_of;
+use palpate::haptics::{Device, Fault, Reading};
+use palpate::scene::profile::{PROFILES, Profile};
+use palpate::step::{RigidState, Wrench};
+use palpate::{Error, Result};
+
+/// The readings of a recording, tick for tick: the n-th read gives the n-th one, faults included, whatever the time. After
+/// them it rests where it was last. What it is told to play, nobody feels.
+pub struct Replay {
+    profile: &'static Profile,
+    readings: std::vec::IntoIter<std::result::Result<Reading, Fault>>,
+    last: Option<Reading>,
+}
+
+impl Replay {
+    /// Reads all of a recording, also one that was cut short.
+    pub fn open(path: &Path) -> Result<Replay> {
+        let recorded = Recorded::open(path)?;
+        let name = &recorded.header.profile;
+        let profile = Profile::named(name).ok_or_else(|| {
+            let problem = format!("was recorded with a device of profile \"{name}\", which is not known");
+            let known = PROFILES.each_ref().map(|profile| profile.name).join(", ");
+            Error::input(path, None, problem, format!("record again with one of {known}"))
+        })?;
+        let mut readings = Vec::new();
+        for entry in recorded {
+            if let Entry::Tick(tick) = entry? {
+                readings.push(reading_of(&tick));
+            }
+        }
+        Ok(Replay { profile, readings: readings.into_iter(), last: None })
+    }
+
+    /// Ticks that are still to come.
+    pub fn ticks(&self) -> usize {
+        self.readings.len()
+    }
+}
+
+impl Device for Replay {
+    fn open(&mut self) -> std::result::Result<(), Fault> {
+        Ok(())
+    }
+
+    fn profile(&self) -> &Profile {
+        self.profile
+    }
+
+    fn read(&mut self, _time: f64) -> std::result::Result<Reading, Fault> {
+        if let Some(reading) = self.readings.next() {
+            self.last = reading.as_ref().ok().copied().or(self.last);
+            return reading;
+        }
+        let last = self.last.ok_or_else(|| Fault::Lost("the recording holds no reading".into()))?;
+        Ok(Reading { state: RigidState::at_rest(last.state.position, last.state.orientation), ..last })
+    }
+
+    fn write(&mut self, _wrench: &Wrench) -> std::result::Result<(), Fault> {
+        Ok(())
+    }
+
+    fn close(&mut self) {}
+}

@@ -1,0 +1,84 @@
+//! A device that follows a script, whatever is played.
+
+use glam::{DQuat, DVec3};
+
+use palpate::haptics::{Device, Fault, Reading};
+use palpate::scene::Profile;
+use palpate::step::Wrench;
+use palpate::step::drive::Drive;
+
+/// A script's pose over time.
+#[derive(Debug, Clone)]
+pub struct Scripted {
+    drive: Drive,
+    profile: Profile,
+    tick: f64,
+}
+
+impl Scripted {
+    /// Follows `drive`, within the limits of `profile`. `tick`: s between readings; a reading's velocity is the mean over
+    /// the tick before it.
+    pub fn new(drive: Drive, profile: Profile, tick: f64) -> Scripted {
+        Scripted { drive, profile, tick }
+    }
+}
+
+impl Device for Scripted {
+    fn open(&mut self) -> Result<(), Fault> {
+        Ok(())
+    }
+
+    fn profile(&self) -> &Profile {
+        &self.profile
+    }
+
+    fn read(&mut self, time: f64) -> Result<Reading, Fault> {
+        let mut state = self.drive.device(time, self.tick);
+        if !self.profile.senses_rotation {
+            (state.orientation, state.angular_velocity) = (DQuat::IDENTITY, DVec3::ZERO);
+        }
+        Ok(Reading { time, state, buttons: 0 })
+    }
+
+    fn write(&mut self, _: &Wrench) -> Result<(), Fault> {
+        Ok(())
+    }
+
+    fn close(&mut self) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use palpate::scene::Key;
+    use palpate::scene::profile::PROFILES;
+
+    fn key(time: f64, x: f64, angle: f64) -> Key {
+        Key { time, position: DVec3::X * x, orientation: DQuat::from_rotation_y(angle) }
+    }
+
+    #[test]
+    fn readings_are_the_drive_with_the_last_ticks_twist() {
+        for profile in PROFILES {
+            let drive = Drive::new(&[key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)], key(0.0, 0.0, 0.0));
+            let mut device = Scripted::new(drive.clone(), profile.clone(), 1e-3);
+            assert_eq!(device.profile(), &profile);
+            device.open().unwrap();
+            for time in [0.0, 1.0, 1.0005, 2.0, 2.9, 3.0005, 7.0] {
+                let reading = device.read(time).unwrap();
+                let expected = drive.device(time, 1e-3);
+                assert_eq!((reading.time, reading.buttons), (time, 0));
+                assert_eq!((reading.state.position, reading.state.velocity), (expected.position, expected.velocity));
+                let turned = if profile.senses_rotation {
+                    (expected.orientation, expected.angular_velocity)
+                } else {
+                    (DQuat::IDENTITY, DVec3::ZERO)
+                };
+                assert_eq!((reading.state.orientation, reading.state.angular_velocity), turned, "{}", profile.name);
+                device.write(&Wrench { force: DVec3::ONE, torque: DVec3::ONE }).unwrap();
+            }
+            assert!((device.read(1.0005).unwrap().state.velocity.x - 1.0).abs() < 1e-9);
+            device.close();
+        }
+    }
+}

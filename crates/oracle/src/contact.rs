@@ -1,0 +1,210 @@
+//! Contacts by exact rays in f64: depth of each facing vertex below the other skin, and the records gathered from it.
+//! Twin of the depth and contact stages.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use crate::rays::{Crossing, Rays};
+use crate::skin;
+use palpate::prepare::{Embedding, Layer};
+
+/// Where a vertex's line along the region's normal meets the other skin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Overlap along the normal, m, positive.
+    pub depth: f64,
+    /// Triangle of the other skin.
+    pub triangle: u32,
+    /// Barycentrics of the point on that triangle.
+    pub barycentric: [f64; 3],
+}
+
+/// What carries a point of contact.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Carrier {
+    /// Nodes of a soft body (index into the simulation's bodies) with weights; each node once.
+    Nodes(usize, Vec<(u32, f64)>),
+    /// The tool.
+    Tool,
+    /// Nothing that moves.
+    Fixed,
+}
+
+/// A point of contact.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// World position, m.
+    pub position: DVec3,
+    /// What it moves with.
+    pub carrier: Carrier,
+}
+
+/// One contact. The force on `first` is -area (k depth + d depth') normal, the opposite acts on `second`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contact {
+    /// Unit normal from body A to body B.
+    pub normal: DVec3,
+    /// Area projected on the normal, m^2.
+    pub area: f64,
+    /// Overlap normal . (first - second), m.
+    pub depth: f64,
+    /// Penalty stiffness per projected area, N/m^3.
+    pub stiffness: f64,
+    /// Penalty damping per projected area, N s/m^3.
+    pub damping: f64,
+    /// Point of body A.
+    pub first: Point,
+    /// Point of body B.
+    pub second: Point,
+    /// Whether the gathered vertex belongs to body A.
+    pub of_first: bool,
+    /// The gathered skin vertex.
+    pub vertex: u32,
+    /// Where its ray met the other skin; `None` against a plane.
+    pub hit: Option<Hit>,
+}
+
+/// The penalty law of a pair of bodies.
+#[derive(Debug, Clone, Copy)]
+pub struct Law {
+    /// Stiffness per projected area, N/m^3.
+    pub stiffness: f64,
+    /// Damping per projected area, N s/m^3.
+    pub damping: f64,
+    /// Deeper overlaps are no contact, m.
+    pub depth_limit: f64,
+}
+
+/// A skin where it stands.
+#[derive(Debug, Clone)]
+pub struct Surface<'a> {
+    /// World positions of its vertices.
+    pub positions: Vec<DVec3>,
+    /// Triangles, counter-clockwise from outside.
+    pub triangles: &'a [[u32; 3]],
+    /// Rest area of each vertex, m^2.
+    pub areas: &'a [f64],
+    /// What its vertices move with.
+    pub support: Support<'a>,
+}
+
+/// What carries a skin.
+#[derive(Debug, Clone, Copy)]
+pub enum Support<'a> {
+    /// A soft body: its index in the simulation, its layer, the embedding of each vertex.
+    Soft(usize, &'a Layer, &'a [Embedding]),
+    /// The tool.
+    Tool,
+    /// A resting body.
+    Fixed,
+}
+
+impl Surface<'_> {
+    /// The point with these barycentric weights on these vertices.
+    fn point(&self, vertices: &[(u32, f64)]) -> Point {
+        let position = vertices.iter().map(|(v, w)| self.positions[*v as usize] * *w).sum();
+        let carrier = match self.support {
+            Support::Tool => Carrier::Tool,
+            Support::Fixed => Carrier::Fixed,
+            Support::Soft(body, layer, embedding) => {
+                let mut nodes = BTreeMap::new();
+                for (v, w) in vertices {
+                    let e = &embedding[*v as usize];
+                    for (node, weight) in layer.tetrahedra[e.tetrahedron as usize].iter().zip(e.weights) {
+                        *nodes.entry(*node).or_insert(0.0) += w * weight;
+                    }
+                }
+                Carrier::Nodes(body, nodes.into_iter().collect())
+            }
+        };
+        Point { position, carrier }
+    }
+}
+
+/// For each vertex of A that faces along `normal` (unit, from A to B) and lies within B as seen along it: the ray from it
+/// along -`normal` first passes a triangle of B that faces A, front and back alike counted. Its depth is the distance to
+/// there, where that is at most `depth_limit`; layers further out do not matter. For vertices of B against A call it with
+/// -normal and the bodies swapped.
+pub fn ray_depths(
+    normal: DVec3,
+    a_positions: &[DVec3],
+    a_triangles: &[[u32; 3]],
+    b_positions: &[DVec3],
+    b_triangles: &[[u32; 3]],
+    depth_limit: f64,
+) -> Vec<Option<Hit>> {
+    let rays = Rays::new(normal, b_positions, b_triangles);
+    let facing = skin::normals(a_positions, a_triangles);
+    let hit = |(x, m): (&DVec3, &DVec3)| {
+        let first = if m.dot(normal) > 0.0 { rays.first(*x)? } else { return None };
+        let Crossing { depth, triangle, barycentric, leaves } = first;
+        (leaves && depth <= depth_limit).then_some(Hit { depth, triangle, barycentric })
+    };
+    a_positions.iter().zip(&facing).map(hit).collect()
+}
+
+/// Contacts of two skins along a region's normal: first A's vertices, then B's, in ascending order. Each side counts
+/// half, since both gather.
+pub fn gather(normal: DVec3, a: &Surface, b: &Surface, law: &Law) -> Vec<Contact> {
+    let mut contacts = gather_side(normal, a, b, law, true, 0.5);
+    contacts.extend(gather_side(-normal, b, a, law, false, 0.5));
+    contacts
+}
+
+/// The same of one skin alone, whole: of that which has less area to a vertex, A's where both have the same.
+pub fn gather_finer(normal: DVec3, a: &Surface, b: &Surface, law: &Law) -> Vec<Contact> {
+    let mean_area = |surface: &Surface| surface.areas.iter().sum::<f64>() / surface.areas.len() as f64;
+    if mean_area(b) < mean_area(a) {
+        gather_side(-normal, b, a, law, false, 1.0)
+    } else {
+        gather_side(normal, a, b, law, true, 1.0)
+    }
+}
+
+fn gather_side(outward: DVec3, own: &Surface, other: &Surface, law: &Law, of_first: bool, share: f64) -> Vec<Contact> {
+    let hits = ray_depths(outward, &own.positions, own.triangles, &other.positions, other.triangles, law.depth_limit);
+    let facing = skin::normals(&own.positions, own.triangles);
+    let contact = |(vertex, hit): (usize, Hit)| {
+        let corners = other.triangles[hit.triangle as usize];
+        let mine = own.point(&[(vertex as u32, 1.0)]);
+        let weights: [(u32, f64); 3] = std::array::from_fn(|k| (corners[k], hit.barycentric[k]));
+        let theirs = other.point(&weights);
+        let (first, second) = if of_first { (mine, theirs) } else { (theirs, mine) };
+        Contact {
+            normal: if of_first { outward } else { -outward },
+            area: share * own.areas[vertex] * facing[vertex].dot(outward),
+            depth: hit.depth,
+            stiffness: law.stiffness,
+            damping: law.damping,
+            first,
+            second,
+            of_first,
+            vertex: vertex as u32,
+            hit: Some(hit),
+        }
+    };
+    hits.into_iter().enumerate().filter_map(|(v, hit)| Some((v, hit?))).map(contact).collect()
+}
+
+/// Contacts of a skin with the fixed half-space `plane . x <= offset`; only the skin gathers, with full weight.
+pub fn gather_plane(a: &Surface, plane: DVec3, offset: f64, law: &Law) -> Vec<Contact> {
+    let facing = skin::normals(&a.positions, a.triangles);
+    let contact = |(vertex, x): (usize, &DVec3)| {
+        let depth = offset - plane.dot(*x);
+        let towards = -facing[vertex].dot(plane);
+        (towards > 0.0 && depth > 0.0 && depth <= law.depth_limit).then(|| Contact {
+            normal: -plane,
+            area: a.areas[vertex] * towards,
+            depth,
+            stiffness: law.stiffness,
+            damping: law.damping,
+            first: a.point(&[(vertex as u32, 1.0)]),
+            second: Point { position: *x + depth * plane, carrier: Carrier::Fixed },
+            of_first: true,
+            vertex: vertex as u32,
+            hit: None,
+        })
+    };
+    a.positions.iter().enumerate().filter_map(contact).collect()
+}

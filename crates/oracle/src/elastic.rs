@@ -1,0 +1,342 @@
+//! Tetrahedra in f64: rotations, forces, the stiffness operator, corotational and (`neo_hookean.rs`) neo-Hookean. Twin of the elastic stage.
+//!
+//! Where the layer has patches, the volumetric strain tr(E) of a tetrahedron is its patch's mean by volume, theta; the energy
+//! sum V (mu |E|^2 + lambda/2 theta^2) keeps the stiffness symmetric positive semi-definite, and the part of mu, which stays
+//! with tetrahedra, makes a patch within itself as stable as a material of Poisson's ratio zero.
+//!
+//! Müller and Gross, "Interactive Virtual Materials" (2004); the polar rotation by singular value decomposition with
+//! the sign convention of Irving, Teran and Fedkiw, "Invertible Finite Elements" (2004).
+
+use std::collections::BTreeMap;
+
+use faer::{Mat, Side};
+use glam::{DMat3, DQuat, DVec3};
+
+use super::neo_hookean;
+use palpate::prepare::{Layer, Materials};
+use palpate::scene::{Law, Material};
+
+/// A principal stretch below which a tetrahedron stiffens: corotational elasticity by itself offers no more to a
+/// tetrahedron pressed flat than to one half way there, and turns it inside out.
+pub const LEAST_STRETCH: f64 = 0.3;
+/// How much stiffer it is there along that axis, of lambda + 2 mu.
+pub const STIFFENING: f64 = 10.0;
+
+/// A layer's tetrahedra, ready for evaluation. Lengths of arrays are in nodes or tetrahedra.
+#[derive(Debug, Clone)]
+pub struct Elements {
+    /// Four node indices each.
+    pub tetrahedra: Vec<[u32; 4]>,
+    /// Rest gradients of the four shape functions, 1/m, rest axes.
+    pub gradients: Vec<[DVec3; 4]>,
+    /// Rest volumes, m^3.
+    pub volumes: Vec<f64>,
+    /// Lumped node masses, kg: density times a quarter of each adjacent volume.
+    pub masses: Vec<f64>,
+    /// Damping by mass of each node, kg/s: the same of density times alpha.
+    pub damping: Vec<f64>,
+    /// World from rest axes.
+    pub frame: DMat3,
+    /// The material of each tetrahedron.
+    pub materials: Vec<Material>,
+    /// What K is made of; see [`Elements::linearised`].
+    pub operators: Vec<Operator>,
+    /// Patch of each tetrahedron, all of them corotational; empty: each has its own volumetric strain.
+    pub patches: Vec<u32>,
+}
+
+/// Of a tetrahedron, K p = V (2 mu sym(W) + lambda tr(W) I) g'_i with W = sum p_i g'_i^T, g'_i = R `fold` g_i.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Operator {
+    /// Pa.
+    pub mu: f64,
+    /// Pa.
+    pub lambda: f64,
+    /// Symmetric.
+    pub fold: DMat3,
+}
+
+impl Operator {
+    /// 2 mu sym(E) + lambda tr(E) I.
+    fn stress(&self, strain: DMat3) -> DMat3 {
+        symmetric(strain) * (2.0 * self.mu) + DMat3::from_diagonal(DVec3::splat(self.lambda * trace(strain)))
+    }
+}
+
+impl Elements {
+    /// Precomputes gradients, volumes and masses. `frame` turns rest axes into world axes.
+    pub fn new(layer: &Layer, materials: impl Into<Materials>, frame: DMat3) -> Self {
+        let all = materials.into();
+        let (mut masses, mut damping) = (vec![0.0; layer.nodes.len()], vec![0.0; layer.nodes.len()]);
+        let mut gradients = Vec::with_capacity(layer.tetrahedra.len());
+        let mut volumes = Vec::with_capacity(layer.tetrahedra.len());
+        let materials: Vec<Material> = (0..layer.tetrahedra.len()).map(|t| *all.of(t)).collect();
+        for (nodes, material) in layer.tetrahedra.iter().zip(&materials) {
+            let [x0, x1, x2, x3] = nodes.map(|i| layer.nodes[i as usize]);
+            let edges = DMat3::from_cols(x1 - x0, x2 - x0, x3 - x0);
+            let volume = edges.determinant() / 6.0;
+            let inverse = edges.inverse().transpose();
+            let [g1, g2, g3] = [inverse.col(0), inverse.col(1), inverse.col(2)];
+            gradients.push([-(g1 + g2 + g3), g1, g2, g3]);
+            volumes.push(volume);
+            for &i in nodes {
+                masses[i as usize] += material.density * volume / 4.0;
+                damping[i as usize] += material.damping_mass * material.density * volume / 4.0;
+            }
+        }
+        let (tetrahedra, patches) = (layer.tetrahedra.clone(), layer.patches.clone());
+        let mut elements =
+            Self { tetrahedra, gradients, volumes, masses, damping, frame, materials, operators: Vec::new(), patches };
+        elements.operators = (0..elements.tetrahedra.len()).map(|e| at_rest(elements.own(e))).collect();
+        elements
+    }
+
+    /// Number of nodes.
+    pub fn node_count(&self) -> usize {
+        self.masses.len()
+    }
+
+    /// G = sum d_i g_i^T of each tetrahedron for a field of node vectors `d` in rest axes.
+    pub fn gradient(&self, element: usize, d: &[DVec3]) -> DMat3 {
+        let nodes = self.tetrahedra[element];
+        let mut sum = DMat3::ZERO;
+        for (i, g) in nodes.iter().zip(&self.gradients[element]) {
+            sum += outer(d[*i as usize], *g);
+        }
+        sum
+    }
+
+    /// Proper polar rotation of F = I + G of every tetrahedron. `d`: displacements, m, rest axes.
+    pub fn rotations(&self, d: &[DVec3]) -> Vec<DQuat> {
+        (0..self.tetrahedra.len()).map(|e| polar_rotation(DMat3::IDENTITY + self.gradient(e, d))).collect()
+    }
+
+    /// Elastic forces on nodes, N, world axes. `d`: displacements, m, rest axes; `rotations`: one a tetrahedron.
+    pub fn forces(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
+        let mut forces = vec![DVec3::ZERO; self.node_count()];
+        let strains: Vec<_> =
+            (0..rotations.len()).map(|e| strain(rotations[e].normalize(), self.gradient(e, d))).collect();
+        let pressures = self.patch_pressures(&strains);
+        for (e, nodes) in self.tetrahedra.iter().enumerate() {
+            let (strain, lame) = (strains[e], lame(&self.materials[e]));
+            let of_law = match self.materials[e].law {
+                Law::Corotational => at_rest(self.own(e)).stress(strain) + pressures[e],
+                Law::NeoHookean => neo_hookean::stress(lame, strain),
+            };
+            let stress = DMat3::from_quat(rotations[e].normalize()) * (of_law + squeeze(strain) * stiffening(lame));
+            for (i, g) in nodes.iter().zip(&self.gradients[e]) {
+                forces[*i as usize] -= self.frame * (stress * *g) * self.volumes[e];
+            }
+        }
+        forces
+    }
+
+    /// K p with rotations held fixed, world axes in and out.
+    pub fn apply_stiffness(&self, p: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
+        self.apply_weighted(p, rotations, |_| 1.0)
+    }
+
+    /// The same with every tetrahedron's K times a weight of its material's.
+    pub fn apply_weighted(&self, p: &[DVec3], rotations: &[DQuat], weight: impl Fn(&Material) -> f64) -> Vec<DVec3> {
+        let to_rest = self.frame.transpose();
+        let local: Vec<DVec3> = p.iter().map(|p| to_rest * *p).collect();
+        let mut product = vec![DVec3::ZERO; self.node_count()];
+        let turns: Vec<_> = rotations.iter().map(|q| DMat3::from_quat(q.normalize())).collect();
+        let strain = |(e, r): (usize, &DMat3)| r.transpose() * self.gradient(e, &local) * self.operators[e].fold;
+        let strains: Vec<_> = turns.iter().enumerate().map(strain).collect();
+        let pressures = self.patch_pressures(&strains);
+        for (e, nodes) in self.tetrahedra.iter().enumerate() {
+            let operator = &self.operators[e];
+            let stress = turns[e] * (operator.stress(strains[e]) + pressures[e]) * operator.fold;
+            let volume = weight(&self.materials[e]) * self.volumes[e];
+            for (i, g) in nodes.iter().zip(&self.gradients[e]) {
+                product[*i as usize] += self.frame * (stress * *g) * volume;
+            }
+        }
+        product
+    }
+
+    /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed:
+    /// V (mu ((g'_i . g'_j) I + g'_j g'_i^T) + lambda g'_i g'_j^T), without lambda's part where there are patches
+    /// ([`Elements::patch_rows`]).
+    pub fn stiffness_blocks(&self, element: usize, rotation: DQuat) -> [[DMat3; 4]; 4] {
+        let operator = &self.operators[element];
+        let r = self.frame * DMat3::from_quat(rotation.normalize()) * operator.fold;
+        let g = self.gradients[element].map(|g| r * g);
+        let block = |i: usize, j: usize| {
+            let shear = DMat3::from_diagonal(DVec3::splat(g[i].dot(g[j]))) + outer(g[j], g[i]);
+            (shear * operator.mu + outer(g[i], g[j]) * operator.lambda) * self.volumes[element]
+        };
+        std::array::from_fn(|i| std::array::from_fn(|j| block(i, j)))
+    }
+
+    /// What each patch adds to the stiffness, c c^T: its nodes and c_j = sqrt(lambda / V) sum V_e R_e g_ej, sqrt(N/m), world
+    /// axes; V the volume of the patch, the sum over its tetrahedra e.
+    pub fn patch_rows(&self, rotations: &[DQuat]) -> Vec<BTreeMap<u32, DVec3>> {
+        self.weighted_patch_rows(rotations, |_| 1.0)
+    }
+
+    /// The same with every patch's stiffness times a weight of its material's.
+    pub fn weighted_patch_rows(
+        &self,
+        rotations: &[DQuat],
+        weight: impl Fn(&Material) -> f64,
+    ) -> Vec<BTreeMap<u32, DVec3>> {
+        let volumes = self.patch_volumes();
+        let mut rows = vec![BTreeMap::new(); volumes.len()];
+        for (e, patch) in self.patches.iter().enumerate() {
+            let patch = *patch as usize;
+            let turn = self.frame * DMat3::from_quat(rotations[e].normalize());
+            let stiffness = weight(&self.materials[e]) * lame(&self.materials[e]).1;
+            let scale = (stiffness / volumes[patch]).sqrt() * self.volumes[e];
+            for (i, g) in self.tetrahedra[e].iter().zip(&self.gradients[e]) {
+                *rows[patch].entry(*i).or_insert(DVec3::ZERO) += scale * (turn * *g);
+            }
+        }
+        rows
+    }
+
+    /// Volume of each patch, m^3.
+    fn patch_volumes(&self) -> Vec<f64> {
+        let mut volumes = vec![0.0; self.patches.iter().max().map_or(0, |last| *last as usize + 1)];
+        self.patches.iter().zip(&self.volumes).for_each(|(patch, volume)| volumes[*patch as usize] += volume);
+        volumes
+    }
+
+    /// lambda theta I of the patch of each tetrahedron, theta the mean of tr(E) by volume; zero without patches. Pa.
+    fn patch_pressures(&self, strains: &[DMat3]) -> Vec<DMat3> {
+        if self.patches.is_empty() {
+            return vec![DMat3::ZERO; strains.len()];
+        }
+        let means = self.dilatations(strains);
+        let pressure = |(e, theta)| DMat3::from_diagonal(DVec3::splat(lame(&self.materials[e]).1 * theta));
+        means.into_iter().enumerate().map(pressure).collect()
+    }
+
+    /// Lame's mu and lambda that a tetrahedron has for itself, Pa: no lambda where patches have it.
+    fn own(&self, element: usize) -> (f64, f64) {
+        let (mu, lambda) = lame(&self.materials[element]);
+        (mu, if self.patches.is_empty() { lambda } else { 0.0 })
+    }
+
+    /// Volumetric strain of each tetrahedron: tr(E), or its mean by volume over the patch.
+    pub fn dilatations(&self, strains: &[DMat3]) -> Vec<f64> {
+        if self.patches.is_empty() {
+            return strains.iter().map(|e| trace(*e)).collect();
+        }
+        let volumes = self.patch_volumes();
+        let mut means = vec![0.0; volumes.len()];
+        for (e, patch) in self.patches.iter().enumerate() {
+            means[*patch as usize] += self.volumes[e] * trace(strains[e]) / volumes[*patch as usize];
+        }
+        self.patches.iter().map(|patch| means[*patch as usize]).collect()
+    }
+
+    /// Elastic energy, J.
+    pub fn energy(&self, d: &[DVec3], rotations: &[DQuat]) -> f64 {
+        self.densities(d, rotations).iter().zip(&self.volumes).map(|(density, volume)| volume * density).sum()
+    }
+
+    /// Elastic energy of each tetrahedron over its volume, J/m^3: of corotational ones mu |E|^2 + lambda/2 theta^2 with
+    /// E = sym(R^T F) - I, theta its trace or the patch's mean of that; of others their law's; and that of squeezed axes.
+    pub fn densities(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<f64> {
+        let strains: Vec<_> =
+            (0..rotations.len()).map(|e| strain(rotations[e].normalize(), self.gradient(e, d))).collect();
+        let dilatations = self.dilatations(&strains);
+        let density = |e: usize| {
+            let strain = strains[e];
+            let (mu, lambda) = lame(&self.materials[e]);
+            let square = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
+            let squeezed = 0.5 * stiffening((mu, lambda)) * square(squeeze(strain));
+            let of_law = match self.materials[e].law {
+                Law::Corotational => mu * square(symmetric(strain)) + 0.5 * lambda * dilatations[e].powi(2),
+                Law::NeoHookean => neo_hookean::energy((mu, lambda), strain),
+            };
+            of_law + squeezed
+        };
+        (0..self.tetrahedra.len()).map(density).collect()
+    }
+
+    /// These elements with the operator of a state. A corotational tetrahedron that is squeezed gets half the stiffening
+    /// more shear modulus, which is at least as stiff in every direction as the stiffening, and isotropic.
+    pub fn linearised(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
+        let operator = |e: usize| {
+            let strain = strain(rotations[e].normalize(), self.gradient(e, d));
+            let (squeezed, lame) = (squeeze(strain), lame(&self.materials[e]));
+            match self.materials[e].law {
+                Law::NeoHookean => neo_hookean::operator(lame, strain, squeezed),
+                Law::Corotational if squeezed == DMat3::ZERO => at_rest(self.own(e)),
+                Law::Corotational => Operator { mu: lame.0 + 0.5 * stiffening(lame), ..at_rest(self.own(e)) },
+            }
+        };
+        Self { operators: (0..self.tetrahedra.len()).map(operator).collect(), ..self.clone() }
+    }
+}
+
+/// Hooke's law.
+fn at_rest((mu, lambda): (f64, f64)) -> Operator {
+    Operator { mu, lambda, fold: DMat3::IDENTITY }
+}
+
+/// Stiffness along a squeezed axis, Pa; of mu and lambda.
+pub(super) fn stiffening((mu, lambda): (f64, f64)) -> f64 {
+    STIFFENING * (lambda + 2.0 * mu)
+}
+
+/// sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over the principal stretches s_k and axes n_k of I + sym(E).
+pub(super) fn squeeze(strain: DMat3) -> DMat3 {
+    let stretch = symmetric(strain);
+    // Gershgorin's circles: nothing is squeezed, as nearly everywhere.
+    let least = |k: usize| {
+        let column = stretch.col(k);
+        1.0 + column[k] + column[k].abs() - column.abs().element_sum()
+    };
+    if (0..3).all(|k| least(k) > LEAST_STRETCH) {
+        return DMat3::ZERO;
+    }
+    let matrix = Mat::from_fn(3, 3, |i, j| stretch.col(j)[i]);
+    let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };
+    let (values, vectors) = (eigen.S(), eigen.U());
+    let axis = |k: usize| DVec3::new(vectors[(0, k)], vectors[(1, k)], vectors[(2, k)]);
+    (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(axis(k), axis(k)) * (1.0 + values[k] - LEAST_STRETCH).min(0.0))
+}
+
+/// Shear modulus and Lamé's first parameter, Pa.
+pub fn lame(material: &Material) -> (f64, f64) {
+    let nu = material.poisson;
+    let mu = material.young / (2.0 * (1.0 + nu));
+    (mu, material.young * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)))
+}
+
+/// E = R^T F - I = R^T G + (R^T - I), the last term from the quaternion's vector part, so that nothing cancels.
+pub fn strain(rotation: DQuat, gradient: DMat3) -> DMat3 {
+    let v = DVec3::new(rotation.x, rotation.y, rotation.z);
+    let cross = DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0));
+    let minus_identity = cross * cross * 2.0 - cross * (2.0 * rotation.w);
+    DMat3::from_quat(rotation).transpose() * gradient + minus_identity
+}
+
+/// The rotation nearest to F; where F is inverted, the one that flips the least singular direction.
+pub fn polar_rotation(f: DMat3) -> DQuat {
+    let matrix = Mat::from_fn(3, 3, |i, j| f.col(j)[i]);
+    // A matrix of non-finite numbers has no decomposition; the identity keeps the failure visible in the forces.
+    let Ok(svd) = matrix.svd() else { return DQuat::IDENTITY };
+    let to_glam = |m: faer::MatRef<'_, f64>| DMat3::from_cols_array(&std::array::from_fn(|k| m[(k % 3, k / 3)]));
+    let (u, v) = (to_glam(svd.U()), to_glam(svd.V()));
+    // faer sorts singular values downwards: the last column is the least direction.
+    let flip = DVec3::new(1.0, 1.0, (u.determinant() * v.determinant()).signum());
+    DQuat::from_mat3(&(u * DMat3::from_diagonal(flip) * v.transpose())).normalize()
+}
+
+/// a b^T.
+pub fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+pub(super) fn symmetric(m: DMat3) -> DMat3 {
+    (m + m.transpose()) * 0.5
+}
+
+pub(super) fn trace(m: DMat3) -> f64 {
+    m.x_axis.x + m.y_axis.y + m.z_axis.z
+}

@@ -1,0 +1,69 @@
+//! Friction in f64: Coulomb's, regularised, implicit with a coefficient of the start of the step (DESIGN.md section 2).
+
+use glam::DVec3;
+
+use crate::contact::{Carrier, Contact};
+use crate::linear::Entries;
+use crate::step::{Simulation, Unknowns, dot};
+
+/// Coulomb's friction, viscous below a speed.
+#[derive(Debug, Clone, Copy)]
+pub struct Friction {
+    /// Its coefficient.
+    pub coefficient: f64,
+    /// Speed below which it is viscous, m/s.
+    pub speed: f64,
+}
+
+/// Friction of one contact: along two tangents, the rows and velocities at the start (m/s).
+#[derive(Default)]
+pub struct Drag {
+    along: [DVec3; 2],
+    rows: [Vec<(usize, f64)>; 2],
+    speeds: [f64; 2],
+    /// Friction over the tangential velocity at the end of the step, N s/m.
+    pub viscosity: f64,
+}
+
+impl Drag {
+    /// h c J^T (I - n n^T) J and -h c J^T (I - n n^T) v.
+    pub(super) fn add(&self, a: &mut Entries, b: &mut [f64], h: f64) {
+        for (row, speed) in self.rows.iter().zip(self.speeds) {
+            a.add_outer(row, h * self.viscosity);
+            row.iter().for_each(|(i, x)| b[*i] -= h * self.viscosity * speed * x);
+        }
+    }
+
+    /// Tangential velocity at the start, m/s.
+    pub fn slip(&self) -> DVec3 {
+        self.speeds[0] * self.along[0] + self.speeds[1] * self.along[1]
+    }
+
+    /// On the first body at the end of the step, N.
+    pub(super) fn force(&self, change: &[f64]) -> DVec3 {
+        let of = |k: usize| -self.viscosity * (self.speeds[k] + dot(&self.rows[k], change)) * self.along[k];
+        of(0) + of(1)
+    }
+}
+
+impl Simulation {
+    /// Friction of a contact, its coefficient that of the start of the step: c = mu f / sqrt(|v|^2 + speed^2), v the
+    /// tangential velocity. The tool feels it at the other body's point.
+    pub fn drag(&self, unknowns: &Unknowns, start: &[f64], contact: &Contact) -> Drag {
+        let Some(friction) = self.friction else { return Drag::default() };
+        let mut at_one = contact.clone();
+        match (&contact.first.carrier, &contact.second.carrier) {
+            (Carrier::Tool, _) => at_one.first.position = contact.second.position,
+            (_, Carrier::Tool) => at_one.second.position = contact.first.position,
+            _ => {}
+        }
+        let along = <[DVec3; 2]>::from(contact.normal.any_orthonormal_pair());
+        let rows = along.map(|t| self.row_along(unknowns, &at_one, t));
+        let speeds: [f64; 2] =
+            std::array::from_fn(|k| self.known_along(unknowns, contact, along[k]) + dot(&rows[k], start));
+        let rate = self.known_rate(unknowns, contact) + dot(&self.row(unknowns, contact), start);
+        let force = contact.area * (contact.stiffness * contact.depth + contact.damping * rate).max(0.0);
+        let viscosity = friction.coefficient * force / speeds[0].hypot(speeds[1]).hypot(friction.speed);
+        Drag { along, rows, speeds, viscosity }
+    }
+}

@@ -1,0 +1,196 @@
+//! Laws of the elements: rigid motion, patch test, symmetry, energy, rotations.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::material;
+use crate::elastic::{Elements, lame, polar_rotation, strain};
+use crate::testing::Random;
+use palpate::prepare::Layer;
+use palpate::prepare::layer::kuhn_box;
+
+/// Rounding of f64 sums of a few hundred terms, relative.
+const ROUNDING: f64 = 1e-12;
+/// Central differences of step 1e-6 on numbers of order one: truncation 1e-12, cancellation 1e-10.
+const DIFFERENCE: f64 = 1e-7;
+
+fn bent_box(seed: u64) -> (Layer, Elements, Vec<DVec3>) {
+    let mut layer = kuhn_box(DVec3::ZERO, DVec3::new(0.3, 0.2, 0.1), [3, 2, 2]);
+    let mut random = Random(seed);
+    layer.nodes.iter_mut().for_each(|x| *x += 0.005 * random.vector());
+    let elements = Elements::new(&layer, material(2e4, 0.4), DMat3::from_quat(DQuat::from_rotation_y(0.7)));
+    let d = layer.nodes.iter().map(|_| 0.02 * random.vector()).collect();
+    (layer, elements, d)
+}
+
+fn greatest(v: &[DVec3]) -> f64 {
+    v.iter().map(|x| x.length()).fold(0.0, f64::max)
+}
+
+fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
+}
+
+#[test]
+fn rigid_motion_gives_no_force() {
+    let (layer, elements, bent) = bent_box(1);
+    let turn = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 2.9));
+    let d: Vec<_> = layer.nodes.iter().map(|r| turn * *r + DVec3::new(3.0, -1.0, 2.0) - *r).collect();
+    let force = greatest(&elements.forces(&d, &elements.rotations(&d)));
+    let scale = greatest(&elements.forces(&bent, &elements.rotations(&bent)));
+    println!("rigid motion: {force:.1e} N against {scale:.1e} N when bent");
+    // Displacements of metres on a body of centimetres cost two digits.
+    assert!(force < 100.0 * ROUNDING * scale);
+}
+
+#[test]
+fn bent_body_pushes_back_as_one_at_rest() {
+    let (layer, elements, d) = bent_box(2);
+    let forces = elements.forces(&d, &elements.rotations(&d));
+    let net: DVec3 = forces.iter().sum();
+    let place = |(r, d): (&DVec3, &DVec3)| elements.frame * (*r + *d);
+    let torque: DVec3 = layer.nodes.iter().zip(&d).map(place).zip(&forces).map(|(x, f)| x.cross(*f)).sum();
+    let scale = greatest(&forces);
+    assert!(scale > 0.1, "the box is bent");
+    assert!(net.length() < ROUNDING * scale);
+    // R P F^T is symmetric where R is the exact polar rotation: no torque appears from nothing.
+    assert!(torque.length() < ROUNDING * scale, "{torque}");
+    let spoiled = vec![DQuat::from_rotation_x(0.1); elements.tetrahedra.len()];
+    let forces = elements.forces(&d, &spoiled);
+    let torque: DVec3 = layer.nodes.iter().zip(&d).map(place).zip(&forces).map(|(x, f)| x.cross(*f)).sum();
+    assert!(torque.length() > 1e-4, "a wrong rotation must show");
+}
+
+#[test]
+fn patch_of_uniform_strain_has_the_stress_of_hooke() {
+    let (layer, elements, _) = bent_box(3);
+    let stretch = DMat3::from_diagonal(DVec3::new(0.01, 0.0, 0.0));
+    let d: Vec<_> = layer.nodes.iter().map(|r| stretch * *r).collect();
+    let forces = elements.forces(&d, &elements.rotations(&d));
+    let inside: Vec<_> = layer
+        .nodes
+        .iter()
+        .map(|r| r.cmpgt(DVec3::new(0.05, 0.05, 0.02)).all() && r.cmplt(DVec3::new(0.25, 0.15, 0.08)).all())
+        .collect();
+    assert!(inside.iter().filter(|i| **i).count() >= 2, "the box has inner nodes");
+    for (force, _) in forces.iter().zip(&inside).filter(|(_, i)| **i) {
+        assert!(force.length() < ROUNDING * greatest(&forces), "inner nodes are in equilibrium");
+    }
+    let volume: f64 = elements.volumes.iter().sum();
+    // Virial: -sum f x^T = V sigma; uniaxial strain: sigma_xx = (lambda + 2 mu) eps, sigma_yy = lambda eps.
+    let turn = elements.frame.transpose();
+    let virial =
+        |axis: usize| -layer.nodes.iter().zip(&forces).map(|(r, f)| (turn * *f)[axis] * r[axis]).sum::<f64>() / volume;
+    let (mu, lambda) = lame(&elements.materials[0]);
+    let expected = (lambda + 2.0 * mu) * 0.01;
+    assert!((virial(0) - expected).abs() < ROUNDING * expected, "{} {expected}", virial(0));
+    assert!((virial(1) - lambda * 0.01).abs() < ROUNDING * expected);
+}
+
+#[test]
+fn stiffness_is_symmetric_positive_and_agrees_with_its_blocks() {
+    let (layer, elements, d) = bent_box(4);
+    let rotations = elements.rotations(&d);
+    let mut random = Random(5);
+    let mut field = || layer.nodes.iter().map(|_| random.vector()).collect::<Vec<_>>();
+    let (x, y) = (field(), field());
+    let (kx, ky) = (elements.apply_stiffness(&x, &rotations), elements.apply_stiffness(&y, &rotations));
+    let scale = dot(&x, &kx);
+    assert!(scale > 0.0);
+    assert!((dot(&x, &ky) - dot(&y, &kx)).abs() < ROUNDING * scale);
+    let mut blocks = vec![DVec3::ZERO; x.len()];
+    for (e, nodes) in elements.tetrahedra.iter().enumerate() {
+        let k = elements.stiffness_blocks(e, rotations[e]);
+        for (i, row) in nodes.iter().zip(&k) {
+            for (j, block) in nodes.iter().zip(row) {
+                blocks[*i as usize] += *block * x[*j as usize];
+            }
+        }
+    }
+    let difference: Vec<_> = blocks.iter().zip(&kx).map(|(a, b)| *a - *b).collect();
+    assert!(greatest(&difference) < ROUNDING * greatest(&kx));
+    let constant = vec![DVec3::new(1.0, 2.0, 3.0); x.len()];
+    assert!(greatest(&elements.apply_stiffness(&constant, &rotations)) < ROUNDING * greatest(&kx));
+}
+
+/// With R the exact polar rotation, R . F is stationary in R, so the force is the gradient of the corotational energy
+/// even though R moves along; the stiffness, which holds R, is the gradient of the force at fixed R.
+#[test]
+fn forces_are_the_gradient_of_the_energy() {
+    let (layer, elements, d) = bent_box(6);
+    // So that nothing is squeezed.
+    let d: Vec<DVec3> = d.iter().map(|d| 0.3 * *d).collect();
+    let rotations = elements.rotations(&d);
+    assert_eq!(elements.linearised(&d, &rotations).operators, elements.operators);
+    let mut random = Random(7);
+    let p: Vec<_> = layer.nodes.iter().map(|_| 0.01 * random.vector()).collect();
+    let world: Vec<_> = p.iter().map(|p| elements.frame * *p).collect();
+    let moved = |t: f64| d.iter().zip(&p).map(|(d, p)| *d + t * *p).collect::<Vec<_>>();
+    let step = 1e-4;
+    let energy = |t: f64| elements.energy(&moved(t), &elements.rotations(&moved(t)));
+    let slope = (energy(step) - energy(-step)) / (2.0 * step);
+    let work = -dot(&elements.forces(&d, &rotations), &world);
+    println!("energy slope {slope:.9e}, force {work:.9e}");
+    assert!((slope - work).abs() < DIFFERENCE * work.abs());
+    let (up, down) = (elements.forces(&moved(step), &rotations), elements.forces(&moved(-step), &rotations));
+    let difference: Vec<_> = up.iter().zip(&down).map(|(u, w)| -(*u - *w) / (2.0 * step)).collect();
+    let product = elements.apply_stiffness(&world, &rotations);
+    let error: Vec<_> = difference.iter().zip(&product).map(|(a, b)| *a - *b).collect();
+    assert!(greatest(&error) < DIFFERENCE * greatest(&product));
+}
+
+/// Pressed to a tenth of its height and shaken, a box is squeezed nearly everywhere: the force is still the gradient of the
+/// energy, and the operator is at least as stiff as the force's true slope.
+#[test]
+fn a_squeezed_box_pushes_back_by_its_energy() {
+    let (layer, elements, noise) = bent_box(16);
+    let flat = |(r, n): (&DVec3, &DVec3)| DVec3::new(0.0, -0.9 * r.y, 0.0) + 0.02 * *n;
+    let d: Vec<DVec3> = layer.nodes.iter().zip(&noise).map(flat).collect();
+    let rotations = elements.rotations(&d);
+    let operator = elements.linearised(&d, &rotations);
+    assert!(
+        operator.operators.iter().zip(&elements.operators).filter(|(now, rest)| now.mu > rest.mu).count()
+            > elements.tetrahedra.len() / 2
+    );
+    let mut random = Random(17);
+    let p: Vec<_> = layer.nodes.iter().map(|_| 0.01 * random.vector()).collect();
+    let world: Vec<_> = p.iter().map(|p| elements.frame * *p).collect();
+    let moved = |t: f64| d.iter().zip(&p).map(|(d, p)| *d + t * *p).collect::<Vec<_>>();
+    let step = 1e-5;
+    let energy = |t: f64| elements.energy(&moved(t), &elements.rotations(&moved(t)));
+    let slope = (energy(step) - energy(-step)) / (2.0 * step);
+    let work = -dot(&elements.forces(&d, &rotations), &world);
+    assert!((slope - work).abs() < 1e-5 * work.abs(), "{slope} {work}");
+    let (up, down) = (elements.forces(&moved(step), &rotations), elements.forces(&moved(-step), &rotations));
+    let true_slope = -(dot(&up, &world) - dot(&down, &world)) / (2.0 * step);
+    let product = dot(&operator.apply_stiffness(&world, &rotations), &world);
+    assert!(true_slope > 1.5 * dot(&elements.apply_stiffness(&world, &rotations), &world), "it stiffens");
+    assert!(product >= true_slope, "{product} {true_slope}");
+}
+
+#[test]
+fn rotations_are_proper_and_nearest() {
+    let mut random = Random(8);
+    for _ in 0..200 {
+        let f = DMat3::from_cols(random.vector(), random.vector(), random.vector());
+        let r = DMat3::from_quat(polar_rotation(f));
+        assert!((r.determinant() - 1.0).abs() < ROUNDING);
+        let s = r.transpose() * f;
+        let skew = s - s.transpose();
+        assert!(skew.to_cols_array().iter().all(|x| x.abs() < ROUNDING), "R^T F is symmetric");
+        // Of all rotations it is the nearest: none nearby does better.
+        let near = |r: DMat3| (r - f).to_cols_array().iter().map(|x| x * x).sum::<f64>();
+        let other = DMat3::from_quat(DQuat::from_scaled_axis(0.1 * random.vector())) * r;
+        assert!(near(r) <= near(other) + ROUNDING);
+    }
+}
+
+#[test]
+fn strain_of_tiny_displacements_keeps_its_digits() {
+    let (e, w) = (1e-14, 1e-9);
+    let g = DMat3::from_cols(DVec3::new(e, w, 0.0), DVec3::new(-w, 0.0, 0.0), DVec3::ZERO);
+    let q = polar_rotation(DMat3::IDENTITY + g);
+    let strain = strain(q, g);
+    // A turn of w shortens by w^2 / 2, far below e: to the second digit the strain is e along x.
+    assert!((strain.x_axis.x - e).abs() < 0.01 * e, "{:e}", strain.x_axis.x);
+    assert!(strain.y_axis.y.abs() < 0.01 * e);
+}

@@ -1,0 +1,101 @@
+//! Laws of whole scenes: two soft blocks in contact, and a tool pressed into a block by its device.
+
+use glam::{DQuat, DVec3};
+
+use super::contact::sphere;
+use super::material;
+use crate::contact::{Contact, Law, Support, Surface, gather};
+use crate::skin;
+use crate::step::{Simulation, SoftBody, auto_stiffness};
+use crate::testing::boundary;
+use crate::tool::{Device, Tool};
+use palpate::prepare::layer::kuhn_box;
+use palpate::scene::Coupling;
+
+/// Rounding of a direct solve of a few thousand unknowns, relative.
+const SOLVE: f64 = 1e-9;
+
+/// A block whose skin vertices are its nodes.
+fn block(half: f64, cells: u32, centre: DVec3, velocity: DVec3) -> SoftBody {
+    let layer = kuhn_box(DVec3::splat(-half), DVec3::splat(half), [cells; 3]);
+    SoftBody::new(layer, material(2e4, 0.4), centre, DQuat::IDENTITY, velocity)
+}
+
+fn law(body: &SoftBody) -> Law {
+    let stiffness = auto_stiffness(&[(&body.layer, &body.elements.materials[0])]).unwrap();
+    Law { stiffness, damping: stiffness * 1e-3, depth_limit: 0.02 }
+}
+
+#[test]
+fn two_blocks_in_contact_keep_their_momentum() {
+    let mut simulation = Simulation::new(1e-3, DVec3::ZERO);
+    simulation.bodies.push(block(0.05, 3, DVec3::ZERO, DVec3::Y * 0.5));
+    simulation.bodies.push(block(0.05, 4, DVec3::new(0.013, 0.1005, 0.02), DVec3::ZERO));
+    let law = law(&simulation.bodies[0]);
+    let skins: Vec<_> = simulation.bodies.iter().map(|b| boundary(&b.layer)).collect();
+    let areas: Vec<_> = simulation.bodies.iter().zip(&skins).map(|(b, t)| skin::areas(&b.layer.nodes, t)).collect();
+    let start: DVec3 = simulation.bodies.iter().map(SoftBody::momentum).sum();
+    let mut touched = 0;
+    for _ in 0..60 {
+        let embeddings: Vec<_> = simulation.bodies.iter().map(|b| skin::node_embedding(&b.layer)).collect();
+        let surface = |i: usize| Surface {
+            positions: simulation.bodies[i].world_nodes(),
+            triangles: &skins[i],
+            areas: &areas[i],
+            support: Support::Soft(i, &simulation.bodies[i].layer, &embeddings[i]),
+        };
+        let contacts: Vec<Contact> = gather(DVec3::Y, &surface(0), &surface(1), &law);
+        touched += contacts.len();
+        simulation.step(None, &contacts).unwrap();
+        let now: DVec3 = simulation.bodies.iter().map(SoftBody::momentum).sum();
+        assert!((now - start).length() < SOLVE * start.length(), "{now} {start}");
+    }
+    let passed = simulation.bodies[1].momentum().y / start.y;
+    println!("two blocks: {touched} contacts, {passed:.3} of the momentum passed on");
+    assert!(touched > 100 && passed > 0.5, "they collided");
+}
+
+#[test]
+fn the_wrench_at_rest_balances_the_coupling() {
+    let mut simulation = Simulation::new(2e-3, DVec3::ZERO);
+    let mut body = block(0.05, 6, DVec3::ZERO, DVec3::ZERO);
+    body.layer.bound = body.layer.nodes.iter().map(|x| x.y < -0.049).collect();
+    body.elements.damping = body.elements.masses.iter().map(|mass| 20.0 * mass).collect();
+    let law = law(&body);
+    simulation.bodies.push(body);
+    let mut tool = Tool::sphere(0.02, 0.05, DVec3::new(0.004, 0.0701, -0.003));
+    tool.coupling = Some(Coupling { stiffness: 500.0, damping: 2.0, angular_stiffness: 0.5, angular_damping: 0.002 });
+    simulation.tool = Some(tool);
+    let (local, triangles) = sphere(0.02, DVec3::ZERO, 4);
+    let tool_areas = skin::areas(&local, &triangles);
+    let skin = boundary(&simulation.bodies[0].layer);
+    let areas = skin::areas(&simulation.bodies[0].layer.nodes, &skin);
+    let still = (DVec3::ZERO, DVec3::ZERO);
+    let (position, orientation) = (DVec3::new(0.004, 0.064, -0.003), DQuat::IDENTITY);
+    let device = Device { position, orientation, velocity: still.0, angular_velocity: still.1 };
+    let mut wrench = Default::default();
+    for _ in 0..400 {
+        let body = &simulation.bodies[0];
+        let embedding = skin::node_embedding(&body.layer);
+        let tool = simulation.tool.as_ref().unwrap();
+        let a = Surface {
+            positions: local.iter().map(|x| tool.place(*x)).collect(),
+            triangles: &triangles,
+            areas: &tool_areas,
+            support: Support::Tool,
+        };
+        let support = Support::Soft(0, &body.layer, &embedding);
+        let b = Surface { positions: body.world_nodes(), triangles: &skin, areas: &areas, support };
+        let contacts = gather(DVec3::NEG_Y, &a, &b, &law);
+        wrench = simulation.step(Some(&device), &contacts).unwrap().wrench;
+    }
+    let (pull, twist) = simulation.tool.as_ref().unwrap().coupling_wrench(&device);
+    println!("press: contact {:.5} N, coupling {:.5} N", wrench.force, pull);
+    assert!(wrench.force.y > 0.1, "the block pushes the tool up");
+    assert!((wrench.force + pull).length() < 1e-3 * pull.length());
+    assert!((wrench.torque + twist).length() < 1e-3 * pull.length() * 0.02);
+    for i in 0..6 {
+        assert!(wrench.stiffness[i][i] >= 0.0);
+        assert!((0..6).all(|j| wrench.stiffness[i][j] == wrench.stiffness[j][i]));
+    }
+}

@@ -1,0 +1,107 @@
+//! Newton's iterations of a step: its elasticity linearised again where the last solve would take it. Each solve is for the
+//! whole change of velocity from the start of the step, so that the last one is the step; what does not change with
+//! displacement (inertia, contacts, arms of cores) stays as it was at the start. At the fixed point the step is implicit
+//! Euler solved exactly.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::body::SoftBody;
+use super::elastic::outer;
+use super::linear::Entries;
+use super::step::{Map, Simulation, Unknowns, add_mapped};
+use palpate::scene::Material;
+
+/// Where a body's elasticity is linearised.
+pub(super) struct Trial {
+    /// Rest axes, m.
+    pub displacement: Vec<DVec3>,
+    /// End velocities that the displacements hold already, world, m/s; zero at the start of the step.
+    pub velocity: Vec<DVec3>,
+    /// Of each tetrahedron.
+    pub rotations: Vec<DQuat>,
+}
+
+impl Trial {
+    /// The start of the step.
+    pub fn start(body: &SoftBody) -> Trial {
+        Trial {
+            displacement: body.displacement.clone(),
+            velocity: vec![DVec3::ZERO; body.displacement.len()],
+            rotations: body.rotations(),
+        }
+    }
+}
+
+impl Simulation {
+    /// (1 + h alpha) M + (h^2 + h beta) K, and h [M g + f_el - alpha M v - (beta + h) K v + h K v_t], f_el and K of the trial,
+    /// v_t its velocity; alpha, beta of each element.
+    pub(super) fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, trial: &Trial, unknowns: &[Map]) {
+        let Trial { displacement, rotations, .. } = trial;
+        let (h, mut elements) = (self.dt, body.elements.linearised(displacement, rotations));
+        for (nodes, operator) in elements.tetrahedra.iter().zip(&mut elements.operators) {
+            // Within a core nothing deforms. The operator of a trial does not know that: the core's arms are those of the start.
+            let [first, others @ ..] = nodes.map(|n| &unknowns[n as usize]);
+            if first.len() > 1 && others.iter().all(|map| map.len() > 1 && map[0].0 == first[0].0) {
+                (operator.mu, operator.lambda) = (0.0, 0.0);
+            }
+        }
+        let weight = |material: &Material| h * (h + material.damping_stiffness);
+        for (e, nodes) in elements.tetrahedra.iter().enumerate() {
+            let blocks = elements.stiffness_blocks(e, rotations[e]);
+            for (k, i) in nodes.iter().enumerate() {
+                for (l, j) in nodes.iter().enumerate() {
+                    let block = blocks[k][l] * weight(&elements.materials[e]);
+                    add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &block);
+                }
+            }
+        }
+        for row in elements.weighted_patch_rows(rotations, weight) {
+            for (i, left) in &row {
+                for (j, right) in &row {
+                    let block = outer(*left, *right);
+                    add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &block);
+                }
+            }
+        }
+        let elastic = elements.forces(displacement, rotations);
+        let stiff = elements.apply_weighted(&body.velocity, rotations, weight);
+        let held = elements.apply_weighted(&trial.velocity, rotations, |_| h * h);
+        for (i, map) in unknowns.iter().enumerate() {
+            let (mass, damping) = (elements.masses[i], elements.damping[i]);
+            let inertial = mass * self.gravity - damping * body.velocity[i];
+            let load = h * (inertial + elastic[i]) - stiff[i] + held[i];
+            add_mapped(a, map, map, &DMat3::from_diagonal(DVec3::splat(mass + h * damping)));
+            for (first, matrix) in map {
+                let mapped = matrix.transpose() * load;
+                (0..3).for_each(|axis| b[first + axis] += mapped[axis]);
+            }
+        }
+    }
+
+    /// Where this change of the unknowns would take each body by the end of the step.
+    pub(super) fn trials(&self, unknowns: &Unknowns, change: &[f64]) -> Vec<Trial> {
+        let three = |first: usize| DVec3::from_slice(&change[first..first + 3]);
+        let mut trials = Vec::new();
+        for (body, maps) in self.bodies.iter().zip(&unknowns.nodes) {
+            let gained = maps.iter().map(|map| map.iter().map(|(first, p)| *p * three(*first)).sum::<DVec3>());
+            let velocity: Vec<DVec3> = body.velocity.iter().zip(gained).map(|(v, x)| *v + x).collect();
+            let back = body.elements.frame.transpose();
+            let moved = body.displacement.iter().zip(&velocity).map(|(d, v)| *d + self.dt * (back * *v));
+            trials.push(Trial { displacement: moved.collect(), velocity, rotations: Vec::new() });
+        }
+        for (core, first) in self.cores.iter().zip(&unknowns.cores) {
+            let turn = DQuat::from_scaled_axis(self.dt * (core.spin + three(first + 3)));
+            let centre = core.centre + self.dt * (core.velocity + three(*first));
+            for (index, node) in &core.nodes {
+                let body = &self.bodies[*index];
+                let place = centre + turn * (body.world_node(*node) - core.centre);
+                let rest = body.elements.frame.transpose() * (place - body.position);
+                trials[*index].displacement[*node as usize] = rest - body.layer.nodes[*node as usize];
+            }
+        }
+        for (trial, body) in trials.iter_mut().zip(&self.bodies) {
+            trial.rotations = body.elements.rotations(&trial.displacement);
+        }
+        trials
+    }
+}

@@ -1,0 +1,57 @@
+//! Skin vertices from nodes, and which of them face a direction. Twin of the skin stage.
+
+use glam::DVec3;
+
+use palpate::prepare::{Embedding, Layer};
+
+/// Values at skin vertices (positions, displacements or velocities) as weighted sums of values at nodes.
+pub fn embed(embedding: &[Embedding], layer: &Layer, nodes: &[DVec3]) -> Vec<DVec3> {
+    let sum = |e: &Embedding| {
+        let corners = layer.tetrahedra[e.tetrahedron as usize];
+        corners.iter().zip(e.weights).map(|(i, w)| nodes[*i as usize] * w).sum()
+    };
+    embedding.iter().map(sum).collect()
+}
+
+/// Unit outward normal of each vertex: the normalised sum of its triangles' area vectors; zero where that vanishes.
+pub fn normals(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
+    let mut sums = vec![DVec3::ZERO; positions.len()];
+    for t in triangles {
+        let area = area_vector(positions, t);
+        for i in t {
+            sums[*i as usize] += area;
+        }
+    }
+    sums.into_iter().map(DVec3::normalize_or_zero).collect()
+}
+
+/// Area times outward normal of a triangle, m^2.
+pub fn area_vector(positions: &[DVec3], triangle: &[u32; 3]) -> DVec3 {
+    let [a, b, c] = triangle.map(|i| positions[i as usize]);
+    (b - a).cross(c - a) * 0.5
+}
+
+/// A third of the adjacent triangles' areas, m^2.
+pub fn areas(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<f64> {
+    let mut areas = vec![0.0; positions.len()];
+    for t in triangles {
+        let third = area_vector(positions, t).length() / 3.0;
+        for i in t {
+            areas[*i as usize] += third;
+        }
+    }
+    areas
+}
+
+/// The embedding of a skin whose vertices are all the layer's nodes, in order: weight exactly 1 on the node, in the
+/// first tetrahedron that has it. Nodes of no tetrahedron get weight 0.
+pub fn node_embedding(layer: &Layer) -> Vec<Embedding> {
+    let mut embedding = vec![Embedding { tetrahedron: 0, weights: [0.0; 4] }; layer.nodes.len()];
+    for (t, corners) in layer.tetrahedra.iter().enumerate().rev() {
+        for (k, i) in corners.iter().enumerate() {
+            let weights = std::array::from_fn(|l| if l == k { 1.0 } else { 0.0 });
+            embedding[*i as usize] = Embedding { tetrahedron: t as u32, weights };
+        }
+    }
+    embedding
+}

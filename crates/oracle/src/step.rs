@@ -1,0 +1,381 @@
+//! The whole step in f64: implicit Euler of soft bodies, contacts and the tool, solved directly (DESIGN.md section 2).
+
+use glam::{DMat3, DQuat, DVec3};
+
+use palpate::Result;
+pub use crate::body::{Core, Held, SoftBody};
+use crate::contact::{Carrier, Contact, Point};
+use crate::friction::Friction;
+use crate::joint::Joint;
+use crate::linear::{Entries, Solver};
+use crate::newton::Trial;
+use crate::tool::{Device, Tool};
+use crate::tool;
+use crate::wrench::Wrench;
+use crate::wrench;
+use palpate::prepare::Layer;
+use palpate::scene::Material;
+
+/// Flag: contacts were adhesive after the last repeated solve too; they count zero.
+pub const ADHESIVE_TWICE: u32 = 256;
+/// Solves again without the contacts that pull, at most; as many as the device's.
+pub const MAX_RETRIES: usize = 4;
+
+/// A contact and what the solver did with it.
+#[derive(Debug, Clone)]
+pub struct Resolved {
+    /// The contact.
+    pub contact: Contact,
+    /// Size of the force that pushes the two bodies apart along the normal, N; never negative.
+    pub force: f64,
+    /// Friction on the first body, N; its opposite acts on the second.
+    pub friction: DVec3,
+    /// Friction over the tangential velocity at the end of the step, N s/m.
+    pub viscosity: f64,
+    /// Whether it was in the last solve and pushes.
+    pub active: bool,
+}
+
+/// What a step reports.
+#[derive(Debug, Clone)]
+pub struct Report {
+    /// Every contact offered to the step, in the same order.
+    pub contacts: Vec<Resolved>,
+    /// Wrench on the tool, or on the held core's body; zero without either.
+    pub wrench: Wrench,
+    /// Bit mask of the trace.
+    pub flags: u32,
+}
+
+/// Soft bodies and the tool, and the step.
+#[derive(Default)]
+pub struct Simulation {
+    /// Time step, s.
+    pub dt: f64,
+    /// Gravity, m/s^2.
+    pub gravity: DVec3,
+    /// Soft bodies.
+    pub bodies: Vec<SoftBody>,
+    /// The tool.
+    pub tool: Option<Tool>,
+    /// Dynamic cores.
+    pub cores: Vec<Core>,
+    /// Joints between them.
+    pub joints: Vec<Joint>,
+    /// Which of the cores the device holds.
+    pub held: Option<Held>,
+    /// Friction of all contacts, if there is any.
+    pub friction: Option<Friction>,
+    /// Linearisations of elasticity in a step.
+    pub newton: usize,
+    /// Direct solver; keeps its symbolic factorisation.
+    pub solver: Solver,
+}
+
+/// How a node's velocity follows from unknowns: sum of 3x3 matrices times three unknowns from an index on; none where
+/// its motion is known.
+pub type Map = Vec<(usize, DMat3)>;
+
+/// Where each node, core and the tool sit among the unknowns.
+pub struct Unknowns {
+    /// Of each node of each body: a free node's own three, a carried node's core's six.
+    pub nodes: Vec<Vec<Map>>,
+    /// First of the six of each core.
+    pub cores: Vec<usize>,
+    /// First of the tool's six.
+    pub tool: usize,
+    /// All of them.
+    pub count: usize,
+}
+
+impl Simulation {
+    /// An empty scene.
+    pub fn new(dt: f64, gravity: DVec3) -> Self {
+        Self { dt, gravity, newton: 1, ..Self::default() }
+    }
+
+    /// Advances by one step. `device`: pose and twist at the end of the step; `contacts`: gathered from the present
+    /// state. Errors where the system cannot be factorised.
+    pub fn step(&mut self, device: Option<&Device>, contacts: &[Contact]) -> Result<Report> {
+        let unknowns = self.unknowns();
+        let mut trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
+        let rows: Vec<_> = contacts.iter().map(|c| self.row(&unknowns, c)).collect();
+        let start = self.velocities(&unknowns);
+        let known: Vec<f64> = contacts.iter().map(|c| self.known_rate(&unknowns, c)).collect();
+        let drags: Vec<_> = contacts.iter().map(|c| self.drag(&unknowns, &start, c)).collect();
+        let mut active = vec![true; contacts.len()];
+        let mut change = Vec::new();
+        let mut pressures = Vec::new();
+        let mut flags = 0;
+        for left in (0..self.newton).rev() {
+            let (base, load) = self.system(&unknowns, &trials, device);
+            for attempt in 0..=MAX_RETRIES {
+                let (mut a, mut b) = (base.clone(), load.clone());
+                for j in (0..contacts.len()).filter(|&j| active[j]) {
+                    let rate = known[j] + dot(&rows[j], &start);
+                    add_contact(&mut a, &mut b, &rows[j], &contacts[j], rate, self.dt);
+                    drags[j].add(&mut a, &mut b, self.dt);
+                }
+                change = self.solver.solve(&a, &b)?;
+                let end: Vec<f64> = start.iter().zip(&change).map(|(v, dv)| v + dv).collect();
+                let rate = |j: usize| known[j] + dot(&rows[j], &end);
+                pressures = contacts.iter().enumerate().map(|(j, c)| self.pressure(c, rate(j))).collect();
+                let pulling = (0..contacts.len()).filter(|&j| active[j] && pressures[j] < 0.0).collect::<Vec<_>>();
+                // What still pulls after the last repeated solve may push in the next linearisation.
+                if pulling.is_empty() || (attempt == MAX_RETRIES && left > 0) {
+                    break;
+                }
+                pulling.iter().for_each(|&j| active[j] = false);
+                flags |= if attempt == MAX_RETRIES { ADHESIVE_TWICE } else { 0 };
+            }
+            if left > 0 {
+                trials = self.trials(&unknowns, &change);
+            }
+        }
+        let resolve = |j: usize| Resolved {
+            contact: contacts[j].clone(),
+            force: if active[j] { contacts[j].area * pressures[j] } else { 0.0 },
+            friction: if active[j] { drags[j].force(&change) } else { DVec3::ZERO },
+            viscosity: drags[j].viscosity,
+            active: active[j],
+        };
+        let contacts: Vec<_> = (0..contacts.len()).map(resolve).collect();
+        let wrench = match (&self.tool, &self.held) {
+            (Some(tool), _) => wrench::on_tool(&contacts, tool.centre),
+            (None, Some(held)) => wrench::on_core(&contacts, &self.cores[held.core]),
+            (None, None) => Wrench::default(),
+        };
+        self.commit(&unknowns, &change);
+        Ok(Report { contacts, wrench, flags })
+    }
+
+    /// Numbers the unknowns: nodes by body, then the tool.
+    pub fn unknowns(&self) -> Unknowns {
+        let mut count = 0;
+        let mut number = |bound: &bool| {
+            let first = count;
+            count += if *bound { 0 } else { 3 };
+            if *bound { vec![] } else { vec![(first, DMat3::IDENTITY)] }
+        };
+        let mut nodes: Vec<Vec<Map>> =
+            self.bodies.iter().map(|b| b.layer.bound.iter().map(&mut number).collect()).collect();
+        let cores: Vec<usize> = (0..self.cores.len()).map(|k| count + 6 * k).collect();
+        for (core, first) in self.cores.iter().zip(&cores) {
+            for (body, node) in &core.nodes {
+                let arm = self.bodies[*body].world_node(*node) - core.centre;
+                let (linear, angular) = core.freedom();
+                nodes[*body][*node as usize] = vec![(*first, linear), (*first + 3, cross_matrix(-arm) * angular)];
+            }
+        }
+        let tool = count + 6 * cores.len();
+        Unknowns { nodes, cores, tool, count: tool + if self.tool.is_some() { 6 } else { 0 } }
+    }
+
+    /// A and b of the next step with all of these contacts in it.
+    pub fn assemble(&self, device: Option<&Device>, contacts: &[Contact]) -> (Entries, Vec<f64>) {
+        let unknowns = self.unknowns();
+        let trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
+        let (mut a, mut b) = self.system(&unknowns, &trials, device);
+        let start = self.velocities(&unknowns);
+        for contact in contacts {
+            let row = self.row(&unknowns, contact);
+            let rate = self.known_rate(&unknowns, contact) + dot(&row, &start);
+            add_contact(&mut a, &mut b, &row, contact, rate, self.dt);
+            self.drag(&unknowns, &start, contact).add(&mut a, &mut b, self.dt);
+        }
+        (a, b)
+    }
+
+    /// A and b without contacts, linearised at these places of the bodies.
+    fn system(&self, unknowns: &Unknowns, trials: &[Trial], device: Option<&Device>) -> (Entries, Vec<f64>) {
+        let (mut a, mut b) = (Entries::default(), vec![0.0; unknowns.count]);
+        for ((body, nodes), trial) in self.bodies.iter().zip(&unknowns.nodes).zip(trials) {
+            self.add_body(&mut a, &mut b, body, trial, nodes);
+        }
+        for (core, first) in self.cores.iter().zip(&unknowns.cores) {
+            let inertia = core.nodes.iter().fold(DMat3::ZERO, |sum, (body, node)| {
+                let body = &self.bodies[*body];
+                sum + tool::point_inertia(body.elements.masses[*node as usize], body.world_node(*node) - core.centre)
+            });
+            let (linear, angular) = core.freedom();
+            if core.hinge.is_some() {
+                // No spin about an axis that rests has such a torque about it. Unknowns that move nothing are zero.
+                a.add_block(*first, *first, &(DMat3::IDENTITY - linear));
+                a.add_block(first + 3, first + 3, &(DMat3::IDENTITY - angular));
+                continue;
+            }
+            let gyroscopic = tool::gyroscopic(inertia, core.spin, self.dt);
+            (0..3).for_each(|axis| b[first + 3 + axis] += gyroscopic[axis]);
+        }
+        for joint in &self.joints {
+            joint.add_terms(&self.cores, &unknowns.cores, &mut a, &mut b, self.dt);
+        }
+        if let (Some(held), Some(device)) = (&self.held, device) {
+            held.add_terms(&self.cores[held.core], &mut a, &mut b, unknowns.cores[held.core], self.dt, device);
+        }
+        if let Some(tool) = &self.tool {
+            tool.add_terms(&mut a, &mut b, unknowns.tool, self.dt, self.gravity, device);
+        }
+        (a, b)
+    }
+
+    /// The row c with depth rate = c . velocities.
+    pub fn row(&self, unknowns: &Unknowns, contact: &Contact) -> Vec<(usize, f64)> {
+        self.row_along(unknowns, contact, contact.normal)
+    }
+
+    /// The row c with c . velocities the relative velocity along a direction.
+    pub(super) fn row_along(&self, unknowns: &Unknowns, contact: &Contact, direction: DVec3) -> Vec<(usize, f64)> {
+        let mut row = Vec::new();
+        self.add_point(&mut row, unknowns, &contact.first, direction);
+        self.add_point(&mut row, unknowns, &contact.second, -direction);
+        row
+    }
+
+    fn add_point(&self, row: &mut Vec<(usize, f64)>, unknowns: &Unknowns, point: &Point, direction: DVec3) {
+        match (&point.carrier, &self.tool) {
+            (Carrier::Nodes(body, weights), _) => {
+                for (node, weight) in weights {
+                    for (first, matrix) in &unknowns.nodes[*body][*node as usize] {
+                        let mapped = *weight * (matrix.transpose() * direction);
+                        row.extend((0..3).map(|axis| (first + axis, mapped[axis])));
+                    }
+                }
+            }
+            (Carrier::Tool, Some(tool)) => {
+                let moment = (point.position - tool.centre).cross(direction);
+                let both = direction.to_array().into_iter().chain(moment.to_array());
+                row.extend(both.enumerate().map(|(k, x)| (unknowns.tool + k, x)));
+            }
+            (Carrier::Fixed, _) | (Carrier::Tool, None) => {}
+        }
+    }
+
+    fn velocities(&self, unknowns: &Unknowns) -> Vec<f64> {
+        let mut all = vec![0.0; unknowns.count];
+        for (body, nodes) in self.bodies.iter().zip(&unknowns.nodes) {
+            for (v, map) in body.velocity.iter().zip(nodes) {
+                if let [(first, _)] = map[..] {
+                    all[first..first + 3].copy_from_slice(&v.to_array());
+                }
+            }
+        }
+        for (core, first) in self.cores.iter().zip(&unknowns.cores) {
+            all[*first..first + 3].copy_from_slice(&core.velocity.to_array());
+            all[first + 3..first + 6].copy_from_slice(&core.spin.to_array());
+        }
+        if let Some(tool) = &self.tool {
+            all[unknowns.tool..unknowns.tool + 3].copy_from_slice(&tool.velocity.to_array());
+            all[unknowns.tool + 3..].copy_from_slice(&tool.angular_velocity.to_array());
+        }
+        all
+    }
+
+    /// What nodes whose velocities are known give to the depth rate, m/s.
+    pub(super) fn known_rate(&self, unknowns: &Unknowns, contact: &Contact) -> f64 {
+        self.known_along(unknowns, contact, contact.normal)
+    }
+
+    pub(super) fn known_along(&self, unknowns: &Unknowns, contact: &Contact, along: DVec3) -> f64 {
+        let of = |point: &Point, direction: DVec3| match &point.carrier {
+            Carrier::Nodes(index, weights) => {
+                let (index, body) = (*index, &self.bodies[*index]);
+                let known = weights.iter().filter(|(node, _)| unknowns.nodes[index][*node as usize].is_empty());
+                known.map(|(node, weight)| weight * direction.dot(body.velocity[*node as usize])).sum()
+            }
+            Carrier::Tool | Carrier::Fixed => 0.0,
+        };
+        of(&contact.first, along) + of(&contact.second, -along)
+    }
+
+    /// k depth + (h k + d) depth' at this rate, N/m^2.
+    fn pressure(&self, contact: &Contact, rate: f64) -> f64 {
+        contact.stiffness * contact.depth + (self.dt * contact.stiffness + contact.damping) * rate
+    }
+
+    /// v1 = v0 + dv, d1 = d0 + h R^T v1; bound nodes keep the velocity they were given; the tool moves with its new twist.
+    fn commit(&mut self, unknowns: &Unknowns, change: &[f64]) {
+        for (body, nodes) in self.bodies.iter_mut().zip(&unknowns.nodes) {
+            let to_rest = body.elements.frame.transpose();
+            for (i, map) in nodes.iter().enumerate() {
+                if let [(first, _)] = map[..] {
+                    body.velocity[i] += DVec3::from_slice(&change[first..first + 3]);
+                }
+                if map.len() < 2 {
+                    body.displacement[i] += self.dt * (to_rest * body.velocity[i]);
+                }
+            }
+        }
+        for (core, first) in self.cores.iter_mut().zip(&unknowns.cores) {
+            core.velocity += DVec3::from_slice(&change[*first..first + 3]);
+            core.spin += DVec3::from_slice(&change[first + 3..first + 6]);
+            let (from, turn) = (core.centre, DQuat::from_scaled_axis(self.dt * core.spin));
+            core.centre += self.dt * core.velocity;
+            for (body, node) in &core.nodes {
+                let body = &mut self.bodies[*body];
+                let arm = turn * (body.world_node(*node) - from);
+                let node = *node as usize;
+                let rest = body.elements.frame.transpose() * (core.centre + arm - body.position);
+                body.displacement[node] = rest - body.layer.nodes[node];
+                body.velocity[node] = core.velocity + core.spin.cross(arm);
+            }
+        }
+        self.joints.iter_mut().for_each(|joint| joint.advance(&self.cores, self.dt));
+        if let Some(held) = &mut self.held {
+            held.turn(self.dt, &self.cores[held.core]);
+        }
+        if let Some(tool) = &mut self.tool {
+            let twist = std::array::from_fn(|k| change[unknowns.tool + k]);
+            tool.advance(self.dt, twist);
+        }
+    }
+}
+
+/// (h^2 k + h d) a c c^T, and -h a (k depth + (d + h k) depth') c; `rate`: depth' at the start, m/s.
+fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &Contact, rate: f64, h: f64) {
+    let slope = contact.damping + h * contact.stiffness;
+    a.add_outer(row, h * slope * contact.area);
+    let impulse = -h * contact.area * (contact.stiffness * contact.depth + slope * rate);
+    for (i, x) in row {
+        b[*i] += impulse * x;
+    }
+}
+
+/// The block between two nodes as the unknowns behind them feel it, P_i^T B P_j.
+pub(super) fn add_mapped(a: &mut Entries, rows: &Map, columns: &Map, block: &DMat3) {
+    for (row, left) in rows {
+        for (column, right) in columns {
+            a.add_block(*row, *column, &(left.transpose() * *block * *right));
+        }
+    }
+}
+
+/// [v]x with [v]x p = v x p.
+fn cross_matrix(v: DVec3) -> DMat3 {
+    DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0))
+}
+
+pub(super) fn dot(row: &[(usize, f64)], x: &[f64]) -> f64 {
+    row.iter().map(|(i, c)| c * x[*i]).sum()
+}
+
+/// Penalty stiffness "auto", N/m^3: 20 E / (1 - nu^2) / (mean layer edge) of the softer of these bodies (the one with
+/// the smaller E / (1 - nu^2); of equal ones the softer result). `None` without a soft body.
+pub fn auto_stiffness(soft: &[(&Layer, &Material)]) -> Option<f64> {
+    let modulus = |m: &Material| m.young / (1.0 - m.poisson * m.poisson);
+    let result = |(layer, m): &(&Layer, &Material)| (modulus(m), 20.0 * modulus(m) / mean_edge(layer));
+    let least = soft.iter().map(result).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    least.map(|(_, stiffness)| stiffness)
+}
+
+/// Mean length of a layer's distinct edges, m.
+pub fn mean_edge(layer: &Layer) -> f64 {
+    let mut edges = std::collections::BTreeSet::new();
+    for t in &layer.tetrahedra {
+        for (i, a) in t.iter().enumerate() {
+            edges.extend(t[i + 1..].iter().map(|b| (*a.min(b), *a.max(b))));
+        }
+    }
+    let length = |(a, b): &(u32, u32)| layer.nodes[*a as usize].distance(layer.nodes[*b as usize]);
+    edges.iter().map(length).sum::<f64>() / edges.len() as f64
+}

@@ -1,0 +1,168 @@
+//! The rigid body a haptic device holds: its inertia, its virtual coupling, its pose update.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::elastic::outer;
+use crate::linear::Entries;
+use palpate::scene::Coupling;
+
+/// A rigid body with six degrees of freedom; its unknowns are the change of `velocity`, then of `angular_velocity`.
+#[derive(Debug, Clone)]
+pub struct Tool {
+    /// Mass, kg.
+    pub mass: f64,
+    /// Inertia about the centre of mass, tool axes, kg m^2.
+    pub inertia: DMat3,
+    /// Centre of mass, m.
+    pub centre: DVec3,
+    /// World from tool axes.
+    pub orientation: DQuat,
+    /// Velocity of the centre, m/s.
+    pub velocity: DVec3,
+    /// Angular velocity, rad/s, world axes.
+    pub angular_velocity: DVec3,
+    /// Spring and damper to the device; `None`: the tool moves freely.
+    pub coupling: Option<Coupling>,
+}
+
+/// Pose and twist of the haptic device at the end of a step.
+#[derive(Debug, Clone, Copy)]
+pub struct Device {
+    /// Position of the handle, m.
+    pub position: DVec3,
+    /// Orientation of the handle.
+    pub orientation: DQuat,
+    /// Velocity, m/s.
+    pub velocity: DVec3,
+    /// Angular velocity, rad/s.
+    pub angular_velocity: DVec3,
+}
+
+impl Tool {
+    /// A resting solid sphere without coupling.
+    pub fn sphere(radius: f64, mass: f64, centre: DVec3) -> Self {
+        let inertia = DMat3::from_diagonal(DVec3::splat(0.4 * mass * radius * radius));
+        let (velocity, angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
+        Self { mass, inertia, centre, orientation: DQuat::IDENTITY, velocity, angular_velocity, coupling: None }
+    }
+
+    /// Inertia tensor about the centre, world axes.
+    pub fn world_inertia(&self) -> DMat3 {
+        let r = DMat3::from_quat(self.orientation);
+        r * self.inertia * r.transpose()
+    }
+
+    /// World position of a point given in tool axes from the centre.
+    pub fn place(&self, local: DVec3) -> DVec3 {
+        self.centre + self.orientation * local
+    }
+
+    /// Adds the tool's terms to A and to b, from unknown `first` on: inertia, gravity, the gyroscopic torque
+    /// and the virtual coupling to the device's pose and twist at the end of the step of `h` seconds.
+    pub fn add_terms(
+        &self,
+        a: &mut Entries,
+        b: &mut [f64],
+        first: usize,
+        h: f64,
+        gravity: DVec3,
+        device: Option<&Device>,
+    ) {
+        let inertia = self.world_inertia();
+        let mut linear = DMat3::from_diagonal(DVec3::splat(self.mass));
+        let mut angular = inertia;
+        let mut impulse = gravity * self.mass * h;
+        let mut twist = gyroscopic(inertia, self.angular_velocity, h);
+        if let (Some(spring), Some(device)) = (&self.coupling, device) {
+            let pose = (self.centre, self.orientation);
+            let ([along, about], [push, wrest]) =
+                coupling_terms(spring, pose, (self.velocity, self.angular_velocity), h, device);
+            let identity = |x: f64| DMat3::from_diagonal(DVec3::splat(x));
+            linear += identity(along);
+            angular += identity(about);
+            impulse += push;
+            twist += wrest;
+        }
+        for i in 0..3 {
+            for j in 0..3 {
+                a.add(first + i, first + j, linear.col(j)[i]);
+                a.add(first + 3 + i, first + 3 + j, angular.col(j)[i]);
+            }
+            b[first + i] += impulse[i];
+            b[first + 3 + i] += twist[i];
+        }
+    }
+
+    /// Force (N) and torque (N m) of the virtual coupling on the tool as it stands now.
+    pub fn coupling_wrench(&self, device: &Device) -> (DVec3, DVec3) {
+        let Some(spring) = &self.coupling else { return (DVec3::ZERO, DVec3::ZERO) };
+        let turn = rotation_vector(device.orientation * self.orientation.conjugate());
+        let force = spring.stiffness * (device.position - self.centre);
+        let torque = spring.angular_stiffness * turn;
+        let slip = device.angular_velocity - self.angular_velocity;
+        (force + spring.damping * (device.velocity - self.velocity), torque + spring.angular_damping * slip)
+    }
+
+    /// Changes the twist, then moves for `h` seconds: c1 = c0 + h u1, q1 = exp(h w1) q0.
+    pub fn advance(&mut self, h: f64, change: [f64; 6]) {
+        self.velocity += DVec3::from_slice(&change[..3]);
+        self.angular_velocity += DVec3::from_slice(&change[3..]);
+        self.centre += h * self.velocity;
+        self.orientation = (DQuat::from_scaled_axis(h * self.angular_velocity) * self.orientation).normalize();
+    }
+
+    /// Kinetic energy, J.
+    pub fn kinetic_energy(&self) -> f64 {
+        let w = self.angular_velocity;
+        0.5 * (self.mass * self.velocity.length_squared() + w.dot(self.world_inertia() * w))
+    }
+}
+
+/// What a virtual coupling gives to the rows of a body at `pose` (centre, orientation) that moves with `twist` (linear,
+/// angular) in a step of `h` seconds: h^2 K + h D of its linear and of its angular part, and the two impulses.
+pub fn coupling_terms(
+    spring: &Coupling,
+    pose: (DVec3, DQuat),
+    (u, w): (DVec3, DVec3),
+    h: f64,
+    device: &Device,
+) -> ([f64; 2], [DVec3; 2]) {
+    let turn = rotation_vector(device.orientation * pose.1.conjugate());
+    let pull = spring.stiffness * (device.position - pose.0 - h * u) + spring.damping * (device.velocity - u);
+    let wrest = spring.angular_stiffness * (turn - h * w) + spring.angular_damping * (device.angular_velocity - w);
+    let along = h * h * spring.stiffness + h * spring.damping;
+    let about = h * h * spring.angular_stiffness + h * spring.angular_damping;
+    ([along, about], [h * pull, h * wrest])
+}
+
+/// The rotation vector of a unit quaternion, the shorter way round, rad.
+pub fn rotation_vector(q: DQuat) -> DVec3 {
+    let q = if q.w < 0.0 { -q } else { q };
+    let axis = DVec3::new(q.x, q.y, q.z);
+    let sine = axis.length();
+    // Below this sine the angle is twice the sine to the last digit.
+    if sine < 1e-9 { axis * 2.0 } else { axis * (2.0 * sine.atan2(q.w) / sine) }
+}
+
+/// The gyroscopic impulse I (w1 - w0) of implicit Euler, I (w1 - w0) = -h w1 x I w1, by Newton's method along a growing
+/// step; N m s.
+pub fn gyroscopic(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
+    // Each share of the step starts from the last one's end; Newton's matrix by differences, exact for a quadratic.
+    let residual = |x: DVec3, h: f64| inertia * (x - w) + h * x.cross(inertia * x);
+    let mut end = w;
+    for share in 1..=8 {
+        let h = h * f64::from(share) / 8.0;
+        for _ in 0..20 {
+            let size = 1e-3 * (1.0 + end.length());
+            let column = |axis: DVec3| (residual(end + size * axis, h) - residual(end - size * axis, h)) / (2.0 * size);
+            let slope = DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z));
+            end -= slope.inverse() * residual(end, h);
+        }
+    }
+    inertia * (end - w)
+}
+
+/// Inertia tensor of a point mass at `r` from the centre, kg m^2.
+pub fn point_inertia(mass: f64, r: DVec3) -> DMat3 {
+    (DMat3::from_diagonal(DVec3::splat(r.length_squared())) - outer(r, r)) * mass
+}

@@ -1,0 +1,69 @@
+//! Net force, torque, 6x6 stiffness and damping of the contacts on the tool. Twin of the wrench stage.
+
+use glam::DVec3;
+
+use crate::contact::Carrier;
+use crate::step::{Core, Resolved};
+
+/// What the contacts do to the tool, world axes, about its centre; rows and columns are force, then torque.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Wrench {
+    /// Net force, N.
+    pub force: DVec3,
+    /// Net torque about the centre, N m.
+    pub torque: DVec3,
+    /// Sum of the sizes of the contacts' forces along their normals, N.
+    pub pressing: f64,
+    /// K = sum k a c c^T with c = (n, (s - centre) x n), over the contacts that push; symmetric positive semi-definite.
+    pub stiffness: [[f64; 6]; 6],
+    /// D = sum d a c c^T, and of friction the same along two tangents, where the other body's point is.
+    pub damping: [[f64; 6]; 6],
+}
+
+/// Sums the contacts of which one point rides on the tool; `centre` is the tool's, at the start of the step. Friction acts
+/// at the other body's point.
+pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
+    sum(contacts, centre, |carrier| matches!(carrier, Carrier::Tool), false)
+}
+
+/// Sums the contacts of a soft body about its held core's centre at the start of the step, as if all of it were rigid.
+/// Friction acts at the body's own point.
+pub fn on_core(contacts: &[Resolved], core: &Core) -> Wrench {
+    let body = core.nodes.first().map(|(body, _)| *body);
+    sum(contacts, core.centre, |carrier| matches!(carrier, Carrier::Nodes(own, _) if Some(*own) == body), true)
+}
+
+fn sum(contacts: &[Resolved], centre: DVec3, is_held: impl Fn(&Carrier) -> bool, friction_at_own: bool) -> Wrench {
+    let mut sum = Wrench::default();
+    for resolved in contacts.iter().filter(|r| r.active) {
+        let contact = &resolved.contact;
+        let of_first = is_held(&contact.first.carrier);
+        let (point, other, direction) = match (of_first, is_held(&contact.second.carrier)) {
+            (true, _) => (&contact.first, &contact.second, -contact.normal),
+            (_, true) => (&contact.second, &contact.first, contact.normal),
+            _ => continue,
+        };
+        let moment = (point.position - centre).cross(direction);
+        sum.force += direction * resolved.force;
+        sum.torque += moment * resolved.force;
+        sum.pressing += resolved.force;
+        add_outer(&mut sum.stiffness, direction, moment, contact.stiffness * contact.area);
+        add_outer(&mut sum.damping, direction, moment, contact.damping * contact.area);
+        let at = if friction_at_own { point.position } else { other.position } - centre;
+        let drag = if of_first { resolved.friction } else { -resolved.friction };
+        sum.force += drag;
+        sum.torque += at.cross(drag);
+        for along in <[DVec3; 2]>::from(contact.normal.any_orthonormal_pair()) {
+            add_outer(&mut sum.damping, along, at.cross(along), resolved.viscosity);
+        }
+    }
+    sum
+}
+
+/// Adds `factor` times the outer product of (force, torque) with itself.
+fn add_outer(matrix: &mut [[f64; 6]; 6], force: DVec3, torque: DVec3, factor: f64) {
+    let row: Vec<f64> = force.to_array().into_iter().chain(torque.to_array()).collect();
+    for (i, x) in row.iter().enumerate() {
+        row.iter().enumerate().for_each(|(j, y)| matrix[i][j] += factor * (x * y));
+    }
+}

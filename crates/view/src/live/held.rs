@@ -1,0 +1,159 @@
+//! A session with a device, as the simulation's thread leads it: each step within its turn, and commands between two steps.
+
+use std::cell::RefCell;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+
+use super::snapshot::LoopState;
+use super::worker::{Next, Worker, no_tool};
+use super::{Extent, Lead};
+use palpate::Result;
+use palpate::haptics::clock::Lateness;
+use palpate::haptics::environment::Environment;
+use palpate::haptics::event::Events;
+use palpate_devices::record::{Header, Recording};
+use palpate::haptics::session::{Moment, Options};
+use palpate::haptics::session;
+use palpate::scene::Key;
+use palpate::step::ContactWrench;
+use palpate::step::Held;
+
+/// How often quantiles of the lateness are taken: that goes through a large table.
+const REFRESH: Duration = Duration::from_millis(250);
+
+/// What is known of the loop.
+struct Heard {
+    state: LoopState,
+    lateness: Lateness,
+    events: Events,
+    period: f64,
+    refreshed: Option<Instant>,
+}
+
+impl Heard {
+    /// For the next snapshot.
+    fn taken(&mut self) -> LoopState {
+        if self.lateness.ticks() > 0 && self.refreshed.is_none_or(|at| at.elapsed() > REFRESH) {
+            self.state.late = [self.lateness.quantile(0.5), self.lateness.quantile(0.99), self.lateness.worst()];
+            self.refreshed = Some(Instant::now());
+        }
+        self.state.ticks = self.lateness.ticks();
+        self.state.events = std::mem::take(&mut self.events).names().collect();
+        self.state.clone()
+    }
+}
+
+/// What the tool meets.
+struct Felt<'a, 'b> {
+    worker: &'a RefCell<&'b mut Worker>,
+    heard: Rc<RefCell<Heard>>,
+}
+
+impl Environment for Felt<'_, '_> {
+    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
+        let mut worker = self.worker.borrow_mut();
+        let row = worker.in_turn(|simulation| simulation.step_held(held, h))?;
+        let nothing = || ContactWrench { time: held.time, ..ContactWrench::none(held.tool) };
+        let wrench = worker.simulation.contact_wrench().copied().unwrap_or_else(nothing);
+        worker.last_held = Some(*held);
+        worker.set_loop(Some(self.heard.borrow_mut().taken()));
+        worker.found(&row)?;
+        Ok(wrench)
+    }
+}
+
+impl Worker {
+    /// Holds the tool until something else is to come, or the time is over, or the device stays lost.
+    pub fn hold(&mut self, record: Option<PathBuf>) -> Result<()> {
+        let scene = self.simulation.scene().clone();
+        let mut tool = self.simulation.tool().cloned().ok_or_else(|| no_tool(&scene))?;
+        tool.coupling = scene.coupling;
+        if self.last_held.is_some() {
+            // After a rest nothing moves.
+            (tool.velocity, tool.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
+        }
+        let (position, orientation) = match &self.last_held {
+            Some(held) => (held.device.position, held.device.orientation),
+            None => (tool.centre, tool.orientation),
+        };
+        let start = Key { time: 0.0, position, orientation };
+        let Lead::Device { name, make } = &mut self.lead else { return Ok(()) };
+        let device = make(&self.simulation, start)?;
+        let recording = match &record {
+            Some(file) => {
+                let header = Header::new(&scene, &self.simulation, device.profile().name, name);
+                match header.and_then(|header| Recording::create(file, &header)) {
+                    Ok(recording) => Some(recording),
+                    Err(error) => {
+                        self.out.note(format!("nothing is recorded: {error}"));
+                        self.next = Some(Next::Run);
+                        return Ok(());
+                    }
+                }
+            }
+            None => None,
+        };
+        let seconds = if let Extent::Seconds(seconds) = self.extent { seconds } else { f64::INFINITY };
+        let stop = Arc::new(AtomicBool::new(false));
+        let options = Options { seconds, shortest_step: scene.step.dt, stop: stop.clone(), bare_timer: false };
+        let heard = Rc::new(RefCell::new(Heard {
+            state: LoopState::default(),
+            lateness: Lateness::new(),
+            events: Events::default(),
+            period: 1.0 / scene.haptics.rate,
+            refreshed: None,
+        }));
+        let (ears, notes) = (heard.clone(), self.out.notes.clone());
+        let mut recording = recording;
+        let worker = RefCell::new(self);
+        let hear = |moment: Moment| {
+            match moment {
+                // Who reads may be gone.
+                Moment::Note(note) => drop(notes.send(note.into())),
+                Moment::Tick(tick) => {
+                    let mut heard = ears.borrow_mut();
+                    let period = heard.period;
+                    heard.lateness.add(tick.late, period);
+                    heard.events.0 |= tick.events.0;
+                    heard.state.played = tick.played;
+                }
+                _ => {}
+            }
+            match (&mut recording, moment) {
+                (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool)?,
+                (Some(recording), Moment::Tick(tick)) => recording.tick(tick)?,
+                (Some(recording), Moment::Step(held, h, wrench)) => recording.step(held, h, wrench)?,
+                _ => {}
+            }
+            // The loop has the step's wrench, and the next begins with what the hand does then.
+            if let Moment::Step(..) = moment {
+                let mut worker = worker.borrow_mut();
+                worker.obey_all();
+                if worker.next.is_some() {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            }
+            Ok(())
+        };
+        let mut felt = Felt { worker: &worker, heard };
+        let report = session::hold(device, &tool, &scene.haptics, &mut felt, &options, hear);
+        let this = worker.into_inner();
+        if let (Some(recording), Some(file)) = (recording, record) {
+            let totals = recording.finish()?;
+            let name = file.display();
+            this.out.note(format!("recorded {} ticks: palpate replay {name}", totals.ticks));
+        }
+        let report = report?;
+        if let (Some(why), None) = (&report.ended, &this.next) {
+            this.out.note(format!("the session ended: {why}"));
+        }
+        // Who reads may be gone.
+        let _ = this.out.sessions.send(report);
+        Ok(())
+    }
+}

@@ -1,0 +1,360 @@
+//! The thread itself: what it does from one command to the next.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
+use std::time::{Duration, Instant};
+
+use super::snapshot::{self, LoopState, Out, Snapshot, State};
+use super::{Begin, Command, Extent, Lead, Watch};
+use palpate::prepare::bodies::Bodies;
+use palpate::scene::Scene;
+use palpate::step::Held;
+use palpate::step::Simulation;
+use palpate::step::StepReport;
+use crate::turns::Turns;
+use palpate::{Error, Result};
+
+/// The simulation and all that is known of it.
+pub(super) struct Worker {
+    pub simulation: Simulation,
+    pub lead: Lead,
+    pub extent: Extent,
+    pub folder: PathBuf,
+    pub out: Out,
+    pub snapshot: Snapshot,
+    /// What the last step of a session started from.
+    pub last_held: Option<Held>,
+    /// Told to end what runs, and what comes then.
+    pub next: Option<Next>,
+    watch: Watch,
+    turns: Arc<Turns>,
+    commands: Receiver<Command>,
+    /// The scene as it was given, without what was changed since.
+    given: Scene,
+    /// The state before the first step.
+    first: Vec<u8>,
+    is_changed: bool,
+    /// It is another scene than that of the beginning, which nobody watches and no file replays.
+    is_replaced: bool,
+    /// Steps of [`Extent::Steps`] that were done.
+    done: u64,
+}
+
+/// What comes after what runs.
+pub(super) enum Next {
+    Run,
+    Rest(State),
+    /// From the start, and then running or not.
+    Reset {
+        rests: bool,
+    },
+    Record,
+    Replace(Box<(Scene, Bodies)>),
+    Quit,
+}
+
+impl Worker {
+    pub fn new(begin: Begin, turns: Arc<Turns>, commands: Receiver<Command>, out: Out) -> Result<Worker> {
+        let Begin { simulation, lead, extent, watch, folder } = begin;
+        let mut worker = Worker {
+            first: simulation.save()?,
+            given: simulation.scene().clone(),
+            simulation,
+            lead,
+            extent,
+            folder,
+            out,
+            snapshot: Snapshot::default(),
+            last_held: None,
+            next: None,
+            watch,
+            turns,
+            commands,
+            is_changed: false,
+            is_replaced: false,
+            done: 0,
+        };
+        worker.show_settings();
+        Ok(worker)
+    }
+
+    /// Until told to quit.
+    pub fn run(mut self) {
+        let mut next = Next::Run;
+        loop {
+            let done = match next {
+                Next::Quit => return,
+                Next::Run => self.go(None),
+                Next::Reset { rests: false } => self.reset().and_then(|()| self.go(None)),
+                Next::Reset { rests: true } => self.reset().map(|()| self.rest(State::Paused)),
+                Next::Record => self.record(),
+                Next::Replace(other) => {
+                    self.replace(*other);
+                    self.go(None)
+                }
+                Next::Rest(state) => {
+                    self.rest(state);
+                    Ok(())
+                }
+            };
+            next = match done {
+                Ok(()) => self.next.take().unwrap_or(Next::Rest(State::Ended)),
+                Err(error) => {
+                    let line = error.to_string().lines().collect::<Vec<_>>().join(" ");
+                    self.out.note(line.clone());
+                    // Whoever wanted something else meanwhile has it.
+                    self.next.take().unwrap_or(Next::Rest(State::Failed(line)))
+                }
+            };
+        }
+    }
+
+    /// Steps until something else comes, or the end.
+    pub fn go(&mut self, record: Option<PathBuf>) -> Result<()> {
+        self.set_state(record.as_ref().map_or(State::Running, |file| State::Recording(file.clone())));
+        let done = match self.lead {
+            Lead::Drive => self.drive(),
+            Lead::Device { .. } => self.hold(record),
+        };
+        self.turns.rest();
+        done
+    }
+
+    /// By the scene's keys, at the pace of the world at most.
+    fn drive(&mut self) -> Result<()> {
+        let mut due = Instant::now();
+        while self.next.is_none() {
+            if matches!(self.extent, Extent::Steps(steps) if self.done >= steps) {
+                return Ok(());
+            }
+            let row = self.in_turn(Simulation::step)?;
+            self.done += 1;
+            self.found(&row)?;
+            // Time that was lost is not made up for.
+            due = (due + Duration::from_secs_f64(self.simulation.scene().step.dt)).max(Instant::now());
+            self.obey_until(due);
+        }
+        Ok(())
+    }
+
+    /// A step within the simulation's turn.
+    pub fn in_turn<R>(&mut self, step: impl FnOnce(&mut Simulation) -> Result<R>) -> Result<R> {
+        let turns = self.turns.clone();
+        let _turn = turns.step();
+        step(&mut self.simulation)
+    }
+
+    /// Publishes what a step found.
+    pub fn found(&mut self, row: &StepReport) -> Result<()> {
+        if !self.is_replaced {
+            (self.watch)(row)?;
+        }
+        self.out.sample(row);
+        if let Some(stages) = self.simulation.stage_times() {
+            self.snapshot.stages = stages.to_vec();
+        }
+        self.snapshot.row = Some(row.clone());
+        self.publish();
+        Ok(())
+    }
+
+    pub fn publish(&mut self) {
+        self.out.out.write(self.snapshot.clone());
+    }
+
+    pub fn set_loop(&mut self, state: Option<LoopState>) {
+        self.snapshot.haptics = state;
+    }
+
+    fn set_state(&mut self, state: State) {
+        self.snapshot.state = state;
+        self.publish();
+    }
+
+    fn show_settings(&mut self) {
+        let is_held = matches!(self.lead, Lead::Device { .. });
+        self.snapshot.settings = Arc::new(snapshot::settings(&self.simulation, is_held));
+        let probes = self.simulation.scene().probes.iter().map(|probe| probe.name.clone()).collect();
+        self.snapshot.probes = Arc::new(probes);
+        self.publish();
+    }
+
+    /// Does what was told, until something else is to come or nothing is left, or a slice was drawn: the next step waits for
+    /// one at most.
+    pub fn obey_all(&mut self) {
+        while self.next.is_none() {
+            match self.commands.try_recv() {
+                Ok(Command::Ask(what)) => {
+                    let turns = self.turns.clone();
+                    let _turn = turns.slice_before_step();
+                    return what(&mut self.simulation, self.snapshot.generation);
+                }
+                Ok(command) => self.obey(command),
+                Err(TryRecvError::Empty) => return,
+                Err(TryRecvError::Disconnected) => self.next = Some(Next::Quit),
+            }
+        }
+    }
+
+    /// The same, and where no step is due before then all else that is told meanwhile.
+    fn obey_until(&mut self, due: Instant) {
+        self.obey_all();
+        while self.next.is_none() && Instant::now() < due {
+            self.turns.rest();
+            match self.commands.recv_timeout(due.saturating_duration_since(Instant::now())) {
+                Ok(command) => self.obey(command),
+                Err(RecvTimeoutError::Timeout) => return,
+                Err(RecvTimeoutError::Disconnected) => self.next = Some(Next::Quit),
+            }
+        }
+    }
+
+    /// Does nothing but what is told.
+    fn rest(&mut self, state: State) {
+        self.set_loop(None);
+        self.set_state(state);
+        while self.next.is_none() {
+            match self.commands.recv() {
+                Ok(command) => self.obey(command),
+                Err(_) => self.next = Some(Next::Quit),
+            }
+        }
+    }
+
+    fn obey(&mut self, command: Command) {
+        let rests = !matches!(self.snapshot.state, State::Running | State::Recording(_));
+        match command {
+            Command::Ask(what) => {
+                let turns = self.turns.clone();
+                let _turn = turns.slice();
+                what(&mut self.simulation, self.snapshot.generation);
+            }
+            Command::Quit => self.next = Some(Next::Quit),
+            Command::Reset => self.next = Some(Next::Reset { rests: self.snapshot.state == State::Paused }),
+            Command::Pause => self.next = Some(if rests { Next::Run } else { Next::Rest(State::Paused) }),
+            Command::Step if rests => self.step_once(),
+            Command::Step => self.next = Some(Next::Rest(State::Paused)),
+            Command::Record => match (&self.snapshot.state, &self.lead) {
+                (State::Recording(_), _) => self.next = Some(Next::Run),
+                (_, Lead::Drive) => self.out.note("nothing is recorded: the scene's keys lead, and no device does"),
+                _ if self.is_replaced => {
+                    let remedy = "palpate prepare FILE --out DIR, then palpate view DIR/scene.toml";
+                    self.out.note(format!("nothing is recorded: a dropped surface has no scene to replay; {remedy}"));
+                }
+                _ => self.next = Some(Next::Record),
+            },
+            Command::Replace(other) => self.next = Some(Next::Replace(other)),
+            Command::Material(..) | Command::Contact(_) | Command::Coupling(_) => self.change(command),
+        }
+    }
+
+    /// What a slider sets. A recording would not have it.
+    fn change(&mut self, command: Command) {
+        if matches!(self.snapshot.state, State::Recording(_)) {
+            self.out.note("sliders rest while a session is recorded");
+            return;
+        }
+        let turns = self.turns.clone();
+        let turn = turns.step();
+        let had_friction = self.simulation.scene().contact.friction > 0.0;
+        let changed = match command {
+            Command::Material(body, index, material) => self.simulation.set_material(body, index, material),
+            Command::Contact(law) => self.simulation.set_contact(&law),
+            Command::Coupling(coupling) => {
+                if matches!(self.lead, Lead::Device { .. }) && self.snapshot.state == State::Running {
+                    self.next = Some(Next::Run);
+                }
+                self.simulation.set_coupling(Some(coupling))
+            }
+            _ => Ok(()),
+        };
+        drop(turn);
+        self.is_changed = true;
+        if !had_friction && self.simulation.scene().contact.friction > 0.0 {
+            // Recorded with friction, it has other arrays to draw.
+            self.snapshot.generation += 1;
+        }
+        if let Err(error) = changed {
+            self.out.note(error.to_string());
+        }
+        self.show_settings();
+    }
+
+    /// A step by hand, from what the hand held last.
+    fn step_once(&mut self) {
+        let h = self.simulation.scene().step.dt;
+        let held = self.simulation.tool().map(|tool| {
+            let own = tool.state();
+            let (coupling, max_force) = (tool.coupling, f64::INFINITY);
+            let first = Held { ticks: 0, time: 0.0, device: own, tool: own, coupling, max_force };
+            Held { tool: own, ..self.last_held.unwrap_or(first) }
+        });
+        let row = match (&self.lead, held) {
+            (Lead::Device { .. }, Some(held)) => self.in_turn(|simulation| simulation.step_held(&held, h)),
+            _ => self.in_turn(Simulation::step),
+        };
+        let state = match row.and_then(|row| self.found(&row)) {
+            Ok(()) => State::Paused,
+            Err(error) => State::Failed(error.to_string()),
+        };
+        self.set_state(state);
+    }
+
+    fn reset(&mut self) -> Result<()> {
+        self.last_held = None;
+        self.snapshot.row = None;
+        let turns = self.turns.clone();
+        let _turn = turns.step();
+        self.simulation.restore(&self.first)?;
+        let coupling = self.simulation.scene().coupling;
+        self.simulation.couple(coupling);
+        Ok(())
+    }
+
+    /// A session from the start on, with nothing changed: what a replay makes of the scene's file.
+    fn record(&mut self) -> Result<()> {
+        if self.is_changed {
+            let (context, path) = (self.simulation.context().clone(), self.simulation.depth_path());
+            self.take(Simulation::on(&context, &self.given, path)?)?;
+            self.out.note("recorded from the start, with the scene's own materials, contact and coupling");
+        }
+        self.reset()?;
+        let name = self.given.name();
+        let files = (1_u32..).map(|k| self.folder.join(format!("{name}-{k}.palpate")));
+        let file = files.into_iter().find(|file| !file.exists());
+        self.go(file)
+    }
+
+    /// Another scene, with its own first state; where it cannot be, the old one goes on.
+    fn replace(&mut self, (scene, bodies): (Scene, Bodies)) {
+        let context = self.simulation.context().clone();
+        let made = Simulation::check_room(&context, &scene).and_then(|()| Simulation::of(&context, &scene, bodies));
+        match made.and_then(|simulation| self.take(simulation)) {
+            Ok(()) => (self.given, self.is_replaced) = (scene, true),
+            Err(error) => self.out.note(error.to_string()),
+        }
+    }
+
+    fn take(&mut self, simulation: Simulation) -> Result<()> {
+        self.first = simulation.save()?;
+        self.simulation = simulation;
+        self.snapshot.generation += 1;
+        self.snapshot.stages.clear();
+        (self.snapshot.row, self.last_held, self.is_changed) = (None, None, false);
+        self.show_settings();
+        Ok(())
+    }
+}
+
+impl Drop for Worker {
+    /// Whatever ended it, drawing goes on.
+    fn drop(&mut self) {
+        self.turns.rest();
+    }
+}
+
+/// A scene without a tool cannot be held.
+pub(super) fn no_tool(scene: &Scene) -> Error {
+    Error::key(&scene.file, "tool", "is missing: a haptic device has nothing to hold", "add a [tool]")
+}

@@ -1,0 +1,148 @@
+//! Twins of the structures in shaders/shared/look.glsl (scalar block layout), and the colours of what is shown.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DMat4, DVec3};
+
+use palpate::step::Field;
+
+/// What a picture is taken with.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct View {
+    /// From positions relative to the origin to clip space, by columns.
+    pub clip: [[f32; 4]; 4],
+    /// To the shadow's: x and y from 0 to 1, depth.
+    pub light: [[f32; 4]; 4],
+    /// m.
+    pub eye: [f32; 3],
+    /// Unit, towards the light.
+    pub sun: [f32; 3],
+    /// Unit, across its rays.
+    pub across: [[f32; 3]; 2],
+    /// Unit normal, offset, m.
+    pub ground: [f32; 4],
+    /// Of the scene, m.
+    pub middle: [f32; 3],
+    /// How far from there the shadow goes, m.
+    pub reach: f32,
+    /// How far a shadow's caster must lie in front, of the shadow's depth.
+    pub bias: f32,
+    /// Edge of a texel of the shadow, m.
+    pub texel: f32,
+    /// Texels.
+    pub shadow_side: u32,
+}
+
+/// How a mesh looks.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Material {
+    /// Linear; alpha: 1 hides what is behind.
+    pub colour: [f32; 4],
+    /// Values from here on are coloured.
+    pub low: f32,
+    /// And saturate here.
+    pub high: f32,
+    /// See [`flags`].
+    pub flags: u32,
+}
+
+/// Of a [`Material`].
+pub mod flags {
+    /// Coloured by values where these are above `low`.
+    pub const VALUED: u32 = 1;
+    /// Faces are flat.
+    pub const FLAT: u32 = 2;
+    /// Seen through, less so at the rim.
+    pub const GLASS: u32 = 4;
+    /// Its colour as it is.
+    pub const UNLIT: u32 = 8;
+    /// Values are colours everywhere.
+    pub const EVEN: u32 = 16;
+    /// Values are whole numbers, each with a colour of its own.
+    pub const NUMBERED: u32 = 32;
+    /// No shadow falls on it.
+    pub const BARE: u32 = 64;
+}
+
+/// What is behind everything, as shown.
+pub const BACKGROUND: [f32; 4] = [0.93, 0.94, 0.95, 1.0];
+/// Of bodies, in order, as shown: warm and cold in turn, of like lightness, told apart by the colour-blind as well.
+const BODIES: [[u8; 3]; 6] =
+    [[226, 178, 146], [142, 176, 204], [212, 196, 120], [176, 160, 200], [150, 190, 164], [205, 160, 165]];
+
+impl Material {
+    /// Of one colour (as shown, sRGB).
+    pub fn plain(colour: [u8; 3]) -> Material {
+        let [r, g, b] = colour.map(linear);
+        Material { colour: [r, g, b, 1.0], low: 0.0, high: 1.0, flags: 0 }
+    }
+
+    /// With these flags as well.
+    pub fn with(self, flags: u32) -> Material {
+        Material { flags: self.flags | flags, ..self }
+    }
+
+    /// Seen through.
+    pub fn glass(mut self, alpha: f32) -> Material {
+        self.colour[3] = alpha;
+        self.with(flags::GLASS)
+    }
+
+    /// The `index`-th body's.
+    pub fn body(index: usize) -> Material {
+        Material::plain(BODIES[index % BODIES.len()])
+    }
+}
+
+/// Colours of a scale, and of numbers.
+pub const SCALE_COLOURS: usize = 256;
+
+/// The map that a field is shown with: perceptually uniform, and read by the colour-blind as by others.
+pub fn map(field: Field) -> colorous::Gradient {
+    match field {
+        Field::Depth | Field::StrainEnergy => colorous::VIRIDIS,
+        Field::Pressure => colorous::PLASMA,
+        Field::Displacement => colorous::CIVIDIS,
+    }
+}
+
+/// A map's colours, then those of numbers, linear.
+pub fn colours(field: Option<Field>) -> Vec<[f32; 4]> {
+    let shown = |colour: colorous::Color| {
+        let [r, g, b] = [colour.r, colour.g, colour.b].map(linear);
+        [r, g, b, 1.0]
+    };
+    let map = map(field.unwrap_or(Field::Pressure));
+    let scale = (0..SCALE_COLOURS).map(|k| shown(map.eval_rational(k, SCALE_COLOURS)));
+    // Neighbours in number are far apart in hue.
+    let golden = |k: usize| (k as f64 * 0.618_033_988_749_895).fract();
+    let numbers = (0..SCALE_COLOURS).map(|k| shown(colorous::RAINBOW.eval_continuous(golden(k))));
+    let pale = |c: [f32; 4]| [0.25 + 0.6 * c[0], 0.25 + 0.6 * c[1], 0.25 + 0.6 * c[2], 1.0];
+    scale.chain(numbers.map(pale)).collect()
+}
+
+/// From a byte of sRGB to linear.
+pub fn linear(byte: u8) -> f32 {
+    let x = f32::from(byte) / 255.0;
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
+/// By columns, for the device.
+pub fn columns(matrix: DMat4) -> [[f32; 4]; 4] {
+    matrix.as_mat4().to_cols_array_2d()
+}
+
+/// Unit vectors across the sun's rays.
+pub fn across(sun: DVec3) -> [DVec3; 2] {
+    let right = sun.any_orthonormal_vector();
+    [right, sun.cross(right)]
+}
+
+/// From the world to what the sun sees of a ball: x and y from 0 to 1, depth from 0 (nearest to the sun) to 1.
+pub fn light(sun: DVec3, middle: DVec3, reach: f64) -> DMat4 {
+    let [right, up] = across(sun);
+    let scale = 0.5 / reach;
+    let row = |axis: DVec3| (scale * axis).extend(0.5 - scale * axis.dot(middle));
+    DMat4::from_cols(row(right), row(up), row(-sun), glam::DVec4::W).transpose()
+}

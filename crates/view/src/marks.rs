@@ -1,0 +1,160 @@
+//! Arrows, rods and squares: meshes that the host makes for each picture.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::pieces::Arrays;
+use palpate::Result;
+use palpate::gpu::{Buffer, Context, Memory};
+
+/// Sides of what is round.
+const SIDES: u32 = 20;
+/// An arrow's head: its length and radius by the shaft's radius.
+const HEAD: [f64; 2] = [6.0, 2.6];
+
+/// Triangles with normals, positions relative to an origin.
+#[derive(Debug, Clone)]
+pub struct Marks {
+    origin: DVec3,
+    positions: Vec<[f32; 4]>,
+    normals: Vec<[f32; 4]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Marks {
+    pub fn new(origin: DVec3) -> Marks {
+        Marks { origin, positions: Vec::new(), normals: Vec::new(), triangles: Vec::new() }
+    }
+
+    /// An arrow from one point to another; its indices. Nothing where they are one.
+    pub fn arrow(&mut self, from: DVec3, to: DVec3, radius: f64) -> Range<u32> {
+        let length = from.distance(to);
+        let first = self.index_count();
+        if let Some(axis) = (to - from).try_normalize() {
+            // A short one is all head, smaller.
+            let radius = radius.min(length / HEAD[0]);
+            let neck = to - HEAD[0] * radius * axis;
+            self.cone([from, neck], [radius; 2]);
+            self.cone([neck, to], [HEAD[1] * radius, 0.0]);
+            self.ring(from, -axis, [0.0, radius]);
+            self.ring(neck, -axis, [radius, HEAD[1] * radius]);
+        }
+        first..self.index_count()
+    }
+
+    /// A rod from one point to another; its indices.
+    pub fn rod(&mut self, from: DVec3, to: DVec3, radius: f64) -> Range<u32> {
+        let first = self.index_count();
+        if from != to {
+            self.cone([from, to], [radius; 2]);
+        }
+        first..self.index_count()
+    }
+
+    /// Both sides of a rectangle; its indices.
+    pub fn rectangle(&mut self, centre: DVec3, half: [DVec3; 2]) -> Range<u32> {
+        let first = self.index_count();
+        let [u, v] = half;
+        let corners = [centre - u - v, centre + u - v, centre + u + v, centre - u + v];
+        let normal = u.cross(v).normalize_or_zero();
+        for (normal, order) in [(normal, [0, 1, 2, 0, 2, 3]), (-normal, [0, 2, 1, 0, 3, 2])] {
+            let corner = corners.map(|x| self.vertex(x, normal));
+            self.triangles.push([corner[order[0]], corner[order[1]], corner[order[2]]]);
+            self.triangles.push([corner[order[3]], corner[order[4]], corner[order[5]]]);
+        }
+        first..self.index_count()
+    }
+
+    fn index_count(&self) -> u32 {
+        3 * self.triangles.len() as u32
+    }
+
+    fn vertex(&mut self, x: DVec3, normal: DVec3) -> u32 {
+        self.positions.push((x - self.origin).as_vec3().extend(1.0).to_array());
+        self.normals.push(normal.as_vec3().extend(0.0).to_array());
+        self.positions.len() as u32 - 1
+    }
+
+    /// The side of a cone between two circles.
+    fn cone(&mut self, ends: [DVec3; 2], radii: [f64; 2]) {
+        let along = ends[1] - ends[0];
+        let Some(axis) = along.try_normalize() else { return };
+        let (u, v) = axis.any_orthonormal_pair();
+        let rise = (radii[0] - radii[1]) / along.length();
+        let first = self.positions.len() as u32;
+        for k in 0..SIDES {
+            let (sin, cos) = (TAU * f64::from(k) / f64::from(SIDES)).sin_cos();
+            let out = cos * u + sin * v;
+            let normal = (out + rise * axis).normalize();
+            for end in 0..2 {
+                self.vertex(ends[end] + radii[end] * out, normal);
+            }
+        }
+        for k in 0..SIDES {
+            let [a, b] = [first + 2 * k, first + 2 * ((k + 1) % SIDES)];
+            self.triangles.extend([[a, b, b + 1], [a, b + 1, a + 1]]);
+        }
+    }
+
+    /// What lies between two circles, the inner one first.
+    fn ring(&mut self, centre: DVec3, normal: DVec3, radii: [f64; 2]) {
+        let (u, v) = normal.any_orthonormal_pair();
+        let first = self.positions.len() as u32;
+        for k in 0..SIDES {
+            let (sin, cos) = (TAU * f64::from(k) / f64::from(SIDES)).sin_cos();
+            for radius in radii {
+                self.vertex(centre + radius * (cos * u + sin * v), normal);
+            }
+        }
+        for k in 0..SIDES {
+            let [a, b] = [first + 2 * k, first + 2 * ((k + 1) % SIDES)];
+            self.triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+        }
+    }
+
+    /// Puts them on the device; `None` where there are none.
+    pub fn upload(&self, context: &Arc<Context>) -> Result<Option<Arrays>> {
+        if self.triangles.is_empty() {
+            return Ok(None);
+        }
+        let values = vec![0f32; self.positions.len().next_multiple_of(4)];
+        Ok(Some(Arrays {
+            positions: Buffer::from_slice(context, "marks", &self.positions, Memory::Upload)?,
+            normals: Buffer::from_slice(context, "normals of marks", &self.normals, Memory::Upload)?,
+            values: Buffer::from_slice(context, "values of marks", &values, Memory::Upload)?,
+            indices: Buffer::from_slice(context, "triangles of marks", &self.triangles, Memory::Upload)?,
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every triangle's winding agrees with its corners' normals, and the volume is the closed shape's.
+    #[test]
+    fn arrows_are_closed_and_face_outwards() {
+        let mut marks = Marks::new(DVec3::new(5.0, 0.0, 0.0));
+        let range = marks.arrow(DVec3::new(5.0, 1.0, 0.0), DVec3::new(5.0, 1.0, 2.0), 0.05);
+        assert_eq!(range, 0..3 * marks.triangles.len() as u32);
+        let point = |list: &[[f32; 4]], i: u32| {
+            let [x, y, z, _] = list[i as usize].map(f64::from);
+            DVec3::new(x, y, z)
+        };
+        let mut volume = 0.0;
+        for t in &marks.triangles {
+            let [a, b, c] = t.map(|i| point(&marks.positions, i));
+            let face = (b - a).cross(c - a);
+            let mean: DVec3 = t.iter().map(|i| point(&marks.normals, *i)).sum();
+            assert!(face.length() < 1e-12 || face.dot(mean) > 0.0, "{face} {mean}");
+            volume += a.dot(b.cross(c)) / 6.0;
+        }
+        let circle = std::f64::consts::PI * 0.05 * 0.05;
+        let expected = circle * (2.0 - 0.3) + circle * HEAD[1] * HEAD[1] * 0.3 / 3.0;
+        assert!((volume / expected - 1.0).abs() < 0.05, "{volume} {expected}");
+        assert!(marks.arrow(DVec3::ZERO, DVec3::ZERO, 0.1).is_empty(), "no direction, no arrow");
+    }
+}

@@ -1,0 +1,106 @@
+//! What can be shown besides the skins, each toggled by a key.
+
+use palpate::step::Field;
+
+/// One of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Overlay {
+    /// Contact pressure as colours.
+    Pressure,
+    /// Penetration depth as colours.
+    Depth,
+    /// Force and torque on the tool as arrows.
+    Arrows,
+    /// Proxies.
+    Proxies,
+    /// Regions with their planes.
+    Regions,
+    /// The layer cut open.
+    Layer,
+    /// Cores and bones.
+    Cores,
+    /// Strain energy density as colours.
+    Energy,
+    /// Displacement of nodes as colours.
+    Displacement,
+}
+
+impl Overlay {
+    /// Every one with its name; its key is its place, from 1.
+    pub const ALL: [(Overlay, &'static str); 9] = [
+        (Overlay::Pressure, "pressure"),
+        (Overlay::Depth, "depth"),
+        (Overlay::Arrows, "force and torque"),
+        (Overlay::Proxies, "proxies"),
+        (Overlay::Regions, "regions"),
+        (Overlay::Layer, "layer cut open"),
+        (Overlay::Cores, "cores and bones"),
+        (Overlay::Energy, "strain energy"),
+        (Overlay::Displacement, "displacement"),
+    ];
+
+    /// Colours on the skin, of which one is shown at a time.
+    const COLOURS: [Overlay; 4] = [Overlay::Pressure, Overlay::Depth, Overlay::Energy, Overlay::Displacement];
+}
+
+/// Those that are shown.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Overlays(u32);
+
+impl Overlays {
+    /// Whether it is shown.
+    pub fn has(self, overlay: Overlay) -> bool {
+        self.0 >> overlay as u32 & 1 == 1
+    }
+
+    /// These.
+    pub fn of(all: &[Overlay]) -> Overlays {
+        let show = |mut shown: Overlays, overlay: &Overlay| {
+            if !shown.has(*overlay) {
+                shown.toggle(*overlay);
+            }
+            shown
+        };
+        all.iter().fold(Overlays::default(), show)
+    }
+
+    /// What skins are coloured by.
+    pub fn field(self) -> Option<Field> {
+        let all = [
+            (Overlay::Pressure, Field::Pressure),
+            (Overlay::Depth, Field::Depth),
+            (Overlay::Energy, Field::StrainEnergy),
+            (Overlay::Displacement, Field::Displacement),
+        ];
+        all.into_iter().find(|(overlay, _)| self.has(*overlay)).map(|(_, field)| field)
+    }
+
+    /// Shows it, or no longer; of colours on the skin the others go.
+    pub fn toggle(&mut self, overlay: Overlay) {
+        let had = self.has(overlay);
+        if Overlay::COLOURS.contains(&overlay) {
+            Overlay::COLOURS.iter().for_each(|other| self.0 &= !(1 << *other as u32));
+        }
+        self.0 = if had { self.0 & !(1 << overlay as u32) } else { self.0 | 1 << overlay as u32 };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn overlays_add_up_but_colours_replace_each_other() {
+        let mut shown = Overlays::default();
+        for (overlay, _) in Overlay::ALL {
+            shown.toggle(overlay);
+            assert!(shown.has(overlay));
+        }
+        let left = Overlay::ALL.into_iter().filter(|(overlay, _)| shown.has(*overlay)).count();
+        assert_eq!(left, 6, "one of four colours, and five others");
+        shown.toggle(Overlay::Displacement);
+        shown.toggle(Overlay::Arrows);
+        assert!(!shown.has(Overlay::Displacement) && !shown.has(Overlay::Arrows) && shown.has(Overlay::Cores));
+    }
+}

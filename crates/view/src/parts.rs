@@ -1,0 +1,117 @@
+//! What is drawn of a simulation's bodies: triangles over the shown vertices, and where they were at first.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::decimate::clustered;
+use super::look::Material;
+use palpate::Result;
+use palpate::gpu::{Buffer, Context, Memory};
+use palpate::prepare::Shape;
+use palpate::step::Simulation;
+
+/// A body's edge in cells of what casts its shadow.
+const SHADOW_CELLS: f64 = 32.0;
+/// Of the tool where it is none of the bodies, as shown.
+const TOOL: [u8; 3] = [90, 130, 170];
+/// What is left of its own colour.
+const TOOL_ALPHA: f32 = 0.42;
+
+/// A body's skin.
+pub struct Part {
+    /// Whose; the tool comes after the bodies.
+    pub body: usize,
+    /// Three vertices a triangle, of all shown.
+    pub indices: Buffer,
+    /// How many.
+    pub index_count: u32,
+    pub material: Material,
+    /// The tool, which is seen through.
+    pub is_tool: bool,
+    /// Whether it deforms.
+    pub is_soft: bool,
+    /// Mean edge of its triangles, m.
+    pub edge: f64,
+    /// Whether its triangles are as small as the shadow's texels.
+    pub is_fine: bool,
+    /// Where it was at first, m: centre and radius.
+    pub ball: (DVec3, f64),
+    /// Where its first frame was then.
+    pub frame: Option<DVec3>,
+}
+
+/// All of them, the tool's last, and what casts shadows.
+pub struct Parts {
+    pub skins: Vec<Part>,
+    pub casters: Buffer,
+    pub caster_count: u32,
+    /// The ground: unit normal and offset, m.
+    pub ground: (DVec3, f64),
+}
+
+impl Parts {
+    /// Of a simulation as it is now.
+    pub fn new(context: &Arc<Context>, simulation: &Simulation) -> Result<Parts> {
+        let ranges = simulation.skin_ranges();
+        let (mut skins, mut casters, mut lowest) = (Vec::new(), Vec::new(), f64::INFINITY);
+        for (body, range) in ranges.iter().enumerate() {
+            let vertices = simulation.vertex_positions(body)?;
+            if vertices.is_empty() {
+                continue;
+            }
+            let own = simulation.skin_triangles(body);
+            let of_all = |t: &[u32; 3]| t.map(|i| i + range.start as u32);
+            let triangles: Vec<[u32; 3]> = own.iter().map(of_all).collect();
+            let (low, high) = bounds(&vertices);
+            let cell = (high - low).max_element() / SHADOW_CELLS;
+            casters.extend(clustered(&vertices, own, cell).iter().map(of_all));
+            let is_tool = body == simulation.bodies().len();
+            if !is_tool {
+                lowest = lowest.min(low.y);
+            }
+            let centre = 0.5 * (low + high);
+            let radius = vertices.iter().map(|x| x.distance(centre)).fold(0.0, f64::max);
+            let frame = if is_tool {
+                simulation.tool().map(|tool| tool.centre)
+            } else {
+                simulation.frames(body).first().map(|place| place.centre)
+            };
+            skins.push(Part {
+                body,
+                indices: Buffer::from_slice(context, "triangles to draw", &triangles, Memory::Device)?,
+                index_count: 3 * triangles.len() as u32,
+                material: if is_tool { Material::plain(TOOL).glass(TOOL_ALPHA) } else { Material::body(body) },
+                is_tool,
+                is_soft: matches!(simulation.bodies().get(body).map(|b| &b.shape), Some(Shape::Soft { .. })),
+                edge: edge(&vertices, own),
+                is_fine: false,
+                ball: (centre, radius),
+                frame,
+            });
+        }
+        let plane = simulation.bodies().iter().find_map(|body| match body.shape {
+            Shape::Plane { normal, offset } => Some((normal, offset)),
+            _ => None,
+        });
+        let lowest = if lowest.is_finite() { lowest } else { 0.0 };
+        Ok(Parts {
+            caster_count: 3 * casters.len() as u32,
+            casters: Buffer::from_slice(context, "triangles that cast shadows", &casters, Memory::Device)?,
+            ground: plane.unwrap_or((DVec3::Y, lowest)),
+            skins,
+        })
+    }
+}
+
+/// The corners of the box around points.
+pub fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    points.iter().fold(none, |(low, high), x| (low.min(*x), high.max(*x)))
+}
+
+/// Mean edge of triangles, m.
+fn edge(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
+    let first = |t: &[u32; 3]| vertices[t[0] as usize].distance(vertices[t[1] as usize]);
+    triangles.iter().map(first).sum::<f64>() / triangles.len().max(1) as f64
+}

@@ -1,0 +1,200 @@
+//! Which meshes a picture shows, each with its looks.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::look::{Material, flags};
+use super::marks::Marks;
+use super::moment::Moment;
+use super::overlay::Overlay;
+use super::parts::Part;
+use super::renderer::Legend;
+use palpate::Result;
+use palpate::gpu::{Buffer, Context};
+use palpate::step::Field;
+use palpate::step;
+
+/// What is left of a skin's colour where cores are seen through it, and of a region's plane.
+const SHEER: f32 = 0.28;
+/// As shown: the inside of a layer, cores and bones, force, torque, regions, the rod from tool to device.
+const INSIDE: [u8; 3] = [240, 200, 120];
+const BONE: [u8; 3] = [236, 228, 206];
+const FORCE: [u8; 3] = [200, 50, 40];
+const TORQUE: [u8; 3] = [70, 80, 190];
+const REGION: [u8; 3] = [60, 150, 140];
+const LEAD: [u8; 3] = [110, 110, 120];
+/// Of the height that is seen around the middle of the picture: the longest arrow, an arrow's radius, a rod's, a region's
+/// normal.
+const ARROW: [f64; 4] = [0.3, 0.006, 0.0025, 0.12];
+
+/// How a mesh is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Style {
+    /// From outside, each pixel shaded.
+    Solid,
+    /// From outside, each vertex shaded.
+    Fine,
+    /// From both sides.
+    Open,
+    /// Seen through, last.
+    Glass,
+}
+
+/// The arrays of a mesh.
+#[derive(Clone)]
+pub struct Arrays {
+    pub positions: Buffer,
+    pub normals: Buffer,
+    pub values: Buffer,
+    pub indices: Buffer,
+}
+
+/// Some triangles.
+pub struct Piece {
+    pub arrays: Arrays,
+    /// Of its indices.
+    pub range: Range<u32>,
+    pub style: Style,
+    /// Which of the materials.
+    pub material: usize,
+}
+
+/// All that a picture shows.
+#[derive(Default)]
+pub struct Pieces {
+    pub all: Vec<Piece>,
+    pub materials: Vec<Material>,
+}
+
+/// What pieces are made of.
+pub struct Source<'a> {
+    pub context: &'a Arc<Context>,
+    pub moment: &'a Moment,
+    pub skins: &'a [Part],
+    /// Zeros.
+    pub no_values: &'a Buffer,
+    pub origin: DVec3,
+    /// What the picture's height shows around its middle, m.
+    pub height: f64,
+    pub legend: &'a Legend,
+}
+
+/// Whether a field is everywhere in a body, and not where it is touched alone.
+pub fn is_of_bodies(field: Field) -> bool {
+    matches!(field, Field::StrainEnergy | Field::Displacement)
+}
+
+impl Pieces {
+    fn add(&mut self, arrays: Arrays, range: Range<u32>, style: Style, material: Material) {
+        let known = self.materials.iter().position(|other| *other == material);
+        let material = known.unwrap_or_else(|| {
+            self.materials.push(material);
+            self.materials.len() - 1
+        });
+        if !range.is_empty() {
+            self.all.push(Piece { arrays, range, style, material });
+        }
+    }
+}
+
+impl Source<'_> {
+    /// All of them.
+    pub fn pieces(&self) -> Result<Pieces> {
+        let mut pieces = Pieces::default();
+        self.skins(&mut pieces);
+        self.meshes(&mut pieces);
+        self.marks(&mut pieces)?;
+        Ok(pieces)
+    }
+
+    /// With values as colours where a field is shown.
+    fn coloured(&self, material: Material) -> Material {
+        let Some((field, high)) = self.legend.field else { return material };
+        let flags = if is_of_bodies(field) { flags::VALUED | flags::EVEN } else { flags::VALUED };
+        // Before anything was found the whole scale is at its beginning.
+        Material { low: 0.0, high: if high > 0.0 { high as f32 } else { 1.0 }, ..material.with(flags) }
+    }
+
+    fn skins(&self, pieces: &mut Pieces) {
+        let shown = self.moment.shown;
+        for part in self.skins {
+            let is_replaced = part.is_soft && shown.has(Overlay::Layer) || shown.has(Overlay::Proxies) && !part.is_tool;
+            if is_replaced {
+                continue;
+            }
+            let values = self.moment.field.as_ref().map_or(self.no_values, |field| &field.values);
+            let arrays = Arrays {
+                positions: self.moment.positions.clone(),
+                normals: self.moment.normals.clone(),
+                values: values.clone(),
+                indices: part.indices.clone(),
+            };
+            let is_sheer = part.is_soft && shown.has(Overlay::Cores);
+            let (style, material) = match (part.is_tool, is_sheer, part.is_fine) {
+                (true, ..) => (Style::Glass, part.material),
+                (_, true, _) => (Style::Glass, part.material.glass(SHEER)),
+                (.., true) => (Style::Fine, part.material),
+                _ => (Style::Solid, part.material),
+            };
+            let material = if part.is_soft { self.coloured(material) } else { material };
+            pieces.add(arrays, 0..part.index_count, style, material);
+        }
+    }
+
+    fn meshes(&self, pieces: &mut Pieces) {
+        for (overlay, mesh) in &self.moment.meshes {
+            let arrays = Arrays {
+                positions: mesh.positions.clone(),
+                // Faces are flat.
+                normals: mesh.positions.clone(),
+                values: mesh.values.clone(),
+                indices: mesh.triangles.clone(),
+            };
+            for part in mesh.parts.iter() {
+                let body = Material::body(part.body);
+                let (style, material) = match overlay {
+                    step::Overlay::Proxies => (Style::Solid, body.with(flags::NUMBERED)),
+                    step::Overlay::Layers(_) if part.name == "cut" => {
+                        (Style::Open, self.coloured(Material::plain(INSIDE)))
+                    }
+                    step::Overlay::Layers(_) => (Style::Open, self.coloured(body)),
+                    step::Overlay::Cores | step::Overlay::Bones => (Style::Open, Material::plain(BONE)),
+                };
+                let range = 3 * part.triangles.start as u32..3 * part.triangles.end as u32;
+                pieces.add(arrays.clone(), range, style, material.with(flags::FLAT | flags::BARE));
+            }
+        }
+    }
+
+    fn marks(&self, pieces: &mut Pieces) -> Result<()> {
+        let [longest, thick, thin, normal] = ARROW.map(|share| share * self.height);
+        let Moment { tool, device, force, torque, shown, regions, .. } = self.moment;
+        let mut marks = Marks::new(self.origin);
+        let mut made = Vec::new();
+        if let Some(tool) = tool.filter(|_| shown.has(Overlay::Arrows)) {
+            for (vector, high, colour) in [(force, self.legend.force, FORCE), (torque, self.legend.torque, TORQUE)] {
+                if high > 0.0 {
+                    let arrow = marks.arrow(tool, tool + longest / high * *vector, thick);
+                    made.push((arrow, Style::Solid, Material::plain(colour)));
+                }
+            }
+        }
+        if let (Some(tool), Some(device)) = (tool, device) {
+            made.push((marks.rod(*tool, *device, thin), Style::Solid, Material::plain(LEAD)));
+        }
+        for region in regions {
+            let half = [0, 1].map(|k| region.half[k].max(thick) * region.tangents[k]);
+            let plane = Material::plain(REGION).glass(SHEER).with(flags::UNLIT);
+            made.push((marks.rectangle(region.centre, half), Style::Glass, plane));
+            let arrow = marks.arrow(region.centre, region.centre + normal * region.normal, 0.5 * thick);
+            made.push((arrow, Style::Solid, Material::plain(REGION)));
+        }
+        let Some(mesh) = marks.upload(self.context)? else { return Ok(()) };
+        for (range, style, material) in made {
+            pieces.add(mesh.clone(), range, style, material.with(flags::BARE));
+        }
+        Ok(())
+    }
+}
