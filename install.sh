@@ -30,23 +30,24 @@ if [ -z "$built" ]; then
 fi
 
 case "$(uname -s)" in
-    Linux) shared=libpalpate.so system="-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc" ;;
-    Darwin) shared=libpalpate.dylib system="-framework CoreFoundation -liconv -lm" ;;
+    Linux) shared=libpalpate.so made=libpalpate_capi.so system="-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc" ;;
+    Darwin) shared=libpalpate.dylib made=libpalpate_capi.dylib system="-framework CoreFoundation -liconv -lm" ;;
     *) fail "only Linux and macOS are known; elsewhere link palpate.h with what cargo build --release makes" ;;
 esac
-for file in "$shared" libpalpate.a palpate; do
+for file in "$made" libpalpate_capi.a palpate; do
     [ -s "$built/$file" ] || fail "$built has no $file; build with cargo build --release"
 done
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
 
 mkdir -p "$prefix"/{bin,include,lib/pkgconfig,lib/cmake/palpate}
 install -m 755 "$built/palpate" "$prefix/bin/palpate"
-install -m 644 src/ffi/palpate.h src/ffi/palpate.hpp "$prefix/include/"
-install -m 755 "$built/$shared" "$prefix/lib/"
-install -m 644 "$built/libpalpate.a" "$prefix/lib/"
+install -m 644 crates/capi/src/palpate.h crates/capi/src/palpate.hpp "$prefix/include/"
+install -m 755 "$built/$made" "$prefix/lib/$shared"
+[ "$(uname -s)" != Darwin ] || install_name_tool -id "@rpath/$shared" "$prefix/lib/$shared"
+install -m 644 "$built/libpalpate_capi.a" "$prefix/lib/libpalpate.a"
 fill() {
     sed -e "s|@VERSION@|$version|g" -e "s|@SHARED@|$shared|g" -e "s|@SYSTEM_LIBRARIES@|$system|g" \
-        "src/ffi/package/$1.in" >"$prefix/$2/$1"
+        "crates/capi/src/package/$1.in" >"$prefix/$2/$1"
 }
 fill palpate.pc lib/pkgconfig
 fill palpate-config.cmake lib/cmake/palpate

@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use palpate::gpu::{Context, Options};
-use palpate_oracle::rays::Rays;
 use palpate::prepare::repair;
 use palpate::query::{Answer, Query, QueryContact, QuerySettings, Timing};
 use palpate::scene::Model;
+use palpate_oracle::rays::Rays;
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::TriMesh;

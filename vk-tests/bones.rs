@@ -5,7 +5,6 @@ use std::fmt::Write;
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Options;
-use palpate_oracle;
 use palpate::prepare::{FrameMotion, Shape, layer};
 use palpate::scene::{Key, Scene};
 use palpate::step::Flags;
@@ -13,6 +12,7 @@ use palpate::step::RigidState;
 use palpate::step::Simulation;
 use palpate::step::drive::Drive;
 use palpate::step::tool::Tool;
+use palpate_oracle as oracle;
 
 use crate::touch::{Place, Twin, press};
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};

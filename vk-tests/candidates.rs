@@ -2,9 +2,9 @@
 //! lists of crossings made up.
 
 use glam::{DMat3, DVec3};
-use palpate_oracle::regions;
 use palpate::stages::args;
 use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, Chunk, NONE, PAIR_REGIONS, Pair, Region};
+use palpate_oracle::regions;
 
 use crate::bodies::{half_space, rigid, sphere, whole};
 use crate::flow::Flow;

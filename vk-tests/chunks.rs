@@ -2,9 +2,9 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Size;
-use palpate_oracle::regions::{along, chunk_box};
 use palpate::stages::args;
 use palpate::stages::types::{ActiveChunk, Counts, NONE, PAIR_REGIONS, Pair, Proxy, Region, Slot};
+use palpate_oracle::regions::{along, chunk_box};
 
 use crate::bodies::{octants, rigid, soft, sphere, whole};
 use crate::flow::{FIELD_WORDS, Flow};

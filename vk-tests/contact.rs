@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
 use palpate::gpu::Size;
-use palpate_oracle::contact as oracle;
-use palpate_oracle::contact::{Carrier, Law, Support, Surface};
-use palpate_oracle::skin as embedded;
 use palpate::prepare::{Body, Shape};
 use palpate::scene::Sides;
 use palpate::stages::args;
 use palpate::stages::depth::Path;
 use palpate::stages::types::{CHUNK_VERTICES, Contact, Counts, NONE, PAIR_REGIONS};
+use palpate_oracle::contact as oracle;
+use palpate_oracle::contact::{Carrier, Law, Support, Surface};
+use palpate_oracle::skin as embedded;
 
 use crate::bodies::{half_space, octants, rigid, soft, sphere, whole};
 use crate::flow::{Flow, PATHS};

@@ -2,10 +2,10 @@
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
-use palpate_oracle::{cull as exact, proximity};
 use palpate::prepare::hull::{self, Hull};
 use palpate::stages::args;
 use palpate::stages::types::{Counts, NONE, Proxy, ProxyBounds};
+use palpate_oracle::{cull as exact, proximity};
 
 use crate::bodies::sphere;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};

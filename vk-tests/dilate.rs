@@ -1,11 +1,11 @@
 //! Patches that share a volumetric strain: their rows, what they give to the right-hand side, and their product.
 
 use glam::{DQuat, DVec3};
-use palpate_oracle::elastic::lame;
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::patch::{MOST_NODES, patches};
 use palpate::prepare::{Body, Shape};
 use palpate::stages::dilate::Patches;
+use palpate_oracle::elastic::lame;
 
 use crate::elastic::{expect_of_largest, rotate, scattered};
 use crate::harness::{case, context};

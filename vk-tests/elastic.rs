@@ -2,11 +2,11 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Const;
-use palpate_oracle::elastic::{lame, outer, polar_rotation, strain};
 use palpate::prepare::{Layer, Materials};
 use palpate::scene::Material;
 use palpate::stages::types::Counts;
 use palpate::step::Flags;
+use palpate_oracle::elastic::{lame, outer, polar_rotation, strain};
 
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 use crate::random::Random;

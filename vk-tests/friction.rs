@@ -1,16 +1,16 @@
 //! Friction in whole steps: Coulomb's law on a slope, the f64 oracle step by step, momentum of bodies that collide.
 
 use glam::{DQuat, DVec3};
-use palpate_oracle;
-use palpate_oracle::contact::{Law, Support, Surface};
-use palpate_oracle::contact;
-use palpate_oracle::friction::Friction;
-use palpate_oracle::step::{Held, auto_stiffness};
-use palpate_oracle::tool;
 use palpate::prepare::{self, Embedding, Shape, Skin};
 use palpate::scene::Scene;
 use palpate::step::Simulation;
 use palpate::step::{Flags, StepReport};
+use palpate_oracle as oracle;
+use palpate_oracle::contact;
+use palpate_oracle::contact::{Law, Support, Surface};
+use palpate_oracle::friction::Friction;
+use palpate_oracle::step::{Held, auto_stiffness};
+use palpate_oracle::tool;
 
 use crate::bones::{cube, twin_cores};
 use crate::touch::{Place, press};

@@ -3,7 +3,6 @@
 
 use glam::{DQuat, DVec3};
 use palpate::gpu::Options;
-use palpate_devices::{Hand, HandParameters, Scripted};
 use palpate::haptics::environment::Environment;
 use palpate::haptics::event::Event;
 use palpate::haptics::safety::Limits;
@@ -18,6 +17,7 @@ use palpate::step::Held;
 use palpate::step::Simulation;
 use palpate::step::drive::Drive;
 use palpate::step::tool::Tool;
+use palpate_devices::{Hand, HandParameters, Scripted};
 
 use crate::whole_step::scene;
 

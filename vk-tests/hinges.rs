@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate_oracle;
 use palpate::prepare::layer;
 use palpate::step::Flags;
 use palpate::step::Simulation;
+use palpate_oracle as oracle;
 
 use crate::bones::{SHAPE, SPEED, bar, twin_cores};
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};

@@ -1,14 +1,14 @@
 //! Cores that joints join: whole steps against the oracle, and laws.
 
 use glam::{DQuat, DVec3};
-use palpate_oracle;
-use palpate_oracle::joint::Side;
 use palpate::prepare::{Frame, FrameMotion, Shape};
 use palpate::scene::{Key, Resistance};
 use palpate::stages::joints::Joint;
 use palpate::step::Flags;
 use palpate::step::Simulation;
 use palpate::step::drive::Drive;
+use palpate_oracle as oracle;
+use palpate_oracle::joint::Side;
 
 use crate::bones::{SHAPE, SPEED, carry, keys, twin_cores};
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};

@@ -1,11 +1,11 @@
 //! A query's answer against f64 rays along its own normals: for `agreement.rs`.
 
 use glam::{DQuat, DVec3};
-use palpate_oracle::rays::{Outline, Rays};
-use palpate_oracle::skin::normals;
 use palpate::prepare::{Body, Proxy, Shape, Skin};
 use palpate::query::{Answer, QueryContact};
 use palpate::stages::types::Region;
+use palpate_oracle::rays::{Outline, Rays};
+use palpate_oracle::skin::normals;
 
 use crate::bodies::{Mesh, rigid};
 

@@ -4,11 +4,11 @@
 use std::collections::BTreeSet;
 
 use glam::{DQuat, DVec3};
-use palpate_oracle;
 use palpate::scene::Scene;
 use palpate::stages::depth;
 use palpate::step::Simulation;
 use palpate::step::{Flags, StepReport};
+use palpate_oracle as oracle;
 
 use crate::touch::{Place, press};
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};

@@ -60,12 +60,10 @@ mod sights;
 mod skin;
 mod solve;
 mod spheres;
-#[path = "../tests/spoil/mod.rs"]
 mod spoil;
 mod system;
 mod touch;
 mod transpose;
-#[cfg(feature = "view")]
 mod view;
 mod whole_step;
 mod wrench;

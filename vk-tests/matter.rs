@@ -1,10 +1,10 @@
 //! Materials: neo-Hookean tetrahedra and corotational ones side by side, each with its own density and damping.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate_oracle;
 use palpate::prepare::layer::volume6;
 use palpate::prepare::{Layer, Shape};
 use palpate::scene::{Law, Material};
+use palpate_oracle as oracle;
 
 use crate::elastic::{deformed_of, expect_of_largest, expect_oracle, stretched, sync};
 use crate::harness::context;

@@ -2,9 +2,9 @@
 //! does it as a rigid one.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate_oracle;
 use palpate::step::Simulation;
 use palpate::step::{Flags, StepReport};
+use palpate_oracle as oracle;
 
 use crate::bodies;
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};

@@ -3,10 +3,10 @@
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
-use palpate_oracle;
 use palpate::scene::Scene;
 use palpate::stages::types::{Frame, NONE, RigidIterate, Solve, StepParams};
 use palpate::step::Flags;
+use palpate_oracle as oracle;
 
 use crate::bones::{self, carry, twin_cores};
 use crate::friction::beside;

@@ -3,9 +3,9 @@
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::gpu::Size;
-use palpate_oracle::proximity;
 use palpate::stages::args;
 use palpate::stages::types::{Counts, Frame, Link, NONE, Proxy, ProxyBounds};
+use palpate_oracle::proximity;
 
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 use crate::random::Random;

@@ -2,11 +2,11 @@
 //! whatever their unit, on both paths, the same every time.
 
 use glam::{DQuat, DVec3};
-use palpate_oracle::contact::ray_depths;
 use palpate::prepare::{self, Body, Shape};
 use palpate::query::{Answer, Query, QuerySettings};
 use palpate::stages::depth::Path;
 use palpate::step::Flags;
+use palpate_oracle::contact::ray_depths;
 
 use crate::bodies::{octants, rigid, sphere, whole};
 use crate::harness::{assert_clean, context};

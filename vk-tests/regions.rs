@@ -3,9 +3,9 @@
 use bytemuck::Zeroable;
 use glam::DVec3;
 use palpate::gpu::Size;
-use palpate_oracle::proximity;
 use palpate::stages::args;
 use palpate::stages::types::{Counts, NONE, PAIR_REGIONS, Pair, Proxy, ProxyBounds, Region, StepParams};
+use palpate_oracle::proximity;
 
 use crate::flow::{Box3, FIELD_WORDS};
 use crate::harness::{Outcome, Tolerance, case, expect_close};

@@ -5,8 +5,6 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use palpate::haptics::Reading;
 use palpate::haptics::environment::Environment;
-use palpate_devices::record::{Header, Recorded, Recording};
-use palpate_devices::replay::{Replayed, replay};
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
 use palpate::scene::Lowered;
@@ -14,6 +12,8 @@ use palpate::scene::Profile;
 use palpate::scene::{Key, Scene};
 use palpate::stages::depth;
 use palpate::step::drive::Drive;
+use palpate_devices::record::{Header, Recorded, Recording};
+use palpate_devices::replay::{Replayed, replay};
 
 use crate::touch::{Place, press};
 use crate::whole_step::open;

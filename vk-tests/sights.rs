@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use glam::DVec3;
-use palpate_oracle::regions::along;
 use palpate::stages::types::NONE;
+use palpate_oracle::regions::along;
 
 use crate::crossings::{axes, bumpy, crossed, meshes, region, sight_key, wide};
 use crate::random::Random;

@@ -1,11 +1,11 @@
 //! skin/embed and skin/probe: where skin is, and the probed vertices. What skin/embed bins is in bins.rs.
 
 use glam::{DQuat, DVec3};
-use palpate_oracle::{proximity, skin as oracle};
 use palpate::prepare::{Body, Shape};
 use palpate::stages::args;
 use palpate::stages::model::Model;
 use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, Chunk, Frame, NONE, Pair, Region, Slot};
+use palpate_oracle::{proximity, skin as oracle};
 
 use crate::bodies::{half_space, octants, rigid, soft, sphere, whole};
 use crate::flow::{FIELD_WORDS, Flow};

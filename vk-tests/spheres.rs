@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use palpate_oracle::contact::{Hit, ray_depths};
 use palpate::prepare::{Body, Shape};
 use palpate::stages::depth::Path;
+use palpate_oracle::contact::{Hit, ray_depths};
 
 use crate::bodies::{half_space, octants, rigid, sheet, sphere, whole};
 use crate::flow::{Flow, PATHS};

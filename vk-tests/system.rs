@@ -3,16 +3,16 @@
 use std::collections::BTreeMap;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate_oracle::contact::{Carrier, Contact as Twin, Point};
-use palpate_oracle::friction::Friction;
-use palpate_oracle::linear::Entries;
-use palpate_oracle::step::{Simulation, SoftBody};
-use palpate_oracle::tool::{Device, Tool};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
 use palpate::scene::{self, Coupling, Hinge, Law, Material, Preconditioner, Scene};
 use palpate::stages::model::Model;
 use palpate::stages::types::{Contact, Counts, Frame, Link, NONE, StepParams};
+use palpate_oracle::contact::{Carrier, Contact as Twin, Point};
+use palpate_oracle::friction::Friction;
+use palpate_oracle::linear::Entries;
+use palpate_oracle::step::{Simulation, SoftBody};
+use palpate_oracle::tool::{Device, Tool};
 
 use crate::elastic;
 use crate::random::Random;

@@ -1,17 +1,17 @@
 //! A tool that presses into a soft body: against the f64 oracle step by step, on both depth paths, and on whole heads.
 
 use glam::{DQuat, DVec3};
-use palpate_oracle;
-use palpate_oracle::contact::{Law, Support, Surface};
-use palpate_oracle::contact;
-use palpate_oracle::step::auto_stiffness;
-use palpate_oracle::step;
 use palpate::prepare::{self, Shape};
 use palpate::scene::{Scene, Sides};
 use palpate::stages::depth;
 use palpate::stages::types::Contact;
 use palpate::step::Simulation;
 use palpate::step::{Flags, StepReport};
+use palpate_oracle as oracle;
+use palpate_oracle::contact;
+use palpate_oracle::contact::{Law, Support, Surface};
+use palpate_oracle::step;
+use palpate_oracle::step::auto_stiffness;
 
 use crate::whole_step::{open, relative_error, run, scene, soft_twin};
 

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use palpate::gpu::Options;
-use palpate_oracle;
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
 use palpate::stages::depth;
 use palpate::step::Simulation;
 use palpate::step::StepReport;
+use palpate_oracle as oracle;
 
 /// The folder of meshes that are not part of the project; `None`, with a line that says so, where it is missing.
 pub fn meshes(test: &str) -> Option<PathBuf> {

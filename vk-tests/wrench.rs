@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 use palpate::gpu::Size;
+use palpate::stages::types::{Contact, Report, StepParams};
 use palpate_oracle::step::Resolved;
 use palpate_oracle::wrench;
-use palpate::stages::types::{Contact, Report, StepParams};
 
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::random::Random;

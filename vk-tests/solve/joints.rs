@@ -4,11 +4,11 @@
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
-use palpate_oracle::linear::{Entries, Solver};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame, FrameMotion, Shape};
 use palpate::scene::{Hinge, Joint, Preconditioner, Resistance};
 use palpate::stages::types::{self, NONE, Rigid};
+use palpate_oracle::linear::{Entries, Solver};
 
 use super::passes::{Change, Passes};
 use super::whole::SOLUTION;

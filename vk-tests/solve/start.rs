@@ -1,8 +1,8 @@
 //! The tool's block, the warm start and the loop's arguments from solve/start; the first iterate from solve/begin.
 
-use palpate_oracle::linear::{Entries, Solver};
 use palpate::stages::args;
 use palpate::stages::types::Iteration;
+use palpate_oracle::linear::{Entries, Solver};
 
 use super::passes::{Change, Passes, UNTOUCHED};
 use crate::elastic::expect_of_largest;

@@ -1,9 +1,9 @@
 //! The solver's passes in the order of the step, on small systems: to the oracle's direct solution.
 
-use palpate_oracle::linear::Solver;
 use palpate::prepare::Body;
 use palpate::scene::Preconditioner;
 use palpate::stages::types::verdict;
+use palpate_oracle::linear::Solver;
 
 use super::coarse::{kinds, large_core, soft_and_stiff};
 use super::passes::Passes;

@@ -1,9 +1,9 @@
 //! The seam between the program and the engine: a run's samples, and what is left of it at the end.
 
+use crate::report::{Facts, Plan, StageSamples};
 use glam::DVec3;
 use palpate::gpu::{Context, DeviceInfo, Options};
 use palpate::prepare::Shape;
-use crate::report::{Facts, Plan, StageSamples};
 use palpate::scene::Scene;
 use palpate::stages::query_as_one;
 use palpate::step::ContactWrench;

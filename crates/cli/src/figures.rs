@@ -2,16 +2,16 @@
 
 use std::path::PathBuf;
 
+use crate::report::Output;
 use clap::builder::NonEmptyStringValueParser;
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressFinish};
 use palpate::gpu::Options;
-use crate::report::Output;
 use palpate::scene::Scene;
 use palpate::step::Simulation;
+use palpate::{Error, Result};
 use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};
-use palpate::{Error, Result};
 
 use crate::film::{SAMPLES, View};
 

@@ -3,15 +3,15 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use crate::report::Output;
 use clap::builder::NonEmptyStringValueParser;
 use indicatif::{ProgressBar, ProgressFinish};
 use palpate::gpu::Options;
-use crate::report::Output;
 use palpate::scene::Scene;
 use palpate::step::Simulation;
+use palpate::{Error, Result};
 use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};
-use palpate::{Error, Result};
 
 use crate::run::positive;
 use crate::tell;

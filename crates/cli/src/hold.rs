@@ -5,9 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use palpate::haptics::Device;
-use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
 use palpate::haptics::environment::Environment;
-use palpate_devices::record::{Header, Recording};
 use palpate::haptics::session::{self, Moment, Options, Report};
 use palpate::scene::Profile;
 use palpate::scene::profile::PROFILES;
@@ -17,6 +15,8 @@ use palpate::step::Held;
 use palpate::step::StepReport;
 use palpate::step::drive::Drive;
 use palpate::{Error, Result};
+use palpate_devices::record::{Header, Recording};
+use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
 
 use crate::engine::Engine;
 use crate::tell;

@@ -5,12 +5,12 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use crate::report::picture::Picture;
+use crate::report::{Output, figure};
 use glam::{DQuat, DVec3};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::prepare::report::peak_memory;
 use palpate::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
-use crate::report::picture::Picture;
-use crate::report::{Output, figure};
 use palpate::scene::{self, Law, Material, Model, Scene, Surface, gmsh, obj};
 use palpate::{Error, Result};
 

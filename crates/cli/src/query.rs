@@ -4,14 +4,14 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use crate::report::query::{Subject, write_contacts};
+use crate::report::{Output, QueryReport, StageSamples, field};
 use clap::builder::NonEmptyStringValueParser;
 use glam::{DQuat, DVec3};
 use palpate::gpu::Options;
 use palpate::prepare::repair::{self, Origin};
 use palpate::prepare::{self, Body, Shape};
 use palpate::query::{Answer, Query, QueryContact, QuerySettings, Timing};
-use crate::report::query::{Subject, write_contacts};
-use crate::report::{Output, QueryReport, StageSamples, field};
 use palpate::scene::{self, Scene, Surface, obj};
 use palpate::stages::POSE_TO_CONTACT;
 use palpate::{Error, Result};

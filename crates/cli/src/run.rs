@@ -2,18 +2,18 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
-use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
-use palpate::Result;
-use palpate_devices::Replay;
-use palpate::haptics::session::Report;
 use crate::report;
 use crate::report::haptics::Closing;
 use crate::report::summary::ClosingTable;
 use crate::report::{Output, Summary, Tally, Trace};
+use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use palpate::Result;
+use palpate::haptics::session::Report;
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DepthPath, DeviceKind, Scene, obj, vtk};
 use palpate::step::StepReport;
+use palpate_devices::Replay;
 
 use crate::engine::{Engine, Outcome};
 use crate::{hold, print, tell};

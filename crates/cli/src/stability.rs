@@ -3,11 +3,11 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::builder::NonEmptyStringValueParser;
 use crate::report::Output;
-use palpate_bench::stability::{Settings, axes};
-use palpate_bench::stability;
+use clap::builder::NonEmptyStringValueParser;
 use palpate::{Error, Result};
+use palpate_bench::stability;
+use palpate_bench::stability::{Settings, axes};
 
 use crate::{print, watch};
 

@@ -2,12 +2,12 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::devices::hand::{Hand, HandParameters};
+use super::hand::{Hand, HandParameters};
 use palpate::haptics::environment::Wall;
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::virtual_time::Schedule;
 use palpate::haptics::virtual_time;
+use palpate::haptics::virtual_time::Schedule;
 use palpate::haptics::{Device, coupling};
 use palpate::scene::Key;
 use palpate::scene::Lowered;

@@ -3,9 +3,9 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
+use super::hand::{Hand, HandParameters};
 use palpate::haptics::coupling;
 use palpate::haptics::device::{Device, Fault, Reading};
-use super::devices::hand::{Hand, HandParameters};
 use palpate::haptics::environment::{Environment, Wall};
 use palpate::haptics::event::Event;
 use palpate::haptics::safety::Limits;

@@ -4,11 +4,11 @@
 use std::collections::VecDeque;
 use std::fmt;
 
+use super::record::fields::{self, Field};
+use super::record::{Begin, Entry, Recorded, Step};
 use palpate::haptics::device::{Fault, Reading};
 use palpate::haptics::environment::Environment;
 use palpate::haptics::event::Event;
-use super::record::fields::{self, Field};
-use super::record::{Begin, Entry, Recorded, Step};
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
 use palpate::step::ContactWrench;

@@ -4,7 +4,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::devices::{Hand, HandParameters, Scripted};
+use super::{Hand, HandParameters, Scripted};
 use palpate::haptics::environment::{Cushion, Environment};
 use palpate::haptics::event::Event;
 use palpate::haptics::safety::Limits;

@@ -6,8 +6,8 @@ use crate::contact::{Support, Surface};
 use crate::elastic::Elements;
 use crate::linear::Entries;
 use crate::skin;
-use crate::tool::Device;
 use crate::tool;
+use crate::tool::Device;
 use palpate::prepare::{Embedding, Layer, Materials, Skin};
 use palpate::scene::Coupling;
 

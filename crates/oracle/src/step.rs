@@ -2,17 +2,17 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use palpate::Result;
 pub use crate::body::{Core, Held, SoftBody};
 use crate::contact::{Carrier, Contact, Point};
 use crate::friction::Friction;
 use crate::joint::Joint;
 use crate::linear::{Entries, Solver};
 use crate::newton::Trial;
-use crate::tool::{Device, Tool};
 use crate::tool;
-use crate::wrench::Wrench;
+use crate::tool::{Device, Tool};
 use crate::wrench;
+use crate::wrench::Wrench;
+use palpate::Result;
 use palpate::prepare::Layer;
 use palpate::scene::Material;
 

@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::overlay::{Overlay, Overlays};
 use palpate::Result;
 use palpate::gpu::Buffer;
-use palpate::step::{Field, FieldValues, Mesh, RegionSquare, Simulation};
 use palpate::step;
+use palpate::step::{Field, FieldValues, Mesh, RegionSquare, Simulation};
 
 /// A simulation as it was when [`Moment::of`] looked. The arrays it names stay as they are until it looks again.
 #[derive(Clone)]

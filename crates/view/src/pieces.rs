@@ -13,8 +13,8 @@ use super::parts::Part;
 use super::renderer::Legend;
 use palpate::Result;
 use palpate::gpu::{Buffer, Context};
-use palpate::step::Field;
 use palpate::step;
+use palpate::step::Field;
 
 /// What is left of a skin's colour where cores are seen through it, and of a region's plane.
 const SHEER: f32 = 0.28;

@@ -13,9 +13,12 @@ use super::parts::{Part, Parts};
 use super::picture::Picture;
 use super::pieces::{Piece, Pieces, Source, Style, is_of_bodies};
 use super::scale::Scale;
-use palpate::gpu::{Before, Buffer, Canvas, Context, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording, Side, Texels};
-use palpate::step::{Field, FieldValues, Simulation};
+use palpate::gpu::{
+    Before, Buffer, Canvas, Context, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording, Side,
+    Texels,
+};
 use palpate::step;
+use palpate::step::{Field, FieldValues, Simulation};
 use palpate::{Error, Result};
 
 /// Texels along the shadow's edge: four a texel of its array, of which every device takes 65,536.

@@ -3,9 +3,9 @@
 
 use faer::Mat;
 use glam::{DMat3, DVec3};
-use palpate_oracle::coarse::MODES;
 use palpate::prepare::Body;
 use palpate::scene::Preconditioner;
+use palpate_oracle::coarse::MODES;
 
 use super::super::passes::{Change, Passes};
 use super::{host_inverse, kinds, large_core, modes_of, product, soft_and_stiff, turned};

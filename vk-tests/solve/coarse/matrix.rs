@@ -2,9 +2,9 @@
 
 use faer::{Mat, Side};
 use glam::DQuat;
+use palpate::scene::Preconditioner;
 use palpate_oracle::coarse::{correction, matrix};
 use palpate_oracle::linear::Entries;
-use palpate::scene::Preconditioner;
 
 use super::{host_inverse, kinds, large_core, modes_of, rest_turns};
 use crate::system::{System, layer, layered, material};

@@ -8,12 +8,12 @@ mod turns;
 
 use faer::Mat;
 use glam::{DQuat, DVec3};
-use palpate_oracle::coarse::{Block, MODES, modes};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame, FrameMotion, Layer, Shape};
 use palpate::scene::Hinge;
 use palpate::stages::model::Model;
 use palpate::stages::types::NONE;
+use palpate_oracle::coarse::{Block, MODES, modes};
 
 use crate::system::{
     System, layer, layered, material, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge,

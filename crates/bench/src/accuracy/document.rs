@@ -4,10 +4,10 @@ use serde_json::Value;
 
 use super::curve::{DECADES, JUST_NOTICEABLE, NEAR_ORDER};
 use super::{Curve, Judged, Point, front, presets};
-use palpate::Result;
-use crate::plot::{Logarithmic, Panel, panels};
 use crate::plot;
+use crate::plot::{Logarithmic, Panel, panels};
 use crate::{Section, Table};
+use palpate::Result;
 
 /// What buys less than this of the error is not worth a word.
 const WORTH_TELLING: f64 = 2.0;

@@ -6,11 +6,11 @@ use glam::{DQuat, DVec3};
 use super::race::{Entrant, Rules, race, relative_error};
 use super::steps::{LONGEST, MANY, at_units, extrapolated};
 use super::{Curve, Judged, Point, Settings, factor};
-use palpate::Result;
 use crate::haptics;
-use crate::haptics::head::{CHEEK, Skin};
 use crate::haptics::head;
+use crate::haptics::head::{CHEEK, Skin};
 use crate::solver::stiffness;
+use palpate::Result;
 use palpate::scene::{Coupling, Key, Scene, Sides};
 
 /// Of the curve.

@@ -2,8 +2,8 @@
 
 use glam::{DQuat, DVec3};
 
-use palpate::scene::{Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Scene, Tool, ToolShape};
 use palpate::scene;
+use palpate::scene::{Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Scene, Tool, ToolShape};
 
 /// Half of the block's edges, m.
 pub const HALF: DVec3 = DVec3::new(0.05, 0.03, 0.05);

@@ -4,8 +4,8 @@ use super::press::Press;
 use super::race::{Entrant, race};
 use super::twin::{Reference, reference};
 use super::{Curve, Expected, Point, SINGLE, Settings};
-use palpate::Result;
 use crate::solver::stiffness;
+use palpate::Result;
 use palpate::scene::{Preconditioner, Scene};
 
 /// Young's moduli of the blocks, Pa.

@@ -1,10 +1,10 @@
 //! The report of the features.
 
 use super::{Cost, Feature, Run};
-use palpate::Result;
-use crate::plot::Bar;
 use crate::plot;
+use crate::plot::Bar;
 use crate::{Section, Table};
+use palpate::Result;
 
 /// The table, a bar for each of the two, and what was found.
 pub fn section(costs: &[(Feature, Cost)]) -> Result<Section> {

@@ -10,12 +10,12 @@ use serde::{Deserialize, Serialize};
 use super::rig::{Mode, PERIOD, Rig, key, tool};
 use super::{Settings, profile};
 use palpate::Result;
-use palpate_devices::hand::HandParameters;
 use palpate::haptics::environment::Cushion;
 use palpate::haptics::event::Event;
 use palpate::haptics::servo::Tick;
 use palpate::haptics::virtual_time::Schedule;
 use palpate::step::{RigidState, Wrench};
+use palpate_devices::hand::HandParameters;
 
 /// Bodies, N/m.
 pub const BODIES: [f64; 2] = [300.0, 2000.0];

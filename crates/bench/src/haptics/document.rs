@@ -9,9 +9,9 @@ use serde_json::Value;
 use super::jitter::{Late, MORE};
 use super::width::CRITICAL;
 use super::{Punctual, Results};
-use palpate::Result;
 use crate::plot::{Bar, bars};
 use crate::{Section, Table};
+use palpate::Result;
 use palpate_devices::hand::HandParameters;
 
 /// How it was measured.

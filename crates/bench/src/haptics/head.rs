@@ -5,10 +5,10 @@ use glam::{DQuat, DVec3};
 use super::Settings;
 use super::rig::{MASS, RADIUS};
 use palpate::gpu::Options;
-use palpate::prepare::Shape;
 use palpate::prepare;
-use palpate::scene::{Bind, Core, Dilatation, Law, Layer, Material, Model, Motion, Scene, Surface, Tool, ToolShape};
+use palpate::prepare::Shape;
 use palpate::scene;
+use palpate::scene::{Bind, Core, Dilatation, Law, Layer, Material, Model, Motion, Scene, Surface, Tool, ToolShape};
 use palpate::step::Simulation;
 use palpate::{Error, Result};
 

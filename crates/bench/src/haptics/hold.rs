@@ -8,10 +8,10 @@ use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 use super::width::{STILL, STILL_SHARE};
 use super::{Settings, profile};
 use palpate::Result;
-use palpate_devices::hand::HandParameters;
 use palpate::haptics::environment::Environment;
 use palpate::haptics::servo::Tick;
 use palpate::haptics::virtual_time::Schedule;
+use palpate_devices::hand::HandParameters;
 
 /// A hand that presses a few millimetres deep and feels less than this has been left without a force, N.
 const LEAST: f64 = 0.05;

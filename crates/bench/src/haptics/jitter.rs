@@ -10,11 +10,11 @@ use super::rig::{PERIOD, key, tool, wall};
 use super::{Settings, profile};
 use palpate::Result;
 use palpate::haptics::clock::Lateness;
-use palpate_devices::scripted::Scripted;
 use palpate::haptics::environment::Environment;
 use palpate::haptics::session::{Options, hold};
 use palpate::scene::Haptics;
 use palpate::step::drive::Drive;
+use palpate_devices::scripted::Scripted;
 
 /// Of all deadlines, the share that the loop may miss beyond what the bare timer misses.
 pub const MORE: f64 = 1e-3;

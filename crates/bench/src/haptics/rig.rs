@@ -4,12 +4,11 @@ use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use palpate::haptics::coupling::Gains;
-use palpate_devices::hand::{Hand, HandParameters};
 use palpate::haptics::environment::{Environment, Wall};
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::virtual_time::Schedule;
 use palpate::haptics::virtual_time;
+use palpate::haptics::virtual_time::Schedule;
 use palpate::haptics::{Device, coupling};
 use palpate::scene::Lowered;
 use palpate::scene::Profile;
@@ -19,6 +18,7 @@ use palpate::step::Held;
 use palpate::step::drive::Drive;
 use palpate::step::tool::Tool;
 use palpate::{Error, Result};
+use palpate_devices::hand::{Hand, HandParameters};
 
 /// Of the loop, s.
 pub const PERIOD: f64 = 1e-3;

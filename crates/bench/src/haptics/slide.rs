@@ -8,11 +8,11 @@ use super::hold::cases;
 use super::rig::{Mode, PERIOD, Recorded, Rig, Spread, key, tool};
 use super::{Settings, profile};
 use palpate::Result;
-use palpate_devices::hand::HandParameters;
 use palpate::haptics::servo::Tick;
 use palpate::haptics::virtual_time::Schedule;
 use palpate::scene::Key;
 use palpate::step::ContactWrench;
+use palpate_devices::hand::HandParameters;
 
 /// How fast, m/s.
 pub const SPEED: f64 = 0.02;

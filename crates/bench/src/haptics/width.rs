@@ -7,11 +7,11 @@ use super::Settings;
 use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 use palpate::Result;
 use palpate::haptics::coupling;
-use palpate_devices::hand::HandParameters;
 use palpate::haptics::servo::Tick;
 use palpate::haptics::virtual_time::Schedule;
 use palpate::scene::Key;
 use palpate::scene::Profile;
+use palpate_devices::hand::HandParameters;
 
 /// The stiffest and the softest wall, N/m.
 pub const RANGE: [f64; 2] = [10.0, 1e5];

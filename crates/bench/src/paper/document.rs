@@ -3,10 +3,10 @@
 use serde_json::Value;
 
 use super::{By, Grown, Ran, Results, SCENES, Times, Told};
-use palpate::Result;
 use crate::fit::exponent;
 use crate::plot::{Bar, Line, Logarithmic, Panel, bars, panels};
 use crate::{Section, Table};
+use palpate::Result;
 use palpate::stages::QUERY;
 
 /// What follows the query in a step.

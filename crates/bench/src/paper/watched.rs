@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::Settings;
-use palpate::Result;
 use crate::median;
+use palpate::Result;
 use palpate::gpu::Options;
 use palpate::prepare::Shape;
 use palpate::scene::Scene;

@@ -3,9 +3,9 @@
 use serde_json::Value;
 
 use super::{Area, Peers, Place, Results, Sensitivity};
-use palpate::Result;
 use crate::plot::{Axis, Bar, Line, bars, lines};
 use crate::{Section, Table};
+use palpate::Result;
 use palpate::stages::QUERY;
 
 /// The last size may take so many times as long as the first.

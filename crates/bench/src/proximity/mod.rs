@@ -15,8 +15,8 @@ use super::suite::{part, to_value};
 use super::{Benchmark, Section};
 use palpate::Result;
 use palpate::gpu::{Context, Options};
-use palpate::prepare::{Body, FrameMotion, Shape, mass, skin};
 use palpate::prepare;
+use palpate::prepare::{Body, FrameMotion, Shape, mass, skin};
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]

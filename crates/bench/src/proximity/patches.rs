@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::graded::{Family, Graded};
 use super::{Settings, counts, rigid};
-use palpate::Result;
 use crate::Samples;
+use palpate::Result;
 use palpate::gpu::Context;
 use palpate::query::{Query, QuerySettings, Timing};
 

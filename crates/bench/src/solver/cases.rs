@@ -3,10 +3,10 @@
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-use palpate::prepare::{Body, Shape};
 use palpate::prepare;
-use palpate::scene::{Bind, Core, Law, Layer, Material, Model, Motion, Scene, Surface};
+use palpate::prepare::{Body, Shape};
 use palpate::scene;
+use palpate::scene::{Bind, Core, Law, Layer, Material, Model, Motion, Scene, Surface};
 use palpate::{Error, Result};
 
 /// Edge of the blocks, m.

@@ -5,10 +5,10 @@ use serde_json::Value;
 use super::cases::stiffness;
 use super::peers::{ALLOWED_ERROR, PEERS, Peer, fastest};
 use super::{Measured, PRECONDITIONERS, Results, Run, Size};
-use palpate::Result;
 use crate::fit::exponent;
 use crate::plot::{Line, Logarithmic, Panel, panels};
 use crate::{Section, Table};
+use palpate::Result;
 
 /// Time of an iteration may grow with such a power of the tetrahedra.
 const ALLOWED_EXPONENT: f64 = 1.05;

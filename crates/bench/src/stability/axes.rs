@@ -6,8 +6,8 @@ use super::cases::{Case, bare, both, hang, pluck, press, release, rest, sphere, 
 use super::labels::{power, si, stretched};
 use super::meshes;
 use super::setup::{Bound, Setup};
-use palpate::Result;
 use crate::meshes::MeshFolder;
+use palpate::Result;
 use palpate::scene::Law;
 
 /// A value of an axis.

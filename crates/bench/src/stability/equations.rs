@@ -5,9 +5,9 @@ use glam::{DQuat, DVec3};
 
 use super::touch::{Motion, Pressing};
 use super::trace::{HALF_ULP, ROUNDINGS};
-use palpate_oracle::step::SoftBody;
 use palpate::step::RigidState;
 use palpate::step::tool::Tool;
+use palpate_oracle::step::SoftBody;
 
 /// The body at the start of a step, linearised there.
 pub struct Before {

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 
-use palpate::Result;
 use crate::meshes::MeshFolder;
+use palpate::Result;
 use palpate::prepare::layer::kuhn_box;
 
 /// Cells an edge.

@@ -23,8 +23,8 @@ use serde::Serialize;
 pub use document::document;
 pub use run::run;
 
-use palpate::step::Flags;
 use laws::{Finding, Verdict};
+use palpate::step::Flags;
 
 /// Version of the format of `results.json`: raised when a field changes its meaning or goes.
 pub const SCHEMA: u32 = 2;

@@ -84,10 +84,10 @@ fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use palpate::prepare::Layer;
     use palpate::prepare::layer::kuhn_box;
     use palpate::scene::{Law, Material};
-    use glam::DVec3;
 
     fn bar(cells: [u32; 3], size: DVec3, poisson: f64) -> SoftBody {
         let mut layer: Layer = kuhn_box(DVec3::ZERO, size, cells);

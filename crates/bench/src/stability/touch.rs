@@ -4,13 +4,13 @@
 use glam::DVec3;
 
 use super::trace::{HALF_ULP, ROUNDINGS};
-use palpate_oracle::step::auto_stiffness;
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
-use palpate::stages::types::NONE;
 use palpate::stages::types;
+use palpate::stages::types::NONE;
 use palpate::step::ToolReport;
 use palpate::{Error, Result};
+use palpate_oracle::step::auto_stiffness;
 
 /// The skin that touches, and the law it touches by.
 pub struct Skin {

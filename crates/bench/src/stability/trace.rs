@@ -9,7 +9,6 @@ use super::equations::{Before, Done};
 use super::setup::RADIUS;
 use super::touch::{self, Motion, Skin};
 use palpate::Result;
-use palpate_oracle::step::SoftBody;
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
 use palpate::stages::types::Contact;
@@ -18,6 +17,7 @@ use palpate::step::Simulation;
 use palpate::step::drive::rotation_vector;
 use palpate::step::tool::Tool;
 use palpate::step::{Flags, ToolReport};
+use palpate_oracle::step::SoftBody;
 
 /// Half a unit in the last place of f32.
 pub const HALF_ULP: f64 = 6e-8;

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use palpate::gpu::{Context, Window};
+use palpate::{Error, Result};
 use palpate_view::Camera;
 use palpate_view::live::Link;
 use palpate_view::overlay::Overlays;
 use palpate_view::painter::{Atlas, Flat};
-use palpate::{Error, Result};
 
 use super::easel::Easel;
 

@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 
 use palpate::gpu::{Content, Context, Recording, Window};
 use palpate::step::Simulation;
+use palpate::{Error, Result};
 use palpate_view::painter::Painter;
 use palpate_view::picture::Picture;
 use palpate_view::{Labels, Moment, Renderer, Settings};
-use palpate::{Error, Result};
 
 use super::drawing::{Drawn, Order};
 

@@ -1,9 +1,8 @@
 use std::path::Path;
 
 use super::*;
-use palpate::haptics::Device;
-use crate;
 use crate::record::tests::{TICKS, Walled, recorded};
+use palpate::haptics::Device;
 
 fn replayed(path: &Path) -> Result<Replayed> {
     replay(Recorded::open(path)?, &mut Walled::new())
@@ -120,7 +119,7 @@ fn what_is_no_session_is_refused() {
 fn the_replay_device_says_what_was_said_and_then_rests() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), |_| {});
-    let mut device = devices::Replay::open(&path).unwrap();
+    let mut device = crate::Replay::open(&path).unwrap();
     assert_eq!(device.profile().name, "premium");
     let mut last = None;
     for entry in Recorded::open(&path).unwrap() {

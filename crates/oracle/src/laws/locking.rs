@@ -12,7 +12,7 @@ use palpate::prepare::{Layer, patch};
 use palpate::scene::Material;
 
 /// Quadratic elements' values, within 0.2 % of convergence; made by the script beside it, which says what they mean.
-const REFERENCE: &str = include_str!("../../../assets/reference/locking.csv");
+const REFERENCE: &str = include_str!("../../../../assets/reference/locking.csv");
 /// Rounding of f64 sums of a few hundred terms, relative.
 const ROUNDING: f64 = 1e-12;
 

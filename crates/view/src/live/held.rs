@@ -16,12 +16,12 @@ use palpate::Result;
 use palpate::haptics::clock::Lateness;
 use palpate::haptics::environment::Environment;
 use palpate::haptics::event::Events;
-use palpate_devices::record::{Header, Recording};
-use palpate::haptics::session::{Moment, Options};
 use palpate::haptics::session;
+use palpate::haptics::session::{Moment, Options};
 use palpate::scene::Key;
 use palpate::step::ContactWrench;
 use palpate::step::Held;
+use palpate_devices::record::{Header, Recording};
 
 /// How often quantiles of the lateness are taken: that goes through a large table.
 const REFRESH: Duration = Duration::from_millis(250);

@@ -80,7 +80,8 @@ fn beside_drawing_the_trace_is_the_same_bits() {
                     let context = simulation.context().clone();
                     let skins = simulation.skins(origin).unwrap();
                     let bytes = skins.positions.bytes();
-                    let target = palpate::gpu::Buffer::new(&context, "drawn", bytes, palpate::gpu::Memory::Device).unwrap();
+                    let target =
+                        palpate::gpu::Buffer::new(&context, "drawn", bytes, palpate::gpu::Memory::Device).unwrap();
                     let mut recorder = Recorder::untimed(&context).unwrap();
                     recorder.copy(skins.positions, &target);
                     recorder.finish().unwrap()

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use super::snapshot::{self, LoopState, Out, Snapshot, State};
 use super::{Begin, Command, Extent, Lead, Watch};
+use crate::turns::Turns;
 use palpate::prepare::bodies::Bodies;
 use palpate::scene::Scene;
 use palpate::step::Held;
 use palpate::step::Simulation;
 use palpate::step::StepReport;
-use crate::turns::Turns;
 use palpate::{Error, Result};
 
 /// The simulation and all that is known of it.

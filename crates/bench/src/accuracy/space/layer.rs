@@ -9,10 +9,10 @@ use super::limit::limit;
 use super::press::{HALF_WIDTH, HEIGHT, Press};
 use super::shapes::{ball, dome, graded_block};
 use super::{entrant, error_against, force, press};
-use palpate::Result;
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Settings};
 use crate::meshes::MeshFolder;
+use palpate::Result;
 use palpate::scene::{Dilatation, Layer, Surface};
 
 /// Cells across blocks, and across domes: in full and in short.

@@ -5,8 +5,10 @@ use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
 
-use palpate::scene::{Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Scene, Sides, Surface, Tool, ToolShape};
 use palpate::scene;
+use palpate::scene::{
+    Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Scene, Sides, Surface, Tool, ToolShape,
+};
 
 /// Time step, s: what matters is where everything comes to rest.
 const DT: f64 = 0.02;

@@ -2,9 +2,9 @@
 
 use super::press::{Body, Press};
 use super::{at_rest, entrant, error_against, force};
-use palpate::Result;
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Judged, Settings};
+use palpate::Result;
 
 /// Convex hulls at most.
 const HULLS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use glam::{DVec3, UVec3};
 
-use palpate::Result;
 use crate::meshes::{MeshFolder, Surface};
+use palpate::Result;
 use palpate::prepare::layer::kuhn_box;
 
 /// Writes a block of `cells` ([`graded`] by `grades`), its top at y = 0; its path.

@@ -9,10 +9,10 @@ use super::limit::limit;
 use super::press::{Body, HALF_WIDTH, HEIGHT, Press};
 use super::shapes::{ball, block_skin};
 use super::{entrant, error_against, force};
-use palpate::Result;
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Point, Settings};
 use crate::meshes::MeshFolder;
+use palpate::Result;
 use palpate::scene::{Sides, Surface};
 use palpate::stages::QUERY;
 

@@ -6,10 +6,10 @@ use super::layer::{block, fine_ball};
 use super::limit::limit;
 use super::press::{Body, HEIGHT, Press, YOUNG};
 use super::{entrant, error_against, force};
-use palpate::Result;
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Point, Settings};
 use crate::meshes::MeshFolder;
+use palpate::Result;
 
 /// N/m^3.
 const STIFFNESSES: [f64; 10] = [1e4, 1e5, 1e6, 1e7, 3e7, 6e7, 1e8, 2e8, 3e8, 1e9];

@@ -1,13 +1,13 @@
 //! Forces held, and forces while sliding.
 
 use super::range;
-use palpate::Result;
 use crate::haptics::hold::{WITHIN, is_still, is_there};
 use crate::haptics::slide::{ALLOWED, ALLOWED_SHARE, SPEED, WAY};
 use crate::haptics::width::{STILL, STILL_SHARE};
 use crate::haptics::{Change, Changes, Held, Met, Mode, Slid, Spread};
 use crate::plot::{Axis, Line, Logarithmic, Panel, lines, panels};
 use crate::{Section, Table};
+use palpate::Result;
 
 /// What is less is drawn there, N.
 const DRAWN: f64 = 1e-6;

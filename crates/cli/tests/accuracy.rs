@@ -1,10 +1,11 @@
 //! `palpate bench accuracy`: every curve, however small, against its reference; a fault planted in a kernel shows in the
 //! verdict; what is refused. No times are judged.
 
+#[path = "../../../vk-tests/spoil/mod.rs"]
 mod spoil;
 
-use palpate_bench::accuracy::{Curve, Settings};
 use palpate_bench::accuracy;
+use palpate_bench::accuracy::{Curve, Settings};
 
 /// Of blocks and heads that are quickly solved, both by engine and by reference.
 fn tiny() -> Settings {

@@ -11,7 +11,10 @@ use std::sync::Mutex;
 use ffi_help::*;
 use palpate_capi::context::palpate_context_destroy;
 use palpate_capi::haptic_device::{palpate_haptic_device, palpate_play, palpate_reading};
-use palpate_capi::haptic_loop::{palpate_loop, palpate_loop_destroy, palpate_loop_ended, palpate_loop_note, palpate_loop_read, palpate_loop_start, palpate_loop_stop, palpate_loop_wrench};
+use palpate_capi::haptic_loop::{
+    palpate_loop, palpate_loop_destroy, palpate_loop_ended, palpate_loop_note, palpate_loop_read, palpate_loop_start,
+    palpate_loop_stop, palpate_loop_wrench,
+};
 use palpate_capi::loop_options::palpate_loop_options;
 use palpate_capi::loop_state::*;
 use palpate_capi::simulation::{palpate_simulation, palpate_simulation_destroy, palpate_step, palpate_wrench};
@@ -448,6 +451,6 @@ fn programs_in_c_and_cpp_hold_a_device_of_their_own() {
         assert!(force > 0.05 && force <= 3.3, "{said}");
     }
     for compiler in ["g++", "clang++"] {
-        assert_eq!(output(compiler, "c++17", "tests/ffi_help/both.cpp", &arguments), "right\n");
+        assert_eq!(output(compiler, "c++17", "crates/capi/tests/ffi_help/both.cpp", &arguments), "right\n");
     }
 }

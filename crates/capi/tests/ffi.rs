@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use ffi_help::{compiled, library, root};
+use palpate::gpu::Options;
+use palpate::scene::Scene;
+use palpate::step::Simulation;
 
 const STEPS: usize = 40;
 /// A sphere pressed into a block.
@@ -41,11 +44,11 @@ fn output(program: &mut Command) -> String {
 
 #[test]
 fn the_header_is_the_one_that_the_sources_make() {
-    let config = cbindgen::Config::from_file(root().join("src/ffi/cbindgen.toml")).unwrap();
-    let builder = cbindgen::Builder::new().with_config(config).with_src(root().join("src/ffi/mod.rs"));
+    let config = cbindgen::Config::from_file(root().join("crates/capi/src/cbindgen.toml")).unwrap();
+    let builder = cbindgen::Builder::new().with_config(config).with_src(root().join("crates/capi/src/lib.rs"));
     let mut made = Vec::new();
     builder.generate().unwrap().write(&mut made);
-    let file = root().join("src/ffi/palpate.h");
+    let file = root().join("crates/capi/src/palpate.h");
     let made = String::from_utf8(made).unwrap();
     if std::env::var_os("PALPATE_WRITE_HEADER").is_some() {
         std::fs::write(&file, &made).unwrap();
@@ -53,26 +56,24 @@ fn the_header_is_the_one_that_the_sources_make() {
     let committed = std::fs::read_to_string(&file).unwrap_or_default();
     assert!(
         committed == made,
-        "src/ffi/palpate.h is not what src/ffi makes; make it: \
-        PALPATE_WRITE_HEADER=1 cargo test --release --test ffi header"
+        "crates/capi/src/palpate.h is not what crates/capi/src makes; make it: \
+        PALPATE_WRITE_HEADER=1 cargo test --release -p palpate-capi --test ffi header"
     );
 }
 
-/// The scene in a file, and step, force and flags of each step as `palpate run` writes them.
+/// The scene in a file, and step, force and flags of each step by the engine itself, as `palpate run` writes them.
 fn run(folder: &Path) -> (PathBuf, Vec<[f64; 5]>) {
-    let (scene, out) = (folder.join("scene.toml"), folder.join("out"));
+    let scene = folder.join("scene.toml");
     std::fs::write(&scene, SCENE).unwrap();
-    let steps = STEPS.to_string();
-    let program = env!("CARGO_BIN_EXE_palpate");
-    output(Command::new(program).arg("run").arg(&scene).args(["--steps", &steps, "--out"]).arg(&out));
-    let trace = std::fs::read_to_string(out.join("trace.csv")).unwrap();
-    let mut rows = csv::Reader::from_reader(trace.as_bytes());
-    let heads = rows.headers().unwrap().clone();
-    let columns = ["step", "force_x", "force_y", "force_z", "flags"];
-    let columns = columns.map(|name| heads.iter().position(|head| head == name).unwrap());
-    let numbers = |row: csv::StringRecord| columns.map(|k| row[k].parse::<f64>().unwrap());
-    let told: Vec<[f64; 5]> = rows.records().map(|row| numbers(row.unwrap())).collect();
-    assert!(told.len() == STEPS && told[STEPS - 1][2] > 0.1, "{told:?}");
+    let mut simulation = Simulation::new(&Scene::load(&scene).unwrap(), &Options::default(), None).unwrap();
+    let told: Vec<[f64; 5]> = (0..STEPS)
+        .map(|_| {
+            let row = simulation.step().unwrap();
+            let force = row.tool.unwrap().force;
+            [row.step as f64, force.x, force.y, force.z, f64::from(row.flags.0)]
+        })
+        .collect();
+    assert!(told[STEPS - 1][2] > 0.1, "{told:?}");
     (scene, told)
 }
 
@@ -100,7 +101,7 @@ fn programs_in_c_and_python_feel_the_forces_of_palpate_run() {
     }
     let mut python = Command::new("python3");
     python.arg(root().join("examples/python/touch.py")).arg(&scene).arg(STEPS.to_string());
-    let said = output(python.arg(library().join("libpalpate.so")));
+    let said = output(python.arg(library().join("libpalpate_capi.so")));
     assert_eq!(bits(&felt(&said)), bits(&told), "python");
 }
 
@@ -124,7 +125,7 @@ fn a_program_shares_its_device_and_one_in_python_looks_on() {
     }
     let mut python = with_numpy();
     python.arg(root().join("examples/python/watch.py")).arg(&scene).arg(STEPS.to_string());
-    let said = output(python.arg(library().join("libpalpate.so")));
+    let said = output(python.arg(library().join("libpalpate_capi.so")));
     let size = (1..4).map(|k| told[STEPS - 1][k].powi(2)).sum::<f64>().sqrt();
     assert!(said.starts_with(&format!("{size:.6} N; of 170 vertices")), "{said}");
     let depth: f64 = said.split(' ').rev().nth(1).unwrap().parse().unwrap();

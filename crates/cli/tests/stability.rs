@@ -1,13 +1,14 @@
 //! `palpate stability`: a part of the matrix passes, a planted fault turns it red, bad input is refused.
 
+#[path = "../../../vk-tests/spoil/mod.rs"]
 mod spoil;
 
 use std::process::Command;
 
+use palpate::step::Flags;
+use palpate_bench::stability;
 use palpate_bench::stability::laws::{Law, Verdict};
 use palpate_bench::stability::{Results, Settings, document};
-use palpate_bench::stability;
-use palpate::step::Flags;
 
 /// An axis or more of the short form.
 fn run(only: &[&str], replaced: Vec<(String, Vec<u8>)>) -> Results {

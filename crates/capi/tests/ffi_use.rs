@@ -9,9 +9,14 @@ use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use ffi_help::{DEEP, context, ok, refused, wrench};
-use palpate_capi::context::{palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_memory, palpate_context_options};
+use palpate_capi::context::{
+    palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_memory, palpate_context_options,
+};
 use palpate_capi::scene::{palpate_scene, palpate_scene_destroy, palpate_scene_parse};
-use palpate_capi::simulation::{palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_simulation_destroy, palpate_step, palpate_wrench};
+use palpate_capi::simulation::{
+    palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_simulation_destroy,
+    palpate_step, palpate_wrench,
+};
 use palpate_capi::status::palpate_status;
 
 /// Counts what this program asks the system for; the driver asks by itself.

@@ -8,7 +8,6 @@ use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::haptics::Reading;
 use palpate::haptics::environment::Environment;
-use palpate_devices::record::{Header, Recording};
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
 use palpate::scene::Lowered;
@@ -16,6 +15,7 @@ use palpate::scene::Profile;
 use palpate::scene::Scene;
 use palpate::step::RigidState;
 use palpate::step::Simulation;
+use palpate_devices::record::{Header, Recording};
 
 /// A ball of 50 g that is pushed into a soft block.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\

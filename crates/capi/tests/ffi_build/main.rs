@@ -9,13 +9,18 @@ use std::path::Path;
 use std::ptr::{null, null_mut};
 
 use glam::DVec3;
-use palpate_capi::build::{palpate_scene_add, palpate_scene_add_body, palpate_scene_add_layer, palpate_scene_add_surface, palpate_scene_create, palpate_scene_prepare, palpate_scene_set_collides, palpate_scene_set_tool};
+use palpate::prepare::{layer, sphere};
+use palpate_capi::build::{
+    palpate_scene_add, palpate_scene_add_body, palpate_scene_add_layer, palpate_scene_add_surface,
+    palpate_scene_create, palpate_scene_prepare, palpate_scene_set_collides, palpate_scene_set_tool,
+};
 use palpate_capi::context::{palpate_context, palpate_context_create, palpate_context_destroy};
 use palpate_capi::describe::*;
 use palpate_capi::scene::{palpate_scene, palpate_scene_destroy, palpate_scene_load, palpate_scene_parse};
-use palpate_capi::simulation::{palpate_nodes, palpate_pose, palpate_simulation_create, palpate_simulation_destroy, palpate_step, palpate_wrench};
+use palpate_capi::simulation::{
+    palpate_nodes, palpate_pose, palpate_simulation_create, palpate_simulation_destroy, palpate_step, palpate_wrench,
+};
 use palpate_capi::status::{palpate_last_error, palpate_status};
-use palpate::prepare::{layer, sphere};
 use palpate_status::{Argument, Busy, Cancelled, Handle, Input, Null};
 
 /// Steps that are compared.

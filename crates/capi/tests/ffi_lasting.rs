@@ -9,11 +9,11 @@ use std::process::Command;
 use std::time::Instant;
 
 use ffi_help::{BLOCK, DEEP, SPHERE, compiled, context, ok, simulation, wrench};
-use palpate_capi::context::palpate_context_destroy;
-use palpate_capi::simulation::{palpate_simulation_destroy, palpate_step};
 use palpate::gpu::{Context, Options};
 use palpate::scene::Scene;
 use palpate::step::Simulation;
+use palpate_capi::context::palpate_context_destroy;
+use palpate_capi::simulation::{palpate_simulation_destroy, palpate_step};
 
 /// What is allocated may grow by this over all steps that follow the first, bytes: what the driver's threads have under way at
 /// the two moments. One byte lost a step of the shorter run is more.
@@ -56,7 +56,7 @@ fn holds_memory_flat(what: &str, command: &mut Command, allocated: f64) {
 #[test]
 fn three_hundred_rounds_hold_memory_flat() {
     let folder = tempfile::tempdir().unwrap();
-    let (rounds, scene) = program("tests/ffi_help/rounds.c", folder.path());
+    let (rounds, scene) = program("crates/capi/tests/ffi_help/rounds.c", folder.path());
     let mut rounds = Command::new(rounds);
     rounds.arg(scene).args(["60", "300", "2"]).env(COMPILE_FAST.0, COMPILE_FAST.1);
     holds_memory_flat("300 rounds", &mut rounds, ROUNDS_ALLOCATED);
@@ -64,7 +64,7 @@ fn three_hundred_rounds_hold_memory_flat() {
 
 fn soak(steps: &str) {
     let folder = tempfile::tempdir().unwrap();
-    let (soak, scene) = program("tests/ffi_help/soak.c", folder.path());
+    let (soak, scene) = program("crates/capi/tests/ffi_help/soak.c", folder.path());
     holds_memory_flat(&format!("{steps} steps"), Command::new(soak).arg(scene).arg(steps), STEPS_ALLOCATED);
 }
 
@@ -135,8 +135,8 @@ fn the_abi_adds_nothing_that_one_feels() {
 #[test]
 fn valgrind_finds_nothing_in_ten_rounds() {
     let folder = tempfile::tempdir().unwrap();
-    let (program, scene) = program("tests/ffi_help/rounds.c", folder.path());
-    let suppressions = ffi_help::root().join("tests/ffi_help/driver.supp");
+    let (program, scene) = program("crates/capi/tests/ffi_help/rounds.c", folder.path());
+    let suppressions = ffi_help::root().join("crates/capi/tests/ffi_help/driver.supp");
     let mut valgrind = Command::new("valgrind");
     valgrind.args(["--error-exitcode=9", "--leak-check=full", "--show-leak-kinds=definite,indirect"]);
     valgrind.args(["--errors-for-leak-kinds=definite,indirect", "--num-callers=40"]);

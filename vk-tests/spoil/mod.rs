@@ -8,7 +8,8 @@ use std::path::Path;
 /// The SPIR-V of the kernel `shaders/<kernel>.comp`, or of a shader whose name says its stage, with the one place that reads
 /// `from` reading `to` instead; its name and this are what [`palpate::gpu::Options::replaced`] takes.
 pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = here.ancestors().map(|folder| folder.join("shaders")).find(|shaders| shaders.is_dir()).unwrap();
     let plain = root.join(kernel);
     let source = if compile::kind(&plain).is_some() { plain } else { root.join(format!("{kernel}.comp")) };
     let text = std::fs::read_to_string(&source).unwrap();

@@ -10,7 +10,9 @@ use std::sync::{Mutex, MutexGuard};
 
 use ffi_help::*;
 use palpate_capi::context::palpate_context_destroy;
-use palpate_capi::simulation::{palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_destroy, palpate_step, palpate_wrench};
+use palpate_capi::simulation::{
+    palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_destroy, palpate_step, palpate_wrench,
+};
 use palpate_capi::status::palpate_status;
 use palpate_capi::steps::{palpate_step_poll, palpate_step_submit, palpate_step_wait, palpate_wrench_newest};
 

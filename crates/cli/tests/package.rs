@@ -1,6 +1,7 @@
 //! The package: what `install.sh` puts under a prefix is found by CMake and pkg-config, programs link and run with it from
 //! wherever it was moved, and the library gives away nothing but its interface.
 
+#[path = "../../capi/tests/ffi_help/mod.rs"]
 mod ffi_help;
 
 use std::path::{Path, PathBuf};
@@ -20,7 +21,7 @@ fn installed(folder: &Path) -> (PathBuf, PathBuf) {
     let (built, first, second) = (folder.join("built"), folder.join("first"), folder.join("second place"));
     std::fs::create_dir(&built).unwrap();
     let program = PathBuf::from(env!("CARGO_BIN_EXE_palpate"));
-    for file in [program, library().join("libpalpate.so"), library().join("libpalpate.a")] {
+    for file in [program, library().join("libpalpate_capi.so"), library().join("libpalpate_capi.a")] {
         std::fs::copy(&file, built.join(file.file_name().unwrap())).unwrap();
     }
     let script = root().join("install.sh");
@@ -96,11 +97,11 @@ fn the_script_says_what_is_wrong_and_leaves_nothing_behind() {
 
 #[test]
 fn the_shared_library_gives_away_its_interface_alone_and_needs_no_vulkan_to_be_loaded() {
-    let shared = library().join("libpalpate.so");
+    let shared = library().join("libpalpate_capi.so");
     let symbols = output(Command::new("nm").args(["-D", "--defined-only"]).arg(&shared));
     let names: Vec<&str> = symbols.lines().filter_map(|line| line.split(' ').next_back()).collect();
     assert!(names.len() > 20 && names.iter().all(|name| name.starts_with("palpate_")), "{names:?}");
-    let header = std::fs::read_to_string(root().join("src/ffi/palpate.h")).unwrap();
+    let header = std::fs::read_to_string(root().join("crates/capi/src/palpate.h")).unwrap();
     for name in names {
         assert!(header.contains(&format!("{name}(")), "{name} is not in palpate.h");
     }

@@ -8,10 +8,18 @@ use std::ptr::{null, null_mut};
 use std::sync::Mutex;
 
 use ffi_help::{BLOCK, DEEP, SPHERE, context, memory, nodes, ok, refused, simulation, wrench, zeroed};
-use palpate_capi::change::{palpate_contact_get, palpate_contact_law, palpate_contact_set, palpate_core_move, palpate_core_pose, palpate_coupling, palpate_coupling_set, palpate_material, palpate_material_get, palpate_material_set};
-use palpate_capi::context::{palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_options};
+use palpate_capi::change::{
+    palpate_contact_get, palpate_contact_law, palpate_contact_set, palpate_core_move, palpate_core_pose,
+    palpate_coupling, palpate_coupling_set, palpate_material, palpate_material_get, palpate_material_set,
+};
+use palpate_capi::context::{
+    palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_options,
+};
 use palpate_capi::host::{palpate_context_create_on, palpate_vulkan};
-use palpate_capi::shown::{PALPATE_SKIN_NORMALS, palpate_contact, palpate_contacts, palpate_skin, palpate_skin_buffers, palpate_skin_export, palpate_skin_range, palpate_skin_triangles, palpate_skins};
+use palpate_capi::shown::{
+    PALPATE_SKIN_NORMALS, palpate_contact, palpate_contacts, palpate_skin, palpate_skin_buffers, palpate_skin_export,
+    palpate_skin_range, palpate_skin_triangles, palpate_skins,
+};
 use palpate_capi::simulation::{palpate_pose, palpate_simulation, palpate_simulation_destroy, palpate_step};
 use palpate_capi::state::{palpate_state_restore, palpate_state_save};
 use palpate_capi::statistics::{palpate_stage, palpate_stages, palpate_time_every};

@@ -67,7 +67,7 @@ fn the_path_of_depth_is_said_and_the_command_line_wins() {
 
 #[test]
 fn real_meshes_are_prepared_and_pressed() {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");
+    let default = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("../shared/meshes");
     let folder = std::env::var_os("PALPATE_MESHES").map_or(default, PathBuf::from).join("surf");
     if !folder.is_dir() {
         println!("skipped: real meshes are pressed: no meshes at {} (set PALPATE_MESHES)", folder.display());

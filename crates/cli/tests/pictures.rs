@@ -18,7 +18,7 @@ use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};
 use tempfile::TempDir;
 
-#[path = "spoil/mod.rs"]
+#[path = "../../../vk-tests/spoil/mod.rs"]
 mod spoil;
 
 /// Pixels.
@@ -97,7 +97,7 @@ const GOLDEN: [Golden; 8] = [
 ];
 
 fn golden_folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden")
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("crates/cli/tests/golden")
 }
 
 fn device() -> Option<String> {

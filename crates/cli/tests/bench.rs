@@ -2,16 +2,16 @@
 
 use std::process::{Command, Output};
 
-use palpate_bench::haptics::Haptics;
 use palpate_bench::haptics;
-use palpate_bench::paper::Paper;
+use palpate_bench::haptics::Haptics;
 use palpate_bench::paper;
-use palpate_bench::proximity::Proximity;
+use palpate_bench::paper::Paper;
 use palpate_bench::proximity;
-use palpate_bench::solver::{Case, Mesh, Solver};
+use palpate_bench::proximity::Proximity;
 use palpate_bench::solver;
-use palpate_bench::suite::{Head, Shard};
+use palpate_bench::solver::{Case, Mesh, Solver};
 use palpate_bench::suite;
+use palpate_bench::suite::{Head, Shard};
 use palpate_bench::{Benchmark, Document};
 use serde_json::{Map, Value};
 
@@ -156,7 +156,8 @@ fn a_tiny_run_answers_every_question_of_the_papers_scenes() {
     let folder = tempfile::tempdir().unwrap();
     // Five names for one small scene.
     for told in paper::SCENES {
-        let scene = include_str!("../assets/scenes/touch-head.toml").replace("44000", "4000").replace("0.018", "0.04");
+        let scene =
+            include_str!("../../../assets/scenes/touch-head.toml").replace("44000", "4000").replace("0.018", "0.04");
         std::fs::write(folder.path().join(format!("{}.toml", told.name)), scene.replace("0.092", "0.084")).unwrap();
     }
     let settings = paper::Settings {

@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 
 use palpate_capi::context::{palpate_context, palpate_context_create, palpate_context_memory};
 use palpate_capi::scene::{palpate_scene_destroy, palpate_scene_parse};
-use palpate_capi::simulation::{palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_wrench};
+use palpate_capi::simulation::{
+    palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_wrench,
+};
 use palpate_capi::status::{palpate_last_error, palpate_status};
 
 /// A block, fixed at its bottom.
@@ -120,16 +122,17 @@ pub fn nodes(simulation: *mut palpate_simulation) -> Vec<[f64; 3]> {
 }
 
 pub fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
 }
 
 /// Where cargo puts the shared library that belongs to this test.
 pub fn library() -> PathBuf {
-    let built = Path::new(env!("CARGO_BIN_EXE_palpate")).parent().unwrap();
-    let newest = [built.to_path_buf(), built.join("deps")].map(|folder| folder.join("libpalpate.so"));
+    let test = std::env::current_exe().unwrap();
+    let deps = test.parent().unwrap();
+    let newest = [deps, deps.parent().unwrap()].map(|folder| folder.join("libpalpate_capi.so"));
     let when = |path: &PathBuf| path.metadata().and_then(|m| m.modified()).ok();
     let found = newest.into_iter().filter(|path| path.exists()).max_by_key(when);
-    found.expect("cargo builds libpalpate.so").parent().unwrap().to_path_buf()
+    found.expect("cargo builds libpalpate_capi.so").parent().unwrap().to_path_buf()
 }
 
 /// Compiles a program of the repository without a warning; its path.
@@ -138,14 +141,14 @@ pub fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> 
     let library = library();
     let done = Command::new(compiler)
         .args([&format!("-std={standard}"), "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-I"])
-        .arg(root().join("src/ffi"))
+        .arg(root().join("crates/capi/src"))
         .arg(root().join(source))
         .arg("-o")
         .arg(&program)
         .arg("-L")
         .arg(&library)
         // Before LD_LIBRARY_PATH, which cargo sets to where other builds may lie.
-        .args(["-lpalpate", "-lvulkan", "-lm", "-pthread", "-Wl,--disable-new-dtags"])
+        .args(["-lpalpate_capi", "-lvulkan", "-lm", "-pthread", "-Wl,--disable-new-dtags"])
         .arg(format!("-Wl,-rpath,{}", library.display()))
         .output()
         .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh installs it"));

@@ -135,7 +135,7 @@ fn mistakes_on_the_command_line() {
 
 /// The shared meshes, or `None` and a visible line where they are not there.
 fn meshes() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");
+    let beside = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("../shared/meshes");
     let folder = std::env::var_os("PALPATE_MESHES").map_or(beside, PathBuf::from);
     if folder.is_dir() {
         return Some(folder);
