@@ -36,22 +36,3 @@ if [ "${#missing[@]}" -gt 0 ]; then
     "${root[@]}" apt-get update -qq
     "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "${missing[@]}" >/dev/null
 fi
-
-# Debian 12 cuts its static shaderc into archives that do not name each other, so the shaderc crate cannot link it.
-# Merged into one archive they link in seconds; .cargo/config.toml points the crate at the result.
-merged=.shaderc/libshaderc_combined.a
-system="/usr/lib/$(gcc -dumpmachine)"
-if [ ! -s "$merged" ] || [ "$system/libshaderc_combined.a" -nt "$merged" ]; then
-    echo "merging the system's shaderc archives into $merged"
-    mkdir -p .shaderc
-    {
-        echo "CREATE $merged.partial"
-        for name in shaderc_static shaderc_combined glslang SPIRV MachineIndependent GenericCodeGen OGLCompiler \
-            OSDependent HLSL glslang-default-resource-limits SPIRV-Tools-opt SPIRV-Tools; do
-            [ -e "$system/lib$name.a" ] && echo "ADDLIB $system/lib$name.a"
-        done
-        echo "SAVE"
-        echo "END"
-    } | ar -M
-    mv "$merged.partial" "$merged"
-fi

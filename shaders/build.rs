@@ -8,10 +8,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
-#[path = "compile.rs"]
-mod compile;
-
-use compile::{compile, kind};
+use palpate_glsl::{compile, ingredients, kind};
 
 fn main() {
     if let Err(message) = build() {
@@ -31,15 +28,14 @@ fn build() -> Result<(), String> {
             sources.extend(entries(&folder)?.into_iter().filter(|path| kind(path).is_some()));
         }
     }
-    let mut table = Vec::new();
+    let (mut table, mut compiled) = (Vec::new(), 0);
     for source in &sources {
         let name = name(&root, source);
         let file = out.join(format!("{}.spv", name.replace('/', "-")));
-        let text = fs::read_to_string(source).map_err(|e| format!("cannot read {}: {e}", source.display()))?;
-        fs::write(&file, compile(&root, source, &text)?)
-            .map_err(|e| format!("cannot write {}: {e}", file.display()))?;
+        compiled += usize::from(refresh(&root, source, &file)?);
         table.push((name, file));
     }
+    println!("compiled {compiled} of {} shaders", table.len());
     table.sort();
     if let Some(twice) = table.windows(2).find(|pair| pair[0].0 == pair[1].0) {
         return Err(format!("two shaders are called {}", twice[0].0));
@@ -53,6 +49,22 @@ fn build() -> Result<(), String> {
     text.push_str("];\n");
     let list = out.join("shaders.rs");
     fs::write(&list, text).map_err(|e| format!("cannot write {}: {e}", list.display()))
+}
+
+/// Compiles a shader into a file unless that was made of the same; whether it did.
+fn refresh(root: &Path, source: &Path, file: &Path) -> Result<bool, String> {
+    let (made_of, now) = (file.with_extension("made-of"), ingredients(root, source)?);
+    if file.exists() && fs::read_to_string(&made_of).is_ok_and(|then| then == now) {
+        return Ok(false);
+    }
+    let text = fs::read_to_string(source).map_err(|e| format!("cannot read {}: {e}", source.display()))?;
+    let write =
+        |to: &Path, bytes: &[u8]| fs::write(to, bytes).map_err(|e| format!("cannot write {}: {e}", to.display()));
+    // Whoever is interrupted between the two compiles again.
+    let _ = fs::remove_file(&made_of);
+    write(file, &compile(root, source, &text)?)?;
+    write(&made_of, now.as_bytes())?;
+    Ok(true)
 }
 
 /// The sorted contents of a folder.

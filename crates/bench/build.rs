@@ -1,20 +1,26 @@
-//! Build script: the commit that reports name.
+//! Build script: the commit that reports name, as `PALPATE_COMMIT`; `-changed` where what is measured differed from it.
+//!
+//! It is asked for when something that is measured changes, and not when a commit is made of what was built already.
 
-use std::path::Path;
-use std::process;
+use std::process::Command;
 
-/// The commit that reports name, as `PALPATE_COMMIT`; changes since then are not known to it.
+/// What reports measure.
+const MEASURED: [&str; 6] = ["src", "shaders", "crates/oracle", "crates/devices", "crates/bench", "Cargo.lock"];
+
 fn main() {
-    let git = |arguments: &[&str]| {
-        let output = process::Command::new("git").args(arguments).output().ok().filter(|o| o.status.success())?;
-        Some(String::from_utf8_lossy(&output.stdout).trim().to_string()).filter(|text| !text.is_empty())
-    };
-    println!(
-        "cargo:rustc-env=PALPATE_COMMIT={}",
-        git(&["rev-parse", "--short=10", "HEAD"]).unwrap_or("unknown".into())
-    );
-    // Written with every commit and checkout; a file that is not there would have this script run every time.
-    if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]).filter(|log| Path::new(log).exists()) {
-        println!("cargo:rerun-if-changed={log}");
+    for path in MEASURED {
+        println!("cargo:rerun-if-changed=../../{path}");
     }
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git").current_dir("../..").args(arguments).output().ok()?;
+        output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_string())
+    };
+    let commit = git(&["rev-parse", "--short=10", "HEAD"]).filter(|commit| !commit.is_empty());
+    let changes = git(&[&["status", "--porcelain", "--"], &MEASURED[..]].concat());
+    let stamp = match (commit, changes) {
+        (Some(commit), Some(changes)) if changes.is_empty() => commit,
+        (Some(commit), _) => format!("{commit}-changed"),
+        (None, _) => "unknown".into(),
+    };
+    println!("cargo:rustc-env=PALPATE_COMMIT={stamp}");
 }

@@ -36,7 +36,7 @@ pub struct Options {
     pub display: Vec<&'static CStr>,
     /// Have lavapipe work on the calling thread, which is faster where work is little: waking its threads costs some 50 us a
     /// pass. Sets `LP_NUM_THREADS` in the environment, unless it is set: ask for it only where no other thread of the
-    /// process looks at the environment meanwhile. A [`Simulation`](crate::step::Simulation) of more work than that leaves
+    /// process looks at the environment meanwhile. A simulation of more work than that leaves
     /// it.
     pub one_thread: bool,
     /// Names of shaders, and the SPIR-V that stands for the library's own of that name, with the same bindings. For tests

@@ -1,8 +1,5 @@
 //! Kernels with a fault planted in them, for tests that show that checks can fail.
 
-#[path = "../../shaders/compile.rs"]
-mod compile;
-
 use std::path::Path;
 
 /// The SPIR-V of the kernel `shaders/<kernel>.comp`, or of a shader whose name says its stage, with the one place that reads
@@ -11,9 +8,9 @@ pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let root = here.ancestors().map(|folder| folder.join("shaders")).find(|shaders| shaders.is_dir()).unwrap();
     let plain = root.join(kernel);
-    let source = if compile::kind(&plain).is_some() { plain } else { root.join(format!("{kernel}.comp")) };
+    let source = if palpate_glsl::kind(&plain).is_some() { plain } else { root.join(format!("{kernel}.comp")) };
     let text = std::fs::read_to_string(&source).unwrap();
     assert_eq!(text.matches(from).count(), 1, "`{from}` stands in {kernel} once");
-    assert!(compile::kind(&source).is_some());
-    compile::compile(&root, &source, &text.replace(from, to)).unwrap_or_else(|e| panic!("{e}"))
+    assert!(palpate_glsl::kind(&source).is_some());
+    palpate_glsl::compile(&root, &source, &text.replace(from, to)).unwrap_or_else(|e| panic!("{e}"))
 }

@@ -18,6 +18,25 @@ pub fn kind(path: &Path) -> Option<ShaderKind> {
     }
 }
 
+/// Everything that the binary of the shader `source` is made of: how it is compiled, its own text, and all that it includes, in
+/// order. Where this has not changed, neither has the binary.
+pub fn ingredients(root: &Path, source: &Path) -> Result<String, String> {
+    let (mut files, mut text) = (vec![source.to_path_buf()], include_str!("lib.rs").to_string());
+    let mut next = 0;
+    while let Some(file) = files.get(next).cloned() {
+        let content = fs::read_to_string(&file).map_err(|e| format!("cannot read {}: {e}", file.display()))?;
+        text += &format!("// {}\n{content}\n", file.strip_prefix(root).unwrap_or(&file).display());
+        for asked in content.lines().filter_map(|line| line.trim().strip_prefix("#include")) {
+            let included = root.join(asked.trim().trim_matches(['"', '<', '>']));
+            if !files.contains(&included) {
+                files.push(included);
+            }
+        }
+        next += 1;
+    }
+    Ok(text)
+}
+
 /// The text of the shader `source` under the folder of shaders `root` to SPIR-V 1.6; warnings are errors.
 pub fn compile(root: &Path, source: &Path, text: &str) -> Result<Vec<u8>, String> {
     let compiler = Compiler::new().map_err(|e| format!("shaderc does not start: {e}; run setup.sh"))?;

@@ -1,0 +1,88 @@
+//! Build script: what shaderc needs beside its own archive, so that whoever depends on palpate links, wherever it is built.
+//!
+//! Debian and Ubuntu cut shaderc into archives that do not name each other: `libshaderc_combined.a` lacks glslang and SPIRV-Tools.
+//! They are merged into one archive here and linked whole.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+use std::{env, fs};
+
+/// What Debian's shaderc lacks; the names differ from version to version.
+const PARTS: [&str; 10] = [
+    "glslang",
+    "SPIRV",
+    "MachineIndependent",
+    "GenericCodeGen",
+    "OGLCompiler",
+    "OSDependent",
+    "HLSL",
+    "glslang-default-resource-limits",
+    "SPIRV-Tools-opt",
+    "SPIRV-Tools",
+];
+
+fn main() -> ExitCode {
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-env-changed=SHADERC_LIB_DIR");
+    match link() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Elsewhere, and where the user names a folder or builds shaderc, its archive is whole.
+fn link() -> Result<(), String> {
+    let is_linux = env::var("CARGO_CFG_TARGET_OS").is_ok_and(|system| system == "linux");
+    let is_given = env::var_os("SHADERC_LIB_DIR").is_some() || env::var_os("VULKAN_SDK").is_some();
+    if !is_linux || is_given || env::var_os("CARGO_FEATURE_BUILD_FROM_SOURCE").is_some() {
+        return Ok(());
+    }
+    let architecture = env::var("CARGO_CFG_TARGET_ARCH").unwrap_or_default();
+    let folders = [format!("/usr/lib/{architecture}-linux-gnu"), "/usr/lib64".into(), "/usr/lib".into()];
+    let has = |folder: &&String, file: &str| Path::new(folder.as_str()).join(file).exists();
+    let Some(system) =
+        folders.iter().find(|folder| has(folder, "libshaderc_combined.a") || has(folder, "libshaderc.so"))
+    else {
+        return Err(
+            "shaderc, which compiles the shaders, is missing: run palpate's setup.sh, or name the folder of a \
+                    prebuilt one in SHADERC_LIB_DIR, or build it with the feature build-from-source of palpate-glsl"
+                .into(),
+        );
+    };
+    if has(&system, "libshaderc_combined.a") && has(&system, "libglslang.a") {
+        merge(Path::new(system))?;
+    }
+    Ok(())
+}
+
+/// Merges those parts that there are.
+fn merge(system: &Path) -> Result<(), String> {
+    let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo gives no OUT_DIR")?);
+    let merged = out.join("libpalpate_glslang.a");
+    if merged.exists() {
+        fs::remove_file(&merged).map_err(|error| format!("cannot replace {}: {error}", merged.display()))?;
+    }
+    let mut script = format!("CREATE {}\n", merged.display());
+    for file in PARTS.map(|part| system.join(format!("lib{part}.a"))).iter().filter(|file| file.exists()) {
+        script += &format!("ADDLIB {}\n", file.display());
+    }
+    script += "SAVE\nEND\n";
+    let failed = |why: String| format!("shaderc's archives cannot be merged by `ar -M`: {why}; run palpate's setup.sh");
+    let mut ar =
+        Command::new("ar").arg("-M").stdin(Stdio::piped()).spawn().map_err(|error| failed(error.to_string()))?;
+    let mut input = ar.stdin.take().ok_or("ar takes no input")?;
+    input.write_all(script.as_bytes()).map_err(|error| failed(error.to_string()))?;
+    drop(input);
+    let status = ar.wait().map_err(|error| failed(error.to_string()))?;
+    if !status.success() || !merged.exists() {
+        return Err(failed(format!("it ended with {status}")));
+    }
+    println!("cargo:rustc-link-search=native={}", out.display());
+    println!("cargo:rustc-link-lib=static:+whole-archive=palpate_glslang");
+    println!("cargo:rustc-link-lib=stdc++");
+    Ok(())
+}
