@@ -1,7 +1,7 @@
 //! `palpate bench accuracy`: every curve, however small, against its reference; a fault planted in a kernel shows in the
 //! verdict; what is refused. No times are judged.
 
-#[path = "../../../vk-tests/spoil/mod.rs"]
+#[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
 
 use palpate_bench::accuracy;

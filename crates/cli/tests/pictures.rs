@@ -18,7 +18,7 @@ use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};
 use tempfile::TempDir;
 
-#[path = "../../../vk-tests/spoil/mod.rs"]
+#[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
 
 /// Pixels.

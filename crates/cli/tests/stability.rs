@@ -1,6 +1,6 @@
 //! `palpate stability`: a part of the matrix passes, a planted fault turns it red, bad input is refused.
 
-#[path = "../../../vk-tests/spoil/mod.rs"]
+#[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
 
 use std::process::Command;

@@ -1,0 +1,32 @@
+//! A kernel may be replaced by another of the same interface: what tests of tests are made of.
+
+use palpate::gpu::{Buffer, Context, Kernel, Memory, Options, Recorder, Size};
+
+use crate::harness::assert_clean;
+use crate::harness::spoil::spoiled;
+
+fn open(replaced: Vec<(String, Vec<u8>)>) -> palpate::Result<std::sync::Arc<Context>> {
+    let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+    Context::new(&Options { device, validation: true, replaced, ..Options::default() })
+}
+
+#[test]
+fn a_replaced_kernel_runs_in_its_place_and_an_unknown_name_is_refused() {
+    let bytes = spoiled("test/bump", "cells[i] * 3 + amount", "cells[i] * 3 - amount");
+    for (replaced, expected) in [(vec![], 13), (vec![("test/bump".to_string(), bytes.clone())], u32::MAX - 6)] {
+        let context = open(replaced).unwrap();
+        let kernel = Kernel::new(&context, "test/bump", Size::Group, &[]).unwrap();
+        let cells = Buffer::from_slice(&context, "cells", &[1u32; 5], Memory::Device).unwrap();
+        let mut recorder = Recorder::new(&context).unwrap();
+        recorder.stage("bump");
+        recorder.dispatch(&kernel, &[&cells], &bytemuck::cast::<[u32; 2], [u8; 8]>([10, 5]), 5);
+        recorder.finish().unwrap().submit_and_wait().unwrap();
+        assert_eq!(cells.read::<u32>().unwrap(), [expected; 5]);
+        assert_clean(&context, "a replaced kernel");
+    }
+    let Err(error) = open(vec![("test/dump".into(), bytes)]) else { panic!("replaced a kernel that is not there") };
+    assert!(error.to_string().contains("test/dump; the nearest is test/bump"), "{error}");
+    let odd = open(vec![("test/bump".into(), vec![3, 2, 35])]).unwrap();
+    let Err(error) = Kernel::new(&odd, "test/bump", Size::Group, &[]) else { panic!("made a kernel of three bytes") };
+    assert!(error.to_string().contains("3 bytes"), "{error}");
+}

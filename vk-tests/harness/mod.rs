@@ -1,0 +1,272 @@
+//! The shader test harness: given, kernel, run, expect, untouched. Outputs start as canaries and have guard words
+//! behind their end, inputs are compared after the run, and any validation message fails the case.
+
+pub mod bodies;
+pub mod random;
+pub mod self_test;
+pub mod spoil;
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
+
+use bytemuck::Pod;
+use palpate::gpu::{Buffer, Const, Context, Kernel, Memory, Options, Recorder, Size};
+
+/// A quiet NaN no arithmetic makes, so that a value left unwritten is found as float and as integer.
+pub const CANARY: u32 = 0x7fc0_dead;
+/// Words behind the end of what the kernel may write.
+const GUARD_WORDS: usize = 16;
+
+/// The device all cases share, opened once, with validation.
+pub fn context() -> &'static Arc<Context> {
+    static CONTEXT: OnceLock<Arc<Context>> = OnceLock::new();
+    CONTEXT.get_or_init(|| {
+        let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+        let context =
+            Context::new(&Options { device, validation: true, ..Options::default() }).unwrap_or_else(|e| panic!("{e}"));
+        assert_clean(&context, "set-up");
+        context
+    })
+}
+
+/// One at a time, so that a validation message belongs to whoever holds this; and threads that end recordings side by side crash
+/// validation layer 1.3.239 now and then.
+pub fn alone() -> MutexGuard<'static, ()> {
+    static RUNNING: Mutex<()> = Mutex::new(());
+    RUNNING.lock().unwrap_or_else(|e| e.into_inner())
+}
+
+/// Fails on any validation message since the last look.
+pub fn assert_clean(context: &Context, what: &str) {
+    let messages = context.validation_messages();
+    assert!(messages.is_empty(), "{what}: validation says:\n{}", messages.join("\n"));
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Role {
+    Input,
+    InOut,
+    Output,
+    Partial,
+}
+
+struct Given {
+    name: String,
+    role: Role,
+    words: Vec<u32>,
+    /// Bytes the kernel may touch; guards lie behind.
+    bytes: usize,
+}
+
+/// One run of one kernel.
+pub struct Case {
+    kernel: String,
+    size: Size,
+    constants: Vec<(String, Const)>,
+    given: Vec<Given>,
+    push: Vec<u8>,
+    run: Extent,
+}
+
+#[derive(Clone, Copy)]
+enum Extent {
+    Unset,
+    Elements(u32),
+    Groups(u32),
+}
+
+/// A case for a kernel; buffers follow in binding order.
+pub fn case(kernel: &str) -> Case {
+    Case {
+        kernel: kernel.into(),
+        size: Size::Group,
+        constants: vec![],
+        given: vec![],
+        push: vec![],
+        run: Extent::Unset,
+    }
+}
+
+impl Case {
+    /// Local size; `Size::Group` if not called.
+    pub fn size(mut self, size: Size) -> Self {
+        self.size = size;
+        self
+    }
+
+    /// A specialization constant.
+    pub fn constant(mut self, name: &str, value: impl Into<Const>) -> Self {
+        self.constants.push((name.into(), value.into()));
+        self
+    }
+
+    /// An array the kernel reads; it must be the same after the run.
+    pub fn input<T: Pod>(self, name: &str, data: &[T]) -> Self {
+        self.with(name, Role::Input, bytemuck::cast_slice(data))
+    }
+
+    /// An array the kernel reads and writes.
+    pub fn inout<T: Pod>(self, name: &str, data: &[T]) -> Self {
+        self.with(name, Role::InOut, bytemuck::cast_slice(data))
+    }
+
+    /// An array of `len` elements the kernel writes, every word of it.
+    pub fn output<T: Pod>(self, name: &str, len: usize) -> Self {
+        let canaries = vec![CANARY; len * size_of::<T>() / 4];
+        self.with(name, Role::Output, bytemuck::cast_slice(&canaries))
+    }
+
+    /// An array the kernel writes where it has something to say; the rest must stay as `data` has it, which the case
+    /// itself has to look at.
+    pub fn partial<T: Pod>(self, name: &str, data: &[T]) -> Self {
+        self.with(name, Role::Partial, bytemuck::cast_slice(data))
+    }
+
+    /// Push constants.
+    pub fn push<T: Pod>(mut self, push: &T) -> Self {
+        self.push = bytemuck::bytes_of(push).to_vec();
+        self
+    }
+
+    /// Invocations to run.
+    pub fn elements(mut self, elements: usize) -> Self {
+        self.run = Extent::Elements(elements as u32);
+        self
+    }
+
+    /// Workgroups to run, instead of elements.
+    pub fn groups(mut self, groups: usize) -> Self {
+        self.run = Extent::Groups(groups as u32);
+        self
+    }
+
+    fn with(mut self, name: &str, role: Role, bytes: &[u8]) -> Self {
+        assert_eq!(bytes.len() % 4, 0, "{name}: arrays are made of 32-bit words");
+        let mut words: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(bytes);
+        // Read-only arrays get no guards: nothing may be written, and shaders may ask for their length.
+        if role != Role::Input {
+            words.resize(words.len() + GUARD_WORDS, CANARY);
+        }
+        self.given.push(Given { name: name.into(), role, words, bytes: bytes.len() });
+        self
+    }
+
+    /// Runs the case and checks guards, inputs, canaries and validation; panics where any fails.
+    pub fn run(self) -> Outcome {
+        let context = context();
+        let _alone = alone();
+        let constants: Vec<_> = self.constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        // Drivers take longer to compile a kernel than to run it, and an iteration runs the same ones again and again.
+        static KERNELS: Mutex<BTreeMap<String, Arc<Kernel>>> = Mutex::new(BTreeMap::new());
+        let make =
+            || Arc::new(Kernel::new(context, &self.kernel, self.size, &constants).unwrap_or_else(|e| panic!("{e}")));
+        let key = format!("{} {:?} {constants:?}", self.kernel, self.size);
+        let mut kernels = KERNELS.lock().unwrap_or_else(|e| e.into_inner());
+        let kernel = kernels.entry(key).or_insert_with(make).clone();
+        drop(kernels);
+        self.check_bindings(&kernel);
+        let buffers: Vec<Buffer> = self
+            .given
+            .iter()
+            .map(|g| Buffer::from_slice(context, &g.name, &g.words, Memory::Device).unwrap())
+            .collect();
+        let mut recorder = Recorder::new(context).unwrap();
+        recorder.stage(&self.kernel);
+        let handles: Vec<_> = buffers.iter().collect();
+        match self.run {
+            Extent::Unset => panic!("{}: say .elements() or .groups()", self.kernel),
+            Extent::Elements(n) => recorder.dispatch(&kernel, &handles, &self.push, n),
+            Extent::Groups(n) => recorder.dispatch_groups(&kernel, &handles, &self.push, n),
+        }
+        recorder.finish().and_then(|r| r.submit_and_wait()).unwrap_or_else(|e| panic!("{e}"));
+        let after: Vec<Vec<u32>> = buffers.iter().map(|b| b.read().unwrap()).collect();
+        assert_clean(context, &self.kernel);
+        for (given, words) in self.given.iter().zip(&after) {
+            check(&self.kernel, given, words);
+        }
+        Outcome { kernel: self.kernel, given: self.given, after }
+    }
+
+    fn check_bindings(&self, kernel: &Kernel) {
+        let wants: Vec<_> = kernel.bindings().iter().map(|b| (b.name.as_str(), b.reads, b.writes)).collect();
+        let names: Vec<_> = self.given.iter().map(|g| g.name.as_str()).collect();
+        let bound: Vec<_> = wants.iter().map(|w| w.0).collect();
+        assert_eq!(names, bound, "{}: buffers given, and bindings of the kernel", self.kernel);
+        for (given, (name, reads, writes)) in self.given.iter().zip(wants) {
+            match given.role {
+                Role::Input => {}
+                Role::InOut => assert!(reads && writes, "{}: {name} is not both read and written", self.kernel),
+                Role::Output | Role::Partial => assert!(writes, "{}: {name} is never written", self.kernel),
+            }
+        }
+    }
+}
+
+/// Guards whole, inputs unchanged, outputs all written.
+fn check(kernel: &str, given: &Given, after: &[u32]) {
+    let (end, name) = (given.bytes / 4, &given.name);
+    if given.role == Role::Input {
+        if let Some(i) = (0..end).find(|&i| after[i] != given.words[i]) {
+            panic!("{kernel}: input {name} was changed: word {i} was {:#x}, is {:#x}", given.words[i], after[i]);
+        }
+        return;
+    }
+    if let Some(i) = (end..after.len()).find(|&i| after[i] != CANARY) {
+        panic!("{kernel}: {name} was written {} words behind its end of {end} words: {:#x}", i - end, after[i]);
+    }
+    if given.role == Role::Output
+        && let Some(i) = (0..end).find(|&i| after[i] == CANARY)
+    {
+        panic!("{kernel}: word {i} of {end} of output {name} was never written");
+    }
+}
+
+/// Arrays after a run.
+pub struct Outcome {
+    kernel: String,
+    given: Vec<Given>,
+    after: Vec<Vec<u32>>,
+}
+
+impl Outcome {
+    /// An array by its name, without its guards.
+    pub fn get<T: Pod>(&self, name: &str) -> Vec<T> {
+        let at = self.given.iter().position(|g| g.name == name);
+        let at = at.unwrap_or_else(|| panic!("{}: no array {name}", self.kernel));
+        bytemuck::allocation::pod_collect_to_vec(&self.after[at][..self.given[at].bytes / 4])
+    }
+}
+
+/// How far a value may be from what is wanted: `abs + rel * |want|`. Each constant says why it is what it is.
+#[derive(Debug, Clone, Copy)]
+pub struct Tolerance {
+    /// In the units of the value.
+    pub abs: f64,
+    /// Relative to the wanted value.
+    pub rel: f64,
+}
+
+/// Every value within tolerance, or a panic that names the worst; a NaN never passes, nor does another length.
+pub fn expect_close(name: &str, got: &[f32], want: &[f64], tolerance: Tolerance) {
+    assert_eq!(got.len(), want.len(), "{name}: values got, and wanted");
+    // Share of the allowance used; what cannot be compared is worst of all.
+    let share = |(g, w): (&f32, &f64)| {
+        let error = (f64::from(*g) - w).abs();
+        let allowed = tolerance.abs + tolerance.rel * w.abs();
+        if error.is_nan() || (error > 0.0 && allowed == 0.0) {
+            f64::INFINITY
+        } else {
+            error / allowed.max(f64::MIN_POSITIVE)
+        }
+    };
+    let shares: Vec<f64> = got.iter().zip(want).map(share).collect();
+    let failing = shares.iter().filter(|s| **s > 1.0).count();
+    if let Some((i, worst)) = shares.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))
+        && failing > 0
+    {
+        let (g, w, n) = (got[i], want[i], got.len());
+        panic!(
+            "{name}: {failing} of {n} fail {tolerance:?}; worst is [{i}]: got {g:e}, want {w:e}, {worst:.3} x allowed"
+        );
+    }
+}

@@ -1,0 +1,210 @@
+//! A tool that slides feels no joints: swept over head and gear by a thousand steps of 10 um, across the borders of
+//! proxies, the force never jumps. The bodies are rigid and the hand stiff, so that what is seen is the law of contact and
+//! no dynamics.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use palpate::gpu::Options;
+use palpate::prepare::Shape;
+use palpate::stages::types::Contact;
+use palpate::step::Simulation;
+
+use crate::scene::whole_step::scene;
+
+/// Steps, and the way of each, m.
+const SWEEP: (usize, f64) = (1000, 1e-5);
+/// N/m^3.
+const STIFFNESS: f64 = 1e7;
+/// Steps until the tool moves as the hand does, and the normal is the skins': the tool starts at full depth.
+const SETTLE: usize = 100;
+
+/// A line over a model's skin.
+struct Sweep {
+    name: &'static str,
+    model: &'static str,
+    vertices: usize,
+    /// Near the middle of the line, and outward there.
+    at: DVec3,
+    outward: DVec3,
+    along: DVec3,
+    /// Radius of the tool and how deep its middle is in the skin, m.
+    sphere: f64,
+    depth: f64,
+    /// What is allowed, in median changes a step, of the largest change of force in a step, from one change to the next, and of
+    /// the force with which a contact comes or goes: 3 is the aim, more what is so today. A jump shows in all three; where only
+    /// the first is large it is a slope of the way, where the first two are, a vertex that comes in at the tool's steep rim.
+    limits: [f64; 3],
+}
+
+/// What a sweep was like.
+struct Felt {
+    /// Largest change of the force in a step, of the median change.
+    jump: f64,
+    /// From one change to the next, of the median change.
+    kink: f64,
+    /// Greatest force of a contact in its first or last step, of the median change.
+    sudden: f64,
+    mean: f64,
+    /// rad/mm.
+    turn: f64,
+}
+
+fn open(sweep: &Sweep, from: DVec3, to: DVec3) -> Simulation {
+    let Sweep { model, vertices, sphere, .. } = sweep;
+    let time = SWEEP.0 as f64 * 1e-3;
+    let velocity = (to - from) / time;
+    let row = |x: DVec3| format!("{:?}, {:?}, {:?}", x.x, x.y, x.z);
+    let text = format!(
+        "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\nstiffness = {STIFFNESS:?}\ndamping = 0.0\n\
+         [[body]]\nname = \"{model}\"\nsurface = {{ model = \"{model}\", vertices = {vertices} }}\n\
+         [tool]\nsphere = {sphere:?}\nmass = 0.05\nposition = [{}]\nvelocity = [{}]\n\
+         [coupling]\nstiffness = 1e7\ndamping = 1e4\nangular_stiffness = 1e4\nangular_damping = 10.0\n\
+         [drive]\nkeys = [[0.0, {}], [{time:?}, {}]]\n",
+        row(from),
+        row(velocity),
+        row(from),
+        row(to)
+    );
+    let options =
+        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::default() };
+    Simulation::new(&scene(&text), &options, None).unwrap()
+}
+
+/// Where the sphere's middle is when it is so deep in the vertices below it.
+fn middle(sweep: &Sweep, skin: &[DVec3]) -> DVec3 {
+    let n = sweep.outward.normalize();
+    let distance = |x: DVec3| skin.iter().map(|v| v.distance(x)).fold(f64::INFINITY, f64::min);
+    let (mut low, mut high) = (0.0, 0.1);
+    for _ in 0..50 {
+        let s = 0.5 * (low + high);
+        let clear = distance(sweep.at + s * n) > sweep.sphere - sweep.depth;
+        (low, high) = if clear { (low, s) } else { (s, high) };
+    }
+    sweep.at + high * n
+}
+
+fn run(sweep: &Sweep) -> Felt {
+    let probe = open(sweep, DVec3::splat(1.0), DVec3::splat(1.0));
+    let Shape::Rigid { skin, .. } = &probe.bodies()[0].shape else { panic!("rigid") };
+    let half = 0.5 * SWEEP.0 as f64 * SWEEP.1 * sweep.along.normalize();
+    let middle = middle(sweep, &skin.vertices);
+    let mut simulation = open(sweep, middle - half, middle + half);
+    let (mut force, mut normals, mut contacts, mut flags) = (vec![], vec![], vec![], 0);
+    for _ in 0..SWEEP.0 {
+        let row = simulation.step().unwrap();
+        flags |= row.flags.0;
+        force.push(row.tool.unwrap().force);
+        let (regions, found) = simulation.touch().unwrap();
+        normals.push(DVec3::from(regions[0].normal.map(f64::from)));
+        let of = |c: &Contact| ((c.side, c.vertex), STIFFNESS * f64::from(c.area) * f64::from(c.depth));
+        contacts.push(found.iter().map(of).collect::<BTreeMap<_, _>>());
+    }
+    let changes: Vec<f64> = force[SETTLE..].windows(2).map(|w| (w[1] - w[0]).length()).collect();
+    let mut sorted = changes.clone();
+    sorted.sort_by(f64::total_cmp);
+    let (median, largest) = (sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
+    let at = SETTLE + changes.iter().position(|c| *c == largest).unwrap();
+    let turn = normals[SETTLE..].windows(2).map(|w| w[0].cross(w[1]).length().asin()).fold(0.0, f64::max);
+    let kinks: Vec<f64> = force[SETTLE..].windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).length()).collect();
+    let kink = kinks.iter().copied().fold(0.0, f64::max);
+    let kink_at = SETTLE + 1 + kinks.iter().position(|k| *k == kink).unwrap();
+    let gone = |w: &[BTreeMap<_, f64>]| {
+        let only = |a: &BTreeMap<_, f64>, b: &BTreeMap<_, f64>| {
+            a.iter().filter(|(vertex, _)| !b.contains_key(*vertex)).map(|(_, force)| *force).fold(0.0, f64::max)
+        };
+        only(&w[0], &w[1]).max(only(&w[1], &w[0]))
+    };
+    let sudden = contacts[SETTLE..].windows(2).map(gone).fold(0.0, f64::max);
+    let felt = Felt {
+        jump: largest / median,
+        kink: kink / median,
+        sudden: sudden / median,
+        mean: force[SETTLE..].iter().map(|f| f.length()).sum::<f64>() / (SWEEP.0 - SETTLE) as f64,
+        turn: turn / (1e3 * SWEEP.1),
+    };
+    let least = force[SETTLE..].iter().map(|f| f.length()).fold(f64::INFINITY, f64::min);
+    println!(
+        "{}: {:.4} N on average, {least:.4} at least; change a step: median {median:.2e} N, 99 % {:.1}, largest {:.1} of it \
+         (step {at}), and {:.1} from one change to the next (step {kink_at}); \
+         a contact comes or goes with {:.1} of it at most; normal turns by up to {:.3} rad/mm; flags {flags}",
+        sweep.name,
+        felt.mean,
+        sorted[sorted.len() * 99 / 100] / median,
+        felt.jump,
+        felt.kink,
+        felt.sudden,
+        felt.turn
+    );
+    assert!(flags == 0 && force.iter().all(|f| f.is_finite()), "{}: flags {flags}", sweep.name);
+    felt
+}
+
+fn judge(sweeps: &[Sweep]) {
+    let felt: Vec<Felt> = sweeps.iter().map(run).collect();
+    assert!(felt.iter().all(|felt| felt.mean > 0.0));
+    for (sweep, felt) in sweeps.iter().zip(&felt) {
+        let [jump, kink, sudden] = sweep.limits;
+        assert!(felt.jump < jump, "{}: the force changes by {} of its median change", sweep.name, felt.jump);
+        assert!(
+            felt.sudden < sudden,
+            "{}: a contact comes or goes with {} of the median change",
+            sweep.name,
+            felt.sudden
+        );
+        assert!(felt.kink < kink, "{}: the force jumps by {} of its median change", sweep.name, felt.kink);
+    }
+}
+
+#[test]
+fn a_sphere_slides_over_a_head_without_a_jump() {
+    let sweep = |name, at, outward, along, sphere, depth, limits| Sweep {
+        name,
+        model: "head",
+        vertices: 44_000,
+        at,
+        outward,
+        along,
+        sphere,
+        depth,
+        limits,
+    };
+    let forehead = (DVec3::new(0.0, 0.085, 0.06), DVec3::new(0.0, 0.5, 0.87));
+    let cheek = (DVec3::new(0.03, -0.02, 0.06), DVec3::new(0.3, 0.0, 1.0));
+    let temple = (DVec3::new(0.05, 0.06, 0.0), DVec3::new(1.0, 0.2, 0.0));
+    judge(&[
+        sweep("forehead, across", forehead.0, forehead.1, DVec3::X, 0.02, 0.001, [3.0; 3]),
+        sweep("forehead, down", forehead.0, forehead.1, DVec3::new(0.0, -0.87, 0.5), 0.02, 0.001, [3.0; 3]),
+        sweep("cheek, across", cheek.0, cheek.1, DVec3::new(1.0, 0.0, -0.3), 0.02, 0.001, [3.4, 3.0, 3.0]),
+        sweep("temple, back", temple.0, temple.1, DVec3::NEG_Z, 0.02, 0.001, [3.0; 3]),
+    ]);
+}
+
+#[test]
+fn a_sphere_slides_over_a_gear_without_a_jump() {
+    let sweep = |name, at, outward, along, sphere, depth, limits| Sweep {
+        name,
+        model: "gear",
+        vertices: 29_000,
+        at,
+        outward,
+        along,
+        sphere,
+        depth,
+        limits,
+    };
+    judge(&[
+        sweep("rim, around", DVec3::new(0.0366, 0.0, 0.0), DVec3::Z, DVec3::Y, 0.01, 0.0003, [3.0; 3]),
+        sweep(
+            "rim and tooth, outwards",
+            DVec3::new(0.0405, 0.0, 0.0),
+            DVec3::Z,
+            DVec3::X,
+            0.01,
+            0.0001,
+            [4.7, 3.0, 3.0],
+        ),
+        sweep("tip, along", DVec3::new(0.04, 0.0, 0.0), DVec3::X, DVec3::Z, 0.01, 0.0003, [3.6, 4.3, 3.0]),
+        sweep("flank, along", DVec3::new(0.047, 0.0, 0.0), DVec3::Y, DVec3::Z, 0.003, 0.0003, [3.0, 3.5, 3.5]),
+    ]);
+}

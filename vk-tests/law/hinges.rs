@@ -1,0 +1,152 @@
+//! Hinged cores: they turn about their axis and do nothing else; as the oracle's, and as mechanics has it.
+
+use std::f64::consts::TAU;
+
+use glam::{DMat3, DQuat, DVec3};
+use palpate::prepare::layer;
+use palpate::step::Flags;
+use palpate::step::Simulation;
+use palpate_oracle as oracle;
+
+use crate::scene::bones::{SHAPE, SPEED, bar, twin_cores};
+use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
+
+/// How far a pendulum's period may be off, of itself: crossings between steps of a millisecond are interpolated.
+const PERIOD: f64 = 1e-4;
+
+#[test]
+fn a_bar_on_a_hinge_swings_as_the_oracles() {
+    // One end on a hinge, the other in a stone; it falls. The hinge is beside the middle of what it carries.
+    for young in [2e4, 1e6] {
+        let text = bar(young, "[]").replace("motion = \"driven\"\nkeys = []", "motion = \"dynamic\"").replace(
+            "name = \"left\"",
+            "name = \"left\"\nmotion = \"dynamic\"\nhinge = { point = [-0.09, 0.01, 0.0], axis = [0.0, 3.0, 4.0] }",
+        );
+        let scene = scene(&text);
+        let mut simulation = open(&scene, None);
+        let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
+        twin.bodies.push(soft_twin(&simulation, 0));
+        twin.cores = twin_cores(&simulation, 0);
+        let start = simulation.frames(0)[0];
+        let rows = run(&mut simulation, 80);
+        (0..80).for_each(|_| drop(twin.step(None, &[]).unwrap()));
+        let (moved, velocities) = simulation.nodes(0).unwrap().unwrap();
+        let shape = relative_error(&moved, &twin.bodies[0].displacement);
+        let speed = relative_error(&velocities, &twin.bodies[0].velocity);
+        let end = simulation.frames(0)[0];
+        let turned = (end.rotation * start.rotation.conjugate()).to_scaled_axis();
+        let axis = simulation.bodies()[0].orientation * DVec3::new(0.0, 0.6, 0.8);
+        let aside = turned.cross(axis).length();
+        println!(
+            "hinged bar at {young:e} Pa: shape {shape:.1e}, speed {speed:.1e}, turned {:.3} rad, {aside:.1e} of it aside, up \
+             to {} iterations",
+            turned.length(),
+            rows.iter().map(|r| r.iterations).max().unwrap()
+        );
+        assert!(rows.iter().all(|row| row.flags == Flags::default()));
+        assert!(shape < SHAPE && speed < SPEED && turned.length() > 0.05, "{shape:e} {speed:e}");
+        assert!(end.centre == start.centre && aside < 1e-12, "{} {aside:e}", end.centre - start.centre);
+    }
+}
+
+/// Half extents of a slab, m; its mass, kg.
+const SLAB: (DVec3, f64) = (DVec3::new(0.02, 0.1, 0.03), 0.2);
+
+/// A rigid slab hinged near one end along z, and tables besides.
+fn slab(table: &str, more: &str) -> Simulation {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("slab.obj");
+    let (vertices, triangles, _) = layer::boundary(&layer::kuhn_box(-SLAB.0, SLAB.0, [4, 20, 6]));
+    palpate::scene::obj::write(&mut std::fs::File::create(&file).unwrap(), &vertices, &triangles).unwrap();
+    open(
+        &scene(&format!(
+            "[step]\n{table}\n[[body]]\nname = \"slab\"\nsurface = {file:?}\nmotion = \"dynamic\"\nmass = {:?}\n\
+             hinge = {{ point = [0.0, 0.08, 0.01], axis = [0.0, 0.0, 1.0] }}\n{more}\n",
+            SLAB.1
+        )),
+        None,
+    )
+}
+
+/// Of the slab about its hinge, kg m^2.
+fn moment() -> f64 {
+    let (half, mass) = SLAB;
+    mass * ((half.x * half.x + half.y * half.y) / 3.0 + 0.08 * 0.08)
+}
+
+/// Turned about z, rad.
+fn angle(simulation: &Simulation) -> f64 {
+    let DQuat { z, w, .. } = simulation.frames(0)[0].rotation;
+    2.0 * z.atan2(w)
+}
+
+#[test]
+fn a_hinged_slab_is_a_pendulum() {
+    let start = 0.1f64;
+    let place = format!(
+        "orientation = [0.0, 0.0, {:?}, {:?}]\nposition = [3.0, 2.0, 1.0]",
+        (start / 2.0).sin(),
+        (start / 2.0).cos()
+    );
+    let h = 0.001;
+    let mut simulation = slab("", &place);
+    let hinge = simulation.frames(0)[0].centre;
+    let energy = |angle: f64, spin: f64| 0.5 * moment() * spin * spin - SLAB.1 * 9.81 * 0.08 * angle.cos();
+    let (first, swing) = (energy(start, 0.0), SLAB.1 * 9.81 * 0.08 * (1.0 - start.cos()));
+    let (mut last, mut most, mut crossings) = (angle(&simulation), f64::NEG_INFINITY, vec![]);
+    let steps = 1500;
+    for step in 1..=steps {
+        run(&mut simulation, 1);
+        let now = angle(&simulation);
+        most = most.max((energy(now, (now - last) / h) - first) / swing);
+        if now * last < 0.0 {
+            crossings.push(h * (f64::from(step) - now / (now - last)));
+        }
+        last = now;
+    }
+    let period = 2.0 * (crossings[2] - crossings[0]) / 2.0;
+    // Of a pendulum that swings by a tenth of a radian. Gravity is taken at the start of a step: its energy is off by half of
+    // omega h one way and back, and does not grow.
+    let want = TAU * (moment() / (SLAB.1 * 9.81 * 0.08)).sqrt() * (1.0 + start * start / 16.0);
+    println!(
+        "pendulum: period {period:.4} s for {want:.4} s; energy at most {most:.1e} of the swing's above its start"
+    );
+    assert!((period / want - 1.0).abs() < PERIOD && most < 1.05 * 0.5 * h * TAU / want, "{period} {want} {most:e}");
+    assert!(simulation.frames(0)[0].centre == hinge, "it moved");
+}
+
+#[test]
+fn a_hinged_slab_that_is_struck_turns_about_its_hinge_and_keeps_its_spin() {
+    // A ball that nobody holds flies askew at the slab's lower end.
+    let ball = "[contact]\nstiffness = 1e8\n[tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.035, -0.07, 0.005]\nvelocity = [-0.5, 0.1, 0.2]";
+    let mut simulation = slab("gravity = [0.0, 0.0, 0.0]", ball);
+    let start = simulation.frames(0)[0];
+    let about_hinge = |simulation: &Simulation| {
+        let tool = simulation.tool().unwrap();
+        let spin = DMat3::from_quat(tool.orientation)
+            * tool.inertia
+            * DMat3::from_quat(tool.orientation).transpose()
+            * tool.angular_velocity;
+        ((tool.centre - start.centre).cross(tool.mass * tool.velocity) + spin).z
+    };
+    let before = about_hinge(&simulation);
+    let rows = run(&mut simulation, 60);
+    assert!(rows.iter().all(|row| row.flags == Flags::default()));
+    let touched = rows.iter().filter(|row| row.contacts.unwrap() > 0).count();
+    let after = about_hinge(&simulation);
+    let one = angle(&simulation);
+    run(&mut simulation, 1);
+    let spin = (angle(&simulation) - one) / 0.001;
+    run(&mut simulation, 100);
+    let two = angle(&simulation);
+    run(&mut simulation, 1);
+    let later = (angle(&simulation) - two) / 0.001;
+    let kept = (after + moment() * spin) / before - 1.0;
+    let end = simulation.frames(0)[0];
+    println!(
+        "struck slab: {touched} steps in contact, then {spin:.3} rad/s, {:.1e} of it lost in 100 steps; angular momentum off by {kept:.1e}",
+        1.0 - later / spin
+    );
+    assert!(touched > 2 && spin.abs() > 1.0 && (later / spin - 1.0).abs() < 1e-9 && kept.abs() < 1e-4, "{kept:e}");
+    assert!(end.centre == start.centre && end.rotation.x == 0.0 && end.rotation.y == 0.0, "{end:?}");
+}

@@ -1,0 +1,192 @@
+//! The query against f64 rays on real meshes in light contact, and against thousands of poses of small ones: depths, the
+//! sets of colliding vertices, and that culling leaves none of them out.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use palpate::gpu::{Context, Options};
+use palpate::prepare::repair;
+use palpate::query::{Answer, Query, QueryContact, QuerySettings, Timing};
+use palpate::scene::Model;
+use palpate_oracle::rays::Rays;
+use parry3d_f64::math::Vector;
+use parry3d_f64::query::PointQuery;
+use parry3d_f64::shape::TriMesh;
+
+use crate::harness::bodies::{Mesh, octants, sphere, whole};
+use crate::harness::random::Random;
+use crate::scene::judge::{APART, Pose, Subject, Tally, head, judge};
+use crate::scene::whole_step::meshes;
+
+/// The promise: of the smaller body's size.
+const DEPTH: f64 = 1e-5;
+/// The sets of colliding vertices may differ by so much.
+const DIFFERENT: f64 = 1e-3;
+/// How deep a light contact is, of the smaller body's size.
+const LIGHT: f64 = 5e-3;
+/// Depth along any direction is at least the distance to the surface, but for rounding.
+const LEAST_RATIO: f64 = 1.0 - 1e-6;
+/// Poses of each pair of real meshes; each is asked twice.
+const POSES: usize = 20;
+/// Poses of all pairs of small meshes together.
+const THROWN: usize = 10_000;
+
+/// Without validation: this asks ten thousand times.
+fn device() -> Arc<Context> {
+    let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+    Context::new(&Options { device, validation: false, ..Options::default() }).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// How far b, far away along `towards`, moves back until a vertex of either meets a triangle of the other.
+fn room(towards: DVec3, subjects: [&Subject; 2], a: &[DVec3], b: &[DVec3]) -> Option<f64> {
+    let up = Rays::new(-towards, b, &subjects[1].skin().triangles);
+    let down = Rays::new(towards, a, &subjects[0].skin().triangles);
+    let rooms = a.iter().filter_map(|x| up.first(*x)).chain(b.iter().filter_map(|x| down.first(*x)));
+    rooms.map(|crossing| crossing.depth).reduce(f64::min)
+}
+
+/// A pose of b in light contact with a: turned and thrown at random, and a little deeper than the first touch.
+fn light(random: &mut Random, subjects: [&Subject; 2]) -> ([Pose; 2], DVec3) {
+    let [a, b] = subjects;
+    loop {
+        let towards = random.vector().normalize();
+        let pose_a = a.pose(random.turn(3.0), DVec3::ZERO);
+        let far = 2.0 * (a.size + b.size);
+        let turn = random.turn(3.0);
+        let aside = 0.3 * a.size.min(b.size) * random.vector();
+        let place = |along: f64| b.pose(turn, aside + along * towards);
+        let Some(room) = room(towards, subjects, &a.placed(pose_a), &b.placed(place(far))) else { continue };
+        let deeper = LIGHT * a.size.min(b.size);
+        return ([pose_a, place(far - room - deeper)], towards);
+    }
+}
+
+/// Depth against the distance to the other surface, for every contact of an answer.
+fn ratios(subjects: [&Subject; 2], poses: [Pose; 2], trees: &[TriMesh; 2], answer: &Answer) -> Vec<f64> {
+    let of = |contact: &QueryContact| {
+        let (own, other) = (contact.body, 1 - contact.body);
+        let x = poses[own].0 + poses[own].1 * subjects[own].skin().vertices[contact.vertex as usize];
+        let local = poses[other].1.conjugate() * (x - poses[other].0);
+        let point = Vector::new(local.x, local.y, local.z);
+        let near = trees[other].project_local_point(point, false).point;
+        let corners = subjects[other].skin().triangles[contact.triangle as usize];
+        let met: DVec3 =
+            (0..3).map(|k| contact.barycentric[k] * subjects[other].skin().vertices[corners[k] as usize]).sum();
+        // The point that the device names lies on the surface: its distance is the depth, without f32's rounding of it.
+        (local.distance(met), local.distance(DVec3::new(near.x, near.y, near.z)))
+    };
+    let size = subjects[0].size.min(subjects[1].size);
+    answer.contacts.iter().map(of).filter(|(_, near)| *near > APART * size).map(|(depth, near)| depth / near).collect()
+}
+
+fn tree(subject: &Subject) -> TriMesh {
+    let points = subject.skin().vertices.iter().map(|x| Vector::new(x.x, x.y, x.z)).collect();
+    TriMesh::new(points, subject.skin().triangles.clone()).unwrap()
+}
+
+#[test]
+fn real_meshes_in_light_contact_agree_with_f64_rays() {
+    let Some(folder) = meshes("agreement on real meshes") else { return };
+    let read = |name: &str| {
+        let (mesh, _) = repair::read(&folder.join(format!("surf/{name}.obj")), true).unwrap();
+        Subject::new(name, (mesh.vertices, mesh.triangles), whole)
+    };
+    let [head_mesh, gear, pumpkin, human, small] = ["head", "gear", "pumpkin", "human", "human_3000"].map(read);
+    let (device, mut random) = (device(), Random(401));
+    head();
+    let mut all = Tally::default();
+    for [a, b] in
+        [[&head_mesh, &head_mesh], [&gear, &gear], [&pumpkin, &pumpkin], [&human, &head_mesh], [&small, &gear]]
+    {
+        let name = format!("{} {}", a.name, b.name);
+        let settings = QuerySettings { timing: Timing::Off, ..QuerySettings::of(&a.body, &b.body) };
+        let mut query = Query::on(&device, &a.body, &b.body, &settings, None).unwrap();
+        let trees = [tree(a), tree(b)];
+        let mut sum = Tally::default();
+        for pose in 0..POSES {
+            let (poses, towards) = light(&mut random, [a, b]);
+            // As culling finds it, and along the way that b came.
+            for direction in [None, Some(towards)] {
+                query.set_direction(direction);
+                let answer = query.run(poses[0], poses[1]).unwrap();
+                let mut tally =
+                    judge(&format!("{name}, pose {pose}, {direction:?}"), [a, b], poses, &answer, f64::INFINITY);
+                tally.ratios = ratios([a, b], poses, &trees, &answer);
+                sum.add(tally);
+            }
+        }
+        sum.row(&name);
+        all.add(sum);
+    }
+    all.row("all");
+    all.ratios.sort_by(f64::total_cmp);
+    let at = |share: f64| all.ratios[((all.ratios.len() - 1) as f64 * share) as usize];
+    println!(
+        "depth along the normal against the distance to the surface: least {:.6}, median {:.3}, nine tenths below \
+         {:.3}, most {:.1}",
+        at(0.0),
+        at(0.5),
+        at(0.9),
+        at(1.0)
+    );
+    assert!(all.contacts > 10 * POSES && at(0.0) > LEAST_RATIO);
+    assert!(all.worst <= DEPTH, "{} in {}", all.worst, all.where_worst);
+    assert!(((all.missing + all.extra) as f64) <= DIFFERENT * all.contacts as f64, "{}", all.different.join("\n"));
+}
+
+/// A ring of a round section.
+fn torus(radius: f64, section: f64, around: u32, across: u32) -> Mesh {
+    let at = |i: u32, n: u32| std::f64::consts::TAU * f64::from(i) / f64::from(n);
+    let vertex = |(i, k): (u32, u32)| {
+        let (long, short) = (at(i, around), at(k, across));
+        let out = radius + section * short.cos();
+        DVec3::new(out * long.cos(), out * long.sin(), section * short.sin())
+    };
+    let cells = || (0..around).flat_map(move |i| (0..across).map(move |k| (i, k)));
+    let index = |i: u32, k: u32| (i % around) * across + k % across;
+    let halves = cells().flat_map(|(i, k)| {
+        let [a, b, c, d] = [index(i, k), index(i + 1, k), index(i + 1, k + 1), index(i, k + 1)];
+        [[a, b, c], [a, c, d]]
+    });
+    (cells().map(vertex).collect(), halves.collect())
+}
+
+#[test]
+fn culling_leaves_no_colliding_vertex_out() {
+    let subjects = [
+        Subject::new("sphere 258", sphere(0.1, 3), octants),
+        Subject::new("torus 480", torus(0.08, 0.03, 30, 16), whole),
+        Subject::new("thin torus 384", torus(0.1, 0.012, 48, 8), whole),
+        Subject::new("head 3000", palpate::prepare::model::surface(Model::Head, 3000), whole),
+    ];
+    let (device, mut random) = (device(), Random(402));
+    head();
+    let mut all = Tally::default();
+    for (i, a) in subjects.iter().enumerate() {
+        for b in &subjects[i..] {
+            let settings = QuerySettings { timing: Timing::Off, ..QuerySettings::of(&a.body, &b.body) };
+            let mut query = Query::on(&device, &a.body, &b.body, &settings, None).unwrap();
+            let mut sum = Tally::default();
+            for pose in 0..THROWN / 10 {
+                // From a light touch to one within the other.
+                let apart = 0.5 * (a.size + b.size) * (0.6 + 0.4 * random.next());
+                let poses = [
+                    a.pose(random.turn(3.0), DVec3::ZERO),
+                    b.pose(random.turn(3.0), apart * random.vector().normalize()),
+                ];
+                let answer = query.run(poses[0], poses[1]).unwrap();
+                sum.add(judge(&format!("pose {pose}"), [a, b], poses, &answer, settings.depth_limit));
+            }
+            sum.row(&format!("{}, {}", a.name, b.name));
+            all.add(sum);
+        }
+    }
+    all.row("all");
+    assert!(all.queries >= THROWN && all.contacts > 10 * THROWN);
+    assert_eq!(all.missing, 0, "colliding vertices that the device does not have:\n{}", all.different.join("\n"));
+    assert!(
+        all.extra as f64 <= DIFFERENT * all.contacts as f64,
+        "contacts that are none:\n{}",
+        all.different.join("\n")
+    );
+}

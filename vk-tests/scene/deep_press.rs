@@ -1,0 +1,132 @@
+//! Large deformation, as the paper's 30 to 40 percent: a sphere pressed into soft bodies by four tenths of their radius.
+//! The force rises all the way in, no tetrahedron stays inverted, and after the release the shape comes back.
+
+use glam::{DMat3, DVec3};
+use palpate::gpu::Options;
+use palpate::prepare::{Layer, Shape};
+use palpate::step::Simulation;
+use palpate::step::StepReport;
+
+use crate::scene::whole_step::{meshes, scene};
+
+/// Flags: depth beyond the limit, not a height field.
+const FOLDED: u32 = 8 + 16;
+/// Steps of 2 ms: in, held, out, and left alone.
+const PHASES: [usize; 4] = [200, 25, 100, 500];
+
+/// The least volume of a tetrahedron, as a share of that at rest; negative where one is turned inside out.
+fn least_volume(layer: &Layer, moved: &[DVec3]) -> f64 {
+    let volume = |t: &[u32; 4], at: &dyn Fn(usize) -> DVec3| {
+        let [a, b, c, d] = t.map(|n| at(n as usize));
+        DMat3::from_cols(b - a, c - a, d - a).determinant()
+    };
+    let rest = |n: usize| layer.nodes[n];
+    let now = |n: usize| layer.nodes[n] + moved[n];
+    layer.tetrahedra.iter().map(|t| volume(t, &now) / volume(t, &rest)).fold(f64::INFINITY, f64::min)
+}
+
+fn largest(moved: &[DVec3]) -> f64 {
+    moved.iter().map(|d| d.length()).fold(0.0, f64::max)
+}
+
+/// A surface, filled with cells and held by a core in its middle; pressed from one place to another by a sphere.
+struct Deep {
+    name: &'static str,
+    cell: f64,
+    /// Centre and radius.
+    core: [f64; 4],
+    from: DVec3,
+    to: DVec3,
+    sphere: f64,
+    body_radius: f64,
+}
+
+fn press(deep: &Deep) {
+    let Deep { name, cell, core, from, to, sphere, body_radius } = *deep;
+    let Some(meshes) = meshes(&format!("deep press into {name}")) else { return };
+    let key = |t: f64, x: DVec3| format!("[{t:?}, {:?}, {:?}, {:?}]", x.x, x.y, x.z);
+    let [a, b, c, _] = PHASES.map(|n| n as f64 * 0.002);
+    let keys = [key(0.0, from), key(a, to), key(a + b, to), key(a + b + c, from + (from - to))].join(", ");
+    let text = format!(
+        "[step]\ndt = 0.002\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"{name}\"\nsurface = {:?}\n\
+         layer = {{ cell = {cell:?} }}\n\
+         material = {{ young = 2e4, poisson = 0.4, density = 1000.0, damping_mass = 20.0, damping_stiffness = 0.005 }}\n\
+         [[body.core]]\nname = \"core\"\nbind = {{ sphere = {core:?} }}\n\
+         [tool]\nsphere = {sphere:?}\nmass = 0.1\nposition = [{:?}, {:?}, {:?}]\n\
+         [coupling]\nstiffness = 50000.0\ndamping = 50.0\nangular_stiffness = 10.0\nangular_damping = 0.1\n\
+         [drive]\nkeys = [{keys}]\n",
+        meshes.join(format!("surf/{name}.obj")),
+        from.x,
+        from.y,
+        from.z
+    );
+    let options =
+        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::default() };
+    let mut simulation = Simulation::new(&scene(&text), &options, None).unwrap();
+    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
+    let layer = layer.clone();
+    let mut rows: Vec<StepReport> = Vec::new();
+    let mut least = f64::INFINITY;
+    let mut deepest = 0.0f64;
+    for step in 0..PHASES.iter().sum() {
+        rows.push(simulation.step().unwrap());
+        if step % 10 == 9 {
+            let (moved, _) = simulation.nodes(0).unwrap().unwrap();
+            least = least.min(least_volume(&layer, &moved));
+            deepest = deepest.max(largest(&moved));
+        }
+    }
+    let left = largest(&simulation.nodes(0).unwrap().unwrap().0) / deepest;
+    let force: Vec<f64> = rows.iter().map(|row| row.tool.unwrap().force.length()).collect();
+    let touch = force.iter().position(|f| *f > 0.0).unwrap();
+    let travel = from.distance(rows[PHASES[0] - 1].tool.unwrap().tool.position);
+    let at_touch = from.distance(rows[touch].tool.unwrap().tool.position);
+    let pressing = &force[touch..PHASES[0]];
+    let fall = pressing.windows(2).map(|w| w[0] - w[1]).fold(0.0, f64::max);
+    println!(
+        "{name}: {} tetrahedra; pressed by {:.4} m to {:.1} N; least volume {least:.2} of that at rest; largest fall of the \
+         force a step {fall:.1e} N; left at the end {left:.1e} of {deepest:.3} m",
+        layer.tetrahedra.len(),
+        travel - at_touch,
+        force[PHASES[0] - 1]
+    );
+    // Pressed in past its middle, a sphere has skin above its rim: along the region's normal that lies deep in the sphere,
+    // and has the sphere's back behind it, and the flags say so.
+    let folds = rows.iter().filter(|row| row.flags.0 != 0).count();
+    let others: Vec<(u64, u32)> =
+        rows.iter().filter(|row| row.flags.0 & !FOLDED != 0).map(|r| (r.step, r.flags.0)).collect();
+    assert!(travel - at_touch >= 0.4 * body_radius, "{name}: pressed by {} m only", travel - at_touch);
+    assert!(others.is_empty(), "{name}: steps and flags {others:?}");
+    assert!(folds == 0 || travel - at_touch > sphere, "{name}: {folds} steps with folds");
+    println!("{name}: {folds} steps with folds");
+    assert!(least > 0.0, "{name}: a tetrahedron turned inside out: {least}");
+    // Skin that comes and goes above the sphere's rim is felt as a few thousandths of the force; before that nothing falls.
+    let allowed = if folds > 0 { 0.005 * force[PHASES[0] - 1] } else { 0.0 };
+    assert!(fall <= allowed, "{name}: the force falls by {fall} N on the way in");
+    assert!(force[PHASES[..3].iter().sum::<usize>()..].iter().all(|f| *f == 0.0), "{name}: it is let go");
+    assert!(left < 0.01, "{name}: {left} of the deformation is left");
+}
+
+#[test]
+fn a_deep_press_into_a_pumpkin() {
+    // From the side, between stem and ground.
+    let from = DVec3::new(0.0, 0.14, 0.225);
+    let to = from - DVec3::Z * 0.084;
+    press(&Deep {
+        name: "pumpkin",
+        cell: 0.03,
+        core: [0.0, 0.14, -0.02, 0.05],
+        from,
+        to,
+        sphere: 0.06,
+        body_radius: 0.16,
+    });
+}
+
+#[test]
+fn a_deep_press_into_a_head() {
+    // The crown.
+    let from = DVec3::new(0.0, 0.19, -0.01);
+    let to = from - DVec3::Y * 0.056;
+    press(&Deep { name: "head", cell: 0.02, core: [0.0, 0.0, -0.01, 0.05], from, to, sphere: 0.04, body_radius: 0.12 });
+}

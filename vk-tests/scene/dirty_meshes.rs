@@ -1,0 +1,82 @@
+//! Meshes as they come: layers with slivers under gravity, a skin with holes under a tool.
+
+use glam::DVec3;
+use palpate::scene::tetrahedra;
+use palpate::step::Flags;
+
+use crate::scene::whole_step::{meshes, open, run, scene};
+
+/// Steps of a millisecond.
+const STEPS: usize = 50;
+/// Displacement against free fall of the same time, at most: elasticity holds a body back, and the implicit step, which
+/// falls g h^2 n (n + 1) / 2, is ahead of g t^2 / 2 by a fiftieth.
+const FREE_FALL: f64 = 1.05;
+
+#[test]
+fn layers_with_slivers_stay_finite_and_fall_no_faster_than_they_must() {
+    let Some(meshes) = meshes("slivers under gravity") else { return };
+    for name in ["human_tetgen_sliver", "bad_slivers"] {
+        let file = meshes.join(format!("tet/{name}.v41.msh"));
+        let mesh = tetrahedra::read(&file).unwrap();
+        let low = mesh.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = mesh.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        // The lower tenth is held.
+        let held = low.y + 0.1 * (high.y - low.y);
+        let below = low - DVec3::ONE;
+        for young in [2e4, 2e6] {
+            let text = format!(
+                "[solver]\nmax_iterations = 2000\n[[body]]\nname = \"dirty\"\nlayer = {file:?}\n\
+                 material = {{ young = {young:e}, poisson = 0.45, density = 1000.0 }}\n\
+                 [[body.core]]\nname = \"foot\"\nmotion = \"fixed\"\n\
+                 bind = {{ box = [[{}, {}, {}], [{}, {held}, {}]] }}\n",
+                below.x,
+                below.y,
+                below.z,
+                high.x + 1.0,
+                high.z + 1.0
+            );
+            let mut simulation = open(&scene(&text), None);
+            let rows = run(&mut simulation, STEPS);
+            let (moved, _) = simulation.nodes(0).unwrap().unwrap();
+            let most = moved.iter().map(|d| d.length()).fold(0.0, f64::max);
+            let time = STEPS as f64 * 1e-3;
+            let bound = FREE_FALL * 9.81 * time * time / 2.0;
+            let iterations = rows.iter().map(|row| row.iterations).max().unwrap();
+            let flags = rows.iter().fold(0, |all, row| all | row.flags.0);
+            println!(
+                "{name} at {young:e} Pa: {most:.2e} m of {bound:.2e}, flags {flags}, up to {iterations} iterations"
+            );
+            assert!(
+                moved.iter().all(|d| d.is_finite()) && most > 0.0 && most < bound,
+                "{name} at {young:e} Pa: {most}"
+            );
+            assert!(!Flags(flags).contains(Flags::NON_FINITE), "{name} at {young:e} Pa");
+        }
+    }
+}
+
+#[test]
+fn a_sphere_pressed_into_a_skin_with_holes_is_pushed_back() {
+    let Some(meshes) = meshes("a skin with holes") else { return };
+    for name in ["open_holes", "triangle_soup"] {
+        let file = meshes.join(format!("bad/{name}.obj"));
+        // From in front of the belly inwards.
+        let text = format!(
+            "[[body]]\nname = \"human\"\nsurface = {file:?}\nlayer = {{ cell = 0.08 }}\n\
+             material = {{ young = 2e4, poisson = 0.45, density = 1000.0 }}\n\
+             [[body.core]]\nname = \"core\"\nmotion = \"fixed\"\nbind = {{ inset = 0.05 }}\n\
+             [tool]\nsphere = 0.04\nmass = 0.1\nposition = [0.0, 0.1, 0.3]\n\
+             [coupling]\nstiffness = 2000.0\ndamping = 10.0\n\
+             [drive]\nkeys = [[0.0, 0.0, 0.1, 0.3], [0.06, 0.0, 0.1, 0.17]]\n"
+        );
+        let mut simulation = open(&scene(&text), None);
+        let rows = run(&mut simulation, 80);
+        let force: Vec<DVec3> = rows.iter().map(|row| row.tool.unwrap().force).collect();
+        let flags = rows.iter().fold(0, |all, row| all | row.flags.0);
+        let contacts = rows.iter().map(|row| row.contacts.unwrap()).max().unwrap();
+        println!("{name}: {:.3} N at the end, up to {contacts} contacts, flags {flags}", force[79].length());
+        assert!(force.iter().all(|f| f.is_finite()) && contacts > 10, "{name}");
+        assert!(force[79].z > 0.5 * force[79].length() && force[79].length() > 0.1, "{name}: {}", force[79]);
+        assert!(!Flags(flags).contains(Flags::NON_FINITE), "{name}");
+    }
+}

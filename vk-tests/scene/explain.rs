@@ -1,0 +1,200 @@
+//! What the step says of itself: every kernel is recorded or left out for a reason, and what a scene does not use costs
+//! nothing.
+
+use std::collections::BTreeSet;
+
+use palpate::gpu::shader_names;
+use palpate::plan::Explanation;
+use palpate::scene::Scene;
+use palpate::step::Simulation;
+
+use crate::scene::whole_step::{open, run, scene};
+
+const ITERATIONS: u32 = 16;
+
+/// A block on a fixed bottom; `contact`, `material`, `body`: more keys there; `rest`: more tables.
+fn block(contact: &str, material: &str, body: &str, rest: &str) -> String {
+    format!(
+        "{contact}\n[[body]]\nname = \"block\"\n{body}\n\
+         layer = {{ box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }}\n\
+         material = {{ young = 2e4, poisson = 0.45, density = 1000.0{material} }}\n\
+         [[body.core]]\nname = \"bottom\"\nmotion = \"fixed\"\n\
+         bind = {{ box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }}\n{rest}\n"
+    )
+}
+
+const TOOL: &str = "[tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0499, 0.0]\n\
+                    [coupling]\nstiffness = 500.0\ndamping = 2.0\n";
+/// A bar with a dynamic core at either end.
+const BAR: &str = "[[body]]\nname = \"bar\"\nlayer = { box = [[0.2, 0.0, 0.0], [0.4, 0.02, 0.02]], cells = [10, 1, 1] }\n\
+                   material = { young = 2e6, poisson = 0.3, density = 1000.0 }\n\
+                   [[body.core]]\nname = \"left\"\nmotion = \"dynamic\"\nbind = { box = [[0.1, -1, -1], [0.245, 1, 1]] }\n\
+                   [[body.core]]\nname = \"right\"\nmotion = \"dynamic\"\nbind = { box = [[0.355, -1, -1], [1, 1, 1]] }\n";
+
+/// Every kernel once, recorded or left out with a reason; what is recorded is what a step's recordings hold.
+fn check(name: &str, simulation: &Simulation) -> Explanation {
+    let explanation = simulation.explain(ITERATIONS);
+    let (mut all, mut recorded) = (Vec::new(), 0);
+    for stage in &explanation.stages {
+        assert!(!stage.reason.is_empty(), "{name}: {} without a reason", stage.stage);
+        for kernel in &stage.kernels {
+            assert_eq!(kernel.recorded, kernel.reason.is_empty(), "{name}: {kernel:?} of {}", stage.stage);
+            assert!(stage.recorded || !kernel.recorded, "{name}: {kernel:?} in a stage that is left out");
+            recorded += usize::from(kernel.recorded);
+            // Fills and copies name what they write.
+            all.extend(kernel.kernel.split(", ").filter(|name| name.contains('/')).map(str::to_string));
+        }
+        assert_eq!(stage.recorded, stage.passes > 0, "{name}: passes of {}", stage.stage);
+    }
+    let known: BTreeSet<String> = shader_names()
+        .filter(|n| !n.starts_with("test/") && !n.starts_with("draw/") && !n.starts_with("view/"))
+        .map(Into::into)
+        .collect();
+    assert_eq!(all.iter().cloned().collect::<BTreeSet<_>>(), known, "{name}");
+    assert_eq!(all.len(), known.len(), "{name}: a kernel in two stages");
+    let (stages, dependent) = simulation.passes(ITERATIONS);
+    assert_eq!(explanation.passes, stages.iter().map(|(_, n)| n).sum::<u32>(), "{name}: passes");
+    assert_eq!(explanation.dependent_passes, dependent, "{name}: passes that wait");
+    for (stage, passes) in stages {
+        let own = explanation.stages.iter().find(|known| known.stage == stage).unwrap();
+        assert_eq!(own.passes, passes, "{name}: passes of {stage}");
+    }
+    // Arrays that nothing binds would be waste; what is bound is allocated, in pieces a little larger.
+    let arrays: u64 = explanation.stages.iter().map(|stage| stage.bytes_device).sum();
+    let share = arrays as f64 / explanation.bytes_device as f64;
+    println!("{name}: {recorded} of {} recorded, arrays are {share:.4} of what is allocated", known.len());
+    assert!(arrays <= explanation.bytes_device && share > 0.8, "{name}: {share}");
+    assert!(explanation.features.iter().all(|feature| !feature.reason.is_empty()), "{name}");
+    assert!(explanation.to_string().lines().count() > known.len());
+    explanation
+}
+
+#[test]
+fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
+    let joined = format!("{BAR}[[body.joint]]\ncores = [\"left\", \"right\"]\npoint = [0.3, 0.01, 0.01]\n");
+    let probe = "[[probe]]\nname = \"top\"\nbody = \"block\"\nnearest = [0.0, 0.03, 0.0]\n";
+    let floor = "[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, -0.05]\n";
+    for (name, text) in [
+        ("a block alone", block("", "", "", "")),
+        ("a block that is touched", block("", "", "", TOOL)),
+        ("one-sided, friction", block("[contact]\nfriction = 0.3\nsides = \"one\"", "", "", TOOL)),
+        ("patches, three linearisations", block("[step]\nnewton = 3", "", "dilatation = \"patch\"", TOOL)),
+        ("neo-Hookean with a probe", block("", ", law = \"neo-hookean\"", "", probe)),
+        ("a coarse level", block("[solver]\npreconditioner = \"coarse\"", "", "", TOOL)),
+        ("joined cores", joined),
+        ("half-space", format!("{BAR}{floor}")),
+        ("a tool alone", TOOL.into()),
+    ] {
+        check(name, &open(&scene(&text), None));
+    }
+    let block = scene(&block("", "", "", TOOL));
+    for path in [palpate::stages::depth::Path::Graphics, palpate::stages::depth::Path::Compute] {
+        check(path.name(), &open(&block, Some(path)));
+    }
+}
+
+#[test]
+fn every_kernel_of_the_scenes_in_assets_is_recorded_or_left_out_for_a_reason() {
+    for entry in std::fs::read_dir("assets/scenes").unwrap() {
+        let file = entry.unwrap().path();
+        let scene = Scene::load(&file).unwrap();
+        check(&scene.name(), &open(&scene, None));
+    }
+}
+
+/// Passes in their order with their numbers, arrays, and bytes: all that a step costs.
+fn cost(text: &str) -> (Explanation, u64) {
+    let simulation = open(&scene(text), None);
+    let mut explanation = check("cost", &simulation);
+    // What is said of it may differ.
+    explanation.features.clear();
+    explanation.scene.clear();
+    explanation.stages.iter_mut().for_each(|stage| stage.reason.clear());
+    let bytes = simulation.context().bytes_allocated();
+    (explanation, bytes)
+}
+
+#[test]
+fn a_feature_that_is_not_used_costs_nothing() {
+    let plain = || block("", "", "", TOOL);
+    let contact = |keys: &str| block(&format!("[contact]\n{keys}"), "", "", TOOL);
+    let joined = format!("{BAR}[[body.joint]]\ncores = [\"left\", \"right\"]\npoint = [0.3, 0.01, 0.01]\n");
+    let probe = "[[probe]]\nname = \"top\"\nbody = \"block\"\nnearest = [0.0, 0.03, 0.0]\n";
+    let cases = [
+        // Name, without its keys, switched off, used.
+        ("friction", plain(), contact("friction = 0.0"), contact("friction = 0.3")),
+        ("second side", contact("sides = \"one\""), contact("sides = \"one\""), contact("sides = \"both\"")),
+        (
+            "damping",
+            plain(),
+            block("", ", damping_mass = 0.0, damping_stiffness = 0.0", "", TOOL),
+            block("", ", damping_mass = 1.0, damping_stiffness = 0.001", "", TOOL),
+        ),
+        ("Newton", plain(), block("[step]\nnewton = 1", "", "", TOOL), block("[step]\nnewton = 2", "", "", TOOL)),
+        (
+            "coarse level",
+            plain(),
+            block("[solver]\npreconditioner = \"jacobi\"", "", "", TOOL),
+            block("[solver]\npreconditioner = \"coarse\"", "", "", TOOL),
+        ),
+        (
+            "patches",
+            plain(),
+            block("", "", "dilatation = \"element\"", TOOL),
+            block("", "", "dilatation = \"patch\"", TOOL),
+        ),
+        (
+            "neo-Hookean",
+            plain(),
+            block("", ", law = \"corotational\"", "", TOOL),
+            block("", ", law = \"neo-hookean\"", "", TOOL),
+        ),
+        ("joints", BAR.into(), BAR.replace("name = \"bar\"", "name = \"bar\"\njoint = []"), joined),
+        ("probes", plain(), format!("probe = []\n{}", plain()), format!("{}{probe}", plain())),
+        (
+            "preset",
+            plain(),
+            format!("preset = \"balanced\"\n{}", plain()),
+            format!("preset = \"accurate\"\n{}", plain()),
+        ),
+    ];
+    for (name, absent, off, used) in cases {
+        let ((absent, absent_bytes), (mut off, off_bytes), (used, used_bytes)) =
+            (cost(&absent), cost(&off), cost(&used));
+        off.preset = None;
+        assert_eq!(off, absent, "{name}: switched off is not as if it were not there");
+        assert_eq!(off_bytes, absent_bytes, "{name}");
+        println!("{name}: {} passes, {} bytes; used {}, {}", off.passes, off_bytes, used.passes, used_bytes);
+        assert!(used.passes >= off.passes && used_bytes >= off_bytes, "{name}: used, it costs less");
+    }
+}
+
+#[test]
+fn times_that_nobody_asks_for_leave_the_step_as_it_is() {
+    let text = block("", "", "", TOOL);
+    let [mut timed, mut untimed] = [&text, &text].map(|text| open(&scene(text), None));
+    timed.time_every(1).unwrap();
+    untimed.time_every(0).unwrap();
+    let forces = |simulation: &mut Simulation| -> Vec<_> {
+        run(simulation, 5).iter().map(|row| row.tool.map(|tool| tool.force.to_array())).collect()
+    };
+    assert_eq!(forces(&mut timed), forces(&mut untimed));
+    assert!(timed.stage_times().is_some() && untimed.stage_times().is_none());
+    // Asked for again, they are there again.
+    untimed.time_every(1).unwrap();
+    run(&mut untimed, 1);
+    assert!(untimed.stage_times().is_some_and(|times| !times.is_empty()));
+}
+
+#[test]
+fn one_side_takes_less_memory() {
+    // That it is right, touch.rs holds against the oracle.
+    let of = |sides: &str| {
+        let mut simulation = open(&scene(&block(&format!("[contact]\nsides = \"{sides}\""), "", "", TOOL)), None);
+        let row = run(&mut simulation, 3).pop().unwrap();
+        (simulation.context().bytes_allocated(), row.tool.unwrap().force.length(), row.flags.0)
+    };
+    let ((both, force, flags), (one, alone, flags_too)) = (of("both"), of("one"));
+    println!("both sides {both} bytes, {force:.5} N; one {one} bytes, {alone:.5} N");
+    assert!(one < both && [force, alone].iter().all(|force| *force > 0.0) && [flags, flags_too] == [0, 0]);
+}

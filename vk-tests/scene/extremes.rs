@@ -1,0 +1,65 @@
+//! Scenes at the edge of what can be computed: what a scene asks for never loses contacts without a word, and what does
+//! not fit single precision is said to be so and changes nothing.
+
+use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport};
+
+use crate::scene::whole_step::{open, run, scene};
+
+/// A block of 0.1 m, held at its bottom, with its top in y = 0.
+const BLOCK: &str = "layer = { box = [[-0.05, -0.1, -0.05], [0.05, 0.0, 0.05]], cells = [4, 4, 4] }\n\
+                     material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n";
+const HELD: &str = "[[body.core]]\nname = \"k\"\nbind = { box = [[-1, -0.11, -1], [1, -0.09, 1]] }\n";
+/// A sphere 1 mm deep in the top.
+const SPHERE: &str = "sphere = 0.01\nmass = 0.05\nposition = [0.0, 0.009, 0.0]\n";
+
+/// A block and a tool, and tables besides.
+fn press(tool: &str, more: &str) -> Simulation {
+    open(&scene(&format!("[[body]]\nname = \"b\"\n{BLOCK}{HELD}[tool]\n{tool}{more}")), None)
+}
+
+fn force(rows: &[StepReport]) -> f64 {
+    rows[rows.len() - 1].tool.unwrap().force.length()
+}
+
+#[test]
+fn no_texel_and_no_depth_limit_is_too_coarse_for_contact() {
+    let plain = force(&run(&mut press(SPHERE, ""), 2));
+    assert!(plain > 0.1, "{plain} N");
+    for line in ["texel = 0.001", "texel = 16.0", "texel = 1e30", "depth_limit = 1.0", "depth_limit = 1e10"] {
+        let got = force(&run(&mut press(SPHERE, &format!("[contact]\n{line}\n")), 2));
+        // Depth is exact for the triangle that the walk ends at, wherever it began.
+        assert!((got - plain).abs() < 1e-4 * plain, "{line}: {got} N for {plain} N");
+    }
+}
+
+#[test]
+fn bodies_in_the_same_place_are_seen_to_overlap() {
+    let both = format!("[[body]]\nname = \"b\"\n{BLOCK}[[body]]\nname = \"c\"\n{BLOCK}");
+    let rows = run(&mut open(&scene(&both), None), 1);
+    assert!(rows[0].flags.contains(Flags::DEPTH_BEYOND_LIMIT), "{:?}", rows[0]);
+}
+
+#[test]
+fn what_overflows_is_flagged_and_moves_nothing() {
+    let mut simulation = press(SPHERE, "[step]\ngravity = [0.0, -1e30, 0.0]\n");
+    for row in run(&mut simulation, 3) {
+        // Halves, quarters and eighths overflow as well: everything stands still.
+        let said = Flags::NON_FINITE | Flags::STEP_RETRIED | Flags::FROZEN;
+        assert!(row.flags.contains(said), "{row:?}");
+        let tool = row.tool.unwrap();
+        assert_eq!((tool.force.length(), tool.torque.length(), row.residual), (0.0, 0.0, 1.0));
+    }
+    assert_eq!(simulation.tool().unwrap().centre.y, 0.009);
+}
+
+#[test]
+fn as_many_iterations_as_a_scene_allows_are_done() {
+    // A long stiff bar, which Jacobi's iterations reach the end of slowly: they take many submits.
+    let bar = "[step]\ndt = 0.01\n[solver]\npreconditioner = \"jacobi\"\nmax_iterations = 1500\ntolerance = 1e-6\n\
+               [[body]]\nname = \"bar\"\nlayer = { box = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.1]], cells = [40, 3, 3] }\n\
+               material = { young = 1e9, poisson = 0.4, density = 1000.0 }\n\
+               [[body.core]]\nname = \"k\"\nbind = { box = [[-1, -1, -1], [1e-6, 1, 1]] }\n";
+    let row = run(&mut open(&scene(bar), None), 1)[0].clone();
+    assert!(row.iterations > 1024, "{row:?}");
+}

@@ -1,0 +1,69 @@
+//! A tool that presses into whole heads: the scene that comes with the program, and a scanned head where it is at hand.
+
+use std::path::Path;
+
+use palpate::gpu::Options;
+use palpate::scene::Scene;
+use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport};
+
+use crate::scene::whole_step::meshes;
+
+/// Greatest change of force in a step while pressing, of the median change: the first touch of a moving tool is the
+/// steepest place (twice the median), a contact that pops in or out would be far steeper.
+const JUMP: f64 = 4.0;
+/// Steps over which the force is averaged before it must never fall while the device goes in.
+const WINDOW: usize = 5;
+
+/// Runs a press that goes in at constant speed; the force is nothing before the touch, then rises smoothly; no flags.
+fn judge(name: &str, scene: &Scene, steps: usize) {
+    // Validation is for the small scenes: these are long.
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() };
+    let mut simulation = Simulation::new(scene, &options, None).unwrap();
+    let rows: Vec<StepReport> = (0..steps).map(|_| simulation.step().unwrap()).collect();
+    let force: Vec<f64> = rows.iter().map(|row| row.tool.unwrap().force.length()).collect();
+    let touch = rows.iter().position(|row| row.contacts.unwrap() > 0).expect("it never touches");
+    let pressing = &force[touch - 1..];
+    let mut changes: Vec<f64> = pressing.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
+    changes.sort_by(f64::total_cmp);
+    let (median, largest) = (changes[changes.len() / 2], changes[changes.len() - 1]);
+    let mean: Vec<f64> = pressing.windows(WINDOW).map(|w| w.iter().sum::<f64>() / WINDOW as f64).collect();
+    let slope = mean.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
+    println!(
+        "{name}: touches at step {touch}, {:.3} N and {} contacts at the end; change a step: median \
+         {median:.1e}, largest \
+         {:.2} of it, least smoothed {:.2} of it; up to {} iterations",
+        force[steps - 1],
+        rows[steps - 1].contacts.unwrap(),
+        largest / median,
+        slope / median,
+        rows.iter().map(|r| r.iterations).max().unwrap()
+    );
+    let flagged: Vec<(u64, Flags)> =
+        rows.iter().map(|r| (r.step, r.flags)).filter(|f| f.1 != Flags::default()).collect();
+    assert!(flagged.is_empty(), "{name}: steps and flags {flagged:?}");
+    assert!(force[..touch].iter().all(|f| *f == 0.0) && force[steps - 1] > 1.0, "{name}");
+    assert!(largest < JUMP * median && slope > 0.0, "{name}: a force that jumps or falls");
+}
+
+#[test]
+fn a_press_into_the_default_head_is_smooth() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-head.toml");
+    judge("default head", &Scene::load(&file).unwrap(), 300);
+}
+
+#[test]
+fn a_press_into_a_scanned_head_is_smooth() {
+    let Some(meshes) = meshes("press into a scanned head") else { return };
+    let text = format!(
+        // The forehead: between the eyes lids fold over eyeballs, and flag 16 says so.
+        "[[body]]\nname = \"head\"\nsurface = {:?}\nlayer = {{ cell = 0.015 }}\n\
+         material = {{ young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }}\n\
+         [[body.core]]\nname = \"skull\"\nmotion = \"fixed\"\nbind = {{ inset = 0.03 }}\n\
+         [tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.0, 0.08, 0.13]\n\
+         [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n\
+         [drive]\nkeys = [[0.0, 0.0, 0.08, 0.13], [0.3, 0.0, 0.08, 0.10]]\n",
+        meshes.join("surf/head.obj")
+    );
+    judge("scanned head", &crate::scene::whole_step::scene(&text), 300);
+}

@@ -1,0 +1,132 @@
+//! A soft body that the device holds by its core: beside the oracle, and at rest at any stiffness of the coupling.
+
+use glam::DVec3;
+use palpate::gpu::Options;
+use palpate::scene::Scene;
+use palpate::stages::types::Contact;
+use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport, ToolReport};
+
+use crate::law::friction::beside;
+use crate::scene::whole_step::{run, scene, soft_twin};
+
+/// A cube of 36 mm and 47 g held by what is in its middle, above a block with a fixed bottom; it is taken 5 mm into that
+/// in 50 ms, and `aside`, to the orientation `turn`.
+pub fn pad(young: f64, coupling: &str, more: &str, aside: DVec3, turn: [f64; 4]) -> String {
+    let end = DVec3::new(0.004, 0.0435, -0.003) + aside;
+    format!(
+        "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[contact]\nstiffness = 3e7\n{more}\n\
+         [[body]]\nname = \"block\"\n\
+         layer = {{ box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [8, 5, 8] }}\n\
+         material = {{ young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }}\n\
+         [[body.core]]\nname = \"bottom\"\nbind = {{ box = [[-1.0, -1.0, -1.0], [1.0, -0.029, 1.0]] }}\n\
+         [[body]]\nname = \"pad\"\n\
+         layer = {{ box = [[-0.018, -0.018, -0.018], [0.018, 0.018, 0.018]], cells = [6, 6, 6] }}\n\
+         position = [0.004, 0.0485, -0.003]\norientation = [0.0, 0.06, 0.0, 0.9981983770774224]\n\
+         material = {{ young = {young:e}, poisson = 0.4, density = 1000.0, damping_stiffness = 0.002 }}\n\
+         [[body.core]]\nname = \"handle\"\nmotion = \"dynamic\"\n\
+         bind = {{ box = [[-0.007, -0.007, -0.007], [0.007, 0.007, 0.007]] }}\n\
+         [tool]\nbody = \"pad\"\n[coupling]\n{coupling}\n\
+         [drive]\nkeys = [[0.0, 0.004, 0.0485, -0.003, 0.0, 0.06, 0.0, 0.9981983770774224], \
+         [0.05, {:?}, {:?}, {:?}, {:?}, {:?}, {:?}, {:?}]]\n",
+        end.x, end.y, end.z, turn[0], turn[1], turn[2], turn[3]
+    )
+}
+
+/// How the pad lies at the start.
+pub const START: [f64; 4] = [0.0, 0.06, 0.0, 0.9981983770774224];
+/// Force and torque on the body, of the largest; displacements, of the largest; place of the core, m.
+const FORCE: f64 = 5.0e-5;
+const TORQUE: f64 = 1.0e-4;
+const SHAPE: f64 = 5.0e-5;
+const PLACE: f64 = 1.0e-7;
+
+#[test]
+fn a_held_pad_presses_and_rubs_as_the_oracles() {
+    let coupling = "stiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.002";
+    for (young, friction) in [(2e4, 0.0), (2e6, 0.0), (2e4, 0.5)] {
+        let (aside, turn) = (DVec3::new(0.004, 0.0, 0.002), [0.1, 0.06, 0.05, 0.9919173352]);
+        let scene = scene(&pad(young, coupling, &format!("friction = {friction:?}"), aside, turn));
+        let (mut peak, mut turned, mut iterations) = (0.0f64, 0.0f64, 0);
+        let errors = beside(&scene, 80, |row, simulation, twin, report| {
+            peak = peak.max(report.wrench.force.length());
+            let held = twin.oracle.held.unwrap().orientation;
+            turned = turned.max(simulation.frames(1)[0].rotation.angle_between(held));
+            iterations = iterations.max(row.iterations);
+        });
+        println!(
+            "held pad of {young:e} Pa, friction {friction}: up to {peak:.2} N, turned {turned:.1e} rad away, up to \
+             {iterations} iterations; {errors:?}"
+        );
+        assert!(peak > 0.2 && turned < 1e-5, "{peak} {turned:e}");
+        assert!(errors.force < FORCE && errors.torque < TORQUE && errors.shape < SHAPE && errors.place < PLACE);
+    }
+}
+
+/// Energy after 100 ms at most, of that at 100 ms. The pad goes straight down: the force of a tilted one turns with the
+/// region's normal, which goes on following its contacts, and that does work.
+const GROWTH: f64 = 1.005;
+/// The last speed, of the highest.
+const REST: f64 = 0.02;
+/// kg: of the pad.
+const MASS: f64 = 0.0467;
+
+/// Energy of bodies, contacts and coupling, J, and the highest speed of a node, m/s.
+fn energy_and_speed(scene: &Scene, simulation: &Simulation, row: &StepReport) -> (f64, f64) {
+    let coupling = scene.coupling.unwrap();
+    let ToolReport { tool, device, .. } = row.tool.unwrap();
+    let (away, turned) = (tool.position.distance(device.position), tool.orientation.angle_between(device.orientation));
+    let mut energy = 0.5 * (coupling.stiffness * away * away + coupling.angular_stiffness * turned * turned);
+    let pressed = |c: &Contact| 0.5 * f64::from(c.area * c.stiffness * c.depth * c.depth);
+    energy += simulation.touch().unwrap().1.iter().map(pressed).sum::<f64>();
+    let mut speed = 0.0f64;
+    for index in 0..2 {
+        let mut body = soft_twin(simulation, index);
+        (body.displacement, body.velocity) = simulation.nodes(index).unwrap().unwrap();
+        energy += body.energy();
+        speed = body.velocity.iter().map(|v| v.length()).fold(speed, f64::max);
+    }
+    (energy, speed)
+}
+
+/// Presses for 500 steps. The most energy after 100 ms, twice as long as the device moves, of that then; the last speed, of
+/// the highest.
+fn held(young: f64, stiffness: f64, damping: f64) -> (f64, f64) {
+    let coupling =
+        format!("stiffness = {stiffness:?}\ndamping = {damping:?}\nangular_stiffness = 0.5\nangular_damping = 0.005");
+    let scene = scene(&pad(young, &coupling, "", DVec3::ZERO, START));
+    // Long runs: validation is for the short ones.
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() };
+    let mut simulation = Simulation::new(&scene, &options, None).unwrap();
+    let mut seen = vec![];
+    for _ in 0..50 {
+        let rows = run(&mut simulation, 10);
+        assert!(rows.iter().all(|row| row.flags == Flags::default()), "{young:e} Pa, {stiffness} N/m");
+        seen.push(energy_and_speed(&scene, &simulation, &rows[9]));
+    }
+    let most = seen[10..].iter().map(|(energy, _)| *energy).fold(0.0, f64::max);
+    let fastest = seen.iter().map(|(_, speed)| *speed).fold(0.0, f64::max);
+    println!(
+        "{young:e} Pa at {stiffness} N/m, {damping:.2} N s/m: {:.2e} J at 100 ms, at most {most:.2e} J after it, \
+         {:.2e} J at last; up to {fastest:.2e}, at last {:.2e} m/s",
+        seen[9].0, seen[49].0, seen[49].1
+    );
+    (most / seen[9].0, seen[49].1 / fastest)
+}
+
+#[test]
+fn a_held_pad_comes_to_rest_at_any_stiffness_of_the_coupling() {
+    // What lies between was seen to do the same.
+    for young in [2e4, 2e6] {
+        for stiffness in [10.0, 500.0, 5000.0] {
+            let critical = 2.0 * f64::sqrt(stiffness * MASS);
+            let (most, speed) = held(young, stiffness, critical);
+            assert!(most < GROWTH && speed < REST, "{young:e} Pa, {stiffness} N/m");
+        }
+    }
+    // Undamped it comes to rest later, and gains nothing.
+    for stiffness in [10.0, 5000.0] {
+        let (most, _) = held(2e6, stiffness, 0.0);
+        assert!(most < GROWTH, "{stiffness} N/m, undamped");
+    }
+}

@@ -1,0 +1,293 @@
+//! Cores that joints join: whole steps against the oracle, and laws.
+
+use glam::{DQuat, DVec3};
+use palpate::prepare::{Frame, FrameMotion, Shape};
+use palpate::scene::{Key, Resistance};
+use palpate::stages::joints::Joint;
+use palpate::step::Flags;
+use palpate::step::Simulation;
+use palpate::step::drive::Drive;
+use palpate_oracle as oracle;
+use palpate_oracle::joint::Side;
+
+use crate::scene::bones::{SHAPE, SPEED, carry, keys, twin_cores};
+use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
+
+/// A bar of 20 cm with three cores, the first moving as `root` says, a joint between each two.
+pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
+    let core = |name: &str, motion: &str, from: f64, to: f64| {
+        format!(
+            "[[body.core]]\nname = \"{name}\"\n{motion}\n\
+             bind = {{ box = [[{from}, -0.1, -0.1], [{to}, 0.1, 0.1]] }}\n"
+        )
+    };
+    let joint = |names: &str, x: f64, keys: &str| {
+        format!("[[body.joint]]\ncores = [{names}]\npoint = [{x}, 0.004, -0.003]\n{keys}\n")
+    };
+    let dynamic = "motion = \"dynamic\"";
+    format!(
+        "[step]\n{step}\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \"bar\"\n\
+         layer = {{ box = [[-0.1, -0.02, -0.02], [0.1, 0.02, 0.02]], cells = [12, 3, 3] }}\n\
+         position = [0.4, 0.1, -0.2]\norientation = [0.1, 0.2, 0.3, 0.9273618495495703]\n\
+         material = {{ young = {young:e}, poisson = 0.4, density = 1000.0, damping_stiffness = 0.002 }}\n{}{}{}{}{}",
+        // Not in the order of the chain.
+        core("tip", dynamic, 0.08, 0.2),
+        core("root", root, -0.2, -0.08),
+        core("middle", dynamic, -0.02, 0.02),
+        joint("\"root\", \"middle\"", -0.05, joints[0]),
+        joint("\"tip\", \"middle\"", 0.05, joints[1]),
+    )
+}
+
+/// Frames of a simulation's first body.
+fn frames(simulation: &Simulation) -> &[palpate::prepare::Frame] {
+    let Shape::Soft { frames, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
+    frames
+}
+
+/// The oracle's joints of a simulation's first body, whose cores are at rest.
+fn twin_joints(simulation: &Simulation) -> Vec<oracle::joint::Joint> {
+    let (places, orientation) = (simulation.frames(0), simulation.bodies()[0].orientation);
+    let is_dynamic = |frame: &usize| matches!(frames(simulation)[*frame].motion, FrameMotion::Dynamic { .. });
+    let dynamic: Vec<usize> = (0..places.len()).filter(is_dynamic).collect();
+    let side = |frame: usize, arm: DVec3| {
+        let end = places[frame].centre + places[frame].rotation * arm;
+        let core = dynamic.iter().position(|dynamic| *dynamic == frame);
+        Side { core, end, turn: DQuat::IDENTITY, next: (end, DQuat::IDENTITY) }
+    };
+    let twin = |joint: &Joint| oracle::joint::Joint {
+        sides: [0, 1].map(|k| side(joint.frames[k], joint.arms[k])),
+        stiffness: joint.stiffness,
+        limit_stiffness: joint.limit_stiffness,
+        resistance: Resistance { axis: orientation * joint.resistance.axis, ..joint.resistance },
+    };
+    simulation.joints().iter().map(twin).collect()
+}
+
+/// Tells the twin's joints where driven cores are at the end of the step that ends at `time`.
+fn drive(twin: &mut oracle::step::Simulation, simulation: &Simulation, time: f64) {
+    let orientation = simulation.bodies()[0].orientation;
+    for (joint, model) in twin.joints.iter_mut().zip(simulation.joints()) {
+        for (side, frame, arm) in [0, 1].map(|k| (k, model.frames[k], model.arms[k])) {
+            let Frame { centre, motion: FrameMotion::Driven(keys) } = &frames(simulation)[frame] else { continue };
+            let drive = Drive::new(keys, Key { time: 0.0, position: DVec3::ZERO, orientation: DQuat::IDENTITY });
+            let (position, turned) = drive.pose(time);
+            joint.sides[side].next = (position + turned * (*centre + arm), turned * orientation.inverse());
+        }
+    }
+}
+
+/// The widest gap of a joint, m.
+fn gap(simulation: &Simulation) -> f64 {
+    let places = simulation.frames(0);
+    let gap = |joint: &Joint| {
+        let [a, b] = [0, 1].map(|k| places[joint.frames[k]].centre + places[joint.frames[k]].rotation * joint.arms[k]);
+        a.distance(b)
+    };
+    simulation.joints().iter().map(gap).fold(0.0, f64::max)
+}
+
+/// How far the second side of a joint is turned about the first.
+fn turn(simulation: &Simulation, joint: usize) -> DQuat {
+    let places = simulation.frames(0);
+    let [a, b] = simulation.joints()[joint].frames.map(|frame| places[frame].rotation);
+    a.inverse() * b
+}
+
+/// How far a joint's axis has swung, and how far it is twisted, rad.
+fn angles(simulation: &Simulation, joint: usize) -> [f64; 2] {
+    let (turn, axis) = (turn(simulation, joint), simulation.joints()[joint].resistance.axis);
+    [(turn * axis).angle_between(axis), (2.0 * turn.xyz().dot(axis).atan2(turn.w)).abs()]
+}
+
+/// Steps beside the oracle: shape and speed, of the largest. Returns how far each joint swung and was twisted at most.
+fn beside(name: &str, text: &str, steps: usize) -> (Simulation, [[f64; 2]; 2]) {
+    let scene = scene(text);
+    let mut simulation = open(&scene, None);
+    let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
+    twin.bodies.push(soft_twin(&simulation, 0));
+    twin.cores = twin_cores(&simulation, 0);
+    twin.joints = twin_joints(&simulation);
+    twin.newton = scene.step.newton as usize;
+    let (mut shape, mut speed, mut widest, mut iterations) = (0.0f64, 0.0f64, 0.0f64, 0);
+    let mut most = [[0.0f64; 2]; 2];
+    for step in 1..=steps {
+        let row = run(&mut simulation, 1).remove(0);
+        // Bones that swing freely may turn further in a step than flesh should, and turn the softest of it inside out; here too
+        // they move as the oracle's do.
+        let others = Flags(row.flags.0 & !(Flags::TURNS_TOO_FAR | Flags::INVERTED).0);
+        assert!(others == Flags::default(), "{name}, step {step}: flags {:?}", row.flags);
+        carry(&mut twin.bodies[0], &simulation, 0, row.time, scene.step.dt);
+        drive(&mut twin, &simulation, row.time);
+        twin.step(None, &[]).unwrap();
+        (widest, iterations) = (widest.max(gap(&simulation)), iterations.max(row.iterations));
+        for (joint, most) in most.iter_mut().enumerate() {
+            let now = angles(&simulation, joint);
+            *most = [0, 1].map(|k| most[k].max(now[k]));
+        }
+        if step % 10 == 0 {
+            let (moved, velocities) = simulation.nodes(0).unwrap().unwrap();
+            shape = shape.max(relative_error(&moved, &twin.bodies[0].displacement));
+            speed = speed.max(relative_error(&velocities, &twin.bodies[0].velocity));
+        }
+    }
+    let turns = [0, 1].map(|joint| turn(&simulation, joint).to_scaled_axis().length());
+    println!(
+        "{name}: shape {shape:.1e}, speed {speed:.1e}, joints turned {turns:.2?} rad, open by {widest:.1e} m, up to \
+         {iterations} iterations"
+    );
+    assert!(shape < SHAPE && speed < SPEED, "{name}: {shape:e} {speed:e}");
+    (simulation, most)
+}
+
+/// How far a joint that carries 60 g at six times gravity may be open at steps of 1 ms, m; it goes with the step's square.
+const OPEN: f64 = 3e-4;
+/// How far a limit may be passed where the bar is turned by half a radian in 40 ms, rad: it holds along the way that the
+/// axis leans at the step's start, and the tip swings sideways by some hundredths of a radian a step.
+const BEYOND: f64 = 0.04;
+/// Pulled aside by some g.
+const PULLED: &str = "gravity = [10.0, -60.0, 20.0]";
+
+#[test]
+fn chains_of_cores_move_as_the_oracles() {
+    for (young, dt) in [(2e4, 0.001), (1e6, 0.001), (2e4, 0.004)] {
+        let text = chain(young, "", ["", ""], &format!("{PULLED}\ndt = {dt}"));
+        let (simulation, _) = beside(&format!("hanging, {young:e} Pa, {dt} s"), &text, 60);
+        let open = gap(&simulation);
+        assert!(open < OPEN * (dt / 1e-3) * (dt / 1e-3), "{open:e} m");
+    }
+    let hinge = "motion = \"dynamic\"\nhinge = { point = [-0.1, 0.0, 0.01], axis = [0.0, 3.0, 4.0] }";
+    beside("on a hinge", &chain(2e4, hinge, ["", ""], PULLED), 60);
+    let newton = "\ndt = 0.004\nnewton = 3";
+    beside("linearised three times", &chain(2e4, "", ["", "stiffness = 0.5"], &(PULLED.to_owned() + newton)), 40);
+    beside("flying", &chain(2e4, "motion = \"dynamic\"", ["", "stiffness = 3.0"], PULLED), 60);
+}
+
+#[test]
+fn joints_resist_and_end_as_the_oracles() {
+    let (orientation, position) = (DQuat::from_xyzw(0.1, 0.2, 0.3, 0.9273618495495703), DVec3::new(0.4, 0.1, -0.2));
+    for (name, limits) in [
+        ("springs", ["stiffness = 4.0\ndamping = 0.02", "stiffness = 1.0\ndamping = 0.1"]),
+        ("swing", ["axis = [1.0, 0.0, 0.0]\nswing = 0.1", "axis = [1.0, 0.0, 0.0]\nswing = 0.05"]),
+        ("twist", ["axis = [1.0, 0.0, 0.0]\ntwist = 0.05", "axis = [1.0, 0.0, 0.0]\ntwist = 0.03"]),
+        (
+            "all",
+            [
+                "axis = [1.0, 0.0, 0.0]\ntwist = 0.05\nswing = 0.1\nstiffness = 0.5\ndamping = 0.01",
+                "axis = [-2.0, 0.0, 0.0]\ntwist = 0.03\nswing = 0.05\nstiffness = 0.1",
+            ],
+        ),
+    ] {
+        // About the bar and across it.
+        let keys = keys(position, orientation, 0.5, DVec3::new(-0.02, 0.03, 0.01));
+        let text = chain(2e4, &format!("motion = \"driven\"\nkeys = {keys}"), limits, "gravity = [5.0, -25.0, 8.0]");
+        let (simulation, most) = beside(name, &text, 60);
+        for (joint, model) in simulation.joints().iter().enumerate() {
+            let limits = [model.resistance.swing, model.resistance.twist];
+            for (kind, limit, most) in [0, 1].map(|k| (["swing", "twist"][k], limits[k], most[joint][k])) {
+                let Some(limit) = limit else { continue };
+                println!("{name}, joint {joint}: {kind} up to {most:.4} of {limit}");
+                assert!(most > 0.99 * limit && most < limit + BEYOND, "{kind} {most} of {limit}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_joint_is_a_hundred_times_stiffer_than_what_it_holds() {
+    // Flesh like air: a core of mass m and inertia I about its middle, held at its middle, and from aside, where turning
+    // gives way as well: 1/m + d^2 / I along the two directions across the arm d.
+    let of = |x: f64| {
+        let text = chain(1e-3, "", ["", ""], "")
+            .replace("point = [-0.05, 0.004, -0.003]", &format!("point = [{x}, 0.0, 0.0]"));
+        let simulation = open(&scene(&text), None);
+        let twin = soft_twin(&simulation, 0);
+        let core = &twin_cores(&simulation, 0)[1];
+        let all = core.nodes.iter().map(|(_, n)| (twin.elements.masses[*n as usize], twin.layer.nodes[*n as usize]));
+        let (mass, inertia) =
+            all.fold((0.0, 0.0), |(m, i), (own, at)| (m + own, i + own * (at.x * at.x + at.y * at.y)));
+        (simulation.joints()[0].stiffness, mass, inertia)
+    };
+    let ((middle, mass, inertia), (aside, ..)) = (of(0.0), of(-0.05));
+    let want = |readiness: f64| 100.0 / (readiness * 1e-6);
+    let (at_middle, beside) = (want(1.0 / mass), want(1.0 / mass + 2.0 / 3.0 * 0.05 * 0.05 / inertia));
+    println!("joint: {middle:.4e} for {at_middle:.4e} N/m, {aside:.4e} for {beside:.4e} N/m");
+    // The lumped masses are not quite symmetric: their inertia has other entries as well.
+    assert!((middle / at_middle - 1.0).abs() < 1e-3 && (aside / beside - 1.0).abs() < 3e-3);
+}
+
+/// Linear momentum lost in the flight.
+const MOMENTUM: f64 = 1e-6;
+/// Angular momentum gained in a step, of the linear times half the bar: rotations frozen over a step have a torque of their
+/// own, as in vk-tests/law/invariants.rs.
+const SPIN: f64 = 4e-6;
+
+#[test]
+fn a_free_chain_keeps_its_momentum() {
+    // A ball strikes it off its middle, in no gravity, and is gone: it folds at its joints.
+    let limits = "axis = [1.0, 0.0, 0.0]\nswing = 0.1\nstiffness = 0.2\ndamping = 0.002";
+    let text = chain(2e4, "motion = \"dynamic\"", [limits, ""], "gravity = [0.0, 0.0, 0.0]").replace(
+        "position = [0.4, 0.1, -0.2]\norientation = [0.1, 0.2, 0.3, 0.9273618495495703]",
+        "velocity = [0.1, 0.5, 0.2]",
+    ) + "[tool]\nsphere = 0.01\nmass = 0.05\nposition = [-0.08, 0.035, 0.004]\nvelocity = [0.0, -3.0, 0.0]\n";
+    let mut simulation = open(&scene(&text), None);
+    let momentum = |simulation: &Simulation| {
+        let mut twin = soft_twin(simulation, 0);
+        (twin.displacement, twin.velocity) = simulation.nodes(0).unwrap().unwrap();
+        let nodes = twin.elements.masses.iter().zip(twin.world_nodes()).zip(&twin.velocity);
+        nodes.fold((DVec3::ZERO, DVec3::ZERO), |(p, l), ((m, x), v)| (p + *m * *v, l + *m * x.cross(*v)))
+    };
+    let mut gone = 0;
+    for _ in 0..200 {
+        let row = run(&mut simulation, 1).remove(0);
+        gone = if row.contacts == Some(0) { gone + 1 } else { 0 };
+    }
+    assert!(gone > 100, "the ball is there still");
+    let (before, spin) = momentum(&simulation);
+    let folded = [0, 1].map(|joint| turn(&simulation, joint).to_scaled_axis().length());
+    let rows = run(&mut simulation, 300);
+    assert!(rows.iter().all(|row| row.flags == Flags::default() && row.contacts == Some(0)));
+    let (after, spun) = momentum(&simulation);
+    let lost = before.distance(after) / before.length();
+    let gained = spin.distance(spun) / (before.length() * 0.1 * 300.0);
+    println!(
+        "free chain, folded by {folded:.2?} rad: lost {lost:.1e} of its momentum, a step gains {gained:.1e} of spin"
+    );
+    assert!(folded[1] > 0.05 && lost < MOMENTUM && gained < SPIN, "{folded:?} {lost:e} {gained:e}");
+}
+
+/// Time at which the human's arm is bent and the ball still on it, in steps.
+const BENT: usize = 500;
+
+#[test]
+fn a_human_is_posed_by_pushing_its_arm() {
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/pose-human.toml");
+    let scene = palpate::scene::Scene::load(&file).unwrap();
+    let mut simulation = open(&scene, None);
+    let bones = &scene.bodies[0].skeleton.as_ref().unwrap().bones;
+    let bone = |name: &str| bones.iter().position(|bone| bone.name == name).unwrap();
+    let start = simulation.frames(0);
+    let mut widest = 0.0f64;
+    for _ in 0..BENT {
+        let row = run(&mut simulation, 1).remove(0);
+        assert!(row.flags == Flags::default(), "step {}: flags {:?}", row.step, row.flags);
+        widest = widest.max(gap(&simulation));
+    }
+    let places = simulation.frames(0);
+    let turned = |name: &str| (places[bone(name)].rotation * start[bone(name)].rotation.inverse()).to_scaled_axis();
+    let (arm, forearm, other) = (turned("left_upper_arm"), turned("left_forearm"), turned("right_forearm"));
+    println!(
+        "human: upper arm turned by {:.2}, forearm {:.2}, the other {:.3} rad; joints open by {widest:.1e} m",
+        arm.length(),
+        forearm.length(),
+        other.length()
+    );
+    // Down: about the front, clockwise.
+    assert!(arm.z < -0.2 && forearm.z < -0.4 && other.length() < 0.1, "{arm} {forearm} {other}");
+    assert!(widest < 1e-5, "{widest:e}");
+    for (joint, model) in simulation.joints().iter().enumerate() {
+        let ([swing, twist], limits) = (angles(&simulation, joint), model.resistance);
+        let within = swing < limits.swing.unwrap() + 0.01 && twist < limits.twist.unwrap() + 0.01;
+        assert!(within, "joint {joint}: {swing} {twist}");
+    }
+}

@@ -1,0 +1,220 @@
+//! A query's answer against f64 rays along its own normals: for `agreement.rs`.
+
+use glam::{DQuat, DVec3};
+use palpate::prepare::{Body, Proxy, Shape, Skin};
+use palpate::query::{Answer, QueryContact};
+use palpate::stages::types::Region;
+use palpate_oracle::rays::{Outline, Rays};
+use palpate_oracle::skin::normals;
+
+use crate::harness::bodies::{Mesh, rigid};
+
+/// Of the smaller body's size, or of a unit vector: nearer to where the answer jumps, rounding decides.
+pub const APART: f64 = 1e-5;
+/// Differences that are told.
+const NAMED: usize = 20;
+/// Cosine between normals that are one.
+const SAME: f64 = 1.0 - 1e-9;
+
+pub type Pose = (DVec3, DQuat);
+
+/// A body at rest, its size and middle.
+pub struct Subject {
+    pub name: String,
+    pub body: Body,
+    pub size: f64,
+    middle: DVec3,
+}
+
+impl Subject {
+    pub fn new(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>) -> Subject {
+        let low = mesh.0.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = mesh.0.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let body = rigid(name, mesh, cut, DVec3::ZERO, DQuat::IDENTITY);
+        Subject { name: name.into(), body, size: (high - low).max_element(), middle: 0.5 * (low + high) }
+    }
+
+    pub fn skin(&self) -> &Skin {
+        let Shape::Rigid { skin, .. } = &self.body.shape else { panic!("not rigid") };
+        skin
+    }
+
+    pub fn placed(&self, (position, orientation): Pose) -> Vec<DVec3> {
+        self.skin().vertices.iter().map(|x| position + orientation * *x).collect()
+    }
+
+    /// The pose that turns it about its middle and puts that at a place.
+    pub fn pose(&self, turn: DQuat, place: DVec3) -> Pose {
+        (place - turn * self.middle, turn)
+    }
+}
+
+/// What is compared of one query.
+#[derive(Debug, Default, Clone)]
+pub struct Tally {
+    pub queries: usize,
+    pub contacts: usize,
+    /// Greatest error of a depth, of the smaller body's size.
+    pub worst: f64,
+    pub where_worst: String,
+    /// Vertices that only the rays find, and those that only the device finds; and the first of both.
+    pub missing: usize,
+    pub extra: usize,
+    pub different: Vec<String>,
+    pub apart: usize,
+    pub flagged: usize,
+    /// Depth along the normal against the distance to the other surface.
+    pub ratios: Vec<f64>,
+}
+
+impl Tally {
+    pub fn add(&mut self, other: Tally) {
+        self.queries += other.queries;
+        self.contacts += other.contacts;
+        if other.worst > self.worst {
+            (self.worst, self.where_worst) = (other.worst, other.where_worst);
+        }
+        self.missing += other.missing;
+        self.extra += other.extra;
+        self.different.extend(other.different);
+        self.different.truncate(NAMED);
+        self.apart += other.apart;
+        self.flagged += other.flagged;
+        self.ratios.extend(other.ratios);
+    }
+
+    fn tell(&mut self, difference: impl FnOnce() -> String) {
+        if self.different.len() < NAMED {
+            self.different.push(difference());
+        }
+    }
+
+    pub fn row(&self, name: &str) {
+        let Tally { queries, contacts, worst, missing, extra, apart, flagged, .. } = self;
+        println!(
+            "{name:<22} {queries:>7} {contacts:>9} {worst:>11.1e} {missing:>7} {extra:>5} {apart:>5} {flagged:>7}"
+        );
+    }
+}
+
+/// Heads of the rows.
+pub fn head() {
+    println!("mesh pair              queries  contacts  error/size missing extra apart flagged");
+}
+
+/// Rays of one side along one normal.
+struct Seen<'a> {
+    rays: Rays<'a>,
+    outline: Outline,
+    /// Outwards of this side.
+    normal: DVec3,
+}
+
+/// One side's vertices, held against the other's skin.
+struct Side<'a> {
+    name: &'a str,
+    positions: &'a [DVec3],
+    facing: Vec<DVec3>,
+    seen: Vec<Seen<'a>>,
+}
+
+/// Whether a vertex (relative to the answer's origin) projects into a region's column: each region looks after its own.
+fn holds(region: &Region, x: DVec3) -> bool {
+    let along = |axis: [f32; 3]| x.dot(DVec3::from(axis.map(f64::from)));
+    let at = [along(region.tangent), along(region.bitangent)];
+    (0..2).all(|k| at[k] >= region.low[k].into() && at[k] <= region.high[k].into())
+}
+
+fn normal_of(region: &Region) -> DVec3 {
+    DVec3::from(region.normal.map(f64::from)).normalize()
+}
+
+/// Compares an answer with rays; the device may leave out what is deeper than `limit`.
+pub fn judge(what: &str, subjects: [&Subject; 2], poses: [Pose; 2], answer: &Answer, limit: f64) -> Tally {
+    let size = subjects[0].size.min(subjects[1].size);
+    let positions = [0, 1].map(|k| subjects[k].placed(poses[k]));
+    let mut tally = Tally { queries: 1, flagged: usize::from(answer.flags.0 != 0), ..Tally::default() };
+    tally.contacts = answer.contacts.len();
+    let mut known: Vec<DVec3> = Vec::new();
+    for normal in answer.regions.iter().map(normal_of).chain(answer.contacts.iter().map(|c| c.normal)) {
+        if !known.iter().any(|other| other.dot(normal) > SAME) {
+            known.push(normal);
+        }
+    }
+    for k in 0..2 {
+        let (other, triangles) = (&positions[1 - k], &subjects[1 - k].skin().triangles);
+        let sign = if k == 0 { 1.0 } else { -1.0 };
+        let see = |normal: &DVec3| Seen {
+            rays: Rays::new(sign * *normal, other, triangles),
+            outline: Outline::new(sign * *normal, other, triangles, APART * size),
+            normal: sign * *normal,
+        };
+        let side = Side {
+            name: &subjects[k].name,
+            positions: &positions[k],
+            facing: normals(&positions[k], &subjects[k].skin().triangles),
+            seen: known.iter().map(see).collect(),
+        };
+        let mut found: Vec<Option<&QueryContact>> = vec![None; side.positions.len()];
+        for contact in answer.contacts.iter().filter(|contact| contact.body == k) {
+            let twice = found[contact.vertex as usize].replace(contact);
+            assert!(twice.is_none(), "{what}: vertex {} of {} twice", contact.vertex, side.name);
+        }
+        for (v, contact) in found.into_iter().enumerate() {
+            match contact {
+                Some(contact) => side.found(what, v, contact, size, &mut tally),
+                None => side.not_found(what, v, answer, (size, limit), &mut tally),
+            }
+        }
+    }
+    tally
+}
+
+impl Side<'_> {
+    /// A contact is where its ray leaves the other body, as deep as that.
+    fn found(&self, what: &str, v: usize, contact: &QueryContact, size: f64, tally: &mut Tally) {
+        let of = |seen: &&Seen| contact.normal.dot(seen.normal).abs() > SAME;
+        let Some(seen) = self.seen.iter().find(of) else { panic!("{what}: no ray for {contact:?}") };
+        let (x, facing) = (self.positions[v], self.facing[v].dot(seen.normal));
+        let crossing = seen.rays.first(x);
+        let inside = crossing.filter(|crossing| crossing.leaves && facing > 0.0);
+        let touches = contact.depth < APART * size && crossing.is_none_or(|c| !c.leaves || c.depth < APART * size);
+        if touches || facing.abs() < APART || seen.outline.is_near(x) {
+            tally.apart += 1;
+        } else if let Some(crossing) = inside {
+            let error = (contact.depth - crossing.depth).abs() / size;
+            if error > tally.worst {
+                (tally.worst, tally.where_worst) = (error, format!("{what}: {contact:?} against {crossing:?}"));
+            }
+        } else {
+            tally.extra += 1;
+            tally.tell(|| format!("{what}: of {}, facing {facing:.4}: {contact:?}, but {crossing:?}", self.name));
+        }
+    }
+
+    /// What is no contact is not within the other body, along the normal of one of the regions that hold it at least.
+    fn not_found(&self, what: &str, v: usize, answer: &Answer, (size, limit): (f64, f64), tally: &mut Tally) {
+        let x = self.positions[v];
+        // One normal asks the whole skin.
+        let looks = |seen: &&Seen| {
+            let of = |r: &Region| normal_of(r).dot(seen.normal).abs() > SAME && holds(r, x - answer.origin);
+            self.seen.len() == 1 || answer.regions.iter().any(of)
+        };
+        let mut first = None;
+        for seen in self.seen.iter().filter(looks) {
+            let facing = self.facing[v].dot(seen.normal);
+            let crossing = if facing > 0.0 { seen.rays.first(x) } else { None };
+            let Some(inside) = crossing.filter(|crossing| crossing.leaves && crossing.depth <= limit) else { return };
+            first = first.or(Some((seen, facing, inside)));
+        }
+        let Some((seen, facing, inside)) = first else { return };
+        if inside.depth < APART * size || facing < APART || seen.outline.is_near(x) {
+            tally.apart += 1;
+        } else {
+            tally.missing += 1;
+            let flags = answer.flags.0;
+            tally
+                .tell(|| format!("{what}, flags {flags}: vertex {v} of {}, facing {facing:.4}: {inside:?}", self.name));
+        }
+    }
+}

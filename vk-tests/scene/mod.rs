@@ -1,0 +1,22 @@
+//! Whole steps and sessions as a user has them, against the oracle or by what must come of them.
+
+pub mod adversaries;
+pub mod agreement;
+pub mod bones;
+pub mod change;
+pub mod deep_press;
+pub mod dirty_meshes;
+pub mod explain;
+pub mod extremes;
+pub mod haptics;
+pub mod heads;
+pub mod held;
+pub mod joints;
+pub mod judge;
+pub mod query;
+pub mod replay;
+pub mod saved;
+pub mod shipped;
+pub mod spheres;
+pub mod touch;
+pub mod whole_step;

@@ -1,0 +1,120 @@
+//! The query by itself on two spheres: depths along its region's normal or a given one, wherever the bodies are and
+//! whatever their unit, on both paths, the same every time.
+
+use glam::{DQuat, DVec3};
+use palpate::prepare::{self, Body, Shape};
+use palpate::query::{Answer, Query, QuerySettings};
+use palpate::stages::depth::Path;
+use palpate::step::Flags;
+use palpate_oracle::contact::ray_depths;
+
+use crate::harness::bodies::{octants, rigid, sphere, whole};
+use crate::harness::random::Random;
+use crate::harness::{assert_clean, context};
+use crate::scene::whole_step::scene;
+
+/// Of the radius, as promised for depths.
+const DEPTH: f64 = 1e-5;
+/// Of a unit vector's components in f32.
+const UNIT: f64 = 1e-6;
+
+type PoseOf = (DVec3, DQuat);
+
+fn placed(body: &Body, (position, orientation): PoseOf) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let Shape::Rigid { skin, .. } = &body.shape else { panic!("not rigid") };
+    (skin.vertices.iter().map(|x| position + orientation * *x).collect(), skin.triangles.clone())
+}
+
+/// Every contact against the ray of its own normal, and every ray's contact is there.
+fn check(what: &str, bodies: [&Body; 2], poses: [PoseOf; 2], answer: &Answer, radius: f64) -> usize {
+    let normal = DVec3::from(answer.regions[0].normal.map(f64::from)).normalize();
+    let [(ax, at), (bx, bt)] = [0, 1].map(|k| placed(bodies[k], poses[k]));
+    let hits =
+        [ray_depths(normal, &ax, &at, &bx, &bt, f64::INFINITY), ray_depths(-normal, &bx, &bt, &ax, &at, f64::INFINITY)];
+    let mut found = [vec![false; ax.len()], vec![false; bx.len()]];
+    for contact in &answer.contacts {
+        let (body, vertex) = (contact.body, contact.vertex as usize);
+        assert!(!std::mem::replace(&mut found[body][vertex], true), "{what}: twice");
+        assert!((contact.normal - normal).abs().max_element() < UNIT, "{what}");
+        let depth = hits[body][vertex].map_or(0.0, |hit| hit.depth);
+        assert!((contact.depth - depth).abs() < DEPTH * radius, "{what}: {contact:?} is {depth} deep");
+        // The named point is where the vertex's line meets the other skin.
+        let (own, other, triangles) = if body == 0 { (&ax, &bx, &bt) } else { (&bx, &ax, &at) };
+        let corners = triangles[contact.triangle as usize].map(|v| other[v as usize]);
+        let point: DVec3 = corners.iter().zip(contact.barycentric).map(|(x, w)| *x * w).sum();
+        let towards = if body == 0 { -normal } else { normal };
+        let gap = point.distance(own[vertex] + contact.depth * towards);
+        assert!(gap < DEPTH * radius, "{what}: {contact:?} is {gap} off its line");
+    }
+    for (hits, found) in hits.iter().zip(&found) {
+        let missed =
+            hits.iter().zip(found).filter(|(hit, found)| !**found && hit.is_some_and(|h| h.depth > DEPTH * radius));
+        assert_eq!(missed.count(), 0, "{what}");
+    }
+    answer.contacts.len()
+}
+
+#[test]
+fn spheres_of_any_size_anywhere_along_any_direction() {
+    let mut random = Random(71);
+    for path in [Path::Compute, Path::Graphics] {
+        for (radius, place) in [(0.01, 0.0), (1e-3, 3.0), (1e4, 1e6), (1.0, 1e3)] {
+            let a = rigid("a", sphere(radius, 3), octants, DVec3::ZERO, DQuat::IDENTITY);
+            let b = rigid("b", sphere(radius, 4), whole, DVec3::ZERO, DQuat::IDENTITY);
+            let towards = random.vector().normalize();
+            let tilted = (towards + 0.2 * random.vector()).normalize();
+            for direction in [None, Some(7.0 * tilted)] {
+                let settings = QuerySettings { direction, ..QuerySettings::of(&a, &b) };
+                let mut query = Query::on(context(), &a, &b, &settings, Some(path)).unwrap();
+                for gap in [1.92, 1.85] {
+                    let at = place * random.vector();
+                    let poses = [(at, random.turn(3.0)), (at + gap * radius * towards, random.turn(3.0))];
+                    let answer = query.run(poses[0], poses[1]).unwrap();
+                    let what = format!("{}, radius {radius}, {gap} radii apart", path.name());
+                    assert_eq!((answer.flags, answer.regions.len()), (Flags::default(), 1), "{what}");
+                    if direction.is_some() {
+                        assert!((answer.contacts[0].normal - tilted).abs().max_element() < UNIT, "{what}");
+                    }
+                    assert!(check(&what, [&a, &b], poses, &answer, radius) > 4, "{what}");
+                    let again = query.run(poses[0], poses[1]).unwrap();
+                    assert_eq!(again.contacts, answer.contacts, "{what}: not the same again");
+                    assert!(answer.stage_times.iter().any(|(stage, us)| stage == "contact" && *us > 0.0));
+                }
+                let apart =
+                    query.run((DVec3::ZERO, DQuat::IDENTITY), (3.0 * radius * towards, DQuat::IDENTITY)).unwrap();
+                assert_eq!((apart.contacts.len(), apart.flags), (0, Flags::default()));
+            }
+        }
+    }
+    assert_clean(context(), "queries");
+}
+
+#[test]
+fn a_fine_head_in_a_cube_of_twelve_triangles_is_found_whole_or_flagged() {
+    // The head's vertices lie in a few squares of the size that the cube's triangles ask for.
+    let corners = (0..8).map(|k| DVec3::new((k & 1).into(), (k >> 1 & 1).into(), (k >> 2).into()) - 0.5).collect();
+    let quads = [[0u32, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let halves = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+    let cube = rigid("cube", (corners, halves), whole, DVec3::ZERO, DQuat::IDENTITY);
+    for vertices in [10_000, 200_000] {
+        let text = format!("[[body]]\nname = \"head\"\nsurface = {{ model = \"head\", vertices = {vertices} }}\n");
+        let scene = scene(&text);
+        let head = prepare::body(&scene.bodies[0], &scene).unwrap();
+        for path in [Path::Compute, Path::Graphics] {
+            for bodies in [[&cube, &head], [&head, &cube]] {
+                let poses = [(DVec3::ZERO, DQuat::IDENTITY), (0.36 * DVec3::Y, DQuat::IDENTITY)];
+                let settings = QuerySettings { direction: Some(DVec3::Y), ..QuerySettings::of(bodies[0], bodies[1]) };
+                let mut query = Query::on(context(), bodies[0], bodies[1], &settings, Some(path)).unwrap();
+                let answer = query.run(poses[0], poses[1]).unwrap();
+                let what = format!("{}, {vertices} vertices", path.name());
+                println!("{what}: {} contacts, flags {:?}", answer.contacts.len(), answer.flags);
+                if !answer.flags.contains(Flags::CONTACT_OVERFLOW) {
+                    check(&what, bodies, poses, &answer, 0.3);
+                } else {
+                    assert!(vertices > 10_000, "{what}");
+                }
+            }
+        }
+    }
+    assert_clean(context(), "queries of a cube and a head");
+}

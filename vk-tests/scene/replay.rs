@@ -1,0 +1,114 @@
+//! A session with the engine on record and again: the same bits, or the first tick that is not.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use palpate::haptics::Reading;
+use palpate::haptics::environment::Environment;
+use palpate::haptics::safety::Limits;
+use palpate::haptics::servo::{Servo, Settings, Tick};
+use palpate::scene::Lowered;
+use palpate::scene::Profile;
+use palpate::scene::{Key, Scene};
+use palpate::stages::depth;
+use palpate::step::drive::Drive;
+use palpate_devices::record::{Header, Recorded, Recording};
+use palpate_devices::replay::{Replayed, replay};
+
+use crate::scene::touch::{Place, press};
+use crate::scene::whole_step::open;
+
+const TICKS: u64 = 300;
+/// Ticks from one step to the next, and until its wrench is there.
+const EVERY: u64 = 15;
+const DELAY: u64 = 9;
+
+/// The device follows the scene's keys, in virtual time. `spoil` sees every tick before it is recorded; how hard the tool was
+/// pushed at most, N.
+fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tick)) -> f64 {
+    let mut simulation = open(scene, Some(path));
+    let tool = simulation.tool().unwrap().clone();
+    let (limits, _) = Limits::new(Profile::named("scripted").unwrap(), &Lowered::default());
+    let settings = Settings {
+        period: 1e-3,
+        limits,
+        local_model: true,
+        passivity: true,
+        most_damping: [30.0, 0.0],
+        trust: 5e-3,
+        arm: 0.02,
+    };
+    let drive = Drive::new(&scene.drive, Key { time: 0.0, position: tool.centre, orientation: tool.orientation });
+    let header = Header::new(scene, &simulation, "scripted", "keys").unwrap();
+    let mut recording = Recording::create(file, &header).unwrap();
+    recording.begin(&settings, &tool).unwrap();
+    let mut servo = Servo::new(settings, tool);
+    let (mut newest, mut next, mut most) = (servo.newest(), servo.newest(), 0.0f64);
+    for k in 0..TICKS {
+        if k % EVERY == 0 {
+            let (held, h) = (servo.held(), 1e-3 * EVERY as f64);
+            next = simulation.feel(&held, h).unwrap();
+            recording.step(&held, h, &next).unwrap();
+            most = most.max(next.wrench.force.length());
+        }
+        if k % EVERY == DELAY {
+            newest = next;
+        }
+        let time = 1e-3 * k as f64;
+        let reading = Reading { time, state: drive.device(0.3 * time, 1e-3), buttons: 0 };
+        let mut tick = servo.tick(time, 0.0, Ok(reading), &newest);
+        spoil(&mut tick);
+        recording.tick(&tick).unwrap();
+    }
+    recording.finish().unwrap();
+    most
+}
+
+fn again(scene: &Scene, path: depth::Path, file: &Path) -> Replayed {
+    let recorded = Recorded::open(file).unwrap();
+    assert_eq!(recorded.header.depth.as_deref(), Some(path.name()));
+    let mut simulation = open(scene, Some(path));
+    let replayed = replay(recorded, &mut simulation).unwrap();
+    assert!(simulation.context().validation_messages().is_empty());
+    replayed
+}
+
+/// A press that slides aside, in a file of its own, and where to record it.
+fn pressed(folder: &Path) -> (Scene, PathBuf) {
+    let file = folder.join("scene.toml");
+    let place = Place { slide: DVec3::new(0.01, 0.0, -0.005), ..Place::default() };
+    std::fs::write(&file, press(2e4, 0.015, place, "tolerance = 1e-5")).unwrap();
+    (Scene::load(&file).unwrap(), folder.join("session"))
+}
+
+#[test]
+fn a_session_with_the_engine_replays_to_the_same_bits_on_both_depth_paths() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, file) = pressed(folder.path());
+    for path in [depth::Path::Compute, depth::Path::Graphics] {
+        let most = record(&scene, path, &file, |_| {});
+        assert!(most > 0.1, "{most} N: nothing was touched");
+        let replayed = again(&scene, path, &file);
+        assert_eq!(replayed, Replayed { ticks: TICKS, steps: TICKS / EVERY, is_whole: true, difference: None });
+    }
+}
+
+#[test]
+fn a_reading_and_a_simulation_that_are_not_the_recorded_ones_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut scene, file) = pressed(folder.path());
+    let path = depth::Path::Compute;
+    record(&scene, path, &file, |tick| {
+        if tick.index == 200 {
+            let y = &mut tick.reading.as_mut().unwrap().state.position.y;
+            *y = f64::from_bits(y.to_bits() ^ 1);
+        }
+    });
+    let spoiled = again(&scene, path, &file).difference.unwrap().to_string();
+    assert!(spoiled.starts_with("tick 200 differs first in device_y: "), "{spoiled}");
+
+    record(&scene, path, &file, |_| {});
+    scene.contact.friction = 0.1;
+    let other = again(&scene, path, &file).difference.unwrap().to_string();
+    assert!(other.starts_with("step "), "{other}");
+}

@@ -1,0 +1,203 @@
+//! A tool that presses into a soft body: against the f64 oracle step by step, on both depth paths, and on whole heads.
+
+use glam::{DQuat, DVec3};
+use palpate::prepare::{self, Shape};
+use palpate::scene::{Scene, Sides};
+use palpate::stages::depth;
+use palpate::stages::types::Contact;
+use palpate::step::Simulation;
+use palpate::step::{Flags, StepReport};
+use palpate_oracle as oracle;
+use palpate_oracle::contact;
+use palpate_oracle::contact::{Law, Support, Surface};
+use palpate_oracle::step;
+use palpate_oracle::step::auto_stiffness;
+
+use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
+
+/// Where a press happens: the block turned, then shifted; the drive ends `slide` aside, in the block's axes.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Place {
+    pub shift: DVec3,
+    pub turn: DQuat,
+    pub slide: DVec3,
+}
+
+/// A sphere of 20 mm pressed into a block with a fixed bottom: from 0.5 mm above it to 4 mm deep in 40 ms, then at
+/// rest.
+pub fn press(young: f64, dt: f64, place: Place, solver: &str) -> String {
+    let world = |local: DVec3| (place.shift + place.turn * local).to_array().map(|x| format!("{x:?}")).join(", ");
+    let (origin, start) = (world(DVec3::ZERO), world(DVec3::Y * 0.0505));
+    let end = world(DVec3::Y * 0.046 + place.slide);
+    let turn = place.turn.to_array();
+    format!(
+        "[step]\ndt = {dt:?}\ngravity = [0.0, 0.0, 0.0]\n[solver]\n{solver}\n[[body]]\nname = \"block\"\n\
+         layer = {{ box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [8, 5, 8] }}\n\
+         position = [{origin}]\norientation = {turn:?}\n\
+         material = {{ young = {young:e}, poisson = 0.45, density = 1000.0 }}\n\
+         [[body.core]]\nname = \"bottom\"\nmotion = \"fixed\"\n\
+         bind = {{ box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }}\n\
+         [tool]\nsphere = 0.02\nmass = 0.05\nposition = [{start}]\n\
+         [coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n\
+         [drive]\nkeys = [[0.0, {start}], [0.04, {end}]]\n"
+    )
+}
+
+/// The oracle's twin of a scene with one soft body and a rigid tool. Its contacts are its own; only the direction of
+/// each region is the device's.
+pub struct Twin {
+    pub oracle: step::Simulation,
+    skin: (prepare::Skin, Vec<prepare::Embedding>),
+    tool: prepare::Skin,
+    law: Law,
+    sides: Sides,
+}
+
+impl Twin {
+    pub fn new(scene: &Scene, simulation: &Simulation) -> Twin {
+        let mut oracle = step::Simulation::new(scene.step.dt, scene.step.gravity);
+        oracle.bodies.push(soft_twin(simulation, 0));
+        let body = prepare::tool(scene.tool.as_ref().unwrap(), scene).unwrap();
+        let Shape::Rigid { skin: tool, centroid, volume, inertia, .. } = body.shape else { panic!("a soft tool") };
+        let tool = prepare::Skin { vertices: tool.vertices.iter().map(|x| *x - centroid).collect(), ..tool };
+        let mass = scene.tool.as_ref().unwrap().mass;
+        oracle.tool = Some(oracle::tool::Tool {
+            mass,
+            inertia: inertia * (mass / volume),
+            centre: body.position,
+            orientation: body.orientation,
+            velocity: body.velocity,
+            angular_velocity: DVec3::ZERO,
+            coupling: scene.coupling,
+        });
+        let Shape::Soft { layer, materials, skin, embedding, .. } = &simulation.bodies()[0].shape else {
+            panic!("rigid")
+        };
+        let stiffness = auto_stiffness(&[(layer, &materials.all[0])]).unwrap();
+        let law = Law { stiffness, damping: stiffness * scene.step.dt, depth_limit: scene.contact.depth_limit };
+        Twin { oracle, skin: (skin.clone(), embedding.clone()), tool, law, sides: scene.contact.sides }
+    }
+
+    /// Contacts of the present state along `normal` (from the body to the tool).
+    pub fn contacts(&self, normal: DVec3) -> Vec<contact::Contact> {
+        let tool = self.oracle.tool.as_ref().unwrap();
+        let tool = Surface {
+            positions: self.tool.vertices.iter().map(|x| tool.place(*x)).collect(),
+            triangles: &self.tool.triangles,
+            areas: &self.tool.areas,
+            support: Support::Tool,
+        };
+        let body = self.oracle.bodies[0].surface(0, &self.skin.0, &self.skin.1);
+        match self.sides {
+            Sides::Both => contact::gather(normal, &body, &tool, &self.law),
+            Sides::One => contact::gather_finer(normal, &body, &tool, &self.law),
+        }
+    }
+}
+
+/// Contacts that only one of the two has: greatest depth (m) among them, and how many.
+fn unmatched(device: &[Contact], twin: &[contact::Contact], tool_vertex_first: u32) -> (f64, usize) {
+    let of_device = |c: &Contact| {
+        let of_tool = c.side % 2 == 1;
+        ((of_tool, c.vertex - if of_tool { tool_vertex_first } else { 0 }), f64::from(c.depth))
+    };
+    let of_twin = |c: &contact::Contact| ((!c.of_first, c.vertex), c.depth);
+    let a: std::collections::BTreeMap<_, _> = device.iter().map(of_device).collect();
+    let b: std::collections::BTreeMap<_, _> = twin.iter().map(of_twin).collect();
+    let only = |x: &std::collections::BTreeMap<_, f64>, y: &std::collections::BTreeMap<_, f64>| -> Vec<f64> {
+        x.iter().filter(|(key, _)| !y.contains_key(*key)).map(|(_, depth)| *depth).collect()
+    };
+    let lone = [only(&a, &b), only(&b, &a)].concat();
+    (lone.iter().copied().fold(0.0, f64::max), lone.len())
+}
+
+/// Steps of the press: approach, press, rest.
+const PRESS_STEPS: usize = 60;
+const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
+/// Tool force, of the run's largest.
+const FORCE: f64 = 5.0e-5;
+/// Tool position, of its way.
+const POSE: f64 = 1.0e-5;
+/// Node displacements, of the largest.
+const DISPLACEMENT: f64 = 5.0e-5;
+/// Depth of a contact that only device or oracle finds, m.
+const LONE_DEPTH: f64 = 1.0e-7;
+
+#[test]
+fn touch_agrees_with_the_oracle_and_the_depth_paths_with_each_other() {
+    let straight = Place::default();
+    let slide = DVec3::new(0.012, 0.0, -0.007);
+    let oblique = Place { shift: DVec3::new(0.3, -0.1, 0.2), turn: DQuat::from_rotation_z(0.5), slide };
+    let (both, one) = (Sides::Both, Sides::One);
+    let cases = [(2.0e4, straight, both), (5.0e5, straight, both), (2.0e4, oblique, both), (2.0e4, oblique, one)];
+    for (young, place, sides) in cases {
+        let mut scene = scene(&press(young, 0.001, place, TIGHT));
+        scene.contact.sides = sides;
+        let paths = [depth::Path::Compute, depth::Path::Graphics];
+        let [(compute, found), (graphics, found_too)] = paths.map(|path| against_the_oracle(&scene, path, young));
+        assert_eq!(found, found_too, "contacts of the two depth paths");
+        let force = |rows: &[StepReport]| -> Vec<DVec3> { rows.iter().map(|r| r.tool.unwrap().force).collect() };
+        let error = relative_error(&force(&compute), &force(&graphics));
+        println!("touch at {young:e} Pa: compute against graphics {error:.1e} of the largest force");
+        assert!(error < FORCE);
+    }
+}
+
+/// Vertex and side of every contact, step by step.
+type Found = Vec<Vec<(u32, u32)>>;
+
+fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<StepReport>, Found) {
+    let mut simulation = open(scene, Some(path));
+    let mut twin = Twin::new(scene, &simulation);
+    let skin_vertices = twin.skin.0.vertices.len() as u32;
+    let (mut rows, mut found, mut lone) = (Vec::new(), Found::new(), (0.0f64, 0));
+    let (mut forces, mut poses, mut shapes) = ((vec![], vec![]), (vec![], vec![]), 0.0f64);
+    let mut tilt = 0.0f64;
+    for _ in 0..PRESS_STEPS {
+        let row = run(&mut simulation, 1).remove(0);
+        let (regions, contacts) = simulation.touch().unwrap();
+        let normal = DVec3::from(regions[0].normal.map(f64::from)).normalize();
+        tilt = tilt.max(normal.distance(twin.oracle.bodies[0].elements.frame * DVec3::Y));
+        let own = twin.contacts(normal);
+        let (depth, count) = unmatched(&contacts, &own, skin_vertices);
+        lone = (lone.0.max(depth), lone.1 + count);
+        found.push(contacts.iter().map(|c| (c.side, c.vertex)).collect());
+        let tool = row.tool.unwrap();
+        let h = scene.step.dt;
+        let device = palpate::step::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
+        let device = oracle::tool::Device {
+            position: device.position,
+            orientation: device.orientation,
+            velocity: device.velocity,
+            angular_velocity: device.angular_velocity,
+        };
+        let report = twin.oracle.step(Some(&device), &own).unwrap();
+        forces.0.push(tool.force);
+        forces.1.push(report.wrench.force);
+        poses.0.push(tool.tool.position - scene.drive[0].position);
+        poses.1.push(twin.oracle.tool.as_ref().unwrap().centre - scene.drive[0].position);
+        let (moved, _) = simulation.nodes(0).unwrap().unwrap();
+        let want = &twin.oracle.bodies[0].displacement;
+        if want.iter().any(|d| *d != DVec3::ZERO) {
+            shapes = shapes.max(relative_error(&moved, want));
+        }
+        rows.push(row);
+    }
+    let (force, pose) = (relative_error(&forces.0, &forces.1), relative_error(&poses.0, &poses.1));
+    let peak = forces.1.iter().map(|f| f.length()).fold(0.0, f64::max);
+    println!(
+        "touch at {young:e} Pa, {}: force {force:.1e} of {peak:.2} N, pose {pose:.1e}, shape {shapes:.1e}; up \
+         to {} contacts, \
+         {} of all on one side only (to {:.1e} m); n off the block's top by {tilt:.1e}; iterations to {}",
+        path.name(),
+        found.iter().map(Vec::len).max().unwrap(),
+        lone.1,
+        lone.0,
+        rows.iter().map(|r| r.iterations).max().unwrap()
+    );
+    assert!(peak > 0.05 && rows.iter().all(|row| row.flags == Flags::default()));
+    let gathers = |side: u32| found.iter().flatten().any(|(s, _)| *s == side);
+    assert_eq!(gathers(0) && gathers(1), twin.sides == Sides::Both, "which sides gather");
+    assert!(lone.0 < LONE_DEPTH && force < FORCE && pose < POSE && shapes < DISPLACEMENT);
+    (rows, found)
+}

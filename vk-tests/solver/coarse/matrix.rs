@@ -1,0 +1,127 @@
+//! The host's inverse of the coarse matrix against the oracle's.
+
+use faer::{Mat, Side};
+use glam::DQuat;
+use palpate::scene::Preconditioner;
+use palpate_oracle::coarse::{correction, matrix};
+use palpate_oracle::linear::Entries;
+
+use super::{host_inverse, kinds, large_core, modes_of, rest_turns};
+use crate::solver::system::{System, layer, layered, material};
+
+/// Half a unit in the last place of half precision.
+const HALF: f64 = 1.0 / 2048.0;
+/// Of the root of the diagonals: places, gradients and masses in f32 (6e-8) times the condition of the scaled matrix, a
+/// hundred or two.
+const INPUT: f64 = 2e-5;
+
+fn absolute(matrix: &Mat<f64>) -> Mat<f64> {
+    Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)].abs())
+}
+
+#[test]
+fn the_host_s_inverse_is_the_oracle_s() {
+    // What the coarse level makes of any residual, P A_c^-1 P^T, with both: whatever modes depend on each other.
+    for (what, bodies) in kinds() {
+        let system = System::preconditioned(&bodies, 0.0, 1, Preconditioner::Coarse);
+        let p = modes_of(&system, &rest_turns(&system));
+        let (a, _) = system.twin.assemble(None, &[]);
+        let want = correction(&a, &p).unwrap();
+        // The oracle's own: nothing that the modes can do is left undone.
+        let (square, of_p) = (matrix(&a, &Mat::identity(p.nrows(), p.nrows())), absolute(&p));
+        let left = &want * &square * &p - &p;
+        let worst = (0..p.nrows()).flat_map(|i| (0..p.ncols()).map(move |j| (i, j))).map(|at| left[at].abs());
+        assert!(worst.fold(0.0, f64::max) < 1e-8, "{what}: the oracle");
+        let inverse = host_inverse(&system.model, false);
+        let got = &p * &inverse * p.transpose();
+        let rounding = &of_p * absolute(&inverse) * of_p.transpose();
+        let mut worst = (0.0, 0, 0);
+        for i in 0..p.nrows() {
+            for j in 0..p.nrows() {
+                let size = (want[(i, i)] * want[(j, j)]).sqrt();
+                let allowed = HALF * rounding[(i, j)] + INPUT * size + f64::MIN_POSITIVE;
+                let share = (got[(i, j)] - want[(i, j)]).abs() / allowed;
+                worst = if share > worst.0 || share.is_nan() { (share, i, j) } else { worst };
+            }
+        }
+        let (share, i, j) = worst;
+        println!("{what}: {} modes, {} unknowns, worst {share:.3} of what is allowed", p.ncols(), p.nrows());
+        assert!(share < 1.0, "{what}: {:e} at {i}, {j}, want {:e}", got[(i, j)], want[(i, j)]);
+    }
+}
+
+#[test]
+fn the_inverse_is_symmetric_to_the_bit_and_has_ones_on_its_diagonal() {
+    for (what, bodies) in kinds() {
+        let system = System::preconditioned(&bodies, 0.0, 1, Preconditioner::Coarse);
+        let inverse = host_inverse(&system.model, true);
+        let mut used = 0;
+        for i in 0..inverse.nrows() {
+            (0..i).for_each(|j| assert_eq!(inverse[(i, j)], inverse[(j, i)], "{what}: {i}, {j}"));
+            let any = (0..inverse.ncols()).any(|j| inverse[(i, j)] != 0.0);
+            assert_eq!(inverse[(i, i)], if any { 1.0 } else { 0.0 }, "{what}: {i}");
+            used += usize::from(any);
+        }
+        assert!(used > 0, "{what}");
+    }
+}
+
+/// Diagonal blocks of A, of nodes and of cores, inverted.
+fn jacobi(system: &System, a: &Entries) -> Mat<f64> {
+    let unknowns = system.twin.unknowns();
+    let square = matrix(a, &Mat::identity(unknowns.count, unknowns.count));
+    let mut inverse = Mat::zeros(unknowns.count, unknowns.count);
+    let nodes = unknowns.nodes.iter().flatten().filter(|map| map.len() == 1).map(|map| (map[0].0, 3));
+    for (first, size) in nodes.chain(unknowns.cores.iter().map(|first| (*first, 6))) {
+        let block = square.submatrix(first, first, size, size).to_owned();
+        let own = faer::linalg::solvers::DenseSolveCore::inverse(&block.llt(Side::Lower).unwrap());
+        (0..size * size).for_each(|k| inverse[(first + k / size, first + k % size)] = own[(k / size, k % size)]);
+    }
+    inverse
+}
+
+/// Of a symmetric matrix scaled to a diagonal of one (of zero where it is nothing), in order.
+fn scaled_eigenvalues(matrix: &Mat<f64>) -> Vec<f64> {
+    let root = |i: usize| if matrix[(i, i)] > 0.0 { matrix[(i, i)].sqrt() } else { 1.0 };
+    let scaled = Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] / (root(i) * root(j)));
+    scaled.self_adjoint_eigenvalues(Side::Lower).unwrap()
+}
+
+#[test]
+fn half_precision_leaves_the_preconditioner_positive() {
+    // The least eigenvalue of D^-1 + P A_c^-1 P^T with a diagonal of one: of bodies that nothing holds, up to what is as
+    // stiff as bone.
+    let mut cases: Vec<(String, System)> = Vec::new();
+    for (what, bodies) in kinds() {
+        cases.push((what.into(), System::preconditioned(&bodies, 0.0, 1, Preconditioner::Coarse)));
+    }
+    for young in [2e5, 2e6, 2e7, 2e8] {
+        let body = layered(layer(216), material(young), DQuat::IDENTITY);
+        cases.push((format!("{young:e} Pa"), System::preconditioned(&[body], 0.0, 1, Preconditioner::Coarse)));
+    }
+    let mut stiff = large_core(false);
+    if let palpate::prepare::Shape::Soft { materials, .. } = &mut stiff.shape {
+        materials.all[0].young = 2e7;
+    }
+    cases.push(("2e7 Pa on a core".into(), System::preconditioned(&[stiff], 0.0, 1, Preconditioner::Coarse)));
+    for (what, system) in cases {
+        let p = modes_of(&system, &rest_turns(&system));
+        let (a, _) = system.twin.assemble(None, &[]);
+        let coarse = &p * host_inverse(&system.model, false) * p.transpose();
+        let values = scaled_eigenvalues(&(jacobi(&system, &a) + &coarse));
+        // Where contacts are so stiff that D^-1 is nothing it is positive still, but for rounding here.
+        let alone = scaled_eigenvalues(&coarse);
+        assert!(alone[0] > -1e-11 * alone[alone.len() - 1], "{what}: {:e} alone", alone[0]);
+        let exact = correction(&a, &p).unwrap();
+        let grown = (0..p.nrows()).map(|i| coarse[(i, i)] / exact[(i, i)]).fold(1.0, f64::max);
+        let number = system.model.coarse.bodies[0].1;
+        println!(
+            "{what}, stiffness number {number:.1e}: eigenvalues from {:.1e} to {:.1e}, alone from {:.1e}; up to {:.1e} more",
+            values[0],
+            values[values.len() - 1],
+            alone[0],
+            grown - 1.0
+        );
+        assert!(values[0] > 0.0, "{what}: {:e}", values[0]);
+    }
+}

@@ -1,0 +1,125 @@
+//! How solve/assemble finds blocks turned.
+
+use glam::{DMat3, DQuat, DVec3};
+use palpate::scene::Preconditioner;
+
+use super::super::passes::Passes;
+use super::{kinds, plane, row, tilted, turned};
+use crate::harness::random::Random;
+use crate::solver::system::System;
+
+/// rad.
+const ANGLE: f64 = 1e-5;
+
+/// Passes of bodies turned by `turn` about anywhere in their rest frames.
+fn turned_by(bodies: &[palpate::prepare::Body], turn: DQuat) -> Passes {
+    let mut system = System::preconditioned(bodies, 0.0, 3, Preconditioner::Coarse);
+    let mut at = 0;
+    for body in &system.twin.bodies {
+        for (x, bound) in body.layer.nodes.iter().zip(&body.layer.bound) {
+            let d = if *bound { DVec3::ZERO } else { turn * *x - *x + DVec3::new(0.02, -0.01, 0.03) };
+            system.displacement[at] = d.as_vec3().extend(0.0).to_array();
+            at += 1;
+        }
+    }
+    Passes::new(system)
+}
+
+/// The angle between two rotations, rad.
+fn angle(a: DQuat, b: DQuat) -> f64 {
+    2.0 * (a.normalize().conjugate() * b.normalize()).xyz().length().min(1.0).asin()
+}
+
+fn quaternion(q: [f32; 4]) -> DQuat {
+    DQuat::from_array(q.map(f64::from))
+}
+
+/// Whether a block's nodes lie in a plane.
+fn is_flat(system: &System, block: usize) -> bool {
+    let [first, count, ..] = system.model.blocks.blocks[block];
+    let nodes = &system.model.blocks.nodes[first as usize..(first + count) as usize];
+    let place = |n: &[u32; 4]| DVec3::from_slice(&system.model.node_rest[n[0] as usize].map(f64::from)[..3]);
+    let middle = nodes.iter().map(place).sum::<DVec3>() / nodes.len() as f64;
+    let outer = |x: DVec3| DMat3::from_cols(x * x.x, x * x.y, x * x.z);
+    // Of places in cells of 20 mm.
+    let sum = nodes.iter().fold(DMat3::ZERO, |sum, n| sum + outer((place(n) - middle) / 0.02));
+    sum.determinant() < 1e-6
+}
+
+/// Blocks of free nodes, by the rotation that is found and by that in the world, with the frame's.
+fn rotations(passes: &Passes) -> Vec<(DQuat, DQuat, DQuat)> {
+    let (blocks, frames) = (&passes.system.model.blocks, &passes.system.frames);
+    let found = |b: usize| {
+        let frame = quaternion(frames[blocks.blocks[b][2] as usize].rotation);
+        (quaternion(passes.block_rotations[b]), quaternion(passes.block_turns[b]), frame)
+    };
+    (0..blocks.free).map(found).collect()
+}
+
+#[test]
+fn blocks_turn_with_their_nodes() {
+    let mut random = Random(11);
+    let (mut worst, mut flat, mut known) = (0.0f64, 0, 0);
+    for (what, bodies) in kinds() {
+        for turn in [random.turn(0.01), random.turn(0.5), random.turn(1.5)] {
+            let mut passes = turned_by(&bodies, turn);
+            passes.assemble();
+            for (b, (found, world, frame)) in rotations(&passes).into_iter().enumerate() {
+                if is_flat(&passes.system, b) {
+                    flat += 1;
+                    continue;
+                }
+                known += 1;
+                worst = worst.max(angle(found, turn)).max(angle(world, frame * turn));
+                assert!(angle(found, turn) < ANGLE, "{what}: {found} for {turn}, off by {:e}", angle(found, turn));
+                assert!(angle(world, frame * turn) < ANGLE, "{what}: {world} in the world");
+            }
+            // Again from there: nothing is left to find.
+            let before = passes.block_rotations.clone();
+            passes.assemble();
+            for (a, b) in before.iter().zip(&passes.block_rotations) {
+                assert!(angle(quaternion(*a), quaternion(*b)) < ANGLE, "{what}");
+            }
+        }
+    }
+    println!("{known} blocks off by up to {worst:.1e} rad; {flat} are flat");
+    assert!(known > flat, "{known} blocks that are not flat, {flat} that are");
+}
+
+#[test]
+fn blocks_at_rest_and_carried_ones_are_not_turned() {
+    for (what, bodies) in kinds() {
+        let mut passes = turned_by(&bodies, DQuat::IDENTITY);
+        passes.system.displacement.fill([0.0; 4]);
+        passes.assemble();
+        for (b, turn) in passes.block_turns.iter().enumerate() {
+            assert_eq!(passes.block_rotations[b], [0.0, 0.0, 0.0, 1.0], "{what}: block {b}");
+            let frame = passes.system.model.blocks.blocks[b][2] as usize;
+            let apart = angle(quaternion(*turn), quaternion(passes.system.frames[frame].rotation));
+            assert!(apart < 1e-6, "{what}: block {b}, off by {apart:e}");
+        }
+    }
+}
+
+#[test]
+fn what_is_known_of_flat_blocks_is_found() {
+    // Within its plane, or about nothing: the rest of it is as at rest; and any other turn is a rotation.
+    let mut random = Random(12);
+    for (what, layer, axis) in [("a plane", plane(), Some(DVec3::Z)), ("a row", row(), None)] {
+        let tilt = DQuat::from_scaled_axis(DVec3::new(0.5, -0.8, 0.3));
+        for (layer, axis) in [(layer.clone(), axis), (tilted(layer), axis.map(|axis| tilt * axis))] {
+            let turn = axis.map_or(DQuat::IDENTITY, |axis| DQuat::from_axis_angle(axis, 0.8));
+            let mut passes = turned_by(&[turned(layer.clone())], turn);
+            passes.assemble();
+            for (found, ..) in rotations(&passes) {
+                assert!(angle(found, turn) < ANGLE, "{what}: {found} for {turn}, off by {:e}", angle(found, turn));
+            }
+            let mut passes = turned_by(&[turned(layer)], random.turn(1.5));
+            passes.assemble();
+            for (found, world, _) in rotations(&passes) {
+                let unit = |q: DQuat| (q.length() - 1.0).abs() < 1e-6;
+                assert!(unit(found) && unit(world), "{what}: {found}, {world}");
+            }
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! How many iterations stiff bodies take with the coarse level: to a 2-norm of 1e-4 of the right-hand side's, by the
+//! recurrence, from zero, under gravity and a load on ten nodes.
+
+use glam::{DQuat, DVec3};
+use palpate::prepare::Layer;
+use palpate::prepare::layer::kuhn_box;
+use palpate::scene::{Law, Material, Preconditioner, gmsh};
+use palpate::stages::types::NONE;
+
+use super::passes::Passes;
+use crate::scene::whole_step::meshes;
+use crate::solver::system::{System, layered};
+
+/// Of the residual's 2-norm.
+const REDUCTION: f64 = 1e-4;
+/// Nodes with a load of their own.
+const LOADED: usize = 10;
+/// m/s^2.
+const GRAVITY: f32 = 9.81;
+/// Edge of the block, m.
+const EDGE: f64 = 0.1;
+/// The human is bound within so much of its nodes' centroid, m.
+const BOUND: f64 = 0.15;
+/// More than any of these bodies may take.
+const LIMIT: usize = 500;
+
+/// A cube of so many Kuhn cells an edge whose face x = 0 is bound.
+fn block(cells: u32) -> Layer {
+    let mut layer = kuhn_box(DVec3::ZERO, DVec3::splat(EDGE), [cells; 3]);
+    layer.bound = layer.nodes.iter().map(|x| x.x < 1e-6).collect();
+    layer
+}
+
+/// Nodes that are unknowns.
+fn free(passes: &Passes) -> Vec<usize> {
+    let blocks = &passes.system.model.blocks;
+    assert!(blocks.blocks.iter().all(|block| block[3] == NONE), "a dynamic core has other unknowns");
+    blocks.nodes.iter().map(|node| node[0] as usize).collect()
+}
+
+/// Ten free nodes, spread through their order, each pulled aside by a tenth of the body's weight. A load on single nodes is
+/// harder than gravity alone: it moves what is small and stiff.
+fn load(passes: &mut Passes) {
+    let mut free = free(passes);
+    free.sort_unstable();
+    let mass: f32 = free.iter().map(|n| passes.system.model.node_rest[*n][3]).sum();
+    let params = &mut passes.system.params;
+    params.gravity = [0.0, -GRAVITY, 0.0];
+    let impulse = params.dt * GRAVITY * mass / LOADED as f32;
+    for k in 0..LOADED {
+        passes.leftover[free[(2 * k + 1) * free.len() / (2 * LOADED)]] = [0.0, 0.0, impulse, 0.0];
+    }
+}
+
+/// Iterations of a layer of 2 MPa.
+fn iterations(layer: Layer, dt: f32) -> usize {
+    let tetrahedra = layer.tetrahedra.len();
+    let (law, damping_mass, damping_stiffness) = (Law::Corotational, 0.0, 0.0);
+    let material = Material { law, young: 2e6, poisson: 0.45, density: 1e3, damping_mass, damping_stiffness };
+    let body = layered(layer, material, DQuat::IDENTITY);
+    // What a scene gets that does not say: these are stiff enough.
+    let mut passes = Passes::new(System::at_rest(&[body], dt, Preconditioner::Auto));
+    assert!(passes.coarse);
+    load(&mut passes);
+    passes.system.params.max_iterations = LIMIT as u32;
+    passes.record_start();
+    let free = free(&passes);
+    let norm = |x: &[[f32; 4]]| -> f64 {
+        free.iter().flat_map(|n| &x[*n][..3]).map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt()
+    };
+    let wanted = REDUCTION * norm(&passes.rhs);
+    while norm(&passes.residual) > wanted {
+        let before = passes.iterations_done();
+        passes.iterate(1);
+        assert!(passes.iterations_done() > before, "stopped: status {} after {before}", passes.state.status);
+    }
+    let (count, aggregates) = (passes.iterations_done(), passes.blocks());
+    println!("{tetrahedra} tetrahedra, {:.0} ms, {aggregates} aggregates: {count} iterations", 1e3 * dt);
+    count as usize
+}
+
+/// What is asked of 10,368 tetrahedra at 2 MPa and 1 ms; and of ten times as many, as a multiple of those.
+const BLOCK: usize = 35;
+const GROWTH: usize = 2;
+/// Of the human at 2 MPa and 10 ms.
+const HUMAN: usize = 130;
+
+#[test]
+fn a_stiff_block_takes_few_iterations_and_ten_times_the_tetrahedra_hardly_more() {
+    let small = iterations(block(12), 1e-3);
+    assert!(small <= BLOCK, "{small}");
+    let large = iterations(block(26), 1e-3);
+    assert!(large <= GROWTH * small, "{large} after {small}");
+}
+
+#[test]
+fn a_stiff_human_takes_few_iterations_at_long_steps() {
+    let Some(meshes) = meshes("iterations of the human") else { return };
+    let mesh = gmsh::read(&meshes.join("tet/human.v41.msh")).unwrap();
+    let centroid = mesh.nodes.iter().sum::<DVec3>() / mesh.nodes.len() as f64;
+    let bound = mesh.nodes.iter().map(|x| x.distance(centroid) <= BOUND).collect();
+    let human = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound, ..Layer::default() };
+    let short = iterations(human.clone(), 1e-3);
+    let long = iterations(human, 1e-2);
+    assert!(long <= HUMAN && short <= long, "{short}, {long}");
+}

@@ -1,0 +1,285 @@
+//! The verdict from solve/conclude, the new state from solve/commit.
+
+use glam::{DQuat, DVec3};
+use palpate::stages::args;
+use palpate::stages::types::verdict;
+
+use super::passes::{Change, Passes, SKIN_PARTS, UNTOUCHED};
+use crate::harness::random::Random;
+use crate::harness::{Tolerance, context, expect_close};
+use crate::solver::system::{System, layer, layered, material, triples, two_layers};
+
+/// A few roundings.
+const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
+/// A residual of order one: inner products through blocks inverted in f32.
+const RESIDUAL: Tolerance = Tolerance { abs: 0.0, rel: 1e-4 };
+/// Verdicts and flags as in the trace.
+const DONE: u32 = 0;
+const NOT_CONVERGED: u32 = 1;
+const DEPTH_LIMIT: u32 = 8;
+const NON_FINITE: u32 = 32;
+const PULLING: u32 = 256;
+
+fn some_nodes() -> Passes {
+    let mut passes = Passes::new(System::new(&[layered(layer(70), material(2e4), DQuat::IDENTITY)], 0.0, 1));
+    passes.system.params.tolerance = 0.01;
+    (passes.state.rhs_norm2, passes.state.floor_norm2) = (64.0, 1e-6);
+    // The newest iterate is in the second set.
+    (passes.state.status, passes.state.current) = (1, 1);
+    passes.iterations[1].count = 17;
+    // What solve/wrench writes, and nobody else.
+    passes.report.force = [7.0; 3];
+    passes.report.stiffness = [7.0; 21];
+    passes
+}
+
+/// Sums of so many blocks.
+fn with_dots(passes: &mut Passes, dots: &[[f32; 2]]) {
+    (passes.dots, passes.block_count) = (dots.to_vec(), dots.len());
+}
+
+fn granted(passes: &Passes) -> [u32; 2] {
+    [args::COMMIT, args::WRENCH].map(|slot| passes.args[3 * slot as usize])
+}
+
+#[test]
+fn verdicts_by_hand() {
+    // solve/conclude: residual sqrt(0.16 / 64) = 0.05: within ten times the tolerance, so no flag.
+    let groups = 70u32.div_ceil(context().group_size());
+    let mut passes = some_nodes();
+    passes.system.counts.flags = DEPTH_LIMIT;
+    // (eps x)^2 . D stays below what rounding leaves of b.
+    with_dots(&mut passes, &[[0.06, 4e-7], [0.1, 4e-7]]);
+    passes.conclude();
+    let report = passes.report;
+    assert_eq!((report.verdict, report.iterations, report.flags, report.contacts), (DONE, 17, DEPTH_LIMIT, 0));
+    expect_close("residual", &[report.residual, report.residual_floor], &[0.05, 1.25e-4], ROUNDING);
+    assert_eq!(granted(&passes), [groups, 1]);
+    assert_eq!((report.max_depth, report.force, report.stiffness), (0.0, [7.0; 3], [7.0; 21]));
+    let written = [args::COMMIT, args::WRENCH, args::GAP].map(|slot| 3 * slot as usize);
+    let others = passes.args.iter().enumerate().filter(|(i, _)| !written.contains(i));
+    assert!(others.into_iter().all(|(_, word)| *word == UNTOUCHED), "other arguments stay");
+
+    // The iterations ran out: nothing is accepted yet.
+    passes = some_nodes();
+    passes.state.status = 0;
+    with_dots(&mut passes, &[[0.16, 0.0]]);
+    passes.conclude();
+    assert_eq!((passes.report.verdict, granted(&passes)), (verdict::CONTINUE, [UNTOUCHED; 2]));
+
+    // Stopped above ten times the tolerance.
+    passes = some_nodes();
+    passes.state.status = 2;
+    with_dots(&mut passes, &[[1.0, 0.0]]);
+    passes.conclude();
+    assert_eq!((passes.report.verdict, passes.report.flags), (DONE, NOT_CONVERGED));
+    assert_eq!(granted(&passes), [groups, 1]);
+
+    // Solved, but to be linearised once more: nothing is committed; the last time it is.
+    passes = some_nodes();
+    passes.system.params.newton = 3;
+    (passes.state.linearisations, passes.state.retries) = (1, 2);
+    with_dots(&mut passes, &[[0.16, 0.0]]);
+    passes.conclude();
+    assert_eq!((passes.report.verdict, granted(&passes)), (verdict::RELINEARISE, [0; 2]));
+    assert_eq!((passes.state.linearisations, passes.state.retries), (2, 0), "contacts that pull may be dropped again");
+    passes.conclude();
+    assert_eq!((passes.report.verdict, granted(&passes)), (DONE, [groups, 1]));
+    // Not where there is nothing to go on from.
+    passes.state.linearisations = 0;
+    with_dots(&mut passes, &[[f32::NAN, 0.0]]);
+    passes.conclude();
+    assert_eq!((passes.report.verdict, passes.state.linearisations), (verdict::FAILED, 0));
+
+    // At rest the residual is nothing.
+    passes = some_nodes();
+    (passes.state.rhs_norm2, passes.state.floor_norm2) = (1e-9, 1e-8);
+    with_dots(&mut passes, &[[1e-9, 0.0]]);
+    passes.conclude();
+    assert_eq!((passes.report.residual, passes.report.flags), (0.0, 0));
+}
+
+#[test]
+fn the_gap_is_looked_for_where_a_loop_holds_the_tool() {
+    for (is_held, worth, want) in [(0, 0.16, 0), (1, 0.16, SKIN_PARTS), (1, f32::NAN, 0)] {
+        let mut passes = some_nodes();
+        passes.system.params.is_held = is_held;
+        with_dots(&mut passes, &[[worth, 0.0]]);
+        passes.conclude();
+        assert_eq!(passes.args[3 * args::GAP as usize], want, "{is_held} {worth}");
+    }
+}
+
+#[test]
+fn what_is_no_number_is_not_accepted() {
+    for bad in [f32::NAN, f32::INFINITY] {
+        let mut passes = some_nodes();
+        passes.state.status = 2;
+        with_dots(&mut passes, &[[bad, 0.0], [1.0, 0.0]]);
+        passes.conclude();
+        let flags = NOT_CONVERGED | NON_FINITE;
+        assert_eq!((passes.report.verdict, passes.report.flags), (verdict::FAILED, flags), "of {bad}");
+        assert_eq!(granted(&passes), [0, 0]);
+    }
+}
+
+#[test]
+fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
+    // solve/conclude, residual^2 = 0.005, 0.02 of 64: below and above a tenth; out of iterations either will do, but not 1.5,
+    // which is further off than nothing. And the floor that x's own rounding leaves, sqrt(16 / 64).
+    let (stopped, broken) = (2, 3);
+    for (status, residual2, floor2, want) in [
+        (broken, 0.32, 0.0, DONE),
+        (broken, 1.28, 0.0, verdict::FAILED),
+        (stopped, 1.28, 0.0, DONE),
+        (broken, 1.28, 16.0, DONE),
+        (stopped, 60.0, 0.0, DONE),
+        (stopped, 96.0, 0.0, verdict::FAILED),
+        (stopped, 96.0, 16.0, DONE),
+    ] {
+        let mut passes = some_nodes();
+        passes.state.status = status;
+        with_dots(&mut passes, &[[residual2, floor2]]);
+        passes.conclude();
+        assert_eq!(passes.report.verdict, want, "status {status}, {residual2}, {floor2}");
+        let (groups, failed) = (70u32.div_ceil(context().group_size()), want == verdict::FAILED);
+        assert_eq!(granted(&passes), if failed { [0, 0] } else { [groups, 1] });
+        let floor = (f64::from(floor2.max(1e-6)) / 64.0).sqrt();
+        expect_close("floor", &[passes.report.residual_floor], &[floor], ROUNDING);
+    }
+}
+
+/// k depth + (h k + d) (rate at the end) of each contact, Pa, for a change of velocity; the oracle's rows.
+fn pressures(system: &System, change: &[f64]) -> Vec<f64> {
+    let places = system.twin.unknowns();
+    let end: Vec<f64> = system.start().iter().zip(change).map(|(v, dv)| v + dv).collect();
+    let pressure = |contact: &palpate_oracle::contact::Contact| -> f64 {
+        let palpate_oracle::contact::Contact { stiffness, damping, depth, .. } = contact;
+        let rate: f64 = system.twin.row(&places, contact).iter().map(|(i, w)| w * end[*i]).sum();
+        stiffness * depth + (system.twin.dt * stiffness + damping) * rate
+    };
+    system.twin_contacts.iter().map(pressure).collect()
+}
+
+#[test]
+fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
+    // solve/conclude after solve/apply and solve/gather on vectors that solve nothing, against the oracle's b - A x.
+    for seed in 0..3 {
+        let system = System::new(&two_layers(), 0.004, seed).with_tool();
+        let system = if seed < 2 { system } else { system.with_friction() };
+        let mut passes = Passes::new(system.with_contacts(100, 70 + seed));
+        let mut random = Random(80 + seed);
+        passes.record_start();
+        passes.solution = passes.system.random_field(&mut random).iter().map(|x| x.map(|x| 0.3 * x)).collect();
+        passes.tool_iterate_mut().x = std::array::from_fn(|_| 0.3 * random.next() as f32);
+        passes.apply(Change::Solution);
+        passes.gather(2);
+        passes.state.status = 1;
+        let s = &passes.system;
+        let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
+        let x = s.unknowns(&passes.solution, &passes.tool_iterate().x);
+        let left: Vec<f64> = b.iter().zip(a.multiply(&x)).map(|(b, y)| b - y).collect();
+        let places = s.twin.unknowns();
+        let mut norm2 = 0.0;
+        for (i, first) in places.nodes.iter().flatten().enumerate() {
+            let [(first, _)] = &first[..] else { continue };
+            let r: [f64; 3] = std::array::from_fn(|k| left[first + k]);
+            norm2 += passes.precondition(i, r).iter().zip(r).map(|(z, r)| z * r).sum::<f64>();
+        }
+        let r = &left[places.tool..];
+        norm2 += (0..36).map(|k| r[k / 6] * passes.rigid_inverse(0, k / 6, k % 6) * r[k % 6]).sum::<f64>();
+        // Above one it would be further off than nothing.
+        passes.state.rhs_norm2 = 4.0 * norm2 as f32;
+        let want = (norm2 / f64::from(passes.state.rhs_norm2)).sqrt();
+
+        let pressures = pressures(s, &x);
+        let before = s.contacts.clone();
+        let on = |c: &usize| before[*c].stiffness != 0.0;
+        let pulls: Vec<bool> = (0..100).map(|c| on(&c) && pressures[c] < 0.0).collect();
+        let pulling = pulls.iter().filter(|p| **p).count();
+        assert!(pulling > 5 && pulling < 90, "{pulling} pull");
+        let deepest = (0..100).filter(on).map(|c| before[c].depth).fold(0.0, f32::max);
+        let tool_x = passes.tool_iterate().x;
+        for (retries, status) in [(0, 1), (3, 2), (4, 1), (0, 0)] {
+            passes.system.contacts = before.clone();
+            passes.system.counts.pulling = 0;
+            (passes.state.retries, passes.state.status) = (retries, status);
+            passes.args.fill(UNTOUCHED);
+            passes.conclude();
+            let report = passes.report;
+            expect_close("residual", &[report.residual], &[want], RESIDUAL);
+            assert_eq!((report.contacts, report.max_depth), ((0..100).filter(on).count() as u32, deepest));
+            assert_eq!(report.tool_change, tool_x);
+            let again = status != 0 && retries < 4;
+            assert_eq!(
+                report.verdict,
+                if status == 0 { verdict::CONTINUE } else { if again { verdict::RETRY } else { DONE } }
+            );
+            for (c, (now, was)) in passes.system.contacts.iter().zip(&before).enumerate() {
+                let dropped = if again && pulls[c] { 0.0 } else { 1.0 };
+                assert_eq!(now.stiffness, dropped * was.stiffness, "contact {c} at {:e} Pa", pressures[c]);
+                assert_eq!(now.damping, dropped * was.damping, "contact {c}");
+                assert_eq!(now.friction, dropped * was.friction, "contact {c}");
+                assert_eq!((now.normal, now.depth, now.area), (was.normal, was.depth, was.area));
+            }
+            assert_eq!(passes.state.retries, retries + u32::from(again));
+            assert_eq!(passes.system.counts.pulling, if again { pulling as u32 } else { 0 });
+            assert_eq!(report.flags, if status != 0 && !again { NOT_CONVERGED | PULLING } else { 0 });
+            if status == 0 || again {
+                assert_eq!(granted(&passes), [UNTOUCHED; 2]);
+                assert_eq!(passes.rigids[0].leftover, [0.0; 6]);
+            } else {
+                let allowed = Tolerance { abs: 1e-5 * r.iter().fold(0.0f64, |m, r| m.max(r.abs())), rel: 0.0 };
+                expect_close("left over of the tool", &passes.rigids[0].leftover, r, allowed);
+                passes.rigids[0].leftover = [0.0; 6];
+            }
+        }
+    }
+}
+
+#[test]
+fn the_state_moves_by_hand() {
+    // solve/commit: a frame turned by 90 degrees about z: what moves along world y moves along its own x.
+    let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+    let bound = vec![false, false, false, true];
+    let tetrahedron = palpate::prepare::Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound, ..Default::default() };
+    let turn = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
+    let mut passes = Passes::new(System::new(&[layered(tetrahedron, material(2e4), turn)], 0.0, 1));
+    passes.system.velocity = vec![[0.0, 1.0, 0.0, 0.0]; 4];
+    passes.system.displacement = vec![[0.5, 0.0, 0.0, 0.0]; 4];
+    passes.solution = vec![[0.0, 3.0, 0.0, 0.0]; 4];
+    (passes.rhs, passes.image) = (vec![[5.0, 6.0, 7.0, 0.0]; 4], vec![[4.0, 4.0, 4.0, 0.0]; 4]);
+    passes.commit();
+    let [first, .., last] = &passes.system.displacement[..] else { panic!("four nodes") };
+    let rounding = Tolerance { abs: 1e-8, rel: 1e-7 };
+    expect_close("d", first, &[0.5 + 4.0 / 128.0, 0.0, 0.0, 0.0], rounding);
+    assert_eq!(passes.system.velocity[..3], [[0.0, 4.0, 0.0, 0.0]; 3]);
+    assert_eq!(passes.leftover[..3], [[1.0, 2.0, 3.0, 0.0]; 3]);
+    assert_eq!((*last, passes.system.velocity[3]), ([0.5, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]), "bound");
+    assert_eq!(passes.leftover[3], [0.0; 4]);
+}
+
+#[test]
+fn the_state_moves_at_every_size() {
+    // solve/commit: v += x, d += h R^T v.
+    let width = context().group_size() as usize;
+    for nodes in [0, 1, width - 1, width, width + 1, 1234] {
+        let turn = DQuat::from_scaled_axis(DVec3::new(1.0, -2.0, 0.5));
+        let bodies = if nodes == 0 { vec![] } else { vec![layered(layer(nodes), material(2e4), turn)] };
+        let mut passes = Passes::new(System::new(&bodies, 0.004, 5));
+        let mut random = Random(nodes as u64 + 2);
+        passes.solution = passes.system.random_field(&mut random);
+        let wide = |x: &[[f32; 4]]| -> Vec<DVec3> {
+            x.iter().map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect()
+        };
+        let (v, d, x) = (wide(&passes.system.velocity), wide(&passes.system.displacement), wide(&passes.solution));
+        passes.commit();
+        let end: Vec<DVec3> = v.iter().zip(&x).map(|(v, x)| *v + *x).collect();
+        let moved = d.iter().zip(&end).map(|(d, v)| *d + passes.system.twin.dt * (turn.inverse() * *v));
+        let flat = |x: Vec<DVec3>| -> Vec<f64> { x.iter().flat_map(|x| x.to_array()).collect() };
+        let moved = flat(moved.collect());
+        let rounding = Tolerance { abs: 1e-7, rel: 0.0 };
+        expect_close("v", &triples(&passes.system.velocity), &flat(end), Tolerance { abs: 2e-7, rel: 0.0 });
+        expect_close("d", &triples(&passes.system.displacement), &moved, Tolerance { abs: 1e-8, ..rounding });
+    }
+}

@@ -1,0 +1,195 @@
+//! The scalars and the vectors of an iteration from solve/update.
+
+use palpate::stages::args;
+use palpate::stages::types::{Iteration, RigidIterate, Solve};
+
+use super::passes::{Passes, UNTOUCHED};
+use crate::harness::random::Random;
+use crate::harness::{Tolerance, context, expect_close};
+use crate::solver::system::{System, layer, layered, material, triples};
+
+/// A few roundings of numbers of order one.
+const ROUNDING: Tolerance = Tolerance { abs: 2e-6, rel: 2e-6 };
+
+/// One tetrahedron without a mass or a load: the scalars alone.
+fn bare() -> Passes {
+    let mut passes = Passes::new(System::new(&[layered(layer(8), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1));
+    assert_eq!(passes.blocks(), 1);
+    passes.system.params.tolerance = 0.1;
+    passes.system.params.max_iterations = 10;
+    passes.state.rhs_norm2 = 100.0;
+    passes
+}
+
+#[test]
+fn two_iterations_by_hand() {
+    // solve/update: gamma = 6, delta = 12: alpha = 1/2; then gamma = 3, delta = 5: beta = 1/2, alpha = 3 / (5 - 3) =
+    // 3/2. Of u = 1 in both: p = 1, x = 1/2; p = 3/2, x = 1/2 + 9/4.
+    let mut passes = bare();
+    let ones = vec![[1.0, 1.0, 1.0, 0.0]; 8];
+    for (dots, iteration, p, x) in [
+        (vec![[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]], Iteration { gamma: 6.0, alpha: 0.5, count: 1 }, 1.0, 0.5),
+        (vec![[3.0, 5.0]], Iteration { gamma: 3.0, alpha: 1.5, count: 2 }, 1.5, 2.75),
+    ] {
+        let before = passes.iterations[passes.state.current as usize];
+        (passes.dots, passes.preconditioned) = (dots, ones.clone());
+        passes.update();
+        assert_eq!((passes.state.current, passes.state.status), (iteration.count % 2, 0));
+        let now = passes.state.current as usize;
+        assert_eq!((passes.iterations[now], passes.iterations[1 - now]), (iteration, before), "the other set stays");
+        assert_eq!((passes.direction[7], passes.solution[7]), ([p, p, p, 0.0], [x, x, x, 0.0]));
+    }
+    assert!(passes.args.iter().all(|word| *word == UNTOUCHED), "the loop goes on");
+}
+
+#[test]
+fn it_stops_where_it_should() {
+    // solve/update: gamma at tolerance^2 b.M^-1 b = 1 or at the floor; the last iteration; what is no number.
+    let stopped = |gamma: f32, delta: f32, change: fn(&mut Passes)| {
+        let mut passes = bare();
+        passes.dots = vec![[gamma, delta]];
+        passes.state.current = 1;
+        passes.iterations[1] = Iteration { gamma: 8.0, alpha: 0.5, count: 3 };
+        change(&mut passes);
+        let (before, iterations) = (passes.state, passes.iterations);
+        passes.update();
+        let (status, state) = (passes.state.status, passes.state);
+        let words: Vec<usize> = (args::LOOP_APPLY..=args::LOOP_TOOL).map(|slot| 3 * slot as usize).collect();
+        for (i, word) in passes.args.iter().enumerate() {
+            assert_eq!(*word, if status != 0 && words.contains(&i) { 0 } else { UNTOUCHED }, "args [{i}]");
+        }
+        if status != 0 {
+            assert_eq!(Solve { status: 0, ..state }, before, "the state stays");
+            assert_eq!(passes.iterations, iterations, "the scalars stay");
+            // Nor does it go on from there, whatever it is given.
+            (passes.dots, passes.system.params.max_iterations) = (vec![[5.0, 100.0]], 100);
+            passes.update();
+            assert_eq!((passes.state, passes.iterations), (state, iterations), "it goes on after status {status}");
+        }
+        status
+    };
+    let (running, converged, stopped_at_most, broken) = (0, 1, 2, 3);
+    assert_eq!(stopped(1.01, 10.0, |_| ()), running);
+    assert_eq!(stopped(0.99, 10.0, |_| ()), converged);
+    assert_eq!(stopped(1.99, 10.0, |p| p.state.floor_norm2 = 2.0), converged);
+    assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 9), running);
+    assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 10), stopped_at_most);
+    assert_eq!(stopped(2.0, -10.0, |_| ()), broken);
+    assert_eq!(stopped(2.0, 1.0, |_| ()), broken, "delta - beta gamma / alpha = 0");
+    assert_eq!(stopped(20.0, 1.0, |_| ()), running, "the same where the residual leapt up: anew");
+    assert_eq!(stopped(20.0, -1.0, |_| ()), broken);
+    for bad in [f32::NAN, f32::INFINITY] {
+        assert_eq!(stopped(bad, 10.0, |_| ()), broken);
+        assert_eq!(stopped(2.0, bad, |_| ()), broken);
+    }
+}
+
+#[test]
+fn the_tools_rows_follow_the_same_recurrence() {
+    // solve/gather and solve/update with a tool and contacts: p, s, x, r, u of the tool as the nodes'.
+    for set in [0, 1] {
+        tools_rows(set);
+    }
+}
+
+/// From either set of iterates to the other.
+fn tools_rows(set: u32) {
+    let mut passes =
+        Passes::new(System::new(&crate::solver::system::two_layers(), 0.004, 2).with_tool().with_contacts(50, 3));
+    let mut random = Random(4);
+    let mut six = || -> [f32; 6] { std::array::from_fn(|_| random.next() as f32) };
+    passes.contact_forces = (0..50).map(|_| std::array::from_fn(|k| six()[k])).collect();
+    passes.state.current = set;
+    *passes.tool_iterate_mut() = RigidIterate { x: six(), p: six(), s: six(), r: six(), u: six() };
+    passes.rigid_inverses = (0..36).map(|k| six()[k % 6]).collect();
+    passes.gather(1);
+    // Large, so that the tool's share keeps alpha and beta of order one.
+    assert_eq!(passes.dots.len(), 3, "two blocks and the tool");
+    (passes.dots[0], passes.dots[1]) = ([30.0, 40.0], [10.0, 60.0]);
+    passes.iterations[set as usize] = Iteration { gamma: 80.0, alpha: 1.5, count: 1 };
+    let before = passes.tool_iterate();
+    passes.update();
+    assert_eq!((passes.state.current, passes.iterations_done()), (1 - set, 2));
+    let (after, params) = (passes.tool_iterate(), &passes.system.params);
+    let wide = |x: &[f32]| -> Vec<f64> { x.iter().map(|x| f64::from(*x)).collect() };
+    let times = |a: &[f32], x: &[f64]| -> Vec<f64> {
+        (0..6).map(|i| (0..6).map(|k| f64::from(a[6 * i + k]) * x[k]).sum()).collect()
+    };
+    let (u, r) = (wide(&before.u), wide(&before.r));
+    let mut image = times(&params.tool_matrix, &u);
+    for (contact, force) in
+        passes.system.contacts.iter().zip(&passes.contact_forces).filter(|(c, _)| c.tool_sign != 0.0)
+    {
+        let lever = contact.tool_sign * glam::Vec3::from(contact.arm).cross(contact.normal.into());
+        for k in 0..3 {
+            image[k] += f64::from(force[3]) * f64::from(contact.tool_sign * contact.normal[k]);
+            image[3 + k] += f64::from(force[3]) * f64::from(lever[k]);
+        }
+    }
+    let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+    let (gamma, delta) = (40.0 + dot(&r, &u), 100.0 + dot(&image, &u));
+    let beta = gamma / 80.0;
+    let alpha = gamma / (delta - beta * gamma / 1.5);
+    let scalars = passes.iterations[1 - set as usize];
+    expect_close("scalars", &[scalars.gamma, scalars.alpha], &[gamma, alpha], ROUNDING);
+    let combined =
+        |x: &[f64], factor: f64, y: &[f64]| -> Vec<f64> { x.iter().zip(y).map(|(x, y)| x + factor * y).collect() };
+    let p = combined(&u, beta, &wide(&before.p));
+    let s = combined(&image, beta, &wide(&before.s));
+    expect_close("p", &after.p, &p, ROUNDING);
+    expect_close("s", &after.s, &s, ROUNDING);
+    expect_close("x", &after.x, &combined(&wide(&before.x), alpha, &p), ROUNDING);
+    let r = combined(&r, -alpha, &s);
+    expect_close("r", &after.r, &r, ROUNDING);
+    expect_close("u", &after.u, &times(&passes.rigid_inverses, &r), ROUNDING);
+}
+
+#[test]
+fn vectors_follow_the_scalars_at_every_size() {
+    // solve/update: p = u + beta p, s = w + beta s, x += alpha p, r -= alpha s, u = M^-1 r.
+    let width = context().reduce_size() as usize;
+    let large = context().group_size() as usize;
+    for (case, nodes) in [0, 1, width - 1, width, width + 1, large - 1, large, large + 1, 1234].into_iter().enumerate()
+    {
+        let bodies =
+            if nodes == 0 { vec![] } else { vec![layered(layer(nodes), material(2e4), glam::DQuat::IDENTITY)] };
+        let mut passes = Passes::new(System::new(&bodies, 0.0, 1));
+        assert_eq!(passes.blocks(), passes.roles().iter().flatten().count().div_ceil(128));
+        let mut random = Random(nodes as u64 + 1);
+        let mut field = || passes.system.random_field(&mut random);
+        (passes.solution, passes.residual, passes.preconditioned) = (field(), field(), field());
+        (passes.direction, passes.direction_image, passes.image) = (field(), field(), field());
+        passes.inverse = (0..2 * nodes).map(|_| random.vector().as_vec3().extend(0.0).to_array()).collect();
+        // beta = 1 / -2.5 = -0.4, alpha = 1 / (delta + 0.4) = 0.7; summed over all blocks.
+        let set = case % 2;
+        passes.state.current = set as u32;
+        passes.iterations[set] = Iteration { gamma: -2.5, alpha: 1.0, count: 1 };
+        let share = 1.0 / passes.blocks().max(1) as f32;
+        passes.dots = vec![[share, share * (1.0 / 0.7 - 0.4)]; passes.blocks()];
+        let wide = |x: &[[f32; 4]]| -> Vec<f64> { triples(x).into_iter().map(f64::from).collect() };
+        let combined =
+            |x: &[f64], factor: f64, y: &[f64]| -> Vec<f64> { x.iter().zip(y).map(|(x, y)| x + factor * y).collect() };
+        let [image, solution] = [wide(&passes.image), wide(&passes.solution)];
+        let before =
+            [&passes.preconditioned, &passes.direction, &passes.direction_image, &passes.residual].map(|x| wide(x));
+        passes.update();
+        if passes.blocks() == 0 {
+            continue;
+        }
+        let Iteration { gamma, alpha, count } = passes.iterations[1 - set];
+        expect_close("scalars", &[gamma, alpha], &[1.0, 0.7], ROUNDING);
+        assert_eq!((count, passes.state.current), (2, 1 - set as u32));
+        let (alpha, [u, p, s, r]) = (f64::from(alpha), before);
+        let p = combined(&u, -f64::from(gamma) / 2.5, &p);
+        let s = combined(&image, -f64::from(gamma) / 2.5, &s);
+        let x = combined(&solution, alpha, &p);
+        let r = combined(&r, -alpha, &s);
+        let u: Vec<f64> =
+            r.chunks(3).enumerate().flat_map(|(i, r)| passes.precondition(i, [r[0], r[1], r[2]])).collect();
+        expect_close("p", &triples(&passes.direction), &p, ROUNDING);
+        expect_close("s", &triples(&passes.direction_image), &s, ROUNDING);
+        expect_close("x", &triples(&passes.solution), &x, ROUNDING);
+        expect_close("r", &triples(&passes.residual), &r, ROUNDING);
+        expect_close("u", &triples(&passes.preconditioned), &u, ROUNDING);
+    }
+}

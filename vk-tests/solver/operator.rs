@@ -1,0 +1,273 @@
+//! A x from solve/apply, solve/press and solve/gather; the tool's rows among it.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::passes::{Change, Passes};
+use crate::harness::random::Random;
+use crate::harness::{Tolerance, context, expect_close};
+use crate::solver::system::{DT, System, layer, layered, material, mixed, triples, two_layers};
+use crate::stage::elastic::expect_of_largest;
+
+/// Of the largest value of a body's rows: a few dozen terms, each a dozen roundings of 6e-8 away from the input.
+const PRODUCT: f64 = 2.0e-6;
+/// Inner products of vectors of a hundred numbers of both signs, of the sum of magnitudes.
+const DOT: f64 = 2.0e-6;
+/// Contacts: one and a half workgroups, more than one of each kind.
+const CONTACTS: usize = 100;
+/// m: of cells of 20 mm; a few in a hundred tetrahedra are inverted.
+const AMPLITUDE: f64 = 0.012;
+
+/// x as the preconditioned residual and as the tool's, and A x of nodes and of the tool.
+fn product(passes: &mut Passes, x: &[[f32; 4]], tool: [f32; 6]) {
+    passes.preconditioned = x.to_vec();
+    passes.residual = x.to_vec();
+    if passes.tool {
+        let own = passes.tool_iterate_mut();
+        (own.u, own.r) = (tool, tool);
+    }
+    passes.apply(Change::Preconditioned);
+    passes.gather(1);
+}
+
+fn tool_vector(random: &mut Random) -> [f32; 6] {
+    std::array::from_fn(|_| random.next() as f32)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn magnitude(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a * b).abs()).sum()
+}
+
+/// Nodes and tool rows of the product against the oracle's matrix; returns how many tetrahedra were inverted.
+fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
+    let mut passes = Passes::new(system);
+    let mut random = Random(seed);
+    let (x, tool) = (passes.system.random_field(&mut random), tool_vector(&mut random));
+    product(&mut passes, &x, tool);
+    let s = &passes.system;
+    let (a, _) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
+    let (nodes, twist) = s.rows(&a.multiply(&s.unknowns(&x, &tool)));
+    let got = triples(&passes.image);
+    let mut at = 0;
+    for (b, want) in nodes.iter().enumerate() {
+        expect_of_largest(&format!("{what}: body {b}"), &got[at..at + want.len()], want, PRODUCT);
+        at += want.len();
+    }
+    if passes.tool {
+        expect_of_largest(&format!("{what}: tool, force"), &passes.tool_rows()[..3], &twist[..3], PRODUCT);
+        expect_of_largest(&format!("{what}: tool, torque"), &passes.tool_rows()[3..], &twist[3..], PRODUCT);
+    }
+    let inverted = |body: &palpate_oracle::step::SoftBody| {
+        let deformed =
+            |e: &usize| (DMat3::IDENTITY + body.elements.gradient(*e, &body.displacement)).determinant() < 0.0;
+        (0..body.layer.tetrahedra.len()).filter(deformed).count()
+    };
+    s.twin.bodies.iter().map(inverted).sum()
+}
+
+#[test]
+fn a_unit_tetrahedron_and_one_contact_by_hand() {
+    // solve/apply, solve/press: gradients e_x, e_y, e_z with moduli 2 and 3, and node 1 moving along x at 1 m/s: W = diag(1, 0, 0),
+    // S = diag(2 * 2 + 3, 3, 3).
+    let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+    let tetrahedron =
+        palpate::prepare::Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Default::default() };
+    let mut system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
+    system = system.with_tool().with_contacts(3, 2);
+    system.gradients[..3].copy_from_slice(&[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 1.0, 0.0]]);
+    // Contact 2 is one vertex of the layer, as n . (0.25 v_0 + 0.75 v_1), against the tool at rest.
+    let contact = &mut system.contacts[2];
+    // Its lever, -arm x n, is (0, 0, 1).
+    (contact.normal, contact.area, contact.arm) = ([0.0, 0.6, 0.8], 0.5, [-1.0 / 0.6, 0.0, 0.0]);
+    (contact.stiffness, contact.damping, contact.quads, contact.tool_sign) = (4.0, 2.0, 1, -1.0);
+    system.entry_nodes[8] = [0, 1, 2, 3];
+    system.entry_weights[8] = [0.25, 0.75, 0.0, 0.0];
+    let mut passes = Passes::new(system);
+    passes.preconditioned = vec![[0.0; 4], [1.0, 0.0, 0.0, 0.0], [0.0; 4], [0.0; 4]];
+    passes.tool_iterate_mut().x = [9.0; 6];
+    passes.apply(Change::Preconditioned);
+    let want = [-7.0, -3.0, -3.0, 7.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 3.0];
+    assert_eq!(triples(&passes.element_forces[..4]), want);
+    assert_eq!(passes.contact_forces[2], [0.0; 4], "the contact does not move along its normal");
+    // Node 1 along the normal: speed 0.75 * (0.6, 0.8) . (3, 4); the tool's -n . u + lever . w = -0.8 * 2 + 5.
+    passes.preconditioned[1] = [0.0, 3.0, 4.0, 0.0];
+    passes.tool_iterate_mut().u = [0.0, 0.0, 2.0, 0.0, 0.0, 5.0];
+    passes.apply(Change::Preconditioned);
+    let h = f64::from(DT);
+    let force = h * (h * 4.0 + 2.0) * 0.5 * (0.75 * 5.0 - 1.6 + 5.0);
+    let want = [0.0, 0.6 * force, 0.8 * force, force];
+    expect_close("contact", &passes.contact_forces[2], &want, Tolerance { abs: 0.0, rel: 1e-6 });
+}
+
+#[test]
+fn nodes_gather_their_elements_by_hand() {
+    // solve/gather, one tetrahedron: w = (1 + h alpha) m p + its force; no force on nodes from the padding.
+    let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+    let tetrahedron = palpate::prepare::Layer {
+        nodes,
+        tetrahedra: vec![[0, 1, 2, 3]],
+        bound: vec![false, true, false, false],
+        ..Default::default()
+    };
+    let system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
+    let mut passes = Passes::new(system);
+    for k in 0..4 {
+        passes.element_forces[k] = [k as f32 + 1.0, 10.0, 0.0, 0.0];
+    }
+    passes.preconditioned = vec![[0.0, 0.0, 1.0, 0.0]; 4];
+    passes.residual = vec![[2.0, 0.0, 3.0, 0.0]; 4];
+    passes.gather(1);
+    // 1 / 24 of 1000 kg on each node, alpha = 0.5 / s.
+    let m = (1.0 + f64::from(DT) * 0.5) * 1000.0 / 24.0;
+    let want = [1.0, 10.0, m, 0.0, 0.0, 0.0, 3.0, 10.0, m, 4.0, 10.0, m];
+    let rounding = Tolerance { abs: 0.0, rel: 1e-6 };
+    expect_close("image", &triples(&passes.image), &want, rounding);
+    let sums: [f32; 2] = passes.dots.iter().fold([0.0; 2], |s, d| [s[0] + d[0], s[1] + d[1]]);
+    expect_close("r.u and w.u of free nodes", &sums, &[9.0, 3.0 * m], rounding);
+}
+
+/// No tetrahedra: nothing to touch either.
+fn is_empty(body: &palpate::prepare::Body) -> bool {
+    matches!(&body.shape, palpate::prepare::Shape::Soft { layer, .. } if layer.tetrahedra.is_empty())
+}
+
+#[test]
+fn products_agree_with_the_assembled_matrix_at_every_size() {
+    // solve/apply, solve/press and solve/gather: by nodes of a workgroup that sums, by tetrahedra of one that does not.
+    let width = context().reduce_size() as usize;
+    let large = context().group_size() as usize;
+    for nodes in [0, 1, width - 1, width, width + 1, large - 1, large, large + 1, 1234] {
+        let bodies =
+            if nodes == 0 { vec![] } else { vec![layered(layer(nodes), material(2e4), DQuat::from_rotation_x(1.0))] };
+        expect_oracle(&format!("{nodes} nodes"), System::new(&bodies, AMPLITUDE, 3), 4);
+        if !bodies.iter().all(is_empty) {
+            let system = System::new(&bodies, AMPLITUDE, 3).with_tool().with_contacts(nodes, 5);
+            expect_oracle(&format!("{nodes} nodes and contacts"), system, 4);
+        }
+    }
+}
+
+#[test]
+fn products_agree_with_the_assembled_matrix_for_mixed_materials() {
+    // solve/gather: damping of each node's own elements.
+    let bodies = [layered(layer(200), mixed(1000), DQuat::from_rotation_x(1.0))];
+    expect_oracle("mixed materials", System::new(&bodies, AMPLITUDE, 3), 4);
+}
+
+#[test]
+fn products_agree_with_the_assembled_matrix_for_inverted_tetrahedra() {
+    let bodies = two_layers();
+    for seed in 0..4 {
+        let inverted = expect_oracle("alone", System::new(&bodies, AMPLITUDE, seed), seed + 10);
+        assert!(inverted > 10, "{inverted} tetrahedra are inverted");
+        let system = System::new(&bodies, AMPLITUDE, seed).with_contacts(CONTACTS, seed + 20);
+        expect_oracle("contacts", system, seed + 10);
+        let system = System::new(&bodies, AMPLITUDE, seed).with_tool().with_contacts(CONTACTS, seed + 20);
+        expect_oracle("contacts and a tool", system, seed + 10);
+        let system =
+            System::new(&bodies, AMPLITUDE, seed).with_tool().with_friction().with_contacts(CONTACTS, seed + 20);
+        expect_oracle("friction", system, seed + 10);
+    }
+}
+
+#[test]
+fn the_operator_is_symmetric_and_positive() {
+    // x . A y = y . A x and x . A x > 0, nodes and tool together; inverted tetrahedra among them.
+    let bodies = two_layers();
+    for seed in 0..4 {
+        let system = System::new(&bodies, AMPLITUDE, seed).with_tool();
+        let system = if seed % 2 == 0 { system } else { system.with_friction() };
+        let mut passes = Passes::new(system.with_contacts(CONTACTS, seed + 30));
+        let mut random = Random(seed + 40);
+        let mut image_of = |passes: &mut Passes| {
+            let (x, tool) = (passes.system.random_field(&mut random), tool_vector(&mut random));
+            product(passes, &x, tool);
+            let s = &passes.system;
+            (s.unknowns(&x, &tool), s.unknowns(&passes.image, &passes.tool_rows()))
+        };
+        let (x, ax) = image_of(&mut passes);
+        let (y, ay) = image_of(&mut passes);
+        let (left, right) = (dot(&x, &ay), dot(&y, &ax));
+        assert!((left - right).abs() < DOT * magnitude(&x, &ay), "x.Ay = {left}, y.Ax = {right}");
+        let (xx, yy) = (dot(&x, &ax), dot(&y, &ay));
+        assert!(xx > 1e-3 * magnitude(&x, &ax) && yy > 1e-3 * magnitude(&y, &ay), "x.Ax = {xx}, y.Ay = {yy}");
+    }
+}
+
+#[test]
+fn rigid_motions_meet_no_elastic_force() {
+    // solve/apply: translations at any deformation; twists of a body that is turned but not deformed.
+    let bodies = two_layers();
+    let mut passes = Passes::new(System::new(&bodies, AMPLITUDE, 5));
+    passes.preconditioned = vec![[0.3, -0.7, 0.4, 0.0]; passes.nodes()];
+    passes.apply(Change::Preconditioned);
+    assert!(passes.element_forces.iter().flatten().all(|f| *f == 0.0), "a translation meets a force");
+
+    let mut system = System::new(&bodies, 0.0, 5);
+    let spin = DVec3::new(0.4, -1.0, 0.8);
+    let mut twist = vec![];
+    let mut at = 0;
+    for (b, body) in system.twin.bodies.iter().enumerate() {
+        let turn = DQuat::from_scaled_axis(DVec3::new(1.0 + b as f64, 0.5, -0.7));
+        for x in &body.layer.nodes {
+            let d = (turn * *x - *x).as_vec3();
+            system.displacement[at] = [d.x, d.y, d.z, 0.0];
+            let v = spin.cross(body.elements.frame * (turn * *x)).as_vec3();
+            twist.push([v.x, v.y, v.z, 0.0]);
+            at += 1;
+        }
+    }
+    system.rotate();
+    let mut passes = Passes::new(system);
+    let largest = |passes: &Passes| passes.element_forces.iter().flatten().fold(0.0f32, |m, f| m.max(f.abs()));
+    // The same speeds in no rigid order, for scale.
+    passes.preconditioned = twist.iter().map(|v| [v[1], -v[2], v[0] * 0.5, 0.0]).collect();
+    passes.apply(Change::Preconditioned);
+    let usual = largest(&passes);
+    passes.preconditioned = twist;
+    passes.apply(Change::Preconditioned);
+    assert!(f64::from(largest(&passes)) < 1e-5 * f64::from(usual), "{:e} of {usual:e}", largest(&passes));
+}
+
+#[test]
+fn inner_products_of_every_mode() {
+    // solve/gather, modes 0, 1 and 2, with and without contacts, against sums in f64 over its own image.
+    for contacts in [0, CONTACTS] {
+        let system = System::new(&two_layers(), AMPLITUDE, 6).with_tool().with_contacts(contacts, 7);
+        let mut passes = Passes::new(system);
+        let mut random = Random(50);
+        passes.assemble();
+        passes.solution = passes.system.random_field(&mut random);
+        passes.residual = passes.system.random_field(&mut random);
+        for mode in 0..3 {
+            passes.apply(if mode == 1 { Change::Preconditioned } else { Change::Solution });
+            passes.gather(mode);
+            let wide = |x: &[[f32; 4]]| -> Vec<f64> { triples(x).into_iter().map(f64::from).collect() };
+            let (w, first) = (wide(&passes.image), wide(&passes.preconditioned));
+            let conditioned = |x: &[f64]| -> Vec<f64> {
+                let by_node = x.chunks(3).enumerate().map(|(i, x)| passes.precondition(i, [x[0], x[1], x[2]]));
+                by_node.flatten().collect()
+            };
+            let left: Vec<f64> = wide(&passes.rhs).iter().zip(&w).map(|(b, w)| b - w).collect();
+            let pairs = match mode {
+                0 => [(w.clone(), first), (w.clone(), conditioned(&w))],
+                1 => [(wide(&passes.residual), first.clone()), (w, first)],
+                // (eps x)^2 . D: what rounding of x makes of its image.
+                _ => {
+                    let lost: Vec<f64> = wide(&passes.solution).iter().map(|x| 6e-8 * x).collect();
+                    let diagonal = |i: usize| 1.0 / f64::from(passes.inverse[2 * (i / 3)][i % 3]);
+                    let moved = lost.iter().enumerate().map(|(i, x)| if *x == 0.0 { 0.0 } else { x * diagonal(i) });
+                    [(left.clone(), conditioned(&left)), (lost.clone(), moved.collect())]
+                }
+            };
+            for (k, (a, b)) in pairs.iter().enumerate() {
+                let got: f64 = passes.dots.iter().map(|d| f64::from(d[k])).sum();
+                let error = (got - dot(a, b)).abs();
+                assert!(error <= DOT * magnitude(a, b), "mode {mode} [{k}]: {got:e}, want {:e}", dot(a, b));
+            }
+        }
+    }
+}

@@ -1,0 +1,285 @@
+//! The solver's passes one at a time, each a case of the harness; arrays go from one to the next as in the step.
+
+mod kernels;
+mod side_by_side;
+
+use bytemuck::Zeroable;
+use palpate::gpu::Size;
+use palpate::stages::args;
+use palpate::stages::types::{Iteration, Joint, NONE, Report, Rigid, RigidIterate, Solve};
+
+pub use kernels::SKIN_PARTS;
+
+use crate::harness::case;
+use crate::solver::system::System;
+
+/// The change of velocity that solve/apply takes.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Change {
+    Solution,
+    Preconditioned,
+}
+
+/// A system and the solver's arrays, named as the kernels name them.
+pub struct Passes {
+    pub system: System,
+    /// Variants with contacts, with a tool, with friction, with a coarse level.
+    pub contact: bool,
+    pub tool: bool,
+    pub friction: bool,
+    pub coarse: bool,
+    /// Blocks that solve/start and solve/conclude sum over: the model's, unless a test has sums of its own.
+    pub block_count: usize,
+    pub element_forces: Vec<[f32; 4]>,
+    pub contact_forces: Vec<[f32; 4]>,
+    pub leftover: Vec<[f32; 4]>,
+    pub rhs: Vec<[f32; 4]>,
+    pub inverse: Vec<[f32; 4]>,
+    pub solution: Vec<[f32; 4]>,
+    /// Of the set of iterates that is the newest, as the next three.
+    pub residual: Vec<[f32; 4]>,
+    pub preconditioned: Vec<[f32; 4]>,
+    pub direction: Vec<[f32; 4]>,
+    pub direction_image: Vec<[f32; 4]>,
+    pub image: Vec<[f32; 4]>,
+    pub partials: Vec<[f32; 2]>,
+    /// A block each, and the tool's.
+    pub dots: Vec<[f32; 2]>,
+    pub block_rotations: Vec<[f32; 4]>,
+    pub block_turns: Vec<[f32; 4]>,
+    pub restricted_rhs: Vec<[f32; 4]>,
+    pub restricted_image: Vec<[f32; 4]>,
+    pub restricted_residual: Vec<[f32; 4]>,
+    /// Of both sets.
+    pub restricted_direction: Vec<[f32; 4]>,
+    pub coarse_rhs: Vec<[f32; 4]>,
+    pub coarse_image: Vec<[f32; 4]>,
+    pub coarse_dots: Vec<[f32; 4]>,
+    /// Dynamic cores, and the tool.
+    pub rigids: Vec<Rigid>,
+    /// As the host writes them.
+    pub joints: Vec<Joint>,
+    /// Twice the joint and which side, by dynamic core.
+    pub joint_sides: Vec<u32>,
+    /// Of each group of rigid bodies, by rows.
+    pub rigid_inverses: Vec<f32>,
+    /// Of both sets.
+    pub iterates: Vec<RigidIterate>,
+    pub iterations: [Iteration; 2],
+    pub state: Solve,
+    pub args: Vec<u32>,
+    pub report: Report,
+    pub core_changes: Vec<f32>,
+}
+
+/// What no pass writes by chance; what is still there was not written.
+pub const UNTOUCHED: u32 = 77_777;
+
+impl Passes {
+    /// Before a first step: nothing left over, no solution.
+    pub fn new(system: System) -> Passes {
+        let model = &system.model;
+        let (nodes, blocks, tool) = (model.node_rest.len(), model.blocks.blocks.len(), system.twin.tool.is_some());
+        let zeros = vec![[0.0f32; 4]; nodes];
+        let (rigids, inverse_numbers, joint_sides) = rigids(&system);
+        // As solve/assemble leaves them of bodies at rest.
+        let turns = model.blocks.blocks.iter().map(|block| system.frames[block[2] as usize].rotation).collect();
+        let modes = vec![[0.0; 4]; 3 * (blocks + usize::from(tool))];
+        Passes {
+            contact: system.counts.contacts > 0,
+            tool,
+            friction: system.twin.friction.is_some(),
+            coarse: !model.coarse.bodies.is_empty(),
+            block_count: blocks,
+            element_forces: system.element_forces.clone(),
+            contact_forces: vec![],
+            leftover: zeros.clone(),
+            rhs: zeros.clone(),
+            inverse: vec![[0.0; 4]; 2 * nodes],
+            solution: zeros.clone(),
+            residual: zeros.clone(),
+            preconditioned: zeros.clone(),
+            direction: zeros.clone(),
+            direction_image: zeros.clone(),
+            image: zeros,
+            partials: vec![],
+            dots: vec![],
+            block_rotations: vec![[0.0, 0.0, 0.0, 1.0]; blocks],
+            block_turns: turns,
+            restricted_rhs: modes.clone(),
+            restricted_image: modes.clone(),
+            restricted_residual: modes,
+            restricted_direction: vec![[0.0; 4]; 6 * blocks],
+            coarse_rhs: vec![],
+            coarse_image: vec![],
+            coarse_dots: vec![],
+            iterates: vec![RigidIterate::zeroed(); 2 * rigids.len()],
+            joints: vec![],
+            joint_sides,
+            rigid_inverses: vec![0.0; inverse_numbers],
+            rigids,
+            iterations: [Iteration::zeroed(); 2],
+            state: Solve::zeroed(),
+            args: vec![UNTOUCHED; args::WORDS],
+            report: Report::zeroed(),
+            core_changes: vec![],
+            system,
+        }
+    }
+
+    pub fn nodes(&self) -> usize {
+        self.system.model.node_rest.len()
+    }
+
+    pub fn tetrahedra(&self) -> usize {
+        self.system.model.tetrahedra.len()
+    }
+
+    /// Blocks of the model.
+    pub fn blocks(&self) -> usize {
+        self.system.model.blocks.blocks.len()
+    }
+
+    /// Iterations done.
+    pub fn iterations_done(&self) -> u32 {
+        self.iterations[self.state.current as usize].count
+    }
+
+    /// The newest iterate of a core or of the tool, which is last.
+    pub fn rigid(&mut self, index: usize) -> &mut RigidIterate {
+        let first = self.state.current as usize * self.rigids.len();
+        &mut self.iterates[first + index]
+    }
+
+    /// Of the tool; of zeros where there is none.
+    pub fn tool_iterate(&self) -> RigidIterate {
+        let now = self.state.current as usize * self.rigids.len() + self.rigids.len().wrapping_sub(1);
+        if self.tool { self.iterates[now] } else { RigidIterate::zeroed() }
+    }
+
+    /// For tests that have a tool.
+    pub fn tool_iterate_mut(&mut self) -> &mut RigidIterate {
+        self.rigid(self.rigids.len() - 1)
+    }
+
+    /// The tool's rows of A p, as solve/gather left them.
+    pub fn tool_rows(&self) -> [f32; 6] {
+        let Some([a, b, _]) = self.restricted_image.chunks(3).nth(self.blocks()) else { return [0.0; 6] };
+        [a[0], a[1], a[2], a[3], b[0], b[1]]
+    }
+
+    /// Node vectors, and six numbers of each of the newest iterates, as the oracle's unknowns.
+    pub fn unknowns(&self, nodes: &[[f32; 4]], six: impl Fn(&RigidIterate) -> [f32; 6]) -> Vec<f64> {
+        let mut all = self.system.unknowns(nodes, &six(&self.tool_iterate()));
+        let first = self.state.current as usize * self.rigids.len();
+        for (index, at) in self.system.twin.unknowns().cores.iter().enumerate() {
+            all[*at..at + 6].copy_from_slice(&six(&self.iterates[first + index]).map(f64::from));
+        }
+        all
+    }
+
+    /// Everything before the first iteration.
+    pub fn record_start(&mut self) {
+        self.assemble();
+        self.cores();
+        self.apply(Change::Solution);
+        self.gather(0);
+        if self.coarse {
+            self.coarse(true);
+        }
+        self.start();
+        self.begin();
+    }
+
+    /// Iterations until the device says to stop; at most `limit`.
+    pub fn iterate(&mut self, limit: usize) {
+        for _ in 0..limit {
+            let slots = [args::LOOP_FREE, args::LOOP_CARRIED, args::LOOP_TOOL];
+            if slots.iter().all(|slot| self.args[3 * *slot as usize] == 0) {
+                return;
+            }
+            self.apply(Change::Preconditioned);
+            self.gather(1);
+            self.update();
+        }
+    }
+
+    /// The recomputed residual and the verdict.
+    pub fn record_end(&mut self) {
+        self.apply(Change::Solution);
+        self.gather(2);
+        if self.coarse {
+            self.coarse(false);
+        }
+        self.conclude();
+    }
+
+    pub fn wrench(&mut self) {
+        let s = &self.system;
+        let outcome = case("wrench/reduce")
+            .size(Size::Reduce)
+            .constant("FRICTION", self.friction)
+            .input("params", &[s.params])
+            .input("counts", &[s.counts])
+            .input("contacts", &s.contacts)
+            .input("contact_forces", &self.contact_forces)
+            .partial("report", &[self.report])
+            .groups(1)
+            .run();
+        self.report = outcome.get("report")[0];
+    }
+
+    /// An entry of the inverse of a rigid body's own block, where no joint joins it to another.
+    pub fn rigid_inverse(&self, index: usize, i: usize, k: usize) -> f64 {
+        f64::from(self.rigid_inverses[self.rigids[index].inverse_first as usize + 6 * i + k])
+    }
+
+    /// The diagonal block's inverse times a vector, in f64.
+    pub fn precondition(&self, node: usize, b: [f64; 3]) -> [f64; 3] {
+        let [d, o] = [0, 1].map(|k| self.inverse[2 * node + k].map(f64::from));
+        let rows = [[d[0], o[0], o[1]], [o[0], d[1], o[2]], [o[1], o[2], d[2]]];
+        rows.map(|row| row[0] * b[0] + row[1] * b[1] + row[2] * b[2])
+    }
+}
+
+/// Dynamic cores and the tool, from the model's blocks and joints; how many numbers their inverses have; the sides of joints
+/// at each core.
+fn rigids(system: &System) -> (Vec<Rigid>, usize, Vec<u32>) {
+    let (model, blocks) = (&system.model, &system.model.blocks.blocks);
+    let (mut rigids, mut numbers, mut sides) = (Vec::new(), 0, Vec::new());
+    for (index, core) in model.cores.iter().enumerate() {
+        let own: Vec<usize> = (0..blocks.len()).filter(|b| blocks[*b][3] == index as u32).collect();
+        let first = own.first().copied().unwrap_or_default();
+        let joint_first = sides.len() as u32;
+        for (joint, side) in (0..2 * model.joints.len()).map(|k| (k / 2, k % 2)) {
+            if model.joints[joint].cores[side] == Some(index) {
+                sides.push((2 * joint + side) as u32);
+            }
+        }
+        rigids.push(Rigid {
+            frame: core.frame as u32,
+            node_first: blocks[first][0],
+            node_count: core.nodes.len() as u32,
+            block_first: first as u32,
+            block_count: own.len() as u32,
+            slot_first: model.blocks.slots[first],
+            hinge: core.hinge.as_vec3().to_array(),
+            joint_first,
+            joint_count: sides.len() as u32 - joint_first,
+            group_first: core.group.start as u32,
+            group_count: core.group.len() as u32,
+            parent: core.parent.map_or(NONE, |parent| parent as u32),
+            inverse_first: numbers as u32,
+            ..Rigid::zeroed()
+        });
+        if index + 1 == core.group.end {
+            numbers += 36 * core.group.len() * core.group.len();
+        }
+    }
+    if system.twin.tool.is_some() {
+        let (group_first, inverse_first) = (rigids.len() as u32, numbers as u32);
+        rigids.push(Rigid { frame: NONE, group_first, group_count: 1, parent: NONE, inverse_first, ..Rigid::zeroed() });
+        numbers += 36;
+    }
+    (rigids, numbers, sides)
+}

@@ -1,0 +1,196 @@
+//! The tool's block, the warm start and the loop's arguments from solve/start; the first iterate from solve/begin.
+
+use palpate::stages::args;
+use palpate::stages::types::Iteration;
+use palpate_oracle::linear::{Entries, Solver};
+
+use super::passes::{Change, Passes, UNTOUCHED};
+use crate::harness::random::Random;
+use crate::harness::{Tolerance, context, expect_close};
+use crate::solver::system::{System, layer, layered, material, triples, two_layers};
+use crate::stage::elastic::expect_of_largest;
+
+/// A few roundings.
+const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
+/// Of the largest value: sums over a hundred contacts, of which each is a dozen roundings away from the input.
+const SUM: f64 = 5.0e-6;
+/// Entries of the inverse of the tool's block over the root of its diagonal's: rounding of the block (1e-6) times its
+/// condition in these units, some hundreds.
+const INVERSE: f64 = 1.0e-4;
+/// Factors and norms: inner products through blocks inverted in f32.
+const FACTOR: f64 = 1.0e-4;
+
+/// Slots' first words in their order from `LOOP_APPLY` on.
+fn loop_groups(args: &[u32]) -> Vec<u32> {
+    (args::LOOP_APPLY..=args::GAP).map(|slot| args[3 * slot as usize]).collect()
+}
+
+#[test]
+fn the_warm_factor_and_the_arguments_by_hand() {
+    // solve/start: y.M^-1 b = 3, y.M^-1 y = 4: w = 3/4; blocks of 80 and 80 nodes.
+    let system = System::new(&[layered(layer(160), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1);
+    let mut passes = Passes::new(system);
+    (passes.partials, passes.dots) = (vec![[2.0, 0.25], [1.0, 0.5]], vec![[1.0, 1.5], [2.0, 2.5]]);
+    passes.iterations[0] = Iteration { gamma: 1.0, alpha: 2.0, count: 9 };
+    (passes.state.retries, passes.state.current) = (3, 1);
+    passes.start();
+    let s = &passes.state;
+    assert_eq!((s.warm, s.rhs_norm2, s.floor_norm2), (0.75, 3.0, 0.75));
+    assert_eq!((s.current, s.status, s.retries), (0, 0, 3));
+    assert_eq!(passes.iterations, [Iteration { gamma: 0.0, alpha: 0.0, count: 0 }; 2]);
+    let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
+    assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 0, 2, 0, 0, 0, 0, 0]);
+    for slot in args::LOOP_APPLY..=args::GAP {
+        assert_eq!(passes.args[3 * slot as usize + 1..][..2], [1, 1], "slot {slot}");
+    }
+    let others = [&passes.args[..3 * args::LOOP_APPLY as usize], &passes.args[3 * args::GAP as usize + 3..]].concat();
+    assert!(others.iter().all(|word| *word == UNTOUCHED), "other stages' arguments stay");
+}
+
+#[test]
+fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
+    // solve/start: b within rounding stops before the first iteration; A x that overflowed gives no factor.
+    let mut passes = Passes::new(System::new(&[], 0.0, 1));
+    passes.block_count = 1;
+    (passes.partials, passes.dots) = (vec![[0.5, 0.5]], vec![[1.0, 1.0]]);
+    passes.start();
+    assert_eq!((passes.state.warm, passes.state.status), (0.0, 1));
+    assert_eq!(loop_groups(&passes.args), [0; 9]);
+    for bad in [[f32::NAN; 2], [f32::INFINITY; 2], [f32::NEG_INFINITY, f32::INFINITY], [1.0, 0.0], [f32::NAN, 1.0]] {
+        (passes.partials, passes.dots) = (vec![[2.0, 0.5]], vec![bad]);
+        passes.start();
+        assert_eq!((passes.state.warm, passes.state.status), (0.0, 0), "from {bad:?}");
+    }
+}
+
+/// The tool's block of the oracle, and its inverse by rows.
+fn tool_block(system: &System) -> [Vec<f64>; 6] {
+    let (a, _) = system.twin.assemble(system.device.as_ref(), &system.twin_contacts);
+    let tool = system.twin.unknowns().tool;
+    let mut block = Entries::default();
+    a.lower().filter(|(i, j, _)| *i >= tool && *j >= tool).for_each(|(i, j, x)| block.add(i - tool, j - tool, x));
+    let unit = |k: usize| (0..6).map(|l| f64::from(u8::from(k == l))).collect::<Vec<_>>();
+    std::array::from_fn(|k| Solver::default().solve(&block, &unit(k)).unwrap())
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// M^-1 r over the oracle's unknowns: the kernel's blocks of nodes, the oracle's of the tool.
+fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f64> {
+    let places = passes.system.twin.unknowns();
+    let mut z = vec![0.0; r.len()];
+    for (i, first) in places.nodes.iter().flatten().enumerate() {
+        if let [(first, _)] = &first[..] {
+            z[*first..first + 3].copy_from_slice(&passes.precondition(i, std::array::from_fn(|k| r[first + k])));
+        }
+    }
+    for (k, row) in inverse.iter().enumerate() {
+        z[places.tool + k] = dot(row, &r[places.tool..]);
+    }
+    z
+}
+
+#[test]
+fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
+    // solve/start after solve/assemble, solve/apply and solve/gather on a solution that is no solution.
+    for (seed, contacts) in [(0, 100), (1, 100), (2, 3), (3, 0), (4, 100), (5, 9)] {
+        let system = System::new(&two_layers(), 0.004, seed).with_tool();
+        let system = if seed < 4 { system } else { system.with_friction() };
+        let mut passes = Passes::new(system.with_contacts(contacts, 70 + seed));
+        let mut random = Random(80 + seed);
+        let x = passes.system.random_field(&mut random);
+        // Large, so that the tool has its say in the factor.
+        let tool_x: [f32; 6] = std::array::from_fn(|_| 20.0 * random.next() as f32);
+        passes.solution = x.clone();
+        // Of whichever set the last step left.
+        passes.state.current = seed as u32 % 2;
+        passes.tool_iterate_mut().x = tool_x;
+        passes.rigids[0].leftover = std::array::from_fn(|_| 1e-3 * random.next() as f32);
+        passes.assemble();
+        passes.apply(Change::Solution);
+        passes.gather(0);
+        let left = passes.rigids[0].leftover.map(f64::from);
+        passes.start();
+
+        let (s, state, own, tool_now) = (&passes.system, &passes.state, &passes.rigids[0], passes.tool_iterate());
+        let (a, mut b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
+        let tool = s.twin.unknowns().tool;
+        (0..6).for_each(|k| b[tool + k] += left[k]);
+        expect_of_largest("tool's b, force", &own.b[..3], &b[tool..tool + 3], SUM);
+        expect_of_largest("tool's b, torque", &own.b[3..], &b[tool + 3..], SUM);
+        let inverse = tool_block(s);
+        for k in 0..36 {
+            let (i, j) = (k / 6, k % 6);
+            let error = (passes.rigid_inverse(0, i, j) - inverse[i][j]).abs();
+            assert!(error < INVERSE * (inverse[i][i] * inverse[j][j]).sqrt(), "inverse [{i}][{j}] is off by {error:e}");
+        }
+        let y = a.multiply(&s.unknowns(&x, &tool_x));
+        let (zb, zy) = (preconditioned(&passes, &inverse, &b), preconditioned(&passes, &inverse, &y));
+        let warm = dot(&y, &zb) / dot(&y, &zy);
+        let size = (dot(&b, &zb) / dot(&y, &zy)).sqrt();
+        expect_close("warm", &[state.warm], &[warm], Tolerance { abs: FACTOR * size, rel: FACTOR });
+        expect_close("b . M^-1 b", &[state.rhs_norm2], &[dot(&b, &zb)], Tolerance { abs: 0.0, rel: FACTOR });
+        assert!(state.floor_norm2 > 0.0 && state.floor_norm2 < 1e-9 * state.rhs_norm2);
+        // From its own factor on.
+        let warm = f64::from(state.warm);
+        let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm * y).collect();
+        let scaled: Vec<f64> = tool_x.iter().map(|x| warm * f64::from(*x)).collect();
+        expect_close("tool's x", &tool_now.x, &scaled, ROUNDING);
+        let magnitude = |rows: std::ops::Range<usize>| -> f64 {
+            rows.map(|k| b[tool + k].abs().max((warm * y[tool + k]).abs())).fold(0.0, f64::max)
+        };
+        for rows in [0..3, 3..6] {
+            let allowed = Tolerance { abs: 2.0 * SUM * magnitude(rows.clone()), rel: 0.0 };
+            expect_close("tool's r", &tool_now.r[rows.clone()], &r[tool..][rows], allowed);
+        }
+        let residual = tool_now.r.map(f64::from);
+        let u: Vec<f64> = (0..6).map(|i| (0..6).map(|k| passes.rigid_inverse(0, i, k) * residual[k]).sum()).collect();
+        let sizes = (0..6).map(|i| (0..6).map(|k| (passes.rigid_inverse(0, i, k) * residual[k]).abs()).sum::<f64>());
+        for (i, size) in sizes.enumerate() {
+            expect_close("tool's u", &tool_now.u[i..=i], &u[i..=i], Tolerance { abs: SUM * size, rel: 0.0 });
+        }
+        assert_eq!((tool_now.p, tool_now.s), ([0.0; 6], [0.0; 6]));
+        // The property that it is for: never a greater residual than that of no warm start.
+        assert!(dot(&r, &preconditioned(&passes, &inverse, &r)) <= dot(&b, &zb) * (1.0 + FACTOR));
+    }
+}
+
+#[test]
+fn the_first_iterate_at_every_size() {
+    // solve/begin: x = w x, r = b - w y, u = M^-1 r; nothing of x or y where w is zero.
+    let width = context().group_size() as usize;
+    for nodes in [0, 1, width - 1, width, width + 1, 1234] {
+        for warm in [0.75, 0.0] {
+            let bodies =
+                if nodes == 0 { vec![] } else { vec![layered(layer(nodes), material(2e4), glam::DQuat::IDENTITY)] };
+            let mut passes = Passes::new(System::new(&bodies, 0.0, 1));
+            let mut random = Random(nodes as u64);
+            let mut field = || passes.system.random_field(&mut random);
+            (passes.solution, passes.rhs, passes.image) = (field(), field(), field());
+            passes.inverse = [field(), field()].concat();
+            passes.state.warm = warm;
+            if warm == 0.0 {
+                // Held nodes, which are in no block, keep their zeros.
+                for (i, role) in passes.roles().iter().enumerate().filter(|(_, role)| role.is_some()) {
+                    assert_eq!(*role, Some(0), "node {i}");
+                    (passes.image[i], passes.solution[i]) = ([f32::NAN; 4], [f32::NAN; 4]);
+                }
+            }
+            let (x, y) = (triples(&passes.solution), triples(&passes.image));
+            passes.begin();
+            let w = f64::from(warm);
+            let take = |x: &f32| if w == 0.0 { 0.0 } else { w * f64::from(*x) };
+            expect_close("x", &triples(&passes.solution), &x.iter().map(take).collect::<Vec<_>>(), ROUNDING);
+            let b = triples(&passes.rhs);
+            let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| f64::from(*b) - take(y)).collect();
+            expect_close("r", &triples(&passes.residual), &r, Tolerance { abs: 2e-7, rel: 0.0 });
+            let u = r.chunks(3).enumerate().flat_map(|(i, r)| passes.precondition(i, [r[0], r[1], r[2]]));
+            let u: Vec<f64> = u.collect();
+            expect_close("u", &triples(&passes.preconditioned), &u, Tolerance { abs: 2e-6, rel: 0.0 });
+            let zeros = passes.direction.iter().chain(&passes.direction_image).all(|x| *x == [0.0; 4]);
+            assert!(zeros && passes.residual.iter().all(|r| r[3] == 0.0));
+        }
+    }
+}

@@ -1,0 +1,324 @@
+//! contact/candidates: the nearest of the crossings on a ray decides, several regions are blended, flags, and pushes; against
+//! lists of crossings made up.
+
+use glam::{DMat3, DVec3};
+use palpate::stages::args;
+use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, Chunk, NONE, PAIR_REGIONS, Pair, Region};
+use palpate_oracle::regions;
+
+use crate::harness::bodies::{half_space, rigid, sphere, whole};
+use crate::harness::random::Random;
+use crate::harness::{Tolerance, expect_close};
+use crate::stage::flow::Flow;
+
+const CONTACT_OVERFLOW: u32 = 4;
+const DEPTH_LIMIT: u32 = 8;
+const NOT_HEIGHT_FIELD: u32 = 16;
+/// Positions of some centimetres in f32 are known to 4e-9 m; triangles lie up to 45 degrees aslant.
+const DEPTH: f64 = 4e-8;
+/// Depths of 4 mm at least are known to 1e-5, strengths to twice that, and the smooth step has slope 3.
+const BLENDED: f64 = 1e-4;
+const FIRST_PROXY_PAIR: u32 = 10;
+
+/// A crossing: depth and whether it is a front.
+type Crossing = (f64, bool);
+
+/// One with its triangle: that, depth, front, opposing slot.
+type Made = (u32, f64, bool, u32);
+
+/// Vertices of one side, what their rays cross in each region, and the flow that holds them.
+struct Given {
+    side: u32,
+    flow: Flow,
+    outward: Vec<DVec3>,
+    /// By vertex and region.
+    crossed: Vec<[Vec<Made>; PAIR_REGIONS]>,
+}
+
+fn narrow(x: DVec3) -> [f32; 4] {
+    x.as_vec3().extend(1.0).to_array()
+}
+
+fn wide(x: &[f32]) -> DVec3 {
+    DVec3::new(x[0].into(), x[1].into(), x[2].into())
+}
+
+impl Given {
+    /// Regions of these normals; the pair's slots are two of a, then two of b, and the vertices lie in the second of their
+    /// side.
+    fn new(side: u32, normals: &[DVec3]) -> Given {
+        let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, glam::DQuat::IDENTITY);
+        let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
+        let pair =
+            Pair { proxy_count: [2, 2], first_slot: [0, 2], first_proxy_pair: FIRST_PROXY_PAIR, ..Pair::default() };
+        flow.pairs = vec![pair];
+        flow.regions = vec![Region::default(); PAIR_REGIONS];
+        for (region, normal) in flow.regions.iter_mut().zip(normals) {
+            let normal = normal.as_vec3().as_dvec3();
+            let (tangent, bitangent) = normal.any_orthonormal_pair();
+            [region.normal, region.tangent, region.bitangent] =
+                [normal, tangent, bitangent].map(|axis| axis.as_vec3().to_array());
+            region.weight = 1.0;
+        }
+        flow.shares = vec![1.0; 4 * PAIR_REGIONS];
+        let model = &mut flow.model;
+        (flow.skin, model.triangles, model.fan_first, model.fans, model.skin_areas) =
+            (vec![], vec![], vec![0], vec![], vec![]);
+        Given { side, flow, outward: vec![], crossed: vec![] }
+    }
+
+    /// How many regions there are.
+    fn regions(&self) -> usize {
+        self.flow.regions.iter().filter(|region| region.weight > 0.0).count()
+    }
+
+    /// Adds a vertex with its normal and what its ray crosses in each region, in this order.
+    fn add(&mut self, x: DVec3, outward: DVec3, crossings: &[Vec<Crossing>], random: &mut Random) {
+        let model = &mut self.flow.model;
+        let first = self.flow.skin.len() as u32;
+        let (u, v) = outward.any_orthonormal_pair();
+        let turned = if u.cross(v).dot(outward) > 0.0 { [u, v] } else { [v, u] };
+        self.flow.skin.extend([x, x + 0.01 * turned[0], x + 0.01 * turned[1]].map(narrow));
+        model.fans.push(model.triangles.len() as u32);
+        model.fan_first.extend([model.fans.len() as u32; 3]);
+        model.skin_areas.extend([1e-4 * (1.5 + random.next() as f32), 0.0, 0.0]);
+        model.triangles.push([first, first + 1, first + 2, 0]);
+        self.outward.push(outward);
+        let mut crossed: [Vec<_>; PAIR_REGIONS] = Default::default();
+        for (r, list) in crossings.iter().enumerate() {
+            for (depth, front) in list {
+                let triangle = self.cross(wide(&self.flow.skin[first as usize]), r, *depth, random);
+                let slot = if self.side == 0 { 2 } else { 0 } + random.below(2) as u32;
+                crossed[r].push((triangle, *depth, *front, slot));
+            }
+        }
+        self.crossed.push(crossed);
+    }
+
+    /// A triangle somewhere aslant that the ray crosses at this depth.
+    fn cross(&mut self, x: DVec3, r: usize, depth: f64, random: &mut Random) -> u32 {
+        let region = &self.flow.regions[r];
+        let axes = [region.tangent, region.bitangent, region.normal].map(|axis| DVec3::from_array(axis.map(f64::from)));
+        let sign = if self.side == 0 { -1.0 } else { 1.0 };
+        let at = x + sign * depth * axes[2];
+        let mut corner = |turn: f64| {
+            let (sin, cos) = (turn + 0.3 * random.next()).sin_cos();
+            0.01 * (cos * axes[0] + sin * axes[1] + 0.7 * random.next() * axes[2])
+        };
+        let (p, q) = (corner(0.0), corner(2.0));
+        let weights = [0.3, 0.3].map(|w| w + 0.1 * random.next());
+        let last = 1.0 - weights[0] - weights[1];
+        let third = -(weights[0] * p + weights[1] * q) / last;
+        let first = self.flow.skin.len() as u32;
+        let corners = if random.next() > 0.0 { [p, q, third] } else { [third, p, q] };
+        self.flow.skin.extend(corners.map(|corner| narrow(at + corner)));
+        let model = &mut self.flow.model;
+        model.fan_first.extend([model.fans.len() as u32; 3]);
+        model.skin_areas.extend([0.0; 3]);
+        model.triangles.push([first, first + 1, first + 2, 0]);
+        model.triangles.len() as u32 - 1
+    }
+
+    /// Lists, chunks and items, then the kernel.
+    fn run(&mut self) {
+        let (count, regions) = (self.crossed.len(), self.regions());
+        let flow = &mut self.flow;
+        let is_own = |t: &u32| flow.model.fans.contains(t);
+        let own = (0..flow.model.triangles.len() as u32).filter(is_own);
+        flow.model.chunk_vertices = own.map(|t| flow.model.triangles[t as usize][0]).collect();
+        let chunk = |first: usize| Chunk {
+            vertex_first: first as u32,
+            vertex_count: (count - first).min(CHUNK_VERTICES) as u32,
+            ..Chunk::default()
+        };
+        flow.model.chunks = (0..count).step_by(CHUNK_VERTICES).map(chunk).collect();
+        let chunks = flow.model.chunks.len() as u32;
+        let (mask, each) = ((1 << regions) - 1, regions as u32);
+        let slot = 2 * self.side + 1;
+        let entry = |chunk: u32| ActiveChunk { chunk, slot, side: self.side, regions: mask, first_item: chunk * each };
+        flow.active_chunks = (0..chunks).map(entry).collect();
+        flow.items = (0..chunks * each).map(|i| [i / each, i % each]).collect();
+        // Chunks of the other side, one a slot, behind those that the kernel looks at.
+        let opposing = flow.items.len() as u32;
+        for other in 0..4 {
+            flow.items.push([flow.active_chunks.len() as u32, 0]);
+            flow.active_chunks.push(ActiveChunk { slot: other, side: u32::from(other > 1), ..ActiveChunk::default() });
+        }
+        flow.bin_hits = vec![NONE; CHUNK_VERTICES * (chunks * each) as usize];
+        flow.crossings = vec![];
+        for (v, crossed) in self.crossed.iter().enumerate() {
+            for (r, list) in crossed.iter().take(regions).enumerate() {
+                let bin = (v / CHUNK_VERTICES * regions + r) * CHUNK_VERTICES + v % CHUNK_VERTICES;
+                for (triangle, depth, front, slot) in list {
+                    let next = std::mem::replace(&mut flow.bin_hits[bin], flow.crossings.len() as u32);
+                    let what = (opposing + slot) << 1 | u32::from(*front);
+                    flow.crossings.push([*triangle, next, (*depth as f32).to_bits(), what]);
+                }
+            }
+        }
+        flow.counts = Default::default();
+        flow.args[3 * args::GATHERING as usize] = chunks;
+        flow.candidates();
+    }
+
+    /// Holds every candidate against f64; how many there are, and how many of several regions.
+    fn check(&self) -> [usize; 2] {
+        let (flow, mut found, mut blended) = (&self.flow, 0, 0);
+        for (v, crossed) in self.crossed.iter().enumerate() {
+            let (hit, what) = (flow.hits[v], format!("vertex {v} of side {}", self.side));
+            let mut seen = vec![];
+            for (r, list) in crossed.iter().enumerate() {
+                let nearest = list.iter().min_by(|x, y| x.1.total_cmp(&y.1).then(x.0.cmp(&y.0)));
+                if let Some(nearest) = nearest.filter(|nearest| nearest.2) {
+                    let share = f64::from(flow.shares[(2 * self.side as usize + 1) * PAIR_REGIONS + r]);
+                    seen.push((share, nearest.1, wide(&flow.regions[r].normal), nearest));
+                }
+            }
+            let sights: Vec<_> = seen.iter().map(|s| (s.0, s.1, s.2)).collect();
+            let Some((depth, Some(normal))) = regions::blend(&sights) else {
+                assert_eq!(hit, [0.0; 4], "{what}");
+                continue;
+            };
+            let sign = if self.side == 0 { 1.0 } else { -1.0 };
+            let facing = sign * self.outward[v].dot(normal);
+            if facing <= BLENDED {
+                assert!(hit[3] < 1e-6, "{what} faces away");
+                continue;
+            }
+            let vertex = flow.model.chunk_vertices[v];
+            let area = f64::from(flow.model.skin_areas[vertex as usize]);
+            expect_close(&what, &hit[..1], &[depth], Tolerance { abs: DEPTH, rel: BLENDED });
+            expect_close(&what, &hit[3..], &[0.5 * facing * area], Tolerance { abs: BLENDED * area, rel: 0.0 });
+            let tilt = Tolerance { abs: BLENDED, rel: 0.0 };
+            expect_close(&what, &flow.normals[v][..3], &normal.to_array(), tilt);
+            let strength = |s: &(f64, f64, DVec3, &Made)| s.0 / (s.1 * s.1);
+            let strongest = seen.iter().max_by(|x, y| strength(x).total_cmp(&strength(y))).unwrap();
+            assert_eq!(flow.what[v], [vertex, self.side, strongest.3.0, 0], "{what}");
+            self.check_point(v, strongest.2, strongest.1, strongest.3.0);
+            let push = sign * depth * area * self.outward[v];
+            let allowed = Tolerance { abs: BLENDED * depth * area, rel: 0.0 };
+            expect_close(&what, &flow.pushes[v][..3], &push.to_array(), allowed);
+            let slots = if self.side == 0 { [1, strongest.3.3 - 2] } else { [strongest.3.3, 1] };
+            assert_eq!(flow.pushes[v][3].to_bits(), FIRST_PROXY_PAIR + 2 * slots[0] + slots[1], "{what}");
+            found += 1;
+            blended += usize::from(seen.len() > 1 && (normal - strongest.2).length() > 1e-3);
+        }
+        [found, blended]
+    }
+
+    /// The opposing point lies on the triangle, below the vertex.
+    fn check_point(&self, v: usize, normal: DVec3, depth: f64, triangle: u32) {
+        let skin = |v: u32| wide(&self.flow.skin[v as usize]);
+        let corners = self.flow.model.triangles[triangle as usize];
+        let [_, q, r, _] = self.flow.hits[v].map(f64::from);
+        let at = DMat3::from_cols(skin(corners[0]), skin(corners[1]), skin(corners[2])) * DVec3::new(1.0 - q - r, q, r);
+        let sign = if self.side == 0 { -1.0 } else { 1.0 };
+        let want = skin(self.flow.model.chunk_vertices[v]) + sign * depth * normal;
+        assert!(at.distance(want) < 4.0 * DEPTH, "vertex {v}: {at} is not {want}");
+    }
+}
+
+/// One vertex that faces a region's other side, and what its ray crosses there: depth and flags.
+fn one(side: u32, crossings: &[Crossing]) -> (f64, u32) {
+    let mut random = Random(5);
+    let mut given = Given::new(side, &[DVec3::Z]);
+    given.flow.params.depth_limit = 0.02;
+    let outward = if side == 0 { DVec3::Z } else { -DVec3::Z };
+    given.add(0.03 * random.vector(), outward, &[crossings.to_vec()], &mut random);
+    given.run();
+    given.check();
+    (f64::from(given.flow.hits[0][0]), given.flow.counts.flags)
+}
+
+#[test]
+fn the_nearest_crossing_decides() {
+    for side in 0..2 {
+        let depth = |crossings: &[Crossing]| (one(side, crossings).0 * 1e6).round() / 1e6;
+        assert_eq!(depth(&[]), 0.0);
+        assert_eq!(depth(&[(0.01, true)]), 0.01);
+        assert_eq!(depth(&[(0.01, false)]), 0.0, "the back of a triangle: outside");
+        // Inside the nearer of two layers, whatever the order of the list.
+        let mut layers = [(0.005, true), (0.008, false), (0.012, true), (0.015, false)];
+        assert_eq!(depth(&layers), 0.005);
+        layers.reverse();
+        assert_eq!(depth(&layers), 0.005);
+        // Between them: in front of the second.
+        assert_eq!(depth(&[(0.007, true), (0.003, false), (0.01, false)]), 0.0);
+    }
+}
+
+#[test]
+fn the_nearest_of_a_long_list_is_found_or_flagged() {
+    for count in [1_000, 60_000, 70_000] {
+        let mut random = Random(8);
+        let mut given = Given::new(0, &[DVec3::Z]);
+        // The first made lies last in the list.
+        let mut crossings = vec![(0.01, true); count];
+        crossings[0].0 = 0.005;
+        given.add(DVec3::ZERO, DVec3::Z, &[crossings], &mut random);
+        given.run();
+        let (depth, flags) = (f64::from(given.flow.hits[0][0]), given.flow.counts.flags);
+        println!("a list of {count}: {depth} m deep, flags {flags}");
+        assert_eq!(flags, if (depth - 0.005).abs() < DEPTH { 0 } else { CONTACT_OVERFLOW });
+    }
+}
+
+#[test]
+fn of_equally_deep_crossings_the_lowest_triangle_stands() {
+    for list in [[(0.01, true), (0.01, false)], [(0.01, false), (0.01, true)]] {
+        // The first made is the lowest, and lies last in the list.
+        assert_eq!(one(0, &list).0 > 0.0, list[0].1);
+    }
+}
+
+#[test]
+fn flags_say_what_is_too_deep_or_too_thin() {
+    for side in 0..2 {
+        let flags = |crossings: &[Crossing]| one(side, crossings).1;
+        assert_eq!(flags(&[(0.019, true)]), 0);
+        assert_eq!(flags(&[(0.021, true)]), DEPTH_LIMIT);
+        assert_eq!(flags(&[(0.005, true), (0.019, false)]), NOT_HEIGHT_FIELD, "another layer within the limit");
+        assert_eq!(flags(&[(0.005, true), (0.021, false)]), 0);
+        assert_eq!(flags(&[(0.021, false), (0.022, true)]), 0, "outside");
+    }
+}
+
+#[test]
+fn opposite_regions_that_are_equally_near_say_nothing() {
+    let mut random = Random(6);
+    for (depth, flags) in [(0.01, NOT_HEIGHT_FIELD), (0.03, 0)] {
+        let mut given = Given::new(0, &[DVec3::Z, -DVec3::Z]);
+        given.flow.params.depth_limit = 1.0;
+        given.add(DVec3::ZERO, DVec3::Z, &[vec![(0.01, true)], vec![(depth, true)]], &mut random);
+        given.run();
+        given.check();
+        assert_eq!(given.flow.counts.flags, flags);
+        assert_eq!(given.flow.hits[0][0] > 0.0, flags == 0);
+    }
+}
+
+#[test]
+fn vertices_by_the_hundred_in_up_to_four_regions_against_the_oracle() {
+    let mut random = Random(7);
+    for side in 0..2 {
+        for regions in 1..=PAIR_REGIONS {
+            let normals: Vec<DVec3> = (0..regions).map(|_| (DVec3::Z + 0.5 * random.vector()).normalize()).collect();
+            let mut given = Given::new(side, &normals);
+            given.flow.shares.iter_mut().for_each(|share| *share = 0.55 + 0.45 * random.next() as f32);
+            for _ in 0..300 {
+                let crossings: Vec<Vec<Crossing>> = (0..regions)
+                    .map(|_| {
+                        let count = random.below(4);
+                        (0..count).map(|_| (0.012 + 0.008 * random.next(), random.next() > -0.4)).collect()
+                    })
+                    .collect();
+                let towards = if side == 0 { DVec3::Z } else { -DVec3::Z };
+                let outward = (towards + 1.2 * random.vector()).normalize();
+                given.add(0.03 * random.vector(), outward, &crossings, &mut random);
+            }
+            given.run();
+            let [found, blended] = given.check();
+            assert!(found > 80 && (regions == 1) == (blended == 0), "{found} of {regions} regions, {blended} blended");
+        }
+    }
+}

@@ -1,0 +1,341 @@
+//! cull/chunks and cull/meet: no chunk that may touch is lost, those that cannot are left out.
+
+use glam::{DMat3, DQuat, DVec3};
+use palpate::gpu::Size;
+use palpate::stages::args;
+use palpate::stages::types::{ActiveChunk, Counts, NONE, PAIR_REGIONS, Pair, Proxy, Region, Slot};
+use palpate_oracle::regions::{along, chunk_box};
+
+use crate::harness::bodies::{octants, rigid, soft, sphere, whole};
+use crate::harness::random::Random;
+use crate::harness::{case, context};
+use crate::stage::flow::{FIELD_WORDS, Flow};
+use crate::stage::skin::covered;
+
+/// A box adds a micrometre, a thousandth of the spread and the rounding of its rest box; positions of half a metre.
+const BOX: f64 = 4e-6;
+const FIELD: usize = 16;
+
+fn wide(x: &[f32]) -> DVec3 {
+    DVec3::new(x[0].into(), x[1].into(), x[2].into())
+}
+
+fn axes(region: &Region) -> [DVec3; 3] {
+    [wide(&region.tangent), wide(&region.bitangent), wide(&region.normal)]
+}
+
+/// A region along a normal over the square between -half and half.
+fn region(normal: DVec3, half: f32) -> Region {
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let [normal, tangent, bitangent] = [normal, tangent, bitangent].map(|axis| axis.as_vec3().to_array());
+    Region { normal, tangent, bitangent, low: [-half; 2], high: [half; 2], weight: 1.0, ..Region::default() }
+}
+
+/// Two soft balls whose nodes are displaced by up to `size` each way; every slot in each of the regions, and the other's boxes
+/// so large that all chunks may meet them.
+fn shaken(size: f64, regions: &[Region], random: &mut Random) -> Flow {
+    let mut place = || (0.1 * random.vector(), random.turn(3.0));
+    let ((x, q), (y, p)) = (place(), place());
+    let balls = [soft("a", sphere(0.1, 4), octants, x, q), soft("b", sphere(0.1, 4), octants, y, p)];
+    let mut flow = Flow::new(&balls, None, DVec3::ZERO);
+    for d in &mut flow.displacement {
+        *d = (size * random.vector()).as_vec3().extend(0.0).to_array();
+    }
+    flow.regions = regions.to_vec();
+    flow.regions.resize(PAIR_REGIONS, Region::default());
+    let slots = flow.model.slots.len();
+    flow.slot_regions = vec![(1 << regions.len()) - 1; slots];
+    flow.boxes = vec![[[-9.0; 3], [9.0; 3]]; PAIR_REGIONS * slots];
+    flow.active_slots = (0..slots as u32).rev().collect();
+    flow.slot_counts = vec![[0; 2]; slots];
+    flow.fields = (0..PAIR_REGIONS * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { 0 } else { NONE }).collect();
+    flow.args[3 * args::CHUNKS as usize] = slots as u32;
+    flow
+}
+
+/// Where the skin of a chunk is, in f64.
+fn places(flow: &Flow, chunk: usize, frame: usize) -> Vec<DVec3> {
+    let frame = &flow.frames[frame];
+    let rotation = DQuat::from_array(frame.rotation.map(f64::from)).normalize();
+    let place = |v: u32| {
+        let nodes = flow.model.skin_nodes[v as usize].map(|n| n as usize);
+        let local: DVec3 = (0..4)
+            .map(|k| {
+                let x = wide(&flow.model.node_rest[nodes[k]]) + wide(&flow.displacement[nodes[k]]);
+                f64::from(flow.model.skin_weights[v as usize][k]) * x
+            })
+            .sum();
+        wide(&frame.centre) + rotation * local
+    };
+    covered(&flow.model, &flow.model.chunks[chunk]).into_iter().map(place).collect()
+}
+
+/// The oracle's box of a chunk along a region's axes.
+fn boxed(flow: &Flow, chunk: usize, frame: usize, region: &Region) -> (DVec3, DVec3) {
+    let (chunk, frame) = (&flow.model.chunks[chunk], &flow.frames[frame]);
+    let rotation = DQuat::from_array(frame.rotation.map(f64::from)).normalize();
+    let nodes = &flow.model.chunk_nodes[chunk.node_first as usize..][..chunk.node_count as usize];
+    let moved: Vec<DVec3> = nodes.iter().map(|[n, _]| wide(&flow.displacement[*n as usize])).collect();
+    let [u, v] = chunk.axes.map(|axis| wide(&axis));
+    let rest = (wide(&chunk.centre), DMat3::from_cols(u, v, u.cross(v)), wide(&chunk.half_extent));
+    chunk_box(rest, (&moved, f64::from(chunk.weight_bound)), (wide(&frame.centre), rotation), axes(region))
+}
+
+/// The height of a sortable key: the inverse of what shared/field.glsl documents.
+fn height_of(key: u32) -> f64 {
+    f64::from(f32::from_bits(if key & 0x8000_0000 != 0 { key & 0x7fff_ffff } else { !key }))
+}
+
+/// The square of a region that a place projects to.
+fn square_of(region: &Region, at: DVec3) -> [usize; 2] {
+    [0, 1].map(|k| {
+        let size = f64::from(region.high[k] - region.low[k]) / FIELD as f64;
+        (((at[k] - f64::from(region.low[k])) / size).max(0.0) as usize).min(FIELD - 1)
+    })
+}
+
+/// Each slab holds its chunk's skin and is the oracle's box; each field is beyond the skin over it. The chunks looked at.
+fn check_slabs(flow: &Flow, regions: usize, tight: bool) -> usize {
+    let mut count = 0;
+    for slot in &flow.model.slots {
+        let proxy = &flow.model.proxies[slot.proxy as usize];
+        for k in 0..proxy.chunk_count as usize {
+            let (at, index) = (slot.chunk_first as usize + k, proxy.chunk_first as usize + k);
+            assert_eq!(flow.slot_chunks[at], [(1 << regions) - 1, 0], "chunk {index} meets all regions");
+            let skin = places(flow, index, proxy.frame as usize);
+            for (r, region) in flow.regions[..regions].iter().enumerate() {
+                let want = boxed(flow, index, proxy.frame as usize, region);
+                let slab = flow.slabs[at * PAIR_REGIONS + r].map(f64::from);
+                let side = if slot.side == 0 { 1.0 } else { -1.0 };
+                let extreme = if slot.side == 0 { want.1.z } else { want.0.z };
+                let errors = [slab[0] - want.0.x, slab[1] - want.0.y, want.1.x - slab[2], want.1.y - slab[3]];
+                let allowed = BOX + 2e-3 * (want.1 - want.0).max_element();
+                assert!(errors.iter().all(|e| *e < 0.0 && -*e < allowed), "chunk {index}: {errors:?}");
+                let beyond = side * (slab[7] - extreme);
+                assert!(beyond > 0.0 && beyond < allowed, "chunk {index}: {beyond}");
+                let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+                for x in &skin {
+                    let x = along(axes(region), *x);
+                    (low, high) = (low.min(x), high.max(x));
+                    let plane = slab[4] * x.x + slab[5] * x.y + slab[6];
+                    assert!(side * (plane - x.z) > 0.0, "chunk {index} passes its plane by {}", side * (x.z - plane));
+                    assert!(side * (slab[7] - x.z) > 0.0, "chunk {index} passes its box");
+                    let [i, j] = square_of(region, x);
+                    let field = flow.fields[(2 * r + slot.side as usize) * 256 + j * FIELD + i];
+                    assert!(side * (height_of(field) - x.z) > 0.0, "chunk {index} passes the field");
+                }
+                // A box that lies aslant is at most some twice as large along a region's axes as what it holds.
+                let (own, skins) = (want.1 - want.0, high - low);
+                assert!(!tight || own.max_element() < 1.8 * skins.max_element() + BOX, "{own} for {skins}");
+                count += 1;
+            }
+        }
+    }
+    count
+}
+
+#[test]
+fn no_skin_leaves_its_chunk_s_slab_or_passes_the_field() {
+    let mut random = Random(81);
+    for size in [0.0, 0.003, 0.03] {
+        for count in [1, PAIR_REGIONS] {
+            let regions: Vec<Region> = (0..count).map(|_| region(random.vector().normalize(), 0.5)).collect();
+            let mut flow = shaken(size, &regions, &mut random);
+            flow.box_chunks();
+            assert!(check_slabs(&flow, count, size == 0.0) > 30 * count);
+        }
+    }
+}
+
+#[test]
+fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
+    let mut random = Random(82);
+    let mut flow = shaken(0.003, &[region(DVec3::Z, 0.05)], &mut random);
+    // Slots of a lie between heights 0 and 0.1; of b the first alone is there, above 0.02.
+    let slots = flow.model.slots.clone();
+    for (slot, given) in slots.iter().zip(flow.boxes.chunks_mut(PAIR_REGIONS)) {
+        let (low, high) = if slot.side == 0 { (0.0, 0.1) } else { (0.02, 9.0) };
+        given.fill([[-0.04, -9.0, low], [0.04, 9.0, high]]);
+    }
+    let first_b = slots.iter().position(|slot| slot.side == 1).unwrap();
+    flow.slot_regions[first_b + 1..].fill(0);
+    flow.box_chunks();
+    let (mut kept, mut left) = ([0; 2], [0; 2]);
+    for (s, slot) in slots.iter().enumerate() {
+        let proxy = flow.model.proxies[slot.proxy as usize];
+        for k in 0..proxy.chunk_count as usize {
+            let skin = places(&flow, proxy.chunk_first as usize + k, proxy.frame as usize);
+            let skin: Vec<DVec3> = skin.iter().map(|x| along(axes(&flow.regions[0]), *x)).collect();
+            let low = skin.iter().fold(DVec3::INFINITY, |low, x| low.min(*x));
+            let high = skin.iter().fold(DVec3::NEG_INFINITY, |high, x| high.max(*x));
+            let beside = low.x > 0.04 || high.x < -0.04 || low.y > 0.05 || high.y < -0.05;
+            let in_front = if slot.side == 0 { high.z < 0.02 } else { low.z > 0.1 };
+            let found = flow.slot_chunks[slot.chunk_first as usize + k][0];
+            let is_open = flow.slot_regions[s] != 0;
+            assert!(is_open || found == 0);
+            // What might touch is kept; what is left out could not.
+            assert!(!is_open || beside || in_front || found == 1, "slot {s}, chunk {k}: {low} {high}");
+            let side = slot.side as usize;
+            kept[side] += usize::from(found == 1);
+            left[side] += usize::from(is_open && found == 0);
+        }
+    }
+    assert!(kept.iter().chain(&left).all(|n| *n > 0), "{kept:?} kept, {left:?} left out");
+}
+
+#[test]
+fn a_half_space_keeps_the_chunks_that_reach_below_it() {
+    let mut random = Random(83);
+    let mut flow = shaken(0.003, &[region(-DVec3::Y, 0.5)], &mut random);
+    flow.pairs[0] = Pair { is_plane: 1, plane: [0.0, 1.0, 0.0, 0.01], ..flow.pairs[0] };
+    let a = flow.pairs[0].proxy_count[0] as usize;
+    flow.active_slots.retain(|slot| (*slot as usize) < a);
+    flow.args[3 * args::CHUNKS as usize] = a as u32;
+    flow.box_chunks();
+    flow.meet();
+    let mut totals = [0; 2];
+    for slot in 0..a {
+        let proxy = flow.model.proxies[flow.model.slots[slot].proxy as usize];
+        let lowest = |k: u32| {
+            let skin = places(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize);
+            skin.iter().map(|x| x.y).fold(f64::INFINITY, f64::min)
+        };
+        let below = (0..proxy.chunk_count).filter(|k| lowest(*k) <= 0.01).count() as u32;
+        // As far as its box says, give or take rounding.
+        let may = |slack: f64| {
+            let top =
+                |k: &u32| boxed(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize, &flow.regions[0]).1.z;
+            (0..proxy.chunk_count).filter(|k| top(k) >= -0.01 + slack).count() as u32
+        };
+        let listed =
+            flow.active_chunks[..flow.counts.chunks as usize].iter().filter(|entry| entry.slot as usize == slot);
+        let (chunks, items) = listed.fold((0, 0), |(n, items), entry| (n + 1, items + entry.regions.count_ones()));
+        assert!(
+            chunks == items && chunks >= below && chunks >= may(0.0) && chunks <= may(-1e-3),
+            "{chunks} for {below}"
+        );
+        totals = [totals[0] + chunks, totals[1] + proxy.chunk_count];
+    }
+    assert!(totals[0] > 0 && totals[0] < totals[1], "{totals:?} kept, of all");
+}
+
+/// Chunks of three slots with flat slabs at random, against fields at random.
+#[test]
+fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
+    let mut random = Random(84);
+    let width = context().reduce_size();
+    for count in [0, 1, width - 1, width, width + 1, 333] {
+        let slots: Vec<Slot> =
+            (0..3).map(|s| Slot { side: s % 2, proxy: s, chunk_first: s * count, ..Slot::default() }).collect();
+        let proxy = |s: u32| Proxy { chunk_first: 1000 * s, chunk_count: count, ..Proxy::default() };
+        let regions: Vec<Region> = (0..PAIR_REGIONS).map(|_| region(DVec3::Z, 1.0)).collect();
+        let mut height = |share: f64| (random.next() + share) as f32;
+        let key = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 0x8000_0000 };
+        // a reaches up to -0.5 on average, b down to 0.5.
+        let fields: Vec<f32> = (0..PAIR_REGIONS * FIELD_WORDS)
+            .map(|k| if k / 256 % 2 == 0 { height(-0.6) } else { height(0.6) })
+            .collect();
+        let slab = |height: &mut dyn FnMut(f64) -> f32| {
+            let (u, v, z) = (height(-0.1), height(-0.1), height(0.0));
+            [u, v, u + 0.2, v + 0.1, 0.0, 0.0, z, z]
+        };
+        let slabs: Vec<[f32; 8]> = (0..PAIR_REGIONS * 3 * count as usize).map(|_| slab(&mut height)).collect();
+        let masks: Vec<u32> = (0..3 * count).map(|k| (k * 7 + 3) % 16).collect();
+        let out = case("cull/meet")
+            .size(Size::Reduce)
+            .constant("SLOTS", 3u32)
+            .constant("MOST_ITEMS", 12 * count.max(1))
+            .constant("GATHERING", 3u32)
+            .input("pairs", &[Pair::default()])
+            .input("slots", &slots)
+            .input("active_slots", &[2u32, 0, 1])
+            .input("proxies", &[proxy(0), proxy(1), proxy(2)])
+            .input("regions", &regions)
+            .input("slabs", &crate::stage::flow::some(&slabs))
+            .input("fields", &fields.iter().map(|x| key(*x)).collect::<Vec<_>>())
+            .inout("slot_chunks", &masks.iter().map(|m| [*m, 0]).collect::<Vec<_>>())
+            .inout("slot_counts", &[[9u32; 2]; 3])
+            .partial("active_chunks", &vec![ActiveChunk::default(); 12 * count.max(1) as usize])
+            .partial("items", &vec![[NONE; 2]; 12 * count.max(1) as usize])
+            .inout("counts", &[Counts::default()])
+            .partial("args", &vec![7u32; args::WORDS])
+            .groups(3)
+            .run();
+        let meets = |side: usize, r: usize, slab: &[f32; 8]| {
+            let square = |x: f32| (((x + 1.0) * 8.0).clamp(0.0, 15.0)) as usize;
+            let mut squares = (square(slab[1])..=square(slab[3]))
+                .flat_map(|y| (square(slab[0])..=square(slab[2])).map(move |x| (x, y)));
+            squares.any(|(x, y)| {
+                let other = fields[(2 * r + 1 - side) * 256 + y * FIELD + x];
+                if side == 0 { slab[7] >= other } else { slab[7] <= other }
+            })
+        };
+        let count_of = out.get::<Counts>("counts")[0];
+        let mut totals: Vec<[u32; 2]> = out.get("slot_counts");
+        totals.push([count_of.chunks, count_of.items]);
+        let counts: Vec<[u32; 2]> = totals.windows(2).map(|t| [t[1][0] - t[0][0], t[1][1] - t[0][1]]).collect();
+        let listed: Vec<[u32; 2]> = out.get("slot_chunks");
+        let mut dropped = 0;
+        for (s, slot) in slots.iter().enumerate() {
+            let (mut want, mut items) = (vec![], 0);
+            for k in 0..count {
+                let at = (slot.chunk_first + k) as usize;
+                let stays = (0..PAIR_REGIONS).filter(|r| meets(slot.side as usize, *r, &slabs[at * PAIR_REGIONS + r]));
+                let mask = masks[at] & stays.map(|r| 1 << r).sum::<u32>();
+                dropped += (masks[at] ^ mask).count_ones();
+                if mask != 0 {
+                    want.push([1000 * slot.proxy + k, mask | items << PAIR_REGIONS]);
+                    items += mask.count_ones();
+                }
+            }
+            assert_eq!(counts[s], [want.len() as u32, items], "{count} chunks, slot {s}");
+            assert_eq!(listed[slot.chunk_first as usize..][..want.len()], want, "{count} chunks, slot {s}");
+        }
+        assert!(count < 300 || (dropped > 300 && counts[0][0] > 50), "{dropped} dropped, {counts:?} left");
+    }
+}
+
+/// Two spheres, a tool and a body: every chunk with a colliding vertex or an opposing triangle is active, most others are not.
+#[test]
+fn chunks_that_collide_are_active_and_those_far_away_are_not() {
+    let mut random = Random(86);
+    for cut in [whole, octants] {
+        for gap in [1.95, 1.7] {
+            let a = rigid("a", sphere(0.01, 5), cut, DVec3::ZERO, random.turn(3.0));
+            let place = gap * 0.01 * random.vector().normalize();
+            let tool = rigid("tool", sphere(0.01, 5), cut, place, random.turn(3.0));
+            let mut flow = Flow::new(std::slice::from_ref(&a), Some(&tool), place);
+            let normal = (place + 0.001 * random.vector()).normalize();
+            flow.pairs[0].direction = normal.as_vec3().extend(1.0).to_array();
+            flow.place();
+            flow.cull();
+            let normal = wide(&flow.regions[0].normal);
+            let (sides, firsts) = crate::scene::spheres::sides(&a, &tool, normal);
+            let mut needed = std::collections::BTreeSet::new();
+            let owner = |model: &palpate::stages::model::Model, vertex: u32| {
+                let owns = |chunk: &palpate::stages::types::Chunk| {
+                    let own = &model.chunk_vertices[chunk.vertex_first as usize..][..chunk.vertex_count as usize];
+                    own.contains(&vertex)
+                };
+                model.chunks.iter().position(owns).unwrap() as u32
+            };
+            let drawer = |model: &palpate::stages::model::Model, triangle: u32| {
+                let draws = |chunk: &palpate::stages::types::Chunk| {
+                    let own = &model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
+                    own.contains(&triangle)
+                };
+                model.chunks.iter().position(draws).unwrap() as u32
+            };
+            for (side, vertex, triangle) in sides {
+                needed.insert(owner(&flow.model, vertex + firsts[side].0));
+                needed.insert(drawer(&flow.model, triangle + firsts[1 - side].1));
+            }
+            let active: std::collections::BTreeSet<u32> =
+                flow.active_chunks[..flow.counts.chunks as usize].iter().map(|entry| entry.chunk).collect();
+            assert!(needed.len() > 2 && needed.is_subset(&active), "{needed:?} are needed, {active:?} active");
+            let share = active.len() as f64 / flow.model.chunks.len() as f64;
+            println!("{gap}: {} of {} chunks active, {} needed", active.len(), flow.model.chunks.len(), needed.len());
+            assert!(share < 0.6, "{share}");
+        }
+    }
+}

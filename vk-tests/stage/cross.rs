@@ -1,0 +1,386 @@
+//! skin/embed's bins and depth/cross: every vertex that a region sees lies in one list, and what triangles put on its ray is
+//! what f64 says; rays through edges and corners slip through nowhere.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::{DQuat, DVec3};
+use palpate::stages::args;
+use palpate::stages::types::{
+    ActiveChunk, CHUNK_TRIANGLES, CHUNK_VERTICES, Chunk, NONE, PAIR_REGIONS, Pair, Region, Slot,
+};
+
+use crate::harness::bodies::{Mesh, half_space, rigid, sheet, sphere, whole};
+use crate::harness::context;
+use crate::harness::random::Random;
+use crate::stage::flow::{FIELD_WORDS, Flow};
+
+/// Barycentric share by which rounding may decide whether a ray meets a triangle, and the depth within which, m.
+const EDGE: f64 = 1e-6;
+
+pub fn wide(x: [f32; 3]) -> DVec3 {
+    DVec3::from_array(x.map(f64::from))
+}
+
+pub fn axes(region: &Region) -> [DVec3; 3] {
+    [wide(region.tangent), wide(region.bitangent), wide(region.normal)]
+}
+
+/// Two rigid meshes as they are, a's and b's, in chunks of which all are active in these regions; fields that hold nothing
+/// back.
+pub fn meshes(sides: [&Mesh; 2], regions: &[Region]) -> Flow {
+    let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
+    let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
+    flow.frames[0].rotation = [0.0, 0.0, 0.0, 1.0];
+    flow.pairs = vec![Pair { proxy_count: [1, 1], first_slot: [0, 1], ..Pair::default() }];
+    flow.regions = regions.to_vec();
+    flow.regions.resize(PAIR_REGIONS, Region::default());
+    let model = &mut flow.model;
+    model.proxies.resize(2, model.proxies[0]);
+    model.slots = (0..2).map(|side| Slot { side, proxy: side, ..Slot::default() }).collect();
+    (model.skin_nodes, model.skin_weights, model.triangles) = (vec![], vec![], vec![]);
+    (model.chunks, model.chunk_vertices, model.chunk_triangles) = (vec![], vec![], vec![]);
+    flow.active_chunks = vec![];
+    flow.items = vec![];
+    let each = regions.len() as u32;
+    for (side, (vertices, triangles)) in sides.into_iter().enumerate() {
+        let (vertex_first, triangle_first) = (model.skin_nodes.len() as u32, model.triangles.len() as u32);
+        model.skin_nodes.extend(vertices.iter().map(|_| [NONE, 0, 0, 0]));
+        model.skin_weights.extend(vertices.iter().map(|x| x.as_vec3().extend(0.0).to_array()));
+        model.triangles.extend(triangles.iter().map(|t| {
+            let [a, b, c] = t.map(|v| v + vertex_first);
+            [a, b, c, 0]
+        }));
+        let parts = vertices.len().div_ceil(CHUNK_VERTICES).max(triangles.len().div_ceil(CHUNK_TRIANGLES));
+        for part in 0..parts {
+            let own = |count: usize, most: usize| (part * most).min(count)..((part + 1) * most).min(count);
+            let (own, drawn) = (own(vertices.len(), CHUNK_VERTICES), own(triangles.len(), CHUNK_TRIANGLES));
+            let index = flow.active_chunks.len() as u32;
+            model.chunks.push(Chunk {
+                vertex_first: model.chunk_vertices.len() as u32,
+                vertex_count: own.len() as u32,
+                embed_count: own.len() as u32,
+                triangle_first: model.chunk_triangles.len() as u32,
+                triangle_count: drawn.len() as u32,
+                ..Chunk::default()
+            });
+            model.chunk_vertices.extend(own.map(|v| v as u32 + vertex_first));
+            model.chunk_triangles.extend(drawn.map(|t| t as u32 + triangle_first));
+            let first_item = flow.items.len() as u32;
+            let (slot, regions) = (side as u32, (1 << each) - 1);
+            flow.active_chunks.push(ActiveChunk { chunk: index, slot, side: slot, regions, first_item });
+            flow.items.extend((0..each).map(|r| [index, r]));
+        }
+    }
+    flow.skin = vec![[0.0; 4]; flow.model.skin_nodes.len()];
+    flow.most_items = flow.items.len();
+    flow.shares = vec![0.5; 2 * PAIR_REGIONS];
+    // The heights that a reaches are the greatest there are, those of b the least.
+    flow.fields = (0..PAIR_REGIONS * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { NONE } else { 0 }).collect();
+    flow.args[3 * args::ACTIVE as usize] = flow.active_chunks.len() as u32;
+    flow.args[3 * args::ITEMS as usize] = flow.items.len() as u32;
+    flow
+}
+
+/// A region along a normal over a square of this half edge about the origin.
+pub fn region(normal: DVec3, half: f32, cell: f32) -> Region {
+    let normal = normal.normalize();
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let [normal, tangent, bitangent] = [normal, tangent, bitangent].map(|axis| axis.as_vec3().to_array());
+    let (low, high) = ([-half; 2], [half; 2]);
+    Region { normal, tangent, bitangent, low, high, cell: [cell, 1.7 * cell], weight: 1.0, turn: 0.0 }
+}
+
+/// Vertex and region side of each bin, from the chunks.
+fn bins(flow: &Flow) -> Vec<(u32, u32)> {
+    let mut bins = vec![(NONE, NONE); flow.bins.len()];
+    for entry in flow.active_chunks.iter().take(flow.args[3 * args::ACTIVE as usize] as usize) {
+        let chunk = &flow.model.chunks[entry.chunk as usize];
+        let listed = (0..PAIR_REGIONS as u32).filter(|r| entry.regions >> r & 1 == 1);
+        for (k, r) in listed.enumerate() {
+            for l in 0..chunk.vertex_count as usize {
+                let bin = (entry.first_item as usize + k) * CHUNK_VERTICES + l;
+                let vertex = flow.model.chunk_vertices[chunk.vertex_first as usize + l];
+                bins[bin] = (vertex, 2 * r + entry.side);
+            }
+        }
+    }
+    bins
+}
+
+/// A height as far back as a vertex of this side looks, the least the farthest.
+pub fn sight_key(side: usize, height: f32) -> u32 {
+    let bits = height.to_bits();
+    let key = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
+    if side == 0 { !key } else { key }
+}
+
+/// Holds the lists of all buckets against what must be in them; how many bins are.
+fn check_bins(flow: &Flow) -> usize {
+    let known = bins(flow);
+    let mut listed = BTreeMap::new();
+    for (bucket, first) in flow.buckets.iter().enumerate().take(flow.bucket_count as usize) {
+        let mut bin = *first;
+        while bin != NONE {
+            assert!(listed.insert(bin, bucket).is_none(), "bin {bin} is in two lists");
+            bin = flow.bins[bin as usize][3];
+        }
+    }
+    let (mut cells, mut sights) = (BTreeMap::new(), vec![NONE; flow.regions.len() * FIELD_WORDS]);
+    for (bin, (vertex, region_side)) in known.iter().enumerate() {
+        if *vertex == NONE {
+            assert!(!listed.contains_key(&(bin as u32)) && flow.bin_hits[bin] == NONE - 1);
+            continue;
+        }
+        assert_eq!(flow.bin_hits[bin], NONE, "no crossing yet");
+        let (r, side) = (*region_side as usize / 2, *region_side as usize % 2);
+        let region = &flow.regions[r];
+        let x = flow.skin[*vertex as usize];
+        let at = palpate_oracle::regions::along(axes(region), wide([x[0], x[1], x[2]]));
+        let depth = |k: usize| (at[k] - f64::from(region.low[k])).min(f64::from(region.high[k]) - at[k]);
+        let within = depth(0).min(depth(1));
+        let sees = flow.shares[side * PAIR_REGIONS + r] > 0.0;
+        match listed.get(&(bin as u32)) {
+            None => assert!(!sees || within < EDGE, "vertex {vertex} is in no list of region {r}"),
+            Some(bucket) => {
+                assert!(sees && within > -EDGE, "vertex {vertex} is not region {r}'s");
+                let stored = [0, 1, 2].map(|k| f64::from(f32::from_bits(flow.bins[bin][k])));
+                assert!(DVec3::from_array(stored).distance(at) < EDGE, "{stored:?} is not {at}");
+                // Whatever the hash: vertices of one square lie in one bucket.
+                let square = |k: usize| {
+                    let (low, cell) = (region.low[k], region.cell[side]);
+                    ((f32::from_bits(flow.bins[bin][k]) - low) / cell).floor() as i32
+                };
+                let field = |k: usize| {
+                    let size = (region.high[k] - region.low[k]) / 16.0;
+                    ((f32::from_bits(flow.bins[bin][k]) - region.low[k]) / size).clamp(0.0, 15.0) as usize
+                };
+                let sight = &mut sights[*region_side as usize * 256 + field(1) * 16 + field(0)];
+                *sight = (*sight).min(sight_key(side, f32::from_bits(flow.bins[bin][2])));
+                let key = [*region_side, (square(0) | square(1) << 16) as u32];
+                assert_eq!(flow.bin_squares[bin], key, "vertex {vertex}: its square");
+                let of_square = *cells.entry((*region_side, square(0), square(1))).or_insert(*bucket);
+                assert_eq!(of_square, *bucket, "vertex {vertex}: one square, one bucket");
+            }
+        }
+    }
+    assert_eq!(flow.buckets[flow.bucket_count as usize..][..sights.len()], sights, "how far back they look");
+    let buckets: BTreeSet<_> = listed.values().collect();
+    let (squares, lists) = (cells.len(), buckets.len());
+    assert!(lists * 2 > squares.min(flow.bucket_count as usize), "{squares} squares, {lists} lists");
+    listed.len()
+}
+
+/// Triangles on each bin's ray with their depth and whether it is a front.
+pub fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
+    let mut all = BTreeMap::new();
+    for (bin, first) in flow.bin_hits.iter().enumerate().filter(|(_, first)| **first < NONE - 1) {
+        let list: &mut BTreeMap<u32, (f64, bool)> = all.entry(bin).or_default();
+        let mut hit = *first;
+        while hit != NONE {
+            let [triangle, next, depth, what] = flow.crossings[hit as usize];
+            let item = flow.items[what as usize >> 1];
+            let chunk = &flow.model.chunks[flow.active_chunks[item[0] as usize].chunk as usize];
+            let own = &flow.model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
+            assert!(own.contains(&triangle), "triangle {triangle} is not of item {}", what >> 1);
+            let twice = list.insert(triangle, (f64::from(f32::from_bits(depth)), what & 1 == 1));
+            assert!(twice.is_none(), "triangle {triangle} is twice on the ray of bin {bin}");
+            hit = next;
+        }
+    }
+    all
+}
+
+/// Every vertex against every triangle of the other side in f64; how many crossings there are.
+fn check_crossings(flow: &Flow) -> usize {
+    let (known, found) = (bins(flow), crossed(flow));
+    let (mut count, nothing) = (0, BTreeMap::new());
+    let chunks = flow.active_chunks.iter().flat_map(|entry| {
+        let chunk = &flow.model.chunks[entry.chunk as usize];
+        let own = &flow.model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
+        own.iter().map(|t| (entry.side, *t))
+    });
+    let triangles: Vec<(u32, u32)> = chunks.collect();
+    for (bin, (vertex, region_side)) in known.iter().enumerate().filter(|(_, known)| known.0 != NONE) {
+        let list = found.get(&bin).unwrap_or(&nothing);
+        let side = region_side % 2;
+        if flow.shares[side as usize * PAIR_REGIONS + *region_side as usize / 2] == 0.0 {
+            assert!(list.is_empty());
+            continue;
+        }
+        let region = &flow.regions[*region_side as usize / 2];
+        let place = |v: u32| {
+            let x = flow.skin[v as usize];
+            palpate_oracle::regions::along(axes(region), wide([x[0], x[1], x[2]]))
+        };
+        let x = place(*vertex);
+        let seen = (0..2).all(|k| x[k] > f64::from(region.low[k]) && x[k] < f64::from(region.high[k]));
+        for (_, triangle) in triangles.iter().filter(|(of, _)| *of != side) {
+            let corners = flow.model.triangles[*triangle as usize];
+            let [p, q, r] = [0, 1, 2].map(|k| place(corners[k]) - x);
+            let twice = (q - p).truncate().perp_dot((r - p).truncate());
+            let size = [q - p, r - q, p - r].iter().map(|e| e.truncate().length()).fold(0.0, f64::max);
+            let weights = [q.truncate().perp_dot(r.truncate()), r.truncate().perp_dot(p.truncate())];
+            let weights = [weights[0] / twice, weights[1] / twice, 1.0 - (weights[0] + weights[1]) / twice];
+            let inside = weights.iter().copied().fold(f64::INFINITY, f64::min);
+            let height = weights[0] * p.z + weights[1] * q.z + weights[2] * r.z;
+            let (depth, front) = if side == 0 { (-height, twice < 0.0) } else { (height, twice > 0.0) };
+            let got = list.get(triangle);
+            // As far from every edge as rounding reaches, of a triangle that is one.
+            let slack = EDGE * size / twice.abs() + EDGE;
+            if !seen || slack.is_nan() || inside.abs() < slack || depth.abs() < EDGE + slack || slack > 0.1 {
+                continue;
+            }
+            let want = inside > 0.0 && depth > 0.0;
+            assert_eq!(got.is_some(), want, "vertex {vertex}, triangle {triangle}: {weights:?}, {depth:e} deep");
+            if let Some((found, is_front)) = got {
+                assert!((found - depth).abs() < EDGE + slack * (p.z - q.z).abs().max((q.z - r.z).abs()), "{found:e}");
+                assert_eq!(*is_front, front, "vertex {vertex}, triangle {triangle}");
+                count += 1;
+            }
+        }
+    }
+    count
+}
+
+/// Triangles and vertices anywhere within a box about the origin.
+fn soup(vertices: usize, triangles: usize, size: f64, random: &mut Random) -> Mesh {
+    let mut points: Vec<DVec3> = (0..vertices).map(|_| 0.5 * random.vector()).collect();
+    let corners = (0..triangles as u32).map(|t| [0, 1, 2].map(|k| (vertices as u32) + 3 * t + k)).collect();
+    for _ in 0..triangles {
+        let at = 0.5 * random.vector();
+        points.extend([(); 3].map(|()| at + size * random.vector()));
+    }
+    (points, corners)
+}
+
+#[test]
+fn soups_of_triangles_cross_what_f64_says() {
+    let mut random = Random(61);
+    let width = context().reduce_size() as usize;
+    // However many squares share a bucket, each crossing is found once.
+    for (n, size, buckets) in [(1, 0.5, 1), (width - 1, 0.3, 1), (width, 0.2, 2), (65, 0.2, 64), (300, 0.1, 1 << 13)] {
+        let (a, b) = (soup(n, n, size, &mut random), soup(2 * n + 1, n, size, &mut random));
+        for count in [1, 2, PAIR_REGIONS] {
+            let regions: Vec<Region> = (0..count).map(|_| region(random.vector(), 0.45, 0.07)).collect();
+            let mut flow = meshes([&a, &b], &regions);
+            // One side does not see one of several regions.
+            if count > 1 {
+                flow.shares[1] = 0.0;
+            }
+            flow.bucket_count = buckets;
+            flow.embed();
+            let listed = check_bins(&flow);
+            flow.cross();
+            assert_eq!(flow.counts.flags, 0);
+            let crossings = check_crossings(&flow);
+            assert!(n < 65 || (listed > n && crossings > n), "{n}: {listed} in lists, {crossings} crossings");
+        }
+    }
+}
+
+/// A bumpy sheet of triangles over the square from -1 to 1 and points exactly over its corners, the middles of its edges and
+/// of its triangles, all of them numbers that f32 holds.
+pub fn bumpy(random: &mut Random) -> (Mesh, Vec<DVec3>) {
+    let (mut points, triangles) = sheet(1.0, 16);
+    points.iter_mut().for_each(|x| *x = DVec3::new(x.x, x.z, (64.0 * random.next()).round() / 512.0));
+    let triangles: Vec<[u32; 3]> = triangles.into_iter().map(|[a, b, c]| [a, c, b]).collect();
+    let mut over: Vec<DVec3> = points.clone();
+    for t in &triangles {
+        let [a, b, c] = t.map(|v| points[v as usize]);
+        over.extend([(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0, (a + b) / 4.0 + c / 2.0]);
+    }
+    over.iter_mut().for_each(|x| x.z = 0.5);
+    ((points, triangles), over)
+}
+
+#[test]
+fn rays_through_edges_and_corners_meet_a_triangle() {
+    let mut random = Random(62);
+    let (mesh, over) = bumpy(&mut random);
+    let points = (over.clone(), vec![]);
+    for cell in [0.013, 0.1, 1.0] {
+        let up = Region { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..region(DVec3::Z, 1.0, cell) };
+        // Points of a above the mesh of b look down; so do, turned over, those of b below one of a.
+        for turned in [false, true] {
+            let flip = |mesh: &Mesh| (mesh.0.iter().map(|x| DVec3::new(x.x, x.y, -x.z)).collect(), mesh.1.clone());
+            let mut flow = match turned {
+                false => meshes([&points, &mesh], &[up]),
+                true => meshes([&flip(&mesh), &flip(&points)], &[up]),
+            };
+            flow.embed();
+            flow.cross();
+            let found = crossed(&flow);
+            let side = u32::from(turned);
+            let known = bins(&flow);
+            let looking = known.iter().enumerate().filter(|(_, known)| known.0 != NONE && known.1 == side);
+            let slipped = looking.clone().filter(|(bin, _)| !found.contains_key(bin)).count();
+            assert_eq!((looking.count(), slipped), (over.len(), 0), "squares of {cell}, turned {turned}");
+        }
+    }
+}
+
+#[test]
+fn rays_next_to_edges_in_any_direction_meet_a_triangle() {
+    let mut random = Random(63);
+    let (mesh, over) = bumpy(&mut random);
+    for _ in 0..3 {
+        let turn = random.turn(3.0);
+        let placed = (mesh.0.iter().map(|x| turn * *x).collect(), mesh.1.clone());
+        // Within the rim by more than the region leans.
+        let inner = over.iter().filter(|x| x.x.abs().max(x.y.abs()) < 0.8);
+        let points: Mesh = (inner.map(|x| turn * DVec3::new(x.x, x.y, 0.2)).collect(), vec![]);
+        let up = region(turn * (DVec3::Z + 0.1 * random.vector()), 2.0, 0.05);
+        let mut flow = meshes([&points, &placed], &[up]);
+        flow.embed();
+        flow.cross();
+        let found = crossed(&flow);
+        assert!((0..points.0.len()).all(|v| found.contains_key(&v)), "a ray slips through");
+        assert!(check_crossings(&flow) > points.0.len() / 4);
+    }
+}
+
+#[test]
+fn triangles_without_area_cross_nothing_and_hide_nothing() {
+    let mut random = Random(64);
+    let (mut mesh, over) = bumpy(&mut random);
+    let points = (over, vec![]);
+    let up = region(DVec3::Z, 1.0, 0.1);
+    let count = |mesh: &Mesh| {
+        let mut flow = meshes([&points, mesh], &[up]);
+        flow.embed();
+        flow.cross();
+        assert!(flow.crossings.iter().take(flow.counts.hits as usize).all(|h| f32::from_bits(h[2]).is_finite()));
+        flow.counts.hits
+    };
+    let before = count(&mesh);
+    // Two and three corners in one place, and walls along the rays.
+    let first = mesh.0.len() as u32;
+    mesh.0.extend([DVec3::ZERO, DVec3::new(0.5, 0.5, 0.1), DVec3::new(0.5, 0.5, 0.3)]);
+    mesh.1.extend(
+        (0..100).map(|k| [[k, k, k], [k, k + 1, k], [k, first + 1, first + 2], [first, first, k]][k as usize % 4]),
+    );
+    assert_eq!(count(&mesh), before);
+    assert!(before >= points.0.len() as u32);
+}
+
+#[test]
+fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
+    let mut random = Random(66);
+    let (mesh, over) = bumpy(&mut random);
+    let mut flow = meshes([&(over, vec![]), &mesh], &[region(DVec3::Z, 1.0, 0.1)]);
+    // b's chunks reach down to a height above that of a's vertices, in the first square alone.
+    let key = 0x8000_0000 | 0.75f32.to_bits();
+    flow.fields[256..512].fill(key);
+    flow.fields[256] = 0;
+    flow.embed();
+    let square = |x: &[f32; 4]| x[0] < -1.0 + 2.0 / 16.0 && x[1] < -1.0 + 2.0 / 16.0;
+    let listed = flow.bins.iter().filter(|bin| bin[3] != NONE - 1).count();
+    let region = flow.regions[0];
+    // Only a's vertices of that square, whichever way its axes lie, and all of b's.
+    let first = flow.skin.iter().take(flow.skin.len() - mesh.0.len()).filter(|x| {
+        let at = palpate_oracle::regions::along(axes(&region), wide([x[0], x[1], x[2]])).as_vec3();
+        square(&[at.x, at.y, 0.0, 0.0])
+    });
+    let inside = first.count();
+    assert!(inside > 5 && listed == inside + mesh.0.len(), "{listed} in lists, {inside} and {}", mesh.0.len());
+}

@@ -1,0 +1,367 @@
+//! Elastic: rotations, rotated gradients and the elements' right-hand side.
+
+use glam::{DMat3, DQuat, DVec3};
+use palpate::gpu::Const;
+use palpate::prepare::{Layer, Materials};
+use palpate::scene::Material;
+use palpate::stages::types::Counts;
+use palpate::step::Flags;
+use palpate_oracle::elastic::{lame, outer, polar_rotation, strain};
+
+use crate::harness::random::Random;
+use crate::harness::{Outcome, Tolerance, case, context, expect_close};
+use crate::solver::system::{DT, System, layered, material};
+
+/// Angle between rotations, rad. F is known to 1e-7 in f32, the polar rotation magnifies that by one over the sum of
+/// its
+/// two least singular values (above 0.2 here), and the iteration ends within 1e-7 of where it contracts to.
+const ANGLE: f64 = 2.0e-6;
+/// rad; 40 rounds that contract by up to 0.85; those that start next to half a turn off spend some on leaving.
+const INVERTED_FROM_AFAR: f64 = 5.0e-2;
+/// rad; a turn of a round that is taken for none, over what the slowest rounds here leave to go of it.
+const FOUND: f64 = 2.0e-3;
+/// Of the largest value: gradients are a dozen roundings away from the input.
+const GRADIENT: f64 = 1.0e-6;
+/// Of the largest value, where gradients are those of the deformed tetrahedron: the stretch, of which they have the inverse,
+/// is known to 1e-7 and a third at least.
+const FOLDED: f64 = 5.0e-6;
+/// Of the largest value: strains of order one tenth come from terms of order one, known to 1e-7.
+const FORCE: f64 = 1.0e-5;
+/// Of the largest value, at strains of 1e-6: what subtracting numbers of order one would leave is no better than 1e-1.
+const TINY_STRAIN: f64 = 5.0e-6;
+
+/// Runs elastic/rotate over a whole system; `patch_of`: each tetrahedron's patch or `NONE`, empty where nothing acts by them.
+pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
+    let tetrahedra = system.model.tetrahedra.len();
+    case("elastic/rotate")
+        .constant("TETRAHEDRA", tetrahedra as u32)
+        .constant("SPANS", Const::Bool(system.model.spans_frames()))
+        .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
+        .constant("NEO_HOOKEAN", Const::Bool(system.model.has_neo_hookean()))
+        .constant("AGAIN", Const::Bool(!system.trial_change.is_empty()))
+        .input("params", &[system.params])
+        .input("frames", &system.frames)
+        .input("materials", &system.model.materials)
+        .input("tetrahedra", &system.model.tetrahedra)
+        .input("rest_gradients", &system.model.rest_gradients)
+        .input("displacement", &system.displacement)
+        .input("velocity", &system.velocity)
+        .input("tetrahedron_links", &system.model.tetrahedron_links)
+        .input("node_rest", &system.model.node_rest)
+        .input("links", &system.links)
+        .input("patch_of", if patch_of.is_empty() { &[0] } else { patch_of })
+        .input("trial_change", system.trial())
+        .inout("rotations", &system.rotations)
+        .output::<[f32; 4]>("gradients", 3 * tetrahedra)
+        .inout("counts", &[system.counts])
+        .output::<[f32; 4]>("element_forces", 4 * tetrahedra)
+        .elements(tetrahedra)
+        .run()
+}
+
+/// `count` tetrahedra that share no node.
+pub fn scattered(count: usize, random: &mut Random) -> Layer {
+    let mut layer = Layer::default();
+    for t in 0..count as u32 {
+        let centre = 0.1 * random.vector();
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        layer.nodes.extend(corners.map(|x| centre + 0.02 * (x + 0.2 * random.vector())));
+        layer.tetrahedra.push(std::array::from_fn(|k| 4 * t + k as u32));
+    }
+    layer.bound = vec![false; layer.nodes.len()];
+    layer
+}
+
+/// Scattered tetrahedra, of which each has the deformation gradient `deform` says; at rest.
+fn deformed(count: usize, seed: u64, deform: impl FnMut(&mut Random) -> DMat3) -> System {
+    deformed_of(&material(2e4).into(), count, seed, deform)
+}
+
+/// The same of these materials.
+pub fn deformed_of(
+    materials: &Materials,
+    count: usize,
+    seed: u64,
+    mut deform: impl FnMut(&mut Random) -> DMat3,
+) -> System {
+    let mut random = Random(seed);
+    let layer = scattered(count, &mut random);
+    let nodes = layer.nodes.clone();
+    let bodies = if count == 0 { vec![] } else { vec![layered(layer, materials, random.turn(2.5))] };
+    let mut system = System::new(&bodies, 0.0, seed);
+    system.velocity.fill([0.0; 4]);
+    for (x, d) in nodes.chunks(4).zip(system.displacement.chunks_mut(4)) {
+        let gradient = deform(&mut random) - DMat3::IDENTITY;
+        for k in 0..4 {
+            let moved = (gradient * (x[k] - x[0])).as_vec3();
+            d[k] = [moved.x, moved.y, moved.z, 0.0];
+        }
+    }
+    sync(&mut system);
+    system
+}
+
+/// The oracle's state from the device's.
+pub fn sync(system: &mut System) {
+    let wide = |x: &[f32; 4]| DVec3::new(x[0].into(), x[1].into(), x[2].into());
+    for body in &mut system.twin.bodies {
+        body.displacement = system.displacement.iter().map(wide).collect();
+        body.velocity = system.velocity.iter().map(wide).collect();
+    }
+}
+
+/// R S with singular values from `least` to 1.4 along random axes.
+pub fn stretched(rotation: DQuat, least: f64, random: &mut Random) -> DMat3 {
+    let axes = DMat3::from_quat(random.turn(2.5));
+    let middle = 1.0 + 0.15 * random.next();
+    let stretch = DMat3::from_diagonal(DVec3::new(1.3 + 0.1 * random.next(), middle, least));
+    DMat3::from_quat(rotation) * axes * stretch * axes.transpose()
+}
+
+/// rad; whichever of its two quaternions a rotation has.
+fn angle(a: DQuat, b: DQuat) -> f64 {
+    let between = a.normalize().conjugate() * b.normalize();
+    2.0 * between.xyz().length().asin()
+}
+
+fn quaternions(system: &System) -> Vec<DQuat> {
+    system.rotations.iter().map(|q| DQuat::from_array(q.map(f64::from))).collect()
+}
+
+/// Rotations against the polar ones; gradients and forces against the oracle at the rotations the kernel found.
+pub fn expect_oracle(what: &str, system: &System, force: f64) {
+    let found = quaternions(system);
+    let Some(body) = system.twin.bodies.first() else { return assert!(found.is_empty()) };
+    for (t, (q, want)) in found.iter().zip(body.elements.rotations(&body.displacement)).enumerate() {
+        assert!((q.length() - 1.0).abs() < 1e-6, "{what} [{t}]: {q} is no unit quaternion");
+        assert!(angle(*q, want) < ANGLE, "{what} [{t}]: {q} is {:e} rad from {want}", angle(*q, want));
+    }
+    expect_gradients(what, system);
+    let h = system.twin.dt;
+    let elastic = body.elements.forces(&body.displacement, &found);
+    let weight = |material: &Material| h * (h + material.damping_stiffness);
+    let elements = body.elements.linearised(&body.displacement, &found);
+    let viscous = elements.apply_weighted(&body.velocity, &found, weight);
+    let held = elements.apply_weighted(&system.held_velocity(0), &found, |_| h * h);
+    let want = elastic.iter().zip(&viscous).zip(&held).flat_map(|((f, kv), held)| (h * *f - *kv + *held).to_array());
+    let got = &system.element_forces[..system.element_forces.len() - 4];
+    expect_of_largest(
+        &format!("{what}: forces"),
+        &crate::solver::system::triples(got),
+        &want.collect::<Vec<_>>(),
+        force,
+    );
+}
+
+fn expect_gradients(what: &str, system: &System) {
+    let body = &system.twin.bodies[0];
+    let h = system.twin.dt;
+    let share = if system.model.has_neo_hookean() { FOLDED } else { GRADIENT };
+    let (mut got, mut want, mut traces) = (vec![], vec![], (vec![], vec![]));
+    let operators = body.elements.linearised(&body.displacement, &quaternions(system)).operators;
+    for (t, q) in quaternions(system).iter().enumerate() {
+        let operator = &operators[t];
+        let turn =
+            body.elements.frame * DMat3::from_quat(q.normalize()) * operator.fold * body.elements.volumes[t].sqrt();
+        let [h1, h2, h3] = &system.gradients[3 * t..3 * t + 3] else { panic!("three a tetrahedron") };
+        got.extend([h1, h2, h3].iter().flat_map(|g| [g[0], g[1], g[2]]));
+        want.extend(body.elements.gradients[t][1..].iter().flat_map(|g| (turn * *g).to_array()));
+        let scale = h * (h + body.elements.materials[t].damping_stiffness);
+        let moduli = [scale * operator.mu, scale * operator.lambda];
+        expect_close("moduli", &[h1[3], h2[3]], &moduli, Tolerance { abs: moduli[0] * share, rel: share });
+        let e = strain(q.normalize(), body.elements.gradient(t, &body.displacement));
+        traces.0.push(h3[3]);
+        traces.1.push(e.x_axis.x + e.y_axis.y + e.z_axis.z);
+    }
+    expect_of_largest(&format!("{what}: gradients"), &got, &want, share);
+    expect_of_largest(&format!("{what}: tr(E)"), &traces.0, &traces.1, FORCE);
+}
+
+/// Every value within `share` of the largest wanted.
+pub fn expect_of_largest(what: &str, got: &[f32], want: &[f64], share: f64) {
+    let largest = want.iter().fold(0.0f64, |m, w| m.max(w.abs()));
+    expect_close(what, got, want, Tolerance { abs: share * largest, rel: 0.0 });
+}
+
+#[test]
+fn a_tetrahedron_stretched_along_an_edge_by_hand() {
+    // elastic/rotate: unit corner, 1 m; d_1 = (0.01, 0, 0): E = diag(0.01, 0, 0), P = 2 mu E + 0.01 lambda I, V = 1/6.
+    let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
+    let mut system = System::new(&[layered(layer, material(2e4), DQuat::IDENTITY)], 0.0, 1);
+    system.velocity.fill([0.0; 4]);
+    system.displacement[1] = [0.01, 0.0, 0.0, 0.0];
+    system.rotate();
+    assert_eq!(system.rotations, [[0.0, 0.0, 0.0, 1.0]]);
+    let (mu, lambda) = (2e4 / 2.9, 2e4 * 0.45 / (1.45 * 0.1));
+    let h = f64::from(DT);
+    let (along, across) = (h * 0.01 / 6.0 * (2.0 * mu + lambda), h * 0.01 / 6.0 * lambda);
+    let want = [along, across, across, -along, 0.0, 0.0, 0.0, -across, 0.0, 0.0, 0.0, -across];
+    expect_of_largest("forces", &crate::solver::system::triples(&system.element_forces[..4]), &want, GRADIENT);
+    let root = (1.0f64 / 6.0).sqrt();
+    let want = [root, 0.0, 0.0, 0.0, root, 0.0, 0.0, 0.0, root];
+    expect_of_largest("gradients", &crate::solver::system::triples(&system.gradients[..3]), &want, GRADIENT);
+}
+
+#[test]
+fn rotations_and_forces_agree_with_the_oracle_at_every_size() {
+    let width = context().group_size() as usize;
+    for count in [0, 1, width - 1, width, width + 1, 1234] {
+        let mut system = deformed(count, 7, |random| {
+            let turn = DQuat::from_scaled_axis(0.5 * random.vector());
+            stretched(turn, 0.8 + 0.1 * random.next(), random)
+        });
+        let mut random = Random(8);
+        let velocity = system.random_field(&mut random);
+        system.velocity = velocity.iter().map(|v| v.map(|x| 0.1 * x)).collect();
+        sync(&mut system);
+        system.rotate();
+        expect_oracle(&format!("elastic/rotate of {count}"), &system, FORCE);
+        system.trial_change = system.random_field(&mut random).iter().map(|v| v.map(|x| 0.1 * x)).collect();
+        system.rotate();
+        expect_oracle(&format!("elastic/rotate of {count}, again"), &system, FORCE);
+    }
+}
+
+#[test]
+fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
+    // elastic/rotate from the identity, up to just below half a turn; the third of a turn where tr F = 0 too.
+    let turns = [0.1, 1.0, 1.5, 2.0, 2.0 * std::f64::consts::FRAC_PI_3, 2.5, 3.0, 3.1, 3.13];
+    let mut k = 0;
+    let mut system = deformed(40 * turns.len(), 11, |random| {
+        k += 1;
+        let turn = DQuat::from_axis_angle(random.vector().normalize(), turns[k % turns.len()]);
+        stretched(turn, 0.9, random)
+    });
+    system.rotate();
+    expect_oracle("cold", &system, FORCE);
+    // What a former step left: the same, and some way off.
+    system.rotate();
+    expect_oracle("the same again", &system, FORCE);
+    let mut random = Random(12);
+    for q in &mut system.rotations {
+        let off = DQuat::from_scaled_axis(0.5 * random.vector()) * DQuat::from_array(q.map(f64::from));
+        *q = off.normalize().as_quat().to_array();
+    }
+    system.rotate();
+    expect_oracle("warm", &system, FORCE);
+}
+
+#[test]
+fn inverted_tetrahedra_keep_proper_rotations() {
+    // elastic/rotate, det F < 0: the proper rotation that flips the least direction. The iteration contracts by
+    // s1 / (s1 + s2 + s3) a round, here up to 0.85: one step comes near from afar, a few steps arrive.
+    let mut system = deformed(500, 13, |random| {
+        let turn = random.turn(2.5);
+        stretched(turn, -0.35 + 0.25 * random.next(), random)
+    });
+    let body = &system.twin.bodies[0];
+    let want = body.elements.rotations(&body.displacement);
+    system.rotate();
+    for (t, (q, want)) in quaternions(&system).iter().zip(want).enumerate() {
+        assert!(angle(*q, want) < INVERTED_FROM_AFAR, "[{t}]: {q} is {:e} rad from {want}", angle(*q, want));
+    }
+    for _ in 0..4 {
+        system.rotate();
+    }
+    expect_oracle("after five steps", &system, FORCE);
+}
+
+/// Flags after the kernel, of those before it.
+fn flags_of(system: &System) -> Flags {
+    Flags(rotate(system, &[]).get::<Counts>("counts")[0].flags)
+}
+
+#[test]
+fn one_that_is_inside_out_raises_a_flag_beside_others() {
+    for (least, is_inverted) in [(0.01, false), (-0.01, true)] {
+        let mut t = 0;
+        let mut system = deformed(500, 13, |random| {
+            t += 1;
+            stretched(DQuat::IDENTITY, if t == 317 { least } else { 0.8 }, random)
+        });
+        let body = &system.twin.bodies[0];
+        let gradients = (0..500).map(|e| DMat3::IDENTITY + body.elements.gradient(e, &body.displacement));
+        assert_eq!(gradients.filter(|f| f.determinant() <= 0.0).count(), usize::from(is_inverted));
+        system.counts.flags = Flags::DEPTH_BEYOND_LIMIT.0;
+        let want = if is_inverted { Flags::INVERTED } else { Flags::default() } | Flags::DEPTH_BEYOND_LIMIT;
+        assert_eq!(flags_of(&system), want, "a least stretch of {least}");
+    }
+}
+
+#[test]
+fn a_rotation_that_is_not_found_raises_a_flag_until_it_is() {
+    // elastic/rotate, pressed from two sides to a needle and turned: rounds contract by 0.987 about it.
+    let mut system = deformed(100, 29, |random| {
+        let axes = DMat3::from_quat(random.turn(2.5));
+        let turn = DMat3::from_quat(DQuat::from_scaled_axis(0.5 * random.vector()));
+        turn * axes * DMat3::from_diagonal(DVec3::new(3.0, 0.02, 0.02)) * axes.transpose()
+    });
+    let body = &system.twin.bodies[0];
+    let wanted = body.elements.rotations(&body.displacement);
+    let mut flagged = 0;
+    for step in 0..60 {
+        let flags = flags_of(&system);
+        system.rotate();
+        let off = quaternions(&system).iter().zip(&wanted).map(|(q, want)| angle(*q, *want)).fold(0.0, f64::max);
+        assert!(step > 0 || off > FOUND, "{off:e} rad are not far");
+        assert!(flags == Flags::INVERTED || off < FOUND, "step {step}: {off:e} rad off, and no flag");
+        flagged += usize::from(flags == Flags::INVERTED);
+    }
+    assert!((1..50).contains(&flagged), "{flagged} of 60 steps");
+}
+
+#[test]
+fn tiny_strains_keep_their_digits() {
+    // elastic/rotate at strains (and turns) of 1e-6.
+    let mut system = deformed(300, 17, |random| {
+        let g = DMat3::from_cols(random.vector(), random.vector(), random.vector());
+        DMat3::IDENTITY + 1e-6 * g
+    });
+    system.rotate();
+    expect_oracle("tiny strains", &system, TINY_STRAIN);
+}
+
+#[test]
+fn rigid_motions_give_no_force_and_forces_balance() {
+    // elastic/rotate: a rotated element pushes no more than rounding of its strain does; forces sum to zero; a twist
+    // of the whole (v = w x x) is not resisted.
+    let spin = DVec3::new(3.0, -2.0, 1.0);
+    let mut system = deformed(300, 19, |random| DMat3::from_quat(random.turn(2.5)));
+    let body = &system.twin.bodies[0];
+    let place = |(x, d): (&DVec3, &DVec3)| spin.cross(body.elements.frame * (*x + *d)).as_vec3();
+    let twist = body.layer.nodes.iter().zip(&body.displacement).map(place);
+    system.velocity = twist.map(|v| [v.x, v.y, v.z, 0.0]).collect();
+    system.rotate();
+    let body = &system.twin.bodies[0];
+    let (h, (mu, lambda)) = (system.twin.dt, lame(&body.elements.materials[0]));
+    let unit: Vec<f64> = (0..300)
+        .map(|t| h * body.elements.volumes[t] * (2.0 * mu + lambda) * body.elements.gradients[t][1].length())
+        .collect();
+    for (t, forces) in system.element_forces[..1200].chunks(4).enumerate() {
+        let size = crate::solver::system::triples(forces).iter().fold(0.0f32, |m, x| m.max(x.abs()));
+        assert!(f64::from(size) < FORCE * unit[t], "[{t}]: {size:e} of {:e} at a strain of one", unit[t]);
+    }
+    // The same elements, deformed: their forces balance.
+    system.displacement.iter_mut().for_each(|d| d[0] *= 1.3);
+    system.rotate();
+    for forces in system.element_forces[..1200].chunks(4) {
+        let sum: DVec3 = forces.iter().map(|f| DVec3::new(f[0].into(), f[1].into(), f[2].into())).sum();
+        let size: f64 = forces.iter().map(|f| f64::from(f[0].abs() + f[1].abs() + f[2].abs())).sum();
+        assert!(sum.length() < 1e-6 * size, "forces leave {sum}");
+    }
+}
+
+#[test]
+fn the_oracles_polar_rotation_is_one() {
+    // What the other tests lean on: R^T F is symmetric, R is proper.
+    let mut random = Random(23);
+    for _ in 0..100 {
+        let least = random.next();
+        let f = stretched(random.turn(2.5), least, &mut random);
+        let rest = DMat3::from_quat(polar_rotation(f)).transpose() * f;
+        let skew = rest - rest.transpose();
+        assert!(skew.to_cols_array().iter().all(|x| x.abs() < 1e-12), "{skew}");
+    }
+    assert_eq!(outer(DVec3::X, DVec3::Y).y_axis, DVec3::X);
+}

@@ -1,0 +1,539 @@
+//! Fields of the skins: each kernel against f64, whole fields against what the host knows, and a run that is looked at against
+//! one that is not.
+
+use glam::{DMat3, DQuat, DVec3};
+use palpate::gpu::{Const, Size};
+use palpate::prepare::patch::patches;
+use palpate::prepare::{Layer, Shape};
+use palpate::scene::{Law, Sides};
+use palpate::stages::types::{Contact, Counts, Frame, NONE, StepParams};
+use palpate::step::StepReport;
+use palpate::step::{Field, Overlay, Simulation};
+
+use crate::harness::random::Random;
+use crate::harness::{Outcome, Tolerance, case, context, expect_close};
+use crate::law::friction;
+use crate::scene::joints;
+use crate::scene::touch::{Place, press};
+use crate::scene::whole_step::{open, run, scene, soft_twin};
+use crate::solver::system::{System, layered, material, mixed, two_layers};
+use crate::stage::elastic::{deformed_of, expect_of_largest, stretched};
+
+/// Of the largest value: strains of order one tenth come from terms of order one, known to 1e-7; a density is their square.
+const DENSITY: f64 = 1.0e-5;
+/// Of the largest value at strains of 1e-6, among them some that hardly change the volume, of which the trace is a small
+/// difference; what subtracting numbers of order one would leave is no better than 1e-1.
+const TINY_STRAIN: f64 = 5.0e-5;
+/// By hand: a dozen roundings.
+const BY_HAND: f64 = 1.0e-6;
+/// Sums of a few terms in f32.
+const SUM: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };
+/// Of pressures of a step: of f32 sums of parts that may cancel, each of the pressure's size.
+const PRESSURE: f64 = 1.0e-5;
+/// Of a whole field, of its largest: displacements in f32, of which the stress is a small difference.
+const WHOLE: f64 = 2.0e-4;
+/// What f64 leaves of nothing at rest; both m and J/m^3.
+const REST: f64 = 1.0e-12;
+
+/// 0, 1, around the width of a workgroup, and many.
+fn sizes() -> [usize; 6] {
+    let width = context().group_size() as usize;
+    [0, 1, width - 1, width, width + 1, 1234]
+}
+
+/// Running totals of lists of up to four, and what they hold below `n`.
+fn lists(owners: usize, n: usize, random: &mut Random) -> (Vec<u32>, Vec<u32>) {
+    let (mut first, mut held) = (vec![0], Vec::new());
+    for _ in 0..owners {
+        held.extend((0..random.below(5)).map(|_| random.below(n) as u32));
+        first.push(held.len() as u32);
+    }
+    (first, held)
+}
+
+/// draw/energy over a system.
+fn energy(system: &System, patch_of: &[u32]) -> Outcome {
+    let tetrahedra = system.model.tetrahedra.len();
+    case("draw/energy")
+        .constant("TETRAHEDRA", tetrahedra as u32)
+        .constant("SPANS", Const::Bool(system.model.spans_frames()))
+        .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
+        .constant("NEO_HOOKEAN", Const::Bool(system.model.has_neo_hookean()))
+        .input("materials", &system.model.materials)
+        .input("tetrahedra", &system.model.tetrahedra)
+        .input("rest_gradients", &system.model.rest_gradients)
+        .input("displacement", &system.displacement)
+        .input("tetrahedron_links", &system.model.tetrahedron_links)
+        .input("node_rest", &system.model.node_rest)
+        .input("links", &system.links)
+        .input("patch_of", if patch_of.is_empty() { &[0] } else { patch_of })
+        .input("rotations", &system.rotations)
+        .output::<[f32; 4]>("densities", tetrahedra)
+        .elements(tetrahedra)
+        .run()
+}
+
+/// The oracle's densities of a system's bodies, at their own rotations.
+fn wanted(system: &System) -> Vec<f64> {
+    let of_body = |body: &palpate_oracle::step::SoftBody| {
+        let rotations = body.elements.rotations(&body.displacement);
+        body.elements.densities(&body.displacement, &rotations)
+    };
+    system.twin.bodies.iter().flat_map(of_body).collect()
+}
+
+fn column(rows: &[[f32; 4]], k: usize) -> Vec<f32> {
+    rows.iter().map(|row| row[k]).collect()
+}
+
+#[test]
+fn the_energy_of_a_tetrahedron_stretched_along_an_edge_by_hand() {
+    // draw/energy: unit corner, d_1 = (0.01, 0, 0), E = diag(0.01, 0, 0): (mu + lambda / 2) 1e-4; V = 1/6.
+    for law in [Law::Corotational, Law::NeoHookean] {
+        let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
+        let soft = palpate::scene::Material { law, ..material(2e4) };
+        let mut system = System::new(&[layered(layer, soft, DQuat::IDENTITY)], 0.0, 1);
+        system.displacement[1] = [0.01, 0.0, 0.0, 0.0];
+        let got: Vec<[f32; 4]> = energy(&system, &[]).get("densities");
+        let (mu, lambda) = (2e4 / 2.9, 2e4 * 0.45 / (1.45 * 0.1));
+        let (m, l) = (4.0 / 3.0 * mu, lambda + 5.0 / 6.0 * mu);
+        // I = 2 + 1.01^2, J = 1.01.
+        let (grown, j, a) = (1.01f64.powi(2) - 1.0, 1.01f64, 1.0 + 0.75 * m / l);
+        let bent = m * (grown - (1.0 + grown / 4.0).ln()) + l * ((j - a).powi(2) - (1.0 - a).powi(2));
+        let want = if law == Law::Corotational { (mu + 0.5 * lambda) * 1e-4 } else { 0.5 * bent };
+        expect_close("density", &[got[0][0]], &[want], Tolerance { abs: 0.0, rel: 10.0 * BY_HAND });
+        expect_close("volume", &[got[0][1]], &[1.0 / 6.0], Tolerance { abs: 0.0, rel: BY_HAND });
+    }
+}
+
+#[test]
+fn energies_agree_with_the_oracle_at_every_size_squeezed_and_tiny() {
+    for count in sizes() {
+        for (what, least, share) in
+            [("stretched", 0.8, DENSITY), ("squeezed", 0.1, DENSITY), ("tiny", 1.0, TINY_STRAIN)]
+        {
+            let system = deformed_of(&mixed(count), count, 7, |random| match what {
+                "tiny" => {
+                    let vectors = [random.vector(), random.vector(), random.vector()];
+                    DMat3::IDENTITY + DMat3::from_cols(vectors[0], vectors[1], vectors[2]) * 1e-6
+                }
+                _ => {
+                    let turn = DQuat::from_scaled_axis(0.5 * random.vector());
+                    stretched(turn, least + 0.05 * random.next(), random)
+                }
+            });
+            let got: Vec<[f32; 4]> = energy(&system, &[]).get("densities");
+            expect_of_largest(&format!("{count} {what}"), &column(&got, 0), &wanted(&system), share);
+        }
+    }
+}
+
+#[test]
+fn energies_of_patches_agree_with_the_oracle() {
+    let mut bodies = two_layers();
+    for body in &mut bodies {
+        let Shape::Soft { layer, .. } = &mut body.shape else { panic!("not soft") };
+        layer.patches = patches(layer, |_| 0);
+    }
+    let system = System::new(&bodies, 0.002, 5);
+    let of = &system.model.patches.of;
+    let densities: Vec<[f32; 4]> = energy(&system, of).get("densities");
+    let count = system.model.patches.count();
+    let members = |p: usize| (0..of.len() as u32).filter(move |t| of[*t as usize] == p as u32);
+    let mut first = vec![0u32];
+    (0..count).for_each(|p| first.push(first[p] + members(p).count() as u32));
+    let outcome = case("draw/share")
+        .constant("PATCHES", count as u32)
+        .input("first", &first)
+        .input("members", &(0..count).flat_map(members).collect::<Vec<u32>>())
+        .inout("densities", &densities)
+        .elements(count)
+        .run();
+    let got: Vec<[f32; 4]> = outcome.get("densities");
+    let want = wanted(&system);
+    expect_of_largest("densities of patches", &column(&got, 0), &want, DENSITY);
+    let alone = column(&densities, 0).iter().zip(&want).filter(|(got, want)| f64::from(**got) < 0.9 * **want).count();
+    assert!(count > 1 && alone > 0, "patches have a part in it");
+}
+
+#[test]
+fn sums_over_patches_of_any_number() {
+    let mut random = Random(31);
+    for n in sizes() {
+        // One tetrahedron is in one patch.
+        let (first, members) =
+            ((0..=n as u32).map(|p| 2 * p).collect::<Vec<_>>(), (0..2 * n as u32).rev().collect::<Vec<_>>());
+        let rows: Vec<[f32; 4]> = (0..2 * n)
+            .map(|_| [1.0 + random.next(), 1.1 + random.next(), random.next(), 2.0].map(|x| x as f32))
+            .collect();
+        let outcome = case("draw/share")
+            .constant("PATCHES", n as u32)
+            .input("first", &first)
+            .input("members", &members)
+            .inout("densities", &rows)
+            .elements(n)
+            .run();
+        let mut want = vec![0.0; 2 * n];
+        for pair in members.chunks(2) {
+            let [a, b] = [pair[0], pair[1]].map(|t| rows[t as usize].map(f64::from));
+            let theta = (a[1] * a[2] + b[1] * b[2]) / (a[1] + b[1]);
+            pair.iter().zip([a, b]).for_each(|(t, own)| want[*t as usize] = own[0] + 0.5 * own[3] * theta * theta);
+        }
+        let got: Vec<[f32; 4]> = outcome.get("densities");
+        expect_close("densities", &column(&got, 0), &want, SUM);
+        assert!((0..2 * n).all(|t| got[t][1..] == rows[t][1..]));
+    }
+}
+
+#[test]
+fn nodes_have_the_mean_of_their_tetrahedra_and_vertices_that_of_their_nodes() {
+    let mut random = Random(32);
+    for n in sizes() {
+        let densities: Vec<[f32; 4]> =
+            (0..50).map(|_| [1.0 + random.next(), 1.1 + random.next(), 5.0, 5.0].map(|x| x as f32)).collect();
+        let (first, around) = lists(n, 50, &mut random);
+        let outcome = case("draw/mean")
+            .constant("NODES", n as u32)
+            .input("first", &first)
+            .input("around", if around.is_empty() { &[0] } else { &around })
+            .input("densities", &densities)
+            .output::<f32>("node_values", n)
+            .elements(n)
+            .run();
+        let mean = |i: usize| {
+            let own =
+                around[first[i] as usize..first[i + 1] as usize].iter().map(|t| densities[*t as usize].map(f64::from));
+            let (sum, volume) = own.fold((0.0, 0.0), |(sum, volume), row| (sum + row[0] * row[1], volume + row[1]));
+            if volume > 0.0 { sum / volume } else { 0.0 }
+        };
+        let want: Vec<f64> = (0..n).map(mean).collect();
+        let got: Vec<f32> = outcome.get("node_values");
+        expect_close("means", &got, &want, SUM);
+
+        let (nodes, weights) = vertices(n, 50, &mut random);
+        let values: Vec<f32> = (0..50).map(|_| random.next() as f32 + 1.0).collect();
+        let outcome = case("draw/spread")
+            .input("skin_nodes", &nodes)
+            .input("skin_weights", &weights)
+            .input("node_values", &values)
+            .output::<f32>("values", n)
+            .push(&(n as u32))
+            .elements(n)
+            .run();
+        let spread = |(nodes, weights): (&[u32; 4], &[f32; 4])| match nodes[0] {
+            NONE => 0.0,
+            _ => nodes
+                .iter()
+                .zip(weights)
+                .map(|(n, w)| f64::from(*w) * f64::from(values[*n as usize]))
+                .sum::<f64>()
+                .max(0.0),
+        };
+        let want: Vec<f64> = nodes.iter().zip(&weights).take(n).map(spread).collect();
+        expect_close("spread", &outcome.get::<f32>("values"), &want, SUM);
+    }
+}
+
+/// Nodes and weights of vertices, some of them rigid; one at least.
+fn vertices(n: usize, nodes: usize, random: &mut Random) -> (Vec<[u32; 4]>, Vec<[f32; 4]>) {
+    let four = |k: usize, random: &mut Random| match k % 7 {
+        6 => [NONE, 0, 0, 0],
+        _ => [0; 4].map(|_| random.below(nodes) as u32),
+    };
+    let all = (0..n.max(1)).map(|k| (four(k, random), [0; 4].map(|_| random.next() as f32)));
+    all.unzip()
+}
+
+#[test]
+fn what_deformation_moved_is_turned_by_its_frames() {
+    let mut random = Random(33);
+    let frames: Vec<Frame> = (0..3)
+        .map(|_| Frame { rotation: random.turn(3.0).as_quat().to_array(), centre: [5.0; 3], ..Frame::default() })
+        .collect();
+    let displacement: Vec<[f32; 4]> = (0..50).map(|_| random.vector().as_vec3().extend(9.0).to_array()).collect();
+    let info: Vec<[u32; 4]> = (0..50).map(|_| [7, 7, random.below(3) as u32, 7]).collect();
+    for n in sizes() {
+        let (nodes, weights) = vertices(n, 50, &mut random);
+        let outcome = case("draw/moved")
+            .input("frames", &frames)
+            .input("skin_nodes", &nodes)
+            .input("skin_weights", &weights)
+            .input("displacement", &displacement)
+            .input("node_info", &info)
+            .output::<f32>("values", n)
+            .push(&(n as u32))
+            .elements(n)
+            .run();
+        let turned = |node: &u32| {
+            let at = *node as usize;
+            let rotation = DQuat::from_array(frames[info[at][2] as usize].rotation.map(f64::from));
+            let [x, y, z, _] = displacement[at].map(f64::from);
+            rotation * DVec3::new(x, y, z)
+        };
+        let moved = |(nodes, weights): (&[u32; 4], &[f32; 4])| match nodes[0] {
+            NONE => 0.0,
+            _ => nodes.iter().zip(weights).map(|(n, w)| f64::from(*w) * turned(n)).sum::<DVec3>().length(),
+        };
+        let want: Vec<f64> = nodes.iter().zip(&weights).take(n).map(moved).collect();
+        expect_close("moved", &outcome.get::<f32>("values"), &want, SUM);
+    }
+}
+
+#[test]
+fn the_greatest_of_ranges_of_any_size() {
+    let width = context().reduce_size() as usize;
+    let mut random = Random(34);
+    let sizes = [0, 1, width - 1, width, width + 1, 1234];
+    let mut ranges = vec![];
+    for n in sizes {
+        let first = ranges.last().map_or(3, |range: &[u32; 2]| range[1]);
+        ranges.push([first, first + n as u32]);
+    }
+    let values: Vec<f32> = (0..ranges[5][1] + 5).map(|_| 1.0 + random.next() as f32).collect();
+    for n in 0..=sizes.len() {
+        let outcome = case("draw/most")
+            .size(Size::Reduce)
+            .input("ranges", if n == 0 { &[[0; 2]] } else { &ranges[..n] })
+            .input("values", &values)
+            .output::<f32>("most", n)
+            .groups(n)
+            .run();
+        let most = |range: &[u32; 2]| values[range[0] as usize..range[1] as usize].iter().copied().fold(0.0, f32::max);
+        assert_eq!(outcome.get::<f32>("most"), ranges[..n].iter().map(most).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn contacts_show_at_both_skins_and_the_greatest_of_a_vertex_stays() {
+    let mut random = Random(35);
+    let skin = 60;
+    let triangles: Vec<[u32; 4]> =
+        (0..40).map(|_| [random.below(skin), random.below(skin), random.below(skin), 0].map(|v| v as u32)).collect();
+    for n in sizes() {
+        for is_solved in [1u32, 0] {
+            let contact = |c: usize, random: &mut Random| Contact {
+                area: 0.6 + 0.5 * random.next() as f32,
+                depth: 0.5 + 0.4 * random.next() as f32,
+                rate: 0.3 * random.next() as f32,
+                stiffness: if c % 5 == 4 { 0.0 } else { 2.0 + random.next() as f32 },
+                damping: if c % 5 == 4 { 0.0 } else { 1.0 },
+                vertex: random.below(skin) as u32,
+                triangle: if c % 3 == 2 { NONE } else { random.below(40) as u32 },
+                ..Contact::default()
+            };
+            let mut contacts: Vec<Contact> = (0..n.max(1)).map(|c| contact(c, &mut random)).collect();
+            let mut forces: Vec<[f32; 4]> =
+                contacts.iter().map(|_| [0.0, 0.0, 0.0, 0.2 * random.next() as f32]).collect();
+            // One that no solver would leave, and one that pulls.
+            if n > 20 {
+                forces[3][3] = f32::NAN;
+                contacts[6].rate = -100.0;
+            }
+            let params = StepParams { dt: 0.25, ..bytemuck::Zeroable::zeroed() };
+            let outcome = case("draw/touched")
+                .constant("CAPACITY", contacts.len() as u32)
+                .input("params", &[params])
+                .input("counts", &[Counts { contacts: n as u32, ..Counts::default() }])
+                .input("contacts", &contacts)
+                .input("contact_forces", &forces)
+                .input("triangles", &triangles)
+                .input("is_solved", &[is_solved])
+                .inout("depths", &vec![0.0f32; skin])
+                .inout("pressures", &vec![0.0f32; skin])
+                .elements(contacts.len())
+                .run();
+            let (mut depths, mut pressures) = (vec![0.0f64; skin], vec![0.0f64; skin]);
+            for (c, force) in contacts.iter().zip(&forces).take(n).filter(|(c, _)| c.stiffness > 0.0) {
+                let [k, d, depth, rate, area] = [c.stiffness, c.damping, c.depth, c.rate, c.area].map(f64::from);
+                let slope = 0.25 * k + d;
+                let pressure = match is_solved {
+                    1 => k * depth + slope * (rate + f64::from(force[3]) / (0.25 * slope * area)),
+                    _ => k * depth + d * rate,
+                };
+                let met = triangles.get(c.triangle as usize).map_or(vec![], |t| t[..3].to_vec());
+                for v in met.into_iter().chain([c.vertex]) {
+                    depths[v as usize] = depths[v as usize].max(depth);
+                    pressures[v as usize] = pressures[v as usize].max(pressure);
+                }
+            }
+            expect_close("depths", &outcome.get::<f32>("depths"), &depths, Tolerance { abs: 0.0, rel: 0.0 });
+            expect_close("pressures", &outcome.get::<f32>("pressures"), &pressures, SUM);
+            assert!(n < 1000 || pressures.iter().all(|p| *p > 0.0));
+        }
+    }
+}
+
+/// A field as the device has it, without the padding; the greatest of each body is that of its vertices.
+fn shown(simulation: &mut Simulation, field: Field) -> Vec<f32> {
+    let ranges = simulation.skin_ranges();
+    let found = simulation.field(field).unwrap();
+    let mut values = found.values.read::<f32>().unwrap();
+    assert!(values.len() - ranges.last().unwrap().end < 4);
+    values.truncate(ranges.last().unwrap().end);
+    assert!(values.iter().all(|x| *x >= 0.0 && x.is_finite()));
+    let most: Vec<f32> = ranges.iter().map(|range| values[range.clone()].iter().copied().fold(0.0, f32::max)).collect();
+    assert_eq!(found.greatest, most);
+    let messages = simulation.context().validation_messages();
+    assert!(messages.is_empty(), "{messages:#?}");
+    values
+}
+
+/// Strain energy density and displacement of all skin vertices, as the host has them.
+fn of_host(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
+    let ranges = simulation.skin_ranges();
+    let total = ranges.last().unwrap().end;
+    let (mut energies, mut distances) = (vec![0.0; total], vec![0.0; total]);
+    for (index, body) in simulation.bodies().iter().enumerate() {
+        let Shape::Soft { layer, embedding, frames, node_frames, .. } = &body.shape else { continue };
+        let elements = soft_twin(simulation, index).elements;
+        let (moved, _) = simulation.nodes(index).unwrap().unwrap();
+        let densities = elements.densities(&moved, &elements.rotations(&moved));
+        let (mut sums, mut volumes) = (vec![0.0; moved.len()], vec![0.0; moved.len()]);
+        for (t, nodes) in layer.tetrahedra.iter().enumerate() {
+            for n in nodes {
+                sums[*n as usize] += elements.volumes[t] * densities[t];
+                volumes[*n as usize] += elements.volumes[t];
+            }
+        }
+        let (places, now) = (simulation.frames(index), simulation.node_positions(index).unwrap());
+        let strayed = |n: usize| {
+            let (place, frame) = (places[node_frames[n] as usize], &frames[node_frames[n] as usize]);
+            now[n] - (place.centre + place.rotation * (layer.nodes[n] - frame.centre))
+        };
+        for (v, e) in embedding.iter().enumerate() {
+            let nodes = layer.tetrahedra[e.tetrahedron as usize].map(|n| n as usize);
+            let at = ranges[index].start + v;
+            energies[at] = nodes.iter().zip(e.weights).map(|(n, w)| w * sums[*n] / volumes[*n]).sum::<f64>().max(0.0);
+            distances[at] = nodes.iter().zip(e.weights).map(|(n, w)| w * strayed(*n)).sum::<DVec3>().length();
+        }
+    }
+    (energies, distances)
+}
+
+/// Depth and pressure of the last step's contacts, as they began.
+fn of_contacts(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
+    let total = simulation.skin_ranges().last().unwrap().end;
+    let (mut depths, mut pressures) = (vec![0.0f64; total], vec![0.0f64; total]);
+    let ranges = simulation.skin_ranges();
+    let triangles: Vec<[usize; 3]> = ranges
+        .iter()
+        .enumerate()
+        .flat_map(|(body, range)| simulation.skin_triangles(body).iter().map(|t| t.map(|v| range.start + v as usize)))
+        .collect();
+    for c in simulation.touch().unwrap().1.iter().filter(|c| c.stiffness > 0.0) {
+        let [k, d, depth, rate] = [c.stiffness, c.damping, c.depth, c.rate].map(f64::from);
+        let met = triangles.get(c.triangle as usize).map_or(vec![], |t| t.to_vec());
+        for v in met.into_iter().chain([c.vertex as usize]) {
+            depths[v] = depths[v].max(depth);
+            pressures[v] = pressures[v].max(k * depth + d * rate);
+        }
+    }
+    (depths, pressures)
+}
+
+#[test]
+fn fields_are_what_the_host_knows() {
+    let place = Place { shift: DVec3::new(0.3, -0.2, 0.1), turn: DQuat::from_rotation_z(0.5), slide: DVec3::ZERO };
+    let keys = "motion = \"driven\"\nkeys = [[0.0, 0.4, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703], \
+                [0.2, 0.42, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703]]";
+    let pressed = press(2e4, 1e-3, place, "");
+    let neo = pressed.replace("density = 1000.0", "density = 1000.0, law = \"neo-hookean\"");
+    assert_ne!(neo, pressed);
+    let patched = pressed.replace("name = \"block\"", "name = \"block\"\ndilatation = \"patch\"");
+    let chain = joints::chain(2e4, keys, ["", "stiffness = 0.5"], "gravity = [5.0, -25.0, 8.0]");
+    let all = [
+        ("pressed", &pressed),
+        ("neo-Hookean", &neo),
+        ("patched", &patched),
+        ("two that fall", &friction::collision(0.3)),
+        ("a chain", &chain),
+    ];
+    for (name, text) in all {
+        let mut simulation = open(&scene(text), None);
+        for steps in [0, 45] {
+            run(&mut simulation, steps);
+            let (energies, distances) = of_host(&simulation);
+            let (depths, _) = of_contacts(&simulation);
+            let got = Field::ALL.map(|field| shown(&mut simulation, field));
+            expect_close(&format!("{name}: depth"), &got[0], &depths, Tolerance { abs: 0.0, rel: 0.0 });
+            assert!(got[0].iter().zip(&got[1]).all(|(depth, pressure)| *pressure == 0.0 || *depth > 0.0), "{name}");
+            for (field, wanted) in [(Field::StrainEnergy, &energies), (Field::Displacement, &distances)] {
+                let largest = wanted.iter().copied().fold(0.0, f64::max);
+                let tolerance = Tolerance { abs: WHOLE * largest + REST, rel: 0.0 };
+                expect_close(&format!("{name}: {}", field.name()), &got[field as usize], wanted, tolerance);
+            }
+            assert!(steps == 0 || (got[2].iter().any(|e| *e > 0.0) && got[3].iter().any(|d| *d > 0.0)), "{name}");
+            assert!(steps == 0 || name == "a chain" || got[1].iter().any(|p| *p > 0.0), "{name}: nothing touches");
+        }
+    }
+}
+
+#[test]
+fn pressures_are_what_the_tool_feels() {
+    let mut text = scene(&press(2e4, 1e-3, Place::default(), "tolerance = 1e-6\nmax_iterations = 1000"));
+    text.contact.sides = Sides::One;
+    let mut simulation = open(&text, None);
+    let mut touched = 0;
+    for row in run_looking(&mut simulation, 50) {
+        let felt = row.0.tool.unwrap().force;
+        assert!(row.1.distance(felt) <= PRESSURE * row.2, "step {}: {} for {felt}", row.0.step, row.1);
+        touched += usize::from(felt.length() > 0.01);
+    }
+    assert!(touched > 10);
+    // Both skins show it; what is taken up from elsewhere shows what the step began with.
+    let values = shown(&mut simulation, Field::Pressure);
+    let ranges = simulation.skin_ranges();
+    assert!(ranges.iter().all(|range| values[range.clone()].iter().any(|p| *p > 0.0)));
+    let state = simulation.save().unwrap();
+    simulation.restore(&state).unwrap();
+    let (_, began) = of_contacts(&simulation);
+    let values = shown(&mut simulation, Field::Pressure);
+    expect_of_largest("pressures at the start", &values, &began, PRESSURE);
+}
+
+/// Of each step: its row, the force that the pressures of the tool's own contacts make, and their sizes summed.
+fn run_looking(simulation: &mut Simulation, steps: usize) -> Vec<(StepReport, DVec3, f64)> {
+    let mut all = Vec::new();
+    for _ in 0..steps {
+        let row = run(simulation, 1).remove(0);
+        let values = shown(simulation, Field::Pressure);
+        let (mut force, mut size) = (DVec3::ZERO, 0.0);
+        for c in simulation.touch().unwrap().1 {
+            assert_eq!(c.side % 2, 1, "the tool's vertices gather");
+            let push = f64::from(c.area) * f64::from(values[c.vertex as usize]);
+            force += push * DVec3::from(c.normal.map(f64::from));
+            size += push;
+        }
+        all.push((row, force, size));
+    }
+    all
+}
+
+#[test]
+fn a_run_that_is_looked_at_is_the_same_bits() {
+    for text in [press(2e4, 1e-3, Place::default(), ""), friction::collision(0.3)] {
+        let scene = scene(&text);
+        let [mut plain, mut seen] = [open(&scene, None), open(&scene, None)];
+        for step in 0..50 {
+            let rows = [run(&mut plain, 1).remove(0), run(&mut seen, 1).remove(0)];
+            let bits = rows.map(|row| {
+                let tool =
+                    row.tool.map(|t| [t.tool.position, t.force, t.torque].map(|x| x.to_array().map(f64::to_bits)));
+                (tool, row.contacts, row.iterations, row.residual.to_bits(), row.flags)
+            });
+            assert_eq!(bits[0], bits[1], "step {step}");
+            if step % 3 == 0 {
+                seen.skins(DVec3::Y).unwrap();
+                Field::ALL.iter().for_each(|field| drop(seen.field(*field).unwrap()));
+                for overlay in [Overlay::Proxies, Overlay::Layers(Field::StrainEnergy), Overlay::Cores, Overlay::Bones]
+                {
+                    seen.overlay(overlay, DVec3::X).unwrap();
+                }
+                seen.region_squares().unwrap();
+            }
+        }
+        let end = [&plain, &seen].map(|simulation| simulation.save().unwrap());
+        assert!(end[0] == end[1], "the states differ");
+    }
+}

@@ -1,0 +1,579 @@
+//! wrench/gap: the shortest way from the tool to skin, against every point and triangle in f64; and what the loop is told of it.
+
+use bytemuck::Zeroable;
+use glam::{DQuat, DVec3};
+use palpate::gpu::Size;
+use palpate::prepare::{self, Body, FrameMotion, Shape};
+use palpate::stages::gap::{RANGE, parts};
+use palpate::stages::types::{Chunk, Frame, Link, NONE, Proxy, RigidIterate, SkinGap, SkinPart, Solve};
+use palpate_oracle::gap as oracle;
+use palpate_oracle::gap::{Mesh, Way};
+
+use crate::harness::bodies::{octants, rigid, soft, sphere, whole};
+use crate::harness::random::Random;
+use crate::harness::{case, context};
+use crate::stage::flow::{Flow, fours, some};
+
+/// Of a sphere, m.
+const RADIUS: f64 = 0.01;
+/// Of a way, m: positions of a tenth of a metre, some ten operations in f32.
+const CLOSE: f64 = 2.0e-7;
+/// What is no length, m.
+const FAR: f32 = 3.0e38;
+/// Chunks of a part at most.
+const SHARE: u32 = 8;
+
+/// What wrench/gap is given besides the flow's arrays: the tool is the flow's last body.
+struct Given {
+    flow: Flow,
+    parts: Vec<SkinPart>,
+    /// Changes of twists of the cores, then of the tool; the newest set is the second.
+    changes: Vec<[f32; 6]>,
+    is_round: bool,
+    /// Of a ball about the tool's centre that holds it.
+    radius: f64,
+}
+
+/// Where a frame is at the end of the step: centre and rotation.
+type Place = (DVec3, DQuat);
+
+fn vector(x: [f32; 3]) -> DVec3 {
+    DVec3::from(x.map(f64::from))
+}
+
+fn quaternion(q: [f32; 4]) -> DQuat {
+    DQuat::from_array(q.map(f64::from)).normalize()
+}
+
+impl Given {
+    fn new(bodies: &[Body], tool: &Body, random: &mut Random) -> Given {
+        let mut flow = Flow::new(bodies, Some(tool), DVec3::ZERO);
+        flow.params.dt = 1.0 / 64.0;
+        flow.params.tool_twist = std::array::from_fn(|k| (if k < 3 { 0.1 } else { 1.0 } * random.next()) as f32);
+        let changes =
+            (0..=flow.model.cores.len()).map(|_| std::array::from_fn(|_| 0.2 * random.next() as f32)).collect();
+        let parts = parts(&flow.model).iter().map(|part| part.part).collect();
+        Given { flow, parts, changes, is_round: false, radius: 0.0 }
+    }
+
+    fn tool_frame(&self) -> usize {
+        self.flow.model.tool_frame.unwrap()
+    }
+
+    fn run(&self, size: Size) -> Vec<SkinGap> {
+        let (flow, model) = (&self.flow, &self.flow.model);
+        let old = [RigidIterate { x: [f32::NAN; 6], ..RigidIterate::zeroed() }].repeat(self.changes.len());
+        let new = self.changes.iter().map(|x| RigidIterate { x: *x, ..RigidIterate::zeroed() });
+        let proxies = &model.proxies;
+        let of_tool: Vec<&Proxy> = proxies.iter().filter(|p| p.frame as usize == self.tool_frame()).collect();
+        let reach = RANGE + if self.is_round { self.radius } else { 0.0 };
+        let stale = vec![[-5.0f32; 4]; model.skin_nodes.len().max(1)];
+        let out = case("wrench/gap")
+            .size(size)
+            .constant("RIGIDS", self.changes.len() as u32)
+            .constant("SPANS", model.spans_frames())
+            .constant("SHARE", SHARE)
+            .constant("ROUND", self.is_round)
+            .constant("RADIUS", self.radius as f32)
+            .constant("REACH", reach as f32)
+            .constant("TOOL_FRAME", self.tool_frame() as u32)
+            .constant("TOOL_CHUNK_FIRST", of_tool[0].chunk_first)
+            .constant("TOOL_CHUNKS", of_tool.iter().map(|p| p.chunk_count).sum::<u32>())
+            .input("params", &[flow.params])
+            .input("frames", &flow.frames)
+            .input("solve", &[Solve { current: 1, ..Solve::zeroed() }])
+            .input("iterates", &old.into_iter().chain(new).collect::<Vec<_>>())
+            .input("parts", &some(&self.parts))
+            .input("proxies", proxies)
+            .input("chunks", &model.chunks)
+            .input("proxy_nodes", &fours(model.proxy_nodes.as_flattened()))
+            .input("chunk_nodes", &fours(model.chunk_nodes.as_flattened()))
+            .input("chunk_vertices", &fours(&model.chunk_vertices))
+            .input("chunk_triangles", &fours(&model.chunk_triangles))
+            .input("triangles", &some(&model.triangles))
+            .input("skin_nodes", &some(&model.skin_nodes))
+            .input("skin_weights", &some(&model.skin_weights))
+            .input("node_rest", &some(&model.node_rest))
+            .input("displacement", &some(&flow.displacement))
+            .input("node_info", &some(&model.node_info))
+            .input("links", &flow.links)
+            .inout("skin", &stale)
+            .output::<SkinGap>("gaps", self.parts.len())
+            .groups(self.parts.len())
+            .run();
+        // What was looked at lies where the oracle has it, from the tool's centre along its axes.
+        let ((centre, rotation), positions) = (self.tool_at_end(), self.positions());
+        for (got, want) in out.get::<[f32; 4]>("skin").iter().zip(&positions) {
+            let want = rotation.inverse() * (*want - centre);
+            let is_there = vector([got[0], got[1], got[2]]).distance(want) < CLOSE;
+            assert!(*got == [-5.0; 4] || (is_there && got[3] == 1.0), "{got:?} {want}");
+        }
+        out.get("gaps")
+    }
+
+    fn tool_at_end(&self) -> Place {
+        let (params, frame) = (&self.flow.params, &self.flow.frames[self.tool_frame()]);
+        let change = self.changes[self.changes.len() - 1];
+        let h = f64::from(params.dt);
+        let twist: Vec<f64> = change.iter().zip(params.tool_twist).map(|(x, v)| h * f64::from(x + v)).collect();
+        let turn = DQuat::from_scaled_axis(DVec3::from_slice(&twist[3..]));
+        (vector(params.tool_centre) + DVec3::from_slice(&twist[..3]), turn * quaternion(frame.rotation))
+    }
+
+    fn end_of(&self, frame: &Frame) -> Place {
+        let h = f64::from(self.flow.params.dt);
+        let (centre, rotation) = (vector(frame.centre), quaternion(frame.rotation));
+        if frame.core == NONE {
+            return (centre + h * vector(frame.linear), rotation * quaternion(frame.turn).inverse());
+        }
+        let x = self.changes[frame.core as usize].map(f64::from);
+        let turn = DQuat::from_scaled_axis(h * (vector(frame.angular) + DVec3::from_slice(&x[3..])));
+        (centre + h * (vector(frame.linear) + DVec3::from_slice(&x[..3])), turn * rotation)
+    }
+
+    /// Of all skin vertices at the end of the step, the tool's included.
+    fn positions(&self) -> Vec<DVec3> {
+        let (flow, model) = (&self.flow, &self.flow.model);
+        let ends: Vec<Place> = flow.frames.iter().map(|frame| self.end_of(frame)).collect();
+        let node = |node: u32| {
+            let (rest, moved) = (model.node_rest[node as usize], flow.displacement[node as usize]);
+            let (centre, rotation) = ends[model.node_info[node as usize][2] as usize];
+            centre + rotation * (vector([rest[0], rest[1], rest[2]]) + vector([moved[0], moved[1], moved[2]]))
+        };
+        let mut frame_of = vec![0; model.skin_nodes.len()];
+        for proxy in &model.proxies {
+            for chunk in &model.chunks[proxy.chunk_first as usize..][..proxy.chunk_count as usize] {
+                let listed = &model.chunk_vertices[chunk.vertex_first as usize..][..chunk.embed_count as usize];
+                listed.iter().for_each(|v| frame_of[*v as usize] = proxy.frame as usize);
+            }
+        }
+        let place = |(nodes, weights, frame): (&[u32; 4], &[f32; 4], usize)| {
+            if nodes[0] == NONE {
+                let (centre, rotation) = if frame == self.tool_frame() { self.tool_at_end() } else { ends[frame] };
+                return centre + rotation * vector([weights[0], weights[1], weights[2]]);
+            }
+            nodes.iter().zip(weights).map(|(n, w)| f64::from(*w) * node(*n)).sum()
+        };
+        let all = model.skin_nodes.iter().zip(&model.skin_weights).zip(frame_of);
+        all.map(|((nodes, weights), frame)| place((nodes, weights, frame))).collect()
+    }
+
+    /// The triangles of chunks.
+    fn triangles(&self, first: u32, count: u32) -> (Vec<u32>, Vec<[u32; 3]>) {
+        let model = &self.flow.model;
+        let chunks = &model.chunks[first as usize..][..count as usize];
+        let of = |c: &Chunk| &model.chunk_triangles[c.triangle_first as usize..][..c.triangle_count as usize];
+        let indices: Vec<u32> = chunks.iter().flat_map(of).copied().collect();
+        let corners = indices.iter().map(|t| model.triangles[*t as usize]).map(|[a, b, c, _]| [a, b, c]).collect();
+        (indices, corners)
+    }
+
+    /// All ways from the tool to a part, triangles numbered as the device numbers them.
+    fn ways(&self, part: &SkinPart) -> Vec<Way> {
+        let positions = self.positions();
+        let model = &self.flow.model;
+        let own = |first: u32, count: u32| -> Vec<DVec3> {
+            let chunks = &model.chunks[first as usize..][..count as usize];
+            let of = |c: &Chunk| &model.chunk_vertices[c.vertex_first as usize..][..c.vertex_count as usize];
+            chunks.iter().flat_map(of).map(|v| positions[*v as usize]).collect()
+        };
+        let (indices, corners) = self.triangles(part.chunk_first, part.chunk_count);
+        let named = |way: Way, names: &[u32]| Way { triangle: names[way.triangle] as usize, ..way };
+        if self.is_round {
+            let mesh: Mesh = (&positions, &corners);
+            return oracle::from_point(self.tool_at_end().0, mesh).map(|way| named(way, &indices)).collect();
+        }
+        let of_tool: Vec<&Proxy> = model.proxies.iter().filter(|p| p.frame as usize == self.tool_frame()).collect();
+        let (first, count) = (of_tool[0].chunk_first, of_tool.iter().map(|p| p.chunk_count).sum());
+        let (tool_indices, tool_corners) = self.triangles(first, count);
+        // Vertices of the one against triangles of the other; each side's corners are numbered among all.
+        let towards = own(first, count)
+            .into_iter()
+            .flat_map(|x| oracle::from_point(x, (&positions, &corners)).collect::<Vec<_>>());
+        let back = own(part.chunk_first, part.chunk_count).into_iter().flat_map(|x| {
+            let ways = oracle::from_point(x, (&positions, &tool_corners));
+            ways.map(|way| Way { along: -way.along, ..way }).collect::<Vec<_>>()
+        });
+        towards.map(|way| named(way, &indices)).chain(back.map(|way| named(way, &tool_indices))).collect()
+    }
+
+    /// Holds what the device found against all ways, at the sizes of a CPU and of a GPU; how many parts had something near,
+    /// and in how many the tool was within.
+    fn agree(&self) -> [usize; 2] {
+        let (mut near, mut within) = (0, 0);
+        let [small, large] = [Size::Reduce, Size::Group].map(|size| self.run(size));
+        let reach = RANGE + if self.is_round { self.radius } else { 0.0 };
+        for ((part, got), other) in self.parts.iter().zip(&small).zip(&large) {
+            let [one, two] = [got, other].map(|gap| (gap.way.map(f32::to_bits), gap.triangle));
+            assert_eq!(one, two, "sizes of workgroups");
+            let ways = self.ways(part);
+            let size = |way: Way| way.along.length();
+            let front = oracle::shortest(ways.iter().copied(), true).filter(|way| size(*way) < reach);
+            let back = oracle::shortest(ways.iter().copied(), false).filter(|way| size(*way) < reach);
+            match front {
+                Some(front) => {
+                    let way = vector(got.way);
+                    assert!((way.length() - size(front)).abs() < CLOSE, "{got:?} {front:?}");
+                    let mut same = ways.iter().filter(|way| way.triangle == got.triangle as usize && way.faces);
+                    assert!(same.any(|known| known.along.distance(way) < CLOSE), "{got:?} {front:?}");
+                    near += 1;
+                }
+                None => assert_eq!((got.way, got.triangle), ([0.0; 3], NONE)),
+            }
+            // Where the nearest faces away it is found; else it is one that was met on the way.
+            let most = front.map_or(f64::INFINITY, |front| size(front) - CLOSE);
+            for found in [got, other].map(|got| f64::from(got.back)) {
+                match back.filter(|back| size(*back) < most) {
+                    Some(back) => assert!((found - size(back)).abs() < CLOSE, "{found} {back:?}"),
+                    None => assert!(found > back.map_or(0.0, |back| size(back) - CLOSE), "{found} {back:?}"),
+                }
+            }
+            within += usize::from(back.is_some_and(|back| size(back) < most));
+        }
+        [near, within]
+    }
+}
+
+/// A rigid skin of so many loose triangles about the origin, up to `reach` away each way, of up to `edge`.
+fn soup(name: &str, count: usize, reach: f64, edge: f64, random: &mut Random) -> Body {
+    // What there is none of is cut off later.
+    let count = count.max(1);
+    let mut vertices = vec![];
+    for _ in 0..count {
+        let centre = reach * random.vector();
+        vertices.extend((0..3).map(|_| centre + 0.5 * edge * random.vector()));
+    }
+    let triangles = (0..count as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let all = |skin: &prepare::Skin| {
+        let hull = prepare::hull::reduced(&skin.vertices).unwrap();
+        let triangles = (0..skin.triangles.len() as u32).collect();
+        let vertices = (0..skin.vertices.len() as u32).collect();
+        vec![prepare::Proxy { hull: hull.vertices, faces: hull.faces, triangles, vertices, ..Default::default() }]
+    };
+    rigid(name, (vertices, triangles), all, DVec3::ZERO, random.turn(3.0))
+}
+
+/// A frame that turns and moves over the step.
+fn moving(frame: &Frame, random: &mut Random) -> Frame {
+    let turn = random.turn(0.1).as_quat().to_array();
+    Frame { linear: (0.3 * random.vector()).as_vec3().to_array(), turn, core: NONE, ..*frame }
+}
+
+#[test]
+fn a_triangle_before_a_sphere_and_behind_it_by_hand() {
+    // wrench/gap: the tool's centre goes from 0.02 by (0.64 + 0.64) / 64 = 0.02 along z to 0.04, over a triangle in z = 0.
+    let mut random = Random(3);
+    let tool = rigid("tool", sphere(RADIUS, 1), whole, DVec3::ZERO, DQuat::IDENTITY);
+    let mesh = (
+        vec![DVec3::new(-0.02, -0.02, 0.0), DVec3::new(0.04, -0.02, 0.0), DVec3::new(-0.02, 0.04, 0.0)],
+        vec![[0, 1, 2]],
+    );
+    for (z, front) in [(0.02f32, true), (-0.06, false)] {
+        let mut body = soup("body", 1, 0.1, 0.1, &mut random);
+        let Shape::Rigid { skin, .. } = &mut body.shape else { unreachable!() };
+        skin.vertices.clone_from(&mesh.0);
+        body.orientation = DQuat::IDENTITY;
+        let mut given = Given::new(&[body], &tool, &mut random);
+        (given.is_round, given.radius) = (true, RADIUS);
+        given.flow.frames.iter_mut().for_each(|frame| (frame.turn, frame.core) = ([0.0, 0.0, 0.0, 1.0], NONE));
+        (given.flow.params.tool_centre, given.flow.params.tool_twist) = ([0.0, 0.0, z], [0.0; 6]);
+        given.flow.params.tool_twist[2] = 0.64;
+        given.changes = vec![[0.0, 0.0, 0.64, 0.0, 0.0, 0.0]];
+        let got = given.run(Size::Reduce)[0];
+        match front {
+            true => assert!((got.way, got.triangle, got.back) == ([0.0, 0.0, -0.04], 0, FAR), "{got:?}"),
+            false => assert!((got.triangle, got.back) == (NONE, 0.04), "{got:?}"),
+        }
+        // Just out of reach.
+        given.flow.params.tool_centre[2] += if front { 1e-5 } else { -1e-5 };
+        let got = given.run(Size::Reduce)[0];
+        assert_eq!((got.triangle, got.way), (NONE, [0.0; 3]));
+    }
+}
+
+#[test]
+fn equal_ways_go_to_the_lower_triangle() {
+    // wrench/gap: a cube's corner is a corner of several triangles, each as far away to the last bit.
+    let mut random = Random(8);
+    let tool = rigid("tool", sphere(RADIUS, 1), whole, DVec3::ZERO, DQuat::IDENTITY);
+    let mut body = soup("body", 6, 0.1, 0.1, &mut random);
+    let Shape::Rigid { skin, .. } = &mut body.shape else { unreachable!() };
+    for (i, x) in skin.vertices.iter_mut().enumerate() {
+        let angle = ((i / 3 + i % 3) % 6) as f64;
+        *x = if i % 3 == 0 { DVec3::ZERO } else { DVec3::new(0.02 * angle.cos(), 0.02 * angle.sin(), -0.01) };
+    }
+    body.orientation = DQuat::IDENTITY;
+    let mut given = Given::new(&[body], &tool, &mut random);
+    (given.is_round, given.radius) = (true, RADIUS);
+    given.flow.frames.iter_mut().for_each(|frame| (frame.turn, frame.core) = ([0.0, 0.0, 0.0, 1.0], NONE));
+    (given.flow.params.tool_centre, given.flow.params.tool_twist) = ([0.0, 0.0, 0.02], [0.0; 6]);
+    given.changes = vec![[0.0; 6]];
+    for size in [Size::Reduce, Size::Group] {
+        let got = given.run(size)[0];
+        assert_eq!((got.way, got.triangle), ([0.0, 0.0, -0.02], 0), "{got:?}");
+    }
+}
+
+#[test]
+fn shortest_ways_to_loose_triangles_of_any_number() {
+    let (narrow, wide) = (context().reduce_size() as usize, context().group_size() as usize);
+    let (mut near, mut within) = (0, 0);
+    for n in [0, 1, narrow - 1, narrow, narrow + 1, wide - 1, wide, wide + 1, 1234] {
+        for is_round in [true, false] {
+            let mut random = Random(n as u64 + 7);
+            let body = soup("body", n, 0.08, 0.02, &mut random);
+            let tool = match is_round {
+                true => rigid("tool", sphere(RADIUS, 1), whole, DVec3::ZERO, DQuat::IDENTITY),
+                false => soup("tool", 30, 0.01, 0.02, &mut random),
+            };
+            let mut given = Given::new(&[body], &tool, &mut random);
+            given.is_round = is_round;
+            given.radius = if is_round { RADIUS } else { given.flow.model.tool_radius };
+            given.flow.frames.iter_mut().for_each(|frame| *frame = moving(frame, &mut random));
+            given.flow.params.tool_centre = (0.05 * random.vector()).as_vec3().to_array();
+            if n == 0 {
+                let first = given.parts[0].chunk_first as usize;
+                let chunk = &mut given.flow.model.chunks[first];
+                (chunk.vertex_count, chunk.embed_count, chunk.triangle_count) = (0, 0, 0);
+            }
+            let [some, inside] = given.agree();
+            (near, within) = (near + some, within + inside);
+            // No part, and parts of no chunk.
+            given.parts.iter_mut().for_each(|part| part.chunk_count = 0);
+            assert!(given.run(Size::Reduce).iter().all(|got| got.triangle == NONE), "{n}");
+            given.parts.clear();
+            assert!(given.run(Size::Reduce).is_empty());
+        }
+    }
+    assert!(near >= 20 && within > 5, "{near} parts near, {within} within");
+}
+
+/// A soft ball whose nodes are shaken by up to `size`; if `spans`, a second frame, a dynamic core, has all but its left end.
+fn ball(spans: bool, size: f64, random: &mut Random) -> (Body, Vec<[f32; 4]>) {
+    let mut ball = soft("ball", sphere(0.04, 4), octants, DVec3::new(0.02, -0.01, 0.03), random.turn(3.0));
+    let Shape::Soft { layer, frames, node_frames, .. } = &mut ball.shape else { unreachable!() };
+    if spans {
+        let motion = FrameMotion::Dynamic { mass: None, hinge: None };
+        frames.push(prepare::Frame { centre: DVec3::new(0.2, 0.05, 0.0), motion });
+        *node_frames = layer.nodes.iter().map(|x| u32::from(x.x > -0.03)).collect();
+    }
+    let shaken = layer.nodes.iter().map(|_| (size * random.vector()).as_vec3().extend(0.0).to_array()).collect();
+    (ball, shaken)
+}
+
+#[test]
+fn shortest_ways_to_deformed_bodies() {
+    let (mut near, mut within) = (0, 0);
+    for seed in 0..12 {
+        let mut random = Random(seed + 40);
+        let (spans, is_round) = (seed % 2 == 1, seed % 4 < 2);
+        // At rest, shaken, and carried off besides.
+        let (size, shift) = [(0.0, 0.0), (0.004, 0.0), (0.01, 0.05)][seed as usize / 4];
+        let shift = shift * random.vector().normalize();
+        let (ball, mut shaken) = ball(spans, size, &mut random);
+        for d in &mut shaken {
+            *d = (vector([d[0], d[1], d[2]]) + shift).as_vec3().extend(0.0).to_array();
+        }
+        let tool = match is_round {
+            true => rigid("tool", sphere(RADIUS, 2), whole, DVec3::ZERO, DQuat::IDENTITY),
+            false => rigid("tool", sphere(0.012, 2), octants, DVec3::ZERO, random.turn(3.0)),
+        };
+        let mut given = Given::new(std::slice::from_ref(&ball), &tool, &mut random);
+        given.is_round = is_round;
+        given.radius = if is_round { RADIUS } else { given.flow.model.tool_radius };
+        given.flow.displacement = shaken;
+        if spans {
+            // The larger part has come away from the rest, and turned.
+            let frame = &mut given.flow.frames[1];
+            frame.centre = (vector(frame.centre) + 0.04 * random.vector()).as_vec3().to_array();
+            frame.rotation = (random.turn(0.4) * quaternion(frame.rotation)).as_quat().to_array();
+        }
+        let starts: Vec<Place> = given.flow.frames.iter().map(|f| (vector(f.centre), quaternion(f.rotation))).collect();
+        given.flow.frames.iter_mut().for_each(|frame| *frame = moving(frame, &mut random));
+        if spans {
+            given.flow.frames[1].core = 0;
+            given.flow.frames[1].angular = random.vector().as_vec3().to_array();
+            assert_eq!(given.changes.len(), 2, "one core and the tool");
+        }
+        let links = given.flow.model.links.clone();
+        for (link, [to, from]) in given.flow.links.iter_mut().zip(&links) {
+            let (to, from) = (*to as usize, *from as usize);
+            let back = starts[to].1.inverse();
+            let rest = given.flow.model.frames[from].rest_centre - given.flow.model.frames[to].rest_centre;
+            let offset = back * (starts[from].0 - starts[to].0) - rest;
+            *link = Link { turn: (back * starts[from].1).as_quat().to_array(), offset: offset.as_vec3().to_array() };
+        }
+        // From out of reach of some place of the skin to there.
+        let (skin, count) = (given.positions(), sphere(0.04, 4).0.len());
+        for away in [0.045, 0.035, 0.028, 0.02, 0.014, 0.01, 0.005, 0.0] {
+            let centre = skin[random.below(count)] + away * random.vector().normalize();
+            given.flow.params.tool_centre = centre.as_vec3().to_array();
+            let [some, inside] = given.agree();
+            (near, within) = (near + some, within + inside);
+        }
+    }
+    println!("{near} parts near, {within} within");
+    assert!(near > 60 && within > 30, "{near} parts near, {within} within");
+}
+
+/// What the loop is told, of the whole step.
+mod told {
+    use glam::{DQuat, DVec3};
+    use palpate::step::ContactWrench;
+    use palpate::step::Held;
+    use palpate::step::RigidState;
+    use palpate::step::Simulation;
+
+    use super::RADIUS;
+    use crate::scene::whole_step::{open, scene};
+
+    /// s.
+    const STEP: f64 = 5e-3;
+    /// N/m^3.
+    const STIFFNESS: f64 = 3e7;
+    /// m: f32 positions near the tool, and frames in f32.
+    const CLOSE: f64 = 5e-8;
+
+    /// A scene with a sphere as the tool, or another one; nothing joins it to the device.
+    fn opened(bodies: &str, tool: &str) -> Simulation {
+        let text = format!(
+            "[step]\ndt = {STEP:?}\ngravity = [0.0, -9.81, 0.0]\n[contact]\nstiffness = {STIFFNESS:?}\n{bodies}\n\
+             [tool]\n{tool}\nmass = 0.05\nposition = [0.0, 0.015, 0.0]\n"
+        );
+        open(&scene(&text), None)
+    }
+
+    /// A block whose nodes all ride on a core; its top is y = 0, its sides x and z = 0.04 each way.
+    fn block(core: &str) -> String {
+        format!(
+            "[[body]]\nname = \"block\"\n\
+             layer = {{ box = [[-0.04, -0.05, -0.04], [0.04, 0.0, 0.04]], cells = [4, 3, 4] }}\n\
+             material = {{ young = 1e5, poisson = 0.4, density = 1000.0 }}\n\
+             [[body.core]]\nname = \"core\"\nbind = {{ all = true }}\n{core}\n"
+        )
+    }
+
+    const FLOOR: &str = "[[body]]\nname = \"floor\"\nplane = [0.0, 0.8, 0.6, -0.02]\n";
+
+    /// A step from the tool in a pose and at a velocity.
+    fn step(simulation: &mut Simulation, tool: RigidState) -> ContactWrench {
+        let held = Held { ticks: 1, time: 0.0, device: tool, tool, coupling: None, max_force: f64::INFINITY };
+        simulation.step_held(&held, STEP).unwrap();
+        let messages = simulation.context().validation_messages();
+        assert!(messages.is_empty(), "{messages:#?}");
+        *simulation.contact_wrench().unwrap()
+    }
+
+    fn at(x: f64, y: f64, z: f64) -> RigidState {
+        RigidState::at_rest(DVec3::new(x, y, z), DQuat::IDENTITY)
+    }
+
+    fn expect(simulation: &mut Simulation, tool: RigidState, normal: DVec3, distance: f64) {
+        let wrench = step(simulation, tool);
+        let gap = wrench.gap.unwrap_or_else(|| panic!("no gap at {}", tool.position));
+        assert!((gap.distance - distance).abs() < CLOSE, "{gap:?}, not {distance} at {}", tool.position);
+        assert!(gap.normal.distance(normal.normalize()) < 1e-5, "{gap:?}, not {normal}");
+        // The ring along which the sphere touches in its first millimetre.
+        let stiffness = STIFFNESS * 2.0 * std::f64::consts::PI * RADIUS * 1e-3;
+        assert!((gap.stiffness / stiffness - 1.0).abs() < 1e-6, "{gap:?}");
+        assert_eq!((wrench.wrench.force, wrench.pressing), (DVec3::ZERO, 0.0));
+    }
+
+    #[test]
+    fn a_sphere_over_a_block_and_a_half_space_by_hand() {
+        let sphere = format!("sphere = {RADIUS:?}");
+        let mut simulation = opened(&block("motion = \"fixed\""), &sphere);
+        expect(&mut simulation, at(0.0, 0.015, 0.0), DVec3::Y, 0.005);
+        // Over the edge and the corner, where the nearest point is on those.
+        expect(&mut simulation, at(0.05, 0.012, 0.001), DVec3::new(0.01, 0.012, 0.0), 0.01f64.hypot(0.012) - RADIUS);
+        let corner = DVec3::new(0.01, 0.012, -0.008);
+        expect(&mut simulation, at(0.05, 0.012, -0.048), corner, corner.length() - RADIUS);
+        // As far as it looks, and no further.
+        expect(&mut simulation, at(0.0, 0.0399, 0.0), DVec3::Y, 0.0299);
+        assert_eq!(step(&mut simulation, at(0.0, 0.0401, 0.0)).gap, None);
+        // It is said of the end of the step.
+        let moving = RigidState { velocity: DVec3::new(0.4, -0.2, 0.0), ..at(0.0, 0.015, 0.0) };
+        expect(&mut simulation, moving, DVec3::Y, 0.005 - 0.2 * STEP);
+        // In the step in which they meet, nothing was found at its start.
+        let fast = RigidState { velocity: DVec3::Y * -2.0, ..at(0.0, 0.012, 0.0) };
+        expect(&mut simulation, fast, DVec3::Y, 0.002 - 2.0 * STEP);
+        // Held or not, and in contact or not.
+        simulation.step().unwrap();
+        assert_eq!(simulation.contact_wrench().unwrap().gap, None);
+        let touching = (0..3).map(|_| step(&mut simulation, at(0.0, 0.0095, 0.0))).last().unwrap();
+        assert!(touching.wrench.force.y > 0.0 && touching.gap.is_none(), "{touching:?}");
+        // Deep inside nobody knows the way out.
+        assert_eq!(step(&mut simulation, at(0.0, -0.03, 0.0)).gap, None);
+
+        let mut simulation = opened(FLOOR, &sphere);
+        let normal = DVec3::new(0.0, 0.8, 0.6);
+        expect(&mut simulation, at(0.3, 0.01, 0.005), normal, 0.8 * 0.01 + 0.6 * 0.005 + 0.02 - RADIUS);
+        assert_eq!(step(&mut simulation, at(0.0, 0.1, 0.0)).gap, None);
+        // The nearer of both.
+        let mut simulation = opened(&format!("{}{FLOOR}", block("motion = \"fixed\"")), &sphere);
+        expect(&mut simulation, at(0.0, 0.012, 0.0), DVec3::Y, 0.002);
+        expect(&mut simulation, at(0.0, 0.015, -0.03), normal, 0.8 * 0.015 - 0.6 * 0.03 + 0.02 - RADIUS);
+        let wrench = step(&mut simulation, at(0.0, 0.03, -0.06));
+        assert!(
+            wrench.gap.is_some_and(|gap| gap.normal.distance(normal) < 1e-6 && gap.distance > 0.0)
+                || wrench.gap.is_none()
+        );
+    }
+
+    #[test]
+    fn bodies_that_move_are_where_the_step_leaves_them() {
+        let sphere = format!("sphere = {RADIUS:?}");
+        // Driven upwards by 0.2 m/s, and turned meanwhile about y.
+        let keys = "motion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], \
+                    [1.0, 0.0, 0.2, 0.0, 0.0, 0.38268343236, 0.0, 0.92387953251]]";
+        let mut simulation = opened(&block(keys), &sphere);
+        for k in 1..=3 {
+            expect(&mut simulation, at(0.0, 0.02, 0.0), DVec3::Y, 0.01 - 0.2 * STEP * f64::from(k));
+        }
+        // One that falls away, as implicit Euler has it, and one that floats.
+        let dynamic = block("motion = \"dynamic\"");
+        let floating = dynamic.split("[[body.core]]").next().unwrap().to_string();
+        for body in [dynamic, floating] {
+            let mut simulation = opened(&body, &sphere);
+            for k in 1..=3 {
+                let fallen = 9.81 * STEP * STEP * f64::from(k * (k + 1) / 2);
+                expect(&mut simulation, at(0.0, 0.015, 0.0), DVec3::Y, 0.005 + fallen);
+            }
+        }
+    }
+
+    #[test]
+    fn a_cube_over_a_block_by_hand() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("cube.obj");
+        let corners = (0..8).map(|k| [k & 1, k >> 1 & 1, k >> 2].map(|b| if b == 1 { 0.01 } else { -0.01 }));
+        let mut text: String = corners.map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        for face in ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"] {
+            text.push_str(&format!("f {face}\n"));
+        }
+        std::fs::write(&file, text).unwrap();
+        let tool = format!("surface = {file:?}");
+        let mut simulation = opened(&format!("{}{FLOOR}", block("motion = \"fixed\"")), &tool);
+        let gap = |simulation: &mut Simulation, tool: RigidState| step(simulation, tool).gap;
+        let found = gap(&mut simulation, at(0.0, 0.015, 0.0)).unwrap();
+        assert!((found.distance - 0.005).abs() < CLOSE && found.normal.distance(DVec3::Y) < 1e-6, "{found:?}");
+        // On its corner, 10 mm times the root of three below its centre.
+        let turn = DQuat::from_rotation_arc(DVec3::ONE.normalize(), DVec3::NEG_Y);
+        let tilted = RigidState { orientation: turn, ..at(0.0, 0.025, 0.0) };
+        let found = gap(&mut simulation, tilted).unwrap();
+        let want = 0.025 - 0.01 * 3f64.sqrt();
+        assert!((found.distance - want).abs() < CLOSE && found.normal.distance(DVec3::Y) < 1e-5, "{found:?}");
+        // Above the half-space, beside the block.
+        let beside = RigidState { orientation: turn, ..at(0.3, 0.02, 0.0) };
+        let found = gap(&mut simulation, beside).unwrap();
+        let normal = DVec3::new(0.0, 0.8, 0.6);
+        let local = turn.inverse() * normal;
+        let want = 0.8 * 0.02 + 0.02 - 0.01 * (local.x.abs() + local.y.abs() + local.z.abs());
+        assert!((found.distance - want).abs() < CLOSE && found.normal.distance(normal) < 1e-6, "{found:?} {want}");
+        // With a corner in the block by the end of the step, nobody knows the way out.
+        let fast = RigidState { velocity: DVec3::Y * -2.0, orientation: turn, ..at(0.3, 0.0, 0.0) };
+        let fast = RigidState { position: DVec3::new(0.003, 0.0225, 0.001), ..fast };
+        assert_eq!(gap(&mut simulation, fast), None);
+        assert_eq!(gap(&mut simulation, at(0.0, 0.1, 0.0)), None);
+    }
+}

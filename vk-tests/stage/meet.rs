@@ -1,0 +1,96 @@
+//! cull/meet: the lists of all slots become one, in the order of slots, and what does not fit is flagged.
+
+use palpate::gpu::Size;
+use palpate::stages::args;
+use palpate::stages::types::{ActiveChunk, Counts, NONE, PAIR_REGIONS, Pair, Proxy, Region, Slot};
+
+use crate::harness::random::Random;
+use crate::harness::{case, context};
+
+const REGION_OVERFLOW: u32 = 2;
+
+#[test]
+fn lists_of_slots_are_joined_in_order() {
+    let mut random = Random(85);
+    let width = context().reduce_size() as usize;
+    for slots in [1, width - 1, width, width + 1, 123] {
+        let (mut given, mut chunks, mut proxies, mut all) = (vec![], vec![], vec![], 0);
+        for s in 0..slots as u32 {
+            let chunk_first = chunks.len() as u32;
+            given.push(Slot { pair: s / 5, side: s % 2, proxy: s, chunk_first });
+            let (mut items, count) = (0, if random.next() > 0.0 { random.below(7) } else { 0 });
+            for _ in 0..count {
+                let mask = random.below(16) as u32;
+                chunks.push([mask, NONE]);
+                items += mask.count_ones();
+            }
+            // Room that is not used.
+            chunks.push([NONE; 2]);
+            proxies.push(Proxy {
+                chunk_first: random.below(5000) as u32,
+                chunk_count: count as u32,
+                ..Proxy::default()
+            });
+            all += items;
+        }
+        let mut active: Vec<u32> =
+            (0..slots as u32).filter(|s| proxies[*s as usize].chunk_count > 0 || s % 2 == 0).collect();
+        (1..active.len()).for_each(|k| active.swap(k, random.below(k + 1)));
+        let gathering = random.below(slots + 1);
+        for most in [all.max(1) as usize, all as usize + 3, (all as usize / 2).max(1)] {
+            // Of half-spaces, so that every chunk meets.
+            let out = case("cull/meet")
+                .size(Size::Reduce)
+                .constant("SLOTS", slots as u32)
+                .constant("MOST_ITEMS", most as u32)
+                .constant("GATHERING", gathering as u32)
+                .input("pairs", &vec![Pair { is_plane: 1, ..Pair::default() }; slots / 5 + 1])
+                .input("slots", &given)
+                .input("active_slots", &active)
+                .input("proxies", &proxies)
+                .input("regions", &[Region::default()])
+                .input("slabs", &[[0.0f32; 8]])
+                .input("fields", &[0u32; 4])
+                .inout("slot_chunks", &chunks)
+                .inout("slot_counts", &vec![[0u32; 2]; slots])
+                .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; most])
+                .partial("items", &vec![[NONE; 2]; most])
+                .inout("counts", &[Counts::default()])
+                .partial("args", &vec![7u32; args::WORDS])
+                .groups(active.len())
+                .run();
+            let (mut want, mut items) = (vec![], vec![]);
+            for (s, slot) in given.iter().enumerate() {
+                let own = &chunks[slot.chunk_first as usize..][..proxies[s].chunk_count as usize];
+                for (k, [found, _]) in own.iter().enumerate().filter(|(_, [found, _])| *found != 0) {
+                    let (first_item, index) = (items.len() as u32, want.len() as u32);
+                    let mut regions = 0;
+                    for r in (0..PAIR_REGIONS as u32).filter(|r| found >> r & 1 == 1) {
+                        // What does not fit is left out, from the end.
+                        regions |= if items.len() < most { 1 << r } else { 0 };
+                        items.push([index, slot.pair * PAIR_REGIONS as u32 + r]);
+                    }
+                    let (slot_index, side) = (s as u32, 2 * slot.pair + slot.side);
+                    let chunk = proxies[s].chunk_first + k as u32;
+                    want.push(ActiveChunk { chunk, slot: slot_index, side, regions, first_item });
+                }
+            }
+            let fits = all as usize <= most;
+            want.truncate(most);
+            items.truncate(most);
+            assert_eq!(out.get::<ActiveChunk>("active_chunks")[..want.len()], want);
+            let listed: Vec<[u32; 2]> = out.get("items");
+            assert_eq!(listed[..items.len()], items);
+            assert!(listed[items.len()..].iter().all(|item| item[0] == NONE));
+            let count = out.get::<Counts>("counts")[0];
+            let flags = if fits { 0 } else { REGION_OVERFLOW };
+            assert_eq!((count.chunks as usize, count.items as usize, count.flags), (want.len(), items.len(), flags));
+            let words: Vec<u32> = out.get("args");
+            let groups = |slot: u32| words[3 * slot as usize] as usize;
+            assert_eq!([groups(args::ACTIVE), groups(args::ITEMS)], [want.len(), items.len()]);
+            let gather = want.iter().filter(|entry| (entry.slot as usize) < gathering).count();
+            assert_eq!([groups(args::GATHERING), count.gathering as usize], [gather; 2]);
+            assert_eq!(words[4 * args::DRAW as usize + 1] as usize, items.len(), "instances to draw");
+        }
+    }
+}

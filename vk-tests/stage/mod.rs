@@ -1,0 +1,28 @@
+//! Kernels one by one, a file a kernel or a group of them, against f64.
+
+pub mod candidates;
+pub mod chunks;
+pub mod contact;
+pub mod contact_sizes;
+pub mod cross;
+pub mod cull;
+pub mod dilate;
+pub mod draw;
+pub mod elastic;
+pub mod fields;
+pub mod flow;
+pub mod frames;
+pub mod gap;
+pub mod meet;
+pub mod overflows;
+pub mod overlays;
+pub mod panel;
+pub mod paths;
+pub mod pose;
+pub mod reach;
+pub mod regions;
+pub mod response;
+pub mod skin;
+pub mod sort;
+pub mod view;
+pub mod wrench;

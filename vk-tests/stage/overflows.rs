@@ -1,0 +1,116 @@
+//! depth/cross and contact/candidates where there is more than fits: crossings beyond their room, and loops that a driver
+//! leaves early; whatever is missing is flagged. And where there is nothing to look for.
+
+use std::collections::BTreeMap;
+
+use glam::{DQuat, DVec3};
+use palpate::query::{Query, QuerySettings};
+use palpate::stages::depth::Path;
+use palpate::stages::types::Region;
+
+use crate::harness::bodies::{Mesh, rigid, sphere, whole};
+use crate::harness::random::Random;
+use crate::harness::{assert_clean, context};
+use crate::stage::cross::{bumpy, crossed, meshes, region};
+use crate::stage::flow::Flow;
+
+const CONTACT_OVERFLOW: u32 = 4;
+
+/// All crossings are found, or the flag says that they are not.
+fn found_or_flagged(what: &str, mut flow: Flow, crossings: usize) {
+    flow.most_hits = crossings;
+    flow.embed();
+    flow.cross();
+    let found: usize = crossed(&flow).values().map(BTreeMap::len).sum();
+    println!("{what}: {found} of {crossings} crossings, flags {}", flow.counts.flags);
+    let flags = if found < crossings { CONTACT_OVERFLOW } else { 0 };
+    assert_eq!((found, flow.counts.flags), (flow.counts.hits as usize, flags), "{what}");
+}
+
+#[test]
+fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
+    let mut random = Random(67);
+    let axes = Region { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..region(DVec3::Z, 1.0, 0.25) };
+    // Eight squares a row, and a triangle each row. Row r has a pile of vertices in its square r: lanes that take a row
+    // each come to them one after another, and each to one alone.
+    let at = |k: usize| -0.875 + 0.25 * k as f64;
+    let rows = (0..8).flat_map(|r| {
+        let across = DVec3::new(0.999, at(r), 0.0);
+        [DVec3::new(-0.999, at(r), 0.0), across - 0.1 * DVec3::Y, across + 0.1 * DVec3::Y]
+    });
+    let rows: Mesh = (rows.collect(), (0..8).map(|r| [3 * r, 3 * r + 1, 3 * r + 2]).collect());
+    for (piles, each) in [(8, 100), (8, 7_000), (8, 9_000), (2, 40_000), (1, 65_500), (1, 70_000)] {
+        let place = |k: usize| DVec3::new(at(k % piles), at(k % piles), 0.5) + 0.002 * random.vector();
+        let points: Mesh = ((0..piles * each).map(place).collect(), vec![]);
+        found_or_flagged(&format!("{piles} piles of {each}"), meshes([&points, &rows], &[axes]), piles * each);
+    }
+    // Squares without end: each triangle covers them all.
+    for layers in [10, 100] {
+        let points: Mesh =
+            ((0..200).map(|_| random.vector() * DVec3::new(0.4, 0.4, 0.0) + 0.5 * DVec3::Z).collect(), vec![]);
+        let layer =
+            |k: u32| [(-3.0, -1.0), (3.0, -1.0), (0.0, 3.0)].map(|(x, y)| DVec3::new(x, y, -f64::from(k) / 100.0));
+        let sheets: Mesh =
+            ((0..layers).flat_map(layer).collect(), (0..layers).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect());
+        let fine = Region { cell: [1.0 / 64.0; 2], ..axes };
+        found_or_flagged(&format!("{layers} layers"), meshes([&points, &sheets], &[fine]), 200 * layers as usize);
+    }
+}
+
+#[test]
+fn more_crossings_than_fit_are_flagged() {
+    let mut random = Random(65);
+    let (mesh, over) = bumpy(&mut random);
+    let mut flow = meshes([&(over, vec![]), &mesh], &[region(DVec3::Z, 1.0, 0.1)]);
+    flow.embed();
+    flow.cross();
+    let all = flow.counts.hits;
+    for (most, flags) in [(all as usize, 0), (all as usize - 1, CONTACT_OVERFLOW), (100, CONTACT_OVERFLOW)] {
+        flow.most_hits = most;
+        flow.counts = Default::default();
+        flow.embed();
+        flow.cross();
+        assert_eq!((flow.counts.hits, flow.counts.flags), (all, flags));
+        let listed: usize = crossed(&flow).values().map(BTreeMap::len).sum();
+        assert_eq!(listed, most.min(all as usize), "what fits is there");
+    }
+}
+
+#[test]
+fn more_crossings_than_fit_are_flagged_on_both_paths() {
+    let ball = rigid("ball", sphere(1.0, 5), whole, DVec3::ZERO, DQuat::IDENTITY);
+    for (layers, flags) in [(4, 0), (120, CONTACT_OVERFLOW)] {
+        // Layers above one another, each of one large triangle, through the ball's height.
+        let layer = |k: u32| {
+            let height = 1.8 * (f64::from(k) + 0.5) / f64::from(layers) - 0.9;
+            [(-3.0, -1.5), (3.0, -1.5), (0.0, 4.0)].map(|(x, y)| DVec3::new(x, y, height))
+        };
+        let mesh =
+            ((0..layers).flat_map(layer).collect(), (0..layers).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect());
+        let pile = rigid("pile", mesh, whole, DVec3::ZERO, DQuat::IDENTITY);
+        for path in [Path::Compute, Path::Graphics] {
+            let settings = QuerySettings { direction: Some(DVec3::Z), ..QuerySettings::of(&ball, &pile) };
+            let mut query = Query::on(context(), &ball, &pile, &settings, Some(path)).unwrap();
+            let answer = query.run((DVec3::ZERO, DQuat::IDENTITY), (DVec3::ZERO, DQuat::IDENTITY)).unwrap();
+            println!("{}, {layers} layers: {} crossings, flags {:?}", path.name(), answer.counts.hits, answer.flags);
+            assert_eq!(answer.flags.0 & CONTACT_OVERFLOW, flags, "{}, {layers} layers", path.name());
+            assert!(answer.counts.hits > 1000);
+        }
+    }
+    assert_clean(context(), "more crossings than fit");
+}
+
+#[test]
+fn items_of_half_spaces_cross_nothing() {
+    let mut random = Random(68);
+    let (mesh, over) = bumpy(&mut random);
+    let mut flow = meshes([&(over, vec![]), &mesh], &[region(DVec3::Z, 1.0, 0.1)]);
+    flow.embed();
+    // Bins that something of another pair left behind.
+    flow.pairs[0].is_plane = 1;
+    flow.cross();
+    assert_eq!(flow.counts.hits, 0);
+    flow.pairs[0].is_plane = 0;
+    flow.cross();
+    assert!(flow.counts.hits > 0);
+}

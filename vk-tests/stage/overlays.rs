@@ -1,0 +1,251 @@
+//! Meshes that are drawn over the skins: where the host has their vertices in f64, closed, facing outward; and regions.
+
+use std::collections::BTreeMap;
+
+use glam::{DQuat, DVec3};
+use palpate::prepare::Shape;
+use palpate::prepare::mass::properties;
+use palpate::scene::{Bind, Capsule};
+use palpate::step::{Cut, Field, Mesh, Overlay, Part, Simulation};
+
+use crate::scene::joints;
+use crate::scene::touch::{Place, press};
+use crate::scene::whole_step::{open, run, scene};
+
+/// Of positions, of their distance from the origin that was asked for: f32 of sums of a few terms. m
+const POSITION: f64 = 4e-7;
+/// Of volumes: positions are f32.
+const VOLUME: f64 = 1e-5;
+
+/// Positions in the world, and triangles.
+fn read(mesh: &Mesh, origin: DVec3) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let all = mesh.positions.read::<[f32; 4]>().unwrap();
+    let places = all[..mesh.vertex_count].iter().map(|x| {
+        assert_eq!(x[3], 1.0);
+        origin + DVec3::new(x[0].into(), x[1].into(), x[2].into())
+    });
+    let words = mesh.triangles.read::<u32>().unwrap();
+    assert!(words.len().is_multiple_of(4) && words[3 * mesh.triangle_count..].iter().all(|w| *w == 0));
+    let triangles = words[..3 * mesh.triangle_count].chunks(3).map(|t| [t[0], t[1], t[2]]);
+    (places.collect(), triangles.collect())
+}
+
+/// Parts follow one another, cover all, and keep to their own vertices.
+fn check_parts(mesh: &Mesh, triangles: &[[u32; 3]]) {
+    let (mut vertex, mut triangle) = (0, 0);
+    for part in mesh.parts.iter() {
+        assert_eq!((part.vertices.start, part.triangles.start), (vertex, triangle), "{part:?}");
+        (vertex, triangle) = (part.vertices.end, part.triangles.end);
+        let own = triangles[part.triangles.clone()].as_flattened();
+        assert!(own.iter().all(|v| part.vertices.contains(&(*v as usize))), "{part:?}");
+    }
+    assert_eq!((vertex, triangle), (mesh.vertex_count, mesh.triangle_count));
+}
+
+/// Every edge is walked as often one way as the other; positions name corners.
+fn expect_closed(what: &str, places: &[DVec3], triangles: &[[u32; 3]]) {
+    let key = |v: u32| places[v as usize].to_array().map(f64::to_bits);
+    let mut edges: BTreeMap<_, i32> = BTreeMap::new();
+    for t in triangles {
+        for k in 0..3 {
+            let (a, b) = (key(t[k]), key(t[(k + 1) % 3]));
+            *edges.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
+        }
+    }
+    assert!(!edges.is_empty() && edges.values().all(|n| *n == 0), "{what} is open");
+}
+
+fn near(what: &str, got: DVec3, want: DVec3, origin: DVec3) {
+    let (error, reach) = (got.distance(want), (want - origin).length().max(0.1));
+    assert!(error < POSITION * reach, "{what}: {got} for {want}: {error:e}");
+}
+
+/// A part's triangles.
+fn of<'a>(part: &Part, triangles: &'a [[u32; 3]]) -> &'a [[u32; 3]] {
+    &triangles[part.triangles.clone()]
+}
+
+fn pressed() -> (Simulation, DVec3) {
+    let place = Place { shift: DVec3::new(0.3, -0.2, 0.1), turn: DQuat::from_rotation_z(0.5), slide: DVec3::ZERO };
+    (open(&scene(&press(2e4, 1e-3, place, "")), None), place.shift)
+}
+
+/// A chain of three cores, two of which swing, the last bound by a capsule.
+fn chain() -> Simulation {
+    let keys = "motion = \"driven\"\nkeys = [[0.0, 0.4, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703], \
+                [0.2, 0.42, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703]]";
+    let text = joints::chain(2e4, keys, ["", "stiffness = 0.5"], "gravity = [5.0, -25.0, 8.0]");
+    let mut scene = scene(&text);
+    let ends = [DVec3::new(0.1, 0.0, 0.0), DVec3::new(0.13, 0.0, 0.01)];
+    scene.bodies[0].cores[0].bind = Some(Bind::Capsule(Capsule { ends, radii: [0.04, 0.03] }));
+    open(&scene, None)
+}
+
+#[test]
+fn proxies_ride_on_their_frames() {
+    let (mut simulation, origin) = pressed();
+    for steps in [0, 40] {
+        run(&mut simulation, steps);
+        let mesh = simulation.overlay(Overlay::Proxies, origin).unwrap();
+        let (places, triangles) = read(&mesh, origin);
+        check_parts(&mesh, &triangles);
+        let names: Vec<(&str, usize)> = mesh.parts.iter().map(|part| (part.name.as_str(), part.body)).collect();
+        assert_eq!(names, [("block", 0), ("tool", 1)]);
+        let values = mesh.values.read::<f32>().unwrap();
+        let numbers = values[..mesh.vertex_count].iter().copied().fold(0.0, f32::max);
+        assert_eq!(numbers, mesh.greatest);
+        for part in mesh.parts.iter() {
+            expect_closed(&part.name, &places, of(part, &triangles));
+        }
+        // The block's frame stays; the tool's corners are as far from its centre as at rest.
+        let Shape::Soft { proxies, .. } = &simulation.bodies()[0].shape else { panic!("rigid") };
+        let body = &simulation.bodies()[0];
+        let rest: Vec<DVec3> =
+            proxies.iter().flat_map(|p| &p.hull).map(|x| body.position + body.orientation * *x).collect();
+        for v in mesh.parts[0].vertices.clone() {
+            let nearest = rest.iter().copied().min_by(|a, b| a.distance(places[v]).total_cmp(&b.distance(places[v])));
+            near("hull of the block", places[v], nearest.unwrap(), origin);
+        }
+        let tool = simulation.tool().unwrap();
+        for v in mesh.parts[1].vertices.clone() {
+            let skin = simulation.tool_skin().into_iter().map(|x| tool.centre + tool.orientation * x);
+            let nearest = skin.min_by(|a, b| a.distance(places[v]).total_cmp(&b.distance(places[v])));
+            near("hull of the tool", places[v], nearest.unwrap(), origin);
+        }
+    }
+    let messages = simulation.context().validation_messages();
+    assert!(messages.is_empty(), "{messages:#?}");
+}
+
+#[test]
+fn a_layer_is_cut_open_where_its_nodes_are() {
+    let (mut simulation, origin) = pressed();
+    run(&mut simulation, 40);
+    let Shape::Soft { layer, .. } = simulation.bodies()[0].shape.clone() else { panic!("rigid") };
+    // As wide as it is deep: across z, through the middle. Then across y, and not at all.
+    assert_eq!(simulation.layer_cut(0), Some(Cut { normal: DVec3::Z, offset: 0.0 }));
+    let across = Cut { normal: DVec3::Y, offset: 0.01 };
+    for cut in [None, Some(Cut { normal: 2.0 * across.normal, ..across }), Some(Cut { normal: DVec3::X, offset: 1.0 })]
+    {
+        simulation.cut_layer(0, cut).unwrap();
+        let used = simulation.layer_cut(0).unwrap();
+        let now = simulation.node_positions(0).unwrap();
+        let mesh = simulation.overlay(Overlay::Layers(Field::Displacement), origin).unwrap();
+        let (places, triangles) = read(&mesh, origin);
+        check_parts(&mesh, &triangles);
+        expect_closed("a layer", &places, &triangles);
+        // Which node each vertex is.
+        let node_of =
+            |x: DVec3| (0..now.len()).min_by(|a, b| now[*a].distance(x).total_cmp(&now[*b].distance(x))).unwrap();
+        let nodes: Vec<usize> = places.iter().map(|x| node_of(*x)).collect();
+        places.iter().zip(&nodes).for_each(|(x, n)| near("a node", *x, now[*n], origin));
+        // The volume behind the cut, of nodes as they are now.
+        let volume6 = |t: &[u32; 4]| palpate::prepare::layer::volume6(&now, t);
+        let middle = |t: &[u32; 4]| t.iter().map(|n| layer.nodes[*n as usize]).sum::<DVec3>() / 4.0;
+        let kept = layer.tetrahedra.iter().filter(|t| used.normal.dot(middle(t)) <= used.offset);
+        let (want, got) = (kept.map(volume6).sum::<f64>() / 6.0, properties(&places, &triangles).volume);
+        assert!((got - want).abs() < VOLUME * want && want > 0.0, "{got} for {want}");
+        let all = layer.tetrahedra.iter().map(volume6).sum::<f64>() / 6.0;
+        let [skin, open] = &mesh.parts[..] else { panic!("two parts of one body") };
+        assert_eq!((skin.name.as_str(), open.name.as_str()), ("skin", "cut"));
+        assert_eq!(open.triangles.is_empty(), want == all);
+        // Cut faces are near the plane: cells are 12.5 mm. Faces of the skin are of the box.
+        for v in open.vertices.clone() {
+            assert!((used.normal.dot(layer.nodes[nodes[v]]) - used.offset).abs() < 0.0126);
+        }
+        // How far nodes moved is their value; the strain energy is another.
+        let (moved, _) = simulation.nodes(0).unwrap().unwrap();
+        let values = mesh.values.read::<f32>().unwrap();
+        for (v, n) in nodes.iter().enumerate() {
+            assert!((f64::from(values[v]) - moved[*n].length()).abs() < 1e-7, "vertex {v}");
+        }
+        assert_eq!(mesh.greatest, values[..mesh.vertex_count].iter().copied().fold(0.0, f32::max));
+        let other = simulation.overlay(Overlay::Layers(Field::StrainEnergy), origin).unwrap();
+        assert!(other.greatest > 0.0 && other.values.read::<f32>().unwrap() != values);
+        let none = simulation.overlay(Overlay::Layers(Field::Pressure), origin).unwrap();
+        assert_eq!(none.greatest, 0.0);
+    }
+    assert!(simulation.cut_layer(1, None).is_err() && simulation.layer_cut(1).is_none());
+    assert!(simulation.cut_layer(0, Some(Cut { normal: DVec3::ZERO, offset: 0.0 })).is_err());
+    let messages = simulation.context().validation_messages();
+    assert!(messages.is_empty(), "{messages:#?}");
+}
+
+#[test]
+fn cores_and_bones_are_where_their_frames_are() {
+    let mut simulation = chain();
+    let origin = DVec3::new(0.4, 0.1, -0.2);
+    run(&mut simulation, 30);
+    let Shape::Soft { layer, frames, node_frames, .. } = simulation.bodies()[0].shape.clone() else { panic!("rigid") };
+    let places_now = simulation.frames(0);
+    let at =
+        |frame: usize, x: DVec3| places_now[frame].centre + places_now[frame].rotation * (x - frames[frame].centre);
+    let mesh = simulation.overlay(Overlay::Cores, origin).unwrap();
+    let (places, triangles) = read(&mesh, origin);
+    check_parts(&mesh, &triangles);
+    let names: Vec<&str> = mesh.parts.iter().map(|part| part.name.as_str()).collect();
+    assert_eq!(names, ["tip", "root", "middle"]);
+    let values = mesh.values.read::<f32>().unwrap();
+    for (k, part) in mesh.parts.iter().enumerate() {
+        assert!(values[part.vertices.clone()].iter().all(|x| *x == k as f32));
+        expect_closed(&part.name, &places, of(part, &triangles));
+        let own = |n: &u32| layer.bound[*n as usize] && node_frames[*n as usize] == k as u32;
+        let whole = layer.tetrahedra.iter().filter(|t| t.iter().all(own));
+        let want = whole.map(|t| palpate::prepare::layer::volume6(&layer.nodes, t)).sum::<f64>() / 6.0;
+        let got = properties(&places, of(part, &triangles)).volume;
+        assert!((got - want).abs() < VOLUME * want && want > 0.0, "{}: {got} for {want}", part.name);
+        let rest: Vec<DVec3> =
+            (0..layer.nodes.len() as u32).filter(own).map(|n| at(k, layer.nodes[n as usize])).collect();
+        for v in part.vertices.clone() {
+            let nearest = rest.iter().copied().min_by(|a, b| a.distance(places[v]).total_cmp(&b.distance(places[v])));
+            near(&part.name, places[v], nearest.unwrap(), origin);
+        }
+    }
+    let mesh = simulation.overlay(Overlay::Bones, origin).unwrap();
+    let (places, triangles) = read(&mesh, origin);
+    check_parts(&mesh, &triangles);
+    assert_eq!(mesh.parts.len(), 1, "one is bound by a capsule");
+    assert_eq!((mesh.parts[0].name.as_str(), mesh.greatest), ("tip", 0.0));
+    expect_closed("a bone", &places, &triangles);
+    assert!(properties(&places, &triangles).volume > 0.0, "it faces outward");
+    let [a, b] = [DVec3::new(0.1, 0.0, 0.0), DVec3::new(0.13, 0.0, 0.01)].map(|x| at(0, x));
+    for x in &places {
+        let t = ((*x - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+        let error = (x.distance(a + t * (b - a)) - (0.04 - 0.01 * t)).abs();
+        assert!(error < 1e-6, "{x}: {error:e} off the capsule");
+    }
+    let messages = simulation.context().validation_messages();
+    assert!(messages.is_empty(), "{messages:#?}");
+}
+
+#[test]
+fn regions_are_squares_at_their_contacts() {
+    let (mut simulation, shift) = pressed();
+    assert!(simulation.region_squares().unwrap().is_empty(), "before the first step");
+    run(&mut simulation, 45);
+    let squares = simulation.region_squares().unwrap();
+    let contacts = simulation.contacts().unwrap();
+    assert_eq!(squares.iter().map(|square| square.contacts).sum::<usize>(), contacts.len());
+    let (square, up) = (&squares[0], DQuat::from_rotation_z(0.5) * DVec3::Y);
+    assert_eq!(square.bodies, [0, 1]);
+    assert!(square.normal.dot(up) > 0.99, "{square:?}");
+    let [u, v] = square.tangents;
+    assert!(u.dot(v).abs() < 1e-6 && u.dot(square.normal).abs() < 1e-6 && v.dot(square.normal).abs() < 1e-6);
+    for contact in &contacts {
+        let from = contact.position - square.centre;
+        // Bodies moved on since: by less than 1 mm a step.
+        let within = [u, v].iter().zip(square.half).all(|(t, half)| t.dot(from).abs() <= half + 1e-3);
+        assert!(within && square.normal.dot(from).abs() < 5e-3, "{contact:?} of {square:?}");
+    }
+    assert!((square.centre - (shift + up * 0.03)).length() < 0.01, "{square:?}");
+    let floor = "[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
+                 layer = { box = [[-0.02, -0.02, -0.02], [0.02, 0.02, 0.02]], cells = [3, 3, 3] }\n\
+                 position = [0.1, 0.0195, 0.2]\nmaterial = { young = 5e4, poisson = 0.4, density = 1000.0 }\n";
+    let mut simulation = open(&scene(floor), None);
+    run(&mut simulation, 5);
+    let squares = simulation.region_squares().unwrap();
+    assert_eq!(squares.len(), 1);
+    assert!(squares[0].contacts >= 16 && squares[0].normal.y.abs() > 0.999);
+    assert!((squares[0].centre - DVec3::new(0.1, 0.0, 0.2)).length() < 2e-3, "{squares:?}");
+    assert!(squares[0].half.iter().all(|half| *half > 0.019 && *half < 0.03));
+}

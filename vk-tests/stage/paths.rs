@@ -1,0 +1,241 @@
+//! The two paths of the depth stage against each other: the same crossings, contacts, forces and traces, to the last bit.
+
+use bytemuck::Zeroable;
+use glam::{DQuat, DVec3};
+use palpate::gpu::Recorder;
+use palpate::prepare::{self, Body, sphere};
+use palpate::scene::Scene;
+use palpate::stages::Common;
+use palpate::stages::contact::Contact;
+use palpate::stages::cull::{Cull, MOST_CELLS};
+use palpate::stages::depth::{Depth, Path};
+use palpate::stages::elastic::Elastic;
+use palpate::stages::model::Model;
+use palpate::stages::pose::Pose;
+use palpate::stages::skin::Skin;
+use palpate::stages::types::{CHUNK_VERTICES, Counts, Frame, Link, NONE, Pair, Region, StepParams};
+use palpate::step::Simulation;
+use palpate::step::frames::Frames;
+use palpate::step::{Flags, StepReport};
+
+use crate::harness::random::Random;
+use crate::harness::{assert_clean, context};
+use crate::scene::whole_step::{open, run, scene};
+
+const PATHS: [Path; 2] = [Path::Compute, Path::Graphics];
+
+/// A row as bits, without the wall time.
+fn bits(row: &StepReport) -> Vec<u64> {
+    let tool = row.tool.unwrap();
+    let vectors = [tool.tool.position, tool.force, tool.torque];
+    let mut all: Vec<f64> = vectors.iter().flat_map(|v| v.to_array()).collect();
+    all.extend(tool.tool.orientation.to_array());
+    all.extend([row.residual, row.max_depth.unwrap()]);
+    all.extend(row.probes.iter().flat_map(|p| p.to_array()));
+    let counts = [row.step, row.contacts.unwrap().into(), row.iterations.into(), row.flags.0.into()];
+    all.iter().map(|x| x.to_bits()).chain(counts).collect()
+}
+
+/// Runs a scene by both paths, step by step.
+fn judge(name: &str, scene: &Scene, steps: usize) {
+    let mut simulations = PATHS.map(|path| open(scene, Some(path)));
+    let (mut contacts, mut force) = (0, 0.0f64);
+    for step in 0..steps {
+        let rows = simulations.each_mut().map(|simulation| run(simulation, 1).remove(0));
+        assert_eq!(bits(&rows[0]), bits(&rows[1]), "{name}, step {step}: {rows:#?}");
+        let touches = simulations.each_ref().map(|s: &Simulation| {
+            let (regions, contacts) = s.touch().unwrap();
+            (bytemuck::cast_slice::<_, u32>(&regions).to_vec(), bytemuck::cast_slice::<_, u32>(&contacts).to_vec())
+        });
+        assert!(touches[0] == touches[1], "{name}, step {step}: contacts differ");
+        contacts = contacts.max(rows[0].contacts.unwrap());
+        force = force.max(rows[0].tool.unwrap().force.length());
+    }
+    for (simulation, path) in simulations.iter().zip(PATHS) {
+        let depth = simulation.plan().entries.iter().find(|entry| entry.stage == "depth").unwrap();
+        assert!(depth.reason == format!("{} path: asked for", path.name()), "{}", depth.reason);
+    }
+    println!("{name}: up to {contacts} contacts and {force:.2} N, the same by both paths");
+    assert!(contacts > 20 && force > 0.1, "{name}: {contacts} contacts, {force} N");
+}
+
+#[test]
+fn a_press_into_a_head_is_the_same_by_both_paths() {
+    judge(
+        "head",
+        &scene(
+            "[[body]]\nname = \"head\"\nsurface = { model = \"head\", vertices = 8000 }\nlayer = { cell = 0.03 }\n\
+             material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n\
+             [[body.core]]\nname = \"skull\"\nmotion = \"fixed\"\nbind = { inset = 0.04 }\n\
+             [tool]\nsphere = 0.015\nmass = 0.05\nposition = [0.03, -0.02, 0.097]\n\
+             [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n\
+             [drive]\nkeys = [[0.0, 0.03, -0.02, 0.097], [0.05, 0.02, -0.015, 0.082]]\n\
+             [[probe]]\nname = \"cheek\"\nbody = \"head\"\nnearest = [0.03, -0.02, 0.08]\n",
+        ),
+        50,
+    );
+}
+
+#[test]
+fn soft_balls_under_a_tool_are_the_same_by_both_paths() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("ball.obj");
+    let (vertices, triangles) = sphere::icosphere(0.05);
+    palpate::scene::obj::write(&mut std::fs::File::create(&file).unwrap(), &vertices, &triangles).unwrap();
+    let ball = |name: &str, y: f64, core: &str| {
+        format!(
+            "[[body]]\nname = \"{name}\"\nsurface = {file:?}\nlayer = {{ across = 6 }}\nposition = [0.0, {y}, 0.0]\n\
+             material = {{ young = 2e4, poisson = 0.45, density = 1000.0 }}\n{core}"
+        )
+    };
+    let held = "[[body.core]]\nname = \"core\"\nmotion = \"fixed\"\nbind = { inset = 0.03 }\n";
+    judge(
+        "balls",
+        &scene(&format!(
+            "{}{}[tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.168, 0.0]\n\
+             [coupling]\nstiffness = 500.0\ndamping = 5.0\n\
+             [drive]\nkeys = [[0.0, 0.0, 0.168, 0.0], [0.04, 0.004, 0.15, 0.0]]\n",
+            ball("below", 0.0, held),
+            ball("above", 0.099, "")
+        )),
+        50,
+    );
+}
+
+/// The stages up to depth, by both paths, for rigid bodies and a tool.
+struct Query {
+    common: Common,
+    cull: Cull,
+    skin: Skin,
+    depths: [Depth; 2],
+    recordings: [palpate::gpu::Recording; 2],
+    model: Model,
+    scene: Scene,
+}
+
+impl Query {
+    fn new(bodies: &[Body], tool: &Body) -> Query {
+        let (context, scene) = (context(), Scene::empty("two bodies"));
+        let model = Model::new(&scene, bodies, Some(tool));
+        let common = Common::new(context, &model).unwrap();
+        let (elastic, pose) = (Elastic::new(context, &model).unwrap(), Pose::new(context, &model).unwrap());
+        let (cull, skin) = (Cull::new(context, &model, true).unwrap(), Skin::new(context, &model).unwrap());
+        let contact = Contact::new(context, &model, true).unwrap();
+        let depths = PATHS.map(|path| Depth::new(context, &model, path).unwrap());
+        let recordings = depths.each_ref().map(|depth| {
+            let mut recorder = Recorder::new(context).unwrap();
+            pose.record(&mut recorder, &common, &elastic, &skin);
+            cull.record(&mut recorder, &common, &pose, &skin, &contact, &elastic);
+            skin.record(&mut recorder, &common, &pose, &cull, &elastic);
+            depth.record(&mut recorder, &common, &cull, &skin);
+            recorder.finish().unwrap()
+        });
+        Query { common, cull, skin, depths, recordings, model, scene }
+    }
+
+    /// Crossings on the ray of each binned vertex by one path, sorted, so that it does not matter in which order they were
+    /// found: region and side, triangle, bits of the depth, front; `None` where it said that it did not find all.
+    fn crossings(&self, path: usize, texel: f32, position: DVec3, orientation: DQuat) -> Option<Vec<Vec<[u32; 4]>>> {
+        let params = StepParams { depth_limit: 1.0, texel, ..StepParams::zeroed() };
+        self.common.params.write(&[params]).unwrap();
+        self.cull.pairs.write::<Pair>(&self.model.pairs).unwrap();
+        let (mut frames, mut links) = (vec![Frame::zeroed(); self.model.frames.len()], vec![Link::zeroed(); 1]);
+        let placed = Frames::new(&self.model, |_| DVec3::ZERO);
+        placed.write(DVec3::ZERO, self.scene.step.dt, &mut frames, &mut links);
+        let tool = &mut frames[self.model.tool_frame.unwrap()];
+        tool.centre = position.as_vec3().to_array();
+        tool.rotation = orientation.as_quat().to_array();
+        self.common.frames.write(&frames).unwrap();
+        self.common.links.write(&links).unwrap();
+        // Chunks hold fewer vertices than there is room for; what lies beyond is never written.
+        let room = self.skin.bin_hits.bytes() as usize / 4;
+        self.skin.bin_hits.write(&vec![NONE; room]).unwrap();
+        self.skin.bin_squares.write(&vec![[NONE; 2]; room]).unwrap();
+        self.recordings[path].submit_and_wait().unwrap();
+        assert_clean(context(), "crossings");
+
+        let counts = self.common.counts.read::<Counts>().unwrap()[0];
+        let first = self.skin.bin_hits.read::<u32>().unwrap();
+        let squares = self.skin.bin_squares.read::<[u32; 2]>().unwrap();
+        let hits = self.depths[path].hits.read::<[u32; 4]>().unwrap();
+        let bins = counts.items as usize * CHUNK_VERTICES;
+        let list = |bin: usize| {
+            let (mut hit, mut found) = (first[bin], Vec::new());
+            while hit != NONE {
+                let [triangle, next, depth, front] = hits[hit as usize];
+                found.push([squares[bin][0], triangle, depth, front]);
+                hit = next;
+            }
+            found.sort_unstable();
+            found
+        };
+        let all: Vec<Vec<_>> = (0..bins).map(list).collect();
+        let found: usize = all.iter().map(Vec::len).sum();
+        assert_eq!(found, counts.hits as usize, "crossings on the lists, and counted");
+        // Other flags may be up: at some poses there are more directions than a pair has regions for.
+        (!Flags(counts.flags).contains(Flags::CONTACT_OVERFLOW)).then_some(all)
+    }
+}
+
+/// Holds the paths against each other at random poses of the tool beside a vertex of the body, with squares of these
+/// edges (m; 0: chosen by the skins) in turn; crossings, and the most squares along a side of a column.
+fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32) {
+    let prepare::Shape::Rigid { skin, .. } = &body.shape else { panic!("not rigid") };
+    let vertices = skin.vertices.clone();
+    let query = Query::new(&[body], tool);
+    let mut random = Random(11);
+    let (mut crossings, mut squares) = (0, 0.0f32);
+    for pose in 0..poses {
+        let vertex = vertices[random.below(vertices.len())];
+        let position = vertex * (1.0 + 0.2 * random.next()) + 0.01 * random.vector();
+        let orientation = random.turn(3.0);
+        let texel = texels[pose % texels.len()];
+        let [compute, graphics] = [0, 1].map(|path| query.crossings(path, texel, position, orientation).unwrap());
+        assert!(compute == graphics, "pose {pose}: crossings differ, squares of {texel} m");
+        crossings += compute.iter().map(Vec::len).sum::<usize>();
+        for region in query.cull.regions.read::<Region>().unwrap().iter().filter(|region| region.weight > 0.0) {
+            let cell = region.cell[0].min(region.cell[1]);
+            let along = |k: usize| (region.high[k] - region.low[k]) / cell;
+            squares = squares.max(along(0)).max(along(1));
+        }
+    }
+    println!("{crossings} crossings, the same by both paths; up to {squares} squares a side");
+    (crossings, squares)
+}
+
+#[test]
+fn both_paths_find_the_same_crossings_at_random_poses() {
+    let scene = scene(
+        "[[body]]\nname = \"pumpkin\"\nsurface = { model = \"pumpkin\", vertices = 8000 }\n\
+         [tool]\nsphere = 0.04\nmass = 1.0\nposition = [0.0, 0.0, 0.0]\n",
+    );
+    let tool = prepare::tool(scene.tool.as_ref().unwrap(), &scene).unwrap();
+    let pumpkin = prepare::body(&scene.bodies[0], &scene).unwrap();
+    let (crossings, _) = compare(pumpkin, &tool, 24, &[0.0, 1.0, 0.02, 0.002]);
+    assert!(crossings > 10_000, "{crossings}");
+    // As many squares as a column may have, to the far end of the picture. The triangles are small: llvmpipe ends loops
+    // after 65,535 rounds, so an invocation of the compute path must not look through more squares than that.
+    let (crossings, squares) = compare(tool.clone(), &tool, 6, &[1e-9]);
+    let most = MOST_CELLS as f32;
+    assert!(crossings > 5_000 && squares > most - 0.01 && squares <= most, "{crossings} {squares}");
+}
+
+#[test]
+fn a_loop_that_the_device_leaves_early_is_flagged() {
+    // All vertices in one square: every triangle looks through all of them, more than llvmpipe's loops have rounds for.
+    let scene = scene(
+        "[[body]]\nname = \"pumpkin\"\nsurface = { model = \"pumpkin\", vertices = 40000 }\n\
+         [tool]\nsphere = 0.15\nmass = 1.0\nposition = [0.0, 0.0, 0.0]\n",
+    );
+    let tool = prepare::tool(scene.tool.as_ref().unwrap(), &scene).unwrap();
+    let pumpkin = prepare::body(&scene.bodies[0], &scene).unwrap();
+    let prepare::Shape::Rigid { skin, .. } = &pumpkin.shape else { panic!("not rigid") };
+    let (position, turn) = (skin.vertices[skin.vertices.len() / 2], DQuat::IDENTITY);
+    let query = Query::new(&[pumpkin], &tool);
+    let all = query.crossings(0, 0.0, position, turn).unwrap();
+    let total: usize = all.iter().map(Vec::len).sum();
+    assert!(total > 1000, "{total} crossings");
+    let found = [0, 1].map(|path| query.crossings(path, 10.0, position, turn));
+    println!("{total} crossings; with one square for all, flagged: {:?}", found.each_ref().map(Option::is_none));
+    assert!(found.iter().flatten().all(|found| *found == all), "other crossings, and no flag says so");
+}

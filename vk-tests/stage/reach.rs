@@ -1,0 +1,41 @@
+//! depth/cross leaves out triangles that no vertex looks as far back as.
+
+use std::collections::BTreeSet;
+
+use glam::DVec3;
+use palpate::stages::types::NONE;
+use palpate_oracle::regions::along;
+
+use crate::harness::random::Random;
+use crate::stage::cross::{axes, bumpy, crossed, meshes, region, sight_key, wide};
+
+#[test]
+fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
+    let mut random = Random(67);
+    let (mesh, over) = bumpy(&mut random);
+    let points = (over, vec![]);
+    let region = region(DVec3::Z, 1.0, 0.1);
+    let run = |key: u32| {
+        let mut flow = meshes([&points, &mesh], &[region]);
+        flow.embed();
+        // As if a's vertices looked down from that height in the first square alone.
+        let first = flow.bucket_count as usize;
+        flow.buckets[first..first + 256].fill(NONE);
+        flow.buckets[first] = key;
+        flow.cross();
+        assert_eq!(flow.counts.flags, 0);
+        let found: BTreeSet<u32> = crossed(&flow).values().flat_map(|list| list.keys().copied()).collect();
+        let meets = |t: &u32| {
+            let at = flow.model.triangles[*t as usize];
+            let corners = [0, 1, 2].map(|k| wide(flow.skin[at[k] as usize][..3].try_into().unwrap()));
+            let at = corners.map(|x| along(axes(&region), x));
+            at[0].min(at[1]).min(at[2]).truncate().max_element() < -1.0 + 2.0 / 16.0 + 1e-3
+        };
+        assert!(found.iter().all(meets));
+        found.len()
+    };
+    // The mesh reaches up to an eighth.
+    let found = run(sight_key(0, 0.5));
+    assert!(found > 0 && found < mesh.1.len() / 50, "{found} of {}", mesh.1.len());
+    assert_eq!(run(sight_key(0, -0.2)), 0);
+}

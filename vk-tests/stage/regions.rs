@@ -1,0 +1,269 @@
+//! cull/regions: the regions of a pair of bodies, their columns, and which slots take part.
+
+use bytemuck::Zeroable;
+use glam::DVec3;
+use palpate::gpu::Size;
+use palpate::stages::args;
+use palpate::stages::types::{Counts, NONE, PAIR_REGIONS, Pair, Proxy, ProxyBounds, Region, StepParams};
+use palpate_oracle::proximity;
+
+use crate::harness::random::Random;
+use crate::harness::{Outcome, Tolerance, case, expect_close};
+use crate::stage::flow::{Box3, FIELD_WORDS};
+
+/// Dot products of order one in f32.
+const PLACED: Tolerance = Tolerance { abs: 2e-6, rel: 2e-6 };
+/// A unit vector from a weighted sum of some hundred.
+const DIRECTION: Tolerance = Tolerance { abs: 3e-6, rel: 0.0 };
+const REGION_OVERFLOW: u32 = 2;
+const INFLATION: f32 = 0.03;
+const HALF: f64 = 0.2;
+
+/// Cubes as proxies: so many of a, then so many of b; of each pair of proxies the direction with its weight, and the push.
+struct Given {
+    places: Vec<DVec3>,
+    pair: Pair,
+    directions: Vec<[f32; 4]>,
+    before: Vec<Region>,
+}
+
+fn wide(x: [f32; 3]) -> DVec3 {
+    DVec3::from_array(x.map(f64::from))
+}
+
+fn corners(place: DVec3) -> Vec<DVec3> {
+    let corner = |k: usize| DVec3::from_array([k & 1, k >> 1 & 1, k >> 2].map(|bit| (2.0 * bit as f64 - 1.0) * HALF));
+    (0..8).map(|k| place + corner(k)).collect()
+}
+
+impl Given {
+    /// Cubes about the origin; directions of all pairs in turn, with their weights; no pushes.
+    fn new(counts: [u32; 2], directions: &[(DVec3, f64)], random: &mut Random) -> Given {
+        let pairs = counts[0] * counts[1];
+        let pair = Pair {
+            proxy_pair_count: pairs,
+            first_proxy: [0, counts[0]],
+            proxy_count: counts,
+            first_slot: [0, counts[0]],
+            ..Pair::zeroed()
+        };
+        let both = |k: u32| {
+            let (n, w) = directions[k as usize % directions.len()];
+            [n.as_vec3().extend(w as f32).to_array(), [0.0; 4]]
+        };
+        Given {
+            places: (0..counts[0] + counts[1]).map(|_| 0.1 * random.vector()).collect(),
+            pair,
+            directions: (0..pairs).flat_map(both).collect(),
+            before: vec![Region::default(); PAIR_REGIONS],
+        }
+    }
+
+    fn hull(&self, proxy: usize) -> Vec<DVec3> {
+        corners(self.places[proxy]).iter().map(|x| x.as_vec3().as_dvec3()).collect()
+    }
+
+    fn run(&self) -> Outcome {
+        let count = self.places.len();
+        let proxy = |i: usize| Proxy { hull_first: 8 * i as u32, hull_count: 8, edge: 0.01, ..Proxy::zeroed() };
+        let bounds = |i: usize| ProxyBounds {
+            low: (self.places[i] - HALF).as_vec3().to_array(),
+            inflation: INFLATION,
+            high: (self.places[i] + HALF).as_vec3().to_array(),
+            radius: 0.3,
+        };
+        let hull: Vec<[f32; 4]> =
+            (0..count).flat_map(|i| self.hull(i)).map(|x| x.as_vec3().extend(0.0).to_array()).collect();
+        case("cull/regions")
+            .size(Size::Reduce)
+            .constant("BUCKETS", 4u32)
+            .input("params", &[StepParams::zeroed()])
+            .input("pairs", &[self.pair])
+            .input("proxies", &(0..count).map(proxy).collect::<Vec<_>>())
+            .input("bounds", &(0..count).map(bounds).collect::<Vec<_>>())
+            .input("hull", &hull)
+            .input("directions", &crate::stage::flow::some(&self.directions))
+            .inout("regions", &self.before)
+            .output::<f32>("shares", PAIR_REGIONS * count)
+            .inout("boxes", &vec![[[9.0f32; 3]; 2]; PAIR_REGIONS * count])
+            .inout("slot_regions", &vec![NONE; count])
+            .partial("slot_counts", &vec![[7u32; 2]; count])
+            .partial("active_slots", &vec![NONE; count])
+            .partial("fields", &vec![7u32; PAIR_REGIONS * FIELD_WORDS])
+            .inout("counts", &[Counts::default()])
+            .inout("args", &vec![0u32; args::WORDS])
+            .partial("near_pairs", &vec![NONE; self.directions.len() / 2])
+            .partial("buckets", &vec![7u32; 4 + PAIR_REGIONS * FIELD_WORDS])
+            .groups(1)
+            .run()
+    }
+}
+
+/// What holds of any answer: axes are orthonormal, boxes hold the inflated hulls, columns are what both sides' members cover in
+/// common, shares sum to one, fields are cleared, and the slots of a column are active. How many regions there are.
+fn check(given: &Given, out: &Outcome) -> usize {
+    let (regions, boxes): (Vec<Region>, Vec<Box3>) = (out.get("regions"), out.get("boxes"));
+    let (shares, bits): (Vec<f32>, Vec<u32>) = (out.get("shares"), out.get("slot_regions"));
+    let (fields, buckets): (Vec<u32>, Vec<u32>) = (out.get("fields"), out.get("buckets"));
+    assert_eq!(buckets[..4], [7; 4], "heads are cleared with the pose");
+    let live = regions.iter().filter(|region| region.weight > 0.0).count();
+    let count = given.places.len();
+    for (r, region) in regions.iter().enumerate().take(live) {
+        assert!(region.weight > 0.0, "those there are come first");
+        let axes = [region.tangent, region.bitangent, region.normal].map(wide);
+        for i in 0..3 {
+            let along = axes.map(|axis| axis.dot(axes[i]) as f32);
+            expect_close("orthonormal", &along, &[0, 1, 2].map(|k| f64::from(u8::from(k == i))), PLACED);
+        }
+        assert!(axes[0].cross(axes[1]).dot(axes[2]) > 0.0);
+        let mut sides = vec![];
+        for side in 0..2 {
+            let first = given.pair.first_proxy[side] as usize;
+            let own = first..first + given.pair.proxy_count[side] as usize;
+            let hulls: Vec<Vec<DVec3>> = own.clone().map(|p| given.hull(p)).collect();
+            let boxed = |p: usize| proximity::side_box(axes, &[(&hulls[p - first], f64::from(INFLATION))]);
+            let members: Vec<usize> = own.clone().filter(|p| bits[*p] >> (PAIR_REGIONS + r) & 1 == 1).collect();
+            let whole: Vec<(&[DVec3], f64)> =
+                members.iter().map(|p| (hulls[p - first].as_slice(), f64::from(INFLATION))).collect();
+            sides.push(proximity::side_box(axes, &whole));
+            for p in own.filter(|p| bits[*p] >> r & 1 == 1) {
+                let (low, high) = boxed(p);
+                let got = boxes[p * PAIR_REGIONS + r].map(wide);
+                assert!((low - got[0]).min_element() > -2e-6 && (got[1] - high).min_element() > -2e-6, "slot {p}");
+                if members.contains(&p) {
+                    expect_close("box", &boxes[p * PAIR_REGIONS + r][0], &low.to_array(), PLACED);
+                }
+            }
+        }
+        let (low, high) = (sides[0].0.max(sides[1].0), sides[0].1.min(sides[1].1));
+        expect_close("low", &region.low, &[low.x, low.y], PLACED);
+        expect_close("high", &region.high, &[high.x, high.y], PLACED);
+        let own = &fields[r * FIELD_WORDS..][..FIELD_WORDS];
+        assert!(own[..256].iter().all(|f| *f == 0) && own[256..].iter().all(|f| *f == NONE), "fields are cleared");
+        assert!(buckets[4 + r * FIELD_WORDS..][..FIELD_WORDS].iter().all(|sight| *sight == NONE), "sights are cleared");
+    }
+    for s in 0..count {
+        let own = &shares[PAIR_REGIONS * s..][..PAIR_REGIONS];
+        let sum: f32 = own.iter().sum();
+        let member = bits[s] >> PAIR_REGIONS != 0;
+        // Of regions that it is no member of, a twentieth of what their strength is more than a tenth of all.
+        for r in (0..live).filter(|r| bits[s] >> (PAIR_REGIONS + r) & 1 == 0) {
+            let strength = regions[r].weight / regions.iter().map(|region| region.weight).sum::<f32>();
+            assert!(own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6, "slot {s}, region {r}: {own:?}");
+        }
+        // One, and those.
+        assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "slot {s}: {own:?}");
+        assert!(own[live..].iter().all(|share| *share == 0.0));
+    }
+    let mut active: Vec<u32> = out.get("active_slots");
+    let groups = out.get::<u32>("args")[3 * args::CHUNKS as usize] as usize;
+    assert!(active[groups..].iter().all(|slot| *slot == NONE));
+    active.truncate(groups);
+    active.sort_unstable();
+    let wanted = (0..count as u32).filter(|s| bits[*s as usize] & ((1 << PAIR_REGIONS) - 1) != 0);
+    assert_eq!(active, wanted.collect::<Vec<_>>());
+    assert!(out.get::<[u32; 2]>("slot_counts").iter().all(|c| *c == [0, 0]));
+    live
+}
+
+fn flags(out: &Outcome) -> u32 {
+    out.get::<Counts>("counts")[0].flags
+}
+
+#[test]
+fn like_directions_give_their_weighted_mean() {
+    let mut random = Random(91);
+    for (counts, scale) in [([1, 1], 1.0), ([3, 5], 1e-9), ([9, 8], 1.0), ([17, 3], 1e9)] {
+        let leaning = random.vector().normalize();
+        let directions: Vec<(DVec3, f64)> = (0..counts[0] * counts[1])
+            .map(|_| ((leaning + 0.2 * random.vector()).normalize(), scale * (1.0 + random.next())))
+            .collect();
+        let given = Given::new(counts, &directions, &mut random);
+        let out = given.run();
+        assert_eq!((check(&given, &out), flags(&out)), (1, 0));
+        let mean = proximity::mean_direction(&directions).unwrap();
+        expect_close("normal", &out.get::<Region>("regions")[0].normal, &mean.to_array(), DIRECTION);
+    }
+}
+
+#[test]
+fn opposite_groups_have_a_region_each() {
+    let mut random = Random(92);
+    let leaning = random.vector().normalize();
+    let directions: Vec<(DVec3, f64)> = (0..20)
+        .map(|k| {
+            let sign = if k % 4 == 0 { -1.0 } else { 1.0 };
+            (sign * (leaning + 0.1 * random.vector()).normalize(), 1.5 + random.next())
+        })
+        .collect();
+    let given = Given::new([4, 5], &directions, &mut random);
+    let out = given.run();
+    assert_eq!((check(&given, &out), flags(&out)), (2, 0));
+    let regions: Vec<Region> = out.get("regions");
+    let mut cosines = [0, 1].map(|r| wide(regions[r].normal).dot(leaning));
+    cosines.sort_by(f64::total_cmp);
+    assert!(cosines[0] < -0.98 && cosines[1] > 0.98, "{cosines:?}");
+    for region in &regions[..2] {
+        let of = |d: &&(DVec3, f64)| d.0.dot(wide(region.normal)) > 0.0;
+        let own: Vec<(DVec3, f64)> = directions.iter().filter(of).copied().collect();
+        let mean = proximity::mean_direction(&own).unwrap();
+        expect_close("normal", &region.normal, &mean.to_array(), DIRECTION);
+    }
+}
+
+#[test]
+fn nothing_near_gives_nothing() {
+    let mut random = Random(93);
+    let mut given = Given::new([3, 4], &[(DVec3::X, 0.0)], &mut random);
+    // What the last step left.
+    given.before.fill(Region { normal: [0.0, 1.0, 0.0], weight: 1.0, ..Region::default() });
+    let out = given.run();
+    assert_eq!((check(&given, &out), flags(&out)), (0, 0));
+    assert!(out.get::<u32>("args").iter().all(|word| *word == 0));
+}
+
+#[test]
+fn more_groups_than_regions_are_flagged() {
+    let mut random = Random(94);
+    let axes: Vec<(DVec3, f64)> =
+        DVec3::AXES.iter().flat_map(|axis| [*axis, -*axis]).enumerate().map(|(k, n)| (n, 1.0 + k as f64)).collect();
+    for count in 1..=6 {
+        let given = Given::new([6, 6], &axes[..count], &mut random);
+        let out = given.run();
+        let want = if count > PAIR_REGIONS { REGION_OVERFLOW } else { 0 };
+        assert_eq!((check(&given, &out), flags(&out)), (count.min(PAIR_REGIONS), want), "{count} groups");
+    }
+}
+
+#[test]
+fn a_direction_that_is_given_is_the_only_one() {
+    let mut random = Random(95);
+    let mut given = Given::new([3, 4], &[(DVec3::X, 1.0), (DVec3::Y, 2.0)], &mut random);
+    given.pair.direction = [0.0, 0.0, -1.0, 1.0];
+    let out = given.run();
+    assert_eq!(out.get::<Region>("regions")[0].normal, [0.0, 0.0, -1.0]);
+    assert!(out.get::<Region>("regions")[1..].iter().all(|region| region.weight == 0.0));
+}
+
+#[test]
+fn a_half_space_has_one_region_and_the_slots_that_reach_it() {
+    let mut random = Random(96);
+    let mut given = Given::new([30, 0], &[(DVec3::X, 1.0)], &mut random);
+    given.places.iter_mut().for_each(|place| *place *= 5.0);
+    let normal = random.vector().normalize().as_vec3();
+    given.pair = Pair { is_plane: 1, plane: normal.extend(-0.3).to_array(), ..given.pair };
+    let out = given.run();
+    let regions: Vec<Region> = out.get("regions");
+    expect_close("normal", &regions[0].normal, &(-normal.as_dvec3()).to_array(), DIRECTION);
+    assert!(regions[0].weight > 0.0 && regions[1..].iter().all(|region| region.weight == 0.0));
+    let (bits, shares): (Vec<u32>, Vec<f32>) = (out.get("slot_regions"), out.get("shares"));
+    let mut below = 0;
+    for (s, bit) in bits.iter().enumerate() {
+        let lowest = given.hull(s).iter().map(|x| normal.as_dvec3().dot(*x)).fold(f64::INFINITY, f64::min);
+        let above = lowest + 0.3 - f64::from(INFLATION);
+        assert!(above.abs() < 1e-5 || (*bit == 1) == (above < 0.0), "{above}");
+        assert_eq!(shares[PAIR_REGIONS * s], *bit as f32);
+        below += bit;
+    }
+    assert!(below > 2 && below < 28 && out.get::<u32>("args")[3 * args::CHUNKS as usize] == below);
+}

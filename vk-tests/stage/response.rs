@@ -1,0 +1,129 @@
+//! contact/response beyond what vk-tests/stage/contact.rs holds against the oracle: the quads of entries, and friction.
+
+use glam::DVec3;
+use palpate::stages::depth::Path;
+use palpate::stages::types::{Contact, NONE};
+
+use crate::harness::{Tolerance, expect_close};
+use crate::stage::contact::crowd;
+use crate::stage::flow::Flow;
+
+/// The distinct tetrahedra behind a contact's points: the gathered vertex, then the corners of the opposing triangle.
+fn tetrahedra(flow: &Flow, c: usize) -> Vec<[u32; 4]> {
+    let contact = &flow.contacts[c];
+    let mut vertices = vec![contact.vertex];
+    if contact.triangle != NONE {
+        vertices.extend(&flow.model.triangles[contact.triangle as usize][..3]);
+    }
+    let mut distinct: Vec<[u32; 4]> = Vec::new();
+    for nodes in vertices.into_iter().map(|v| flow.model.skin_nodes[v as usize]) {
+        if nodes[0] != NONE && !distinct.contains(&nodes) {
+            distinct.push(nodes);
+        }
+    }
+    distinct
+}
+
+#[test]
+fn corners_in_one_tetrahedron_share_a_quad() {
+    let (_, _, flow) = crowd(Path::Compute);
+    let (mut saved, mut kept) = (0, 0);
+    for (c, contact) in flow.contacts.iter().enumerate() {
+        let want = tetrahedra(&flow, c);
+        let quads = 4 * c..4 * c + contact.quads as usize;
+        assert_eq!(flow.entry_nodes[quads.clone()], want, "contact {c}");
+        // Each body's weights sum to one, with its sign; a body without nodes has none.
+        let sum: f32 = flow.entry_weights[quads].iter().flatten().sum();
+        assert!((sum - sum.round()).abs() < 1e-5 && sum.abs() < 1.5, "contact {c}: weights sum to {sum}");
+        let corners = flow.model.skin_nodes[contact.vertex as usize][0] != NONE;
+        let soft_triangle = contact.triangle != NONE
+            && flow.model.skin_nodes[flow.model.triangles[contact.triangle as usize][0] as usize][0] != NONE;
+        saved += usize::from(corners) + if soft_triangle { 3 } else { 0 } - want.len();
+        kept += want.len();
+    }
+    println!("{} contacts: {kept} quads, {saved} shared", flow.contacts.len());
+    assert!(saved > 20 && kept > 100);
+}
+
+fn wide(x: &[f32]) -> DVec3 {
+    DVec3::new(x[0].into(), x[1].into(), x[2].into())
+}
+
+/// Where a rigid skin feels friction, v1 - v2 there, and the rate, from the record's own entries.
+fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
+    let (contact, n) = (&flow.contacts[c], wide(&flow.contacts[c].normal));
+    let pair = &flow.pairs[contact.side as usize / 2];
+    let (of_second, vertex) = (contact.side % 2 == 1, wide(&flow.skin[contact.vertex as usize]));
+    // s1 lies the depth beyond s2.
+    let depth = f64::from(contact.depth) * n;
+    let points = if of_second { [vertex + depth, vertex] } else { [vertex, vertex - depth] };
+    let driven = |k: usize| pair.driven_frame[k] != NONE;
+    let at = match pair.tool_sign {
+        1.0 => points[1],
+        -1.0 => points[0],
+        _ if driven(0) => points[1],
+        _ if driven(1) => points[0],
+        _ => vertex,
+    };
+    let mut v = DVec3::ZERO;
+    for quad in 4 * c..4 * c + contact.quads as usize {
+        for (node, w) in flow.entry_nodes[quad].iter().zip(flow.entry_weights[quad]) {
+            v += f64::from(w) * wide(&flow.velocity[*node as usize]);
+        }
+    }
+    let twist = (wide(&flow.params.tool_twist[..3]), wide(&flow.params.tool_twist[3..]));
+    v += f64::from(pair.tool_sign) * (twist.0 + twist.1.cross(at - wide(&flow.params.tool_centre)));
+    for k in (0..2).filter(|k| driven(*k)) {
+        let frame = &flow.frames[pair.driven_frame[k] as usize];
+        let carried = wide(&frame.linear) + wide(&frame.angular).cross(at - wide(&frame.centre));
+        v += if k == 0 { carried } else { -carried };
+    }
+    (at, v)
+}
+
+#[test]
+fn friction_of_soft_rigid_and_driven_skins() {
+    let (_, _, mut flow) = crowd(Path::Compute);
+    let frictionless = flow.contacts.clone();
+    flow.model.friction = [0.6, 0.01];
+    [flow.params.friction, flow.params.friction_speed] = flow.model.friction;
+    // Of the pairs a-b, a-floor, a-tool, b-floor, b-tool: a on a driven frame against b, the floor on one against b.
+    (flow.pairs[0].driven_frame, flow.pairs[3].driven_frame) = ([0, NONE], [NONE, 1]);
+    for (k, frame) in flow.frames.iter_mut().enumerate() {
+        (frame.linear, frame.angular) = ([0.1, 0.3, -0.2 * k as f32], [2.0, -5.0, 3.0]);
+    }
+    flow.forget_entries(flow.node_entries.len());
+    flow.respond();
+    // f32 positions and velocities, a dozen roundings.
+    let close = Tolerance { abs: 1e-6, rel: 1e-5 };
+    let (mut rubbing, mut tool, mut driven) = (0, 0, 0);
+    for (c, was) in frictionless.iter().enumerate() {
+        let got: &Contact = &flow.contacts[c];
+        let what = format!("contact {c}, side {}", got.side);
+        let (at, v) = relative(&flow, c);
+        let n = wide(&got.normal);
+        if got.tool_sign != 0.0 {
+            let arm = at - wide(&flow.params.tool_centre);
+            expect_close(&what, &got.arm, &arm.to_array(), close);
+            tool += 1;
+        }
+        let (rate, slip) = (n.dot(v), v - n.dot(v) * n);
+        expect_close(&what, &[got.rate], &[rate], close);
+        expect_close(&what, &got.slip, &slip.to_array(), Tolerance { abs: 1e-6, ..close });
+        let pressure = f64::from(got.stiffness) * f64::from(got.depth) + f64::from(got.damping) * rate;
+        let force = f64::from(got.area) * pressure.max(0.0);
+        let speed = slip.length().hypot(f64::from(flow.model.friction[1]));
+        // The pressure may be the difference of spring and damper.
+        let size = f64::from(got.area * got.damping) * v.length().max(0.1) * 0.6 / speed;
+        let allowed = Tolerance { abs: 1e-5 * size, rel: 1e-4 };
+        expect_close(&what, &[got.friction], &[f64::from(flow.model.friction[0]) * force / speed], allowed);
+        rubbing += usize::from(got.friction > 0.0);
+        let pair = &flow.pairs[got.side as usize / 2];
+        driven += usize::from(pair.driven_frame != [NONE; 2]);
+        // Without friction there is none of it, and the rest is the same.
+        assert_eq!((was.friction, was.slip), (0.0, [0.0; 3]));
+        assert_eq!((was.normal, was.area, was.depth, was.quads), (got.normal, got.area, got.depth, got.quads));
+    }
+    println!("{rubbing} rub, {tool} on the tool, {driven} on driven frames");
+    assert!(rubbing > 40 && rubbing < frictionless.len() && tool > 20 && driven > 20);
+}

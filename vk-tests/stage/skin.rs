@@ -1,0 +1,141 @@
+//! skin/embed and skin/probe: where skin is, and the probed vertices. What skin/embed bins is in bins.rs.
+
+use glam::{DQuat, DVec3};
+use palpate::prepare::{Body, Shape};
+use palpate::stages::args;
+use palpate::stages::model::Model;
+use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, Chunk, Frame, NONE, Pair, Region, Slot};
+use palpate_oracle::{proximity, skin as oracle};
+
+use crate::harness::bodies::{half_space, octants, rigid, soft, sphere, whole};
+use crate::harness::random::Random;
+use crate::harness::{Tolerance, case, context, expect_close};
+use crate::stage::flow::{FIELD_WORDS, Flow};
+
+/// Positions of order one, a few f32 operations.
+const PLACED: Tolerance = Tolerance { abs: 1e-6, rel: 1e-6 };
+
+fn vector(x: &[f32; 4]) -> DVec3 {
+    DVec3::new(x[0].into(), x[1].into(), x[2].into())
+}
+
+fn texels(random: &mut Random, count: usize) -> Vec<[f32; 4]> {
+    (0..count).map(|_| [random.next() as f32, random.next() as f32, random.next() as f32, 0.0]).collect()
+}
+
+/// A soft ball in general position whose nodes are displaced by up to `size` each way.
+fn shaken(size: f64) -> (Body, Flow) {
+    let mut random = Random(21);
+    let place = DVec3::new(0.3, -0.2, 0.1);
+    let ball = soft("ball", sphere(0.1, 3), octants, place, random.turn(3.0));
+    let mut flow = Flow::new(std::slice::from_ref(&ball), None, DVec3::ZERO);
+    for d in &mut flow.displacement {
+        *d = (size * random.vector()).as_vec3().extend(0.0).to_array();
+    }
+    (ball, flow)
+}
+
+#[test]
+fn no_skin_leaves_its_inflated_hull() {
+    for size in [0.0, 0.01, 0.05] {
+        let (_, mut flow) = shaken(size);
+        flow.place();
+        activate(&mut flow);
+        flow.embed();
+        for (proxy, bounds) in flow.model.proxies.iter().zip(&flow.bounds) {
+            let faces = &flow.faces[proxy.face_first as usize..][..proxy.face_count as usize];
+            for chunk in &flow.model.chunks[proxy.chunk_first as usize..][..proxy.chunk_count as usize] {
+                for v in covered(&flow.model, chunk) {
+                    let x = vector(&flow.skin[v as usize]);
+                    let outside = faces.iter().map(|f| vector(f).dot(x) - f64::from(f[3])).fold(f64::MIN, f64::max);
+                    assert!(outside <= f64::from(bounds.inflation), "{outside} outside, {} allowed", bounds.inflation);
+                }
+            }
+        }
+    }
+}
+
+/// A chunk's own vertices and the corners of its triangles.
+pub fn covered(model: &Model, chunk: &Chunk) -> Vec<u32> {
+    let own = &model.chunk_vertices[chunk.vertex_first as usize..][..chunk.vertex_count as usize];
+    let drawn = &model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
+    let corners = drawn.iter().flat_map(|t| &model.triangles[*t as usize][..3]);
+    own.iter().chain(corners).copied().collect()
+}
+
+/// All chunks active, against a half-space, so that nothing is binned.
+fn activate(flow: &mut Flow) {
+    flow.pairs = vec![Pair { is_plane: 1, ..Pair::default() }];
+    (flow.regions, flow.fields) = (vec![Region::default()], vec![0; FIELD_WORDS]);
+    flow.model.slots = (0..flow.model.proxies.len() as u32).map(|proxy| Slot { proxy, ..Slot::default() }).collect();
+    flow.active_chunks = vec![];
+    for (slot, proxy) in flow.model.proxies.iter().enumerate() {
+        let chunks = proxy.chunk_first..proxy.chunk_first + proxy.chunk_count;
+        flow.active_chunks.extend(chunks.map(|chunk| ActiveChunk { chunk, slot: slot as u32, ..Default::default() }));
+    }
+    flow.args[3 * args::ACTIVE as usize] = flow.active_chunks.len() as u32;
+}
+
+#[test]
+fn embedded_skin_is_where_the_oracle_has_it() {
+    let (ball, mut flow) = shaken(0.03);
+    activate(&mut flow);
+    flow.embed();
+    let Shape::Soft { layer, embedding, .. } = &ball.shape else { unreachable!() };
+    let moved: Vec<DVec3> = layer.nodes.iter().zip(&flow.displacement).map(|(x, d)| *x + vector(d)).collect();
+    let local = oracle::embed(embedding, layer, &moved);
+    let want = local.iter().flat_map(|x| (ball.position + ball.orientation * *x).extend(1.0).to_array());
+    let got: Vec<f32> = flow.skin.as_flattened().to_vec();
+    expect_close("skin", &got, &want.collect::<Vec<_>>(), PLACED);
+    assert!(flow.buckets.iter().all(|b| *b == NONE) && flow.bins.iter().all(|b| b[3] == NONE - 1));
+}
+
+#[test]
+fn rigid_skin_of_any_size_and_only_what_is_listed() {
+    let width = context().reduce_size() as usize;
+    let mut random = Random(4);
+    for n in [0, 1, width - 1, width, width + 1, 64, 1234] {
+        let ball = rigid("ball", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
+        let floor = half_space(DVec3::Y, 0.0);
+        let mut flow = Flow::new(&[floor], Some(&ball), DVec3::ZERO);
+        let (rotation, centre) = (random.turn(3.0), DVec3::new(1.0, 2.0, 3.0));
+        flow.frames[0] =
+            Frame { rotation: rotation.as_quat().to_array(), centre: centre.as_vec3().to_array(), ..Frame::default() };
+        // One chunk that lists `n` vertices backwards; twice as many are there.
+        let own = n.min(CHUNK_VERTICES) as u32;
+        flow.model.chunks = vec![Chunk { vertex_count: own, embed_count: n as u32, ..Chunk::default() }];
+        flow.model.chunk_vertices = (0..n.max(1) as u32).rev().collect();
+        flow.model.skin_weights = texels(&mut random, 2 * n.max(1));
+        flow.model.skin_nodes = vec![[NONE, 0, 0, 0]; 2 * n.max(1)];
+        flow.skin = vec![[-5.0; 4]; 2 * n.max(1)];
+        flow.model.proxies[0].chunk_count = 1;
+        activate(&mut flow);
+        flow.embed();
+        let want = flow.model.skin_weights[..n]
+            .iter()
+            .flat_map(|x| proximity::embed(centre, rotation, [vector(x); 4], [0.25; 4]).extend(1.0).to_array());
+        expect_close("skin", flow.skin[..n].as_flattened(), &want.collect::<Vec<_>>(), PLACED);
+        assert!(flow.skin[n..].iter().all(|x| *x == [-5.0; 4]), "what no chunk lists stays");
+    }
+}
+
+#[test]
+fn probes_of_any_number_are_the_displacements_of_their_nodes() {
+    let width = context().group_size() as usize;
+    let mut random = Random(6);
+    let displacement = texels(&mut random, 50);
+    for n in [0, 1, width - 1, width, width + 1, 1234] {
+        let mut nodes: Vec<u32> = (0..n.max(1) as u32).map(|i| 7 * i % 50).collect();
+        // One of a rigid skin, which nothing displaces.
+        nodes[n / 2] = NONE;
+        let out = case("skin/probe")
+            .constant("PROBE_NODES", n as u32)
+            .input("probe_nodes", &nodes)
+            .input("displacement", &displacement)
+            .output::<[f32; 4]>("probes", n)
+            .elements(n)
+            .run();
+        let want = nodes.iter().take(n).map(|&i| displacement.get(i as usize).map_or([0.0; 4], |d| *d));
+        assert_eq!(out.get::<[f32; 4]>("probes"), want.collect::<Vec<_>>());
+    }
+}

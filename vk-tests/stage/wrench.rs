@@ -1,0 +1,206 @@
+//! Wrench: force, torque, stiffness and damping of the contacts on the tool.
+
+use glam::DVec3;
+use palpate::gpu::Size;
+use palpate::stages::types::{Contact, Report, StepParams};
+use palpate_oracle::step::Resolved;
+use palpate_oracle::wrench;
+
+use crate::harness::random::Random;
+use crate::harness::{Tolerance, case, context, expect_close};
+use crate::solver::system::{System, two_layers};
+
+/// Sums over contacts of terms of both signs, each a dozen roundings of 6e-8 away from the input; of the sum of
+/// magnitudes, which for a matrix's entry is at most the root of its diagonal's product.
+const SUM: f64 = 2.0e-6;
+
+/// Runs wrench/reduce; every other word of the report must stay.
+fn reduce(system: &System, forces: &[[f32; 4]]) -> Report {
+    let [held, loose] = [true, false].map(|is_held| reduce_as(system, forces, is_held));
+    // Where no loop holds the tool it feels the same, and nobody asks for more.
+    let want = Report { stiffness: [0.0; 21], damping: [0.0; 21], ..held };
+    assert_eq!(bytemuck::bytes_of(&loose), bytemuck::bytes_of(&want));
+    held
+}
+
+fn reduce_as(system: &System, forces: &[[f32; 4]], is_held: bool) -> Report {
+    let mut before: Report = bytemuck::Zeroable::zeroed();
+    (before.verdict, before.iterations, before.tool_change) = (5, 6, [7.0; 6]);
+    let outcome = case("wrench/reduce")
+        .size(Size::Reduce)
+        .constant("FRICTION", system.twin.friction.is_some())
+        .input("params", &[StepParams { is_held: u32::from(is_held), ..system.params }])
+        .input("counts", &[system.counts])
+        .input("contacts", &system.contacts)
+        .input("contact_forces", forces)
+        .partial("report", &[before])
+        .groups(1)
+        .run();
+    let after = outcome.get::<Report>("report")[0];
+    let kept = Report { pressing: before.pressing, ..after };
+    let rest = Report { force: before.force, torque: before.torque, stiffness: [0.0; 21], damping: [0.0; 21], ..kept };
+    assert_eq!(bytemuck::bytes_of(&rest), bytemuck::bytes_of(&before), "the rest of the report");
+    after
+}
+
+#[test]
+fn one_contact_by_hand() {
+    // wrench/reduce: k = 100 N/m^3, d = 0: at rest the force is a k depth = 0.5 * 100 * 0.1 = 5 N against the normal on
+    // the tool as a; the arm is s - c.
+    let mut system = System::new(&[], 0.0, 1);
+    system.contacts = vec![Contact {
+        normal: [0.0, 0.0, 1.0],
+        area: 0.5,
+        arm: [0.0, 2.0, 0.0],
+        tool_sign: 1.0,
+        depth: 0.1,
+        stiffness: 100.0,
+        damping: 4.0,
+        ..Contact::default()
+    }];
+    system.counts.contacts = 1;
+    let report = reduce(&system, &[[0.0; 4]]);
+    let rounding = Tolerance { abs: 0.0, rel: 1e-6 };
+    expect_close("force", &report.force, &[0.0, 0.0, -5.0], rounding);
+    expect_close("torque", &report.torque, &[-10.0, 0.0, 0.0], rounding);
+    expect_close("pressing", &[report.pressing], &[5.0], rounding);
+    // Rows x, y, z, rx, ry, rz of the upper triangle: zz, z rx and rx rx are not zero.
+    let (mut stiffness, mut damping) = ([0.0; 21], [0.0; 21]);
+    for (at, value) in [(11, 50.0), (12, 100.0), (15, 200.0)] {
+        (stiffness[at], damping[at]) = (value, value * 0.04);
+    }
+    expect_close("stiffness", &report.stiffness, &stiffness, rounding);
+    expect_close("damping", &report.damping, &damping, rounding);
+    // As b.
+    system.contacts[0].tool_sign = -1.0;
+    let report = reduce(&system, &[[0.0; 4]]);
+    expect_close("force", &report.force, &[0.0, 0.0, 5.0], rounding);
+    expect_close("torque", &report.torque, &[10.0, 0.0, 0.0], rounding);
+    expect_close("stiffness", &report.stiffness, &stiffness, rounding);
+    // Moving apart faster than the spring pushes: nothing.
+    system.contacts[0].rate = -3.0;
+    let report = reduce(&system, &[[0.0; 4]]);
+    assert_eq!((report.force, report.torque, report.stiffness), ([0.0; 3], [0.0; 3], [0.0; 21]));
+}
+
+/// Upper triangle by rows, and the scale of each entry.
+fn triangle(matrix: &[[f64; 6]; 6]) -> Vec<(f64, f64)> {
+    let entry = |i: usize, k: usize| (matrix[i][k], (matrix[i][i] * matrix[k][k]).sqrt());
+    (0..6).flat_map(|i| (i..6).map(move |k| entry(i, k))).collect()
+}
+
+#[test]
+fn friction_by_hand() {
+    // wrench/reduce: c = 2 N s/m and a slip of 3 m/s along x that the step raised by 1 m/s (h c = 2 / 128 of impulse a m/s)
+    // drags the tool by 8 N; its arm is 0.5 m along z. Damping is c across the normal.
+    let mut system = System::new(&[], 0.0, 1).with_friction();
+    system.contacts = vec![Contact {
+        normal: [0.0, 0.0, 1.0],
+        area: 0.5,
+        arm: [0.0, 0.0, 0.5],
+        tool_sign: 1.0,
+        depth: 0.1,
+        stiffness: 100.0,
+        friction: 2.0,
+        slip: [3.0, 0.0, 0.0],
+        ..Contact::default()
+    }];
+    system.counts.contacts = 1;
+    let impulse = 2.0 / 128.0;
+    let report = reduce(&system, &[[impulse, 0.0, 0.0, 0.0]]);
+    let close = Tolerance { abs: 1e-6, rel: 1e-6 };
+    expect_close("force", &report.force, &[-8.0, 0.0, -5.0], close);
+    expect_close("torque", &report.torque, &[0.0, -4.0, 0.0], close);
+    let mut damping = [0.0; 21];
+    // xx, x ry, yy, y rx, rx rx, ry ry.
+    for (at, value) in [(0, 2.0), (4, 1.0), (6, 2.0), (8, -1.0), (15, 0.5), (18, 0.5)] {
+        damping[at] = value;
+    }
+    expect_close("damping", &report.damping, &damping, close);
+    // As b it is dragged along.
+    system.contacts[0].tool_sign = -1.0;
+    let report = reduce(&system, &[[impulse, 0.0, 0.0, 0.0]]);
+    expect_close("force", &report.force, &[8.0, 0.0, 5.0], close);
+    expect_close("torque", &report.torque, &[0.0, 4.0, 0.0], close);
+}
+
+#[test]
+fn sums_agree_with_the_oracle_at_every_size() {
+    let width = context().reduce_size() as usize;
+    for count in [0, 1, width - 1, width, width + 1, 1234] {
+        let system = System::new(&two_layers(), 0.004, 1).with_tool();
+        agree(system.with_contacts(count, count as u64), count as u64 + 9);
+        let system = System::new(&two_layers(), 0.004, 1).with_tool().with_friction();
+        agree(system.with_contacts(count, count as u64), count as u64 + 9);
+    }
+}
+
+fn agree(system: System, seed: u64) {
+    let (mut random, h) = (Random(seed), system.twin.dt);
+    let (places, start) = (system.twin.unknowns(), system.start());
+    let (mut forces, mut resolved) = (vec![], vec![]);
+    for (twin, contact) in system.twin_contacts.iter().zip(&system.contacts) {
+        // What solve/apply leaves for some solution: g a (J x), J x of up to 0.3 m/s.
+        let speed = f64::from(0.3 * random.next() as f32);
+        let slope = h * twin.stiffness + twin.damping;
+        let normal = (h * slope * twin.area * speed) as f32;
+        forces.push([f32::NAN, f32::NAN, f32::NAN, normal]);
+        let rate: f64 = system.twin.row(&places, twin).iter().map(|(i, w)| w * start[*i]).sum();
+        let pressure = twin.stiffness * twin.depth + slope * (rate + speed);
+        let active = pressure > 0.0;
+        let force = if active { twin.area * pressure } else { 0.0 };
+        let (mut friction, mut viscosity) = (DVec3::ZERO, 0.0);
+        if system.twin.friction.is_some() {
+            let across = 0.3 * random.vector().reject_from_normalized(twin.normal);
+            let drag = system.twin.drag(&places, &start, twin);
+            viscosity = drag.viscosity;
+            friction = if active { -viscosity * (drag.slip() + across) } else { DVec3::ZERO };
+            let both = f64::from(normal) * twin.normal + h * f64::from(contact.friction) * across;
+            forces.pop();
+            forces.push(both.as_vec3().extend(normal).to_array());
+        }
+        resolved.push(Resolved { contact: twin.clone(), force, friction, viscosity, active });
+    }
+    let report = reduce(&system, &forces);
+    let centre = system.twin.tool.as_ref().unwrap().centre;
+    let want = wrench::on_tool(&resolved, centre);
+    let size: f64 = resolved.iter().map(|r| r.force + r.friction.length()).sum();
+    let (pushing, count) = (resolved.iter().filter(|r| r.active).count(), resolved.len());
+    assert!(count < 100 || (pushing > count / 4 && pushing < count), "{pushing} of {count} push");
+    // Levers are up to 0.2 m.
+    let within = |scale: f64| Tolerance { abs: SUM * scale, rel: 0.0 };
+    expect_close("force", &report.force, &want.force.to_array(), within(size));
+    expect_close("torque", &report.torque, &want.torque.to_array(), within(0.2 * size));
+    expect_close("pressing", &[report.pressing], &[want.pressing], within(size));
+    for (got, matrix) in [(report.stiffness, want.stiffness), (report.damping, want.damping)] {
+        for (got, (want, scale)) in got.iter().zip(triangle(&matrix)) {
+            expect_close("matrix", &[*got], &[want], within(scale));
+        }
+    }
+}
+
+#[test]
+fn stiffness_is_positive_and_reaction_is_opposite() {
+    // wrench/reduce: x.Kx >= 0 for any twist; with every contact's sides exchanged the wrench turns round and K stays.
+    let mut system = System::new(&two_layers(), 0.004, 1).with_tool().with_contacts(60, 3);
+    let forces = vec![[0.0; 4]; 60];
+    let report = reduce(&system, &forces);
+    let at = |i: usize, k: usize| -> f64 {
+        let (i, k) = (i.min(k), i.max(k));
+        f64::from(report.stiffness[(0..i).map(|row| 6 - row).sum::<usize>() + k - i])
+    };
+    let mut random = Random(5);
+    for _ in 0..50 {
+        let x: [f64; 6] = std::array::from_fn(|_| random.next());
+        let energy: f64 = (0..36).map(|k| x[k / 6] * at(k / 6, k % 6) * x[k % 6]).sum();
+        assert!(energy > 0.0, "{energy}");
+    }
+    for contact in &mut system.contacts {
+        contact.tool_sign = -contact.tool_sign;
+    }
+    let other = reduce(&system, &forces);
+    assert_eq!(other.force, report.force.map(|x| -x));
+    assert_eq!(other.torque, report.torque.map(|x| -x));
+    assert_eq!((other.stiffness, other.damping), (report.stiffness, report.damping));
+    assert!(report.force.iter().any(|x| *x != 0.0));
+}
