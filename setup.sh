@@ -14,7 +14,8 @@ elsewhere() {
 setup.sh knows Debian and Ubuntu only. On another system install, by its own means:
   - a Vulkan 1.3 loader and driver (Mesa's lavapipe will do), and the Khronos validation layer for the tests;
   - shaderc with its static or shared library; name its folder in the environment variable SHADERC_LIB_DIR.
-    Without it cargo builds shaderc from source, which needs git, cmake, python3 and a C++ compiler, and a quarter of an hour.
+    Without it `--features palpate/build-shaderc` builds shaderc, which needs git, cmake, python3 and a C++ compiler, and a
+    quarter of an hour.
 TEXT
     exit 1
 }

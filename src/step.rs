@@ -1,6 +1,7 @@
-//! The step: which stages a scene needs, in which order they run, and the host's part of it, pose in and wrench out.
+//! The step: pose in, wrench out. Which stages run in which order stands in `algorithm.rs`; this file has what a user of a
+//! [`Simulation`] sees.
 
-mod advance;
+mod algorithm;
 mod change;
 mod contact_wrench;
 mod contacts;
@@ -13,11 +14,11 @@ pub mod joints;
 mod make;
 mod nodes;
 mod probes;
-mod recordings;
 mod report;
 mod rigid;
 mod saved;
 mod shown;
+mod stage_set;
 pub mod tool;
 mod tools;
 
@@ -37,16 +38,17 @@ use crate::stages::depth::Path;
 use crate::stages::joints::Joint;
 use crate::stages::model::{self, Model};
 use crate::stages::types::{self, Counts, Frame, Link, Pair, Region, Report, StepParams};
+use algorithm::Recordings;
 pub use contact_wrench::{ContactWrench, Gap};
 pub use contacts::ContactPoint;
 use drive::Drive;
 use frames::Frames;
 pub use held::Held;
 use probes::ProbePlace;
-use recordings::{Recordings, Stages};
 pub use report::{Pose, StepReport, ToolReport};
 pub use rigid::{RigidState, Wrench};
 pub use shown::{Cut, Field, FieldValues, Mesh, Overlay, Part, RegionSquare, Skins};
+use stage_set::Stages;
 use tool::Tool;
 
 /// How often a step that fails is halved: eighths of it at last.

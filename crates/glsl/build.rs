@@ -49,7 +49,7 @@ fn link() -> Result<(), String> {
     else {
         return Err(
             "shaderc, which compiles the shaders, is missing: run palpate's setup.sh, or name the folder of a \
-                    prebuilt one in SHADERC_LIB_DIR, or build it with the feature build-from-source of palpate-glsl"
+                    prebuilt one in SHADERC_LIB_DIR, or build it by the feature palpate/build-shaderc"
                 .into(),
         );
     };

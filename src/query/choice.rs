@@ -129,13 +129,13 @@ fn sphere(scene: &Scene) -> Result<Body> {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::gpu::Options;
-    use crate::query::choice::*;
 
     #[test]
     fn a_device_is_measured_once_and_never_where_the_path_is_asked_for() {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-        let context = Context::new(&Options { device, validation: true, ..Options::default() }).unwrap();
+        let context = Context::new(&Options { device, ..Options::default() }).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::at(&folder.path().join("cache"));
         let choose = |asked, cache: &Cache| Choice::new(&context, asked, cache).unwrap().to_string();

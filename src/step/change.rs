@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use glam::DVec3;
 
+use super::algorithm::Recordings;
 use super::frames::Frames;
 use super::probes::probes_of;
-use super::recordings::{Recordings, Stages};
+use super::stage_set::Stages;
 use super::{Simulation, make, tools};
 use crate::gpu::{Recorder, read_all, write_all};
 use crate::prepare::{Body, FrameMotion, Shape, cores};

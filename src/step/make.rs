@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
+use super::algorithm::Recordings;
 use super::frames::Frames;
 use super::probes::{ProbePlace, probes_of};
-use super::recordings::{Recordings, Stages};
+use super::stage_set::Stages;
 use super::{Simulation, TIMED_EVERY, tools};
 use crate::gpu::{Context, Level, Options, Recorder};
 use crate::plan::Plan;

@@ -8,7 +8,7 @@ use palpate::gpu::{
 };
 
 use crate::harness::random::Random;
-use crate::harness::{alone, assert_clean, context};
+use crate::harness::{assert_clean, context, turn};
 
 /// Pixels; no square, so that rows and columns cannot be exchanged.
 const SIZE: [u32; 2] = [40, 24];
@@ -142,7 +142,7 @@ fn at(x: u32, y: u32) -> usize {
 
 #[test]
 fn a_triangle_covers_the_pixels_whose_centres_are_inside() {
-    let _alone = alone();
+    turn();
     let mut random = Random(11);
     let mut said = 0;
     for case in 0..40 {
@@ -167,7 +167,7 @@ fn a_triangle_covers_the_pixels_whose_centres_are_inside() {
 
 #[test]
 fn colours_and_depths_are_interpolated() {
-    let _alone = alone();
+    turn();
     let corners = [[-20.0, -20.0], [100.0, -10.0], [10.0, 70.0]].map(DVec2::from);
     let values = [[0.1, 0.9, 0.2, 0.4], [0.9, 0.1, 0.5, 0.8], [0.3, 0.5, 1.0, 0.6]];
     let depths = [0.2, 0.5, 0.8];
@@ -189,7 +189,7 @@ fn colours_and_depths_are_interpolated() {
 
 #[test]
 fn nearer_hides_farther_whatever_the_order() {
-    let _alone = alone();
+    turn();
     let (near, far) = (rectangle([5., 5., 20., 20.], 0.3, RED), rectangle([10., 2., 35., 15.], 0.6, BLUE));
     let forth = painted(&HIDING, GREY, &[near.clone(), far.clone()].concat());
     assert_eq!(forth, painted(&HIDING, GREY, &[far.clone(), near.clone()].concat()));
@@ -211,7 +211,7 @@ fn nearer_hides_farther_whatever_the_order() {
 
 #[test]
 fn colours_are_mixed_by_their_alpha() {
-    let _alone = alone();
+    turn();
     let blending = Onto { blends: true, ..PLAIN };
     let over = |below: [f64; 4], above: [f32; 4]| {
         [0, 1, 2, 3].map(|c| f64::from(above[c]) + (1.0 - f64::from(above[3])) * below[c])
@@ -230,7 +230,7 @@ fn colours_are_mixed_by_their_alpha() {
 
 #[test]
 fn either_side_can_be_left_out() {
-    let _alone = alone();
+    turn();
     // Counter-clockwise in the picture: it faces the viewer.
     let facing = [[5.0, 2.0], [5.0, 20.0], [18.0, 20.0]].map(DVec2::from);
     assert!((facing[1] - facing[0]).perp_dot(facing[2] - facing[0]) < 0.0, "y runs down");
@@ -245,7 +245,7 @@ fn either_side_can_be_left_out() {
 
 #[test]
 fn a_part_of_the_canvas_is_drawn_onto() {
-    let _alone = alone();
+    turn();
     let corners = array(&rectangle([0., 0., 40., 24.], 0.5, RED));
     let (sheet, pipeline) = (Sheet::new(SIZE, 1), flat(&HIDING));
     let buffers = [&corners];
@@ -264,7 +264,7 @@ fn a_part_of_the_canvas_is_drawn_onto() {
 
 #[test]
 fn indices_vertices_and_instances_are_those_asked_for() {
-    let _alone = alone();
+    turn();
     let columns = [RED, BLUE, WHITE].iter().enumerate();
     let of =
         |(k, colour): (usize, &[f32; 4])| rectangle([10.0 * k as f64, 0., 10.0 * k as f64 + 10.0, 24.], 0.5, *colour);
@@ -295,7 +295,7 @@ fn indices_vertices_and_instances_are_those_asked_for() {
 
 #[test]
 fn samples_are_resolved_to_their_mean() {
-    let _alone = alone();
+    turn();
     let mut random = Random(3);
     let (sheet, pipeline) = (Sheet::new(SIZE, 4), flat(&Onto { samples: 4, ..HIDING }));
     let mut between = 0;
@@ -322,7 +322,7 @@ fn samples_are_resolved_to_their_mean() {
 
 #[test]
 fn what_was_there_is_kept_or_cleared() {
-    let _alone = alone();
+    turn();
     let (left, right) =
         (array(&rectangle([0., 0., 20., 24.], 0.3, RED)), array(&rectangle([10., 0., 40., 24.], 0.6, BLUE)));
     for samples in [1, 4] {
@@ -344,7 +344,7 @@ fn what_was_there_is_kept_or_cleared() {
 
 #[test]
 fn what_cannot_be_drawn_is_refused() {
-    let _alone = alone();
+    turn();
     let context = context();
     for size in [[0, 5], [5, 0], [1 << 30, 5], [5, u32::MAX]] {
         let error = Image::new(context, "image", Texels::Colour, size, 1).err().unwrap().to_string();

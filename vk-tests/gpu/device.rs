@@ -140,7 +140,8 @@ fn arrays_come_back_as_they_went() {
 
 #[test]
 fn device_bytes_are_counted_and_given_back() {
-    // A context of its own, since other tests allocate at the same time.
+    crate::harness::turn();
+    // A context of its own, since other tests allocate in the shared one.
     let context = Context::new(&Options {
         device: std::env::var("PALPATE_TEST_DEVICE").ok(),
         validation: true,

@@ -6,6 +6,7 @@ use crate::harness::assert_clean;
 use crate::harness::spoil::spoiled;
 
 fn open(replaced: Vec<(String, Vec<u8>)>) -> palpate::Result<std::sync::Arc<Context>> {
+    crate::harness::turn();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
     Context::new(&Options { device, validation: true, replaced, ..Options::default() })
 }

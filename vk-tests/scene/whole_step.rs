@@ -32,6 +32,7 @@ pub fn scene(text: &str) -> Scene {
 
 /// The engine on a scene, with validation on.
 pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
+    crate::harness::turn();
     let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: true, ..Options::default() };
     Simulation::new(scene, &options, path).unwrap()
 }

@@ -3,7 +3,7 @@
 use palpate::gpu::{Before, Buffer, Canvas, Image, Memory, Recorder, Texels};
 use palpate_view::painter::{Atlas, Flat, Painter, Piece};
 
-use crate::harness::{alone, assert_clean, context};
+use crate::harness::{assert_clean, context, turn};
 
 /// Of the picture, pixels; a point is two.
 const SIZE: [u32; 2] = [12, 8];
@@ -13,7 +13,7 @@ const ROUNDING: f64 = 2.0;
 
 #[test]
 fn a_tinted_quad_of_the_atlas_is_mixed_with_the_picture_within_its_part() {
-    let _alone = alone();
+    turn();
     let context = context();
     let atlas = Atlas {
         size: [3, 2],

@@ -13,7 +13,7 @@ use palpate_view::{Moment, Overlay, Overlays, Renderer, Settings};
 
 use crate::gpu::canvas::{PLAIN, Sheet, centres, expect_colour};
 use crate::harness::random::Random;
-use crate::harness::{alone, assert_clean, context};
+use crate::harness::{assert_clean, context, turn};
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
 
@@ -39,7 +39,7 @@ macro_rules! same_layout {
 
 #[test]
 fn views_and_materials_are_laid_out_as_in_the_shaders() {
-    let _alone = alone();
+    turn();
     same_layout!("view/mesh", View { clip, light, eye, sun, across, ground, middle, reach, bias, texel, shadow_side });
     same_layout!(
         "view/ground",
@@ -297,7 +297,7 @@ const DARK: [f32; (SIDE * SIDE) as usize] = [0.0; (SIDE * SIDE) as usize];
 
 #[test]
 fn surfaces_are_shaded_as_in_f64() {
-    let _alone = alone();
+    turn();
     let mut random = Random(23);
     for case in 0..6 {
         let plain = Material { low: 2.0, high: 12.0, ..Material::body(case) };
@@ -333,7 +333,7 @@ fn surfaces_are_shaded_as_in_f64() {
 
 #[test]
 fn shadows_are_smooth_between_texels() {
-    let _alone = alone();
+    turn();
     let mut random = Random(31);
     for _ in 0..8 {
         // Nothing near the depth of the face itself, where rounding would decide.
@@ -411,7 +411,7 @@ fn expect_depths(depths: &[f32], view: &View, (on, plane): (DVec3, DVec3), side:
 
 #[test]
 fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
-    let _alone = alone();
+    turn();
     let (size, side) = ([64u32, 48], 512u32);
     let mut random = Random(41);
     for case in 0..6 {

@@ -41,7 +41,18 @@ impl Display {
             assert_eq!(said.read(&mut byte).unwrap(), 1, "Xvfb does not start");
             number.push(byte[0].into());
         }
-        Display { server, name: format!(":{}", number.trim()) }
+        let display = Display { server, name: format!(":{}", number.trim()) };
+        // It says its number a moment before it lets anybody in.
+        let answers = || {
+            let asked = Command::new("xdotool").arg("getdisplaygeometry").env("DISPLAY", &display.name).output();
+            asked.expect("xdotool is installed by setup.sh").status.success()
+        };
+        let begun = Instant::now();
+        while !answers() {
+            assert!(begun.elapsed() < PATIENCE, "Xvfb lets nobody in");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        display
     }
 
     fn program(&self, arguments: &[&str]) -> Command {
@@ -81,7 +92,8 @@ impl Display {
 
 impl Drop for Display {
     fn drop(&mut self) {
-        let _ = self.server.kill();
+        // Told to end and not killed, it takes its socket and its lock away, and the next may have its number.
+        let _ = Command::new("kill").arg(self.server.id().to_string()).status();
         let _ = self.server.wait();
     }
 }

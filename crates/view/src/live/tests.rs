@@ -1,5 +1,6 @@
+use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
@@ -18,7 +19,18 @@ const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block
     [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.005\n\
     [drive]\nkeys = [[0.0, 0.0, 0.053, 0.0], [0.06, 0.0, 0.04, 0.0]]\n";
 
+/// Waits for its turn with the validation layer, and has it until the test's thread ends: see the vk-tests' harness.
+fn turn() {
+    static TURN: Mutex<()> = Mutex::new(());
+    thread_local!(static HELD: Cell<Option<MutexGuard<'static, ()>>> = const { Cell::new(None) });
+    HELD.with(|held| {
+        let turn = held.take().unwrap_or_else(|| TURN.lock().unwrap_or_else(PoisonError::into_inner));
+        held.set(Some(turn));
+    });
+}
+
 fn simulation(folder: &std::path::Path) -> Simulation {
+    turn();
     let file = folder.join("scene.toml");
     std::fs::write(&file, SCENE).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();

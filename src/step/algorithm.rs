@@ -1,0 +1,271 @@
+//! The algorithm of a step, in the order in which it runs.
+//!
+//! 1. [`Simulation::advance`]: the device's pose, the frames and the tool are written as the inputs of the step.
+//! 2. [`Recordings::begin`]: carried nodes, then the broad and the narrow phase and the contacts at the step's start (pose, cull,
+//!    skin, depth, contact: [`TouchStages::record`]), the element forces, and the solver's set-up with its first residual.
+//! 3. [`Recordings::iterate`]: conjugate gradients, in plans of graded length; the first iterations of most steps fit one submit.
+//! 4. [`Recordings::end`]: the verdict, the state at the end of the step, the wrench on the tool and its gap, frames that float,
+//!    probes.
+//! 5. [`Simulation::submit`] reads the verdict: more iterations, a solve without the contacts that pulled
+//!    ([`Recordings::again`]), another linearisation ([`Recordings::newton`]), or done.
+//! 6. [`Simulation::arrive`]: frames and tool to the end of the step. A step that failed is halved; where that fails too, everything
+//!    stops ([`Recordings::stop`]).
+
+use super::stage_set::Stages;
+use super::{Flags, Simulation, tools};
+use crate::gpu::{Recorder, Recording};
+use crate::stages::gap::Skins;
+use crate::stages::touch::TouchStages;
+use crate::stages::types::{Fit, Report, verdict};
+use crate::{Error, Result};
+
+/// Iterations of the shortest recorded plan; each further one is twice as long.
+const SHORTEST_PLAN: u32 = 16;
+/// Iterations a plan has over the last step's count, so that most steps need one submit.
+const SPARE_ITERATIONS: u32 = 4;
+/// Submits of one linearisation at most; beyond, the device does not keep its word.
+const MOST_SUBMITS: u32 = 64;
+
+/// One step, recorded in parts that are submitted together.
+pub struct Recordings {
+    /// Everything before the solver's loop.
+    pub begin: Recording,
+    /// The solver's set-up once more, after contacts were dropped.
+    pub again: Recording,
+    /// The same two, of a step that is linearised once more, where there are any.
+    pub newton: Option<[Recording; 2]>,
+    /// Iterations, in plans of graded length.
+    pub iterate: Vec<(u32, Recording)>,
+    /// The verdict, the new state, the wrench.
+    pub end: Recording,
+    /// Where no step succeeds: everything stops.
+    pub stop: Recording,
+}
+
+/// Makes an empty recording.
+type Blank<'a> = &'a dyn Fn() -> Result<Recorder>;
+
+impl Recordings {
+    /// Records every part, with iterations up to one more than the cap, so that the pass that notices it is there.
+    pub fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
+        Ok(Recordings {
+            begin: begin(stages, &recorder)?,
+            again: again(stages, &recorder)?,
+            newton: newton(stages, &recorder)?,
+            iterate: iterate(stages, max_iterations, &recorder)?,
+            end: end(stages, &recorder)?,
+            stop: stop(stages, &recorder)?,
+        })
+    }
+
+    /// Every part once.
+    pub fn submit_once(&self) -> Result<()> {
+        let mut parts = vec![&self.begin, &self.again];
+        parts.extend(self.newton.iter().flatten());
+        parts.extend(self.iterate.iter().map(|(_, plan)| plan));
+        parts.push(&self.end);
+        Recording::submit_all(&parts)
+    }
+
+    /// The shortest plan of at least so many iterations, or the longest.
+    pub fn plan(&self, iterations: u32) -> &Recording {
+        let fits = self.iterate.iter().find(|(length, _)| *length >= iterations);
+        &fits.unwrap_or(&self.iterate[self.iterate.len() - 1]).1
+    }
+}
+
+fn begin(stages: &Stages, blank: Blank) -> Result<Recording> {
+    let Stages { common, elastic, solve, touch, carried, .. } = stages;
+    let mut begin = blank()?;
+    if let Some(carried) = carried {
+        carried.record(&mut begin, common, elastic, solve);
+    }
+    match touch {
+        Some(touch) => touch.record(&mut begin, common, elastic),
+        None => elastic.record_reset(&mut begin, common),
+    }
+    solve.record_reset(&mut begin);
+    elastic.record(&mut begin, common);
+    solve.record_start(&mut begin, common, elastic);
+    begin.finish()
+}
+
+fn again(stages: &Stages, blank: Blank) -> Result<Recording> {
+    let Stages { common, elastic, solve, .. } = stages;
+    let mut again = blank()?;
+    elastic.record(&mut again, common);
+    solve.record_start(&mut again, common, elastic);
+    again.finish()
+}
+
+fn newton(stages: &Stages, blank: Blank) -> Result<Option<[Recording; 2]>> {
+    let Stages { common, elastic, solve, .. } = stages;
+    if !elastic.repeats() {
+        return Ok(None);
+    }
+    let [mut first, mut again] = [blank()?, blank()?];
+    elastic.record_trial(&mut first, common, solve);
+    for part in [&mut first, &mut again] {
+        elastic.record_again(part, common);
+        solve.record_start(part, common, elastic);
+    }
+    Ok(Some([first.finish()?, again.finish()?]))
+}
+
+fn iterate(stages: &Stages, max_iterations: u32, blank: Blank) -> Result<Vec<(u32, Recording)>> {
+    let Stages { common, elastic, solve, .. } = stages;
+    let mut plans = Vec::new();
+    let mut length = SHORTEST_PLAN;
+    loop {
+        let mut plan = blank()?;
+        let iterations = length.min((max_iterations + 1).next_multiple_of(2));
+        solve.record_iterations(&mut plan, common, elastic, iterations);
+        plans.push((iterations, plan.finish()?));
+        if length > max_iterations {
+            return Ok(plans);
+        }
+        length *= 2;
+    }
+}
+
+fn end(stages: &Stages, blank: Blank) -> Result<Recording> {
+    let Stages { common, elastic, solve, touch, wrench, gap, probes, floating, .. } = stages;
+    let mut end = blank()?;
+    solve.record_end(&mut end, common, elastic);
+    if let (Some(wrench), Some(touch)) = (wrench, touch) {
+        wrench.record(&mut end, common, &touch.contact.touch);
+    }
+    if let (Some(gap), Some(TouchStages { pose, skin, cull, depth: Some(depth), .. })) = (gap, touch) {
+        gap.record(&mut end, common, &Skins { pose, cull, skin, depth }, elastic, solve);
+    }
+    if let Some(floating) = floating {
+        floating.record(&mut end, common, elastic);
+    }
+    if let Some(probes) = probes {
+        probes.record(&mut end, elastic);
+    }
+    end.finish()
+}
+
+fn stop(stages: &Stages, blank: Blank) -> Result<Recording> {
+    let mut stop = blank()?;
+    stages.solve.record_stop(&mut stop, &stages.elastic);
+    stop.finish()
+}
+
+impl Simulation {
+    /// Advances by `h` seconds from the time `from`. A step that fails (not finite, or broken down with a tenth of the
+    /// right-hand side's norm left) leaves the state as it was, and is done in halves, up to so many times; where even those
+    /// fail, everything stops where it is: nothing ever leaps.
+    pub(super) fn advance(&mut self, from: f64, h: f64, halvings: u32) -> Result<Report> {
+        let device = self.drive.device(from + h, h);
+        self.frames.set_out(from + h, h, self.tool.as_ref());
+        self.step_origin = self.origin();
+        self.write_inputs(h, &device)?;
+        let mut report = self.submit()?;
+        if report.verdict != verdict::FAILED {
+            if let (Some(tool), None) = (&mut self.tool, self.model.held) {
+                tool.advance(h, report.tool_change.map(f64::from));
+            }
+            let newton = self.scene.step.newton;
+            let turned = self.frames.turns_too_far(h, newton);
+            self.arrive(h, true)?;
+            if turned || self.frames.turns_too_far(h, newton) {
+                report.flags |= Flags::TURNS_TOO_FAR.0;
+            }
+            return Ok(report);
+        }
+        if halvings == 0 {
+            self.stop(h)?;
+            report.flags |= Flags::FROZEN.0;
+            return Ok(report);
+        }
+        let first = self.advance(from, 0.5 * h, halvings - 1)?;
+        let mut last = first;
+        if !Flags(first.flags).contains(Flags::FROZEN) {
+            last = self.advance(from + 0.5 * h, 0.5 * h, halvings - 1)?;
+            last.iterations += first.iterations;
+        }
+        last.iterations += report.iterations;
+        // Whether the solver converged is said by the steps that count.
+        last.flags |= first.flags | (report.flags & !Flags::NOT_CONVERGED.0) | Flags::STEP_RETRIED.0;
+        Ok(last)
+    }
+
+    /// No step succeeded: all that moves by itself stands still; what is driven goes on.
+    fn stop(&mut self, h: f64) -> Result<()> {
+        Recording::submit_all(&[&self.plain.stop])?;
+        if let Some(tool) = &mut self.tool {
+            (tool.velocity, tool.angular_velocity) = Default::default();
+        }
+        self.frames.stop();
+        self.arrive(h, false)
+    }
+
+    /// Submits the step; where it ran out of iterations, contacts pulled, or it is to be linearised again, what is missing.
+    /// Iterations are those of all solves.
+    fn submit(&mut self) -> Result<Report> {
+        let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
+        let set = match &self.timed {
+            Some(both) if timed => &both[(self.step / self.timed_every % 2) as usize],
+            _ => &self.plain,
+        };
+        let mut wanted = self.last_iterations + SPARE_ITERATIONS;
+        let (mut again, mut times) = (&set.again, Vec::new());
+        // What comes first, if anything does.
+        let mut first = Some(&set.begin);
+        // Of solves before the last, and of the longest linearisation.
+        let (mut earlier, mut longest) = (0, 0);
+        for _ in 0..MOST_SUBMITS * self.scene.step.newton {
+            let all = [first.unwrap_or(&set.end), set.plan(wanted), &set.end];
+            let parts = if first.is_some() { &all[..] } else { &all[1..] };
+            Recording::submit_all(parts)?;
+            if timed {
+                parts.iter().for_each(|part| add_times(&mut times, part.stage_times()));
+            }
+            let mut report = self.stages.common.report.mapped::<Report>()?[0];
+            match report.verdict {
+                // Twice as many at a time, so that as many as a scene may ask for are soon reached.
+                verdict::CONTINUE => (first, wanted) = (None, 2 * wanted),
+                verdict::RETRY => {
+                    earlier += report.iterations;
+                    first = Some(again);
+                }
+                verdict::RELINEARISE => {
+                    let Some([next, others]) = &set.newton else { break };
+                    (earlier, longest) = (earlier + report.iterations, longest.max(report.iterations));
+                    (again, first) = (others, Some(next));
+                }
+                _ => {
+                    self.last_iterations = longest.max(report.iterations);
+                    report.iterations += earlier;
+                    self.last_timed = timed.then_some(times);
+                    return Ok(report);
+                }
+            }
+        }
+        Err(Error::Simulation(format!("step {}: the solver reached no verdict", self.step)))
+    }
+
+    /// Frames to the end of the step; those that float to where their nodes are, those that are dynamic as they were pushed.
+    fn arrive(&mut self, h: f64, accepted: bool) -> Result<()> {
+        let floating = self.stages.floating.as_ref().filter(|_| accepted);
+        let fits = floating.map(|floating| floating.fits.mapped::<Fit>()).transpose()?;
+        let has_cores = accepted && !self.model.cores.is_empty();
+        let changes = has_cores.then(|| self.stages.solve.core_changes.mapped::<[f32; 6]>()).transpose()?;
+        self.frames.arrive(h, fits.as_deref().unwrap_or_default(), changes.as_deref().unwrap_or_default());
+        if let (Some(tool), Some(core)) = (&mut self.tool, self.model.held) {
+            tools::follow(tool, &self.frames, self.model.cores[core].frame);
+        }
+        Ok(())
+    }
+}
+
+fn add_times(sums: &mut Vec<(String, f64)>, times: Vec<(String, f64)>) {
+    for (name, us) in times {
+        match sums.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, sum)) => *sum += us,
+            None => sums.push((name, us)),
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! The stages that a scene needs, with their kernels and arrays; in which order they run is said in `algorithm.rs`.
+
+use std::sync::Arc;
+
+use crate::Result;
+use crate::gpu::{Buffer, Context};
+use crate::stages::depth::Path;
+use crate::stages::elastic::Elastic;
+use crate::stages::gap::Gap;
+use crate::stages::model::Model;
+use crate::stages::skin::Probes;
+use crate::stages::solve::Solve;
+use crate::stages::touch::TouchStages;
+use crate::stages::wrench::Wrench;
+use crate::stages::{Common, pose};
+
+/// The stages that a scene needs; what it does not need is neither recorded nor allocated.
+pub struct Stages {
+    pub common: Common,
+    pub elastic: Elastic,
+    pub solve: Solve,
+    pub touch: Option<TouchStages>,
+    pub wrench: Option<Wrench>,
+    pub gap: Option<Gap>,
+    pub probes: Option<Probes>,
+    pub carried: Option<pose::Carried>,
+    pub floating: Option<pose::Floating>,
+}
+
+impl Stages {
+    /// Kernels and arrays of the stages that the model needs; `path` where it needs the depth stage.
+    pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, probe_nodes: &[[u32; 4]]) -> Result<Stages> {
+        let common = Common::new(context, model)?;
+        let touch = if model.pairs.is_empty() { None } else { Some(TouchStages::new(context, model, path, true)?) };
+        let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;
+        let held = model.tool_frame.or(model.held);
+        let wrench = if held.is_some() && touch.is_some() { Some(Wrench::new(context, model)?) } else { None };
+        let gap = if touch.is_some() { Gap::new(context, model)? } else { None };
+        let probes = if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes)?) };
+        let (carried, floating) = (pose::Carried::new(context, model)?, pose::Floating::new(context, model)?);
+        let elastic = Elastic::new(context, model)?;
+        Ok(Stages { elastic, common, solve, touch, wrench, gap, probes, carried, floating })
+    }
+
+    /// Takes up what a model of the same bodies says of materials.
+    pub fn refresh(&self, model: &Model) -> Result<()> {
+        self.elastic.refresh(model)?;
+        self.solve.refresh(model)
+    }
+
+    /// The arrays that a step leaves for the next: all that there is of the past on the device.
+    pub fn state(&self) -> Vec<&Buffer> {
+        let mut arrays = vec![&self.common.counts];
+        arrays.extend(self.elastic.state());
+        arrays.extend(self.solve.state());
+        if let Some(touch) = &self.touch {
+            arrays.extend(touch.cull.state());
+            arrays.extend(touch.contact.state());
+        }
+        arrays
+    }
+}
