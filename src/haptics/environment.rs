@@ -3,11 +3,8 @@
 use glam::DVec3;
 
 use crate::Result;
-use crate::step::Held;
-use crate::step::Simulation;
 use crate::step::tool::{Rows, Tool};
-use crate::step::{ContactWrench, Gap};
-use crate::step::{RigidState, Wrench};
+use crate::step::{ContactWrench, Gap, Held, RigidState, Simulation, Wrench};
 
 /// Steps from what the loop holds to what the tool feels.
 pub trait Environment {

@@ -5,8 +5,7 @@ use glam::DVec3;
 
 use super::local_model::{Evaluation, LocalModel, Tangent, along};
 use super::passivity::Passivity;
-use crate::step::ContactWrench;
-use crate::step::{RigidState, Wrench};
+use crate::step::{ContactWrench, RigidState, Wrench};
 
 /// What a body that moves as it is told may give the hand, W.
 const DRIVEN_POWER: f64 = 0.1;

@@ -15,10 +15,8 @@ use super::local_model::vector;
 use super::passivity::{Energy, Passivity};
 use super::safety::{Gain, Guard, Limits};
 use super::sense::Sense;
-use crate::step::ContactWrench;
-use crate::step::Held;
 use crate::step::tool::Tool;
-use crate::step::{RigidState, Wrench};
+use crate::step::{ContactWrench, Held, RigidState, Wrench};
 
 /// A tick is late from here on, s.
 const LATE: f64 = 2e-3;

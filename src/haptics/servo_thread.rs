@@ -191,9 +191,7 @@ mod tests {
     use crate::haptics::Reading;
     use crate::haptics::safety::Limits;
     use crate::haptics::servo::Settings;
-    use crate::scene::Coupling;
-    use crate::scene::Lowered;
-    use crate::scene::Profile;
+    use crate::scene::{Coupling, Lowered, Profile};
     use crate::step::tool::Tool;
     use crate::step::{RigidState, Wrench};
 

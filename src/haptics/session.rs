@@ -16,10 +16,8 @@ use super::safety::Limits;
 use super::servo::{Servo, Settings, Tick};
 use super::servo_thread::{BareTimer, ServoThread};
 use crate::scene::Haptics;
-use crate::step::ContactWrench;
-use crate::step::Held;
-use crate::step::Wrench;
 use crate::step::tool::Tool;
+use crate::step::{ContactWrench, Held, Wrench};
 use crate::{Error, Result};
 
 /// Steps before the loop begins, to learn how long one takes.

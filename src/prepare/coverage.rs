@@ -33,8 +33,9 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+    use crate::prepare::cache::Cache;
     use crate::prepare::tests::scene;
-    use crate::prepare::{Body, Embedding, Layer, Shape, body_and_report, cache::Cache, embed, proxies, skin};
+    use crate::prepare::{Body, Embedding, Layer, Shape, body_and_report, embed, proxies, skin};
     use crate::scene;
     use crate::stages::model::Model;
 

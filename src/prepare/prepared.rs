@@ -14,9 +14,9 @@ use super::stuffing::{self, LayerReport, Options, stuff};
 use super::{Embedding, Layer, Proxy, Skin, embed, layer, proxies, proxy, skin};
 use crate::Result;
 use crate::scene::groups::Groups;
-use crate::scene::obj::TriangleMesh;
-use crate::scene::tetrahedra::TetMesh;
-use crate::scene::{self, Surface, obj, tetrahedra};
+use crate::scene::obj::{self, TriangleMesh};
+use crate::scene::tetrahedra::{self, TetMesh};
+use crate::scene::{self, Surface};
 
 /// What to know about a cell that does not do.
 const UNITS: &str = "cells are in the file's coordinates, before scale";

@@ -10,7 +10,6 @@ use crate::gpu::Context;
 use crate::prepare::cache::{Entry, KeyMaker};
 use crate::prepare::{self, Body, Cache};
 use crate::query::{Query, QuerySettings};
-
 use crate::scene::{Scene, Tool, ToolShape};
 use crate::stages::depth::{self, Path};
 use crate::{Error, Result};

@@ -10,13 +10,12 @@ use glam::{DQuat, DVec3};
 use crate::gpu::{Buffer, Context, Memory, Options, Recorder, Recording, StagePasses};
 use crate::prepare::{Body, Cache, Proxy, Shape, Skin};
 use crate::query::choice::Choice;
-use crate::stages::Flags;
 use crate::stages::depth::Path;
 use crate::stages::elastic::Elastic;
 use crate::stages::model::{Model, texel};
 use crate::stages::touch::TouchStages;
 use crate::stages::types::{Contact, Counts, Frame, Link, Pair, Region, StepParams};
-use crate::stages::{Common, query_as_one};
+use crate::stages::{Common, Flags, query_as_one};
 use crate::{Error, Result};
 
 /// Share of the smaller body's extent that [`QuerySettings::of`] allows as depth.

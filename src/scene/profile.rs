@@ -132,7 +132,7 @@ impl Profile {
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::profile::*;
+    use super::*;
 
     /// Force, torque, stiffness and damping: the figures that CHAI3D publishes; the last one's are from elsewhere, as
     /// [`MINVERSE`] says.

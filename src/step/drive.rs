@@ -64,7 +64,7 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
 
 #[cfg(test)]
 mod tests {
-    use crate::step::drive::*;
+    use super::*;
 
     fn key(time: f64, x: f64, angle: f64) -> Key {
         Key { time, position: DVec3::X * x, orientation: DQuat::from_rotation_y(angle) }

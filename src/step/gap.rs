@@ -6,8 +6,7 @@ use super::Simulation;
 use crate::Result;
 use crate::stages::gap;
 use crate::stages::types::{NONE, Report, SkinGap};
-use crate::step::Flags;
-use crate::step::Gap;
+use crate::step::{Flags, Gap};
 
 /// Width of the ring along which a tool's bounding sphere is taken to touch first, m.
 const FIRST_TOUCH: f64 = 1e-3;

@@ -7,9 +7,8 @@ use sha2::{Digest, Sha256};
 use super::Simulation;
 use super::frames::SavedFrame;
 use crate::gpu::{read_all, write_all};
-use crate::step::ContactWrench;
-use crate::step::RigidState;
 use crate::step::drive::Drive;
+use crate::step::{ContactWrench, RigidState};
 use crate::{Error, Result};
 
 /// What the bytes begin with.

@@ -7,10 +7,8 @@ use crate::prepare::{Body, Shape};
 use crate::scene::Scene;
 use crate::stages::model::Model;
 use crate::stages::types::Report;
-use crate::step::ContactWrench;
-use crate::step::Flags;
-use crate::step::Wrench;
 use crate::step::tool::Tool;
+use crate::step::{ContactWrench, Flags, Wrench};
 use crate::{Error, Result};
 
 /// The tool as the scene starts it; `body`: its own, prepared.

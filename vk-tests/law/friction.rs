@@ -3,11 +3,9 @@
 use glam::{DQuat, DVec3};
 use palpate::prepare::{self, Embedding, Shape, Skin};
 use palpate::scene::Scene;
-use palpate::step::Simulation;
-use palpate::step::{Flags, StepReport};
+use palpate::step::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
-use palpate_oracle::contact;
-use palpate_oracle::contact::{Law, Support, Surface};
+use palpate_oracle::contact::{self, Law, Support, Surface};
 use palpate_oracle::friction::Friction;
 use palpate_oracle::step::{Held, auto_stiffness};
 use palpate_oracle::tool;

@@ -6,8 +6,7 @@ use std::collections::BTreeSet;
 use glam::{DQuat, DVec3};
 use palpate::scene::Scene;
 use palpate::stages::depth;
-use palpate::step::Simulation;
-use palpate::step::{Flags, StepReport};
+use palpate::step::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
 
 use crate::scene::touch::{Place, press};

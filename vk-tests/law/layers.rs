@@ -7,8 +7,7 @@ use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::prepare::{Shape, layer};
 use palpate::scene::obj;
-use palpate::step::Simulation;
-use palpate::step::StepReport;
+use palpate::step::{Simulation, StepReport};
 
 use crate::scene::whole_step::scene;
 

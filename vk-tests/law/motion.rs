@@ -2,8 +2,7 @@
 //! does it as a rigid one.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::step::Simulation;
-use palpate::step::{Flags, StepReport};
+use palpate::step::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
 
 use crate::harness::bodies;

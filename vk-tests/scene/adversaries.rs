@@ -7,8 +7,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 use palpate::prepare::layer;
 use palpate::stages::depth::Path;
-use palpate::step::Simulation;
-use palpate::step::StepReport;
+use palpate::step::{Simulation, StepReport};
 use tempfile::TempDir;
 
 use crate::scene::whole_step::{open, run, scene};

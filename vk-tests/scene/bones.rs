@@ -7,11 +7,9 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Options;
 use palpate::prepare::{FrameMotion, Shape, layer};
 use palpate::scene::{Key, Scene};
-use palpate::step::Flags;
-use palpate::step::RigidState;
-use palpate::step::Simulation;
 use palpate::step::drive::Drive;
 use palpate::step::tool::Tool;
+use palpate::step::{Flags, RigidState, Simulation};
 use palpate_oracle as oracle;
 
 use crate::scene::touch::{Place, Twin, press};

@@ -4,8 +4,7 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use palpate::scene::{Material, Scene};
-use palpate::step::Pose;
-use palpate::step::Simulation;
+use palpate::step::{Pose, Simulation};
 
 use crate::law::friction;
 use crate::scene::joints;

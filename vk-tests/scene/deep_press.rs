@@ -4,8 +4,7 @@
 use glam::{DMat3, DVec3};
 use palpate::gpu::Options;
 use palpate::prepare::{Layer, Shape};
-use palpate::step::Simulation;
-use palpate::step::StepReport;
+use palpate::step::{Simulation, StepReport};
 
 use crate::scene::whole_step::{meshes, scene};
 

@@ -9,14 +9,10 @@ use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
 use palpate::haptics::virtual_time::{self, Schedule};
 use palpate::haptics::{Device, coupling};
-use palpate::scene::Key;
-use palpate::scene::Lowered;
-use palpate::scene::Profile;
-use palpate::step::ContactWrench;
-use palpate::step::Held;
-use palpate::step::Simulation;
+use palpate::scene::{Key, Lowered, Profile};
 use palpate::step::drive::Drive;
 use palpate::step::tool::Tool;
+use palpate::step::{ContactWrench, Held, Simulation};
 use palpate_devices::{Hand, HandParameters, Scripted};
 
 use crate::scene::whole_step::scene;

@@ -4,8 +4,7 @@ use std::path::Path;
 
 use palpate::gpu::Options;
 use palpate::scene::Scene;
-use palpate::step::Simulation;
-use palpate::step::{Flags, StepReport};
+use palpate::step::{Flags, Simulation, StepReport};
 
 use crate::scene::whole_step::meshes;
 

@@ -4,8 +4,7 @@ use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::scene::Scene;
 use palpate::stages::types::Contact;
-use palpate::step::Simulation;
-use palpate::step::{Flags, StepReport, ToolReport};
+use palpate::step::{Flags, Simulation, StepReport, ToolReport};
 
 use crate::law::friction::beside;
 use crate::scene::whole_step::{run, scene, soft_twin};

@@ -4,9 +4,8 @@ use glam::{DQuat, DVec3};
 use palpate::prepare::{Frame, FrameMotion, Shape};
 use palpate::scene::{Key, Resistance};
 use palpate::stages::joints::Joint;
-use palpate::step::Flags;
-use palpate::step::Simulation;
 use palpate::step::drive::Drive;
+use palpate::step::{Flags, Simulation};
 use palpate_oracle as oracle;
 use palpate_oracle::joint::Side;
 

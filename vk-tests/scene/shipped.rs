@@ -6,8 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::scene::Scene;
-use palpate::step::Flags;
-use palpate::step::Simulation;
+use palpate::step::{Flags, Simulation};
 
 /// Steps of a millisecond.
 const STEPS: usize = 5;

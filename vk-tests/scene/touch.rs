@@ -5,13 +5,10 @@ use palpate::prepare::{self, Shape};
 use palpate::scene::{Scene, Sides};
 use palpate::stages::depth;
 use palpate::stages::types::Contact;
-use palpate::step::Simulation;
-use palpate::step::{Flags, StepReport};
+use palpate::step::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
-use palpate_oracle::contact;
-use palpate_oracle::contact::{Law, Support, Surface};
-use palpate_oracle::step;
-use palpate_oracle::step::auto_stiffness;
+use palpate_oracle::contact::{self, Law, Support, Surface};
+use palpate_oracle::step::{self, auto_stiffness};
 
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 

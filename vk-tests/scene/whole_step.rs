@@ -7,8 +7,7 @@ use palpate::gpu::Options;
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
 use palpate::stages::depth;
-use palpate::step::Simulation;
-use palpate::step::StepReport;
+use palpate::step::{Simulation, StepReport};
 use palpate_oracle as oracle;
 
 /// The folder of meshes that are not part of the project; `None`, with a line that says so, where it is missing.

@@ -11,8 +11,7 @@ use palpate_oracle as oracle;
 use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::law::friction::beside;
-use crate::scene::bones;
-use crate::scene::bones::{carry, twin_cores};
+use crate::scene::bones::{self, carry, twin_cores};
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 

@@ -10,9 +10,8 @@ use palpate::scene::Sides;
 use palpate::stages::args;
 use palpate::stages::depth::Path;
 use palpate::stages::types::{CHUNK_VERTICES, Contact, Counts, NONE, PAIR_REGIONS};
-use palpate_oracle::contact as oracle;
 use palpate_oracle::contact::{Carrier, Law, Support, Surface};
-use palpate_oracle::skin as embedded;
+use palpate_oracle::{contact as oracle, skin as embedded};
 
 use crate::harness::bodies::{half_space, octants, rigid, soft, sphere, whole};
 use crate::harness::random::Random;

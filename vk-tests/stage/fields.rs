@@ -7,8 +7,7 @@ use palpate::prepare::patch::patches;
 use palpate::prepare::{Layer, Shape};
 use palpate::scene::{Law, Sides};
 use palpate::stages::types::{Contact, Counts, Frame, NONE, StepParams};
-use palpate::step::StepReport;
-use palpate::step::{Field, Overlay, Simulation};
+use palpate::step::{Field, Overlay, Simulation, StepReport};
 
 use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};

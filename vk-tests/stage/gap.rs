@@ -419,10 +419,7 @@ fn shortest_ways_to_deformed_bodies() {
 /// What the loop is told, of the whole step.
 mod told {
     use glam::{DQuat, DVec3};
-    use palpate::step::ContactWrench;
-    use palpate::step::Held;
-    use palpate::step::RigidState;
-    use palpate::step::Simulation;
+    use palpate::step::{ContactWrench, Held, RigidState, Simulation};
 
     use super::RADIUS;
     use crate::scene::whole_step::{open, scene};

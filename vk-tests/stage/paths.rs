@@ -14,9 +14,8 @@ use palpate::stages::model::Model;
 use palpate::stages::pose::Pose;
 use palpate::stages::skin::Skin;
 use palpate::stages::types::{CHUNK_VERTICES, Counts, Frame, Link, NONE, Pair, Region, StepParams};
-use palpate::step::Simulation;
 use palpate::step::frames::Frames;
-use palpate::step::{Flags, StepReport};
+use palpate::step::{Flags, Simulation, StepReport};
 
 use crate::harness::random::Random;
 use crate::harness::{assert_clean, context};

@@ -5,12 +5,12 @@ mod series;
 
 use std::collections::BTreeMap;
 
-use series::{Series, series_of};
+use palpate::{Error, Result};
 
 use super::samples::HANDS;
 use super::suite::Results;
 use super::{Table, median};
-use palpate::{Error, Result};
+use series::{Series, series_of};
 
 /// Slower by less than this beyond the spread of both is no regression: so much the same program differs on a busy machine.
 const ALLOWED: f64 = 0.10;

@@ -5,10 +5,9 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use tempfile::TempDir;
-
 use palpate::scene::{gmsh, obj};
 use palpate::{Error, Result};
+use tempfile::TempDir;
 
 /// Corners of a surface, and its triangles, outward.
 pub type Surface = (Vec<DVec3>, Vec<[u32; 3]>);
@@ -52,8 +51,9 @@ fn failed(path: &Path, error: &std::io::Error) -> Error {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use palpate::prepare::layer::kuhn_box;
+
+    use super::*;
 
     #[test]
     fn a_folder_goes_with_its_value() {

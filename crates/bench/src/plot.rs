@@ -1,11 +1,10 @@
 //! Plots as SVG. Colours are those of M. Okabe and K. Ito (2008), which colour-blind readers can tell apart; the text uses
 //! the reader's own fonts.
 
+use palpate::{Error, Result};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-use palpate::{Error, Result};
 
 const SIZE: (u32, u32) = (760, 420);
 /// Of a bar and the gap after it.

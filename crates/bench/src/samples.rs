@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
 use palpate::stages::{POSE_TO_CONTACT, QUERY};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Times of the stages of a proximity query, and of all as one, microseconds; a run has either those or this.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -3,6 +3,10 @@
 
 use std::path::Path;
 
+use palpate::gpu::{Context, DeviceKind, Options};
+use palpate::prepare::Cache;
+use palpate::query::choice::Choice;
+use palpate::{Error, Result};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
@@ -10,10 +14,6 @@ use serde_json::{Map, Value};
 use super::gauge::gauge;
 use super::samples::hands;
 use super::{Chapter, Document, Section};
-use palpate::gpu::{Context, DeviceKind, Options};
-use palpate::prepare::Cache;
-use palpate::query::choice::Choice;
-use palpate::{Error, Result};
 
 /// Version of the format of `results.json`: raised when a field changes its meaning or goes.
 pub const SCHEMA: u32 = 5;

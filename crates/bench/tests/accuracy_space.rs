@@ -1,8 +1,7 @@
 //! `palpate bench accuracy`, curves of what is cut into pieces in space: what must hold of each, on small bodies. No times are
 //! judged.
 
-use palpate_bench::accuracy;
-use palpate_bench::accuracy::{Curve, Settings};
+use palpate_bench::accuracy::{self, Curve, Settings};
 
 fn measure(name: &str) -> Curve {
     let settings = Settings { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Settings::quick() };

@@ -3,16 +3,15 @@
 use std::ffi::{CString, c_char, c_void};
 
 use glam::DVec3;
-
-use super::describe::{palpate_body, palpate_settings, palpate_tool};
-use super::handles;
-use super::scene::{SceneObject, given, palpate_scene};
-use super::sized::{self, Sized32};
-use super::status::{Failure, Outcome, guarded, palpate_status};
-use super::tables;
 use palpate::prepare::bodies::Progress;
 use palpate::scene::Scene;
 use palpate::{Error, Result};
+
+use super::describe::{palpate_body, palpate_settings, palpate_tool};
+use super::scene::{SceneObject, given, palpate_scene};
+use super::sized::{self, Sized32};
+use super::status::{Failure, Outcome, guarded, palpate_status};
+use super::{handles, tables};
 
 /// Where paths and messages of a scene say that it comes from.
 const FILE: &str = "scene";

@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
+use palpate::scene::{Contact, Coupling, Material};
+
 use super::handles;
 use super::simulation::{SimulationObject, palpate_pose, palpate_simulation, pose_of};
 use super::sized::{self, Field, Sized32, fields};
 use super::state::change;
 use super::status::{Failure, Outcome, guarded, palpate_status};
-use palpate::scene::{Contact, Coupling, Material};
 
 /// An elastic material, without its law, which stays as it was made.
 #[repr(C)]

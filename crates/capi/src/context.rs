@@ -3,11 +3,12 @@
 use std::ffi::{c_char, c_void};
 use std::sync::Arc;
 
+use palpate::gpu::{Context, DeviceKind, Options};
+
 use super::handles::{self, Handled};
 use super::log::{self, palpate_log};
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
-use palpate::gpu::{Context, DeviceKind, Options};
 
 /// A Vulkan device under the library's hands. Simulations hold on to theirs: it goes with the last of them, whether it was
 /// destroyed before or not.

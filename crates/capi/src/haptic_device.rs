@@ -4,16 +4,16 @@ use std::cell::Cell;
 use std::ffi::{c_char, c_void};
 
 use glam::{DQuat, DVec3};
-
-use super::simulation::palpate_pose;
-use super::sized::{self, Field, Sized32, fields};
-use super::status::{Failure, Outcome, palpate_status};
 use palpate::haptics::velocity::AdaptiveWindow;
 use palpate::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
 use palpate::scene::profile::PROFILES;
 use palpate::step::drive::rotation_vector;
 use palpate::step::{RigidState, Wrench};
+
+use super::simulation::palpate_pose;
+use super::sized::{self, Field, Sized32, fields};
+use super::status::{Failure, Outcome, palpate_status};
 
 /// Steps of a coarse encoder, m and rad: velocities that a device does not measure are as fine as these allow.
 const QUANTA: [f64; 2] = [2e-5, 5e-4];

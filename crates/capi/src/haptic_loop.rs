@@ -7,6 +7,12 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
+use palpate::haptics::environment::Environment;
+use palpate::haptics::session::{self, Options, Report};
+use palpate::scene::Haptics;
+use palpate::step::tool::Tool;
+use palpate::step::{ContactWrench, Held};
+
 use super::handles::{self, Handled, Lent};
 use super::haptic_device::{Callbacks, is_in_callback, palpate_haptic_device};
 use super::loop_options::{chosen, palpate_loop_options};
@@ -15,13 +21,6 @@ use super::simulation::{SimulationObject, palpate_simulation, palpate_wrench, wr
 use super::sized;
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::steps::{self, Newest, SimulationSteps, Stepped};
-use palpate::haptics::environment::Environment;
-use palpate::haptics::session;
-use palpate::haptics::session::{Options, Report};
-use palpate::scene::Haptics;
-use palpate::step::ContactWrench;
-use palpate::step::Held;
-use palpate::step::tool::Tool;
 
 const HELD: &str = "a loop; stop that first";
 

@@ -2,12 +2,13 @@
 
 use std::ffi::c_void;
 
+use palpate::gpu::{Context, HostDevice, Options, QueueLock};
+
 use super::context::{ContextObject, palpate_context};
 use super::handles;
 use super::log::{self, palpate_log};
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
-use palpate::gpu::{Context, HostDevice, Options, QueueLock};
 
 /// shaderInt64 and shaderBufferInt64Atomics are enabled on the host's device.
 pub const PALPATE_VULKAN_INT64_ATOMICS: u32 = 1;

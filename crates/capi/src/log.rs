@@ -2,8 +2,9 @@
 
 use std::ffi::{CString, c_char, c_void};
 
-use super::status::one_line;
 use palpate::gpu::{Level, Log};
+
+use super::status::one_line;
 
 /// What was chosen, and what was found in files and mended.
 pub const PALPATE_LOG_NOTE: u32 = 0;

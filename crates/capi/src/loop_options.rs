@@ -1,8 +1,9 @@
 //! How a loop differs from what its scene says.
 
+use palpate::scene::{HAPTIC_RATES, Haptics};
+
 use super::sized::{Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
-use palpate::scene::{HAPTIC_RATES, Haptics};
 
 /// How a loop is run. What is 0 is as in the scene's [haptics], or as that table's default where there is none.
 #[repr(C)]

@@ -2,14 +2,15 @@
 
 use std::sync::{Condvar, Mutex, MutexGuard};
 
-use super::simulation::palpate_pose;
-use super::sized::{Field, Sized32, fields};
-use super::status::{Failure, Outcome, palpate_status};
-use super::steps::Newest;
 use palpate::haptics::clock::Lateness;
 use palpate::haptics::servo::Tick;
 use palpate::haptics::session::{Moment, Report};
 use palpate::step::RigidState;
+
+use super::simulation::palpate_pose;
+use super::sized::{Field, Sized32, fields};
+use super::status::{Failure, Outcome, palpate_status};
+use super::steps::Newest;
 
 /// The device could not be read or written; nothing is played.
 pub const PALPATE_EVENT_DEVICE_LOST: u32 = 1;
@@ -287,8 +288,9 @@ impl Facts {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use palpate::haptics::event::{Event, Events};
+
+    use super::*;
 
     #[test]
     fn every_event_has_its_constant() {

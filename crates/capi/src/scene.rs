@@ -3,12 +3,13 @@
 use std::ffi::c_char;
 use std::path::Path;
 
-use super::handles::{self, Handled};
-use super::sized;
-use super::status::{Outcome, guarded, palpate_status};
 use palpate::Result;
 use palpate::prepare::bodies::{Bodies, Progress};
 use palpate::scene::{Builder, Scene};
+
+use super::handles::{self, Handled};
+use super::sized;
+use super::status::{Outcome, guarded, palpate_status};
 
 /// What a simulation is made of, any number of times: read from a file or a text, or built by calls. Files that it names
 /// (surfaces, layers) are opened when its bodies are prepared.

@@ -1,12 +1,12 @@
 //! What a program draws or looks at: skins, copied or shared on the device, and contacts.
 
 use glam::DVec3;
+use palpate::step::{ContactPoint, Simulation, Skins};
 
 use super::handles;
 use super::simulation::{SimulationObject, palpate_simulation};
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
-use palpate::step::{ContactPoint, Simulation, Skins};
 
 /// The skins on the device: arrays over the vertices of all bodies, one body's after another's, the tool's last. On a device
 /// of the host's the buffers can be bound at once (usage: storage, texel, transfer; positions and normals vertex as well); they

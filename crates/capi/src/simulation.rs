@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
+use palpate::step::{Pose, Simulation, StepReport};
 
 use super::context::{opened, palpate_context};
 use super::handles::{self, Handled};
@@ -10,8 +11,6 @@ use super::scene::{SceneObject, palpate_scene};
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::steps::{self, SimulationSteps, Stepped};
-use palpate::step::Simulation;
-use palpate::step::{Pose, StepReport};
 
 /// A scene under way.
 pub struct palpate_simulation {
@@ -273,8 +272,9 @@ pub unsafe extern "C" fn palpate_nodes(
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use palpate::step::Flags;
+
+    use super::*;
 
     #[test]
     fn every_flag_has_its_constant() {

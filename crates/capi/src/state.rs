@@ -1,10 +1,8 @@
 //! States of simulations: saved as bytes, taken up again.
 
-use super::handles;
 use super::simulation::{SimulationObject, palpate_simulation};
-use super::sized;
 use super::status::{Failure, Outcome, guarded, palpate_status};
-use super::steps;
+use super::{handles, sized, steps};
 
 /// Saves all that the next step starts from: where everything is and how it moves, and what the solver and culling remember.
 /// What was set is not in it (material, contact, coupling). Between two steps; costs a copy from the device.

@@ -3,10 +3,9 @@
 use std::ffi::c_char;
 
 use super::context::room;
-use super::handles;
 use super::simulation::{SimulationObject, palpate_simulation};
-use super::sized;
 use super::status::{guarded, palpate_status};
+use super::{handles, sized};
 
 /// What a stage of the step costs.
 #[repr(C)]

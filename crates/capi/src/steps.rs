@@ -11,11 +11,12 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
+use palpate::step::Pose;
+
 use super::handles::{self, Handled, Lent};
 use super::simulation::{SimulationObject, palpate_pose, palpate_simulation, palpate_wrench, pose_of};
 use super::sized::{self, Sized32};
 use super::status::{Failure, Outcome, guarded, palpate_status};
-use palpate::step::Pose;
 
 const UNDER_WAY: &str = "a submitted step that is under way; poll until it is done";
 

@@ -6,10 +6,11 @@ mod ffi_help;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ffi_help::{compiled, library, root};
 use palpate::gpu::Options;
 use palpate::scene::Scene;
 use palpate::step::Simulation;
+
+use ffi_help::{compiled, library, root};
 
 const STEPS: usize = 40;
 /// A sphere pressed into a block.

@@ -8,13 +8,14 @@ use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard};
 
-use ffi_help::*;
 use palpate_capi::context::palpate_context_destroy;
 use palpate_capi::simulation::{
     palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_destroy, palpate_step, palpate_wrench,
 };
 use palpate_capi::status::palpate_status;
 use palpate_capi::steps::{palpate_step_poll, palpate_step_submit, palpate_step_wait, palpate_wrench_newest};
+
+use ffi_help::*;
 
 /// Counts what all threads of this program ask the system for; the driver asks by itself.
 struct Counted;

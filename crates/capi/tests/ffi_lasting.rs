@@ -8,12 +8,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-use ffi_help::{BLOCK, DEEP, SPHERE, compiled, context, ok, simulation, wrench};
 use palpate::gpu::{Context, Options};
 use palpate::scene::Scene;
 use palpate::step::Simulation;
 use palpate_capi::context::palpate_context_destroy;
 use palpate_capi::simulation::{palpate_simulation_destroy, palpate_step};
+
+use ffi_help::{BLOCK, DEEP, SPHERE, compiled, context, ok, simulation, wrench};
 
 /// What is allocated may grow by this over all steps that follow the first, bytes: what the driver's threads have under way at
 /// the two moments. One byte lost a step of the shorter run is more.

@@ -8,7 +8,6 @@ use std::path::Path;
 use std::ptr::{null, null_mut};
 use std::sync::Mutex;
 
-use ffi_help::*;
 use palpate_capi::context::palpate_context_destroy;
 use palpate_capi::haptic_device::{palpate_haptic_device, palpate_play, palpate_reading};
 use palpate_capi::haptic_loop::{
@@ -20,6 +19,8 @@ use palpate_capi::loop_state::*;
 use palpate_capi::simulation::{palpate_simulation, palpate_simulation_destroy, palpate_step, palpate_wrench};
 use palpate_capi::status::palpate_status;
 use palpate_capi::steps::{palpate_step_submit, palpate_step_wait, palpate_wrench_newest};
+
+use ffi_help::*;
 
 /// What the callbacks were asked and told, and how they are to behave.
 #[derive(Debug, Default, Clone, PartialEq)]

@@ -7,7 +7,6 @@ use std::ffi::{CStr, c_char, c_void};
 use std::ptr::{null, null_mut};
 use std::sync::Mutex;
 
-use ffi_help::{BLOCK, DEEP, SPHERE, context, memory, nodes, ok, refused, simulation, wrench, zeroed};
 use palpate_capi::change::{
     palpate_contact_get, palpate_contact_law, palpate_contact_set, palpate_core_move, palpate_core_pose,
     palpate_coupling, palpate_coupling_set, palpate_material, palpate_material_get, palpate_material_set,
@@ -25,6 +24,8 @@ use palpate_capi::state::{palpate_state_restore, palpate_state_save};
 use palpate_capi::statistics::{palpate_stage, palpate_stages, palpate_time_every};
 use palpate_capi::status::palpate_status::{Argument, Handle, NoDevice, Null, TooSmall, Vulkan};
 use palpate_capi::steps::palpate_wrench_newest;
+
+use ffi_help::{BLOCK, DEEP, SPHERE, context, memory, nodes, ok, refused, simulation, wrench, zeroed};
 
 fn pressed() -> (*mut palpate_context, *mut palpate_simulation) {
     let context = context();

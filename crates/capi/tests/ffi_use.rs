@@ -8,7 +8,6 @@ use std::ffi::{CString, c_char, c_void};
 use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use ffi_help::{DEEP, context, ok, refused, wrench};
 use palpate_capi::context::{
     palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_memory, palpate_context_options,
 };
@@ -18,6 +17,8 @@ use palpate_capi::simulation::{
     palpate_step, palpate_wrench,
 };
 use palpate_capi::status::palpate_status;
+
+use ffi_help::{DEEP, context, ok, refused, wrench};
 
 /// Counts what this program asks the system for; the driver asks by itself.
 struct Counted;

@@ -3,27 +3,19 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::report::Output;
 use clap::builder::NonEmptyStringValueParser;
 use palpate::{Error, Result};
-use palpate_bench::accuracy;
-use palpate_bench::accuracy::Accuracy;
-use palpate_bench::compare;
-use palpate_bench::compare::Verdict;
-use palpate_bench::features;
-use palpate_bench::features::Features;
-use palpate_bench::haptics;
-use palpate_bench::haptics::Haptics;
-use palpate_bench::paper;
-use palpate_bench::paper::Paper;
-use palpate_bench::proximity;
-use palpate_bench::proximity::Proximity;
-use palpate_bench::solver;
-use palpate_bench::solver::Solver;
-use palpate_bench::suite;
-use palpate_bench::suite::{Head, Shard};
+use palpate_bench::accuracy::{self, Accuracy};
+use palpate_bench::compare::{self, Verdict};
+use palpate_bench::features::{self, Features};
+use palpate_bench::haptics::{self, Haptics};
+use palpate_bench::paper::{self, Paper};
+use palpate_bench::proximity::{self, Proximity};
+use palpate_bench::solver::{self, Solver};
+use palpate_bench::suite::{self, Head, Shard};
 use palpate_bench::{Benchmark, Results};
 
+use crate::report::Output;
 use crate::{print, watch};
 
 const RESULTS: &str = "results.json";

@@ -1,16 +1,14 @@
 //! The seam between the program and the engine: a run's samples, and what is left of it at the end.
 
-use crate::report::{Facts, Plan, StageSamples};
 use glam::DVec3;
 use palpate::gpu::{Context, DeviceInfo, Options};
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
 use palpate::stages::query_as_one;
-use palpate::step::ContactWrench;
-use palpate::step::Held;
-use palpate::step::Simulation;
-use palpate::step::StepReport;
+use palpate::step::{ContactWrench, Held, Simulation, StepReport};
 use palpate::{Error, Result};
+
+use crate::report::{Facts, Plan, StageSamples};
 
 /// A simulation under way, and the times of its stages.
 pub struct Engine {

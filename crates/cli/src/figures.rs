@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use crate::report::Output;
 use clap::builder::NonEmptyStringValueParser;
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressFinish};
@@ -14,6 +13,7 @@ use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};
 
 use crate::film::{SAMPLES, View};
+use crate::report::Output;
 
 /// Options of `palpate figures`.
 #[derive(clap::Args)]

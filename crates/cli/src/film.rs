@@ -3,7 +3,6 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::report::Output;
 use clap::builder::NonEmptyStringValueParser;
 use indicatif::{ProgressBar, ProgressFinish};
 use palpate::gpu::Options;
@@ -13,6 +12,7 @@ use palpate::{Error, Result};
 use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};
 
+use crate::report::Output;
 use crate::run::positive;
 use crate::tell;
 

@@ -5,8 +5,6 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::report::picture::Picture;
-use crate::report::{Output, figure};
 use glam::{DQuat, DVec3};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::prepare::report::peak_memory;
@@ -16,6 +14,8 @@ use palpate::{Error, Result};
 
 use crate::press::{self, Press};
 use crate::print;
+use crate::report::picture::Picture;
+use crate::report::{Output, figure};
 
 /// Steps of the progress bar after the body is made: pictures, files.
 const AFTER: u64 = 2;

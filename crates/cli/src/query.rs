@@ -4,8 +4,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::report::query::{Subject, write_contacts};
-use crate::report::{Output, QueryReport, StageSamples, field};
 use clap::builder::NonEmptyStringValueParser;
 use glam::{DQuat, DVec3};
 use palpate::gpu::Options;
@@ -18,6 +16,8 @@ use palpate::{Error, Result};
 
 use crate::prepare::surface_of;
 use crate::print;
+use crate::report::query::{Subject, write_contacts};
+use crate::report::{Output, QueryReport, StageSamples, field};
 
 /// Coordinates and lengths beyond it leave single precision no room.
 const LARGEST: f64 = 1e9;

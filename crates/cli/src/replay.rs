@@ -4,17 +4,16 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use crate::report::Output;
 use clap::builder::NonEmptyStringValueParser;
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::gpu::Options;
 use palpate::scene::{DepthPath, Scene};
 use palpate::step::Simulation;
 use palpate::{Error, Result};
-use palpate_devices::record;
-use palpate_devices::record::{Entry, Header, Recorded, Table};
+use palpate_devices::record::{self, Entry, Header, Recorded, Table};
 use palpate_devices::replay;
 
+use crate::report::Output;
 use crate::{print, tell};
 
 /// Options of `palpate replay`.

@@ -2,10 +2,6 @@
 
 use std::path::PathBuf;
 
-use crate::report;
-use crate::report::haptics::Closing;
-use crate::report::summary::ClosingTable;
-use crate::report::{Output, Summary, Tally, Trace};
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::Result;
@@ -16,6 +12,9 @@ use palpate::step::StepReport;
 use palpate_devices::Replay;
 
 use crate::engine::{Engine, Outcome};
+use crate::report::haptics::Closing;
+use crate::report::summary::ClosingTable;
+use crate::report::{self, Output, Summary, Tally, Trace};
 use crate::{hold, print, tell};
 
 const TRACE: &str = "trace.csv";

@@ -3,12 +3,11 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::report::Output;
 use clap::builder::NonEmptyStringValueParser;
 use palpate::{Error, Result};
-use palpate_bench::stability;
-use palpate_bench::stability::{Settings, axes};
+use palpate_bench::stability::{self, Settings, axes};
 
+use crate::report::Output;
 use crate::{print, watch};
 
 const RESULTS: &str = "results.json";

@@ -13,20 +13,19 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use crate::report::{Output, Trace};
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use palpate::gpu::{Options, display_extensions};
 use palpate::haptics::Device;
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DeviceKind, Haptics, Key, Scene};
-use palpate::step::Simulation;
-use palpate::step::StepReport;
+use palpate::step::{Simulation, StepReport};
 use palpate::{Error, Result};
 use palpate_devices::Mouse;
 use palpate_devices::mouse::Goal;
 use palpate_view::live::{Begin, Extent, Lead, Live, MakeDevice, Watch};
 use winit::event_loop::EventLoop;
 
+use crate::report::{Output, Trace};
 use crate::{hold, tell};
 use app::App;
 

@@ -4,8 +4,7 @@
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
 
-use palpate_bench::accuracy;
-use palpate_bench::accuracy::{Curve, Settings};
+use palpate_bench::accuracy::{self, Curve, Settings};
 
 /// Of blocks and heads that are quickly solved, both by engine and by reference.
 fn tiny() -> Settings {

@@ -2,16 +2,11 @@
 
 use std::process::{Command, Output};
 
-use palpate_bench::haptics;
-use palpate_bench::haptics::Haptics;
-use palpate_bench::paper;
-use palpate_bench::paper::Paper;
-use palpate_bench::proximity;
-use palpate_bench::proximity::Proximity;
-use palpate_bench::solver;
-use palpate_bench::solver::{Case, Mesh, Solver};
-use palpate_bench::suite;
-use palpate_bench::suite::{Head, Shard};
+use palpate_bench::haptics::{self, Haptics};
+use palpate_bench::paper::{self, Paper};
+use palpate_bench::proximity::{self, Proximity};
+use palpate_bench::solver::{self, Case, Mesh, Solver};
+use palpate_bench::suite::{self, Head, Shard};
 use palpate_bench::{Benchmark, Document};
 use serde_json::{Map, Value};
 

@@ -10,11 +10,8 @@ use palpate::haptics::Reading;
 use palpate::haptics::environment::Environment;
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::scene::Lowered;
-use palpate::scene::Profile;
-use palpate::scene::Scene;
-use palpate::step::RigidState;
-use palpate::step::Simulation;
+use palpate::scene::{Lowered, Profile, Scene};
+use palpate::step::{RigidState, Simulation};
 use palpate_devices::record::{Header, Recording};
 
 /// A ball of 50 g that is pushed into a soft block.

@@ -6,9 +6,8 @@ mod spoil;
 use std::process::Command;
 
 use palpate::step::Flags;
-use palpate_bench::stability;
 use palpate_bench::stability::laws::{Law, Verdict};
-use palpate_bench::stability::{Results, Settings, document};
+use palpate_bench::stability::{self, Results, Settings, document};
 
 /// An axis or more of the short form.
 fn run(only: &[&str], replaced: Vec<(String, Vec<u8>)>) -> Results {

@@ -56,10 +56,10 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use glam::{DQuat, DVec3};
-
-    use super::*;
     use palpate::scene::profile::PROFILES;
     use palpate::step::RigidState;
+
+    use super::*;
 
     fn still(time: f64) -> Result<Reading, Fault> {
         Ok(Reading { time, state: RigidState::at_rest(DVec3::Y, DQuat::IDENTITY), buttons: 5 })

@@ -1,19 +1,17 @@
 //! Tests of the whole loop against a wall of known stiffness, held by the simulated hand, in virtual time.
 
 use glam::{DMat3, DQuat, DVec3};
-
-use super::hand::{Hand, HandParameters};
 use palpate::haptics::environment::Wall;
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::virtual_time;
-use palpate::haptics::virtual_time::Schedule;
+use palpate::haptics::virtual_time::{self, Schedule};
 use palpate::haptics::{Device, coupling};
-use palpate::scene::Key;
-use palpate::scene::Lowered;
 use palpate::scene::profile::Profile;
+use palpate::scene::{Key, Lowered};
 use palpate::step::drive::Drive;
 use palpate::step::tool::Tool;
+
+use super::hand::{Hand, HandParameters};
 
 const PERIOD: f64 = 1e-3;
 

@@ -2,21 +2,19 @@
 //! passes, the force comes back.
 
 use glam::{DMat3, DQuat, DVec3};
-
-use super::hand::{Hand, HandParameters};
 use palpate::haptics::coupling;
 use palpate::haptics::device::{Device, Fault, Reading};
 use palpate::haptics::environment::{Environment, Wall};
 use palpate::haptics::event::Event;
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::scene::Key;
-use palpate::scene::Lowered;
 use palpate::scene::profile::Profile;
-use palpate::step::ContactWrench;
-use palpate::step::Wrench;
+use palpate::scene::{Key, Lowered};
 use palpate::step::drive::Drive;
 use palpate::step::tool::Tool;
+use palpate::step::{ContactWrench, Wrench};
+
+use super::hand::{Hand, HandParameters};
 
 const PERIOD: f64 = 1e-3;
 /// A wrench every so many ticks, there so many ticks later.

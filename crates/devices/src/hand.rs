@@ -4,7 +4,6 @@
 use std::collections::VecDeque;
 
 use glam::{DQuat, DVec3};
-
 use palpate::haptics::velocity::AdaptiveWindow;
 use palpate::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;

@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{DQuat, DVec3};
-
 use palpate::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
 use palpate::scene::profile::MOUSE;

@@ -15,17 +15,14 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
-
 use palpate::haptics::servo::{Settings, Tick};
 use palpate::scene::Scene;
-use palpate::step::ContactWrench;
-use palpate::step::Held;
-use palpate::step::Simulation;
 use palpate::step::tool::Tool;
+use palpate::step::{ContactWrench, Held, Simulation};
 use palpate::{Error, Result};
 pub use read::Recorded;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 pub use table::Table;
 
 /// Opens a recording.

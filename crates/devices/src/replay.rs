@@ -4,8 +4,6 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use super::record::fields::{self, Field};
-use super::record::{Begin, Entry, Recorded, Step};
 use palpate::haptics::device::{Fault, Reading};
 use palpate::haptics::environment::Environment;
 use palpate::haptics::event::Event;
@@ -13,6 +11,9 @@ use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
 use palpate::step::ContactWrench;
 use palpate::{Error, Result};
+
+use super::record::fields::{self, Field};
+use super::record::{Begin, Entry, Recorded, Step};
 
 /// What came of a replay.
 #[derive(Debug, Clone, PartialEq)]

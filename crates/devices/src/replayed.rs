@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use crate::record::{Entry, Recorded};
-use crate::replay::reading_of;
 use palpate::haptics::{Device, Fault, Reading};
 use palpate::scene::profile::{PROFILES, Profile};
 use palpate::step::{RigidState, Wrench};
 use palpate::{Error, Result};
+
+use crate::record::{Entry, Recorded};
+use crate::replay::reading_of;
 
 /// The readings of a recording, tick for tick: the n-th read gives the n-th one, faults included, whatever the time. After
 /// them it rests where it was last. What it is told to play, nobody feels.

@@ -1,7 +1,6 @@
 //! A device that follows a script, whatever is played.
 
 use glam::{DQuat, DVec3};
-
 use palpate::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
 use palpate::step::Wrench;
@@ -49,9 +48,10 @@ impl Device for Scripted {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use palpate::scene::Key;
     use palpate::scene::profile::PROFILES;
+
+    use super::*;
 
     fn key(time: f64, x: f64, angle: f64) -> Key {
         Key { time, position: DVec3::X * x, orientation: DQuat::from_rotation_y(angle) }

@@ -3,20 +3,19 @@
 //! no energy but what is lent, by a sum of its own, whatever happens to the simulation.
 
 use glam::{DMat3, DQuat, DVec3};
-
-use super::{Hand, HandParameters, Scripted};
 use palpate::haptics::environment::{Cushion, Environment};
 use palpate::haptics::event::Event;
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
 use palpate::haptics::virtual_time::Schedule;
 use palpate::haptics::{Device, coupling};
-use palpate::scene::Key;
-use palpate::scene::Lowered;
 use palpate::scene::profile::Profile;
+use palpate::scene::{Key, Lowered};
 use palpate::step::ContactWrench;
 use palpate::step::drive::Drive;
 use palpate::step::tool::Tool;
+
+use super::{Hand, HandParameters, Scripted};
 
 const PERIOD: f64 = 1e-3;
 /// Above the surface at the start, m.

@@ -1,15 +1,14 @@
 //! Soft bodies and dynamic cores of the oracle: their state, and what can be read off it.
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::prepare::{Embedding, Layer, Materials, Skin};
+use palpate::scene::Coupling;
 
 use crate::contact::{Support, Surface};
 use crate::elastic::Elements;
 use crate::linear::Entries;
 use crate::skin;
-use crate::tool;
-use crate::tool::Device;
-use palpate::prepare::{Embedding, Layer, Materials, Skin};
-use palpate::scene::Coupling;
+use crate::tool::{self, Device};
 
 /// A soft body and its state.
 #[derive(Debug, Clone)]

@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
+use palpate::prepare::{Embedding, Layer};
 
 use crate::rays::{Crossing, Rays};
 use crate::skin;
-use palpate::prepare::{Embedding, Layer};
 
 /// Where a vertex's line along the region's normal meets the other skin.
 #[derive(Debug, Clone, Copy, PartialEq)]

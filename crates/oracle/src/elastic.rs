@@ -11,10 +11,10 @@ use std::collections::BTreeMap;
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
-
-use super::neo_hookean;
 use palpate::prepare::{Layer, Materials};
 use palpate::scene::{Law, Material};
+
+use super::neo_hookean;
 
 /// A principal stretch below which a tetrahedron stiffens: corotational elasticity by itself offers no more to a
 /// tetrahedron pressed flat than to one half way there, and turns it inside out.

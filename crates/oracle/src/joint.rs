@@ -1,10 +1,10 @@
 //! Ball joints between dynamic cores, or of one with what moves as it is told, as implicit springs.
 
 use glam::{DQuat, DVec3};
+use palpate::scene::Resistance;
 
 use crate::body::Core;
 use crate::linear::Entries;
-use palpate::scene::Resistance;
 
 /// Step of the central differences that give angles' derivatives, rad.
 const DIFFERENCE: f64 = 1e-5;

@@ -5,7 +5,6 @@ use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use faer::{Col, Side};
 use glam::DMat3;
-
 use palpate::{Error, Result};
 
 /// A symmetric matrix being assembled: lower-triangle entries in any order, repeated ones summed.

@@ -4,12 +4,12 @@
 //! Euler solved exactly.
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::scene::Material;
 
 use super::body::SoftBody;
 use super::elastic::outer;
 use super::linear::Entries;
 use super::step::{Map, Simulation, Unknowns, add_mapped};
-use palpate::scene::Material;
 
 /// Where a body's elasticity is linearised.
 pub(super) struct Trial {

@@ -186,8 +186,9 @@ fn barycentric(corners: [DVec2; 3], at: DVec2) -> Option<[f64; 3]> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use palpate::prepare::{layer, sphere};
+
+    use super::*;
 
     /// A cube from 0 to 1 and a smaller one above it, from 2 to 2.5.
     fn cubes() -> (Vec<DVec3>, Vec<[u32; 3]>) {

@@ -1,7 +1,6 @@
 //! Skin vertices from nodes, and which of them face a direction. Twin of the skin stage.
 
 use glam::DVec3;
-
 use palpate::prepare::{Embedding, Layer};
 
 /// Values at skin vertices (positions, displacements or velocities) as weighted sums of values at nodes.

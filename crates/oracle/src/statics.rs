@@ -1,10 +1,10 @@
 //! Linear static equilibrium of a layer, for the laws that have closed solutions. Not a stage of the step.
 
 use glam::{DQuat, DVec3};
+use palpate::Result;
 
 use crate::elastic::{Elements, outer};
 use crate::linear::{Entries, Solver};
-use palpate::Result;
 
 /// Displacements (m, world axes) under `loads` (N a node, world axes), small strain about rest. `fixed` holds single
 /// components of nodes at zero. Errors where what is held does not stop rigid motion.

@@ -3,18 +3,17 @@
 use glam::{DMat3, DQuat, DVec3};
 
 pub use crate::body::{Core, Held, SoftBody};
+use palpate::Result;
+use palpate::prepare::Layer;
+use palpate::scene::Material;
+
 use crate::contact::{Carrier, Contact, Point};
 use crate::friction::Friction;
 use crate::joint::Joint;
 use crate::linear::{Entries, Solver};
 use crate::newton::Trial;
-use crate::tool;
-use crate::tool::{Device, Tool};
-use crate::wrench;
-use crate::wrench::Wrench;
-use palpate::Result;
-use palpate::prepare::Layer;
-use palpate::scene::Material;
+use crate::tool::{self, Device, Tool};
+use crate::wrench::{self, Wrench};
 
 /// Flag: contacts were adhesive after the last repeated solve too; they count zero.
 pub const ADHESIVE_TWICE: u32 = 256;

@@ -1,7 +1,6 @@
 //! Small meshes and numbers for the laws' tests.
 
 use glam::DVec3;
-
 use palpate::prepare::{Layer, layer};
 
 /// A layer's boundary, by node.

@@ -1,10 +1,10 @@
 //! The rigid body a haptic device holds: its inertia, its virtual coupling, its pose update.
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::scene::Coupling;
 
 use crate::elastic::outer;
 use crate::linear::Entries;
-use palpate::scene::Coupling;
 
 /// A rigid body with six degrees of freedom; its unknowns are the change of `velocity`, then of `angular_velocity`.
 #[derive(Debug, Clone)]

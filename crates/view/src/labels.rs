@@ -3,6 +3,9 @@
 use std::sync::Arc;
 
 use egui::{Align2, Color32, FontId, Pos2, Rect, Vec2};
+use palpate::Result;
+use palpate::gpu::{Context, Image, Recording};
+use palpate::step::Field;
 
 use super::look::map;
 use super::moment::Moment;
@@ -11,9 +14,6 @@ use super::painter::{Atlas, Painter};
 use super::renderer::Legend;
 use super::scale::with_unit;
 use super::tessellated;
-use palpate::Result;
-use palpate::gpu::{Context, Image, Recording};
-use palpate::step::Field;
 
 /// Height of a picture whose letters have their own size, pixels; larger ones have larger letters.
 const PLAIN: f32 = 720.0;

@@ -13,14 +13,14 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-use super::turns::Turns;
 use palpate::haptics::Device;
 use palpate::haptics::session::Report;
 use palpate::prepare::bodies::Bodies;
 use palpate::scene::{Contact, Coupling, Key, Material, Scene};
-use palpate::step::Simulation;
-use palpate::step::StepReport;
+use palpate::step::{Simulation, StepReport};
 use palpate::{Error, Result};
+
+use super::turns::Turns;
 pub use snapshot::{LoopState, Sample, Settings, Snapshot, State};
 use worker::Worker;
 

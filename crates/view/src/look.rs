@@ -2,7 +2,6 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3};
-
 use palpate::step::Field;
 
 /// What a picture is taken with.

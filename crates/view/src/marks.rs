@@ -5,10 +5,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
-
-use super::pieces::Arrays;
 use palpate::Result;
 use palpate::gpu::{Buffer, Context, Memory};
+
+use super::pieces::Arrays;
 
 /// Sides of what is round.
 const SIDES: u32 = 20;

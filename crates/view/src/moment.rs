@@ -1,12 +1,11 @@
 //! What a picture shows of a simulation between two steps: what the device filled, and what the host knows.
 
 use glam::DVec3;
-
-use super::overlay::{Overlay, Overlays};
 use palpate::Result;
 use palpate::gpu::Buffer;
-use palpate::step;
-use palpate::step::{Field, FieldValues, Mesh, RegionSquare, Simulation};
+use palpate::step::{self, Field, FieldValues, Mesh, RegionSquare, Simulation};
+
+use super::overlay::{Overlay, Overlays};
 
 /// A simulation as it was when [`Moment::of`] looked. The arrays it names stay as they are until it looks again.
 #[derive(Clone)]

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-
-use super::decimate::clustered;
-use super::look::Material;
 use palpate::Result;
 use palpate::gpu::{Buffer, Context, Memory};
 use palpate::prepare::Shape;
 use palpate::step::Simulation;
+
+use super::decimate::clustered;
+use super::look::Material;
 
 /// A body's edge in cells of what casts its shadow.
 const SHADOW_CELLS: f64 = 32.0;

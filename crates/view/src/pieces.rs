@@ -4,6 +4,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
+use palpate::Result;
+use palpate::gpu::{Buffer, Context};
+use palpate::step::{self, Field};
 
 use super::look::{Material, flags};
 use super::marks::Marks;
@@ -11,10 +14,6 @@ use super::moment::Moment;
 use super::overlay::Overlay;
 use super::parts::Part;
 use super::renderer::Legend;
-use palpate::Result;
-use palpate::gpu::{Buffer, Context};
-use palpate::step;
-use palpate::step::Field;
 
 /// What is left of a skin's colour where cores are seen through it, and of a region's plane.
 const SHEER: f32 = 0.28;

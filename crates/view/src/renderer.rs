@@ -4,6 +4,12 @@
 use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
+use palpate::gpu::{
+    Before, Buffer, Canvas, Context, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording, Side,
+    Texels,
+};
+use palpate::step::{self, Field, FieldValues, Simulation};
+use palpate::{Error, Result};
 
 use super::Camera;
 use super::look::{self, BACKGROUND, Material, SCALE_COLOURS, View, across, columns, light};
@@ -13,13 +19,6 @@ use super::parts::{Part, Parts};
 use super::picture::Picture;
 use super::pieces::{Piece, Pieces, Source, Style, is_of_bodies};
 use super::scale::Scale;
-use palpate::gpu::{
-    Before, Buffer, Canvas, Context, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording, Side,
-    Texels,
-};
-use palpate::step;
-use palpate::step::{Field, FieldValues, Simulation};
-use palpate::{Error, Result};
 
 /// Texels along the shadow's edge: four a texel of its array, of which every device takes 65,536.
 const SHADOW_SIDE: u32 = 508;

@@ -1,13 +1,14 @@
 //! Pictures of a simulation without a window: for films, figures and tests. The same arrays give the same picture on a device.
 
+use palpate::Result;
+use palpate::step::Simulation;
+
 use super::camera::Camera;
 use super::labels::Labels;
 use super::moment::Moment;
 use super::overlay::Overlays;
 use super::picture::Picture;
 use super::renderer::{Renderer, Settings};
-use palpate::Result;
-use palpate::step::Simulation;
 
 /// Takes pictures of one simulation.
 pub struct Studio {

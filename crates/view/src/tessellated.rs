@@ -1,6 +1,7 @@
 //! From egui's triangles and textures to what the painter takes.
 
-use egui::epaint::{ImageData, Primitive, textures::TexturesDelta};
+use egui::epaint::textures::TexturesDelta;
+use egui::epaint::{ImageData, Primitive};
 use egui::{ClippedPrimitive, TextureId};
 
 use super::painter::{Atlas, CORNER_WORDS, Flat, Piece};

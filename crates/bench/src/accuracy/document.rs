@@ -1,13 +1,12 @@
 //! The report of the curves. Findings are computed: no number of a measurement is written here.
 
+use palpate::Result;
 use serde_json::Value;
 
 use super::curve::{DECADES, JUST_NOTICEABLE, NEAR_ORDER};
 use super::{Curve, Judged, Point, front, presets};
-use crate::plot;
-use crate::plot::{Logarithmic, Panel, panels};
+use crate::plot::{self, Logarithmic, Panel, panels};
 use crate::{Section, Table};
-use palpate::Result;
 
 /// What buys less than this of the error is not worth a word.
 const WORTH_TELLING: f64 = 2.0;

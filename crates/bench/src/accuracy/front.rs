@@ -2,16 +2,15 @@
 //! names ([`super::presets`]).
 
 use glam::{DQuat, DVec3};
+use palpate::Result;
+use palpate::scene::{Coupling, Key, Scene, Sides};
 
 use super::race::{Entrant, Rules, race, relative_error};
 use super::steps::{LONGEST, MANY, at_units, extrapolated};
 use super::{Curve, Judged, Point, Settings, factor};
 use crate::haptics;
-use crate::haptics::head;
-use crate::haptics::head::{CHEEK, Skin};
+use crate::haptics::head::{self, CHEEK, Skin};
 use crate::solver::stiffness;
-use palpate::Result;
-use palpate::scene::{Coupling, Key, Scene, Sides};
 
 /// Of the curve.
 pub const NAME: &str = "presets";

@@ -19,10 +19,11 @@ pub use curve::{Curve, Expected, JUST_NOTICEABLE, Judged, Line, Point};
 pub use document::section;
 pub use presets::{Setting, presets};
 
-use super::suite::{from_value, to_value};
-use super::{Benchmark, Section};
 use palpate::gpu::Options;
 use palpate::{Error, Result};
+
+use super::suite::{from_value, to_value};
+use super::{Benchmark, Section};
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]

@@ -1,11 +1,12 @@
 //! What single precision costs: the engine, as tight as it can be asked for, against the same steps in f64.
 
+use palpate::Result;
+
 use super::document::percent;
 use super::press::Press;
 use super::race::{Entrant, race};
 use super::twin::{Reference, reference};
 use super::{Curve, Judged, Point, Settings, factor};
-use palpate::Result;
 
 /// As tight as a scene can ask for with a purpose.
 const TIGHTEST: f64 = 1e-7;

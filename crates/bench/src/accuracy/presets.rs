@@ -1,11 +1,11 @@
 //! The presets: which of all settings has each name, and whether the program ships it.
 
+use palpate::scene::preset::Preset;
+use palpate::scene::{self, Sides};
+
 use super::document::{digits, percent};
 use super::{Curve, JUST_NOTICEABLE, Point};
 use crate::{Section, Table};
-use palpate::scene;
-use palpate::scene::Sides;
-use palpate::scene::preset::Preset;
 
 /// Names, and below which error the cheapest setting has each: what is just noticed, its half, its quarter.
 pub const PRESETS: [(&str, f64); 3] =

@@ -4,13 +4,12 @@
 use std::time::Instant;
 
 use glam::DVec3;
-
-use super::curve::Point;
 use palpate::Result;
 use palpate::gpu::Options;
 use palpate::scene::Scene;
-use palpate::step::Flags;
-use palpate::step::Simulation;
+use palpate::step::{Flags, Simulation};
+
+use super::curve::Point;
 
 /// Parts of a run that are done in turn, where it has the steps for them.
 const TURNS: usize = 10;

@@ -1,14 +1,14 @@
 //! What shorter time steps and more of Newton's iterations buy.
 
 use glam::DVec3;
+use palpate::Result;
+use palpate::gpu::Options;
+use palpate::scene::{Law, Scene};
 
 use super::press::Press;
 use super::race::{Entrant, Run, race, relative_error, run};
 use super::twin::{Reference, reference};
 use super::{Curve, Expected, Point, SINGLE, Settings};
-use palpate::Result;
-use palpate::gpu::Options;
-use palpate::scene::{Law, Scene};
 
 /// The longest time step, s: 30 steps a second. The others halve it, so that all end a step where it does.
 pub const LONGEST: f64 = 0.033;

@@ -1,12 +1,13 @@
 //! What the solver's tolerance and its cap on iterations buy, against f64 steps solved directly.
 
+use palpate::Result;
+use palpate::scene::{Preconditioner, Scene};
+
 use super::press::Press;
 use super::race::{Entrant, race};
 use super::twin::{Reference, reference};
 use super::{Curve, Expected, Point, SINGLE, Settings};
 use crate::solver::stiffness;
-use palpate::Result;
-use palpate::scene::{Preconditioner, Scene};
 
 /// Young's moduli of the blocks, Pa.
 const YOUNG: [f64; 2] = [2e4, 2e6];

@@ -2,20 +2,17 @@
 //! ([`palpate_oracle::contact`]). Only the direction of the region is the engine's, from a run beside it.
 
 use glam::DVec3;
-
-use super::race::{Errors, Run, relative_error};
 use palpate::gpu::Options;
-use palpate::prepare;
-use palpate::prepare::Shape;
+use palpate::prepare::{self, Shape};
 use palpate::scene::{Key, Scene};
 use palpate::step::Simulation;
 use palpate::step::drive::Drive;
 use palpate::{Error, Result};
-use palpate_oracle::contact;
-use palpate_oracle::contact::{Law, Support, Surface};
-use palpate_oracle::step;
-use palpate_oracle::step::{SoftBody, auto_stiffness};
+use palpate_oracle::contact::{self, Law, Support, Surface};
+use palpate_oracle::step::{self, SoftBody, auto_stiffness};
 use palpate_oracle::tool;
+
+use super::race::{Errors, Run, relative_error};
 
 /// As tight as a scene can ask for with a purpose: single precision ends here.
 const TIGHT: f64 = 1e-7;

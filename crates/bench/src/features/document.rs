@@ -1,10 +1,10 @@
 //! The report of the features.
 
-use super::{Cost, Feature, Run};
-use crate::plot;
-use crate::plot::Bar;
-use crate::{Section, Table};
 use palpate::Result;
+
+use super::{Cost, Feature, Run};
+use crate::plot::{self, Bar};
+use crate::{Section, Table};
 
 /// The table, a bar for each of the two, and what was found.
 pub fn section(costs: &[(Feature, Cost)]) -> Result<Section> {

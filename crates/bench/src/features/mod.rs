@@ -13,15 +13,13 @@ use serde_json::{Map, Value};
 pub use plan::Plan;
 pub use scenes::Feature;
 
-use super::suite::{from_value, to_value};
-use super::{Benchmark, Section, median};
 use palpate::gpu::Options;
 use palpate::scene::Scene;
-use palpate::step::Held;
-use palpate::step::RigidState;
-use palpate::step::Simulation;
-use palpate::step::StepReport;
+use palpate::step::{Held, RigidState, Simulation, StepReport};
 use palpate::{Error, Result};
+
+use super::suite::{from_value, to_value};
+use super::{Benchmark, Section, median};
 
 /// Of the scenes, s.
 const STEP: f64 = 0.001;

@@ -1,8 +1,7 @@
 //! What a step is made of: all that a feature can cost without being run.
 
-use serde::{Deserialize, Serialize};
-
 use palpate::step::Simulation;
+use serde::{Deserialize, Serialize};
 
 /// Solver iterations of the step whose passes are counted.
 pub const ITERATIONS: u32 = 16;

@@ -5,10 +5,6 @@
 //! renders, with E the energy that the hand gave and E_ref zero (2002) or what coupling and contact model store (2005).
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
-
-use super::rig::{Mode, PERIOD, Rig, key, tool};
-use super::{Settings, profile};
 use palpate::Result;
 use palpate::haptics::environment::Cushion;
 use palpate::haptics::event::Event;
@@ -16,6 +12,10 @@ use palpate::haptics::servo::Tick;
 use palpate::haptics::virtual_time::Schedule;
 use palpate::step::{RigidState, Wrench};
 use palpate_devices::hand::HandParameters;
+use serde::{Deserialize, Serialize};
+
+use super::rig::{Mode, PERIOD, Rig, key, tool};
+use super::{Settings, profile};
 
 /// Bodies, N/m.
 pub const BODIES: [f64; 2] = [300.0, 2000.0];

@@ -4,6 +4,8 @@ mod controllers;
 mod forces;
 mod walls;
 
+use palpate::Result;
+use palpate_devices::hand::HandParameters;
 use serde_json::Value;
 
 use super::jitter::{Late, MORE};
@@ -11,8 +13,6 @@ use super::width::CRITICAL;
 use super::{Punctual, Results};
 use crate::plot::{Bar, bars};
 use crate::{Section, Table};
-use palpate::Result;
-use palpate_devices::hand::HandParameters;
 
 /// How it was measured.
 pub fn preface(_: &Value) -> String {

@@ -1,16 +1,16 @@
 //! The head of `assets/scenes/touch-head.toml`, and ways over its cheek.
 
 use glam::{DQuat, DVec3};
+use palpate::gpu::Options;
+use palpate::prepare::{self, Shape};
+use palpate::scene::{
+    self, Bind, Core, Dilatation, Law, Layer, Material, Model, Motion, Scene, Surface, Tool, ToolShape,
+};
+use palpate::step::Simulation;
+use palpate::{Error, Result};
 
 use super::Settings;
 use super::rig::{MASS, RADIUS};
-use palpate::gpu::Options;
-use palpate::prepare;
-use palpate::prepare::Shape;
-use palpate::scene;
-use palpate::scene::{Bind, Core, Dilatation, Law, Layer, Material, Model, Motion, Scene, Surface, Tool, ToolShape};
-use palpate::step::Simulation;
-use palpate::{Error, Result};
 
 /// Where the cheek is pressed, m.
 pub const CHEEK: [f64; 2] = [0.03, -0.02];

@@ -1,17 +1,17 @@
 //! A person who holds still: how still the force keeps.
 
 use glam::DVec3;
+use palpate::Result;
+use palpate::haptics::environment::Environment;
+use palpate::haptics::servo::Tick;
+use palpate::haptics::virtual_time::Schedule;
+use palpate_devices::hand::HandParameters;
 use serde::{Deserialize, Serialize};
 
 use super::head::{self, CHEEK, Skin};
 use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 use super::width::{STILL, STILL_SHARE};
 use super::{Settings, profile};
-use palpate::Result;
-use palpate::haptics::environment::Environment;
-use palpate::haptics::servo::Tick;
-use palpate::haptics::virtual_time::Schedule;
-use palpate_devices::hand::HandParameters;
 
 /// A hand that presses a few millimetres deep and feels less than this has been left without a force, N.
 const LEAST: f64 = 0.05;

@@ -3,11 +3,6 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
-
-use super::head::{self, CHEEK, Skin};
-use super::rig::{PERIOD, key, tool, wall};
-use super::{Settings, profile};
 use palpate::Result;
 use palpate::haptics::clock::Lateness;
 use palpate::haptics::environment::Environment;
@@ -15,6 +10,11 @@ use palpate::haptics::session::{Options, hold};
 use palpate::scene::Haptics;
 use palpate::step::drive::Drive;
 use palpate_devices::scripted::Scripted;
+use serde::{Deserialize, Serialize};
+
+use super::head::{self, CHEEK, Skin};
+use super::rig::{PERIOD, key, tool, wall};
+use super::{Settings, profile};
 
 /// Of all deadlines, the share that the loop may miss beyond what the bare timer misses.
 pub const MORE: f64 = 1e-3;

@@ -20,10 +20,11 @@ pub use rig::{Mode, Spread};
 pub use slide::{Change, Changes, Slid};
 pub use width::{Limit, Width};
 
-use super::suite::{part, to_value};
-use super::{Benchmark, Section};
 use palpate::scene::Profile;
 use palpate::{Error, Result};
+
+use super::suite::{part, to_value};
+use super::{Benchmark, Section};
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]

@@ -1,24 +1,19 @@
 //! The loop as a session makes it, but in virtual time and held by the simulated hand: the same bits in every run.
 
 use glam::{DMat3, DQuat, DVec3};
-use serde::{Deserialize, Serialize};
-
-use palpate::haptics::coupling::Gains;
+use palpate::haptics::Device;
+use palpate::haptics::coupling::{self, Gains};
 use palpate::haptics::environment::{Environment, Wall};
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::virtual_time;
-use palpate::haptics::virtual_time::Schedule;
-use palpate::haptics::{Device, coupling};
-use palpate::scene::Lowered;
-use palpate::scene::Profile;
-use palpate::scene::{Coupling, Haptics, Key};
-use palpate::step::ContactWrench;
-use palpate::step::Held;
+use palpate::haptics::virtual_time::{self, Schedule};
+use palpate::scene::{Coupling, Haptics, Key, Lowered, Profile};
 use palpate::step::drive::Drive;
 use palpate::step::tool::Tool;
+use palpate::step::{ContactWrench, Held};
 use palpate::{Error, Result};
 use palpate_devices::hand::{Hand, HandParameters};
+use serde::{Deserialize, Serialize};
 
 /// Of the loop, s.
 pub const PERIOD: f64 = 1e-3;

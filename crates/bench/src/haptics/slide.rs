@@ -1,18 +1,18 @@
 //! A person who slides over the head's cheek: how far the force jumps from one tick to the next.
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
-
-use super::head::{self, CHEEK, Skin};
-use super::hold::cases;
-use super::rig::{Mode, PERIOD, Recorded, Rig, Spread, key, tool};
-use super::{Settings, profile};
 use palpate::Result;
 use palpate::haptics::servo::Tick;
 use palpate::haptics::virtual_time::Schedule;
 use palpate::scene::Key;
 use palpate::step::ContactWrench;
 use palpate_devices::hand::HandParameters;
+use serde::{Deserialize, Serialize};
+
+use super::head::{self, CHEEK, Skin};
+use super::hold::cases;
+use super::rig::{Mode, PERIOD, Recorded, Rig, Spread, key, tool};
+use super::{Settings, profile};
 
 /// How fast, m/s.
 pub const SPEED: f64 = 0.02;

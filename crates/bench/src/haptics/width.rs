@@ -1,17 +1,16 @@
 //! How stiff a wall may be until the loop swings: by the wall's damping, by the force's delay, by the simulation's rate.
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
-
-use super::Settings;
-use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 use palpate::Result;
 use palpate::haptics::coupling;
 use palpate::haptics::servo::Tick;
 use palpate::haptics::virtual_time::Schedule;
-use palpate::scene::Key;
-use palpate::scene::Profile;
+use palpate::scene::{Key, Profile};
 use palpate_devices::hand::HandParameters;
+use serde::{Deserialize, Serialize};
+
+use super::Settings;
+use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 
 /// The stiffest and the softest wall, N/m.
 pub const RANGE: [f64; 2] = [10.0, 1e5];

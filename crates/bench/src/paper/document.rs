@@ -1,13 +1,13 @@
 //! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
 
+use palpate::Result;
+use palpate::stages::QUERY;
 use serde_json::Value;
 
 use super::{By, Grown, Ran, Results, SCENES, Times, Told};
 use crate::fit::exponent;
 use crate::plot::{Bar, Line, Logarithmic, Panel, bars, panels};
 use crate::{Section, Table};
-use palpate::Result;
-use palpate::stages::QUERY;
 
 /// What follows the query in a step.
 const REST: [&str; 4] = ["elastic", "solve", "wrench", "fit"];

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use glam::DVec3;
+use palpate::Result;
+use palpate::scene::Scene;
 use serde::{Deserialize, Serialize};
 
 use super::Settings;
 use super::watched::{Times, Watched};
-use palpate::Result;
-use palpate::scene::Scene;
 
 /// Steps in which the tool goes to where it stays, and in which the bodies come to lie, untimed.
 const APPROACH: usize = 80;

@@ -14,9 +14,10 @@ pub use growth::{By, Grown};
 pub use scenes::{Ran, SCENES, Told};
 pub use watched::Times;
 
+use palpate::Result;
+
 use super::suite::{from_value, part, to_value};
 use super::{Benchmark, Section};
-use palpate::Result;
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]

@@ -2,13 +2,13 @@
 
 use std::time::Instant;
 
+use palpate::scene::Scene;
+use palpate::step::Flags;
+use palpate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 use super::Settings;
 use super::watched::{Times, Watched};
-use palpate::scene::Scene;
-use palpate::step::Flags;
-use palpate::{Error, Result};
 
 /// A scene of the paper and what it says of it (Galoppo and others 2007, a GeForce 7800 and a Pentium of 3.4 GHz): time of the
 /// query, an upper bound or about, and what is aimed at on two cores, ms.

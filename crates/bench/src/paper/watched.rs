@@ -2,17 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
-
-use super::Settings;
-use crate::median;
 use palpate::Result;
 use palpate::gpu::Options;
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
 use palpate::stages::POSE_TO_CONTACT;
-use palpate::step::Simulation;
-use palpate::step::StepReport;
+use palpate::step::{Simulation, StepReport};
+use serde::{Deserialize, Serialize};
+
+use super::Settings;
+use crate::median;
 
 /// In four steps two are not timed by stage, one is by all stages, and one by the query as a whole.
 const TIMED_EVERY: u64 = 2;

@@ -1,12 +1,12 @@
 //! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
 
+use palpate::Result;
+use palpate::stages::QUERY;
 use serde_json::Value;
 
 use super::{Area, Peers, Place, Results, Sensitivity};
 use crate::plot::{Axis, Bar, Line, bars, lines};
 use crate::{Section, Table};
-use palpate::Result;
-use palpate::stages::QUERY;
 
 /// The last size may take so many times as long as the first.
 const ALLOWED_RATIO: f64 = 1.5;

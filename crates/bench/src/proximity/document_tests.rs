@@ -1,6 +1,7 @@
+use palpate::stages::POSE_TO_CONTACT;
+
 use super::*;
 use crate::Samples;
-use palpate::stages::POSE_TO_CONTACT;
 
 fn place(total_ms: f64, contacts: usize, area_cm2: f64) -> Place {
     let mut samples_us = Samples::default();

@@ -142,8 +142,9 @@ fn zip(triangles: &mut Vec<[usize; 3]>, (inner, m): (usize, usize), (outer, n): 
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use palpate::prepare::{mass, skin};
+
+    use super::*;
 
     const FAMILY: Family = Family { radius: 0.1, cap: 0.01, spacing: 0.001, is_lobed: true };
 

@@ -11,12 +11,12 @@ use serde_json::{Map, Value};
 pub use patches::{Area, Place, Sensitivity};
 pub use peers::Peers;
 
-use super::suite::{part, to_value};
-use super::{Benchmark, Section};
 use palpate::Result;
 use palpate::gpu::{Context, Options};
-use palpate::prepare;
-use palpate::prepare::{Body, FrameMotion, Shape, mass, skin};
+use palpate::prepare::{self, Body, FrameMotion, Shape, mass, skin};
+
+use super::suite::{part, to_value};
+use super::{Benchmark, Section};
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]

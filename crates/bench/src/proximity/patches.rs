@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
+use palpate::Result;
+use palpate::gpu::Context;
+use palpate::query::{Query, QuerySettings, Timing};
 use serde::{Deserialize, Serialize};
 
 use super::graded::{Family, Graded};
 use super::{Settings, counts, rigid};
 use crate::Samples;
-use palpate::Result;
-use palpate::gpu::Context;
-use palpate::query::{Query, QuerySettings, Timing};
 
 /// Bodies that share a patch.
 const BODY: Family = Family { radius: 0.1, cap: 0.015, spacing: 0.0005, is_lobed: true };

@@ -7,6 +7,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
+use palpate::gpu::Context;
+use palpate::query::{Query, QuerySettings};
+use palpate::scene::Model;
+use palpate::{Error, Result};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::{TriMesh, TriMeshFlags};
@@ -15,10 +19,6 @@ use serde::{Deserialize, Serialize};
 use super::patches::{Place, measure_one};
 use super::{Settings, rigid};
 use crate::median;
-use palpate::gpu::Context;
-use palpate::query::{Query, QuerySettings};
-use palpate::scene::Model;
-use palpate::{Error, Result};
 
 /// A small pumpkin's vertices are about as far apart as the head's.
 const SCALE: f64 = 0.5;

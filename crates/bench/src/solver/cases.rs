@@ -1,13 +1,10 @@
 //! What is measured: bodies of tetrahedra that hang from a fixed core under gravity, untouched.
 
 use glam::{DQuat, DVec3};
-use serde::{Deserialize, Serialize};
-
-use palpate::prepare;
-use palpate::prepare::{Body, Shape};
-use palpate::scene;
-use palpate::scene::{Bind, Core, Law, Layer, Material, Model, Motion, Scene, Surface};
+use palpate::prepare::{self, Body, Shape};
+use palpate::scene::{self, Bind, Core, Law, Layer, Material, Model, Motion, Scene, Surface};
 use palpate::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 /// Edge of the blocks, m.
 const EDGE: f64 = 0.1;

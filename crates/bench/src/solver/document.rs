@@ -1,5 +1,6 @@
 //! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
 
+use palpate::Result;
 use serde_json::Value;
 
 use super::cases::stiffness;
@@ -8,7 +9,6 @@ use super::{Measured, PRECONDITIONERS, Results, Run, Size};
 use crate::fit::exponent;
 use crate::plot::{Line, Logarithmic, Panel, panels};
 use crate::{Section, Table};
-use palpate::Result;
 
 /// Time of an iteration may grow with such a power of the tetrahedra.
 const ALLOWED_EXPONENT: f64 = 1.05;

@@ -14,10 +14,11 @@ pub use cases::{Case, Mesh, layer, prepared, stiffness};
 pub use scaling::{Iteration, Size, Steps};
 pub use speed::{Measured, Run};
 
-use super::suite::{from_value, part, to_value};
-use super::{Benchmark, Section};
 use palpate::Result;
 use palpate::scene::Preconditioner;
+
+use super::suite::{from_value, part, to_value};
+use super::{Benchmark, Section};
 
 /// Every preconditioner that the engine knows, and what a scene calls it.
 const PRECONDITIONERS: &[(&str, Preconditioner)] =

@@ -4,13 +4,12 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
-
 use palpate::prepare::cache::{Entry, Key, KeyMaker};
 use palpate::prepare::{Body, Cache, Shape};
 use palpate::scene::Scene;
 use palpate::{Error, Result};
 use palpate_oracle::step::{Simulation, SoftBody};
+use serde::{Deserialize, Serialize};
 
 /// What the answer depends on beside its inputs. Which library solves the system shows in the thirteenth digit.
 const SOURCES: &[&str] = &[

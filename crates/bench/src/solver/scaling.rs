@@ -2,16 +2,15 @@
 
 use std::time::Instant;
 
+use palpate::Result;
+use palpate::scene::{Preconditioner, Scene};
+use palpate::step::{Flags, Simulation};
 use serde::{Deserialize, Serialize};
 
 use super::cases::{self, Mesh};
 use super::speed::{asking, open};
 use super::{PRECONDITIONERS, Settings, YOUNG};
 use crate::median;
-use palpate::Result;
-use palpate::scene::{Preconditioner, Scene};
-use palpate::step::Flags;
-use palpate::step::Simulation;
 
 /// Iterations of the two steps whose difference is taken.
 const ITERATIONS: [u32; 2] = [32, 8];

@@ -2,6 +2,11 @@
 
 use std::time::Instant;
 
+use palpate::Result;
+use palpate::gpu::Options;
+use palpate::prepare::Cache;
+use palpate::scene::{Preconditioner, Scene};
+use palpate::step::{Flags, Simulation};
 use serde::{Deserialize, Serialize};
 
 use super::cases::{self, Case};
@@ -10,12 +15,6 @@ use super::{PRECONDITIONERS, Settings};
 use crate::median;
 use crate::samples::hands;
 use crate::suite::nan_of_null;
-use palpate::Result;
-use palpate::gpu::Options;
-use palpate::prepare::Cache;
-use palpate::scene::{Preconditioner, Scene};
-use palpate::step::Flags;
-use palpate::step::Simulation;
 
 /// Steps of one setting before another has its turn: enough for what the first of them finds cold to be no median.
 const TURN: usize = 5;

@@ -1,14 +1,14 @@
 //! The rows of the matrix: what is varied, and along which values.
 
 use glam::DVec3;
+use palpate::Result;
+use palpate::scene::Law;
 
 use super::cases::{Case, bare, both, hang, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust};
 use super::labels::{power, si, stretched};
 use super::meshes;
 use super::setup::{Bound, Setup};
 use crate::meshes::MeshFolder;
-use palpate::Result;
-use palpate::scene::Law;
 
 /// A value of an axis.
 #[derive(Debug, Clone, PartialEq)]

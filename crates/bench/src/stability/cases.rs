@@ -1,10 +1,11 @@
 //! Cases of the matrix: how a block is let go, pressed, thrown at and torn, and what each case promises.
 
+use palpate::scene::Law;
+
 use super::laws::{AT_REST, DRIFT, Promise};
 use super::modes;
 use super::setup::{Bound, RADIUS, Setup, Sphere};
 use super::trace::HALF_ULP;
-use palpate::scene::Law;
 
 /// Steps of a case at least, and at most until it is at rest.
 const STEPS: [f64; 2] = [40.0, 2500.0];

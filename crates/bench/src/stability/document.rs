@@ -1,9 +1,10 @@
 //! The report of the matrix: the picture, where the safe region of each axis ends, and every case that did not pass.
 
+use palpate::step::Flags;
+
 use super::laws::{Law, Verdict};
 use super::{AxisResult, CellResult, Judged, Results, heat_map, reasons};
 use crate::document::{Chapter, Document, Section, Table};
-use palpate::step::Flags;
 
 /// The report.
 pub fn document(results: &Results) -> Document {

@@ -2,12 +2,12 @@
 //! linearised at the start, damping, weight, contacts, and the tool with its coupling.
 
 use glam::{DQuat, DVec3};
-
-use super::touch::{Motion, Pressing};
-use super::trace::{HALF_ULP, ROUNDINGS};
 use palpate::step::RigidState;
 use palpate::step::tool::Tool;
 use palpate_oracle::step::SoftBody;
+
+use super::touch::{Motion, Pressing};
+use super::trace::{HALF_ULP, ROUNDINGS};
 
 /// The body at the start of a step, linearised there.
 pub struct Before {

@@ -1,10 +1,10 @@
 //! Laws that every step keeps, judged from measured steps alone; each verdict says the first step that broke a law.
 
 use glam::DVec3;
+use palpate::step::Flags;
 use serde::Serialize;
 
 use super::trace::Sample;
-use palpate::step::Flags;
 
 /// Energy may exceed what was there and what was put in by this much of what was turned over: the solver stops at 1e-5 of
 /// the right-hand side in its own norm, and the state is f32.

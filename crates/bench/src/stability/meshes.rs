@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use glam::DVec3;
-
-use crate::meshes::MeshFolder;
 use palpate::Result;
 use palpate::prepare::layer::kuhn_box;
+
+use crate::meshes::MeshFolder;
 
 /// Cells an edge.
 const CELLS: u32 = 4;

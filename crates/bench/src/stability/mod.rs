@@ -23,8 +23,9 @@ use serde::Serialize;
 pub use document::document;
 pub use run::run;
 
-use laws::{Finding, Verdict};
 use palpate::step::Flags;
+
+use laws::{Finding, Verdict};
 
 /// Version of the format of `results.json`: raised when a field changes its meaning or goes.
 pub const SCHEMA: u32 = 2;

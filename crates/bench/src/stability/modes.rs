@@ -1,7 +1,6 @@
 //! How fast what was let go comes to rest: the slowest mode of a body at rest, and how implicit Euler damps a mode.
 
 use glam::DQuat;
-
 use palpate::Result;
 use palpate_oracle::linear::{Entries, Solver};
 use palpate_oracle::step::SoftBody;
@@ -83,11 +82,12 @@ fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use glam::DVec3;
     use palpate::prepare::Layer;
     use palpate::prepare::layer::kuhn_box;
     use palpate::scene::{Law, Material};
+
+    use super::*;
 
     fn bar(cells: [u32; 3], size: DVec3, poisson: f64) -> SoftBody {
         let mut layer: Layer = kuhn_box(DVec3::ZERO, size, cells);

@@ -1,9 +1,10 @@
 //! Why a case did not pass: a sentence or two, of what was done to the block, what came of it, and what mends it if anything
 //! does.
 
+use palpate::step::Flags;
+
 use super::laws::Verdict;
 use super::{AxisResult, CellResult, Judged};
-use palpate::step::Flags;
 
 /// What a flag means where no more is known, the gravest first.
 const FLAGS: [(Flags, &str); 9] = [

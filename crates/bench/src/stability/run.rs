@@ -5,18 +5,17 @@ use std::sync::mpsc;
 use std::time::Instant;
 
 use glam::DVec3;
-
-use super::axes::{self, Axis, Extent};
-use super::cases::{Case, Start};
-use super::laws::{self, Promise, Verdict};
-use super::modes;
-use super::trace::{Observer, Sample};
-use super::{AxisResult, CellResult, Judged, Results, Settings, Traced};
-use crate::meshes::MeshFolder;
 use palpate::gpu::{Context, Options};
 use palpate::prepare::Shape;
 use palpate::step::Simulation;
 use palpate::{Error, Result};
+
+use super::axes::{self, Axis, Extent};
+use super::cases::{Case, Start};
+use super::laws::{self, Promise, Verdict};
+use super::trace::{Observer, Sample};
+use super::{AxisResult, CellResult, Judged, Results, Settings, Traced, modes};
+use crate::meshes::MeshFolder;
 
 /// Where this much at most is left of kinetic energy, a twentieth at most is left of the way: the shape is back.
 const SHAPED: f64 = 1e-2;

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
-
 use palpate::scene::{
     Bind, Body, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Scene, Shape, Tool, ToolShape,
 };

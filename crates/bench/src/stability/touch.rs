@@ -2,15 +2,14 @@
 //! damping are the scene's, and not those that the device says it used.
 
 use glam::DVec3;
-
-use super::trace::{HALF_ULP, ROUNDINGS};
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
-use palpate::stages::types;
-use palpate::stages::types::NONE;
+use palpate::stages::types::{self, NONE};
 use palpate::step::ToolReport;
 use palpate::{Error, Result};
 use palpate_oracle::step::auto_stiffness;
+
+use super::trace::{HALF_ULP, ROUNDINGS};
 
 /// The skin that touches, and the law it touches by.
 pub struct Skin {

@@ -4,20 +4,18 @@
 use std::collections::{HashMap, HashSet};
 
 use glam::{DMat3, DQuat, DVec3};
-
-use super::equations::{Before, Done};
-use super::setup::RADIUS;
-use super::touch::{self, Motion, Skin};
 use palpate::Result;
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
 use palpate::stages::types::Contact;
-use palpate::step::RigidState;
-use palpate::step::Simulation;
 use palpate::step::drive::rotation_vector;
 use palpate::step::tool::Tool;
-use palpate::step::{Flags, ToolReport};
+use palpate::step::{Flags, RigidState, Simulation, ToolReport};
 use palpate_oracle::step::SoftBody;
+
+use super::equations::{Before, Done};
+use super::setup::RADIUS;
+use super::touch::{self, Motion, Skin};
 
 /// Half a unit in the last place of f32.
 pub const HALF_ULP: f64 = 6e-8;

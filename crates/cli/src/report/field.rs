@@ -4,10 +4,10 @@
 //! through each pixel a line along the normal, and on it the longest stretch within both bodies.
 
 use glam::DVec3;
+use palpate::query::QueryContact;
 
 use super::letters;
 use super::picture::{Face, Picture, View, draw};
-use palpate::query::QueryContact;
 
 /// Pixels a side of each of the two pictures.
 const SIDE: usize = 600;
@@ -311,8 +311,9 @@ fn viridis(share: f64) -> [u8; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use palpate::prepare::layer;
+
+    use super::*;
 
     fn cube(low: DVec3, high: DVec3) -> Solid {
         let (vertices, triangles, _) = layer::boundary(&layer::kuhn_box(low, high, [1, 1, 1]));

@@ -4,9 +4,9 @@
 use std::collections::BTreeSet;
 
 use glam::DVec3;
+use palpate::prepare::{Layer, Proxy, Skin, hull, layer};
 
 use super::picture::{Colour, Face, Picture, View, draw};
-use palpate::prepare::{Layer, Proxy, Skin, hull, layer};
 
 /// Pixels along the longer side of each picture.
 pub const SIDE: usize = 900;

@@ -2,11 +2,10 @@
 
 use std::fmt;
 
-use serde_json::{Value, json};
-
 use palpate::haptics::clock::Lateness;
 use palpate::haptics::event::EventCounts;
 use palpate::haptics::session::Report;
+use serde_json::{Value, json};
 
 /// `haptics` of `summary.json`. Times are in the units of their names; `null`: not measured.
 pub fn summary(report: &Report) -> Value {

@@ -3,13 +3,13 @@
 use std::fmt;
 use std::io::Write;
 
+use palpate::query::{Answer, QueryContact};
+use palpate::stages::POSE_TO_CONTACT;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::StageSamples;
 use super::summary::quantiles;
-use palpate::query::{Answer, QueryContact};
-use palpate::stages::POSE_TO_CONTACT;
 
 const HEAD: &str = "body,vertex,depth_m,nx,ny,nz,triangle,u,v,w";
 
@@ -143,10 +143,10 @@ pub fn write_contacts(w: &mut impl Write, contacts: &[QueryContact]) -> std::io:
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-
-    use super::*;
     use palpate::stages::types::Counts;
     use palpate::step::Flags;
+
+    use super::*;
 
     fn answer() -> Answer {
         let contact = |body, vertex, depth| QueryContact {

@@ -3,12 +3,11 @@
 use std::fmt;
 
 use glam::DVec3;
-use serde::Serialize;
-use serde_json::{Map, Value, json};
-
 use palpate::prepare::BodyReport;
 use palpate::scene::preset::Chosen;
 use palpate::step::{Flags, StepReport};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
 
 /// What the engine knows of itself at the end of a run.
 #[derive(Debug, Clone, Default)]
@@ -228,8 +227,9 @@ impl fmt::Display for ClosingTable<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use palpate::step::ToolReport;
+
+    use super::*;
 
     fn example() -> (Facts, Tally) {
         let facts = Facts {

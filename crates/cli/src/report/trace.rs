@@ -66,9 +66,9 @@ fn write_numbers(w: &mut impl Write, numbers: &[f64]) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
+    use palpate::step::{Flags, ToolReport};
 
     use super::*;
-    use palpate::step::{Flags, ToolReport};
 
     fn lines(rows: &[StepReport], probes: &[String]) -> Vec<Vec<String>> {
         let mut bytes = Vec::new();

@@ -5,17 +5,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::report::haptics::Closing;
 use palpate::gpu::{Context, Window};
 use palpate::prepare::bodies::Bodies;
 use palpate::scene::Scene;
 use palpate::{Error, Result};
 use palpate_devices::mouse::Goal;
-use palpate_view::Camera;
 use palpate_view::live::{Command, Live, State};
 use palpate_view::overlay::Overlay;
 use palpate_view::painter::Atlas;
-use palpate_view::tessellated;
+use palpate_view::{Camera, tessellated};
 use winit::application::ApplicationHandler;
 use winit::dpi::PhysicalSize;
 use winit::event::{ElementState, WindowEvent};
@@ -27,6 +25,7 @@ use super::closing::Frames;
 use super::drawing::{Drawing, Drawn, Order};
 use super::hand::Hand;
 use super::panel::{Panel, WIDTH};
+use crate::report::haptics::Closing;
 use crate::{print, tell};
 
 /// A frame takes at least this.

@@ -3,7 +3,6 @@
 //! energy balance to rounding. Coulomb friction acts after it as an impulse that slows and never reverses.
 
 use glam::DVec3;
-
 use palpate::scene::HandParameters;
 
 /// Constants; in rotation read kg m^2, N m/rad, N m s/rad and N m.

@@ -1,5 +1,6 @@
-use super::*;
 use palpate::scene::Key;
+
+use super::*;
 
 const TICK: f64 = 1e-3;
 

@@ -1,7 +1,8 @@
 //! The loop closed as simply as can be: the hand presses on a virtual wall, rendered directly at 1 kHz.
 
-use super::*;
 use palpate::scene::Key;
+
+use super::*;
 
 const TICK: f64 = 1e-3;
 /// Viscous damping of the devices tried, N s/m.

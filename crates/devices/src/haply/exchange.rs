@@ -2,20 +2,21 @@
 //! the newest frame and the newest force, by wait-free exchange, and plays nothing where the loop or the service is silent.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
+use palpate::haptics::Fault;
+use palpate::haptics::servo_thread::raise_priority;
+use palpate::scene::Dialect;
+use palpate::scene::profile::Profile;
 use triple_buffer::{Input, Output};
 
 use super::kind::Identity;
 use super::link::{Address, Link};
 use super::protocol::{self, State};
-use palpate::haptics::Fault;
-use palpate::haptics::servo_thread::raise_priority;
-use palpate::scene::Dialect;
-use palpate::scene::profile::Profile;
 
 /// Oldest state that is still true of the device, and the longest wait for an answer before the next message.
 pub const STATE_LIFE: Duration = Duration::from_millis(50);

@@ -1,10 +1,10 @@
 //! The device against a fake service that goes wrong: silence, garbage, floods, hang-ups, and no service at all.
 
-use palpate::scene::HaplyService;
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
+use palpate::scene::HaplyService;
 
 use super::fake::{Act, Fake, frame, resting};
 use super::tests::{device, force, last_force, ms, opened, tick_until, wait_until};

@@ -4,9 +4,8 @@
 use std::fmt;
 use std::sync::Arc;
 
-use serde_json::Value;
-
 use palpate::scene::profile::{HAPLY_SMALLEST, INVERSE3, MINVERSE, Profile};
+use serde_json::Value;
 
 /// The types that the service reports as `config.type` in its inventory, as Haply's own client library lists them (crate
 /// `haply` 1.3, `device_model/enums.rs`), and their profiles. Nothing is published of the Inverse3x by itself; Haply's
@@ -78,10 +77,10 @@ impl fmt::Display for Kind {
 
 #[cfg(test)]
 mod tests {
+    use palpate::scene::profile::{HAPLY, PROFILES};
     use serde_json::json;
 
     use super::*;
-    use palpate::scene::profile::{HAPLY, PROFILES};
 
     fn kind(told: Value) -> Kind {
         Kind::of_config(Some(&json!({ "type": told })))

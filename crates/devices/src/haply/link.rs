@@ -5,13 +5,12 @@ use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{IpAddr, Shutdown, SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
+use palpate::haptics::Fault;
 use serde::Deserialize;
 use tungstenite::error::ProtocolError;
 use tungstenite::http::Uri;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message, Utf8Bytes, WebSocket};
-
-use palpate::haptics::Fault;
 
 /// Greatest message, B; an inventory of several devices has some 5 kB.
 const LARGEST: usize = 64 * 1024;

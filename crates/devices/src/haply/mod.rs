@@ -14,20 +14,21 @@ mod protocol;
 mod tests;
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
+use palpate::haptics::device::{Device, Fault, Reading};
+use palpate::scene::HaplyService;
+use palpate::scene::profile::{HAPLY_SMALLEST, Profile};
+use palpate::step::{RigidState, Wrench};
 use triple_buffer::{Input, Output, triple_buffer};
 
 use exchange::{Exchange, MANY_GARBLED, Order, STATE_LIFE, Shot, Tally};
 use kind::Identity;
 use link::Address;
-use palpate::haptics::device::{Device, Fault, Reading};
-use palpate::scene::HaplyService;
-use palpate::scene::profile::{HAPLY_SMALLEST, Profile};
-use palpate::step::{RigidState, Wrench};
 
 /// Longest wait for the first state.
 const OPEN_WAIT: Duration = Duration::from_secs(2);

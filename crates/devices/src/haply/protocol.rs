@@ -3,12 +3,12 @@
 //! trusted: what is needed must be there, be of the right type, finite and plausible.
 
 use glam::{DQuat, DVec3};
+use palpate::haptics::Fault;
+use palpate::scene::Dialect;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::kind::{Identity, Kind};
-use palpate::haptics::Fault;
-use palpate::scene::Dialect;
 
 /// Farthest that a cursor can plausibly be from the device's origin, m: seven times its workspace.
 const FARTHEST: f64 = 1.0;

@@ -1,13 +1,14 @@
 //! The device against a fake service: what must arrive, and what must not. Waits are bounded; nothing is timed
 //! against a clock but the fake's own delays.
 
-use palpate::scene::{Dialect, HaplyService};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::SeqCst;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
+use palpate::scene::{Dialect, HaplyService};
 use serde_json::json;
 
 use super::fake::{Act, Fake, Heard, arm, frame, grips, inventory, resting};

@@ -1,16 +1,14 @@
 //! Ticks and steps as flat lists of named values: what is compared, and what a table shows.
 
 use glam::DVec3;
-
-use super::Step;
 use palpate::haptics::device::Reading;
 use palpate::haptics::event::{Event, Events};
 use palpate::haptics::passivity::Energy;
 use palpate::haptics::servo::Tick;
 use palpate::scene::Coupling;
-use palpate::step::Held;
-use palpate::step::{ContactWrench, Gap};
-use palpate::step::{RigidState, Wrench};
+use palpate::step::{ContactWrench, Gap, Held, RigidState, Wrench};
+
+use super::Step;
 
 const XYZ: [&str; 3] = ["_x", "_y", "_z"];
 /// Linear, then angular.

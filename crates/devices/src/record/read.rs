@@ -4,10 +4,10 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use palpate::{Error, Result};
 use serde::de::DeserializeOwned;
 
 use super::{Entry, Header, MAGIC, MOST_BYTES, Totals, VERSION};
-use palpate::{Error, Result};
 
 const REMEDY: &str = "give a file that `palpate run --record` wrote";
 

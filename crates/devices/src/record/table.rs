@@ -2,8 +2,9 @@
 
 use std::io::Write;
 
-use super::fields;
 use palpate::haptics::servo::Tick;
+
+use super::fields;
 
 /// Writes ticks as CSV: a heading, then a row each, numbers the shortest that read back as the same f64. The columns are
 /// those of [`fields::of_tick`]; what could not be read is empty.

@@ -1,17 +1,15 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
-
-use super::*;
 use palpate::haptics::environment::{Environment, Wall};
 use palpate::haptics::event::Event;
 use palpate::haptics::safety::Limits;
 use palpate::haptics::servo::Servo;
 use palpate::haptics::{Fault, Reading};
-use palpate::scene::Coupling;
-use palpate::scene::Lowered;
-use palpate::scene::Profile;
+use palpate::scene::{Coupling, Lowered, Profile};
 use palpate::step::RigidState;
+
+use super::*;
 
 /// Ticks from one step to the next, and from a step's beginning until its wrench is there.
 const EVERY: u64 = 20;

@@ -1,8 +1,9 @@
 use std::path::Path;
 
+use palpate::haptics::Device;
+
 use super::*;
 use crate::record::tests::{TICKS, Walled, recorded};
-use palpate::haptics::Device;
 
 fn replayed(path: &Path) -> Result<Replayed> {
     replay(Recorded::open(path)?, &mut Walled::new())

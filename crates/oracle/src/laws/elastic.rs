@@ -1,12 +1,12 @@
 //! Laws of the elements: rigid motion, patch test, symmetry, energy, rotations.
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::prepare::Layer;
+use palpate::prepare::layer::kuhn_box;
 
 use super::material;
 use crate::elastic::{Elements, lame, polar_rotation, strain};
 use crate::testing::Random;
-use palpate::prepare::Layer;
-use palpate::prepare::layer::kuhn_box;
 
 /// Rounding of f64 sums of a few hundred terms, relative.
 const ROUNDING: f64 = 1e-12;

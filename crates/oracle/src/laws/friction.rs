@@ -1,6 +1,8 @@
 //! Laws of friction: Coulomb's on a slope, momentum, the wrench.
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::prepare::layer::kuhn_box;
+use palpate::scene::Material;
 
 use super::material;
 use crate::contact::{Carrier, Contact, Law, Point, Support, Surface, gather_plane};
@@ -9,8 +11,6 @@ use crate::skin;
 use crate::step::{Report, Simulation, SoftBody, auto_stiffness};
 use crate::testing::boundary;
 use crate::tool::Tool;
-use palpate::prepare::layer::kuhn_box;
-use palpate::scene::Material;
 
 /// Rounding of a direct solve of a few hundred unknowns of mild condition, relative.
 const SOLVE: f64 = 1e-10;

@@ -2,14 +2,14 @@
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
+use palpate::prepare::layer::kuhn_box;
+use palpate::prepare::{Layer, patch};
+use palpate::scene::Material;
 
 use super::material;
 use crate::elastic::Elements;
 use crate::testing::{Random, boundary};
 use crate::{skin, statics};
-use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::{Layer, patch};
-use palpate::scene::Material;
 
 /// Quadratic elements' values, within 0.2 % of convergence; made by the script beside it, which says what they mean.
 const REFERENCE: &str = include_str!("../../../../assets/reference/locking.csv");

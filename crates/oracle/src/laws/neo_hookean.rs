@@ -3,15 +3,15 @@
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
+use palpate::prepare::Layer;
+use palpate::prepare::layer::kuhn_box;
+use palpate::scene::{Law, Material};
 
 use super::material;
 use crate::elastic::{Elements, lame, outer, polar_rotation, strain};
 use crate::linear::{Entries, Solver};
 use crate::neo_hookean::{energy, operator, stress};
 use crate::testing::Random;
-use palpate::prepare::Layer;
-use palpate::prepare::layer::kuhn_box;
-use palpate::scene::{Law, Material};
 
 /// Pa.
 const LAME: (f64, f64) = (2e4, 9e4);

@@ -2,12 +2,12 @@
 //! with patches. Measured numbers are printed: run with `--nocapture`.
 
 use glam::{DQuat, DVec3};
-
-use super::material;
-use crate::step::{Simulation, SoftBody};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::patch::patches;
 use palpate::scene::{Law, Material};
+
+use super::material;
+use crate::step::{Simulation, SoftBody};
 
 /// Residuals of a direct solve of a thousand unknowns, of the elastic forces.
 const ROUNDING: f64 = 1e-13;

@@ -1,6 +1,8 @@
 //! Laws of whole scenes: two soft blocks in contact, and a tool pressed into a block by its device.
 
 use glam::{DQuat, DVec3};
+use palpate::prepare::layer::kuhn_box;
+use palpate::scene::Coupling;
 
 use super::contact::sphere;
 use super::material;
@@ -9,8 +11,6 @@ use crate::skin;
 use crate::step::{Simulation, SoftBody, auto_stiffness};
 use crate::testing::boundary;
 use crate::tool::{Device, Tool};
-use palpate::prepare::layer::kuhn_box;
-use palpate::scene::Coupling;
 
 /// Rounding of a direct solve of a few thousand unknowns, relative.
 const SOLVE: f64 = 1e-9;

@@ -1,12 +1,12 @@
 //! Laws of linear static equilibrium: a column under its weight, a cantilever.
 
 use glam::{DMat3, DVec3};
+use palpate::prepare::layer::kuhn_box;
 
 use super::material;
 use crate::elastic::{Elements, lame};
 use crate::testing::boundary;
 use crate::{skin, statics};
-use palpate::prepare::layer::kuhn_box;
 
 /// Worst error of the mean height of a section of a column between roller sides, relative to the top's settlement,
 /// under its own weight and `pressure` on its top. sigma(y) = rho g (y - H) - p = M u' with M = lambda + 2 mu.

@@ -1,6 +1,8 @@
 //! Laws of the step: free fall, momentum, energy, coupling, contact against the tool.
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::prepare::layer::kuhn_box;
+use palpate::scene::{Coupling, Material};
 
 use super::material;
 use crate::contact::{Carrier, Contact, Law, Point, Support, Surface, gather_plane};
@@ -8,8 +10,6 @@ use crate::skin;
 use crate::step::{ADHESIVE_TWICE, Simulation, SoftBody, auto_stiffness, mean_edge};
 use crate::testing::{Random, boundary};
 use crate::tool::{Device, Tool, point_inertia, rotation_vector};
-use palpate::prepare::layer::kuhn_box;
-use palpate::scene::{Coupling, Material};
 
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 /// Rounding of a direct solve of a few hundred unknowns of mild condition, relative.

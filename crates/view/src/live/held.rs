@@ -8,20 +8,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-
-use super::snapshot::LoopState;
-use super::worker::{Next, Worker, no_tool};
-use super::{Extent, Lead};
 use palpate::Result;
 use palpate::haptics::clock::Lateness;
 use palpate::haptics::environment::Environment;
 use palpate::haptics::event::Events;
-use palpate::haptics::session;
-use palpate::haptics::session::{Moment, Options};
+use palpate::haptics::session::{self, Moment, Options};
 use palpate::scene::Key;
-use palpate::step::ContactWrench;
-use palpate::step::Held;
+use palpate::step::{ContactWrench, Held};
 use palpate_devices::record::{Header, Recording};
+
+use super::snapshot::LoopState;
+use super::worker::{Next, Worker, no_tool};
+use super::{Extent, Lead};
 
 /// How often quantiles of the lateness are taken: that goes through a large table.
 const REFRESH: Duration = Duration::from_millis(250);

@@ -4,11 +4,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
-
-use super::*;
 use palpate::gpu::{Options, Recorder};
 use palpate_devices::Mouse;
 use palpate_devices::mouse::Goal;
+
+use super::*;
 
 /// A ball above a soft block, which goes down into it.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\

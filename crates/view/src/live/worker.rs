@@ -5,15 +5,14 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant};
 
+use palpate::prepare::bodies::Bodies;
+use palpate::scene::Scene;
+use palpate::step::{Held, Simulation, StepReport};
+use palpate::{Error, Result};
+
 use super::snapshot::{self, LoopState, Out, Snapshot, State};
 use super::{Begin, Command, Extent, Lead, Watch};
 use crate::turns::Turns;
-use palpate::prepare::bodies::Bodies;
-use palpate::scene::Scene;
-use palpate::step::Held;
-use palpate::step::Simulation;
-use palpate::step::StepReport;
-use palpate::{Error, Result};
 
 /// The simulation and all that is known of it.
 pub(super) struct Worker {

@@ -6,8 +6,7 @@ use super::super::*;
 use super::{Mesh, check, uniform};
 use crate::prepare::embed;
 use crate::prepare::tests::meshes;
-use crate::scene::Model;
-use crate::scene::obj;
+use crate::scene::{Model, obj};
 
 fn real(folder: &std::path::Path, name: &str) -> Mesh {
     let mesh = obj::read(&folder.join(format!("surf/{name}.obj"))).unwrap();

@@ -4,16 +4,16 @@
 use std::path::Path;
 
 use glam::DVec3;
+use palpate::Result;
+use palpate::scene::{Dilatation, Layer, Surface};
 
 use super::limit::limit;
-use super::press::{HALF_WIDTH, HEIGHT, Press};
+use super::press::{self, HALF_WIDTH, HEIGHT, Press};
 use super::shapes::{ball, dome, graded_block};
-use super::{entrant, error_against, force, press};
+use super::{entrant, error_against, force};
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Settings};
 use crate::meshes::MeshFolder;
-use palpate::Result;
-use palpate::scene::{Dilatation, Layer, Surface};
 
 /// Cells across blocks, and across domes: in full and in short.
 const CELLS: [[u32; 6]; 2] = [[4, 6, 8, 10, 12, 16], [4, 6, 8, 10, 12, 14]];

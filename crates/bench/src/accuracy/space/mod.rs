@@ -18,11 +18,11 @@ pub use stiffness::by_stiffness;
 pub use texel::by_texel;
 
 use glam::DVec3;
+use palpate::Result;
+use palpate::scene::Scene;
 
 use super::race::{self, Entrant, Errors, Run};
 use super::{Point, Settings};
-use palpate::Result;
-use palpate::scene::Scene;
 use press::Press;
 
 /// A setting on a press.

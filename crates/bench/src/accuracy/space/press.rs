@@ -4,10 +4,9 @@
 use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
-
-use palpate::scene;
 use palpate::scene::{
-    Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Scene, Sides, Surface, Tool, ToolShape,
+    self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Scene, Sides, Surface, Tool,
+    ToolShape,
 };
 
 /// Time step, s: what matters is where everything comes to rest.

@@ -1,10 +1,11 @@
 //! How many proxies a body needs: they say what may touch, and not how hard.
 
+use palpate::Result;
+
 use super::press::{Body, Press};
 use super::{at_rest, entrant, error_against, force};
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Judged, Settings};
-use palpate::Result;
 
 /// Convex hulls at most.
 const HULLS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];

@@ -2,7 +2,6 @@
 //! on the CPU, beside the rays that the engine's depth is held against.
 
 use glam::DVec3;
-
 use palpate_oracle::rays::Rays;
 use palpate_oracle::skin;
 

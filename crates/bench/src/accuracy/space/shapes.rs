@@ -4,10 +4,10 @@
 use std::path::PathBuf;
 
 use glam::{DVec3, UVec3};
-
-use crate::meshes::{MeshFolder, Surface};
 use palpate::Result;
 use palpate::prepare::layer::kuhn_box;
+
+use crate::meshes::{MeshFolder, Surface};
 
 /// Writes a block of `cells` ([`graded`] by `grades`), its top at y = 0; its path.
 pub fn graded_block(folder: &MeshFolder, name: &str, size: DVec3, cells: [u32; 3], grades: DVec3) -> Result<PathBuf> {
@@ -88,8 +88,9 @@ fn unit_box(cells: [u32; 3]) -> Surface {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use palpate::prepare::mass::properties;
+
+    use super::*;
 
     #[test]
     fn skins_are_closed_and_of_the_right_size() {

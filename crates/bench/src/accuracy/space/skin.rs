@@ -3,6 +3,9 @@
 use std::path::PathBuf;
 
 use glam::DVec3;
+use palpate::Result;
+use palpate::scene::{Sides, Surface};
+use palpate::stages::QUERY;
 
 use super::layer::{GRADES, block};
 use super::limit::limit;
@@ -12,9 +15,6 @@ use super::{entrant, error_against, force};
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Point, Settings};
 use crate::meshes::MeshFolder;
-use palpate::Result;
-use palpate::scene::{Sides, Surface};
-use palpate::stages::QUERY;
 
 /// Cells across the block's skin, and a quarter of the ball's girth.
 const CELLS: [u32; 6] = [6, 8, 12, 16, 24, 32];

@@ -1,6 +1,7 @@
 //! How stiff contact must be: against the limit of ever stiffer contact on the same mesh, and against Hertz's law.
 
 use glam::DVec3;
+use palpate::Result;
 
 use super::layer::{block, fine_ball};
 use super::limit::limit;
@@ -9,7 +10,6 @@ use super::{entrant, error_against, force};
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Point, Settings};
 use crate::meshes::MeshFolder;
-use palpate::Result;
 
 /// N/m^3.
 const STIFFNESSES: [f64; 10] = [1e4, 1e5, 1e6, 1e7, 3e7, 6e7, 1e8, 2e8, 3e8, 1e9];

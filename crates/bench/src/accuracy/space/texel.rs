@@ -4,18 +4,16 @@
 use std::time::Instant;
 
 use glam::DVec3;
+use palpate::prepare::{self, Shape, sphere};
+use palpate::scene::DepthPath;
+use palpate::{Error, Result};
+use palpate_oracle::skin;
 
 use super::entrant;
 use super::press::{Body, Press};
 use super::sampled::Pose;
-use crate::accuracy::race;
-use crate::accuracy::race::{Entrant, race};
+use crate::accuracy::race::{self, Entrant, race};
 use crate::accuracy::{Curve, Judged, Point, Settings};
-use palpate::prepare;
-use palpate::prepare::{Shape, sphere};
-use palpate::scene::DepthPath;
-use palpate::{Error, Result};
-use palpate_oracle::skin;
 
 /// Edges of the engine's squares, m.
 const TEXELS: [f64; 6] = [1e-2, 5e-3, 3e-3, 2e-3, 1e-3, 5e-4];

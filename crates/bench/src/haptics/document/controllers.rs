@@ -1,10 +1,11 @@
 //! Passivity controllers side by side.
 
+use palpate::Result;
+
 use super::range;
 use crate::haptics::controllers::SPEED;
 use crate::haptics::{Controlled, Controller};
 use crate::{Section, Table};
-use palpate::Result;
 
 /// A force is there if it is within this share of what springs at rest give.
 const WITHIN: f64 = 0.03;

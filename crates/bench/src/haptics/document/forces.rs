@@ -1,5 +1,7 @@
 //! Forces held, and forces while sliding.
 
+use palpate::Result;
+
 use super::range;
 use crate::haptics::hold::{WITHIN, is_still, is_there};
 use crate::haptics::slide::{ALLOWED, ALLOWED_SHARE, SPEED, WAY};
@@ -7,7 +9,6 @@ use crate::haptics::width::{STILL, STILL_SHARE};
 use crate::haptics::{Change, Changes, Held, Met, Mode, Slid, Spread};
 use crate::plot::{Axis, Line, Logarithmic, Panel, lines, panels};
 use crate::{Section, Table};
-use palpate::Result;
 
 /// What is less is drawn there, N.
 const DRAWN: f64 = 1e-6;

@@ -1,11 +1,12 @@
 //! Stiffest walls.
 
+use palpate::Result;
+
 use super::{range, span};
 use crate::haptics::width::{RANGE, STILL, STILL_SHARE, dissipation, in_series};
 use crate::haptics::{Limit, Width};
 use crate::plot::{Line, Logarithmic, Panel, panels};
 use crate::{Section, Table};
-use palpate::Result;
 
 /// Part of the stiffest wall tried from which on a limit is taken for none.
 const END: f64 = 0.999;
