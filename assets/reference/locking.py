@@ -1,4 +1,4 @@
-"""Reference values for src/oracle/laws/locking.rs: linear elastostatics, quadratic tetrahedra (scikit-fem's ElementTetP2).
+"""Reference values for crates/oracle/src/laws/locking.rs: linear elastostatics, quadratic tetrahedra (scikit-fem's ElementTetP2).
 
     python3 assets/reference/locking.py > assets/reference/locking.csv      (a few minutes; pip install scikit-fem==12.0.2)
 

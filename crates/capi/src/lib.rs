@@ -5,7 +5,7 @@
 //! follows them, so one that was destroyed, or never was, is found out. Structs carry their size as their user knew it
 //! ([`sized`]), so that they may grow.
 //!
-//! The header is generated from this room by cbindgen; `crates/capi/tests/ffi.rs` fails where the committed one differs.
+//! The header is generated from this room by cbindgen; `tests/ffi.rs` fails where the committed one differs.
 #![allow(unsafe_code, non_camel_case_types)]
 // What a caller must see to stands in the header's preface, once for all functions.
 #![allow(clippy::missing_safety_doc)]

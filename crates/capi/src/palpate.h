@@ -30,7 +30,7 @@
 #ifndef PALPATE_H
 #define PALPATE_H
 
-/* Made by cbindgen from src/ffi; do not edit. */
+/* Made by cbindgen from crates/capi; do not edit. */
 
 #include <stddef.h>
 #include <stdint.h>

@@ -97,7 +97,7 @@ const GOLDEN: [Golden; 8] = [
 ];
 
 fn golden_folder() -> PathBuf {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("crates/cli/tests/golden")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden")
 }
 
 fn device() -> Option<String> {
