@@ -1,7 +1,10 @@
 //! Our OBJ reader against the tobj crate, on real meshes: the same corners, in the same order. (It is our own because
 //! tobj drops unused vertices, orders the others by first use and reports no lines; see src/scene/obj.rs.)
 
-use std::path::{Path, PathBuf};
+mod real_meshes;
+
+use real_meshes::meshes;
+use std::path::Path;
 
 use glam::DVec3;
 use palpate::scene::obj;
@@ -17,13 +20,9 @@ fn corners_by_tobj(file: &Path) -> Vec<DVec3> {
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn the_reader_agrees_with_tobj_on_real_meshes() {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");
-    let meshes = std::env::var_os("PALPATE_MESHES").map_or(default, PathBuf::from);
-    if !meshes.is_dir() {
-        println!("skipped: the reader against tobj: no meshes at {} (set PALPATE_MESHES)", meshes.display());
-        return;
-    }
+    let Some(meshes) = meshes() else { return };
     for name in ["surf/head.obj", "surf/gear.obj", "surf/human.obj", "surf/pumpkin.obj", "surf/human_3000.obj"] {
         let file = meshes.join(name);
         let mesh = obj::read(&file).unwrap();

@@ -1,12 +1,15 @@
-//! The whole preparation: bodies and tools of a scene, and real meshes where they are at hand: `../shared/meshes`, or
-//! the folder PALPATE_MESHES.
+//! The whole preparation: bodies and tools of a scene, and real meshes.
 
-use std::path::PathBuf;
+#[path = "../../tests/real_meshes/mod.rs"]
+pub mod real_meshes;
+
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 
 use super::{Body, Layer, NONE, Shape, body, embed, layer, mass, proxies, skin, stuffing, tool};
+use real_meshes::meshes;
+
 use crate::Result;
 use crate::scene::{
     self, Bind, Contact, Core, Haptics, Law, Material, Model, Motion, Preconditioner, Scene, Solver, Step, Surface,
@@ -23,20 +26,10 @@ pub const MATERIAL: Material = Material {
     damping_stiffness: 0.0,
 };
 
-/// The folder of meshes, or one visible line and nothing.
-pub fn meshes(test: &str) -> Option<PathBuf> {
-    let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");
-    let folder = std::env::var_os("PALPATE_MESHES").map_or(beside, PathBuf::from);
-    if !folder.is_dir() {
-        eprintln!("skipped: {test}: no meshes in {}", folder.display());
-        return None;
-    }
-    Some(folder)
-}
-
 #[test]
+#[ignore = "needs real meshes"]
 fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
-    let Some(folder) = meshes("real surfaces") else { return };
+    let Some(folder) = meshes() else { return };
     for name in ["head", "pumpkin", "gear", "human", "human_3000"] {
         let mesh = obj::read(&folder.join(format!("surf/{name}.obj"))).unwrap();
         let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -226,8 +219,9 @@ fn the_sphere_tool_is_a_ball_and_a_tool_body_is_not_made_here() {
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn the_real_head_is_prepared_with_a_core() {
-    let Some(folder) = meshes("the real head") else { return };
+    let Some(folder) = meshes() else { return };
     let surface = Some(Surface::File(folder.join("surf/head.obj")));
     let shape = scene::Shape::Soft { surface, layer: scene::Layer::Cell { cell: 0.012, grade: 1, thickness: None } };
     let start = std::time::Instant::now();
@@ -241,8 +235,9 @@ fn the_real_head_is_prepared_with_a_core() {
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn the_real_human_sticks_out_of_its_file_layer_a_little() {
-    let Some(folder) = meshes("the real human") else { return };
+    let Some(folder) = meshes() else { return };
     let surface = Some(Surface::File(folder.join("surf/human.obj")));
     let shape = scene::Shape::Soft { surface, layer: scene::Layer::File(folder.join("tet/human.v22.msh")) };
     let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();

@@ -3,6 +3,8 @@
 
 pub mod bodies;
 pub mod random;
+#[path = "../../tests/real_meshes/mod.rs"]
+pub mod real_meshes;
 pub mod self_test;
 pub mod spoil;
 

@@ -157,6 +157,7 @@ fn judge(sweeps: &[Sweep]) {
 }
 
 #[test]
+#[ignore = "long: 10 s"]
 fn a_sphere_slides_over_a_head_without_a_jump() {
     let sweep = |name, at, outward, along, sphere, depth, limits| Sweep {
         name,
@@ -181,6 +182,7 @@ fn a_sphere_slides_over_a_head_without_a_jump() {
 }
 
 #[test]
+#[ignore = "long: 12 s"]
 fn a_sphere_slides_over_a_gear_without_a_jump() {
     let sweep = |name, at, outward, along, sphere, depth, limits| Sweep {
         name,

@@ -192,6 +192,7 @@ const SHAPE: f64 = 5.0e-5;
 const PLACE: f64 = 1.0e-7;
 
 #[test]
+#[ignore = "long: 9 s"]
 fn a_tool_dragged_over_a_block_rubs_as_the_oracles() {
     let oblique = Place {
         shift: DVec3::new(0.3, -0.1, 0.2),
@@ -222,6 +223,7 @@ pub fn thrown(young: f64, friction: f64, core: &str) -> String {
 }
 
 #[test]
+#[ignore = "long: 7 s"]
 fn a_thrown_block_slides_and_stops_as_the_oracles() {
     let stone = "[[body.core]]\nname = \"stone\"\nmotion = \"dynamic\"\n\
                  bind = { box = [[-0.06, -0.04, -0.06], [0.0, 0.001, 0.06]] }\n";
@@ -256,6 +258,7 @@ fn slide(tangent: f64, steps: usize) -> (Vec<f64>, Errors) {
 }
 
 #[test]
+#[ignore = "long: 8 s"]
 fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
     for tangent in [0.2, 0.35] {
         let (velocity, errors) = slide(tangent, 400);

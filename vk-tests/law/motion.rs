@@ -61,6 +61,7 @@ const SPIN_BESIDE: f64 = 1.0e-6;
 const SHAPE: f64 = 1.0e-6;
 
 #[test]
+#[ignore = "long: 31 s"]
 fn a_tossed_body_keeps_its_momentum() {
     let block = ("block", BLOCK, 0.03, "mass = 0.1\nposition = [0.01, 0.045, 0.012]\nvelocity = [1.3, -0.4, 0.1]");
     let gear = ("gear", GEAR, 0.05, "mass = 0.03\nposition = [-0.02, 0.065, 0.0]\nvelocity = [1.5, -0.4, 0.3]");
@@ -139,6 +140,7 @@ const DRIFT: f64 = 1.0e-6;
 const SETTLE: usize = 4000;
 
 #[test]
+#[ignore = "long: 4 min"]
 fn a_body_at_rest_on_a_plane_stays() {
     for (young, friction) in [(2e4, 0.0), (2e4, 0.5), (1e6, 0.0), (1e6, 0.5)] {
         let text = format!(
@@ -241,6 +243,7 @@ fn rate(values: &[f64]) -> f64 {
 }
 
 #[test]
+#[ignore = "long: 11 s"]
 fn a_ball_rolls_down_a_slope_as_a_rigid_one() {
     let stone = "[[body.core]]\nname = \"stone\"\nmotion = \"dynamic\"\nbind = { sphere = [0.0, 0.0, 0.0, 0.012] }\n";
     for (name, core) in [("soft", ""), ("with a stone in it", stone)] {

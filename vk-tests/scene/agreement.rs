@@ -15,8 +15,8 @@ use parry3d_f64::shape::TriMesh;
 
 use crate::harness::bodies::{Mesh, octants, sphere, whole};
 use crate::harness::random::Random;
+use crate::harness::real_meshes::meshes;
 use crate::scene::judge::{APART, Pose, Subject, Tally, head, judge};
-use crate::scene::whole_step::meshes;
 
 /// The promise: of the smaller body's size.
 const DEPTH: f64 = 1e-5;
@@ -85,8 +85,9 @@ fn tree(subject: &Subject) -> TriMesh {
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn real_meshes_in_light_contact_agree_with_f64_rays() {
-    let Some(folder) = meshes("agreement on real meshes") else { return };
+    let Some(folder) = meshes() else { return };
     let read = |name: &str| {
         let (mesh, _) = repair::read(&folder.join(format!("surf/{name}.obj")), true).unwrap();
         Subject::new(name, (mesh.vertices, mesh.triangles), whole)
@@ -152,6 +153,7 @@ fn torus(radius: f64, section: f64, around: u32, across: u32) -> Mesh {
 }
 
 #[test]
+#[ignore = "long: 2 min"]
 fn culling_leaves_no_colliding_vertex_out() {
     let subjects = [
         Subject::new("sphere 258", sphere(0.1, 3), octants),

@@ -49,6 +49,7 @@ fn material_of(scene: &Scene) -> Material {
 }
 
 #[test]
+#[ignore = "long: 10 s"]
 fn another_material_is_felt_at_once() {
     let text = |solver: &str, material: &str| {
         let old = "material = { young = 2e4, poisson = 0.45, density = 1000.0 }";
@@ -70,6 +71,7 @@ fn another_material_is_felt_at_once() {
 }
 
 #[test]
+#[ignore = "long: 6 s"]
 fn another_material_of_free_and_jointed_bodies_is_felt_at_once() {
     let change = |simulation: &mut Simulation, to: &Scene| simulation.set_material(0, 0, material_of(to)).unwrap();
     // Not for either simulation to choose.
@@ -90,6 +92,7 @@ fn another_material_of_free_and_jointed_bodies_is_felt_at_once() {
 }
 
 #[test]
+#[ignore = "long: 10 s"]
 fn another_contact_law_is_felt_at_once() {
     let place = Place { slide: DVec3::new(0.004, 0.0, 0.002), ..Place::default() };
     let text = |contact: &str| press(2e4, 1e-3, place, &format!("tolerance = 1e-4\n[contact]\n{contact}"));

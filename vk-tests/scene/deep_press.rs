@@ -6,7 +6,8 @@ use palpate::gpu::Options;
 use palpate::prepare::{Layer, Shape};
 use palpate::step::{Simulation, StepReport};
 
-use crate::scene::whole_step::{meshes, scene};
+use crate::harness::real_meshes::meshes;
+use crate::scene::whole_step::scene;
 
 /// Flags: depth beyond the limit, not a height field.
 const FOLDED: u32 = 8 + 16;
@@ -42,7 +43,7 @@ struct Deep {
 
 fn press(deep: &Deep) {
     let Deep { name, cell, core, from, to, sphere, body_radius } = *deep;
-    let Some(meshes) = meshes(&format!("deep press into {name}")) else { return };
+    let Some(meshes) = meshes() else { return };
     let key = |t: f64, x: DVec3| format!("[{t:?}, {:?}, {:?}, {:?}]", x.x, x.y, x.z);
     let [a, b, c, _] = PHASES.map(|n| n as f64 * 0.002);
     let keys = [key(0.0, from), key(a, to), key(a + b, to), key(a + b + c, from + (from - to))].join(", ");
@@ -107,6 +108,7 @@ fn press(deep: &Deep) {
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn a_deep_press_into_a_pumpkin() {
     // From the side, between stem and ground.
     let from = DVec3::new(0.0, 0.14, 0.225);
@@ -123,6 +125,7 @@ fn a_deep_press_into_a_pumpkin() {
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn a_deep_press_into_a_head() {
     // The crown.
     let from = DVec3::new(0.0, 0.19, -0.01);

@@ -70,6 +70,7 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
 }
 
 #[test]
+#[ignore = "long: 12 s"]
 fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
     let joined = format!("{BAR}[[body.joint]]\ncores = [\"left\", \"right\"]\npoint = [0.3, 0.01, 0.01]\n");
     let probe = "[[probe]]\nname = \"top\"\nbody = \"block\"\nnearest = [0.0, 0.03, 0.0]\n";
@@ -94,6 +95,7 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
 }
 
 #[test]
+#[ignore = "long: 14 s"]
 fn every_kernel_of_the_scenes_in_assets_is_recorded_or_left_out_for_a_reason() {
     for entry in std::fs::read_dir("assets/scenes").unwrap() {
         let file = entry.unwrap().path();
@@ -115,6 +117,7 @@ fn cost(text: &str) -> (Explanation, u64) {
 }
 
 #[test]
+#[ignore = "long: 34 s"]
 fn a_feature_that_is_not_used_costs_nothing() {
     let plain = || block("", "", "", TOOL);
     let contact = |keys: &str| block(&format!("[contact]\n{keys}"), "", "", TOOL);

@@ -85,6 +85,7 @@ fn press(deep: f64, until: f64, seconds: f64, adjust: impl FnOnce(&mut Settings)
 }
 
 #[test]
+#[ignore = "long: 8 s"]
 fn at_50_hz_a_body_of_two_kilonewtons_a_metre_is_held_and_without_the_local_model_it_swings() {
     let press =
         |deep: f64, local_model: bool| press(deep, 10.0, 2.5, |s| (s.local_model, s.passivity) = (local_model, false));
@@ -170,6 +171,7 @@ fn acts(tick: &&Tick) -> bool {
 }
 
 #[test]
+#[ignore = "long: 11 s"]
 fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch_is_not_lent() {
     for profile in ["touch", "premium", "sigma.7"] {
         let mut simulation = block();
@@ -221,6 +223,7 @@ fn head() -> Simulation {
 }
 
 #[test]
+#[ignore = "long: 24 s"]
 fn a_drag_over_the_head_adds_no_damping_to_the_force_along_the_motion() {
     for profile in ["touch", "premium", "sigma.7"] {
         let mut simulation = head();

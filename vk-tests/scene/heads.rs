@@ -1,12 +1,11 @@
 //! A tool that presses into whole heads: the scene that comes with the program, and a scanned head where it is at hand.
 
+use crate::harness::real_meshes::meshes;
 use std::path::Path;
 
 use palpate::gpu::Options;
 use palpate::scene::Scene;
 use palpate::step::{Flags, Simulation, StepReport};
-
-use crate::scene::whole_step::meshes;
 
 /// Greatest change of force in a step while pressing, of the median change: the first touch of a moving tool is the
 /// steepest place (twice the median), a contact that pops in or out would be far steeper.
@@ -46,14 +45,16 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
 }
 
 #[test]
+#[ignore = "long: 6 s"]
 fn a_press_into_the_default_head_is_smooth() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-head.toml");
     judge("default head", &Scene::load(&file).unwrap(), 300);
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn a_press_into_a_scanned_head_is_smooth() {
-    let Some(meshes) = meshes("press into a scanned head") else { return };
+    let Some(meshes) = meshes() else { return };
     let text = format!(
         // The forehead: between the eyes lids fold over eyeballs, and flag 16 says so.
         "[[body]]\nname = \"head\"\nsurface = {:?}\nlayer = {{ cell = 0.015 }}\n\

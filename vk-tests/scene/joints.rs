@@ -148,6 +148,7 @@ const BEYOND: f64 = 0.04;
 const PULLED: &str = "gravity = [10.0, -60.0, 20.0]";
 
 #[test]
+#[ignore = "long: 12 s"]
 fn chains_of_cores_move_as_the_oracles() {
     for (young, dt) in [(2e4, 0.001), (1e6, 0.001), (2e4, 0.004)] {
         let text = chain(young, "", ["", ""], &format!("{PULLED}\ndt = {dt}"));
@@ -222,6 +223,7 @@ const MOMENTUM: f64 = 1e-6;
 const SPIN: f64 = 4e-6;
 
 #[test]
+#[ignore = "long: 8 s"]
 fn a_free_chain_keeps_its_momentum() {
     // A ball strikes it off its middle, in no gravity, and is gone: it folds at its joints.
     let limits = "axis = [1.0, 0.0, 0.0]\nswing = 0.1\nstiffness = 0.2\ndamping = 0.002";
@@ -259,6 +261,7 @@ fn a_free_chain_keeps_its_momentum() {
 const BENT: usize = 500;
 
 #[test]
+#[ignore = "long: 13 s"]
 fn a_human_is_posed_by_pushing_its_arm() {
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/pose-human.toml");
     let scene = palpate::scene::Scene::load(&file).unwrap();

@@ -50,6 +50,7 @@ fn goes_on_as_before(name: &str, text: &str) {
 }
 
 #[test]
+#[ignore = "long: 7 s"]
 fn a_pressed_block_goes_on_as_before() {
     let place = Place { slide: DVec3::new(0.004, 0.0, 0.002), ..Place::default() };
     goes_on_as_before("pressed", &press(2e4, 1e-3, place, "tolerance = 1e-4"));
@@ -60,6 +61,7 @@ fn a_pressed_block_goes_on_as_before() {
 }
 
 #[test]
+#[ignore = "long: 15 s"]
 fn free_bodies_cores_and_joints_go_on_as_before() {
     goes_on_as_before("two free blocks", &friction::collision(0.3));
     let ball = "mass = 0.02\nposition = [0.005, 0.0385, 0.0]\nvelocity = [0.0, -1.0, 0.0]";

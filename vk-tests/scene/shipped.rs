@@ -84,20 +84,20 @@ fn runs(name: &str, jump: f64) {
 }
 
 #[test]
-#[ignore = "takes minutes"]
-fn two_heads_run() {
+#[ignore = "lasting: minutes"]
+fn lasting_two_heads() {
     runs("two-heads.toml", 0.1);
 }
 
 #[test]
-#[ignore = "takes minutes"]
-fn gears_run() {
+#[ignore = "lasting: minutes"]
+fn lasting_gears() {
     // One direction for all teeth: a tooth that comes or goes turns it.
     runs("gears.toml", 0.25);
 }
 
 #[test]
-#[ignore = "takes minutes"]
-fn pumpkins_run() {
+#[ignore = "lasting: minutes"]
+fn lasting_pumpkins() {
     runs("pumpkins.toml", 0.1);
 }

@@ -135,6 +135,7 @@ fn against_the_oracle(scene: &Scene, steps: usize) -> (f64, Vec<DVec3>) {
 }
 
 #[test]
+#[ignore = "long: 14 s"]
 fn bars_that_swing_or_are_bent_are_linearised_again_as_the_oracles() {
     let orientation = DQuat::from_xyzw(0.1, 0.2, 0.3, 0.9273618495495703);
     let keys = bones::keys(DVec3::new(0.4, 0.1, -0.2), orientation, 1.5, DVec3::new(-0.02, 0.03, 0.01));
@@ -161,6 +162,7 @@ fn bars_that_swing_or_are_bent_are_linearised_again_as_the_oracles() {
 }
 
 #[test]
+#[ignore = "long: 6 s"]
 fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
     let solver = format!("{TIGHT}\n[contact]\nfriction = 0.5");
     let place = Place { slide: DVec3::new(0.012, 0.0, -0.007), ..Place::default() };

@@ -54,6 +54,7 @@ fn solved(what: &str, system: System) -> Passes {
 }
 
 #[test]
+#[ignore = "long: 27 s"]
 fn conjugate_gradients_reach_the_direct_solution() {
     for with in BOTH {
         let layers = |seed: u64| system(&two_layers(), seed, with);
@@ -74,6 +75,7 @@ fn conjugate_gradients_reach_the_direct_solution() {
 }
 
 #[test]
+#[ignore = "long: 2 min"]
 fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
     for with in BOTH {
         for (what, bodies) in [
@@ -102,6 +104,7 @@ fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
 }
 
 #[test]
+#[ignore = "long: 13 s"]
 fn bodies_of_every_kind_are_solved_with_a_coarse_level() {
     // Flat ones, some on several frames, one beside another that has none.
     for (what, bodies) in kinds() {
@@ -114,6 +117,7 @@ fn bodies_of_every_kind_are_solved_with_a_coarse_level() {
 }
 
 #[test]
+#[ignore = "long: 7 s"]
 fn a_solution_found_is_found_again_at_once() {
     // The warm start of the same step at its own solution: factor one, and (nearly) nothing left to do.
     for with in BOTH {
@@ -131,6 +135,7 @@ fn a_solution_found_is_found_again_at_once() {
 }
 
 #[test]
+#[ignore = "long: 1 min"]
 fn a_step_with_pulling_contacts_ends_as_the_oracles() {
     // Solve, drop what pulls, solve again, until the verdict is done; then solve/commit. The oracle drops twice at most,
     // the kernels four times: systems where that makes a difference are left out, and not all may be.

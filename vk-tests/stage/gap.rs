@@ -315,6 +315,7 @@ fn equal_ways_go_to_the_lower_triangle() {
 }
 
 #[test]
+#[ignore = "long: 10 s"]
 fn shortest_ways_to_loose_triangles_of_any_number() {
     let (narrow, wide) = (context().reduce_size() as usize, context().group_size() as usize);
     let (mut near, mut within) = (0, 0);
@@ -362,6 +363,7 @@ fn ball(spans: bool, size: f64, random: &mut Random) -> (Body, Vec<[f32; 4]>) {
 }
 
 #[test]
+#[ignore = "long: 8 s"]
 fn shortest_ways_to_deformed_bodies() {
     let (mut near, mut within) = (0, 0);
     for seed in 0..12 {
@@ -518,6 +520,7 @@ mod told {
     }
 
     #[test]
+    #[ignore = "long: 6 s"]
     fn bodies_that_move_are_where_the_step_leaves_them() {
         let sphere = format!("sphere = {RADIUS:?}");
         // Driven upwards by 0.2 m/s, and turned meanwhile about y.

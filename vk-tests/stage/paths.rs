@@ -59,6 +59,7 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
 }
 
 #[test]
+#[ignore = "long: 6 s"]
 fn a_press_into_a_head_is_the_same_by_both_paths() {
     judge(
         "head",
@@ -76,6 +77,7 @@ fn a_press_into_a_head_is_the_same_by_both_paths() {
 }
 
 #[test]
+#[ignore = "long: 5 s"]
 fn soft_balls_under_a_tool_are_the_same_by_both_paths() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("ball.obj");
@@ -220,6 +222,7 @@ fn both_paths_find_the_same_crossings_at_random_poses() {
 }
 
 #[test]
+#[ignore = "long: 8 s"]
 fn a_loop_that_the_device_leaves_early_is_flagged() {
     // All vertices in one square: every triangle looks through all of them, more than llvmpipe's loops have rounds for.
     let scene = scene(

@@ -20,6 +20,7 @@ fn errors(curve: &Curve, line: usize) -> Vec<f64> {
 }
 
 #[test]
+#[ignore = "long: 59 s"]
 fn finer_layers_and_stiffer_contact_are_more_accurate() {
     let layer = measure("layer");
     for line in 0..layer.lines().len() {
@@ -32,6 +33,7 @@ fn finer_layers_and_stiffer_contact_are_more_accurate() {
 }
 
 #[test]
+#[ignore = "long: 1 min"]
 fn neither_skins_nor_sides_nor_proxies_change_the_force_much() {
     for name in ["skin", "sides"] {
         let curve = measure(name);
@@ -42,6 +44,7 @@ fn neither_skins_nor_sides_nor_proxies_change_the_force_much() {
 }
 
 #[test]
+#[ignore = "long: 12 s"]
 fn texels_and_paths_do_not_change_a_bit_and_sampled_depths_would() {
     let curve = measure("texel");
     let is_sampled = |setting: &str| setting.starts_with("at middles");

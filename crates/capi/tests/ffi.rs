@@ -134,6 +134,7 @@ fn a_program_shares_its_device_and_one_in_python_looks_on() {
 }
 
 #[test]
+#[ignore = "long: 13 s"]
 fn programs_that_build_their_scenes_feel_them() {
     let folder = tempfile::tempdir().unwrap();
     for compiler in ["gcc", "clang"] {
@@ -152,6 +153,7 @@ fn programs_that_build_their_scenes_feel_them() {
 }
 
 #[test]
+#[ignore = "long: 15 s"]
 fn a_program_in_cpp_leads_the_device_itself_and_says_what_is_wrong() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, _) = run(folder.path());

@@ -55,7 +55,8 @@ fn holds_memory_flat(what: &str, command: &mut Command, allocated: f64) {
 }
 
 #[test]
-fn three_hundred_rounds_hold_memory_flat() {
+#[ignore = "lasting: minutes"]
+fn lasting_three_hundred_rounds_hold_memory_flat() {
     let folder = tempfile::tempdir().unwrap();
     let (rounds, scene) = program("crates/capi/tests/ffi_help/rounds.c", folder.path());
     let mut rounds = Command::new(rounds);
@@ -70,13 +71,14 @@ fn soak(steps: &str) {
 }
 
 #[test]
-fn steps_hold_memory_flat() {
+#[ignore = "lasting: minutes"]
+fn lasting_steps_hold_memory_flat() {
     soak("20000");
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release --test ffi_lasting -- --ignored"]
-fn a_million_steps_hold_memory_flat() {
+#[ignore = "lasting: minutes"]
+fn lasting_a_million_steps_hold_memory_flat() {
     soak("1000000");
 }
 
@@ -119,7 +121,8 @@ fn overhead(text: &str) -> (f64, f64) {
 }
 
 #[test]
-fn the_abi_adds_nothing_that_one_feels() {
+#[ignore = "lasting: minutes"]
+fn lasting_the_abi_adds_nothing_that_one_feels() {
     // What disturbs the one kind more than the other is the machine's: the best of a few tries is the ABI's.
     let mut best = f64::INFINITY;
     for _ in 0..6 {
@@ -134,7 +137,8 @@ fn the_abi_adds_nothing_that_one_feels() {
 }
 
 #[test]
-fn valgrind_finds_nothing_in_ten_rounds() {
+#[ignore = "lasting: minutes"]
+fn lasting_valgrind_finds_nothing_in_ten_rounds() {
     let folder = tempfile::tempdir().unwrap();
     let (program, scene) = program("crates/capi/tests/ffi_help/rounds.c", folder.path());
     let suppressions = ffi_help::root().join("crates/capi/tests/ffi_help/driver.supp");

@@ -35,6 +35,7 @@ fn measure(name: &str, settings: &Settings) -> Curve {
 }
 
 #[test]
+#[ignore = "long: 22 s"]
 fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
     let curve = measure("tolerance", &tiny());
     assert!(curve.is_within(), "{:?}", curve.beyond());
@@ -53,6 +54,7 @@ fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
 }
 
 #[test]
+#[ignore = "long: 18 s"]
 fn shorter_steps_and_more_linearisations_are_more_accurate() {
     let curve = measure("time-step", &tiny());
     let errors: Vec<f64> = curve.points.iter().map(|point| point.error().unwrap()).collect();
@@ -66,6 +68,7 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
 }
 
 #[test]
+#[ignore = "long: 16 s"]
 fn single_precision_loses_little_of_the_force_wherever_it_is() {
     // In fewer steps the shortest run would touch nothing.
     let curve = measure("precision", &Settings { steps: 50, ..tiny() });
@@ -74,6 +77,7 @@ fn single_precision_loses_little_of_the_force_wherever_it_is() {
 }
 
 #[test]
+#[ignore = "long: 34 s"]
 fn presets_are_settings_that_were_measured() {
     let curve = measure("presets", &tiny());
     assert_eq!(curve.lines().iter().map(|line| line.panel).collect::<std::collections::BTreeSet<_>>().len(), 2);
@@ -90,6 +94,7 @@ fn presets_are_settings_that_were_measured() {
 }
 
 #[test]
+#[ignore = "long: 17 s"]
 fn a_wrong_sign_in_a_kernel_turns_the_verdict_red() {
     // Contacts pull where they should push; the solver does not mind.
     let bytes = spoil::spoiled("solve/assemble", "b -= f * n;", "b += f * n;");

@@ -1,8 +1,12 @@
 //! Bad input through the built program: exit status 2, one line on standard error that says what, where and what to
 //! do, no panic, and nothing left in the output directory. All of it happens before a device is opened.
 
+#[path = "../../../tests/real_meshes/mod.rs"]
+mod real_meshes;
+
+use real_meshes::meshes;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
 use palpate::prepare::{self, repair};
@@ -133,17 +137,6 @@ fn mistakes_on_the_command_line() {
     assert!(message.contains("1e300 s are more than 100000000 steps"), "{message}");
 }
 
-/// The shared meshes, or `None` and a visible line where they are not there.
-fn meshes() -> Option<PathBuf> {
-    let beside = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("../shared/meshes");
-    let folder = std::env::var_os("PALPATE_MESHES").map_or(beside, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no meshes at {} (set PALPATE_MESHES)", folder.display());
-    None
-}
-
 /// What becomes of a mesh of `bad/`.
 enum Answer {
     /// It is refused, with these words.
@@ -262,6 +255,7 @@ fn assert_prepared(name: &str, path: &Path, body: &prepare::Body, notes: &[&str]
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn every_bad_mesh_is_prepared_with_a_report_or_refused_with_the_reason() {
     let Some(meshes) = meshes() else { return };
     for entry in fs::read_dir(meshes.join("bad")).unwrap() {
@@ -295,6 +289,7 @@ fn every_bad_mesh_is_prepared_with_a_report_or_refused_with_the_reason() {
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn every_good_mesh_is_read() {
     let Some(meshes) = meshes() else { return };
     for (name, vertices, triangles) in [
@@ -329,6 +324,7 @@ fn every_good_mesh_is_read() {
 const SAME_HULLS: f64 = 1.05;
 
 #[test]
+#[ignore = "needs real meshes"]
 fn joined_vertices_do_not_stretch_proxies() {
     let Some(meshes) = meshes() else { return };
     let [sound, soup] = ["surf/human_3000.obj", "bad/triangle_soup.obj"].map(|file| {
@@ -346,6 +342,7 @@ fn joined_vertices_do_not_stretch_proxies() {
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn layers_with_slivers_are_prepared_and_name_the_worst() {
     let Some(meshes) = meshes() else { return };
     let folder = folder();

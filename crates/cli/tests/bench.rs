@@ -102,6 +102,7 @@ fn a_tiny_run_answers_every_question_of_the_solver() {
 }
 
 #[test]
+#[ignore = "long: 19 s"]
 fn a_tiny_run_answers_every_question_of_the_loop() {
     let settings = haptics::Settings {
         dampings: vec![0.0],
@@ -147,6 +148,7 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
 }
 
 #[test]
+#[ignore = "long: 19 s"]
 fn a_tiny_run_answers_every_question_of_the_papers_scenes() {
     let folder = tempfile::tempdir().unwrap();
     // Five names for one small scene.

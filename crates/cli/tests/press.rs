@@ -1,6 +1,10 @@
 //! From a surface to a touch with two commands: `palpate prepare`, then `palpate run` of the scene it wrote.
 
-use std::path::{Path, PathBuf};
+#[path = "../../../tests/real_meshes/mod.rs"]
+mod real_meshes;
+
+use real_meshes::meshes;
+use std::path::Path;
 use std::process::Command;
 
 /// Cells along the largest extent: coarser than the default, so that the test is short.
@@ -66,19 +70,16 @@ fn the_path_of_depth_is_said_and_the_command_line_wins() {
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn real_meshes_are_prepared_and_pressed() {
-    let default = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("../shared/meshes");
-    let folder = std::env::var_os("PALPATE_MESHES").map_or(default, PathBuf::from).join("surf");
-    if !folder.is_dir() {
-        println!("skipped: real meshes are pressed: no meshes at {} (set PALPATE_MESHES)", folder.display());
-        return;
-    }
+    let Some(folder) = meshes() else { return };
     for name in ["head", "pumpkin", "gear", "human"] {
-        press(name, folder.join(format!("{name}.obj")).to_str().unwrap());
+        press(name, folder.join(format!("surf/{name}.obj")).to_str().unwrap());
     }
 }
 
 #[test]
+#[ignore = "long: 14 s"]
 fn the_models_are_prepared_and_pressed() {
     for name in ["pumpkin:8000", "gear:8000"] {
         press(name, name);

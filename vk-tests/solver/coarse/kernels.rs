@@ -351,6 +351,7 @@ pub fn coarse(bodies: &[Body], seed: u64) -> System {
 }
 
 #[test]
+#[ignore = "long: 9 s"]
 fn passes_follow_the_oracle_on_bodies_of_every_kind() {
     let mut worst = 0.0f64;
     for (what, bodies) in kinds() {
@@ -360,6 +361,7 @@ fn passes_follow_the_oracle_on_bodies_of_every_kind() {
 }
 
 #[test]
+#[ignore = "long: 16 s"]
 fn passes_follow_the_oracle_with_contacts_and_a_tool() {
     for (what, bodies) in [
         ("two bodies", two_layers()),

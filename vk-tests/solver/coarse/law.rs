@@ -8,6 +8,7 @@ use super::boxed;
 use crate::solver::system::{System, layered, material};
 
 #[test]
+#[ignore = "long: 5 s"]
 fn a_stiff_block_takes_a_third_of_the_iterations() {
     // 2 MPa, 3072 tetrahedra, one side held, under its own weight.
     let layer = boxed([8, 8, 8], |x| x.z < -0.079);

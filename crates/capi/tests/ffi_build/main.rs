@@ -231,6 +231,7 @@ fn cube(radius: f64) -> (Vec<DVec3>, Vec<[u32; 4]>) {
 }
 
 #[test]
+#[ignore = "long: 9 s"]
 fn bodies_from_arrays_are_those_from_files() {
     let folder = tempfile::tempdir().unwrap();
     let (skin, hand, inside) = (ball(0.05), ball(0.02), cube(0.05));

@@ -319,8 +319,8 @@ fn the_first_device_stays_the_one_however_they_are_listed_later() {
 
 /// Frames a second and the intervals between messages, as the fake service sees them.
 #[test]
-#[ignore = "a measurement, not a check"]
-fn rate_held() {
+#[ignore = "lasting: a measurement"]
+fn lasting_rate_held() {
     for rate in [1000.0, 2000.0, 4000.0] {
         let fake = Fake::start(|_, _| Act::Reply(resting()));
         let mut device = Haply::new(Settings {

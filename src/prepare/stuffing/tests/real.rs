@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::super::*;
 use super::{Mesh, check, uniform};
 use crate::prepare::embed;
-use crate::prepare::tests::meshes;
+use crate::prepare::tests::real_meshes::meshes;
 use crate::scene::{Model, obj};
 
 fn real(folder: &std::path::Path, name: &str) -> Mesh {
@@ -19,8 +19,9 @@ fn largest_extent(mesh: &Mesh) -> f64 {
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn files_with_defects_are_filled_soundly_or_refused() {
-    let Some(folder) = meshes("stuffing defects") else { return };
+    let Some(folder) = meshes() else { return };
     let mut files: Vec<_> = std::fs::read_dir(folder.join("bad")).unwrap().map(|f| f.unwrap().path()).collect();
     files.sort();
     let mut filled = 0;
@@ -56,8 +57,8 @@ fn files_with_defects_are_filled_soundly_or_refused() {
 }
 
 #[test]
-#[ignore = "figures, not a test: seconds against vertices, about a minute"]
-fn seconds_against_vertices() {
+#[ignore = "lasting: figures, about a minute"]
+fn lasting_seconds_against_vertices() {
     for count in [10_000, 44_000, 100_000, 400_000] {
         let mesh = crate::prepare::model::surface(Model::Head, count);
         let (layer, report) = stuff(&mesh.0, &mesh.1, &Options::uniform(0.00625)).unwrap();
@@ -88,8 +89,9 @@ fn what_lies_outside_is_reported(mesh: &Mesh, layer: &Layer, report: &LayerRepor
 }
 
 #[test]
+#[ignore = "needs real meshes"]
 fn the_real_meshes_keep_their_volume_and_their_angles() {
-    let Some(folder) = meshes("stuffing the real meshes") else { return };
+    let Some(folder) = meshes() else { return };
     let cases = ["head", "pumpkin", "gear", "human"].map(|name| (name, 1.0 / 40.0));
     for (name, share) in cases.into_iter().chain([("human", 0.02 / 1.67)]) {
         let mesh = real(&folder, name);
