@@ -164,9 +164,9 @@ fn threads_share_the_queue() {
     let (context, kernel) = (context(), bump());
     std::thread::scope(|scope| {
         for thread in 0..4u32 {
-            let kernel = &kernel;
+            // The turn is this thread's: others ask for no context.
+            let (kernel, a) = (&kernel, cells("own"));
             scope.spawn(move || {
-                let a = cells("own");
                 let mut recorder = Recorder::new(context).unwrap();
                 recorder.dispatch(kernel, &[&a], &push(thread), CELLS);
                 let recording = recorder.finish().unwrap();

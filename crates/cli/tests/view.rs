@@ -29,7 +29,8 @@ impl Display {
     fn start() -> Display {
         // The server looks for a free number itself, and says which.
         let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"])
+            // Without -noreset it begins anew whenever its last client goes, and refuses whoever comes meanwhile.
+            .args(["-displayfd", "1", "-noreset", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
