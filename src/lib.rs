@@ -1,9 +1,23 @@
 //! palpate: feel soft bodies.
 //!
-//! The map of the house: [`scene`] is what a user writes, [`prepare`] makes layered bodies of it, [`stages`] are the
-//! kernels of the step and [`step`] their order, [`query`] is the proximity query by itself, [`gpu`] is the only room that
-//! speaks Vulkan, [`oracle`] holds the f64 twins that tests compare with, [`report`] writes results, [`bench`]
-//! measures.
+//! The rooms, each importing only those after it: [`haptics`] is the loop that the hand feels, [`step`] a step of the simulation,
+//! [`query`] the proximity query by itself, [`plan`] what a scene needs, [`stages`] the kernels, [`prepare`] layered bodies,
+//! [`scene`] what a user writes, [`gpu`] the only room that speaks Vulkan. Devices, pictures, benchmarks, the C ABI and the
+//! program are crates of their own.
+//!
+//! ```no_run
+//! use palpate::gpu::Options;
+//! use palpate::scene::Scene;
+//! use palpate::step::Simulation;
+//!
+//! # fn main() -> palpate::Result<()> {
+//! let scene = Scene::load("assets/scenes/touch-head.toml".as_ref())?;
+//! let mut simulation = Simulation::new(&scene, &Options::default(), None)?;
+//! let report = simulation.step()?;
+//! println!("{:?}", report.tool.map(|tool| tool.force));
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod error;
 pub mod gpu;

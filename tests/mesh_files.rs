@@ -3,12 +3,13 @@
 
 mod real_meshes;
 
-use real_meshes::meshes;
 use std::path::Path;
 
 use glam::DVec3;
 use palpate::scene::tetrahedra::{TetMesh, read};
 use palpate::scene::{gmsh, vtk};
+
+use real_meshes::meshes;
 
 /// Two tetrahedra on five nodes.
 const NODES: [[f64; 3]; 5] =

@@ -3,11 +3,12 @@
 
 mod real_meshes;
 
-use real_meshes::meshes;
 use std::path::Path;
 
 use glam::DVec3;
 use palpate::scene::obj;
+
+use real_meshes::meshes;
 
 fn corners_by_tobj(file: &Path) -> Vec<DVec3> {
     let options = tobj::LoadOptions { triangulate: true, ..Default::default() };

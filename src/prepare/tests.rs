@@ -8,13 +8,12 @@ use std::time::Instant;
 use glam::{DQuat, DVec3};
 
 use super::{Body, Layer, NONE, Shape, body, embed, layer, mass, proxies, skin, stuffing, tool};
-use real_meshes::meshes;
-
 use crate::Result;
 use crate::scene::{
     self, Bind, Contact, Core, Haptics, Law, Material, Model, Motion, Preconditioner, Scene, Solver, Step, Surface,
+    Tool, ToolShape, obj,
 };
-use crate::scene::{Tool, ToolShape, obj};
+use real_meshes::meshes;
 
 /// Soft.
 pub const MATERIAL: Material = Material {

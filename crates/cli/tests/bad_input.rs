@@ -4,7 +4,6 @@
 #[path = "../../../tests/real_meshes/mod.rs"]
 mod real_meshes;
 
-use real_meshes::meshes;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -12,6 +11,8 @@ use std::process::{Command, Output};
 use palpate::prepare::{self, repair};
 use palpate::scene::{Scene, gmsh};
 use tempfile::TempDir;
+
+use real_meshes::meshes;
 
 /// A unit cube, closed and wound outwards.
 const CUBE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nf 4 3 2 1\nf 5 6 7 8\n\

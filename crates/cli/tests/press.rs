@@ -3,9 +3,10 @@
 #[path = "../../../tests/real_meshes/mod.rs"]
 mod real_meshes;
 
-use real_meshes::meshes;
 use std::path::Path;
 use std::process::Command;
+
+use real_meshes::meshes;
 
 /// Cells along the largest extent: coarser than the default, so that the test is short.
 const CELLS: &str = "20";
