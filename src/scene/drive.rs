@@ -64,6 +64,8 @@ fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String
 fn read_csv(path: &Path) -> Result<Vec<Key>> {
     let bytes = std::fs::read(path)
         .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), KEY_REMEDY))?;
+    // Some programs begin UTF-8 files with a mark of the byte order.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let mut keys: Vec<Key> = Vec::new();
     let mut is_first = true;
     for (line, row) in bytes.split(|byte| *byte == b'\n').enumerate() {

@@ -197,6 +197,14 @@ fn drives_come_from_keys_or_from_a_file() {
         keys[1],
         Key { time: 0.5, position: DVec3::new(4.0, 5.0, 6.0), orientation: DQuat::from_xyzw(1., 0., 0., 0.) }
     );
+    for same in ["\u{feff}0,1,2,3\r\n# a remark\r\n\"0.5\" , 4,5,6\r\n", "# a remark\nt,x,y,z\n0,1,2,3\n0.5,4,5,6"] {
+        let read = file(same).unwrap().drive;
+        assert_eq!(
+            read.iter().map(|key| key.position).collect::<Vec<_>>(),
+            [keys[0].position, keys[1].position],
+            "{same}"
+        );
+    }
     for (text, words) in [
         ("0,0,0,0\n0,0,0,0\n", "press.csv:2: time 0.0 does not come after 0"),
         ("t,x,y,z\n0,0,nan,0\n", "press.csv:2: holds NaN"),
