@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// From the lowest to the highest. `error` may be imported by all.
-const ROOMS: [&str; 9] = ["error", "gpu", "scene", "prepare", "stages", "plan", "query", "step", "haptics"];
+const ROOMS: [&str; 10] = ["error", "gpu", "shaders", "scene", "prepare", "stages", "plan", "query", "step", "haptics"];
 
 /// The files of a room: `src/NAME.rs` and what lies in `src/NAME`.
 fn files(room: &str) -> Vec<PathBuf> {

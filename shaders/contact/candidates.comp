@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
@@ -17,37 +18,38 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const bool BLEND = true;         // without it the strongest region alone counts: depths are exact rays'
 layout(constant_id = 2) const uint CAPACITY = 1;
+layout(constant_id = 3) const bool SKINS = true;        // skins may meet skins; else half-spaces alone
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) coherent buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 2) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
-layout(scalar, binding = 3) readonly buffer Chunks { Chunk chunks[]; };
-layout(binding = 4) uniform usamplerBuffer chunk_vertices;      // four a texel
-layout(scalar, binding = 5) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar, binding = 6) readonly buffer Regions { Region regions[]; };
-layout(scalar, binding = 7) readonly buffer Shares { float shares[]; };
-layout(binding = 8) uniform usamplerBuffer triangles;           // three skin vertices
-layout(binding = 9) uniform samplerBuffer skin;
-layout(scalar, binding = 10) readonly buffer FanFirst { uint fan_first[]; };     // triangles around a vertex: running totals
-layout(scalar, binding = 11) readonly buffer Fans { uint fans[]; };
-layout(scalar, binding = 12) readonly buffer Areas { float areas[]; };          // rest, m^2
-layout(binding = 13) uniform usamplerBuffer bin_hits;           // four a texel
-layout(binding = 14) uniform usamplerBuffer hits;               // triangle, next, bits of the depth, item and front
-layout(scalar, binding = 15) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // of contacts: depth, barycentric, area
-layout(scalar, binding = 16) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
-layout(scalar, binding = 17) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // from a to b
-layout(scalar, binding = 18) writeonly buffer CandidatePushes { vec4 candidate_pushes[]; };     // for the next step's normal; pair of proxies
-layout(scalar, binding = 19) readonly buffer Items { uvec2 items[]; };
-layout(scalar, binding = 20) writeonly buffer ContactSource { uint contact_source[]; };
-layout(scalar, binding = 21) writeonly buffer Args { uint args[]; };
-layout(scalar, binding = 22) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };   // a bit each vertex that collides
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) coherent buffer CountsInOut { Counts counts; };
+layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
+layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
+READ_ONLY(uvec4, chunk_vertices);      // four a texel
+layout(scalar) readonly buffer Pairs { Pair pairs[]; };
+layout(scalar) readonly buffer Regions { Region regions[]; };
+layout(scalar) readonly buffer Shares { float shares[]; };
+READ_ONLY(uvec4, triangles);           // three skin vertices
+READ_ONLY(vec4, skin);
+layout(scalar) readonly buffer FanFirst { uint fan_first[]; };     // triangles around a vertex: running totals
+layout(scalar) readonly buffer Fans { uint fans[]; };
+layout(scalar) readonly buffer Areas { float areas[]; };          // rest, m^2
+READ_ONLY(uvec4, bin_hits);           // four a texel
+READ_ONLY(uvec4, hits);               // triangle, next, bits of the depth, item and front
+layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // of contacts: depth, barycentric, area
+layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
+layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // from a to b
+layout(scalar) writeonly buffer CandidatePushes { vec4 candidate_pushes[]; };     // for the next step's normal; pair of proxies
+layout(scalar) readonly buffer Items { uvec2 items[]; };
+layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };
+layout(scalar) writeonly buffer Args { uint args[]; };
+layout(scalar) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };   // a bit each vertex that collides
 
 vec3 outward_normal(uint vertex) {
     vec3 sum = vec3(0.0);
     for (uint k = fan_first[vertex]; k < fan_first[vertex + 1]; k++) {
-        uvec3 corners = texelFetch(triangles, int(fans[k])).xyz;
-        vec3 p = texelFetch(skin, int(corners.x)).xyz;
-        sum += cross(texelFetch(skin, int(corners.y)).xyz - p, texelFetch(skin, int(corners.z)).xyz - p);
+        uvec3 corners = fetch(triangles, fans[k]).xyz;
+        vec3 p = fetch(skin, corners.x).xyz;
+        sum += cross(fetch(skin, corners.y).xyz - p, fetch(skin, corners.z).xyz - p);
     }
     float length2 = dot(sum, sum);
     return length2 > 0.0 ? sum * inversesqrt(length2) : vec3(0.0);
@@ -61,9 +63,9 @@ const uint ALL_HITS = 0x80000000u;
 uvec3 nearest_crossing(uint bin, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
-    uint hit = texelFetch(bin_hits, int(bin / 4))[bin % 4];
+    uint hit = fetch(bin_hits, bin / 4)[bin % 4];
     while (hit < ALL_HITS) {
-        uvec4 found = texelFetch(hits, int(hit));
+        uvec4 found = fetch(hits, hit);
         float d = uintBitsToFloat(found.z);
         if (d < depth || (d == depth && found.x < best.x)) {
             depth = d;
@@ -79,9 +81,9 @@ uvec3 nearest_crossing(uint bin, out bool through) {
 
 // Where the ray along n through x crosses a triangle: depth and barycentrics, from differences so that they keep their digits.
 vec3 crossing(Region region, vec3 x, uint triangle, float towards) {
-    uvec3 corners = texelFetch(triangles, int(triangle)).xyz;
-    vec3 p = texelFetch(skin, int(corners.x)).xyz - x, q = texelFetch(skin, int(corners.y)).xyz - x,
-         r = texelFetch(skin, int(corners.z)).xyz - x;
+    uvec3 corners = fetch(triangles, triangle).xyz;
+    vec3 p = fetch(skin, corners.x).xyz - x, q = fetch(skin, corners.y).xyz - x,
+         r = fetch(skin, corners.z).xyz - x;
     mat3 axes = mat3(region.tangent, region.bitangent, region.normal);
     vec3 a = p * axes, b = q * axes, c = r * axes;
     vec3 w = vec3(b.x * c.y - b.y * c.x, c.x * a.y - c.y * a.x, a.x * b.y - a.y * b.x);
@@ -107,7 +109,7 @@ void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     for (uint l = 4 * lane; l < chunk.vertex_count; l += 4 * SIZE) {
         bvec4 crossed = bvec4(all);
         for (uint k = 0; k < regions; k++) {
-            uvec4 found = texelFetch(bin_hits, int(((entry.first_item + k) * CHUNK_VERTICES + l) / 4));
+            uvec4 found = fetch(bin_hits, ((entry.first_item + k) * CHUNK_VERTICES + l) / 4);
             crossed = bvec4(uvec4(crossed) | uvec4(notEqual(found, uvec4(NONE))));
         }
         for (uint k = 0; k < 4; k++) {
@@ -127,14 +129,14 @@ void find_candidates() {
     for (uint k = gl_LocalInvocationID.x; k < listed_count; k += SIZE) {
         done++;
         uint l = listed[k], at = gl_WorkGroupID.x * CHUNK_VERTICES + l, v = chunk.vertex_first + l;
-        uint vertex = texelFetch(chunk_vertices, int(v / 4))[v % 4];
+        uint vertex = fetch(chunk_vertices, v / 4)[v % 4];
         float weights[PAIR_REGIONS], depths[PAIR_REGIONS], strongest = 0.0;
         vec3 hit = vec3(0.0);
         uint triangle = NONE, opposing = 0;
         bool folded = false;
         for (uint r = 0; r < PAIR_REGIONS; r++) weights[r] = depths[r] = 0.0;
-        if (pair.is_plane != 0) {
-            hit.x = pair.plane.w - dot(pair.plane.xyz, texelFetch(skin, int(vertex)).xyz);
+        if (!SKINS || pair.is_plane != 0) {
+            hit.x = pair.plane.w - dot(pair.plane.xyz, fetch(skin, vertex).xyz);
             if (hit.x <= 0.0) continue;
             strongest = weights[0] = 1.0;
             depths[0] = hit.x;
@@ -148,7 +150,7 @@ void find_candidates() {
                 uvec3 nearest = nearest_crossing(bin, through);
                 if (nearest.x == NONE || (nearest.y & 1) == 0) continue;
                 Region region = regions[(entry.side / 2) * PAIR_REGIONS + r];
-                vec3 found = crossing(region, texelFetch(skin, int(vertex)).xyz, nearest.x, side_b ? 1.0 : -1.0);
+                vec3 found = crossing(region, fetch(skin, vertex).xyz, nearest.x, side_b ? 1.0 : -1.0);
                 if (!(found.x > 0.0)) continue;
                 depths[r] = found.x;
                 weights[r] = shares[entry.slot * PAIR_REGIONS + r] / max(found.x * found.x, 1.0e-30);

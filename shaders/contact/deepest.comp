@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
 // Contact: where more candidates collide than there is room for, the list of the deepest, in the order of candidates. One
@@ -10,10 +11,10 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint CAPACITY = 1;
 
-layout(binding = 0) uniform samplerBuffer candidate_hits;       // CHUNK_VERTICES an active chunk
-layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 2) writeonly buffer ContactSource { uint contact_source[]; };
-layout(scalar, binding = 3) readonly buffer ChunkContacts { uint chunk_contacts[]; };   // a bit each candidate that collides
+READ_ONLY(vec4, candidate_hits);       // CHUNK_VERTICES an active chunk
+layout(scalar) readonly buffer CountsIn { Counts counts; };
+layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };
+layout(scalar) readonly buffer ChunkContacts { uint chunk_contacts[]; };   // a bit each candidate that collides
 
 // Candidates that a turn of a loop looks at: some drivers (Mesa's llvmpipe) leave all loops of an invocation after 65,535 turns.
 const uint BATCH = 16;
@@ -26,7 +27,7 @@ uint begin, end;
 
 // 0 of those that do not collide.
 float depth_of(uint i) {
-    return (chunk_contacts[i / 32] & 1u << i % 32) != 0 ? texelFetch(candidate_hits, int(i)).x : 0.0;
+    return (chunk_contacts[i / 32] & 1u << i % 32) != 0 ? fetch(candidate_hits, i).x : 0.0;
 }
 
 uint deeper(uint i, float least) {

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
@@ -16,27 +17,27 @@ layout(constant_id = 1) const bool FRICTION = false;
 layout(constant_id = 4) const bool TOOL = true;              // else tool_sign marks a held body, which its nodes move
 layout(constant_id = 3) const uint LISTS = 8;                // a node; as many as a workgroup of sort.comp has lanes
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 2) readonly buffer Pairs { Pair pairs[]; };
-layout(binding = 3) uniform samplerBuffer candidate_normals;
-layout(scalar, binding = 4) readonly buffer ContactSource { uint contact_source[]; };
-layout(binding = 5) uniform samplerBuffer candidate_hits;
-layout(binding = 6) uniform usamplerBuffer candidate_what;
-layout(binding = 7) uniform usamplerBuffer triangles;
-layout(binding = 8) uniform usamplerBuffer skin_nodes;
-layout(binding = 9) uniform samplerBuffer skin_weights;
-layout(binding = 10) uniform samplerBuffer skin;
-layout(binding = 11) uniform samplerBuffer velocity;
-layout(scalar, binding = 12) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 13) writeonly buffer Contacts { Contact contacts[]; };
-layout(scalar, binding = 14) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads a contact
-layout(scalar, binding = 15) writeonly buffer EntryWeights { vec4 entry_weights[]; };
-layout(scalar, binding = 16) buffer NodeListCounts { uint node_list_counts[]; };        // zero; lists of each node in use
-layout(scalar, binding = 17) buffer NodeLists { uint node_lists[]; };                   // LISTS a node: NONE, or the last entry put there
-layout(scalar, binding = 18) writeonly buffer NextEntries { uint next_entries[]; };     // before it in its list
-layout(scalar, binding = 19) writeonly buffer TouchedNodes { uint touched_nodes[]; };   // each node with entries
-layout(scalar, binding = 20) buffer Args { uint args[]; };
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer CountsIn { Counts counts; };
+layout(scalar) readonly buffer Pairs { Pair pairs[]; };
+READ_ONLY(vec4, candidate_normals);
+layout(scalar) readonly buffer ContactSource { uint contact_source[]; };
+READ_ONLY(vec4, candidate_hits);
+READ_ONLY(uvec4, candidate_what);
+READ_ONLY(uvec4, triangles);
+READ_ONLY(uvec4, skin_nodes);
+READ_ONLY(vec4, skin_weights);
+READ_ONLY(vec4, skin);
+READ_ONLY(vec4, velocity);
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) writeonly buffer Contacts { Contact contacts[]; };
+layout(scalar) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads a contact
+layout(scalar) writeonly buffer EntryWeights { vec4 entry_weights[]; };
+layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };        // zero; lists of each node in use
+layout(scalar) buffer NodeLists { uint node_lists[]; };                   // LISTS a node: NONE, or the last entry put there
+layout(scalar) writeonly buffer NextEntries { uint next_entries[]; };     // before it in its list
+layout(scalar) writeonly buffer TouchedNodes { uint touched_nodes[]; };   // each node with entries
+layout(scalar) buffer Args { uint args[]; };
 
 uint quads = 0;
 uvec4 nodes[4];
@@ -45,9 +46,9 @@ vec4 weights[4];
 // A skin vertex's four nodes, weights times `share`; none where it rides on a rigid body. The corners of a triangle most
 // often lie in one tetrahedron and then share a quad.
 void add(uint vertex, float share) {
-    uvec4 own = texelFetch(skin_nodes, int(vertex));
+    uvec4 own = fetch(skin_nodes, vertex);
     if (own.x == NONE) return;
-    vec4 w = share * texelFetch(skin_weights, int(vertex));
+    vec4 w = share * fetch(skin_weights, vertex);
     for (uint q = 0; q < quads; q++) {
         if (nodes[q] == own) {
             weights[q] += w;
@@ -70,15 +71,15 @@ void main() {
     uint c = gl_GlobalInvocationID.x;
     if (c >= counts.contacts) return;
     uint source = contact_source[c];
-    vec4 found = texelFetch(candidate_hits, int(source));
-    uvec4 what = texelFetch(candidate_what, int(source));
+    vec4 found = fetch(candidate_hits, source);
+    uvec4 what = fetch(candidate_what, source);
     uint vertex = what.x, side = what.y, triangle = what.z;
     Pair pair = pairs[side / 2];
-    vec3 n = texelFetch(candidate_normals, int(source)).xyz;
+    vec3 n = fetch(candidate_normals, source).xyz;
     float sign = (side & 1) != 0 ? -1.0 : 1.0;
     add(vertex, sign);
     if (triangle != NONE) {
-        uvec3 corners = texelFetch(triangles, int(triangle)).xyz;
+        uvec3 corners = fetch(triangles, triangle).xyz;
         add(corners.x, -sign * (1.0 - found.y - found.z));
         add(corners.y, -sign * found.y);
         add(corners.z, -sign * found.z);
@@ -89,7 +90,7 @@ void main() {
         entry_nodes[4 * c + q] = nodes[q];
         entry_weights[4 * c + q] = weights[q];
         for (uint k = 0; k < 4; k++) {
-            vec3 v = texelFetch(velocity, int(nodes[q][k])).xyz;
+            vec3 v = fetch(velocity, nodes[q][k]).xyz;
             rate += weights[q][k] * dot(n, v);
             if (FRICTION) relative += weights[q][k] * v;
             if (weights[q][k] != 0.0) list(16 * c + 4 * q + k, nodes[q][k], c);
@@ -97,7 +98,7 @@ void main() {
     }
     // s1 and s2 are on one line along n: where a rigid skin feels the pressure, either will do. Friction is felt at the point
     // of the body it meets, so that the two forces of a pair act at one point. A held body feels it at its own.
-    vec3 at = texelFetch(skin, int(vertex)).xyz;
+    vec3 at = fetch(skin, vertex).xyz;
     if (FRICTION) {
         float rigid = TOOL ? pair.tool_sign : -pair.tool_sign;
         bool first = rigid > 0.0 || (rigid == 0.0 && pair.driven_frame[0] != NONE);

@@ -11,14 +11,14 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
-layout(scalar, binding = 0) readonly buffer TouchedNodes { uint touched_nodes[]; };
-layout(scalar, binding = 1) buffer NodeListCounts { uint node_list_counts[]; };
-layout(scalar, binding = 2) buffer NodeLists { uint node_lists[]; };            // SIZE a node; see response.comp
-layout(scalar, binding = 3) readonly buffer NextEntries { uint next_entries[]; };
-layout(scalar, binding = 4) readonly buffer EntryWeights { float entry_weights[]; };
-layout(scalar, binding = 5) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 6) writeonly buffer NodeEntries { uvec2 node_entries[]; };     // first, count
-layout(scalar, binding = 7) writeonly buffer Sorted { uvec2 sorted[]; };       // contact, bits of the weight
+layout(scalar) readonly buffer TouchedNodes { uint touched_nodes[]; };
+layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };
+layout(scalar) buffer NodeLists { uint node_lists[]; };            // SIZE a node; see response.comp
+layout(scalar) readonly buffer NextEntries { uint next_entries[]; };
+layout(scalar) readonly buffer EntryWeights { float entry_weights[]; };
+layout(scalar) buffer CountsInOut { Counts counts; };
+layout(scalar) writeonly buffer NodeEntries { uvec2 node_entries[]; };     // first, count
+layout(scalar) writeonly buffer Sorted { uvec2 sorted[]; };       // contact, bits of the weight
 
 const uint WORDS = 2048;        // of a window of 32 WORDS entries, 4,096 contacts
 // Above all entries; why, says shared/crossing.glsl.

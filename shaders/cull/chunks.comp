@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 #include "shared/field.glsl"
@@ -14,22 +15,22 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const bool SPANS = false;       // whether a chunk may have nodes in other frames
 
-layout(scalar, binding = 0) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar, binding = 1) readonly buffer Slots { Slot slots[]; };
-layout(scalar, binding = 2) readonly buffer ActiveSlots { uint active_slots[]; };
-layout(scalar, binding = 3) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 4) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar, binding = 5) readonly buffer Chunks { Chunk chunks[]; };
-layout(binding = 6) uniform usamplerBuffer chunk_nodes;       // two a texel: node, link from the proxy's frame to its own
-layout(binding = 7) uniform samplerBuffer displacement;
-layout(binding = 8) uniform samplerBuffer node_rest;
-layout(scalar, binding = 9) readonly buffer Links { Link links[]; };
-layout(scalar, binding = 10) readonly buffer Regions { Region regions[]; };
-layout(scalar, binding = 11) readonly buffer Boxes { vec3 boxes[]; };
-layout(scalar, binding = 12) readonly buffer SlotRegions { uint slot_regions[]; };
-layout(scalar, binding = 13) writeonly buffer SlotChunks { uvec2 slot_chunks[]; };    // regions of each chunk of the slot
-layout(scalar, binding = 14) writeonly buffer Slabs { Slab slabs[]; };     // PAIR_REGIONS a chunk of a slot
-layout(scalar, binding = 15) buffer Fields { uint fields[]; };
+layout(scalar) readonly buffer Pairs { Pair pairs[]; };
+layout(scalar) readonly buffer Slots { Slot slots[]; };
+layout(scalar) readonly buffer ActiveSlots { uint active_slots[]; };
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
+layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
+READ_ONLY(uvec4, chunk_nodes);       // two a texel: node, link from the proxy's frame to its own
+READ_ONLY(vec4, displacement);
+READ_ONLY(vec4, node_rest);
+layout(scalar) readonly buffer Links { Link links[]; };
+layout(scalar) readonly buffer Regions { Region regions[]; };
+layout(scalar) readonly buffer Boxes { vec3 boxes[]; };
+layout(scalar) readonly buffer SlotRegions { uint slot_regions[]; };
+layout(scalar) writeonly buffer SlotChunks { uvec2 slot_chunks[]; };    // regions of each chunk of the slot
+layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // PAIR_REGIONS a chunk of a slot
+layout(scalar) buffer Fields { uint fields[]; };
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"
@@ -44,7 +45,7 @@ void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
     if (chunk.node_count == 0) return;
     vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
     for (uint k = chunk.node_first; k < chunk.node_first + chunk.node_count; k += 2) {
-        uvec4 two = texelFetch(chunk_nodes, int(k / 2));
+        uvec4 two = fetch(chunk_nodes, k / 2);
         vec3 d = moved(two.xy), e = moved(two.zw);
         least = min(least, min(d, e));
         greatest = max(greatest, max(d, e));

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
 // Cull: the direction in which two hulls part. Over all face normals n of both hulls (turned from a to b) the separation
@@ -14,17 +15,17 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
-layout(scalar, binding = 0) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar, binding = 1) readonly buffer Bounds { ProxyBounds bounds[]; };
-layout(binding = 2) uniform usamplerBuffer proxy_pairs;
-layout(binding = 3) uniform samplerBuffer hull;
-layout(binding = 4) uniform samplerBuffer faces;
-layout(scalar, binding = 5) readonly buffer ActivePairs { uint active_pairs[]; };
-layout(scalar, binding = 6) readonly buffer Reach { vec2 reach_of[]; };     // reach, distance of the hulls
-layout(scalar, binding = 7) writeonly buffer Directions { vec4 directions[]; };    // unit normal, weight; push, its length
-layout(scalar, binding = 8) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 9) readonly buffer ContactSource { uint contact_source[]; };   // of the last step
-layout(binding = 10) uniform usamplerBuffer candidate_pushes;                           // of the last step
+layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
+layout(scalar) readonly buffer Bounds { ProxyBounds bounds[]; };
+READ_ONLY(uvec4, proxy_pairs);
+READ_ONLY(vec4, hull);
+READ_ONLY(vec4, faces);
+layout(scalar) readonly buffer ActivePairs { uint active_pairs[]; };
+layout(scalar) readonly buffer Reach { vec2 reach_of[]; };     // reach, distance of the hulls
+layout(scalar) writeonly buffer Directions { vec4 directions[]; };    // unit normal, weight; push, its length
+layout(scalar) readonly buffer CountsIn { Counts counts; };
+layout(scalar) readonly buffer ContactSource { uint contact_source[]; };   // of the last step
+READ_ONLY(uvec4, candidate_pushes);                           // of the last step
 
 // Faces of both hulls at most, each a fan of a hull with 64 vertices.
 const uint MAX_FACES = 256;
@@ -34,25 +35,25 @@ shared float separation[MAX_FACES];
 shared vec4 partial[SIZE];
 
 vec3 normal_of(Proxy a, Proxy b, uint f) {
-    return f < a.face_count ? texelFetch(faces, int(a.face_first + f)).xyz
-                            : -texelFetch(faces, int(b.face_first + f - a.face_count)).xyz;
+    return f < a.face_count ? fetch(faces, a.face_first + f).xyz
+                            : -fetch(faces, b.face_first + f - a.face_count).xyz;
 }
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
     uint i = active_pairs[gl_WorkGroupID.x];
-    uvec4 which = texelFetch(proxy_pairs, int(i));
+    uvec4 which = fetch(proxy_pairs, i);
     Proxy a = proxies[which.x];
     Proxy b = proxies[which.y];
     uint face_count = min(a.face_count + b.face_count, MAX_FACES);
     float greatest = -3.0e38;
     for (uint f = lane; f < face_count; f += SIZE) {
         bool of_a = f < a.face_count;
-        vec4 face = texelFetch(faces, int(of_a ? a.face_first + f : b.face_first + f - a.face_count));
+        vec4 face = fetch(faces, of_a ? a.face_first + f : b.face_first + f - a.face_count);
         uint first = of_a ? b.hull_first : a.hull_first;
         uint count = of_a ? b.hull_count : a.hull_count;
         float least = 3.0e38;
-        for (uint k = 0; k < count; k++) least = min(least, dot(face.xyz, texelFetch(hull, int(first + k)).xyz));
+        for (uint k = 0; k < count; k++) least = min(least, dot(face.xyz, fetch(hull, first + k).xyz));
         separation[f] = least - face.w;
         greatest = max(greatest, separation[f]);
     }
@@ -89,7 +90,7 @@ void main() {
     // The skins themselves tell better, once they touch: sum of depth x area x outward normal over the last step's contacts.
     vec3 push = vec3(0.0);
     for (uint c = lane; c < counts.last_contacts; c += SIZE) {
-        uvec4 found = texelFetch(candidate_pushes, int(contact_source[c]));
+        uvec4 found = fetch(candidate_pushes, contact_source[c]);
         if (found.w == i) push += uintBitsToFloat(found.xyz);
     }
     barrier();

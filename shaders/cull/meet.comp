@@ -16,19 +16,19 @@ layout(constant_id = 1) const uint SLOTS = 1;
 layout(constant_id = 2) const uint MOST_ITEMS = 1;
 layout(constant_id = 3) const uint GATHERING = 1;       // slots: the first, whose vertices gather contacts
 
-layout(scalar, binding = 0) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar, binding = 1) readonly buffer Slots { Slot slots[]; };
-layout(scalar, binding = 2) readonly buffer ActiveSlots { uint active_slots[]; };
-layout(scalar, binding = 3) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar, binding = 4) readonly buffer Regions { Region regions[]; };
-layout(scalar, binding = 5) readonly buffer Slabs { Slab slabs[]; };
-layout(scalar, binding = 6) readonly buffer Fields { uint fields[]; };
-layout(scalar, binding = 7) coherent buffer SlotChunks { uvec2 slot_chunks[]; };     // regions; becomes chunk, and regions with items before
-layout(scalar, binding = 8) coherent buffer SlotCounts { uvec2 slot_counts[]; };    // chunks, items; become running totals
-layout(scalar, binding = 9) writeonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
-layout(scalar, binding = 10) writeonly buffer Items { uvec2 items[]; };             // active chunk, region
-layout(scalar, binding = 11) coherent buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
+layout(scalar) readonly buffer Pairs { Pair pairs[]; };
+layout(scalar) readonly buffer Slots { Slot slots[]; };
+layout(scalar) readonly buffer ActiveSlots { uint active_slots[]; };
+layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
+layout(scalar) readonly buffer Regions { Region regions[]; };
+layout(scalar) readonly buffer Slabs { Slab slabs[]; };
+layout(scalar) readonly buffer Fields { uint fields[]; };
+layout(scalar) coherent buffer SlotChunks { uvec2 slot_chunks[]; };     // regions; becomes chunk, and regions with items before
+layout(scalar) coherent buffer SlotCounts { uvec2 slot_counts[]; };    // chunks, items; become running totals
+layout(scalar) writeonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
+layout(scalar) writeonly buffer Items { uvec2 items[]; };             // active chunk, region
+layout(scalar) coherent buffer CountsInOut { Counts counts; };
+layout(scalar) writeonly buffer Args { uint args[]; };
 
 shared uint masks[SIZE];
 shared uvec2 totals[SIZE];

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
@@ -14,14 +15,14 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint PROXY_PAIRS = 1;
 layout(constant_id = 2) const uint SHARE = 64;      // pairs of a workgroup
 
-layout(scalar, binding = 0) readonly buffer Proxies { Proxy proxies[]; };
-layout(binding = 1) uniform samplerBuffer bounds;           // two texels a proxy: least corner and inflation, greatest corner and radius
-layout(binding = 2) uniform usamplerBuffer proxy_pairs;     // proxy of a, proxy of b
-layout(binding = 3) uniform samplerBuffer hull;
-layout(scalar, binding = 4) writeonly buffer ActivePairs { uint active_pairs[]; };
-layout(scalar, binding = 5) writeonly buffer Reach { vec2 reach_of[]; };   // reach, distance of the hulls
-layout(scalar, binding = 6) writeonly buffer Directions { vec4 directions[]; };    // none yet
-layout(scalar, binding = 7) buffer Args { uint args[]; };
+layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
+READ_ONLY(vec4, bounds);           // two texels a proxy: least corner and inflation, greatest corner and radius
+READ_ONLY(uvec4, proxy_pairs);     // proxy of a, proxy of b
+READ_ONLY(vec4, hull);
+layout(scalar) writeonly buffer ActivePairs { uint active_pairs[]; };
+layout(scalar) writeonly buffer Reach { vec2 reach_of[]; };   // reach, distance of the hulls
+layout(scalar) writeonly buffer Directions { vec4 directions[]; };    // none yet
+layout(scalar) buffer Args { uint args[]; };
 
 #include "shared/gjk.glsl"
 
@@ -40,10 +41,10 @@ void main() {
         uint i = gl_WorkGroupID.x + k * gl_NumWorkGroups.x;
         if (i >= PROXY_PAIRS) break;
         directions[2 * i] = vec4(0.0);
-        uvec2 which = texelFetch(proxy_pairs, int(i)).xy;
-        vec4 a_low = texelFetch(bounds, int(2 * which.x)), b_low = texelFetch(bounds, int(2 * which.y));
+        uvec2 which = fetch(proxy_pairs, i).xy;
+        vec4 a_low = fetch(bounds, 2 * which.x), b_low = fetch(bounds, 2 * which.y);
         // Hulls are drawn in where bodies are cut into them: a little of their size covers that.
-        vec4 a_top = texelFetch(bounds, int(2 * which.x + 1)), b_top = texelFetch(bounds, int(2 * which.y + 1));
+        vec4 a_top = fetch(bounds, 2 * which.x + 1), b_top = fetch(bounds, 2 * which.y + 1);
         float reach = a_low.w + b_low.w + SEAM * min(a_top.w, b_top.w);
         vec3 apart = max(a_low.xyz - b_top.xyz, b_low.xyz - a_top.xyz);
         if (any(greaterThan(apart, vec3(reach)))) continue;
@@ -54,7 +55,7 @@ void main() {
     barrier();
     for (uint k = lane; k < listed_count; k += SIZE) {
         uint i = listed[k];
-        uvec2 which = texelFetch(proxy_pairs, int(i)).xy;
+        uvec2 which = fetch(proxy_pairs, i).xy;
         Proxy a = proxies[which.x];
         Proxy b = proxies[which.y];
         float reach = listed_reach[k];

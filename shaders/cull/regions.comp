@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
@@ -19,24 +20,24 @@ layout(constant_id = 2) const float FOLLOW = 1.0;          // how much of a turn
 layout(constant_id = 3) const uint BUCKETS = 1;
 layout(constant_id = 1) const uint MOST_CELLS = 128;      // squares of a column along a side at most
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar, binding = 2) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar, binding = 3) readonly buffer Bounds { ProxyBounds bounds[]; };
-layout(binding = 4) uniform samplerBuffer hull;
-layout(binding = 5) uniform samplerBuffer directions;
-layout(scalar, binding = 6) buffer Regions { Region regions[]; };
-layout(scalar, binding = 7) writeonly buffer Shares { float shares[]; };        // PAIR_REGIONS a slot
-layout(scalar, binding = 8) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_REGIONS a slot
-layout(scalar, binding = 9) coherent buffer SlotRegions { uint slot_regions[]; };   // a bit each region whose column it is in, and
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer Pairs { Pair pairs[]; };
+layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
+layout(scalar) readonly buffer Bounds { ProxyBounds bounds[]; };
+READ_ONLY(vec4, hull);
+READ_ONLY(vec4, directions);
+layout(scalar) buffer Regions { Region regions[]; };
+layout(scalar) writeonly buffer Shares { float shares[]; };        // PAIR_REGIONS a slot
+layout(scalar) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_REGIONS a slot
+layout(scalar) coherent buffer SlotRegions { uint slot_regions[]; };   // a bit each region whose column it is in, and
                                                                                     // each that it is a member of
-layout(scalar, binding = 10) writeonly buffer SlotCounts { uvec2 slot_counts[]; };
-layout(scalar, binding = 11) writeonly buffer ActiveSlots { uint active_slots[]; };
-layout(scalar, binding = 12) writeonly buffer Fields { uint fields[]; };        // see shared/field.glsl; cleared here
-layout(scalar, binding = 13) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 14) buffer Args { uint args[]; };
-layout(scalar, binding = 15) coherent buffer NearPairs { uint near_pairs[]; };  // pairs of proxies with a direction, in order
-layout(scalar, binding = 16) writeonly buffer Buckets { uint buckets[]; };      // the sights are cleared here, see shared/bins.glsl
+layout(scalar) writeonly buffer SlotCounts { uvec2 slot_counts[]; };
+layout(scalar) writeonly buffer ActiveSlots { uint active_slots[]; };
+layout(scalar) writeonly buffer Fields { uint fields[]; };        // see shared/field.glsl; cleared here
+layout(scalar) buffer CountsInOut { Counts counts; };
+layout(scalar) buffer Args { uint args[]; };
+layout(scalar) coherent buffer NearPairs { uint near_pairs[]; };  // pairs of proxies with a direction, in order
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };      // the sights are cleared here, see shared/bins.glsl
 
 #include "shared/sum.glsl"
 #include "shared/field.glsl"
@@ -81,11 +82,11 @@ struct Direction {
 
 // False where nothing is near.
 bool direction_of(uint proxy_pair, out Direction direction) {
-    vec4 guess = texelFetch(directions, int(2 * proxy_pair));
+    vec4 guess = fetch(directions, 2 * proxy_pair);
     if (guess.w <= 0.0) return false;
     // Divided first, so that no weight is large enough to overflow.
     guess.w /= all_weights;
-    vec4 push = texelFetch(directions, int(2 * proxy_pair + 1)) / (all_pushes + least_push);
+    vec4 push = fetch(directions, 2 * proxy_pair + 1) / (all_pushes + least_push);
     vec3 sum = push.xyz + GUESS * guess.w * guess.xyz;
     float size = length(sum);
     direction = Direction(size > 0.0 ? sum / size : guess.xyz, push.w + GUESS * guess.w, push.w + guess.w);
@@ -97,7 +98,7 @@ void list_near(Pair pair) {
     uint lane = gl_LocalInvocationID.x;
     for (uint first = 0; first < pair.proxy_pair_count; first += SIZE) {
         uint k = pair.first_proxy_pair + first + lane;
-        bool near = first + lane < pair.proxy_pair_count && texelFetch(directions, int(2 * k)).w > 0.0;
+        bool near = first + lane < pair.proxy_pair_count && fetch(directions, 2 * k).w > 0.0;
         is_near[lane] = near ? 1 : 0;
         barrier();
         uint place = near_count;
@@ -251,7 +252,7 @@ void hull_box(uint id, mat3 axes, bool exact, out vec3 least, out vec3 greatest)
     least = vec3(3.0e38);
     greatest = vec3(-3.0e38);
     for (uint k = 0; k < proxy.hull_count; k++) {
-        vec3 x = texelFetch(hull, int(proxy.hull_first + k)).xyz * axes;
+        vec3 x = fetch(hull, proxy.hull_first + k).xyz * axes;
         least = min(least, x - inflation);
         greatest = max(greatest, x + inflation);
     }
@@ -394,7 +395,7 @@ void main() {
         vec4 sums = vec4(0.0);
         for (uint k = lane; k < near_count; k += SIZE) {
             uint at = 2 * near_pairs[pair.first_proxy_pair + k];
-            sums.xy += vec2(texelFetch(directions, int(at)).w, texelFetch(directions, int(at + 1)).w);
+            sums.xy += vec2(fetch(directions, at).w, fetch(directions, at + 1).w);
         }
         sums = workgroup_sum(sums);
         all_weights = sums.x;

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
 // Depth, compute path: triangles of an active chunk, front and back, over the squares of their region that they cover; in
@@ -12,20 +13,20 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const uint MOST_HITS = 1;
 
-layout(scalar, binding = 0) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 1) readonly buffer Items { uvec2 items[]; };
-layout(scalar, binding = 2) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
-layout(scalar, binding = 3) readonly buffer Chunks { Chunk chunks[]; };
-layout(binding = 4) uniform usamplerBuffer chunk_triangles;      // four a texel
-layout(scalar, binding = 5) readonly buffer Regions { Region regions[]; };
-layout(binding = 6) uniform usamplerBuffer triangles;       // three skin vertices
-layout(binding = 7) uniform samplerBuffer skin;
-layout(binding = 8) uniform usamplerBuffer buckets;         // four a texel
-layout(binding = 9) uniform usamplerBuffer bins;
-layout(scalar, binding = 10) readonly buffer BinSquares { uvec2 bin_squares[]; };
-layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
-layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
-layout(scalar, binding = 13) readonly buffer Pairs { Pair pairs[]; };
+layout(scalar) buffer CountsInOut { Counts counts; };
+layout(scalar) readonly buffer Items { uvec2 items[]; };
+layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
+layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
+READ_ONLY(uvec4, chunk_triangles);      // four a texel
+layout(scalar) readonly buffer Regions { Region regions[]; };
+READ_ONLY(uvec4, triangles);       // three skin vertices
+READ_ONLY(vec4, skin);
+READ_ONLY(uvec4, buckets);         // four a texel
+READ_ONLY(uvec4, bins);
+layout(scalar) readonly buffer BinSquares { uvec2 bin_squares[]; };
+layout(scalar) buffer BinHits { uint bin_hits[]; };
+layout(scalar) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
+layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 
 #include "shared/bins.glsl"
 #include "shared/field.glsl"
@@ -64,7 +65,7 @@ void main() {
     barrier();
     for (uint t = lane; t < triangle_count; t += SIZE) {
         done++;
-        uint at = chunk.triangle_first + t, triangle = texelFetch(chunk_triangles, int(at / 4))[at % 4];
+        uint at = chunk.triangle_first + t, triangle = fetch(chunk_triangles, at / 4)[at % 4];
         if (covered_squares(region, item.y, side, triangle, corners, first, last)) {
             if (count_of(first, last) > SHARED) large[atomicAdd(large_count, 1)] = triangle;
             else listed[atomicAdd(listed_count, 1)] = triangle;

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
 // Depth, graphics path: a triangle in one square that it may cover, against the vertices of the other side there. One
@@ -9,13 +10,13 @@
 layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const uint MOST_HITS = 1;
 
-layout(scalar, binding = 0) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 5) readonly buffer Regions { Region regions[]; };
-layout(binding = 8) uniform usamplerBuffer buckets;         // four a texel
-layout(binding = 9) uniform usamplerBuffer bins;
-layout(scalar, binding = 10) readonly buffer BinSquares { uvec2 bin_squares[]; };
-layout(scalar, binding = 11) buffer BinHits { uint bin_hits[]; };
-layout(scalar, binding = 12) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
+layout(scalar) buffer CountsInOut { Counts counts; };
+layout(scalar) readonly buffer Regions { Region regions[]; };
+READ_ONLY(uvec4, buckets);         // four a texel
+READ_ONLY(uvec4, bins);
+layout(scalar) readonly buffer BinSquares { uvec2 bin_squares[]; };
+layout(scalar) buffer BinHits { uint bin_hits[]; };
+layout(scalar) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
 
 layout(location = 0) flat in vec3 corners[3];
 layout(location = 3) flat in uvec3 triangle_at;

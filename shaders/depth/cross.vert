@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
 // Depth, graphics path: the squares that a triangle covers as a quad, so that the rasterizer shares them out, a fragment
@@ -9,15 +10,15 @@
 layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 3) const uint SQUARES = 1;
 
-layout(scalar, binding = 1) readonly buffer Items { uvec2 items[]; };
-layout(scalar, binding = 2) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
-layout(scalar, binding = 3) readonly buffer Chunks { Chunk chunks[]; };
-layout(binding = 4) uniform usamplerBuffer chunk_triangles;      // four a texel
-layout(scalar, binding = 5) readonly buffer Regions { Region regions[]; };
-layout(binding = 6) uniform usamplerBuffer triangles;       // three skin vertices
-layout(binding = 7) uniform samplerBuffer skin;
-layout(binding = 8) uniform usamplerBuffer buckets;         // four a texel
-layout(scalar, binding = 13) readonly buffer Pairs { Pair pairs[]; };
+layout(scalar) readonly buffer Items { uvec2 items[]; };
+layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
+layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
+READ_ONLY(uvec4, chunk_triangles);      // four a texel
+layout(scalar) readonly buffer Regions { Region regions[]; };
+READ_ONLY(uvec4, triangles);       // three skin vertices
+READ_ONLY(vec4, skin);
+READ_ONLY(uvec4, buckets);         // four a texel
+layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 
 layout(location = 0) flat out vec3 corners[3];      // along the region's axes
 layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * region + its side, its item
@@ -36,7 +37,7 @@ void main() {
     Pair pair = pairs[entry.side / 2];
     uint side = entry.side & 1, at = chunk.triangle_first + t;
     if (t >= chunk.triangle_count || pair.is_plane != 0 || !gathers(pair, 1 - side)) return;
-    uint triangle = texelFetch(chunk_triangles, int(at / 4))[at % 4];
+    uint triangle = fetch(chunk_triangles, at / 4)[at % 4];
     ivec2 first, last;
     bool any_covered = covered_squares(regions[item.y], item.y, side, triangle, corners, first, last);
     triangle_at = uvec3(triangle, 2 * item.y + side, gl_InstanceIndex);

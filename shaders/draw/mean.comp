@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 
 // Draw: what a node's tetrahedra have of a density, the mean by volume; zero at a node of none. One invocation a node.
 // Oracle: the same sum in f64.
@@ -8,17 +9,17 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
 
-layout(scalar, binding = 0) readonly buffer First { uint first[]; };            // running totals of the tetrahedra around nodes
-layout(scalar, binding = 1) readonly buffer Around { uint around[]; };
-layout(binding = 2) uniform samplerBuffer densities;            // x: density; y: volume
-layout(scalar, binding = 3) writeonly buffer NodeValues { float node_values[]; };
+layout(scalar) readonly buffer NodeFirst { uint node_first[]; };            // running totals of the tetrahedra around nodes
+layout(scalar) readonly buffer NodeTetrahedra { uint node_tetrahedra[]; };
+READ_ONLY(vec4, densities);            // x: density; y: volume
+layout(scalar) writeonly buffer NodeValues { float node_values[]; };
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= NODES) return;
     float sum = 0.0, volume = 0.0;
-    for (uint k = first[i]; k < first[i + 1]; k++) {
-        vec2 own = texelFetch(densities, int(around[k])).xy;
+    for (uint k = node_first[i]; k < node_first[i + 1]; k++) {
+        vec2 own = fetch(densities, node_tetrahedra[k]).xy;
         sum += own.x * own.y;
         volume += own.y;
     }

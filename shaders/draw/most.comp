@@ -8,9 +8,9 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
-layout(scalar, binding = 0) readonly buffer Ranges { uvec2 ranges[]; };         // first, and one after the last
-layout(scalar, binding = 1) readonly buffer Values { float values[]; };
-layout(scalar, binding = 2) writeonly buffer Most { float most[]; };
+layout(scalar) readonly buffer Ranges { uvec2 ranges[]; };         // first, and one after the last
+layout(scalar) readonly buffer Values { float values[]; };
+layout(scalar) writeonly buffer Most { float most[]; };
 
 shared float greatest[SIZE];
 

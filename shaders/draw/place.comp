@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
@@ -11,27 +12,27 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint VERTICES = 0;
 
-layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };
-layout(binding = 1) uniform usamplerBuffer skin_nodes;      // four nodes; NONE first: rigid
-layout(binding = 2) uniform samplerBuffer skin_weights;     // four weights; of a rigid skin: position in the frame
-layout(binding = 3) uniform samplerBuffer node_rest;
-layout(binding = 4) uniform samplerBuffer displacement;
-layout(binding = 5) uniform usamplerBuffer node_info;       // frame in z
-layout(scalar, binding = 6) readonly buffer RigidFrames { uint rigid_frames[]; };   // of the vertex's body
-layout(scalar, binding = 7) writeonly buffer Positions { vec4 positions[]; };       // w: 1
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: rigid
+READ_ONLY(vec4, skin_weights);     // four weights; of a rigid skin: position in the frame
+READ_ONLY(vec4, node_rest);
+READ_ONLY(vec4, displacement);
+READ_ONLY(uvec4, node_info);       // frame in z
+layout(scalar) readonly buffer RigidFrames { uint rigid_frames[]; };   // of the vertex's body
+layout(scalar) writeonly buffer Positions { vec4 positions[]; };       // w: 1
 
 vec3 world(uint frame, vec3 local) { return frames[frame].centre + rotate(frames[frame].rotation, local); }
 
 vec3 node_position(uint node) {
-    vec3 local = texelFetch(node_rest, int(node)).xyz + texelFetch(displacement, int(node)).xyz;
-    return world(texelFetch(node_info, int(node)).z, local);
+    vec3 local = fetch(node_rest, node).xyz + fetch(displacement, node).xyz;
+    return world(fetch(node_info, node).z, local);
 }
 
 void main() {
     uint vertex = gl_GlobalInvocationID.x;
     if (vertex >= VERTICES) return;
-    uvec4 nodes = texelFetch(skin_nodes, int(vertex));
-    vec4 weights = texelFetch(skin_weights, int(vertex));
+    uvec4 nodes = fetch(skin_nodes, vertex);
+    vec4 weights = fetch(skin_weights, vertex);
     vec3 x = vec3(0.0);
     if (nodes.x == NONE) {
         x = world(rigid_frames[vertex], weights.xyz);

@@ -9,19 +9,19 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
 
-layout(scalar, binding = 0) readonly buffer First { uint first[]; };            // running totals of members
-layout(scalar, binding = 1) readonly buffer Members { uint members[]; };
-layout(scalar, binding = 2) buffer Densities { vec4 densities[]; };             // as draw/energy left them
+layout(scalar) readonly buffer PatchFirst { uint patch_first[]; };            // running totals of members
+layout(scalar) readonly buffer PatchMembers { uint patch_members[]; };
+layout(scalar) buffer Densities { vec4 densities[]; };             // as draw/energy left them
 
 void main() {
     uint p = gl_GlobalInvocationID.x;
     if (p >= PATCHES) return;
     float change = 0.0, volume = 0.0;
-    for (uint k = first[p]; k < first[p + 1]; k++) {
-        vec4 own = densities[members[k]];
+    for (uint k = patch_first[p]; k < patch_first[p + 1]; k++) {
+        vec4 own = densities[patch_members[k]];
         change += own.y * own.z;
         volume += own.y;
     }
     float theta = volume > 0.0 ? change / volume : 0.0;
-    for (uint k = first[p]; k < first[p + 1]; k++) densities[members[k]].x += 0.5 * densities[members[k]].w * theta * theta;
+    for (uint k = patch_first[p]; k < patch_first[p + 1]; k++) densities[patch_members[k]].x += 0.5 * densities[patch_members[k]].w * theta * theta;
 }

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/pressure.glsl"
 
@@ -14,14 +15,14 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint CAPACITY = 0;
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 2) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 3) uniform samplerBuffer contact_forces;
-layout(binding = 4) uniform usamplerBuffer triangles;
-layout(scalar, binding = 5) readonly buffer Solved { uint is_solved; };         // whether contact_forces are of these contacts
-layout(scalar, binding = 6) buffer Depths { uint depths[]; };                   // bits of a float a skin vertex
-layout(scalar, binding = 7) buffer Pressures { uint pressures[]; };
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer CountsIn { Counts counts; };
+layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(vec4, contact_forces);
+READ_ONLY(uvec4, triangles);
+layout(scalar) readonly buffer Solved { uint is_solved; };         // whether contact_forces are of these contacts
+layout(scalar) buffer Depths { uint depths[]; };                   // bits of a float a skin vertex
+layout(scalar) buffer Pressures { uint pressures[]; };
 
 const float LARGEST = 3.0e38;
 
@@ -33,10 +34,10 @@ void main() {
     if (c >= min(counts.contacts, CAPACITY)) return;
     Contact contact = contacts[c];
     if (contact.stiffness == 0.0) return;
-    float pressure = is_solved != 0 ? end_pressure(contact, texelFetch(contact_forces, int(c)), params.dt)
+    float pressure = is_solved != 0 ? end_pressure(contact, fetch(contact_forces, c), params.dt)
         : contact.stiffness * contact.depth + contact.damping * contact.rate;
     uint depth_bits = bits_of(contact.depth), pressure_bits = bits_of(pressure);
-    uvec3 met = contact.triangle == NONE ? uvec3(contact.vertex) : texelFetch(triangles, int(contact.triangle)).xyz;
+    uvec3 met = contact.triangle == NONE ? uvec3(contact.vertex) : fetch(triangles, contact.triangle).xyz;
     uint touched[4] = uint[](contact.vertex, met.x, met.y, met.z);
     for (uint k = 0; k < 4; k++) {
         atomicMax(depths[touched[k]], depth_bits);

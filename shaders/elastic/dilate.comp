@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
 // Elastic: patches, whose tetrahedra share one volumetric strain theta = sum V_e tr(E_e) / V, V = sum V_e. To the operator
@@ -14,16 +15,16 @@ layout(constant_id = 1) const uint PATCHES = 0;
 layout(constant_id = 2) const uint TETRAHEDRA = 0;
 layout(constant_id = 5) const bool AGAIN = false;       // as in elastic/rotate
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(binding = 1) uniform usamplerBuffer patch_nodes;         // three a patch: its nodes, the first again where there are fewer (shared/patch.glsl)
-layout(binding = 2) uniform usamplerBuffer patch_members;       // six a patch, two members each: a tetrahedron; places of its nodes, four bits each
-layout(binding = 3) uniform samplerBuffer patch_constants;      // V (m^3), lambda (Pa), beta (s)
-layout(binding = 4) uniform samplerBuffer rest_gradients;       // w of the first of three: sqrt(V)
-layout(binding = 5) uniform samplerBuffer gradients;            // three a tetrahedron, and three zeros; w of the third: tr(E)
-layout(binding = 6) uniform samplerBuffer velocity;
-layout(binding = 7) uniform samplerBuffer trial_change;
-layout(scalar, binding = 8) writeonly buffer PatchRows { vec4 patch_rows[]; };          // twelve a patch
-layout(scalar, binding = 9) writeonly buffer ElementForces { vec4 element_forces[]; };  // those of patches after all tetrahedra's
+layout(scalar) readonly buffer Params { StepParams params; };
+READ_ONLY(uvec4, patch_nodes);         // three a patch: its nodes, the first again where there are fewer (shared/patch.glsl)
+READ_ONLY(uvec4, patch_members);       // six a patch, two members each: a tetrahedron; places of its nodes, four bits each
+READ_ONLY(vec4, patch_constants);      // V (m^3), lambda (Pa), beta (s)
+READ_ONLY(vec4, rest_gradients);       // w of the first of three: sqrt(V)
+READ_ONLY(vec4, gradients);            // three a tetrahedron, and three zeros; w of the third: tr(E)
+READ_ONLY(vec4, velocity);
+READ_ONLY(vec4, trial_change);
+layout(scalar) writeonly buffer PatchRows { vec4 patch_rows[]; };          // twelve a patch
+layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // those of patches after all tetrahedra's
 
 #include "shared/patch.glsl"
 #include "shared/lag.glsl"
@@ -37,19 +38,19 @@ void main() {
     for (uint k = 0; k < PATCH_NODES; k++) row[k] = vec3(0.0);
     float strain = 0.0;
     for (uint k = 0; k < MEMBERS; k++) {
-        uvec4 pair = texelFetch(patch_members, int(PATCHES * (k / 2) + p));
+        uvec4 pair = fetch(patch_members, PATCHES * (k / 2) + p);
         uvec2 member = k % 2 == 0 ? pair.xy : pair.zw;
         int t = int(member.x);
-        float root = texelFetch(rest_gradients, 3 * t).w;
-        vec3 g1 = texelFetch(gradients, 3 * t).xyz, g2 = texelFetch(gradients, 3 * t + 1).xyz;
-        vec4 g3 = texelFetch(gradients, 3 * t + 2);
+        float root = fetch(rest_gradients, 3 * t).w;
+        vec3 g1 = fetch(gradients, 3 * t).xyz, g2 = fetch(gradients, 3 * t + 1).xyz;
+        vec4 g3 = fetch(gradients, 3 * t + 2);
         row[member.y & 15] -= root * (g1 + g2 + g3.xyz);
         row[member.y >> 4 & 15] += root * g1;
         row[member.y >> 8 & 15] += root * g2;
         row[member.y >> 12 & 15] += root * g3.xyz;
         strain += root * root * g3.w;
     }
-    vec3 constants = texelFetch(patch_constants, int(p)).xyz;
+    vec3 constants = fetch(patch_constants, p).xyz;
     float volume = constants.x, lambda = constants.y, beta = constants.z, step = params.dt * (params.dt + beta);
     float scale = sqrt(step * lambda / volume);
     vec3 v0 = lag(patch_quad(p, 0).x, beta);

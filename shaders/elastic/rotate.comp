@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 #include "shared/polar.glsl"
@@ -23,22 +24,22 @@ layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may ac
 layout(constant_id = 4) const bool NEO_HOOKEAN = false; // whether any material is of that law
 layout(constant_id = 5) const bool AGAIN = false;       // linearised where the last solve leads
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 2) readonly buffer Materials { vec4 materials[]; };     // mu, lambda (Pa), law, beta (s); a material
-layout(binding = 3) uniform usamplerBuffer tetrahedra;
-layout(binding = 4) uniform samplerBuffer rest_gradients;       // three a tetrahedron: g of its last three nodes (1/m); w: sqrt(V), material, frame
-layout(binding = 5) uniform samplerBuffer displacement;
-layout(binding = 6) uniform samplerBuffer velocity;
-layout(binding = 7) uniform usamplerBuffer tetrahedron_links;   // from the first node's frame to each node's; 0: the same
-layout(binding = 8) uniform samplerBuffer node_rest;
-layout(scalar, binding = 9) readonly buffer Links { Link links[]; };
-layout(scalar, binding = 10) readonly buffer PatchOf { uint patch_of[]; };        // patch of each tetrahedron, or NONE
-layout(binding = 11) uniform samplerBuffer trial_change;
-layout(scalar, binding = 12) buffer Rotations { vec4 rotations[]; };
-layout(scalar, binding = 13) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, times lambda (0: by patch), tr(E)
-layout(scalar, binding = 14) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 15) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) readonly buffer Materials { vec4 materials[]; };     // mu, lambda (Pa), law, beta (s); a material
+READ_ONLY(uvec4, tetrahedra);
+READ_ONLY(vec4, rest_gradients);       // three a tetrahedron: g of its last three nodes (1/m); w: sqrt(V), material, frame
+READ_ONLY(vec4, displacement);
+READ_ONLY(vec4, velocity);
+READ_ONLY(uvec4, tetrahedron_links);   // from the first node's frame to each node's; 0: the same
+READ_ONLY(vec4, node_rest);
+layout(scalar) readonly buffer Links { Link links[]; };
+layout(scalar) readonly buffer PatchOf { uint patch_of[]; };        // patch of each tetrahedron, or NONE
+READ_ONLY(vec4, trial_change);
+layout(scalar) buffer Rotations { vec4 rotations[]; };
+layout(scalar) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, times lambda (0: by patch), tr(E)
+layout(scalar) buffer CountsInOut { Counts counts; };
+layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
 
 #include "shared/squeeze.glsl"
 
@@ -54,21 +55,21 @@ mat3 stress(mat3 e, float mu, float lambda) {
 
 // A node's displacement in the tetrahedron's frame.
 vec3 displacement_in(uint node, uint link) {
-    vec3 d = texelFetch(displacement, int(node)).xyz;
-    return SPANS && link != 0 ? across(links[link], texelFetch(node_rest, int(node)).xyz, d) : d;
+    vec3 d = fetch(displacement, node).xyz;
+    return SPANS && link != 0 ? across(links[link], fetch(node_rest, node).xyz, d) : d;
 }
 
 void main() {
     uint t = gl_GlobalInvocationID.x;
     if (t >= TETRAHEDRA) return;
-    uvec4 nodes = texelFetch(tetrahedra, int(t));
-    vec4 g1 = texelFetch(rest_gradients, int(3 * t)), g2 = texelFetch(rest_gradients, int(3 * t + 1)),
-        g3 = texelFetch(rest_gradients, int(3 * t + 2));
+    uvec4 nodes = fetch(tetrahedra, t);
+    vec4 g1 = fetch(rest_gradients, 3 * t), g2 = fetch(rest_gradients, 3 * t + 1),
+        g3 = fetch(rest_gradients, 3 * t + 2);
     uint frame = uint(g3.w);
     vec4 material = materials[uint(g2.w)];
     float mu = material.x, lambda = material.y, root = g1.w;
-    uvec4 link = SPANS ? texelFetch(tetrahedron_links, int(t)) : uvec4(0);
-    vec3 d0 = texelFetch(displacement, int(nodes.x)).xyz;
+    uvec4 link = SPANS ? fetch(tetrahedron_links, t) : uvec4(0);
+    vec3 d0 = fetch(displacement, nodes.x).xyz;
     vec3 d1 = displacement_in(nodes.y, link.y) - d0;
     vec3 d2 = displacement_in(nodes.z, link.z) - d0;
     vec3 d3 = displacement_in(nodes.w, link.w) - d0;

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
@@ -16,15 +17,15 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint CARRIED_NODES = 0;
 layout(constant_id = 6) const uint RIGIDS = 0;
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 2) readonly buffer CarriedNodes { uint carried_nodes[]; };
-layout(binding = 3) uniform usamplerBuffer node_info;       // frame in z
-layout(binding = 4) uniform samplerBuffer node_rest;
-layout(scalar, binding = 5) readonly buffer SolveIn { Solve solve; };
-layout(scalar, binding = 6) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 7) writeonly buffer Velocity { vec4 velocity[]; };
-layout(scalar, binding = 8) writeonly buffer Solution { vec4 solution[]; };     // of dynamic cores only
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) readonly buffer CarriedNodes { uint carried_nodes[]; };
+READ_ONLY(uvec4, node_info);       // frame in z
+READ_ONLY(vec4, node_rest);
+layout(scalar) readonly buffer SolveIn { Solve solve; };
+layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar) writeonly buffer Velocity { vec4 velocity[]; };
+layout(scalar) writeonly buffer Solution { vec4 solution[]; };     // of dynamic cores only
 
 #include "shared/core.glsl"
 
@@ -32,10 +33,10 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= CARRIED_NODES) return;
     uint node = carried_nodes[i];
-    Frame frame = frames[texelFetch(node_info, int(node)).z];
+    Frame frame = frames[fetch(node_info, node).z];
     // R0^T R1 is the inverse of dR = R1^T R0.
     vec4 on = vec4(-frame.turn.xyz, frame.turn.w);
-    vec3 r = texelFetch(node_rest, int(node)).xyz;
+    vec3 r = fetch(node_rest, node).xyz;
     if (frame.core != NONE) {
         vec3 arm = rotate(frame.rotation, r);
         velocity[node] = vec4(frame.linear + cross(frame.angular, arm), 0.0);

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
@@ -11,12 +12,12 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
-layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 1) readonly buffer Floating { uvec4 floating[]; };      // frame, first node, nodes
-layout(binding = 2) uniform samplerBuffer node_rest;        // w: mass, kg
-layout(binding = 3) uniform samplerBuffer displacement;
-layout(binding = 4) uniform samplerBuffer velocity;
-layout(scalar, binding = 5) writeonly buffer Fits { Fit fits[]; };
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) readonly buffer Floating { uvec4 floating[]; };      // frame, first node, nodes
+READ_ONLY(vec4, node_rest);        // w: mass, kg
+READ_ONLY(vec4, displacement);
+READ_ONLY(vec4, velocity);
+layout(scalar) writeonly buffer Fits { Fit fits[]; };
 
 #include "shared/sum.glsl"
 
@@ -27,9 +28,9 @@ void main() {
     vec4 rotation = compose(frame.rotation, vec4(-frame.turn.xyz, frame.turn.w));
     vec3 shift = vec3(0.0), twist = vec3(0.0), momentum = vec3(0.0), spin = vec3(0.0);
     for (uint i = which.y + gl_LocalInvocationID.x; i < which.y + which.z; i += SIZE) {
-        vec4 rest = texelFetch(node_rest, int(i));
-        vec3 d = texelFetch(displacement, int(i)).xyz;
-        vec3 v = texelFetch(velocity, int(i)).xyz;
+        vec4 rest = fetch(node_rest, i);
+        vec3 d = fetch(displacement, i).xyz;
+        vec3 v = fetch(velocity, i).xyz;
         shift += rest.w * d;
         twist += rest.w * cross(rest.xyz, d);
         momentum += rest.w * v;

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
@@ -16,20 +17,20 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const bool SPANS = false;       // whether a proxy may have nodes in other frames
 layout(constant_id = 4) const uint BUCKETS = 1;
 
-layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 1) readonly buffer Proxies { Proxy proxies[]; };
-layout(binding = 2) uniform samplerBuffer hull_rest;
-layout(binding = 3) uniform samplerBuffer face_rest;        // unit normal, offset
-layout(binding = 4) uniform usamplerBuffer proxy_nodes;       // two a texel: node, link from the proxy's frame to its own
-layout(binding = 5) uniform samplerBuffer displacement;
-layout(binding = 6) uniform samplerBuffer node_rest;
-layout(scalar, binding = 7) readonly buffer Links { Link links[]; };
-layout(scalar, binding = 8) writeonly buffer Hull { vec4 hull[]; };
-layout(scalar, binding = 9) writeonly buffer Faces { vec4 faces[]; };
-layout(scalar, binding = 10) writeonly buffer Bounds { ProxyBounds bounds[]; };
-layout(scalar, binding = 11) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
-layout(scalar, binding = 13) writeonly buffer Buckets { uint buckets[]; };      // see shared/bins.glsl
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
+READ_ONLY(vec4, hull_rest);
+READ_ONLY(vec4, face_rest);        // unit normal, offset
+READ_ONLY(uvec4, proxy_nodes);       // two a texel: node, link from the proxy's frame to its own
+READ_ONLY(vec4, displacement);
+READ_ONLY(vec4, node_rest);
+layout(scalar) readonly buffer Links { Link links[]; };
+layout(scalar) writeonly buffer Hull { vec4 hull[]; };
+layout(scalar) writeonly buffer Faces { vec4 faces[]; };
+layout(scalar) writeonly buffer Bounds { ProxyBounds bounds[]; };
+layout(scalar) buffer CountsInOut { Counts counts; };
+layout(scalar) writeonly buffer Args { uint args[]; };
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };      // see shared/bins.glsl
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"
@@ -54,19 +55,19 @@ void main() {
     Frame frame = frames[proxy.frame];
     vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
     for (uint i = proxy.hull_first + lane; i < proxy.hull_first + proxy.hull_count; i += SIZE) {
-        vec3 x = frame.centre + rotate(frame.rotation, texelFetch(hull_rest, int(i)).xyz);
+        vec3 x = frame.centre + rotate(frame.rotation, fetch(hull_rest, i).xyz);
         hull[i] = vec4(x, 0.0);
         least = min(least, x);
         greatest = max(greatest, x);
     }
     for (uint f = proxy.face_first + lane; f < proxy.face_first + proxy.face_count; f += SIZE) {
-        vec4 rest = texelFetch(face_rest, int(f));
+        vec4 rest = fetch(face_rest, f);
         vec3 n = rotate(frame.rotation, rest.xyz);
         faces[f] = vec4(n, rest.w + dot(n, frame.centre));
     }
     float largest = 0.0;
     for (uint i = proxy.node_first / 2 + lane; 2 * i < proxy.node_first + proxy.node_count; i += SIZE) {
-        uvec4 two = texelFetch(proxy_nodes, int(i));
+        uvec4 two = fetch(proxy_nodes, i);
         vec3 d = moved(two.xy), e = moved(two.zw);
         largest = max(largest, max(dot(d, d), dot(e, e)));
     }

@@ -8,15 +8,15 @@ struct Block {
 };
 
 Block block_of(uint b) {
-    uvec4 x = texelFetch(blocks, int(b));
+    uvec4 x = fetch(blocks, b);
     return Block(x.x, x.y, x.z, x.w);
 }
 
 // Node, first quad of elements, quads, bits of its damping.
-uvec4 block_node(Block block, uint k) { return texelFetch(block_nodes, int(block.first + k)); }
+uvec4 block_node(Block block, uint k) { return fetch(block_nodes, block.first + k); }
 
 // alpha m, kg/s.
 float node_damping(uvec4 node) { return uintBitsToFloat(node.w); }
 
 // Where its modes are among those of all blocks: a body's lie together. Needs `coarse_blocks`.
-uint slot_of(uint b) { return texelFetch(coarse_blocks, int(b)).w; }
+uint slot_of(uint b) { return fetch(coarse_blocks, b).w; }

@@ -13,7 +13,7 @@ bool seen(Region region, uint region_index, uint side, vec2 least, vec2 greatest
         for (uint x = range.x; x <= range.z; x++) {
             left--;
             uint at = field + y * FIELD + x;
-            if (key >= texelFetch(buckets, int(at / 4))[at % 4]) return true;
+            if (key >= fetch(buckets, at / 4)[at % 4]) return true;
         }
     }
     return left != 0;
@@ -21,9 +21,9 @@ bool seen(Region region, uint region_index, uint side, vec2 least, vec2 greatest
 
 // A triangle's corners, and its box where vertices are looked for.
 void box_of(Region region, uint triangle, out vec3 corners[3], out vec2 least, out vec2 greatest) {
-    uvec3 vertices = texelFetch(triangles, int(triangle)).xyz;
-    corners = vec3[](along(region, texelFetch(skin, int(vertices.x)).xyz),
-        along(region, texelFetch(skin, int(vertices.y)).xyz), along(region, texelFetch(skin, int(vertices.z)).xyz));
+    uvec3 vertices = fetch(triangles, triangle).xyz;
+    corners = vec3[](along(region, fetch(skin, vertices.x).xyz),
+        along(region, fetch(skin, vertices.y).xyz), along(region, fetch(skin, vertices.z).xyz));
     least = max(min(min(corners[0].xy, corners[1].xy), corners[2].xy), region.low);
     greatest = min(max(max(corners[0].xy, corners[1].xy), corners[2].xy), region.high);
 }

@@ -35,11 +35,11 @@ uint cross_squares(ivec2 first, ivec2 last, uint region_side, vec3 corners[3], u
                 cell = ivec2(wraps ? first.x : cell.x + 1, wraps ? cell.y + 1 : cell.y);
                 left--;
                 uint bucket = bucket_of(cell, region_side);
-                bin = texelFetch(buckets, int(bucket / 4))[bucket % 4];
+                bin = fetch(buckets, bucket / 4)[bucket % 4];
             }
             if (bin < ALL_BINS) {
                 at = bin;
-                uvec4 found = texelFetch(bins, int(bin));
+                uvec4 found = fetch(bins, bin);
                 vec3 x = uintBitsToFloat(found.xyz);
                 // `precise` keeps an edge's product exactly opposite in both its triangles: no ray slips between them.
                 precise vec2 p = corners[0].xy - x.xy, q = corners[1].xy - x.xy, r = corners[2].xy - x.xy;

@@ -4,9 +4,9 @@
 vec3 gather_elements(uint first, uint quads) {
     vec3 sum = vec3(0.0);
     for (uint k = 0; k < quads; k++) {
-        uvec4 entry = texelFetch(node_elements, int(first + k));
-        sum += texelFetch(element_forces, int(entry.x)).xyz + texelFetch(element_forces, int(entry.y)).xyz
-            + texelFetch(element_forces, int(entry.z)).xyz + texelFetch(element_forces, int(entry.w)).xyz;
+        uvec4 entry = fetch(node_elements, first + k);
+        sum += fetch(element_forces, entry.x).xyz + fetch(element_forces, entry.y).xyz
+            + fetch(element_forces, entry.z).xyz + fetch(element_forces, entry.w).xyz;
     }
     return sum;
 }
@@ -16,7 +16,7 @@ vec3 gather_contacts(uint node) {
     uvec2 run = node_entries[node];
     for (uint k = run.x; k < run.x + run.y; k++) {
         uvec2 entry = sorted[k];
-        sum += uintBitsToFloat(entry.y) * texelFetch(contact_forces, int(entry.x)).xyz;
+        sum += uintBitsToFloat(entry.y) * fetch(contact_forces, entry.x).xyz;
     }
     return sum;
 }

@@ -4,10 +4,10 @@
 // Returns a lower bound of the distance that is the distance itself once converged: culling by it never misses a pair.
 
 vec3 support(uint first, uint count, vec3 direction) {
-    vec3 best = texelFetch(hull, int(first)).xyz;
+    vec3 best = fetch(hull, first).xyz;
     float value = dot(best, direction);
     for (uint i = 1; i < count; i++) {
-        vec3 x = texelFetch(hull, int(first + i)).xyz;
+        vec3 x = fetch(hull, first + i).xyz;
         float candidate = dot(x, direction);
         if (candidate > value) {
             value = candidate;
@@ -96,7 +96,7 @@ const uint GJK_ROUNDS = 24;
 
 float hull_distance(uint a_first, uint a_count, uint b_first, uint b_count, float enough) {
     Simplex s;
-    vec3 v = texelFetch(hull, int(a_first)).xyz - texelFetch(hull, int(b_first)).xyz;
+    vec3 v = fetch(hull, a_first).xyz - fetch(hull, b_first).xyz;
     s.points[0] = v;
     s.points[1] = s.points[2] = s.points[3] = vec3(0.0);
     s.count = 1;

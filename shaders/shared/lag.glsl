@@ -3,6 +3,6 @@
 // `trial_change`.
 
 vec3 lag(uint node, float beta) {
-    vec3 v = texelFetch(velocity, int(node)).xyz;
-    return AGAIN ? (beta * v - params.dt * texelFetch(trial_change, int(node)).xyz) / (params.dt + beta) : v;
+    vec3 v = fetch(velocity, node).xyz;
+    return AGAIN ? (beta * v - params.dt * fetch(trial_change, node).xyz) / (params.dt + beta) : v;
 }

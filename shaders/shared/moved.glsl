@@ -3,7 +3,7 @@
 
 // The node, and its link from that frame.
 vec3 moved(uvec2 node) {
-    vec3 d = texelFetch(displacement, int(node.x)).xyz;
-    if (SPANS && node.y != 0) d = across(links[node.y], texelFetch(node_rest, int(node.x)).xyz, d);
+    vec3 d = fetch(displacement, node.x).xyz;
+    if (SPANS && node.y != 0) d = across(links[node.y], fetch(node_rest, node.x).xyz, d);
     return d;
 }

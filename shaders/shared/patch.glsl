@@ -5,7 +5,7 @@ const uint PATCH_NODES = 12;
 
 // Four of a patch's nodes, q in 0..2.
 uvec4 patch_quad(uint p, uint q) {
-    return texelFetch(patch_nodes, int(PATCHES * q + p));
+    return fetch(patch_nodes, PATCHES * q + p);
 }
 
 uint patch_row(uint p, uint k) {

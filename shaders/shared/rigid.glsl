@@ -6,7 +6,7 @@ float[6] image_of(uint index) {
     bool is_tool = TOOL && index == RIGIDS - 1;
     uint first = is_tool ? BLOCKS : rigids[index].slot_first, count = is_tool ? 1 : rigids[index].block_count;
     vec4 turn = is_tool ? vec4(0.0, 0.0, 0.0, 1.0) : frames[rigids[index].frame].rotation;
-    float y[6] = twist_of(restricted_image, first, count, turn);
+    float y[6] = twist_of_restricted_image(first, count, turn);
     if (is_tool) {
         float own[6] = times(params.tool_matrix, iterates[solve.current * RIGIDS + index].x);
         for (int k = 0; k < 6; k++) y[k] += own[k];

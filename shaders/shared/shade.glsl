@@ -3,7 +3,7 @@
 
 // Which of four depths in a row, from this one on, lie behind a depth.
 vec4 lit_row(int first, float depth) {
-    vec4 a = texelFetch(shadow, first >> 2), b = texelFetch(shadow, (first >> 2) + 1);
+    vec4 a = fetch(shadow, first >> 2), b = fetch(shadow, (first >> 2) + 1);
     int from = first & 3;
     vec4 row = from == 0 ? a : (from == 1 ? vec4(a.yzw, b.x) : (from == 2 ? vec4(a.zw, b.xy) : vec4(a.w, b.xyz)));
     return step(vec4(depth), row);

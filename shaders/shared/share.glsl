@@ -5,7 +5,7 @@
 float coarse_share(uint slot) {
     float share = 0.0;
     for (uint k = 0; k < 3; k++) {
-        vec4 scale = texelFetch(coarse_scales, int(3 * slot + k));
+        vec4 scale = fetch(coarse_scales, 3 * slot + k);
         share += dot(scale, scale) / 3.0;
     }
     return share;

@@ -8,12 +8,12 @@ vec4 surface(uint material_index, vec3 x, vec3 n, float value, float sun_share) 
     float evenness = 0.0;
     if ((material.flags & VALUED) != 0) {
         float share = clamp((value - material.low) / (material.high - material.low), 0.0, 1.0);
-        vec3 mapped = texelFetch(colours, int(share * float(SCALE_COLOURS - 1) + 0.5)).rgb;
+        vec3 mapped = fetch(colours, uint(share * float(SCALE_COLOURS - 1) + 0.5)).rgb;
         // Where there is nothing to show, the surface itself is seen.
         evenness = (material.flags & EVEN) != 0 ? 1.0 : smoothstep(0.0, 0.02, share);
         own.rgb = mix(own.rgb, mapped, evenness);
     }
-    if ((material.flags & NUMBERED) != 0) own.rgb = texelFetch(colours, int(SCALE_COLOURS + uint(value + 0.5) % SCALE_COLOURS)).rgb;
+    if ((material.flags & NUMBERED) != 0) own.rgb = fetch(colours, SCALE_COLOURS + uint(value + 0.5) % SCALE_COLOURS).rgb;
     if ((material.flags & UNLIT) != 0) return vec4(shown(own.rgb) * own.a, own.a);
     float sun = max(dot(n, view.sun), 0.0) * ((material.flags & BARE) != 0 ? 1.0 : sun_share);
     float sky = 0.5 + 0.5 * n.y;

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
@@ -15,42 +16,42 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const bool SPANS = false;       // whether a skin vertex may have nodes in several frames
 
-layout(scalar, binding = 0) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 1) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
-layout(scalar, binding = 2) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar, binding = 3) readonly buffer Slots { Slot slots[]; };
-layout(scalar, binding = 4) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar, binding = 5) readonly buffer Chunks { Chunk chunks[]; };
-layout(binding = 6) uniform usamplerBuffer chunk_vertices;  // four a texel
-layout(binding = 7) uniform usamplerBuffer skin_nodes;      // four nodes; NONE first: rigid
-layout(binding = 8) uniform samplerBuffer skin_weights;     // four weights; of a rigid skin: position in the frame
-layout(binding = 9) uniform samplerBuffer node_rest;
-layout(binding = 10) uniform samplerBuffer displacement;
-layout(binding = 11) uniform usamplerBuffer node_info;       // frame in z
-layout(scalar, binding = 12) readonly buffer Regions { Region regions[]; };
-layout(scalar, binding = 13) readonly buffer Shares { float shares[]; };
-layout(scalar, binding = 14) writeonly buffer Skin { vec4 skin[]; };
-layout(scalar, binding = 15) buffer Buckets { uint buckets[]; };            // cleared to NONE
-layout(scalar, binding = 16) writeonly buffer Bins { uvec4 bins[]; };       // CHUNK_VERTICES an item
-layout(scalar, binding = 17) writeonly buffer BinHits { uint bin_hits[]; };     // first crossing found: none yet
-layout(scalar, binding = 18) writeonly buffer BinSquares { uvec2 bin_squares[]; };
-layout(binding = 19) uniform usamplerBuffer fields;
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
+layout(scalar) readonly buffer Pairs { Pair pairs[]; };
+layout(scalar) readonly buffer Slots { Slot slots[]; };
+layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
+layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
+READ_ONLY(uvec4, chunk_vertices);  // four a texel
+READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: rigid
+READ_ONLY(vec4, skin_weights);     // four weights; of a rigid skin: position in the frame
+READ_ONLY(vec4, node_rest);
+READ_ONLY(vec4, displacement);
+READ_ONLY(uvec4, node_info);       // frame in z
+layout(scalar) readonly buffer Regions { Region regions[]; };
+layout(scalar) readonly buffer Shares { float shares[]; };
+layout(scalar) writeonly buffer Skin { vec4 skin[]; };
+layout(scalar) buffer Buckets { uint buckets[]; };            // cleared to NONE
+layout(scalar) writeonly buffer Bins { uvec4 bins[]; };       // CHUNK_VERTICES an item
+layout(scalar) writeonly buffer BinHits { uint bin_hits[]; };     // first crossing found: none yet
+layout(scalar) writeonly buffer BinSquares { uvec2 bin_squares[]; };
+READ_ONLY(uvec4, fields);
 
 #include "shared/bins.glsl"
 #include "shared/field.glsl"
 
 shared vec3 own[CHUNK_VERTICES];
 
-vec3 node_position(uint node) { return texelFetch(node_rest, int(node)).xyz + texelFetch(displacement, int(node)).xyz; }
+vec3 node_position(uint node) { return fetch(node_rest, node).xyz + fetch(displacement, node).xyz; }
 
 vec3 world(uint node) {
-    Frame frame = frames[texelFetch(node_info, int(node)).z];
+    Frame frame = frames[fetch(node_info, node).z];
     return frame.centre + rotate(frame.rotation, node_position(node));
 }
 
 vec3 position(Frame frame, uint vertex) {
-    uvec4 nodes = texelFetch(skin_nodes, int(vertex));
-    vec4 weights = texelFetch(skin_weights, int(vertex));
+    uvec4 nodes = fetch(skin_nodes, vertex);
+    vec4 weights = fetch(skin_weights, vertex);
     if (SPANS && nodes.x != NONE) {
         return weights.x * world(nodes.x) + weights.y * world(nodes.y) + weights.z * world(nodes.z)
             + weights.w * world(nodes.w);
@@ -69,7 +70,7 @@ void main() {
     Chunk chunk = chunks[entry.chunk];
     Frame frame = frames[proxies[slots[entry.slot].proxy].frame];
     for (uint l = lane; l < chunk.embed_count; l += SIZE) {
-        uint v = chunk.vertex_first + l, vertex = texelFetch(chunk_vertices, int(v / 4))[v % 4];
+        uint v = chunk.vertex_first + l, vertex = fetch(chunk_vertices, v / 4)[v % 4];
         vec3 x = position(frame, vertex);
         skin[vertex] = vec4(x, 1.0);
         if (l < chunk.vertex_count) own[l] = x;
@@ -91,7 +92,7 @@ void main() {
             // In front of all that the other side reaches.
             uvec2 square = squares(region, at.xy, at.xy).xy;
             uint field = field_at(region_index, 1 - side) + square.y * FIELD + square.x;
-            uint other = texelFetch(fields, int(field / 4))[field % 4];
+            uint other = fetch(fields, field / 4)[field % 4];
             if (side == 0 ? height_key(at.z) < other : height_key(at.z) > other) continue;
             ivec2 cell = cell_of(region, side, at.xy);
             uint next = atomicExchange(buckets[bucket_of(cell, region_side)], bin);

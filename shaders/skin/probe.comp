@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 
 // Skin: the displacements of the nodes of the probed skin vertices, each in its frame; the host weighs them and places them
 // in the world in f64. Nodes of a rigid skin are NONE and read as zero. One invocation a node of a probe.
@@ -9,9 +10,9 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PROBE_NODES = 0;
 
-layout(scalar, binding = 0) readonly buffer ProbeNodes { uint probe_nodes[]; };
-layout(binding = 1) uniform samplerBuffer displacement;
-layout(scalar, binding = 2) writeonly buffer Probes { vec4 probes[]; };
+layout(scalar) readonly buffer ProbeNodes { uint probe_nodes[]; };
+READ_ONLY(vec4, displacement);
+layout(scalar) writeonly buffer Probes { vec4 probes[]; };
 
 const uint NONE = 0xffffffffu;
 
@@ -19,5 +20,5 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= PROBE_NODES) return;
     uint node = probe_nodes[i];
-    probes[i] = node == NONE ? vec4(0.0) : vec4(texelFetch(displacement, int(node)).xyz, 0.0);
+    probes[i] = node == NONE ? vec4(0.0) : vec4(fetch(displacement, node).xyz, 0.0);
 }

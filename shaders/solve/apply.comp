@@ -1,5 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 
 // Solve: what elements do to a change of velocity p: a tetrahedron gives (2 mu sym(W) + lambda tr(W) I) g'_i with
 // W = sum p_i g'_i^T to its nodes, which solve/gather sums. One invocation a tetrahedron.
@@ -8,21 +10,21 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 
-layout(binding = 0) uniform usamplerBuffer tetrahedra;
-layout(binding = 1) uniform samplerBuffer gradients;
-layout(binding = 2) uniform samplerBuffer change;
-layout(scalar, binding = 3) writeonly buffer ElementForces { vec4 element_forces[]; };
+READ_ONLY(uvec4, tetrahedra);
+READ_ONLY(vec4, gradients);
+READ_ONLY(vec4, change);
+layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };
 
 void main() {
     uint t = gl_GlobalInvocationID.x;
     if (t >= TETRAHEDRA) return;
-    uvec4 nodes = texelFetch(tetrahedra, int(t));
-    vec4 g1 = texelFetch(gradients, int(3 * t)), g2 = texelFetch(gradients, int(3 * t + 1));
-    vec3 g3 = texelFetch(gradients, int(3 * t + 2)).xyz;
-    vec3 p0 = texelFetch(change, int(nodes.x)).xyz;
-    mat3 w = outerProduct(texelFetch(change, int(nodes.y)).xyz - p0, g1.xyz)
-        + outerProduct(texelFetch(change, int(nodes.z)).xyz - p0, g2.xyz)
-        + outerProduct(texelFetch(change, int(nodes.w)).xyz - p0, g3);
+    uvec4 nodes = fetch(tetrahedra, t);
+    vec4 g1 = fetch(gradients, 3 * t), g2 = fetch(gradients, 3 * t + 1);
+    vec3 g3 = fetch(gradients, 3 * t + 2).xyz;
+    vec3 p0 = fetch(change, nodes.x).xyz;
+    mat3 w = outerProduct(fetch(change, nodes.y).xyz - p0, g1.xyz)
+        + outerProduct(fetch(change, nodes.z).xyz - p0, g2.xyz)
+        + outerProduct(fetch(change, nodes.w).xyz - p0, g3);
     float pressure = g2.w * (w[0][0] + w[1][1] + w[2][2]);
     mat3 s = g1.w * (w + transpose(w)) + mat3(pressure, 0, 0, 0, pressure, 0, 0, 0, pressure);
     vec3 f1 = s * g1.xyz, f2 = s * g2.xyz, f3 = s * g3;

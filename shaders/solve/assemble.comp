@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
 // Solve: right-hand side b = h m g - h alpha m v + sum (h f - (h^2 + h beta) K v) - sum w ((h a k delta + (h^2 k + h d) a
@@ -21,35 +22,35 @@ layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const bool JOINTS = false;
 layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(binding = 2) uniform usamplerBuffer blocks;
-layout(binding = 3) uniform usamplerBuffer block_nodes;
-layout(binding = 4) uniform samplerBuffer block_places;     // middle in the frame, 1 / size
-layout(binding = 5) uniform samplerBuffer block_moments;    // inverse of sum x x^T: xx yy zz, xy xz yz
-layout(binding = 6) uniform usamplerBuffer coarse_blocks;
-layout(binding = 7) uniform samplerBuffer node_rest;        // w: mass, kg
-layout(binding = 8) uniform samplerBuffer velocity;
-layout(binding = 9) uniform samplerBuffer displacement;
-layout(binding = 10) uniform usamplerBuffer node_elements;
-layout(binding = 11) uniform samplerBuffer element_forces;
-layout(binding = 12) uniform samplerBuffer gradients;
-layout(binding = 13) uniform samplerBuffer patch_rows;
-layout(scalar, binding = 14) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar, binding = 15) readonly buffer Sorted { uvec2 sorted[]; };
-layout(scalar, binding = 16) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 17) uniform samplerBuffer leftover;        // b - A x of the last step
-layout(scalar, binding = 18) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 19) writeonly buffer Rhs { vec4 rhs[]; };
-layout(scalar, binding = 20) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
-layout(scalar, binding = 21) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
-layout(scalar, binding = 22) writeonly buffer Partials { vec2 partials[]; };
-layout(scalar, binding = 23) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
-layout(scalar, binding = 24) buffer BlockRotations { vec4 block_rotations[]; };  // of blocks in their frames, kept as the next start
-layout(scalar, binding = 25) writeonly buffer BlockTurns { vec4 block_turns[]; };        // the same in the world: of their modes
-layout(binding = 26) uniform samplerBuffer coarse_scales;
-layout(scalar, binding = 27) readonly buffer Joints { Joint joints[]; };
-layout(scalar, binding = 28) readonly buffer JointSides { uint joint_sides[]; };
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+READ_ONLY(uvec4, blocks);
+READ_ONLY(uvec4, block_nodes);
+READ_ONLY(vec4, block_places);     // middle in the frame, 1 / size
+READ_ONLY(vec4, block_moments);    // inverse of sum x x^T: xx yy zz, xy xz yz
+READ_ONLY(uvec4, coarse_blocks);
+READ_ONLY(vec4, node_rest);        // w: mass, kg
+READ_ONLY(vec4, velocity);
+READ_ONLY(vec4, displacement);
+READ_ONLY(uvec4, node_elements);
+READ_ONLY(vec4, element_forces);
+READ_ONLY(vec4, gradients);
+READ_ONLY(vec4, patch_rows);
+layout(scalar) readonly buffer NodeEntries { uvec2 node_entries[]; };
+layout(scalar) readonly buffer Sorted { uvec2 sorted[]; };
+layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(vec4, leftover);        // b - A x of the last step
+layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar) writeonly buffer Rhs { vec4 rhs[]; };
+layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
+layout(scalar) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
+layout(scalar) writeonly buffer Partials { vec2 partials[]; };
+layout(scalar) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
+layout(scalar) buffer BlockRotations { vec4 block_rotations[]; };  // of blocks in their frames, kept as the next start
+layout(scalar) writeonly buffer BlockTurns { vec4 block_turns[]; };        // the same in the world: of their modes
+READ_ONLY(vec4, coarse_scales);
+layout(scalar) readonly buffer Joints { Joint joints[]; };
+layout(scalar) readonly buffer JointSides { uint joint_sides[]; };
 
 const uint SUMS = 7;
 
@@ -105,7 +106,7 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
 
 // How a block has turned in its frame: the polar part of I + sum d x^T (sum x x^T)^-1 / size; `sums`: d x^T.
 vec4 rotation_of(uint b, float inverse_size, mat3 sums) {
-    vec3 d = texelFetch(block_moments, int(2 * b)).xyz, o = texelFetch(block_moments, int(2 * b + 1)).xyz;
+    vec3 d = fetch(block_moments, 2 * b).xyz, o = fetch(block_moments, 2 * b + 1).xyz;
     mat3 moments = mat3(d.x, o.x, o.y, o.x, d.y, o.z, o.y, o.z, d.z);
     bool lost;
     return polar(mat3(1.0) + inverse_size * sums * moments, block_rotations[b], lost);
@@ -114,36 +115,36 @@ vec4 rotation_of(uint b, float inverse_size, mat3 sums) {
 void main() {
     uint lane = gl_LocalInvocationID.x;
     Block block = block_of(gl_WorkGroupID.x);
-    vec4 place = texelFetch(block_places, int(gl_WorkGroupID.x)), turn = frames[block.frame].rotation;
+    vec4 place = fetch(block_places, gl_WorkGroupID.x), turn = frames[block.frame].rotation;
     float h = params.dt;
     Modes modes = no_modes(), moved = no_modes();
     vec3 sums = vec3(0.0);
     for (uint at = lane; at < block.count; at += SIZE) {
         uvec4 node = block_node(block, at);
         int i = int(node.x);
-        vec4 rest = texelFetch(node_rest, i);
-        vec3 v = texelFetch(velocity, i).xyz;
+        vec4 rest = fetch(node_rest, i);
+        vec3 v = fetch(velocity, i).xyz;
         float damping = node_damping(node);
-        vec3 b = h * (rest.w * params.gravity - damping * v) + texelFetch(leftover, i).xyz;
+        vec3 b = h * (rest.w * params.gravity - damping * v) + fetch(leftover, i).xyz;
         vec3 e = abs(h * rest.w * params.gravity) + abs(h * damping * v);
         // The diagonal block: xx yy zz in `a`, xy xz yz in `c`.
         vec3 a = vec3(rest.w + h * damping), c = vec3(0.0);
         for (uint k = 0; k < node.z; k++) {
-            uvec4 entries = texelFetch(node_elements, int(node.y + k));
+            uvec4 entries = fetch(node_elements, node.y + k);
             for (uint l = 0; l < 4; l++) {
                 uint entry = entries[l];
-                vec3 f = texelFetch(element_forces, int(entry)).xyz;
+                vec3 f = fetch(element_forces, entry).xyz;
                 b += f;
                 e += abs(f);
                 if (PATCHES && entry >= 4 * (TETRAHEDRA + 1)) {
-                    vec3 row = texelFetch(patch_rows, int(entry - 4 * (TETRAHEDRA + 1))).xyz;
+                    vec3 row = fetch(patch_rows, entry - 4 * (TETRAHEDRA + 1)).xyz;
                     a += row * row;
                     c += row.xxy * row.yzz;
                     continue;
                 }
                 int t = int(entry / 4);
-                vec4 g1 = texelFetch(gradients, 3 * t), g2 = texelFetch(gradients, 3 * t + 1);
-                vec3 g3 = texelFetch(gradients, 3 * t + 2).xyz;
+                vec4 g1 = fetch(gradients, 3 * t), g2 = fetch(gradients, 3 * t + 1);
+                vec3 g3 = fetch(gradients, 3 * t + 2).xyz;
                 uint corner = entry % 4;
                 vec3 g = corner == 0 ? -g1.xyz - g2.xyz - g3 : (corner == 1 ? g1.xyz : (corner == 2 ? g2.xyz : g3));
                 a += g1.w * dot(g, g) + (g1.w + g2.w) * g * g;
@@ -170,7 +171,7 @@ void main() {
             sums.z += ROUNDING * dot(e, ROUNDING * e);
             vec3 where = (rest.xyz - place.xyz) * place.w;
             add_modes(modes, b, where);
-            add_modes(moved, texelFetch(displacement, i).xyz, where);
+            add_modes(moved, fetch(displacement, i).xyz, where);
         }
         preconditioned[i] = vec4(z, 0.0);
         inverse[2 * i] = vec4(diagonal, 0.0);

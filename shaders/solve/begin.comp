@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
@@ -11,25 +12,25 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 3) const bool COARSE = false;
 
-layout(scalar, binding = 0) readonly buffer SolveIn { Solve solve; };
-layout(binding = 1) uniform samplerBuffer block_turns;
-layout(binding = 2) uniform usamplerBuffer blocks;
-layout(binding = 3) uniform usamplerBuffer block_nodes;
-layout(binding = 4) uniform samplerBuffer block_places;
-layout(binding = 5) uniform usamplerBuffer coarse_blocks;
-layout(binding = 6) uniform samplerBuffer node_rest;
-layout(binding = 7) uniform samplerBuffer rhs;
-layout(binding = 8) uniform samplerBuffer image;            // A x
-layout(binding = 9) uniform samplerBuffer inverse;
-layout(binding = 10) uniform samplerBuffer coarse_rhs;
-layout(binding = 11) uniform samplerBuffer coarse_image;
-layout(scalar, binding = 12) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 13) buffer Solution { vec4 solution[]; };
-layout(scalar, binding = 14) writeonly buffer Residual { vec4 residual[]; };
-layout(scalar, binding = 15) writeonly buffer Preconditioned { vec4 preconditioned[]; };
-layout(scalar, binding = 16) writeonly buffer Direction { vec4 direction[]; };
-layout(scalar, binding = 17) writeonly buffer DirectionImage { vec4 direction_image[]; };
-layout(scalar, binding = 18) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T s, of both sets
+layout(scalar) readonly buffer SolveIn { Solve solve; };
+READ_ONLY(vec4, block_turns);
+READ_ONLY(uvec4, blocks);
+READ_ONLY(uvec4, block_nodes);
+READ_ONLY(vec4, block_places);
+READ_ONLY(uvec4, coarse_blocks);
+READ_ONLY(vec4, node_rest);
+READ_ONLY(vec4, rhs);
+READ_ONLY(vec4, image);            // A x
+READ_ONLY(vec4, inverse);
+READ_ONLY(vec4, coarse_rhs);
+READ_ONLY(vec4, coarse_image);
+layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar) buffer Solution { vec4 solution[]; };
+layout(scalar) writeonly buffer Residual { vec4 residual[]; };
+layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };
+layout(scalar) writeonly buffer Direction { vec4 direction[]; };
+layout(scalar) writeonly buffer DirectionImage { vec4 direction_image[]; };
+layout(scalar) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T s, of both sets
 
 #include "shared/blocks.glsl"
 #include "shared/modes.glsl"
@@ -39,8 +40,8 @@ layout(scalar, binding = 18) writeonly buffer RestrictedDirection { vec4 restric
 Modes coarse_start(uint slot, vec4 turn) {
     vec4 z[3];
     for (int k = 0; k < 3; k++) {
-        z[k] = texelFetch(coarse_rhs, int(3 * slot + k));
-        if (solve.warm != 0.0) z[k] -= solve.warm * texelFetch(coarse_image, int(3 * slot + k));
+        z[k] = fetch(coarse_rhs, 3 * slot + k);
+        if (solve.warm != 0.0) z[k] -= solve.warm * fetch(coarse_image, 3 * slot + k);
     }
     return to_world(unpacked(z[0], z[1], z[2]), turn);
 }
@@ -48,7 +49,7 @@ Modes coarse_start(uint slot, vec4 turn) {
 void main() {
     uint b = gl_WorkGroupID.x;
     Block block = block_of(b);
-    vec4 place = texelFetch(block_places, int(b)), turn = texelFetch(block_turns, int(b));
+    vec4 place = fetch(block_places, b), turn = fetch(block_turns, b);
     Modes modes = no_modes();
     if (COARSE) {
         uint slot = slot_of(b);
@@ -57,7 +58,7 @@ void main() {
     }
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         int i = int(block_node(block, at).x);
-        vec3 rest = texelFetch(node_rest, i).xyz;
+        vec3 rest = fetch(node_rest, i).xyz;
         direction[i] = vec4(0.0);
         direction_image[i] = vec4(0.0);
         if (block.rigid != NONE) {
@@ -67,10 +68,10 @@ void main() {
             residual[i] = vec4(0.0);
             continue;
         }
-        vec3 r = texelFetch(rhs, i).xyz;
+        vec3 r = fetch(rhs, i).xyz;
         // Not a product with zero: what is left of a failed step may not be a number.
-        if (solve.warm != 0.0) r -= solve.warm * texelFetch(image, i).xyz;
-        vec3 d = texelFetch(inverse, 2 * i).xyz, o = texelFetch(inverse, 2 * i + 1).xyz;
+        if (solve.warm != 0.0) r -= solve.warm * fetch(image, i).xyz;
+        vec3 d = fetch(inverse, 2 * i).xyz, o = fetch(inverse, 2 * i + 1).xyz;
         vec3 u = vec3(d.x * r.x + o.x * r.y + o.y * r.z, o.x * r.x + d.y * r.y + o.z * r.z, o.y * r.x + o.z * r.y + d.z * r.z);
         if (COARSE) u += moved_by(modes, (rest - place.xyz) * place.w);
         solution[i] = solve.warm != 0.0 ? solve.warm * solution[i] : vec4(0.0);

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
@@ -14,26 +15,26 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
 layout(constant_id = 6) const uint RIGIDS = 0;
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(binding = 2) uniform usamplerBuffer node_info;
-layout(binding = 3) uniform samplerBuffer solution;
-layout(binding = 4) uniform samplerBuffer rhs;
-layout(binding = 5) uniform samplerBuffer image;            // A x
-layout(binding = 6) uniform samplerBuffer node_rest;
-layout(scalar, binding = 7) readonly buffer SolveIn { Solve solve; };
-layout(scalar, binding = 8) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 9) buffer Velocity { vec4 velocity[]; };
-layout(scalar, binding = 10) buffer Displacement { vec4 displacement[]; };
-layout(scalar, binding = 11) writeonly buffer Leftover { vec4 leftover[]; };
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+READ_ONLY(uvec4, node_info);
+READ_ONLY(vec4, solution);
+READ_ONLY(vec4, rhs);
+READ_ONLY(vec4, image);            // A x
+READ_ONLY(vec4, node_rest);
+layout(scalar) readonly buffer SolveIn { Solve solve; };
+layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar) buffer Velocity { vec4 velocity[]; };
+layout(scalar) buffer Displacement { vec4 displacement[]; };
+layout(scalar) writeonly buffer Leftover { vec4 leftover[]; };
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= NODES) return;
-    uvec4 info = texelFetch(node_info, int(i));
+    uvec4 info = fetch(node_info, i);
     if (info.w != FREE) return;
-    vec3 v = velocity[i].xyz + texelFetch(solution, int(i)).xyz;
-    leftover[i] = texelFetch(rhs, int(i)) - texelFetch(image, int(i));
+    vec3 v = velocity[i].xyz + fetch(solution, i).xyz;
+    leftover[i] = fetch(rhs, i) - fetch(image, i);
     velocity[i] = vec4(v, 0.0);
     Frame frame = frames[info.z];
     if (RIGIDS > 0 && frame.core != NONE) {
@@ -45,5 +46,5 @@ void main() {
     vec3 d = displacement[i].xyz;
     // R1^T = dR R0^T.
     vec3 step = rotate(frame.turn, rotate_back(frame.rotation, params.dt * (v - frame.linear)));
-    displacement[i] = vec4(d + turned(frame.turn, texelFetch(node_rest, int(i)).xyz + d) + step, 0.0);
+    displacement[i] = vec4(d + turned(frame.turn, fetch(node_rest, i).xyz + d) + step, 0.0);
 }

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
@@ -21,22 +22,22 @@ layout(constant_id = 6) const uint RIGIDS = 0;
 layout(constant_id = 8) const uint NODES = 0;
 layout(constant_id = 9) const uint SKIN_PARTS = 0;      // workgroups of wrench/gap
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 2) readonly buffer Dots { vec2 dots[]; };              // of solve/gather, mode 2
-layout(scalar, binding = 3) readonly buffer CoarseDots { vec4 coarse_dots[]; };
-layout(binding = 4) uniform samplerBuffer restricted_image;     // P^T A x
-layout(binding = 5) uniform samplerBuffer contact_forces;       // of the solution
-layout(scalar, binding = 6) readonly buffer Iterations { Iteration iterations[2]; };
-layout(scalar, binding = 7) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 8) buffer CountsInOut { Counts counts; };
-layout(scalar, binding = 9) buffer Contacts { Contact contacts[]; };
-layout(scalar, binding = 10) buffer SolveInOut { Solve solve; };
-layout(scalar, binding = 11) coherent buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 12) writeonly buffer Args { uint args[]; };
-layout(scalar, binding = 13) writeonly buffer ReportOut { Report report; };
-layout(scalar, binding = 14) writeonly buffer CoreChanges { float core_changes[]; };     // six a core, for the host
-layout(scalar, binding = 15) readonly buffer RigidInverses { float rigid_inverses[]; };
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) readonly buffer Dots { vec2 dots[]; };              // of solve/gather, mode 2
+layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };
+READ_ONLY(vec4, restricted_image);     // P^T A x
+READ_ONLY(vec4, contact_forces);       // of the solution
+layout(scalar) readonly buffer Iterations { Iteration iterations[2]; };
+layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar) buffer CountsInOut { Counts counts; };
+layout(scalar) buffer Contacts { Contact contacts[]; };
+layout(scalar) buffer SolveInOut { Solve solve; };
+layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
+layout(scalar) writeonly buffer Args { uint args[]; };
+layout(scalar) writeonly buffer ReportOut { Report report; };
+layout(scalar) writeonly buffer CoreChanges { float core_changes[]; };     // six a core, for the host
+layout(scalar) readonly buffer RigidInverses { float rigid_inverses[]; };
 
 const uint MAX_RETRIES = 4;
 // Residual above which a broken solve is not accepted, and any other: there it is further off than where it began.
@@ -49,6 +50,7 @@ shared float deepest[SIZE];
 #include "shared/sum.glsl"
 #include "shared/settle.glsl"
 #include "shared/twist.glsl"
+TWIST_OF(restricted_image)
 #include "shared/rigid.glsl"
 #include "shared/pressure.glsl"
 
@@ -69,13 +71,15 @@ void main() {
     for (uint k = lane; k < BLOCKS; k += SIZE) sums.xw += dots[k] + (COARSE ? vec2(coarse_dots[k].x, 0.0) : vec2(0.0));
     float depth = 0.0;
     // y: contacts that push or are yet undecided, z: that pull; w: the square of what rounding leaves of the residual.
-    for (uint c = lane; c < contact_count; c += SIZE) {
-        Contact contact = contacts[c];
-        if (contact.stiffness == 0.0) continue;
-        bool pulls = end_pressure(contact, texelFetch(contact_forces, int(c)), params.dt) < 0.0;
-        sums.y += 1.0;
-        depth = max(depth, contact.depth);
-        sums.z += pulls ? 1.0 : 0.0;
+    if (CONTACT) {
+        for (uint c = lane; c < contact_count; c += SIZE) {
+            Contact contact = contacts[c];
+            if (contact.stiffness == 0.0) continue;
+            bool pulls = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;
+            sums.y += 1.0;
+            depth = max(depth, contact.depth);
+            sums.z += pulls ? 1.0 : 0.0;
+        }
     }
     deepest[lane] = depth;
     for (uint index = lane; index < RIGIDS; index += SIZE) leave_undone(index);
@@ -85,11 +89,11 @@ void main() {
     }
     sums = workgroup_sum(sums);
     bool again = solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retries < MAX_RETRIES;
-    if (again) {
+    if (CONTACT && again) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
             if (contact.stiffness == 0.0) continue;
-            if (end_pressure(contact, texelFetch(contact_forces, int(c)), params.dt) < 0.0) {
+            if (end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0) {
                 contacts[c].stiffness = 0.0;
                 contacts[c].damping = 0.0;
                 contacts[c].friction = 0.0;

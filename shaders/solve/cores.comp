@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
@@ -17,18 +18,18 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const bool JOINTS = false;
 layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(binding = 2) uniform usamplerBuffer block_nodes;
-layout(binding = 3) uniform samplerBuffer node_rest;
-layout(binding = 4) uniform samplerBuffer rhs;
-layout(binding = 5) uniform samplerBuffer inverse;              // of carried nodes: their diagonal blocks as they are
-layout(binding = 6) uniform samplerBuffer restricted_rhs;       // P^T b
-layout(scalar, binding = 7) readonly buffer Joints { Joint joints[]; };
-layout(scalar, binding = 8) readonly buffer JointSides { uint joint_sides[]; };
-layout(scalar, binding = 9) coherent buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 10) coherent buffer RigidBlocks { float rigid_blocks[]; };      // S or its inverse, and T, of each
-layout(scalar, binding = 11) coherent buffer RigidInverses { float rigid_inverses[]; };
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+READ_ONLY(uvec4, block_nodes);
+READ_ONLY(vec4, node_rest);
+READ_ONLY(vec4, rhs);
+READ_ONLY(vec4, inverse);              // of carried nodes: their diagonal blocks as they are
+READ_ONLY(vec4, restricted_rhs);       // P^T b
+layout(scalar) readonly buffer Joints { Joint joints[]; };
+layout(scalar) readonly buffer JointSides { uint joint_sides[]; };
+layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
+layout(scalar) coherent buffer RigidBlocks { float rigid_blocks[]; };      // S or its inverse, and T, of each
+layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 
 #include "shared/six.glsl"
 #include "shared/sum.glsl"
@@ -36,12 +37,13 @@ layout(scalar, binding = 11) coherent buffer RigidInverses { float rigid_inverse
 #include "shared/core.glsl"
 #include "shared/joint.glsl"
 #include "shared/twist.glsl"
+TWIST_OF(restricted_rhs)
 
 const uint NUMBERS = 72;        // of rigid_blocks, a core
 
 // D of a carried node times a vector.
 vec3 block_times(uint node, vec3 v) {
-    vec3 d = texelFetch(inverse, int(2 * node)).xyz, o = texelFetch(inverse, int(2 * node + 1)).xyz;
+    vec3 d = fetch(inverse, 2 * node).xyz, o = fetch(inverse, 2 * node + 1).xyz;
     return vec3(d.x * v.x + o.x * v.y + o.y * v.z, o.x * v.x + d.y * v.y + o.z * v.z, o.y * v.x + o.z * v.y + d.z * v.z);
 }
 
@@ -78,9 +80,9 @@ void assemble(uint c) {
     for (int k = 0; k < 36; k++) block[k] = 0.0;
     vec3 force_size = vec3(0.0), torque_size = vec3(0.0);
     for (uint k = gl_LocalInvocationID.x; k < core.node_count; k += SIZE) {
-        uint node = texelFetch(block_nodes, int(core.node_first + k)).x;
+        uint node = fetch(block_nodes, core.node_first + k).x;
         vec3 arm = arm_of(node, turn);
-        vec3 f = texelFetch(rhs, int(node)).xyz;
+        vec3 f = fetch(rhs, node).xyz;
         force_size += abs(f);
         torque_size += abs(cross(arm, f));
         for (int j = 0; j < 6; j++) {
@@ -114,7 +116,7 @@ void assemble(uint c) {
         torque_size += abs(torque);
     }
     for (int k = 0; k < 36; k++) rigid_blocks[NUMBERS * c + k] = block[k];
-    rigids[c].b = twist_of(restricted_rhs, core.slot_first, core.block_count, turn);
+    rigids[c].b = twist_of_restricted_rhs(core.slot_first, core.block_count, turn);
     rigids[c].image =
         float[6](force_size.x, force_size.y, force_size.z, torque_size.x, torque_size.y, torque_size.z);
 }

@@ -1,15 +1,16 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
 // Solve: w = A p of each node from what solve/apply left; the inner products that follow; and sums over the modes of the
 // block, P^T w (those of a core are its rows of A p) and P^T r:
-//   MODE 0, warm start: w . D^-1 b, w . D^-1 w     (first = D^-1 b)
-//   MODE 1, iteration:  r . u, w . u               (first = u, second = r); cores' and the tool's rows included
+//   MODE 0, warm start: w . D^-1 b, w . D^-1 w     (preconditioned = D^-1 b)
+//   MODE 1, iteration:  r . u, w . u               (preconditioned = u, residual_or_rhs = r); cores' and the tool's rows included
 //   MODE 2, at the end: r . D^-1 r with r = b - w; e . M^-1 e with e = eps D x: what rounding of x makes of w, node by node
-//     by chance  (second = b)
+//     by chance  (residual_or_rhs = b)
 // A workgroup a block of free nodes, or of carried ones, or one for the tool's rows: variants that run side by side.
 // Oracle: oracle::step.
 
@@ -28,34 +29,34 @@ layout(constant_id = 13) const uint HELD = NONE;        // the core that the dev
 
 layout(push_constant) uniform Which { uint set; };      // of iterates: what holds u and r in MODE 1
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(binding = 1) uniform samplerBuffer block_turns;
-layout(binding = 2) uniform usamplerBuffer blocks;
-layout(binding = 3) uniform usamplerBuffer block_nodes;
-layout(binding = 4) uniform samplerBuffer block_places;
-layout(binding = 5) uniform usamplerBuffer coarse_blocks;
-layout(binding = 6) uniform samplerBuffer node_rest;
-layout(binding = 7) uniform usamplerBuffer node_elements;
-layout(binding = 8) uniform samplerBuffer element_forces;
-layout(scalar, binding = 9) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar, binding = 10) readonly buffer Sorted { uvec2 sorted[]; };
-layout(scalar, binding = 11) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 12) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 13) uniform samplerBuffer contact_forces;
-layout(binding = 14) uniform samplerBuffer change;          // p
-layout(binding = 15) uniform samplerBuffer first;
-layout(binding = 16) uniform samplerBuffer second;
-layout(binding = 17) uniform samplerBuffer inverse;
-layout(scalar, binding = 18) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 19) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 20) writeonly buffer Image { vec4 image[]; };      // w
-layout(scalar, binding = 21) writeonly buffer Dots { vec2 dots[]; };
-layout(scalar, binding = 22) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three a slot
-layout(scalar, binding = 23) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
-layout(scalar, binding = 24) readonly buffer SolveIn { Solve solve; };
-layout(binding = 25) uniform samplerBuffer coarse_scales;
-layout(scalar, binding = 26) readonly buffer Joints { Joint joints[]; };
-layout(scalar, binding = 27) readonly buffer JointSides { uint joint_sides[]; };
+layout(scalar) readonly buffer Params { StepParams params; };
+READ_ONLY(vec4, block_turns);
+READ_ONLY(uvec4, blocks);
+READ_ONLY(uvec4, block_nodes);
+READ_ONLY(vec4, block_places);
+READ_ONLY(uvec4, coarse_blocks);
+READ_ONLY(vec4, node_rest);
+READ_ONLY(uvec4, node_elements);
+READ_ONLY(vec4, element_forces);
+layout(scalar) readonly buffer NodeEntries { uvec2 node_entries[]; };
+layout(scalar) readonly buffer Sorted { uvec2 sorted[]; };
+layout(scalar) readonly buffer CountsIn { Counts counts; };
+layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(vec4, contact_forces);
+READ_ONLY(vec4, change);          // p
+READ_ONLY(vec4, preconditioned);
+READ_ONLY(vec4, residual_or_rhs);
+READ_ONLY(vec4, inverse);
+layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar) writeonly buffer Image { vec4 image[]; };      // w
+layout(scalar) writeonly buffer Dots { vec2 dots[]; };
+layout(scalar) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three a slot
+layout(scalar) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
+layout(scalar) readonly buffer SolveIn { Solve solve; };
+READ_ONLY(vec4, coarse_scales);
+layout(scalar) readonly buffer Joints { Joint joints[]; };
+layout(scalar) readonly buffer JointSides { uint joint_sides[]; };
 
 const uint SUMS = 7;
 // Half a unit in the last place of f32.
@@ -77,7 +78,7 @@ void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torq
     for (uint c = gl_LocalInvocationID.x; c < contact_count; c += SIZE) {
         float sign = contacts[c].tool_sign;
         if (sign == 0.0) continue;
-        vec4 force = texelFetch(contact_forces, int(c));
+        vec4 force = fetch(contact_forces, c);
         vec3 along = sign * (FRICTION ? force.xyz : force.w * contacts[c].normal);
         force_sum += along;
         torque_sum += cross(contacts[c].arm, along);
@@ -85,7 +86,7 @@ void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torq
 }
 
 vec3 precondition(int i, vec3 b) {
-    vec3 d = texelFetch(inverse, 2 * i).xyz, o = texelFetch(inverse, 2 * i + 1).xyz;
+    vec3 d = fetch(inverse, 2 * i).xyz, o = fetch(inverse, 2 * i + 1).xyz;
     return vec3(d.x * b.x + o.x * b.y + o.y * b.z, o.x * b.x + d.y * b.y + o.z * b.z, o.y * b.x + o.z * b.y + d.z * b.z);
 }
 
@@ -127,12 +128,12 @@ float lost_in_joints(uint index, Rigid rigid) {
 // The nodes of a block: their share of the inner products, and of the sums over modes, in world axes.
 void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_residual) {
     Block block = block_of(b);
-    vec4 place = texelFetch(block_places, int(b)), turn = texelFetch(block_turns, int(b));
+    vec4 place = fetch(block_places, b), turn = fetch(block_turns, b);
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uvec4 node = block_node(block, at);
         int i = int(node.x);
-        vec4 rest = texelFetch(node_rest, i);
-        vec3 p = texelFetch(change, i).xyz;
+        vec4 rest = fetch(node_rest, i);
+        vec3 p = fetch(change, i).xyz;
         vec3 w = (rest.w + params.dt * node_damping(node)) * p + gather_elements(node.y, node.z);
         if (CONTACT) w += gather_contacts(node.x);
         image[i] = vec4(w, 0.0);
@@ -144,14 +145,14 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
         }
         vec3 r = vec3(0.0);
         if (MODE == 0) {
-            sums.xy += vec2(dot(w, texelFetch(first, i).xyz), dot(w, precondition(i, w)));
+            sums.xy += vec2(dot(w, fetch(preconditioned, i).xyz), dot(w, precondition(i, w)));
         } else if (MODE == 1) {
-            r = texelFetch(second, i).xyz;
-            vec3 u = texelFetch(first, i).xyz;
+            r = fetch(residual_or_rhs, i).xyz;
+            vec3 u = fetch(preconditioned, i).xyz;
             sums.xy += vec2(dot(r, u), dot(w, u));
         } else {
-            r = texelFetch(second, i).xyz - w;
-            vec3 lost = ROUNDING * p, e = lost / texelFetch(inverse, 2 * i).xyz;
+            r = fetch(residual_or_rhs, i).xyz - w;
+            vec3 lost = ROUNDING * p, e = lost / fetch(inverse, 2 * i).xyz;
             sums.xy += vec2(dot(r, precondition(i, r)), dot(lost, e));
             if (COARSE) sums.z += dot(e, e);
         }
@@ -228,7 +229,7 @@ void main() {
     uint slot = ROLE == TOOL_ROWS ? BLOCKS : slot_of(b);
     if (MODE == 2 && COARSE && ROLE == FREE_NODES) products.y += coarse_share(slot) * totals[0].z;
     dots[b] = products;
-    vec4 turn = ROLE == TOOL_ROWS ? vec4(0.0, 0.0, 0.0, 1.0) : texelFetch(block_turns, int(b));
+    vec4 turn = ROLE == TOOL_ROWS ? vec4(0.0, 0.0, 0.0, 1.0) : fetch(block_turns, b);
     w = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
     r = packed(to_frame(unpacked(totals[4], totals[5], totals[6]), turn));
     for (int k = 0; k < 3; k++) {

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 
 // Solve: what a patch does to a change of velocity p, c (c . p), beside solve/apply, which it need not wait for. A kernel of
 // its own, since some devices run the untaken branches of a shared one masked: 350 instead of 130 us an iteration on lavapipe,
@@ -10,22 +11,22 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
 layout(constant_id = 2) const uint TETRAHEDRA = 0;
 
-layout(binding = 0) uniform usamplerBuffer patch_nodes;
-layout(binding = 1) uniform samplerBuffer patch_rows;       // from elastic/dilate
-layout(binding = 2) uniform samplerBuffer change;
-layout(scalar, binding = 3) writeonly buffer ElementForces { vec4 element_forces[]; };
+READ_ONLY(uvec4, patch_nodes);
+READ_ONLY(vec4, patch_rows);       // from elastic/dilate
+READ_ONLY(vec4, change);
+layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };
 
 #include "shared/patch.glsl"
 
 // Four entries c of a row, and their part of c . (p - p0). No array: one that a loop indexes may end up in memory.
 float patch_part(uint p, uint q, vec3 p0, out vec3 c0, out vec3 c1, out vec3 c2, out vec3 c3) {
     uvec4 nodes = patch_quad(p, q);
-    c0 = texelFetch(patch_rows, int(patch_row(p, 4 * q))).xyz;
-    c1 = texelFetch(patch_rows, int(patch_row(p, 4 * q + 1))).xyz;
-    c2 = texelFetch(patch_rows, int(patch_row(p, 4 * q + 2))).xyz;
-    c3 = texelFetch(patch_rows, int(patch_row(p, 4 * q + 3))).xyz;
-    return dot(c0, texelFetch(change, int(nodes.x)).xyz - p0) + dot(c1, texelFetch(change, int(nodes.y)).xyz - p0)
-        + dot(c2, texelFetch(change, int(nodes.z)).xyz - p0) + dot(c3, texelFetch(change, int(nodes.w)).xyz - p0);
+    c0 = fetch(patch_rows, patch_row(p, 4 * q)).xyz;
+    c1 = fetch(patch_rows, patch_row(p, 4 * q + 1)).xyz;
+    c2 = fetch(patch_rows, patch_row(p, 4 * q + 2)).xyz;
+    c3 = fetch(patch_rows, patch_row(p, 4 * q + 3)).xyz;
+    return dot(c0, fetch(change, nodes.x).xyz - p0) + dot(c1, fetch(change, nodes.y).xyz - p0)
+        + dot(c2, fetch(change, nodes.z).xyz - p0) + dot(c3, fetch(change, nodes.w).xyz - p0);
 }
 
 // Writes the forces of four nodes; returns their sum.
@@ -41,7 +42,7 @@ vec3 patch_forces(uint p, uint q, vec3 f0, vec3 f1, vec3 f2, vec3 f3) {
 void main() {
     uint p = gl_GlobalInvocationID.x;
     if (p >= PATCHES) return;
-    vec3 p0 = texelFetch(change, int(patch_quad(p, 0).x)).xyz;
+    vec3 p0 = fetch(change, patch_quad(p, 0).x).xyz;
     vec3 c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11;
     float along = patch_part(p, 0, p0, c0, c1, c2, c3) + patch_part(p, 1, p0, c4, c5, c6, c7)
         + patch_part(p, 2, p0, c8, c9, c10, c11);

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
 // Solve: what contacts do to a change of velocity p: (h^2 k + h d) a n n.(J p) + h c (I - n n^T) J p, which solve/gather sums
@@ -17,15 +18,15 @@ layout(push_constant) uniform Which {
     uint set;                   // of iterates, that holds u
 };
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(binding = 1) uniform samplerBuffer change;
-layout(scalar, binding = 2) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 3) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 4) uniform usamplerBuffer entry_nodes;
-layout(binding = 5) uniform samplerBuffer entry_weights;
-layout(scalar, binding = 6) readonly buffer SolveIn { Solve solve; };
-layout(scalar, binding = 7) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 8) writeonly buffer ContactForces { vec4 contact_forces[]; };  // of a contact; w: along n
+layout(scalar) readonly buffer Params { StepParams params; };
+READ_ONLY(vec4, change);
+layout(scalar) readonly buffer CountsIn { Counts counts; };
+layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(uvec4, entry_nodes);
+READ_ONLY(vec4, entry_weights);
+layout(scalar) readonly buffer SolveIn { Solve solve; };
+layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar) writeonly buffer ContactForces { vec4 contact_forces[]; };  // of a contact; w: along n
 
 void main() {
     uint c = gl_GlobalInvocationID.x;
@@ -34,10 +35,10 @@ void main() {
     float speed = 0.0;
     vec3 relative = vec3(0.0);
     for (uint k = 0; k < contact.quads; k++) {
-        uvec4 nodes = texelFetch(entry_nodes, int(4 * c + k));
-        vec4 weights = texelFetch(entry_weights, int(4 * c + k));
-        vec3 v = weights.x * texelFetch(change, int(nodes.x)).xyz + weights.y * texelFetch(change, int(nodes.y)).xyz
-            + weights.z * texelFetch(change, int(nodes.z)).xyz + weights.w * texelFetch(change, int(nodes.w)).xyz;
+        uvec4 nodes = fetch(entry_nodes, 4 * c + k);
+        vec4 weights = fetch(entry_weights, 4 * c + k);
+        vec3 v = weights.x * fetch(change, nodes.x).xyz + weights.y * fetch(change, nodes.y).xyz
+            + weights.z * fetch(change, nodes.z).xyz + weights.w * fetch(change, nodes.w).xyz;
         speed += dot(contact.normal, v);
         if (FRICTION) relative += v;
     }

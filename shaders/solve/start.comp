@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
@@ -22,27 +23,30 @@ layout(constant_id = 9) const uint TETRAHEDRA = 0;
 layout(constant_id = 11) const uint FREE_BLOCKS = 0;
 layout(constant_id = 12) const uint PATCHES = 0;
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 2) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 3) readonly buffer Contacts { Contact contacts[]; };
-layout(scalar, binding = 4) readonly buffer Partials { vec2 partials[]; };      // of solve/assemble
-layout(scalar, binding = 5) readonly buffer Dots { vec2 dots[]; };              // of solve/gather, mode 0
-layout(scalar, binding = 6) readonly buffer CoarseDots { vec4 coarse_dots[]; };
-layout(binding = 7) uniform samplerBuffer restricted_image;    // P^T A x
-layout(binding = 8) uniform samplerBuffer coarse_rhs;
-layout(binding = 9) uniform samplerBuffer coarse_image;
-layout(scalar, binding = 10) coherent buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 11) coherent buffer RigidInverses { float rigid_inverses[]; };
-layout(scalar, binding = 12) buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 13) buffer SolveInOut { Solve solve; };
-layout(scalar, binding = 14) writeonly buffer Iterations { Iteration iterations[2]; };
-layout(scalar, binding = 15) writeonly buffer Args { uint args[]; };
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) readonly buffer CountsIn { Counts counts; };
+layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+layout(scalar) readonly buffer Partials { vec2 partials[]; };      // of solve/assemble
+layout(scalar) readonly buffer Dots { vec2 dots[]; };              // of solve/gather, mode 0
+layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };
+READ_ONLY(vec4, restricted_image);    // P^T A x
+READ_ONLY(vec4, coarse_rhs);
+READ_ONLY(vec4, coarse_image);
+layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
+layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
+layout(scalar) buffer Iterates { RigidIterate iterates[]; };
+layout(scalar) buffer SolveInOut { Solve solve; };
+layout(scalar) writeonly buffer Iterations { Iteration iterations[2]; };
+layout(scalar) writeonly buffer Args { uint args[]; };
 
 #include "shared/six.glsl"
 #include "shared/sum.glsl"
 #include "shared/tool.glsl"
 #include "shared/twist.glsl"
+TWIST_OF(restricted_image)
+TWIST_OF(coarse_rhs)
+TWIST_OF(coarse_image)
 #include "shared/settle.glsl"
 #include "shared/rigid.glsl"
 
@@ -127,8 +131,8 @@ void start_rigid(uint index, float warm) {
     }
     if (COARSE && index < CORES) {
         uint slot = rigids[index].slot_first;
-        float of_rhs[6] = twist_of(coarse_rhs, slot, 1, frames[rigids[index].frame].rotation);
-        float of_image[6] = twist_of(coarse_image, slot, 1, frames[rigids[index].frame].rotation);
+        float of_rhs[6] = twist_of_coarse_rhs(slot, 1, frames[rigids[index].frame].rotation);
+        float of_image[6] = twist_of_coarse_image(slot, 1, frames[rigids[index].frame].rotation);
         for (int k = 0; k < 6; k++) now.u[k] += of_rhs[k] - (warm != 0.0 ? warm * of_image[k] : 0.0);
     }
     iterates[index] = now;

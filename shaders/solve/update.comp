@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
@@ -26,36 +27,36 @@ layout(constant_id = 12) const uint WIDEST = 1;         // rigid bodies of the l
 
 layout(push_constant) uniform Which { uint set; };      // to read; the other is written
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(binding = 1) uniform samplerBuffer block_turns;
-layout(binding = 2) uniform usamplerBuffer blocks;
-layout(binding = 3) uniform usamplerBuffer block_nodes;
-layout(binding = 4) uniform samplerBuffer block_places;
-layout(binding = 5) uniform samplerBuffer node_rest;
-layout(binding = 6) uniform usamplerBuffer coarse_blocks;
-layout(binding = 7) uniform usamplerBuffer coarse_inverse;
-layout(binding = 8) uniform samplerBuffer coarse_scales;
-layout(scalar, binding = 9) readonly buffer Dots { vec2 dots[]; };
-layout(binding = 10) uniform samplerBuffer restricted_image;         // P^T w
-layout(binding = 11) uniform samplerBuffer restricted_residual;     // P^T r
-layout(binding = 12) uniform samplerBuffer image;                   // w
-layout(binding = 13) uniform samplerBuffer inverse;
-layout(binding = 14) uniform samplerBuffer residual;
-layout(binding = 15) uniform samplerBuffer preconditioned;
-layout(binding = 16) uniform samplerBuffer direction;
-layout(binding = 17) uniform samplerBuffer direction_image;
-layout(scalar, binding = 18) readonly buffer Rigids { Rigid rigids[]; };
-layout(scalar, binding = 19) buffer SolveInOut { Solve solve; };
-layout(scalar, binding = 20) buffer Iterations { Iteration iterations[2]; };
-layout(scalar, binding = 21) buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 22) buffer RestrictedDirection { vec4 restricted_direction[]; };       // P^T s
-layout(scalar, binding = 23) buffer Solution { vec4 solution[]; };
-layout(scalar, binding = 24) writeonly buffer NextResidual { vec4 next_residual[]; };
-layout(scalar, binding = 25) writeonly buffer NextPreconditioned { vec4 next_preconditioned[]; };
-layout(scalar, binding = 26) writeonly buffer NextDirection { vec4 next_direction[]; };
-layout(scalar, binding = 27) writeonly buffer NextDirectionImage { vec4 next_direction_image[]; };
-layout(scalar, binding = 28) writeonly buffer Args { uint args[]; };
-layout(scalar, binding = 29) readonly buffer RigidInverses { float rigid_inverses[]; };
+layout(scalar) readonly buffer Params { StepParams params; };
+READ_ONLY(vec4, block_turns);
+READ_ONLY(uvec4, blocks);
+READ_ONLY(uvec4, block_nodes);
+READ_ONLY(vec4, block_places);
+READ_ONLY(vec4, node_rest);
+READ_ONLY(uvec4, coarse_blocks);
+READ_ONLY(uvec4, coarse_inverse);
+READ_ONLY(vec4, coarse_scales);
+layout(scalar) readonly buffer Dots { vec2 dots[]; };
+READ_ONLY(vec4, restricted_image);         // P^T w
+READ_ONLY(vec4, restricted_residual);     // P^T r
+READ_ONLY(vec4, image);                   // w
+READ_ONLY(vec4, inverse);
+READ_ONLY(vec4, residual);
+READ_ONLY(vec4, preconditioned);
+READ_ONLY(vec4, direction);
+READ_ONLY(vec4, direction_image);
+layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
+layout(scalar) buffer SolveInOut { Solve solve; };
+layout(scalar) buffer Iterations { Iteration iterations[2]; };
+layout(scalar) buffer Iterates { RigidIterate iterates[]; };
+layout(scalar) buffer RestrictedDirection { vec4 restricted_direction[]; };       // P^T s
+layout(scalar) buffer Solution { vec4 solution[]; };
+layout(scalar) writeonly buffer NextResidual { vec4 next_residual[]; };
+layout(scalar) writeonly buffer NextPreconditioned { vec4 next_preconditioned[]; };
+layout(scalar) writeonly buffer NextDirection { vec4 next_direction[]; };
+layout(scalar) writeonly buffer NextDirectionImage { vec4 next_direction_image[]; };
+layout(scalar) writeonly buffer Args { uint args[]; };
+layout(scalar) readonly buffer RigidInverses { float rigid_inverses[]; };
 
 const uint SUMS = 3;
 
@@ -71,6 +72,7 @@ shared float group_residuals[6 * WIDEST];
 #include "shared/coarse.glsl"
 #include "shared/core.glsl"
 #include "shared/twist.glsl"
+TWIST_OF(restricted_image)
 
 struct Scalars {
     float alpha, beta;
@@ -119,8 +121,8 @@ bool next_scalars(out Scalars scalars) {
 vec4 next_modes(CoarseBlock block, uint k, uint read, Scalars scalars) {
     if (k >= block.texels) return vec4(0.0);
     uint at = block.first + k;
-    vec4 s = texelFetch(restricted_image, int(at)) + scalars.beta * restricted_direction[read + at];
-    return coarse_scale(at) * (texelFetch(restricted_residual, int(at)) - scalars.alpha * s);
+    vec4 s = fetch(restricted_image, at) + scalars.beta * restricted_direction[read + at];
+    return coarse_scale(at) * (fetch(restricted_residual, at) - scalars.alpha * s);
 }
 
 // A_c^-1 P^T r of the block's modes with the new r, in their frame; the block's share of P^T s.
@@ -135,7 +137,7 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
     if (gl_LocalInvocationID.x < 3) {
         uint at = block.own + gl_LocalInvocationID.x;
         restricted_direction[write + at] =
-            texelFetch(restricted_image, int(at)) + scalars.beta * restricted_direction[read + at];
+            fetch(restricted_image, at) + scalars.beta * restricted_direction[read + at];
     }
     workgroup_sums(totals, 3);
     for (int row = 0; row < 3; row++) totals[row] *= block.texels > 0 ? coarse_scale(block.own + row) : vec4(0.0);
@@ -145,7 +147,7 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
 // The six unknowns of a core or of the tool but for u, and their residual; by one invocation.
 void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float residual[6]) {
     bool is_tool = ROLE == TOOL_ROWS;
-    float rows[6] = twist_of(restricted_image, is_tool ? BLOCKS : rigids[index].slot_first, is_tool ? 1 : rigids[index].block_count, turn);
+    float rows[6] = twist_of_restricted_image(is_tool ? BLOCKS : rigids[index].slot_first, is_tool ? 1 : rigids[index].block_count, turn);
     RigidIterate now = iterates[set * RIGIDS + index];
     for (int k = 0; k < 6; k++) {
         now.p[k] = now.u[k] + scalars.beta * now.p[k];
@@ -165,8 +167,8 @@ void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float
 
 // The next residual of another core.
 float[6] residual_of(uint index, Scalars scalars) {
-    vec4 turn = texelFetch(block_turns, int(rigids[index].block_first));
-    float rows[6] = twist_of(restricted_image, rigids[index].slot_first, rigids[index].block_count, turn);
+    vec4 turn = fetch(block_turns, rigids[index].block_first);
+    float rows[6] = twist_of_restricted_image(rigids[index].slot_first, rigids[index].block_count, turn);
     RigidIterate now = iterates[set * RIGIDS + index];
     for (int k = 0; k < 6; k++) now.r[k] -= scalars.alpha * (rows[k] + scalars.beta * now.s[k]);
     return now.r;
@@ -204,7 +206,7 @@ void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars
     barrier();
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         int i = int(block_node(block, at).x);
-        vec3 arm = rotate(turn, texelFetch(node_rest, i).xyz);
+        vec3 arm = rotate(turn, fetch(node_rest, i).xyz);
         solution[i] = vec4(carry(rigid_x, arm), 0.0);
         next_preconditioned[i] = vec4(carry(rigid_u, arm), 0.0);
     }
@@ -213,16 +215,16 @@ void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars
 void update_free(Block block, vec4 place, Modes modes, Scalars scalars) {
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         int i = int(block_node(block, at).x);
-        vec4 p = texelFetch(preconditioned, i) + scalars.beta * texelFetch(direction, i);
-        vec4 s = texelFetch(image, i) + scalars.beta * texelFetch(direction_image, i);
+        vec4 p = fetch(preconditioned, i) + scalars.beta * fetch(direction, i);
+        vec4 s = fetch(image, i) + scalars.beta * fetch(direction_image, i);
         next_direction[i] = p;
         next_direction_image[i] = s;
         solution[i] += scalars.alpha * p;
-        vec4 r = texelFetch(residual, i) - scalars.alpha * s;
+        vec4 r = fetch(residual, i) - scalars.alpha * s;
         next_residual[i] = r;
-        vec3 d = texelFetch(inverse, 2 * i).xyz, o = texelFetch(inverse, 2 * i + 1).xyz;
+        vec3 d = fetch(inverse, 2 * i).xyz, o = fetch(inverse, 2 * i + 1).xyz;
         vec3 u = vec3(d.x * r.x + o.x * r.y + o.y * r.z, o.x * r.x + d.y * r.y + o.z * r.z, o.y * r.x + o.z * r.y + d.z * r.z);
-        if (COARSE) u += moved_by(modes, (texelFetch(node_rest, i).xyz - place.xyz) * place.w);
+        if (COARSE) u += moved_by(modes, (fetch(node_rest, i).xyz - place.xyz) * place.w);
         next_preconditioned[i] = vec4(u, 0.0);
     }
 }
@@ -238,12 +240,12 @@ void main() {
     }
     uint b = FIRST + gl_WorkGroupID.x;
     Block block = block_of(b);
-    vec4 turn = texelFetch(block_turns, int(b));
+    vec4 turn = fetch(block_turns, b);
     Modes modes = no_modes();
     if (COARSE) {
         vec4 z[3] = coarse_correction(b, scalars);
         modes = to_world(unpacked(z[0], z[1], z[2]), turn);
     }
     if (ROLE == CARRIED_NODES) update_carried(b, block, turn, modes, scalars);
-    else update_free(block, texelFetch(block_places, int(b)), modes, scalars);
+    else update_free(block, fetch(block_places, b), modes, scalars);
 }

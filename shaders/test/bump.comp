@@ -3,7 +3,7 @@
 // One invocation per cell; each writes its own.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x_id = 0) in;
-layout(scalar, set = 0, binding = 0) buffer Cells { uint cells[]; };
+layout(scalar) buffer Cells { uint cells[]; };
 layout(push_constant, scalar) uniform Push { uint amount; uint count; };
 
 void main() {

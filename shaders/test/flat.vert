@@ -8,7 +8,7 @@ struct Corner {
     vec4 colour;    // multiplied by its alpha
 };
 
-layout(scalar, binding = 0) readonly buffer Corners { Corner corners[]; };
+layout(scalar) readonly buffer Corners { Corner corners[]; };
 layout(push_constant, scalar) uniform Push { float aside; };      // per instance, to the right
 layout(location = 0) out vec4 colour;
 

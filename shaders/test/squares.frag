@@ -4,7 +4,7 @@
 // Raster self-test: adds the rectangle's colour to the square; stands in no step. One invocation a square.
 
 layout(constant_id = 1) const uint SQUARES = 1;
-layout(scalar, binding = 1) buffer Squares { uint squares[]; };
+layout(scalar) buffer Squares { uint squares[]; };
 layout(location = 0) flat in uint colour;
 
 void main() {

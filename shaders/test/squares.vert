@@ -5,7 +5,7 @@
 // Raster self-test: rectangles of squares; stands in no step. An instance a rectangle of an offset, six vertices.
 
 layout(constant_id = 1) const uint SQUARES = 1;
-layout(scalar, binding = 0) readonly buffer Rectangles { ivec4 rectangles[]; };     // first and last square
+layout(scalar) readonly buffer Rectangles { ivec4 rectangles[]; };     // first and last square
 layout(push_constant, scalar) uniform Push { uint first_rectangle; };
 layout(location = 0) flat out uint colour;
 

@@ -2,19 +2,21 @@
 // Self-test of kernels that meet at barriers: sums[g] = sum of values[g * length .. (g + 1) * length]; stands in no
 // step. One workgroup per sum; its first invocation writes it. The order of additions follows the local size.
 #extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const bool negated = false;
 layout(constant_id = 2) const int added = 0;
-layout(scalar, set = 0, binding = 0) uniform Lengths { uint length_of_each; };
-layout(set = 0, binding = 1) uniform usamplerBuffer values;
-layout(scalar, set = 0, binding = 2) writeonly buffer Sums { int sums[]; };
+layout(scalar) uniform Lengths { uint length_of_each; };
+READ_ONLY(uvec4, values);
+layout(scalar) writeonly buffer Sums { int sums[]; };
 shared uint partial[gl_WorkGroupSize.x];
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
     uint first = gl_WorkGroupID.x * length_of_each;
     uint own = 0;
-    for (uint i = lane; i < length_of_each; i += gl_WorkGroupSize.x) own += texelFetch(values, int(first + i)).y;
+    for (uint i = lane; i < length_of_each; i += gl_WorkGroupSize.x) own += fetch(values, first + i).y;
     partial[lane] = own;
     barrier();
     if (lane != 0) return;

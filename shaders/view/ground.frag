@@ -1,12 +1,13 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
 // View: shadows on the ground, which is as the background is. One invocation a pixel.
 
-layout(scalar, binding = 0) uniform Views { View view; };
-layout(binding = 4) uniform samplerBuffer shadow;
+layout(scalar) uniform Views { View view; };
+READ_ONLY(vec4, shadow);
 
 layout(location = 0) in vec3 x;
 layout(location = 0) out vec4 colour;

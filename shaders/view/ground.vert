@@ -6,7 +6,7 @@
 // View: the part of the ground whose light the shadow knows; beyond, ground and background are alike. Six invocations, two
 // triangles.
 
-layout(scalar, binding = 0) uniform Views { View view; };
+layout(scalar) uniform Views { View view; };
 
 layout(location = 0) out vec3 x;
 

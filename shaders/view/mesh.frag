@@ -1,16 +1,17 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
 // View: a surface. One invocation a pixel.
 
 layout(constant_id = 1) const bool AT_VERTICES = false;
 
-layout(scalar, binding = 0) uniform Views { View view; };
-layout(binding = 4) uniform samplerBuffer shadow;
-layout(binding = 5) uniform samplerBuffer colours;
-layout(scalar, binding = 6) readonly buffer Materials { Material materials[]; };
+layout(scalar) uniform Views { View view; };
+READ_ONLY(vec4, shadow);
+READ_ONLY(vec4, colours);
+layout(scalar) readonly buffer Materials { Material materials[]; };
 layout(push_constant) uniform Push { uint material_index; };
 
 layout(location = 0) in vec3 x;

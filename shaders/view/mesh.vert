@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
 // View: a vertex of a mesh, as the draw kernels placed it. Where triangles are as small as pixels the surface is shaded here: on a
@@ -8,13 +9,13 @@
 
 layout(constant_id = 1) const bool AT_VERTICES = false;
 
-layout(scalar, binding = 0) uniform Views { View view; };
-layout(binding = 1) uniform samplerBuffer positions;    // m, from the origin
-layout(binding = 2) uniform samplerBuffer normals;      // unit, outward
-layout(binding = 3) uniform samplerBuffer values;       // four vertices a texel
-layout(binding = 4) uniform samplerBuffer shadow;       // depths that the sun sees
-layout(binding = 5) uniform samplerBuffer colours;      // of a scale, then of numbers, linear
-layout(scalar, binding = 6) readonly buffer Materials { Material materials[]; };
+layout(scalar) uniform Views { View view; };
+READ_ONLY(vec4, positions);    // m, from the origin
+READ_ONLY(vec4, normals);      // unit, outward
+READ_ONLY(vec4, values);       // four vertices a texel
+READ_ONLY(vec4, shadow);       // depths that the sun sees
+READ_ONLY(vec4, colours);      // of a scale, then of numbers, linear
+layout(scalar) readonly buffer Materials { Material materials[]; };
 layout(push_constant) uniform Push { uint material_index; };
 
 layout(location = 0) out vec3 x;
@@ -27,9 +28,9 @@ layout(location = 3) out vec4 shaded;
 
 void main() {
     int vertex = gl_VertexIndex;
-    x = texelFetch(positions, vertex).xyz;
-    normal = texelFetch(normals, vertex).xyz;
-    value = texelFetch(values, vertex >> 2)[vertex & 3];
+    x = fetch(positions, vertex).xyz;
+    normal = fetch(normals, vertex).xyz;
+    value = fetch(values, vertex >> 2)[vertex & 3];
     shaded = AT_VERTICES ? surface(material_index, x, normal, value, lit(x, normal)) : vec4(0.0);
     gl_Position = view.clip * vec4(x, 1.0);
 }

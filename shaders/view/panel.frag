@@ -4,7 +4,7 @@
 // View: the panel's triangles, tinted texels of the atlas. Letters lie on whole pixels, so the nearest texel is theirs. Colours
 // are as shown, and multiplied by their alpha. One invocation a pixel.
 
-layout(scalar, binding = 1) readonly buffer Atlas { uint texels[]; };
+layout(scalar) readonly buffer Atlas { uint texels[]; };
 
 layout(push_constant, scalar) uniform Push {
     vec2 points;    // size of the picture

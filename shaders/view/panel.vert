@@ -4,7 +4,7 @@
 // View: a corner of the panel's triangles. Place in points from the upper left; place in the atlas from 0 to 1; colour, a byte
 // each. One invocation a corner.
 
-layout(scalar, binding = 0) readonly buffer Corners { float corners[]; };
+layout(scalar) readonly buffer Corners { float corners[]; };
 
 layout(push_constant, scalar) uniform Push {
     vec2 points;    // size of the picture

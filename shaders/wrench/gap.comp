@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
@@ -25,26 +26,26 @@ layout(constant_id = 7) const uint TOOL_FRAME = 0;
 layout(constant_id = 8) const uint TOOL_CHUNK_FIRST = 0;
 layout(constant_id = 9) const uint TOOL_CHUNKS = 0;
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer Frames { Frame frames[]; };
-layout(scalar, binding = 2) readonly buffer SolveIn { Solve solve; };
-layout(scalar, binding = 3) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar, binding = 4) readonly buffer Parts { SkinPart parts[]; };
-layout(scalar, binding = 5) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar, binding = 6) readonly buffer Chunks { Chunk chunks[]; };
-layout(binding = 7) uniform usamplerBuffer proxy_nodes;     // two a texel: node, link from the proxy's frame to its own
-layout(binding = 8) uniform usamplerBuffer chunk_nodes;     // likewise
-layout(binding = 9) uniform usamplerBuffer chunk_vertices;  // four a texel
-layout(binding = 10) uniform usamplerBuffer chunk_triangles;    // four a texel
-layout(binding = 11) uniform usamplerBuffer triangles;
-layout(binding = 12) uniform usamplerBuffer skin_nodes;     // four nodes; NONE first: rigid
-layout(binding = 13) uniform samplerBuffer skin_weights;    // four weights; of a rigid skin: position in the frame
-layout(binding = 14) uniform samplerBuffer node_rest;
-layout(binding = 15) uniform samplerBuffer displacement;
-layout(binding = 16) uniform usamplerBuffer node_info;      // frame in z
-layout(scalar, binding = 17) readonly buffer Links { Link links[]; };
-layout(scalar, binding = 18) coherent buffer Skin { vec4 skin[]; };
-layout(scalar, binding = 19) writeonly buffer Gaps { SkinGap gaps[]; };
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) readonly buffer SolveIn { Solve solve; };
+layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar) readonly buffer Parts { SkinPart parts[]; };
+layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
+layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
+READ_ONLY(uvec4, proxy_nodes);     // two a texel: node, link from the proxy's frame to its own
+READ_ONLY(uvec4, chunk_nodes);     // likewise
+READ_ONLY(uvec4, chunk_vertices);  // four a texel
+READ_ONLY(uvec4, chunk_triangles);    // four a texel
+READ_ONLY(uvec4, triangles);
+READ_ONLY(uvec4, skin_nodes);     // four nodes; NONE first: rigid
+READ_ONLY(vec4, skin_weights);    // four weights; of a rigid skin: position in the frame
+READ_ONLY(vec4, node_rest);
+READ_ONLY(vec4, displacement);
+READ_ONLY(uvec4, node_info);      // frame in z
+layout(scalar) readonly buffer Links { Link links[]; };
+layout(scalar) coherent buffer Skin { vec4 skin[]; };
+layout(scalar) writeonly buffer Gaps { SkinGap gaps[]; };
 
 #include "shared/settle.glsl"
 
@@ -91,17 +92,17 @@ Place tool_at_end() {
     return Place(compose(turn, frames[TOOL_FRAME].rotation), params.tool_centre + vec3(x[0], x[1], x[2]));
 }
 
-vec3 node_position(uint node) { return texelFetch(node_rest, int(node)).xyz + texelFetch(displacement, int(node)).xyz; }
+vec3 node_position(uint node) { return fetch(node_rest, node).xyz + fetch(displacement, node).xyz; }
 
 vec3 world(uint node) {
-    Place place = end_of(frames[texelFetch(node_info, int(node)).z]);
+    Place place = end_of(frames[fetch(node_info, node).z]);
     return place.centre + rotate(place.rotation, node_position(node));
 }
 
 // A skin vertex, from the tool's centre along the tool's axes.
 vec3 position(Place place, Place tool, uint vertex) {
-    uvec4 nodes = texelFetch(skin_nodes, int(vertex));
-    vec4 weights = texelFetch(skin_weights, int(vertex));
+    uvec4 nodes = fetch(skin_nodes, vertex);
+    vec4 weights = fetch(skin_weights, vertex);
     vec3 x;
     if (SPANS && nodes.x != NONE) {
         x = weights.x * world(nodes.x) + weights.y * world(nodes.y) + weights.z * world(nodes.z)
@@ -119,11 +120,11 @@ vec3 position(Place place, Place tool, uint vertex) {
 
 // What a node has moved by since rest, in the frame of the proxy that lists it; links are those of the start.
 vec3 moved(uvec2 node, Frame start, Place place) {
-    vec3 d = texelFetch(displacement, int(node.x)).xyz;
+    vec3 d = fetch(displacement, node.x).xyz;
     if (!SPANS || node.y == 0) return d;
-    Frame own = frames[texelFetch(node_info, int(node.x)).z];
+    Frame own = frames[fetch(node_info, node.x).z];
     vec3 apart = rotate_back(start.rotation, own.centre - start.centre) - links[node.y].offset;
-    return rotate_back(place.rotation, world(node.x) - place.centre) - apart - texelFetch(node_rest, int(node.x)).xyz;
+    return rotate_back(place.rotation, world(node.x) - place.centre) - apart - fetch(node_rest, node.x).xyz;
 }
 
 // From a box about the origin.
@@ -133,7 +134,7 @@ float box_distance(vec3 x, vec3 half_extent) { return length(max(abs(x) - half_e
 float largest_move2(Proxy proxy, Frame start, Place place) {
     float largest = 0.0;
     for (uint i = proxy.node_first / 2 + gl_LocalInvocationID.x; 2 * i < proxy.node_first + proxy.node_count; i += SIZE) {
-        uvec4 two = texelFetch(proxy_nodes, int(i));
+        uvec4 two = fetch(proxy_nodes, i);
         vec3 d = moved(two.xy, start, place), e = moved(two.zw, start, place);
         largest = max(largest, max(dot(d, d), dot(e, e)));
     }
@@ -160,7 +161,7 @@ void spread_of(Chunk chunk, Frame start, Place place, out vec3 middle, out vec3 
     if (chunk.node_count == 0) return;
     vec3 least = vec3(FAR), greatest = vec3(-FAR);
     for (uint k = chunk.node_first; k < chunk.node_first + chunk.node_count; k += 2) {
-        uvec4 two = texelFetch(chunk_nodes, int(k / 2));
+        uvec4 two = fetch(chunk_nodes, k / 2);
         vec3 d = moved(two.xy, start, place), e = moved(two.zw, start, place);
         least = min(least, min(d, e));
         greatest = max(greatest, max(d, e));
@@ -227,17 +228,17 @@ void consider(vec3 a, vec3 b, vec3 c, float sign, uint triangle, uint vertex, in
     }
 }
 
-uint vertex_at(uint i) { return texelFetch(chunk_vertices, int(i / 4))[i % 4]; }
+uint vertex_at(uint i) { return fetch(chunk_vertices, i / 4)[i % 4]; }
 uvec3 corners_at(uint i, out uint triangle) {
-    triangle = texelFetch(chunk_triangles, int(i / 4))[i % 4];
-    return texelFetch(triangles, int(triangle)).xyz;
+    triangle = fetch(chunk_triangles, i / 4)[i % 4];
+    return fetch(triangles, triangle).xyz;
 }
 
 // From a vertex of the tool to a triangle of the skin.
 void consider_vertex(uint i, uint end, vec3 a, vec3 b, vec3 c, uint triangle, inout Way front, inout float back) {
     if (i >= end) return;
     uint vertex = vertex_at(i);
-    vec3 x = texelFetch(skin_weights, int(vertex)).xyz;
+    vec3 x = fetch(skin_weights, vertex).xyz;
     consider(a - x, b - x, c - x, 1.0, triangle, vertex, front, back);
 }
 
@@ -246,8 +247,8 @@ void consider_triangle(uint i, uint end, vec3 x, uint vertex, inout Way front, i
     if (i >= end) return;
     uint triangle;
     uvec3 v = corners_at(i, triangle);
-    vec3 a = texelFetch(skin_weights, int(v.x)).xyz - x, b = texelFetch(skin_weights, int(v.y)).xyz - x;
-    vec3 c = texelFetch(skin_weights, int(v.z)).xyz - x;
+    vec3 a = fetch(skin_weights, v.x).xyz - x, b = fetch(skin_weights, v.y).xyz - x;
+    vec3 c = fetch(skin_weights, v.z).xyz - x;
     consider(a, b, c, -1.0, triangle, vertex, front, back);
 }
 

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
 // Wrench: net force and torque on the tool, about its centre, of what the solver applied: a max(0, k delta + d delta') and
@@ -12,11 +13,11 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 7) const bool FRICTION = false;
 
-layout(scalar, binding = 0) readonly buffer Params { StepParams params; };
-layout(scalar, binding = 1) readonly buffer CountsIn { Counts counts; };
-layout(scalar, binding = 2) readonly buffer Contacts { Contact contacts[]; };
-layout(binding = 3) uniform samplerBuffer contact_forces;
-layout(scalar, binding = 4) writeonly buffer ReportOut { Report report; };
+layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) readonly buffer CountsIn { Counts counts; };
+layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(vec4, contact_forces);
+layout(scalar) writeonly buffer ReportOut { Report report; };
 
 #include "shared/sum.glsl"
 #include "shared/tool.glsl"
@@ -31,7 +32,7 @@ void main() {
     for (uint c = lane; c < counts.contacts; c += SIZE) {
         Contact contact = contacts[c];
         if (contact.stiffness == 0.0 || contact.tool_sign == 0.0) continue;
-        vec4 change = texelFetch(contact_forces, int(c));
+        vec4 change = fetch(contact_forces, c);
         float force = contact.area * end_pressure(contact, change, params.dt);
         if (force <= 0.0) continue;
         float column[6];

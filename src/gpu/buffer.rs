@@ -49,7 +49,11 @@ const LEAST_BYTES: u64 = 16;
 
 /// An array on the device: storage, uniform and texel buffer, indirect arguments, source and target of copies.
 #[derive(Clone)]
-pub struct Buffer(pub(super) Arc<Inner>);
+pub struct Buffer {
+    pub(super) inner: Arc<Inner>,
+    /// Names under which kernels take it; none: its own.
+    roles: &'static [&'static str],
+}
 
 pub(super) struct Inner {
     pub context: Arc<Context>,
@@ -119,7 +123,7 @@ impl Buffer {
         {
             inner.views = Some(inner.create_views()?);
         }
-        Ok(Buffer(Arc::new(inner)))
+        Ok(Buffer { inner: Arc::new(inner), roles: &[] })
     }
 
     /// An array holding `data`. Device memory is filled through a staging copy with its own submit.
@@ -129,30 +133,41 @@ impl Buffer {
         Ok(buffer)
     }
 
+    /// A handle of the same array that kernels take under each of these names, and under no other: by its own name alone where
+    /// this is not called.
+    pub fn known_as(&self, roles: &'static [&'static str]) -> Buffer {
+        Buffer { inner: self.inner.clone(), roles }
+    }
+
+    /// Whether kernels may take it for the buffer that they call `name`.
+    pub(super) fn may_be(&self, name: &str) -> bool {
+        if self.roles.is_empty() { self.name() == name } else { self.roles.contains(&name) }
+    }
+
     /// Its name, as in messages.
     pub fn name(&self) -> &str {
-        &self.0.name
+        &self.inner.name
     }
 
     /// Its size as asked for, bytes.
     pub fn bytes(&self) -> u64 {
-        self.0.bytes
+        self.inner.bytes
     }
 
     /// Where its memory is.
     pub fn memory(&self) -> Memory {
-        self.0.memory
+        self.inner.memory
     }
 
     /// The VkBuffer, for whoever shares the device.
     pub fn raw(&self) -> u64 {
-        vk::Handle::as_raw(self.0.handle)
+        vk::Handle::as_raw(self.inner.handle)
     }
 
     /// A file descriptor of the memory of an array made by [`Buffer::shared`], and the size of that memory (bytes): the caller's
     /// to import or to close. Errors: the device cannot, or the array is not shared.
     pub fn export(&self) -> Result<(i32, u64)> {
-        let (Some(external), Some((memory, bytes))) = (&self.0.context.external_memory, self.0.own) else {
+        let (Some(external), Some((memory, bytes))) = (&self.inner.context.external_memory, self.inner.own) else {
             return Err(self.misuse(
                 "it is in no memory that others can import; the device lacks VK_KHR_external_memory_fd".into(),
             ));
@@ -166,14 +181,19 @@ impl Buffer {
     /// A copy of the whole array, whatever its memory. Device memory costs a staging copy and a submit of its own: for
     /// tests and export.
     pub fn read<T: Pod>(&self) -> Result<Vec<T>> {
-        if self.0.memory != Memory::Device {
+        if self.inner.memory != Memory::Device {
             return Ok(self.mapped::<T>()?.to_vec());
         }
-        if self.0.bytes == 0 {
+        if self.inner.bytes == 0 {
             return Ok(Vec::new());
         }
-        let staging = Buffer::new(&self.0.context, &format!("{} (read)", self.0.name), self.0.bytes, Memory::Readback)?;
-        let mut recorder = Recorder::untimed(&self.0.context)?;
+        let staging = Buffer::new(
+            &self.inner.context,
+            &format!("{} (read)", self.inner.name),
+            self.inner.bytes,
+            Memory::Readback,
+        )?;
+        let mut recorder = Recorder::untimed(&self.inner.context)?;
         recorder.stage("read");
         recorder.copy(self, &staging);
         recorder.finish()?.submit_and_wait()?;
@@ -183,18 +203,19 @@ impl Buffer {
     /// Overwrites the start of the array with `data`, whatever its memory; see [`Buffer::read`] for the cost.
     pub fn write<T: Pod>(&self, data: &[T]) -> Result<()> {
         let bytes = size_of_val(data) as u64;
-        if bytes > self.0.bytes {
-            return Err(self.misuse(format!("{bytes} bytes do not fit into its {}", self.0.bytes)));
+        if bytes > self.inner.bytes {
+            return Err(self.misuse(format!("{bytes} bytes do not fit into its {}", self.inner.bytes)));
         }
         if bytes == 0 {
             return Ok(());
         }
-        if self.0.memory != Memory::Device {
+        if self.inner.memory != Memory::Device {
             self.mapped_mut::<T>()?[..data.len()].copy_from_slice(data);
             return Ok(());
         }
-        let staging = Buffer::from_slice(&self.0.context, &format!("{} (write)", self.0.name), data, Memory::Upload)?;
-        let mut recorder = Recorder::untimed(&self.0.context)?;
+        let staging =
+            Buffer::from_slice(&self.inner.context, &format!("{} (write)", self.inner.name), data, Memory::Upload)?;
+        let mut recorder = Recorder::untimed(&self.inner.context)?;
         recorder.stage("write");
         recorder.copy(&staging, self);
         recorder.finish()?.submit_and_wait()
@@ -203,24 +224,24 @@ impl Buffer {
     /// Mapped memory to read, without a copy. Let go of it before submitting work that writes this buffer.
     pub fn mapped<T: Pod>(&self) -> Result<Mapped<'_, T>> {
         let pointer = self.pointer::<T>()?;
-        let guard = self.0.mapping.read().unwrap_or_else(|e| e.into_inner());
+        let guard = self.inner.mapping.read().unwrap_or_else(|e| e.into_inner());
         Ok(Mapped { pointer, length: self.length::<T>(), _guard: guard, _of: PhantomData })
     }
 
     /// Mapped memory to write, without a copy. Let go of it before submitting work that uses this buffer.
     pub fn mapped_mut<T: Pod>(&self) -> Result<MappedMut<'_, T>> {
         let pointer = self.pointer::<T>()?;
-        let guard = self.0.mapping.write().unwrap_or_else(|e| e.into_inner());
+        let guard = self.inner.mapping.write().unwrap_or_else(|e| e.into_inner());
         Ok(MappedMut { pointer, length: self.length::<T>(), _guard: guard, _of: PhantomData })
     }
 
     fn length<T>(&self) -> usize {
-        (self.0.bytes as usize).checked_div(size_of::<T>()).unwrap_or(0)
+        (self.inner.bytes as usize).checked_div(size_of::<T>()).unwrap_or(0)
     }
 
     fn pointer<T>(&self) -> Result<*mut T> {
-        let pointer = self.0.allocation.as_ref().and_then(|a| a.mapped_ptr());
-        let Some(pointer) = pointer.filter(|_| self.0.memory != Memory::Device) else {
+        let pointer = self.inner.allocation.as_ref().and_then(|a| a.mapped_ptr());
+        let Some(pointer) = pointer.filter(|_| self.inner.memory != Memory::Device) else {
             return Err(self.misuse("it is device memory, which is not mapped; use read() or write()".into()));
         };
         let pointer = pointer.as_ptr().cast::<T>();
@@ -231,7 +252,7 @@ impl Buffer {
     }
 
     fn misuse(&self, what: String) -> Error {
-        Error::Simulation(format!("array {}: {what}", self.0.name))
+        Error::Simulation(format!("array {}: {what}", self.inner.name))
     }
 }
 

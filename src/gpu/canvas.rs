@@ -3,6 +3,7 @@
 
 use ash::vk::{self, AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
 
+use super::arguments::Arguments;
 use super::barrier::{CANVAS, CANVAS_WRITE, Use};
 use super::buffer::Buffer;
 use super::image::{Image, Texels};
@@ -34,10 +35,8 @@ pub enum Before {
 pub struct Drawn<'a> {
     /// How.
     pub pipeline: &'a RasterPipeline,
-    /// In ascending order of binding, one for each reflected.
-    pub buffers: &'a [&'a Buffer],
-    /// As long as the pipeline's push constants.
-    pub push: &'a [u8],
+    /// What its shaders are given.
+    pub arguments: &'a dyn Arguments,
     /// Vertices, a u32 each; `None`: from 0 on.
     pub indices: Option<&'a Buffer>,
     /// The first of them, and how many.
@@ -72,16 +71,19 @@ impl Recorder {
             return Err(self.error("the images of a canvas differ in size, or there are none".into()));
         }
         let mut uses: Vec<Use> = canvas.images().map(drawn_onto).collect();
+        let mut bound = Vec::new();
         for drawn in all {
             let (interface, shaders) = (&drawn.pipeline.0.interface, Stages::VERTEX_SHADER | Stages::FRAGMENT_SHADER);
-            uses.extend(self.check_uses(interface, drawn.buffers, drawn.push, shaders)?);
+            let (buffers, own) = self.check_uses(interface, drawn.arguments, shaders)?;
+            uses.extend(own);
+            bound.push(buffers);
             if let Some(indices) = drawn.indices {
                 let end = u64::from(drawn.range.0) + u64::from(drawn.range.1);
                 if 4 * end > indices.bytes() {
                     let what = format!("index {end} of {} lies beyond its {} bytes", indices.name(), indices.bytes());
                     return Err(self.error(what));
                 }
-                let id = indices.0.handle.as_raw();
+                let id = indices.inner.handle.as_raw();
                 uses.push(Use {
                     id,
                     reads: true,
@@ -98,8 +100,8 @@ impl Recorder {
         self.pass("draw", &names.join(", "), &uses);
         canvas.images().for_each(|image| self.commands.keep(image.0.handle.as_raw(), &image.0));
         self.begin(canvas, before);
-        for drawn in all {
-            self.draw_one(drawn, size)?;
+        for (drawn, buffers) in all.iter().zip(&bound) {
+            self.draw_one(drawn, buffers, size)?;
         }
         // SAFETY: recording, within the rendering that began above.
         unsafe { self.commands.context.device.cmd_end_rendering(self.commands.buffer) };
@@ -168,10 +170,10 @@ impl Recorder {
         unsafe { self.commands.context.device.cmd_pipeline_barrier2(self.commands.buffer, &info) };
     }
 
-    fn draw_one(&mut self, drawn: &Drawn, size: [u32; 2]) -> Result<()> {
-        let Drawn { pipeline, buffers, push, indices, range: (first, count), instances, part } = drawn;
+    fn draw_one(&mut self, drawn: &Drawn, buffers: &[&Buffer], size: [u32; 2]) -> Result<()> {
+        let Drawn { pipeline, arguments, indices, range: (first, count), instances, part } = drawn;
         self.commands.keep(pipeline.0.pipeline.as_raw(), &pipeline.0);
-        self.bind(&pipeline.0.interface, buffers, push, vk::PipelineBindPoint::GRAPHICS)?;
+        self.bind(&pipeline.0.interface, buffers, &arguments.push(), vk::PipelineBindPoint::GRAPHICS)?;
         if let Some(indices) = indices {
             self.keep(indices);
         }
@@ -188,7 +190,7 @@ impl Recorder {
             device.cmd_set_scissor(commands, 0, &[scissor]);
             match indices {
                 Some(indices) => {
-                    device.cmd_bind_index_buffer(commands, indices.0.handle, 0, vk::IndexType::UINT32);
+                    device.cmd_bind_index_buffer(commands, indices.inner.handle, 0, vk::IndexType::UINT32);
                     device.cmd_draw_indexed(commands, *count, *instances, *first, 0, 0);
                 }
                 None => device.cmd_draw(commands, *count, *instances, *first, 0),
@@ -208,7 +210,7 @@ impl Recorder {
         if !self.is_well() {
             return;
         }
-        let (source, target) = (image.0.handle.as_raw(), array.0.handle.as_raw());
+        let (source, target) = (image.0.handle.as_raw(), array.inner.handle.as_raw());
         let read =
             Use { id: source, reads: true, writes: false, stages: Stages::ALL_TRANSFER, write_access: Access::NONE };
         let written = Use { id: target, reads: false, writes: true, write_access: Access::TRANSFER_WRITE, ..read };
@@ -226,7 +228,7 @@ impl Recorder {
         // SAFETY: recording, outside rendering; both are alive and kept; the array has room.
         unsafe {
             let device = &self.commands.context.device;
-            device.cmd_copy_image_to_buffer(self.commands.buffer, image.0.handle, layout, array.0.handle, &region);
+            device.cmd_copy_image_to_buffer(self.commands.buffer, image.0.handle, layout, array.inner.handle, &region);
         }
     }
 }

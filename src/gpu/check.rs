@@ -3,6 +3,7 @@
 
 use ash::vk::{AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
 
+use super::arguments::Arguments;
 use super::barrier::Use;
 use super::buffer::Buffer;
 use super::kernel::Interface;
@@ -11,48 +12,59 @@ use super::spirv::{Binding, BindingKind};
 use crate::error::Result;
 
 impl Recorder {
-    /// What the shader does with each buffer; an error where buffers and bindings do not fit.
-    pub(super) fn check_uses(
+    /// The buffers of a pass in the order of its bindings, and what the shader does with each; an error where arguments and
+    /// shader do not fit.
+    pub(super) fn check_uses<'a>(
         &self,
         interface: &Interface,
-        buffers: &[&Buffer],
-        push: &[u8],
+        arguments: &'a dyn Arguments,
         stages: Stages,
-    ) -> Result<Vec<Use>> {
-        let (name, bindings) = (&interface.name, &interface.reflection.bindings);
-        if bindings.len() != buffers.len() {
-            let wants: Vec<_> = bindings.iter().map(|b| b.name.as_str()).collect();
-            let given: Vec<_> = buffers.iter().map(|b| b.name()).collect();
-            let what = format!("kernel {name} binds ({}), but was given ({})", wants.join(", "), given.join(", "));
-            return Err(self.error(what));
+    ) -> Result<(Vec<&'a Buffer>, Vec<Use>)> {
+        let name = &interface.name;
+        if arguments.shader() != name {
+            return Err(self.error(format!("kernel {name} was given the arguments of {}", arguments.shader())));
         }
-        let push_bytes = interface.reflection.push_bytes as usize;
-        if push.len() != push_bytes {
-            let what = format!("kernel {name} has {push_bytes} bytes of push constants, but was given {}", push.len());
-            return Err(self.error(what));
+        let given = arguments.buffers();
+        if let Some((unknown, _)) = given.iter().find(|(name, _)| !interface.declared.iter().any(|d| d == name)) {
+            let declared = interface.declared.join(", ");
+            return Err(self.error(format!("kernel {name} has no buffer {unknown}; it has {declared}")));
         }
-        let mut uses: Vec<Use> = Vec::with_capacity(buffers.len() + 2);
-        for (binding, buffer) in bindings.iter().zip(buffers) {
+        let (push, wanted) = (arguments.push().len(), interface.reflection.push_bytes as usize);
+        if push != wanted {
+            return Err(self.error(format!("kernel {name} has {wanted} bytes of push constants, but was given {push}")));
+        }
+        let (mut buffers, mut uses) = (Vec::new(), Vec::<Use>::new());
+        for binding in &interface.reflection.bindings {
+            let buffer = given.iter().find(|(given, _)| *given == binding.name).and_then(|(_, buffer)| *buffer);
+            let Some(buffer) = buffer else {
+                return Err(self.error(format!("kernel {name} uses {}, which was left out", binding.name)));
+            };
             self.check_binding(name, binding, buffer)?;
             let write_access = if binding.writes { Access::SHADER_STORAGE_WRITE } else { Access::NONE };
-            let id = buffer.0.handle.as_raw();
+            let id = buffer.inner.handle.as_raw();
             if uses.iter().any(|u| u.id == id && (u.writes || binding.writes)) {
                 let what = format!("kernel {name} writes {} and is also given it as {}", buffer.name(), binding.name);
                 return Err(self.error(what));
             }
             uses.push(Use { id, reads: binding.reads, writes: binding.writes, stages, write_access });
+            buffers.push(buffer);
         }
-        Ok(uses)
+        Ok((buffers, uses))
     }
 
     fn check_binding(&self, kernel: &str, binding: &Binding, buffer: &Buffer) -> Result<()> {
         let limits = &self.commands.context.limits;
         let (bytes, slot) = (buffer.bytes(), &binding.name);
+        if !buffer.may_be(slot) {
+            return Err(
+                self.error(format!("kernel {kernel}: array {} is given as {slot}, which it is not", buffer.name()))
+            );
+        }
         let what = match binding.kind {
             BindingKind::Storage => return Ok(()),
             BindingKind::Uniform if bytes <= u64::from(limits.max_uniform_buffer_range) => return Ok(()),
             BindingKind::Uniform => format!("a uniform block holds at most {}", limits.max_uniform_buffer_range),
-            _ if buffer.0.views.is_some() => return Ok(()),
+            _ if buffer.inner.views.is_some() => return Ok(()),
             _ if bytes % 16 != 0 => "a texel buffer is made of elements of 16".into(),
             _ => format!("a texel buffer holds at most {} elements of 16", limits.max_texel_buffer_elements),
         };
@@ -70,7 +82,7 @@ impl Recorder {
     /// Adds the reading of indirect arguments. The pass may write them itself, for later ones: its own are read before
     /// any of its invocations runs.
     pub(super) fn add_args(&mut self, uses: &mut Vec<Use>, args: &Buffer) {
-        let id = args.0.handle.as_raw();
+        let id = args.inner.handle.as_raw();
         self.keep(args);
         uses.push(Use { id, reads: true, writes: false, stages: Stages::DRAW_INDIRECT, write_access: Access::NONE });
     }

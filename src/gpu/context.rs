@@ -4,7 +4,7 @@
 use std::ffi::{CStr, c_char};
 use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
 use ash::vk;
 use gpu_allocator::vulkan as memory;
@@ -24,6 +24,19 @@ const REDUCE_SIZE: u32 = 128;
 /// Memory is taken from the driver in blocks of this size, bytes.
 const MEMORY_BLOCK: u64 = 16 << 20;
 
+/// Elements of 16 bytes that a texel buffer has to hold for texel arrays to be used: a gigabyte, less than most GPUs have. Where
+/// there are fewer, large scenes would not run.
+const TEXEL_ELEMENTS: u32 = 1 << 26;
+
+/// How kernels reach arrays of vectors that they only read: see `shaders/shared/arrays.glsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Arrays {
+    /// Through texel buffers.
+    Texel,
+    /// Through storage buffers.
+    Storage,
+}
+
 /// How to choose and open a device.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
@@ -42,6 +55,10 @@ pub struct Options {
     /// Names of shaders, and the SPIR-V that stands for the library's own of that name, with the same bindings. For tests
     /// that show that a check can fail; a name that the library does not have is an error.
     pub replaced: Vec<(String, Vec<u8>)>,
+    /// How kernels reach arrays of vectors that they only read; `None`: see [`Context::arrays`].
+    pub arrays: Option<Arrays>,
+    /// The most elements that a texel buffer may have, if the device allows more. For tests.
+    pub texel_elements: Option<u32>,
     /// Hears what there is to say. The validation layer's messages go there too, and are then not kept.
     pub log: Log,
 }
@@ -78,6 +95,7 @@ pub struct Context {
     pub(super) external_memory: Option<ash::khr::external_memory_fd::Device>,
     memory: vk::PhysicalDeviceMemoryProperties,
     cache_key: String,
+    arrays: OnceLock<Arrays>,
     log: Log,
     pub(super) replaced: Vec<(String, Vec<u8>)>,
 }
@@ -86,7 +104,7 @@ impl Context {
     /// Opens a device. [`Error::NoDevice`] says what is missing and how to get it.
     pub fn new(options: &Options) -> Result<Arc<Context>> {
         for (name, _) in &options.replaced {
-            kernel::known(name)?;
+            kernel::known(name, Arrays::Texel)?;
         }
         threads::choose(options.one_thread);
         let entry = load()?;
@@ -167,6 +185,9 @@ impl Context {
         let external_memory = chosen.external_memory_fd.then(external);
         // SAFETY: the physical device is of this live instance.
         let memory = unsafe { instance.get_physical_device_memory_properties(chosen.physical) };
+        let mut limits = chosen.properties.limits;
+        limits.max_texel_buffer_elements =
+            options.texel_elements.unwrap_or(u32::MAX).min(limits.max_texel_buffer_elements);
         options.log.tell(Level::Note, &format!("device: {} ({})", chosen.info.name, chosen.info.driver));
         Ok(Arc::new(Context {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
@@ -180,7 +201,7 @@ impl Context {
             queue: Mutex::new(queue),
             host,
             queue_family: chosen.queue_family,
-            limits: chosen.properties.limits,
+            limits,
             timestamp_bits: chosen.timestamp_bits,
             allocated: AtomicU64::new(0),
             info: chosen.info,
@@ -192,6 +213,7 @@ impl Context {
             external_memory,
             memory,
             cache_key: chosen.cache_key,
+            arrays: options.arrays.map_or_else(OnceLock::new, OnceLock::from),
             log: options.log.clone(),
             replaced: options.replaced.clone(),
         }))
@@ -246,6 +268,23 @@ impl Context {
     /// Whether fragment shaders may write storage buffers (optional: [`super::RasterPipeline`] needs it).
     pub fn fragment_stores(&self) -> bool {
         self.fragment_stores
+    }
+
+    /// How kernels reach arrays of vectors that they only read: as asked for, else as chosen, else through texel buffers where
+    /// these are large.
+    pub fn arrays(&self) -> Arrays {
+        let by_limit = || if self.has_large_texel_buffers() { Arrays::Texel } else { Arrays::Storage };
+        *self.arrays.get_or_init(by_limit)
+    }
+
+    /// Whether texel buffers hold what large scenes have.
+    pub fn has_large_texel_buffers(&self) -> bool {
+        self.limits.max_texel_buffer_elements >= TEXEL_ELEMENTS
+    }
+
+    /// Chooses for all kernels made from now on, if nothing was asked for or chosen before.
+    pub fn choose_arrays(&self, arrays: Arrays) {
+        self.arrays.get_or_init(|| arrays);
     }
 
     /// Largest storage buffer binding, bytes, and largest texel buffer, elements of 16 bytes.

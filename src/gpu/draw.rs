@@ -3,6 +3,7 @@
 
 use ash::vk::{self, Handle, PipelineStageFlags2 as Stages};
 
+use super::arguments::Arguments;
 use super::buffer::Buffer;
 use super::raster::RasterPipeline;
 use super::recorder::Recorder;
@@ -13,25 +14,23 @@ const DRAW_ARGS: u64 = 16;
 
 impl Recorder {
     /// Draws the triangles of the `slot`-th VkDrawIndirectCommand (four u32) of `args` over `side` x `side` pixels, which
-    /// clip space spans. Buffers and push constants as for [`Recorder::dispatch`].
+    /// clip space spans.
     pub fn draw_indirect(
         &mut self,
         pipeline: &RasterPipeline,
-        buffers: &[&Buffer],
-        push: &[u8],
+        arguments: &dyn Arguments,
         args: &Buffer,
         slot: u32,
         side: u32,
     ) {
-        let ready = self.try_draw(pipeline, buffers, push, (args, u64::from(slot) * DRAW_ARGS), side);
+        let ready = self.try_draw(pipeline, arguments, (args, u64::from(slot) * DRAW_ARGS), side);
         self.note(ready);
     }
 
     fn try_draw(
         &mut self,
         pipeline: &RasterPipeline,
-        buffers: &[&Buffer],
-        push: &[u8],
+        arguments: &dyn Arguments,
         (args, offset): (&Buffer, u64),
         side: u32,
     ) -> Result<()> {
@@ -44,14 +43,15 @@ impl Recorder {
             return Err(self.error(what));
         }
         self.check_args(args, offset, DRAW_ARGS)?;
-        let mut uses = self.check_uses(interface, buffers, push, Stages::VERTEX_SHADER | Stages::FRAGMENT_SHADER)?;
+        let shaders = Stages::VERTEX_SHADER | Stages::FRAGMENT_SHADER;
+        let (buffers, mut uses) = self.check_uses(interface, arguments, shaders)?;
         if !self.is_well() {
             return Ok(());
         }
         self.add_args(&mut uses, args);
         self.pass("", &format!("{0}.vert, {0}.frag", interface.name), &uses);
         self.commands.keep(pipeline.0.pipeline.as_raw(), &pipeline.0);
-        self.bind(interface, buffers, push, vk::PipelineBindPoint::GRAPHICS)?;
+        self.bind(interface, &buffers, &arguments.push(), vk::PipelineBindPoint::GRAPHICS)?;
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width: side, height: side } };
         let viewport =
             vk::Viewport { width: side as f32, height: side as f32, max_depth: 1.0, ..vk::Viewport::default() };
@@ -67,7 +67,7 @@ impl Recorder {
             if self.is_empty() {
                 device.cmd_draw(commands, 0, 1, 0, 0);
             } else {
-                device.cmd_draw_indirect(commands, args.0.handle, offset, 1, DRAW_ARGS as u32);
+                device.cmd_draw_indirect(commands, args.inner.handle, offset, 1, DRAW_ARGS as u32);
             }
             device.cmd_end_rendering(commands);
         }

@@ -1,17 +1,18 @@
 //! Compute kernels: an immutable pipeline with the interface its SPIR-V declares. Made once, used by any recording.
 #![allow(unsafe_code)]
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use ash::vk;
 
-use super::context::Context;
-use super::failed;
-use super::spirv::{self, Binding, BindingKind, ConstKind, Reflection, StructLayout};
+use super::context::{Arrays, Context};
+use super::spirv::{self, Binding, BindingKind, ConstKind, Reflection};
+use super::{failed, specialise};
 use crate::error::{Error, Result};
 
 mod table {
-    include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
+    include!(concat!(env!("OUT_DIR"), "/spirv.rs"));
 }
 
 /// The local size of a kernel (specialization constant 0).
@@ -101,8 +102,10 @@ impl Kernel {
         let (words, reflection) = shader(context, name)?;
         let mut special = Specialization::new(name, &reflection, constants)?;
         special.set(0, local_size);
+        let declared = reflection.names().map(Into::into).collect();
+        let (words, reflection) = specialised(name, &words, &special, |_| None)?;
         let module = Module::new(context, name, &words)?;
-        let interface = Interface::new(context, name, reflection, vk::ShaderStageFlags::COMPUTE)?;
+        let interface = Interface::new(context, name, declared, reflection, vk::ShaderStageFlags::COMPUTE)?;
         let special = special.info();
         let stage_info = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
@@ -127,7 +130,7 @@ impl Kernel {
         self.0.local_size
     }
 
-    /// Its bindings, ascending: the order in which buffers are given.
+    /// The buffers that it uses, with these constants.
     pub fn bindings(&self) -> &[Binding] {
         &self.0.interface.reflection.bindings
     }
@@ -135,20 +138,6 @@ impl Kernel {
     /// Bytes of push constants.
     pub fn push_bytes(&self) -> u32 {
         self.0.interface.reflection.push_bytes
-    }
-
-    /// Member names and byte offsets of a struct of the shader; empty when it has none of that name.
-    pub fn struct_offsets(&self, name: &str) -> Vec<(String, u32)> {
-        self.struct_layout(name).map(|s| s.members.clone()).unwrap_or_default()
-    }
-
-    /// Bytes up to the end of a struct's last member; `None` when the shader has no struct of that name.
-    pub fn struct_bytes(&self, name: &str) -> Option<u32> {
-        self.struct_layout(name).map(|s| s.size)
-    }
-
-    fn struct_layout(&self, name: &str) -> Option<&StructLayout> {
-        self.0.interface.reflection.structs.get(name)
     }
 }
 
@@ -163,6 +152,9 @@ impl Drop for Inner {
 pub(super) struct Interface {
     pub context: Arc<Context>,
     pub name: String,
+    /// Buffers that the shader declares, whether this variant uses them or not.
+    pub declared: Vec<String>,
+    /// What this variant uses.
     pub reflection: Reflection,
     pub set_layout: vk::DescriptorSetLayout,
     pub layout: vk::PipelineLayout,
@@ -173,6 +165,7 @@ impl Interface {
     pub fn new(
         context: &Arc<Context>,
         name: &str,
+        declared: Vec<String>,
         reflection: Reflection,
         stages: vk::ShaderStageFlags,
     ) -> Result<Interface> {
@@ -199,6 +192,7 @@ impl Interface {
         let mut interface = Interface {
             context: context.clone(),
             name: name.into(),
+            declared,
             reflection,
             set_layout: vk::DescriptorSetLayout::null(),
             layout: vk::PipelineLayout::null(),
@@ -240,20 +234,21 @@ pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
 }
 
 /// The SPIR-V of a shader of the library, as bytes.
-pub(super) fn known(name: &str) -> Result<&'static [u8]> {
+pub(super) fn known(name: &str, arrays: Arrays) -> Result<&'static [u8]> {
     let found = table::SHADERS.binary_search_by_key(&name, |(name, _)| name);
     let index = found.map_err(|_| {
         let near = shader_names().max_by(|a, b| strsim::jaro(a, name).total_cmp(&strsim::jaro(b, name)));
         let hint = near.map(|n| format!("; the nearest is {n}")).unwrap_or_default();
         Error::Simulation(format!("there is no shader {name}{hint}"))
     })?;
-    Ok(table::SHADERS[index].1)
+    let [texel, storage] = table::SHADERS[index].1;
+    Ok(if arrays == Arrays::Texel { texel } else { storage })
 }
 
 /// The SPIR-V of a shader and what it declares.
 pub(super) fn shader(context: &Context, name: &str) -> Result<(Vec<u32>, Reflection)> {
     let replaced = context.replaced.iter().find(|(other, _)| other == name);
-    let bytes = replaced.map_or_else(|| known(name), |(_, bytes)| Ok(bytes.as_slice()))?;
+    let bytes = replaced.map_or_else(|| known(name, context.arrays()), |(_, bytes)| Ok(bytes.as_slice()))?;
     let refuse = |problem: String| Error::Simulation(format!("shader {name}: {problem}"));
     if bytes.len() % size_of::<u32>() != 0 {
         return Err(refuse(format!("{} bytes of SPIR-V are no whole number of words", bytes.len())));
@@ -261,6 +256,23 @@ pub(super) fn shader(context: &Context, name: &str) -> Result<(Vec<u32>, Reflect
     // Bytes in a binary have no alignment, so they are copied into words.
     let words: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(bytes);
     let reflection = spirv::reflect(&words).map_err(|e| refuse(e.to_string()))?;
+    Ok((words, reflection))
+}
+
+/// What is left of a shader with these constants; `number` gives each buffer its binding, or leaves it the one it has.
+pub(super) fn specialised(
+    name: &str,
+    words: &[u32],
+    constants: &Specialization,
+    number: impl Fn(&str) -> Option<u32>,
+) -> Result<(Vec<u32>, Reflection)> {
+    let refuse = |problem: String| Error::Simulation(format!("shader {name}: {problem}"));
+    let mut words = specialise::specialised(words, &constants.values()).map_err(refuse)?;
+    let mut reflection = spirv::reflect(&words).map_err(refuse)?;
+    for binding in &mut reflection.bindings {
+        binding.binding = number(&binding.name).unwrap_or(binding.binding);
+    }
+    spirv::renumber(&mut words, &reflection.bindings).map_err(refuse)?;
     Ok((words, reflection))
 }
 
@@ -317,6 +329,11 @@ impl Specialization {
         let offset = (self.data.len() * size_of::<u32>()) as u32;
         self.data.push(bits);
         self.entries.push(vk::SpecializationMapEntry { constant_id: id, offset, size: size_of::<u32>() });
+    }
+
+    /// Bits by id.
+    fn values(&self) -> HashMap<u32, u32> {
+        self.entries.iter().zip(&self.data).map(|(entry, bits)| (entry.constant_id, *bits)).collect()
     }
 
     pub fn info(&self) -> vk::SpecializationInfo<'_> {

@@ -5,6 +5,7 @@
 //! every step, and derives barriers from what each kernel declares to read and write; with a [`RasterPipeline`] the
 //! rasterizer shares out a pass, or draws onto the [`Image`]s of a [`Canvas`].
 
+mod arguments;
 mod barrier;
 mod buffer;
 mod cache;
@@ -21,15 +22,17 @@ mod log;
 mod raster;
 mod recorder;
 mod recording;
-pub mod spirv;
+mod specialise;
+mod spirv;
 mod threads;
 mod transfer;
 #[cfg(feature = "window")]
 mod window;
 
+pub use arguments::{Arguments, Named};
 pub use buffer::{Buffer, Mapped, MappedMut, Memory};
 pub use canvas::{Before, Canvas, Drawn};
-pub use context::{Context, Options};
+pub use context::{Arrays, Context, Options};
 pub use device::{DeviceInfo, DeviceKind};
 pub use host::{HostDevice, QueueLock};
 pub use image::{Image, Texels};
@@ -38,6 +41,7 @@ pub use log::{Level, Log};
 pub use raster::{Onto, RasterPipeline, Side};
 pub use recorder::Recorder;
 pub use recording::{ArrayUse, Pass, Recording, StagePasses};
+pub use spirv::{Binding, BindingKind};
 pub use transfer::{read_all, write_all};
 #[cfg(feature = "window")]
 pub use window::{Content, Window, display_extensions};

@@ -10,7 +10,7 @@ use ash::vk;
 use super::context::Context;
 use super::failed;
 use super::image::{Texels, sample_flag};
-use super::kernel::{Const, Interface, Module, Specialization, shader};
+use super::kernel::{Const, Interface, Module, Specialization, shader, specialised};
 use super::spirv::Reflection;
 use crate::error::{Error, Result};
 
@@ -90,10 +90,16 @@ impl RasterPipeline {
         );
         let of_vertex = Specialization::new(name, &vertex, &of_vertex)?;
         let of_fragment = Specialization::new(name, &fragment, &of_fragment)?;
+        let mut declared: Vec<String> = vertex.names().chain(fragment.names()).map(Into::into).collect();
+        declared.sort();
+        declared.dedup();
+        let number = |name: &str| declared.iter().position(|declared| declared == name).map(|at| at as u32);
+        let (vertex_words, vertex) = specialised(name, &vertex_words, &of_vertex, number)?;
+        let (fragment_words, fragment) = specialised(name, &fragment_words, &of_fragment, number)?;
         let modules = (Module::new(context, name, &vertex_words)?, Module::new(context, name, &fragment_words)?);
         let reflection = merge(vertex, fragment).map_err(|e| Error::Simulation(format!("pipeline {name}: {e}")))?;
         let stages = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
-        let interface = Interface::new(context, name, reflection, stages)?;
+        let interface = Interface::new(context, name, declared, reflection, stages)?;
         let (of_vertex, of_fragment) = (of_vertex.info(), of_fragment.info());
         let stage = |flag, module, special| {
             vk::PipelineShaderStageCreateInfo::default()
@@ -111,14 +117,9 @@ impl RasterPipeline {
         Ok(RasterPipeline(Arc::new(PipelineInner { interface, pipeline })))
     }
 
-    /// The bindings of both stages, ascending: the order in which buffers are given.
+    /// The buffers that both stages use.
     pub fn bindings(&self) -> &[super::spirv::Binding] {
         &self.0.interface.reflection.bindings
-    }
-
-    /// Member names and byte offsets of a struct of either stage, and its bytes; `None` when they have none of that name.
-    pub fn struct_layout(&self, name: &str) -> Option<(&[(String, u32)], u32)> {
-        self.0.interface.reflection.structs.get(name).map(|layout| (layout.members.as_slice(), layout.size))
     }
 }
 
@@ -137,18 +138,12 @@ fn merge(mut vertex: Reflection, fragment: Reflection) -> std::result::Result<Re
     for binding in fragment.bindings {
         match vertex.bindings.iter().find(|other| other.binding == binding.binding) {
             None => vertex.bindings.push(binding),
-            Some(same) if *same == binding => {}
-            Some(other) => {
-                return Err(format!(
-                    "binding {} is {} in one stage and {} in the other",
-                    binding.binding, other.name, binding.name
-                ));
-            }
+            Some(same) if same.kind == binding.kind && !binding.writes => {}
+            Some(same) => return Err(format!("its stages differ in {}", same.name)),
         }
     }
     vertex.bindings.sort_by_key(|binding| binding.binding);
     vertex.push_bytes = vertex.push_bytes.max(fragment.push_bytes);
-    vertex.structs.extend(fragment.structs);
     Ok(vertex)
 }
 

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use ash::vk::{self, AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
 
+use super::arguments::Arguments;
 use super::barrier::{Hazards, Use};
 use super::buffer::{Buffer, Memory};
 use super::context::Context;
@@ -96,21 +97,20 @@ impl Recorder {
         self.hazards.end_together();
     }
 
-    /// A pass over `elements` invocations, in groups of the kernel's local size; nothing for 0. `buffers` are in
-    /// ascending order of binding, one for each reflected; `push` is as long as the kernel's push constants.
-    pub fn dispatch(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], elements: u32) {
-        self.dispatch_groups(kernel, buffers, push, elements.div_ceil(kernel.local_size()));
+    /// A pass over `elements` invocations, in groups of the kernel's local size; nothing for 0.
+    pub fn dispatch(&mut self, kernel: &Kernel, arguments: &dyn Arguments, elements: u32) {
+        self.dispatch_groups(kernel, arguments, elements.div_ceil(kernel.local_size()));
     }
 
     /// A pass of `groups` workgroups; nothing for 0.
-    pub fn dispatch_groups(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], groups: u32) {
+    pub fn dispatch_groups(&mut self, kernel: &Kernel, arguments: &dyn Arguments, groups: u32) {
         let limit = self.commands.context.limits.max_compute_work_group_count[0];
         let fits = if groups > limit {
             Err(self.error(format!("kernel {}: {groups} groups, but the device's limit is {limit}", kernel.name())))
         } else {
             Ok(())
         };
-        let ready = fits.and_then(|()| self.prepare_compute(kernel, buffers, push, None, groups == 0));
+        let ready = fits.and_then(|()| self.prepare_compute(kernel, arguments, None, groups == 0));
         if self.note(ready) && groups > 0 {
             // SAFETY: the command buffer is recording; pipeline, set and push constants were bound just now and kept.
             let groups = if self.empty { 0 } else { groups };
@@ -119,11 +119,11 @@ impl Recorder {
     }
 
     /// A pass whose group counts are the `slot`-th VkDispatchIndirectCommand (three u32) of `args`.
-    pub fn dispatch_indirect(&mut self, kernel: &Kernel, buffers: &[&Buffer], push: &[u8], args: &Buffer, slot: u32) {
+    pub fn dispatch_indirect(&mut self, kernel: &Kernel, arguments: &dyn Arguments, args: &Buffer, slot: u32) {
         let offset = u64::from(slot) * DISPATCH_ARGS;
         let ready = self
             .check_args(args, offset, DISPATCH_ARGS)
-            .and_then(|()| self.prepare_compute(kernel, buffers, push, Some(args), false));
+            .and_then(|()| self.prepare_compute(kernel, arguments, Some(args), false));
         if self.note(ready) {
             // SAFETY: as for `dispatch_groups`; the arguments lie within their buffer.
             let (device, commands) = (&self.commands.context.device, self.commands.buffer);
@@ -131,7 +131,7 @@ impl Recorder {
                 if self.empty {
                     device.cmd_dispatch(commands, 0, 1, 1);
                 } else {
-                    device.cmd_dispatch_indirect(commands, args.0.handle, offset);
+                    device.cmd_dispatch_indirect(commands, args.inner.handle, offset);
                 }
             }
         }
@@ -162,7 +162,7 @@ impl Recorder {
     /// Copies `bytes` bytes from `src` at `src_byte` to `dst` at `dst_byte`.
     pub fn copy_range(&mut self, src: &Buffer, src_byte: u64, dst: &Buffer, dst_byte: u64, bytes: u64) {
         let within = |at: u64, buffer: &Buffer| at.checked_add(bytes).is_some_and(|end| end <= buffer.bytes());
-        if !within(src_byte, src) || !within(dst_byte, dst) || src.0.handle == dst.0.handle {
+        if !within(src_byte, src) || !within(dst_byte, dst) || src.inner.handle == dst.inner.handle {
             let (a, b) = (src.bytes(), dst.bytes());
             self.fail(format!("{bytes} bytes cannot be copied from {} ({a}) to {} ({b})", src.name(), dst.name()));
         }
@@ -175,7 +175,7 @@ impl Recorder {
         let region = [vk::BufferCopy { src_offset: src_byte, dst_offset: dst_byte, size: bytes }];
         let device = &self.commands.context.device;
         // SAFETY: recording; both buffers are alive and kept, the ranges lie within them, and they differ.
-        unsafe { device.cmd_copy_buffer(self.commands.buffer, src.0.handle, dst.0.handle, &region) };
+        unsafe { device.cmd_copy_buffer(self.commands.buffer, src.inner.handle, dst.inner.handle, &region) };
     }
 
     /// Ends the recording, or returns the first error of any pass.
@@ -201,7 +201,7 @@ impl Recorder {
         // SAFETY: recording; the buffer is alive and kept; the range was checked, or is the whole.
         unsafe {
             let device = &self.commands.context.device;
-            device.cmd_fill_buffer(self.commands.buffer, buffer.0.handle, first, bytes, value);
+            device.cmd_fill_buffer(self.commands.buffer, buffer.inner.handle, first, bytes, value);
         }
     }
 
@@ -209,13 +209,12 @@ impl Recorder {
     fn prepare_compute(
         &mut self,
         kernel: &Kernel,
-        buffers: &[&Buffer],
-        push: &[u8],
+        arguments: &dyn Arguments,
         args: Option<&Buffer>,
         only_check: bool,
     ) -> Result<()> {
         let inner = &kernel.0;
-        let mut uses = self.check_uses(&inner.interface, buffers, push, Stages::COMPUTE_SHADER)?;
+        let (buffers, mut uses) = self.check_uses(&inner.interface, arguments, Stages::COMPUTE_SHADER)?;
         if self.error.is_some() || only_check {
             return Ok(());
         }
@@ -230,7 +229,7 @@ impl Recorder {
             // SAFETY: recording; the pipeline is alive and kept.
             unsafe { device.cmd_bind_pipeline(self.commands.buffer, point, inner.pipeline) };
         }
-        self.bind(&inner.interface, buffers, push, vk::PipelineBindPoint::COMPUTE)
+        self.bind(&inner.interface, &buffers, &arguments.push(), vk::PipelineBindPoint::COMPUTE)
     }
 
     /// Binds descriptor set and push constants.
@@ -258,7 +257,7 @@ impl Recorder {
 
     /// The set of these buffers; one that was made before in this recording is used again.
     fn descriptor_set(&mut self, interface: &Interface, buffers: &[&Buffer]) -> Result<vk::DescriptorSet> {
-        let key = (interface.set_layout, buffers.iter().map(|b| b.0.handle).collect::<Vec<_>>());
+        let key = (interface.set_layout, buffers.iter().map(|b| b.inner.handle).collect::<Vec<_>>());
         if let Some(&set) = self.sets.get(&key) {
             return Ok(set);
         }
@@ -267,13 +266,16 @@ impl Recorder {
         let range = |buffer: &Buffer| if buffer.bytes() == 0 { vk::WHOLE_SIZE } else { buffer.bytes() };
         let infos: Vec<_> = buffers
             .iter()
-            .map(|b| [vk::DescriptorBufferInfo { buffer: b.0.handle, offset: 0, range: range(b) }])
+            .map(|b| [vk::DescriptorBufferInfo { buffer: b.inner.handle, offset: 0, range: range(b) }])
             .collect();
         let views: Vec<_> = bindings
             .iter()
             .zip(buffers)
             .map(|(b, buffer)| {
-                [buffer.0.views.map_or(vk::BufferView::null(), |v| v[usize::from(b.kind == BindingKind::TexelUint)])]
+                [buffer
+                    .inner
+                    .views
+                    .map_or(vk::BufferView::null(), |v| v[usize::from(b.kind == BindingKind::TexelUint)])]
             })
             .collect();
         let writes: Vec<_> = bindings
@@ -315,13 +317,13 @@ impl Recorder {
     }
 
     pub(super) fn keep(&mut self, buffer: &Buffer) {
-        let id = buffer.0.handle.as_raw();
+        let id = buffer.inner.handle.as_raw();
         if !self.commands.keeps(id) {
             let (stage, name) = (self.stage.clone(), buffer.name().to_string());
             let on_device = buffer.memory() == Memory::Device;
             self.commands.arrays.push(ArrayUse { id, stage, name, bytes: buffer.bytes(), on_device });
         }
-        self.commands.keep(id, &buffer.0);
+        self.commands.keep(id, &buffer.inner);
     }
 
     fn end_label(&mut self) {
@@ -359,12 +361,12 @@ impl Recorder {
 
 fn transfer(buffer: &Buffer, writes: bool) -> Use {
     let write_access = if writes { Access::TRANSFER_WRITE } else { Access::NONE };
-    Use { id: buffer.0.handle.as_raw(), reads: !writes, writes, stages: Stages::ALL_TRANSFER, write_access }
+    Use { id: buffer.inner.handle.as_raw(), reads: !writes, writes, stages: Stages::ALL_TRANSFER, write_access }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Options, Size};
+    use super::super::{Named, Options, Size};
     use super::*;
 
     /// Without its barrier, a pass that reads what another wrote must be reported: the tests rely on this validation.
@@ -375,12 +377,22 @@ mod tests {
         let context = Context::new(&Options { device, validation: true, ..Options::default() }).unwrap();
         let kernel = Kernel::new(&context, "test/copy", Size::Group, &[]).unwrap();
         let array = |name: &str| Buffer::from_slice(&context, name, &[0u32; 64], Memory::Device).unwrap();
-        let (params, offsets, marked, a, b) =
-            (array("params"), array("offsets"), array("marked"), array("a"), array("b"));
-        let said = |passes: [[&Buffer; 5]; 2], forget: bool| {
+        let (params, offsets, marked) = (array("params"), array("offsets"), array("marked"));
+        let any = |name: &str| array(name).known_as(&["source", "target", "offsets"]);
+        let (a, b) = (any("a"), any("b"));
+        let said = |passes: [[&Buffer; 3]; 2], forget: bool| {
             let mut recorder = Recorder::new(&context).unwrap();
-            for buffers in passes {
-                recorder.dispatch(&kernel, &buffers, bytemuck::bytes_of(&0u32), 64);
+            for [source, offsets, target] in passes {
+                let buffers = [
+                    ("params", &params),
+                    ("source", source),
+                    ("offsets", offsets),
+                    ("marked", &marked),
+                    ("target", target),
+                ];
+                let first = 0u32;
+                let push = bytemuck::bytes_of(&first);
+                recorder.dispatch(&kernel, &Named { shader: "test/copy", buffers: &buffers, push }, 64);
                 if forget {
                     recorder.hazards = Hazards::default();
                 }
@@ -388,9 +400,10 @@ mod tests {
             recorder.finish().unwrap();
             context.validation_messages()
         };
-        let (a_to_b, b_to_a) = ([&params, &a, &offsets, &marked, &b], [&params, &b, &offsets, &marked, &a]);
-        // `b` read as a texel buffer.
-        let texels = [&params, &params, &b, &marked, &a];
+        let (a_to_b, b_to_a) = ([&a, &offsets, &b], [&b, &offsets, &a]);
+        let other = any("c");
+        // `b` read through another kind of buffer.
+        let texels = [&other, &b, &a];
         for second in [b_to_a, texels] {
             assert_eq!(said([a_to_b, second], false), Vec::<String>::new());
             let said = said([a_to_b, second], true);

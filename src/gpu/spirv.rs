@@ -1,6 +1,6 @@
-//! What a shader says about itself: bindings, push constants, specialization constants and struct layouts, read from
-//! its SPIR-V. The shader's interface is the only place where these are written down; [`super::Kernel`] builds its
-//! layouts from it, and tests hold Rust structs against it.
+//! What a shader says about itself: bindings, push constants and specialization constants, read from its SPIR-V. The
+//! shader's interface is the only place where these are written down: kernels build their layouts from it, and the build
+//! script the arguments that Rust gives them.
 //!
 //! Instruction and decoration numbers: the Khronos SPIR-V specification, version 1.6.
 
@@ -22,6 +22,8 @@ pub enum BindingKind {
 /// One binding of descriptor set 0.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Binding {
+    /// Its variable.
+    pub variable: u32,
     /// Its number.
     pub binding: u32,
     /// Instance name; without one, the name of the block's only member; else the block's name.
@@ -47,15 +49,6 @@ pub enum ConstKind {
     Float,
 }
 
-/// A struct with laid-out members.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct StructLayout {
-    /// Member names and byte offsets, in declaration order.
-    pub members: Vec<(String, u32)>,
-    /// Bytes up to the end of the last member, without padding after it; 0 for the part that is a runtime array.
-    pub size: u32,
-}
-
 /// Everything reflected from one shader.
 #[derive(Debug, Clone, Default)]
 pub struct Reflection {
@@ -65,8 +58,29 @@ pub struct Reflection {
     pub push_bytes: u32,
     /// Named specialization constants: constant id and type.
     pub constants: BTreeMap<String, (u32, ConstKind)>,
-    /// Structs with offsets, by name.
-    pub structs: BTreeMap<String, StructLayout>,
+}
+
+impl Reflection {
+    /// Names of the bindings.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.bindings.iter().map(|binding| binding.name.as_str())
+    }
+}
+
+/// Gives the variables of a module the binding numbers of `bindings`.
+pub fn renumber(words: &mut [u32], bindings: &[Binding]) -> Result<(), String> {
+    let mut at = HEADER;
+    let lengths: Vec<usize> = instructions(words)?.iter().map(|instruction| instruction.words.len()).collect();
+    for length in lengths {
+        if let [first, variable, BINDING, number] = &mut words[at..at + length]
+            && *first & 0xffff == DECORATE
+            && let Some(binding) = bindings.iter().find(|binding| binding.variable == *variable)
+        {
+            *number = binding.binding;
+        }
+        at += length;
+    }
+    Ok(())
 }
 
 #[derive(Debug, Clone)]
@@ -110,6 +124,8 @@ struct Module {
     variables: Vec<(u32, u32, u32)>,
 }
 
+const DECORATE: u32 = 71;
+const BINDING: u32 = 33;
 const MAGIC: u32 = 0x0723_0203;
 const STORAGE_UNIFORM_CONSTANT: u32 = 0;
 const STORAGE_UNIFORM: u32 = 2;
@@ -147,31 +163,43 @@ pub fn reflect(words: &[u32]) -> Result<Reflection, String> {
         };
         out.constants.insert(name.clone(), (spec_id, kind));
     }
-    for (&id, ty) in &module.types {
-        let Type::Struct { members } = ty else { continue };
-        // The same struct appears a second time, without offsets, where a function holds it by value.
-        if let (Some(name), Some(layout)) = (module.names.get(&id), module.layout(id, members)) {
-            out.structs.insert(name.clone(), layout);
-        }
-    }
     Ok(out)
 }
 
 fn parse(words: &[u32]) -> Result<Module, String> {
-    if words.len() < 5 || words[0] != MAGIC {
-        return Err("not SPIR-V".into());
-    }
     let mut module = Module::default();
-    let mut at = 5;
-    while at < words.len() {
-        let (length, opcode) = ((words[at] >> 16) as usize, words[at] & 0xffff);
-        if length == 0 || at + length > words.len() {
-            return Err(format!("instruction at word {at} runs past the end"));
-        }
-        module.instruction(opcode, &words[at + 1..at + length]);
-        at += length;
+    for Instruction { opcode, operands, .. } in instructions(words)? {
+        module.instruction(opcode, operands);
     }
     Ok(module)
+}
+
+/// An instruction of a module.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Instruction<'a> {
+    pub opcode: u32,
+    pub operands: &'a [u32],
+    /// Opcode and length, and the operands.
+    pub words: &'a [u32],
+}
+
+/// Words before the first instruction.
+pub(super) const HEADER: usize = 5;
+
+/// All instructions of a module, in order.
+pub(super) fn instructions(words: &[u32]) -> Result<Vec<Instruction<'_>>, String> {
+    if words.len() < HEADER || words[0] != MAGIC {
+        return Err("not SPIR-V".into());
+    }
+    let (mut at, mut out) = (HEADER, Vec::new());
+    while at < words.len() {
+        let (length, opcode) = ((words[at] >> 16) as usize, words[at] & 0xffff);
+        let words = words[at..].get(..length).filter(|words| !words.is_empty());
+        let words = words.ok_or_else(|| format!("instruction at word {at} runs past the end"))?;
+        out.push(Instruction { opcode, operands: &words[1..], words });
+        at += length;
+    }
+    Ok(out)
 }
 
 /// A literal string: UTF-8 in little-endian words, ended by a zero.
@@ -238,7 +266,7 @@ impl Module {
         let storage = kind == BindingKind::Storage;
         let reads = !storage || !(marks.non_readable || all(|m| m.non_readable));
         let writes = storage && !(marks.non_writable || all(|m| m.non_writable));
-        Ok(Binding { binding: number, name, kind, reads, writes })
+        Ok(Binding { variable: id, binding: number, name, kind, reads, writes })
     }
 
     fn binding_name(&self, id: u32, ty: u32) -> String {
@@ -263,15 +291,6 @@ impl Module {
             },
             _ => None,
         }
-    }
-
-    fn layout(&self, id: u32, members: &[u32]) -> Option<StructLayout> {
-        let mut out = Vec::new();
-        for m in 0..members.len() as u32 {
-            let offset = self.member_marks.get(&(id, m))?.offset?;
-            out.push((self.member_names.get(&(id, m)).cloned().unwrap_or_default(), offset));
-        }
-        Some(StructLayout { members: out, size: self.size(id, 0) })
     }
 
     /// Bytes of a type; `matrix_stride` is that of the struct member that holds it.

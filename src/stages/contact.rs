@@ -11,13 +11,14 @@ use super::types::{CHUNK_VERTICES, NONE};
 use super::{Common, args, array, count, types, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
+use crate::shaders;
 
 /// Contacts a step at most; more raise the contact overflow flag.
 const CAPACITY: usize = 32_768;
 /// Nodes a contact acts on at most: a vertex and a triangle, four nodes each corner.
 const ENTRIES: usize = 16;
 
-/// What the solver reads of contacts. See [`Touch::nothing`] for scenes where nothing can touch.
+/// What the solver reads of contacts.
 #[derive(Clone)]
 pub struct Touch {
     /// A [`types::Contact`] a colliding vertex.
@@ -32,22 +33,6 @@ pub struct Touch {
     pub sorted: Buffer,
     /// What each contact does to a change of velocity; see solve/apply.
     pub contact_forces: Buffer,
-}
-
-impl Touch {
-    /// Where nothing can touch: two placeholders of one element, for what kernels declare but never reach.
-    pub fn nothing(context: &Arc<Context>) -> Result<Touch> {
-        let read = zeros::<[f32; 4]>(context, "no contact, read", 1)?;
-        let written = || zeros::<[f32; 4]>(context, "no contact, written", 1);
-        Ok(Touch {
-            contacts: written()?,
-            entry_nodes: read.clone(),
-            entry_weights: read.clone(),
-            node_entries: read.clone(),
-            sorted: read,
-            contact_forces: written()?,
-        })
-    }
 }
 
 /// Kernels and arrays of the stage.
@@ -77,14 +62,18 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Kernels and arrays for a model. `blend`: where two regions see a vertex alike it gets the mean of both, so that nothing
+    /// Kernels and arrays for a model. `skins`: whether skins may meet skins, else half-spaces alone; `blend`: where two regions see a vertex alike it gets the mean of both, so that nothing
     /// jumps; otherwise the stronger one's, so that every depth is that of a ray along its normal.
-    pub fn new(context: &Arc<Context>, model: &Model, blend: bool) -> Result<Contact> {
+    pub fn new(context: &Arc<Context>, model: &Model, skins: bool, blend: bool) -> Result<Contact> {
         let nodes = model.node_rest.len();
         let candidates = CHUNK_VERTICES * model.most_gathering();
         let capacity = CAPACITY.min(candidates);
-        let candidate =
-            [("BLEND", blend.into()), ("CAPACITY", count(capacity)), ("GROUP", context.group_size().into())];
+        let candidate = [
+            ("BLEND", blend.into()),
+            ("CAPACITY", count(capacity)),
+            ("GROUP", context.group_size().into()),
+            ("SKINS", skins.into()),
+        ];
         let lists = context.reduce_size();
         let response = [
             ("FRICTION", (model.friction[0] > 0.0).into()),
@@ -99,25 +88,25 @@ impl Contact {
             sort: Kernel::new(context, "contact/sort", Size::Reduce, &[])?,
             touch: Touch {
                 contacts: zeros::<types::Contact>(context, "contacts", capacity)?,
-                entry_nodes: zeros::<[u32; 4]>(context, "nodes of contacts", 4 * capacity)?,
-                entry_weights: zeros::<[f32; 4]>(context, "weights of contacts", 4 * capacity)?,
-                node_entries: zeros::<[u32; 2]>(context, "contacts of nodes", nodes)?,
-                sorted: zeros::<[u32; 2]>(context, "sorted entries", ENTRIES * capacity)?,
-                contact_forces: zeros::<[f32; 4]>(context, "contact forces", capacity)?,
+                entry_nodes: zeros::<[u32; 4]>(context, "entry_nodes", 4 * capacity)?,
+                entry_weights: zeros::<[f32; 4]>(context, "entry_weights", 4 * capacity)?,
+                node_entries: zeros::<[u32; 2]>(context, "node_entries", nodes)?,
+                sorted: zeros::<[u32; 2]>(context, "sorted", ENTRIES * capacity)?,
+                contact_forces: zeros::<[f32; 4]>(context, "contact_forces", capacity)?,
             },
-            fan_first: upload(context, "first triangles around vertices", &model.fan_first)?,
-            fans: upload(context, "triangles around vertices", &model.fans)?,
-            areas: upload(context, "skin areas", &model.skin_areas)?,
-            candidate_hits: zeros::<[f32; 4]>(context, "candidate hits", candidates)?,
-            candidate_what: zeros::<[u32; 4]>(context, "candidates", candidates)?,
-            candidate_normals: zeros::<[f32; 4]>(context, "normals of candidates", candidates)?,
-            candidate_pushes: zeros::<[f32; 4]>(context, "pushes of candidates", candidates)?,
-            chunk_contacts: array::<[u32; 2]>(context, "contacts of chunks", candidates / CHUNK_VERTICES)?,
-            source: array::<u32>(context, "sources of contacts", capacity)?,
-            node_list_counts: zeros::<u32>(context, "lists in use", nodes)?,
-            node_lists: upload(context, "lists of nodes", &vec![NONE; nodes.max(1) * lists as usize])?,
-            next_entries: array::<u32>(context, "next entries", ENTRIES * capacity)?,
-            touched_nodes: array::<u32>(context, "touched nodes", nodes)?,
+            fan_first: upload(context, "fan_first", &model.fan_first)?,
+            fans: upload(context, "fans", &model.fans)?,
+            areas: upload(context, "areas", &model.skin_areas)?,
+            candidate_hits: zeros::<[f32; 4]>(context, "candidate_hits", candidates)?,
+            candidate_what: zeros::<[u32; 4]>(context, "candidate_what", candidates)?,
+            candidate_normals: zeros::<[f32; 4]>(context, "candidate_normals", candidates)?,
+            candidate_pushes: zeros::<[f32; 4]>(context, "candidate_pushes", candidates)?,
+            chunk_contacts: array::<[u32; 2]>(context, "chunk_contacts", candidates / CHUNK_VERTICES)?,
+            source: array::<u32>(context, "contact_source", capacity)?,
+            node_list_counts: zeros::<u32>(context, "node_list_counts", nodes)?,
+            node_lists: upload(context, "node_lists", &vec![NONE; nodes.max(1) * lists as usize])?,
+            next_entries: array::<u32>(context, "next_entries", ENTRIES * capacity)?,
+            touched_nodes: array::<u32>(context, "touched_nodes", nodes)?,
         })
     }
 
@@ -145,79 +134,82 @@ impl Contact {
         }
         recorder.dispatch_indirect(
             &self.candidates,
-            &[
-                &common.params,
-                &common.counts,
-                &cull.active_chunks,
-                &cull.chunks,
-                &skin.chunk_vertices,
-                &cull.pairs,
-                &cull.regions,
-                &cull.shares,
-                &skin.triangles,
-                &skin.skin,
-                &self.fan_first,
-                &self.fans,
-                &self.areas,
-                &skin.bin_hits,
-                depth.map_or(&skin.bins, |depth| &depth.hits),
-                &self.candidate_hits,
-                &self.candidate_what,
-                &self.candidate_normals,
-                &self.candidate_pushes,
-                &cull.items,
-                &self.source,
-                &common.args,
-                &self.chunk_contacts,
-            ],
-            &[],
+            &shaders::contact::Candidates {
+                params: &common.params,
+                counts: &common.counts,
+                active_chunks: &cull.active_chunks,
+                chunks: &cull.chunks,
+                chunk_vertices: &skin.chunk_vertices,
+                pairs: &cull.pairs,
+                regions: &cull.regions,
+                shares: Some(&cull.shares),
+                triangles: &skin.triangles,
+                skin: &skin.skin,
+                fan_first: &self.fan_first,
+                fans: &self.fans,
+                areas: &self.areas,
+                bin_hits: &skin.bin_hits,
+                hits: depth.map(|depth| &depth.hits),
+                candidate_hits: &self.candidate_hits,
+                candidate_what: &self.candidate_what,
+                candidate_normals: &self.candidate_normals,
+                candidate_pushes: &self.candidate_pushes,
+                items: &cull.items,
+                contact_source: Some(&self.source),
+                args: &common.args,
+                chunk_contacts: &self.chunk_contacts,
+            },
             &common.args,
             args::GATHERING,
         );
-        let buffers = [&self.candidate_hits, &common.counts, &self.source, &self.chunk_contacts];
-        recorder.dispatch_indirect(&self.deepest, &buffers, &[], &common.args, args::DEEPEST);
+        let buffers = shaders::contact::Deepest {
+            candidate_hits: &self.candidate_hits,
+            counts: &common.counts,
+            contact_source: &self.source,
+            chunk_contacts: &self.chunk_contacts,
+        };
+        recorder.dispatch_indirect(&self.deepest, &buffers, &common.args, args::DEEPEST);
         recorder.dispatch_indirect(
             &self.response,
-            &[
-                &common.params,
-                &common.counts,
-                &cull.pairs,
-                &self.candidate_normals,
-                &self.source,
-                &self.candidate_hits,
-                &self.candidate_what,
-                &skin.triangles,
-                &skin.skin_nodes,
-                &skin.skin_weights,
-                &skin.skin,
-                &elastic.velocity,
-                &common.frames,
-                &touch.contacts,
-                &touch.entry_nodes,
-                &touch.entry_weights,
-                &self.node_list_counts,
-                &self.node_lists,
-                &self.next_entries,
-                &self.touched_nodes,
-                &common.args,
-            ],
-            &[],
+            &shaders::contact::Response {
+                params: &common.params,
+                counts: &common.counts,
+                pairs: &cull.pairs,
+                candidate_normals: &self.candidate_normals,
+                contact_source: &self.source,
+                candidate_hits: &self.candidate_hits,
+                candidate_what: &self.candidate_what,
+                triangles: &skin.triangles,
+                skin_nodes: &skin.skin_nodes,
+                skin_weights: &skin.skin_weights,
+                skin: &skin.skin,
+                velocity: &elastic.velocity,
+                frames: &common.frames,
+                contacts: &touch.contacts,
+                entry_nodes: &touch.entry_nodes,
+                entry_weights: &touch.entry_weights,
+                node_list_counts: &self.node_list_counts,
+                node_lists: &self.node_lists,
+                next_entries: &self.next_entries,
+                touched_nodes: &self.touched_nodes,
+                args: &common.args,
+            },
             &common.args,
             args::CONTACTS,
         );
         if !self.has_nodes {
             return;
         }
-        let buffers = [
-            &self.touched_nodes,
-            &self.node_list_counts,
-            &self.node_lists,
-            &self.next_entries,
-            &touch.entry_weights,
-            &common.counts,
-            &touch.node_entries,
-            &touch.sorted,
-        ];
-        recorder.dispatch_indirect(&self.sort, &buffers, &[], &common.args, args::NODES);
+        let buffers = shaders::contact::Sort {
+            touched_nodes: &self.touched_nodes,
+            node_list_counts: &self.node_list_counts,
+            node_lists: &self.node_lists,
+            next_entries: &self.next_entries,
+            entry_weights: &touch.entry_weights,
+            counts: &common.counts,
+            node_entries: &touch.node_entries,
+            sorted: &touch.sorted,
+        };
+        recorder.dispatch_indirect(&self.sort, &buffers, &common.args, args::NODES);
     }
 }

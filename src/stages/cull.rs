@@ -11,6 +11,7 @@ use super::types::{ActiveChunk, PAIR_REGIONS, Pair, Region};
 use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
+use crate::shaders;
 
 /// Squares of a region's two fields of heights; twin of shaders/shared/field.glsl.
 pub(super) const FIELD_WORDS: usize = 2 * 16 * 16;
@@ -83,25 +84,25 @@ impl Cull {
             meet: reduce("cull/meet", &list)?,
             pair_count: model.pairs.len() as u32,
             pairs: Buffer::new(context, "pairs", pairs, Memory::Upload)?,
-            proxy_pairs: upload(context, "pairs of proxies", &model.proxy_pairs)?,
-            active_pairs: array::<u32>(context, "active pairs of proxies", proxy_pairs)?,
-            reach: array::<[f32; 2]>(context, "reach", proxy_pairs)?,
-            near_pairs: array::<u32>(context, "near pairs of proxies", proxy_pairs)?,
+            proxy_pairs: upload(context, "proxy_pairs", &model.proxy_pairs)?,
+            active_pairs: array::<u32>(context, "active_pairs", proxy_pairs)?,
+            reach: array::<[f32; 2]>(context, "reach_of", proxy_pairs)?,
+            near_pairs: array::<u32>(context, "near_pairs", proxy_pairs)?,
             directions: zeros::<[f32; 4]>(context, "directions", 2 * proxy_pairs)?,
             regions: zeros::<Region>(context, "regions", PAIR_REGIONS * model.pairs.len())?,
             slots: upload(context, "slots", &model.slots)?,
             shares: array::<f32>(context, "shares", PAIR_REGIONS * slots)?,
-            boxes: array::<[f32; 6]>(context, "boxes of slots", PAIR_REGIONS * slots)?,
-            slot_regions: array::<u32>(context, "regions of slots", slots)?,
-            slot_counts: zeros::<[u32; 2]>(context, "counts of slots", slots)?,
-            active_slots: array::<u32>(context, "active slots", slots)?,
+            boxes: array::<[f32; 6]>(context, "boxes", PAIR_REGIONS * slots)?,
+            slot_regions: array::<u32>(context, "slot_regions", slots)?,
+            slot_counts: zeros::<[u32; 2]>(context, "slot_counts", slots)?,
+            active_slots: array::<u32>(context, "active_slots", slots)?,
             chunks: upload(context, "chunks", &model.chunks)?,
-            chunk_nodes: upload(context, "nodes of chunks", &model.chunk_nodes)?,
-            slot_chunks: array::<[u32; 2]>(context, "chunks of slots", model.slot_chunks)?,
-            slabs: array::<[f32; 8]>(context, "slabs of chunks", PAIR_REGIONS * model.slot_chunks)?,
-            fields: array::<u32>(context, "fields of heights", PAIR_REGIONS * model.pairs.len() * FIELD_WORDS)?,
-            active_chunks: array::<ActiveChunk>(context, "active chunks", items)?,
-            items: array::<[u32; 2]>(context, "work items", items)?,
+            chunk_nodes: upload(context, "chunk_nodes", &model.chunk_nodes)?,
+            slot_chunks: array::<[u32; 2]>(context, "slot_chunks", model.slot_chunks)?,
+            slabs: array::<[f32; 8]>(context, "slabs", PAIR_REGIONS * model.slot_chunks)?,
+            fields: array::<u32>(context, "fields", PAIR_REGIONS * model.pairs.len() * FIELD_WORDS)?,
+            active_chunks: array::<ActiveChunk>(context, "active_chunks", items)?,
+            items: array::<[u32; 2]>(context, "items", items)?,
         })
     }
 
@@ -125,88 +126,88 @@ impl Cull {
         if self.test_groups > 0 {
             self.record_directions(recorder, common, pose, last);
         }
-        let buffers = [
-            &common.params,
-            &self.pairs,
-            &pose.proxies,
-            &pose.bounds,
-            &pose.hull,
-            &self.directions,
-            &self.regions,
-            &self.shares,
-            &self.boxes,
-            &self.slot_regions,
-            &self.slot_counts,
-            &self.active_slots,
-            &self.fields,
-            &common.counts,
-            &common.args,
-            &self.near_pairs,
-            &skin.buckets,
-        ];
-        recorder.dispatch_groups(&self.regions_kernel, &buffers, &[], self.pair_count);
-        let buffers = [
-            &self.pairs,
-            &self.slots,
-            &self.active_slots,
-            &common.frames,
-            &pose.proxies,
-            &self.chunks,
-            &self.chunk_nodes,
-            &elastic.displacement,
-            &elastic.node_rest,
-            &common.links,
-            &self.regions,
-            &self.boxes,
-            &self.slot_regions,
-            &self.slot_chunks,
-            &self.slabs,
-            &self.fields,
-        ];
-        recorder.dispatch_indirect(&self.chunks_kernel, &buffers, &[], &common.args, args::CHUNKS);
-        let buffers = [
-            &self.pairs,
-            &self.slots,
-            &self.active_slots,
-            &pose.proxies,
-            &self.regions,
-            &self.slabs,
-            &self.fields,
-            &self.slot_chunks,
-            &self.slot_counts,
-            &self.active_chunks,
-            &self.items,
-            &common.counts,
-            &common.args,
-        ];
-        recorder.dispatch_indirect(&self.meet, &buffers, &[], &common.args, args::CHUNKS);
+        let buffers = shaders::cull::Regions {
+            params: &common.params,
+            pairs: &self.pairs,
+            proxies: &pose.proxies,
+            bounds: &pose.bounds,
+            hull: &pose.hull,
+            directions: &self.directions,
+            regions: &self.regions,
+            shares: &self.shares,
+            boxes: &self.boxes,
+            slot_regions: &self.slot_regions,
+            slot_counts: &self.slot_counts,
+            active_slots: &self.active_slots,
+            fields: &self.fields,
+            counts: &common.counts,
+            args: &common.args,
+            near_pairs: &self.near_pairs,
+            buckets: &skin.buckets,
+        };
+        recorder.dispatch_groups(&self.regions_kernel, &buffers, self.pair_count);
+        let buffers = shaders::cull::Chunks {
+            pairs: &self.pairs,
+            slots: &self.slots,
+            active_slots: &self.active_slots,
+            frames: &common.frames,
+            proxies: &pose.proxies,
+            chunks: &self.chunks,
+            chunk_nodes: &self.chunk_nodes,
+            displacement: &elastic.displacement,
+            node_rest: Some(&elastic.node_rest),
+            links: Some(&common.links),
+            regions: &self.regions,
+            boxes: &self.boxes,
+            slot_regions: &self.slot_regions,
+            slot_chunks: &self.slot_chunks,
+            slabs: &self.slabs,
+            fields: &self.fields,
+        };
+        recorder.dispatch_indirect(&self.chunks_kernel, &buffers, &common.args, args::CHUNKS);
+        let buffers = shaders::cull::Meet {
+            pairs: &self.pairs,
+            slots: &self.slots,
+            active_slots: &self.active_slots,
+            proxies: &pose.proxies,
+            regions: &self.regions,
+            slabs: &self.slabs,
+            fields: &self.fields,
+            slot_chunks: &self.slot_chunks,
+            slot_counts: &self.slot_counts,
+            active_chunks: &self.active_chunks,
+            items: &self.items,
+            counts: &common.counts,
+            args: &common.args,
+        };
+        recorder.dispatch_indirect(&self.meet, &buffers, &common.args, args::CHUNKS);
     }
 
     fn record_directions(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact) {
-        let buffers = [
-            &pose.proxies,
-            &pose.bounds,
-            &self.proxy_pairs,
-            &pose.hull,
-            &self.active_pairs,
-            &self.reach,
-            &self.directions,
-            &common.args,
-        ];
-        recorder.dispatch_groups(&self.test, &buffers, &[], self.test_groups);
-        let buffers = [
-            &pose.proxies,
-            &pose.bounds,
-            &self.proxy_pairs,
-            &pose.hull,
-            &pose.faces,
-            &self.active_pairs,
-            &self.reach,
-            &self.directions,
-            &common.counts,
-            &last.source,
-            &last.candidate_pushes,
-        ];
-        recorder.dispatch_indirect(&self.direction, &buffers, &[], &common.args, args::DIRECTION);
+        let buffers = shaders::cull::Pairs {
+            proxies: &pose.proxies,
+            bounds: &pose.bounds,
+            proxy_pairs: &self.proxy_pairs,
+            hull: &pose.hull,
+            active_pairs: &self.active_pairs,
+            reach_of: &self.reach,
+            directions: &self.directions,
+            args: &common.args,
+        };
+        recorder.dispatch_groups(&self.test, &buffers, self.test_groups);
+        let buffers = shaders::cull::Direction {
+            proxies: &pose.proxies,
+            bounds: &pose.bounds,
+            proxy_pairs: &self.proxy_pairs,
+            hull: &pose.hull,
+            faces: &pose.faces,
+            active_pairs: &self.active_pairs,
+            reach_of: &self.reach,
+            directions: &self.directions,
+            counts: &common.counts,
+            contact_source: &last.source,
+            candidate_pushes: &last.candidate_pushes,
+        };
+        recorder.dispatch_indirect(&self.direction, &buffers, &common.args, args::DIRECTION);
     }
 }

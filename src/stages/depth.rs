@@ -9,6 +9,7 @@ use super::types::CHUNK_VERTICES;
 use super::{Common, args, array, count, upload};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, RasterPipeline, Recorder, Size};
+use crate::shaders;
 
 pub use crate::scene::DepthPath as Path;
 
@@ -48,33 +49,33 @@ impl Depth {
         };
         Ok(Depth {
             cross,
-            chunk_triangles: upload(context, "triangles of chunks", &model.chunk_triangles)?,
-            hits: array::<[u32; 4]>(context, "crossings", hits)?,
+            chunk_triangles: upload(context, "chunk_triangles", &model.chunk_triangles)?,
+            hits: array::<[u32; 4]>(context, "hits", hits)?,
         })
     }
 
     /// One pass: a workgroup, or an instance of the draw, an active chunk and region.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, cull: &Cull, skin: &Skin) {
         recorder.stage(STAGE);
-        let buffers = [
-            &common.counts,
-            &cull.items,
-            &cull.active_chunks,
-            &cull.chunks,
-            &self.chunk_triangles,
-            &cull.regions,
-            &skin.triangles,
-            &skin.skin,
-            &skin.buckets,
-            &skin.bins,
-            &skin.bin_squares,
-            &skin.bin_hits,
-            &self.hits,
-            &cull.pairs,
-        ];
+        let buffers = shaders::depth::Cross {
+            counts: &common.counts,
+            items: &cull.items,
+            active_chunks: &cull.active_chunks,
+            chunks: &cull.chunks,
+            chunk_triangles: &self.chunk_triangles,
+            regions: &cull.regions,
+            triangles: &skin.triangles,
+            skin: &skin.skin,
+            buckets: &skin.buckets,
+            bins: &skin.bins,
+            bin_squares: &skin.bin_squares,
+            bin_hits: &skin.bin_hits,
+            hits: &self.hits,
+            pairs: &cull.pairs,
+        };
         match &self.cross {
-            Cross::Graphics(cross) => recorder.draw_indirect(cross, &buffers, &[], &common.args, args::DRAW, SQUARES),
-            Cross::Compute(cross) => recorder.dispatch_indirect(cross, &buffers, &[], &common.args, args::ITEMS),
+            Cross::Graphics(cross) => recorder.draw_indirect(cross, &buffers, &common.args, args::DRAW, SQUARES),
+            Cross::Compute(cross) => recorder.dispatch_indirect(cross, &buffers, &common.args, args::ITEMS),
         }
     }
 }

@@ -13,6 +13,7 @@ use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
 use crate::prepare::Layer;
 use crate::prepare::layer::volume6;
 use crate::prepare::patch::{MOST_NODES, MOST_TETRAHEDRA};
+use crate::shaders;
 
 /// Static arrays of all bodies' patches.
 #[derive(Debug, Clone, Default)]
@@ -144,11 +145,11 @@ impl Dilate {
             kernel: kernel(false)?,
             again: again.then(|| kernel(true)).transpose()?,
             patch_count: patches.count(),
-            patch_of: upload(context, "patches of tetrahedra", &patches.of)?,
-            nodes: upload(context, "nodes of patches", &patches.device_nodes())?,
-            members: upload(context, "tetrahedra of patches", &patches.device_members())?,
-            constants: upload(context, "constants of patches", &patches.constants)?,
-            rows: zeros::<[f32; 4]>(context, "rows of patches", MOST_NODES * patches.count())?,
+            patch_of: upload(context, "patch_of", &patches.of)?,
+            nodes: upload(context, "patch_nodes", &patches.device_nodes())?,
+            members: upload(context, "patch_members", &patches.device_members())?,
+            constants: upload(context, "patch_constants", &patches.constants)?,
+            rows: zeros::<[f32; 4]>(context, "patch_rows", MOST_NODES * patches.count())?,
         })
     }
 
@@ -162,19 +163,18 @@ impl Dilate {
         recorder.stage("elastic");
         recorder.dispatch(
             self.again.as_ref().filter(|_| trial_change.is_some()).unwrap_or(&self.kernel),
-            &[
-                &common.params,
-                &self.nodes,
-                &self.members,
-                &self.constants,
-                &elastic.rest_gradients,
-                &elastic.gradients,
-                &elastic.velocity,
-                trial_change.unwrap_or(&elastic.velocity),
-                &self.rows,
-                &elastic.element_forces,
-            ],
-            &[],
+            &shaders::elastic::Dilate {
+                params: &common.params,
+                patch_nodes: &self.nodes,
+                patch_members: &self.members,
+                patch_constants: &self.constants,
+                rest_gradients: &elastic.rest_gradients,
+                gradients: &elastic.gradients,
+                velocity: &elastic.velocity,
+                trial_change,
+                patch_rows: &self.rows,
+                element_forces: &elastic.element_forces,
+            },
             self.patch_count as u32,
         );
     }

@@ -15,6 +15,7 @@ use super::types::{Frame, Link, NONE};
 use super::{count, upload};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
+use crate::shaders;
 pub use fields::{Field, Fields};
 pub use mesh::{Mesh, Outline};
 pub use points::Points;
@@ -58,11 +59,11 @@ impl Draw {
         let (fan_first, fans) = fans(model);
         let nodes = match skin {
             Some(skin) => skin.skin_nodes.clone(),
-            None => upload(context, "nodes of the skin", &model.skin_nodes)?,
+            None => upload(context, "skin_nodes", &model.skin_nodes)?,
         };
         let weights = match skin {
             Some(skin) => skin.skin_weights.clone(),
-            None => upload(context, "weights of the skin", &model.skin_weights)?,
+            None => upload(context, "skin_weights", &model.skin_weights)?,
         };
         let frames = (model.frames.len().max(1) * size_of::<Frame>()) as u64;
         let links = (model.links.len().max(1) * size_of::<Link>()) as u64;
@@ -72,12 +73,12 @@ impl Draw {
                 Some(skin) => skin.triangles.clone(),
                 None => upload(context, "triangles", &model.triangles)?,
             },
-            fan_first: upload(context, "first triangles around shown vertices", &fan_first)?,
-            fans: upload(context, "triangles around shown vertices", &fans)?,
-            frames: Buffer::new(context, "shown frames", frames, Memory::Upload)?,
-            links: Buffer::new(context, "shown links", links, Memory::Upload)?,
+            fan_first: upload(context, "fan_first", &fan_first)?,
+            fans: upload(context, "fans", &fans)?,
+            frames: Buffer::new(context, "frames", frames, Memory::Upload)?,
+            links: Buffer::new(context, "links", links, Memory::Upload)?,
             points: Points::new(context, vertices, nodes, weights, &rigid_frames)?,
-            normals: Buffer::shared(context, "shown normals", (16 * vertices.max(1)) as u64)?,
+            normals: Buffer::shared(context, "normals", (16 * vertices.max(1)) as u64)?,
         })
     }
 
@@ -89,8 +90,14 @@ impl Draw {
     /// Two passes over all skin vertices.
     pub fn record(&self, recorder: &mut Recorder, elastic: &Elastic) {
         self.points.record(recorder, &self.frames, elastic);
-        let buffers = [&self.triangles, &self.fan_first, &self.fans, &self.points.positions, &self.normals];
-        recorder.dispatch(&self.normals_kernel, &buffers, &[], self.points.count);
+        let buffers = shaders::draw::Normals {
+            triangles: &self.triangles,
+            fan_first: &self.fan_first,
+            fans: &self.fans,
+            positions: &self.points.positions,
+            normals: &self.normals,
+        };
+        recorder.dispatch(&self.normals_kernel, &buffers, self.points.count);
     }
 }
 

@@ -11,6 +11,7 @@ use super::{Common, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Recorder, Size};
 use crate::prepare::patch::MOST_NODES;
+use crate::shaders;
 
 /// Nodes, tetrahedra and their state.
 pub struct Elastic {
@@ -77,12 +78,13 @@ impl Elastic {
             Ok(Again {
                 trial: Kernel::new(context, "elastic/trial", Size::Group, &[("NODES", count(nodes)), rigids])?,
                 rotate: rotate(true)?,
-                displacement: zeros::<[f32; 4]>(context, "trial displacement", nodes)?,
-                change: zeros::<[f32; 4]>(context, "trial change", nodes)?,
+                displacement: zeros::<[f32; 4]>(context, "trial_displacement", nodes)?
+                    .known_as(&["trial_displacement", "displacement"]),
+                change: zeros::<[f32; 4]>(context, "trial_change", nodes)?,
             })
         };
         let repeats = model.newton > 1;
-        let links = || upload(context, "links of tetrahedra", &model.tetrahedron_links);
+        let links = || upload(context, "tetrahedron_links", &model.tetrahedron_links);
         Ok(Elastic {
             dilate: (patches > 0).then(|| Dilate::new(context, &model.patches, repeats)).transpose()?,
             again: repeats.then(again).transpose()?,
@@ -92,15 +94,15 @@ impl Elastic {
             materials: upload(context, "materials", &model.materials)?,
             tetrahedra: upload(context, "tetrahedra", &model.tetrahedra)?,
             tetrahedron_links: model.spans_frames().then(links).transpose()?,
-            rest_gradients: upload(context, "gradients at rest", &model.rest_gradients)?,
-            node_rest: upload(context, "nodes at rest", &model.node_rest)?,
-            node_info: upload(context, "node info", &model.node_info)?,
-            node_elements: upload(context, "elements of nodes", &model.padded_node_elements())?,
+            rest_gradients: upload(context, "rest_gradients", &model.rest_gradients)?,
+            node_rest: upload(context, "node_rest", &model.node_rest)?,
+            node_info: upload(context, "node_info", &model.node_info)?,
+            node_elements: upload(context, "node_elements", &model.padded_node_elements())?,
             displacement: zeros::<[f32; 4]>(context, "displacement", nodes)?,
             velocity: upload(context, "velocity", &model.velocity)?,
             rotations: upload(context, "rotations", &vec![[0.0f32, 0.0, 0.0, 1.0]; tetrahedra.max(1)])?,
             gradients: zeros::<[f32; 4]>(context, "gradients", 3 * (tetrahedra + 1))?,
-            element_forces: zeros::<[f32; 4]>(context, "element forces", 4 * (tetrahedra + 1) + MOST_NODES * patches)?,
+            element_forces: zeros::<[f32; 4]>(context, "element_forces", 4 * (tetrahedra + 1) + MOST_NODES * patches)?,
         })
     }
 
@@ -141,20 +143,19 @@ impl Elastic {
         recorder.stage("elastic");
         recorder.dispatch(
             &again.trial,
-            &[
-                &common.params,
-                &common.frames,
-                &self.node_info,
-                &self.node_rest,
-                &self.displacement,
-                &self.velocity,
-                &solve.solution,
-                &solve.state,
-                &solve.iterates,
-                &again.displacement,
-                &again.change,
-            ],
-            &[],
+            &shaders::elastic::Trial {
+                params: &common.params,
+                frames: &common.frames,
+                node_info: &self.node_info,
+                node_rest: Some(&self.node_rest),
+                displacement: &self.displacement,
+                velocity: &self.velocity,
+                solution: &solve.solution,
+                solve: Some(&solve.state),
+                iterates: Some(&solve.iterates),
+                trial_displacement: &again.displacement,
+                trial_change: &again.change,
+            },
             self.node_count as u32,
         );
     }
@@ -168,28 +169,24 @@ impl Elastic {
         recorder.stage("elastic");
         recorder.dispatch(
             again.map_or(&self.rotate, |again| &again.rotate),
-            &[
-                &common.params,
-                &common.frames,
-                &self.materials,
-                &self.tetrahedra,
-                &self.rest_gradients,
-                again.map_or(&self.displacement, |again| &again.displacement),
-                &self.velocity,
-                // Where nothing spans frames nobody reads of them.
-                self.tetrahedron_links.as_ref().unwrap_or(&self.tetrahedra),
-                &self.node_rest,
-                &common.links,
-                // Without patches nobody reads of them.
-                self.dilate.as_ref().map_or(&self.tetrahedra, |dilate| &dilate.patch_of),
-                // Nobody reads of it at the start.
-                again.map_or(&self.velocity, |again| &again.change),
-                &self.rotations,
-                &self.gradients,
-                &common.counts,
-                &self.element_forces,
-            ],
-            &[],
+            &shaders::elastic::Rotate {
+                params: &common.params,
+                frames: &common.frames,
+                materials: &self.materials,
+                tetrahedra: &self.tetrahedra,
+                rest_gradients: &self.rest_gradients,
+                displacement: again.map_or(&self.displacement, |again| &again.displacement),
+                velocity: &self.velocity,
+                tetrahedron_links: self.tetrahedron_links.as_ref(),
+                node_rest: Some(&self.node_rest),
+                links: Some(&common.links),
+                patch_of: self.dilate.as_ref().map(|dilate| &dilate.patch_of),
+                trial_change: again.map(|again| &again.change),
+                rotations: &self.rotations,
+                gradients: &self.gradients,
+                counts: &common.counts,
+                element_forces: &self.element_forces,
+            },
             self.tetrahedron_count as u32,
         );
         if let Some(dilate) = &self.dilate {

@@ -15,6 +15,7 @@ use super::types::{Chunk, SkinGap, SkinPart};
 use super::{Common, args, count, upload};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
+use crate::shaders;
 
 /// How far from the tool's surface skin is looked for, m.
 pub const RANGE: f64 = 0.03;
@@ -140,7 +141,7 @@ impl Gap {
         let all: Vec<SkinPart> = all.iter().map(|part| part.part).collect();
         Ok(Some(Gap {
             kernel: Kernel::new(context, "wrench/gap", Size::Reduce, &constants)?,
-            parts: upload(context, "parts of skins", &all)?,
+            parts: upload(context, "parts", &all)?,
             pairs,
             gaps: Buffer::new(context, "gaps", found, Memory::Readback)?,
         }))
@@ -151,28 +152,28 @@ impl Gap {
     pub fn record(&self, recorder: &mut Recorder, common: &Common, skins: &Skins, elastic: &Elastic, solve: &Solve) {
         recorder.stage("wrench");
         let Skins { pose, cull, skin, depth } = skins;
-        let buffers = [
-            &common.params,
-            &common.frames,
-            &solve.state,
-            &solve.iterates,
-            &self.parts,
-            &pose.proxies,
-            &cull.chunks,
-            &pose.proxy_nodes,
-            &cull.chunk_nodes,
-            &skin.chunk_vertices,
-            &depth.chunk_triangles,
-            &skin.triangles,
-            &skin.skin_nodes,
-            &skin.skin_weights,
-            &elastic.node_rest,
-            &elastic.displacement,
-            &elastic.node_info,
-            &common.links,
-            &skin.skin,
-            &self.gaps,
-        ];
-        recorder.dispatch_indirect(&self.kernel, &buffers, &[], &common.args, args::GAP);
+        let buffers = shaders::wrench::Gap {
+            params: &common.params,
+            frames: &common.frames,
+            solve: &solve.state,
+            iterates: &solve.iterates,
+            parts: &self.parts,
+            proxies: &pose.proxies,
+            chunks: &cull.chunks,
+            proxy_nodes: &pose.proxy_nodes,
+            chunk_nodes: &cull.chunk_nodes,
+            chunk_vertices: &skin.chunk_vertices,
+            chunk_triangles: Some(&depth.chunk_triangles),
+            triangles: Some(&skin.triangles),
+            skin_nodes: &skin.skin_nodes,
+            skin_weights: &skin.skin_weights,
+            node_rest: &elastic.node_rest,
+            displacement: &elastic.displacement,
+            node_info: &elastic.node_info,
+            links: &common.links,
+            skin: &skin.skin,
+            gaps: &self.gaps,
+        };
+        recorder.dispatch_indirect(&self.kernel, &buffers, &common.args, args::GAP);
     }
 }

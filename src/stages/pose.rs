@@ -10,6 +10,7 @@ use super::types::{Fit, ProxyBounds};
 use super::{Common, array, count, upload};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
+use crate::shaders;
 
 /// Proxies at rest and in the world.
 pub struct Pose {
@@ -36,9 +37,9 @@ impl Pose {
         Ok(Pose {
             place: Kernel::new(context, "pose/place", Size::Reduce, &constants)?,
             proxy_count: model.proxies.len() as u32,
-            hull_rest: upload(context, "hull at rest", &model.hull)?,
-            face_rest: upload(context, "faces at rest", &model.faces)?,
-            proxy_nodes: upload(context, "nodes of proxies", &model.proxy_nodes)?,
+            hull_rest: upload(context, "hull_rest", &model.hull)?,
+            face_rest: upload(context, "face_rest", &model.faces)?,
+            proxy_nodes: upload(context, "proxy_nodes", &model.proxy_nodes)?,
             proxies: upload(context, "proxies", &model.proxies)?,
             hull: array::<[f32; 4]>(context, "hull", model.hull.len())?,
             faces: array::<[f32; 4]>(context, "faces", model.faces.len())?,
@@ -49,23 +50,23 @@ impl Pose {
     /// One pass: a workgroup a proxy.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, skin: &Skin) {
         recorder.stage("pose");
-        let buffers = [
-            &common.frames,
-            &self.proxies,
-            &self.hull_rest,
-            &self.face_rest,
-            &self.proxy_nodes,
-            &elastic.displacement,
-            &elastic.node_rest,
-            &common.links,
-            &self.hull,
-            &self.faces,
-            &self.bounds,
-            &common.counts,
-            &common.args,
-            &skin.buckets,
-        ];
-        recorder.dispatch_groups(&self.place, &buffers, &[], self.proxy_count);
+        let buffers = shaders::pose::Place {
+            frames: &common.frames,
+            proxies: &self.proxies,
+            hull_rest: &self.hull_rest,
+            face_rest: &self.face_rest,
+            proxy_nodes: &self.proxy_nodes,
+            displacement: &elastic.displacement,
+            node_rest: Some(&elastic.node_rest),
+            links: Some(&common.links),
+            hull: &self.hull,
+            faces: &self.faces,
+            bounds: &self.bounds,
+            counts: &common.counts,
+            args: &common.args,
+            buckets: &skin.buckets,
+        };
+        recorder.dispatch_groups(&self.place, &buffers, self.proxy_count);
     }
 }
 
@@ -87,25 +88,25 @@ impl Carried {
         Ok(Some(Carried {
             carry: Kernel::new(context, "pose/carry", Size::Group, &[nodes, rigids])?,
             count: model.carried_nodes.len() as u32,
-            nodes: upload(context, "carried nodes", &model.carried_nodes)?,
+            nodes: upload(context, "carried_nodes", &model.carried_nodes)?,
         }))
     }
 
     /// At the start of the step: one pass over carried nodes.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, solve: &Solve) {
         recorder.stage("pose");
-        let buffers = [
-            &common.params,
-            &common.frames,
-            &self.nodes,
-            &elastic.node_info,
-            &elastic.node_rest,
-            &solve.state,
-            &solve.iterates,
-            &elastic.velocity,
-            &solve.solution,
-        ];
-        recorder.dispatch(&self.carry, &buffers, &[], self.count);
+        let buffers = shaders::pose::Carry {
+            params: &common.params,
+            frames: &common.frames,
+            carried_nodes: &self.nodes,
+            node_info: &elastic.node_info,
+            node_rest: &elastic.node_rest,
+            solve: &solve.state,
+            iterates: &solve.iterates,
+            velocity: &elastic.velocity,
+            solution: &solve.solution,
+        };
+        recorder.dispatch(&self.carry, &buffers, self.count);
     }
 }
 
@@ -129,7 +130,7 @@ impl Floating {
         Ok(Some(Floating {
             fit: Kernel::new(context, "pose/fit", Size::Reduce, &[])?,
             count: frames.len() as u32,
-            frames: upload(context, "floating frames", &frames)?,
+            frames: upload(context, "floating", &frames)?,
             fits: Buffer::new(context, "fits", (frames.len() * size_of::<Fit>()) as u64, Memory::Readback)?,
         }))
     }
@@ -137,8 +138,14 @@ impl Floating {
     /// At the end of the step: a workgroup a frame.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("fit");
-        let buffers =
-            [&common.frames, &self.frames, &elastic.node_rest, &elastic.displacement, &elastic.velocity, &self.fits];
-        recorder.dispatch_groups(&self.fit, &buffers, &[], self.count);
+        let buffers = shaders::pose::Fit {
+            frames: &common.frames,
+            floating: &self.frames,
+            node_rest: &elastic.node_rest,
+            displacement: &elastic.displacement,
+            velocity: &elastic.velocity,
+            fits: &self.fits,
+        };
+        recorder.dispatch_groups(&self.fit, &buffers, self.count);
     }
 }

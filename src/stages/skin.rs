@@ -10,6 +10,7 @@ use super::types::{CHUNK_VERTICES, PAIR_REGIONS};
 use super::{Common, args, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
+use crate::shaders;
 
 /// Heads of the hash table that holds binned vertices, at least.
 pub const LEAST_BUCKETS: u32 = 1 << 13;
@@ -55,44 +56,44 @@ impl Skin {
         let bins = CHUNK_VERTICES * model.most_gathering_items();
         Ok(Skin {
             embed: Kernel::new(context, "skin/embed", Size::Reduce, &constants)?,
-            chunk_vertices: upload(context, "vertices of chunks", &model.chunk_vertices)?,
-            skin_nodes: upload(context, "nodes of the skin", &model.skin_nodes)?,
-            skin_weights: upload(context, "weights of the skin", &model.skin_weights)?,
+            chunk_vertices: upload(context, "chunk_vertices", &model.chunk_vertices)?,
+            skin_nodes: upload(context, "skin_nodes", &model.skin_nodes)?,
+            skin_weights: upload(context, "skin_weights", &model.skin_weights)?,
             skin: zeros::<[f32; 4]>(context, "skin", model.skin_nodes.len())?,
             triangles: upload(context, "triangles", &model.triangles)?,
             buckets: array::<u32>(context, "buckets", bucket_words(model) as usize)?,
             bins: array::<[u32; 4]>(context, "bins", bins)?,
-            bin_hits: array::<u32>(context, "crossings of bins", bins)?,
-            bin_squares: array::<[u32; 2]>(context, "squares of bins", bins)?,
+            bin_hits: array::<u32>(context, "bin_hits", bins)?,
+            bin_squares: array::<[u32; 2]>(context, "bin_squares", bins)?,
         })
     }
 
     /// The skin of active chunks: a workgroup each.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, cull: &Cull, elastic: &Elastic) {
         recorder.stage("skin");
-        let buffers = [
-            &common.frames,
-            &cull.active_chunks,
-            &cull.pairs,
-            &cull.slots,
-            &pose.proxies,
-            &cull.chunks,
-            &self.chunk_vertices,
-            &self.skin_nodes,
-            &self.skin_weights,
-            &elastic.node_rest,
-            &elastic.displacement,
-            &elastic.node_info,
-            &cull.regions,
-            &cull.shares,
-            &self.skin,
-            &self.buckets,
-            &self.bins,
-            &self.bin_hits,
-            &self.bin_squares,
-            &cull.fields,
-        ];
-        recorder.dispatch_indirect(&self.embed, &buffers, &[], &common.args, args::ACTIVE);
+        let buffers = shaders::skin::Embed {
+            frames: &common.frames,
+            active_chunks: &cull.active_chunks,
+            pairs: &cull.pairs,
+            slots: &cull.slots,
+            proxies: &pose.proxies,
+            chunks: &cull.chunks,
+            chunk_vertices: &self.chunk_vertices,
+            skin_nodes: &self.skin_nodes,
+            skin_weights: &self.skin_weights,
+            node_rest: &elastic.node_rest,
+            displacement: &elastic.displacement,
+            node_info: Some(&elastic.node_info),
+            regions: &cull.regions,
+            shares: &cull.shares,
+            skin: &self.skin,
+            buckets: &self.buckets,
+            bins: &self.bins,
+            bin_hits: &self.bin_hits,
+            bin_squares: &self.bin_squares,
+            fields: &cull.fields,
+        };
+        recorder.dispatch_indirect(&self.embed, &buffers, &common.args, args::ACTIVE);
     }
 }
 
@@ -111,7 +112,7 @@ impl Probes {
         Ok(Probes {
             probe: Kernel::new(context, "skin/probe", Size::Group, &[("PROBE_NODES", count(4 * nodes.len()))])?,
             count: 4 * nodes.len() as u32,
-            nodes: upload(context, "nodes of probes", nodes)?,
+            nodes: upload(context, "probe_nodes", nodes)?,
             displacement: Buffer::new(context, "probes", (64 * nodes.len()) as u64, Memory::Readback)?,
         })
     }
@@ -119,6 +120,14 @@ impl Probes {
     /// One pass over the nodes of probes.
     pub fn record(&self, recorder: &mut Recorder, elastic: &Elastic) {
         recorder.stage("probe");
-        recorder.dispatch(&self.probe, &[&self.nodes, &elastic.displacement, &self.displacement], &[], self.count);
+        recorder.dispatch(
+            &self.probe,
+            &shaders::skin::Probe {
+                probe_nodes: &self.nodes,
+                displacement: &elastic.displacement,
+                probes: &self.displacement,
+            },
+            self.count,
+        );
     }
 }

@@ -29,12 +29,10 @@ pub struct Solve {
     begin: Kernel,
     /// The first leads.
     update: Vec<Variant>,
-    /// What the others of these are given for arguments.
-    no_args: Buffer,
     conclude: Kernel,
     commit: Kernel,
-    touch: Touch,
-    has_contact: bool,
+    /// Where there can be contacts.
+    touch: Option<Touch>,
     block_count: u32,
     rigid_count: usize,
     core_count: usize,
@@ -74,13 +72,31 @@ pub struct Solve {
     inverse: Buffer,
     /// Change of velocity; the next step's first guess.
     pub solution: Buffer,
-    residual: [Buffer; 2],
-    preconditioned: [Buffer; 2],
-    direction: [Buffer; 2],
-    direction_image: [Buffer; 2],
+    residual: Both,
+    preconditioned: Both,
+    direction: Both,
+    direction_image: Both,
     image: Buffer,
     partials: Buffer,
     dots: Buffer,
+}
+
+/// Two sets of an array, of which an iteration reads one and writes the other.
+struct Both {
+    now: [Buffer; 2],
+    next: [Buffer; 2],
+}
+
+impl Both {
+    /// The set that the iteration reads.
+    fn now(&self, set: u32) -> &Buffer {
+        &self.now[set as usize]
+    }
+
+    /// The other one, which it writes.
+    fn next(&self, set: u32) -> &Buffer {
+        &self.next[1 - set as usize]
+    }
 }
 
 /// A kernel for what one role works on; see shaders/shared/roles.glsl.
@@ -148,7 +164,10 @@ impl Solve {
         let coarse_kernel = |warm: bool| reduce("solve/coarse", &[("WARM", warm.into())]);
         let coarse_kernels = || Ok(CoarseKernels { warm: coarse_kernel(true)?, end: coarse_kernel(false)? });
         let vector = |name: &str| zeros::<[f32; 4]>(context, name, nodes);
-        let both = |name: &str| Ok([vector(name)?, vector(name)?]);
+        let both = |now: &'static [&'static str], next: &'static [&'static str]| -> Result<Both> {
+            let sets = [vector(now[0])?, vector(now[0])?];
+            Ok(Both { now: sets.each_ref().map(|set| set.known_as(now)), next: sets.map(|set| set.known_as(next)) })
+        };
         let modes = |name: &str, sets: usize| zeros::<[f32; 4]>(context, name, 3 * groups * sets);
         let coarse_modes = |name: &str, sets: usize| modes(name, if is_coarse { sets } else { 0 });
         let all = 2 * rigid_count;
@@ -182,57 +201,51 @@ impl Solve {
             )?,
             begin: reduce("solve/begin", &[coarse])?,
             update: variants("solve/update", &[blocks, coarse, partials, rigids, ("WIDEST", count(widest))])?,
-            no_args: zeros::<u32>(context, "no arguments", 1)?,
             conclude: reduce(
                 "solve/conclude",
                 &[nodes_c, contact, tool, coarse, blocks, rigids, group, ("SKIN_PARTS", count(gap::part_count(model)))],
             )?,
             commit: Kernel::new(context, "solve/commit", Size::Group, &[nodes_c, rigids])?,
-            touch: touch.cloned().map_or_else(|| Touch::nothing(context), Ok)?,
-            has_contact: touch.is_some(),
+            touch: touch.cloned(),
             block_count: block_count as u32,
             rigid_count,
             core_count: model.cores.len(),
             blocks: upload_or_nothing(context, "blocks", &model.blocks.blocks)?,
-            block_nodes: upload_or_nothing(context, "nodes of blocks", &model.blocks.nodes)?,
-            block_places: upload_or_nothing(context, "places of blocks", &model.blocks.places)?,
-            block_moments: upload_or_nothing(context, "moments of blocks", &model.blocks.moments)?,
-            block_rotations: upload(context, "rotations of blocks", &vec![UNTURNED; block_count.max(1)])?,
-            block_turns: upload(context, "turns of blocks", &vec![UNTURNED; block_count.max(1)])?,
-            coarse_blocks: upload_or_nothing(context, "coarse blocks", &model.coarse.blocks)?,
-            coarse_inverse: upload_or_nothing(context, "coarse inverse", &model.coarse.inverse)?,
-            coarse_scales: upload_or_nothing(context, "coarse scales", &model.coarse.scales)?,
-            restricted_rhs: modes("restricted right-hand side", 1)?,
-            restricted_image: modes("restricted image", 1)?,
-            restricted_residual: coarse_modes("restricted residual", 1)?,
-            restricted_direction: coarse_modes("restricted direction", 2)?,
-            coarse_rhs: coarse_modes("coarse right-hand side", 1)?,
-            coarse_image: coarse_modes("coarse image", 1)?,
-            coarse_dots: coarse_modes("coarse inner products", 1)?,
-            rigids: upload_or_nothing(context, "rigid bodies", &rigids_at_rest)?,
-            rigid_blocks: array::<f32>(context, "blocks of cores", 72 * model.cores.len())?,
-            rigid_inverses: array::<f32>(context, "inverses of rigid bodies", inverse_numbers)?,
-            joint_sides: upload_or_nothing(context, "sides of joints", &sides_of(model).concat())?,
-            iterates: zeros::<types::RigidIterate>(context, "iterates of rigid bodies", all)?,
+            block_nodes: upload_or_nothing(context, "block_nodes", &model.blocks.nodes)?,
+            block_places: upload_or_nothing(context, "block_places", &model.blocks.places)?,
+            block_moments: upload_or_nothing(context, "block_moments", &model.blocks.moments)?,
+            block_rotations: upload(context, "block_rotations", &vec![UNTURNED; block_count.max(1)])?,
+            block_turns: upload(context, "block_turns", &vec![UNTURNED; block_count.max(1)])?,
+            coarse_blocks: upload_or_nothing(context, "coarse_blocks", &model.coarse.blocks)?,
+            coarse_inverse: upload_or_nothing(context, "coarse_inverse", &model.coarse.inverse)?,
+            coarse_scales: upload_or_nothing(context, "coarse_scales", &model.coarse.scales)?,
+            restricted_rhs: modes("restricted_rhs", 1)?,
+            restricted_image: modes("restricted_image", 1)?,
+            restricted_residual: coarse_modes("restricted_residual", 1)?
+                .known_as(&["restricted_residual", "restricted_rhs"]),
+            restricted_direction: coarse_modes("restricted_direction", 2)?,
+            coarse_rhs: coarse_modes("coarse_rhs", 1)?,
+            coarse_image: coarse_modes("coarse_image", 1)?,
+            coarse_dots: coarse_modes("coarse_dots", 1)?,
+            rigids: upload_or_nothing(context, "rigids", &rigids_at_rest)?,
+            rigid_blocks: array::<f32>(context, "rigid_blocks", 72 * model.cores.len())?,
+            rigid_inverses: array::<f32>(context, "rigid_inverses", inverse_numbers)?,
+            joint_sides: upload_or_nothing(context, "joint_sides", &sides_of(model).concat())?,
+            iterates: zeros::<types::RigidIterate>(context, "iterates", all)?,
             iterations: zeros::<types::Iteration>(context, "iterations", 2)?,
-            core_changes: Buffer::new(
-                context,
-                "changes of cores",
-                24 * model.cores.len().max(1) as u64,
-                Memory::Readback,
-            )?,
-            state: zeros::<types::Solve>(context, "solver state", 1)?,
-            rhs: vector("right-hand side")?,
+            core_changes: Buffer::new(context, "core_changes", 24 * model.cores.len().max(1) as u64, Memory::Readback)?,
+            state: zeros::<types::Solve>(context, "solve", 1)?,
+            rhs: vector("rhs")?.known_as(&["rhs", "residual_or_rhs"]),
             leftover: vector("leftover")?,
-            inverse: zeros::<[f32; 4]>(context, "inverse blocks", 2 * nodes)?,
-            solution: vector("solution")?,
-            residual: both("residual")?,
-            preconditioned: both("preconditioned residual")?,
-            direction: both("direction")?,
-            direction_image: both("image of the direction")?,
+            inverse: zeros::<[f32; 4]>(context, "inverse", 2 * nodes)?,
+            solution: vector("solution")?.known_as(&["solution", "change"]),
+            residual: both(&["residual", "residual_or_rhs"], &["next_residual"])?,
+            preconditioned: both(&["preconditioned", "change"], &["next_preconditioned"])?,
+            direction: both(&["direction"], &["next_direction"])?,
+            direction_image: both(&["direction_image"], &["next_direction_image"])?,
             image: vector("image")?,
-            partials: array::<[f32; 2]>(context, "partial sums", groups)?,
-            dots: array::<[f32; 2]>(context, "inner products", groups)?,
+            partials: array::<[f32; 2]>(context, "partials", groups)?,
+            dots: array::<[f32; 2]>(context, "dots", groups)?,
         })
     }
 }

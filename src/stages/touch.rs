@@ -35,7 +35,7 @@ impl TouchStages {
             skin: Skin::new(context, model)?,
             cull: Cull::new(context, model, blend)?,
             depth: path.map(|path| Depth::new(context, model, path)).transpose()?,
-            contact: Contact::new(context, model, blend)?,
+            contact: Contact::new(context, model, path.is_some(), blend)?,
         })
     }
 

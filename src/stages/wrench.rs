@@ -7,6 +7,7 @@ use super::model::Model;
 use super::{Common, args};
 use crate::Result;
 use crate::gpu::{Const, Context, Kernel, Recorder, Size};
+use crate::shaders;
 
 /// The reduction over contacts.
 pub struct Wrench {
@@ -23,7 +24,13 @@ impl Wrench {
     /// One workgroup, once the step is accepted.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, touch: &Touch) {
         recorder.stage("wrench");
-        let buffers = [&common.params, &common.counts, &touch.contacts, &touch.contact_forces, &common.report];
-        recorder.dispatch_indirect(&self.reduce, &buffers, &[], &common.args, args::WRENCH);
+        let buffers = shaders::wrench::Reduce {
+            params: &common.params,
+            counts: &common.counts,
+            contacts: &touch.contacts,
+            contact_forces: &touch.contact_forces,
+            report: &common.report,
+        };
+        recorder.dispatch_indirect(&self.reduce, &buffers, &common.args, args::WRENCH);
     }
 }

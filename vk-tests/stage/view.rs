@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use palpate::gpu::{Before, Buffer, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Texels};
 use palpate::step::{Field, Simulation};
-use palpate_view::look::{self, Material, SCALE_COLOURS, View, across, columns, flags, light};
+use palpate_view::look::{self, Look, Material, SCALE_COLOURS, View, across, columns, flags, light};
 use palpate_view::{Moment, Overlay, Overlays, Renderer, Settings};
 
 use crate::gpu::canvas::{PLAIN, Sheet, centres, expect_colour};

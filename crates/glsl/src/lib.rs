@@ -37,8 +37,17 @@ pub fn ingredients(root: &Path, source: &Path) -> Result<String, String> {
     Ok(text)
 }
 
+/// How a shader reaches its read-only arrays of vectors: see `shaders/shared/arrays.glsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arrays {
+    /// Through texel buffers.
+    Texel,
+    /// Through storage buffers.
+    Storage,
+}
+
 /// The text of the shader `source` under the folder of shaders `root` to SPIR-V 1.6; warnings are errors.
-pub fn compile(root: &Path, source: &Path, text: &str) -> Result<Vec<u8>, String> {
+pub fn compile(root: &Path, source: &Path, text: &str, arrays: Arrays) -> Result<Vec<u8>, String> {
     let compiler = Compiler::new().map_err(|e| format!("shaderc does not start: {e}; run setup.sh"))?;
     let mut options = CompileOptions::new().map_err(|e| format!("shaderc has no options: {e}"))?;
     options.set_target_env(TargetEnv::Vulkan, EnvVersion::Vulkan1_3 as u32);
@@ -46,6 +55,11 @@ pub fn compile(root: &Path, source: &Path, text: &str) -> Result<Vec<u8>, String
     options.set_optimization_level(OptimizationLevel::Performance);
     options.set_generate_debug_info();
     options.set_warnings_as_errors();
+    // Buffers have no numbers in the shaders' text: whoever binds them does it by name.
+    options.set_auto_bind_uniforms(true);
+    if arrays == Arrays::Texel {
+        options.add_macro_definition("TEXEL_ARRAYS", None);
+    }
     let folder = root.to_path_buf();
     options.set_include_callback(move |asked, _: IncludeType, from, _| {
         let path = folder.join(asked);

@@ -1,67 +1,13 @@
-//! Twins of the structures in shaders/shared/look.glsl (scalar block layout), and the colours of what is shown.
+//! The colours of what is shown; how light falls on it, say shaders/shared/look.glsl and surface.glsl.
 
-use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3};
+use palpate::shaders;
+pub use palpate::shaders::{Material, View};
 use palpate::step::Field;
 
-/// What a picture is taken with.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct View {
-    /// From positions relative to the origin to clip space, by columns.
-    pub clip: [[f32; 4]; 4],
-    /// To the shadow's: x and y from 0 to 1, depth.
-    pub light: [[f32; 4]; 4],
-    /// m.
-    pub eye: [f32; 3],
-    /// Unit, towards the light.
-    pub sun: [f32; 3],
-    /// Unit, across its rays.
-    pub across: [[f32; 3]; 2],
-    /// Unit normal, offset, m.
-    pub ground: [f32; 4],
-    /// Of the scene, m.
-    pub middle: [f32; 3],
-    /// How far from there the shadow goes, m.
-    pub reach: f32,
-    /// How far a shadow's caster must lie in front, of the shadow's depth.
-    pub bias: f32,
-    /// Edge of a texel of the shadow, m.
-    pub texel: f32,
-    /// Texels.
-    pub shadow_side: u32,
-}
-
-/// How a mesh looks.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Material {
-    /// Linear; alpha: 1 hides what is behind.
-    pub colour: [f32; 4],
-    /// Values from here on are coloured.
-    pub low: f32,
-    /// And saturate here.
-    pub high: f32,
-    /// See [`flags`].
-    pub flags: u32,
-}
-
-/// Of a [`Material`].
+/// Flags of a [`Material`].
 pub mod flags {
-    /// Coloured by values where these are above `low`.
-    pub const VALUED: u32 = 1;
-    /// Faces are flat.
-    pub const FLAT: u32 = 2;
-    /// Seen through, less so at the rim.
-    pub const GLASS: u32 = 4;
-    /// Its colour as it is.
-    pub const UNLIT: u32 = 8;
-    /// Values are colours everywhere.
-    pub const EVEN: u32 = 16;
-    /// Values are whole numbers, each with a colour of its own.
-    pub const NUMBERED: u32 = 32;
-    /// No shadow falls on it.
-    pub const BARE: u32 = 64;
+    pub use palpate::shaders::{BARE, EVEN, FLAT, GLASS, NUMBERED, UNLIT, VALUED};
 }
 
 /// What is behind everything, as shown.
@@ -70,32 +16,40 @@ pub const BACKGROUND: [f32; 4] = [0.93, 0.94, 0.95, 1.0];
 const BODIES: [[u8; 3]; 6] =
     [[226, 178, 146], [142, 176, 204], [212, 196, 120], [176, 160, 200], [150, 190, 164], [205, 160, 165]];
 
-impl Material {
+/// Materials in the making.
+pub trait Look: Sized {
     /// Of one colour (as shown, sRGB).
-    pub fn plain(colour: [u8; 3]) -> Material {
+    fn plain(colour: [u8; 3]) -> Self;
+    /// The `index`-th body's.
+    fn body(index: usize) -> Self;
+    /// With these flags as well.
+    fn with(self, flags: u32) -> Self;
+    /// Seen through.
+    fn glass(self, alpha: f32) -> Self;
+}
+
+impl Look for Material {
+    fn plain(colour: [u8; 3]) -> Material {
         let [r, g, b] = colour.map(linear);
         Material { colour: [r, g, b, 1.0], low: 0.0, high: 1.0, flags: 0 }
     }
 
-    /// With these flags as well.
-    pub fn with(self, flags: u32) -> Material {
+    fn body(index: usize) -> Material {
+        Material::plain(BODIES[index % BODIES.len()])
+    }
+
+    fn with(self, flags: u32) -> Material {
         Material { flags: self.flags | flags, ..self }
     }
 
-    /// Seen through.
-    pub fn glass(mut self, alpha: f32) -> Material {
+    fn glass(mut self, alpha: f32) -> Material {
         self.colour[3] = alpha;
         self.with(flags::GLASS)
-    }
-
-    /// The `index`-th body's.
-    pub fn body(index: usize) -> Material {
-        Material::plain(BODIES[index % BODIES.len()])
     }
 }
 
 /// Colours of a scale, and of numbers.
-pub const SCALE_COLOURS: usize = 256;
+pub const SCALE_COLOURS: usize = shaders::SCALE_COLOURS as usize;
 
 /// The map that a field is shown with: perceptually uniform, and read by the colour-blind as by others.
 pub fn map(field: Field) -> colorous::Gradient {

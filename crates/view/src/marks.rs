@@ -122,10 +122,10 @@ impl Marks {
         }
         let values = vec![0f32; self.positions.len().next_multiple_of(4)];
         Ok(Some(Arrays {
-            positions: Buffer::from_slice(context, "marks", &self.positions, Memory::Upload)?,
-            normals: Buffer::from_slice(context, "normals of marks", &self.normals, Memory::Upload)?,
-            values: Buffer::from_slice(context, "values of marks", &values, Memory::Upload)?,
-            indices: Buffer::from_slice(context, "triangles of marks", &self.triangles, Memory::Upload)?,
+            positions: Buffer::from_slice(context, "positions", &self.positions, Memory::Upload)?,
+            normals: Buffer::from_slice(context, "normals", &self.normals, Memory::Upload)?,
+            values: Buffer::from_slice(context, "values", &values, Memory::Upload)?,
+            indices: Buffer::from_slice(context, "triangles", &self.triangles, Memory::Upload)?,
         }))
     }
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use palpate::gpu::{Before, Buffer, Canvas, Context, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording};
+use palpate::shaders;
 use palpate::{Error, Result};
 
 /// Words of a corner: place (2), place in the atlas (2), colour.
@@ -59,9 +60,9 @@ impl Painter {
         let array = |name| Buffer::new(context, name, GROWTH, Memory::Upload);
         Ok(Painter {
             pipeline: RasterPipeline::onto(context, "view/panel", &[], &onto)?,
-            corners: array("corners of the panel")?,
-            indices: array("triangles of the panel")?,
-            atlas: array("atlas of the panel")?,
+            corners: array("corners")?,
+            indices: array("triangles")?,
+            atlas: array("texels")?,
             size: [1, 1],
             context: context.clone(),
         })
@@ -82,13 +83,11 @@ impl Painter {
         }
         write(&self.context, &mut self.corners, bytemuck::cast_slice(&flat.corners))?;
         write(&self.context, &mut self.indices, bytemuck::cast_slice(&flat.indices))?;
-        let [width, height] = flat.points.map(f32::to_bits);
-        let push = [width, height, self.size[0], self.size[1]];
-        let buffers = [&self.corners, &self.atlas];
+        let (points, atlas) = (flat.points, self.size);
+        let arguments = shaders::view::DrawPanel { points, atlas, corners: &self.corners, texels: &self.atlas };
         let drawn = |piece: &Piece| Drawn {
             pipeline: &self.pipeline,
-            buffers: &buffers,
-            push: bytemuck::cast_slice(&push),
+            arguments: &arguments,
             indices: Some(&self.indices),
             range: piece.range,
             instances: 1,

@@ -9,7 +9,7 @@ use palpate::prepare::Shape;
 use palpate::step::Simulation;
 
 use super::decimate::clustered;
-use super::look::Material;
+use super::look::{Look, Material};
 
 /// A body's edge in cells of what casts its shadow.
 const SHADOW_CELLS: f64 = 32.0;

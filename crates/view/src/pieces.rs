@@ -8,7 +8,7 @@ use palpate::Result;
 use palpate::gpu::{Buffer, Context};
 use palpate::step::{self, Field};
 
-use super::look::{Material, flags};
+use super::look::{Look, Material, flags};
 use super::marks::Marks;
 use super::moment::Moment;
 use super::overlay::Overlay;

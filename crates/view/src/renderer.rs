@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 use palpate::gpu::{
-    Before, Buffer, Canvas, Context, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording, Side,
-    Texels,
+    Arguments, Before, Buffer, Canvas, Context, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder,
+    Recording, Side, Texels,
 };
+use palpate::shaders;
 use palpate::step::{self, Field, FieldValues, Simulation};
 use palpate::{Error, Result};
 
@@ -113,10 +114,10 @@ impl Renderer {
             canvas: canvas(&context, &settings)?,
             shadow_depths: Buffer::new(&context, "shadow", shadow.bytes() + 16, Memory::Device)?,
             shadow: Canvas { depth: Some(shadow), ..Canvas::default() },
-            no_values: Buffer::from_slice(&context, "no values", &no_values, Memory::Device)?,
+            no_values: Buffer::from_slice(&context, "values", &no_values, Memory::Device)?,
             view: host("view", size_of::<View>())?,
-            materials: host("looks", MATERIALS * size_of::<Material>())?,
-            colours: host("colours of values", 2 * SCALE_COLOURS * 16)?,
+            materials: host("materials", MATERIALS * size_of::<Material>())?,
+            colours: host("colours", 2 * SCALE_COLOURS * 16)?,
             pipelines: Pipelines::new(&context, settings.samples)?,
             legend: Legend::default(),
             scales: Default::default(),
@@ -288,8 +289,7 @@ impl Renderer {
         recorder.stage("shadow");
         let casters = Drawn {
             pipeline: &self.pipelines.caster,
-            buffers: &[&self.view, positions],
-            push: &[],
+            arguments: &shaders::view::DrawShadow { view: &self.view, positions },
             indices: Some(&self.parts.casters),
             range: (0, self.parts.caster_count),
             instances: 1,
@@ -307,28 +307,24 @@ impl Renderer {
         pieces: &[(&Piece, std::ops::Range<u32>)],
         with_ground: bool,
     ) {
-        let buffers: Vec<[&Buffer; 7]> = pieces
+        let meshes: Vec<_> = pieces
             .iter()
-            .map(|(Piece { arrays, .. }, _)| {
-                let [positions, normals, values] = [&arrays.positions, &arrays.normals, &arrays.values];
-                [&self.view, positions, normals, values, &self.shadow_depths, &self.colours, &self.materials]
+            .map(|(Piece { arrays, material, .. }, _)| shaders::view::DrawMesh {
+                material_index: *material as u32,
+                view: &self.view,
+                positions: &arrays.positions,
+                normals: &arrays.normals,
+                values: &arrays.values,
+                shadow: &self.shadow_depths,
+                colours: &self.colours,
+                materials: &self.materials,
             })
             .collect();
-        let slots: Vec<u32> = pieces.iter().map(|(piece, _)| piece.material as u32).collect();
-        let ground = [&self.view, &self.shadow_depths];
-        let whole = |pipeline, buffers| Drawn {
-            pipeline,
-            buffers,
-            push: &[],
-            indices: None,
-            range: (0, 6),
-            instances: 1,
-            part: None,
-        };
+        let ground = shaders::view::DrawGround { view: &self.view, shadow: &self.shadow_depths };
         let mut all = Vec::with_capacity(pieces.len() + 1);
         // Between what hides it and what it is seen through.
         let under = pieces.iter().position(|(piece, _)| piece.style == Style::Glass).unwrap_or(pieces.len());
-        for (k, (((piece, range), buffers), slot)) in pieces.iter().zip(&buffers).zip(slots.chunks(1)).enumerate() {
+        for (k, ((piece, range), mesh)) in pieces.iter().zip(&meshes).enumerate() {
             if k == under && with_ground {
                 all.push(whole(&self.pipelines.ground, &ground));
             }
@@ -339,13 +335,18 @@ impl Renderer {
                 Style::Glass => &self.pipelines.glass,
             };
             let (indices, range) = (Some(&piece.arrays.indices), (range.start, range.end - range.start));
-            all.push(Drawn { indices, range, push: bytemuck::cast_slice(slot), ..whole(pipeline, buffers) });
+            all.push(Drawn { indices, range, ..whole(pipeline, mesh) });
         }
         if under == pieces.len() && with_ground {
             all.push(whole(&self.pipelines.ground, &ground));
         }
         recorder.paint(canvas, before, &all);
     }
+}
+
+/// The six corners that a pipeline makes up itself.
+fn whole<'a>(pipeline: &'a RasterPipeline, arguments: &'a dyn Arguments) -> Drawn<'a> {
+    Drawn { pipeline, arguments, indices: None, range: (0, 6), instances: 1, part: None }
 }
 
 impl Pipelines {

@@ -11,6 +11,7 @@ use super::super::{Common, array, count, upload};
 use super::{Draw, Points, lists};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
+use crate::shaders;
 
 /// What is shown as a colour on the skins. None is ever negative, nor anything but a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -78,6 +79,15 @@ pub struct Fields {
     pub most_values: [Buffer; 4],
 }
 
+/// What kernels call the array of a field: contacts write two of them by name.
+fn roles(field: Field) -> &'static [&'static str] {
+    match field {
+        Field::Depth => &["depths", "values"],
+        Field::Pressure => &["pressures", "values"],
+        Field::StrainEnergy | Field::Displacement => &["values"],
+    }
+}
+
 /// Tetrahedra that share a volumetric strain.
 struct Patches {
     kernel: Kernel,
@@ -104,8 +114,8 @@ impl Fields {
             Ok(Patches {
                 kernel: group("draw/share", &[("PATCHES", count(model.patches.count()))])?,
                 count: model.patches.count() as u32,
-                first: upload(context, "first shown members of patches", &first)?,
-                members: upload(context, "shown members of patches", &members)?,
+                first: upload(context, "patch_first", &first)?,
+                members: upload(context, "patch_members", &members)?,
             })
         };
         let touched = |touch: &Touch| {
@@ -116,11 +126,12 @@ impl Fields {
         let has_patches = model.patches.count() > 0;
         // In whole texels.
         let bytes = (4 * vertices.max(1)).next_multiple_of(16) as u64;
-        let [depths, pressures, energies, distances] =
-            Field::ALL.map(|field| Buffer::shared(context, field.name(), bytes));
-        let most = |field: Field| {
+        let [depths, pressures, energies, distances]: [Result<Buffer>; 4] =
+            Field::ALL.map(|field| Ok(Buffer::shared(context, field.name(), bytes)?.known_as(roles(field))));
+        let most = |field: Field| -> Result<Buffer> {
             let name = format!("greatest {}", field.name());
-            Buffer::new(context, &name, (4 * rows.len().max(1)) as u64, Memory::Readback)
+            let most = Buffer::new(context, &name, (4 * rows.len().max(1)) as u64, Memory::Readback)?;
+            Ok(most.known_as(&["most"]))
         };
         let [most_depths, most_pressures, most_energies, most_distances] = Field::ALL.map(most);
         Ok(Fields {
@@ -139,12 +150,12 @@ impl Fields {
             spread: group("draw/spread", &[])?,
             moved: group("draw/moved", &[])?,
             most: Kernel::new(context, "draw/most", Size::Reduce, &[])?,
-            node_first: upload(context, "first tetrahedra around nodes", &node_first)?,
-            node_tetrahedra: upload(context, "tetrahedra around nodes", &node_tetrahedra)?,
-            densities: array::<[f32; 4]>(context, "energy densities", model.tetrahedra.len())?,
-            node_values: array::<f32>(context, "energy densities at nodes", nodes)?,
-            ranges: upload(context, "ranges of skins", &rows)?,
-            is_solved: Buffer::new(context, "whether contacts are solved", 4, Memory::Upload)?,
+            node_first: upload(context, "node_first", &node_first)?,
+            node_tetrahedra: upload(context, "node_tetrahedra", &node_tetrahedra)?,
+            densities: array::<[f32; 4]>(context, "densities", model.tetrahedra.len())?,
+            node_values: array::<f32>(context, "node_values", nodes)?,
+            ranges: upload(context, "ranges", &rows)?,
+            is_solved: Buffer::new(context, "is_solved", 4, Memory::Upload)?,
             values: [depths?, pressures?, energies?, distances?],
             most_values: [most_depths?, most_pressures?, most_energies?, most_distances?],
         })
@@ -189,20 +200,34 @@ impl Fields {
             Field::Depth | Field::Pressure => recorder.fill(values, 0),
             Field::StrainEnergy => {
                 self.record_energy(recorder, draw, elastic);
-                let buffers = [&points.nodes, &points.weights, &self.node_values, values];
-                recorder.dispatch(&self.spread, &buffers, &points.count.to_le_bytes(), points.count);
+                let buffers = shaders::draw::Spread {
+                    vertices: points.count,
+                    skin_nodes: &points.nodes,
+                    skin_weights: &points.weights,
+                    node_values: &self.node_values,
+                    values: values,
+                };
+                recorder.dispatch(&self.spread, &buffers, points.count);
             }
             Field::Displacement => {
-                let buffers =
-                    [&draw.frames, &points.nodes, &points.weights, &elastic.displacement, &elastic.node_info, values];
-                recorder.dispatch(&self.moved, &buffers, &points.count.to_le_bytes(), points.count);
+                let buffers = shaders::draw::Moved {
+                    vertices: points.count,
+                    frames: &draw.frames,
+                    skin_nodes: &points.nodes,
+                    skin_weights: &points.weights,
+                    displacement: &elastic.displacement,
+                    node_info: &elastic.node_info,
+                    values: values,
+                };
+                recorder.dispatch(&self.moved, &buffers, points.count);
             }
         }
     }
 
     /// The greatest of each of these ranges, two u32 each.
     pub fn record_most(&self, recorder: &mut Recorder, ranges: &Buffer, values: &Buffer, most: &Buffer) {
-        recorder.dispatch_groups(&self.most, &[ranges, values, most], &[], (ranges.bytes() / 8) as u32);
+        let arguments = shaders::draw::Most { ranges, values, most };
+        recorder.dispatch_groups(&self.most, &arguments, (ranges.bytes() / 8) as u32);
     }
 
     fn record_touched(&self, recorder: &mut Recorder, common: &Common, touch: Option<&Touch>, triangles: &Buffer) {
@@ -211,40 +236,48 @@ impl Fields {
         recorder.fill(pressures, 0);
         let (Some(touched), Some(touch)) = (&self.touched, touch) else { return };
         let capacity = touch.contacts.bytes() as usize / size_of::<Contact>();
-        let buffers = [
-            &common.params,
-            &common.counts,
-            &touch.contacts,
-            &touch.contact_forces,
-            triangles,
-            &self.is_solved,
-            depths,
-            pressures,
-        ];
-        recorder.dispatch(touched, &buffers, &[], capacity as u32);
+        let buffers = shaders::draw::Touched {
+            params: &common.params,
+            counts: &common.counts,
+            contacts: &touch.contacts,
+            contact_forces: &touch.contact_forces,
+            triangles: triangles,
+            is_solved: &self.is_solved,
+            depths: depths,
+            pressures: pressures,
+        };
+        recorder.dispatch(touched, &buffers, capacity as u32);
     }
 
     /// To the nodes.
     fn record_energy(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic) {
-        let buffers = [
-            &elastic.materials,
-            &elastic.tetrahedra,
-            &elastic.rest_gradients,
-            &elastic.displacement,
-            // Where nothing spans frames, or there are no patches, nobody reads of these.
-            elastic.tetrahedron_links.as_ref().unwrap_or(&elastic.tetrahedra),
-            &elastic.node_rest,
-            &draw.links,
-            elastic.dilate.as_ref().map_or(&elastic.tetrahedra, |dilate| &dilate.patch_of),
-            &elastic.rotations,
-            &self.densities,
-        ];
-        recorder.dispatch(&self.energy, &buffers, &[], elastic.tetrahedron_count as u32);
+        let buffers = shaders::draw::Energy {
+            materials: &elastic.materials,
+            tetrahedra: &elastic.tetrahedra,
+            rest_gradients: &elastic.rest_gradients,
+            displacement: &elastic.displacement,
+            tetrahedron_links: elastic.tetrahedron_links.as_ref(),
+            node_rest: Some(&elastic.node_rest),
+            links: Some(&draw.links),
+            patch_of: elastic.dilate.as_ref().map(|dilate| &dilate.patch_of),
+            rotations: &elastic.rotations,
+            densities: &self.densities,
+        };
+        recorder.dispatch(&self.energy, &buffers, elastic.tetrahedron_count as u32);
         if let Some(patches) = &self.share {
-            let buffers = [&patches.first, &patches.members, &self.densities];
-            recorder.dispatch(&patches.kernel, &buffers, &[], patches.count);
+            let buffers = shaders::draw::Share {
+                patch_first: &patches.first,
+                patch_members: &patches.members,
+                densities: &self.densities,
+            };
+            recorder.dispatch(&patches.kernel, &buffers, patches.count);
         }
-        let buffers = [&self.node_first, &self.node_tetrahedra, &self.densities, &self.node_values];
-        recorder.dispatch(&self.mean, &buffers, &[], elastic.node_count as u32);
+        let buffers = shaders::draw::Mean {
+            node_first: &self.node_first,
+            node_tetrahedra: &self.node_tetrahedra,
+            densities: &self.densities,
+            node_values: &self.node_values,
+        };
+        recorder.dispatch(&self.mean, &buffers, elastic.node_count as u32);
     }
 }

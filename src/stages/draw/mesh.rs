@@ -69,20 +69,21 @@ pub struct Mesh {
 impl Mesh {
     /// What an outline says.
     pub fn new(context: &Arc<Context>, name: &str, outline: &Outline) -> Result<Mesh> {
-        let nodes = upload(context, &format!("nodes of {name}"), &outline.nodes)?;
-        let weights = upload(context, &format!("weights of {name}"), &outline.weights)?;
+        let nodes = upload(context, &format!("nodes of {name}"), &outline.nodes)?.known_as(&["skin_nodes"]);
+        let weights = upload(context, &format!("weights of {name}"), &outline.weights)?.known_as(&["skin_weights"]);
         let words = outline.triangles.as_flattened();
         let triangles = Buffer::shared(context, &format!("triangles of {name}"), texels(words.len()))?;
         triangles.write(words)?;
         let values = Buffer::shared(context, &format!("values of {name}"), texels(outline.values.len()))?;
+        let values = values.known_as(&["values"]);
         values.write(&outline.values)?;
         let greatest = outline.values.iter().copied().fold(0.0f32, f32::max);
         Ok(Mesh {
             points: Points::new(context, outline.len(), nodes, weights, &outline.frames)?,
             triangles,
             values,
-            range: upload(context, &format!("range of {name}"), &[[0, outline.len() as u32]])?,
-            most: Buffer::from_slice(context, &format!("greatest of {name}"), &[greatest], Memory::Readback)?,
+            range: upload(context, "ranges", &[[0, outline.len() as u32]])?,
+            most: Buffer::from_slice(context, "most", &[greatest], Memory::Readback)?,
         })
     }
 }

@@ -6,6 +6,7 @@ use super::super::elastic::Elastic;
 use super::super::{count, upload};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
+use crate::shaders;
 
 /// Where they ride, and where they are.
 pub struct Points {
@@ -35,24 +36,24 @@ impl Points {
             count: vertices as u32,
             nodes,
             weights,
-            rigid_frames: upload(context, "frames of rigid vertices", rigid_frames)?,
-            positions: Buffer::shared(context, "shown positions", (16 * vertices.max(1)) as u64)?,
+            rigid_frames: upload(context, "rigid_frames", rigid_frames)?,
+            positions: Buffer::shared(context, "positions", (16 * vertices.max(1)) as u64)?,
         })
     }
 
     /// One pass over them; `frames`: where the host put them.
     pub fn record(&self, recorder: &mut Recorder, frames: &Buffer, elastic: &Elastic) {
         recorder.stage("draw");
-        let buffers = [
-            frames,
-            &self.nodes,
-            &self.weights,
-            &elastic.node_rest,
-            &elastic.displacement,
-            &elastic.node_info,
-            &self.rigid_frames,
-            &self.positions,
-        ];
-        recorder.dispatch(&self.place, &buffers, &[], self.count);
+        let buffers = shaders::draw::Place {
+            frames: frames,
+            skin_nodes: &self.nodes,
+            skin_weights: &self.weights,
+            node_rest: &elastic.node_rest,
+            displacement: &elastic.displacement,
+            node_info: &elastic.node_info,
+            rigid_frames: &self.rigid_frames,
+            positions: &self.positions,
+        };
+        recorder.dispatch(&self.place, &buffers, self.count);
     }
 }

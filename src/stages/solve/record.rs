@@ -6,6 +6,7 @@ use super::super::elastic::Elastic;
 use super::super::{Common, args, types};
 use super::{Solve, Variant};
 use crate::gpu::{Buffer, Kernel, Recorder};
+use crate::shaders;
 
 /// The change of velocity that solve/apply takes: the newest solution, or the preconditioned residual of a set of iterates.
 #[derive(Clone, Copy)]
@@ -24,42 +25,40 @@ impl Solve {
     /// Right-hand side, preconditioner, warm start, first residual.
     pub fn record_start(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
-        let touch = &self.touch;
+        let touch = self.touch.as_ref();
         recorder.dispatch_groups(
             &self.assemble,
-            &[
-                &common.params,
-                &common.frames,
-                &self.blocks,
-                &self.block_nodes,
-                &self.block_places,
-                &self.block_moments,
-                &self.coarse_blocks,
-                &elastic.node_rest,
-                &elastic.velocity,
-                &elastic.displacement,
-                &elastic.node_elements,
-                &elastic.element_forces,
-                &elastic.gradients,
-                // Without patches nobody reads of them.
-                elastic.dilate.as_ref().map_or(&elastic.gradients, |dilate| &dilate.rows),
-                &touch.node_entries,
-                &touch.sorted,
-                &touch.contacts,
-                &self.leftover,
-                &self.rigids,
-                &self.rhs,
-                &self.preconditioned[0],
-                &self.inverse,
-                &self.partials,
-                &self.restricted_rhs,
-                &self.block_rotations,
-                &self.block_turns,
-                &self.coarse_scales,
-                &common.joints,
-                &self.joint_sides,
-            ],
-            &[],
+            &shaders::solve::Assemble {
+                params: &common.params,
+                frames: &common.frames,
+                blocks: &self.blocks,
+                block_nodes: &self.block_nodes,
+                block_places: &self.block_places,
+                block_moments: Some(&self.block_moments),
+                coarse_blocks: &self.coarse_blocks,
+                node_rest: &elastic.node_rest,
+                velocity: &elastic.velocity,
+                displacement: Some(&elastic.displacement),
+                node_elements: &elastic.node_elements,
+                element_forces: &elastic.element_forces,
+                gradients: &elastic.gradients,
+                patch_rows: elastic.dilate.as_ref().map(|dilate| &dilate.rows),
+                node_entries: touch.map(|touch| &touch.node_entries),
+                sorted: touch.map(|touch| &touch.sorted),
+                contacts: touch.map(|touch| &touch.contacts),
+                leftover: &self.leftover,
+                rigids: &self.rigids,
+                rhs: &self.rhs,
+                preconditioned: self.preconditioned.now(0),
+                inverse: &self.inverse,
+                partials: &self.partials,
+                restricted_rhs: &self.restricted_rhs,
+                block_rotations: Some(&self.block_rotations),
+                block_turns: &self.block_turns,
+                coarse_scales: Some(&self.coarse_scales),
+                joints: Some(&common.joints),
+                joint_sides: Some(&self.joint_sides),
+            },
             self.block_count,
         );
         self.record_cores(recorder, common, elastic);
@@ -70,51 +69,49 @@ impl Solve {
         }
         recorder.dispatch_groups(
             &self.start,
-            &[
-                &common.params,
-                &common.frames,
-                &common.counts,
-                &touch.contacts,
-                &self.partials,
-                &self.dots,
-                &self.coarse_dots,
-                &self.restricted_image,
-                &self.coarse_rhs,
-                &self.coarse_image,
-                &self.rigids,
-                &self.rigid_inverses,
-                &self.iterates,
-                &self.state,
-                &self.iterations,
-                &common.args,
-            ],
-            &[],
+            &shaders::solve::Start {
+                params: Some(&common.params),
+                frames: Some(&common.frames),
+                counts: Some(&common.counts),
+                contacts: touch.map(|touch| &touch.contacts),
+                partials: &self.partials,
+                dots: &self.dots,
+                coarse_dots: Some(&self.coarse_dots),
+                restricted_image: &self.restricted_image,
+                coarse_rhs: Some(&self.coarse_rhs),
+                coarse_image: Some(&self.coarse_image),
+                rigids: &self.rigids,
+                rigid_inverses: &self.rigid_inverses,
+                iterates: &self.iterates,
+                solve: &self.state,
+                iterations: &self.iterations,
+                args: &common.args,
+            },
             1,
         );
         recorder.dispatch_groups(
             &self.begin,
-            &[
-                &self.state,
-                &self.block_turns,
-                &self.blocks,
-                &self.block_nodes,
-                &self.block_places,
-                &self.coarse_blocks,
-                &elastic.node_rest,
-                &self.rhs,
-                &self.image,
-                &self.inverse,
-                &self.coarse_rhs,
-                &self.coarse_image,
-                &self.iterates,
-                &self.solution,
-                &self.residual[0],
-                &self.preconditioned[0],
-                &self.direction[0],
-                &self.direction_image[0],
-                &self.restricted_direction,
-            ],
-            &[],
+            &shaders::solve::Begin {
+                solve: &self.state,
+                block_turns: &self.block_turns,
+                blocks: &self.blocks,
+                block_nodes: &self.block_nodes,
+                block_places: &self.block_places,
+                coarse_blocks: Some(&self.coarse_blocks),
+                node_rest: &elastic.node_rest,
+                rhs: &self.rhs,
+                image: &self.image,
+                inverse: &self.inverse,
+                coarse_rhs: Some(&self.coarse_rhs),
+                coarse_image: Some(&self.coarse_image),
+                iterates: &self.iterates,
+                solution: &self.solution,
+                residual: self.residual.now(0),
+                preconditioned: self.preconditioned.now(0),
+                direction: self.direction.now(0),
+                direction_image: self.direction_image.now(0),
+                restricted_direction: Some(&self.restricted_direction),
+            },
             self.block_count,
         );
     }
@@ -124,51 +121,48 @@ impl Solve {
         recorder.stage("solve");
         for iteration in 0..iterations.next_multiple_of(2) {
             let set = iteration % 2;
-            let now = set as usize;
             self.record_apply(recorder, common, elastic, Change::Preconditioned { set });
             self.record_gather(recorder, common, elastic, &self.gather_loop, Some(set));
-            let buffers = |args| {
-                [
-                    &common.params,
-                    &self.block_turns,
-                    &self.blocks,
-                    &self.block_nodes,
-                    &self.block_places,
-                    &elastic.node_rest,
-                    &self.coarse_blocks,
-                    &self.coarse_inverse,
-                    &self.coarse_scales,
-                    &self.dots,
-                    &self.restricted_image,
-                    &self.restricted_residual,
-                    &self.image,
-                    &self.inverse,
-                    &self.residual[now],
-                    &self.preconditioned[now],
-                    &self.direction[now],
-                    &self.direction_image[now],
-                    &self.rigids,
-                    &self.state,
-                    &self.iterations,
-                    &self.iterates,
-                    &self.restricted_direction,
-                    &self.solution,
-                    &self.residual[1 - now],
-                    &self.preconditioned[1 - now],
-                    &self.direction[1 - now],
-                    &self.direction_image[1 - now],
-                    args,
-                    &self.rigid_inverses,
-                ]
+            let arguments = shaders::solve::Update {
+                set,
+                params: &common.params,
+                block_turns: &self.block_turns,
+                blocks: &self.blocks,
+                block_nodes: Some(&self.block_nodes),
+                block_places: Some(&self.block_places),
+                node_rest: Some(&elastic.node_rest),
+                coarse_blocks: Some(&self.coarse_blocks),
+                coarse_inverse: Some(&self.coarse_inverse),
+                coarse_scales: Some(&self.coarse_scales),
+                dots: &self.dots,
+                restricted_image: Some(&self.restricted_image),
+                restricted_residual: Some(&self.restricted_residual),
+                image: Some(&self.image),
+                inverse: Some(&self.inverse),
+                residual: Some(self.residual.now(set)),
+                preconditioned: Some(self.preconditioned.now(set)),
+                direction: Some(self.direction.now(set)),
+                direction_image: Some(self.direction_image.now(set)),
+                rigids: Some(&self.rigids),
+                solve: &self.state,
+                iterations: &self.iterations,
+                iterates: Some(&self.iterates),
+                restricted_direction: Some(&self.restricted_direction),
+                solution: Some(&self.solution),
+                next_residual: Some(self.residual.next(set)),
+                next_preconditioned: Some(self.preconditioned.next(set)),
+                next_direction: Some(self.direction.next(set)),
+                next_direction_image: Some(self.direction_image.next(set)),
+                args: &common.args,
+                rigid_inverses: Some(&self.rigid_inverses),
             };
-            let push = bytemuck::bytes_of(&set);
             recorder.together(|recorder| {
                 // One goes by the loop's arguments, and writes them; the others must do neither at the same time.
                 for (index, Variant { kernel, groups, slot }) in self.update.iter().enumerate() {
                     if index == 0 {
-                        recorder.dispatch_indirect(kernel, &buffers(&common.args), push, &common.args, *slot);
+                        recorder.dispatch_indirect(kernel, &arguments, &common.args, *slot);
                     } else {
-                        recorder.dispatch_groups(kernel, &buffers(&self.no_args), push, *groups);
+                        recorder.dispatch_groups(kernel, &arguments, *groups);
                     }
                 }
             });
@@ -178,7 +172,7 @@ impl Solve {
     /// The residual recomputed, the verdict, and the new state where it is accepted.
     pub fn record_end(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
-        let touch = &self.touch;
+        let touch = self.touch.as_ref();
         self.record_apply(recorder, common, elastic, Change::Solution);
         self.record_gather(recorder, common, elastic, &self.gather_final, None);
         if let Some(coarse) = &self.coarse {
@@ -186,42 +180,41 @@ impl Solve {
         }
         recorder.dispatch_groups(
             &self.conclude,
-            &[
-                &common.params,
-                &common.frames,
-                &self.dots,
-                &self.coarse_dots,
-                &self.restricted_image,
-                &touch.contact_forces,
-                &self.iterations,
-                &self.iterates,
-                &common.counts,
-                &touch.contacts,
-                &self.state,
-                &self.rigids,
-                &common.args,
-                &common.report,
-                &self.core_changes,
-                &self.rigid_inverses,
-            ],
-            &[],
+            &shaders::solve::Conclude {
+                params: &common.params,
+                frames: Some(&common.frames),
+                dots: &self.dots,
+                coarse_dots: Some(&self.coarse_dots),
+                restricted_image: &self.restricted_image,
+                contact_forces: touch.map(|touch| &touch.contact_forces),
+                iterations: &self.iterations,
+                iterates: &self.iterates,
+                counts: &common.counts,
+                contacts: touch.map(|touch| &touch.contacts),
+                solve: &self.state,
+                rigids: &self.rigids,
+                args: &common.args,
+                report: &common.report,
+                core_changes: Some(&self.core_changes),
+                rigid_inverses: &self.rigid_inverses,
+            },
             1,
         );
-        let buffers = [
-            &common.params,
-            &common.frames,
-            &elastic.node_info,
-            &self.solution,
-            &self.rhs,
-            &self.image,
-            &elastic.node_rest,
-            &self.state,
-            &self.iterates,
-            &elastic.velocity,
-            &elastic.displacement,
-            &self.leftover,
-        ];
-        recorder.dispatch_indirect(&self.commit, &buffers, &[], &common.args, args::COMMIT);
+        let arguments = shaders::solve::Commit {
+            params: &common.params,
+            frames: &common.frames,
+            node_info: &elastic.node_info,
+            solution: &self.solution,
+            rhs: &self.rhs,
+            image: &self.image,
+            node_rest: &elastic.node_rest,
+            solve: Some(&self.state),
+            iterates: Some(&self.iterates),
+            velocity: &elastic.velocity,
+            displacement: &elastic.displacement,
+            leftover: &self.leftover,
+        };
+        recorder.dispatch_indirect(&self.commit, &arguments, &common.args, args::COMMIT);
     }
 
     /// Nothing moves, nothing is left over.
@@ -237,73 +230,85 @@ impl Solve {
     }
 
     fn record_coarse(&self, recorder: &mut Recorder, kernel: &Kernel, rhs: &Buffer) {
-        let buffers = [
-            &self.coarse_blocks,
-            &self.coarse_inverse,
-            &self.coarse_scales,
-            rhs,
-            &self.restricted_image,
-            &self.coarse_rhs,
-            &self.coarse_image,
-            &self.coarse_dots,
-        ];
-        recorder.dispatch_groups(kernel, &buffers, &[], self.block_count);
+        let arguments = shaders::solve::Coarse {
+            coarse_blocks: &self.coarse_blocks,
+            coarse_inverse: &self.coarse_inverse,
+            coarse_scales: &self.coarse_scales,
+            restricted_rhs: rhs,
+            restricted_image: &self.restricted_image,
+            coarse_rhs: &self.coarse_rhs,
+            coarse_image: &self.coarse_image,
+            coarse_dots: &self.coarse_dots,
+        };
+        recorder.dispatch_groups(kernel, &arguments, self.block_count);
     }
 
     /// A group's first core has a workgroup; those of the others have nothing to do.
     fn record_cores(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         let Some(kernel) = &self.cores else { return };
-        let buffers = [
-            &common.params,
-            &common.frames,
-            &self.block_nodes,
-            &elastic.node_rest,
-            &self.rhs,
-            &self.inverse,
-            &self.restricted_rhs,
-            &common.joints,
-            &self.joint_sides,
-            &self.rigids,
-            &self.rigid_blocks,
-            &self.rigid_inverses,
-        ];
-        recorder.dispatch_groups(kernel, &buffers, &[], self.core_count as u32);
+        let arguments = shaders::solve::Cores {
+            params: Some(&common.params),
+            frames: &common.frames,
+            block_nodes: &self.block_nodes,
+            node_rest: &elastic.node_rest,
+            rhs: &self.rhs,
+            inverse: &self.inverse,
+            restricted_rhs: &self.restricted_rhs,
+            joints: &common.joints,
+            joint_sides: &self.joint_sides,
+            rigids: &self.rigids,
+            rigid_blocks: &self.rigid_blocks,
+            rigid_inverses: &self.rigid_inverses,
+        };
+        recorder.dispatch_groups(kernel, &arguments, self.core_count as u32);
     }
 
     fn record_apply(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
-        let (push, vector, in_loop) = match change {
-            Change::Solution => ([1, 0], &self.solution, false),
-            Change::Preconditioned { set } => ([0, set], &self.preconditioned[set as usize], true),
+        let (of_solution, set, vector) = match change {
+            Change::Solution => (1, 0, &self.solution),
+            Change::Preconditioned { set } => (0, set, self.preconditioned.now(set)),
         };
-        let touch = &self.touch;
-        let of_elements = [&elastic.tetrahedra, &elastic.gradients, vector, &elastic.element_forces];
-        let of_contacts = [
-            &common.params,
-            vector,
-            &common.counts,
-            &touch.contacts,
-            &touch.entry_nodes,
-            &touch.entry_weights,
-            &self.state,
-            &self.iterates,
-            &touch.contact_forces,
-        ];
+        let in_loop = of_solution == 0;
+        let of_elements = shaders::solve::Apply {
+            tetrahedra: &elastic.tetrahedra,
+            gradients: &elastic.gradients,
+            change: vector,
+            element_forces: &elastic.element_forces,
+        };
         recorder.together(|recorder| {
             if in_loop {
-                recorder.dispatch_indirect(&self.apply, &of_elements, &[], &common.args, args::LOOP_APPLY);
+                recorder.dispatch_indirect(&self.apply, &of_elements, &common.args, args::LOOP_APPLY);
             } else {
-                recorder.dispatch(&self.apply, &of_elements, &[], elastic.tetrahedron_count as u32);
+                recorder.dispatch(&self.apply, &of_elements, elastic.tetrahedron_count as u32);
             }
             if let (Some(kernel), Some(dilate)) = (&self.patches, &elastic.dilate) {
-                let buffers = [&dilate.nodes, &dilate.rows, vector, &elastic.element_forces];
+                let arguments = shaders::solve::Patches {
+                    patch_nodes: &dilate.nodes,
+                    patch_rows: &dilate.rows,
+                    change: vector,
+                    element_forces: &elastic.element_forces,
+                };
                 match in_loop {
-                    true => recorder.dispatch_indirect(kernel, &buffers, &[], &common.args, args::LOOP_PATCHES),
-                    false => recorder.dispatch(kernel, &buffers, &[], dilate.patch_count as u32),
+                    true => recorder.dispatch_indirect(kernel, &arguments, &common.args, args::LOOP_PATCHES),
+                    false => recorder.dispatch(kernel, &arguments, dilate.patch_count as u32),
                 }
             }
-            if self.has_contact {
+            if let Some(touch) = &self.touch {
+                let arguments = shaders::solve::Press {
+                    of_solution,
+                    set,
+                    params: &common.params,
+                    change: vector,
+                    counts: &common.counts,
+                    contacts: &touch.contacts,
+                    entry_nodes: &touch.entry_nodes,
+                    entry_weights: &touch.entry_weights,
+                    solve: Some(&self.state),
+                    iterates: Some(&self.iterates),
+                    contact_forces: &touch.contact_forces,
+                };
                 let slot = if in_loop { args::LOOP_PRESS } else { args::CONTACTS };
-                recorder.dispatch_indirect(&self.press, &of_contacts, bytemuck::bytes_of(&push), &common.args, slot);
+                recorder.dispatch_indirect(&self.press, &arguments, &common.args, slot);
             }
         });
     }
@@ -318,48 +323,50 @@ impl Solve {
         set: Option<u32>,
     ) {
         // What the inner products are taken with; see the modes of solve/gather.
-        let (change, first, second) = match set.map(|set| set as usize) {
-            Some(now) => (&self.preconditioned[now], &self.preconditioned[now], &self.residual[now]),
-            None => (&self.solution, &self.preconditioned[0], &self.rhs),
+        let (change, preconditioned, residual_or_rhs) = match set {
+            Some(set) => {
+                let now = self.preconditioned.now(set);
+                (now, now, self.residual.now(set))
+            }
+            None => (&self.solution, self.preconditioned.now(0), &self.rhs),
         };
-        let touch = &self.touch;
-        let buffers = [
-            &common.params,
-            &self.block_turns,
-            &self.blocks,
-            &self.block_nodes,
-            &self.block_places,
-            &self.coarse_blocks,
-            &elastic.node_rest,
-            &elastic.node_elements,
-            &elastic.element_forces,
-            &touch.node_entries,
-            &touch.sorted,
-            &common.counts,
-            &touch.contacts,
-            &touch.contact_forces,
-            change,
-            first,
-            second,
-            &self.inverse,
-            &self.rigids,
-            &self.iterates,
-            &self.image,
-            &self.dots,
-            &self.restricted_image,
-            &self.restricted_residual,
-            &self.state,
-            &self.coarse_scales,
-            &common.joints,
-            &self.joint_sides,
-        ];
-        let push = set.unwrap_or_default();
-        let push = bytemuck::bytes_of(&push);
+        let touch = self.touch.as_ref();
+        let arguments = shaders::solve::Gather {
+            set: set.unwrap_or_default(),
+            params: Some(&common.params),
+            block_turns: Some(&self.block_turns),
+            blocks: Some(&self.blocks),
+            block_nodes: Some(&self.block_nodes),
+            block_places: Some(&self.block_places),
+            coarse_blocks: Some(&self.coarse_blocks),
+            node_rest: Some(&elastic.node_rest),
+            node_elements: Some(&elastic.node_elements),
+            element_forces: Some(&elastic.element_forces),
+            node_entries: touch.map(|touch| &touch.node_entries),
+            sorted: touch.map(|touch| &touch.sorted),
+            counts: Some(&common.counts),
+            contacts: touch.map(|touch| &touch.contacts),
+            contact_forces: touch.map(|touch| &touch.contact_forces),
+            change: Some(change),
+            preconditioned: Some(preconditioned),
+            residual_or_rhs: Some(residual_or_rhs),
+            inverse: Some(&self.inverse),
+            rigids: Some(&self.rigids),
+            iterates: Some(&self.iterates),
+            image: Some(&self.image),
+            dots: &self.dots,
+            restricted_image: &self.restricted_image,
+            restricted_residual: Some(&self.restricted_residual),
+            solve: Some(&self.state),
+            coarse_scales: Some(&self.coarse_scales),
+            joints: Some(&common.joints),
+            joint_sides: Some(&self.joint_sides),
+        };
         recorder.together(|recorder| {
             for Variant { kernel, groups, slot } in kernels {
                 match set {
-                    Some(_) => recorder.dispatch_indirect(kernel, &buffers, push, &common.args, *slot),
-                    None => recorder.dispatch_groups(kernel, &buffers, push, *groups),
+                    Some(_) => recorder.dispatch_indirect(kernel, &arguments, &common.args, *slot),
+                    None => recorder.dispatch_groups(kernel, &arguments, *groups),
                 }
             }
         });

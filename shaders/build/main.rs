@@ -1,0 +1,136 @@
+//! Build script: compiles every `shaders/<stage>/*.{comp,vert,frag}` from GLSL to SPIR-V, and writes what Rust needs of them:
+//! - `spirv.rs`, the sorted table of the binaries, for `src/gpu/kernel.rs`;
+//! - `shaders.rs`, for `src/shaders.rs`: of each kernel its arguments by name, and the structs and constants that shaders and
+//!   host share, whose only definition is the shaders'.
+//!
+//! `shaders/shared` holds only what others include.
+
+use std::ffi::OsStr;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs, process};
+
+use palpate_glsl::{Arrays, compile, ingredients, kind};
+
+mod arguments;
+mod comments;
+#[expect(dead_code)]
+#[path = "../../src/gpu/specialise.rs"]
+mod specialise;
+#[allow(dead_code)]
+#[path = "../../src/gpu/spirv.rs"]
+mod spirv;
+mod structs;
+
+/// A shader, compiled.
+pub struct Shader {
+    /// `solve/apply` for a compute shader, `depth/cross.vert` for a stage of the graphics pipeline.
+    name: String,
+    /// Its GLSL.
+    text: String,
+    /// Its SPIR-V with each kind of arrays.
+    files: Vec<PathBuf>,
+    /// What reads its arrays through storage buffers.
+    words: Vec<u32>,
+}
+
+fn main() {
+    if let Err(message) = build() {
+        eprintln!("{message}");
+        process::exit(1);
+    }
+}
+
+/// Compiles all shaders; the message of an error names the file and line.
+fn build() -> Result<(), String> {
+    println!("cargo:rerun-if-changed=shaders");
+    println!("cargo:rerun-if-changed=src/gpu/spirv.rs");
+    println!("cargo:rerun-if-changed=src/gpu/specialise.rs");
+    let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").map_err(|e| e.to_string())?).join("shaders");
+    let out = PathBuf::from(env::var("OUT_DIR").map_err(|e| e.to_string())?);
+    let mut sources = Vec::new();
+    for folder in entries(&root)? {
+        if folder.is_dir() && folder.file_name() != Some(OsStr::new("shared")) {
+            sources.extend(entries(&folder)?.into_iter().filter(|path| kind(path).is_some()));
+        }
+    }
+    let (mut shaders, mut compiled) = (Vec::new(), 0);
+    for source in &sources {
+        let (shader, is_new) = refresh(&root, source, &out)?;
+        compiled += usize::from(is_new);
+        shaders.push(shader);
+    }
+    println!("compiled {compiled} of {} shaders", shaders.len());
+    shaders.sort_by(|a, b| a.name.cmp(&b.name));
+    if let Some(twice) = shaders.windows(2).find(|pair| pair[0].name == pair[1].name) {
+        return Err(format!("two shaders are called {}", twice[0].name));
+    }
+    let headers = entries(&root.join("shared"))?.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
+    write(&out.join("spirv.rs"), table(&shaders).as_bytes())?;
+    let generated = format!("{}{}", structs::shared(&headers, &shaders)?, arguments::modules(&headers, &shaders)?);
+    write(&out.join("shaders.rs"), generated.as_bytes())
+}
+
+/// The table of binaries.
+fn table(shaders: &[Shader]) -> String {
+    let mut text = String::from(
+        "/// Name of every shader, and its SPIR-V with texel and with storage arrays; sorted by name.\n\
+         pub static SHADERS: &[(&str, [&[u8]; 2])] = &[\n",
+    );
+    for Shader { name, files, .. } in shaders {
+        let [texel, storage] = [files.first(), files.last()].map(|file| file.map(|f| f.display().to_string()));
+        let [texel, storage] = [texel, storage].map(Option::unwrap_or_default);
+        let _ = writeln!(text, "    ({name:?}, [include_bytes!({texel:?}), include_bytes!({storage:?})]),");
+    }
+    text + "];\n"
+}
+
+/// A shader, compiled unless its files were made of the same; whether it was.
+fn refresh(root: &Path, source: &Path, out: &Path) -> Result<(Shader, bool), String> {
+    let name = name(root, source);
+    let (text, now) = (read(source)?, ingredients(root, source)?);
+    // Without arrays that are read only, both kinds are the same.
+    let kinds = if now.contains("READ_ONLY(") { &[Arrays::Texel, Arrays::Storage][..] } else { &[Arrays::Storage] };
+    let stem = name.replace('/', "-");
+    let files: Vec<_> = kinds.iter().map(|arrays| out.join(format!("{stem}.{arrays:?}.spv"))).collect();
+    let made_of = out.join(format!("{stem}.made-of"));
+    let is_new = !(files.iter().all(|f| f.exists()) && fs::read_to_string(&made_of).is_ok_and(|then| then == now));
+    if is_new {
+        // Whoever is interrupted between here and the end compiles again.
+        let _ = fs::remove_file(&made_of);
+        for (arrays, file) in kinds.iter().zip(&files) {
+            write(file, &compile(root, source, &text, *arrays)?)?;
+        }
+        write(&made_of, now.as_bytes())?;
+    }
+    let last = files.last().ok_or("a shader has no kind of arrays")?;
+    let bytes = fs::read(last).map_err(|e| format!("cannot read {}: {e}", last.display()))?;
+    let words = bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
+    Ok((Shader { name, text, files, words }, is_new))
+}
+
+fn read(path: &Path) -> Result<String, String> {
+    fs::read_to_string(path).map_err(|e| format!("cannot read {}: {e}", path.display()))
+}
+
+/// Writes a file where it would change: whatever is made of it is made again only then.
+fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    if fs::read(path).is_ok_and(|old| old == bytes) {
+        return Ok(());
+    }
+    fs::write(path, bytes).map_err(|e| format!("cannot write {}: {e}", path.display()))
+}
+
+/// The sorted contents of a folder.
+fn entries(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let list = fs::read_dir(folder).map_err(|e| format!("cannot read {}: {e}", folder.display()))?;
+    let mut paths: Vec<PathBuf> = list.filter_map(|entry| entry.ok().map(|e| e.path())).collect();
+    paths.sort();
+    Ok(paths)
+}
+
+/// `solve/apply` for a compute shader, `depth/cross.vert` for a stage of the graphics pipeline.
+fn name(root: &Path, source: &Path) -> String {
+    let relative = source.strip_prefix(root).unwrap_or(source).to_string_lossy().replace('\\', "/");
+    relative.strip_suffix(".comp").unwrap_or(&relative).to_string()
+}

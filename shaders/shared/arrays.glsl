@@ -1,0 +1,15 @@
+// Read-only arrays of vec4 or uvec4. Every shader that has some is compiled twice, and the device decides which one runs: with
+// texel buffers, which lavapipe reads faster, or with storage buffers, where a device's texel buffers hold too few elements.
+
+#ifdef TEXEL_ARRAYS
+#define READ_ONLY_vec4(array) uniform samplerBuffer array
+#define READ_ONLY_uvec4(array) uniform usamplerBuffer array
+#define fetch(array, index) texelFetch(array, int(index))
+#else
+#define READ_ONLY_vec4(array) layout(scalar) readonly buffer array##_block { vec4 array[]; }
+#define READ_ONLY_uvec4(array) layout(scalar) readonly buffer array##_block { uvec4 array[]; }
+#define fetch(array, index) array[index]
+#endif
+
+// Declares one, as in READ_ONLY(vec4, node_rest); element i of it is fetch(node_rest, i).
+#define READ_ONLY(type, array) READ_ONLY_##type(array)

@@ -1,0 +1,402 @@
+//! What a shader still uses once its specialization constants have values: sparse conditional constant propagation (Wegman
+//! and Zadeck 1991) over its SPIR-V finds the blocks that can run, and a binding that none of them names is taken out. So a
+//! variant of a kernel is bound to what it uses, and to nothing else.
+//!
+//! Instruction numbers: the Khronos SPIR-V specification, version 1.6.
+
+use std::collections::{HashMap, HashSet};
+use std::ops::Range;
+
+use super::spirv::{HEADER, Instruction, instructions};
+
+/// What is known of a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Value {
+    /// The same 32 bits in every run; booleans are 0 and 1.
+    Constant(u32),
+    /// Depends on specialization constants that have no value yet, and on nothing else; or is false, or true, for their sake.
+    Open,
+    /// Found at run time.
+    Varying,
+}
+
+/// Which blocks run, and which variables they name.
+struct Flow<'a> {
+    instructions: Vec<Instruction<'a>>,
+    values: HashMap<u32, Value>,
+    /// Where a function begins and ends among the instructions.
+    functions: HashMap<u32, Range<usize>>,
+    /// Values that are found as blocks are run through; all others are found at run time.
+    evaluated: HashSet<u32>,
+    /// Types of texel buffers.
+    sampled_images: HashSet<u32>,
+    /// Functions that are called.
+    called: HashSet<u32>,
+    /// Blocks that run, by label.
+    running: HashSet<u32>,
+    /// Ways from block to block that are taken; true: around a branch that an open value decides.
+    ways: HashMap<(u32, u32), bool>,
+}
+
+/// The values of the specialization constants, by their number; without them, what no choice of them takes out is used.
+type Constants = HashMap<u32, u32>;
+
+/// The module without the bindings that no run with these specialization constants uses.
+pub fn specialised(words: &[u32], constants: &Constants) -> Result<Vec<u32>, String> {
+    let flow = Flow::of(words, Some(constants))?;
+    Ok(flow.stripped(words))
+}
+
+/// Variables (by id) that some choice of the specialization constants leaves unused; for the build script.
+#[allow(dead_code)]
+pub fn optional(words: &[u32]) -> Result<HashSet<u32>, String> {
+    let flow = Flow::of(words, None)?;
+    let used = flow.used();
+    let variables = flow.instructions.iter().filter(|i| i.opcode == VARIABLE && is_binding(i.operands));
+    Ok(variables.map(|i| i.operands[1]).filter(|id| !used.contains(id)).collect())
+}
+
+const NAME: u32 = 5;
+const ENTRY_POINT: u32 = 15;
+const TYPE_BOOL: u32 = 20;
+const CONSTANT_TRUE: u32 = 41;
+const CONSTANT_FALSE: u32 = 42;
+const CONSTANT: u32 = 43;
+const CONSTANT_NULL: u32 = 46;
+const SPEC_TRUE: u32 = 48;
+const SPEC_FALSE: u32 = 49;
+const SPEC: u32 = 50;
+const SPEC_OP: u32 = 52;
+const FUNCTION: u32 = 54;
+const FUNCTION_END: u32 = 56;
+const CALL: u32 = 57;
+const VARIABLE: u32 = 59;
+const DECORATE: u32 = 71;
+const PHI: u32 = 245;
+const LOOP_MERGE: u32 = 246;
+const SELECTION_MERGE: u32 = 247;
+const LABEL: u32 = 248;
+const BRANCH: u32 = 249;
+const BRANCH_CONDITIONAL: u32 = 250;
+const SWITCH: u32 = 251;
+const SAMPLED_IMAGE: u32 = 27;
+const IMAGE: u32 = 100;
+const IMAGE_FETCH: u32 = 95;
+const ATOMIC_STORE: u32 = 228;
+/// Atomics that give a value.
+const ATOMIC_FIRST: u32 = 229;
+const ATOMIC_LAST: u32 = 242;
+/// First word of an undefined value.
+const UNDEFINED_WORDS: u32 = (3 << 16) | 1;
+const LOAD: u32 = 61;
+const STORE: u32 = 62;
+const COPY_MEMORY: u32 = 63;
+const ACCESS_CHAIN: u32 = 65;
+const IN_BOUNDS_ACCESS_CHAIN: u32 = 66;
+const ARRAY_LENGTH: u32 = 68;
+const COPY_OBJECT: u32 = 83;
+const SPEC_ID: u32 = 1;
+
+/// Words of an entry point before the variables that it names: opcode, execution model, function, and "main" with its zero.
+const ENTRY_WORDS: usize = 5;
+
+/// Storage classes of bindings: uniform constants, uniform blocks, storage buffers.
+fn is_binding(variable: &[u32]) -> bool {
+    matches!(variable.get(2), Some(0 | 2 | 12))
+}
+
+/// The result of an instruction whose operands are known; `None`: not an instruction that is evaluated.
+fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Option<Option<Value>> {
+    use Value::{Constant, Open, Varying};
+    let both = |of: fn(u32, u32) -> Option<u32>| {
+        let (Some(a), Some(b)) = (value(w[0]), value(w[1])) else { return None };
+        Some(match (a, b) {
+            (Constant(a), Constant(b)) => of(a, b).map_or(Varying, Constant),
+            (Varying, _) | (_, Varying) => Varying,
+            _ => Open,
+        })
+    };
+    // One operand may decide: false for "and", true for "or".
+    let logical = |deciding: u32| {
+        let (a, b) = (value(w[0]), value(w[1]));
+        if [a, b].contains(&Some(Constant(deciding))) {
+            return Some(Constant(deciding));
+        }
+        Some(match (a?, b?) {
+            (Constant(_), other) | (other, Constant(_)) => other,
+            (Open, _) | (_, Open) => Open,
+            _ => Varying,
+        })
+    };
+    Some(match (opcode, w.len()) {
+        (128, 2) => both(|a, b| Some(a.wrapping_add(b))),
+        (130, 2) => both(|a, b| Some(a.wrapping_sub(b))),
+        (132, 2) => both(|a, b| Some(a.wrapping_mul(b))),
+        (134, 2) => both(u32::checked_div),
+        (137, 2) => both(u32::checked_rem),
+        (164 | 170, 2) => both(|a, b| Some(u32::from(a == b))),
+        (165 | 171, 2) => both(|a, b| Some(u32::from(a != b))),
+        (166, 2) => logical(1),
+        (167, 2) => logical(0),
+        (168, 1) => value(w[0]).map(|v| if let Constant(a) = v { Constant(1 - a) } else { v }),
+        (169, 3) => match value(w[0]) {
+            None => None,
+            Some(Constant(0)) => value(w[2]),
+            Some(Constant(_)) => value(w[1]),
+            Some(condition) => match (value(w[1]), value(w[2])) {
+                (None, _) | (_, None) => None,
+                (Some(a), Some(b)) if a == b => Some(a),
+                // As "and" and "or": what it is where it does not vary decides.
+                _ => Some(condition),
+            },
+        },
+        (172, 2) => both(|a, b| Some(u32::from(a > b))),
+        (173, 2) => both(signed_greater),
+        (174, 2) => both(|a, b| Some(u32::from(a >= b))),
+        (175, 2) => both(|a, b| signed_greater(b, a).map(|less| 1 - less)),
+        (176, 2) => both(|a, b| Some(u32::from(a < b))),
+        (177, 2) => both(|a, b| signed_greater(b, a)),
+        (178, 2) => both(|a, b| Some(u32::from(a <= b))),
+        (179, 2) => both(|a, b| signed_greater(a, b).map(|greater| 1 - greater)),
+        (197, 2) => both(|a, b| Some(a | b)),
+        (198, 2) => both(|a, b| Some(a ^ b)),
+        (199, 2) => both(|a, b| Some(a & b)),
+        _ => return None,
+    })
+}
+
+fn signed_greater(a: u32, b: u32) -> Option<u32> {
+    Some(u32::from(a.cast_signed() > b.cast_signed()))
+}
+
+impl<'a> Flow<'a> {
+    fn of(words: &'a [u32], constants: Option<&Constants>) -> Result<Flow<'a>, String> {
+        let instructions = instructions(words)?;
+        let mut flow = Flow {
+            instructions,
+            values: HashMap::new(),
+            functions: HashMap::new(),
+            evaluated: HashSet::new(),
+            sampled_images: HashSet::new(),
+            called: HashSet::new(),
+            running: HashSet::new(),
+            ways: HashMap::new(),
+        };
+        flow.read_constants(constants);
+        flow.find_functions();
+        while flow.advance() {}
+        Ok(flow)
+    }
+
+    /// Values of all that stands before the functions.
+    fn read_constants(&mut self, given: Option<&Constants>) {
+        let is_id = |i: &&Instruction| i.opcode == DECORATE && i.operands.get(1) == Some(&SPEC_ID);
+        let numbers: HashMap<u32, u32> =
+            self.instructions.iter().filter(is_id).map(|i| (i.operands[0], i.operands[2])).collect();
+        let special = |id: u32, default: u32| match given {
+            None if numbers.contains_key(&id) => Value::Open,
+            None => Value::Constant(default),
+            Some(given) => Value::Constant(numbers.get(&id).and_then(|n| given.get(n)).copied().unwrap_or(default)),
+        };
+        for Instruction { opcode, operands, .. } in &self.instructions {
+            let (value, id) = match (*opcode, *operands) {
+                (FUNCTION, _) => break,
+                (CONSTANT_TRUE, [_, id]) => (Some(Value::Constant(1)), *id),
+                (CONSTANT_FALSE | CONSTANT_NULL, [_, id]) => (Some(Value::Constant(0)), *id),
+                (CONSTANT, [_, id, value]) => (Some(Value::Constant(*value)), *id),
+                (SPEC_TRUE, [_, id]) => (Some(special(*id, 1)), *id),
+                (SPEC_FALSE, [_, id]) => (Some(special(*id, 0)), *id),
+                (SPEC, [_, id, default]) => (Some(special(*id, *default)), *id),
+                (SPEC_OP, [_, id, opcode, operands @ ..]) => {
+                    let known = |id: u32| Some(self.values.get(&id).copied().unwrap_or(Value::Varying));
+                    (evaluate(*opcode, operands, known).flatten(), *id)
+                }
+                _ => continue,
+            };
+            self.values.extend(value.map(|value| (id, value)));
+        }
+    }
+
+    fn find_functions(&mut self) {
+        let mut begun = None;
+        for (at, instruction) in self.instructions.iter().enumerate() {
+            match (instruction.opcode, instruction.operands) {
+                (SAMPLED_IMAGE, [id, ..]) => drop(self.sampled_images.insert(*id)),
+                (ENTRY_POINT, [_, main, ..]) => drop(self.called.insert(*main)),
+                (FUNCTION, [_, id, ..]) => begun = Some((*id, at)),
+                (FUNCTION_END, _) => self.functions.extend(begun.take().map(|(id, from)| (id, from..at))),
+                (opcode, [_, id, operands @ ..]) if begun.is_some() => {
+                    if opcode == PHI || evaluate(opcode, operands, |_| None).is_some() {
+                        self.evaluated.insert(*id);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// One pass over all that runs as far as is known; whether more is known than before.
+    fn advance(&mut self) -> bool {
+        let before = (self.values.clone(), self.called.len(), self.running.len(), self.ways.len());
+        let ranges: Vec<_> = self.called.iter().filter_map(|id| self.functions.get(id)).cloned().collect();
+        let bools: HashSet<u32> =
+            self.instructions.iter().filter(|i| i.opcode == TYPE_BOOL).map(|i| i.operands[0]).collect();
+        for range in ranges {
+            let (mut block, mut merge, mut is_first) = (0, None, true);
+            for at in range {
+                let Instruction { opcode, operands: w, .. } = self.instructions[at];
+                if opcode == LABEL {
+                    (block, merge) = (w[0], None);
+                    if std::mem::take(&mut is_first) {
+                        self.running.insert(block);
+                    }
+                }
+                if !self.running.contains(&block) {
+                    continue;
+                }
+                match (opcode, w) {
+                    (PHI, [ty, id, incoming @ ..]) => {
+                        let value = self.merged(block, bools.contains(ty), incoming);
+                        self.values.extend(value.map(|value| (*id, value)));
+                    }
+                    (CALL, [_, _, function, ..]) => drop(self.called.insert(*function)),
+                    (SELECTION_MERGE | LOOP_MERGE, [target, ..]) => merge = Some(*target),
+                    (BRANCH, [to]) => self.go(block, *to, false),
+                    (BRANCH_CONDITIONAL, [condition, yes, no, ..]) => {
+                        let ways = [(Some(1), *yes), (None, *no)];
+                        self.decide(block, self.value(*condition), merge, &ways);
+                    }
+                    (SWITCH, [selector, default, cases @ ..]) => {
+                        let mut ways: Vec<_> = cases.chunks_exact(2).map(|case| (Some(case[0]), case[1])).collect();
+                        ways.push((None, *default));
+                        self.decide(block, self.value(*selector), merge, &ways);
+                    }
+                    (_, [_, id, operands @ ..]) => {
+                        let value = evaluate(opcode, operands, |id| self.value(id));
+                        self.values.extend(value.flatten().map(|value| (*id, value)));
+                    }
+                    _ => {}
+                }
+            }
+        }
+        before != (self.values.clone(), self.called.len(), self.running.len(), self.ways.len())
+    }
+
+    /// What a branch leads to: the way of its value, else of none.
+    fn decide(&mut self, block: u32, value: Option<Value>, merge: Option<u32>, ways: &[(Option<u32>, u32)]) {
+        match (value, merge) {
+            (None, _) => {}
+            (Some(Value::Constant(value)), _) => {
+                let taken = ways.iter().find(|(of, _)| of.is_none_or(|of| of == value));
+                taken.iter().for_each(|(_, to)| self.go(block, *to, false));
+            }
+            (Some(Value::Open), Some(merge)) => self.go(block, merge, true),
+            _ => ways.iter().for_each(|(_, to)| self.go(block, *to, false)),
+        }
+    }
+
+    fn go(&mut self, from: u32, to: u32, around: bool) {
+        self.running.insert(to);
+        *self.ways.entry((from, to)).or_default() |= around;
+    }
+
+    /// The value of a phi: what comes along the ways that are taken.
+    fn merged(&self, block: u32, is_bool: bool, incoming: &[u32]) -> Option<Value> {
+        if self.ways.iter().any(|((_, to), around)| *to == block && *around) {
+            return Some(if is_bool { Value::Open } else { Value::Varying });
+        }
+        let mut merged = None;
+        for pair in incoming.chunks_exact(2).filter(|pair| self.ways.contains_key(&(pair[1], block))) {
+            merged = match (merged, self.value(pair[0])) {
+                (None, other) | (other, None) => other,
+                (Some(a), Some(b)) if a == b => Some(a),
+                (Some(Value::Varying), _) | (_, Some(Value::Varying)) => Some(Value::Varying),
+                (Some(Value::Open), _) | (_, Some(Value::Open)) => Some(Value::Open),
+                _ => Some(Value::Varying),
+            };
+        }
+        merged
+    }
+
+    /// `None`: not known yet.
+    fn value(&self, id: u32) -> Option<Value> {
+        match self.values.get(&id) {
+            None if self.evaluated.contains(&id) => None,
+            value => Some(value.copied().unwrap_or(Value::Varying)),
+        }
+    }
+
+    /// Variables that blocks name which run.
+    fn used(&self) -> HashSet<u32> {
+        let mut used = HashSet::new();
+        self.in_functions(|instruction, runs| {
+            let w = instruction.operands;
+            match (instruction.opcode, w) {
+                _ if !runs => {}
+                (STORE, [pointer, ..]) => drop(used.insert(*pointer)),
+                (COPY_MEMORY, [to, from, ..]) => used.extend([*to, *from]),
+                (LOAD | ACCESS_CHAIN | IN_BOUNDS_ACCESS_CHAIN | ARRAY_LENGTH | COPY_OBJECT, [_, _, pointer, ..]) => {
+                    used.insert(*pointer);
+                }
+                (CALL, [_, _, _, arguments @ ..]) => used.extend(arguments),
+                _ => {}
+            }
+        });
+        used
+    }
+
+    /// Every instruction of every function, and whether its block runs.
+    fn in_functions(&self, mut see: impl FnMut(&Instruction, bool)) {
+        let (mut is_within, mut runs) = (false, true);
+        for instruction in &self.instructions {
+            is_within |= instruction.opcode == FUNCTION;
+            match instruction.opcode {
+                FUNCTION => runs = true,
+                LABEL => runs = self.running.contains(&instruction.operands[0]),
+                _ => {}
+            }
+            if is_within {
+                see(instruction, runs);
+            }
+        }
+    }
+
+    /// The module without unused bindings. What blocks that never run would read of them is undefined; else these blocks stay
+    /// as they are, and are the driver's to leave out.
+    fn stripped(&self, words: &[u32]) -> Vec<u32> {
+        let used = self.used();
+        let bindings = self.instructions.iter().filter(|i| i.opcode == VARIABLE && is_binding(i.operands));
+        // Variables, and what leads to their content.
+        let mut gone: HashSet<u32> = bindings.map(|i| i.operands[1]).filter(|id| !used.contains(id)).collect();
+        let mut out = words[..HEADER].to_vec();
+        for Instruction { opcode, operands, words } in &self.instructions {
+            match (*opcode, *operands) {
+                (ENTRY_POINT, _) => {
+                    let (entry, variables) = words.split_at(ENTRY_WORDS);
+                    let kept: Vec<u32> = variables.iter().filter(|id| !gone.contains(id)).copied().collect();
+                    out.push((((ENTRY_WORDS + kept.len()) as u32) << 16) | ENTRY_POINT);
+                    out.extend(entry[1..].iter().chain(&kept));
+                }
+                (NAME | DECORATE | STORE | ATOMIC_STORE, [id, ..]) | (VARIABLE, [_, id, ..]) if gone.contains(id) => {}
+                (ACCESS_CHAIN | IN_BOUNDS_ACCESS_CHAIN | IMAGE, [_, id, from, ..]) if gone.contains(from) => {
+                    gone.insert(*id);
+                }
+                // Of a buffer a value, of a texel buffer what leads to one.
+                (LOAD, [ty, id, from, ..]) if gone.contains(from) => {
+                    if self.sampled_images.contains(ty) {
+                        gone.insert(*id);
+                    } else {
+                        out.extend([UNDEFINED_WORDS, *ty, *id]);
+                    }
+                }
+                (ARRAY_LENGTH | IMAGE_FETCH | ATOMIC_FIRST..=ATOMIC_LAST, [ty, id, from, ..])
+                    if gone.contains(from) =>
+                {
+                    out.extend([UNDEFINED_WORDS, *ty, *id]);
+                }
+                _ => out.extend(*words),
+            }
+        }
+        out
+    }
+}
