@@ -74,6 +74,8 @@ pub struct Simulation {
     drive: Drive,
     probes: Vec<ProbePlace>,
     plan: Plan,
+    /// The kind of arrays that kernels read, and why.
+    kind_of_arrays: String,
     path: Option<Path>,
     step: u64,
     /// At the end of the last step, s.
@@ -208,6 +210,11 @@ impl Simulation {
     /// The stages that were recorded, and those left out with the reason.
     pub fn plan(&self) -> &Plan {
         &self.plan
+    }
+
+    /// The kind of buffers through which kernels read their arrays, and why it was chosen.
+    pub fn kind_of_arrays(&self) -> &str {
+        &self.kind_of_arrays
     }
 
     /// The path of the depth stage, where the step has one.

@@ -96,6 +96,7 @@ pub struct Context {
     memory: vk::PhysicalDeviceMemoryProperties,
     cache_key: String,
     arrays: OnceLock<Arrays>,
+    arrays_asked_for: Option<Arrays>,
     log: Log,
     pub(super) replaced: Vec<(String, Vec<u8>)>,
 }
@@ -213,6 +214,7 @@ impl Context {
             external_memory,
             memory,
             cache_key: chosen.cache_key,
+            arrays_asked_for: options.arrays,
             arrays: options.arrays.map_or_else(OnceLock::new, OnceLock::from),
             log: options.log.clone(),
             replaced: options.replaced.clone(),
@@ -280,6 +282,11 @@ impl Context {
     /// Whether texel buffers hold what large scenes have.
     pub fn has_large_texel_buffers(&self) -> bool {
         self.limits.max_texel_buffer_elements >= TEXEL_ELEMENTS
+    }
+
+    /// What [`Options::arrays`] asked for.
+    pub fn arrays_asked_for(&self) -> Option<Arrays> {
+        self.arrays_asked_for
     }
 
     /// Chooses for all kernels made from now on, if nothing was asked for or chosen before.

@@ -93,13 +93,24 @@ impl Kernel {
     /// The kernel `shaders/<name>.comp`. `constants` sets named specialization constants; others keep the shader's
     /// defaults; a name the shader does not declare is an error.
     pub fn new(context: &Arc<Context>, name: &str, size: Size, constants: &[(&str, Const)]) -> Result<Kernel> {
+        Self::with_arrays(context, name, size, constants, context.arrays())
+    }
+
+    /// As [`Kernel::new`], with another kind of arrays than the device's, to compare them.
+    pub fn with_arrays(
+        context: &Arc<Context>,
+        name: &str,
+        size: Size,
+        constants: &[(&str, Const)],
+        arrays: Arrays,
+    ) -> Result<Kernel> {
         let stage = || format!("kernel {name}");
         let local_size = match size {
             Size::Group => context.group_size(),
             Size::Reduce => context.reduce_size(),
             Size::One => 1,
         };
-        let (words, reflection) = shader(context, name)?;
+        let (words, reflection) = shader(context, name, arrays)?;
         let mut special = Specialization::new(name, &reflection, constants)?;
         special.set(0, local_size);
         let declared = reflection.names().map(Into::into).collect();
@@ -246,9 +257,9 @@ pub(super) fn known(name: &str, arrays: Arrays) -> Result<&'static [u8]> {
 }
 
 /// The SPIR-V of a shader and what it declares.
-pub(super) fn shader(context: &Context, name: &str) -> Result<(Vec<u32>, Reflection)> {
+pub(super) fn shader(context: &Context, name: &str, arrays: Arrays) -> Result<(Vec<u32>, Reflection)> {
     let replaced = context.replaced.iter().find(|(other, _)| other == name);
-    let bytes = replaced.map_or_else(|| known(name, context.arrays()), |(_, bytes)| Ok(bytes.as_slice()))?;
+    let bytes = replaced.map_or_else(|| known(name, arrays), |(_, bytes)| Ok(bytes.as_slice()))?;
     let refuse = |problem: String| Error::Simulation(format!("shader {name}: {problem}"));
     if bytes.len() % size_of::<u32>() != 0 {
         return Err(refuse(format!("{} bytes of SPIR-V are no whole number of words", bytes.len())));

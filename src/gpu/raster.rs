@@ -78,8 +78,8 @@ impl RasterPipeline {
     }
 
     fn made(context: &Arc<Context>, name: &str, constants: &[(&str, Const)], onto: &Onto) -> Result<RasterPipeline> {
-        let (vertex_words, vertex) = shader(context, &format!("{name}.vert"))?;
-        let (fragment_words, fragment) = shader(context, &format!("{name}.frag"))?;
+        let (vertex_words, vertex) = shader(context, &format!("{name}.vert"), context.arrays())?;
+        let (fragment_words, fragment) = shader(context, &format!("{name}.frag"), context.arrays())?;
         let (of_vertex, of_fragment): (Vec<_>, Vec<_>) = (
             constants
                 .iter()

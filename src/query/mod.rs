@@ -1,6 +1,7 @@
 //! The proximity query by itself: two rigid skins, each in a pose, and which vertices of either lie within the other. It
 //! records the stages from pose to contact as the step does, and nothing after them.
 
+pub mod arrays;
 pub mod choice;
 
 use std::sync::Arc;
@@ -9,6 +10,7 @@ use glam::{DQuat, DVec3};
 
 use crate::gpu::{Buffer, Context, Memory, Options, Recorder, Recording, StagePasses};
 use crate::prepare::{Body, Cache, Proxy, Shape, Skin};
+use crate::query::arrays::ArrayChoice;
 use crate::query::choice::Choice;
 use crate::stages::depth::Path;
 use crate::stages::elastic::Elastic;
@@ -143,7 +145,9 @@ impl Query {
     ) -> Result<Query> {
         let bodies = [side(a)?, side(b)?];
         let model = Model::of_query(a, b);
-        let path = Choice::new(context, path, &Cache::of_user())?.path;
+        let cache = Cache::of_user();
+        ArrayChoice::new(context, &cache)?;
+        let path = Choice::new(context, path, &cache)?.path;
         let (common, elastic) = (Common::new(context, &model)?, Elastic::new(context, &model)?);
         let touch = TouchStages::new(context, &model, Some(path), false)?;
         let mut warm_up = Recorder::warm_up(context)?;

@@ -13,6 +13,7 @@ use crate::gpu::{Context, Level, Options, Recorder};
 use crate::plan::Plan;
 use crate::prepare::bodies::Bodies;
 use crate::prepare::{Body, Cache};
+use crate::query::arrays::ArrayChoice;
 use crate::query::choice::Choice;
 use crate::scene::{self, Key, Scene};
 use crate::stages::depth::Path;
@@ -103,10 +104,13 @@ impl Prepared {
     fn record(self, scene: &Scene, context: &Arc<Context>, path: Option<Path>) -> Result<Simulation> {
         let Prepared { bodies, tool_body, model, frames, tool, probes, probe_nodes } = self;
         let asked = path.or(scene.contact.depth);
-        let choice = if model.needs_depth() { Some(Choice::new(context, asked, &Cache::of_user())?) } else { None };
+        let cache = Cache::of_user();
+        let arrays = ArrayChoice::new(context, &cache)?;
+        let choice = if model.needs_depth() { Some(Choice::new(context, asked, &cache)?) } else { None };
         let path = choice.as_ref().map(|choice| choice.path);
         let notes = bodies.iter().chain(&tool_body).flat_map(|body| &body.report.notes);
         notes.for_each(|note| context.tell(Level::Note, note));
+        context.tell(Level::Note, &format!("arrays: {arrays}"));
         choice.iter().for_each(|choice| context.tell(Level::Note, &format!("depth stage: {choice}")));
         let stages = Stages::new(context, &model, path, &probe_nodes)?;
         // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
@@ -131,6 +135,7 @@ impl Prepared {
             frames,
             probes,
             plan,
+            kind_of_arrays: arrays.to_string(),
             path,
             step: 0,
             time: 0.0,

@@ -51,10 +51,9 @@ pub struct SkinResult {
 }
 
 impl Engine {
-    /// Prepares the scene, opens the device (a name, an index, or the best one) and records the step.
-    pub fn open(scene: &Scene, device: Option<&str>) -> Result<Self> {
-        let options = Options { device: device.map(String::from), one_thread: true, ..Options::default() };
-        let simulation = Simulation::new(scene, &options, None)?;
+    /// Prepares the scene, opens the device and records the step.
+    pub fn open(scene: &Scene, options: &Options) -> Result<Self> {
+        let simulation = Simulation::new(scene, options, None)?;
         Ok(Engine { simulation, stages: Vec::new(), iterations: 0, steps: 0 })
     }
 
@@ -127,6 +126,7 @@ impl Engine {
         let facts = Facts {
             device: context.device_name().into(),
             driver: context.driver().into(),
+            arrays: self.simulation.kind_of_arrays().into(),
             plan: plan
                 .map(|e| Plan { stage: e.stage.into(), recorded: e.recorded, reason: e.reason.clone() })
                 .collect(),

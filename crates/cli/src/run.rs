@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::Result;
+use palpate::gpu::{Arrays, Options};
 use palpate::haptics::session::Report;
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DepthPath, DeviceKind, Scene, obj, vtk};
@@ -24,6 +25,8 @@ const MOST_STEPS: u64 = 100_000_000;
 /// As a scene's cap.
 const MOST_ITERATIONS: u32 = 10_000;
 const EXPLANATION: &str = "explain.json";
+/// Kinds of arrays, and what they are called.
+const ARRAYS: [(&str, Arrays); 2] = [("texel", Arrays::Texel), ("storage", Arrays::Storage)];
 
 /// Options of `palpate run`.
 #[derive(clap::Args)]
@@ -39,6 +42,13 @@ pub struct Arguments {
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
+    /// Kind of buffers through which kernels read their arrays [default: by the device's limits, else the faster one, measured
+    /// once a device]
+    #[arg(long, value_name = "KIND", value_parser = PossibleValuesParser::new(ARRAYS.map(|(name, _)| name)))]
+    arrays: Option<String>,
+    /// Elements that a texel buffer may have at most, where the device allows more: to see what a lesser device would do
+    #[arg(long, value_name = "N")]
+    texel_elements: Option<u32>,
     /// Path of the depth stage, whatever the scene says [default: the faster one, measured once a device]
     #[arg(long, value_name = "PATH", value_parser = PossibleValuesParser::new(DepthPath::CHOICES.map(|(name, _)| name)))]
     depth: Option<String>,
@@ -65,6 +75,19 @@ pub struct Arguments {
     /// Directory to write results into; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+}
+
+impl Arguments {
+    fn device_options(&self) -> Options {
+        let arrays = self.arrays.as_ref().and_then(|name| ARRAYS.iter().find(|(known, _)| known == name));
+        Options {
+            device: self.device.clone(),
+            arrays: arrays.map(|(_, arrays)| *arrays),
+            texel_elements: self.texel_elements,
+            one_thread: true,
+            ..Options::default()
+        }
+    }
 }
 
 pub fn positive(text: &str) -> std::result::Result<f64, String> {
@@ -144,7 +167,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         steps_of(arguments, &scene)?
     };
-    let engine = Engine::open(&scene, arguments.device.as_deref())?;
+    let engine = Engine::open(&scene, &arguments.device_options())?;
     engine.notes().for_each(tell);
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let done = simulate(engine, &scene, &extent, arguments, output.as_mut())?;
@@ -162,7 +185,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// Says what a step does, and what it leaves out.
 fn explain(arguments: &Arguments, scene: &Scene, iterations: u32) -> Result<()> {
-    let engine = Engine::open(scene, arguments.device.as_deref())?;
+    let engine = Engine::open(scene, &arguments.device_options())?;
     engine.notes().for_each(tell);
     let explanation = engine.simulation().explain(iterations);
     if let Some(folder) = &arguments.out {

@@ -16,6 +16,8 @@ pub struct Facts {
     pub device: String,
     /// Name and version of its driver.
     pub driver: String,
+    /// The kind of buffers through which kernels read their arrays, and why.
+    pub arrays: String,
     /// Which stages the step records, and which it leaves out and why.
     pub plan: Vec<Plan>,
     /// Passes of one step.
@@ -126,6 +128,8 @@ pub struct Summary {
     pub device: String,
     /// Name and version of its driver.
     pub driver: String,
+    /// The kind of buffers through which kernels read their arrays, and why.
+    pub arrays: String,
     /// Name of the scene.
     pub scene: String,
     /// Steps done.
@@ -175,6 +179,7 @@ impl Summary {
         Summary {
             device: facts.device.clone(),
             driver: facts.driver.clone(),
+            arrays: facts.arrays.clone(),
             scene: scene.into(),
             steps: tally.steps,
             dt_s: dt,
@@ -235,6 +240,7 @@ mod tests {
         let facts = Facts {
             device: "a device".into(),
             driver: "a driver 1.2".into(),
+            arrays: "texel buffers: asked for".into(),
             plan: vec![
                 Plan { stage: "pose".into(), recorded: true, reason: "one pair".into() },
                 Plan { stage: "cull".into(), recorded: false, reason: "nothing collides".into() },
@@ -263,6 +269,7 @@ mod tests {
         let expected = [
             "device",
             "driver",
+            "arrays",
             "scene",
             "steps",
             "dt_s",

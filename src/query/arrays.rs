@@ -1,0 +1,154 @@
+//! How kernels reach arrays that they only read: as asked for, by the device's limit, or the faster way, measured once a device.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::Result;
+use crate::gpu::{Arrays, Buffer, Const, Context, Kernel, Memory, Recorder, Size};
+use crate::prepare::Cache;
+use crate::prepare::cache::{Entry, KeyMaker};
+use crate::shaders;
+
+/// Runs that are not counted, and those that are.
+const WARM_UP: usize = 3;
+const RUNS: usize = 9;
+/// The pass that is measured is over so many tetrahedra, each of nodes near each other.
+const TETRAHEDRA: u32 = 1 << 14;
+
+/// A kind of arrays, and why.
+pub struct ArrayChoice {
+    /// The kind.
+    pub arrays: Arrays,
+    why: Why,
+}
+
+enum Why {
+    Asked,
+    /// Elements that the device's texel buffers hold at most.
+    Limit(u32),
+    /// Medians of the measured pass, us: with texel arrays, with storage arrays.
+    Measured([f64; 2]),
+}
+
+impl ArrayChoice {
+    /// Chooses for a device, and tells it; figures are kept in `cache`.
+    pub fn new(context: &Arc<Context>, cache: &Cache) -> Result<ArrayChoice> {
+        let (_, limit) = context.array_limits();
+        let why = if context.arrays_asked_for().is_some() {
+            Why::Asked
+        } else if !context.has_large_texel_buffers() {
+            Why::Limit(limit as u32)
+        } else {
+            let times = kept_times(context, cache)?;
+            context.choose_arrays(if times[0] <= times[1] { Arrays::Texel } else { Arrays::Storage });
+            Why::Measured(times)
+        };
+        Ok(ArrayChoice { arrays: context.arrays(), why })
+    }
+}
+
+impl fmt::Display for ArrayChoice {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let name = |arrays| if arrays == Arrays::Texel { "texel" } else { "storage" };
+        write!(f, "{} buffers: ", name(self.arrays))?;
+        match self.why {
+            Why::Asked => write!(f, "asked for"),
+            Why::Limit(elements) => write!(f, "the device's texel buffers hold only {elements} elements"),
+            Why::Measured([texel, storage]) => {
+                write!(f, "measured {texel:.0} us with texel buffers against {storage:.0} us with storage buffers")
+            }
+        }
+    }
+}
+
+/// Times with texel and with storage arrays, us, measured where the cache has none of this device, driver and version.
+fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
+    let mut key = KeyMaker::new();
+    for field in ["arrays", context.device_name(), context.driver(), env!("CARGO_PKG_VERSION")] {
+        key.add(field.as_bytes());
+    }
+    let key = key.finish();
+    if let Entry::Found(times) = cache.load(&key) {
+        return Ok(times);
+    }
+    let times = measured_times(context)?;
+    // Where nothing can be kept, the next run measures again.
+    let _ = cache.store(&key, &times);
+    Ok(times)
+}
+
+/// Medians of the element products, which most passes of a step are.
+fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
+    let vectors = |name: &str, count: u32| {
+        let data: Vec<[f32; 4]> = (0..count).map(|i| [0.1, 0.2, 0.3, i as f32]).collect();
+        Buffer::from_slice(context, name, &data, Memory::Device)
+    };
+    let corners: Vec<[u32; 4]> = (0..TETRAHEDRA).map(|t| [t, t + 1, t + 17, t + 293].map(|n| n % TETRAHEDRA)).collect();
+    let tetrahedra = Buffer::from_slice(context, "tetrahedra", &corners, Memory::Device)?;
+    let gradients = vectors("gradients", 3 * (TETRAHEDRA + 1))?;
+    let change = vectors("change", TETRAHEDRA)?;
+    let element_forces = vectors("element_forces", 4 * (TETRAHEDRA + 1))?;
+    let recording = |arrays| {
+        let constants = [("TETRAHEDRA", Const::Uint(TETRAHEDRA))];
+        let kernel = Kernel::with_arrays(context, "solve/apply", Size::Group, &constants, arrays)?;
+        let mut recorder = Recorder::new(context)?;
+        recorder.stage("arrays");
+        let arguments = shaders::solve::Apply {
+            tetrahedra: &tetrahedra,
+            gradients: &gradients,
+            change: &change,
+            element_forces: &element_forces,
+        };
+        recorder.dispatch(&kernel, &arguments, TETRAHEDRA);
+        recorder.finish()
+    };
+    let recordings = [recording(Arrays::Texel)?, recording(Arrays::Storage)?];
+    let mut times = [const { Vec::new() }; 2];
+    for run in 0..WARM_UP + RUNS {
+        for (recording, times) in recordings.iter().zip(&mut times) {
+            let begun = Instant::now();
+            recording.submit_and_wait()?;
+            let whole = begun.elapsed().as_secs_f64() * 1e6;
+            if run >= WARM_UP {
+                times.push(recording.stage_times().first().map_or(whole, |(_, us)| *us));
+            }
+        }
+    }
+    Ok(times.map(|mut times| {
+        times.sort_unstable_by(f64::total_cmp);
+        times[RUNS / 2]
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::Options;
+
+    fn chosen(options: Options, cache: &Cache) -> (Arrays, String) {
+        let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+        let context = Context::new(&Options { device, ..options }).unwrap();
+        let choice = ArrayChoice::new(&context, cache).unwrap();
+        assert_eq!(choice.arrays, context.arrays());
+        (choice.arrays, choice.to_string())
+    }
+
+    #[test]
+    fn arrays_are_as_asked_for_else_by_the_limit_else_measured_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&folder.path().join("cache"));
+        for (arrays, name) in [(Arrays::Texel, "texel"), (Arrays::Storage, "storage")] {
+            let options = Options { arrays: Some(arrays), ..Options::default() };
+            assert_eq!(chosen(options, &cache), (arrays, format!("{name} buffers: asked for")));
+        }
+        let options = Options { texel_elements: Some(65_536), ..Options::default() };
+        let why = "storage buffers: the device's texel buffers hold only 65536 elements";
+        assert_eq!(chosen(options, &cache), (Arrays::Storage, why.into()));
+        assert!(!folder.path().join("cache").exists());
+        let first = chosen(Options::default(), &cache);
+        assert!(first.1.contains("measured") || first.1.contains("hold only"), "{first:?}");
+        // Times differ from one measurement to the next; what was kept is the same.
+        assert_eq!(chosen(Options::default(), &cache), first);
+    }
+}
