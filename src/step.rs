@@ -33,11 +33,11 @@ use crate::gpu::Context;
 use crate::plan::Plan;
 use crate::prepare::{Body, BodyReport, Shape};
 use crate::scene::{Coupling, Key, Scene};
+use crate::shaders::{self, Counts, Frame, Link, Pair, Region, Report, StepParams};
 pub use crate::stages::Flags;
 use crate::stages::depth::Path;
 use crate::stages::joints::Joint;
 use crate::stages::model::{self, Model};
-use crate::stages::types::{self, Counts, Frame, Link, Pair, Region, Report, StepParams};
 use algorithm::Recordings;
 pub use contact_wrench::{ContactWrench, Gap};
 pub use contacts::ContactPoint;
@@ -293,10 +293,10 @@ impl Simulation {
     /// The region of each pair of bodies and the contacts of the last step, as the device left them (a dropped contact has
     /// stiffness 0); empty where nothing can touch. Positions are relative to the origin of that step. Costs transfers of
     /// its own: for tests and export.
-    pub fn touch(&self) -> Result<(Vec<Region>, Vec<types::Contact>)> {
+    pub fn touch(&self) -> Result<(Vec<Region>, Vec<shaders::Contact>)> {
         let Some(touch) = &self.stages.touch else { return Ok((Vec::new(), Vec::new())) };
         let count = self.stages.common.counts.read::<Counts>()?[0].contacts as usize;
-        let mut contacts = touch.contact.touch.contacts.read::<types::Contact>()?;
+        let mut contacts = touch.contact.touch.contacts.read::<shaders::Contact>()?;
         contacts.truncate(count);
         Ok((touch.cull.regions.read::<Region>()?, contacts))
     }

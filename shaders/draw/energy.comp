@@ -55,7 +55,7 @@ void main() {
     mat3 even = 0.5 * (e + transpose(e));
     float tr = trace(e), shared_lambda = PATCHES && patch_of[t] != NONE ? lambda : 0.0;
     float density = mu * square(even) + 0.5 * (lambda - shared_lambda) * tr * tr;
-    if (NEO_HOOKEAN && material.z != COROTATIONAL) density = neo_hookean_energy(e, mu, lambda);
+    if (NEO_HOOKEAN && material.z != LAW_COROTATIONAL) density = neo_hookean_energy(e, mu, lambda);
     density += 0.5 * STIFFENING * (lambda + 2.0 * mu) * square(squeeze(e));
     densities[t] = vec4(density, g1.w * g1.w, tr, shared_lambda);
 }

@@ -29,7 +29,6 @@ layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // th
 #include "shared/patch.glsl"
 #include "shared/lag.glsl"
 
-const uint MEMBERS = 12;
 
 void main() {
     uint p = gl_GlobalInvocationID.x;
@@ -37,7 +36,7 @@ void main() {
     vec3 row[PATCH_NODES];
     for (uint k = 0; k < PATCH_NODES; k++) row[k] = vec3(0.0);
     float strain = 0.0;
-    for (uint k = 0; k < MEMBERS; k++) {
+    for (uint k = 0; k < PATCH_TETRAHEDRA; k++) {
         uvec4 pair = fetch(patch_members, PATCHES * (k / 2) + p);
         uvec2 member = k % 2 == 0 ? pair.xy : pair.zw;
         int t = int(member.x);

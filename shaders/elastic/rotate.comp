@@ -86,7 +86,7 @@ void main() {
     float operator_mu = squeezed == mat3(0.0) ? mu : mu + 0.5 * stiffening, operator_lambda = PATCHES && patch_of[t] != NONE ? 0.0 : lambda;
     vec3 k1 = g1.xyz, k2 = g2.xyz, k3 = g3.xyz;
     mat3 p = stress(e, mu, operator_lambda);
-    if (NEO_HOOKEAN && material.z != COROTATIONAL) {
+    if (NEO_HOOKEAN && material.z != LAW_COROTATIONAL) {
         NeoHookean law = neo_hookean(e, mu, lambda, squeezed);
         p = law.stress;
         operator_mu = law.mu;

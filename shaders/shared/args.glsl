@@ -22,3 +22,4 @@ const uint ARGS_DRAW = 20;          // VkDrawIndirectCommand: four words at 3 * 
 layout(constant_id = 10) const uint GROUP = 64;   // local size of the kernels that are dispatched by elements
 
 uint groups_of(uint elements) { return (elements + GROUP - 1) / GROUP; }
+const uint ARGS_WORDS = 64;         // of the buffer

@@ -2,6 +2,7 @@
 // `patch_nodes`.
 
 const uint PATCH_NODES = 12;
+const uint PATCH_TETRAHEDRA = 12;
 
 // Four of a patch's nodes, q in 0..2.
 uvec4 patch_quad(uint p, uint q) {

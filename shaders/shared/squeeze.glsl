@@ -2,7 +2,8 @@
 
 const float LEAST = 0.3;            // the least principal stretch that is not squeezed
 const float STIFFENING = 10.0;      // along a squeezed axis, of lambda + 2 mu
-const float COROTATIONAL = 0.0;     // the law of a material
+const float LAW_COROTATIONAL = 0.0;  // laws of materials
+const float LAW_NEO_HOOKEAN = 1.0;
 const uint JACOBI_SWEEPS = 5;
 
 // E = R^T G + (R^T - I), R^T - I = 2 [v]x [v]x - 2 w [v]x, column by column, without cancellation.

@@ -231,6 +231,9 @@ struct Iteration {
     uint count;                 // iterations done
 };
 
+// Numbers of rigid_blocks, a dynamic core.
+const uint CORE_NUMBERS = 72;
+
 const uint STATUS_RUNNING = 0;      // not converged yet
 const uint STATUS_CONVERGED = 1;
 const uint STATUS_STOPPED = 2;      // at max_iterations
@@ -268,6 +271,9 @@ struct SkinGap {
     uint triangle;              // where it ends, of the skin or of the tool; NONE: nothing is near
     float back;                 // length of the shortest met to what faces away, m
 };
+
+// Where no way was found, its length, m.
+const float GAP_FAR = 3.0e38;
 
 const uint VERDICT_DONE = 0;
 const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out

@@ -32,7 +32,7 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= NODES) return;
     uvec4 info = fetch(node_info, i);
-    if (info.w != FREE) return;
+    if (info.w != NODE_FREE) return;
     vec3 v = velocity[i].xyz + fetch(solution, i).xyz;
     leftover[i] = fetch(rhs, i) - fetch(image, i);
     velocity[i] = vec4(v, 0.0);

@@ -39,7 +39,6 @@ layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 #include "shared/twist.glsl"
 TWIST_OF(restricted_rhs)
 
-const uint NUMBERS = 72;        // of rigid_blocks, a core
 
 // D of a carried node times a vector.
 vec3 block_times(uint node, vec3 v) {
@@ -115,7 +114,7 @@ void assemble(uint c) {
         force_size += abs(force);
         torque_size += abs(torque);
     }
-    for (int k = 0; k < 36; k++) rigid_blocks[NUMBERS * c + k] = block[k];
+    for (int k = 0; k < 36; k++) rigid_blocks[CORE_NUMBERS * c + k] = block[k];
     rigids[c].b = twist_of_restricted_rhs(core.slot_first, core.block_count, turn);
     rigids[c].image =
         float[6](force_size.x, force_size.y, force_size.z, torque_size.x, torque_size.y, torque_size.z);
@@ -125,12 +124,12 @@ void assemble(uint c) {
 void eliminate(uint c) {
     Rigid core = rigids[c];
     float block[36], inverse_block[36];
-    for (int k = 0; k < 36; k++) block[k] = rigid_blocks[NUMBERS * c + k];
+    for (int k = 0; k < 36; k++) block[k] = rigid_blocks[CORE_NUMBERS * c + k];
     bool hinged = core.hinge != vec3(0.0);
     // Singular in f32: not a number, so that the step is not accepted and its flag says so.
     if (!(hinged ? invert_about(core.hinge, block, inverse_block) : invert(block, inverse_block)))
         inverse_block[0] = uintBitsToFloat(0x7fc00000u);
-    for (int k = 0; k < 36; k++) rigid_blocks[NUMBERS * c + k] = inverse_block[k];
+    for (int k = 0; k < 36; k++) rigid_blocks[CORE_NUMBERS * c + k] = inverse_block[k];
     if (!JOINTS || core.parent == NONE) return;
     float across[36];
     for (int k = 0; k < 36; k++) across[k] = 0.0;
@@ -143,10 +142,10 @@ void eliminate(uint c) {
         for (int i = 0; i < 6; i++) column[i] = across[6 * i + j];
         column = times(inverse_block, column);
         for (int i = 0; i < 6; i++) {
-            rigid_blocks[NUMBERS * c + 36 + 6 * i + j] = column[i];
+            rigid_blocks[CORE_NUMBERS * c + 36 + 6 * i + j] = column[i];
             float taken = 0.0;
             for (int l = 0; l < 6; l++) taken += across[6 * l + i] * column[l];
-            rigid_blocks[NUMBERS * core.parent + 6 * i + j] -= taken;
+            rigid_blocks[CORE_NUMBERS * core.parent + 6 * i + j] -= taken;
         }
     }
 }
@@ -160,7 +159,7 @@ void spread(uint c, uint first, uint count, uint base) {
         uint i = k % 6, j = k / 6;
         float sum = 0.0;
         for (uint l = 0; l < 6; l++) {
-            sum -= rigid_blocks[NUMBERS * c + 36 + 6 * i + l] * rigid_inverses[base + (parent_row + l) * width + j];
+            sum -= rigid_blocks[CORE_NUMBERS * c + 36 + 6 * i + l] * rigid_inverses[base + (parent_row + l) * width + j];
         }
         rigid_inverses[base + (row + i) * width + j] = sum;
         rigid_inverses[base + j * width + row + i] = sum;
@@ -168,9 +167,9 @@ void spread(uint c, uint first, uint count, uint base) {
     settle();
     for (uint k = gl_LocalInvocationID.x; k < 36; k += SIZE) {
         uint i = max(k / 6, k % 6), j = min(k / 6, k % 6);
-        float sum = rigid_blocks[NUMBERS * c + 6 * i + j];
+        float sum = rigid_blocks[CORE_NUMBERS * c + 6 * i + j];
         for (uint l = 0; hangs && l < 6; l++) {
-            sum -= rigid_inverses[base + (row + i) * width + parent_row + l] * rigid_blocks[NUMBERS * c + 36 + 6 * j + l];
+            sum -= rigid_inverses[base + (row + i) * width + parent_row + l] * rigid_blocks[CORE_NUMBERS * c + 36 + 6 * j + l];
         }
         rigid_inverses[base + (row + k / 6) * width + row + k % 6] = sum;
     }

@@ -7,9 +7,9 @@
 
 // Solve: w = A p of each node from what solve/apply left; the inner products that follow; and sums over the modes of the
 // block, P^T w (those of a core are its rows of A p) and P^T r:
-//   MODE 0, warm start: w . D^-1 b, w . D^-1 w     (preconditioned = D^-1 b)
-//   MODE 1, iteration:  r . u, w . u               (preconditioned = u, residual_or_rhs = r); cores' and the tool's rows included
-//   MODE 2, at the end: r . D^-1 r with r = b - w; e . M^-1 e with e = eps D x: what rounding of x makes of w, node by node
+//   GATHER_WARM, warm start: w . D^-1 b, w . D^-1 w     (preconditioned = D^-1 b)
+//   GATHER_LOOP, iteration:  r . u, w . u               (preconditioned = u, residual_or_rhs = r); cores' and the tool's rows included
+//   GATHER_END, at the end: r . D^-1 r with r = b - w; e . M^-1 e with e = eps D x: what rounding of x makes of w, node by node
 //     by chance  (residual_or_rhs = b)
 // A workgroup a block of free nodes, or of carried ones, or one for the tool's rows: variants that run side by side.
 // Oracle: oracle::step.
@@ -19,7 +19,7 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BLOCKS = 0;
 layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const bool COARSE = false;
-layout(constant_id = 4) const uint MODE = 1;
+layout(constant_id = 4) const uint MODE = 1;            // GATHER_*
 layout(constant_id = 6) const uint RIGIDS = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const uint ROLE = 0;            // shared/roles.glsl
@@ -99,8 +99,8 @@ void add_joints(Rigid rigid, inout vec3 force, inout vec3 torque) {
         for (uint from = 0; from < 2; from++) {
             uint other = joints[joint].rigid[from];
             if (other == NONE) continue;
-            RigidIterate now = iterates[(MODE == 1 ? set : solve.current) * RIGIDS + other];
-            float p[6] = MODE == 1 ? now.u : now.x;
+            RigidIterate now = iterates[(MODE == GATHER_LOOP ? set : solve.current) * RIGIDS + other];
+            float p[6] = MODE == GATHER_LOOP ? now.u : now.x;
             add_joint(joint, side, from, three(p, 0), three(p, 3), force, torque);
         }
     }
@@ -140,13 +140,13 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
         if (ROLE == CARRIED_NODES) {
             of_image.c0 += w;
             of_image.c1 += cross(rotate(turn, rest.xyz), w);
-            if (MODE == 1) sums.y += dot(w, p);
+            if (MODE == GATHER_LOOP) sums.y += dot(w, p);
             continue;
         }
         vec3 r = vec3(0.0);
-        if (MODE == 0) {
+        if (MODE == GATHER_WARM) {
             sums.xy += vec2(dot(w, fetch(preconditioned, i).xyz), dot(w, precondition(i, w)));
-        } else if (MODE == 1) {
+        } else if (MODE == GATHER_LOOP) {
             r = fetch(residual_or_rhs, i).xyz;
             vec3 u = fetch(preconditioned, i).xyz;
             sums.xy += vec2(dot(r, u), dot(w, u));
@@ -166,31 +166,31 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
     Rigid rigid = rigids[block.rigid];
     if (HELD != NONE && block.rigid == HELD && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
         // The rows of the coupling.
-        RigidIterate now = iterates[(MODE == 1 ? set : solve.current) * RIGIDS + HELD];
-        float p[6] = MODE == 1 ? now.u : now.x, own[6] = times(params.tool_matrix, p);
+        RigidIterate now = iterates[(MODE == GATHER_LOOP ? set : solve.current) * RIGIDS + HELD];
+        float p[6] = MODE == GATHER_LOOP ? now.u : now.x, own[6] = times(params.tool_matrix, p);
         of_image.c0 += three(own, 0);
         of_image.c1 += three(own, 3);
-        if (MODE == 1) sums.y += inner(own, p);
+        if (MODE == GATHER_LOOP) sums.y += inner(own, p);
     }
     if (JOINTS && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
         vec3 force = vec3(0.0), torque = vec3(0.0);
         add_joints(rigid, force, torque);
         of_image.c0 += force;
         of_image.c1 += torque;
-        if (MODE == 1) {
+        if (MODE == GATHER_LOOP) {
             float p[6] = iterates[set * RIGIDS + block.rigid].u;
             sums.y += dot(force, three(p, 0)) + dot(torque, three(p, 3));
         }
-        if (MODE == 2) sums.y += lost_in_joints(block.rigid, rigid);
+        if (MODE == GATHER_END) sums.y += lost_in_joints(block.rigid, rigid);
     }
     follow(rigid.hinge, of_image.c0, of_image.c1);
-    if (MODE == 2) of_residual = Modes(-of_image.c0, -of_image.c1, vec3(0.0), vec3(0.0));
+    if (MODE == GATHER_END) of_residual = Modes(-of_image.c0, -of_image.c1, vec3(0.0), vec3(0.0));
     if (gl_LocalInvocationID.x != 0 || b != rigid.block_first) return;
-    if (MODE == 1) {
+    if (MODE == GATHER_LOOP) {
         RigidIterate now = iterates[set * RIGIDS + block.rigid];
         sums.x += inner(now.r, now.u);
         of_residual = Modes(three(now.r, 0), three(now.r, 3), vec3(0.0), vec3(0.0));
-    } else if (MODE == 2) {
+    } else if (MODE == GATHER_END) {
         of_residual.c0 += three(rigid.b, 0);
         of_residual.c1 += three(rigid.b, 3);
     }
@@ -227,7 +227,7 @@ void main() {
         return;
     }
     uint slot = ROLE == TOOL_ROWS ? BLOCKS : slot_of(b);
-    if (MODE == 2 && COARSE && ROLE == FREE_NODES) products.y += coarse_share(slot) * totals[0].z;
+    if (MODE == GATHER_END && COARSE && ROLE == FREE_NODES) products.y += coarse_share(slot) * totals[0].z;
     dots[b] = products;
     vec4 turn = ROLE == TOOL_ROWS ? vec4(0.0, 0.0, 0.0, 1.0) : fetch(block_turns, b);
     w = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));

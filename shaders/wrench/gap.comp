@@ -51,7 +51,6 @@ layout(scalar) writeonly buffer Gaps { SkinGap gaps[]; };
 
 // Bounds are drawn in by this, m: more than they round, so that a tie is never left out.
 const float SLACK = 1.0e-6;
-const float FAR = 3.0e38;
 
 // Where a frame is.
 struct Place {
@@ -159,7 +158,7 @@ void spread_of(Chunk chunk, Frame start, Place place, out vec3 middle, out vec3 
     middle = vec3(0.0);
     spread = vec3(0.0);
     if (chunk.node_count == 0) return;
-    vec3 least = vec3(FAR), greatest = vec3(-FAR);
+    vec3 least = vec3(GAP_FAR), greatest = vec3(-GAP_FAR);
     for (uint k = chunk.node_first; k < chunk.node_first + chunk.node_count; k += 2) {
         uvec4 two = fetch(chunk_nodes, k / 2);
         vec3 d = moved(two.xy, start, place), e = moved(two.zw, start, place);
@@ -187,7 +186,7 @@ float ball_radius(uint k) { return length(chunks[TOOL_CHUNK_FIRST + k].half_exte
 // No more than the way to a chunk's skin.
 float chunk_bound(Chunk chunk, vec3 middle, vec3 spread, Place place, Place tool) {
     if (ROUND) return chunk_distance(chunk, middle, spread, place, tool.centre);
-    float least = FAR;
+    float least = GAP_FAR;
     for (uint k = 0; k < TOOL_CHUNKS; k++) {
         least = min(least, chunk_distance(chunk, middle, spread, place, ball_centre(k, tool)) - ball_radius(k));
     }
@@ -326,7 +325,7 @@ void main() {
     Frame start = frames[proxy.frame];
     Place place = end_of(start), tool = tool_at_end();
     Way front = Way(vec3(0.0), REACH, NONE, NONE);
-    float back = FAR;
+    float back = GAP_FAR;
     float limit = REACH;
 
     // All of it may be too far away.
@@ -346,7 +345,7 @@ void main() {
     for (uint turn = 0; turn < count; turn++) {
         // What the last turn wrote is there for all, who choose alike.
         barrier();
-        float least = FAR;
+        float least = GAP_FAR;
         uint next = 0;
         for (uint k = 0; k < count; k++) {
             if (bounds[k] < least) {
@@ -356,7 +355,7 @@ void main() {
         }
         barrier();
         if (!(least <= limit)) break;
-        if (lane == 0) bounds[next] = FAR;
+        if (lane == 0) bounds[next] = GAP_FAR;
         look_at(chunks[part.chunk_first + next], next, place, tool, limit, front, back);
     }
     front = shortest(front);

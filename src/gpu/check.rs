@@ -29,6 +29,13 @@ impl Recorder {
             let declared = interface.declared.join(", ");
             return Err(self.error(format!("kernel {name} has no buffer {unknown}; it has {declared}")));
         }
+        // Whether this variant uses it or not: what another variant would be given wrongly is wrong here.
+        for (slot, buffer) in given.iter().filter_map(|(slot, buffer)| Some((slot, (*buffer)?))) {
+            if !buffer.may_be(slot) {
+                let what = format!("kernel {name}: array {} is given as {slot}, which it is not", buffer.name());
+                return Err(self.error(what));
+            }
+        }
         let (push, wanted) = (arguments.push().len(), interface.reflection.push_bytes as usize);
         if push != wanted {
             return Err(self.error(format!("kernel {name} has {wanted} bytes of push constants, but was given {push}")));
@@ -55,11 +62,6 @@ impl Recorder {
     fn check_binding(&self, kernel: &str, binding: &Binding, buffer: &Buffer) -> Result<()> {
         let limits = &self.commands.context.limits;
         let (bytes, slot) = (buffer.bytes(), &binding.name);
-        if !buffer.may_be(slot) {
-            return Err(
-                self.error(format!("kernel {kernel}: array {} is given as {slot}, which it is not", buffer.name()))
-            );
-        }
         let what = match binding.kind {
             BindingKind::Storage => return Ok(()),
             BindingKind::Uniform if bytes <= u64::from(limits.max_uniform_buffer_range) => return Ok(()),

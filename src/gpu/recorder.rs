@@ -36,6 +36,9 @@ pub struct Recorder {
     /// Dispatches run no group, draws draw nothing.
     empty: bool,
     error: Option<Error>,
+    /// The arguments of every kernel, for tests that change them.
+    #[cfg(test)]
+    pub seen: Vec<(Kernel, Vec<(String, Buffer)>, Vec<u8>)>,
 }
 
 impl Recorder {
@@ -64,6 +67,8 @@ impl Recorder {
             timer: None,
             empty: false,
             error: None,
+            #[cfg(test)]
+            seen: Vec::new(),
         };
         recorder.barrier(Hazards::opening());
         Ok(recorder)
@@ -214,6 +219,8 @@ impl Recorder {
         only_check: bool,
     ) -> Result<()> {
         let inner = &kernel.0;
+        #[cfg(test)]
+        self.see(kernel, arguments);
         let (buffers, mut uses) = self.check_uses(&inner.interface, arguments, Stages::COMPUTE_SHADER)?;
         if self.error.is_some() || only_check {
             return Ok(());
@@ -230,6 +237,13 @@ impl Recorder {
             unsafe { device.cmd_bind_pipeline(self.commands.buffer, point, inner.pipeline) };
         }
         self.bind(&inner.interface, &buffers, &arguments.push(), vk::PipelineBindPoint::COMPUTE)
+    }
+
+    #[cfg(test)]
+    fn see(&mut self, kernel: &Kernel, arguments: &dyn Arguments) {
+        let given = arguments.buffers().into_iter();
+        let buffers = given.filter_map(|(name, buffer)| Some((name.to_string(), buffer?.clone()))).collect();
+        self.seen.push((kernel.clone(), buffers, arguments.push()));
     }
 
     /// Binds descriptor set and push constants.

@@ -3,15 +3,16 @@
 //! analysis of nearly incompressible solids. Part I" (2005), with the mean dilatation of J. C. Nagtegaal, D. M. Parks,
 //! J. R. Rice, "On numerically accurate finite element solutions in the fully plastic range" (1974).
 
+use crate::shaders;
 use std::collections::HashMap;
 
 use super::{Layer, NONE, layer::FACES};
 
 /// Tetrahedra of a patch at most. Of 6 to 24, twelve come nearest to quadratic elements' deflections: fewer still lock where
 /// a mesh is coarse, 24 let a load sink in by 6 to 10 % too far.
-pub const MOST_TETRAHEDRA: usize = 12;
+pub const MOST_TETRAHEDRA: usize = shaders::PATCH_TETRAHEDRA as usize;
 /// Nodes of a patch at most.
-pub const MOST_NODES: usize = 12;
+pub const MOST_NODES: usize = shaders::PATCH_NODES as usize;
 
 /// The patch of each tetrahedron: joined face to face, as compact as comes of taking neighbours one by one, none across
 /// tetrahedra of different `group`, nor of those whose nodes are all bound with others (they hardly deform).

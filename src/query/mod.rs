@@ -12,11 +12,11 @@ use crate::gpu::{Buffer, Context, Memory, Options, Recorder, Recording, StagePas
 use crate::prepare::{Body, Cache, Proxy, Shape, Skin};
 use crate::query::arrays::ArrayChoice;
 use crate::query::choice::Choice;
+use crate::shaders::{Contact, Counts, Frame, Link, Pair, Region, StepParams};
 use crate::stages::depth::Path;
 use crate::stages::elastic::Elastic;
 use crate::stages::model::{Model, texel};
 use crate::stages::touch::TouchStages;
-use crate::stages::types::{Contact, Counts, Frame, Link, Pair, Region, StepParams};
 use crate::stages::{Common, Flags, query_as_one};
 use crate::{Error, Result};
 
@@ -224,7 +224,7 @@ impl Query {
                 rotation: orientation.as_quat().to_array(),
                 centre: (position + orientation * body.centroid - origin).as_vec3().to_array(),
                 turn: [0.0, 0.0, 0.0, 1.0],
-                core: crate::stages::types::NONE,
+                core: crate::shaders::NONE,
                 ..Frame::default()
             };
         }

@@ -1,15 +1,15 @@
 //! Blocks of nodes, a workgroup each in the solver's passes: free nodes of one frame that lie together, which are also the
 //! aggregates of the coarse level, and what dynamic cores carry.
 
+use crate::shaders;
 use std::ops::Range;
 
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
 
 use super::clusters::Graph;
-use super::layers::held;
 use super::model::{Model, texel};
-use super::types::NONE;
+use crate::shaders::NONE;
 
 /// Free nodes of a block, where nothing but the sharing out of work asks for a number.
 const USUAL_NODES: usize = 128;
@@ -46,7 +46,7 @@ impl Model {
         let mut blocks = Blocks::default();
         for (index, soft) in self.soft.iter().enumerate() {
             let free: Vec<u32> =
-                soft.nodes.clone().filter(|n| self.node_info[*n][3] == held::FREE).map(|n| n as u32).collect();
+                soft.nodes.clone().filter(|n| self.node_info[*n][3] == shaders::NODE_FREE).map(|n| n as u32).collect();
             for part in self.parts_of(free, aggregates(index)) {
                 blocks.push(self, &part, NONE);
             }

@@ -5,8 +5,9 @@ use std::collections::HashSet;
 use glam::{DMat3, DVec3};
 
 use super::model::{Carrier, Model, texel};
-use super::types::{CHUNK_TRIANGLES, CHUNK_VERTICES, Chunk, Proxy};
 use crate::prepare::{self, Skin};
+use crate::shaders::{Chunk, Proxy};
+use crate::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES};
 
 /// How far in front of a hull's face another hull must reach to cover it, as a share of the first one's extent.
 const COVERED: f64 = 0.02;

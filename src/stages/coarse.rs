@@ -6,16 +6,16 @@
 
 mod matrix;
 
+use crate::shaders;
 use std::collections::BTreeMap;
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, MatRef, Side};
 use glam::DVec3;
 
-use super::layers::held;
 use super::model::{Model, SoftRange};
-use super::types::NONE;
 use crate::scene::Preconditioner;
+use crate::shaders::NONE;
 
 /// Modes of a block: twelve affine ones of free nodes, or the six of a twist and six that are none.
 pub const MODES: usize = 12;
@@ -88,7 +88,7 @@ impl Model {
     }
 
     fn free_count(&self, soft: &SoftRange) -> usize {
-        soft.nodes.clone().filter(|n| self.node_info[*n][3] == held::FREE).count()
+        soft.nodes.clone().filter(|n| self.node_info[*n][3] == shaders::NODE_FREE).count()
     }
 
     /// How much stiffer than its inertia a node is, in a step of `dt` seconds: (h^2 + h beta) tr(K_ii) / (3 (1 + h alpha)
@@ -104,7 +104,7 @@ impl Model {
             }
         }
         let number = |n: usize| stiffness[n - soft.nodes.start] / (3.0 * self.inertia(n, dt));
-        let free = soft.nodes.clone().filter(|n| self.node_info[*n][3] == held::FREE);
+        let free = soft.nodes.clone().filter(|n| self.node_info[*n][3] == shaders::NODE_FREE);
         let mut numbers: Vec<f64> = free.map(number).collect();
         numbers.sort_by(f64::total_cmp);
         numbers.get(numbers.len() * 19 / 20).copied().unwrap_or_default()

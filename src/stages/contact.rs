@@ -7,11 +7,12 @@ use super::depth::Depth;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::skin::Skin;
-use super::types::{CHUNK_VERTICES, NONE};
-use super::{Common, args, array, count, types, upload, zeros};
+use super::{Common, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
 use crate::shaders;
+use crate::shaders::NONE;
+use crate::stages::CHUNK_VERTICES;
 
 /// Contacts a step at most; more raise the contact overflow flag.
 const CAPACITY: usize = 32_768;
@@ -21,7 +22,7 @@ const ENTRIES: usize = 16;
 /// What the solver reads of contacts.
 #[derive(Clone)]
 pub struct Touch {
-    /// A [`types::Contact`] a colliding vertex.
+    /// A [`shaders::Contact`] a colliding vertex.
     pub contacts: Buffer,
     /// Four quads of nodes a contact.
     pub entry_nodes: Buffer,
@@ -87,7 +88,7 @@ impl Contact {
             has_nodes: nodes > 0,
             sort: Kernel::new(context, "contact/sort", Size::Reduce, &[])?,
             touch: Touch {
-                contacts: zeros::<types::Contact>(context, "contacts", capacity)?,
+                contacts: zeros::<shaders::Contact>(context, "contacts", capacity)?,
                 entry_nodes: zeros::<[u32; 4]>(context, "entry_nodes", 4 * capacity)?,
                 entry_weights: zeros::<[f32; 4]>(context, "entry_weights", 4 * capacity)?,
                 node_entries: zeros::<[u32; 2]>(context, "node_entries", nodes)?,
@@ -160,7 +161,7 @@ impl Contact {
                 chunk_contacts: &self.chunk_contacts,
             },
             &common.args,
-            args::GATHERING,
+            shaders::ARGS_GATHERING,
         );
         let buffers = shaders::contact::Deepest {
             candidate_hits: &self.candidate_hits,
@@ -168,7 +169,7 @@ impl Contact {
             contact_source: &self.source,
             chunk_contacts: &self.chunk_contacts,
         };
-        recorder.dispatch_indirect(&self.deepest, &buffers, &common.args, args::DEEPEST);
+        recorder.dispatch_indirect(&self.deepest, &buffers, &common.args, shaders::ARGS_DEEPEST);
         recorder.dispatch_indirect(
             &self.response,
             &shaders::contact::Response {
@@ -195,7 +196,7 @@ impl Contact {
                 args: &common.args,
             },
             &common.args,
-            args::CONTACTS,
+            shaders::ARGS_CONTACTS,
         );
         if !self.has_nodes {
             return;
@@ -210,6 +211,6 @@ impl Contact {
             node_entries: &touch.node_entries,
             sorted: &touch.sorted,
         };
-        recorder.dispatch_indirect(&self.sort, &buffers, &common.args, args::NODES);
+        recorder.dispatch_indirect(&self.sort, &buffers, &common.args, shaders::ARGS_NODES);
     }
 }

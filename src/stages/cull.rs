@@ -7,14 +7,15 @@ use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
 use super::skin::{self, Skin};
-use super::types::{ActiveChunk, PAIR_REGIONS, Pair, Region};
-use super::{Common, args, array, count, upload, zeros};
+use super::{Common, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
+use crate::shaders::{ActiveChunk, Pair, Region};
+use crate::stages::PAIR_REGIONS;
 
 /// Squares of a region's two fields of heights; twin of shaders/shared/field.glsl.
-pub(super) const FIELD_WORDS: usize = 2 * 16 * 16;
+pub(super) const FIELD_WORDS: usize = 2 * (shaders::FIELD * shaders::FIELD) as usize;
 
 /// Squares of a region's column along a side at most; the last begins at most where the column ends.
 pub const MOST_CELLS: u32 = 128;
@@ -37,7 +38,7 @@ pub struct Cull {
     directions: Buffer,
     /// [`PAIR_REGIONS`] [`Region`]s a pair of bodies.
     pub regions: Buffer,
-    /// A [`super::types::Slot`] a proxy and pair.
+    /// A [`crate::shaders::Slot`] a proxy and pair.
     pub slots: Buffer,
     /// How each slot's vertices are shared out between the pair's regions.
     pub shares: Buffer,
@@ -45,7 +46,7 @@ pub struct Cull {
     slot_regions: Buffer,
     slot_counts: Buffer,
     active_slots: Buffer,
-    /// A [`super::types::Chunk`] each.
+    /// A [`crate::shaders::Chunk`] each.
     pub chunks: Buffer,
     /// Nodes that move each chunk.
     pub chunk_nodes: Buffer,
@@ -164,7 +165,7 @@ impl Cull {
             slabs: &self.slabs,
             fields: &self.fields,
         };
-        recorder.dispatch_indirect(&self.chunks_kernel, &buffers, &common.args, args::CHUNKS);
+        recorder.dispatch_indirect(&self.chunks_kernel, &buffers, &common.args, shaders::ARGS_CHUNKS);
         let buffers = shaders::cull::Meet {
             pairs: &self.pairs,
             slots: &self.slots,
@@ -180,7 +181,7 @@ impl Cull {
             counts: &common.counts,
             args: &common.args,
         };
-        recorder.dispatch_indirect(&self.meet, &buffers, &common.args, args::CHUNKS);
+        recorder.dispatch_indirect(&self.meet, &buffers, &common.args, shaders::ARGS_CHUNKS);
     }
 
     fn record_directions(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact) {
@@ -208,6 +209,6 @@ impl Cull {
             contact_source: &last.source,
             candidate_pushes: &last.candidate_pushes,
         };
-        recorder.dispatch_indirect(&self.direction, &buffers, &common.args, args::DIRECTION);
+        recorder.dispatch_indirect(&self.direction, &buffers, &common.args, shaders::ARGS_DIRECTION);
     }
 }

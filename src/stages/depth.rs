@@ -5,11 +5,11 @@ use std::sync::Arc;
 use super::cull::{Cull, MOST_CELLS};
 use super::model::Model;
 use super::skin::{self, Skin};
-use super::types::CHUNK_VERTICES;
-use super::{Common, args, array, count, upload};
+use super::{Common, array, count, upload};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, RasterPipeline, Recorder, Size};
 use crate::shaders;
+use crate::stages::CHUNK_VERTICES;
 
 pub use crate::scene::DepthPath as Path;
 
@@ -20,6 +20,8 @@ const LEAST_HITS: usize = 1 << 16;
 const MOST_HITS: usize = 1 << 20;
 
 /// Pixels a side of the graphics path, one a square.
+/// Where the draw stands, counted in VkDrawIndirectCommands of four words.
+const DRAW: u32 = 3 * shaders::ARGS_DRAW / 4;
 const SQUARES: u32 = MOST_CELLS + 1;
 
 /// Crossings of all regions.
@@ -74,8 +76,8 @@ impl Depth {
             pairs: &cull.pairs,
         };
         match &self.cross {
-            Cross::Graphics(cross) => recorder.draw_indirect(cross, &buffers, &common.args, args::DRAW, SQUARES),
-            Cross::Compute(cross) => recorder.dispatch_indirect(cross, &buffers, &common.args, args::ITEMS),
+            Cross::Graphics(cross) => recorder.draw_indirect(cross, &buffers, &common.args, DRAW, SQUARES),
+            Cross::Compute(cross) => recorder.dispatch_indirect(cross, &buffers, &common.args, shaders::ARGS_ITEMS),
         }
     }
 }

@@ -6,7 +6,6 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::elastic::Elastic;
-use super::types::NONE;
 use super::{Common, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
@@ -14,6 +13,7 @@ use crate::prepare::Layer;
 use crate::prepare::layer::volume6;
 use crate::prepare::patch::{MOST_NODES, MOST_TETRAHEDRA};
 use crate::shaders;
+use crate::shaders::NONE;
 
 /// Static arrays of all bodies' patches.
 #[derive(Debug, Clone, Default)]

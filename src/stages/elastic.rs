@@ -6,12 +6,12 @@ use std::sync::Arc;
 use super::dilate::Dilate;
 use super::model::Model;
 use super::solve::Solve;
-use super::types::Counts;
 use super::{Common, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Recorder, Size};
 use crate::prepare::patch::MOST_NODES;
 use crate::shaders;
+use crate::shaders::Counts;
 
 /// Nodes, tetrahedra and their state.
 pub struct Elastic {

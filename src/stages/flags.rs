@@ -1,33 +1,35 @@
 //! What a step has to confess: the one place that gives each flag its bit and its name.
 
-/// A set of flags; the bits are those of the `flags` column of `trace.csv`, and of the shaders.
+use crate::shaders;
+
+/// A set of flags; the bits are those of the `flags` column of `trace.csv`, and of the shaders, which define those that they raise.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Flags(pub u32);
 
 impl Flags {
     /// The solver stopped at its iteration limit with a residual above what single precision allows.
-    pub const NOT_CONVERGED: Flags = Flags(1);
+    pub const NOT_CONVERGED: Flags = Flags(shaders::FLAG_NOT_CONVERGED);
     /// More regions than there is room for.
-    pub const REGION_OVERFLOW: Flags = Flags(2);
+    pub const REGION_OVERFLOW: Flags = Flags(shaders::FLAG_REGION_OVERFLOW);
     /// More contacts than there is room for.
-    pub const CONTACT_OVERFLOW: Flags = Flags(4);
+    pub const CONTACT_OVERFLOW: Flags = Flags(shaders::FLAG_CONTACT_OVERFLOW);
     /// A contact deeper than the scene's `depth_limit`.
-    pub const DEPTH_BEYOND_LIMIT: Flags = Flags(8);
+    pub const DEPTH_BEYOND_LIMIT: Flags = Flags(shaders::FLAG_DEPTH_LIMIT);
     /// A skin folds over itself along the region's normal.
-    pub const NOT_A_HEIGHT_FIELD: Flags = Flags(16);
+    pub const NOT_A_HEIGHT_FIELD: Flags = Flags(shaders::FLAG_NOT_HEIGHT_FIELD);
     /// A number was not finite, and the step was recovered.
-    pub const NON_FINITE: Flags = Flags(32);
+    pub const NON_FINITE: Flags = Flags(shaders::FLAG_NON_FINITE);
     /// The step was repeated with a smaller time step.
     pub const STEP_RETRIED: Flags = Flags(64);
     /// The state was held because no step succeeded.
     pub const FROZEN: Flags = Flags(128);
     /// Contacts that pulled were dropped, and others pull after the repeated solve.
-    pub const ADHESIVE_DROPPED_TWICE: Flags = Flags(256);
+    pub const ADHESIVE_DROPPED_TWICE: Flags = Flags(shaders::FLAG_PULLING);
     /// A frame turned so far within the step that what it carries, whose rotations are those of the step's start, may gain
     /// energy.
     pub const TURNS_TOO_FAR: Flags = Flags(512);
     /// A tetrahedron was inside out where the step was linearised, or pressed so thin that its rotation was not found.
-    pub const INVERTED: Flags = Flags(1024);
+    pub const INVERTED: Flags = Flags(shaders::FLAG_INVERTED);
 
     /// Every flag and its name, by rising bit.
     pub const ALL: [(Flags, &'static str); 11] = [

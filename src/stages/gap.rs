@@ -11,11 +11,11 @@ use super::model::Model;
 use super::pose::Pose;
 use super::skin::Skin;
 use super::solve::Solve;
-use super::types::{Chunk, SkinGap, SkinPart};
-use super::{Common, args, count, upload};
+use super::{Common, count, upload};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
+use crate::shaders::{Chunk, SkinGap, SkinPart};
 
 /// How far from the tool's surface skin is looked for, m.
 pub const RANGE: f64 = 0.03;
@@ -174,6 +174,6 @@ impl Gap {
             skin: &skin.skin,
             gaps: &self.gaps,
         };
-        recorder.dispatch_indirect(&self.kernel, &buffers, &common.args, args::GAP);
+        recorder.dispatch_indirect(&self.kernel, &buffers, &common.args, shaders::ARGS_GAP);
     }
 }

@@ -1,31 +1,16 @@
 //! Nodes, tetrahedra and dynamic cores: the layers' part of the model.
 
+use crate::shaders;
 use glam::{DMat3, DVec3};
 
 use super::model::{Core, FramePlace, Model, Motion, texel};
-use super::types::NONE;
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{FrameMotion, Layer, Materials, Skin};
 use crate::scene::{Law, Material};
+use crate::shaders::NONE;
 
 /// Marks an entry into the forces of patches until the number of all tetrahedra is known.
 pub(super) const OF_PATCH: u32 = 1 << 31;
-
-/// Who decides a node's motion, as in shaders/shared/held.glsl.
-pub(super) mod held {
-    /// The solver.
-    pub const FREE: u32 = 0;
-    /// A frame whose motion is known.
-    pub const HELD: u32 = 1;
-    /// A dynamic core.
-    pub const CARRIED: u32 = 2;
-}
-
-/// Laws of materials, as in shaders/elastic/rotate.comp.
-mod law {
-    pub const COROTATIONAL: f32 = 0.0;
-    pub const NEO_HOOKEAN: f32 = 1.0;
-}
 
 impl Model {
     /// Inertia of what a dynamic core carries about its frame's centre, frame axes, kg m^2.
@@ -41,7 +26,7 @@ impl Model {
 
     /// Whether any material is neo-Hookean.
     pub fn has_neo_hookean(&self) -> bool {
-        self.materials.iter().any(|material| material[2] == law::NEO_HOOKEAN)
+        self.materials.iter().any(|material| material[2] == shaders::LAW_NEO_HOOKEAN)
     }
 
     fn add_core(&mut self, frame: usize, nodes: Vec<u32>) {
@@ -76,7 +61,7 @@ impl Model {
         let node_first = self.node_rest.len() as u32;
         for corner in corners {
             self.carried_nodes.push(self.node_rest.len() as u32);
-            self.node_info.push([self.node_elements.len() as u32, 0, frame as u32, held::CARRIED]);
+            self.node_info.push([self.node_elements.len() as u32, 0, frame as u32, shaders::NODE_CARRIED]);
             self.node_rest.push(texel(shape * corner + centre - self.frames[frame].rest_centre, 0.25 * mass));
             self.node_damping.push(0.0);
             self.velocity.push(texel(velocity, 0.0));
@@ -155,9 +140,9 @@ impl Model {
             // A node of no tetrahedron has no mass: it stays where it is in its frame.
             let bound = layer.bound[i] || mass[i] == 0.0;
             let holder = match carries[i] {
-                Some(_) => held::CARRIED,
-                None if bound => held::HELD,
-                None => held::FREE,
+                Some(_) => shaders::NODE_CARRIED,
+                None if bound => shaders::NODE_HELD,
+                None => shaders::NODE_FREE,
             };
             if bound && matches!(place.motion, Motion::Prepared(FrameMotion::Driven(_) | FrameMotion::Dynamic { .. })) {
                 self.carried_nodes.push((node_first + i) as u32);
@@ -170,7 +155,7 @@ impl Model {
             }
             self.node_rest.push(texel(*rest - place.rest_centre, mass[i]));
             self.node_damping.push(damping[i] as f32);
-            self.velocity.push(texel(if holder == held::HELD { DVec3::ZERO } else { velocity }, 0.0));
+            self.velocity.push(texel(if holder == shaders::NODE_HELD { DVec3::ZERO } else { velocity }, 0.0));
         }
         for frame in frame_first..self.frames.len() {
             if let Motion::Prepared(FrameMotion::Dynamic { mass: wanted, .. }) = self.frames[frame].motion {
@@ -193,8 +178,8 @@ fn moduli(material: &Material) -> [f32; 4] {
     let mu = material.young / (2.0 * (1.0 + material.poisson));
     let lambda = 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson);
     let law = match material.law {
-        Law::Corotational => law::COROTATIONAL,
-        Law::NeoHookean => law::NEO_HOOKEAN,
+        Law::Corotational => shaders::LAW_COROTATIONAL,
+        Law::NeoHookean => shaders::LAW_NEO_HOOKEAN,
     };
     [mu as f32, lambda as f32, law, material.damping_stiffness as f32]
 }

@@ -2,7 +2,6 @@
 //!
 //! Sizes are in elements; `texels` arrays are read through texel buffer views, `words` through storage buffers.
 
-pub mod args;
 mod blocks;
 mod chunks;
 mod clusters;
@@ -23,7 +22,6 @@ pub mod pose;
 pub mod skin;
 pub mod solve;
 pub mod touch;
-pub mod types;
 pub mod wrench;
 
 use std::sync::Arc;
@@ -32,9 +30,18 @@ use bytemuck::Pod;
 
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Memory};
+use crate::shaders::{self, Counts, Frame, Joint, Link, Report, StepParams};
 pub use flags::Flags;
 use model::Model;
-use types::{Counts, Frame, Joint, Link, Report, StepParams};
+
+/// Vertices of a chunk at most.
+pub const CHUNK_VERTICES: usize = shaders::CHUNK_VERTICES as usize;
+/// Triangles of a chunk at most.
+pub const CHUNK_TRIANGLES: usize = shaders::CHUNK_TRIANGLES as usize;
+/// Regions that a pair of bodies can have.
+pub const PAIR_REGIONS: usize = shaders::PAIR_REGIONS as usize;
+/// Words of the indirect arguments.
+pub const ARGS_WORDS: usize = shaders::ARGS_WORDS as usize;
 
 /// The stages of the proximity query, in their order.
 pub const QUERY: [&str; 5] = ["pose", "cull", "skin", "depth", "contact"];
@@ -59,7 +66,7 @@ pub struct Common {
     pub links: Buffer,
     /// One [`Counts`].
     pub counts: Buffer,
-    /// Slots of [`args`].
+    /// Slots of `shaders/shared/args.glsl`.
     pub args: Buffer,
     /// One [`Report`].
     pub report: Buffer,
@@ -76,7 +83,7 @@ impl Common {
             joints: Buffer::new(context, "joints", joints as u64, Memory::Upload)?,
             links: Buffer::new(context, "links", (model.links.len() * size_of::<Link>()) as u64, Memory::Upload)?,
             counts: zeros::<Counts>(context, "counts", 1)?,
-            args: zeros::<u32>(context, "args", args::WORDS)?,
+            args: zeros::<u32>(context, "args", ARGS_WORDS)?,
             report: Buffer::new(context, "report", size_of::<Report>() as u64, Memory::Readback)?,
         })
     }

@@ -1,6 +1,7 @@
 //! From prepared bodies to the arrays that the kernels read: all bodies one after another, indices made global,
 //! positions relative to their frame's centre in f32. Made once; what changes from step to step is not here.
 
+use crate::shaders;
 use std::ops::Range;
 
 use glam::{DQuat, DVec3};
@@ -11,10 +12,11 @@ use super::dilate::Patches;
 use super::gap;
 use super::joints::Joint;
 use super::layers::OF_PATCH;
-use super::types::{Chunk, NONE, PAIR_REGIONS, Pair, Proxy, Slot};
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Scene, Sides, ToolShape};
+use crate::shaders::{Chunk, NONE, Pair, Proxy, Slot};
+use crate::stages::PAIR_REGIONS;
 
 /// Active chunks times their regions at most, a workgroup each on any device: four million vertices; more raise the region
 /// overflow flag.
@@ -336,12 +338,12 @@ impl Model {
 
     /// Whether the solver decides the motion of a node.
     pub fn is_free(&self, node: usize) -> bool {
-        self.node_info[node][3] == super::layers::held::FREE
+        self.node_info[node][3] == shaders::NODE_FREE
     }
 
     /// Whether a dynamic core carries a node.
     pub fn is_carried(&self, node: usize) -> bool {
-        self.node_info[node][3] == super::layers::held::CARRIED
+        self.node_info[node][3] == shaders::NODE_CARRIED
     }
 
     /// Whether anything spans two frames.

@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use super::model::{Model, Plane};
-use super::types::{NONE, Pair, Slot};
 use crate::prepare::{Body, FrameMotion, Layer, Shape};
 use crate::scene::{Material, Scene, Sides};
+use crate::shaders::{NONE, Pair, Slot};
 
 /// Stiffness (N/m^3) where nothing soft is near to take it from: that of 20 kPa, nu 0.45, at a cell of 10 mm.
 const RIGID_STIFFNESS: f64 = 5.0e7;

@@ -6,11 +6,11 @@ use super::elastic::Elastic;
 use super::model::Model;
 use super::skin::{self, Skin};
 use super::solve::Solve;
-use super::types::{Fit, ProxyBounds};
 use super::{Common, array, count, upload};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
+use crate::shaders::{Fit, ProxyBounds};
 
 /// Proxies at rest and in the world.
 pub struct Pose {

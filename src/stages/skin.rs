@@ -6,11 +6,11 @@ use super::cull::{Cull, FIELD_WORDS};
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
-use super::types::{CHUNK_VERTICES, PAIR_REGIONS};
-use super::{Common, args, array, count, upload, zeros};
+use super::{Common, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
+use crate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 
 /// Heads of the hash table that holds binned vertices, at least.
 pub const LEAST_BUCKETS: u32 = 1 << 13;
@@ -93,7 +93,7 @@ impl Skin {
             bin_squares: &self.bin_squares,
             fields: &cull.fields,
         };
-        recorder.dispatch_indirect(&self.embed, &buffers, &common.args, args::ACTIVE);
+        recorder.dispatch_indirect(&self.embed, &buffers, &common.args, shaders::ARGS_ACTIVE);
     }
 }
 

@@ -1,12 +1,15 @@
 //! Solve: implicit Euler by preconditioned conjugate gradients with a single reduction, decided on the device.
 
 mod record;
+#[cfg(test)]
+mod tests;
 
+use crate::shaders;
 use std::sync::Arc;
 
 use super::contact::Touch;
 use super::model::Model;
-use super::{args, array, count, gap, types, upload, zeros};
+use super::{array, count, gap, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Size};
 
@@ -52,11 +55,11 @@ pub struct Solve {
     coarse_rhs: Buffer,
     coarse_image: Buffer,
     coarse_dots: Buffer,
-    /// A [`types::Rigid`] a dynamic core, and the tool.
+    /// A [`shaders::Rigid`] a dynamic core, and the tool.
     pub rigids: Buffer,
-    /// Two sets of a [`types::RigidIterate`] each.
+    /// Two sets of a [`shaders::RigidIterate`] each.
     pub iterates: Buffer,
-    /// 72 numbers a dynamic core, while their inverse is made.
+    /// `CORE_NUMBERS` a dynamic core, while their inverse is made.
     rigid_blocks: Buffer,
     /// Of each group of rigid bodies, by rows.
     rigid_inverses: Buffer,
@@ -65,7 +68,7 @@ pub struct Solve {
     iterations: Buffer,
     /// Six numbers a dynamic core: the change of its twist, for the host.
     pub core_changes: Buffer,
-    /// One [`types::Solve`].
+    /// One [`shaders::Solve`].
     pub state: Buffer,
     rhs: Buffer,
     leftover: Buffer,
@@ -127,7 +130,7 @@ impl Solve {
         let contact = ("CONTACT", Const::Bool(touch.is_some()));
         let friction = ("FRICTION", Const::Bool(model.friction[0] > 0.0));
         let tool = ("TOOL", Const::Bool(has_tool));
-        let held = ("HELD", Const::Uint(model.held.map_or(types::NONE, |core| core as u32)));
+        let held = ("HELD", Const::Uint(model.held.map_or(shaders::NONE, |core| core as u32)));
         let coarse = ("COARSE", Const::Bool(is_coarse));
         let blocks = ("BLOCKS", count(block_count));
         let partials = ("PARTIALS", count(groups));
@@ -140,9 +143,9 @@ impl Solve {
         // Of each role that there is: its number, its first block, workgroups, arguments.
         let (free, carried) = (model.blocks.free, block_count - model.blocks.free);
         let roles = [
-            (0, 0, free, args::LOOP_FREE),
-            (1, free, carried, args::LOOP_CARRIED),
-            (2, 0, usize::from(has_tool), args::LOOP_TOOL),
+            (shaders::FREE_NODES, 0, free, shaders::ARGS_LOOP_FREE),
+            (shaders::CARRIED_NODES, free, carried, shaders::ARGS_LOOP_CARRIED),
+            (shaders::TOOL_ROWS, 0, usize::from(has_tool), shaders::ARGS_LOOP_TOOL),
         ];
         let roles: Vec<_> = roles.into_iter().filter(|(_, _, groups, _)| *groups > 0).collect();
         let variants = |name: &str, constants: &[(&str, Const)]| -> Result<Vec<Variant>> {
@@ -179,9 +182,9 @@ impl Solve {
             apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c])?,
             press: Kernel::new(context, "solve/press", Size::Group, &[friction, tool, rigids])?,
             patches: (patch_count > 0).then(patches).transpose()?,
-            gather_warm: gather(0)?,
-            gather_loop: gather(1)?,
-            gather_final: gather(2)?,
+            gather_warm: gather(shaders::GATHER_WARM)?,
+            gather_loop: gather(shaders::GATHER_LOOP)?,
+            gather_final: gather(shaders::GATHER_END)?,
             coarse: is_coarse.then(coarse_kernels).transpose()?,
             cores: (!model.cores.is_empty()).then(|| reduce("solve/cores", &[joints, held])).transpose()?,
             start: reduce(
@@ -228,13 +231,13 @@ impl Solve {
             coarse_image: coarse_modes("coarse_image", 1)?,
             coarse_dots: coarse_modes("coarse_dots", 1)?,
             rigids: upload_or_nothing(context, "rigids", &rigids_at_rest)?,
-            rigid_blocks: array::<f32>(context, "rigid_blocks", 72 * model.cores.len())?,
+            rigid_blocks: array::<f32>(context, "rigid_blocks", shaders::CORE_NUMBERS as usize * model.cores.len())?,
             rigid_inverses: array::<f32>(context, "rigid_inverses", inverse_numbers)?,
             joint_sides: upload_or_nothing(context, "joint_sides", &sides_of(model).concat())?,
-            iterates: zeros::<types::RigidIterate>(context, "iterates", all)?,
-            iterations: zeros::<types::Iteration>(context, "iterations", 2)?,
+            iterates: zeros::<shaders::RigidIterate>(context, "iterates", all)?,
+            iterations: zeros::<shaders::Iteration>(context, "iterations", 2)?,
             core_changes: Buffer::new(context, "core_changes", 24 * model.cores.len().max(1) as u64, Memory::Readback)?,
-            state: zeros::<types::Solve>(context, "solve", 1)?,
+            state: zeros::<shaders::Solve>(context, "solve", 1)?,
             rhs: vector("rhs")?.known_as(&["rhs", "residual_or_rhs"]),
             leftover: vector("leftover")?,
             inverse: zeros::<[f32; 4]>(context, "inverse", 2 * nodes)?,
@@ -266,13 +269,13 @@ impl Solve {
 }
 
 /// Dynamic cores, and the tool, at rest; how many numbers their inverses have.
-fn rigids_of(model: &Model) -> (Vec<types::Rigid>, usize) {
-    let nothing = types::Rigid { parent: types::NONE, ..bytemuck::Zeroable::zeroed() };
+fn rigids_of(model: &Model) -> (Vec<shaders::Rigid>, usize) {
+    let nothing = shaders::Rigid { parent: shaders::NONE, ..bytemuck::Zeroable::zeroed() };
     let (mut joint_first, mut numbers) = (0, 0);
     let mut rigids = Vec::new();
     for (index, (core, sides)) in model.cores.iter().zip(sides_of(model)).enumerate() {
         let (nodes, blocks) = &model.blocks.cores[index];
-        rigids.push(types::Rigid {
+        rigids.push(shaders::Rigid {
             frame: core.frame as u32,
             node_first: nodes.start as u32,
             node_count: nodes.len() as u32,
@@ -284,7 +287,7 @@ fn rigids_of(model: &Model) -> (Vec<types::Rigid>, usize) {
             joint_count: sides.len() as u32,
             group_first: core.group.start as u32,
             group_count: core.group.len() as u32,
-            parent: core.parent.map_or(types::NONE, |parent| parent as u32),
+            parent: core.parent.map_or(shaders::NONE, |parent| parent as u32),
             inverse_first: numbers as u32,
             ..nothing
         });
@@ -295,7 +298,7 @@ fn rigids_of(model: &Model) -> (Vec<types::Rigid>, usize) {
     }
     if model.tool_frame.is_some() {
         let (group_first, inverse_first) = (rigids.len() as u32, numbers as u32);
-        rigids.push(types::Rigid { group_first, group_count: 1, inverse_first, ..nothing });
+        rigids.push(shaders::Rigid { group_first, group_count: 1, inverse_first, ..nothing });
         numbers += 36;
     }
     (rigids, numbers)

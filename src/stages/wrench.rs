@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use super::Common;
 use super::contact::Touch;
 use super::model::Model;
-use super::{Common, args};
 use crate::Result;
 use crate::gpu::{Const, Context, Kernel, Recorder, Size};
 use crate::shaders;
@@ -31,6 +31,6 @@ impl Wrench {
             contact_forces: &touch.contact_forces,
             report: &common.report,
         };
-        recorder.dispatch_indirect(&self.reduce, &buffers, &common.args, args::WRENCH);
+        recorder.dispatch_indirect(&self.reduce, &buffers, &common.args, shaders::ARGS_WRENCH);
     }
 }

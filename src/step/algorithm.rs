@@ -14,9 +14,9 @@
 use super::stage_set::Stages;
 use super::{Flags, Simulation, tools};
 use crate::gpu::{Recorder, Recording};
+use crate::shaders::{self, Fit, Report};
 use crate::stages::gap::Skins;
 use crate::stages::touch::TouchStages;
-use crate::stages::types::{Fit, Report, verdict};
 use crate::{Error, Result};
 
 /// Iterations of the shortest recorded plan; each further one is twice as long.
@@ -163,7 +163,7 @@ impl Simulation {
         self.step_origin = self.origin();
         self.write_inputs(h, &device)?;
         let mut report = self.submit()?;
-        if report.verdict != verdict::FAILED {
+        if report.verdict != shaders::VERDICT_FAILED {
             if let (Some(tool), None) = (&mut self.tool, self.model.held) {
                 tool.advance(h, report.tool_change.map(f64::from));
             }
@@ -226,12 +226,12 @@ impl Simulation {
             let mut report = self.stages.common.report.mapped::<Report>()?[0];
             match report.verdict {
                 // Twice as many at a time, so that as many as a scene may ask for are soon reached.
-                verdict::CONTINUE => (first, wanted) = (None, 2 * wanted),
-                verdict::RETRY => {
+                shaders::VERDICT_CONTINUE => (first, wanted) = (None, 2 * wanted),
+                shaders::VERDICT_RETRY => {
                     earlier += report.iterations;
                     first = Some(again);
                 }
-                verdict::RELINEARISE => {
+                shaders::VERDICT_RELINEARISE => {
                     let Some([next, others]) = &set.newton else { break };
                     (earlier, longest) = (earlier + report.iterations, longest.max(report.iterations));
                     (again, first) = (others, Some(next));

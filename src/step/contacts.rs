@@ -40,7 +40,7 @@ impl Simulation {
             }
         }
         let wide = |[x, y, z]: [f32; 3]| DVec3::new(x.into(), y.into(), z.into());
-        let point = |contact: &crate::stages::types::Contact| {
+        let point = |contact: &crate::shaders::Contact| {
             let bodies = self.side_bodies(contact.side);
             let vertex = contact.vertex as usize - ranges[bodies[0]].start;
             // The contact's normal points from a to b.

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::prepare::FrameMotion;
 use crate::scene::Key;
+use crate::shaders::{Fit, Frame, Link, NONE};
 use crate::stages::model::{FramePlace, Model, Motion};
-use crate::stages::types::{Fit, Frame, Link, NONE};
 use crate::step::drive::{Drive, rotation_vector};
 use crate::step::tool::{Tool, gyroscopic_impulse};
 pub use saved::SavedFrame;

@@ -4,16 +4,14 @@ use glam::DVec3;
 
 use super::Simulation;
 use crate::Result;
+use crate::shaders::{GAP_FAR, NONE, Report, SkinGap};
 use crate::stages::gap;
-use crate::stages::types::{NONE, Report, SkinGap};
 use crate::step::{Flags, Gap};
 
 /// Width of the ring along which a tool's bounding sphere is taken to touch first, m.
 const FIRST_TOUCH: f64 = 1e-3;
 /// Skin that faces away counts as nearer where it is so by more than this share: ways to a common edge differ by their rounding.
 const ROUNDING: f64 = 1e-5;
-/// What the device says where it met nothing that faces away, m.
-const FAR: f32 = 3.0e38;
 
 impl Simulation {
     /// Adds the gap to the last step's wrench, where a loop holds the tool and it touches nothing.
@@ -68,7 +66,7 @@ impl Simulation {
         });
         // Of equals that to the lower triangle.
         let shortest = ways.min_by(|(_, a, t, _), (_, b, u, _)| a.total_cmp(b).then(t.cmp(u)));
-        if back < (1.0 - ROUNDING) * shortest.map_or(f64::from(FAR), |way| way.1) {
+        if back < (1.0 - ROUNDING) * shortest.map_or(f64::from(GAP_FAR), |way| way.1) {
             return Ok((true, None));
         }
         let radius = self.model.tool_sphere.unwrap_or(0.0);

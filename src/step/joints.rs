@@ -3,8 +3,8 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::frames::{Frames, Place, unwound};
+use crate::shaders::{self, NONE};
 use crate::stages::joints::Joint;
-use crate::stages::types::{self, NONE};
 use crate::step::drive::rotation_vector;
 
 /// 1 + cos of a swing at least, for the twist: with the axis turned nearly back to front (beyond 155 degrees), where it is
@@ -12,14 +12,14 @@ use crate::step::drive::rotation_vector;
 const LEAST_ALONG: f64 = 0.1;
 
 /// Writes the device's joints for a step of `h` seconds.
-pub fn write(joints: &[Joint], frames: &Frames, h: f64, out: &mut [types::Joint]) {
+pub fn write(joints: &[Joint], frames: &Frames, h: f64, out: &mut [shaders::Joint]) {
     for (out, joint) in out.iter_mut().zip(joints) {
         *out = at_start(joint, frames, h);
     }
 }
 
 /// Implicit Euler of the springs, f = -k (gap + h gap' at the end): on the first side, at the middle of the two ends.
-fn at_start(joint: &Joint, frames: &Frames, h: f64) -> types::Joint {
+fn at_start(joint: &Joint, frames: &Frames, h: f64) -> shaders::Joint {
     let places = joint.frames.map(|frame| frames.place(frame));
     let ends = [0, 1].map(|k| frames.world(joint.frames[k], joint.arms[k]));
     let middle = 0.5 * (ends[0] + ends[1]);
@@ -38,7 +38,7 @@ fn at_start(joint: &Joint, frames: &Frames, h: f64) -> types::Joint {
     let (operator, torque) = turning(joint, places.map(|place| place.rotation), h * spin, h);
     let twist = h * torque - operator * spin;
     let [x, y, z] = [operator.x_axis, operator.y_axis, operator.z_axis];
-    types::Joint {
+    shaders::Joint {
         rigid: joint.cores.map(|core| core.map_or(NONE, |core| core as u32)),
         arm: arms.map(|arm| arm.as_vec3().to_array()),
         linear: (h * h * joint.stiffness) as f32,

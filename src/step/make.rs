@@ -1,5 +1,6 @@
 //! A simulation from its scene: bodies prepared, a device, the step recorded.
 
+use crate::shaders;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
@@ -18,7 +19,7 @@ use crate::query::choice::Choice;
 use crate::scene::{self, Key, Scene};
 use crate::stages::depth::Path;
 use crate::stages::model::Model;
-use crate::stages::{query_as_one, types};
+use crate::stages::query_as_one;
 use crate::step::drive::Drive;
 use crate::step::tool::Tool;
 use crate::{Error, Result};
@@ -162,6 +163,6 @@ pub(super) fn timed(context: &Arc<Context>, stages: &Stages, scene: &Scene) -> R
 
 /// The initial velocity of a frame's body.
 fn velocity_of(bodies: &[Body], model: &Model, frame: usize) -> DVec3 {
-    let owner = model.body_frames.iter().rposition(|&first| first != types::NONE && first as usize <= frame);
+    let owner = model.body_frames.iter().rposition(|&first| first != shaders::NONE && first as usize <= frame);
     owner.and_then(|body| bodies.get(body)).map_or(DVec3::ZERO, |body| body.velocity)
 }

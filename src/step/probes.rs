@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use crate::prepare::{Body, Shape};
 use crate::scene::Scene;
+use crate::shaders::NONE;
 use crate::stages::model::Model;
-use crate::stages::types::NONE;
 use crate::{Error, Result};
 
 /// A probe's place, on the host: a weighted sum of points that ride on frames.

@@ -4,8 +4,9 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec2;
 use palpate::gpu::{
-    Before, Buffer, Canvas, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Side, Texels, shader_names,
+    Before, Buffer, Canvas, Drawn, Image, Memory, Named, Onto, RasterPipeline, Recorder, Side, Texels, shader_names,
 };
+use palpate::shaders::test::DrawFlat;
 
 use crate::harness::random::Random;
 use crate::harness::{assert_clean, context, turn};
@@ -96,9 +97,13 @@ fn flat(onto: &Onto) -> RasterPipeline {
     RasterPipeline::onto(context(), "test/flat", &[], onto).unwrap()
 }
 
+fn flat_of(corners: &Buffer) -> DrawFlat<'_> {
+    DrawFlat { aside: 0.0, corners }
+}
+
 /// All corners of an array, once.
-fn drawn<'a>(pipeline: &'a RasterPipeline, buffers: &'a [&'a Buffer], count: u32) -> Drawn<'a> {
-    Drawn { pipeline, buffers, push: &[0; 4], indices: None, range: (0, count), instances: 1, part: None }
+fn drawn<'a>(pipeline: &'a RasterPipeline, arguments: &'a DrawFlat<'a>, count: u32) -> Drawn<'a> {
+    Drawn { pipeline, arguments, indices: None, range: (0, count), instances: 1, part: None }
 }
 
 /// What these corners leave on a cleared canvas of one sample.
@@ -106,7 +111,7 @@ fn painted(onto: &Onto, ground: [f32; 4], corners: &[Corner]) -> (Vec<[f64; 4]>,
     let (pipeline, corners_there) = (flat(onto), array(corners));
     let mut sheet = Sheet::new(SIZE, 1);
     sheet.canvas.depth = sheet.canvas.depth.filter(|_| onto.has_depth);
-    sheet.draw(Before::Cleared(ground), &[drawn(&pipeline, &[&corners_there], corners.len() as u32)])
+    sheet.draw(Before::Cleared(ground), &[drawn(&pipeline, &flat_of(&corners_there), corners.len() as u32)])
 }
 
 /// Centres of pixels, row by row.
@@ -248,7 +253,7 @@ fn a_part_of_the_canvas_is_drawn_onto() {
     turn();
     let corners = array(&rectangle([0., 0., 40., 24.], 0.5, RED));
     let (sheet, pipeline) = (Sheet::new(SIZE, 1), flat(&HIDING));
-    let buffers = [&corners];
+    let buffers = flat_of(&corners);
     for part in [[0, 0, 40, 24], [7, 3, 11, 9], [30, 20, 100, 100], [3, 3, 0, 5], [40, 24, 1, 1], [90, 0, 5, 5]] {
         let one = Drawn { part: Some(part), ..drawn(&pipeline, &buffers, 6) };
         let (colours, depths) = sheet.draw(Before::Cleared(GREY), &[one]);
@@ -270,7 +275,7 @@ fn indices_vertices_and_instances_are_those_asked_for() {
         |(k, colour): (usize, &[f32; 4])| rectangle([10.0 * k as f64, 0., 10.0 * k as f64 + 10.0, 24.], 0.5, *colour);
     let corners = array(&columns.flat_map(of).collect::<Vec<_>>());
     let (sheet, pipeline) = (Sheet::new(SIZE, 1), flat(&HIDING));
-    let buffers = [&corners];
+    let buffers = flat_of(&corners);
     let expect = |what: &str, one: Drawn, want: [[f32; 4]; 4]| {
         let (colours, _) = sheet.draw(Before::Cleared(GREY), &[one]);
         (0..4).for_each(|k| {
@@ -288,8 +293,8 @@ fn indices_vertices_and_instances_are_those_asked_for() {
     expect("indices from six on", indexed((6, 6)), [RED, GREY, GREY, GREY]);
     expect("the last triangle's", indexed((0, 6)), [GREY, GREY, WHITE, GREY]);
     // Each a column further to the right.
-    let aside = (20.0 / SIZE[0] as f32).to_ne_bytes();
-    let repeated = Drawn { instances: 3, push: &aside, ..drawn(&pipeline, &buffers, 6) };
+    let aside = DrawFlat { aside: 20.0 / SIZE[0] as f32, ..buffers };
+    let repeated = Drawn { instances: 3, ..drawn(&pipeline, &aside, 6) };
     expect("three instances", repeated, [RED, RED, RED, GREY]);
 }
 
@@ -303,7 +308,7 @@ fn samples_are_resolved_to_their_mean() {
         let mut corner = || 0.5 * (1.0 + random.vector().truncate()) * DVec2::new(SIZE[0].into(), SIZE[1].into());
         let corners = [corner(), corner(), corner()];
         let there = array(&triangle(corners, 0.5, WHITE));
-        let (colours, _) = sheet.draw(Before::Cleared([0.0; 4]), &[drawn(&pipeline, &[&there], 3)]);
+        let (colours, _) = sheet.draw(Before::Cleared([0.0; 4]), &[drawn(&pipeline, &flat_of(&there), 3)]);
         for (pixel, x) in centres(SIZE).enumerate() {
             let [got, ..] = colours[pixel];
             let quarters = 4.0 * got;
@@ -333,7 +338,7 @@ fn what_was_there_is_kept_or_cleared() {
                 expect_colour(&format!("{what}, {samples} samples, {x}"), colours[at(x, 12)], wide(want), BYTE);
             }
         };
-        let [left, right] = [[&left], [&right]];
+        let [left, right] = [&left, &right].map(flat_of);
         expect("cleared", Before::Cleared(GREY), &[drawn(&pipeline, &left, 6)], [RED, RED, GREY]);
         // The depth is kept as well: the red one is nearer.
         expect("kept", Before::Kept, &[drawn(&pipeline, &right, 6)], [RED, RED, BLUE]);
@@ -356,7 +361,7 @@ fn what_cannot_be_drawn_is_refused() {
     let corners = array(&rectangle([0., 0., 40., 24.], 0.5, RED));
     let indices = Buffer::from_slice(context, "indices", &[0u32; 6], Memory::Device).unwrap();
     let pipeline = flat(&HIDING);
-    let buffers = [&corners];
+    let buffers = flat_of(&corners);
     let sheet = Sheet::new(SIZE, 1);
     let fails = |act: &dyn Fn(&mut Recorder)| {
         let mut recorder = Recorder::untimed(context).unwrap();
@@ -375,8 +380,10 @@ fn what_cannot_be_drawn_is_refused() {
     let error = paint(&Canvas { depth, ..sheet.canvas.clone() }, good());
     assert!(error.contains("differ in size"), "{error}");
     assert!(paint(&Canvas::default(), good()).contains("or there are none"));
-    assert!(paint(&sheet.canvas, Drawn { push: &[], ..good() }).contains("push constants"));
-    assert!(paint(&sheet.canvas, Drawn { buffers: &[], ..good() }).contains("binds"));
+    let other = Named { shader: "test/flat", buffers: &[("corners", &corners)], push: &[] };
+    assert!(paint(&sheet.canvas, Drawn { arguments: &other, ..good() }).contains("push constants"));
+    let none = Named { shader: "test/flat", buffers: &[], push: &[0; 4] };
+    assert!(paint(&sheet.canvas, Drawn { arguments: &none, ..good() }).contains("uses corners, which was left out"));
     let error = fails(&|r| r.copy_out(sheet.canvas.colour.as_ref().unwrap(), &corners));
     assert!(error.contains("image colour of 3840 bytes cannot be copied to corners"), "{error}");
     let several = Sheet::new(SIZE, 4);

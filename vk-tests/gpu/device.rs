@@ -1,7 +1,8 @@
 //! The Vulkan room itself: order of dependent passes, indirect arguments, fills and copies, replay, timers, threads,
 //! mapped memory, and the rasterizer.
 
-use palpate::gpu::{Buffer, Context, Kernel, Memory, Options, RasterPipeline, Recorder, Recording, Size};
+use palpate::gpu::{Buffer, Context, Kernel, Memory, Named, Options, RasterPipeline, Recorder, Recording, Size};
+use palpate::shaders::test::{Bump, DrawSquares};
 use palpate::stages::cull::MOST_CELLS;
 
 use crate::harness::random::Random;
@@ -14,11 +15,12 @@ fn bump() -> Kernel {
 }
 
 fn cells(name: &str) -> Buffer {
-    Buffer::from_slice(context(), name, &[1u32; CELLS as usize], Memory::Device).unwrap()
+    let cells = Buffer::from_slice(context(), name, &[1u32; CELLS as usize], Memory::Device).unwrap();
+    cells.known_as(&["cells", "rectangles", "squares"])
 }
 
-fn push(amount: u32) -> [u8; 8] {
-    bytemuck::cast([amount, CELLS])
+fn bump_of(cells: &Buffer, amount: u32) -> Bump<'_> {
+    Bump { cells, amount, count: CELLS }
 }
 
 /// The order of passes shows in this: a kernel's `cells = 3 cells + amount`, one amount after another.
@@ -33,14 +35,14 @@ fn dependent_passes_run_in_order_and_independent_ones_do_not_wait() {
     let mut recorder = Recorder::new(context).unwrap();
     recorder.stage("first");
     for i in 0..20 {
-        recorder.dispatch(&kernel, &[&a], &push(i), CELLS);
-        recorder.dispatch(&kernel, &[&b], &push(2 * i), CELLS);
+        recorder.dispatch(&kernel, &bump_of(&a, i), CELLS);
+        recorder.dispatch(&kernel, &bump_of(&b, 2 * i), CELLS);
     }
     recorder.stage("second");
-    recorder.dispatch(&kernel, &[&a], &push(7), 0);
+    recorder.dispatch(&kernel, &bump_of(&a, 7), 0);
     recorder.stage("first");
     recorder.copy(&a, &b);
-    recorder.dispatch(&kernel, &[&b], &push(5), CELLS);
+    recorder.dispatch(&kernel, &bump_of(&b, 5), CELLS);
     let recording = recorder.finish().unwrap();
     assert!(recording.stage_times().is_empty(), "nothing ran yet");
     recording.submit_and_wait().unwrap();
@@ -60,7 +62,7 @@ fn recordings_replay_in_order_with_one_submit() {
     let (context, kernel, a) = (context(), bump(), cells("a"));
     let record = |amount| {
         let mut recorder = Recorder::untimed(context).unwrap();
-        recorder.dispatch(&kernel, &[&a], &push(amount), CELLS);
+        recorder.dispatch(&kernel, &bump_of(&a, amount), CELLS);
         recorder.finish().unwrap()
     };
     let (one, two) = (record(1), record(2));
@@ -78,7 +80,7 @@ fn a_recording_keeps_what_it_uses_alive() {
     let recording = {
         let (kernel, a) = (bump(), cells("a"));
         let mut recorder = Recorder::new(context).unwrap();
-        recorder.dispatch(&kernel, &[&a], &push(4), CELLS);
+        recorder.dispatch(&kernel, &bump_of(&a, 4), CELLS);
         recorder.copy(&a, &out);
         recorder.finish().unwrap()
     };
@@ -93,11 +95,11 @@ fn indirect_passes_take_their_slot_and_wait_for_its_writer() {
     let args = Buffer::from_slice(context, "args", &[9u32, 9, 9, 0, 1, 1, 2, 1, 1], Memory::Device).unwrap();
     let mut recorder = Recorder::new(context).unwrap();
     recorder.stage("indirect");
-    recorder.dispatch_indirect(&kernel, &[&a], &push(1), &args, 1);
-    recorder.dispatch_indirect(&kernel, &[&a], &push(2), &args, 2);
+    recorder.dispatch_indirect(&kernel, &bump_of(&a, 1), &args, 1);
+    recorder.dispatch_indirect(&kernel, &bump_of(&a, 2), &args, 2);
     // Zeroed on the device, after which the same slot runs nothing.
     recorder.fill_range(&args, 24, 12, 0);
-    recorder.dispatch_indirect(&kernel, &[&a], &push(3), &args, 2);
+    recorder.dispatch_indirect(&kernel, &bump_of(&a, 3), &args, 2);
     let recording = recorder.finish().unwrap();
     recording.submit_and_wait().unwrap();
     assert_eq!(a.read::<u32>().unwrap(), folded(1, [2]));
@@ -110,11 +112,11 @@ fn indirect_passes_take_their_slot_and_wait_for_its_writer() {
         act(&mut recorder);
         recorder.finish().map(|_| ()).unwrap_err().to_string()
     };
-    assert!(fails(&|r| r.dispatch_indirect(&kernel, &[&a], &push(1), &args, 3)).contains("lie outside args"));
+    assert!(fails(&|r| r.dispatch_indirect(&kernel, &bump_of(&a, 1), &args, 3)).contains("lie outside args"));
     assert!(fails(&|r| r.fill_range(&args, 2, 4, 0)).contains("not whole words"));
     assert!(fails(&|r| r.fill_range(&args, 32, 8, 0)).contains("not whole words"));
     assert!(fails(&|r| r.copy(&a, &args)).contains("cannot be copied"));
-    assert!(fails(&|r| r.dispatch_groups(&kernel, &[&a], &push(1), u32::MAX)).contains("the device's limit"));
+    assert!(fails(&|r| r.dispatch_groups(&kernel, &bump_of(&a, 1), u32::MAX)).contains("the device's limit"));
     assert_clean(context, "indirect");
 }
 
@@ -168,7 +170,7 @@ fn threads_share_the_queue() {
             let (kernel, a) = (&kernel, cells("own"));
             scope.spawn(move || {
                 let mut recorder = Recorder::new(context).unwrap();
-                recorder.dispatch(kernel, &[&a], &push(thread), CELLS);
+                recorder.dispatch(kernel, &bump_of(&a, thread), CELLS);
                 let recording = recorder.finish().unwrap();
                 for _ in 0..25 {
                     recording.submit_and_wait().unwrap();
@@ -209,7 +211,8 @@ fn covered(side: u32, rectangles: &[[i32; 4]], first: u32) -> Vec<u32> {
     recorder.stage("raster");
     // The draw waits for the fill, and the copy for the draw.
     recorder.fill(&squares, 0);
-    recorder.draw_indirect(&pipeline, &[&rectangles_there, &squares], bytemuck::bytes_of(&first), &args, 1, side);
+    let arguments = DrawSquares { first_rectangle: first, rectangles: &rectangles_there, squares: &squares };
+    recorder.draw_indirect(&pipeline, &arguments, &args, 1, side);
     recorder.copy(&squares, &out);
     let recording = recorder.finish().unwrap();
     assert_eq!((recording.passes()[0].dispatches, recording.passes()[0].dependent), (3, 3));
@@ -257,17 +260,19 @@ fn draws_that_cannot_be_are_refused() {
     let context = context();
     let pipeline = RasterPipeline::new(context, "test/squares", &[]).unwrap();
     let (a, args) = (cells("a"), Buffer::from_slice(context, "args", &[0u32; 4], Memory::Device).unwrap());
-    let fails = |buffers: &[&Buffer], push: &[u8], slot, side| {
+    let fails = |buffers: &[(&str, &Buffer)], push: &[u8], slot, side| {
         let mut recorder = Recorder::new(context).unwrap();
-        recorder.draw_indirect(&pipeline, buffers, push, &args, slot, side);
+        let arguments = Named { shader: "test/squares", buffers, push };
+        recorder.draw_indirect(&pipeline, &arguments, &args, slot, side);
         recorder.finish().map(|_| ()).unwrap_err().to_string()
     };
     let b = cells("b");
-    assert!(fails(&[&a, &b], &[0; 4], 1, 8).contains("lie outside args"));
-    assert!(fails(&[&a, &b], &[0; 4], 0, 0).contains("0 pixels a side"));
-    assert!(fails(&[&a, &b], &[0; 4], 0, u32::MAX).contains("pixels a side"));
-    assert!(fails(&[&a, &b], &[], 0, 8).contains("push constants"));
-    assert!(fails(&[&a], &[0; 4], 0, 8).contains("binds"));
-    assert!(fails(&[&a, &a], &[0; 4], 0, 8).contains("writes a"));
+    let both = [("rectangles", &a), ("squares", &b)];
+    assert!(fails(&both, &[0; 4], 1, 8).contains("lie outside args"));
+    assert!(fails(&both, &[0; 4], 0, 0).contains("0 pixels a side"));
+    assert!(fails(&both, &[0; 4], 0, u32::MAX).contains("pixels a side"));
+    assert!(fails(&both, &[], 0, 8).contains("push constants"));
+    assert!(fails(&both[..1], &[0; 4], 0, 8).contains("uses squares, which was left out"));
+    assert!(fails(&[("rectangles", &a), ("squares", &a)], &[0; 4], 0, 8).contains("writes a"));
     assert_clean(context, "refused draws");
 }

@@ -2,5 +2,4 @@
 
 pub mod canvas;
 pub mod device;
-pub mod layouts;
 pub mod replaced;

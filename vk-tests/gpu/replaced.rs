@@ -2,6 +2,8 @@
 
 use palpate::gpu::{Buffer, Context, Kernel, Memory, Options, Recorder, Size};
 
+use palpate::shaders::test::Bump;
+
 use crate::harness::assert_clean;
 use crate::harness::spoil::spoiled;
 
@@ -20,7 +22,7 @@ fn a_replaced_kernel_runs_in_its_place_and_an_unknown_name_is_refused() {
         let cells = Buffer::from_slice(&context, "cells", &[1u32; 5], Memory::Device).unwrap();
         let mut recorder = Recorder::new(&context).unwrap();
         recorder.stage("bump");
-        recorder.dispatch(&kernel, &[&cells], &bytemuck::cast::<[u32; 2], [u8; 8]>([10, 5]), 5);
+        recorder.dispatch(&kernel, &Bump { amount: 10, count: 5, cells: &cells }, 5);
         recorder.finish().unwrap().submit_and_wait().unwrap();
         assert_eq!(cells.read::<u32>().unwrap(), [expected; 5]);
         assert_clean(&context, "a replaced kernel");

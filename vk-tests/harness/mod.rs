@@ -13,10 +13,13 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use bytemuck::Pod;
-use palpate::gpu::{Buffer, Const, Context, Kernel, Memory, Options, Recorder, Size};
+use palpate::gpu::{Arrays, Buffer, Const, Context, Kernel, Memory, Named, Options, Recorder, Size};
 
 /// A quiet NaN no arithmetic makes, so that a value left unwritten is found as float and as integer.
 pub const CANARY: u32 = 0x7fc0_dead;
+/// Kernels that list things in the order in which invocations come by, which is another from run to run; what is made of the lists
+/// is not.
+const UNORDERED: [&str; 5] = ["cull/pairs", "skin/embed", "depth/cross", "contact/response", "contact/sort"];
 /// Words behind the end of what the kernel may write.
 const GUARD_WORDS: usize = 16;
 
@@ -26,11 +29,21 @@ pub fn context() -> &'static Arc<Context> {
     turn();
     CONTEXT.get_or_init(|| {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-        let context =
-            Context::new(&Options { device, validation: true, ..Options::default() }).unwrap_or_else(|e| panic!("{e}"));
+        let context = Context::new(&Options { device, validation: true, arrays: arrays(), ..Options::default() })
+            .unwrap_or_else(|e| panic!("{e}"));
         assert_clean(&context, "set-up");
         context
     })
+}
+
+/// The kind of arrays that tests use which do not compare both: `PALPATE_TEST_ARRAYS`, `texel` or `storage`, else the device's.
+pub fn arrays() -> Option<Arrays> {
+    match std::env::var("PALPATE_TEST_ARRAYS").as_deref() {
+        Err(_) => None,
+        Ok("texel") => Some(Arrays::Texel),
+        Ok("storage") => Some(Arrays::Storage),
+        Ok(other) => panic!("PALPATE_TEST_ARRAYS is {other}; give texel or storage"),
+    }
 }
 
 /// Waits until no other test uses the validation layer, and keeps others from it until this test's thread ends: messages belong to
@@ -84,7 +97,7 @@ enum Extent {
     Groups(u32),
 }
 
-/// A case for a kernel; buffers follow in binding order.
+/// A case for a kernel; buffers follow by their names in the shader.
 pub fn case(kernel: &str) -> Case {
     Case {
         kernel: kernel.into(),
@@ -160,16 +173,36 @@ impl Case {
         self
     }
 
-    /// Runs the case and checks guards, inputs, canaries and validation; panics where any fails.
+    /// Runs the case and checks guards, inputs, canaries and validation; panics where any fails. With both kinds of arrays, which
+    /// must leave the same.
     pub fn run(self) -> Outcome {
-        let context = context();
         turn();
+        let first = arrays().unwrap_or(context().arrays());
+        let after = self.run_with(first);
+        let second = if first == Arrays::Texel { Arrays::Storage } else { Arrays::Texel };
+        let other = self.run_with(second);
+        for ((given, after), other) in self.given.iter().zip(&after).zip(&other) {
+            let is_nan = |word: u32| f32::from_bits(word).is_nan();
+            let differ = |&i: &usize| after[i] != other[i] && !(is_nan(after[i]) && is_nan(other[i]));
+            if let Some(i) = (0..after.len()).find(differ).filter(|_| !UNORDERED.contains(&self.kernel.as_str())) {
+                let (kernel, name) = (&self.kernel, &given.name);
+                panic!("{kernel}: word {i} of {name} is {:#x} with {first:?} arrays, else {:#x}", after[i], other[i]);
+            }
+        }
+        Outcome { kernel: self.kernel, given: self.given, after }
+    }
+
+    /// What the arrays hold after a run with one kind of arrays.
+    fn run_with(&self, arrays: Arrays) -> Vec<Vec<u32>> {
+        let context = context();
         let constants: Vec<_> = self.constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
         // Drivers take longer to compile a kernel than to run it, and an iteration runs the same ones again and again.
         static KERNELS: Mutex<BTreeMap<String, Arc<Kernel>>> = Mutex::new(BTreeMap::new());
-        let make =
-            || Arc::new(Kernel::new(context, &self.kernel, self.size, &constants).unwrap_or_else(|e| panic!("{e}")));
-        let key = format!("{} {:?} {constants:?}", self.kernel, self.size);
+        let make = || {
+            let kernel = Kernel::with_arrays(context, &self.kernel, self.size, &constants, arrays);
+            Arc::new(kernel.unwrap_or_else(|e| panic!("{e}")))
+        };
+        let key = format!("{} {:?} {constants:?} {arrays:?}", self.kernel, self.size);
         let mut kernels = KERNELS.lock().unwrap_or_else(|e| e.into_inner());
         let kernel = kernels.entry(key).or_insert_with(make).clone();
         drop(kernels);
@@ -181,11 +214,13 @@ impl Case {
             .collect();
         let mut recorder = Recorder::new(context).unwrap();
         recorder.stage(&self.kernel);
-        let handles: Vec<_> = buffers.iter().collect();
+        let named: Vec<_> =
+            self.given.iter().zip(&buffers).map(|(given, buffer)| (given.name.as_str(), buffer)).collect();
+        let arguments = Named { shader: &self.kernel, buffers: &named, push: &self.push };
         match self.run {
             Extent::Unset => panic!("{}: say .elements() or .groups()", self.kernel),
-            Extent::Elements(n) => recorder.dispatch(&kernel, &handles, &self.push, n),
-            Extent::Groups(n) => recorder.dispatch_groups(&kernel, &handles, &self.push, n),
+            Extent::Elements(n) => recorder.dispatch(&kernel, &arguments, n),
+            Extent::Groups(n) => recorder.dispatch_groups(&kernel, &arguments, n),
         }
         recorder.finish().and_then(|r| r.submit_and_wait()).unwrap_or_else(|e| panic!("{e}"));
         let after: Vec<Vec<u32>> = buffers.iter().map(|b| b.read().unwrap()).collect();
@@ -193,19 +228,19 @@ impl Case {
         for (given, words) in self.given.iter().zip(&after) {
             check(&self.kernel, given, words);
         }
-        Outcome { kernel: self.kernel, given: self.given, after }
+        after
     }
 
     fn check_bindings(&self, kernel: &Kernel) {
-        let wants: Vec<_> = kernel.bindings().iter().map(|b| (b.name.as_str(), b.reads, b.writes)).collect();
-        let names: Vec<_> = self.given.iter().map(|g| g.name.as_str()).collect();
-        let bound: Vec<_> = wants.iter().map(|w| w.0).collect();
-        assert_eq!(names, bound, "{}: buffers given, and bindings of the kernel", self.kernel);
-        for (given, (name, reads, writes)) in self.given.iter().zip(wants) {
-            match given.role {
+        for binding in kernel.bindings() {
+            let (kernel, name) = (&self.kernel, &binding.name);
+            let given = self.given.iter().find(|given| given.name == *name);
+            match given.unwrap_or_else(|| panic!("{kernel}: {name} is not given")).role {
                 Role::Input => {}
-                Role::InOut => assert!(reads && writes, "{}: {name} is not both read and written", self.kernel),
-                Role::Output | Role::Partial => assert!(writes, "{}: {name} is never written", self.kernel),
+                Role::InOut => {
+                    assert!(binding.reads && binding.writes, "{kernel}: {name} is not both read and written")
+                }
+                Role::Output | Role::Partial => assert!(binding.writes, "{kernel}: {name} is never written"),
             }
         }
     }

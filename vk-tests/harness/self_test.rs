@@ -2,21 +2,14 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use palpate::gpu::{Buffer, Kernel, Memory, Recorder, Size};
+use palpate::gpu::{Arrays, Buffer, Kernel, Memory, Named, Recorder, Size};
+use palpate::shaders::test::CopyParams;
 
 use crate::harness::{Outcome, Tolerance, assert_clean, case, context, expect_close};
 
 /// One multiplication and one addition in f32.
 const TOLERANCE: Tolerance = Tolerance { abs: 0.0, rel: 2.4e-7 };
 const SCALE: f32 = 3.0;
-
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct CopyParams {
-    unused: [f32; 3],
-    count: u32,
-    also_unused: [[f32; 3]; 3],
-}
 
 /// Runs the copy kernel over `n` elements; `marked_is_input` claims that it leaves `marked` alone.
 fn copy(n: usize, misdeed: u32, marked_is_input: bool) -> (Outcome, Vec<f64>) {
@@ -89,21 +82,7 @@ fn a_value_left_unwritten_fails() {
 #[test]
 fn a_wrong_buffer_name_fails() {
     let said = message(|| drop(case("test/copy").input("parameters", &[0u32]).elements(1).run()));
-    assert!(said.contains("buffers given, and bindings of the kernel"), "{said}");
-}
-
-#[test]
-fn the_struct_layout_comes_from_the_shader() {
-    let kernel = Kernel::new(context(), "test/copy", Size::Group, &[]).unwrap();
-    let offsets = kernel.struct_offsets("CopyParams");
-    let want = [
-        ("unused", std::mem::offset_of!(CopyParams, unused)),
-        ("count", std::mem::offset_of!(CopyParams, count)),
-        ("also_unused", std::mem::offset_of!(CopyParams, also_unused)),
-    ];
-    assert_eq!(offsets, want.map(|(name, offset)| (name.to_string(), offset as u32)));
-    assert_eq!(kernel.struct_bytes("CopyParams"), Some(size_of::<CopyParams>() as u32));
-    assert_eq!(kernel.push_bytes(), 4);
+    assert!(said.contains("test/copy: params is not given"), "{said}");
 }
 
 #[test]
@@ -116,20 +95,43 @@ fn misuse_is_refused_by_name() {
     assert!(error(Kernel::new(context, "test/copy", Size::Group, &[("scale", 1u32.into())])).contains("not Uint"));
 
     let kernel = Kernel::new(context, "test/copy", Size::Group, &[]).unwrap();
+    const ANY: &[&str] = &["params", "source", "offsets", "target", "cells"];
     let array = |name, words: usize| Buffer::from_slice(context, name, &vec![0u32; words], Memory::Device).unwrap();
-    let (a, b, c, d, odd) = (array("a", 16), array("b", 4), array("c", 4), array("d", 4), array("odd", 5));
-    let record = |buffers: &[&Buffer], push: &[u8]| {
+    let any = |name, words| array(name, words).known_as(ANY);
+    let (a, b, c, d, odd) = (any("a", 16), any("b", 4), any("c", 4), any("d", 4), any("odd", 5));
+    let record = |buffers: &[(&str, &Buffer)], push: &[u8]| {
         let mut recorder = Recorder::new(context).unwrap();
         recorder.stage("trial");
-        recorder.dispatch(&kernel, buffers, push, 1);
+        recorder.dispatch(&kernel, &Named { shader: "test/copy", buffers, push }, 1);
         recorder.finish().map(|_| ()).unwrap_err().to_string()
     };
-    let few = record(&[&a, &b], &[0; 4]);
-    assert!(few.contains("stage trial") && few.contains("(params, source, offsets, marked, target)"), "{few}");
-    assert!(record(&[&a, &b, &c, &d, &d], &[0; 4]).contains("writes d and is also given it as target"));
-    assert!(record(&[&a, &b, &odd, &d, &c], &[0; 4]).contains("odd as offsets: it has 20 bytes"));
-    assert!(record(&[&a, &b, &c, &d, &a], &[0; 4]).contains("writes a"));
-    assert!(record(&[&a, &b, &c, &d, &odd], &[]).contains("4 bytes of push constants, but was given 0"));
+    let given =
+        |source, offsets, target| [("params", &a), ("source", source), ("offsets", offsets), ("target", target)];
+    let few = record(&given(&b, &c, &d)[..2], &[0; 4]);
+    assert!(few.contains("stage trial: kernel test/copy uses offsets, which was left out"), "{few}");
+    let unknown = record(&[("aim", &a)], &[0; 4]);
+    assert!(unknown.contains("no buffer aim; it has params, source, offsets, marked, target"), "{unknown}");
+    assert!(record(&given(&b, &c, &b), &[0; 4]).contains("writes b and is also given it as target"));
+    assert!(record(&given(&b, &c, &a), &[0; 4]).contains("writes a"));
+    assert!(record(&given(&b, &c, &odd), &[]).contains("4 bytes of push constants, but was given 0"));
+    // An array has its own name, unless it goes by others.
+    let target = b.known_as(&["target"]);
+    let swapped = record(&given(&target, &c, &d), &[0; 4]);
+    assert!(swapped.contains("array b is given as source, which it is not"), "{swapped}");
+    let named = array("source", 4);
+    let swapped = record(&[("params", &named)], &[0; 4]);
+    assert!(swapped.contains("array source is given as params, which it is not"), "{swapped}");
+    let other = Named { shader: "test/bump", buffers: &[("cells", &a)], push: &[0; 8] };
+    let mut recorder = Recorder::new(context).unwrap();
+    recorder.dispatch(&kernel, &other, 1);
+    let other = recorder.finish().map(|_| ()).unwrap_err().to_string();
+    assert!(other.contains("kernel test/copy was given the arguments of test/bump"), "{other}");
+    let texels = Kernel::with_arrays(context, "test/copy", Size::Group, &[], Arrays::Texel).unwrap();
+    let mut recorder = Recorder::new(context).unwrap();
+    let buffers = given(&b, &odd, &d);
+    recorder.dispatch(&texels, &Named { shader: "test/copy", buffers: &buffers, push: &[0; 4] }, 1);
+    let odd = recorder.finish().map(|_| ()).unwrap_err().to_string();
+    assert!(odd.contains("odd as offsets: it has 20 bytes"), "{odd}");
     let huge = Buffer::new(context, "huge", context.array_limits().0 + 4, Memory::Device);
     assert!(huge.map(|_| ()).unwrap_err().to_string().contains("array huge needs"));
     assert_clean(context, "misuse");

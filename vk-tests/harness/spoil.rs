@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use palpate_glsl::Arrays;
+
 /// The SPIR-V of the kernel `shaders/<kernel>.comp`, or of a shader whose name says its stage, with the one place that reads
 /// `from` reading `to` instead; its name and this are what [`palpate::gpu::Options::replaced`] takes.
 pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
@@ -12,5 +14,5 @@ pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
     let text = std::fs::read_to_string(&source).unwrap();
     assert_eq!(text.matches(from).count(), 1, "`{from}` stands in {kernel} once");
     assert!(palpate_glsl::kind(&source).is_some());
-    palpate_glsl::compile(&root, &source, &text.replace(from, to)).unwrap_or_else(|e| panic!("{e}"))
+    palpate_glsl::compile(&root, &source, &text.replace(from, to), Arrays::Storage).unwrap_or_else(|e| panic!("{e}"))
 }

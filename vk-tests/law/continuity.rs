@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::prepare::Shape;
-use palpate::stages::types::Contact;
+use palpate::shaders::Contact;
 use palpate::step::Simulation;
 
 use crate::scene::whole_step::scene;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use palpate::stages::types::Contact;
+use palpate::shaders::Contact;
 use palpate::step::Flags;
 
 use crate::law::invariants::{BLOCK, State};

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use palpate::gpu::Options;
 use palpate::scene::Scene;
-use palpate::stages::types::Contact;
+use palpate::shaders::Contact;
 use palpate::step::{Flags, Simulation, StepReport, ToolReport};
 
 use crate::law::friction::beside;

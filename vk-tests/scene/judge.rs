@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 use palpate::prepare::{Body, Proxy, Shape, Skin};
 use palpate::query::{Answer, QueryContact};
-use palpate::stages::types::Region;
+use palpate::shaders::Region;
 use palpate_oracle::rays::{Outline, Rays};
 use palpate_oracle::skin::normals;
 

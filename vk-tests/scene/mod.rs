@@ -2,6 +2,7 @@
 
 pub mod adversaries;
 pub mod agreement;
+mod arrays;
 pub mod bones;
 pub mod change;
 pub mod deep_press;

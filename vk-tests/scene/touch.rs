@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 use palpate::prepare::{self, Shape};
 use palpate::scene::{Scene, Sides};
+use palpate::shaders::Contact;
 use palpate::stages::depth;
-use palpate::stages::types::Contact;
 use palpate::step::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
 use palpate_oracle::contact::{self, Law, Support, Surface};

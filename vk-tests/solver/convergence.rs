@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use palpate::prepare::Layer;
 use palpate::prepare::layer::kuhn_box;
 use palpate::scene::{Law, Material, Preconditioner, gmsh};
-use palpate::stages::types::NONE;
+use palpate::shaders::NONE;
 
 use super::passes::Passes;
 use crate::harness::real_meshes::meshes;

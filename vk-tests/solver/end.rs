@@ -1,8 +1,7 @@
 //! The verdict from solve/conclude, the new state from solve/commit.
 
 use glam::{DQuat, DVec3};
-use palpate::stages::args;
-use palpate::stages::types::verdict;
+use palpate::shaders;
 
 use super::passes::{Change, Passes, SKIN_PARTS, UNTOUCHED};
 use crate::harness::random::Random;
@@ -39,7 +38,7 @@ fn with_dots(passes: &mut Passes, dots: &[[f32; 2]]) {
 }
 
 fn granted(passes: &Passes) -> [u32; 2] {
-    [args::COMMIT, args::WRENCH].map(|slot| passes.args[3 * slot as usize])
+    [shaders::ARGS_COMMIT, shaders::ARGS_WRENCH].map(|slot| passes.args[3 * slot as usize])
 }
 
 #[test]
@@ -56,7 +55,7 @@ fn verdicts_by_hand() {
     expect_close("residual", &[report.residual, report.residual_floor], &[0.05, 1.25e-4], ROUNDING);
     assert_eq!(granted(&passes), [groups, 1]);
     assert_eq!((report.max_depth, report.force, report.stiffness), (0.0, [7.0; 3], [7.0; 21]));
-    let written = [args::COMMIT, args::WRENCH, args::GAP].map(|slot| 3 * slot as usize);
+    let written = [shaders::ARGS_COMMIT, shaders::ARGS_WRENCH, shaders::ARGS_GAP].map(|slot| 3 * slot as usize);
     let others = passes.args.iter().enumerate().filter(|(i, _)| !written.contains(i));
     assert!(others.into_iter().all(|(_, word)| *word == UNTOUCHED), "other arguments stay");
 
@@ -65,7 +64,7 @@ fn verdicts_by_hand() {
     passes.state.status = 0;
     with_dots(&mut passes, &[[0.16, 0.0]]);
     passes.conclude();
-    assert_eq!((passes.report.verdict, granted(&passes)), (verdict::CONTINUE, [UNTOUCHED; 2]));
+    assert_eq!((passes.report.verdict, granted(&passes)), (shaders::VERDICT_CONTINUE, [UNTOUCHED; 2]));
 
     // Stopped above ten times the tolerance.
     passes = some_nodes();
@@ -81,7 +80,7 @@ fn verdicts_by_hand() {
     (passes.state.linearisations, passes.state.retries) = (1, 2);
     with_dots(&mut passes, &[[0.16, 0.0]]);
     passes.conclude();
-    assert_eq!((passes.report.verdict, granted(&passes)), (verdict::RELINEARISE, [0; 2]));
+    assert_eq!((passes.report.verdict, granted(&passes)), (shaders::VERDICT_RELINEARISE, [0; 2]));
     assert_eq!((passes.state.linearisations, passes.state.retries), (2, 0), "contacts that pull may be dropped again");
     passes.conclude();
     assert_eq!((passes.report.verdict, granted(&passes)), (DONE, [groups, 1]));
@@ -89,7 +88,7 @@ fn verdicts_by_hand() {
     passes.state.linearisations = 0;
     with_dots(&mut passes, &[[f32::NAN, 0.0]]);
     passes.conclude();
-    assert_eq!((passes.report.verdict, passes.state.linearisations), (verdict::FAILED, 0));
+    assert_eq!((passes.report.verdict, passes.state.linearisations), (shaders::VERDICT_FAILED, 0));
 
     // At rest the residual is nothing.
     passes = some_nodes();
@@ -106,7 +105,7 @@ fn the_gap_is_looked_for_where_a_loop_holds_the_tool() {
         passes.system.params.is_held = is_held;
         with_dots(&mut passes, &[[worth, 0.0]]);
         passes.conclude();
-        assert_eq!(passes.args[3 * args::GAP as usize], want, "{is_held} {worth}");
+        assert_eq!(passes.args[3 * shaders::ARGS_GAP as usize], want, "{is_held} {worth}");
     }
 }
 
@@ -118,7 +117,7 @@ fn what_is_no_number_is_not_accepted() {
         with_dots(&mut passes, &[[bad, 0.0], [1.0, 0.0]]);
         passes.conclude();
         let flags = NOT_CONVERGED | NON_FINITE;
-        assert_eq!((passes.report.verdict, passes.report.flags), (verdict::FAILED, flags), "of {bad}");
+        assert_eq!((passes.report.verdict, passes.report.flags), (shaders::VERDICT_FAILED, flags), "of {bad}");
         assert_eq!(granted(&passes), [0, 0]);
     }
 }
@@ -130,11 +129,11 @@ fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
     let (stopped, broken) = (2, 3);
     for (status, residual2, floor2, want) in [
         (broken, 0.32, 0.0, DONE),
-        (broken, 1.28, 0.0, verdict::FAILED),
+        (broken, 1.28, 0.0, shaders::VERDICT_FAILED),
         (stopped, 1.28, 0.0, DONE),
         (broken, 1.28, 16.0, DONE),
         (stopped, 60.0, 0.0, DONE),
-        (stopped, 96.0, 0.0, verdict::FAILED),
+        (stopped, 96.0, 0.0, shaders::VERDICT_FAILED),
         (stopped, 96.0, 16.0, DONE),
     ] {
         let mut passes = some_nodes();
@@ -142,7 +141,7 @@ fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
         with_dots(&mut passes, &[[residual2, floor2]]);
         passes.conclude();
         assert_eq!(passes.report.verdict, want, "status {status}, {residual2}, {floor2}");
-        let (groups, failed) = (70u32.div_ceil(context().group_size()), want == verdict::FAILED);
+        let (groups, failed) = (70u32.div_ceil(context().group_size()), want == shaders::VERDICT_FAILED);
         assert_eq!(granted(&passes), if failed { [0, 0] } else { [groups, 1] });
         let floor = (f64::from(floor2.max(1e-6)) / 64.0).sqrt();
         expect_close("floor", &[passes.report.residual_floor], &[floor], ROUNDING);
@@ -213,7 +212,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
             let again = status != 0 && retries < 4;
             assert_eq!(
                 report.verdict,
-                if status == 0 { verdict::CONTINUE } else { if again { verdict::RETRY } else { DONE } }
+                if status == 0 { shaders::VERDICT_CONTINUE } else { if again { shaders::VERDICT_RETRY } else { DONE } }
             );
             for (c, (now, was)) in passes.system.contacts.iter().zip(&before).enumerate() {
                 let dropped = if again && pulls[c] { 0.0 } else { 1.0 };

@@ -1,7 +1,7 @@
 //! The scalars and the vectors of an iteration from solve/update.
 
-use palpate::stages::args;
-use palpate::stages::types::{Iteration, RigidIterate, Solve};
+use palpate::shaders;
+use palpate::shaders::{Iteration, RigidIterate, Solve};
 
 use super::passes::{Passes, UNTOUCHED};
 use crate::harness::random::Random;
@@ -54,7 +54,8 @@ fn it_stops_where_it_should() {
         let (before, iterations) = (passes.state, passes.iterations);
         passes.update();
         let (status, state) = (passes.state.status, passes.state);
-        let words: Vec<usize> = (args::LOOP_APPLY..=args::LOOP_TOOL).map(|slot| 3 * slot as usize).collect();
+        let words: Vec<usize> =
+            (shaders::ARGS_LOOP_APPLY..=shaders::ARGS_LOOP_TOOL).map(|slot| 3 * slot as usize).collect();
         for (i, word) in passes.args.iter().enumerate() {
             assert_eq!(*word, if status != 0 && words.contains(&i) { 0 } else { UNTOUCHED }, "args [{i}]");
         }

@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame, FrameMotion, Shape};
 use palpate::scene::{Hinge, Joint, Preconditioner, Resistance};
-use palpate::stages::types::{self, NONE, Rigid};
+use palpate::shaders::{self, NONE, Rigid};
 use palpate_oracle::linear::{Entries, Solver};
 
 use super::passes::{Change, Passes};
@@ -71,7 +71,7 @@ fn passes(with: Preconditioner) -> Passes {
         let square = some(1.0).map(f64::from);
         let size = h * h * joint.limit_stiffness[0];
         let entry = |i: usize, j: usize| (size * (square[i] * square[j] + f64::from(u8::from(i == j)))) as f32;
-        types::Joint {
+        shaders::Joint {
             rigid: joint.cores.map(|core| core.map_or(NONE, |core| core as u32)),
             arm: arms,
             linear: (h * h * joint.stiffness) as f32,
@@ -85,7 +85,7 @@ fn passes(with: Preconditioner) -> Passes {
 }
 
 /// A side's six entries of J, of the first against the second, along an axis or about it.
-fn row(joint: &types::Joint, side: usize, axis: DVec3, about: bool, hinge: DVec3) -> [f64; 6] {
+fn row(joint: &shaders::Joint, side: usize, axis: DVec3, about: bool, hinge: DVec3) -> [f64; 6] {
     let arm = DVec3::from(joint.arm[side].map(f64::from));
     let (mut linear, mut angular) = if about { (DVec3::ZERO, axis) } else { (axis, arm.cross(axis)) };
     if hinge != DVec3::ZERO {

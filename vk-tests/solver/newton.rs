@@ -4,7 +4,7 @@
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::scene::Scene;
-use palpate::stages::types::{Frame, NONE, RigidIterate, Solve, StepParams};
+use palpate::shaders::{Frame, NONE, RigidIterate, Solve, StepParams};
 use palpate::step::Flags;
 use palpate_oracle as oracle;
 

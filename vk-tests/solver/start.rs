@@ -1,7 +1,7 @@
 //! The tool's block, the warm start and the loop's arguments from solve/start; the first iterate from solve/begin.
 
-use palpate::stages::args;
-use palpate::stages::types::Iteration;
+use palpate::shaders;
+use palpate::shaders::Iteration;
 use palpate_oracle::linear::{Entries, Solver};
 
 use super::passes::{Change, Passes, UNTOUCHED};
@@ -22,7 +22,7 @@ const FACTOR: f64 = 1.0e-4;
 
 /// Slots' first words in their order from `LOOP_APPLY` on.
 fn loop_groups(args: &[u32]) -> Vec<u32> {
-    (args::LOOP_APPLY..=args::GAP).map(|slot| args[3 * slot as usize]).collect()
+    (shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP).map(|slot| args[3 * slot as usize]).collect()
 }
 
 #[test]
@@ -40,10 +40,12 @@ fn the_warm_factor_and_the_arguments_by_hand() {
     assert_eq!(passes.iterations, [Iteration { gamma: 0.0, alpha: 0.0, count: 0 }; 2]);
     let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
     assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 0, 2, 0, 0, 0, 0, 0]);
-    for slot in args::LOOP_APPLY..=args::GAP {
+    for slot in shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP {
         assert_eq!(passes.args[3 * slot as usize + 1..][..2], [1, 1], "slot {slot}");
     }
-    let others = [&passes.args[..3 * args::LOOP_APPLY as usize], &passes.args[3 * args::GAP as usize + 3..]].concat();
+    let others =
+        [&passes.args[..3 * shaders::ARGS_LOOP_APPLY as usize], &passes.args[3 * shaders::ARGS_GAP as usize + 3..]]
+            .concat();
     assert!(others.iter().all(|word| *word == UNTOUCHED), "other stages' arguments stay");
 }
 

@@ -2,7 +2,7 @@
 
 use palpate::prepare::Body;
 use palpate::scene::Preconditioner;
-use palpate::stages::types::verdict;
+use palpate::shaders;
 use palpate_oracle::linear::Solver;
 
 use super::coarse::{kinds, large_core, soft_and_stiff};
@@ -156,7 +156,7 @@ fn pulled(with: Preconditioner) {
             passes.iterate(LIMIT);
             passes.record_end();
             solves += 1;
-            if passes.report.verdict != verdict::RETRY {
+            if passes.report.verdict != shaders::VERDICT_RETRY {
                 break;
             }
         }

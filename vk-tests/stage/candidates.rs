@@ -2,8 +2,9 @@
 //! lists of crossings made up.
 
 use glam::{DMat3, DVec3};
-use palpate::stages::args;
-use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, Chunk, NONE, PAIR_REGIONS, Pair, Region};
+use palpate::shaders;
+use palpate::shaders::{ActiveChunk, Chunk, NONE, Pair, Region};
+use palpate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 use palpate_oracle::regions;
 
 use crate::harness::bodies::{half_space, rigid, sphere, whole};
@@ -157,7 +158,7 @@ impl Given {
             }
         }
         flow.counts = Default::default();
-        flow.args[3 * args::GATHERING as usize] = chunks;
+        flow.args[3 * shaders::ARGS_GATHERING as usize] = chunks;
         flow.candidates();
     }
 

@@ -2,8 +2,10 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Size;
-use palpate::stages::args;
-use palpate::stages::types::{ActiveChunk, Counts, NONE, PAIR_REGIONS, Pair, Proxy, Region, Slot};
+use palpate::shaders;
+use palpate::shaders::{ActiveChunk, Counts, NONE, Pair, Proxy, Region, Slot};
+use palpate::stages::ARGS_WORDS;
+use palpate::stages::PAIR_REGIONS;
 use palpate_oracle::regions::{along, chunk_box};
 
 use crate::harness::bodies::{octants, rigid, soft, sphere, whole};
@@ -49,7 +51,7 @@ fn shaken(size: f64, regions: &[Region], random: &mut Random) -> Flow {
     flow.active_slots = (0..slots as u32).rev().collect();
     flow.slot_counts = vec![[0; 2]; slots];
     flow.fields = (0..PAIR_REGIONS * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { 0 } else { NONE }).collect();
-    flow.args[3 * args::CHUNKS as usize] = slots as u32;
+    flow.args[3 * shaders::ARGS_CHUNKS as usize] = slots as u32;
     flow
 }
 
@@ -190,7 +192,7 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
     flow.pairs[0] = Pair { is_plane: 1, plane: [0.0, 1.0, 0.0, 0.01], ..flow.pairs[0] };
     let a = flow.pairs[0].proxy_count[0] as usize;
     flow.active_slots.retain(|slot| (*slot as usize) < a);
-    flow.args[3 * args::CHUNKS as usize] = a as u32;
+    flow.args[3 * shaders::ARGS_CHUNKS as usize] = a as u32;
     flow.box_chunks();
     flow.meet();
     let mut totals = [0; 2];
@@ -258,7 +260,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             .partial("active_chunks", &vec![ActiveChunk::default(); 12 * count.max(1) as usize])
             .partial("items", &vec![[NONE; 2]; 12 * count.max(1) as usize])
             .inout("counts", &[Counts::default()])
-            .partial("args", &vec![7u32; args::WORDS])
+            .partial("args", &vec![7u32; ARGS_WORDS])
             .groups(3)
             .run();
         let meets = |side: usize, r: usize, slab: &[f32; 8]| {
@@ -313,14 +315,14 @@ fn chunks_that_collide_are_active_and_those_far_away_are_not() {
             let (sides, firsts) = crate::scene::spheres::sides(&a, &tool, normal);
             let mut needed = std::collections::BTreeSet::new();
             let owner = |model: &palpate::stages::model::Model, vertex: u32| {
-                let owns = |chunk: &palpate::stages::types::Chunk| {
+                let owns = |chunk: &palpate::shaders::Chunk| {
                     let own = &model.chunk_vertices[chunk.vertex_first as usize..][..chunk.vertex_count as usize];
                     own.contains(&vertex)
                 };
                 model.chunks.iter().position(owns).unwrap() as u32
             };
             let drawer = |model: &palpate::stages::model::Model, triangle: u32| {
-                let draws = |chunk: &palpate::stages::types::Chunk| {
+                let draws = |chunk: &palpate::shaders::Chunk| {
                     let own = &model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
                     own.contains(&triangle)
                 };

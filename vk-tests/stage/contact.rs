@@ -7,9 +7,10 @@ use glam::{DQuat, DVec3};
 use palpate::gpu::Size;
 use palpate::prepare::{Body, Shape};
 use palpate::scene::Sides;
-use palpate::stages::args;
+use palpate::shaders;
+use palpate::shaders::{Contact, Counts, NONE};
 use palpate::stages::depth::Path;
-use palpate::stages::types::{CHUNK_VERTICES, Contact, Counts, NONE, PAIR_REGIONS};
+use palpate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 use palpate_oracle::contact::{Carrier, Law, Support, Surface};
 use palpate_oracle::{contact as oracle, skin as embedded};
 
@@ -294,7 +295,7 @@ fn more_contacts_than_fit_are_flagged() {
     for capacity in [1, 64, found - 1, found, found + 1] {
         let mut flow = run(Some(capacity));
         let (kept, fits) = (found.min(capacity), found <= capacity);
-        let words = [args::CONTACTS, args::DEEPEST].map(|slot| flow.args[3 * slot as usize] as usize);
+        let words = [shaders::ARGS_CONTACTS, shaders::ARGS_DEEPEST].map(|slot| flow.args[3 * slot as usize] as usize);
         assert_eq!(flow.counts.contacts as usize, kept);
         assert_eq!(words, [kept.div_ceil(group), usize::from(!fits)]);
         assert_eq!(flow.counts.flags & CONTACT_OVERFLOW, if fits { 0 } else { CONTACT_OVERFLOW }, "{capacity} fit");

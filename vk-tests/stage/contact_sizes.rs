@@ -1,8 +1,9 @@
 //! contact/candidates and contact/response over any number of elements.
 
 use glam::{DQuat, DVec3};
-use palpate::stages::args;
-use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, Chunk, Contact, Counts, NONE};
+use palpate::shaders;
+use palpate::shaders::{ActiveChunk, Chunk, Contact, Counts, NONE};
+use palpate::stages::CHUNK_VERTICES;
 
 use crate::harness::bodies::{half_space, rigid, sphere, whole};
 use crate::harness::random::Random;
@@ -45,7 +46,7 @@ fn loose(n: usize, random: &mut Random) -> Flow {
         (0..chunks).map(|chunk| ActiveChunk { chunk, regions: 1, first_item: chunk, ..Default::default() }).collect();
     flow.regions[0].normal = [0.0, -1.0, 0.0];
     flow.counts = Counts { gathering: chunks, ..Counts::default() };
-    flow.args[3 * args::GATHERING as usize] = chunks;
+    flow.args[3 * shaders::ARGS_GATHERING as usize] = chunks;
     flow.capacity = n;
     flow
 }
@@ -129,7 +130,7 @@ fn check_lists(flow: &Flow, counts: &[u32]) {
     assert_eq!(listed.iter().filter(|l| **l).count() as u32, counts.iter().sum::<u32>());
     let in_use = flow.node_lists.chunks(lists).map(|heads| heads.iter().filter(|head| **head != NONE).count() as u32);
     assert_eq!(flow.node_list_counts, in_use.collect::<Vec<_>>());
-    let mut touched = flow.touched_nodes[..flow.args[3 * args::NODES as usize] as usize].to_vec();
+    let mut touched = flow.touched_nodes[..flow.args[3 * shaders::ARGS_NODES as usize] as usize].to_vec();
     touched.sort_unstable();
     let counted = (0..counts.len()).filter(|node| counts[*node] > 0);
     assert_eq!(touched, counted.map(|node| node as u32).collect::<Vec<_>>());

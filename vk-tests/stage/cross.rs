@@ -4,10 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DQuat, DVec3};
-use palpate::stages::args;
-use palpate::stages::types::{
-    ActiveChunk, CHUNK_TRIANGLES, CHUNK_VERTICES, Chunk, NONE, PAIR_REGIONS, Pair, Region, Slot,
-};
+use palpate::shaders;
+use palpate::shaders::{ActiveChunk, Chunk, NONE, Pair, Region, Slot};
+use palpate::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES, PAIR_REGIONS};
 
 use crate::harness::bodies::{Mesh, half_space, rigid, sheet, sphere, whole};
 use crate::harness::context;
@@ -76,8 +75,8 @@ pub fn meshes(sides: [&Mesh; 2], regions: &[Region]) -> Flow {
     flow.shares = vec![0.5; 2 * PAIR_REGIONS];
     // The heights that a reaches are the greatest there are, those of b the least.
     flow.fields = (0..PAIR_REGIONS * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { NONE } else { 0 }).collect();
-    flow.args[3 * args::ACTIVE as usize] = flow.active_chunks.len() as u32;
-    flow.args[3 * args::ITEMS as usize] = flow.items.len() as u32;
+    flow.args[3 * shaders::ARGS_ACTIVE as usize] = flow.active_chunks.len() as u32;
+    flow.args[3 * shaders::ARGS_ITEMS as usize] = flow.items.len() as u32;
     flow
 }
 
@@ -93,7 +92,7 @@ pub fn region(normal: DVec3, half: f32, cell: f32) -> Region {
 /// Vertex and region side of each bin, from the chunks.
 fn bins(flow: &Flow) -> Vec<(u32, u32)> {
     let mut bins = vec![(NONE, NONE); flow.bins.len()];
-    for entry in flow.active_chunks.iter().take(flow.args[3 * args::ACTIVE as usize] as usize) {
+    for entry in flow.active_chunks.iter().take(flow.args[3 * shaders::ARGS_ACTIVE as usize] as usize) {
         let chunk = &flow.model.chunks[entry.chunk as usize];
         let listed = (0..PAIR_REGIONS as u32).filter(|r| entry.regions >> r & 1 == 1);
         for (k, r) in listed.enumerate() {

@@ -3,8 +3,9 @@
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::prepare::hull::{self, Hull};
-use palpate::stages::args;
-use palpate::stages::types::{Counts, NONE, Proxy, ProxyBounds};
+use palpate::shaders;
+use palpate::shaders::{Counts, NONE, Proxy, ProxyBounds};
+use palpate::stages::ARGS_WORDS;
 use palpate_oracle::{cull as exact, proximity};
 
 use crate::harness::bodies::sphere;
@@ -142,7 +143,7 @@ fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]
         .partial("active_pairs", &vec![NONE; n])
         .partial("reach_of", &vec![[-1.0f32; 2]; n])
         .partial("directions", &vec![[5.0f32; 4]; 2 * n])
-        .inout("args", &vec![0u32; args::WORDS])
+        .inout("args", &vec![0u32; ARGS_WORDS])
         .groups(n.div_ceil(SHARE))
         .run();
     (out, proxy_pairs)
@@ -165,7 +166,7 @@ fn two_cubes_by_hand() {
         hulls.add(&cube(), turn, place);
         let (out, _) = test_pairs(&hulls, 1, 1);
         assert_eq!(out.get::<u32>("active_pairs"), [if near { 0 } else { NONE }], "{place}");
-        assert_eq!(out.get::<u32>("args")[3 * args::DIRECTION as usize], u32::from(near));
+        assert_eq!(out.get::<u32>("args")[3 * shaders::ARGS_DIRECTION as usize], u32::from(near));
         let [reach, gap] = out.get::<[f32; 2]>("reach_of")[0].map(f64::from);
         assert!((reach - if near { REACH } else { -1.0 }).abs() < 1e-7, "{reach}");
         // Two of the near ones are 0.09 apart, the third overlaps.
@@ -184,7 +185,7 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
         let mut kept: Vec<u32> = out.get("active_pairs");
         kept.retain(|i| *i != NONE);
         kept.sort_unstable();
-        assert_eq!(out.get::<u32>("args")[3 * args::DIRECTION as usize] as usize, kept.len());
+        assert_eq!(out.get::<u32>("args")[3 * shaders::ARGS_DIRECTION as usize] as usize, kept.len());
         for (i, [a, b, ..]) in pairs.iter().enumerate() {
             let (a, b) = (&hulls.points[*a as usize], &hulls.points[*b as usize]);
             let is_kept = kept.binary_search(&(i as u32)).is_ok();

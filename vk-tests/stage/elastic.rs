@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Const;
 use palpate::prepare::{Layer, Materials};
 use palpate::scene::Material;
-use palpate::stages::types::Counts;
+use palpate::shaders::Counts;
 use palpate::step::Flags;
 use palpate_oracle::elastic::{lame, outer, polar_rotation, strain};
 

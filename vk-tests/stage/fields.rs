@@ -6,7 +6,7 @@ use palpate::gpu::{Const, Size};
 use palpate::prepare::patch::patches;
 use palpate::prepare::{Layer, Shape};
 use palpate::scene::{Law, Sides};
-use palpate::stages::types::{Contact, Counts, Frame, NONE, StepParams};
+use palpate::shaders::{Contact, Counts, Frame, NONE, StepParams};
 use palpate::step::{Field, Overlay, Simulation, StepReport};
 
 use crate::harness::random::Random;
@@ -144,8 +144,8 @@ fn energies_of_patches_agree_with_the_oracle() {
     (0..count).for_each(|p| first.push(first[p] + members(p).count() as u32));
     let outcome = case("draw/share")
         .constant("PATCHES", count as u32)
-        .input("first", &first)
-        .input("members", &(0..count).flat_map(members).collect::<Vec<u32>>())
+        .input("patch_first", &first)
+        .input("patch_members", &(0..count).flat_map(members).collect::<Vec<u32>>())
         .inout("densities", &densities)
         .elements(count)
         .run();
@@ -168,8 +168,8 @@ fn sums_over_patches_of_any_number() {
             .collect();
         let outcome = case("draw/share")
             .constant("PATCHES", n as u32)
-            .input("first", &first)
-            .input("members", &members)
+            .input("patch_first", &first)
+            .input("patch_members", &members)
             .inout("densities", &rows)
             .elements(n)
             .run();
@@ -194,8 +194,8 @@ fn nodes_have_the_mean_of_their_tetrahedra_and_vertices_that_of_their_nodes() {
         let (first, around) = lists(n, 50, &mut random);
         let outcome = case("draw/mean")
             .constant("NODES", n as u32)
-            .input("first", &first)
-            .input("around", if around.is_empty() { &[0] } else { &around })
+            .input("node_first", &first)
+            .input("node_tetrahedra", if around.is_empty() { &[0] } else { &around })
             .input("densities", &densities)
             .output::<f32>("node_values", n)
             .elements(n)

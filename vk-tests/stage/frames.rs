@@ -7,12 +7,12 @@ use palpate::gpu::{Const, Size};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
 use palpate::scene::Material;
-use palpate::stages::args;
-use palpate::stages::model::FramePlace;
-use palpate::stages::types::{
+use palpate::shaders::{
     ActiveChunk, Chunk, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, Region, RigidIterate, Slot, Solve,
     StepParams,
 };
+use palpate::stages::ARGS_WORDS;
+use palpate::stages::model::FramePlace;
 
 use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
@@ -225,7 +225,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         .output::<[f32; 4]>("faces", 0)
         .output::<ProxyBounds>("bounds", 2)
         .inout("counts", &[Counts::default()])
-        .partial("args", &[0u32; args::WORDS])
+        .partial("args", &[0u32; ARGS_WORDS])
         .output::<u32>("buckets", 1)
         .groups(2)
         .run();
@@ -251,7 +251,7 @@ fn moving(random: &mut Random, h: f64, angle: f64) -> (Frame, Placed, Placed) {
         centre: start.centre.as_vec3().to_array(),
         linear: ((end.centre - start.centre) / h).as_vec3().to_array(),
         turn: turn.as_quat().to_array(),
-        core: palpate::stages::types::NONE,
+        core: palpate::shaders::NONE,
         ..Frame::default()
     };
     (frame, start, end)

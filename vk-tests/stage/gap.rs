@@ -4,8 +4,8 @@ use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::gpu::Size;
 use palpate::prepare::{self, Body, FrameMotion, Shape};
+use palpate::shaders::{Chunk, Frame, Link, NONE, Proxy, RigidIterate, SkinGap, SkinPart, Solve};
 use palpate::stages::gap::{RANGE, parts};
-use palpate::stages::types::{Chunk, Frame, Link, NONE, Proxy, RigidIterate, SkinGap, SkinPart, Solve};
 use palpate_oracle::gap as oracle;
 use palpate_oracle::gap::{Mesh, Way};
 

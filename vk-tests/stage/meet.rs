@@ -1,8 +1,10 @@
 //! cull/meet: the lists of all slots become one, in the order of slots, and what does not fit is flagged.
 
 use palpate::gpu::Size;
-use palpate::stages::args;
-use palpate::stages::types::{ActiveChunk, Counts, NONE, PAIR_REGIONS, Pair, Proxy, Region, Slot};
+use palpate::shaders;
+use palpate::shaders::{ActiveChunk, Counts, NONE, Pair, Proxy, Region, Slot};
+use palpate::stages::ARGS_WORDS;
+use palpate::stages::PAIR_REGIONS;
 
 use crate::harness::random::Random;
 use crate::harness::{case, context};
@@ -56,7 +58,7 @@ fn lists_of_slots_are_joined_in_order() {
                 .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; most])
                 .partial("items", &vec![[NONE; 2]; most])
                 .inout("counts", &[Counts::default()])
-                .partial("args", &vec![7u32; args::WORDS])
+                .partial("args", &vec![7u32; ARGS_WORDS])
                 .groups(active.len())
                 .run();
             let (mut want, mut items) = (vec![], vec![]);
@@ -87,10 +89,10 @@ fn lists_of_slots_are_joined_in_order() {
             assert_eq!((count.chunks as usize, count.items as usize, count.flags), (want.len(), items.len(), flags));
             let words: Vec<u32> = out.get("args");
             let groups = |slot: u32| words[3 * slot as usize] as usize;
-            assert_eq!([groups(args::ACTIVE), groups(args::ITEMS)], [want.len(), items.len()]);
+            assert_eq!([groups(shaders::ARGS_ACTIVE), groups(shaders::ARGS_ITEMS)], [want.len(), items.len()]);
             let gather = want.iter().filter(|entry| (entry.slot as usize) < gathering).count();
-            assert_eq!([groups(args::GATHERING), count.gathering as usize], [gather; 2]);
-            assert_eq!(words[4 * args::DRAW as usize + 1] as usize, items.len(), "instances to draw");
+            assert_eq!([groups(shaders::ARGS_GATHERING), count.gathering as usize], [gather; 2]);
+            assert_eq!(words[3 * shaders::ARGS_DRAW as usize + 1] as usize, items.len(), "instances to draw");
         }
     }
 }

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
 use palpate::query::{Query, QuerySettings};
+use palpate::shaders::Region;
 use palpate::stages::depth::Path;
-use palpate::stages::types::Region;
 
 use crate::harness::bodies::{Mesh, rigid, sphere, whole};
 use crate::harness::random::Random;

@@ -5,6 +5,8 @@ use glam::{DQuat, DVec3};
 use palpate::gpu::Recorder;
 use palpate::prepare::{self, Body, sphere};
 use palpate::scene::Scene;
+use palpate::shaders::{Counts, Frame, Link, NONE, Pair, Region, StepParams};
+use palpate::stages::CHUNK_VERTICES;
 use palpate::stages::Common;
 use palpate::stages::contact::Contact;
 use palpate::stages::cull::{Cull, MOST_CELLS};
@@ -13,7 +15,6 @@ use palpate::stages::elastic::Elastic;
 use palpate::stages::model::Model;
 use palpate::stages::pose::Pose;
 use palpate::stages::skin::Skin;
-use palpate::stages::types::{CHUNK_VERTICES, Counts, Frame, Link, NONE, Pair, Region, StepParams};
 use palpate::step::frames::Frames;
 use palpate::step::{Flags, Simulation, StepReport};
 
@@ -121,7 +122,7 @@ impl Query {
         let common = Common::new(context, &model).unwrap();
         let (elastic, pose) = (Elastic::new(context, &model).unwrap(), Pose::new(context, &model).unwrap());
         let (cull, skin) = (Cull::new(context, &model, true).unwrap(), Skin::new(context, &model).unwrap());
-        let contact = Contact::new(context, &model, true).unwrap();
+        let contact = Contact::new(context, &model, true, true).unwrap();
         let depths = PATHS.map(|path| Depth::new(context, &model, path).unwrap());
         let recordings = depths.each_ref().map(|depth| {
             let mut recorder = Recorder::new(context).unwrap();

@@ -3,8 +3,9 @@
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::gpu::Size;
-use palpate::stages::args;
-use palpate::stages::types::{Counts, Frame, Link, NONE, Proxy, ProxyBounds};
+use palpate::shaders;
+use palpate::shaders::{Counts, Frame, Link, NONE, Proxy, ProxyBounds};
+use palpate::stages::ARGS_WORDS;
 use palpate_oracle::proximity;
 
 use crate::harness::random::Random;
@@ -67,7 +68,7 @@ impl Given {
 
     fn run(&self) -> Outcome {
         // What a step left behind.
-        let stale = vec![77u32; args::WORDS];
+        let stale = vec![77u32; ARGS_WORDS];
         let nodes = if self.nodes.is_empty() { &vec![[0; 2]; 2] } else { &self.nodes };
         case("pose/place")
             .size(Size::Reduce)
@@ -133,12 +134,12 @@ fn a_quarter_turn_by_hand() {
     assert_eq!(out.get::<Counts>("counts"), [Counts { last_contacts: LAST.contacts, ..Counts::default() }]);
     assert_eq!(out.get::<u32>("buckets"), [NONE; BUCKETS as usize]);
     let slots: Vec<u32> = out.get("args");
-    for slot in 0..args::LOOP_APPLY {
+    for slot in 0..shaders::ARGS_LOOP_APPLY {
         assert_eq!(slots[3 * slot as usize..][..3], [0, 1, 1], "slot {slot}");
     }
-    let instances = 4 * args::DRAW as usize + 1;
+    let instances = 3 * shaders::ARGS_DRAW as usize + 1;
     assert_eq!(slots[instances], 0, "nothing to draw");
-    let mut others = (3 * args::LOOP_APPLY as usize..args::WORDS).filter(|word| *word != instances);
+    let mut others = (3 * shaders::ARGS_LOOP_APPLY as usize..ARGS_WORDS).filter(|word| *word != instances);
     assert!(others.all(|word| slots[word] == 77), "the solver's slots are its own");
 }
 

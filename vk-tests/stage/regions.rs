@@ -3,8 +3,10 @@
 use bytemuck::Zeroable;
 use glam::DVec3;
 use palpate::gpu::Size;
-use palpate::stages::args;
-use palpate::stages::types::{Counts, NONE, PAIR_REGIONS, Pair, Proxy, ProxyBounds, Region, StepParams};
+use palpate::shaders;
+use palpate::shaders::{Counts, NONE, Pair, Proxy, ProxyBounds, Region, StepParams};
+use palpate::stages::ARGS_WORDS;
+use palpate::stages::PAIR_REGIONS;
 use palpate_oracle::proximity;
 
 use crate::harness::random::Random;
@@ -91,7 +93,7 @@ impl Given {
             .partial("active_slots", &vec![NONE; count])
             .partial("fields", &vec![7u32; PAIR_REGIONS * FIELD_WORDS])
             .inout("counts", &[Counts::default()])
-            .inout("args", &vec![0u32; args::WORDS])
+            .inout("args", &vec![0u32; ARGS_WORDS])
             .partial("near_pairs", &vec![NONE; self.directions.len() / 2])
             .partial("buckets", &vec![7u32; 4 + PAIR_REGIONS * FIELD_WORDS])
             .groups(1)
@@ -156,7 +158,7 @@ fn check(given: &Given, out: &Outcome) -> usize {
         assert!(own[live..].iter().all(|share| *share == 0.0));
     }
     let mut active: Vec<u32> = out.get("active_slots");
-    let groups = out.get::<u32>("args")[3 * args::CHUNKS as usize] as usize;
+    let groups = out.get::<u32>("args")[3 * shaders::ARGS_CHUNKS as usize] as usize;
     assert!(active[groups..].iter().all(|slot| *slot == NONE));
     active.truncate(groups);
     active.sort_unstable();
@@ -265,5 +267,5 @@ fn a_half_space_has_one_region_and_the_slots_that_reach_it() {
         assert_eq!(shares[PAIR_REGIONS * s], *bit as f32);
         below += bit;
     }
-    assert!(below > 2 && below < 28 && out.get::<u32>("args")[3 * args::CHUNKS as usize] == below);
+    assert!(below > 2 && below < 28 && out.get::<u32>("args")[3 * shaders::ARGS_CHUNKS as usize] == below);
 }

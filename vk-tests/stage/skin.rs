@@ -2,9 +2,10 @@
 
 use glam::{DQuat, DVec3};
 use palpate::prepare::{Body, Shape};
-use palpate::stages::args;
+use palpate::shaders;
+use palpate::shaders::{ActiveChunk, Chunk, Frame, NONE, Pair, Region, Slot};
+use palpate::stages::CHUNK_VERTICES;
 use palpate::stages::model::Model;
-use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, Chunk, Frame, NONE, Pair, Region, Slot};
 use palpate_oracle::{proximity, skin as oracle};
 
 use crate::harness::bodies::{half_space, octants, rigid, soft, sphere, whole};
@@ -73,7 +74,7 @@ fn activate(flow: &mut Flow) {
         let chunks = proxy.chunk_first..proxy.chunk_first + proxy.chunk_count;
         flow.active_chunks.extend(chunks.map(|chunk| ActiveChunk { chunk, slot: slot as u32, ..Default::default() }));
     }
-    flow.args[3 * args::ACTIVE as usize] = flow.active_chunks.len() as u32;
+    flow.args[3 * shaders::ARGS_ACTIVE as usize] = flow.active_chunks.len() as u32;
 }
 
 #[test]

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use bytemuck::Zeroable;
 use palpate::gpu::DeviceKind;
-use palpate::stages::args;
+use palpate::shaders;
+use palpate::shaders::{Contact, Counts, NONE};
 use palpate::stages::depth::Path;
-use palpate::stages::types::{Contact, Counts, NONE};
 
 use crate::harness::bodies::{half_space, rigid, sphere, whole};
 use crate::harness::context;
@@ -90,7 +90,7 @@ fn list(flow: &mut Flow, nodes: usize, random: &mut Random) {
     }
     flow.touched_nodes = (0..nodes as u32).filter(|node| flow.node_list_counts[*node as usize] > 0).collect();
     shuffle(&mut flow.touched_nodes, random);
-    flow.args[3 * args::NODES as usize] = flow.touched_nodes.len() as u32;
+    flow.args[3 * shaders::ARGS_NODES as usize] = flow.touched_nodes.len() as u32;
 }
 
 fn shuffle<T>(items: &mut [T], random: &mut Random) {

@@ -1,11 +1,10 @@
 //! The view: what its shaders make of light, values and shadows, against f64; and pictures of a simulation, which do not depend on
 //! how they were cut up.
 
-use std::mem::offset_of;
-
 use bytemuck::Zeroable;
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use palpate::gpu::{Before, Buffer, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Texels};
+use palpate::shaders;
 use palpate::step::{Field, Simulation};
 use palpate_view::look::{self, Look, Material, SCALE_COLOURS, View, across, columns, flags, light};
 use palpate_view::{Moment, Overlay, Overlays, Renderer, Settings};
@@ -24,28 +23,6 @@ const SHADE: f64 = 2.0 / 255.0;
 const DEPTH: f64 = 2e-5;
 /// Texels a side of the shadows of these tests; no multiple of four would do for rows that are read four at a time.
 const SIDE: u32 = 32;
-
-/// Compares a struct of a pipeline with its twin, member by member.
-macro_rules! same_layout {
-    ($pipeline:literal, $name:ident { $($member:ident),+ $(,)? }) => {{
-        let pipeline = RasterPipeline::onto(context(), $pipeline, &[], &PLAIN).unwrap();
-        let want = vec![$((stringify!($member).to_string(), offset_of!($name, $member) as u32)),+];
-        let (members, bytes) = pipeline.struct_layout(stringify!($name)).unwrap();
-        assert_eq!(members, want, "{} of {}", stringify!($name), $pipeline);
-        assert_eq!(bytes, size_of::<$name>() as u32);
-    }};
-}
-
-#[test]
-fn views_and_materials_are_laid_out_as_in_the_shaders() {
-    turn();
-    same_layout!("view/mesh", View { clip, light, eye, sun, across, ground, middle, reach, bias, texel, shadow_side });
-    same_layout!(
-        "view/ground",
-        View { clip, light, eye, sun, across, ground, middle, reach, bias, texel, shadow_side }
-    );
-    same_layout!("view/mesh", Material { colour, low, high, flags });
-}
 
 #[test]
 fn the_sun_sees_a_ball_from_zero_to_one() {
@@ -231,28 +208,20 @@ fn drawn_face(
     let [a, b, c] = face.values.map(|value| value as f32);
     let values = [[9.0, 9.0, 9.0, a], [b, c, 9.0, 9.0]];
     let other = Material { colour: [1.0, 0.0, 1.0, 1.0], flags: flags::UNLIT, low: 0.0, high: 1.0 };
-    let buffers = [
-        words("view", &[*view]),
-        words("positions", &narrow(face.positions, 1.0)),
-        words("normals", &narrow(face.normals, 0.0)),
-        words("values", &values),
-        shadow_array(depths),
-        words("colours", colours),
-        words("looks", &[other, *material, other]),
-    ];
+    let arguments = shaders::view::DrawMesh {
+        material_index: 1,
+        view: &words("view", &[*view]),
+        positions: &words("positions", &narrow(face.positions, 1.0)),
+        normals: &words("normals", &narrow(face.normals, 0.0)),
+        values: &words("values", &values),
+        shadow: &shadow_array(depths),
+        colours: &words("colours", colours),
+        materials: &words("materials", &[other, *material, other]),
+    };
     let mut sheet = Sheet::new(SIZE, 1);
     sheet.canvas.depth = None;
-    let buffers: Vec<&Buffer> = buffers.iter().collect();
-    let push = 1u32.to_ne_bytes();
-    let one = Drawn {
-        pipeline: &pipeline,
-        buffers: &buffers,
-        push: &push,
-        indices: None,
-        range: (3, 3),
-        instances: 1,
-        part: None,
-    };
+    let one =
+        Drawn { pipeline: &pipeline, arguments: &arguments, indices: None, range: (3, 3), instances: 1, part: None };
     sheet.draw(Before::Cleared([0.0; 4]), &[one]).0
 }
 
@@ -366,8 +335,7 @@ fn shaded_ground(view: &View, square: [DVec3; 4], side: u32) -> (Vec<[f64; 4]>, 
     recorder.stage("shadow");
     let casters = Drawn {
         pipeline: &caster,
-        buffers: &[&view_there, &positions],
-        push: &[],
+        arguments: &shaders::view::DrawShadow { view: &view_there, positions: &positions },
         indices: Some(&indices),
         range: (0, 6),
         instances: 1,
@@ -379,16 +347,9 @@ fn shaded_ground(view: &View, square: [DVec3; 4], side: u32) -> (Vec<[f64; 4]>, 
     assert_clean(context(), "a shadow");
     let mut sheet = Sheet::new([64, 48], 1);
     sheet.canvas.depth = None;
-    let buffers = [&view_there, &depths];
-    let one = Drawn {
-        pipeline: &ground,
-        buffers: &buffers,
-        push: &[],
-        indices: None,
-        range: (0, 6),
-        instances: 1,
-        part: None,
-    };
+    let arguments = shaders::view::DrawGround { view: &view_there, shadow: &depths };
+    let one =
+        Drawn { pipeline: &ground, arguments: &arguments, indices: None, range: (0, 6), instances: 1, part: None };
     (sheet.draw(Before::Cleared([0.0; 4]), &[one]).0, depths)
 }
 

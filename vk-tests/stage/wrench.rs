@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use palpate::gpu::Size;
-use palpate::stages::types::{Contact, Report, StepParams};
+use palpate::shaders::{Contact, Report, StepParams};
 use palpate_oracle::step::Resolved;
 use palpate_oracle::wrench;
 

@@ -147,7 +147,8 @@ impl Source<'_> {
             let arrays = Arrays {
                 positions: mesh.positions.clone(),
                 // Faces are flat.
-                normals: mesh.positions.clone(),
+                // It is shown flat, by the shape of its faces.
+                normals: mesh.positions.known_as(&["normals"]),
                 values: mesh.values.clone(),
                 indices: mesh.triangles.clone(),
             };

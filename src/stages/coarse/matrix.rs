@@ -6,8 +6,8 @@ use faer::Mat;
 use glam::{DMat3, DVec3};
 
 use super::super::model::{Core, Model, SoftRange};
-use super::super::types::NONE;
 use super::MODES;
+use crate::shaders::NONE;
 
 impl Model {
     /// P^T A P at rest, without contact and the limits of joints; of cores as if none was hinged.

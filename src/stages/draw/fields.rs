@@ -6,12 +6,12 @@ use std::sync::Arc;
 use super::super::contact::Touch;
 use super::super::elastic::Elastic;
 use super::super::model::Model;
-use super::super::types::{Contact, NONE};
 use super::super::{Common, array, count, upload};
 use super::{Draw, Points, lists};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
+use crate::shaders::{Contact, NONE};
 
 /// What is shown as a colour on the skins. None is ever negative, nor anything but a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::super::model::texel;
-use super::super::types::NONE;
 use super::super::upload;
 use super::Points;
 use crate::Result;
 use crate::gpu::{Buffer, Context, Memory};
+use crate::shaders::NONE;
 
 /// A mesh in the making.
 #[derive(Debug, Clone, Default)]

@@ -2,8 +2,8 @@
 
 use std::mem::offset_of;
 
+use super::super::Common;
 use super::super::elastic::Elastic;
-use super::super::{Common, args, types};
 use super::{Solve, Variant};
 use crate::gpu::{Buffer, Kernel, Recorder};
 use crate::shaders;
@@ -19,7 +19,7 @@ impl Solve {
     /// A new step: contacts that pulled last time say nothing about this one, and it is linearised at its start.
     pub fn record_reset(&self, recorder: &mut Recorder) {
         recorder.stage("solve");
-        recorder.fill_range(&self.state, offset_of!(types::Solve, retries) as u64, 8, 0);
+        recorder.fill_range(&self.state, offset_of!(shaders::Solve, retries) as u64, 8, 0);
     }
 
     /// Right-hand side, preconditioner, warm start, first residual.
@@ -214,7 +214,7 @@ impl Solve {
             displacement: &elastic.displacement,
             leftover: &self.leftover,
         };
-        recorder.dispatch_indirect(&self.commit, &arguments, &common.args, args::COMMIT);
+        recorder.dispatch_indirect(&self.commit, &arguments, &common.args, shaders::ARGS_COMMIT);
     }
 
     /// Nothing moves, nothing is left over.
@@ -224,7 +224,7 @@ impl Solve {
             recorder.fill(buffer, 0);
         }
         for rigid in 0..self.rigid_count {
-            let first = rigid * size_of::<types::Rigid>() + offset_of!(types::Rigid, leftover);
+            let first = rigid * size_of::<shaders::Rigid>() + offset_of!(shaders::Rigid, leftover);
             recorder.fill_range(&self.rigids, first as u64, 24, 0);
         }
     }
@@ -277,7 +277,7 @@ impl Solve {
         };
         recorder.together(|recorder| {
             if in_loop {
-                recorder.dispatch_indirect(&self.apply, &of_elements, &common.args, args::LOOP_APPLY);
+                recorder.dispatch_indirect(&self.apply, &of_elements, &common.args, shaders::ARGS_LOOP_APPLY);
             } else {
                 recorder.dispatch(&self.apply, &of_elements, elastic.tetrahedron_count as u32);
             }
@@ -289,7 +289,7 @@ impl Solve {
                     element_forces: &elastic.element_forces,
                 };
                 match in_loop {
-                    true => recorder.dispatch_indirect(kernel, &arguments, &common.args, args::LOOP_PATCHES),
+                    true => recorder.dispatch_indirect(kernel, &arguments, &common.args, shaders::ARGS_LOOP_PATCHES),
                     false => recorder.dispatch(kernel, &arguments, dilate.patch_count as u32),
                 }
             }
@@ -307,7 +307,7 @@ impl Solve {
                     iterates: Some(&self.iterates),
                     contact_forces: &touch.contact_forces,
                 };
-                let slot = if in_loop { args::LOOP_PRESS } else { args::CONTACTS };
+                let slot = if in_loop { shaders::ARGS_LOOP_PRESS } else { shaders::ARGS_CONTACTS };
                 recorder.dispatch_indirect(&self.press, &arguments, &common.args, slot);
             }
         });

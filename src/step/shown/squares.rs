@@ -5,7 +5,8 @@ use glam::DVec3;
 use super::super::{ContactPoint, Simulation};
 use crate::Result;
 use crate::prepare::Shape;
-use crate::stages::types::{PAIR_REGIONS, Region};
+use crate::shaders::Region;
+use crate::stages::PAIR_REGIONS;
 
 /// A region of the last step: the directions that it looks along, and the rectangle that both bodies cover across them.
 #[derive(Debug, Clone, Copy, PartialEq)]

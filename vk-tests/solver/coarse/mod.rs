@@ -11,8 +11,8 @@ use glam::{DQuat, DVec3};
 use palpate::prepare::layer::kuhn_box;
 use palpate::prepare::{Body, Frame, FrameMotion, Layer, Shape};
 use palpate::scene::Hinge;
+use palpate::shaders::NONE;
 use palpate::stages::model::Model;
-use palpate::stages::types::NONE;
 use palpate_oracle::coarse::{Block, MODES, modes};
 
 use crate::solver::system::{

@@ -1,7 +1,7 @@
 //! The cases, a method each.
 
 use palpate::gpu::Size;
-use palpate::stages::types::{Contact, Iteration};
+use palpate::shaders::{Contact, Iteration};
 
 use super::side_by_side::{FREE, Variant, merged, settled, unwritten};
 use super::{Change, Passes};
@@ -181,8 +181,8 @@ impl Passes {
             .input("contacts", &s.contacts)
             .input("contact_forces", &self.contact_forces)
             .input("change", change)
-            .input("first", first)
-            .input("second", second)
+            .input("preconditioned", first)
+            .input("residual_or_rhs", second)
             .input("inverse", &self.inverse)
             .input("rigids", &self.rigids)
             .input("iterates", &self.iterates)

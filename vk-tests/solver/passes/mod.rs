@@ -5,8 +5,9 @@ mod side_by_side;
 
 use bytemuck::Zeroable;
 use palpate::gpu::Size;
-use palpate::stages::args;
-use palpate::stages::types::{Iteration, Joint, NONE, Report, Rigid, RigidIterate, Solve};
+use palpate::shaders;
+use palpate::shaders::{Iteration, Joint, NONE, Report, Rigid, RigidIterate, Solve};
+use palpate::stages::ARGS_WORDS;
 
 pub use kernels::SKIN_PARTS;
 
@@ -120,7 +121,7 @@ impl Passes {
             rigids,
             iterations: [Iteration::zeroed(); 2],
             state: Solve::zeroed(),
-            args: vec![UNTOUCHED; args::WORDS],
+            args: vec![UNTOUCHED; ARGS_WORDS],
             report: Report::zeroed(),
             core_changes: vec![],
             system,
@@ -194,7 +195,7 @@ impl Passes {
     /// Iterations until the device says to stop; at most `limit`.
     pub fn iterate(&mut self, limit: usize) {
         for _ in 0..limit {
-            let slots = [args::LOOP_FREE, args::LOOP_CARRIED, args::LOOP_TOOL];
+            let slots = [shaders::ARGS_LOOP_FREE, shaders::ARGS_LOOP_CARRIED, shaders::ARGS_LOOP_TOOL];
             if slots.iter().all(|slot| self.args[3 * *slot as usize] == 0) {
                 return;
             }

@@ -1,8 +1,9 @@
 //! From crossings to contacts, their response and the index from nodes to them.
 
 use palpate::gpu::Size;
-use palpate::stages::args;
-use palpate::stages::types::{CHUNK_VERTICES, Contact, NONE};
+use palpate::shaders;
+use palpate::shaders::{Contact, NONE};
+use palpate::stages::CHUNK_VERTICES;
 
 use super::{Flow, fours, some};
 use crate::harness::{case, context};
@@ -10,7 +11,7 @@ use crate::harness::{case, context};
 impl Flow {
     pub fn candidates(&mut self) {
         self.counts.chunks_asked = 0;
-        let (count, model) = (CHUNK_VERTICES * self.groups(args::GATHERING), &self.model);
+        let (count, model) = (CHUNK_VERTICES * self.groups(shaders::ARGS_GATHERING), &self.model);
         let out = case("contact/candidates")
             .size(Size::Reduce)
             .constant("CAPACITY", self.capacity as u32)
@@ -38,7 +39,7 @@ impl Flow {
             .partial("contact_source", &vec![NONE; self.capacity])
             .partial("args", &self.args)
             .inout("chunk_contacts", &vec![[9u32; 2]; (count / CHUNK_VERTICES).max(1)])
-            .groups(self.groups(args::GATHERING))
+            .groups(self.groups(shaders::ARGS_GATHERING))
             .run();
         self.source = out.get("contact_source");
         self.args = out.get("args");
@@ -67,7 +68,7 @@ impl Flow {
             .input("counts", &[self.counts])
             .partial("contact_source", &self.source)
             .input("chunk_contacts", &some(&self.chunk_contacts))
-            .groups(self.groups(args::DEEPEST))
+            .groups(self.groups(shaders::ARGS_DEEPEST))
             .run();
         self.source = out.get("contact_source");
     }
@@ -76,7 +77,7 @@ impl Flow {
     pub fn list_candidates(&mut self) {
         self.source = (0..self.hits.len() as u32).filter(|i| self.hits[*i as usize][0] > 0.0).collect();
         self.counts.contacts = self.source.len() as u32;
-        self.args[3 * args::CONTACTS as usize] = self.counts.contacts.div_ceil(context().group_size());
+        self.args[3 * shaders::ARGS_CONTACTS as usize] = self.counts.contacts.div_ceil(context().group_size());
     }
 
     pub fn respond(&mut self) {
@@ -105,7 +106,7 @@ impl Flow {
             .partial("next_entries", &vec![NONE; 16 * contacts])
             .partial("touched_nodes", &vec![NONE; self.node_list_counts.len()])
             .inout("args", &self.args)
-            .groups(self.groups(args::CONTACTS))
+            .groups(self.groups(shaders::ARGS_CONTACTS))
             .run();
         self.contacts = out.get("contacts");
         self.entry_nodes = out.get("entry_nodes");
@@ -130,7 +131,7 @@ impl Flow {
             .inout("counts", &[self.counts])
             .partial("node_entries", &self.node_entries)
             .partial("sorted", &vec![[NONE; 2]; entries])
-            .groups(self.groups(args::NODES))
+            .groups(self.groups(shaders::ARGS_NODES))
             .run();
         self.node_list_counts = out.get("node_list_counts");
         self.node_lists = out.get("node_lists");

@@ -8,14 +8,13 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DQuat, DVec3};
 use palpate::prepare::Body;
 use palpate::scene::{self, Scene, Sides};
-use palpate::stages::args;
+use palpate::shaders;
+use palpate::shaders::{ActiveChunk, Contact, Counts, Frame, Link, NONE, Pair, ProxyBounds, Region, StepParams};
+use palpate::stages::ARGS_WORDS;
 use palpate::stages::depth::Path;
 use palpate::stages::model::{Model, texel};
 use palpate::stages::skin::LEAST_BUCKETS;
-use palpate::stages::types::{
-    ActiveChunk, CHUNK_VERTICES, Contact, Counts, Frame, Link, NONE, PAIR_REGIONS, Pair, ProxyBounds, Region,
-    StepParams,
-};
+use palpate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 
 use crate::harness::context;
 
@@ -178,7 +177,7 @@ impl Flow {
             active_chunks: vec![],
             items: vec![],
             counts: Counts::default(),
-            args: vec![0; args::WORDS],
+            args: vec![0; ARGS_WORDS],
             skin: vec![[0.0; 4]; model.skin_nodes.len()],
             buckets: vec![],
             bins: vec![],
@@ -243,6 +242,6 @@ impl Flow {
         self.node_list_counts = vec![0; nodes];
         self.node_entries = vec![[0; 2]; nodes];
         self.node_lists = vec![NONE; nodes * context().reduce_size() as usize];
-        self.args[3 * args::NODES as usize] = 0;
+        self.args[3 * shaders::ARGS_NODES as usize] = 0;
     }
 }

@@ -1,8 +1,9 @@
 //! From bodies in their frames to the crossings on the rays of skin vertices.
 
 use palpate::gpu::Size;
-use palpate::stages::args;
-use palpate::stages::types::{ActiveChunk, CHUNK_VERTICES, NONE, PAIR_REGIONS, ProxyBounds};
+use palpate::shaders;
+use palpate::shaders::{ActiveChunk, NONE, ProxyBounds};
+use palpate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 
 use super::{FIELD_WORDS, Flow, fours, some};
 use crate::harness::case;
@@ -79,7 +80,7 @@ impl Flow {
             .input("counts", &[self.counts])
             .input("contact_source", &some(&self.source))
             .input("candidate_pushes", &some(&self.pushes))
-            .groups(self.groups(args::DIRECTION))
+            .groups(self.groups(shaders::ARGS_DIRECTION))
             .run();
         self.directions = out.get("directions");
     }
@@ -141,7 +142,7 @@ impl Flow {
             .partial("slot_chunks", &vec![[NONE; 2]; chunks])
             .partial("slabs", &vec![[f32::NAN; 8]; PAIR_REGIONS * chunks])
             .inout("fields", &self.fields)
-            .groups(self.groups(args::CHUNKS))
+            .groups(self.groups(shaders::ARGS_CHUNKS))
             .run();
         self.slot_chunks = out.get("slot_chunks");
         self.slabs = out.get("slabs");
@@ -167,7 +168,7 @@ impl Flow {
             .partial("items", &vec![[NONE; 2]; self.most_items])
             .inout("counts", &[self.counts])
             .partial("args", &self.args)
-            .groups(self.groups(args::CHUNKS))
+            .groups(self.groups(shaders::ARGS_CHUNKS))
             .run();
         self.slot_chunks = out.get("slot_chunks");
         self.slot_counts = out.get("slot_counts");
@@ -208,7 +209,7 @@ impl Flow {
             .partial("bin_hits", &vec![NONE - 1; bins])
             .partial("bin_squares", &vec![[NONE - 1; 2]; bins])
             .input("fields", &self.fields)
-            .groups(self.groups(args::ACTIVE))
+            .groups(self.groups(shaders::ARGS_ACTIVE))
             .run();
         self.skin = out.get("skin");
         self.buckets = out.get("buckets");
@@ -238,7 +239,7 @@ impl Flow {
             .inout("bin_hits", &self.bin_hits)
             .partial("hits", &vec![[NONE; 4]; self.most_hits])
             .input("pairs", &self.pairs)
-            .groups(self.groups(args::ITEMS))
+            .groups(self.groups(shaders::ARGS_ITEMS))
             .run();
         self.counts = out.get("counts")[0];
         self.bin_hits = out.get("bin_hits");

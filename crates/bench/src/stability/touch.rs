@@ -4,7 +4,7 @@
 use glam::DVec3;
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
-use palpate::stages::types::{self, NONE};
+use palpate::shaders::{self, NONE};
 use palpate::step::ToolReport;
 use palpate::{Error, Result};
 use palpate_oracle::step::auto_stiffness;
@@ -80,11 +80,11 @@ impl Skin {
     }
 
     /// Those of the contacts that were not dropped. The body comes first, so that its vertices and triangles do.
-    pub fn pressing(&self, contacts: &[types::Contact]) -> Vec<Pressing> {
+    pub fn pressing(&self, contacts: &[shaders::Contact]) -> Vec<Pressing> {
         contacts.iter().filter(|contact| contact.stiffness != 0.0).map(|contact| self.one(contact)).collect()
     }
 
-    fn one(&self, contact: &types::Contact) -> Pressing {
+    fn one(&self, contact: &shaders::Contact) -> Pressing {
         let wide = |x: [f32; 3]| DVec3::from(x.map(f64::from));
         // Of the side whose vertex it is.
         let sign = if contact.side.is_multiple_of(2) { 1.0 } else { -1.0 };

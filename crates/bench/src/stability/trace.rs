@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::Result;
 use palpate::prepare::Shape;
 use palpate::scene::Scene;
-use palpate::stages::types::Contact;
+use palpate::shaders::Contact;
 use palpate::step::drive::rotation_vector;
 use palpate::step::tool::Tool;
 use palpate::step::{Flags, RigidState, Simulation, ToolReport};

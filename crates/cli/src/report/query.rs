@@ -82,7 +82,7 @@ impl QueryReport {
         let deepest = answer.contacts.iter().rev().max_by(|x, y| x.depth.total_cmp(&y.depth));
         self.max_depth_m = deepest.map(|contact| contact.depth);
         self.deepest = deepest.map(|contact| (contact.body, contact.vertex));
-        let region = |region: &palpate::stages::types::Region| {
+        let region = |region: &palpate::shaders::Region| {
             json!({
                 "normal": region.normal,
                 "extent_m": [region.high[0] - region.low[0], region.high[1] - region.low[1]],
@@ -143,7 +143,7 @@ pub fn write_contacts(w: &mut impl Write, contacts: &[QueryContact]) -> std::io:
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use palpate::stages::types::Counts;
+    use palpate::shaders::Counts;
     use palpate::step::Flags;
 
     use super::*;

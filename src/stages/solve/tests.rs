@@ -1,0 +1,63 @@
+//! A buffer given for another is refused before a step runs: of all that the solver's passes are given, any two are swapped.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::super::elastic::Elastic;
+use super::super::model::Model;
+use super::super::touch::TouchStages;
+use super::super::{Common, depth};
+use super::Solve;
+use crate::gpu::{Context, Named, Options, Recorder};
+use crate::prepare::bodies::Bodies;
+use crate::scene::Scene;
+
+#[test]
+fn any_two_buffers_of_a_pass_that_are_swapped_are_refused_by_name() {
+    let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+    let context = Context::new(&Options { device, ..Options::default() }).unwrap();
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-head.toml");
+    let scene = Scene::load(&scene).unwrap();
+    let Bodies { bodies, tool } = Bodies::of(&scene).unwrap();
+    let model = Model::new(&scene, &bodies, tool.as_ref());
+    let (common, elastic) = (Common::new(&context, &model).unwrap(), Elastic::new(&context, &model).unwrap());
+    let touch = TouchStages::new(&context, &model, Some(depth::Path::Compute), true).unwrap();
+    let solve = Solve::new(&context, &model, Some(&touch.contact.touch)).unwrap();
+    let mut recorder = Recorder::untimed(&context).unwrap();
+    touch.record(&mut recorder, &common, &elastic);
+    solve.record_start(&mut recorder, &common, &elastic);
+    solve.record_iterations(&mut recorder, &common, &elastic, 2);
+    solve.record_end(&mut recorder, &common, &elastic);
+    let seen = std::mem::take(&mut recorder.seen);
+    recorder.finish().unwrap();
+    let (mut swaps, mut kernels) = (0, BTreeSet::new());
+    for (kernel, buffers, push) in &seen {
+        let given = |swapped: Option<(usize, usize)>| {
+            let mut named: Vec<_> = buffers.iter().map(|(name, buffer)| (name.as_str(), buffer)).collect();
+            if let Some((i, j)) = swapped {
+                (named[i].1, named[j].1) = (named[j].1, named[i].1);
+            }
+            let mut recorder = Recorder::untimed(&context).unwrap();
+            recorder.dispatch_groups(kernel, &Named { shader: kernel.name(), buffers: &named, push }, 1);
+            recorder.finish().map(|_| ())
+        };
+        given(None).unwrap();
+        for i in 0..buffers.len() {
+            for j in 0..i {
+                let ((a, x), (b, y)) = (&buffers[i], &buffers[j]);
+                if x.raw() == y.raw() {
+                    continue;
+                }
+                let refused = given(Some((i, j))).map_err(|error| error.to_string());
+                assert!(refused.is_err_and(|e| e.contains("which it is not")), "{}: {a} and {b}", kernel.name());
+                swaps += 1;
+            }
+        }
+        kernels.insert(kernel.name());
+    }
+    for kernel in ["solve/update", "solve/assemble", "solve/gather", "contact/candidates"] {
+        assert!(kernels.contains(kernel), "{kernel} is among {kernels:?}");
+    }
+    println!("{swaps} swaps in {} passes of {} kernels", seen.len(), kernels.len());
+    assert!(swaps > 2000, "{swaps}");
+}

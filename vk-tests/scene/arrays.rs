@@ -1,0 +1,56 @@
+//! Scenes run the same with texel arrays, with storage arrays, and where texel buffers hold no more than any Vulkan device's.
+
+use std::path::Path;
+
+use palpate::gpu::{Arrays, Options};
+use palpate::scene::Scene;
+use palpate::step::Simulation;
+
+/// Elements that every device's texel buffers hold.
+const GUARANTEED: u32 = 65_536;
+
+/// What some steps leave: forces, and where the nodes are, to the last bit.
+fn left(scene: &Scene, options: Options, steps: usize) -> Vec<u64> {
+    let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+    let options = Options { device, ..options };
+    let mut simulation = Simulation::new(scene, &options, None).unwrap();
+    let mut bits = Vec::new();
+    for _ in 0..steps {
+        let report = simulation.step().unwrap();
+        let force = report.tool.map(|tool| tool.force.to_array()).unwrap_or_default();
+        bits.extend(force.iter().chain([&report.residual]).map(|x| x.to_bits()));
+    }
+    for body in 0..simulation.bodies().len() {
+        if simulation.nodes(body).unwrap().is_some() {
+            let nodes = simulation.node_positions(body).unwrap();
+            bits.extend(nodes.iter().flat_map(|x| x.to_array()).map(f64::to_bits));
+        }
+    }
+    bits
+}
+
+fn expect_the_same(name: &str, steps: usize) {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("assets/scenes/{name}.toml"));
+    let scene = Scene::load(&file).unwrap();
+    let texel = left(&scene, Options { arrays: Some(Arrays::Texel), ..Options::default() }, steps);
+    let storage = left(&scene, Options { arrays: Some(Arrays::Storage), ..Options::default() }, steps);
+    let few = left(&scene, Options { texel_elements: Some(GUARANTEED), ..Options::default() }, steps);
+    assert!(texel.len() > 4 * steps, "{name}");
+    assert_eq!(texel.iter().zip(&storage).position(|(a, b)| a != b), None, "{name}: texel and storage arrays");
+    assert_eq!(few, storage, "{name}: few texel elements");
+}
+
+#[test]
+fn a_head_is_touched_the_same_with_either_kind_of_arrays() {
+    expect_the_same("touch-head", 12);
+}
+
+#[test]
+#[ignore = "long: 40 s"]
+fn all_scenes_run_the_same_with_either_kind_of_arrays() {
+    for name in
+        ["gears", "held-pad", "pose-human", "press-gear", "press-pumpkin", "pumpkins", "touch-human", "two-heads"]
+    {
+        expect_the_same(name, 12);
+    }
+}
