@@ -38,7 +38,7 @@ READ_ONLY(uvec4, hits);               // triangle, next, bits of the depth, item
 layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // of contacts: depth, barycentric, area
 layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
 layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // from a to b
-layout(scalar) writeonly buffer CandidatePushes { vec4 candidate_pushes[]; };     // for the next step's normal; pair of proxies
+layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };    // bits of a push for the next step's normal; pair of proxies
 layout(scalar) readonly buffer Items { uvec2 items[]; };
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };
 layout(scalar) writeonly buffer Args { uint args[]; };
@@ -203,7 +203,7 @@ void find_candidates() {
             uint b = (side_b ? entry.slot : other) - pair.first_slot[1];
             proxy_pair = pair.first_proxy_pair + a * pair.proxy_count[1] + b;
         }
-        candidate_pushes[at] = vec4(depth * areas[vertex] * outward, uintBitsToFloat(proxy_pair));
+        candidate_pushes[at] = uvec4(floatBitsToUint(depth * areas[vertex] * outward), proxy_pair);
     }
     // A driver left the loop early.
     if (done != (listed_count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);

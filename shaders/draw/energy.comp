@@ -22,7 +22,8 @@ layout(constant_id = 4) const bool NEO_HOOKEAN = false;
 
 layout(scalar) readonly buffer Materials { vec4 materials[]; };     // mu, lambda (Pa), law; a material
 READ_ONLY(uvec4, tetrahedra);
-READ_ONLY(vec4, rest_gradients);       // three a tetrahedron; w: sqrt(V), material, frame
+READ_ONLY(vec4, rest_gradients);       // three a tetrahedron; w of the first: sqrt(V)
+layout(scalar) readonly buffer ElementInfo { uvec2 element_info[]; };    // material, frame; a tetrahedron
 READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, tetrahedron_links);
 READ_ONLY(vec4, node_rest);
@@ -42,7 +43,7 @@ void main() {
     uvec4 nodes = fetch(tetrahedra, t);
     vec4 g1 = fetch(rest_gradients, 3 * t), g2 = fetch(rest_gradients, 3 * t + 1),
         g3 = fetch(rest_gradients, 3 * t + 2);
-    vec4 material = materials[uint(g2.w)];
+    vec4 material = materials[element_info[t].x];
     float mu = material.x, lambda = material.y;
     uvec4 link = SPANS ? fetch(tetrahedron_links, t) : uvec4(0);
     vec3 d0 = fetch(displacement, nodes.x).xyz;

@@ -28,7 +28,8 @@ layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Materials { vec4 materials[]; };     // mu, lambda (Pa), law, beta (s); a material
 READ_ONLY(uvec4, tetrahedra);
-READ_ONLY(vec4, rest_gradients);       // three a tetrahedron: g of its last three nodes (1/m); w: sqrt(V), material, frame
+READ_ONLY(vec4, rest_gradients);       // three a tetrahedron: g of its last three nodes (1/m); w of the first: sqrt(V)
+layout(scalar) readonly buffer ElementInfo { uvec2 element_info[]; };    // material, frame; a tetrahedron
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);
 READ_ONLY(uvec4, tetrahedron_links);   // from the first node's frame to each node's; 0: the same
@@ -65,8 +66,8 @@ void main() {
     uvec4 nodes = fetch(tetrahedra, t);
     vec4 g1 = fetch(rest_gradients, 3 * t), g2 = fetch(rest_gradients, 3 * t + 1),
         g3 = fetch(rest_gradients, 3 * t + 2);
-    uint frame = uint(g3.w);
-    vec4 material = materials[uint(g2.w)];
+    uint frame = element_info[t].y;
+    vec4 material = materials[element_info[t].x];
     float mu = material.x, lambda = material.y, root = g1.w;
     uvec4 link = SPANS ? fetch(tetrahedron_links, t) : uvec4(0);
     vec3 d0 = fetch(displacement, nodes.x).xyz;

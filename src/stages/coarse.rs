@@ -127,7 +127,7 @@ impl Model {
 
     /// mu, lambda, Pa, and beta, s.
     pub(crate) fn material_of(&self, tetrahedron: usize) -> [f64; 3] {
-        let [mu, lambda, _, beta] = self.materials[self.rest_gradients[3 * tetrahedron + 1][3] as usize];
+        let [mu, lambda, _, beta] = self.materials[self.element_info[tetrahedron][0] as usize];
         [mu, lambda, beta].map(f64::from)
     }
 

@@ -101,7 +101,7 @@ impl Contact {
             candidate_hits: zeros::<[f32; 4]>(context, "candidate_hits", candidates)?,
             candidate_what: zeros::<[u32; 4]>(context, "candidate_what", candidates)?,
             candidate_normals: zeros::<[f32; 4]>(context, "candidate_normals", candidates)?,
-            candidate_pushes: zeros::<[f32; 4]>(context, "candidate_pushes", candidates)?,
+            candidate_pushes: zeros::<[u32; 4]>(context, "candidate_pushes", candidates)?,
             chunk_contacts: array::<[u32; 2]>(context, "chunk_contacts", candidates / CHUNK_VERTICES)?,
             source: array::<u32>(context, "contact_source", capacity)?,
             node_list_counts: zeros::<u32>(context, "node_list_counts", nodes)?,

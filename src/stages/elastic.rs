@@ -30,6 +30,8 @@ pub struct Elastic {
     pub(super) tetrahedron_links: Option<Buffer>,
     /// Three a tetrahedron, rest axes, and the square root of its volume.
     pub(super) rest_gradients: Buffer,
+    /// Material and frame of each tetrahedron.
+    pub(super) element_info: Buffer,
     /// Position in the frame, mass.
     pub node_rest: Buffer,
     /// First quad of elements, quads, frame, and who holds it, as in shaders/shared/held.glsl.
@@ -95,6 +97,7 @@ impl Elastic {
             tetrahedra: upload(context, "tetrahedra", &model.tetrahedra)?,
             tetrahedron_links: model.spans_frames().then(links).transpose()?,
             rest_gradients: upload(context, "rest_gradients", &model.rest_gradients)?,
+            element_info: upload(context, "element_info", &model.element_info)?,
             node_rest: upload(context, "node_rest", &model.node_rest)?,
             node_info: upload(context, "node_info", &model.node_info)?,
             node_elements: upload(context, "node_elements", &model.padded_node_elements())?,
@@ -175,6 +178,7 @@ impl Elastic {
                 materials: &self.materials,
                 tetrahedra: &self.tetrahedra,
                 rest_gradients: &self.rest_gradients,
+                element_info: &self.element_info,
                 displacement: again.map_or(&self.displacement, |again| &again.displacement),
                 velocity: &self.velocity,
                 tetrahedron_links: self.tetrahedron_links.as_ref(),

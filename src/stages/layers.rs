@@ -109,8 +109,8 @@ impl Model {
             self.tetrahedron_links.push(links);
             self.rest_gradients.push(texel(gradients.x_axis, volume.sqrt()));
             let material = materials.of(t);
-            self.rest_gradients.push(texel(gradients.y_axis, (material_first + materials.index(t)) as f64));
-            self.rest_gradients.push(texel(gradients.z_axis, f64::from(frame)));
+            self.rest_gradients.extend([gradients.y_axis, gradients.z_axis].map(|g| texel(g, 0.0)));
+            self.element_info.push([(material_first + materials.index(t)) as u32, frame]);
             for (corner, n) in nodes.iter().enumerate() {
                 mass[*n as usize] += 0.25 * material.density * volume;
                 damping[*n as usize] += 0.25 * material.damping_mass * material.density * volume;

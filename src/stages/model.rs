@@ -145,8 +145,10 @@ pub struct Model {
     pub tetrahedra: Vec<[u32; 4]>,
     /// Links from the frame of a tetrahedron (its first node's) to those of its nodes.
     pub tetrahedron_links: Vec<[u32; 4]>,
-    /// Three a tetrahedron, and three zeros: gradients of its last three nodes; w: sqrt(V), material, frame.
+    /// Three a tetrahedron, and three zeros: gradients of its last three nodes; w of the first: sqrt(V).
     pub rest_gradients: Vec<[f32; 4]>,
+    /// Material and frame of each tetrahedron.
+    pub element_info: Vec<[u32; 2]>,
 
     /// Patches of tetrahedra that share a volumetric strain.
     pub patches: Patches,

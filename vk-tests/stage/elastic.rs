@@ -44,6 +44,7 @@ pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
         .input("materials", &system.model.materials)
         .input("tetrahedra", &system.model.tetrahedra)
         .input("rest_gradients", &system.model.rest_gradients)
+        .input("element_info", &system.model.element_info)
         .input("displacement", &system.displacement)
         .input("velocity", &system.velocity)
         .input("tetrahedron_links", &system.model.tetrahedron_links)

@@ -61,6 +61,7 @@ fn energy(system: &System, patch_of: &[u32]) -> Outcome {
         .input("materials", &system.model.materials)
         .input("tetrahedra", &system.model.tetrahedra)
         .input("rest_gradients", &system.model.rest_gradients)
+        .input("element_info", &system.model.element_info)
         .input("displacement", &system.displacement)
         .input("tetrahedron_links", &system.model.tetrahedron_links)
         .input("node_rest", &system.model.node_rest)

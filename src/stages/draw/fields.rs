@@ -255,6 +255,7 @@ impl Fields {
             materials: &elastic.materials,
             tetrahedra: &elastic.tetrahedra,
             rest_gradients: &elastic.rest_gradients,
+            element_info: &elastic.element_info,
             displacement: &elastic.displacement,
             tetrahedron_links: elastic.tetrahedron_links.as_ref(),
             node_rest: Some(&elastic.node_rest),
