@@ -2,8 +2,8 @@
 //!
 //! The rooms, each importing only those after it: [`haptics`] is the loop that the hand feels, [`step`] a step of the simulation,
 //! [`query`] the proximity query by itself, [`plan`] what a scene needs, [`stages`] the kernels, [`prepare`] layered bodies,
-//! [`scene`] what a user writes, [`shaders`] what shaders and host share, [`gpu`] the only room that speaks Vulkan. Devices, pictures, benchmarks, the C ABI and the
-//! program are crates of their own.
+//! [`scene`] what a user writes, [`shaders`] what shaders and host share, [`gpu`] the only room that speaks Vulkan. Devices,
+//! pictures, benchmarks, the C ABI and the program are crates of their own.
 //!
 //! ```no_run
 //! use palpate::gpu::Options;

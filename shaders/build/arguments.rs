@@ -40,7 +40,14 @@ pub fn modules(headers: &[String], shaders: &[Shader]) -> Result<String, String>
         let stage = name.split_once('/').map_or("", |(stage, _)| stage);
         *stages.entry(stage).or_default() += &arguments(name, "Draw", &shaders)?;
     }
-    let mut out = String::new();
+    let storage = |shader: &Shader| -> Result<usize, String> {
+        let bindings = spirv::reflect(&shader.words)?.bindings;
+        Ok(bindings.iter().filter(|binding| binding.kind == spirv::BindingKind::Storage).count())
+    };
+    let most = shaders.iter().map(storage).collect::<Result<Vec<_>, _>>()?.into_iter().max().unwrap_or(0);
+    let mut out = format!(
+        "/// The most storage buffers that a shader declares, with storage arrays.\npub const MOST_STORAGE_BUFFERS: u32 = {most};\n"
+    );
     for (stage, text) in stages {
         let own: String = structs.remove(stage).unwrap_or_default().into_values().collect();
         let _ = write!(

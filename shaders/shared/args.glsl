@@ -1,4 +1,4 @@
-// Indirect arguments: one VkDispatchIndirectCommand a slot, three words each; the slots are src/stages/args.rs's.
+// Indirect arguments: one VkDispatchIndirectCommand a slot, three words each.
 
 const uint ARGS_DIRECTION = 0;      // a workgroup an active proxy pair
 const uint ARGS_CHUNKS = 1;         // a workgroup an active slot

@@ -1,5 +1,5 @@
 // Distance between two convex hulls by Gilbert, Johnson and Keerthi (1988), closest points of a simplex as in Ericson,
-// "Real-Time Collision Detection" (2005), chapter 5.1. Needs `hull` (samplerBuffer of points).
+// "Real-Time Collision Detection" (2005), chapter 5.1. Needs READ_ONLY(vec4, hull), points.
 //
 // Returns a lower bound of the distance that is the distance itself once converged: culling by it never misses a pair.
 

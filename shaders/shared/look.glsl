@@ -1,4 +1,4 @@
-// What a picture is taken with, and how light falls. Twins: crates/view/src/look.rs.
+// What a picture is taken with, and how light falls.
 
 struct View {
     mat4 clip;              // from positions relative to the origin to clip space

@@ -1,5 +1,5 @@
 // How much of the sun reaches a point: the mean of the depths that the sun sees over three texels a side, weighted as if the mean
-// of 2 x 2 were taken everywhere between. Wants `shadow` (samplerBuffer, four depths a texel, row by row) and `view`.
+// of 2 x 2 were taken everywhere between. Wants READ_ONLY(vec4, shadow), four depths each, row by row, and `view`.
 
 // Which of four depths in a row, from this one on, lie behind a depth.
 vec4 lit_row(int first, float depth) {

@@ -1,4 +1,5 @@
-// Structures that several kernels share. Each has one twin in src/stages/types.rs; a vk-test compares the offsets.
+// Structures that several kernels share. The build makes Rust structs and constants of these and of
+// others in this folder (shaders/build).
 // Scalar block layout throughout. Positions are world axes relative to the step's origin (chosen by the host next to the
 // tool, so that f32 loses nothing far from the world's origin). SI units.
 

@@ -27,7 +27,7 @@ layout(constant_id = 9) const uint FIRST = 0;           // of the role's blocks
 layout(constant_id = 10) const bool JOINTS = false;
 layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
 
-layout(push_constant) uniform Which { uint set; };      // of iterates: what holds u and r in MODE 1
+layout(push_constant) uniform Which { uint set; };      // of iterates: what holds u and r in GATHER_LOOP
 
 layout(scalar) readonly buffer Params { StepParams params; };
 READ_ONLY(vec4, block_turns);
@@ -158,8 +158,8 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
         }
         if (COARSE) {
             vec3 where = (rest.xyz - place.xyz) * place.w;
-            if (MODE != 2) add_modes(of_image, w, where);
-            if (MODE != 0) add_modes(of_residual, r, where);
+            if (MODE != GATHER_END) add_modes(of_image, w, where);
+            if (MODE != GATHER_WARM) add_modes(of_residual, r, where);
         }
     }
     if (ROLE != CARRIED_NODES) return;
@@ -199,9 +199,9 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
 // The tool's rows, but for its inertia and coupling, which lane 0 adds in an iteration.
 void gather_tool(inout vec3 sums, inout Modes of_image) {
     Modes rows = no_modes();
-    add_tool_contacts(CONTACT ? counts.contacts : 0, rows.c0, rows.c1);
+    if (CONTACT) add_tool_contacts(counts.contacts, rows.c0, rows.c1);
     of_image = rows;
-    if (MODE != 1) return;
+    if (MODE != GATHER_LOOP) return;
     RigidIterate now = iterates[set * RIGIDS + RIGIDS - 1];
     sums.y = dot(rows.c0, three(now.u, 0)) + dot(rows.c1, three(now.u, 3));
     if (gl_LocalInvocationID.x != 0) return;

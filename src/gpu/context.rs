@@ -52,7 +52,8 @@ pub struct Options {
     /// process looks at the environment meanwhile. A simulation of more work than that leaves
     /// it.
     pub one_thread: bool,
-    /// Names of shaders, and the SPIR-V that stands for the library's own of that name, with the same bindings. For tests
+    /// Names of shaders, and the SPIR-V that stands for the library's own of that name, with the same buffers,
+    /// whichever kind of arrays is chosen. For tests
     /// that show that a check can fail; a name that the library does not have is an error.
     pub replaced: Vec<(String, Vec<u8>)>,
     /// How kernels reach arrays of vectors that they only read; `None`: see [`Context::arrays`].
@@ -292,6 +293,11 @@ impl Context {
     /// Chooses for all kernels made from now on, if nothing was asked for or chosen before.
     pub fn choose_arrays(&self, arrays: Arrays) {
         self.arrays.get_or_init(|| arrays);
+    }
+
+    /// Storage buffers that a kernel may have.
+    pub fn storage_buffers(&self) -> u32 {
+        self.limits.max_per_stage_descriptor_storage_buffers
     }
 
     /// Largest storage buffer binding, bytes, and largest texel buffer, elements of 16 bytes.

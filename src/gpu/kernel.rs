@@ -145,11 +145,6 @@ impl Kernel {
     pub fn bindings(&self) -> &[Binding] {
         &self.0.interface.reflection.bindings
     }
-
-    /// Bytes of push constants.
-    pub fn push_bytes(&self) -> u32 {
-        self.0.interface.reflection.push_bytes
-    }
 }
 
 impl Drop for Inner {
@@ -186,7 +181,8 @@ impl Interface {
         if storage > most as usize {
             let device = context.device_name();
             let what = format!("{device} takes {most} storage buffers a stage, and kernel {name} has {storage}");
-            return Err(Error::NoDevice(format!("{what}; choose another device with --device")));
+            let remedy = "choose another device with --device, or fewer with --arrays texel";
+            return Err(Error::NoDevice(format!("{what}; {remedy}")));
         }
         let bindings: Vec<_> = reflection
             .bindings

@@ -14,7 +14,8 @@ use super::spirv::{HEADER, Instruction, instructions};
 enum Value {
     /// The same 32 bits in every run; booleans are 0 and 1.
     Constant(u32),
-    /// Depends on specialization constants that have no value yet, and on nothing else; or is false, or true, for their sake.
+    /// Some choice of the specialization constants decides it. Known to [`optional`] alone, which takes a branch on it to skip to
+    /// where its ways meet again.
     Open,
     /// Found at run time.
     Varying,
@@ -38,13 +39,12 @@ struct Flow<'a> {
     ways: HashMap<(u32, u32), bool>,
 }
 
-/// The values of the specialization constants, by their number; without them, what no choice of them takes out is used.
+/// Values of specialization constants, by their number.
 type Constants = HashMap<u32, u32>;
 
 /// The module without the bindings that no run with these specialization constants uses.
 pub fn specialised(words: &[u32], constants: &Constants) -> Result<Vec<u32>, String> {
-    let flow = Flow::of(words, Some(constants))?;
-    Ok(flow.stripped(words))
+    Flow::of(words, Some(constants))?.stripped(words)
 }
 
 /// Variables (by id) that some choice of the specialization constants leaves unused; for the build script.
@@ -79,12 +79,15 @@ const LABEL: u32 = 248;
 const BRANCH: u32 = 249;
 const BRANCH_CONDITIONAL: u32 = 250;
 const SWITCH: u32 = 251;
-const SAMPLED_IMAGE: u32 = 27;
+const TYPE_SAMPLED_IMAGE: u32 = 27;
+const PTR_ACCESS_CHAIN: u32 = 67;
+const IMAGE_TEXEL_POINTER: u32 = 60;
+const IMAGE_QUERY_SIZE: u32 = 104;
 const IMAGE: u32 = 100;
 const IMAGE_FETCH: u32 = 95;
 const ATOMIC_STORE: u32 = 228;
 /// Atomics that give a value.
-const ATOMIC_FIRST: u32 = 229;
+const ATOMIC_FIRST: u32 = 227;
 const ATOMIC_LAST: u32 = 242;
 /// First word of an undefined value.
 const UNDEFINED_WORDS: u32 = (3 << 16) | 1;
@@ -129,16 +132,27 @@ fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Opt
         })
     };
     Some(match (opcode, w.len()) {
+        // Add.
         (128, 2) => both(|a, b| Some(a.wrapping_add(b))),
+        // Subtract.
         (130, 2) => both(|a, b| Some(a.wrapping_sub(b))),
+        // Multiply.
         (132, 2) => both(|a, b| Some(a.wrapping_mul(b))),
+        // Unsigned divide.
         (134, 2) => both(u32::checked_div),
+        // Unsigned remainder.
         (137, 2) => both(u32::checked_rem),
+        // Equal, of booleans and integers.
         (164 | 170, 2) => both(|a, b| Some(u32::from(a == b))),
+        // Not equal.
         (165 | 171, 2) => both(|a, b| Some(u32::from(a != b))),
+        // Or.
         (166, 2) => logical(1),
+        // And.
         (167, 2) => logical(0),
+        // Not.
         (168, 1) => value(w[0]).map(|v| if let Constant(a) = v { Constant(1 - a) } else { v }),
+        // Select.
         (169, 3) => match value(w[0]) {
             None => None,
             Some(Constant(0)) => value(w[2]),
@@ -150,14 +164,18 @@ fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Opt
                 _ => Some(condition),
             },
         },
+        // Unsigned and signed comparisons.
         (172, 2) => both(|a, b| Some(u32::from(a > b))),
         (173, 2) => both(signed_greater),
         (174, 2) => both(|a, b| Some(u32::from(a >= b))),
         (175, 2) => both(|a, b| signed_greater(b, a).map(|less| 1 - less)),
+        // Nothing is less than nothing.
+        (176, 2) if value(w[1]) == Some(Constant(0)) => Some(Constant(0)),
         (176, 2) => both(|a, b| Some(u32::from(a < b))),
         (177, 2) => both(|a, b| signed_greater(b, a)),
         (178, 2) => both(|a, b| Some(u32::from(a <= b))),
         (179, 2) => both(|a, b| signed_greater(a, b).map(|greater| 1 - greater)),
+        // Bitwise or, exclusive or, and.
         (197, 2) => both(|a, b| Some(a | b)),
         (198, 2) => both(|a, b| Some(a ^ b)),
         (199, 2) => both(|a, b| Some(a & b)),
@@ -221,14 +239,14 @@ impl<'a> Flow<'a> {
         let mut begun = None;
         for (at, instruction) in self.instructions.iter().enumerate() {
             match (instruction.opcode, instruction.operands) {
-                (SAMPLED_IMAGE, [id, ..]) => drop(self.sampled_images.insert(*id)),
+                (TYPE_SAMPLED_IMAGE, [id, ..]) => drop(self.sampled_images.insert(*id)),
                 (ENTRY_POINT, [_, main, ..]) => drop(self.called.insert(*main)),
                 (FUNCTION, [_, id, ..]) => begun = Some((*id, at)),
                 (FUNCTION_END, _) => self.functions.extend(begun.take().map(|(id, from)| (id, from..at))),
-                (opcode, [_, id, operands @ ..]) if begun.is_some() => {
-                    if opcode == PHI || evaluate(opcode, operands, |_| None).is_some() {
-                        self.evaluated.insert(*id);
-                    }
+                (opcode, [_, id, operands @ ..])
+                    if begun.is_some() && (opcode == PHI || evaluate(opcode, operands, |_| None).is_some()) =>
+                {
+                    self.evaluated.insert(*id);
                 }
                 _ => {}
             }
@@ -333,9 +351,19 @@ impl<'a> Flow<'a> {
             let w = instruction.operands;
             match (instruction.opcode, w) {
                 _ if !runs => {}
-                (STORE, [pointer, ..]) => drop(used.insert(*pointer)),
+                (STORE | ATOMIC_STORE, [pointer, ..]) => drop(used.insert(*pointer)),
                 (COPY_MEMORY, [to, from, ..]) => used.extend([*to, *from]),
-                (LOAD | ACCESS_CHAIN | IN_BOUNDS_ACCESS_CHAIN | ARRAY_LENGTH | COPY_OBJECT, [_, _, pointer, ..]) => {
+                (
+                    LOAD
+                    | ACCESS_CHAIN
+                    | IN_BOUNDS_ACCESS_CHAIN
+                    | PTR_ACCESS_CHAIN
+                    | ARRAY_LENGTH
+                    | COPY_OBJECT
+                    | IMAGE_TEXEL_POINTER
+                    | ATOMIC_FIRST..=ATOMIC_LAST,
+                    [_, _, pointer, ..],
+                ) => {
                     used.insert(*pointer);
                 }
                 (CALL, [_, _, _, arguments @ ..]) => used.extend(arguments),
@@ -363,7 +391,7 @@ impl<'a> Flow<'a> {
 
     /// The module without unused bindings. What blocks that never run would read of them is undefined; else these blocks stay
     /// as they are, and are the driver's to leave out.
-    fn stripped(&self, words: &[u32]) -> Vec<u32> {
+    fn stripped(&self, words: &[u32]) -> Result<Vec<u32>, String> {
         let used = self.used();
         let bindings = self.instructions.iter().filter(|i| i.opcode == VARIABLE && is_binding(i.operands));
         // Variables, and what leads to their content.
@@ -394,9 +422,15 @@ impl<'a> Flow<'a> {
                 {
                     out.extend([UNDEFINED_WORDS, *ty, *id]);
                 }
+                (
+                    CALL | COPY_OBJECT | COPY_MEMORY | PTR_ACCESS_CHAIN | IMAGE_TEXEL_POINTER | IMAGE_QUERY_SIZE,
+                    operands,
+                ) if operands.iter().any(|id| gone.contains(id)) => {
+                    return Err(format!("instruction {opcode} of an unused buffer cannot be taken out"));
+                }
                 _ => out.extend(*words),
             }
         }
-        out
+        Ok(out)
     }
 }

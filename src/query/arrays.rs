@@ -27,6 +27,10 @@ enum Why {
     Asked,
     /// Elements that the device's texel buffers hold at most.
     Limit(u32),
+    /// Storage buffers that its kernels may have.
+    Buffers(u32),
+    /// A kernel was made before.
+    Before,
     /// Medians of the measured pass, us: with texel arrays, with storage arrays.
     Measured([f64; 2]),
 }
@@ -39,10 +43,14 @@ impl ArrayChoice {
             Why::Asked
         } else if !context.has_large_texel_buffers() {
             Why::Limit(limit as u32)
+        } else if context.storage_buffers() < shaders::MOST_STORAGE_BUFFERS {
+            context.choose_arrays(Arrays::Texel);
+            Why::Buffers(context.storage_buffers())
         } else {
             let times = kept_times(context, cache)?;
-            context.choose_arrays(if times[0] <= times[1] { Arrays::Texel } else { Arrays::Storage });
-            Why::Measured(times)
+            let faster = if times[0] <= times[1] { Arrays::Texel } else { Arrays::Storage };
+            context.choose_arrays(faster);
+            if context.arrays() == faster { Why::Measured(times) } else { Why::Before }
         };
         Ok(ArrayChoice { arrays: context.arrays(), why })
     }
@@ -55,6 +63,8 @@ impl fmt::Display for ArrayChoice {
         match self.why {
             Why::Asked => write!(f, "asked for"),
             Why::Limit(elements) => write!(f, "the device's texel buffers hold only {elements} elements"),
+            Why::Buffers(count) => write!(f, "the device's kernels have at most {count} storage buffers"),
+            Why::Before => write!(f, "kernels were made before"),
             Why::Measured([texel, storage]) => {
                 write!(f, "measured {texel:.0} us with texel buffers against {storage:.0} us with storage buffers")
             }

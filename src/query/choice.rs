@@ -72,7 +72,8 @@ impl fmt::Display for Choice {
 /// Times of the graphics and of the compute path, us, measured where the cache has none of this device, driver and version.
 fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
     let mut key = KeyMaker::new();
-    for field in ["depth path", context.device_name(), context.driver(), env!("CARGO_PKG_VERSION")] {
+    let arrays = format!("{:?}", context.arrays());
+    for field in ["depth path", &arrays, context.device_name(), context.driver(), env!("CARGO_PKG_VERSION")] {
         key.add(field.as_bytes());
     }
     let key = key.finish();

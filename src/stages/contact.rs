@@ -163,13 +163,13 @@ impl Contact {
             &common.args,
             shaders::ARGS_GATHERING,
         );
-        let buffers = shaders::contact::Deepest {
+        let arguments = shaders::contact::Deepest {
             candidate_hits: &self.candidate_hits,
             counts: &common.counts,
             contact_source: &self.source,
             chunk_contacts: &self.chunk_contacts,
         };
-        recorder.dispatch_indirect(&self.deepest, &buffers, &common.args, shaders::ARGS_DEEPEST);
+        recorder.dispatch_indirect(&self.deepest, &arguments, &common.args, shaders::ARGS_DEEPEST);
         recorder.dispatch_indirect(
             &self.response,
             &shaders::contact::Response {
@@ -201,7 +201,7 @@ impl Contact {
         if !self.has_nodes {
             return;
         }
-        let buffers = shaders::contact::Sort {
+        let arguments = shaders::contact::Sort {
             touched_nodes: &self.touched_nodes,
             node_list_counts: &self.node_list_counts,
             node_lists: &self.node_lists,
@@ -211,6 +211,6 @@ impl Contact {
             node_entries: &touch.node_entries,
             sorted: &touch.sorted,
         };
-        recorder.dispatch_indirect(&self.sort, &buffers, &common.args, shaders::ARGS_NODES);
+        recorder.dispatch_indirect(&self.sort, &arguments, &common.args, shaders::ARGS_NODES);
     }
 }

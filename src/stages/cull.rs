@@ -14,7 +14,7 @@ use crate::shaders;
 use crate::shaders::{ActiveChunk, Pair, Region};
 use crate::stages::PAIR_REGIONS;
 
-/// Squares of a region's two fields of heights; twin of shaders/shared/field.glsl.
+/// Words of a region's two fields of heights, FIELD x FIELD each.
 pub(super) const FIELD_WORDS: usize = 2 * (shaders::FIELD * shaders::FIELD) as usize;
 
 /// Squares of a region's column along a side at most; the last begins at most where the column ends.
@@ -127,7 +127,7 @@ impl Cull {
         if self.test_groups > 0 {
             self.record_directions(recorder, common, pose, last);
         }
-        let buffers = shaders::cull::Regions {
+        let arguments = shaders::cull::Regions {
             params: &common.params,
             pairs: &self.pairs,
             proxies: &pose.proxies,
@@ -146,8 +146,8 @@ impl Cull {
             near_pairs: &self.near_pairs,
             buckets: &skin.buckets,
         };
-        recorder.dispatch_groups(&self.regions_kernel, &buffers, self.pair_count);
-        let buffers = shaders::cull::Chunks {
+        recorder.dispatch_groups(&self.regions_kernel, &arguments, self.pair_count);
+        let arguments = shaders::cull::Chunks {
             pairs: &self.pairs,
             slots: &self.slots,
             active_slots: &self.active_slots,
@@ -165,8 +165,8 @@ impl Cull {
             slabs: &self.slabs,
             fields: &self.fields,
         };
-        recorder.dispatch_indirect(&self.chunks_kernel, &buffers, &common.args, shaders::ARGS_CHUNKS);
-        let buffers = shaders::cull::Meet {
+        recorder.dispatch_indirect(&self.chunks_kernel, &arguments, &common.args, shaders::ARGS_CHUNKS);
+        let arguments = shaders::cull::Meet {
             pairs: &self.pairs,
             slots: &self.slots,
             active_slots: &self.active_slots,
@@ -181,11 +181,11 @@ impl Cull {
             counts: &common.counts,
             args: &common.args,
         };
-        recorder.dispatch_indirect(&self.meet, &buffers, &common.args, shaders::ARGS_CHUNKS);
+        recorder.dispatch_indirect(&self.meet, &arguments, &common.args, shaders::ARGS_CHUNKS);
     }
 
     fn record_directions(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact) {
-        let buffers = shaders::cull::Pairs {
+        let arguments = shaders::cull::Pairs {
             proxies: &pose.proxies,
             bounds: &pose.bounds,
             proxy_pairs: &self.proxy_pairs,
@@ -195,8 +195,8 @@ impl Cull {
             directions: &self.directions,
             args: &common.args,
         };
-        recorder.dispatch_groups(&self.test, &buffers, self.test_groups);
-        let buffers = shaders::cull::Direction {
+        recorder.dispatch_groups(&self.test, &arguments, self.test_groups);
+        let arguments = shaders::cull::Direction {
             proxies: &pose.proxies,
             bounds: &pose.bounds,
             proxy_pairs: &self.proxy_pairs,
@@ -209,6 +209,6 @@ impl Cull {
             contact_source: &last.source,
             candidate_pushes: &last.candidate_pushes,
         };
-        recorder.dispatch_indirect(&self.direction, &buffers, &common.args, shaders::ARGS_DIRECTION);
+        recorder.dispatch_indirect(&self.direction, &arguments, &common.args, shaders::ARGS_DIRECTION);
     }
 }

@@ -59,7 +59,7 @@ impl Depth {
     /// One pass: a workgroup, or an instance of the draw, an active chunk and region.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, cull: &Cull, skin: &Skin) {
         recorder.stage(STAGE);
-        let buffers = shaders::depth::Cross {
+        let arguments = shaders::depth::Cross {
             counts: &common.counts,
             items: &cull.items,
             active_chunks: &cull.active_chunks,
@@ -76,8 +76,8 @@ impl Depth {
             pairs: &cull.pairs,
         };
         match &self.cross {
-            Cross::Graphics(cross) => recorder.draw_indirect(cross, &buffers, &common.args, DRAW, SQUARES),
-            Cross::Compute(cross) => recorder.dispatch_indirect(cross, &buffers, &common.args, shaders::ARGS_ITEMS),
+            Cross::Graphics(cross) => recorder.draw_indirect(cross, &arguments, &common.args, DRAW, SQUARES),
+            Cross::Compute(cross) => recorder.dispatch_indirect(cross, &arguments, &common.args, shaders::ARGS_ITEMS),
         }
     }
 }

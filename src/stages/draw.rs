@@ -90,14 +90,14 @@ impl Draw {
     /// Two passes over all skin vertices.
     pub fn record(&self, recorder: &mut Recorder, elastic: &Elastic) {
         self.points.record(recorder, &self.frames, elastic);
-        let buffers = shaders::draw::Normals {
+        let arguments = shaders::draw::Normals {
             triangles: &self.triangles,
             fan_first: &self.fan_first,
             fans: &self.fans,
             positions: &self.points.positions,
             normals: &self.normals,
         };
-        recorder.dispatch(&self.normals_kernel, &buffers, self.points.count);
+        recorder.dispatch(&self.normals_kernel, &arguments, self.points.count);
     }
 }
 

@@ -152,7 +152,7 @@ impl Gap {
     pub fn record(&self, recorder: &mut Recorder, common: &Common, skins: &Skins, elastic: &Elastic, solve: &Solve) {
         recorder.stage("wrench");
         let Skins { pose, cull, skin, depth } = skins;
-        let buffers = shaders::wrench::Gap {
+        let arguments = shaders::wrench::Gap {
             params: &common.params,
             frames: &common.frames,
             solve: &solve.state,
@@ -174,6 +174,6 @@ impl Gap {
             skin: &skin.skin,
             gaps: &self.gaps,
         };
-        recorder.dispatch_indirect(&self.kernel, &buffers, &common.args, shaders::ARGS_GAP);
+        recorder.dispatch_indirect(&self.kernel, &arguments, &common.args, shaders::ARGS_GAP);
     }
 }

@@ -50,7 +50,7 @@ impl Pose {
     /// One pass: a workgroup a proxy.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, skin: &Skin) {
         recorder.stage("pose");
-        let buffers = shaders::pose::Place {
+        let arguments = shaders::pose::Place {
             frames: &common.frames,
             proxies: &self.proxies,
             hull_rest: &self.hull_rest,
@@ -66,7 +66,7 @@ impl Pose {
             args: &common.args,
             buckets: &skin.buckets,
         };
-        recorder.dispatch_groups(&self.place, &buffers, self.proxy_count);
+        recorder.dispatch_groups(&self.place, &arguments, self.proxy_count);
     }
 }
 
@@ -95,7 +95,7 @@ impl Carried {
     /// At the start of the step: one pass over carried nodes.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, solve: &Solve) {
         recorder.stage("pose");
-        let buffers = shaders::pose::Carry {
+        let arguments = shaders::pose::Carry {
             params: &common.params,
             frames: &common.frames,
             carried_nodes: &self.nodes,
@@ -106,7 +106,7 @@ impl Carried {
             velocity: &elastic.velocity,
             solution: &solve.solution,
         };
-        recorder.dispatch(&self.carry, &buffers, self.count);
+        recorder.dispatch(&self.carry, &arguments, self.count);
     }
 }
 
@@ -138,7 +138,7 @@ impl Floating {
     /// At the end of the step: a workgroup a frame.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("fit");
-        let buffers = shaders::pose::Fit {
+        let arguments = shaders::pose::Fit {
             frames: &common.frames,
             floating: &self.frames,
             node_rest: &elastic.node_rest,
@@ -146,6 +146,6 @@ impl Floating {
             velocity: &elastic.velocity,
             fits: &self.fits,
         };
-        recorder.dispatch_groups(&self.fit, &buffers, self.count);
+        recorder.dispatch_groups(&self.fit, &arguments, self.count);
     }
 }

@@ -71,7 +71,7 @@ impl Skin {
     /// The skin of active chunks: a workgroup each.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, cull: &Cull, elastic: &Elastic) {
         recorder.stage("skin");
-        let buffers = shaders::skin::Embed {
+        let arguments = shaders::skin::Embed {
             frames: &common.frames,
             active_chunks: &cull.active_chunks,
             pairs: &cull.pairs,
@@ -93,7 +93,7 @@ impl Skin {
             bin_squares: &self.bin_squares,
             fields: &cull.fields,
         };
-        recorder.dispatch_indirect(&self.embed, &buffers, &common.args, shaders::ARGS_ACTIVE);
+        recorder.dispatch_indirect(&self.embed, &arguments, &common.args, shaders::ARGS_ACTIVE);
     }
 }
 

@@ -24,13 +24,13 @@ impl Wrench {
     /// One workgroup, once the step is accepted.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, touch: &Touch) {
         recorder.stage("wrench");
-        let buffers = shaders::wrench::Reduce {
+        let arguments = shaders::wrench::Reduce {
             params: &common.params,
             counts: &common.counts,
             contacts: &touch.contacts,
             contact_forces: &touch.contact_forces,
             report: &common.report,
         };
-        recorder.dispatch_indirect(&self.reduce, &buffers, &common.args, shaders::ARGS_WRENCH);
+        recorder.dispatch_indirect(&self.reduce, &arguments, &common.args, shaders::ARGS_WRENCH);
     }
 }

@@ -3,3 +3,4 @@
 pub mod canvas;
 pub mod device;
 pub mod replaced;
+pub mod variants;

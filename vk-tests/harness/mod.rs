@@ -19,7 +19,17 @@ use palpate::gpu::{Arrays, Buffer, Const, Context, Kernel, Memory, Named, Option
 pub const CANARY: u32 = 0x7fc0_dead;
 /// Kernels that list things in the order in which invocations come by, which is another from run to run; what is made of the lists
 /// is not.
-const UNORDERED: [&str; 5] = ["cull/pairs", "skin/embed", "depth/cross", "contact/response", "contact/sort"];
+const UNORDERED: [&str; 9] = [
+    "cull/pairs",
+    "cull/regions",
+    "cull/meet",
+    "contact/candidates",
+    "contact/deepest",
+    "skin/embed",
+    "depth/cross",
+    "contact/response",
+    "contact/sort",
+];
 /// Words behind the end of what the kernel may write.
 const GUARD_WORDS: usize = 16;
 

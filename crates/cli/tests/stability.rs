@@ -94,8 +94,8 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_law_that_it_breaks() {
         // A contact pulls by a tenth of what it pushed before it is let go.
         (
             "solve/conclude",
-            "bool pulls = end_pressure(contact, texelFetch(contact_forces, int(c)), params.dt) < 0.0;",
-            "bool pulls = end_pressure(contact, texelFetch(contact_forces, int(c)), params.dt) < -0.1 * contact.stiffness * \
+            "bool pulls = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;",
+            "bool pulls = end_pressure(contact, fetch(contact_forces, c), params.dt) < -0.1 * contact.stiffness * \
              contact.depth;",
             "contact-stiffness",
             Law::Push,

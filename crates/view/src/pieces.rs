@@ -146,7 +146,6 @@ impl Source<'_> {
         for (overlay, mesh) in &self.moment.meshes {
             let arrays = Arrays {
                 positions: mesh.positions.clone(),
-                // Faces are flat.
                 // It is shown flat, by the shape of its faces.
                 normals: mesh.positions.known_as(&["normals"]),
                 values: mesh.values.clone(),

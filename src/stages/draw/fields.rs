@@ -200,26 +200,26 @@ impl Fields {
             Field::Depth | Field::Pressure => recorder.fill(values, 0),
             Field::StrainEnergy => {
                 self.record_energy(recorder, draw, elastic);
-                let buffers = shaders::draw::Spread {
+                let arguments = shaders::draw::Spread {
                     vertices: points.count,
                     skin_nodes: &points.nodes,
                     skin_weights: &points.weights,
                     node_values: &self.node_values,
-                    values: values,
+                    values,
                 };
-                recorder.dispatch(&self.spread, &buffers, points.count);
+                recorder.dispatch(&self.spread, &arguments, points.count);
             }
             Field::Displacement => {
-                let buffers = shaders::draw::Moved {
+                let arguments = shaders::draw::Moved {
                     vertices: points.count,
                     frames: &draw.frames,
                     skin_nodes: &points.nodes,
                     skin_weights: &points.weights,
                     displacement: &elastic.displacement,
                     node_info: &elastic.node_info,
-                    values: values,
+                    values,
                 };
-                recorder.dispatch(&self.moved, &buffers, points.count);
+                recorder.dispatch(&self.moved, &arguments, points.count);
             }
         }
     }
@@ -236,22 +236,22 @@ impl Fields {
         recorder.fill(pressures, 0);
         let (Some(touched), Some(touch)) = (&self.touched, touch) else { return };
         let capacity = touch.contacts.bytes() as usize / size_of::<Contact>();
-        let buffers = shaders::draw::Touched {
+        let arguments = shaders::draw::Touched {
             params: &common.params,
             counts: &common.counts,
             contacts: &touch.contacts,
             contact_forces: &touch.contact_forces,
-            triangles: triangles,
+            triangles,
             is_solved: &self.is_solved,
-            depths: depths,
-            pressures: pressures,
+            depths,
+            pressures,
         };
-        recorder.dispatch(touched, &buffers, capacity as u32);
+        recorder.dispatch(touched, &arguments, capacity as u32);
     }
 
     /// To the nodes.
     fn record_energy(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic) {
-        let buffers = shaders::draw::Energy {
+        let arguments = shaders::draw::Energy {
             materials: &elastic.materials,
             tetrahedra: &elastic.tetrahedra,
             rest_gradients: &elastic.rest_gradients,
@@ -264,21 +264,21 @@ impl Fields {
             rotations: &elastic.rotations,
             densities: &self.densities,
         };
-        recorder.dispatch(&self.energy, &buffers, elastic.tetrahedron_count as u32);
+        recorder.dispatch(&self.energy, &arguments, elastic.tetrahedron_count as u32);
         if let Some(patches) = &self.share {
-            let buffers = shaders::draw::Share {
+            let arguments = shaders::draw::Share {
                 patch_first: &patches.first,
                 patch_members: &patches.members,
                 densities: &self.densities,
             };
-            recorder.dispatch(&patches.kernel, &buffers, patches.count);
+            recorder.dispatch(&patches.kernel, &arguments, patches.count);
         }
-        let buffers = shaders::draw::Mean {
+        let arguments = shaders::draw::Mean {
             node_first: &self.node_first,
             node_tetrahedra: &self.node_tetrahedra,
             densities: &self.densities,
             node_values: &self.node_values,
         };
-        recorder.dispatch(&self.mean, &buffers, elastic.node_count as u32);
+        recorder.dispatch(&self.mean, &arguments, elastic.node_count as u32);
     }
 }

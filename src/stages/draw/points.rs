@@ -44,8 +44,8 @@ impl Points {
     /// One pass over them; `frames`: where the host put them.
     pub fn record(&self, recorder: &mut Recorder, frames: &Buffer, elastic: &Elastic) {
         recorder.stage("draw");
-        let buffers = shaders::draw::Place {
-            frames: frames,
+        let arguments = shaders::draw::Place {
+            frames,
             skin_nodes: &self.nodes,
             skin_weights: &self.weights,
             node_rest: &elastic.node_rest,
@@ -54,6 +54,6 @@ impl Points {
             rigid_frames: &self.rigid_frames,
             positions: &self.positions,
         };
-        recorder.dispatch(&self.place, &buffers, self.count);
+        recorder.dispatch(&self.place, &arguments, self.count);
     }
 }

@@ -34,7 +34,7 @@ impl Flow {
             .partial("candidate_hits", &vec![[9.0f32; 4]; count])
             .partial("candidate_what", &vec![[NONE; 4]; count])
             .partial("candidate_normals", &vec![[0.0f32; 4]; count])
-            .partial("candidate_pushes", &vec![[0.0f32; 4]; count])
+            .partial("candidate_pushes", &vec![[0u32; 4]; count])
             .input("items", &some(&self.items))
             .partial("contact_source", &vec![NONE; self.capacity])
             .partial("args", &self.args)

@@ -1,0 +1,53 @@
+//! A variant of a kernel has the buffers that it uses, whatever kind of arrays it reads, and no other.
+
+use std::collections::BTreeSet;
+
+use palpate::gpu::{Arrays, Const, Kernel, Size};
+use palpate::shaders;
+
+use crate::harness::{assert_clean, context};
+
+/// The buffers of a variant, which are the same with both kinds of arrays.
+fn buffers(kernel: &str, constants: &[(&str, Const)]) -> BTreeSet<String> {
+    let [texel, storage] = [Arrays::Texel, Arrays::Storage].map(|arrays| {
+        let kernel = Kernel::with_arrays(context(), kernel, Size::Reduce, constants, arrays).unwrap();
+        kernel.bindings().iter().map(|binding| binding.name.clone()).collect::<BTreeSet<_>>()
+    });
+    assert_eq!(texel, storage, "{kernel} {constants:?}");
+    texel
+}
+
+/// Buffers that a variant has more than another.
+fn more(kernel: &str, with: &[(&str, Const)], without: &[(&str, Const)]) -> Vec<String> {
+    let (with, without) = (buffers(kernel, with), buffers(kernel, without));
+    assert!(without.is_subset(&with), "{kernel}: {without:?} are among {with:?}");
+    with.difference(&without).cloned().collect()
+}
+
+#[test]
+fn a_feature_that_a_variant_lacks_takes_its_buffers_with_it() {
+    let flag = |name, value: bool| [(name, Const::Bool(value))];
+    let of = |kernel: &str, name| more(kernel, &flag(name, true), &flag(name, false));
+    assert_eq!(of("solve/assemble", "CONTACT"), ["contacts", "node_entries", "sorted"]);
+    assert_eq!(of("solve/assemble", "PATCHES"), ["patch_rows"]);
+    assert_eq!(of("solve/assemble", "JOINTS"), ["joint_sides", "joints"]);
+    assert_eq!(of("solve/conclude", "CONTACT"), ["contact_forces", "contacts"]);
+    assert_eq!(of("contact/candidates", "SKINS"), ["hits", "shares"]);
+    assert_eq!(of("elastic/rotate", "AGAIN"), ["trial_change"]);
+    // A dynamic core that the device holds.
+    let held = more("solve/assemble", &[("HELD", Const::Uint(0))], &[("HELD", Const::Uint(shaders::NONE))]);
+    assert_eq!(held, Vec::<String>::new(), "its parameters are read in any case");
+    assert_clean(context(), "variants");
+}
+
+#[test]
+fn of_the_variants_that_run_side_by_side_the_leader_alone_writes_arguments() {
+    for role in [shaders::FREE_NODES, shaders::CARRIED_NODES, shaders::TOOL_ROWS] {
+        let of = |leads: bool| buffers("solve/update", &[("ROLE", role.into()), ("LEADS", leads.into())]);
+        let (leader, other) = (of(true), of(false));
+        assert!(leader.contains("args") && !other.contains("args"), "role {role}: {leader:?}, {other:?}");
+        assert!(other.contains("dots"), "{other:?}");
+    }
+    let tool = buffers("solve/update", &[("ROLE", shaders::TOOL_ROWS.into())]);
+    assert!(!tool.contains("residual") && !tool.contains("block_nodes"), "{tool:?}");
+}
