@@ -31,6 +31,9 @@ const BAR: &str = "[[body]]\nname = \"bar\"\nlayer = { box = [[0.2, 0.0, 0.0], [
                    [[body.core]]\nname = \"left\"\nmotion = \"dynamic\"\nbind = { box = [[0.1, -1, -1], [0.245, 1, 1]] }\n\
                    [[body.core]]\nname = \"right\"\nmotion = \"dynamic\"\nbind = { box = [[0.355, -1, -1], [1, 1, 1]] }\n";
 
+/// Bytes of arrays of one element, where a scene has none of what they would hold.
+const LITTLE: u64 = 1024;
+
 /// Every kernel once, recorded or left out with a reason; what is recorded is what a step's recordings hold.
 fn check(name: &str, simulation: &Simulation) -> Explanation {
     let explanation = simulation.explain(ITERATIONS);
@@ -59,11 +62,13 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
         let own = explanation.stages.iter().find(|known| known.stage == stage).unwrap();
         assert_eq!(own.passes, passes, "{name}: passes of {stage}");
     }
-    // Arrays that nothing binds would be waste; what is bound is allocated, in pieces a little larger.
+    // Arrays that nothing binds would be waste, but for those of one element; what is bound is allocated, in pieces a little
+    // larger.
     let arrays: u64 = explanation.stages.iter().map(|stage| stage.bytes_device).sum();
     let share = arrays as f64 / explanation.bytes_device as f64;
     println!("{name}: {recorded} of {} recorded, arrays are {share:.4} of what is allocated", known.len());
-    assert!(arrays <= explanation.bytes_device && share > 0.8, "{name}: {share}");
+    let is_little = explanation.bytes_device - arrays.min(explanation.bytes_device) < LITTLE;
+    assert!(arrays <= explanation.bytes_device && (share > 0.8 || is_little), "{name}: {share}");
     assert!(explanation.features.iter().all(|feature| !feature.reason.is_empty()), "{name}");
     assert!(explanation.to_string().lines().count() > known.len());
     explanation
