@@ -4,11 +4,11 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/args.glsl"
+#include "shared/contact_law.glsl"
 
 // Contact: what the solver needs to know of each colliding vertex. J v = n.(v(s1) - v(s2)) as at most sixteen weighted
 // nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: four to three times four) and the tool's
-// twist; the rate J v at the start. Friction is regularised Coulomb's, implicit with the coefficient of the start of the
-// step: -c v_t at its end, c = mu f_n / sqrt(|v_t|^2 + friction_speed^2), f_n = a max(0, k delta + d delta').
+// twist; the rate J v at the start; and the coefficient of friction of the start (shared/contact_law.glsl).
 // Each entry goes onto one of its node's lists, from which sort.comp makes the transposed index. One invocation a contact.
 // Oracle: oracle::contact::gather; the lists walked by its test.
 
@@ -125,8 +125,8 @@ void main() {
     float friction = 0.0;
     if (FRICTION) {
         slip = relative - dot(n, relative) * n;
-        float force = found.w * max(0.0, pair.stiffness * found.x + pair.damping * rate);
-        friction = params.friction * force / sqrt(dot(slip, slip) + params.friction_speed * params.friction_speed);
+        float force = found.w * start_pressure(found.x, rate, pair.stiffness, pair.damping);
+        friction = friction_coefficient(force, slip, params.friction, params.friction_speed);
     }
     contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping, friction, slip, quads,
         vertex, side, triangle, found.yz);

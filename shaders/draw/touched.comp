@@ -3,7 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
-#include "shared/pressure.glsl"
+#include "shared/contact_law.glsl"
 
 // Draw: depth (m) and pressure (Pa) of the last step's contacts, at the vertex that gathered each and at the corners of the
 // triangle it met, so that both skins show what one of them gathers; of several the greatest. The pressure is what the
@@ -33,9 +33,9 @@ void main() {
     uint c = gl_GlobalInvocationID.x;
     if (c >= min(counts.contacts, CAPACITY)) return;
     Contact contact = contacts[c];
-    if (contact.stiffness == 0.0) return;
+    if (is_dropped(contact)) return;
     float pressure = is_solved != 0 ? end_pressure(contact, fetch(contact_forces, c), params.dt)
-        : contact.stiffness * contact.depth + contact.damping * contact.rate;
+        : start_pressure(contact.depth, contact.rate, contact.stiffness, contact.damping);
     uint depth_bits = bits_of(contact.depth), pressure_bits = bits_of(pressure);
     uvec3 met = contact.triangle == NONE ? uvec3(contact.vertex) : fetch(triangles, contact.triangle).xyz;
     uint touched[4] = uint[](contact.vertex, met.x, met.y, met.z);

@@ -9,24 +9,22 @@
 // Elastic: the rotation R of each tetrahedron (polar part of F = I + G, G = sum d_i g_i^T, by Mueller et al. 2016, "A Robust
 // Method to Extract the Rotational Part of Deformations", warm-started: proper, and steady under inversion); gradients
 // rotated into the world, g' = sqrt(V) R_frame R g; and what the element gives to the right-hand side,
-// h f - (h^2 + h beta) K v, f_i = -V P g_i, P = R (2 mu sym(E) + lambda tr(E) I), E = R^T G + (R^T - I).
-// A principal stretch s below LEAST adds STIFFENING (lambda + 2 mu) (s - LEAST) along its axis, since corotational elasticity
-// alone lets a tetrahedron be pressed flat and turn inside out; the operator gets half of it as shear modulus, isotropic
-// and at least as stiff. Neo-Hookean ones: shared/neo_hookean.glsl. A tetrahedron whose nodes ride on several frames is
-// evaluated in the first node's. One that is inside out, or whose rotation is not found, raises a flag. Linearised again (elastic/trial), it reads trial displacements, and gives
-// h f + h^2 K x - h beta K v for the trial change x, which they hold already.
+// h f - (h^2 + h beta) K v, f_i = -V P g_i, with P of the material's law (shared/material_law.glsl) of E = R^T G + (R^T - I);
+// corotational P = R (2 mu sym(E) + lambda tr(E) I). A tetrahedron whose nodes ride on several frames is evaluated in the
+// first node's. One that is inside out, or whose rotation is not found, raises a flag. Linearised again (elastic/trial), it
+// reads trial displacements, and gives h f + h^2 K x - h beta K v for the trial change x, which they hold already.
 // One invocation a tetrahedron. Oracle: oracle::elastic, oracle::newton.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron may have nodes in several frames
 layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may act by patches (elastic/dilate)
-layout(constant_id = 4) const bool NEO_HOOKEAN = false; // whether any material is of that law
+layout(constant_id = 4) const uint LAWS = 1;            // a bit for each law that some material has
 layout(constant_id = 5) const bool AGAIN = false;       // linearised where the last solve leads
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-layout(scalar) readonly buffer Materials { vec4 materials[]; };     // mu, lambda (Pa), law, beta (s); a material
+layout(scalar) readonly buffer Materials { ElasticMaterial materials[]; };
 READ_ONLY(uvec4, tetrahedra);
 READ_ONLY(vec4, rest_gradients);       // three a tetrahedron: g of its last three nodes (1/m); w of the first: sqrt(V)
 layout(scalar) readonly buffer ElementInfo { uvec2 element_info[]; };    // material, frame; a tetrahedron
@@ -42,23 +40,11 @@ layout(scalar) writeonly buffer Gradients { vec4 gradients[]; };    // three a t
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
 
-#include "shared/squeeze.glsl"
-
-// 2 mu sym(E) + lambda tr(E) I.
-mat3 stress(mat3 e, float mu, float lambda) {
-    float pressure = lambda * (e[0][0] + e[1][1] + e[2][2]);
-    return mu * (e + transpose(e)) + mat3(pressure, 0, 0, 0, pressure, 0, 0, 0, pressure);
-}
-
+#include "shared/strain.glsl"
+#include "shared/material_law.glsl"
 #include "shared/link.glsl"
-#include "shared/neo_hookean.glsl"
+#include "shared/element.glsl"
 #include "shared/lag.glsl"
-
-// A node's displacement in the tetrahedron's frame.
-vec3 displacement_in(uint node, uint link) {
-    vec3 d = fetch(displacement, node).xyz;
-    return SPANS && link != 0 ? across(links[link], fetch(node_rest, node).xyz, d) : d;
-}
 
 void main() {
     uint t = gl_GlobalInvocationID.x;
@@ -67,14 +53,10 @@ void main() {
     vec4 g1 = fetch(rest_gradients, 3 * t), g2 = fetch(rest_gradients, 3 * t + 1),
         g3 = fetch(rest_gradients, 3 * t + 2);
     uint frame = element_info[t].y;
-    vec4 material = materials[element_info[t].x];
-    float mu = material.x, lambda = material.y, root = g1.w;
+    ElasticMaterial material = materials[element_info[t].x];
+    float root = g1.w;
     uvec4 link = SPANS ? fetch(tetrahedron_links, t) : uvec4(0);
-    vec3 d0 = fetch(displacement, nodes.x).xyz;
-    vec3 d1 = displacement_in(nodes.y, link.y) - d0;
-    vec3 d2 = displacement_in(nodes.z, link.z) - d0;
-    vec3 d3 = displacement_in(nodes.w, link.w) - d0;
-    mat3 g = outerProduct(d1, g1.xyz) + outerProduct(d2, g2.xyz) + outerProduct(d3, g3.xyz);
+    mat3 g = displacement_gradient(nodes, link, g1.xyz, g2.xyz, g3.xyz);
     bool lost;
     vec4 q = polar(mat3(1.0) + g, rotations[t], lost);
     if (lost || determinant(mat3(1.0) + g) <= 0.0) atomicOr(counts.flags, FLAG_INVERTED);
@@ -82,33 +64,22 @@ void main() {
     rotations[t] = dot(q, q) < 2.0 ? q : vec4(0.0, 0.0, 0.0, 1.0);
 
     mat3 e = strain(q, g);
-    mat3 squeezed = squeeze(e);
-    float stiffening = STIFFENING * (lambda + 2.0 * mu);
-    float operator_mu = squeezed == mat3(0.0) ? mu : mu + 0.5 * stiffening, operator_lambda = PATCHES && patch_of[t] != NONE ? 0.0 : lambda;
-    vec3 k1 = g1.xyz, k2 = g2.xyz, k3 = g3.xyz;
-    mat3 p = stress(e, mu, operator_lambda);
-    if (NEO_HOOKEAN && material.z != LAW_COROTATIONAL) {
-        NeoHookean law = neo_hookean(e, mu, lambda, squeezed);
-        p = law.stress;
-        operator_mu = law.mu;
-        operator_lambda = law.lambda;
-        k1 = law.fold * k1;
-        k2 = law.fold * k2;
-        k3 = law.fold * k3;
-    }
-    p += stiffening * squeezed;
+    float own_lambda = PATCHES && patch_of[t] != NONE ? 0.0 : material.lambda;
+    Evaluation law = evaluate(material, e, squeeze(e), own_lambda);
+    mat3 p = law.stress;
+    vec3 k1 = law.fold * g1.xyz, k2 = law.fold * g2.xyz, k3 = law.fold * g3.xyz;
     vec4 world = compose(frames[frame].rotation, q);
     vec3 h1 = root * rotate(world, k1), h2 = root * rotate(world, k2), h3 = root * rotate(world, k3);
-    float scale = params.dt * (params.dt + material.w);
-    gradients[3 * t] = vec4(h1, scale * operator_mu);
-    gradients[3 * t + 1] = vec4(h2, scale * operator_lambda);
+    float scale = params.dt * (params.dt + material.damping);
+    gradients[3 * t] = vec4(h1, scale * law.mu);
+    gradients[3 * t + 1] = vec4(h2, scale * law.lambda);
     gradients[3 * t + 2] = vec4(h3, e[0][0] + e[1][1] + e[2][2]);
 
     float impulse = -params.dt * root * root;
-    vec3 v0 = lag(nodes.x, material.w);
-    mat3 w = outerProduct(lag(nodes.y, material.w) - v0, h1) + outerProduct(lag(nodes.z, material.w) - v0, h2)
-        + outerProduct(lag(nodes.w, material.w) - v0, h3);
-    mat3 damping = stress(w, scale * operator_mu, scale * operator_lambda);
+    vec3 v0 = lag(nodes.x, material.damping);
+    mat3 w = outerProduct(lag(nodes.y, material.damping) - v0, h1) + outerProduct(lag(nodes.z, material.damping) - v0, h2)
+        + outerProduct(lag(nodes.w, material.damping) - v0, h3);
+    mat3 damping = linear_stress(w, scale * law.mu, scale * law.lambda);
     vec3 f1 = impulse * rotate(world, p * g1.xyz) - damping * h1;
     vec3 f2 = impulse * rotate(world, p * g2.xyz) - damping * h2;
     vec3 f3 = impulse * rotate(world, p * g3.xyz) - damping * h3;

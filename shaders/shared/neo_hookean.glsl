@@ -1,35 +1,20 @@
 // Stable neo-Hookean (Smith, de Goes and Kim 2018, equation 14) with m = 4/3 mu and l = lambda + 5/6 mu, so that mu and
-// lambda are those of small strain. Needs `LEAST` and `STIFFENING`. Oracle: oracle::neo_hookean.
+// lambda are those of small strain. Needs shared/strain.glsl and `Evaluation`. Oracle: oracle::neo_hookean.
 
 mat3 cofactors(mat3 a) {
     return mat3(cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1]));
 }
 
-float trace(mat3 a) {
-    return a[0][0] + a[1][1] + a[2][2];
-}
-
-float square(mat3 a) {
-    return dot(a[0], a[0]) + dot(a[1], a[1]) + dot(a[2], a[2]);
-}
-
-struct NeoHookean {
-    mat3 stress;        // R^T P, of F = R (I + e)
-    float mu;           // of the operator
-    float lambda;
-    mat3 fold;          // S^-1: gradients of the deformed tetrahedron from those at rest
-};
-
 // P = m (1 - 1 / (I + 1)) F + (l (J - 1) - mu) cof F, I = |F|^2, expanded about F = I so that nothing cancels. The
 // operator: 2 mu' |sym L|^2 + lambda' tr(L)^2 of L = dF F^-1, in which this law's second derivative is isotropic but for
 // b = S^2: for it stands its mean, or half its greatest value where that is more. A squeezed S is as long as LEAST.
-NeoHookean neo_hookean(mat3 e, float mu, float lambda, mat3 squeezed) {
+Evaluation neo_hookean(mat3 e, float mu, float lambda, mat3 squeezed) {
     float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e);
     mat3 co = cofactors(e);
     float grown = 2.0 * tr + square(e);     // I - 3
     float larger = tr + 0.5 * (tr * tr - trace(e * e)) + determinant(e);        // J - 1
     mat3 all_cofactors = mat3(1.0 + tr) - transpose(e) + co;
-    NeoHookean law;
+    Evaluation law;
     law.stress = mu * (e + transpose(e) - mat3(tr) - co) + (mu / 3.0 * grown / (4.0 + grown)) * (mat3(1.0) + e)
         + (l * larger) * all_cofactors;
 

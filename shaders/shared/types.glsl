@@ -74,6 +74,15 @@ struct Joint {
     vec3 twist;                 // on the first side besides, N m s
 };
 
+// An elastic material. `more` is room for the parameters of a law that needs others than mu and lambda.
+struct ElasticMaterial {
+    float mu;                   // of small strain, Pa
+    float lambda;
+    uint law;                   // LAW_* of shared/material_law.glsl
+    float damping;              // beta, s
+    float more[4];
+};
+
 // Where a point of one frame is in another, x_to = r + offset + (Q - I) r + Q d, r relative to the centres at rest, so that
 // nothing cancels; written by the host each step.
 struct Link {

@@ -3,6 +3,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/rounding.glsl"
+#include "shared/contact_law.glsl"
 
 // Solve: right-hand side b = h m g - h alpha m v + sum (h f - (h^2 + h beta) K v) - sum w ((h a k delta + (h^2 k + h d) a
 // delta') n + h c v_t) of each node, plus what the last solve left undone (its b - A x: impulse that would be lost, step by
@@ -56,6 +58,7 @@ const uint SUMS = 7;
 
 #include "shared/rotation.glsl"
 #include "shared/polar.glsl"
+#include "shared/symmetric.glsl"
 #include "shared/sums.glsl"
 #include "shared/blocks.glsl"
 #include "shared/modes.glsl"
@@ -63,17 +66,6 @@ const uint SUMS = 7;
 #include "shared/followed.glsl"
 #include "shared/share.glsl"
 #include "shared/joint.glsl"
-
-// Half a unit in the last place of f32, for each of a handful of roundings on the way to b.
-const float ROUNDING = 1.0e-7;
-
-// Inverse of a symmetric 3x3 matrix, xx yy zz and xy xz yz, by cofactors.
-void invert(vec3 a, vec3 c, out vec3 diagonal, out vec3 off) {
-    vec3 co = vec3(a.y * a.z - c.z * c.z, c.y * c.z - c.x * a.z, c.x * c.z - c.y * a.y);
-    float determinant = a.x * co.x + c.x * co.y + c.y * co.z;
-    diagonal = vec3(co.x, a.x * a.z - c.y * c.y, a.x * a.y - c.x * c.x) / determinant;
-    off = vec3(co.y, co.z, c.x * c.y - a.x * c.z) / determinant;
-}
 
 // What contacts give to a node's right-hand side, to the magnitudes it is made of, and to its diagonal block.
 void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c) {
@@ -86,8 +78,7 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
         // together, are one weight, and the block holds its square.
         float w = 0.0;
         for (; k < run.x + run.y && sorted[k].x == touching; k++) w += uintBitsToFloat(sorted[k].y);
-        float g = h * (h * contact.stiffness + contact.damping) * contact.area;
-        float f = w * (h * contact.area * contact.stiffness * contact.depth + g * contact.rate);
+        float g = normal_operator(contact, h), f = w * normal_impulse(contact, h);
         vec3 n = contact.normal;
         b -= f * n;
         e += abs(f * n);
@@ -95,7 +86,7 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
         c += g * w * w * n.xxy * n.yzz;
         if (FRICTION) {
             // I - n n^T.
-            float viscous = h * contact.friction;
+            float viscous = friction_operator(contact, h);
             b -= w * viscous * contact.slip;
             e += abs(w * viscous * contact.slip);
             a += viscous * w * w * (1.0 - n * n);
@@ -163,9 +154,8 @@ void main() {
             continue;
         }
         vec3 diagonal, off;
-        invert(a, c, diagonal, off);
-        vec3 z = vec3(diagonal.x * b.x + off.x * b.y + off.y * b.z, off.x * b.x + diagonal.y * b.y + off.z * b.z,
-            off.y * b.x + off.z * b.y + diagonal.z * b.z);
+        symmetric_inverse(a, c, diagonal, off);
+        vec3 z = symmetric_times(diagonal, off, b);
         sums.xy += vec2(dot(b, z), ROUNDING * dot(e, ROUNDING * e * diagonal));
         if (COARSE) {
             sums.z += ROUNDING * dot(e, ROUNDING * e);

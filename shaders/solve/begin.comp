@@ -6,7 +6,7 @@
 #include "shared/rotation.glsl"
 
 // Solve: the first iterate. x = warm x, r = b - warm A x, u = M^-1 r, search directions zero; a carried node has its core's.
-// M^-1 is D^-1 plus, with a coarse level, P A_c^-1 P^T. A workgroup a block of nodes. Oracle: oracle::step.
+// M^-1: shared/preconditioner.glsl. A workgroup a block of nodes. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -34,6 +34,8 @@ layout(scalar) writeonly buffer RestrictedDirection { vec4 restricted_direction[
 
 #include "shared/blocks.glsl"
 #include "shared/modes.glsl"
+#include "shared/symmetric.glsl"
+#include "shared/preconditioner.glsl"
 #include "shared/core.glsl"
 
 // A_c^-1 P^T (b - warm A x), world axes.
@@ -57,7 +59,7 @@ void main() {
         if (gl_LocalInvocationID.x < 3) restricted_direction[3 * slot + gl_LocalInvocationID.x] = vec4(0.0);
     }
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
-        int i = int(block_node(block, at).x);
+        uint i = block_node(block, at).x;
         vec3 rest = fetch(node_rest, i).xyz;
         direction[i] = vec4(0.0);
         direction_image[i] = vec4(0.0);
@@ -71,9 +73,7 @@ void main() {
         vec3 r = fetch(rhs, i).xyz;
         // Not a product with zero: what is left of a failed step may not be a number.
         if (solve.warm != 0.0) r -= solve.warm * fetch(image, i).xyz;
-        vec3 d = fetch(inverse, 2 * i).xyz, o = fetch(inverse, 2 * i + 1).xyz;
-        vec3 u = vec3(d.x * r.x + o.x * r.y + o.y * r.z, o.x * r.x + d.y * r.y + o.z * r.z, o.y * r.x + o.z * r.y + d.z * r.z);
-        if (COARSE) u += moved_by(modes, (rest - place.xyz) * place.w);
+        vec3 u = precondition(i, r, modes, (rest - place.xyz) * place.w);
         solution[i] = solve.warm != 0.0 ? solve.warm * solution[i] : vec4(0.0);
         residual[i] = vec4(r, 0.0);
         preconditioned[i] = vec4(u, 0.0);

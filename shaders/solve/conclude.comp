@@ -51,8 +51,9 @@ shared float deepest[SIZE];
 #include "shared/settle.glsl"
 #include "shared/twist.glsl"
 TWIST_OF(restricted_image)
+#include "shared/rigid_inverse.glsl"
 #include "shared/rigid.glsl"
-#include "shared/pressure.glsl"
+#include "shared/contact_law.glsl"
 
 // b - A x in a rigid body's image, and what it is told to the host.
 void leave_undone(uint index) {
@@ -74,7 +75,7 @@ void main() {
     if (CONTACT) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
-            if (contact.stiffness == 0.0) continue;
+            if (is_dropped(contact)) continue;
             bool pulls = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;
             sums.y += 1.0;
             depth = max(depth, contact.depth);
@@ -92,11 +93,10 @@ void main() {
     if (CONTACT && again) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
-            if (contact.stiffness == 0.0) continue;
+            if (is_dropped(contact)) continue;
             if (end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0) {
-                contacts[c].stiffness = 0.0;
-                contacts[c].damping = 0.0;
-                contacts[c].friction = 0.0;
+                drop(contact);
+                contacts[c] = contact;
             }
         }
     }

@@ -32,6 +32,7 @@ layout(scalar) coherent buffer RigidBlocks { float rigid_blocks[]; };      // S 
 layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 
 #include "shared/six.glsl"
+#include "shared/symmetric.glsl"
 #include "shared/sum.glsl"
 #include "shared/settle.glsl"
 #include "shared/core.glsl"
@@ -39,11 +40,9 @@ layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 #include "shared/twist.glsl"
 TWIST_OF(restricted_rhs)
 
-
 // D of a carried node times a vector.
 vec3 block_times(uint node, vec3 v) {
-    vec3 d = fetch(inverse, 2 * node).xyz, o = fetch(inverse, 2 * node + 1).xyz;
-    return vec3(d.x * v.x + o.x * v.y + o.y * v.z, o.x * v.x + d.y * v.y + o.z * v.z, o.y * v.x + o.z * v.y + d.z * v.z);
+    return symmetric_times(fetch(inverse, 2 * node).xyz, fetch(inverse, 2 * node + 1).xyz, v);
 }
 
 // P (P^T D P)^-1 P^T where P maps a spin about `axis` to a twist; false where D has no inertia about it.

@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/rounding.glsl"
 #include "shared/rotation.glsl"
 
 // Solve: w = A p of each node from what solve/apply left; the inner products that follow; and sums over the modes of the
@@ -59,13 +60,12 @@ layout(scalar) readonly buffer Joints { Joint joints[]; };
 layout(scalar) readonly buffer JointSides { uint joint_sides[]; };
 
 const uint SUMS = 7;
-// Half a unit in the last place of f32.
-const float ROUNDING = 6.0e-8;
-
 #include "shared/roles.glsl"
 #include "shared/sums.glsl"
 #include "shared/blocks.glsl"
 #include "shared/modes.glsl"
+#include "shared/symmetric.glsl"
+#include "shared/preconditioner.glsl"
 #include "shared/core.glsl"
 #include "shared/followed.glsl"
 #include "shared/share.glsl"
@@ -83,11 +83,6 @@ void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torq
         force_sum += along;
         torque_sum += cross(contacts[c].arm, along);
     }
-}
-
-vec3 precondition(int i, vec3 b) {
-    vec3 d = fetch(inverse, 2 * i).xyz, o = fetch(inverse, 2 * i + 1).xyz;
-    return vec3(d.x * b.x + o.x * b.y + o.y * b.z, o.x * b.x + d.y * b.y + o.z * b.z, o.y * b.x + o.z * b.y + d.z * b.z);
 }
 
 vec3 three(float six[6], int from) { return vec3(six[from], six[from + 1], six[from + 2]); }
@@ -117,7 +112,7 @@ float lost_in_joints(uint index, Rigid rigid) {
         for (uint side = 0; side < 2; side++) {
             if (joints[joint].rigid[side] == NONE) continue;
             float x[6] = iterates[solve.current * RIGIDS + joints[joint].rigid[side]].x;
-            lost += ROUNDING * vec2(length(three(x, 0)) + length(cross(three(x, 3), joints[joint].arm[side])), length(three(x, 3)));
+            lost += HALF_ULP * vec2(length(three(x, 0)) + length(cross(three(x, 3), joints[joint].arm[side])), length(three(x, 3)));
         }
         float w[6] = joints[joint].angular;
         sum += joints[joint].linear * lost.x * lost.x + (w[0] + w[1] + w[2]) * lost.y * lost.y;
@@ -131,7 +126,7 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
     vec4 place = fetch(block_places, b), turn = fetch(block_turns, b);
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uvec4 node = block_node(block, at);
-        int i = int(node.x);
+        uint i = node.x;
         vec4 rest = fetch(node_rest, i);
         vec3 p = fetch(change, i).xyz;
         vec3 w = (rest.w + params.dt * node_damping(node)) * p + gather_elements(node.y, node.z);
@@ -145,15 +140,15 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
         }
         vec3 r = vec3(0.0);
         if (MODE == GATHER_WARM) {
-            sums.xy += vec2(dot(w, fetch(preconditioned, i).xyz), dot(w, precondition(i, w)));
+            sums.xy += vec2(dot(w, fetch(preconditioned, i).xyz), dot(w, precondition_node(i, w)));
         } else if (MODE == GATHER_LOOP) {
             r = fetch(residual_or_rhs, i).xyz;
             vec3 u = fetch(preconditioned, i).xyz;
             sums.xy += vec2(dot(r, u), dot(w, u));
         } else {
             r = fetch(residual_or_rhs, i).xyz - w;
-            vec3 lost = ROUNDING * p, e = lost / fetch(inverse, 2 * i).xyz;
-            sums.xy += vec2(dot(r, precondition(i, r)), dot(lost, e));
+            vec3 lost = HALF_ULP * p, e = lost / fetch(inverse, 2 * i).xyz;
+            sums.xy += vec2(dot(r, precondition_node(i, r)), dot(lost, e));
             if (COARSE) sums.z += dot(e, e);
         }
         if (COARSE) {

@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/contact_law.glsl"
 
 // Solve: what contacts do to a change of velocity p: (h^2 k + h d) a n n.(J p) + h c (I - n n^T) J p, which solve/gather sums
 // at their nodes and on the tool. Apart from solve/apply, though they wait for the same: a branch between the two costs
@@ -53,8 +54,8 @@ void main() {
         speed += contact.tool_sign * dot(contact.normal, linear) + dot(lever, angular);
         if (FRICTION) relative += contact.tool_sign * (linear + cross(angular, contact.arm));
     }
-    float force = params.dt * (params.dt * contact.stiffness + contact.damping) * contact.area * speed;
+    float force = normal_operator(contact, params.dt) * speed;
     vec3 both = force * contact.normal;
-    if (FRICTION) both += params.dt * contact.friction * (relative - dot(contact.normal, relative) * contact.normal);
+    if (FRICTION) both += friction_operator(contact, params.dt) * (relative - dot(contact.normal, relative) * contact.normal);
     contact_forces[c] = vec4(both, force);
 }

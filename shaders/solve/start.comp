@@ -3,7 +3,9 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/rounding.glsl"
 #include "shared/args.glsl"
+#include "shared/contact_law.glsl"
 #include "shared/rotation.glsl"
 
 // Solve: before the first iteration. Sums over workgroups; the tool's 6x6 block, its inverse and right-hand side; the factor
@@ -48,11 +50,10 @@ TWIST_OF(restricted_image)
 TWIST_OF(coarse_rhs)
 TWIST_OF(coarse_image)
 #include "shared/settle.glsl"
+#include "shared/rigid_inverse.glsl"
 #include "shared/rigid.glsl"
 
 const uint CORES = RIGIDS - (TOOL ? 1 : 0);
-
-const float ROUNDING = 1.0e-7;
 
 // y.M^-1 b over y.M^-1 y; zero at rest, and where the last solution is none or has overflowed.
 float warm_factor(vec4 sums) {
@@ -70,8 +71,7 @@ void assemble_tool() {
         if (contact.tool_sign == 0.0) continue;
         float column[6];
         tool_column(contact, contact.normal, column);
-        float g = params.dt * (params.dt * contact.stiffness + contact.damping) * contact.area;
-        float f = params.dt * contact.area * contact.stiffness * contact.depth + g * contact.rate;
+        float g = normal_operator(contact, params.dt), f = normal_impulse(contact, params.dt);
         int at = 0;
         for (int i = 0; i < 6; i++) {
             for (int k = i; k < 6; k++) block[at++] += g * column[i] * column[k];
@@ -80,7 +80,7 @@ void assemble_tool() {
         if (FRICTION) {
             vec3 along[2];
             tangents(contact.normal, along);
-            float viscous = params.dt * contact.friction;
+            float viscous = friction_operator(contact, params.dt);
             for (int t = 0; t < 2; t++) {
                 tool_column(contact, along[t], column);
                 at = 0;

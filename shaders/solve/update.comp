@@ -66,9 +66,11 @@ shared float group_residuals[6 * WIDEST];
 
 #include "shared/roles.glsl"
 #include "shared/sums.glsl"
-#include "shared/six.glsl"
+#include "shared/rigid_inverse.glsl"
 #include "shared/blocks.glsl"
 #include "shared/modes.glsl"
+#include "shared/symmetric.glsl"
+#include "shared/preconditioner.glsl"
 #include "shared/coarse.glsl"
 #include "shared/core.glsl"
 #include "shared/twist.glsl"
@@ -176,10 +178,13 @@ float[6] residual_of(uint index, Scalars scalars) {
 
 void update_tool(Scalars scalars) {
     if (gl_LocalInvocationID.x != 0) return;
-    float residual[6], block[36];
+    float residual[6];
     update_rigid(RIGIDS - 1, vec4(0.0, 0.0, 0.0, 1.0), scalars, true, residual);
-    for (uint k = 0; k < 36; k++) block[k] = rigid_inverses[rigids[RIGIDS - 1].inverse_first + k];
-    iterates[(1 - set) * RIGIDS + RIGIDS - 1].u = times(block, residual);
+    for (uint i = 0; i < 6; i++) {
+        float sum = 0.0;
+        for (uint k = 0; k < 6; k++) sum += rigid_inverses[inverse_row(RIGIDS - 1, i) + k] * residual[k];
+        iterates[(1 - set) * RIGIDS + RIGIDS - 1].u[i] = sum;
+    }
 }
 
 // `modes`: what the coarse level adds to u.
@@ -196,16 +201,16 @@ void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars
     }
     barrier();
     float coarse[6] = float[6](modes.c0.x, modes.c0.y, modes.c0.z, modes.c1.x, modes.c1.y, modes.c1.z);
-    uint width = 6 * own.group_count, base = own.inverse_first + 6 * width * (block.rigid - own.group_first);
     for (uint i = gl_LocalInvocationID.x; i < 6; i += SIZE) {
         float sum = 0.0;
-        for (uint k = 0; k < width; k++) sum += rigid_inverses[base + width * i + k] * group_residuals[k];
+        uint row = inverse_row(block.rigid, i);
+        for (uint k = 0; k < 6 * own.group_count; k++) sum += rigid_inverses[row + k] * group_residuals[k];
         rigid_u[i] = sum + coarse[i];
         if (writes) iterates[(1 - set) * RIGIDS + block.rigid].u[i] = rigid_u[i];
     }
     barrier();
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
-        int i = int(block_node(block, at).x);
+        uint i = block_node(block, at).x;
         vec3 arm = rotate(turn, fetch(node_rest, i).xyz);
         solution[i] = vec4(carry(rigid_x, arm), 0.0);
         next_preconditioned[i] = vec4(carry(rigid_u, arm), 0.0);
@@ -214,7 +219,7 @@ void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars
 
 void update_free(Block block, vec4 place, Modes modes, Scalars scalars) {
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
-        int i = int(block_node(block, at).x);
+        uint i = block_node(block, at).x;
         vec4 p = fetch(preconditioned, i) + scalars.beta * fetch(direction, i);
         vec4 s = fetch(image, i) + scalars.beta * fetch(direction_image, i);
         next_direction[i] = p;
@@ -222,9 +227,7 @@ void update_free(Block block, vec4 place, Modes modes, Scalars scalars) {
         solution[i] += scalars.alpha * p;
         vec4 r = fetch(residual, i) - scalars.alpha * s;
         next_residual[i] = r;
-        vec3 d = fetch(inverse, 2 * i).xyz, o = fetch(inverse, 2 * i + 1).xyz;
-        vec3 u = vec3(d.x * r.x + o.x * r.y + o.y * r.z, o.x * r.x + d.y * r.y + o.z * r.z, o.y * r.x + o.z * r.y + d.z * r.z);
-        if (COARSE) u += moved_by(modes, (fetch(node_rest, i).xyz - place.xyz) * place.w);
+        vec3 u = precondition(i, r.xyz, modes, COARSE ? (fetch(node_rest, i).xyz - place.xyz) * place.w : vec3(0.0));
         next_preconditioned[i] = vec4(u, 0.0);
     }
 }

@@ -21,7 +21,7 @@ layout(scalar) writeonly buffer ReportOut { Report report; };
 
 #include "shared/sum.glsl"
 #include "shared/tool.glsl"
-#include "shared/pressure.glsl"
+#include "shared/contact_law.glsl"
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
@@ -31,7 +31,7 @@ void main() {
     for (int k = 0; k < 52; k++) sums[k] = 0.0;
     for (uint c = lane; c < counts.contacts; c += SIZE) {
         Contact contact = contacts[c];
-        if (contact.stiffness == 0.0 || contact.tool_sign == 0.0) continue;
+        if (is_dropped(contact) || contact.tool_sign == 0.0) continue;
         vec4 change = fetch(contact_forces, c);
         float force = contact.area * end_pressure(contact, change, params.dt);
         if (force <= 0.0) continue;
@@ -42,8 +42,8 @@ void main() {
         int at = 6;
         for (int i = 0; i < (is_held ? 6 : 0); i++) {
             for (int k = i; k < 6; k++) {
-                sums[at] += contact.area * contact.stiffness * column[i] * column[k];
-                sums[at + 21] += contact.area * contact.damping * column[i] * column[k];
+                sums[at] += normal_stiffness(contact) * column[i] * column[k];
+                sums[at + 21] += normal_damping(contact) * column[i] * column[k];
                 at += 1;
             }
         }

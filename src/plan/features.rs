@@ -3,7 +3,8 @@
 use serde::Serialize;
 
 use crate::prepare::Body;
-use crate::scene::{Body as SceneBody, Preconditioner, Scene, Shape, Sides};
+use crate::scene::{Body as SceneBody, Law, Preconditioner, Scene, Shape, Sides};
+use crate::stages::material_law;
 use crate::stages::model::Model;
 
 /// A feature of a scene.
@@ -74,7 +75,7 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
     add("coarse level", !names.is_empty(), format!("of {}", names.join(", ")), no_layer(asked));
     let damped = model.node_damping.iter().any(|x| *x > 0.0);
     add("damping by mass", damped, "enters with the nodes' masses".into(), no_layer("damping_mass is zero"));
-    let damped = model.materials.iter().any(|material| material[3] > 0.0);
+    let damped = model.materials.iter().any(|material| material.damping > 0.0);
     add("damping by stiffness", damped, "enters with each element".into(), no_layer("damping_stiffness is zero"));
     let surfaced = |body: &&SceneBody| matches!(body.shape, Shape::Soft { surface: Some(_), .. });
     let yes = format!("{} skin vertices on {} nodes", model.skin_nodes.len(), model.node_rest.len());
@@ -82,7 +83,8 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
     add("high-resolution skin", has_skin, yes, no_layer("the layers' boundaries are the skins"));
     let patches = model.patches.count();
     add("patches", patches > 0, format!("{patches} of them"), no_layer("dilatation is \"element\""));
-    add("neo-Hookean law", model.has_neo_hookean(), "of some material".into(), no_layer("no material names that law"));
+    let has_neo_hookean = material_law::has(&model.materials, Law::NeoHookean);
+    add("neo-Hookean law", has_neo_hookean, "of some material".into(), no_layer("no material names that law"));
     add("Newton iterations", model.newton > 1, format!("{} a step", model.newton), no_layer("step.newton is 1"));
     let (cores, joints, hinges) =
         (&model.cores, model.joints.len(), model.cores.iter().filter(|c| c.hinge != glam::DVec3::ZERO));

@@ -127,8 +127,8 @@ impl Model {
 
     /// mu, lambda, Pa, and beta, s.
     pub(crate) fn material_of(&self, tetrahedron: usize) -> [f64; 3] {
-        let [mu, lambda, _, beta] = self.materials[self.element_info[tetrahedron][0] as usize];
-        [mu, lambda, beta].map(f64::from)
+        let material = self.materials[self.element_info[tetrahedron][0] as usize];
+        [material.mu, material.lambda, material.damping].map(f64::from)
     }
 
     pub(crate) fn volume(&self, tetrahedron: usize) -> f64 {

@@ -4,6 +4,7 @@ use std::mem::offset_of;
 use std::sync::Arc;
 
 use super::dilate::Dilate;
+use super::material_law;
 use super::model::Model;
 use super::solve::Solve;
 use super::{Common, count, upload, zeros};
@@ -71,7 +72,7 @@ impl Elastic {
                 ("TETRAHEDRA", count(tetrahedra)),
                 ("SPANS", Const::Bool(model.spans_frames())),
                 ("PATCHES", Const::Bool(patches > 0)),
-                ("NEO_HOOKEAN", Const::Bool(model.has_neo_hookean())),
+                ("LAWS", Const::Uint(material_law::laws_of(&model.materials))),
             ]
         };
         let rotate = |again: bool| Kernel::new(context, "elastic/rotate", Size::Group, &constants(again));

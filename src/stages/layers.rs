@@ -3,10 +3,10 @@
 use crate::shaders;
 use glam::{DMat3, DVec3};
 
+use super::material_law::parameters;
 use super::model::{Core, FramePlace, Model, Motion, texel};
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{FrameMotion, Layer, Materials, Skin};
-use crate::scene::{Law, Material};
 use crate::shaders::NONE;
 
 /// Marks an entry into the forces of patches until the number of all tetrahedra is known.
@@ -22,11 +22,6 @@ impl Model {
                 - DMat3::from_cols(r * r.x, r * r.y, r * r.z))
         };
         core.nodes.iter().map(point).fold(DMat3::ZERO, |sum, part| sum + part)
-    }
-
-    /// Whether any material is neo-Hookean.
-    pub fn has_neo_hookean(&self) -> bool {
-        self.materials.iter().any(|material| material[2] == shaders::LAW_NEO_HOOKEAN)
     }
 
     fn add_core(&mut self, frame: usize, nodes: Vec<u32>) {
@@ -87,7 +82,7 @@ impl Model {
         let node_first = self.node_rest.len();
         let tetrahedron_first = self.tetrahedra.len();
         let material_first = self.materials.len();
-        self.materials.extend(materials.all.iter().map(moduli));
+        self.materials.extend(materials.all.iter().map(parameters));
         let frame_of = |n: u32| frame_first as u32 + node_frames[n as usize];
         let dynamic = |frame: u32| match self.frames[frame as usize].motion {
             Motion::Prepared(FrameMotion::Dynamic { mass, .. }) => Some(mass),
@@ -127,8 +122,8 @@ impl Model {
         };
         let patch_first = self.patches.count();
         let moduli = |t: usize| {
-            let [_, lambda, _, beta] = moduli(materials.of(t)).map(f64::from);
-            [lambda, beta]
+            let material = parameters(materials.of(t));
+            [material.lambda, material.damping].map(f64::from)
         };
         self.patches.add(layer, node_first, moduli, rigid);
         for (node, [patch, place]) in self.patches.entries(patch_first) {
@@ -171,17 +166,6 @@ impl Model {
             }
         }
     }
-}
-
-/// mu, lambda, law, beta.
-fn moduli(material: &Material) -> [f32; 4] {
-    let mu = material.young / (2.0 * (1.0 + material.poisson));
-    let lambda = 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson);
-    let law = match material.law {
-        Law::Corotational => shaders::LAW_COROTATIONAL,
-        Law::NeoHookean => shaders::LAW_NEO_HOOKEAN,
-    };
-    [mu as f32, lambda as f32, law, material.damping_stiffness as f32]
 }
 
 /// L with L L^T = a symmetric positive definite matrix (Cholesky).

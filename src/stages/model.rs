@@ -15,7 +15,7 @@ use super::layers::OF_PATCH;
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Scene, Sides, ToolShape};
-use crate::shaders::{Chunk, NONE, Pair, Proxy, Slot};
+use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, Proxy, Slot};
 use crate::stages::PAIR_REGIONS;
 
 /// Active chunks times their regions at most, a workgroup each on any device: four million vertices; more raise the region
@@ -102,8 +102,8 @@ pub struct Model {
     pub friction: [f32; 2],
     /// Linearisations of elasticity in a step.
     pub newton: u32,
-    /// mu, lambda (Pa), law (0 corotational, 1 neo-Hookean), beta (s); a material.
-    pub materials: Vec<[f32; 4]>,
+    /// The materials of all bodies.
+    pub materials: Vec<ElasticMaterial>,
     /// First frame of each body; `NONE` for a half-space.
     pub body_frames: Vec<u32>,
     /// Pairs of frames (to, from) that something spans; the first is of a frame with itself.

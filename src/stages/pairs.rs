@@ -2,13 +2,11 @@
 
 use std::ops::Range;
 
+use super::contact_law;
 use super::model::{Model, Plane};
-use crate::prepare::{Body, FrameMotion, Layer, Shape};
-use crate::scene::{Material, Scene, Sides};
+use crate::prepare::{Body, FrameMotion, Shape};
+use crate::scene::{Scene, Sides};
 use crate::shaders::{NONE, Pair, Slot};
-
-/// Stiffness (N/m^3) where nothing soft is near to take it from: that of 20 kPa, nu 0.45, at a cell of 10 mm.
-const RIGID_STIFFNESS: f64 = 5.0e7;
 
 impl Model {
     /// Adds every pair of bodies that may touch: both list each other, and one can move. The tool is the last of `all`.
@@ -31,10 +29,8 @@ impl Model {
                     continue;
                 }
                 let (a, b) = if is_plane(i) { (j, i) } else { (i, j) };
-                let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&[all[a], all[b]], all));
-                // As if the penalty relaxed over one step.
-                let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
-                self.add_pair(all, (a, b), held, ranges, [stiffness, damping], scene.contact.sides);
+                let law = contact_law::parameters(scene, [all[a], all[b]], all);
+                self.add_pair(all, (a, b), held, ranges, law, scene.contact.sides);
             }
         }
         self.add_slots();
@@ -137,24 +133,6 @@ impl Model {
     }
 }
 
-/// 20 E / (1 - nu^2) / (mean layer edge) of the softer body, N/m^3; of the softest of the scene where neither is soft. A
-/// body of several materials counts with the softest that carries skin: it gives way first, and what lies deeper is felt
-/// through it.
-fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
-    let of = |bodies: &[&Body]| {
-        let soft = bodies.iter().filter_map(|body| match &body.shape {
-            Shape::Soft { layer, materials, embedding, .. } => {
-                let of_skin = embedding.iter().map(|e| materials.of(e.tetrahedron as usize));
-                let modulus = |material: &Material| material.young / (1.0 - material.poisson.powi(2));
-                of_skin.map(modulus).reduce(f64::min).map(|modulus| 20.0 * modulus / mean_edge(layer))
-            }
-            _ => None,
-        });
-        soft.reduce(f64::min)
-    };
-    of(pair).or_else(|| of(all)).unwrap_or(RIGID_STIFFNESS)
-}
-
 /// Skin to a vertex of a body, m^2: where one side of a pair gathers, it is the one with less, whose vertices say more of where
 /// the two meet; of equals the first.
 fn mean_area(body: &Body) -> f64 {
@@ -163,46 +141,5 @@ fn mean_area(body: &Body) -> f64 {
             skin.areas.iter().sum::<f64>() / skin.areas.len().max(1) as f64
         }
         Shape::Plane { .. } => f64::INFINITY,
-    }
-}
-
-/// Mean length of a layer's edges, each counted once, m.
-fn mean_edge(layer: &Layer) -> f64 {
-    let mut edges: Vec<[u32; 2]> = Vec::with_capacity(6 * layer.tetrahedra.len());
-    for t in &layer.tetrahedra {
-        for (i, k) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
-            edges.push([t[i].min(t[k]), t[i].max(t[k])]);
-        }
-    }
-    edges.sort_unstable();
-    edges.dedup();
-    let length = |e: &[u32; 2]| layer.nodes[e[0] as usize].distance(layer.nodes[e[1] as usize]);
-    edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::prepare::body;
-
-    /// N/m^3, of a cube of three cells a side whose region is much softer than the rest.
-    fn stiffness(sphere: &str) -> f64 {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("scene.toml");
-        let text = format!(
-            "[[body]]\nname = \"a\"\nlayer = {{ box = [[0, 0, 0], [3, 3, 3]], cells = [3, 3, 3] }}\n\
-             material = {{ young = 3e5, poisson = 0.0, density = 1000 }}\n\
-             [[body.region]]\nsphere = {sphere}\nmaterial = {{ young = 1e5 }}\n"
-        );
-        std::fs::write(&file, text).unwrap();
-        let scene = Scene::load(&file).unwrap();
-        let body = body(&scene.bodies[0], &scene).unwrap();
-        auto_stiffness(&[&body], &[&body])
-    }
-
-    #[test]
-    fn the_softest_material_under_the_skin_decides() {
-        let (inside, corner) = (stiffness("[1.5, 1.5, 1.5, 0.5]"), stiffness("[0, 0, 0, 1]"));
-        assert!((inside / corner - 3.0).abs() < 1e-12, "{inside} {corner}");
     }
 }

@@ -4,6 +4,8 @@ use glam::DVec3;
 
 use super::Simulation;
 use crate::Result;
+use crate::shaders::{self, StepParams};
+use crate::stages::contact_law::{Traction, end_traction, start_traction};
 
 /// A colliding skin vertex.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,8 +22,12 @@ pub struct ContactPoint {
     pub depth: f64,
     /// Skin that it stands for, as seen along the normal, m^2.
     pub area: f64,
-    /// With which the step began to push, Pa.
+    /// Along the normal at the end of the step, Pa: times the area, it is the contact's part of the wrench. Of the start of
+    /// the step where its end is not known: after a saved state was taken up, and until the next step.
     pub pressure: f64,
+    /// Friction per area at the end of the step, on the body whose vertex it is, world axes, Pa; zero where that end is not
+    /// known.
+    pub friction: DVec3,
 }
 
 impl Simulation {
@@ -32,6 +38,7 @@ impl Simulation {
         if contacts.is_empty() {
             return Ok(Vec::new());
         }
+        let tractions = self.tractions(&contacts)?;
         let ranges = self.skin_ranges();
         let mut places: Vec<Vec<DVec3>> = vec![Vec::new(); ranges.len()];
         for body in contacts.iter().map(|contact| self.side_bodies(contact.side)[0]) {
@@ -40,12 +47,11 @@ impl Simulation {
             }
         }
         let wide = |[x, y, z]: [f32; 3]| DVec3::new(x.into(), y.into(), z.into());
-        let point = |contact: &crate::shaders::Contact| {
+        let point = |(contact, traction): (&shaders::Contact, &Traction)| {
             let bodies = self.side_bodies(contact.side);
             let vertex = contact.vertex as usize - ranges[bodies[0]].start;
             // The contact's normal points from a to b.
             let out = if contact.side.is_multiple_of(2) { -1.0 } else { 1.0 };
-            let push = contact.stiffness * contact.depth + contact.damping * contact.rate;
             ContactPoint {
                 bodies,
                 vertex,
@@ -53,10 +59,21 @@ impl Simulation {
                 normal: out * wide(contact.normal),
                 depth: contact.depth.into(),
                 area: contact.area.into(),
-                pressure: f64::from(push).max(0.0),
+                pressure: traction.pressure,
+                friction: out * traction.friction,
             }
         };
-        Ok(contacts.iter().filter(|contact| contact.stiffness > 0.0).map(point).collect())
+        Ok(contacts.iter().zip(&tractions).filter(|(contact, _)| contact.stiffness > 0.0).map(point).collect())
+    }
+
+    /// What presses at each of the last step's contacts.
+    fn tractions(&self, contacts: &[shaders::Contact]) -> Result<Vec<Traction>> {
+        let Some(touch) = self.stages.touch.as_ref().filter(|_| self.is_solved) else {
+            return Ok(contacts.iter().map(start_traction).collect());
+        };
+        let forces = touch.contact.touch.contact_forces.read::<[f32; 4]>()?;
+        let h = self.stages.common.params.mapped::<StepParams>()?[0].dt;
+        Ok(contacts.iter().zip(forces).map(|(contact, force)| end_traction(contact, force, h)).collect())
     }
 
     /// Whose vertices a side of a pair gathers, and the other body of it.

@@ -6,8 +6,9 @@ use palpate::scene::Scene;
 use palpate::step::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
 use palpate_oracle::contact::{self, Law, Support, Surface};
-use palpate_oracle::friction::Friction;
-use palpate_oracle::step::{Held, auto_stiffness};
+use palpate_oracle::contact_law::Friction;
+use palpate_oracle::contact_law::auto_stiffness;
+use palpate_oracle::step::Held;
 use palpate_oracle::tool;
 
 use crate::scene::bones::{cube, twin_cores};

@@ -14,6 +14,7 @@ pub mod heads;
 pub mod held;
 pub mod joints;
 pub mod judge;
+mod pressures;
 pub mod query;
 pub mod replay;
 pub mod saved;

@@ -8,7 +8,8 @@ use palpate::stages::depth;
 use palpate::step::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
 use palpate_oracle::contact::{self, Law, Support, Surface};
-use palpate_oracle::step::{self, auto_stiffness};
+use palpate_oracle::contact_law::auto_stiffness;
+use palpate_oracle::step::{self};
 
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 

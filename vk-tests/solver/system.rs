@@ -9,7 +9,7 @@ use palpate::scene::{self, Coupling, Hinge, Law, Material, Preconditioner, Scene
 use palpate::shaders::{Contact, Counts, Frame, Link, NONE, StepParams};
 use palpate::stages::model::Model;
 use palpate_oracle::contact::{Carrier, Contact as Twin, Point};
-use palpate_oracle::friction::Friction;
+use palpate_oracle::contact_law::Friction;
 use palpate_oracle::linear::Entries;
 use palpate_oracle::step::{Simulation, SoftBody};
 use palpate_oracle::tool::{Device, Tool};

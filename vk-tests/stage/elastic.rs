@@ -3,8 +3,9 @@
 use glam::{DMat3, DQuat, DVec3};
 use palpate::gpu::Const;
 use palpate::prepare::{Layer, Materials};
-use palpate::scene::Material;
+use palpate::scene::{Law, Material};
 use palpate::shaders::Counts;
+use palpate::stages::material_law::{has, laws_of};
 use palpate::step::Flags;
 use palpate_oracle::elastic::{lame, outer, polar_rotation, strain};
 
@@ -37,7 +38,7 @@ pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
         .constant("TETRAHEDRA", tetrahedra as u32)
         .constant("SPANS", Const::Bool(system.model.spans_frames()))
         .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
-        .constant("NEO_HOOKEAN", Const::Bool(system.model.has_neo_hookean()))
+        .constant("LAWS", laws_of(&system.model.materials))
         .constant("AGAIN", Const::Bool(!system.trial_change.is_empty()))
         .input("params", &[system.params])
         .input("frames", &system.frames)
@@ -157,7 +158,7 @@ pub fn expect_oracle(what: &str, system: &System, force: f64) {
 fn expect_gradients(what: &str, system: &System) {
     let body = &system.twin.bodies[0];
     let h = system.twin.dt;
-    let share = if system.model.has_neo_hookean() { FOLDED } else { GRADIENT };
+    let share = if has(&system.model.materials, Law::NeoHookean) { FOLDED } else { GRADIENT };
     let (mut got, mut want, mut traces) = (vec![], vec![], (vec![], vec![]));
     let operators = body.elements.linearised(&body.displacement, &quaternions(system)).operators;
     for (t, q) in quaternions(system).iter().enumerate() {
@@ -365,4 +366,15 @@ fn the_oracles_polar_rotation_is_one() {
         assert!(skew.to_cols_array().iter().all(|x| x.abs() < 1e-12), "{skew}");
     }
     assert_eq!(outer(DVec3::X, DVec3::Y).y_axis, DVec3::X);
+}
+
+#[test]
+fn a_law_that_is_not_known_is_no_number() {
+    let mut system = deformed(3, 5, |random| stretched(random.turn(1.0), 0.7, random));
+    system.model.materials[0].law = 9;
+    let outcome = rotate(&system, &[]);
+    let forces = outcome.get::<[f32; 4]>("element_forces");
+    assert!(forces.iter().all(|f| f[..3].iter().all(|x| x.is_nan())), "{forces:?}");
+    let gradients = outcome.get::<[f32; 4]>("gradients");
+    assert!(gradients.iter().all(|g| g[0].is_nan()), "{gradients:?}");
 }

@@ -7,6 +7,7 @@ use palpate::prepare::patch::patches;
 use palpate::prepare::{Layer, Shape};
 use palpate::scene::{Law, Sides};
 use palpate::shaders::{Contact, Counts, Frame, NONE, StepParams};
+use palpate::stages::material_law::laws_of;
 use palpate::step::{Field, Overlay, Simulation, StepReport};
 
 use crate::harness::random::Random;
@@ -57,7 +58,7 @@ fn energy(system: &System, patch_of: &[u32]) -> Outcome {
         .constant("TETRAHEDRA", tetrahedra as u32)
         .constant("SPANS", Const::Bool(system.model.spans_frames()))
         .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
-        .constant("NEO_HOOKEAN", Const::Bool(system.model.has_neo_hookean()))
+        .constant("LAWS", laws_of(&system.model.materials))
         .input("materials", &system.model.materials)
         .input("tetrahedra", &system.model.tetrahedra)
         .input("rest_gradients", &system.model.rest_gradients)

@@ -767,7 +767,8 @@ typedef struct palpate_contact {
     double depth;
     // Skin that it stands for, as seen along the normal, m^2.
     double area;
-    // With which the step began to push, Pa.
+    // Along the normal at the end of the step, Pa: times the area, it is the contact's part of the wrench but for friction. Of
+    // the start of the step after a saved state was taken up.
     double pressure;
 } palpate_contact;
 

@@ -61,7 +61,8 @@ pub struct palpate_contact {
     pub depth: f64,
     /// Skin that it stands for, as seen along the normal, m^2.
     pub area: f64,
-    /// With which the step began to push, Pa.
+    /// Along the normal at the end of the step, Pa: times the area, it is the contact's part of the wrench but for friction. Of
+    /// the start of the step after a saved state was taken up.
     pub pressure: f64,
 }
 

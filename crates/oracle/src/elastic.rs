@@ -12,9 +12,9 @@ use std::collections::BTreeMap;
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
 use palpate::prepare::{Layer, Materials};
-use palpate::scene::{Law, Material};
+use palpate::scene::Material;
 
-use super::neo_hookean;
+use super::material_law;
 
 /// A principal stretch below which a tetrahedron stiffens: corotational elasticity by itself offers no more to a
 /// tetrahedron pressed flat than to one half way there, and turns it inside out.
@@ -57,8 +57,13 @@ pub struct Operator {
 }
 
 impl Operator {
+    /// Of linear elasticity; `lambda`: what of it the tetrahedron has for itself, Pa.
+    pub(super) fn linear(material: &Material, lambda: f64) -> Operator {
+        Operator { mu: lame(material).0, lambda, fold: DMat3::IDENTITY }
+    }
+
     /// 2 mu sym(E) + lambda tr(E) I.
-    fn stress(&self, strain: DMat3) -> DMat3 {
+    pub(super) fn stress(&self, strain: DMat3) -> DMat3 {
         symmetric(strain) * (2.0 * self.mu) + DMat3::from_diagonal(DVec3::splat(self.lambda * trace(strain)))
     }
 }
@@ -87,7 +92,9 @@ impl Elements {
         let (tetrahedra, patches) = (layer.tetrahedra.clone(), layer.patches.clone());
         let mut elements =
             Self { tetrahedra, gradients, volumes, masses, damping, frame, materials, operators: Vec::new(), patches };
-        elements.operators = (0..elements.tetrahedra.len()).map(|e| at_rest(elements.own(e))).collect();
+        elements.operators = (0..elements.tetrahedra.len())
+            .map(|e| Operator::linear(&elements.materials[e], elements.own_lambda(e)))
+            .collect();
         elements
     }
 
@@ -118,12 +125,8 @@ impl Elements {
             (0..rotations.len()).map(|e| strain(rotations[e].normalize(), self.gradient(e, d))).collect();
         let pressures = self.patch_pressures(&strains);
         for (e, nodes) in self.tetrahedra.iter().enumerate() {
-            let (strain, lame) = (strains[e], lame(&self.materials[e]));
-            let of_law = match self.materials[e].law {
-                Law::Corotational => at_rest(self.own(e)).stress(strain) + pressures[e],
-                Law::NeoHookean => neo_hookean::stress(lame, strain),
-            };
-            let stress = DMat3::from_quat(rotations[e].normalize()) * (of_law + squeeze(strain) * stiffening(lame));
+            let of_law = material_law::stress(&self.materials[e], self.own_lambda(e), strains[e]) + pressures[e];
+            let stress = DMat3::from_quat(rotations[e].normalize()) * of_law;
             for (i, g) in nodes.iter().zip(&self.gradients[e]) {
                 forces[*i as usize] -= self.frame * (stress * *g) * self.volumes[e];
             }
@@ -213,10 +216,9 @@ impl Elements {
         means.into_iter().enumerate().map(pressure).collect()
     }
 
-    /// Lame's mu and lambda that a tetrahedron has for itself, Pa: no lambda where patches have it.
-    fn own(&self, element: usize) -> (f64, f64) {
-        let (mu, lambda) = lame(&self.materials[element]);
-        (mu, if self.patches.is_empty() { lambda } else { 0.0 })
+    /// Lame's lambda that a tetrahedron has for itself, Pa: none where patches have it.
+    fn own_lambda(&self, element: usize) -> f64 {
+        if self.patches.is_empty() { lame(&self.materials[element]).1 } else { 0.0 }
     }
 
     /// Volumetric strain of each tetrahedron: tr(E), or its mean by volume over the patch.
@@ -243,39 +245,18 @@ impl Elements {
         let strains: Vec<_> =
             (0..rotations.len()).map(|e| strain(rotations[e].normalize(), self.gradient(e, d))).collect();
         let dilatations = self.dilatations(&strains);
-        let density = |e: usize| {
-            let strain = strains[e];
-            let (mu, lambda) = lame(&self.materials[e]);
-            let square = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
-            let squeezed = 0.5 * stiffening((mu, lambda)) * square(squeeze(strain));
-            let of_law = match self.materials[e].law {
-                Law::Corotational => mu * square(symmetric(strain)) + 0.5 * lambda * dilatations[e].powi(2),
-                Law::NeoHookean => neo_hookean::energy((mu, lambda), strain),
-            };
-            of_law + squeezed
-        };
+        let density = |e: usize| material_law::energy(&self.materials[e], strains[e], dilatations[e]);
         (0..self.tetrahedra.len()).map(density).collect()
     }
 
-    /// These elements with the operator of a state. A corotational tetrahedron that is squeezed gets half the stiffening
-    /// more shear modulus, which is at least as stiff in every direction as the stiffening, and isotropic.
+    /// These elements with the operator of a state.
     pub fn linearised(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
         let operator = |e: usize| {
             let strain = strain(rotations[e].normalize(), self.gradient(e, d));
-            let (squeezed, lame) = (squeeze(strain), lame(&self.materials[e]));
-            match self.materials[e].law {
-                Law::NeoHookean => neo_hookean::operator(lame, strain, squeezed),
-                Law::Corotational if squeezed == DMat3::ZERO => at_rest(self.own(e)),
-                Law::Corotational => Operator { mu: lame.0 + 0.5 * stiffening(lame), ..at_rest(self.own(e)) },
-            }
+            material_law::operator(&self.materials[e], self.own_lambda(e), strain)
         };
         Self { operators: (0..self.tetrahedra.len()).map(operator).collect(), ..self.clone() }
     }
-}
-
-/// Hooke's law.
-fn at_rest((mu, lambda): (f64, f64)) -> Operator {
-    Operator { mu, lambda, fold: DMat3::IDENTITY }
 }
 
 /// Stiffness along a squeezed axis, Pa; of mu and lambda.

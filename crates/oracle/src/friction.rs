@@ -6,15 +6,6 @@ use crate::contact::{Carrier, Contact};
 use crate::linear::Entries;
 use crate::step::{Simulation, Unknowns, dot};
 
-/// Coulomb's friction, viscous below a speed.
-#[derive(Debug, Clone, Copy)]
-pub struct Friction {
-    /// Its coefficient.
-    pub coefficient: f64,
-    /// Speed below which it is viscous, m/s.
-    pub speed: f64,
-}
-
 /// Friction of one contact: along two tangents, the rows and velocities at the start (m/s).
 #[derive(Default)]
 pub struct Drag {
@@ -62,8 +53,8 @@ impl Simulation {
         let speeds: [f64; 2] =
             std::array::from_fn(|k| self.known_along(unknowns, contact, along[k]) + dot(&rows[k], start));
         let rate = self.known_rate(unknowns, contact) + dot(&self.row(unknowns, contact), start);
-        let force = contact.area * (contact.stiffness * contact.depth + contact.damping * rate).max(0.0);
-        let viscosity = friction.coefficient * force / speeds[0].hypot(speeds[1]).hypot(friction.speed);
+        let force = contact.area * contact.penalty().start_pressure(contact.depth, rate);
+        let viscosity = friction.viscosity(force, speeds[0].hypot(speeds[1]));
         Drag { along, rows, speeds, viscosity }
     }
 }

@@ -12,6 +12,7 @@
 //! | [`proximity`] | placement, bounds, directions |
 //! | [`regions`] | boxes of chunks, what a vertex makes of several regions |
 //! | [`contact`], [`rays`] | depth by exact rays, gathered contacts |
+//! | [`contact_law`], [`material_law`] | the laws, once each |
 //! | [`linear`], [`step`], `newton` | the implicit step, solved directly |
 //! | [`joint`] | springs between dynamic cores |
 //! | [`coarse`] | the coarse level of the solver's preconditioner |
@@ -22,12 +23,14 @@
 pub mod body;
 pub mod coarse;
 pub mod contact;
+pub mod contact_law;
 pub mod cull;
 pub mod elastic;
 pub mod friction;
 pub mod gap;
 pub mod joint;
 pub mod linear;
+pub mod material_law;
 pub mod neo_hookean;
 mod newton;
 pub mod proximity;

@@ -4,11 +4,9 @@ use glam::{DMat3, DQuat, DVec3};
 
 pub use crate::body::{Core, Held, SoftBody};
 use palpate::Result;
-use palpate::prepare::Layer;
-use palpate::scene::Material;
 
 use crate::contact::{Carrier, Contact, Point};
-use crate::friction::Friction;
+use crate::contact_law::Friction;
 use crate::joint::Joint;
 use crate::linear::{Entries, Solver};
 use crate::newton::Trial;
@@ -289,7 +287,7 @@ impl Simulation {
 
     /// k depth + (h k + d) depth' at this rate, N/m^2.
     fn pressure(&self, contact: &Contact, rate: f64) -> f64 {
-        contact.stiffness * contact.depth + (self.dt * contact.stiffness + contact.damping) * rate
+        contact.penalty().end_pressure(contact.depth, rate, self.dt)
     }
 
     /// v1 = v0 + dv, d1 = d0 + h R^T v1; bound nodes keep the velocity they were given; the tool moves with its new twist.
@@ -332,9 +330,9 @@ impl Simulation {
 
 /// (h^2 k + h d) a c c^T, and -h a (k depth + (d + h k) depth') c; `rate`: depth' at the start, m/s.
 fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &Contact, rate: f64, h: f64) {
-    let slope = contact.damping + h * contact.stiffness;
-    a.add_outer(row, h * slope * contact.area);
-    let impulse = -h * contact.area * (contact.stiffness * contact.depth + slope * rate);
+    let penalty = contact.penalty();
+    a.add_outer(row, h * penalty.slope(h) * contact.area);
+    let impulse = -h * contact.area * penalty.end_pressure(contact.depth, rate, h);
     for (i, x) in row {
         b[*i] += impulse * x;
     }
@@ -356,25 +354,4 @@ fn cross_matrix(v: DVec3) -> DMat3 {
 
 pub(super) fn dot(row: &[(usize, f64)], x: &[f64]) -> f64 {
     row.iter().map(|(i, c)| c * x[*i]).sum()
-}
-
-/// Penalty stiffness "auto", N/m^3: 20 E / (1 - nu^2) / (mean layer edge) of the softer of these bodies (the one with
-/// the smaller E / (1 - nu^2); of equal ones the softer result). `None` without a soft body.
-pub fn auto_stiffness(soft: &[(&Layer, &Material)]) -> Option<f64> {
-    let modulus = |m: &Material| m.young / (1.0 - m.poisson * m.poisson);
-    let result = |(layer, m): &(&Layer, &Material)| (modulus(m), 20.0 * modulus(m) / mean_edge(layer));
-    let least = soft.iter().map(result).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    least.map(|(_, stiffness)| stiffness)
-}
-
-/// Mean length of a layer's distinct edges, m.
-pub fn mean_edge(layer: &Layer) -> f64 {
-    let mut edges = std::collections::BTreeSet::new();
-    for t in &layer.tetrahedra {
-        for (i, a) in t.iter().enumerate() {
-            edges.extend(t[i + 1..].iter().map(|b| (*a.min(b), *a.max(b))));
-        }
-    }
-    let length = |(a, b): &(u32, u32)| layer.nodes[*a as usize].distance(layer.nodes[*b as usize]);
-    edges.iter().map(length).sum::<f64>() / edges.len() as f64
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::super::contact::Touch;
 use super::super::elastic::Elastic;
+use super::super::material_law;
 use super::super::model::Model;
 use super::super::{Common, array, count, upload};
 use super::{Draw, Points, lists};
@@ -142,7 +143,7 @@ impl Fields {
                     ("TETRAHEDRA", count(model.tetrahedra.len())),
                     ("SPANS", model.spans_frames().into()),
                     ("PATCHES", has_patches.into()),
-                    ("NEO_HOOKEAN", model.has_neo_hookean().into()),
+                    ("LAWS", material_law::laws_of(&model.materials).into()),
                 ],
             )?,
             share: has_patches.then(share).transpose()?,

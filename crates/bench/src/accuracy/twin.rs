@@ -9,7 +9,8 @@ use palpate::step::Simulation;
 use palpate::step::drive::Drive;
 use palpate::{Error, Result};
 use palpate_oracle::contact::{self, Law, Support, Surface};
-use palpate_oracle::step::{self, SoftBody, auto_stiffness};
+use palpate_oracle::contact_law::auto_stiffness;
+use palpate_oracle::step::{self, SoftBody};
 use palpate_oracle::tool;
 
 use super::race::{Errors, Run, relative_error};

@@ -7,7 +7,7 @@ use palpate::scene::Scene;
 use palpate::shaders::{self, NONE};
 use palpate::step::ToolReport;
 use palpate::{Error, Result};
-use palpate_oracle::step::auto_stiffness;
+use palpate_oracle::contact_law::{Penalty, auto_stiffness};
 
 use super::trace::{HALF_ULP, ROUNDINGS};
 
@@ -16,10 +16,7 @@ pub struct Skin {
     /// Nodes and weights of each vertex.
     vertices: Vec<Vec<(usize, f64)>>,
     triangles: Vec<[u32; 3]>,
-    /// N/m^3.
-    stiffness: f64,
-    /// N s/m^3.
-    damping: f64,
+    penalty: Penalty,
 }
 
 /// Velocities, m/s and rad/s: of all nodes, and of the tool's centre and turning.
@@ -42,8 +39,7 @@ pub struct Pressing {
     pub tool: [DVec3; 2],
     area: f64,
     depth: f64,
-    stiffness: f64,
-    damping: f64,
+    penalty: Penalty,
 }
 
 /// What contacts do to the tool by the law, against what the wrench tells.
@@ -74,8 +70,7 @@ impl Skin {
         Ok(Skin {
             vertices: embedding.iter().map(nodes).collect(),
             triangles: skin.triangles.clone(),
-            stiffness,
-            damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt),
+            penalty: Penalty { stiffness, damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt) },
         })
     }
 
@@ -109,8 +104,7 @@ impl Skin {
             tool: [normal, lever].map(|x| f64::from(contact.tool_sign) * x),
             area: contact.area.into(),
             depth: contact.depth.into(),
-            stiffness: self.stiffness,
-            damping: self.damping,
+            penalty: self.penalty,
         }
     }
 }
@@ -124,19 +118,19 @@ impl Pressing {
 
     /// How force answers to the rate, N s/m, over a step of `h` s.
     pub fn slope(&self, h: f64) -> f64 {
-        self.area * (h * self.stiffness + self.damping)
+        self.area * self.penalty.slope(h)
     }
 
     /// area (k depth + (h k + d) rate), N: the law at the end of a step that ends with this motion; below zero it pulls.
     pub fn push(&self, h: f64, motion: &Motion) -> f64 {
-        self.area * self.stiffness * self.depth + self.slope(h) * self.rate(motion)
+        self.area * self.penalty.end_pressure(self.depth, self.rate(motion), h)
     }
 
     /// What f32 may make of the same, N.
     pub fn rounding(&self, h: f64, motion: &Motion) -> f64 {
         let nodes: f64 = self.nodes.iter().map(|(node, weight)| weight.abs() * motion.nodes[*node].length()).sum();
         let tool = self.tool[0].length() * motion.linear.length() + self.tool[1].length() * motion.angular.length();
-        let size = self.area * self.stiffness * self.depth + self.slope(h) * (nodes + tool);
+        let size = self.area * self.penalty.stiffness * self.depth + self.slope(h) * (nodes + tool);
         ROUNDINGS * HALF_ULP * size
     }
 
@@ -177,8 +171,7 @@ mod tests {
             tool: [-DVec3::Y, DVec3::ZERO],
             area: 2.0,
             depth: 0.1,
-            stiffness: 100.0,
-            damping: 10.0,
+            penalty: Penalty { stiffness: 100.0, damping: 10.0 },
         }
     }
 

@@ -6,9 +6,10 @@ use palpate::scene::Material;
 
 use super::material;
 use crate::contact::{Carrier, Contact, Law, Point, Support, Surface, gather_plane};
-use crate::friction::Friction;
+use crate::contact_law::Friction;
+use crate::contact_law::auto_stiffness;
 use crate::skin;
-use crate::step::{Report, Simulation, SoftBody, auto_stiffness};
+use crate::step::{Report, Simulation, SoftBody};
 use crate::testing::boundary;
 use crate::tool::Tool;
 

@@ -7,8 +7,9 @@ use palpate::scene::Coupling;
 use super::contact::sphere;
 use super::material;
 use crate::contact::{Contact, Law, Support, Surface, gather};
+use crate::contact_law::auto_stiffness;
 use crate::skin;
-use crate::step::{Simulation, SoftBody, auto_stiffness};
+use crate::step::{Simulation, SoftBody};
 use crate::testing::boundary;
 use crate::tool::{Device, Tool};
 

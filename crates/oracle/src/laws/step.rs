@@ -6,8 +6,9 @@ use palpate::scene::{Coupling, Material};
 
 use super::material;
 use crate::contact::{Carrier, Contact, Law, Point, Support, Surface, gather_plane};
+use crate::contact_law::{auto_stiffness, mean_edge};
 use crate::skin;
-use crate::step::{ADHESIVE_TWICE, Simulation, SoftBody, auto_stiffness, mean_edge};
+use crate::step::{ADHESIVE_TWICE, Simulation, SoftBody};
 use crate::testing::{Random, boundary};
 use crate::tool::{Device, Tool, point_inertia, rotation_vector};
 

@@ -1,9 +1,8 @@
-// Strain of a tetrahedron, and what of it is squeezed. Needs shared/rotation.glsl. Oracle: oracle::elastic.
+// Strain of a tetrahedron, and the part of it that is compressed beyond a bound. Needs shared/rotation.glsl. Oracle:
+// oracle::elastic.
 
 const float LEAST = 0.3;            // the least principal stretch that is not squeezed
 const float STIFFENING = 10.0;      // along a squeezed axis, of lambda + 2 mu
-const float LAW_COROTATIONAL = 0.0;  // laws of materials
-const float LAW_NEO_HOOKEAN = 1.0;
 const uint JACOBI_SWEEPS = 5;
 
 // E = R^T G + (R^T - I), R^T - I = 2 [v]x [v]x - 2 w [v]x, column by column, without cancellation.

@@ -1,0 +1,77 @@
+//! The contact law in f64: pressure p = k depth + d depth', and Coulomb's friction, regularised. Twin of
+//! `shaders/shared/contact_law.glsl`.
+
+use palpate::prepare::Layer;
+use palpate::scene::Material;
+
+use crate::contact::Contact;
+
+/// Stiffness and damping of a pair of bodies, over projected area.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Penalty {
+    /// k, N/m^3.
+    pub stiffness: f64,
+    /// d, N s/m^3.
+    pub damping: f64,
+}
+
+impl Penalty {
+    /// Pressure at the start of a step, Pa, of a depth (m) and its rate (m/s); below zero it would pull.
+    pub fn start_pressure(&self, depth: f64, rate: f64) -> f64 {
+        self.stiffness * depth + self.damping * rate
+    }
+
+    /// How the pressure at the end of a step of `h` s answers to the rate there, N s/m^3.
+    pub fn slope(&self, h: f64) -> f64 {
+        h * self.stiffness + self.damping
+    }
+
+    /// Pressure at the end of a step of `h` s, of the depth at its start and the rate at its end.
+    pub fn end_pressure(&self, depth: f64, rate: f64, h: f64) -> f64 {
+        self.stiffness * depth + self.slope(h) * rate
+    }
+}
+
+impl Contact {
+    /// What its pair of bodies has.
+    pub fn penalty(&self) -> Penalty {
+        Penalty { stiffness: self.stiffness, damping: self.damping }
+    }
+}
+
+/// Coulomb's friction, viscous below a speed.
+#[derive(Debug, Clone, Copy)]
+pub struct Friction {
+    /// Its coefficient.
+    pub coefficient: f64,
+    /// Speed below which it is viscous, m/s.
+    pub speed: f64,
+}
+
+impl Friction {
+    /// Friction over the tangential velocity, N s/m, of what presses (N) and the speed of sliding (m/s) at the start.
+    pub fn viscosity(&self, force: f64, sliding: f64) -> f64 {
+        self.coefficient * force.max(0.0) / sliding.hypot(self.speed)
+    }
+}
+
+/// Penalty stiffness "auto", N/m^3: 20 E / (1 - nu^2) / (mean layer edge) of the softer of these bodies (the one with
+/// the smaller E / (1 - nu^2); of equal ones the softer result). `None` without a soft body.
+pub fn auto_stiffness(soft: &[(&Layer, &Material)]) -> Option<f64> {
+    let modulus = |m: &Material| m.young / (1.0 - m.poisson * m.poisson);
+    let result = |(layer, m): &(&Layer, &Material)| (modulus(m), 20.0 * modulus(m) / mean_edge(layer));
+    let least = soft.iter().map(result).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    least.map(|(_, stiffness)| stiffness)
+}
+
+/// Mean length of a layer's distinct edges, m.
+pub fn mean_edge(layer: &Layer) -> f64 {
+    let mut edges = std::collections::BTreeSet::new();
+    for t in &layer.tetrahedra {
+        for (i, a) in t.iter().enumerate() {
+            edges.extend(t[i + 1..].iter().map(|b| (*a.min(b), *a.max(b))));
+        }
+    }
+    let length = |(a, b): &(u32, u32)| layer.nodes[*a as usize].distance(layer.nodes[*b as usize]);
+    edges.iter().map(length).sum::<f64>() / edges.len() as f64
+}

@@ -1,0 +1,113 @@
+//! The host's part of the contact law: the stiffness and damping of a pair of bodies, and what a contact did at the end of a
+//! step, for those who ask. The law itself is `shaders/shared/contact_law.glsl`.
+
+use glam::DVec3;
+
+use crate::prepare::{Body, Layer, Shape};
+use crate::scene::{Material, Scene};
+use crate::shaders::Contact;
+
+/// Stiffness (N/m^3) where nothing soft is near to take it from: that of 20 kPa, nu 0.45, at a cell of 10 mm.
+const RIGID_STIFFNESS: f64 = 5.0e7;
+
+/// Stiffness (N/m^3) and damping (N s/m^3) between two bodies of a scene.
+pub fn parameters(scene: &Scene, pair: [&Body; 2], all: &[&Body]) -> [f64; 2] {
+    let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&pair, all));
+    // As if the penalty relaxed over one step.
+    let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
+    [stiffness, damping]
+}
+
+/// What presses a contact's two bodies apart, over its area.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Traction {
+    /// Along the normal, Pa; never below zero, since contacts do not adhere.
+    pub pressure: f64,
+    /// Friction on the second body of the pair, its opposite on the first; world axes, Pa.
+    pub friction: DVec3,
+}
+
+/// At the end of a step of `h` s, where `force` is the contact's entry of `contact_forces`: what the wrench is the sum of.
+pub fn end_traction(contact: &Contact, force: [f32; 4], h: f32) -> Traction {
+    let [stiffness, depth, area, h] = [contact.stiffness, contact.depth, contact.area, h].map(f64::from);
+    let [x, y, z, along] = force.map(f64::from);
+    let slope = h * stiffness + f64::from(contact.damping);
+    let rate = f64::from(contact.rate) + along / (h * slope * area);
+    let pressure = stiffness * depth + slope * rate;
+    if pressure.is_nan() || pressure <= 0.0 {
+        return Traction { pressure: 0.0, friction: DVec3::ZERO };
+    }
+    let drag =
+        f64::from(contact.friction) * wide(contact.slip) + (DVec3::new(x, y, z) - along * wide(contact.normal)) / h;
+    Traction { pressure, friction: drag / area }
+}
+
+/// At the start of a step, whose end is not known; friction is left out.
+pub fn start_traction(contact: &Contact) -> Traction {
+    let [stiffness, damping, depth, rate] =
+        [contact.stiffness, contact.damping, contact.depth, contact.rate].map(f64::from);
+    Traction { pressure: (stiffness * depth + damping * rate).max(0.0), friction: DVec3::ZERO }
+}
+
+fn wide(x: [f32; 3]) -> DVec3 {
+    DVec3::from_array(x.map(f64::from))
+}
+
+/// 20 E / (1 - nu^2) / (mean layer edge) of the softer body, N/m^3; of the softest of the scene where neither is soft. A
+/// body of several materials counts with the softest that carries skin: it gives way first, and what lies deeper is felt
+/// through it.
+fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
+    let of = |bodies: &[&Body]| {
+        let soft = bodies.iter().filter_map(|body| match &body.shape {
+            Shape::Soft { layer, materials, embedding, .. } => {
+                let of_skin = embedding.iter().map(|e| materials.of(e.tetrahedron as usize));
+                let modulus = |material: &Material| material.young / (1.0 - material.poisson.powi(2));
+                of_skin.map(modulus).reduce(f64::min).map(|modulus| 20.0 * modulus / mean_edge(layer))
+            }
+            _ => None,
+        });
+        soft.reduce(f64::min)
+    };
+    of(pair).or_else(|| of(all)).unwrap_or(RIGID_STIFFNESS)
+}
+
+/// Mean length of a layer's edges, each counted once, m.
+fn mean_edge(layer: &Layer) -> f64 {
+    let mut edges: Vec<[u32; 2]> = Vec::with_capacity(6 * layer.tetrahedra.len());
+    for t in &layer.tetrahedra {
+        for (i, k) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+            edges.push([t[i].min(t[k]), t[i].max(t[k])]);
+        }
+    }
+    edges.sort_unstable();
+    edges.dedup();
+    let length = |e: &[u32; 2]| layer.nodes[e[0] as usize].distance(layer.nodes[e[1] as usize]);
+    edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::body;
+
+    /// N/m^3, of a cube of three cells a side whose region is much softer than the rest.
+    fn stiffness(sphere: &str) -> f64 {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scene.toml");
+        let text = format!(
+            "[[body]]\nname = \"a\"\nlayer = {{ box = [[0, 0, 0], [3, 3, 3]], cells = [3, 3, 3] }}\n\
+             material = {{ young = 3e5, poisson = 0.0, density = 1000 }}\n\
+             [[body.region]]\nsphere = {sphere}\nmaterial = {{ young = 1e5 }}\n"
+        );
+        std::fs::write(&file, text).unwrap();
+        let scene = Scene::load(&file).unwrap();
+        let body = body(&scene.bodies[0], &scene).unwrap();
+        auto_stiffness(&[&body], &[&body])
+    }
+
+    #[test]
+    fn the_softest_material_under_the_skin_decides() {
+        let (inside, corner) = (stiffness("[1.5, 1.5, 1.5, 0.5]"), stiffness("[0, 0, 0, 1]"));
+        assert!((inside / corner - 3.0).abs() < 1e-12, "{inside} {corner}");
+    }
+}

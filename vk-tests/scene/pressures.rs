@@ -1,0 +1,111 @@
+//! What contacts report is what the tool feels: pressure and friction at the end of the step, times area, sum to the wrench.
+
+use std::path::Path;
+
+use glam::DVec3;
+use palpate::gpu::Options;
+use palpate::scene::Scene;
+use palpate::step::Simulation;
+
+/// Of the sum of the contacts' sizes: what f32 leaves of a sum of up to a thousand.
+const ROUNDED: f64 = 1e-5;
+
+/// A ball is pressed 4 mm into a block and pulled along it.
+const SLIDING: &str = "\
+[contact]\nfriction = 0.5\n\
+[[body]]\nname = \"block\"\nlayer = { box = [[-0.03, -0.02, -0.03], [0.03, 0.0, 0.03]], cells = [8, 4, 8] }\n\
+material = { young = 2e4, poisson = 0.4, density = 1000.0 }\n\
+[[body.core]]\nname = \"table\"\nmotion = \"fixed\"\nbind = { box = [[-1.0, -1.0, -1.0], [1.0, -0.019, 1.0]] }\n\
+[tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.0, 0.0105, 0.0]\n\
+[coupling]\nstiffness = 1000.0\ndamping = 10.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n\
+[drive]\nkeys = [[0.0, 0.0, 0.0105, 0.0], [0.03, 0.0, 0.006, 0.0], [0.06, 0.01, 0.006, 0.0]]\n";
+
+/// Force on the tool (or the body that the device holds) by the reported contacts, N, and the sum of their sizes.
+fn summed(simulation: &Simulation, held: usize) -> (DVec3, f64) {
+    let (mut force, mut sizes) = (DVec3::ZERO, 0.0);
+    for contact in simulation.contacts().unwrap() {
+        let own = contact.area * (contact.pressure * contact.normal + contact.friction);
+        let sign = match contact.bodies {
+            [own, _] if own == held => 1.0,
+            [_, other] if other == held => -1.0,
+            _ => continue,
+        };
+        force += sign * own;
+        sizes += own.length();
+    }
+    (force, sizes)
+}
+
+/// Runs a scene; the largest error over the sum of sizes, and the largest force.
+fn worst(file: &Path, steps: usize) -> (f64, f64) {
+    let scene = Scene::load(file).unwrap();
+    let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+    let mut simulation = Simulation::new(&scene, &Options { device, ..Options::default() }, None).unwrap();
+    let held = scene.held_body().unwrap_or(scene.bodies.len());
+    let (mut error, mut largest) = (0.0f64, 0.0f64);
+    for _ in 0..steps {
+        let report = simulation.step().unwrap();
+        let Some(tool) = report.tool else { continue };
+        let (force, sizes) = summed(&simulation, held);
+        largest = largest.max(tool.force.length());
+        let off = (force - tool.force).length();
+        assert!(off <= ROUNDED * sizes, "{}: {force} of {} N", file.display(), tool.force);
+        error = error.max(off / sizes.max(f64::MIN_POSITIVE));
+    }
+    (error, largest)
+}
+
+/// The largest force, N.
+fn expect_the_wrench(name: &str, steps: usize) -> f64 {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("assets/scenes/{name}.toml"));
+    let (error, largest) = worst(&file, steps);
+    println!("{name}: {error:.1e} of the contacts' sizes, {largest:.3} N at most");
+    largest
+}
+
+#[test]
+fn contacts_of_a_touched_head_sum_to_the_wrench() {
+    assert!(expect_the_wrench("touch-head", 60) > 0.01);
+}
+
+#[test]
+fn contacts_with_friction_sum_to_the_wrench() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.toml");
+    std::fs::write(&file, SLIDING).unwrap();
+    let (error, largest) = worst(&file, 60);
+    assert!(largest > 0.05, "{largest} N, {error:e}");
+}
+
+#[test]
+fn after_a_state_is_taken_up_contacts_say_what_the_step_began_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.toml");
+    std::fs::write(&file, SLIDING).unwrap();
+    let scene = Scene::load(&file).unwrap();
+    let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+    let mut simulation = Simulation::new(&scene, &Options { device, ..Options::default() }, None).unwrap();
+    (0..40).for_each(|_| drop(simulation.step().unwrap()));
+    let (saved, at_end) = (simulation.save().unwrap(), simulation.contacts().unwrap());
+    simulation.restore(&saved).unwrap();
+    let (_, records) = simulation.touch().unwrap();
+    let begun = simulation.contacts().unwrap();
+    assert!(!begun.is_empty() && begun.len() == at_end.len(), "{} and {}", begun.len(), at_end.len());
+    assert!(begun.iter().zip(&at_end).any(|(a, b)| a.pressure != b.pressure));
+    for (contact, record) in begun.iter().zip(records.iter().filter(|record| record.stiffness > 0.0)) {
+        let push = f64::from(record.stiffness * record.depth) + f64::from(record.damping * record.rate);
+        assert!((contact.pressure - push.max(0.0)).abs() <= 1e-6 * push.abs(), "{contact:?}");
+        assert_eq!(contact.friction, DVec3::ZERO);
+    }
+}
+
+#[test]
+#[ignore = "long: 60 s"]
+fn contacts_of_all_scenes_sum_to_the_wrench() {
+    // Two heads, gears and pumpkins have no tool, and so no wrench to hold contacts against.
+    let scenes = [("held-pad", 300), ("pose-human", 40), ("press-gear", 40), ("press-pumpkin", 40), ("touch-human", 40)];
+    for (name, steps) in scenes {
+        let largest = expect_the_wrench(name, steps);
+        assert!(largest > 1e-3, "{name}: {largest} N");
+    }
+}
