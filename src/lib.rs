@@ -19,15 +19,52 @@
 //! # }
 //! ```
 
-pub mod error;
-pub mod gpu;
-pub mod haptics;
-pub mod plan;
-pub mod prepare;
-pub mod query;
+#![deny(missing_docs)]
+
+mod error;
+mod gpu;
+mod haptics;
+mod plan;
+mod prepare;
+mod query;
 pub mod scene;
-pub mod shaders;
-pub mod stages;
-pub mod step;
+mod shaders;
+mod stages;
+mod step;
 
 pub use error::{Error, Result};
+pub use gpu::{Context, Options};
+pub use haptics::{Device, Fault, Reading};
+pub use query::{Answer, Query, QueryContact, QuerySettings};
+pub use scene::Scene;
+pub use step::{ContactPoint, Flags, Pose, RigidState, Simulation, StepReport, ToolReport, Wrench};
+
+/// All rooms, for the crates beside this one and for tests. Nothing in here is promised to others.
+#[doc(hidden)]
+pub mod internal {
+    #![allow(missing_docs)]
+    pub mod gpu {
+        pub use crate::gpu::*;
+    }
+    pub mod haptics {
+        pub use crate::haptics::*;
+    }
+    pub mod plan {
+        pub use crate::plan::*;
+    }
+    pub mod prepare {
+        pub use crate::prepare::*;
+    }
+    pub mod query {
+        pub use crate::query::*;
+    }
+    pub mod shaders {
+        pub use crate::shaders::*;
+    }
+    pub mod stages {
+        pub use crate::stages::*;
+    }
+    pub mod step {
+        pub use crate::step::*;
+    }
+}

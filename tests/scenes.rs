@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use palpate::scene::{Motion, Scene, Shape, Surface};
+use palpate::Scene;
+use palpate::scene::{Motion, Shape, Surface};
 
 fn scenes() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes");

@@ -3,10 +3,8 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec2;
-use palpate::gpu::{
-    Before, Buffer, Canvas, Drawn, Image, Memory, Named, Onto, RasterPipeline, Recorder, Side, Texels, shader_names,
-};
-use palpate::shaders::test::DrawFlat;
+use palpate::internal::gpu::{Before, Buffer, Canvas, Drawn, Image, Memory, Named, Onto, RasterPipeline, Recorder, Side, Texels, shader_names};
+use palpate::internal::shaders::test::DrawFlat;
 
 use crate::harness::random::Random;
 use crate::harness::{assert_clean, context, turn};

@@ -1,9 +1,10 @@
 //! The Vulkan room itself: order of dependent passes, indirect arguments, fills and copies, replay, timers, threads,
 //! mapped memory, and the rasterizer.
 
-use palpate::gpu::{Buffer, Context, Kernel, Memory, Named, Options, RasterPipeline, Recorder, Recording, Size};
-use palpate::shaders::test::{Bump, DrawSquares};
-use palpate::stages::cull::MOST_CELLS;
+use palpate::{Context, Options};
+use palpate::internal::gpu::{Buffer, Kernel, Memory, Named, RasterPipeline, Recorder, Recording, Size};
+use palpate::internal::shaders::test::{Bump, DrawSquares};
+use palpate::internal::stages::cull::MOST_CELLS;
 
 use crate::harness::random::Random;
 use crate::harness::{assert_clean, context};

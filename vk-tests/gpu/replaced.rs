@@ -1,8 +1,9 @@
 //! A kernel may be replaced by another of the same interface: what tests of tests are made of.
 
-use palpate::gpu::{Buffer, Context, Kernel, Memory, Options, Recorder, Size};
+use palpate::{Context, Options};
+use palpate::internal::gpu::{Buffer, Kernel, Memory, Recorder, Size};
 
-use palpate::shaders::test::Bump;
+use palpate::internal::shaders::test::Bump;
 
 use crate::harness::assert_clean;
 use crate::harness::spoil::spoiled;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use palpate::gpu::{Arrays, Const, Kernel, Size};
-use palpate::shaders;
+use palpate::internal::gpu::{Arrays, Const, Kernel, Size};
+use palpate::internal::shaders;
 
 use crate::harness::{assert_clean, context};
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::{self, Body, FrameMotion, Proxy, Shape, Skin, hull, layer, skin};
+use palpate::internal::prepare::{self, Body, FrameMotion, Proxy, Shape, Skin, hull, layer, skin};
 use palpate::scene::Material;
 
 /// A triangle mesh.

@@ -13,7 +13,8 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use bytemuck::Pod;
-use palpate::gpu::{Arrays, Buffer, Const, Context, Kernel, Memory, Named, Options, Recorder, Size};
+use palpate::{Context, Options};
+use palpate::internal::gpu::{Arrays, Buffer, Const, Kernel, Memory, Named, Recorder, Size};
 
 /// A quiet NaN no arithmetic makes, so that a value left unwritten is found as float and as integer.
 pub const CANARY: u32 = 0x7fc0_dead;

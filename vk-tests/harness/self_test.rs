@@ -2,8 +2,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use palpate::gpu::{Arrays, Buffer, Kernel, Memory, Named, Recorder, Size};
-use palpate::shaders::test::CopyParams;
+use palpate::internal::gpu::{Arrays, Buffer, Kernel, Memory, Named, Recorder, Size};
+use palpate::internal::shaders::test::CopyParams;
 
 use crate::harness::{Outcome, Tolerance, assert_clean, case, context, expect_close};
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use palpate_glsl::Arrays;
 
 /// The SPIR-V of the kernel `shaders/<kernel>.comp`, or of a shader whose name says its stage, with the one place that reads
-/// `from` reading `to` instead; its name and this are what [`palpate::gpu::Options::replaced`] takes.
+/// `from` reading `to` instead; its name and this are what [`palpate::Options::replaced`] takes.
 pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let root = here.ancestors().map(|folder| folder.join("shaders")).find(|shaders| shaders.is_dir()).unwrap();

@@ -5,10 +5,10 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use palpate::gpu::Options;
-use palpate::prepare::Shape;
-use palpate::shaders::Contact;
-use palpate::step::Simulation;
+use palpate::Options;
+use palpate::internal::prepare::Shape;
+use palpate::internal::shaders::Contact;
+use palpate::Simulation;
 
 use crate::scene::whole_step::scene;
 

@@ -1,9 +1,9 @@
 //! Friction in whole steps: Coulomb's law on a slope, the f64 oracle step by step, momentum of bodies that collide.
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::{self, Embedding, Shape, Skin};
-use palpate::scene::Scene;
-use palpate::step::{Flags, Simulation, StepReport};
+use palpate::internal::prepare::{self, Embedding, Shape, Skin};
+use palpate::Scene;
+use palpate::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
 use palpate_oracle::contact::{self, Law, Support, Surface};
 use palpate_oracle::contact_law::Friction;
@@ -149,7 +149,7 @@ pub fn beside(
         let region = simulation.touch().unwrap().0[0];
         let contacts = twin.contacts(DVec3::from(region.normal.map(f64::from)).normalize_or_zero());
         let device = scene.coupling.map(|_| {
-            let device = palpate::step::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
+            let device = palpate::internal::step::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
             tool::Device {
                 position: device.position,
                 orientation: device.orientation,

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::layer;
-use palpate::step::{Flags, Simulation};
+use palpate::internal::prepare::layer;
+use palpate::{Flags, Simulation};
 use palpate_oracle as oracle;
 
 use crate::scene::bones::{SHAPE, SPEED, bar, twin_cores};

@@ -4,9 +4,9 @@
 use std::collections::BTreeSet;
 
 use glam::{DQuat, DVec3};
-use palpate::scene::Scene;
-use palpate::stages::depth;
-use palpate::step::{Flags, Simulation, StepReport};
+use palpate::Scene;
+use palpate::internal::stages::depth;
+use palpate::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
 
 use crate::scene::touch::{Place, press};
@@ -15,7 +15,7 @@ use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 /// Nodes, their velocities and the tool at one moment.
 pub struct State {
     twin: oracle::step::SoftBody,
-    pub tool: Option<palpate::step::tool::Tool>,
+    pub tool: Option<palpate::internal::step::tool::Tool>,
 }
 
 impl State {

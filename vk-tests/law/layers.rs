@@ -4,10 +4,10 @@
 use std::path::Path;
 
 use glam::DVec3;
-use palpate::gpu::Options;
-use palpate::prepare::{Shape, layer};
+use palpate::Options;
+use palpate::internal::prepare::{Shape, layer};
 use palpate::scene::obj;
-use palpate::step::{Simulation, StepReport};
+use palpate::{Simulation, StepReport};
 
 use crate::scene::whole_step::scene;
 

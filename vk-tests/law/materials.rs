@@ -1,8 +1,8 @@
 //! Materials: neo-Hookean tetrahedra and corotational ones side by side, each with its own density and damping.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::layer::volume6;
-use palpate::prepare::{Layer, Shape};
+use palpate::internal::prepare::layer::volume6;
+use palpate::internal::prepare::{Layer, Shape};
 use palpate::scene::{Law, Material};
 use palpate_oracle as oracle;
 

@@ -2,7 +2,7 @@
 //! does it as a rigid one.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::step::{Flags, Simulation, StepReport};
+use palpate::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
 
 use crate::harness::bodies;

@@ -5,9 +5,9 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use glam::DVec3;
-use palpate::prepare::layer;
-use palpate::stages::depth::Path;
-use palpate::step::{Simulation, StepReport};
+use palpate::internal::prepare::layer;
+use palpate::internal::stages::depth::Path;
+use palpate::{Simulation, StepReport};
 use tempfile::TempDir;
 
 use crate::scene::whole_step::{open, run, scene};

@@ -4,9 +4,10 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate::gpu::{Context, Options};
-use palpate::prepare::repair;
-use palpate::query::{Answer, Query, QueryContact, QuerySettings, Timing};
+use palpate::{Context, Options};
+use palpate::internal::prepare::repair;
+use palpate::{Query, QueryContact, QuerySettings};
+use palpate::internal::query::{Answer, Timing};
 use palpate::scene::Model;
 use palpate_oracle::rays::Rays;
 use parry3d_f64::math::Vector;
@@ -159,7 +160,7 @@ fn culling_leaves_no_colliding_vertex_out() {
         Subject::new("sphere 258", sphere(0.1, 3), octants),
         Subject::new("torus 480", torus(0.08, 0.03, 30, 16), whole),
         Subject::new("thin torus 384", torus(0.1, 0.012, 48, 8), whole),
-        Subject::new("head 3000", palpate::prepare::model::surface(Model::Head, 3000), whole),
+        Subject::new("head 3000", palpate::internal::prepare::model::surface(Model::Head, 3000), whole),
     ];
     let (device, mut random) = (device(), Random(402));
     head();

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use palpate::gpu::{Arrays, Options};
-use palpate::scene::Scene;
-use palpate::step::Simulation;
+use palpate::Options;
+use palpate::internal::gpu::Arrays;
+use palpate::Scene;
+use palpate::Simulation;
 
 /// Elements that every device's texel buffers hold.
 const GUARANTEED: u32 = 65_536;

@@ -4,12 +4,13 @@
 use std::fmt::Write;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::gpu::Options;
-use palpate::prepare::{FrameMotion, Shape, layer};
-use palpate::scene::{Key, Scene};
-use palpate::step::drive::Drive;
-use palpate::step::tool::Tool;
-use palpate::step::{Flags, RigidState, Simulation};
+use palpate::Options;
+use palpate::internal::prepare::{FrameMotion, Shape, layer};
+use palpate::Scene;
+use palpate::scene::Key;
+use palpate::internal::step::drive::Drive;
+use palpate::internal::step::tool::Tool;
+use palpate::{Flags, RigidState, Simulation};
 use palpate_oracle as oracle;
 
 use crate::scene::touch::{Place, Twin, press};
@@ -134,7 +135,7 @@ fn a_block_whose_core_is_driven_into_the_tool_pushes_as_the_oracles() {
 pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Core> {
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
-    let core = |(index, frame): (usize, &palpate::prepare::Frame)| {
+    let core = |(index, frame): (usize, &palpate::internal::prepare::Frame)| {
         let FrameMotion::Dynamic { hinge, .. } = frame.motion else { return None };
         let carried = (0..layer.nodes.len()).filter(|n| layer.bound[*n] && node_frames[*n] == index as u32);
         Some(oracle::step::Core {
@@ -192,7 +193,7 @@ fn dynamic_cores_and_the_bar_between_them_move_as_the_oracles() {
 fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("ball.obj");
-    let (vertices, triangles) = palpate::prepare::sphere::icosphere(0.02);
+    let (vertices, triangles) = palpate::internal::prepare::sphere::icosphere(0.02);
     palpate::scene::obj::write(&mut std::fs::File::create(&file).unwrap(), &vertices, &triangles).unwrap();
     let block = "[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \"block\"\n\
         layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [8, 5, 8] }\n\

@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
-use palpate::scene::{Material, Scene};
-use palpate::step::{Pose, Simulation};
+use palpate::Scene;
+use palpate::scene::Material;
+use palpate::{Pose, Simulation};
 
 use crate::law::friction;
 use crate::scene::joints;

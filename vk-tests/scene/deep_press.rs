@@ -2,9 +2,9 @@
 //! The force rises all the way in, no tetrahedron stays inverted, and after the release the shape comes back.
 
 use glam::{DMat3, DVec3};
-use palpate::gpu::Options;
-use palpate::prepare::{Layer, Shape};
-use palpate::step::{Simulation, StepReport};
+use palpate::Options;
+use palpate::internal::prepare::{Layer, Shape};
+use palpate::{Simulation, StepReport};
 
 use crate::harness::real_meshes::meshes;
 use crate::scene::whole_step::scene;

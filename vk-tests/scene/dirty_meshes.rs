@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use palpate::scene::tetrahedra;
-use palpate::step::Flags;
+use palpate::Flags;
 
 use crate::harness::real_meshes::meshes;
 use crate::scene::whole_step::{open, run, scene};

@@ -3,10 +3,10 @@
 
 use std::collections::BTreeSet;
 
-use palpate::gpu::shader_names;
-use palpate::plan::Explanation;
-use palpate::scene::Scene;
-use palpate::step::Simulation;
+use palpate::internal::gpu::shader_names;
+use palpate::internal::plan::Explanation;
+use palpate::Scene;
+use palpate::Simulation;
 
 use crate::scene::whole_step::{open, run, scene};
 
@@ -94,7 +94,7 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
         check(name, &open(&scene(&text), None));
     }
     let block = scene(&block("", "", "", TOOL));
-    for path in [palpate::stages::depth::Path::Graphics, palpate::stages::depth::Path::Compute] {
+    for path in [palpate::internal::stages::depth::Path::Graphics, palpate::internal::stages::depth::Path::Compute] {
         check(path.name(), &open(&block, Some(path)));
     }
 }

@@ -1,7 +1,7 @@
 //! Scenes at the edge of what can be computed: what a scene asks for never loses contacts without a word, and what does
 //! not fit single precision is said to be so and changes nothing.
 
-use palpate::step::{Flags, Simulation, StepReport};
+use palpate::{Flags, Simulation, StepReport};
 
 use crate::scene::whole_step::{open, run, scene};
 

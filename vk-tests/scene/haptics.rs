@@ -2,17 +2,18 @@
 //! force does not, no energy given, a quiet force at rest that is the contact's, and a drag that adds no damping.
 
 use glam::{DQuat, DVec3};
-use palpate::gpu::Options;
-use palpate::haptics::environment::Environment;
-use palpate::haptics::event::Event;
-use palpate::haptics::safety::Limits;
-use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::virtual_time::{self, Schedule};
-use palpate::haptics::{Device, coupling};
+use palpate::Options;
+use palpate::internal::haptics::environment::Environment;
+use palpate::internal::haptics::event::Event;
+use palpate::internal::haptics::safety::Limits;
+use palpate::internal::haptics::servo::{Servo, Settings, Tick};
+use palpate::internal::haptics::virtual_time::{self, Schedule};
+use palpate::internal::haptics::{Device, coupling};
 use palpate::scene::{Key, Lowered, Profile};
-use palpate::step::drive::Drive;
-use palpate::step::tool::Tool;
-use palpate::step::{ContactWrench, Held, Simulation};
+use palpate::internal::step::drive::Drive;
+use palpate::internal::step::tool::Tool;
+use palpate::Simulation;
+use palpate::internal::step::{ContactWrench, Held};
 use palpate_devices::{Hand, HandParameters, Scripted};
 
 use crate::scene::whole_step::scene;
@@ -193,7 +194,7 @@ fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch
             None,
         );
         alone.couple(Some(coupling.coupling));
-        let pose = |position| palpate::step::Pose { position, orientation: DQuat::IDENTITY };
+        let pose = |position| palpate::Pose { position, orientation: DQuat::IDENTITY };
         let rest = (0..150).map(|_| alone.step_at(pose(held.device.position)).unwrap()).last().unwrap();
         let rest = rest.tool.unwrap().force.length();
         println!("{profile}: played {played:.4} N, step {step:.4} N, at rest {rest:.4} N");

@@ -3,9 +3,9 @@
 use crate::harness::real_meshes::meshes;
 use std::path::Path;
 
-use palpate::gpu::Options;
-use palpate::scene::Scene;
-use palpate::step::{Flags, Simulation, StepReport};
+use palpate::Options;
+use palpate::Scene;
+use palpate::{Flags, Simulation, StepReport};
 
 /// Greatest change of force in a step while pressing, of the median change: the first touch of a moving tool is the
 /// steepest place (twice the median), a contact that pops in or out would be far steeper.

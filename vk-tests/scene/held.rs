@@ -1,10 +1,10 @@
 //! A soft body that the device holds by its core: beside the oracle, and at rest at any stiffness of the coupling.
 
 use glam::DVec3;
-use palpate::gpu::Options;
-use palpate::scene::Scene;
-use palpate::shaders::Contact;
-use palpate::step::{Flags, Simulation, StepReport, ToolReport};
+use palpate::Options;
+use palpate::Scene;
+use palpate::internal::shaders::Contact;
+use palpate::{Flags, Simulation, StepReport, ToolReport};
 
 use crate::law::friction::beside;
 use crate::scene::whole_step::{run, scene, soft_twin};

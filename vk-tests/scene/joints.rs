@@ -1,11 +1,11 @@
 //! Cores that joints join: whole steps against the oracle, and laws.
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::{Frame, FrameMotion, Shape};
+use palpate::internal::prepare::{Frame, FrameMotion, Shape};
 use palpate::scene::{Key, Resistance};
-use palpate::stages::joints::Joint;
-use palpate::step::drive::Drive;
-use palpate::step::{Flags, Simulation};
+use palpate::internal::stages::joints::Joint;
+use palpate::internal::step::drive::Drive;
+use palpate::{Flags, Simulation};
 use palpate_oracle as oracle;
 use palpate_oracle::joint::Side;
 
@@ -39,7 +39,7 @@ pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
 }
 
 /// Frames of a simulation's first body.
-fn frames(simulation: &Simulation) -> &[palpate::prepare::Frame] {
+fn frames(simulation: &Simulation) -> &[palpate::internal::prepare::Frame] {
     let Shape::Soft { frames, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
     frames
 }
@@ -264,7 +264,7 @@ const BENT: usize = 500;
 #[ignore = "long: 13 s"]
 fn a_human_is_posed_by_pushing_its_arm() {
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/pose-human.toml");
-    let scene = palpate::scene::Scene::load(&file).unwrap();
+    let scene = palpate::Scene::load(&file).unwrap();
     let mut simulation = open(&scene, None);
     let bones = &scene.bodies[0].skeleton.as_ref().unwrap().bones;
     let bone = |name: &str| bones.iter().position(|bone| bone.name == name).unwrap();

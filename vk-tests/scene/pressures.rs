@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use glam::DVec3;
-use palpate::gpu::Options;
-use palpate::scene::Scene;
-use palpate::step::Simulation;
+use palpate::Options;
+use palpate::Scene;
+use palpate::Simulation;
 
 /// Of the sum of the contacts' sizes: what f32 leaves of a sum of up to a thousand.
 const ROUNDED: f64 = 1e-5;

@@ -2,10 +2,11 @@
 //! whatever their unit, on both paths, the same every time.
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::{self, Body, Shape};
-use palpate::query::{Answer, Query, QuerySettings};
-use palpate::stages::depth::Path;
-use palpate::step::Flags;
+use palpate::internal::prepare::{self, Body, Shape};
+use palpate::{Query, QuerySettings};
+use palpate::internal::query::Answer;
+use palpate::internal::stages::depth::Path;
+use palpate::Flags;
 use palpate_oracle::contact::ray_depths;
 
 use crate::harness::bodies::{octants, rigid, sphere, whole};

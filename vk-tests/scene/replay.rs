@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use palpate::haptics::Reading;
-use palpate::haptics::environment::Environment;
-use palpate::haptics::safety::Limits;
-use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::scene::{Key, Lowered, Profile, Scene};
-use palpate::stages::depth;
-use palpate::step::drive::Drive;
+use palpate::internal::haptics::Reading;
+use palpate::internal::haptics::environment::Environment;
+use palpate::internal::haptics::safety::Limits;
+use palpate::internal::haptics::servo::{Servo, Settings, Tick};
+use palpate::Scene;
+use palpate::scene::{Key, Lowered, Profile};
+use palpate::internal::stages::depth;
+use palpate::internal::step::drive::Drive;
 use palpate_devices::record::{Header, Recorded, Recording};
 use palpate_devices::replay::{Replayed, replay};
 

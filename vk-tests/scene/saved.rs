@@ -1,7 +1,7 @@
 //! States saved and taken up again: the same bits from there on, in the same simulation and in one with another past.
 
 use glam::DVec3;
-use palpate::step::Simulation;
+use palpate::Simulation;
 
 use crate::law::{friction, motion};
 use crate::scene::touch::{Place, press};

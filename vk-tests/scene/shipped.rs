@@ -4,9 +4,9 @@
 use std::path::Path;
 
 use glam::DVec3;
-use palpate::gpu::Options;
-use palpate::scene::Scene;
-use palpate::step::{Flags, Simulation};
+use palpate::Options;
+use palpate::Scene;
+use palpate::{Flags, Simulation};
 
 /// Steps of a millisecond.
 const STEPS: usize = 5;

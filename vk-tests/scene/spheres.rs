@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::{Body, Shape};
-use palpate::stages::depth::Path;
+use palpate::internal::prepare::{Body, Shape};
+use palpate::internal::stages::depth::Path;
 use palpate_oracle::contact::{Hit, ray_depths};
 
 use crate::harness::bodies::{half_space, octants, rigid, sheet, sphere, whole};

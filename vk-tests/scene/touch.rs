@@ -1,11 +1,12 @@
 //! A tool that presses into a soft body: against the f64 oracle step by step, on both depth paths, and on whole heads.
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::{self, Shape};
-use palpate::scene::{Scene, Sides};
-use palpate::shaders::Contact;
-use palpate::stages::depth;
-use palpate::step::{Flags, Simulation, StepReport};
+use palpate::internal::prepare::{self, Shape};
+use palpate::Scene;
+use palpate::scene::Sides;
+use palpate::internal::shaders::Contact;
+use palpate::internal::stages::depth;
+use palpate::{Flags, Simulation, StepReport};
 use palpate_oracle as oracle;
 use palpate_oracle::contact::{self, Law, Support, Surface};
 use palpate_oracle::contact_law::auto_stiffness;
@@ -163,7 +164,7 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
         found.push(contacts.iter().map(|c| (c.side, c.vertex)).collect());
         let tool = row.tool.unwrap();
         let h = scene.step.dt;
-        let device = palpate::step::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
+        let device = palpate::internal::step::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
         let device = oracle::tool::Device {
             position: device.position,
             orientation: device.orientation,

@@ -3,11 +3,11 @@
 use crate::harness::real_meshes::meshes;
 
 use glam::DVec3;
-use palpate::gpu::Options;
-use palpate::prepare::Shape;
-use palpate::scene::Scene;
-use palpate::stages::depth;
-use palpate::step::{Simulation, StepReport};
+use palpate::Options;
+use palpate::internal::prepare::Shape;
+use palpate::Scene;
+use palpate::internal::stages::depth;
+use palpate::{Simulation, StepReport};
 use palpate_oracle as oracle;
 
 /// A scene written to a file of its own and loaded.

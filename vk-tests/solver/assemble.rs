@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::Layer;
+use palpate::internal::prepare::Layer;
 
 use super::passes::Passes;
 use crate::harness::random::Random;

@@ -2,10 +2,10 @@
 //! recurrence, from zero, under gravity and a load on ten nodes.
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::Layer;
-use palpate::prepare::layer::kuhn_box;
+use palpate::internal::prepare::Layer;
+use palpate::internal::prepare::layer::kuhn_box;
 use palpate::scene::{Law, Material, Preconditioner, gmsh};
-use palpate::shaders::NONE;
+use palpate::internal::shaders::NONE;
 
 use super::passes::Passes;
 use crate::harness::real_meshes::meshes;

@@ -1,7 +1,7 @@
 //! The scalars and the vectors of an iteration from solve/update.
 
-use palpate::shaders;
-use palpate::shaders::{Iteration, RigidIterate, Solve};
+use palpate::internal::shaders;
+use palpate::internal::shaders::{Iteration, RigidIterate, Solve};
 
 use super::passes::{Passes, UNTOUCHED};
 use crate::harness::random::Random;

@@ -4,10 +4,10 @@
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::{Body, Frame, FrameMotion, Shape};
+use palpate::internal::prepare::layer::kuhn_box;
+use palpate::internal::prepare::{Body, Frame, FrameMotion, Shape};
 use palpate::scene::{Hinge, Joint, Preconditioner, Resistance};
-use palpate::shaders::{self, NONE, Rigid};
+use palpate::internal::shaders::{self, NONE, Rigid};
 use palpate_oracle::linear::{Entries, Solver};
 
 use super::passes::{Change, Passes};
@@ -65,7 +65,7 @@ fn passes(with: Preconditioner) -> Passes {
     let mut random = Random(31);
     let orientation = model.frames[0].orientation;
     let h = passes.system.twin.dt;
-    let joint = |joint: &palpate::stages::joints::Joint| {
+    let joint = |joint: &palpate::internal::stages::joints::Joint| {
         let mut some = |scale: f64| (scale * random.vector()).as_vec3().to_array();
         let arms = joint.arms.map(|arm| (orientation * arm).as_vec3().to_array());
         let square = some(1.0).map(f64::from);

@@ -3,9 +3,9 @@
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
-use palpate::scene::Scene;
-use palpate::shaders::{Frame, NONE, RigidIterate, Solve, StepParams};
-use palpate::step::Flags;
+use palpate::Scene;
+use palpate::internal::shaders::{Frame, NONE, RigidIterate, Solve, StepParams};
+use palpate::Flags;
 use palpate_oracle as oracle;
 
 use crate::harness::random::Random;

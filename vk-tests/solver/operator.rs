@@ -74,7 +74,7 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     // S = diag(2 * 2 + 3, 3, 3).
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron =
-        palpate::prepare::Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Default::default() };
+        palpate::internal::prepare::Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Default::default() };
     let mut system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system = system.with_tool().with_contacts(3, 2);
     system.gradients[..3].copy_from_slice(&[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 1.0, 0.0]]);
@@ -106,7 +106,7 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
 fn nodes_gather_their_elements_by_hand() {
     // solve/gather, one tetrahedron: w = (1 + h alpha) m p + its force; no force on nodes from the padding.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let tetrahedron = palpate::prepare::Layer {
+    let tetrahedron = palpate::internal::prepare::Layer {
         nodes,
         tetrahedra: vec![[0, 1, 2, 3]],
         bound: vec![false, true, false, false],
@@ -130,8 +130,8 @@ fn nodes_gather_their_elements_by_hand() {
 }
 
 /// No tetrahedra: nothing to touch either.
-fn is_empty(body: &palpate::prepare::Body) -> bool {
-    matches!(&body.shape, palpate::prepare::Shape::Soft { layer, .. } if layer.tetrahedra.is_empty())
+fn is_empty(body: &palpate::internal::prepare::Body) -> bool {
+    matches!(&body.shape, palpate::internal::prepare::Shape::Soft { layer, .. } if layer.tetrahedra.is_empty())
 }
 
 #[test]

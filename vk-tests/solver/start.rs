@@ -1,7 +1,7 @@
 //! The tool's block, the warm start and the loop's arguments from solve/start; the first iterate from solve/begin.
 
-use palpate::shaders;
-use palpate::shaders::Iteration;
+use palpate::internal::shaders;
+use palpate::internal::shaders::Iteration;
 use palpate_oracle::linear::{Entries, Solver};
 
 use super::passes::{Change, Passes, UNTOUCHED};

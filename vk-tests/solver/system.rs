@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
-use palpate::scene::{self, Coupling, Hinge, Law, Material, Preconditioner, Scene};
-use palpate::shaders::{Contact, Counts, Frame, Link, NONE, StepParams};
-use palpate::stages::model::Model;
+use palpate::internal::prepare::layer::kuhn_box;
+use palpate::internal::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
+use palpate::Scene;
+use palpate::scene::{self, Coupling, Hinge, Law, Material, Preconditioner};
+use palpate::internal::shaders::{Contact, Counts, Frame, Link, NONE, StepParams};
+use palpate::internal::stages::model::Model;
 use palpate_oracle::contact::{Carrier, Contact as Twin, Point};
 use palpate_oracle::contact_law::Friction;
 use palpate_oracle::linear::Entries;
@@ -183,7 +184,7 @@ impl System {
             soft.velocity = velocity[own].iter().map(wide).collect();
             twin.bodies.push(soft);
         }
-        let frame = |place: &palpate::stages::model::FramePlace| Frame {
+        let frame = |place: &palpate::internal::stages::model::FramePlace| Frame {
             rotation: place.orientation.as_quat().to_array(),
             core: NONE,
             ..Frame::default()

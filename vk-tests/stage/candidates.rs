@@ -2,9 +2,9 @@
 //! lists of crossings made up.
 
 use glam::{DMat3, DVec3};
-use palpate::shaders;
-use palpate::shaders::{ActiveChunk, Chunk, NONE, Pair, Region};
-use palpate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::internal::shaders;
+use palpate::internal::shaders::{ActiveChunk, Chunk, NONE, Pair, Region};
+use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 use palpate_oracle::regions;
 
 use crate::harness::bodies::{half_space, rigid, sphere, whole};

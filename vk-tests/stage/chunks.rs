@@ -1,11 +1,11 @@
 //! cull/chunks and cull/meet: no chunk that may touch is lost, those that cannot are left out.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::gpu::Size;
-use palpate::shaders;
-use palpate::shaders::{ActiveChunk, Counts, NONE, Pair, Proxy, Region, Slot};
-use palpate::stages::ARGS_WORDS;
-use palpate::stages::PAIR_REGIONS;
+use palpate::internal::gpu::Size;
+use palpate::internal::shaders;
+use palpate::internal::shaders::{ActiveChunk, Counts, NONE, Pair, Proxy, Region, Slot};
+use palpate::internal::stages::ARGS_WORDS;
+use palpate::internal::stages::PAIR_REGIONS;
 use palpate_oracle::regions::{along, chunk_box};
 
 use crate::harness::bodies::{octants, rigid, soft, sphere, whole};
@@ -314,15 +314,15 @@ fn chunks_that_collide_are_active_and_those_far_away_are_not() {
             let normal = wide(&flow.regions[0].normal);
             let (sides, firsts) = crate::scene::spheres::sides(&a, &tool, normal);
             let mut needed = std::collections::BTreeSet::new();
-            let owner = |model: &palpate::stages::model::Model, vertex: u32| {
-                let owns = |chunk: &palpate::shaders::Chunk| {
+            let owner = |model: &palpate::internal::stages::model::Model, vertex: u32| {
+                let owns = |chunk: &palpate::internal::shaders::Chunk| {
                     let own = &model.chunk_vertices[chunk.vertex_first as usize..][..chunk.vertex_count as usize];
                     own.contains(&vertex)
                 };
                 model.chunks.iter().position(owns).unwrap() as u32
             };
-            let drawer = |model: &palpate::stages::model::Model, triangle: u32| {
-                let draws = |chunk: &palpate::shaders::Chunk| {
+            let drawer = |model: &palpate::internal::stages::model::Model, triangle: u32| {
+                let draws = |chunk: &palpate::internal::shaders::Chunk| {
                     let own = &model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
                     own.contains(&triangle)
                 };

@@ -4,13 +4,13 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use palpate::gpu::Size;
-use palpate::prepare::{Body, Shape};
+use palpate::internal::gpu::Size;
+use palpate::internal::prepare::{Body, Shape};
 use palpate::scene::Sides;
-use palpate::shaders;
-use palpate::shaders::{Contact, Counts, NONE};
-use palpate::stages::depth::Path;
-use palpate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::internal::shaders;
+use palpate::internal::shaders::{Contact, Counts, NONE};
+use palpate::internal::stages::depth::Path;
+use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 use palpate_oracle::contact::{Carrier, Law, Support, Surface};
 use palpate_oracle::{contact as oracle, skin as embedded};
 

@@ -1,9 +1,9 @@
 //! contact/candidates and contact/response over any number of elements.
 
 use glam::{DQuat, DVec3};
-use palpate::shaders;
-use palpate::shaders::{ActiveChunk, Chunk, Contact, Counts, NONE};
-use palpate::stages::CHUNK_VERTICES;
+use palpate::internal::shaders;
+use palpate::internal::shaders::{ActiveChunk, Chunk, Contact, Counts, NONE};
+use palpate::internal::stages::CHUNK_VERTICES;
 
 use crate::harness::bodies::{half_space, rigid, sphere, whole};
 use crate::harness::random::Random;

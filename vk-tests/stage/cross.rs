@@ -4,9 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DQuat, DVec3};
-use palpate::shaders;
-use palpate::shaders::{ActiveChunk, Chunk, NONE, Pair, Region, Slot};
-use palpate::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::internal::shaders;
+use palpate::internal::shaders::{ActiveChunk, Chunk, NONE, Pair, Region, Slot};
+use palpate::internal::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES, PAIR_REGIONS};
 
 use crate::harness::bodies::{Mesh, half_space, rigid, sheet, sphere, whole};
 use crate::harness::context;

@@ -2,10 +2,10 @@
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
-use palpate::prepare::hull::{self, Hull};
-use palpate::shaders;
-use palpate::shaders::{Counts, NONE, Proxy, ProxyBounds};
-use palpate::stages::ARGS_WORDS;
+use palpate::internal::prepare::hull::{self, Hull};
+use palpate::internal::shaders;
+use palpate::internal::shaders::{Counts, NONE, Proxy, ProxyBounds};
+use palpate::internal::stages::ARGS_WORDS;
 use palpate_oracle::{cull as exact, proximity};
 
 use crate::harness::bodies::sphere;
@@ -133,7 +133,7 @@ fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]
     // The seam is a share of the radius; without it the reach is the inflations' alone.
     let unseamed: Vec<ProxyBounds> = hulls.bounds.iter().map(|b| ProxyBounds { radius: 0.0, ..*b }).collect();
     let out = case("cull/pairs")
-        .size(palpate::gpu::Size::Reduce)
+        .size(palpate::internal::gpu::Size::Reduce)
         .constant("PROXY_PAIRS", n as u32)
         .constant("SHARE", SHARE as u32)
         .input("proxies", &hulls.proxies)
@@ -249,7 +249,7 @@ fn directions(hulls: &Hulls, pairs: &[[u32; 4]], gap: f32, last: &[(u32, DVec3)]
         pushes[*source as usize] = texel(*push, f64::from(f32::from_bits(*pair)));
     }
     let out = case("cull/direction")
-        .size(palpate::gpu::Size::Reduce)
+        .size(palpate::internal::gpu::Size::Reduce)
         .input("proxies", &hulls.proxies)
         .input("bounds", &hulls.bounds)
         .input("proxy_pairs", pairs)

@@ -1,10 +1,10 @@
 //! Patches that share a volumetric strain: their rows, what they give to the right-hand side, and their product.
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::patch::{MOST_NODES, patches};
-use palpate::prepare::{Body, Shape};
-use palpate::stages::dilate::Patches;
+use palpate::internal::prepare::layer::kuhn_box;
+use palpate::internal::prepare::patch::{MOST_NODES, patches};
+use palpate::internal::prepare::{Body, Shape};
+use palpate::internal::stages::dilate::Patches;
 use palpate_oracle::elastic::lame;
 
 use crate::harness::random::Random;

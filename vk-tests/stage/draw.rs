@@ -1,7 +1,7 @@
 //! The skins that are shown: where the host has them in f64, with the normals of those places; and read by others.
 
 use glam::DVec3;
-use palpate::step::Simulation;
+use palpate::Simulation;
 
 use crate::law::friction;
 use crate::scene::joints;
@@ -44,7 +44,7 @@ fn shown_as_it_is(name: &str, text: &str, origin: DVec3) {
         assert_eq!(ranges.last().unwrap().end, places.len(), "{name}");
         let normals = normals(&simulation, &places);
         let skins = simulation.skins(origin).unwrap();
-        let read = |array: &palpate::gpu::Buffer| array.read::<[f32; 4]>().unwrap();
+        let read = |array: &palpate::internal::gpu::Buffer| array.read::<[f32; 4]>().unwrap();
         let (shown, directions) = (read(skins.positions), read(skins.normals));
         assert_eq!((shown.len(), directions.len()), (places.len(), places.len()));
         let wide = |x: &[f32; 4]| DVec3::new(x[0].into(), x[1].into(), x[2].into());

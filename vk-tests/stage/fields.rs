@@ -2,13 +2,14 @@
 //! one that is not.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::gpu::{Const, Size};
-use palpate::prepare::patch::patches;
-use palpate::prepare::{Layer, Shape};
+use palpate::internal::gpu::{Const, Size};
+use palpate::internal::prepare::patch::patches;
+use palpate::internal::prepare::{Layer, Shape};
 use palpate::scene::{Law, Sides};
-use palpate::shaders::{Contact, Counts, Frame, NONE, StepParams};
-use palpate::stages::material_law::laws_of;
-use palpate::step::{Field, Overlay, Simulation, StepReport};
+use palpate::internal::shaders::{Contact, Counts, Frame, NONE, StepParams};
+use palpate::internal::stages::material_law::laws_of;
+use palpate::{Simulation, StepReport};
+use palpate::internal::step::{Field, Overlay};
 
 use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};

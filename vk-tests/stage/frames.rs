@@ -3,16 +3,16 @@
 
 use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
-use palpate::gpu::{Const, Size};
-use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
+use palpate::internal::gpu::{Const, Size};
+use palpate::internal::prepare::layer::kuhn_box;
+use palpate::internal::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
 use palpate::scene::Material;
-use palpate::shaders::{
+use palpate::internal::shaders::{
     ActiveChunk, Chunk, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, Region, RigidIterate, Slot, Solve,
     StepParams,
 };
-use palpate::stages::ARGS_WORDS;
-use palpate::stages::model::FramePlace;
+use palpate::internal::stages::ARGS_WORDS;
+use palpate::internal::stages::model::FramePlace;
 
 use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
@@ -251,7 +251,7 @@ fn moving(random: &mut Random, h: f64, angle: f64) -> (Frame, Placed, Placed) {
         centre: start.centre.as_vec3().to_array(),
         linear: ((end.centre - start.centre) / h).as_vec3().to_array(),
         turn: turn.as_quat().to_array(),
-        core: palpate::shaders::NONE,
+        core: palpate::internal::shaders::NONE,
         ..Frame::default()
     };
     (frame, start, end)

@@ -2,10 +2,10 @@
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
-use palpate::gpu::Size;
-use palpate::prepare::{self, Body, FrameMotion, Shape};
-use palpate::shaders::{Chunk, Frame, Link, NONE, Proxy, RigidIterate, SkinGap, SkinPart, Solve};
-use palpate::stages::gap::{RANGE, parts};
+use palpate::internal::gpu::Size;
+use palpate::internal::prepare::{self, Body, FrameMotion, Shape};
+use palpate::internal::shaders::{Chunk, Frame, Link, NONE, Proxy, RigidIterate, SkinGap, SkinPart, Solve};
+use palpate::internal::stages::gap::{RANGE, parts};
 use palpate_oracle::gap as oracle;
 use palpate_oracle::gap::{Mesh, Way};
 
@@ -421,7 +421,8 @@ fn shortest_ways_to_deformed_bodies() {
 /// What the loop is told, of the whole step.
 mod told {
     use glam::{DQuat, DVec3};
-    use palpate::step::{ContactWrench, Held, RigidState, Simulation};
+    use palpate::{RigidState, Simulation};
+    use palpate::internal::step::{ContactWrench, Held};
 
     use super::RADIUS;
     use crate::scene::whole_step::{open, scene};

@@ -1,10 +1,10 @@
 //! cull/meet: the lists of all slots become one, in the order of slots, and what does not fit is flagged.
 
-use palpate::gpu::Size;
-use palpate::shaders;
-use palpate::shaders::{ActiveChunk, Counts, NONE, Pair, Proxy, Region, Slot};
-use palpate::stages::ARGS_WORDS;
-use palpate::stages::PAIR_REGIONS;
+use palpate::internal::gpu::Size;
+use palpate::internal::shaders;
+use palpate::internal::shaders::{ActiveChunk, Counts, NONE, Pair, Proxy, Region, Slot};
+use palpate::internal::stages::ARGS_WORDS;
+use palpate::internal::stages::PAIR_REGIONS;
 
 use crate::harness::random::Random;
 use crate::harness::{case, context};

@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use palpate::query::{Query, QuerySettings};
-use palpate::shaders::Region;
-use palpate::stages::depth::Path;
+use palpate::{Query, QuerySettings};
+use palpate::internal::shaders::Region;
+use palpate::internal::stages::depth::Path;
 
 use crate::harness::bodies::{Mesh, rigid, sphere, whole};
 use crate::harness::random::Random;

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::Shape;
-use palpate::prepare::mass::properties;
+use palpate::internal::prepare::Shape;
+use palpate::internal::prepare::mass::properties;
 use palpate::scene::{Bind, Capsule};
-use palpate::step::{Cut, Field, Mesh, Overlay, Part, Simulation};
+use palpate::Simulation;
+use palpate::internal::step::{Cut, Field, Mesh, Overlay, Part};
 
 use crate::scene::joints;
 use crate::scene::touch::{Place, press};
@@ -140,7 +141,7 @@ fn a_layer_is_cut_open_where_its_nodes_are() {
         let nodes: Vec<usize> = places.iter().map(|x| node_of(*x)).collect();
         places.iter().zip(&nodes).for_each(|(x, n)| near("a node", *x, now[*n], origin));
         // The volume behind the cut, of nodes as they are now.
-        let volume6 = |t: &[u32; 4]| palpate::prepare::layer::volume6(&now, t);
+        let volume6 = |t: &[u32; 4]| palpate::internal::prepare::layer::volume6(&now, t);
         let middle = |t: &[u32; 4]| t.iter().map(|n| layer.nodes[*n as usize]).sum::<DVec3>() / 4.0;
         let kept = layer.tetrahedra.iter().filter(|t| used.normal.dot(middle(t)) <= used.offset);
         let (want, got) = (kept.map(volume6).sum::<f64>() / 6.0, properties(&places, &triangles).volume);
@@ -191,7 +192,7 @@ fn cores_and_bones_are_where_their_frames_are() {
         expect_closed(&part.name, &places, of(part, &triangles));
         let own = |n: &u32| layer.bound[*n as usize] && node_frames[*n as usize] == k as u32;
         let whole = layer.tetrahedra.iter().filter(|t| t.iter().all(own));
-        let want = whole.map(|t| palpate::prepare::layer::volume6(&layer.nodes, t)).sum::<f64>() / 6.0;
+        let want = whole.map(|t| palpate::internal::prepare::layer::volume6(&layer.nodes, t)).sum::<f64>() / 6.0;
         let got = properties(&places, of(part, &triangles)).volume;
         assert!((got - want).abs() < VOLUME * want && want > 0.0, "{}: {got} for {want}", part.name);
         let rest: Vec<DVec3> =

@@ -1,6 +1,6 @@
 //! view/panel: tinted texels of the atlas, mixed with the picture, against f64.
 
-use palpate::gpu::{Before, Buffer, Canvas, Image, Memory, Recorder, Texels};
+use palpate::internal::gpu::{Before, Buffer, Canvas, Image, Memory, Recorder, Texels};
 use palpate_view::painter::{Atlas, Flat, Painter, Piece};
 
 use crate::harness::{assert_clean, context, turn};

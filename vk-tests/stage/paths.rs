@@ -2,21 +2,21 @@
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
-use palpate::gpu::Recorder;
-use palpate::prepare::{self, Body, sphere};
-use palpate::scene::Scene;
-use palpate::shaders::{Counts, Frame, Link, NONE, Pair, Region, StepParams};
-use palpate::stages::CHUNK_VERTICES;
-use palpate::stages::Common;
-use palpate::stages::contact::Contact;
-use palpate::stages::cull::{Cull, MOST_CELLS};
-use palpate::stages::depth::{Depth, Path};
-use palpate::stages::elastic::Elastic;
-use palpate::stages::model::Model;
-use palpate::stages::pose::Pose;
-use palpate::stages::skin::Skin;
-use palpate::step::frames::Frames;
-use palpate::step::{Flags, Simulation, StepReport};
+use palpate::internal::gpu::Recorder;
+use palpate::internal::prepare::{self, Body, sphere};
+use palpate::Scene;
+use palpate::internal::shaders::{Counts, Frame, Link, NONE, Pair, Region, StepParams};
+use palpate::internal::stages::CHUNK_VERTICES;
+use palpate::internal::stages::Common;
+use palpate::internal::stages::contact::Contact;
+use palpate::internal::stages::cull::{Cull, MOST_CELLS};
+use palpate::internal::stages::depth::{Depth, Path};
+use palpate::internal::stages::elastic::Elastic;
+use palpate::internal::stages::model::Model;
+use palpate::internal::stages::pose::Pose;
+use palpate::internal::stages::skin::Skin;
+use palpate::internal::step::frames::Frames;
+use palpate::{Flags, Simulation, StepReport};
 
 use crate::harness::random::Random;
 use crate::harness::{assert_clean, context};
@@ -110,7 +110,7 @@ struct Query {
     cull: Cull,
     skin: Skin,
     depths: [Depth; 2],
-    recordings: [palpate::gpu::Recording; 2],
+    recordings: [palpate::internal::gpu::Recording; 2],
     model: Model,
     scene: Scene,
 }

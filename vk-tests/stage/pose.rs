@@ -2,10 +2,10 @@
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
-use palpate::gpu::Size;
-use palpate::shaders;
-use palpate::shaders::{Counts, Frame, Link, NONE, Proxy, ProxyBounds};
-use palpate::stages::ARGS_WORDS;
+use palpate::internal::gpu::Size;
+use palpate::internal::shaders;
+use palpate::internal::shaders::{Counts, Frame, Link, NONE, Proxy, ProxyBounds};
+use palpate::internal::stages::ARGS_WORDS;
 use palpate_oracle::proximity;
 
 use crate::harness::random::Random;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use glam::DVec3;
-use palpate::shaders::NONE;
+use palpate::internal::shaders::NONE;
 use palpate_oracle::regions::along;
 
 use crate::harness::random::Random;

@@ -2,11 +2,11 @@
 
 use bytemuck::Zeroable;
 use glam::DVec3;
-use palpate::gpu::Size;
-use palpate::shaders;
-use palpate::shaders::{Counts, NONE, Pair, Proxy, ProxyBounds, Region, StepParams};
-use palpate::stages::ARGS_WORDS;
-use palpate::stages::PAIR_REGIONS;
+use palpate::internal::gpu::Size;
+use palpate::internal::shaders;
+use palpate::internal::shaders::{Counts, NONE, Pair, Proxy, ProxyBounds, Region, StepParams};
+use palpate::internal::stages::ARGS_WORDS;
+use palpate::internal::stages::PAIR_REGIONS;
 use palpate_oracle::proximity;
 
 use crate::harness::random::Random;

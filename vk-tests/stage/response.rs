@@ -1,8 +1,8 @@
 //! contact/response beyond what vk-tests/stage/contact.rs holds against the oracle: the quads of entries, and friction.
 
 use glam::DVec3;
-use palpate::shaders::{Contact, NONE};
-use palpate::stages::depth::Path;
+use palpate::internal::shaders::{Contact, NONE};
+use palpate::internal::stages::depth::Path;
 
 use crate::harness::{Tolerance, expect_close};
 use crate::stage::contact::crowd;

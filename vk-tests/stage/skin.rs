@@ -1,11 +1,11 @@
 //! skin/embed and skin/probe: where skin is, and the probed vertices. What skin/embed bins is in bins.rs.
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::{Body, Shape};
-use palpate::shaders;
-use palpate::shaders::{ActiveChunk, Chunk, Frame, NONE, Pair, Region, Slot};
-use palpate::stages::CHUNK_VERTICES;
-use palpate::stages::model::Model;
+use palpate::internal::prepare::{Body, Shape};
+use palpate::internal::shaders;
+use palpate::internal::shaders::{ActiveChunk, Chunk, Frame, NONE, Pair, Region, Slot};
+use palpate::internal::stages::CHUNK_VERTICES;
+use palpate::internal::stages::model::Model;
 use palpate_oracle::{proximity, skin as oracle};
 
 use crate::harness::bodies::{half_space, octants, rigid, soft, sphere, whole};

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use bytemuck::Zeroable;
-use palpate::gpu::DeviceKind;
-use palpate::shaders;
-use palpate::shaders::{Contact, Counts, NONE};
-use palpate::stages::depth::Path;
+use palpate::internal::gpu::DeviceKind;
+use palpate::internal::shaders;
+use palpate::internal::shaders::{Contact, Counts, NONE};
+use palpate::internal::stages::depth::Path;
 
 use crate::harness::bodies::{half_space, rigid, sphere, whole};
 use crate::harness::context;

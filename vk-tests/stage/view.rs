@@ -3,9 +3,10 @@
 
 use bytemuck::Zeroable;
 use glam::{DMat4, DVec2, DVec3, DVec4};
-use palpate::gpu::{Before, Buffer, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Texels};
-use palpate::shaders;
-use palpate::step::{Field, Simulation};
+use palpate::internal::gpu::{Before, Buffer, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Texels};
+use palpate::internal::shaders;
+use palpate::Simulation;
+use palpate::internal::step::Field;
 use palpate_view::look::{self, Look, Material, SCALE_COLOURS, View, across, columns, flags, light};
 use palpate_view::{Moment, Overlay, Overlays, Renderer, Settings};
 
@@ -330,7 +331,7 @@ fn shaded_ground(view: &View, square: [DVec3; 4], side: u32) -> (Vec<[f64; 4]>, 
     let indices = words("triangles", &[0u32, 1, 2, 0, 2, 3]);
     let seen = Image::new(context(), "what the sun sees", Texels::Depth, [side; 2], 1).unwrap();
     let depths = Buffer::new(context(), "shadow", seen.bytes() + 16, Memory::Device).unwrap();
-    let canvas = palpate::gpu::Canvas { depth: Some(seen.clone()), ..Default::default() };
+    let canvas = palpate::internal::gpu::Canvas { depth: Some(seen.clone()), ..Default::default() };
     let mut recorder = Recorder::untimed(context()).unwrap();
     recorder.stage("shadow");
     let casters = Drawn {

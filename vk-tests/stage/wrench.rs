@@ -1,8 +1,8 @@
 //! Wrench: force, torque, stiffness and damping of the contacts on the tool.
 
 use glam::DVec3;
-use palpate::gpu::Size;
-use palpate::shaders::{Contact, Report, StepParams};
+use palpate::internal::gpu::Size;
+use palpate::internal::shaders::{Contact, Report, StepParams};
 use palpate_oracle::step::Resolved;
 use palpate_oracle::wrench;
 

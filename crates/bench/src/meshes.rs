@@ -51,7 +51,7 @@ fn failed(path: &Path, error: &std::io::Error) -> Error {
 
 #[cfg(test)]
 mod tests {
-    use palpate::prepare::layer::kuhn_box;
+    use palpate::internal::prepare::layer::kuhn_box;
 
     use super::*;
 

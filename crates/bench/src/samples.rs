@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use palpate::stages::{POSE_TO_CONTACT, QUERY};
+use palpate::internal::stages::{POSE_TO_CONTACT, QUERY};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Times of the stages of a proximity query, and of all as one, microseconds; a run has either those or this.

@@ -3,9 +3,10 @@
 
 use std::path::Path;
 
-use palpate::gpu::{Context, DeviceKind, Options};
-use palpate::prepare::Cache;
-use palpate::query::choice::Choice;
+use palpate::{Context, Options};
+use palpate::internal::gpu::DeviceKind;
+use palpate::internal::prepare::Cache;
+use palpate::internal::query::choice::Choice;
 use palpate::{Error, Result};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};

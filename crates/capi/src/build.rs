@@ -3,8 +3,8 @@
 use std::ffi::{CString, c_char, c_void};
 
 use glam::DVec3;
-use palpate::prepare::bodies::Progress;
-use palpate::scene::Scene;
+use palpate::internal::prepare::bodies::Progress;
+use palpate::Scene;
 use palpate::{Error, Result};
 
 use super::describe::{palpate_body, palpate_settings, palpate_tool};

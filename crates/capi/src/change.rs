@@ -144,7 +144,7 @@ pub unsafe extern "C" fn palpate_material_set(
     })
 }
 
-fn material_at(simulation: &palpate::step::Simulation, body: u32, index: u32) -> Outcome<Material> {
+fn material_at(simulation: &palpate::Simulation, body: u32, index: u32) -> Outcome<Material> {
     let all = simulation.materials(body as usize);
     all.get(index as usize).copied().ok_or_else(|| {
         let problem = format!("body {body} has {} materials, and none at {index}", all.len());

@@ -3,7 +3,8 @@
 use std::ffi::{c_char, c_void};
 use std::sync::Arc;
 
-use palpate::gpu::{Context, DeviceKind, Options};
+use palpate::{Context, Options};
+use palpate::internal::gpu::DeviceKind;
 
 use super::handles::{self, Handled};
 use super::log::{self, palpate_log};
@@ -108,7 +109,7 @@ pub unsafe extern "C" fn palpate_devices(
     })
 }
 
-fn device_of(info: &palpate::gpu::DeviceInfo) -> palpate_device {
+fn device_of(info: &palpate::internal::gpu::DeviceInfo) -> palpate_device {
     let kind = match info.kind {
         DeviceKind::Discrete => palpate_device_kind::Discrete,
         DeviceKind::Integrated => palpate_device_kind::Integrated,

@@ -4,12 +4,12 @@ use std::cell::Cell;
 use std::ffi::{c_char, c_void};
 
 use glam::{DQuat, DVec3};
-use palpate::haptics::velocity::AdaptiveWindow;
-use palpate::haptics::{Device, Fault, Reading};
+use palpate::internal::haptics::velocity::AdaptiveWindow;
+use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
 use palpate::scene::profile::PROFILES;
-use palpate::step::drive::rotation_vector;
-use palpate::step::{RigidState, Wrench};
+use palpate::internal::step::drive::rotation_vector;
+use palpate::{RigidState, Wrench};
 
 use super::simulation::palpate_pose;
 use super::sized::{self, Field, Sized32, fields};

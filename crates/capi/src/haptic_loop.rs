@@ -7,11 +7,11 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use palpate::haptics::environment::Environment;
-use palpate::haptics::session::{self, Options, Report};
+use palpate::internal::haptics::environment::Environment;
+use palpate::internal::haptics::session::{self, Options, Report};
 use palpate::scene::Haptics;
-use palpate::step::tool::Tool;
-use palpate::step::{ContactWrench, Held};
+use palpate::internal::step::tool::Tool;
+use palpate::internal::step::{ContactWrench, Held};
 
 use super::handles::{self, Handled, Lent};
 use super::haptic_device::{Callbacks, is_in_callback, palpate_haptic_device};

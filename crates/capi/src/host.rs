@@ -2,7 +2,8 @@
 
 use std::ffi::c_void;
 
-use palpate::gpu::{Context, HostDevice, Options, QueueLock};
+use palpate::{Context, Options};
+use palpate::internal::gpu::{HostDevice, QueueLock};
 
 use super::context::{ContextObject, palpate_context};
 use super::handles;

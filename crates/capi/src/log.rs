@@ -2,7 +2,7 @@
 
 use std::ffi::{CString, c_char, c_void};
 
-use palpate::gpu::{Level, Log};
+use palpate::internal::gpu::{Level, Log};
 
 use super::status::one_line;
 

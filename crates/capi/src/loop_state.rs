@@ -2,10 +2,10 @@
 
 use std::sync::{Condvar, Mutex, MutexGuard};
 
-use palpate::haptics::clock::Lateness;
-use palpate::haptics::servo::Tick;
-use palpate::haptics::session::{Moment, Report};
-use palpate::step::RigidState;
+use palpate::internal::haptics::clock::Lateness;
+use palpate::internal::haptics::servo::Tick;
+use palpate::internal::haptics::session::{Moment, Report};
+use palpate::RigidState;
 
 use super::simulation::palpate_pose;
 use super::sized::{Field, Sized32, fields};
@@ -288,7 +288,7 @@ impl Facts {
 
 #[cfg(test)]
 mod tests {
-    use palpate::haptics::event::{Event, Events};
+    use palpate::internal::haptics::event::{Event, Events};
 
     use super::*;
 

@@ -4,8 +4,9 @@ use std::ffi::c_char;
 use std::path::Path;
 
 use palpate::Result;
-use palpate::prepare::bodies::{Bodies, Progress};
-use palpate::scene::{Builder, Scene};
+use palpate::internal::prepare::bodies::{Bodies, Progress};
+use palpate::Scene;
+use palpate::scene::Builder;
 
 use super::handles::{self, Handled};
 use super::sized;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use palpate::step::{Pose, Simulation, StepReport};
+use palpate::{Pose, Simulation, StepReport};
 
 use super::context::{opened, palpate_context};
 use super::handles::{self, Handled};
@@ -272,7 +272,7 @@ pub unsafe extern "C" fn palpate_nodes(
 
 #[cfg(test)]
 mod tests {
-    use palpate::step::Flags;
+    use palpate::Flags;
 
     use super::*;
 

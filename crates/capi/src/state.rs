@@ -62,7 +62,7 @@ pub(super) fn argument(error: palpate::Error) -> Failure {
 /// Does something to a simulation, whose refusals are about arguments.
 pub(super) fn change(
     simulation: *mut palpate_simulation,
-    work: impl FnOnce(&mut palpate::step::Simulation) -> palpate::Result<()>,
+    work: impl FnOnce(&mut palpate::Simulation) -> palpate::Result<()>,
 ) -> Outcome {
     handles::with(simulation as usize, |object: &mut SimulationObject| {
         let done = work(&mut object.simulation);

@@ -11,7 +11,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use palpate::step::Pose;
+use palpate::Pose;
 
 use super::handles::{self, Handled, Lent};
 use super::simulation::{SimulationObject, palpate_pose, palpate_simulation, palpate_wrench, pose_of};

@@ -6,9 +6,9 @@ mod ffi_help;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use palpate::gpu::Options;
-use palpate::scene::Scene;
-use palpate::step::Simulation;
+use palpate::Options;
+use palpate::Scene;
+use palpate::Simulation;
 
 use ffi_help::{compiled, library, root};
 

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-use palpate::gpu::{Context, Options};
-use palpate::scene::Scene;
-use palpate::step::Simulation;
+use palpate::{Context, Options};
+use palpate::Scene;
+use palpate::Simulation;
 use palpate_capi::context::palpate_context_destroy;
 use palpate_capi::simulation::{palpate_simulation_destroy, palpate_step};
 
@@ -106,7 +106,7 @@ fn overhead(text: &str) -> (f64, f64) {
         }
         for _ in 0..ROW {
             let begun = Instant::now();
-            let row = own.step_at(palpate::step::Pose { position, orientation });
+            let row = own.step_at(palpate::Pose { position, orientation });
             times[1].push(begun.elapsed().as_secs_f64());
             row.unwrap();
         }

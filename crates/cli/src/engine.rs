@@ -1,11 +1,13 @@
 //! The seam between the program and the engine: a run's samples, and what is left of it at the end.
 
 use glam::DVec3;
-use palpate::gpu::{Context, DeviceInfo, Options};
-use palpate::prepare::Shape;
-use palpate::scene::Scene;
-use palpate::stages::query_as_one;
-use palpate::step::{ContactWrench, Held, Simulation, StepReport};
+use palpate::{Context, Options};
+use palpate::internal::gpu::DeviceInfo;
+use palpate::internal::prepare::Shape;
+use palpate::Scene;
+use palpate::internal::stages::query_as_one;
+use palpate::{Simulation, StepReport};
+use palpate::internal::step::{ContactWrench, Held};
 use palpate::{Error, Result};
 
 use crate::report::{Facts, Plan, StageSamples};

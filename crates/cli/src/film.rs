@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
 use indicatif::{ProgressBar, ProgressFinish};
-use palpate::gpu::Options;
-use palpate::scene::Scene;
-use palpate::step::Simulation;
+use palpate::Options;
+use palpate::Scene;
+use palpate::Simulation;
 use palpate::{Error, Result};
 use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};

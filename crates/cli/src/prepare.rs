@@ -7,9 +7,10 @@ use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
-use palpate::prepare::report::peak_memory;
-use palpate::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
-use palpate::scene::{self, Law, Material, Model, Scene, Surface, gmsh, obj};
+use palpate::internal::prepare::report::peak_memory;
+use palpate::internal::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
+use palpate::Scene;
+use palpate::scene::{self, Law, Material, Model, Surface, gmsh, obj};
 use palpate::{Error, Result};
 
 use crate::press::{self, Press};

@@ -3,8 +3,8 @@
 use std::io::Write;
 
 use glam::DVec3;
-use palpate::prepare::distance::Solid;
-use palpate::prepare::{Layer, Skin, layer};
+use palpate::internal::prepare::distance::Solid;
+use palpate::internal::prepare::{Layer, Skin, layer};
 
 /// Radius of the sphere, as a share of the body's largest extent.
 const RADIUS: f64 = 0.04;

@@ -6,12 +6,14 @@ use std::time::Instant;
 
 use clap::builder::NonEmptyStringValueParser;
 use glam::{DQuat, DVec3};
-use palpate::gpu::Options;
-use palpate::prepare::repair::{self, Origin};
-use palpate::prepare::{self, Body, Shape};
-use palpate::query::{Answer, Query, QueryContact, QuerySettings, Timing};
-use palpate::scene::{self, Scene, Surface, obj};
-use palpate::stages::POSE_TO_CONTACT;
+use palpate::Options;
+use palpate::internal::prepare::repair::{self, Origin};
+use palpate::internal::prepare::{self, Body, Shape};
+use palpate::{Query, QueryContact, QuerySettings};
+use palpate::internal::query::{Answer, Timing};
+use palpate::Scene;
+use palpate::scene::{self, Surface, obj};
+use palpate::internal::stages::POSE_TO_CONTACT;
 use palpate::{Error, Result};
 
 use crate::prepare::surface_of;
@@ -124,7 +126,7 @@ pub fn query(arguments: &Arguments) -> Result<()> {
 
 /// The answer, and the times of all runs: by stage, and from question to answer.
 fn run(query: &mut Query, pose_b: Pose, runs: u32) -> Result<(Answer, Vec<StageSamples>, Vec<f64>)> {
-    let passes = |stage: &palpate::gpu::StagePasses| StageSamples {
+    let passes = |stage: &palpate::internal::gpu::StagePasses| StageSamples {
         stage: stage.stage.clone(),
         passes: stage.dispatches,
         us: Vec::new(),

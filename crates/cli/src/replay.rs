@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
-use palpate::gpu::Options;
-use palpate::scene::{DepthPath, Scene};
-use palpate::step::Simulation;
+use palpate::Options;
+use palpate::Scene;
+use palpate::scene::DepthPath;
+use palpate::Simulation;
 use palpate::{Error, Result};
 use palpate_devices::record::{self, Entry, Header, Recorded, Table};
 use palpate_devices::replay;

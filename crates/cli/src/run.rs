@@ -5,11 +5,13 @@ use std::path::PathBuf;
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::Result;
-use palpate::gpu::{Arrays, Options};
-use palpate::haptics::session::Report;
+use palpate::Options;
+use palpate::internal::gpu::Arrays;
+use palpate::internal::haptics::session::Report;
 use palpate::scene::profile::PROFILES;
-use palpate::scene::{DepthPath, DeviceKind, Scene, obj, vtk};
-use palpate::step::StepReport;
+use palpate::Scene;
+use palpate::scene::{DepthPath, DeviceKind, obj, vtk};
+use palpate::StepReport;
 use palpate_devices::Replay;
 
 use crate::engine::{Engine, Outcome};

@@ -14,11 +14,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
-use palpate::gpu::{Options, display_extensions};
-use palpate::haptics::Device;
+use palpate::Options;
+use palpate::internal::gpu::display_extensions;
+use palpate::internal::haptics::Device;
 use palpate::scene::profile::PROFILES;
-use palpate::scene::{DeviceKind, Haptics, Key, Scene};
-use palpate::step::{Simulation, StepReport};
+use palpate::Scene;
+use palpate::scene::{DeviceKind, Haptics, Key};
+use palpate::{Simulation, StepReport};
 use palpate::{Error, Result};
 use palpate_devices::Mouse;
 use palpate_devices::mouse::Goal;

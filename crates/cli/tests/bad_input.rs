@@ -8,8 +8,9 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use palpate::prepare::{self, repair};
-use palpate::scene::{Scene, gmsh};
+use palpate::internal::prepare::{self, repair};
+use palpate::Scene;
+use palpate::scene::gmsh;
 use tempfile::TempDir;
 
 use real_meshes::meshes;

@@ -5,8 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use palpate::prepare::{self, Cache};
-use palpate::scene::{self, Scene};
+use palpate::internal::prepare::{self, Cache};
+use palpate::Scene;
+use palpate::scene::{self};
 use serde_json::Value;
 
 fn prepare(cache: &Path, out: &Path, arguments: &[&str]) -> Output {

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use glam::DVec3;
-use palpate::gpu::Options;
-use palpate::haptics::Reading;
-use palpate::haptics::environment::Environment;
-use palpate::haptics::safety::Limits;
-use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::scene::{Lowered, Profile, Scene};
-use palpate::step::{RigidState, Simulation};
+use palpate::Options;
+use palpate::internal::haptics::Reading;
+use palpate::internal::haptics::environment::Environment;
+use palpate::internal::haptics::safety::Limits;
+use palpate::internal::haptics::servo::{Servo, Settings, Tick};
+use palpate::Scene;
+use palpate::scene::{Lowered, Profile};
+use palpate::{RigidState, Simulation};
 use palpate_devices::record::{Header, Recording};
 
 /// A ball of 50 g that is pushed into a soft block.

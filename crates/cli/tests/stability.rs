@@ -5,7 +5,7 @@ mod spoil;
 
 use std::process::Command;
 
-use palpate::step::Flags;
+use palpate::Flags;
 use palpate_bench::stability::laws::{Law, Verdict};
 use palpate_bench::stability::{self, Results, Settings, document};
 

@@ -1,8 +1,8 @@
 //! A device of the host program: it says where the hand is and takes what is to be played.
 
-use palpate::haptics::{Device, Fault, Reading};
+use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
-use palpate::step::Wrench;
+use palpate::Wrench;
 
 /// Says where the device is at a time, s since the loop began. The loop's thread calls it once a tick.
 pub type Read = Box<dyn FnMut(f64) -> Result<Reading, Fault> + Send>;
@@ -57,7 +57,7 @@ mod tests {
 
     use glam::{DQuat, DVec3};
     use palpate::scene::profile::PROFILES;
-    use palpate::step::RigidState;
+    use palpate::RigidState;
 
     use super::*;
 

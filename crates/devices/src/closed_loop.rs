@@ -1,15 +1,15 @@
 //! Tests of the whole loop against a wall of known stiffness, held by the simulated hand, in virtual time.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::haptics::environment::Wall;
-use palpate::haptics::safety::Limits;
-use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::virtual_time::{self, Schedule};
-use palpate::haptics::{Device, coupling};
+use palpate::internal::haptics::environment::Wall;
+use palpate::internal::haptics::safety::Limits;
+use palpate::internal::haptics::servo::{Servo, Settings, Tick};
+use palpate::internal::haptics::virtual_time::{self, Schedule};
+use palpate::internal::haptics::{Device, coupling};
 use palpate::scene::profile::Profile;
 use palpate::scene::{Key, Lowered};
-use palpate::step::drive::Drive;
-use palpate::step::tool::Tool;
+use palpate::internal::step::drive::Drive;
+use palpate::internal::step::tool::Tool;
 
 use super::hand::{Hand, HandParameters};
 

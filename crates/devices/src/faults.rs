@@ -2,17 +2,18 @@
 //! passes, the force comes back.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::haptics::coupling;
-use palpate::haptics::device::{Device, Fault, Reading};
-use palpate::haptics::environment::{Environment, Wall};
-use palpate::haptics::event::Event;
-use palpate::haptics::safety::Limits;
-use palpate::haptics::servo::{Servo, Settings, Tick};
+use palpate::internal::haptics::coupling;
+use palpate::internal::haptics::device::{Device, Fault, Reading};
+use palpate::internal::haptics::environment::{Environment, Wall};
+use palpate::internal::haptics::event::Event;
+use palpate::internal::haptics::safety::Limits;
+use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::scene::profile::Profile;
 use palpate::scene::{Key, Lowered};
-use palpate::step::drive::Drive;
-use palpate::step::tool::Tool;
-use palpate::step::{ContactWrench, Wrench};
+use palpate::internal::step::drive::Drive;
+use palpate::internal::step::tool::Tool;
+use palpate::Wrench;
+use palpate::internal::step::ContactWrench;
 
 use super::hand::{Hand, HandParameters};
 

@@ -4,11 +4,11 @@
 use std::collections::VecDeque;
 
 use glam::{DQuat, DVec3};
-use palpate::haptics::velocity::AdaptiveWindow;
-use palpate::haptics::{Device, Fault, Reading};
+use palpate::internal::haptics::velocity::AdaptiveWindow;
+use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
-use palpate::step::drive::{Drive, rotation_vector};
-use palpate::step::{RigidState, Wrench};
+use palpate::internal::step::drive::{Drive, rotation_vector};
+use palpate::{RigidState, Wrench};
 
 mod limb;
 #[cfg(test)]

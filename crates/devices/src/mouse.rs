@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{DQuat, DVec3};
-use palpate::haptics::{Device, Fault, Reading};
+use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
 use palpate::scene::profile::MOUSE;
-use palpate::step::drive::rotation_vector;
-use palpate::step::{RigidState, Wrench};
+use palpate::internal::step::drive::rotation_vector;
+use palpate::{RigidState, Wrench};
 
 /// How quickly the device follows, 1/s: critically damped. A pixel's step is spread over some fifty ticks.
 const FOLLOWS: f64 = 40.0;

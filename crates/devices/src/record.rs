@@ -15,10 +15,11 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use palpate::haptics::servo::{Settings, Tick};
-use palpate::scene::Scene;
-use palpate::step::tool::Tool;
-use palpate::step::{ContactWrench, Held, Simulation};
+use palpate::internal::haptics::servo::{Settings, Tick};
+use palpate::Scene;
+use palpate::internal::step::tool::Tool;
+use palpate::Simulation;
+use palpate::internal::step::{ContactWrench, Held};
 use palpate::{Error, Result};
 pub use read::Recorded;
 use serde::{Deserialize, Serialize};

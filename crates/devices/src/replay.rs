@@ -4,12 +4,12 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use palpate::haptics::device::{Fault, Reading};
-use palpate::haptics::environment::Environment;
-use palpate::haptics::event::Event;
-use palpate::haptics::safety::Limits;
-use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::step::ContactWrench;
+use palpate::internal::haptics::device::{Fault, Reading};
+use palpate::internal::haptics::environment::Environment;
+use palpate::internal::haptics::event::Event;
+use palpate::internal::haptics::safety::Limits;
+use palpate::internal::haptics::servo::{Servo, Settings, Tick};
+use palpate::internal::step::ContactWrench;
 use palpate::{Error, Result};
 
 use super::record::fields::{self, Field};

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use palpate::haptics::{Device, Fault, Reading};
+use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::scene::profile::{PROFILES, Profile};
-use palpate::step::{RigidState, Wrench};
+use palpate::{RigidState, Wrench};
 use palpate::{Error, Result};
 
 use crate::record::{Entry, Recorded};

@@ -1,10 +1,10 @@
 //! A device that follows a script, whatever is played.
 
 use glam::{DQuat, DVec3};
-use palpate::haptics::{Device, Fault, Reading};
+use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
-use palpate::step::Wrench;
-use palpate::step::drive::Drive;
+use palpate::Wrench;
+use palpate::internal::step::drive::Drive;
 
 /// A script's pose over time.
 #[derive(Debug, Clone)]

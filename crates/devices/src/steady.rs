@@ -3,17 +3,17 @@
 //! no energy but what is lent, by a sum of its own, whatever happens to the simulation.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::haptics::environment::{Cushion, Environment};
-use palpate::haptics::event::Event;
-use palpate::haptics::safety::Limits;
-use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::virtual_time::Schedule;
-use palpate::haptics::{Device, coupling};
+use palpate::internal::haptics::environment::{Cushion, Environment};
+use palpate::internal::haptics::event::Event;
+use palpate::internal::haptics::safety::Limits;
+use palpate::internal::haptics::servo::{Servo, Settings, Tick};
+use palpate::internal::haptics::virtual_time::Schedule;
+use palpate::internal::haptics::{Device, coupling};
 use palpate::scene::profile::Profile;
 use palpate::scene::{Key, Lowered};
-use palpate::step::ContactWrench;
-use palpate::step::drive::Drive;
-use palpate::step::tool::Tool;
+use palpate::internal::step::ContactWrench;
+use palpate::internal::step::drive::Drive;
+use palpate::internal::step::tool::Tool;
 
 use super::{Hand, HandParameters, Scripted};
 

@@ -1,7 +1,7 @@
 //! Soft bodies and dynamic cores of the oracle: their state, and what can be read off it.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::{Embedding, Layer, Materials, Skin};
+use palpate::internal::prepare::{Embedding, Layer, Materials, Skin};
 use palpate::scene::Coupling;
 
 use crate::contact::{Support, Surface};

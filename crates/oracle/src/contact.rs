@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use palpate::prepare::{Embedding, Layer};
+use palpate::internal::prepare::{Embedding, Layer};
 
 use crate::rays::{Crossing, Rays};
 use crate::skin;

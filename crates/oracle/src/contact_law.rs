@@ -1,7 +1,7 @@
 //! The contact law in f64: pressure p = k depth + d depth', and Coulomb's friction, regularised. Twin of
 //! `shaders/shared/contact_law.glsl`.
 
-use palpate::prepare::Layer;
+use palpate::internal::prepare::Layer;
 use palpate::scene::Material;
 
 use crate::contact::Contact;

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::{Layer, Materials};
+use palpate::internal::prepare::{Layer, Materials};
 use palpate::scene::Material;
 
 use super::material_law;

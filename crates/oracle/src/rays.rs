@@ -186,7 +186,7 @@ fn barycentric(corners: [DVec2; 3], at: DVec2) -> Option<[f64; 3]> {
 
 #[cfg(test)]
 mod tests {
-    use palpate::prepare::{layer, sphere};
+    use palpate::internal::prepare::{layer, sphere};
 
     use super::*;
 

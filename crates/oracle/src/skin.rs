@@ -1,7 +1,7 @@
 //! Skin vertices from nodes, and which of them face a direction. Twin of the skin stage.
 
 use glam::DVec3;
-use palpate::prepare::{Embedding, Layer};
+use palpate::internal::prepare::{Embedding, Layer};
 
 /// Values at skin vertices (positions, displacements or velocities) as weighted sums of values at nodes.
 pub fn embed(embedding: &[Embedding], layer: &Layer, nodes: &[DVec3]) -> Vec<DVec3> {

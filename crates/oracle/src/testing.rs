@@ -1,7 +1,7 @@
 //! Small meshes and numbers for the laws' tests.
 
 use glam::DVec3;
-use palpate::prepare::{Layer, layer};
+use palpate::internal::prepare::{Layer, layer};
 
 /// A layer's boundary, by node.
 pub fn boundary(layer: &Layer) -> Vec<[u32; 3]> {

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use egui::{Align2, Color32, FontId, Pos2, Rect, Vec2};
 use palpate::Result;
-use palpate::gpu::{Context, Image, Recording};
-use palpate::step::Field;
+use palpate::Context;
+use palpate::internal::gpu::{Image, Recording};
+use palpate::internal::step::Field;
 
 use super::look::map;
 use super::moment::Moment;

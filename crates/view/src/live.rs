@@ -13,11 +13,12 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-use palpate::haptics::Device;
-use palpate::haptics::session::Report;
-use palpate::prepare::bodies::Bodies;
-use palpate::scene::{Contact, Coupling, Key, Material, Scene};
-use palpate::step::{Simulation, StepReport};
+use palpate::internal::haptics::Device;
+use palpate::internal::haptics::session::Report;
+use palpate::internal::prepare::bodies::Bodies;
+use palpate::Scene;
+use palpate::scene::{Contact, Coupling, Key, Material};
+use palpate::{Simulation, StepReport};
 use palpate::{Error, Result};
 
 use super::turns::Turns;

@@ -1,13 +1,13 @@
 //! The colours of what is shown; how light falls on it, say shaders/shared/look.glsl and surface.glsl.
 
 use glam::{DMat4, DVec3};
-use palpate::shaders;
-pub use palpate::shaders::{Material, View};
-use palpate::step::Field;
+use palpate::internal::shaders;
+pub use palpate::internal::shaders::{Material, View};
+use palpate::internal::step::Field;
 
 /// Flags of a [`Material`].
 pub mod flags {
-    pub use palpate::shaders::{BARE, EVEN, FLAT, GLASS, NUMBERED, UNLIT, VALUED};
+    pub use palpate::internal::shaders::{BARE, EVEN, FLAT, GLASS, NUMBERED, UNLIT, VALUED};
 }
 
 /// What is behind everything, as shown.

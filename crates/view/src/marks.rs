@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::gpu::{Buffer, Context, Memory};
+use palpate::Context;
+use palpate::internal::gpu::{Buffer, Memory};
 
 use super::pieces::Arrays;
 

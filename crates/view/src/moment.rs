@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::gpu::Buffer;
-use palpate::step::{self, Field, FieldValues, Mesh, RegionSquare, Simulation};
+use palpate::internal::gpu::Buffer;
+use palpate::Simulation;
+use palpate::internal::step::{self, Field, FieldValues, Mesh, RegionSquare};
 
 use super::overlay::{Overlay, Overlays};
 

@@ -1,6 +1,6 @@
 //! What can be shown besides the skins, each toggled by a key.
 
-use palpate::step::Field;
+use palpate::internal::step::Field;
 
 /// One of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use palpate::gpu::{Before, Buffer, Canvas, Context, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording};
-use palpate::shaders;
+use palpate::Context;
+use palpate::internal::gpu::{Before, Buffer, Canvas, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording};
+use palpate::internal::shaders;
 use palpate::{Error, Result};
 
 /// Words of a corner: place (2), place in the atlas (2), colour.

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::gpu::{Buffer, Context, Memory};
-use palpate::prepare::Shape;
-use palpate::step::Simulation;
+use palpate::Context;
+use palpate::internal::gpu::{Buffer, Memory};
+use palpate::internal::prepare::Shape;
+use palpate::Simulation;
 
 use super::decimate::clustered;
 use super::look::{Look, Material};

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::gpu::{Buffer, Context};
-use palpate::step::{self, Field};
+use palpate::Context;
+use palpate::internal::gpu::Buffer;
+use palpate::internal::step::{self, Field};
 
 use super::look::{Look, Material, flags};
 use super::marks::Marks;

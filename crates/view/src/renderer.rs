@@ -4,12 +4,11 @@
 use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
-use palpate::gpu::{
-    Arguments, Before, Buffer, Canvas, Context, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder,
-    Recording, Side, Texels,
-};
-use palpate::shaders;
-use palpate::step::{self, Field, FieldValues, Simulation};
+use palpate::Context;
+use palpate::internal::gpu::{Arguments, Before, Buffer, Canvas, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording, Side, Texels};
+use palpate::internal::shaders;
+use palpate::Simulation;
+use palpate::internal::step::{self, Field, FieldValues};
 use palpate::{Error, Result};
 
 use super::Camera;

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-use palpate::haptics::clock::Lateness;
+use palpate::internal::haptics::clock::Lateness;
 
 /// Steps whose delays are kept.
 const RECENT: usize = 128;

@@ -3,7 +3,7 @@
 
 use faer::Mat;
 use glam::{DMat3, DVec3};
-use palpate::prepare::Body;
+use palpate::internal::prepare::Body;
 use palpate::scene::Preconditioner;
 use palpate_oracle::coarse::MODES;
 

@@ -100,7 +100,7 @@ fn half_precision_leaves_the_preconditioner_positive() {
         cases.push((format!("{young:e} Pa"), System::preconditioned(&[body], 0.0, 1, Preconditioner::Coarse)));
     }
     let mut stiff = large_core(false);
-    if let palpate::prepare::Shape::Soft { materials, .. } = &mut stiff.shape {
+    if let palpate::internal::prepare::Shape::Soft { materials, .. } = &mut stiff.shape {
         materials.all[0].young = 2e7;
     }
     cases.push(("2e7 Pa on a core".into(), System::preconditioned(&[stiff], 0.0, 1, Preconditioner::Coarse)));

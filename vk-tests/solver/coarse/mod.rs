@@ -8,11 +8,11 @@ mod turns;
 
 use faer::Mat;
 use glam::{DQuat, DVec3};
-use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::{Body, Frame, FrameMotion, Layer, Shape};
+use palpate::internal::prepare::layer::kuhn_box;
+use palpate::internal::prepare::{Body, Frame, FrameMotion, Layer, Shape};
 use palpate::scene::Hinge;
-use palpate::shaders::NONE;
-use palpate::stages::model::Model;
+use palpate::internal::shaders::NONE;
+use palpate::internal::stages::model::Model;
 use palpate_oracle::coarse::{Block, MODES, modes};
 
 use crate::solver::system::{

@@ -12,7 +12,7 @@ use crate::solver::system::System;
 const ANGLE: f64 = 1e-5;
 
 /// Passes of bodies turned by `turn` about anywhere in their rest frames.
-fn turned_by(bodies: &[palpate::prepare::Body], turn: DQuat) -> Passes {
+fn turned_by(bodies: &[palpate::internal::prepare::Body], turn: DQuat) -> Passes {
     let mut system = System::preconditioned(bodies, 0.0, 3, Preconditioner::Coarse);
     let mut at = 0;
     for body in &system.twin.bodies {

@@ -1,7 +1,7 @@
 //! The cases, a method each.
 
-use palpate::gpu::Size;
-use palpate::shaders::{Contact, Iteration};
+use palpate::internal::gpu::Size;
+use palpate::internal::shaders::{Contact, Iteration};
 
 use super::side_by_side::{FREE, Variant, merged, settled, unwritten};
 use super::{Change, Passes};

@@ -4,10 +4,10 @@ mod kernels;
 mod side_by_side;
 
 use bytemuck::Zeroable;
-use palpate::gpu::Size;
-use palpate::shaders;
-use palpate::shaders::{Iteration, Joint, NONE, Report, Rigid, RigidIterate, Solve};
-use palpate::stages::ARGS_WORDS;
+use palpate::internal::gpu::Size;
+use palpate::internal::shaders;
+use palpate::internal::shaders::{Iteration, Joint, NONE, Report, Rigid, RigidIterate, Solve};
+use palpate::internal::stages::ARGS_WORDS;
 
 pub use kernels::SKIN_PARTS;
 

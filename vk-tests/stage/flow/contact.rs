@@ -1,9 +1,9 @@
 //! From crossings to contacts, their response and the index from nodes to them.
 
-use palpate::gpu::Size;
-use palpate::shaders;
-use palpate::shaders::{Contact, NONE};
-use palpate::stages::CHUNK_VERTICES;
+use palpate::internal::gpu::Size;
+use palpate::internal::shaders;
+use palpate::internal::shaders::{Contact, NONE};
+use palpate::internal::stages::CHUNK_VERTICES;
 
 use super::{Flow, fours, some};
 use crate::harness::{case, context};

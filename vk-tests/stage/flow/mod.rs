@@ -6,15 +6,16 @@ mod query;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DQuat, DVec3};
-use palpate::prepare::Body;
-use palpate::scene::{self, Scene, Sides};
-use palpate::shaders;
-use palpate::shaders::{ActiveChunk, Contact, Counts, Frame, Link, NONE, Pair, ProxyBounds, Region, StepParams};
-use palpate::stages::ARGS_WORDS;
-use palpate::stages::depth::Path;
-use palpate::stages::model::{Model, texel};
-use palpate::stages::skin::LEAST_BUCKETS;
-use palpate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::internal::prepare::Body;
+use palpate::Scene;
+use palpate::scene::{self, Sides};
+use palpate::internal::shaders;
+use palpate::internal::shaders::{ActiveChunk, Contact, Counts, Frame, Link, NONE, Pair, ProxyBounds, Region, StepParams};
+use palpate::internal::stages::ARGS_WORDS;
+use palpate::internal::stages::depth::Path;
+use palpate::internal::stages::model::{Model, texel};
+use palpate::internal::stages::skin::LEAST_BUCKETS;
+use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 
 use crate::harness::context;
 

@@ -1,9 +1,9 @@
 //! From bodies in their frames to the crossings on the rays of skin vertices.
 
-use palpate::gpu::Size;
-use palpate::shaders;
-use palpate::shaders::{ActiveChunk, NONE, ProxyBounds};
-use palpate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::internal::gpu::Size;
+use palpate::internal::shaders;
+use palpate::internal::shaders::{ActiveChunk, NONE, ProxyBounds};
+use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 
 use super::{FIELD_WORDS, Flow, fours, some};
 use crate::harness::case;

@@ -3,7 +3,8 @@
 
 use glam::{DQuat, DVec3};
 use palpate::Result;
-use palpate::scene::{Coupling, Key, Scene, Sides};
+use palpate::Scene;
+use palpate::scene::{Coupling, Key, Sides};
 
 use super::race::{Entrant, Rules, race, relative_error};
 use super::steps::{LONGEST, MANY, at_units, extrapolated};

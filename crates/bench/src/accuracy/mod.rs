@@ -19,7 +19,7 @@ pub use curve::{Curve, Expected, JUST_NOTICEABLE, Judged, Line, Point};
 pub use document::section;
 pub use presets::{Setting, presets};
 
-use palpate::gpu::Options;
+use palpate::Options;
 use palpate::{Error, Result};
 
 use super::suite::{from_value, to_value};

@@ -1,9 +1,8 @@
 //! What is pressed: a block with a fixed bottom, and a sphere that a hand pushes into it and holds there.
 
 use glam::{DQuat, DVec3};
-use palpate::scene::{
-    self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Scene, Tool, ToolShape,
-};
+use palpate::Scene;
+use palpate::scene::{self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Tool, ToolShape};
 
 /// Half of the block's edges, m.
 pub const HALF: DVec3 = DVec3::new(0.05, 0.03, 0.05);

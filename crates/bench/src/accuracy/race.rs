@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::gpu::Options;
-use palpate::scene::Scene;
-use palpate::step::{Flags, Simulation};
+use palpate::Options;
+use palpate::Scene;
+use palpate::{Flags, Simulation};
 
 use super::curve::Point;
 
@@ -42,7 +42,7 @@ pub struct Rules<'a> {
     pub rounds: usize,
     /// A run of fewer steps is done again in the same round, until it has so many: the median of a few says little.
     pub timed_steps: usize,
-    /// The stages whose times are summed; see [`palpate::stages`].
+    /// The stages whose times are summed; see [`palpate::internal::stages`].
     pub stages: &'a [&'a str],
     /// The device.
     pub options: &'a Options,

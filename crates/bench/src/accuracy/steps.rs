@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::gpu::Options;
-use palpate::scene::{Law, Scene};
+use palpate::Options;
+use palpate::Scene;
+use palpate::scene::Law;
 
 use super::press::Press;
 use super::race::{Entrant, Run, race, relative_error, run};

@@ -1,7 +1,8 @@
 //! What the solver's tolerance and its cap on iterations buy, against f64 steps solved directly.
 
 use palpate::Result;
-use palpate::scene::{Preconditioner, Scene};
+use palpate::Scene;
+use palpate::scene::Preconditioner;
 
 use super::press::Press;
 use super::race::{Entrant, race};

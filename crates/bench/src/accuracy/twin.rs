@@ -2,11 +2,12 @@
 //! ([`palpate_oracle::contact`]). Only the direction of the region is the engine's, from a run beside it.
 
 use glam::DVec3;
-use palpate::gpu::Options;
-use palpate::prepare::{self, Shape};
-use palpate::scene::{Key, Scene};
-use palpate::step::Simulation;
-use palpate::step::drive::Drive;
+use palpate::Options;
+use palpate::internal::prepare::{self, Shape};
+use palpate::Scene;
+use palpate::scene::Key;
+use palpate::Simulation;
+use palpate::internal::step::drive::Drive;
 use palpate::{Error, Result};
 use palpate_oracle::contact::{self, Law, Support, Surface};
 use palpate_oracle::contact_law::auto_stiffness;

@@ -13,9 +13,10 @@ use serde_json::{Map, Value};
 pub use plan::Plan;
 pub use scenes::Feature;
 
-use palpate::gpu::Options;
-use palpate::scene::Scene;
-use palpate::step::{Held, RigidState, Simulation, StepReport};
+use palpate::Options;
+use palpate::Scene;
+use palpate::{RigidState, Simulation, StepReport};
+use palpate::internal::step::Held;
 use palpate::{Error, Result};
 
 use super::suite::{from_value, to_value};

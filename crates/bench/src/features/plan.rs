@@ -1,6 +1,6 @@
 //! What a step is made of: all that a feature can cost without being run.
 
-use palpate::step::Simulation;
+use palpate::Simulation;
 use serde::{Deserialize, Serialize};
 
 /// Solver iterations of the step whose passes are counted.

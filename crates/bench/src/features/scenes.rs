@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use palpate::Result;
-use palpate::scene::Scene;
+use palpate::Scene;
 
 /// A feature that can be left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

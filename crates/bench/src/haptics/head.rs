@@ -1,12 +1,11 @@
 //! The head of `assets/scenes/touch-head.toml`, and ways over its cheek.
 
 use glam::{DQuat, DVec3};
-use palpate::gpu::Options;
-use palpate::prepare::{self, Shape};
-use palpate::scene::{
-    self, Bind, Core, Dilatation, Law, Layer, Material, Model, Motion, Scene, Surface, Tool, ToolShape,
-};
-use palpate::step::Simulation;
+use palpate::Options;
+use palpate::internal::prepare::{self, Shape};
+use palpate::Scene;
+use palpate::scene::{self, Bind, Core, Dilatation, Law, Layer, Material, Model, Motion, Surface, Tool, ToolShape};
+use palpate::Simulation;
 use palpate::{Error, Result};
 
 use super::Settings;

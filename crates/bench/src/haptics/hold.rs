@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::haptics::environment::Environment;
-use palpate::haptics::servo::Tick;
-use palpate::haptics::virtual_time::Schedule;
+use palpate::internal::haptics::environment::Environment;
+use palpate::internal::haptics::servo::Tick;
+use palpate::internal::haptics::virtual_time::Schedule;
 use palpate_devices::hand::HandParameters;
 use serde::{Deserialize, Serialize};
 

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::haptics::clock::Lateness;
-use palpate::haptics::environment::Environment;
-use palpate::haptics::session::{Options, hold};
+use palpate::internal::haptics::clock::Lateness;
+use palpate::internal::haptics::environment::Environment;
+use palpate::internal::haptics::session::{Options, hold};
 use palpate::scene::Haptics;
-use palpate::step::drive::Drive;
+use palpate::internal::step::drive::Drive;
 use palpate_devices::scripted::Scripted;
 use serde::{Deserialize, Serialize};
 

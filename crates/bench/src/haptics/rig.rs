@@ -1,16 +1,16 @@
 //! The loop as a session makes it, but in virtual time and held by the simulated hand: the same bits in every run.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::haptics::Device;
-use palpate::haptics::coupling::{self, Gains};
-use palpate::haptics::environment::{Environment, Wall};
-use palpate::haptics::safety::Limits;
-use palpate::haptics::servo::{Servo, Settings, Tick};
-use palpate::haptics::virtual_time::{self, Schedule};
+use palpate::internal::haptics::Device;
+use palpate::internal::haptics::coupling::{self, Gains};
+use palpate::internal::haptics::environment::{Environment, Wall};
+use palpate::internal::haptics::safety::Limits;
+use palpate::internal::haptics::servo::{Servo, Settings, Tick};
+use palpate::internal::haptics::virtual_time::{self, Schedule};
 use palpate::scene::{Coupling, Haptics, Key, Lowered, Profile};
-use palpate::step::drive::Drive;
-use palpate::step::tool::Tool;
-use palpate::step::{ContactWrench, Held};
+use palpate::internal::step::drive::Drive;
+use palpate::internal::step::tool::Tool;
+use palpate::internal::step::{ContactWrench, Held};
 use palpate::{Error, Result};
 use palpate_devices::hand::{Hand, HandParameters};
 use serde::{Deserialize, Serialize};

@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::haptics::servo::Tick;
-use palpate::haptics::virtual_time::Schedule;
+use palpate::internal::haptics::servo::Tick;
+use palpate::internal::haptics::virtual_time::Schedule;
 use palpate::scene::Key;
-use palpate::step::ContactWrench;
+use palpate::internal::step::ContactWrench;
 use palpate_devices::hand::HandParameters;
 use serde::{Deserialize, Serialize};
 

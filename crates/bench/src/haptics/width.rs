@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::haptics::coupling;
-use palpate::haptics::servo::Tick;
-use palpate::haptics::virtual_time::Schedule;
+use palpate::internal::haptics::coupling;
+use palpate::internal::haptics::servo::Tick;
+use palpate::internal::haptics::virtual_time::Schedule;
 use palpate::scene::{Key, Profile};
 use palpate_devices::hand::HandParameters;
 use serde::{Deserialize, Serialize};

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::scene::Scene;
+use palpate::Scene;
 use serde::{Deserialize, Serialize};
 
 use super::Settings;

@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use palpate::scene::Scene;
-use palpate::step::Flags;
+use palpate::Scene;
+use palpate::Flags;
 use palpate::{Error, Result};
 use serde::{Deserialize, Serialize};
 

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use palpate::Result;
-use palpate::gpu::Options;
-use palpate::prepare::Shape;
-use palpate::scene::Scene;
-use palpate::stages::POSE_TO_CONTACT;
-use palpate::step::{Simulation, StepReport};
+use palpate::Options;
+use palpate::internal::prepare::Shape;
+use palpate::Scene;
+use palpate::internal::stages::POSE_TO_CONTACT;
+use palpate::{Simulation, StepReport};
 use serde::{Deserialize, Serialize};
 
 use super::Settings;

@@ -1,7 +1,7 @@
 //! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
 
 use palpate::Result;
-use palpate::stages::QUERY;
+use palpate::internal::stages::QUERY;
 use serde_json::Value;
 
 use super::{Area, Peers, Place, Results, Sensitivity};

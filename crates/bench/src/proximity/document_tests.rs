@@ -1,4 +1,4 @@
-use palpate::stages::POSE_TO_CONTACT;
+use palpate::internal::stages::POSE_TO_CONTACT;
 
 use super::*;
 use crate::Samples;

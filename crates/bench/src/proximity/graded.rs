@@ -142,7 +142,7 @@ fn zip(triangles: &mut Vec<[usize; 3]>, (inner, m): (usize, usize), (outer, n): 
 
 #[cfg(test)]
 mod tests {
-    use palpate::prepare::{mass, skin};
+    use palpate::internal::prepare::{mass, skin};
 
     use super::*;
 

@@ -12,8 +12,8 @@ pub use patches::{Area, Place, Sensitivity};
 pub use peers::Peers;
 
 use palpate::Result;
-use palpate::gpu::{Context, Options};
-use palpate::prepare::{self, Body, FrameMotion, Shape, mass, skin};
+use palpate::{Context, Options};
+use palpate::internal::prepare::{self, Body, FrameMotion, Shape, mass, skin};
 
 use super::suite::{part, to_value};
 use super::{Benchmark, Section};

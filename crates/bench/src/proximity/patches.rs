@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 use palpate::Result;
-use palpate::gpu::Context;
-use palpate::query::{Query, QuerySettings, Timing};
+use palpate::Context;
+use palpate::{Query, QuerySettings};
+use palpate::internal::query::Timing;
 use serde::{Deserialize, Serialize};
 
 use super::graded::{Family, Graded};

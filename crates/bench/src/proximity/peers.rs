@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
-use palpate::gpu::Context;
-use palpate::query::{Query, QuerySettings};
+use palpate::Context;
+use palpate::{Query, QuerySettings};
 use palpate::scene::Model;
 use palpate::{Error, Result};
 use parry3d_f64::math::Vector;
@@ -75,9 +75,9 @@ impl Peers {
 pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Peers> {
     let [pumpkin_count, head_count] = settings.peer_vertices;
     watch(&format!("peers: a pumpkin of {pumpkin_count} vertices and a head of {head_count}"));
-    let (points, pumpkin_triangles) = palpate::prepare::model::surface(Model::Pumpkin, pumpkin_count);
+    let (points, pumpkin_triangles) = palpate::internal::prepare::model::surface(Model::Pumpkin, pumpkin_count);
     let points: Vec<DVec3> = points.into_iter().map(|x| SCALE * x).collect();
-    let (head_points, head_triangles) = palpate::prepare::model::surface(Model::Head, head_count);
+    let (head_points, head_triangles) = palpate::internal::prepare::model::surface(Model::Head, head_count);
     let mut tree = tree(&head_points, &head_triangles)?;
     let head_box = bounds(&head_points);
     let head = rigid("head", head_points, head_triangles)?;

@@ -1,8 +1,9 @@
 //! What is measured: bodies of tetrahedra that hang from a fixed core under gravity, untouched.
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::{self, Body, Shape};
-use palpate::scene::{self, Bind, Core, Law, Layer, Material, Model, Motion, Scene, Surface};
+use palpate::internal::prepare::{self, Body, Shape};
+use palpate::Scene;
+use palpate::scene::{self, Bind, Core, Law, Layer, Material, Model, Motion, Surface};
 use palpate::{Error, Result};
 use serde::{Deserialize, Serialize};
 

@@ -4,9 +4,9 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use palpate::prepare::cache::{Entry, Key, KeyMaker};
-use palpate::prepare::{Body, Cache, Shape};
-use palpate::scene::Scene;
+use palpate::internal::prepare::cache::{Entry, Key, KeyMaker};
+use palpate::internal::prepare::{Body, Cache, Shape};
+use palpate::Scene;
 use palpate::{Error, Result};
 use palpate_oracle::step::{Simulation, SoftBody};
 use serde::{Deserialize, Serialize};

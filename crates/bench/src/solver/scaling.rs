@@ -3,8 +3,9 @@
 use std::time::Instant;
 
 use palpate::Result;
-use palpate::scene::{Preconditioner, Scene};
-use palpate::step::{Flags, Simulation};
+use palpate::Scene;
+use palpate::scene::Preconditioner;
+use palpate::{Flags, Simulation};
 use serde::{Deserialize, Serialize};
 
 use super::cases::{self, Mesh};

@@ -3,10 +3,11 @@
 use std::time::Instant;
 
 use palpate::Result;
-use palpate::gpu::Options;
-use palpate::prepare::Cache;
-use palpate::scene::{Preconditioner, Scene};
-use palpate::step::{Flags, Simulation};
+use palpate::Options;
+use palpate::internal::prepare::Cache;
+use palpate::Scene;
+use palpate::scene::Preconditioner;
+use palpate::{Flags, Simulation};
 use serde::{Deserialize, Serialize};
 
 use super::cases::{self, Case};

@@ -1,6 +1,6 @@
 //! The report of the matrix: the picture, where the safe region of each axis ends, and every case that did not pass.
 
-use palpate::step::Flags;
+use palpate::Flags;
 
 use super::laws::{Law, Verdict};
 use super::{AxisResult, CellResult, Judged, Results, heat_map, reasons};

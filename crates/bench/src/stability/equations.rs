@@ -2,8 +2,8 @@
 //! linearised at the start, damping, weight, contacts, and the tool with its coupling.
 
 use glam::{DQuat, DVec3};
-use palpate::step::RigidState;
-use palpate::step::tool::Tool;
+use palpate::RigidState;
+use palpate::internal::step::tool::Tool;
 use palpate_oracle::step::SoftBody;
 
 use super::touch::{Motion, Pressing};

@@ -1,7 +1,7 @@
 //! Laws that every step keeps, judged from measured steps alone; each verdict says the first step that broke a law.
 
 use glam::DVec3;
-use palpate::step::Flags;
+use palpate::Flags;
 use serde::Serialize;
 
 use super::trace::Sample;

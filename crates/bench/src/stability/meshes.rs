@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::prepare::layer::kuhn_box;
+use palpate::internal::prepare::layer::kuhn_box;
 
 use crate::meshes::MeshFolder;
 

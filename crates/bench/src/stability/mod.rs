@@ -23,7 +23,7 @@ use serde::Serialize;
 pub use document::document;
 pub use run::run;
 
-use palpate::step::Flags;
+use palpate::Flags;
 
 use laws::{Finding, Verdict};
 

@@ -83,8 +83,8 @@ fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use palpate::prepare::Layer;
-    use palpate::prepare::layer::kuhn_box;
+    use palpate::internal::prepare::Layer;
+    use palpate::internal::prepare::layer::kuhn_box;
     use palpate::scene::{Law, Material};
 
     use super::*;

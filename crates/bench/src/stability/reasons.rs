@@ -1,7 +1,7 @@
 //! Why a case did not pass: a sentence or two, of what was done to the block, what came of it, and what mends it if anything
 //! does.
 
-use palpate::step::Flags;
+use palpate::Flags;
 
 use super::laws::Verdict;
 use super::{AxisResult, CellResult, Judged};

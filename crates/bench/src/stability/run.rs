@@ -5,9 +5,9 @@ use std::sync::mpsc;
 use std::time::Instant;
 
 use glam::DVec3;
-use palpate::gpu::{Context, Options};
-use palpate::prepare::Shape;
-use palpate::step::Simulation;
+use palpate::{Context, Options};
+use palpate::internal::prepare::Shape;
+use palpate::Simulation;
 use palpate::{Error, Result};
 
 use super::axes::{self, Axis, Extent};

@@ -2,10 +2,10 @@
 //! damping are the scene's, and not those that the device says it used.
 
 use glam::DVec3;
-use palpate::prepare::Shape;
-use palpate::scene::Scene;
-use palpate::shaders::{self, NONE};
-use palpate::step::ToolReport;
+use palpate::internal::prepare::Shape;
+use palpate::Scene;
+use palpate::internal::shaders::{self, NONE};
+use palpate::ToolReport;
 use palpate::{Error, Result};
 use palpate_oracle::contact_law::{Penalty, auto_stiffness};
 
@@ -61,7 +61,7 @@ impl Skin {
         let Shape::Soft { layer, materials, embedding, skin, .. } = shape else {
             return Err(Error::Simulation("the matrix follows soft bodies".into()));
         };
-        let nodes = |e: &palpate::prepare::Embedding| {
+        let nodes = |e: &palpate::internal::prepare::Embedding| {
             let corners = layer.tetrahedra[e.tetrahedron as usize];
             corners.iter().zip(e.weights).map(|(node, weight)| (*node as usize, weight)).collect()
         };

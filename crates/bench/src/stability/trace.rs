@@ -5,12 +5,12 @@ use std::collections::{HashMap, HashSet};
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::Result;
-use palpate::prepare::Shape;
-use palpate::scene::Scene;
-use palpate::shaders::Contact;
-use palpate::step::drive::rotation_vector;
-use palpate::step::tool::Tool;
-use palpate::step::{Flags, RigidState, Simulation, ToolReport};
+use palpate::internal::prepare::Shape;
+use palpate::Scene;
+use palpate::internal::shaders::Contact;
+use palpate::internal::step::drive::rotation_vector;
+use palpate::internal::step::tool::Tool;
+use palpate::{Flags, RigidState, Simulation, ToolReport};
 use palpate_oracle::step::SoftBody;
 
 use super::equations::{Before, Done};

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::ptr::{null, null_mut};
 
 use glam::DVec3;
-use palpate::prepare::{layer, sphere};
+use palpate::internal::prepare::{layer, sphere};
 use palpate_capi::build::{
     palpate_scene_add, palpate_scene_add_body, palpate_scene_add_layer, palpate_scene_add_surface,
     palpate_scene_create, palpate_scene_prepare, palpate_scene_set_collides, palpate_scene_set_tool,

@@ -4,7 +4,7 @@
 //! through each pixel a line along the normal, and on it the longest stretch within both bodies.
 
 use glam::DVec3;
-use palpate::query::QueryContact;
+use palpate::QueryContact;
 
 use super::letters;
 use super::picture::{Face, Picture, View, draw};
@@ -311,7 +311,7 @@ fn viridis(share: f64) -> [u8; 3] {
 
 #[cfg(test)]
 mod tests {
-    use palpate::prepare::layer;
+    use palpate::internal::prepare::layer;
 
     use super::*;
 

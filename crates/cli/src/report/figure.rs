@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use glam::DVec3;
-use palpate::prepare::{Layer, Proxy, Skin, hull, layer};
+use palpate::internal::prepare::{Layer, Proxy, Skin, hull, layer};
 
 use super::picture::{Colour, Face, Picture, View, draw};
 

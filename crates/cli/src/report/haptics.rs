@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use palpate::haptics::clock::Lateness;
-use palpate::haptics::event::EventCounts;
-use palpate::haptics::session::Report;
+use palpate::internal::haptics::clock::Lateness;
+use palpate::internal::haptics::event::EventCounts;
+use palpate::internal::haptics::session::Report;
 use serde_json::{Value, json};
 
 /// `haptics` of `summary.json`. Times are in the units of their names; `null`: not measured.

@@ -3,8 +3,9 @@
 use std::fmt;
 use std::io::Write;
 
-use palpate::query::{Answer, QueryContact};
-use palpate::stages::POSE_TO_CONTACT;
+use palpate::QueryContact;
+use palpate::internal::query::Answer;
+use palpate::internal::stages::POSE_TO_CONTACT;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -82,7 +83,7 @@ impl QueryReport {
         let deepest = answer.contacts.iter().rev().max_by(|x, y| x.depth.total_cmp(&y.depth));
         self.max_depth_m = deepest.map(|contact| contact.depth);
         self.deepest = deepest.map(|contact| (contact.body, contact.vertex));
-        let region = |region: &palpate::shaders::Region| {
+        let region = |region: &palpate::internal::shaders::Region| {
             json!({
                 "normal": region.normal,
                 "extent_m": [region.high[0] - region.low[0], region.high[1] - region.low[1]],
@@ -143,8 +144,8 @@ pub fn write_contacts(w: &mut impl Write, contacts: &[QueryContact]) -> std::io:
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use palpate::shaders::Counts;
-    use palpate::step::Flags;
+    use palpate::internal::shaders::Counts;
+    use palpate::Flags;
 
     use super::*;
 

@@ -3,9 +3,9 @@
 use std::fmt;
 
 use glam::DVec3;
-use palpate::prepare::BodyReport;
+use palpate::internal::prepare::BodyReport;
 use palpate::scene::preset::Chosen;
-use palpate::step::{Flags, StepReport};
+use palpate::{Flags, StepReport};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -232,7 +232,7 @@ impl fmt::Display for ClosingTable<'_> {
 
 #[cfg(test)]
 mod tests {
-    use palpate::step::ToolReport;
+    use palpate::ToolReport;
 
     use super::*;
 

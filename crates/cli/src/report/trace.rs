@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use palpate::step::StepReport;
+use palpate::StepReport;
 
 const HEAD: &str = "step,time_s,tool_x,tool_y,tool_z,tool_qx,tool_qy,tool_qz,tool_qw,device_x,device_y,device_z,\
 device_qx,device_qy,device_qz,device_qw,force_x,force_y,force_z,torque_x,torque_y,torque_z,contacts,max_depth_m,\
@@ -66,7 +66,7 @@ fn write_numbers(w: &mut impl Write, numbers: &[f64]) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use palpate::step::{Flags, ToolReport};
+    use palpate::{Flags, ToolReport};
 
     use super::*;
 

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use palpate::gpu::{Context, Window};
-use palpate::prepare::bodies::Bodies;
-use palpate::scene::Scene;
+use palpate::Context;
+use palpate::internal::gpu::Window;
+use palpate::internal::prepare::bodies::Bodies;
+use palpate::Scene;
 use palpate::{Error, Result};
 use palpate_devices::mouse::Goal;
 use palpate_view::live::{Command, Live, State};

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use palpate::haptics::clock::Lateness;
+use palpate::internal::haptics::clock::Lateness;
 
 /// The frames of a window.
 #[derive(Default)]

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use palpate::prepare::bodies::Bodies;
-use palpate::scene::Scene;
+use palpate::internal::prepare::bodies::Bodies;
+use palpate::Scene;
 use palpate::{Error, Result};
 use tempfile::TempDir;
 use winit::event_loop::EventLoopProxy;

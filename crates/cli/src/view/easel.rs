@@ -6,8 +6,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use palpate::gpu::{Content, Context, Recording, Window};
-use palpate::step::Simulation;
+use palpate::Context;
+use palpate::internal::gpu::{Content, Recording, Window};
+use palpate::Simulation;
 use palpate::{Error, Result};
 use palpate_view::painter::Painter;
 use palpate_view::picture::Picture;

@@ -8,8 +8,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use palpate::haptics::Fault;
-use palpate::haptics::servo_thread::raise_priority;
+use palpate::internal::haptics::Fault;
+use palpate::internal::haptics::servo_thread::raise_priority;
 use palpate::scene::Dialect;
 use palpate::scene::profile::Profile;
 use triple_buffer::{Input, Output};

@@ -5,7 +5,7 @@ use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{IpAddr, Shutdown, SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
-use palpate::haptics::Fault;
+use palpate::internal::haptics::Fault;
 use serde::Deserialize;
 use tungstenite::error::ProtocolError;
 use tungstenite::http::Uri;

@@ -20,10 +20,10 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
-use palpate::haptics::device::{Device, Fault, Reading};
+use palpate::internal::haptics::device::{Device, Fault, Reading};
 use palpate::scene::HaplyService;
 use palpate::scene::profile::{HAPLY_SMALLEST, Profile};
-use palpate::step::{RigidState, Wrench};
+use palpate::{RigidState, Wrench};
 use triple_buffer::{Input, Output, triple_buffer};
 
 use exchange::{Exchange, MANY_GARBLED, Order, STATE_LIFE, Shot, Tally};

@@ -3,7 +3,7 @@
 //! trusted: what is needed must be there, be of the right type, finite and plausible.
 
 use glam::{DQuat, DVec3};
-use palpate::haptics::Fault;
+use palpate::internal::haptics::Fault;
 use palpate::scene::Dialect;
 use serde::Deserialize;
 use serde_json::{Value, json};

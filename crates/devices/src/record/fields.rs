@@ -1,12 +1,13 @@
 //! Ticks and steps as flat lists of named values: what is compared, and what a table shows.
 
 use glam::DVec3;
-use palpate::haptics::device::Reading;
-use palpate::haptics::event::{Event, Events};
-use palpate::haptics::passivity::Energy;
-use palpate::haptics::servo::Tick;
+use palpate::internal::haptics::device::Reading;
+use palpate::internal::haptics::event::{Event, Events};
+use palpate::internal::haptics::passivity::Energy;
+use palpate::internal::haptics::servo::Tick;
 use palpate::scene::Coupling;
-use palpate::step::{ContactWrench, Gap, Held, RigidState, Wrench};
+use palpate::{RigidState, Wrench};
+use palpate::internal::step::{ContactWrench, Gap, Held};
 
 use super::Step;
 

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use palpate::haptics::servo::Tick;
+use palpate::internal::haptics::servo::Tick;
 
 use super::fields;
 

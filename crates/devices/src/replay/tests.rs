@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use palpate::haptics::Device;
+use palpate::internal::haptics::Device;
 
 use super::*;
 use crate::record::tests::{TICKS, Walled, recorded};

@@ -1,8 +1,8 @@
 //! Laws of the elements: rigid motion, patch test, symmetry, energy, rotations.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::Layer;
-use palpate::prepare::layer::kuhn_box;
+use palpate::internal::prepare::Layer;
+use palpate::internal::prepare::layer::kuhn_box;
 
 use super::material;
 use crate::elastic::{Elements, lame, polar_rotation, strain};

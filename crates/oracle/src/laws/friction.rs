@@ -1,7 +1,7 @@
 //! Laws of friction: Coulomb's on a slope, momentum, the wrench.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::layer::kuhn_box;
+use palpate::internal::prepare::layer::kuhn_box;
 use palpate::scene::Material;
 
 use super::material;

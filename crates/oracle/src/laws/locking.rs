@@ -2,8 +2,8 @@
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::{Layer, patch};
+use palpate::internal::prepare::layer::kuhn_box;
+use palpate::internal::prepare::{Layer, patch};
 use palpate::scene::Material;
 
 use super::material;

@@ -3,8 +3,8 @@
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::Layer;
-use palpate::prepare::layer::kuhn_box;
+use palpate::internal::prepare::Layer;
+use palpate::internal::prepare::layer::kuhn_box;
 use palpate::scene::{Law, Material};
 
 use super::material;

@@ -2,8 +2,8 @@
 //! with patches. Measured numbers are printed: run with `--nocapture`.
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::layer::kuhn_box;
-use palpate::prepare::patch::patches;
+use palpate::internal::prepare::layer::kuhn_box;
+use palpate::internal::prepare::patch::patches;
 use palpate::scene::{Law, Material};
 
 use super::material;

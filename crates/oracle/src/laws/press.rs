@@ -1,7 +1,7 @@
 //! Laws of whole scenes: two soft blocks in contact, and a tool pressed into a block by its device.
 
 use glam::{DQuat, DVec3};
-use palpate::prepare::layer::kuhn_box;
+use palpate::internal::prepare::layer::kuhn_box;
 use palpate::scene::Coupling;
 
 use super::contact::sphere;

@@ -1,7 +1,7 @@
 //! Laws of linear static equilibrium: a column under its weight, a cantilever.
 
 use glam::{DMat3, DVec3};
-use palpate::prepare::layer::kuhn_box;
+use palpate::internal::prepare::layer::kuhn_box;
 
 use super::material;
 use crate::elastic::{Elements, lame};

@@ -1,7 +1,7 @@
 //! Laws of the step: free fall, momentum, energy, coupling, contact against the tool.
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::prepare::layer::kuhn_box;
+use palpate::internal::prepare::layer::kuhn_box;
 use palpate::scene::{Coupling, Material};
 
 use super::material;

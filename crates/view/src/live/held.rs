@@ -9,12 +9,12 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::haptics::clock::Lateness;
-use palpate::haptics::environment::Environment;
-use palpate::haptics::event::Events;
-use palpate::haptics::session::{self, Moment, Options};
+use palpate::internal::haptics::clock::Lateness;
+use palpate::internal::haptics::environment::Environment;
+use palpate::internal::haptics::event::Events;
+use palpate::internal::haptics::session::{self, Moment, Options};
 use palpate::scene::Key;
-use palpate::step::{ContactWrench, Held};
+use palpate::internal::step::{ContactWrench, Held};
 use palpate_devices::record::{Header, Recording};
 
 use super::snapshot::LoopState;

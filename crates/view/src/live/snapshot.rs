@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::sync::mpsc::Sender;
 
 use glam::DVec3;
-use palpate::haptics::session::Report;
+use palpate::internal::haptics::session::Report;
 use palpate::scene::{Contact, Coupling, Material};
-use palpate::step::{Simulation, StepReport, Wrench};
+use palpate::{Simulation, StepReport, Wrench};
 
 /// What the thread does.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -4,7 +4,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
-use palpate::gpu::{Options, Recorder};
+use palpate::Options;
+use palpate::internal::gpu::Recorder;
 use palpate_devices::Mouse;
 use palpate_devices::mouse::Goal;
 
@@ -93,7 +94,7 @@ fn beside_drawing_the_trace_is_the_same_bits() {
                     let skins = simulation.skins(origin).unwrap();
                     let bytes = skins.positions.bytes();
                     let target =
-                        palpate::gpu::Buffer::new(&context, "drawn", bytes, palpate::gpu::Memory::Device).unwrap();
+                        palpate::internal::gpu::Buffer::new(&context, "drawn", bytes, palpate::internal::gpu::Memory::Device).unwrap();
                     let mut recorder = Recorder::untimed(&context).unwrap();
                     recorder.copy(skins.positions, &target);
                     recorder.finish().unwrap()

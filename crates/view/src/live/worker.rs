@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant};
 
-use palpate::prepare::bodies::Bodies;
-use palpate::scene::Scene;
-use palpate::step::{Held, Simulation, StepReport};
+use palpate::internal::prepare::bodies::Bodies;
+use palpate::Scene;
+use palpate::{Simulation, StepReport};
+use palpate::internal::step::Held;
 use palpate::{Error, Result};
 
 use super::snapshot::{self, LoopState, Out, Snapshot, State};

@@ -19,7 +19,7 @@ pub use texel::by_texel;
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::scene::Scene;
+use palpate::Scene;
 
 use super::race::{self, Entrant, Errors, Run};
 use super::{Point, Settings};

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use glam::{DVec3, UVec3};
 use palpate::Result;
-use palpate::prepare::layer::kuhn_box;
+use palpate::internal::prepare::layer::kuhn_box;
 
 use crate::meshes::{MeshFolder, Surface};
 
@@ -88,7 +88,7 @@ fn unit_box(cells: [u32; 3]) -> Surface {
 
 #[cfg(test)]
 mod tests {
-    use palpate::prepare::mass::properties;
+    use palpate::internal::prepare::mass::properties;
 
     use super::*;
 

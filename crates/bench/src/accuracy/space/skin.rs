@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 use palpate::Result;
 use palpate::scene::{Sides, Surface};
-use palpate::stages::QUERY;
+use palpate::internal::stages::QUERY;
 
 use super::layer::{GRADES, block};
 use super::limit::limit;

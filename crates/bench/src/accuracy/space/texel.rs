@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use palpate::prepare::{self, Shape, sphere};
+use palpate::internal::prepare::{self, Shape, sphere};
 use palpate::scene::DepthPath;
 use palpate::{Error, Result};
 use palpate_oracle::skin;
@@ -83,7 +83,7 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
     })
 }
 
-fn by_path(press: &Press, path: DepthPath, texel: Option<f64>) -> palpate::scene::Scene {
+fn by_path(press: &Press, path: DepthPath, texel: Option<f64>) -> palpate::Scene {
     let mut scene = press.scene();
     scene.contact.depth = Some(path);
     scene.contact.texel = texel;
