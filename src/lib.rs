@@ -12,7 +12,7 @@
 //!
 //! # fn main() -> palpate::Result<()> {
 //! let scene = Scene::load("assets/scenes/touch-head.toml".as_ref())?;
-//! let mut simulation = Simulation::new(&scene, &Options::default(), None)?;
+//! let mut simulation = Simulation::open(&scene, &Options::default())?;
 //! let report = simulation.step()?;
 //! println!("{:?}", report.tool.map(|tool| tool.force));
 //! # Ok(())
@@ -33,7 +33,7 @@ mod stages;
 mod step;
 
 pub use error::{Error, Result};
-pub use gpu::{Context, Options};
+pub use gpu::{Arrays, Context, Options, Threads};
 pub use haptics::{Device, Fault, Reading};
 pub use query::{Answer, Query, QueryContact, QuerySettings};
 pub use scene::Scene;

@@ -1,22 +1,21 @@
-//! The pipeline cache kept between runs, one file per device and driver in the user's cache folder. Only a help: a
+//! The pipeline cache kept between runs, one file per device and driver. Only a help: a
 //! missing, corrupt or unwritable one is passed over in silence.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
 /// Opens our file; the driver's own blob follows a length and a checksum, since drivers check little of it.
 const MAGIC: &[u8; 8] = b"palpate1";
 
 /// The driver's blob of the last run, empty when there is none to trust.
-pub(super) fn load(key: &str) -> Vec<u8> {
-    file(key).and_then(|path| fs::read(path).ok()).and_then(|bytes| unpack(&bytes)).unwrap_or_default()
+pub(super) fn load(folder: &Path, key: &str) -> Vec<u8> {
+    fs::read(file(folder, key)).ok().and_then(|bytes| unpack(&bytes)).unwrap_or_default()
 }
 
 /// Keeps the driver's blob for the next run.
-pub(super) fn save(key: &str, blob: &[u8]) {
-    let Some(path) = file(key) else { return };
-    let Some(folder) = path.parent() else { return };
-    if fs::create_dir_all(folder).is_err() || load(key) == blob {
+pub(super) fn save(folder: &Path, key: &str, blob: &[u8]) {
+    let path = file(folder, key);
+    if fs::create_dir_all(folder).is_err() || load(folder, key) == blob {
         return;
     }
     // Written beside and renamed, so that a reader never sees half a file.
@@ -26,12 +25,16 @@ pub(super) fn save(key: &str, blob: &[u8]) {
     }
 }
 
-fn file(key: &str) -> Option<PathBuf> {
+fn file(folder: &Path, key: &str) -> PathBuf {
+    folder.join(format!("pipelines-{key}.bin"))
+}
+
+/// The user's: `PALPATE_CACHE`, else `palpate` in `XDG_CACHE_HOME` (or the system's like), else in `~/.cache`.
+pub(super) fn user_folder() -> Option<PathBuf> {
     let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-    let folder = set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")).or_else(|| {
-        set("HOME").map(|home| home.join(if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" }))
-    })?;
-    Some(folder.join("palpate").join(format!("pipelines-{key}.bin")))
+    let home = || set("HOME").map(|h| h.join(if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" }));
+    let general = || set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")).or_else(home);
+    set("PALPATE_CACHE").or_else(|| general().map(|folder| folder.join("palpate")))
 }
 
 fn pack(blob: &[u8]) -> Vec<u8> {

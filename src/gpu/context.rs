@@ -3,6 +3,7 @@
 
 use std::ffi::{CStr, c_char};
 use std::mem::ManuallyDrop;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
@@ -13,6 +14,7 @@ use super::debug::{Labels, Messages};
 use super::device::{self, Candidate, DeviceInfo, DeviceKind};
 use super::host::{HostDevice, QueueGuard};
 use super::log::{Level, Log};
+use super::threads::Threads;
 use super::{cache, failed, kernel, threads};
 use crate::error::{Error, Result};
 
@@ -47,11 +49,17 @@ pub struct Options {
     /// What showing in a window takes of the instance: see [`display_extensions`](super::display_extensions). Empty: nothing
     /// is shown.
     pub display: Vec<&'static CStr>,
-    /// Have lavapipe work on the calling thread, which is faster where work is little: waking its threads costs some 50 us a
-    /// pass. Sets `LP_NUM_THREADS` in the environment, unless it is set: ask for it only where no other thread of the
-    /// process looks at the environment meanwhile. A simulation of more work than that leaves
-    /// it.
-    pub one_thread: bool,
+    /// With how many threads lavapipe works, by `LP_NUM_THREADS` in the process's environment, unless it is set already: ask
+    /// for it only where no other thread of the process looks at the environment meanwhile. `None`: the environment stays as
+    /// it is, and lavapipe takes all cores.
+    pub threads: Option<Threads>,
+    /// Folder where prepared bodies, compiled pipelines and what was measured of devices are kept for later runs, made where
+    /// it is missing. `None`: nothing is kept. The usual one: [`Options::user_cache`].
+    pub cache: Option<PathBuf>,
+    /// Measure, in a fraction of a second, which of two ways is faster on the device where nobody says: arrays through texel or
+    /// storage buffers, and the depth stage by compute or graphics. With a cache that is done once a device. False: texel
+    /// buffers where they are large, and compute.
+    pub measure: bool,
     /// Names of shaders, and the SPIR-V that stands for the library's own of that name, with the same buffers,
     /// whichever kind of arrays is chosen. For tests
     /// that show that a check can fail; a name that the library does not have is an error.
@@ -62,6 +70,18 @@ pub struct Options {
     pub texel_elements: Option<u32>,
     /// Hears what there is to say. The validation layer's messages go there too, and are then not kept.
     pub log: Log,
+}
+
+impl Options {
+    /// The user's cache folder: `PALPATE_CACHE`, else `palpate` in `XDG_CACHE_HOME` (or the system's like), else in `~/.cache`.
+    pub fn user_cache() -> Option<PathBuf> {
+        cache::user_folder()
+    }
+
+    /// As the program opens devices: what takes long is kept in the user's cache, and the faster ways are measured.
+    pub fn cached() -> Options {
+        Options { cache: Options::user_cache(), measure: true, ..Options::default() }
+    }
 }
 
 /// An open device. All calls may come from any thread; submits are serialised.
@@ -96,6 +116,8 @@ pub struct Context {
     pub(super) external_memory: Option<ash::khr::external_memory_fd::Device>,
     memory: vk::PhysicalDeviceMemoryProperties,
     cache_key: String,
+    cache_folder: Option<PathBuf>,
+    measures: bool,
     arrays: OnceLock<Arrays>,
     arrays_asked_for: Option<Arrays>,
     log: Log,
@@ -104,11 +126,15 @@ pub struct Context {
 
 impl Context {
     /// Opens a device. [`Error::NoDevice`] says what is missing and how to get it.
-    pub fn new(options: &Options) -> Result<Arc<Context>> {
+    pub fn open(options: &Options) -> Result<Arc<Context>> {
         for (name, _) in &options.replaced {
             kernel::known(name, Arrays::Texel)?;
         }
-        threads::choose(options.one_thread);
+        let count = match options.threads {
+            Some(Threads::Count(count)) => Some(count),
+            Some(Threads::Auto) | None => None,
+        };
+        threads::choose(count);
         let entry = load()?;
         let messages = Box::new(Messages::heard_by(options.log.clone()));
         let (instance, debug) = create_instance(&entry, options, &messages)?;
@@ -149,7 +175,7 @@ impl Context {
     }
 
     /// Uses a device that another program opened, and leaves it open. `options` but for `device`, `validation` and
-    /// `one_thread`, which are the host's business.
+    /// `threads`, which are the host's business.
     ///
     /// # Safety
     /// The handles are of one instance of Vulkan 1.3 and alive for as long as the context, which buffers, simulations and
@@ -171,7 +197,7 @@ impl Context {
 
     fn of(mut opened: Opened, chosen: Candidate, options: &Options) -> Result<Arc<Context>> {
         let made = create_allocator(&opened, &chosen).and_then(|allocator| {
-            let cache = create_cache(&opened.device, &chosen.cache_key)?;
+            let cache = create_cache(&opened.device, options.cache.as_deref(), &chosen.cache_key)?;
             Ok((allocator, cache))
         });
         let (allocator, cache) = match made {
@@ -215,6 +241,8 @@ impl Context {
             external_memory,
             memory,
             cache_key: chosen.cache_key,
+            cache_folder: options.cache.clone(),
+            measures: options.measure,
             arrays_asked_for: options.arrays,
             arrays: options.arrays.map_or_else(OnceLock::new, OnceLock::from),
             log: options.log.clone(),
@@ -327,11 +355,22 @@ impl Context {
         self.messages.drain()
     }
 
-    /// Keeps compiled pipelines for the next run. Also done when the context is dropped.
+    /// [`Options::cache`].
+    pub fn cache_folder(&self) -> Option<&Path> {
+        self.cache_folder.as_deref()
+    }
+
+    /// [`Options::measure`].
+    pub fn measures(&self) -> bool {
+        self.measures
+    }
+
+    /// Keeps compiled pipelines for the next run, where there is a cache. Also done when the context is dropped.
     pub fn save_pipeline_cache(&self) {
+        let Some(folder) = self.cache_folder() else { return };
         // SAFETY: the cache belongs to this device; the driver locks it itself.
         if let Ok(blob) = unsafe { self.device.get_pipeline_cache_data(self.cache) } {
-            cache::save(&self.cache_key, &blob);
+            cache::save(folder, &self.cache_key, &blob);
         }
     }
 
@@ -513,8 +552,8 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -
     unsafe { instance.create_device(chosen.physical, &info, None) }.map_err(failed("vkCreateDevice", "set-up"))
 }
 
-fn create_cache(device: &ash::Device, key: &str) -> Result<vk::PipelineCache> {
-    let blob = cache::load(key);
+fn create_cache(device: &ash::Device, folder: Option<&Path>, key: &str) -> Result<vk::PipelineCache> {
+    let blob = folder.map(|folder| cache::load(folder, key)).unwrap_or_default();
     let kept = vk::PipelineCacheCreateInfo::default().initial_data(&blob);
     // SAFETY: the blob passed its checksum, so it is what this driver gave; it lives through the call.
     unsafe {

@@ -42,6 +42,7 @@ pub use raster::{Onto, RasterPipeline, Side};
 pub use recorder::Recorder;
 pub use recording::{ArrayUse, Pass, Recording, StagePasses};
 pub use spirv::{Binding, BindingKind};
+pub use threads::Threads;
 pub use transfer::{read_all, write_all};
 #[cfg(feature = "window")]
 pub use window::{Content, Window, display_extensions};

@@ -388,7 +388,7 @@ mod tests {
     #[test]
     fn a_missing_barrier_is_seen_by_validation() {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-        let context = Context::new(&Options { device, validation: true, ..Options::default() }).unwrap();
+        let context = Context::open(&Options { device, validation: true, ..Options::default() }).unwrap();
         let kernel = Kernel::new(&context, "test/copy", Size::Group, &[]).unwrap();
         let array = |name: &str| Buffer::from_slice(&context, name, &[0u32; 64], Memory::Device).unwrap();
         let (params, offsets, marked) = (array("params"), array("offsets"), array("marked"));

@@ -30,25 +30,29 @@ pub struct Progress<'a> {
 
 impl Bodies {
     /// Prepares a whole scene.
-    pub fn of(scene: &Scene) -> Result<Bodies> {
+    pub fn prepare(scene: &Scene, cache: &Cache) -> Result<Bodies> {
         let mut bodies = Bodies::default();
-        bodies.complete(scene, &mut |_| Ok(()))?;
+        bodies.complete(scene, cache, &mut |_| Ok(()))?;
         Ok(bodies)
     }
 
     /// Prepares what is not prepared yet. `watch` is told each stage as it begins; where it gives an error, that ends it, and
     /// bodies that are ready stay so.
-    pub fn complete(&mut self, scene: &Scene, watch: &mut dyn FnMut(Progress) -> Result<()>) -> Result<()> {
+    pub fn complete(
+        &mut self,
+        scene: &Scene,
+        cache: &Cache,
+        watch: &mut dyn FnMut(Progress) -> Result<()>,
+    ) -> Result<()> {
         let total = scene.bodies.len() + usize::from(scene.rigid_tool().is_some());
-        let cache = Cache::of_user();
         while let Some(body) = scene.bodies.get(self.bodies.len()) {
             let (name, done) = (body.name.as_str(), self.bodies.len());
             let mut watch = |stage| watch(Progress { name, stage, done, total });
-            self.bodies.push(body_and_report(body, scene, &cache, &mut watch)?.0);
+            self.bodies.push(body_and_report(body, scene, cache, &mut watch)?.0);
         }
         if let (Some(tool), None) = (scene.rigid_tool(), &self.tool) {
             let mut watch = |stage| watch(Progress { name: "tool", stage, done: total - 1, total });
-            self.tool = Some(watched_tool(tool, scene, &mut watch)?);
+            self.tool = Some(watched_tool(tool, scene, cache, &mut watch)?);
         }
         Ok(())
     }

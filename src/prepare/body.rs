@@ -83,11 +83,11 @@ fn placed(body: &scene::Body, shape: Shape, report: BodyReport) -> Body {
 /// Prepares the tool as a rigid body named "tool", in its own coordinates: a sphere's centre is the origin, a surface
 /// keeps its file's coordinates (its centroid is in [`Shape::Rigid`]).
 pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
-    watched_tool(tool, scene, &mut |_| Ok(()))
+    watched_tool(tool, scene, &Cache::of_user(), &mut |_| Ok(()))
 }
 
 /// The same; `watch` is told each stage as it begins.
-pub fn watched_tool<'a>(tool: &scene::Tool, scene: &Scene, watch: &'a mut Watch<'a>) -> Result<Body> {
+pub fn watched_tool<'a>(tool: &scene::Tool, scene: &Scene, cache: &Cache, watch: &'a mut Watch<'a>) -> Result<Body> {
     let surface = match &tool.shape {
         ToolShape::Sphere(_) => None,
         ToolShape::Surface(surface) => Some(surface),
@@ -102,7 +102,7 @@ pub fn watched_tool<'a>(tool: &scene::Tool, scene: &Scene, watch: &'a mut Watch<
         ToolShape::Sphere(radius) => ("sphere", ball(&keys, radius)?),
         _ => {
             let recipe = Recipe { surface, layer: None, hulls: None };
-            ("surface", recipe.prepared(&keys, &Cache::of_user(), &mut log)?)
+            ("surface", recipe.prepared(&keys, cache, &mut log)?)
         }
     };
     let report = report_of(&keys, None, &prepared, &log);

@@ -14,6 +14,7 @@ use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
 use super::sources::SOURCES;
+use crate::gpu::{Context, Options};
 
 /// Opens an entry.
 const MAGIC: &[u8; 8] = b"palpbody";
@@ -82,12 +83,14 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// The user's cache: `PALPATE_CACHE`, else `palpate` in `XDG_CACHE_HOME` (or the system's like), else in `~/.cache`.
+    /// The user's cache: [`Options::user_cache`].
     pub fn of_user() -> Self {
-        let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-        let home = || set("HOME").map(|h| h.join(if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" }));
-        let general = || set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")).or_else(home);
-        Cache { folder: set("PALPATE_CACHE").or_else(|| general().map(|folder| folder.join("palpate"))) }
+        Cache { folder: Options::user_cache() }
+    }
+
+    /// A context's: [`Options::cache`].
+    pub fn of(context: &Context) -> Self {
+        Cache { folder: context.cache_folder().map(Path::to_path_buf) }
     }
 
     /// A cache in a folder, which is made when the first entry is.

@@ -31,13 +31,15 @@ enum Why {
     Buffers(u32),
     /// A kernel was made before.
     Before,
+    /// Nobody asked to measure.
+    Unmeasured,
     /// Medians of the measured pass, us: with texel arrays, with storage arrays.
     Measured([f64; 2]),
 }
 
 impl ArrayChoice {
-    /// Chooses for a device, and tells it; figures are kept in `cache`.
-    pub fn new(context: &Arc<Context>, cache: &Cache) -> Result<ArrayChoice> {
+    /// Chooses for a device, and tells it; figures are kept in the context's cache.
+    pub fn new(context: &Arc<Context>) -> Result<ArrayChoice> {
         let (_, limit) = context.array_limits();
         let why = if context.arrays_asked_for().is_some() {
             Why::Asked
@@ -46,8 +48,10 @@ impl ArrayChoice {
         } else if context.storage_buffers() < shaders::MOST_STORAGE_BUFFERS {
             context.choose_arrays(Arrays::Texel);
             Why::Buffers(context.storage_buffers())
+        } else if !context.measures() {
+            Why::Unmeasured
         } else {
-            let times = kept_times(context, cache)?;
+            let times = kept_times(context, &Cache::of(context))?;
             let faster = if times[0] <= times[1] { Arrays::Texel } else { Arrays::Storage };
             context.choose_arrays(faster);
             if context.arrays() == faster { Why::Measured(times) } else { Why::Before }
@@ -65,6 +69,7 @@ impl fmt::Display for ArrayChoice {
             Why::Limit(elements) => write!(f, "the device's texel buffers hold only {elements} elements"),
             Why::Buffers(count) => write!(f, "the device's kernels have at most {count} storage buffers"),
             Why::Before => write!(f, "kernels were made before"),
+            Why::Unmeasured => write!(f, "not measured"),
             Why::Measured([texel, storage]) => {
                 write!(f, "measured {texel:.0} us with texel buffers against {storage:.0} us with storage buffers")
             }
@@ -136,29 +141,31 @@ mod tests {
     use super::*;
     use crate::gpu::Options;
 
-    fn chosen(options: Options, cache: &Cache) -> (Arrays, String) {
+    fn chosen(options: Options) -> (Arrays, String) {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-        let context = Context::new(&Options { device, ..options }).unwrap();
-        let choice = ArrayChoice::new(&context, cache).unwrap();
+        let context = Context::open(&Options { device, ..options }).unwrap();
+        let choice = ArrayChoice::new(&context).unwrap();
         assert_eq!(choice.arrays, context.arrays());
         (choice.arrays, choice.to_string())
     }
 
     #[test]
-    fn arrays_are_as_asked_for_else_by_the_limit_else_measured_once() {
+    fn arrays_are_as_asked_for_else_by_the_limit_else_measured_once_where_that_is_asked_for() {
         let folder = tempfile::tempdir().unwrap();
-        let cache = Cache::at(&folder.path().join("cache"));
+        let cache = folder.path().join("cache");
+        let measured = || Options { cache: Some(cache.clone()), measure: true, ..Options::default() };
         for (arrays, name) in [(Arrays::Texel, "texel"), (Arrays::Storage, "storage")] {
-            let options = Options { arrays: Some(arrays), ..Options::default() };
-            assert_eq!(chosen(options, &cache), (arrays, format!("{name} buffers: asked for")));
+            let options = Options { arrays: Some(arrays), cache: None, ..measured() };
+            assert_eq!(chosen(options), (arrays, format!("{name} buffers: asked for")));
         }
-        let options = Options { texel_elements: Some(65_536), ..Options::default() };
+        let options = Options { texel_elements: Some(65_536), cache: None, ..measured() };
         let why = "storage buffers: the device's texel buffers hold only 65536 elements";
-        assert_eq!(chosen(options, &cache), (Arrays::Storage, why.into()));
-        assert!(!folder.path().join("cache").exists());
-        let first = chosen(Options::default(), &cache);
-        assert!(first.1.contains("measured") || first.1.contains("hold only"), "{first:?}");
+        assert_eq!(chosen(options), (Arrays::Storage, why.into()));
+        let plain = chosen(Options { cache: Some(cache.clone()), ..Options::default() });
+        assert!(plain.1.contains("not measured") || plain.1.contains("hold only"), "{plain:?}");
+        let first = chosen(measured());
+        assert!(first.1.contains("measured ") || first.1.contains("hold only"), "{first:?}");
         // Times differ from one measurement to the next; what was kept is the same.
-        assert_eq!(chosen(Options::default(), &cache), first);
+        assert_eq!(chosen(measured()), first);
     }
 }

@@ -31,13 +31,15 @@ pub struct Choice {
 enum Why {
     Asked,
     Only,
+    /// Nobody asked to measure.
+    Unmeasured,
     /// Medians of the depth stage, us: of this path, of the other.
     Measured(f64, f64),
 }
 
 impl Choice {
-    /// The path asked for, else the only one, else the faster one; figures are kept in `cache`.
-    pub fn new(context: &Arc<Context>, asked: Option<Path>, cache: &Cache) -> Result<Choice> {
+    /// The path asked for, else the only one, else the faster one if the context measures; figures are kept in its cache.
+    pub fn new(context: &Arc<Context>, asked: Option<Path>) -> Result<Choice> {
         match asked {
             Some(Path::Graphics) if !context.fragment_stores() => Err(Error::NoDevice(format!(
                 "{} has no graphics path: it lacks fragmentStoresAndAtomics; ask for depth \"compute\" or \"auto\"",
@@ -45,7 +47,8 @@ impl Choice {
             ))),
             Some(path) => Ok(Choice { path, why: Why::Asked }),
             None if !context.fragment_stores() => Ok(Choice { path: Path::Compute, why: Why::Only }),
-            None => Ok(Choice::faster(kept_times(context, cache)?)),
+            None if !context.measures() => Ok(Choice { path: Path::Compute, why: Why::Unmeasured }),
+            None => Ok(Choice::faster(kept_times(context, &Cache::of(context))?)),
         }
     }
 
@@ -64,6 +67,7 @@ impl fmt::Display for Choice {
         match self.why {
             Why::Asked => write!(f, "asked for"),
             Why::Only => write!(f, "the only one, the device lacks fragmentStoresAndAtomics"),
+            Why::Unmeasured => write!(f, "not measured"),
             Why::Measured(own, other) => write!(f, "measured {own:.0} us against {other:.0} us"),
         }
     }
@@ -91,7 +95,7 @@ fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
     let scene = Scene::empty("two spheres");
     let ball = sphere(&scene)?;
     let settings = QuerySettings { direction: Some(DVec3::Y), ..QuerySettings::of(&ball, &ball) };
-    let ask = |path| Query::on(context, &ball, &ball, &settings, Some(path));
+    let ask = |path| Query::on_device(context, &ball, &ball, &QuerySettings { depth: Some(path), ..settings });
     let mut queries = [ask(Path::Graphics)?, ask(Path::Compute)?];
     let mut times = [const { Vec::new() }; 2];
     for run in 0..WARM_UP + RUNS {
@@ -133,29 +137,35 @@ mod tests {
     use crate::gpu::Options;
 
     #[test]
-    fn a_device_is_measured_once_and_never_where_the_path_is_asked_for() {
+    fn a_device_is_measured_once_where_that_is_asked_for_and_never_where_the_path_is() {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-        let context = Context::new(&Options { device, ..Options::default() }).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let cache = Cache::at(&folder.path().join("cache"));
-        let choose = |asked, cache: &Cache| Choice::new(&context, asked, cache).unwrap().to_string();
-        assert_eq!(choose(Some(Path::Compute), &cache), "compute path: asked for");
+        let open = |cache: Option<&str>, measure| {
+            let cache = cache.map(|name| folder.path().join(name));
+            Context::open(&Options { device: device.clone(), cache, measure, ..Options::default() }).unwrap()
+        };
+        let context = open(Some("cache"), true);
+        let choose = |context: &Arc<Context>, asked| Choice::new(context, asked).unwrap().to_string();
+        assert_eq!(choose(&context, Some(Path::Compute)), "compute path: asked for");
         assert!(!folder.path().join("cache").exists());
         if !context.fragment_stores() {
-            assert!(Choice::new(&context, Some(Path::Graphics), &cache).is_err_and(|e| e.exit_status() == 3));
-            assert!(choose(None, &cache).starts_with("compute path: the only one"));
+            assert!(Choice::new(&context, Some(Path::Graphics)).is_err_and(|e| e.exit_status() == 3));
+            assert!(choose(&context, None).starts_with("compute path: the only one"));
             return;
         }
-        assert_eq!(choose(Some(Path::Graphics), &cache), "graphics path: asked for");
+        assert_eq!(choose(&context, Some(Path::Graphics)), "graphics path: asked for");
+        assert_eq!(choose(&open(None, false), None), "compute path: not measured");
+        let cache = Cache::of(&context);
         let begun = Instant::now();
         let first = kept_times(&context, &cache).unwrap();
         println!("measured {first:?} us in {:?}", begun.elapsed());
         assert!(first.iter().all(|us| *us > 0.0 && us.is_finite()), "{first:?}");
         // Times differ from one measurement to the next; what was kept is the same to the last bit.
         assert_eq!(kept_times(&context, &cache).unwrap(), first);
-        assert!(choose(None, &cache).contains(" path: measured "));
+        assert!(choose(&context, None).contains(" path: measured "));
         std::fs::write(folder.path().join("file"), "").unwrap();
-        assert!(choose(None, &Cache::at(&folder.path().join("file/under"))).contains(" path: measured "));
+        assert!(choose(&open(Some("file/under"), true), None).contains(" path: measured "));
+        assert!(choose(&open(None, true), None).contains(" path: measured "));
         assert_eq!(context.validation_messages(), Vec::<String>::new());
     }
 

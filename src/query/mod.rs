@@ -9,7 +9,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use crate::gpu::{Buffer, Context, Memory, Options, Recorder, Recording, StagePasses};
-use crate::prepare::{Body, Cache, Proxy, Shape, Skin};
+use crate::prepare::{Body, Proxy, Shape, Skin};
 use crate::query::arrays::ArrayChoice;
 use crate::query::choice::Choice;
 use crate::shaders::{Contact, Counts, Frame, Link, Pair, Region, StepParams};
@@ -47,13 +47,20 @@ pub struct QuerySettings {
     pub direction: Option<DVec3>,
     /// How runs are timed.
     pub timing: Timing,
+    /// How triangles find the vertices that they lie over; `None`: the only way, or the faster one ([`Options::measure`]).
+    pub depth: Option<Path>,
 }
 
 impl QuerySettings {
     /// The usual ones: depths to a tenth of the smaller body's extent, directions as culling finds them, stages timed.
     pub fn of(a: &Body, b: &Body) -> QuerySettings {
         let extent = [a, b].map(|body| rigid(body).map_or(f64::INFINITY, |(skin, ..)| extent(skin)));
-        QuerySettings { depth_limit: DEPTH_SHARE * extent[0].min(extent[1]), direction: None, timing: Timing::Stages }
+        QuerySettings {
+            depth_limit: DEPTH_SHARE * extent[0].min(extent[1]),
+            direction: None,
+            timing: Timing::Stages,
+            depth: None,
+        }
     }
 }
 
@@ -129,25 +136,18 @@ pub struct QueryContact {
 }
 
 impl Query {
-    /// Opens a device for two bodies of [`Shape::Rigid`]; without a `path` the faster one.
-    pub fn new(a: &Body, b: &Body, settings: &QuerySettings, options: &Options, path: Option<Path>) -> Result<Query> {
+    /// Opens a device for two bodies of [`Shape::Rigid`].
+    pub fn open(a: &Body, b: &Body, settings: &QuerySettings, options: &Options) -> Result<Query> {
         rigid(a).and(rigid(b))?;
-        Query::on(&Context::new(options)?, a, b, settings, path)
+        Query::on_device(&Context::open(options)?, a, b, settings)
     }
 
     /// The same on a device that is open.
-    pub fn on(
-        context: &Arc<Context>,
-        a: &Body,
-        b: &Body,
-        settings: &QuerySettings,
-        path: Option<Path>,
-    ) -> Result<Query> {
+    pub fn on_device(context: &Arc<Context>, a: &Body, b: &Body, settings: &QuerySettings) -> Result<Query> {
         let bodies = [side(a)?, side(b)?];
         let model = Model::of_query(a, b);
-        let cache = Cache::of_user();
-        ArrayChoice::new(context, &cache)?;
-        let path = Choice::new(context, path, &cache)?.path;
+        ArrayChoice::new(context)?;
+        let path = Choice::new(context, settings.depth)?.path;
         let (common, elastic) = (Common::new(context, &model)?, Elastic::new(context, &model)?);
         let touch = TouchStages::new(context, &model, Some(path), false)?;
         let mut warm_up = Recorder::warm_up(context)?;

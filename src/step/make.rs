@@ -10,14 +10,13 @@ use super::frames::Frames;
 use super::probes::{ProbePlace, probes_of};
 use super::stage_set::Stages;
 use super::{Simulation, TIMED_EVERY, tools};
-use crate::gpu::{Context, Level, Options, Recorder};
+use crate::gpu::{Context, Level, Options, Recorder, Threads};
 use crate::plan::Plan;
 use crate::prepare::bodies::Bodies;
 use crate::prepare::{Body, Cache};
 use crate::query::arrays::ArrayChoice;
 use crate::query::choice::Choice;
 use crate::scene::{self, Key, Scene};
-use crate::stages::depth::Path;
 use crate::stages::model::Model;
 use crate::stages::query_as_one;
 use crate::step::drive::Drive;
@@ -44,30 +43,43 @@ struct Prepared {
 }
 
 impl Simulation {
-    /// Prepares the scene's bodies, opens a device and records the step. All input is read before the device is opened.
-    /// `path` of the depth stage wins over the scene's.
-    pub fn new(scene: &Scene, options: &Options, path: Option<Path>) -> Result<Simulation> {
-        let prepared = Prepared::new(scene)?;
-        let one_thread = options.one_thread && prepared.model.tetrahedra.len() < LITTLE_WORK;
-        let context = Context::new(&Options { one_thread, ..options.clone() })?;
-        prepared.record(scene, &context, path)
+    /// Prepares the scene's bodies, opens a device and records the step. All input is read before the device is opened. Nothing
+    /// is measured, kept or set in the environment but what `options` ask for.
+    ///
+    /// # Errors
+    /// What is wrong with a file or a key of the scene; [`Error::NoDevice`], [`Error::Memory`], [`Error::Vulkan`].
+    pub fn open(scene: &Scene, options: &Options) -> Result<Simulation> {
+        let cache = options.cache.as_deref().map_or_else(Cache::off, Cache::at);
+        let prepared = Prepared::of(scene, Bodies::prepare(scene, &cache)?)?;
+        let little = prepared.model.tetrahedra.len() < LITTLE_WORK;
+        let threads = match options.threads {
+            Some(Threads::Auto) => little.then_some(Threads::Count(0)),
+            other => other,
+        };
+        let context = Context::open(&Options { threads, ..options.clone() })?;
+        prepared.record(scene, &context)
     }
 
     /// The same on a device that is open, and may have other simulations.
-    pub fn on(context: &Arc<Context>, scene: &Scene, path: Option<Path>) -> Result<Simulation> {
+    ///
+    /// # Errors
+    /// As [`Simulation::open`]'s, but that there is a device.
+    pub fn on_device(context: &Arc<Context>, scene: &Scene) -> Result<Simulation> {
         Simulation::check_room(context, scene)?;
-        Prepared::new(scene)?.record(scene, context, path)
+        Prepared::of(scene, Bodies::prepare(scene, &Cache::of(context))?)?.record(scene, context)
     }
 
     /// The same of a scene whose bodies are prepared, all of them.
-    pub fn of(context: &Arc<Context>, scene: &Scene, bodies: Bodies) -> Result<Simulation> {
-        Prepared::of(scene, bodies)?.record(scene, context, None)
+    #[doc(hidden)]
+    pub fn with_bodies(context: &Arc<Context>, scene: &Scene, bodies: Bodies) -> Result<Simulation> {
+        Prepared::of(scene, bodies)?.record(scene, context)
     }
 }
 
 impl Simulation {
     /// Whether a device can hold the layers of a scene that are known before they are made: boxes. They are so easily too many
     /// that they would not fit into the host's memory either. [`Error::Memory`]: it cannot.
+    #[doc(hidden)]
     pub fn check_room(context: &Context, scene: &Scene) -> Result<()> {
         let count = |body: &scene::Body| match body.shape {
             scene::Shape::Soft { layer: scene::Layer::Box { cells, .. }, .. } => {
@@ -89,10 +101,6 @@ impl Simulation {
 }
 
 impl Prepared {
-    fn new(scene: &Scene) -> Result<Prepared> {
-        Prepared::of(scene, Bodies::of(scene)?)
-    }
-
     fn of(scene: &Scene, Bodies { bodies, tool: tool_body }: Bodies) -> Result<Prepared> {
         scene.check_filled()?;
         let model = Model::new(scene, &bodies, tool_body.as_ref());
@@ -102,12 +110,10 @@ impl Prepared {
         Ok(Prepared { bodies, tool_body, model, frames, tool, probes, probe_nodes })
     }
 
-    fn record(self, scene: &Scene, context: &Arc<Context>, path: Option<Path>) -> Result<Simulation> {
+    fn record(self, scene: &Scene, context: &Arc<Context>) -> Result<Simulation> {
         let Prepared { bodies, tool_body, model, frames, tool, probes, probe_nodes } = self;
-        let asked = path.or(scene.contact.depth);
-        let cache = Cache::of_user();
-        let arrays = ArrayChoice::new(context, &cache)?;
-        let choice = if model.needs_depth() { Some(Choice::new(context, asked, &cache)?) } else { None };
+        let arrays = ArrayChoice::new(context)?;
+        let choice = if model.needs_depth() { Some(Choice::new(context, scene.contact.depth)?) } else { None };
         let path = choice.as_ref().map(|choice| choice.path);
         let notes = bodies.iter().chain(&tool_body).flat_map(|body| &body.report.notes);
         notes.for_each(|note| context.tell(Level::Note, note));

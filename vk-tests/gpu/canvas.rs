@@ -3,7 +3,9 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec2;
-use palpate::internal::gpu::{Before, Buffer, Canvas, Drawn, Image, Memory, Named, Onto, RasterPipeline, Recorder, Side, Texels, shader_names};
+use palpate::internal::gpu::{
+    Before, Buffer, Canvas, Drawn, Image, Memory, Named, Onto, RasterPipeline, Recorder, Side, Texels, shader_names,
+};
 use palpate::internal::shaders::test::DrawFlat;
 
 use crate::harness::random::Random;

@@ -1,10 +1,10 @@
 //! The Vulkan room itself: order of dependent passes, indirect arguments, fills and copies, replay, timers, threads,
 //! mapped memory, and the rasterizer.
 
-use palpate::{Context, Options};
 use palpate::internal::gpu::{Buffer, Kernel, Memory, Named, RasterPipeline, Recorder, Recording, Size};
 use palpate::internal::shaders::test::{Bump, DrawSquares};
 use palpate::internal::stages::cull::MOST_CELLS;
+use palpate::{Context, Options};
 
 use crate::harness::random::Random;
 use crate::harness::{assert_clean, context};
@@ -145,10 +145,10 @@ fn arrays_come_back_as_they_went() {
 fn device_bytes_are_counted_and_given_back() {
     crate::harness::turn();
     // A context of its own, since other tests allocate in the shared one.
-    let context = Context::new(&Options {
+    let context = Context::open(&Options {
         device: std::env::var("PALPATE_TEST_DEVICE").ok(),
         validation: true,
-        ..Options::default()
+        ..Options::cached()
     })
     .unwrap();
     assert_eq!(context.bytes_allocated(), 0);
@@ -187,7 +187,7 @@ fn threads_share_the_queue() {
 fn a_device_is_found_by_index_and_by_part_of_its_name() {
     let list = Context::list().unwrap();
     let open =
-        |device: &str| Context::new(&Options { device: Some(device.into()), validation: false, ..Options::default() });
+        |device: &str| Context::open(&Options { device: Some(device.into()), validation: false, ..Options::cached() });
     let usable = list.iter().find(|d| d.usable.is_ok()).expect("a usable device");
     assert_eq!(open(&usable.index.to_string()).unwrap().device_name(), usable.name);
     let part = usable.name.to_uppercase();

@@ -1,7 +1,7 @@
 //! A kernel may be replaced by another of the same interface: what tests of tests are made of.
 
-use palpate::{Context, Options};
 use palpate::internal::gpu::{Buffer, Kernel, Memory, Recorder, Size};
+use palpate::{Context, Options};
 
 use palpate::internal::shaders::test::Bump;
 
@@ -11,7 +11,7 @@ use crate::harness::spoil::spoiled;
 fn open(replaced: Vec<(String, Vec<u8>)>) -> palpate::Result<std::sync::Arc<Context>> {
     crate::harness::turn();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    Context::new(&Options { device, validation: true, replaced, ..Options::default() })
+    Context::open(&Options { device, validation: true, replaced, ..Options::cached() })
 }
 
 #[test]

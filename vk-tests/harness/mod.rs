@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use bytemuck::Pod;
-use palpate::{Context, Options};
 use palpate::internal::gpu::{Arrays, Buffer, Const, Kernel, Memory, Named, Recorder, Size};
+use palpate::{Context, Options};
 
 /// A quiet NaN no arithmetic makes, so that a value left unwritten is found as float and as integer.
 pub const CANARY: u32 = 0x7fc0_dead;
@@ -40,7 +40,7 @@ pub fn context() -> &'static Arc<Context> {
     turn();
     CONTEXT.get_or_init(|| {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-        let context = Context::new(&Options { device, validation: true, arrays: arrays(), ..Options::default() })
+        let context = Context::open(&Options { device, validation: true, arrays: arrays(), ..Options::cached() })
             .unwrap_or_else(|e| panic!("{e}"));
         assert_clean(&context, "set-up");
         context

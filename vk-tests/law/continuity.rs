@@ -5,10 +5,9 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use palpate::Options;
 use palpate::internal::prepare::Shape;
 use palpate::internal::shaders::Contact;
-use palpate::Simulation;
+use palpate::{Options, Simulation};
 
 use crate::scene::whole_step::scene;
 
@@ -66,9 +65,8 @@ fn open(sweep: &Sweep, from: DVec3, to: DVec3) -> Simulation {
         row(from),
         row(to)
     );
-    let options =
-        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::default() };
-    Simulation::new(&scene(&text), &options, None).unwrap()
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::cached() };
+    Simulation::open(&scene(&text), &options).unwrap()
 }
 
 /// Where the sphere's middle is when it is so deep in the vertices below it.

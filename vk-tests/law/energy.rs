@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use palpate::internal::shaders::Contact;
 use palpate::Flags;
+use palpate::internal::shaders::Contact;
 
 use crate::law::invariants::{BLOCK, State};
 use crate::scene::whole_step::{open, run, scene};

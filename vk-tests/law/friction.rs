@@ -2,8 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Embedding, Shape, Skin};
-use palpate::Scene;
-use palpate::{Flags, Simulation, StepReport};
+use palpate::{Flags, Scene, Simulation, StepReport};
 use palpate_oracle as oracle;
 use palpate_oracle::contact::{self, Law, Support, Surface};
 use palpate_oracle::contact_law::Friction;

@@ -4,9 +4,8 @@
 use std::collections::BTreeSet;
 
 use glam::{DQuat, DVec3};
-use palpate::Scene;
 use palpate::internal::stages::depth;
-use palpate::{Flags, Simulation, StepReport};
+use palpate::{Flags, Scene, Simulation, StepReport};
 use palpate_oracle as oracle;
 
 use crate::scene::touch::{Place, press};

@@ -4,10 +4,9 @@
 use std::path::Path;
 
 use glam::DVec3;
-use palpate::Options;
 use palpate::internal::prepare::{Shape, layer};
 use palpate::scene::obj;
-use palpate::{Simulation, StepReport};
+use palpate::{Options, Simulation, StepReport};
 
 use crate::scene::whole_step::scene;
 
@@ -37,7 +36,7 @@ fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
         // The same slab at the bottom whatever the cells, so that all are held alike.
         -HALF + 1e-6
     );
-    let mut simulation = Simulation::new(&scene(&text), &options(), None).unwrap();
+    let mut simulation = Simulation::open(&scene(&text), &options()).unwrap();
     let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
     let tetrahedra = layer.tetrahedra.len();
     let rows: Vec<StepReport> = (0..STEPS).map(|_| simulation.step().unwrap()).collect();
@@ -55,7 +54,7 @@ fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
 
 /// Validation is for the small scenes.
 fn options() -> Options {
-    Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() }
+    Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::cached() }
 }
 
 /// The block's surface, cut as finely as `cells`.

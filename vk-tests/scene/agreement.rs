@@ -4,11 +4,10 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate::{Context, Options};
 use palpate::internal::prepare::repair;
-use palpate::{Query, QueryContact, QuerySettings};
 use palpate::internal::query::{Answer, Timing};
 use palpate::scene::Model;
+use palpate::{Context, Options, Query, QueryContact, QuerySettings};
 use palpate_oracle::rays::Rays;
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;
@@ -35,7 +34,7 @@ const THROWN: usize = 10_000;
 /// Without validation: this asks ten thousand times.
 fn device() -> Arc<Context> {
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    Context::new(&Options { device, validation: false, ..Options::default() }).unwrap_or_else(|e| panic!("{e}"))
+    Context::open(&Options { device, validation: false, ..Options::cached() }).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// How far b, far away along `towards`, moves back until a vertex of either meets a triangle of the other.
@@ -102,7 +101,7 @@ fn real_meshes_in_light_contact_agree_with_f64_rays() {
     {
         let name = format!("{} {}", a.name, b.name);
         let settings = QuerySettings { timing: Timing::Off, ..QuerySettings::of(&a.body, &b.body) };
-        let mut query = Query::on(&device, &a.body, &b.body, &settings, None).unwrap();
+        let mut query = Query::on_device(&device, &a.body, &b.body, &settings).unwrap();
         let trees = [tree(a), tree(b)];
         let mut sum = Tally::default();
         for pose in 0..POSES {
@@ -168,7 +167,7 @@ fn culling_leaves_no_colliding_vertex_out() {
     for (i, a) in subjects.iter().enumerate() {
         for b in &subjects[i..] {
             let settings = QuerySettings { timing: Timing::Off, ..QuerySettings::of(&a.body, &b.body) };
-            let mut query = Query::on(&device, &a.body, &b.body, &settings, None).unwrap();
+            let mut query = Query::on_device(&device, &a.body, &b.body, &settings).unwrap();
             let mut sum = Tally::default();
             for pose in 0..THROWN / 10 {
                 // From a light touch to one within the other.

@@ -2,10 +2,8 @@
 
 use std::path::Path;
 
-use palpate::Options;
 use palpate::internal::gpu::Arrays;
-use palpate::Scene;
-use palpate::Simulation;
+use palpate::{Options, Scene, Simulation};
 
 /// Elements that every device's texel buffers hold.
 const GUARANTEED: u32 = 65_536;
@@ -14,7 +12,7 @@ const GUARANTEED: u32 = 65_536;
 fn left(scene: &Scene, options: Options, steps: usize) -> Vec<u64> {
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
     let options = Options { device, ..options };
-    let mut simulation = Simulation::new(scene, &options, None).unwrap();
+    let mut simulation = Simulation::open(scene, &options).unwrap();
     let mut bits = Vec::new();
     for _ in 0..steps {
         let report = simulation.step().unwrap();
@@ -33,9 +31,9 @@ fn left(scene: &Scene, options: Options, steps: usize) -> Vec<u64> {
 fn expect_the_same(name: &str, steps: usize) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("assets/scenes/{name}.toml"));
     let scene = Scene::load(&file).unwrap();
-    let texel = left(&scene, Options { arrays: Some(Arrays::Texel), ..Options::default() }, steps);
-    let storage = left(&scene, Options { arrays: Some(Arrays::Storage), ..Options::default() }, steps);
-    let few = left(&scene, Options { texel_elements: Some(GUARANTEED), ..Options::default() }, steps);
+    let texel = left(&scene, Options { arrays: Some(Arrays::Texel), ..Options::cached() }, steps);
+    let storage = left(&scene, Options { arrays: Some(Arrays::Storage), ..Options::cached() }, steps);
+    let few = left(&scene, Options { texel_elements: Some(GUARANTEED), ..Options::cached() }, steps);
     assert!(texel.len() > 4 * steps, "{name}");
     assert_eq!(texel.iter().zip(&storage).position(|(a, b)| a != b), None, "{name}: texel and storage arrays");
     assert_eq!(few, storage, "{name}: few texel elements");

@@ -4,13 +4,11 @@
 use std::fmt::Write;
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::Options;
 use palpate::internal::prepare::{FrameMotion, Shape, layer};
-use palpate::Scene;
-use palpate::scene::Key;
 use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
-use palpate::{Flags, RigidState, Simulation};
+use palpate::scene::Key;
+use palpate::{Flags, Options, RigidState, Scene, Simulation};
 use palpate_oracle as oracle;
 
 use crate::scene::touch::{Place, Twin, press};
@@ -313,9 +311,8 @@ fn a_human_bends_its_arm() {
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-human.toml");
     let elbow = DVec3::new(0.457, 1.395, -0.012);
     let turn = DQuat::from_rotation_y(-0.5);
-    let options =
-        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::default() };
-    let mut simulation = Simulation::new(&Scene::load(&file).unwrap(), &options, None).unwrap();
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::cached() };
+    let mut simulation = Simulation::open(&Scene::load(&file).unwrap(), &options).unwrap();
     let rows: Vec<_> = (0..200).map(|_| simulation.step().unwrap()).collect();
     assert!(rows.iter().all(|row| row.flags == Flags::default()));
     let Shape::Soft { layer, frames, node_frames, proxies, .. } = &simulation.bodies()[0].shape else { panic!("soft") };

@@ -3,9 +3,8 @@
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
-use palpate::Scene;
 use palpate::scene::Material;
-use palpate::{Pose, Simulation};
+use palpate::{Pose, Scene, Simulation};
 
 use crate::law::friction;
 use crate::scene::joints;

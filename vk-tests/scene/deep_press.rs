@@ -2,9 +2,8 @@
 //! The force rises all the way in, no tetrahedron stays inverted, and after the release the shape comes back.
 
 use glam::{DMat3, DVec3};
-use palpate::Options;
 use palpate::internal::prepare::{Layer, Shape};
-use palpate::{Simulation, StepReport};
+use palpate::{Options, Simulation, StepReport};
 
 use crate::harness::real_meshes::meshes;
 use crate::scene::whole_step::scene;
@@ -60,9 +59,8 @@ fn press(deep: &Deep) {
         from.y,
         from.z
     );
-    let options =
-        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::default() };
-    let mut simulation = Simulation::new(&scene(&text), &options, None).unwrap();
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::cached() };
+    let mut simulation = Simulation::open(&scene(&text), &options).unwrap();
     let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
     let layer = layer.clone();
     let mut rows: Vec<StepReport> = Vec::new();

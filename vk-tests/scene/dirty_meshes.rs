@@ -1,8 +1,8 @@
 //! Meshes as they come: layers with slivers under gravity, a skin with holes under a tool.
 
 use glam::DVec3;
-use palpate::scene::tetrahedra;
 use palpate::Flags;
+use palpate::scene::tetrahedra;
 
 use crate::harness::real_meshes::meshes;
 use crate::scene::whole_step::{open, run, scene};

@@ -5,8 +5,7 @@ use std::collections::BTreeSet;
 
 use palpate::internal::gpu::shader_names;
 use palpate::internal::plan::Explanation;
-use palpate::Scene;
-use palpate::Simulation;
+use palpate::{Scene, Simulation};
 
 use crate::scene::whole_step::{open, run, scene};
 

@@ -2,18 +2,17 @@
 //! force does not, no energy given, a quiet force at rest that is the contact's, and a drag that adds no damping.
 
 use glam::{DQuat, DVec3};
-use palpate::Options;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::event::Event;
 use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::haptics::virtual_time::{self, Schedule};
 use palpate::internal::haptics::{Device, coupling};
-use palpate::scene::{Key, Lowered, Profile};
 use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
-use palpate::Simulation;
 use palpate::internal::step::{ContactWrench, Held};
+use palpate::scene::{Key, Lowered, Profile};
+use palpate::{Options, Simulation};
 use palpate_devices::{Hand, HandParameters, Scripted};
 
 use crate::scene::whole_step::scene;
@@ -36,8 +35,8 @@ fn block() -> Simulation {
          [tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.001, 0.011, -0.002]\n"
     );
     // Long runs: validation is for the short ones.
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() };
-    Simulation::new(&scene(&text), &options, None).unwrap()
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::cached() };
+    Simulation::open(&scene(&text), &options).unwrap()
 }
 
 struct Session {
@@ -219,8 +218,8 @@ fn head() -> Simulation {
          material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n\
          [[body.core]]\nname = \"skull\"\nmotion = \"fixed\"\nbind = { inset = 0.03 }\n\
          [tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.03, -0.02, 0.092]\n";
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() };
-    Simulation::new(&scene(text), &options, None).unwrap()
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::cached() };
+    Simulation::open(&scene(text), &options).unwrap()
 }
 
 #[test]

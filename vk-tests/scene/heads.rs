@@ -3,9 +3,7 @@
 use crate::harness::real_meshes::meshes;
 use std::path::Path;
 
-use palpate::Options;
-use palpate::Scene;
-use palpate::{Flags, Simulation, StepReport};
+use palpate::{Flags, Options, Scene, Simulation, StepReport};
 
 /// Greatest change of force in a step while pressing, of the median change: the first touch of a moving tool is the
 /// steepest place (twice the median), a contact that pops in or out would be far steeper.
@@ -16,8 +14,8 @@ const WINDOW: usize = 5;
 /// Runs a press that goes in at constant speed; the force is nothing before the touch, then rises smoothly; no flags.
 fn judge(name: &str, scene: &Scene, steps: usize) {
     // Validation is for the small scenes: these are long.
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() };
-    let mut simulation = Simulation::new(scene, &options, None).unwrap();
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::cached() };
+    let mut simulation = Simulation::open(scene, &options).unwrap();
     let rows: Vec<StepReport> = (0..steps).map(|_| simulation.step().unwrap()).collect();
     let force: Vec<f64> = rows.iter().map(|row| row.tool.unwrap().force.length()).collect();
     let touch = rows.iter().position(|row| row.contacts.unwrap() > 0).expect("it never touches");

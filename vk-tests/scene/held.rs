@@ -1,10 +1,8 @@
 //! A soft body that the device holds by its core: beside the oracle, and at rest at any stiffness of the coupling.
 
 use glam::DVec3;
-use palpate::Options;
-use palpate::Scene;
 use palpate::internal::shaders::Contact;
-use palpate::{Flags, Simulation, StepReport, ToolReport};
+use palpate::{Flags, Options, Scene, Simulation, StepReport, ToolReport};
 
 use crate::law::friction::beside;
 use crate::scene::whole_step::{run, scene, soft_twin};
@@ -96,8 +94,8 @@ fn held(young: f64, stiffness: f64, damping: f64) -> (f64, f64) {
         format!("stiffness = {stiffness:?}\ndamping = {damping:?}\nangular_stiffness = 0.5\nangular_damping = 0.005");
     let scene = scene(&pad(young, &coupling, "", DVec3::ZERO, START));
     // Long runs: validation is for the short ones.
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::default() };
-    let mut simulation = Simulation::new(&scene, &options, None).unwrap();
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::cached() };
+    let mut simulation = Simulation::open(&scene, &options).unwrap();
     let mut seen = vec![];
     for _ in 0..50 {
         let rows = run(&mut simulation, 10);

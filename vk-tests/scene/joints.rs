@@ -2,9 +2,9 @@
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Frame, FrameMotion, Shape};
-use palpate::scene::{Key, Resistance};
 use palpate::internal::stages::joints::Joint;
 use palpate::internal::step::drive::Drive;
+use palpate::scene::{Key, Resistance};
 use palpate::{Flags, Simulation};
 use palpate_oracle as oracle;
 use palpate_oracle::joint::Side;

@@ -1,8 +1,8 @@
 //! A query's answer against f64 rays along its own normals: for `agreement.rs`.
 
 use glam::{DQuat, DVec3};
-use palpate::internal::prepare::{Body, Proxy, Shape, Skin};
 use palpate::QueryContact;
+use palpate::internal::prepare::{Body, Proxy, Shape, Skin};
 use palpate::internal::query::Answer;
 use palpate::internal::shaders::Region;
 use palpate_oracle::rays::{Outline, Rays};

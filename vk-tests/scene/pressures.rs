@@ -3,9 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use palpate::Options;
-use palpate::Scene;
-use palpate::Simulation;
+use palpate::{Options, Scene, Simulation};
 
 /// Of the sum of the contacts' sizes: what f32 leaves of a sum of up to a thousand.
 const ROUNDED: f64 = 1e-5;
@@ -40,7 +38,7 @@ fn summed(simulation: &Simulation, held: usize) -> (DVec3, f64) {
 fn worst(file: &Path, steps: usize) -> (f64, f64) {
     let scene = Scene::load(file).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    let mut simulation = Simulation::new(&scene, &Options { device, ..Options::default() }, None).unwrap();
+    let mut simulation = Simulation::open(&scene, &Options { device, ..Options::cached() }).unwrap();
     let held = scene.held_body().unwrap_or(scene.bodies.len());
     let (mut error, mut largest) = (0.0f64, 0.0f64);
     for _ in 0..steps {
@@ -84,7 +82,7 @@ fn after_a_state_is_taken_up_contacts_say_what_the_step_began_with() {
     std::fs::write(&file, SLIDING).unwrap();
     let scene = Scene::load(&file).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    let mut simulation = Simulation::new(&scene, &Options { device, ..Options::default() }, None).unwrap();
+    let mut simulation = Simulation::open(&scene, &Options { device, ..Options::cached() }).unwrap();
     (0..40).for_each(|_| drop(simulation.step().unwrap()));
     let (saved, at_end) = (simulation.save().unwrap(), simulation.contacts().unwrap());
     simulation.restore(&saved).unwrap();
@@ -103,7 +101,8 @@ fn after_a_state_is_taken_up_contacts_say_what_the_step_began_with() {
 #[ignore = "long: 60 s"]
 fn contacts_of_all_scenes_sum_to_the_wrench() {
     // Two heads, gears and pumpkins have no tool, and so no wrench to hold contacts against.
-    let scenes = [("held-pad", 300), ("pose-human", 40), ("press-gear", 40), ("press-pumpkin", 40), ("touch-human", 40)];
+    let scenes =
+        [("held-pad", 300), ("pose-human", 40), ("press-gear", 40), ("press-pumpkin", 40), ("touch-human", 40)];
     for (name, steps) in scenes {
         let largest = expect_the_wrench(name, steps);
         assert!(largest > 1e-3, "{name}: {largest} N");

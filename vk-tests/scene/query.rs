@@ -3,10 +3,9 @@
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};
-use palpate::{Query, QuerySettings};
 use palpate::internal::query::Answer;
 use palpate::internal::stages::depth::Path;
-use palpate::Flags;
+use palpate::{Flags, Query, QuerySettings};
 use palpate_oracle::contact::ray_depths;
 
 use crate::harness::bodies::{octants, rigid, sphere, whole};
@@ -65,8 +64,8 @@ fn spheres_of_any_size_anywhere_along_any_direction() {
             let towards = random.vector().normalize();
             let tilted = (towards + 0.2 * random.vector()).normalize();
             for direction in [None, Some(7.0 * tilted)] {
-                let settings = QuerySettings { direction, ..QuerySettings::of(&a, &b) };
-                let mut query = Query::on(context(), &a, &b, &settings, Some(path)).unwrap();
+                let settings = QuerySettings { direction, depth: Some(path), ..QuerySettings::of(&a, &b) };
+                let mut query = Query::on_device(context(), &a, &b, &settings).unwrap();
                 for gap in [1.92, 1.85] {
                     let at = place * random.vector();
                     let poses = [(at, random.turn(3.0)), (at + gap * radius * towards, random.turn(3.0))];
@@ -105,8 +104,12 @@ fn a_fine_head_in_a_cube_of_twelve_triangles_is_found_whole_or_flagged() {
         for path in [Path::Compute, Path::Graphics] {
             for bodies in [[&cube, &head], [&head, &cube]] {
                 let poses = [(DVec3::ZERO, DQuat::IDENTITY), (0.36 * DVec3::Y, DQuat::IDENTITY)];
-                let settings = QuerySettings { direction: Some(DVec3::Y), ..QuerySettings::of(bodies[0], bodies[1]) };
-                let mut query = Query::on(context(), bodies[0], bodies[1], &settings, Some(path)).unwrap();
+                let settings = QuerySettings {
+                    direction: Some(DVec3::Y),
+                    depth: Some(path),
+                    ..QuerySettings::of(bodies[0], bodies[1])
+                };
+                let mut query = Query::on_device(context(), bodies[0], bodies[1], &settings).unwrap();
                 let answer = query.run(poses[0], poses[1]).unwrap();
                 let what = format!("{}, {vertices} vertices", path.name());
                 println!("{what}: {} contacts, flags {:?}", answer.contacts.len(), answer.flags);

@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use palpate::Scene;
 use palpate::internal::haptics::Reading;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
-use palpate::Scene;
-use palpate::scene::{Key, Lowered, Profile};
 use palpate::internal::stages::depth;
 use palpate::internal::step::drive::Drive;
+use palpate::scene::{Key, Lowered, Profile};
 use palpate_devices::record::{Header, Recorded, Recording};
 use palpate_devices::replay::{Replayed, replay};
 

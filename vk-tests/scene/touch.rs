@@ -2,11 +2,10 @@
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Shape};
-use palpate::Scene;
-use palpate::scene::Sides;
 use palpate::internal::shaders::Contact;
 use palpate::internal::stages::depth;
-use palpate::{Flags, Simulation, StepReport};
+use palpate::scene::Sides;
+use palpate::{Flags, Scene, Simulation, StepReport};
 use palpate_oracle as oracle;
 use palpate_oracle::contact::{self, Law, Support, Surface};
 use palpate_oracle::contact_law::auto_stiffness;

@@ -3,11 +3,9 @@
 use crate::harness::real_meshes::meshes;
 
 use glam::DVec3;
-use palpate::Options;
 use palpate::internal::prepare::Shape;
-use palpate::Scene;
 use palpate::internal::stages::depth;
-use palpate::{Simulation, StepReport};
+use palpate::{Options, Scene, Simulation, StepReport};
 use palpate_oracle as oracle;
 
 /// A scene written to a file of its own and loaded.
@@ -21,8 +19,10 @@ pub fn scene(text: &str) -> Scene {
 /// The engine on a scene, with validation on.
 pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
     crate::harness::turn();
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: true, ..Options::default() };
-    Simulation::new(scene, &options, path).unwrap()
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: true, ..Options::cached() };
+    let mut scene = scene.clone();
+    scene.contact.depth = path.or(scene.contact.depth);
+    Simulation::open(&scene, &options).unwrap()
 }
 
 /// Runs steps; any validation message fails.

@@ -4,8 +4,8 @@
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::Layer;
 use palpate::internal::prepare::layer::kuhn_box;
-use palpate::scene::{Law, Material, Preconditioner, gmsh};
 use palpate::internal::shaders::NONE;
+use palpate::scene::{Law, Material, Preconditioner, gmsh};
 
 use super::passes::Passes;
 use crate::harness::real_meshes::meshes;

@@ -6,8 +6,8 @@ use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::prepare::{Body, Frame, FrameMotion, Shape};
-use palpate::scene::{Hinge, Joint, Preconditioner, Resistance};
 use palpate::internal::shaders::{self, NONE, Rigid};
+use palpate::scene::{Hinge, Joint, Preconditioner, Resistance};
 use palpate_oracle::linear::{Entries, Solver};
 
 use super::passes::{Change, Passes};

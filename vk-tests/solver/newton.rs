@@ -3,9 +3,8 @@
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
-use palpate::Scene;
 use palpate::internal::shaders::{Frame, NONE, RigidIterate, Solve, StepParams};
-use palpate::Flags;
+use palpate::{Flags, Scene};
 use palpate_oracle as oracle;
 
 use crate::harness::random::Random;

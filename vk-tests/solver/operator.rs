@@ -73,8 +73,12 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     // solve/apply, solve/press: gradients e_x, e_y, e_z with moduli 2 and 3, and node 1 moving along x at 1 m/s: W = diag(1, 0, 0),
     // S = diag(2 * 2 + 3, 3, 3).
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let tetrahedron =
-        palpate::internal::prepare::Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Default::default() };
+    let tetrahedron = palpate::internal::prepare::Layer {
+        nodes,
+        tetrahedra: vec![[0, 1, 2, 3]],
+        bound: vec![false; 4],
+        ..Default::default()
+    };
     let mut system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system = system.with_tool().with_contacts(3, 2);
     system.gradients[..3].copy_from_slice(&[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 1.0, 0.0]]);

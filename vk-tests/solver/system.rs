@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::Scene;
 use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
-use palpate::Scene;
-use palpate::scene::{self, Coupling, Hinge, Law, Material, Preconditioner};
 use palpate::internal::shaders::{Contact, Counts, Frame, Link, NONE, StepParams};
 use palpate::internal::stages::model::Model;
+use palpate::scene::{self, Coupling, Hinge, Law, Material, Preconditioner};
 use palpate_oracle::contact::{Carrier, Contact as Twin, Point};
 use palpate_oracle::contact_law::Friction;
 use palpate_oracle::linear::Entries;

@@ -1,8 +1,8 @@
 //! The solver's passes in the order of the step, on small systems: to the oracle's direct solution.
 
 use palpate::internal::prepare::Body;
-use palpate::scene::Preconditioner;
 use palpate::internal::shaders;
+use palpate::scene::Preconditioner;
 use palpate_oracle::linear::Solver;
 
 use super::coarse::{kinds, large_core, soft_and_stiff};

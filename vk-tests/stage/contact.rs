@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 use glam::{DQuat, DVec3};
 use palpate::internal::gpu::Size;
 use palpate::internal::prepare::{Body, Shape};
-use palpate::scene::Sides;
 use palpate::internal::shaders;
 use palpate::internal::shaders::{Contact, Counts, NONE};
 use palpate::internal::stages::depth::Path;
 use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::scene::Sides;
 use palpate_oracle::contact::{Carrier, Law, Support, Surface};
 use palpate_oracle::{contact as oracle, skin as embedded};
 

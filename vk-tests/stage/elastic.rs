@@ -1,12 +1,12 @@
 //! Elastic: rotations, rotated gradients and the elements' right-hand side.
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::Flags;
 use palpate::internal::gpu::Const;
 use palpate::internal::prepare::{Layer, Materials};
-use palpate::scene::{Law, Material};
 use palpate::internal::shaders::Counts;
 use palpate::internal::stages::material_law::{has, laws_of};
-use palpate::Flags;
+use palpate::scene::{Law, Material};
 use palpate_oracle::elastic::{lame, outer, polar_rotation, strain};
 
 use crate::harness::random::Random;

@@ -5,11 +5,11 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::{Const, Size};
 use palpate::internal::prepare::patch::patches;
 use palpate::internal::prepare::{Layer, Shape};
-use palpate::scene::{Law, Sides};
 use palpate::internal::shaders::{Contact, Counts, Frame, NONE, StepParams};
 use palpate::internal::stages::material_law::laws_of;
-use palpate::{Simulation, StepReport};
 use palpate::internal::step::{Field, Overlay};
+use palpate::scene::{Law, Sides};
+use palpate::{Simulation, StepReport};
 
 use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};

@@ -6,13 +6,13 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::{Const, Size};
 use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
-use palpate::scene::Material;
 use palpate::internal::shaders::{
     ActiveChunk, Chunk, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, Region, RigidIterate, Slot, Solve,
     StepParams,
 };
 use palpate::internal::stages::ARGS_WORDS;
 use palpate::internal::stages::model::FramePlace;
+use palpate::scene::Material;
 
 use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};

@@ -421,8 +421,8 @@ fn shortest_ways_to_deformed_bodies() {
 /// What the loop is told, of the whole step.
 mod told {
     use glam::{DQuat, DVec3};
-    use palpate::{RigidState, Simulation};
     use palpate::internal::step::{ContactWrench, Held};
+    use palpate::{RigidState, Simulation};
 
     use super::RADIUS;
     use crate::scene::whole_step::{open, scene};

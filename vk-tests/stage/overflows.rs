@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use palpate::{Query, QuerySettings};
 use palpate::internal::shaders::Region;
 use palpate::internal::stages::depth::Path;
+use palpate::{Query, QuerySettings};
 
 use crate::harness::bodies::{Mesh, rigid, sphere, whole};
 use crate::harness::random::Random;
@@ -89,8 +89,9 @@ fn more_crossings_than_fit_are_flagged_on_both_paths() {
             ((0..layers).flat_map(layer).collect(), (0..layers).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect());
         let pile = rigid("pile", mesh, whole, DVec3::ZERO, DQuat::IDENTITY);
         for path in [Path::Compute, Path::Graphics] {
-            let settings = QuerySettings { direction: Some(DVec3::Z), ..QuerySettings::of(&ball, &pile) };
-            let mut query = Query::on(context(), &ball, &pile, &settings, Some(path)).unwrap();
+            let settings =
+                QuerySettings { direction: Some(DVec3::Z), depth: Some(path), ..QuerySettings::of(&ball, &pile) };
+            let mut query = Query::on_device(context(), &ball, &pile, &settings).unwrap();
             let answer = query.run((DVec3::ZERO, DQuat::IDENTITY), (DVec3::ZERO, DQuat::IDENTITY)).unwrap();
             println!("{}, {layers} layers: {} crossings, flags {:?}", path.name(), answer.counts.hits, answer.flags);
             assert_eq!(answer.flags.0 & CONTACT_OVERFLOW, flags, "{}, {layers} layers", path.name());

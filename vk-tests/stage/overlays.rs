@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
+use palpate::Simulation;
 use palpate::internal::prepare::Shape;
 use palpate::internal::prepare::mass::properties;
-use palpate::scene::{Bind, Capsule};
-use palpate::Simulation;
 use palpate::internal::step::{Cut, Field, Mesh, Overlay, Part};
+use palpate::scene::{Bind, Capsule};
 
 use crate::scene::joints;
 use crate::scene::touch::{Place, press};

@@ -4,7 +4,6 @@ use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::internal::gpu::Recorder;
 use palpate::internal::prepare::{self, Body, sphere};
-use palpate::Scene;
 use palpate::internal::shaders::{Counts, Frame, Link, NONE, Pair, Region, StepParams};
 use palpate::internal::stages::CHUNK_VERTICES;
 use palpate::internal::stages::Common;
@@ -16,7 +15,7 @@ use palpate::internal::stages::model::Model;
 use palpate::internal::stages::pose::Pose;
 use palpate::internal::stages::skin::Skin;
 use palpate::internal::step::frames::Frames;
-use palpate::{Flags, Simulation, StepReport};
+use palpate::{Flags, Scene, Simulation, StepReport};
 
 use crate::harness::random::Random;
 use crate::harness::{assert_clean, context};

@@ -3,9 +3,9 @@
 
 use bytemuck::Zeroable;
 use glam::{DMat4, DVec2, DVec3, DVec4};
+use palpate::Simulation;
 use palpate::internal::gpu::{Before, Buffer, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Texels};
 use palpate::internal::shaders;
-use palpate::Simulation;
 use palpate::internal::step::Field;
 use palpate_view::look::{self, Look, Material, SCALE_COLOURS, View, across, columns, flags, light};
 use palpate_view::{Moment, Overlay, Overlays, Renderer, Settings};

@@ -3,11 +3,9 @@
 
 use std::path::Path;
 
-use palpate::{Context, Options};
 use palpate::internal::gpu::DeviceKind;
-use palpate::internal::prepare::Cache;
 use palpate::internal::query::choice::Choice;
-use palpate::{Error, Result};
+use palpate::{Context, Error, Options, Result};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
@@ -116,14 +114,14 @@ impl Results {
 impl Head {
     /// Of this program and a device, by name or index. Errors: no such device.
     pub fn new(device: Option<&str>, is_quick: bool) -> Result<Head> {
-        let context = Context::new(&Options { device: device.map(Into::into), ..Options::default() })?;
+        let context = Context::open(&Options { device: device.map(Into::into), ..Options::cached() })?;
         Ok(Head {
             schema: SCHEMA,
             version: env!("CARGO_PKG_VERSION").into(),
             commit: env!("PALPATE_COMMIT").into(),
             device: context.device_name().into(),
             driver: context.driver().into(),
-            depth_path: Choice::new(&context, None, &Cache::of_user())?.path.name().into(),
+            depth_path: Choice::new(&context, None)?.path.name().into(),
             is_cpu: context.kind() == DeviceKind::Cpu,
             threads: std::thread::available_parallelism().map_or(1, Into::into),
             is_quick,

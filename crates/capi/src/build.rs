@@ -3,10 +3,11 @@
 use std::ffi::{CString, c_char, c_void};
 
 use glam::DVec3;
+use palpate::internal::prepare::Cache;
 use palpate::internal::prepare::bodies::Progress;
-use palpate::Scene;
-use palpate::{Error, Result};
+use palpate::{Error, Result, Scene};
 
+use super::context::cache_folder;
 use super::describe::{palpate_body, palpate_settings, palpate_tool};
 use super::scene::{SceneObject, given, palpate_scene};
 use super::sized::{self, Sized32};
@@ -163,7 +164,22 @@ pub unsafe extern "C" fn palpate_scene_set_tool(
     })
 }
 
-/// Prepares the bodies of a scene: repairs surfaces, fills them with cells, and so on (cached between runs, else seconds).
+/// Says where palpate_scene_prepare keeps prepared bodies for later runs: in `folder`, or the user's where that is "" (as the
+/// context's options say). Null, and without this call: nowhere.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_scene_cache(scene: *mut palpate_scene, folder: *const c_char) -> palpate_status {
+    guarded(|| {
+        // SAFETY: the caller's, as the header says.
+        let folder = unsafe { cache_folder(folder)? };
+        change(scene, |object| {
+            object.set_cache(folder.as_deref().map_or_else(Cache::off, Cache::at));
+            Ok(())
+        })
+    })
+}
+
+/// Prepares the bodies of a scene: repairs surfaces, fills them with cells, and so on: seconds, unless they were kept
+/// (palpate_scene_cache).
 /// palpate_simulation_create does it too where it is not done, with nobody watching. `progress` is called as each stage begins,
 /// with `user`, on this thread; it may be null. Where it ends it (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and
 /// the next call goes on.

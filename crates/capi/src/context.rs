@@ -1,10 +1,11 @@
 //! Devices, and what is opened on them.
 
 use std::ffi::{c_char, c_void};
+use std::path::PathBuf;
 use std::sync::Arc;
 
+use palpate::internal::gpu::{DeviceKind, Threads};
 use palpate::{Context, Options};
-use palpate::internal::gpu::DeviceKind;
 
 use super::handles::{self, Handled};
 use super::log::{self, palpate_log};
@@ -63,13 +64,22 @@ pub struct palpate_context_options {
     pub log: palpate_log,
     /// Passed to `log`.
     pub log_user: *mut c_void,
+    /// Folder where prepared bodies, compiled pipelines and what was measured of devices are kept for later runs; "": the
+    /// user's (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
+    pub cache: *const c_char,
+    /// 1: measures, once, which of two ways is faster on the device where the scene does not say (arrays, depth stage). 0: not.
+    pub measure: u32,
+    /// With how many threads lavapipe works, by LP_NUM_THREADS in the environment unless that is set; -1: none but the calling
+    /// one. 0: the environment stays as it is. Other drivers do not ask.
+    pub threads: i32,
 }
 
 // SAFETY: `repr(C)`, the size comes first, and any bytes are a value: a pointer is only followed as the header says.
 unsafe impl Sized32 for palpate_context_options {
     const NAME: &str = "palpate_context_options";
     const LEAST: usize = 2 * size_of::<u32>() + size_of::<*const c_char>();
-    const FIELDS: &'static [Field] = fields!(palpate_context_options { size, validation, device, log, log_user });
+    const FIELDS: &'static [Field] =
+        fields!(palpate_context_options { size, validation, device, log, log_user, cache, measure, threads });
 
     fn unset() -> Self {
         palpate_context_options {
@@ -78,6 +88,9 @@ unsafe impl Sized32 for palpate_context_options {
             device: std::ptr::null(),
             log: None,
             log_user: std::ptr::null_mut(),
+            cache: std::ptr::null(),
+            measure: 0,
+            threads: 0,
         }
     }
 }
@@ -154,10 +167,39 @@ pub unsafe extern "C" fn palpate_context_create(
             false => Some(unsafe { sized::string(options.device, "options.device")? }.to_owned()),
         };
         let (validation, log) = (options.validation == 1, log::to(options.log, options.log_user));
-        let opened = Context::new(&Options { device, validation, log, ..Options::default() })?;
+        if options.measure > 1 {
+            let problem = format!("palpate_context_options.measure is {}; give 0 or 1", options.measure);
+            return Err(Failure::new(palpate_status::Argument, problem));
+        }
+        let threads = match options.threads {
+            0 => None,
+            -1 => Some(Threads::Count(0)),
+            count => Some(Threads::Count(u32::try_from(count).map_err(|_| {
+                let problem = format!("palpate_context_options.threads is {count}; give -1, 0 or a number above");
+                Failure::new(palpate_status::Argument, problem)
+            })?)),
+        };
+        // SAFETY: the caller's, as the header says.
+        let cache = unsafe { cache_folder(options.cache)? };
+        let measure = options.measure == 1;
+        let options = Options { device, validation, log, cache, measure, threads, ..Options::default() };
+        let opened = Context::open(&options)?;
         *context = handles::insert(ContextObject(opened)) as *mut palpate_context;
         Ok(())
     })
+}
+
+/// Of a `cache` that a caller names: null is none, an empty one the user's.
+///
+/// # Safety
+/// As [`sized::string`].
+pub(super) unsafe fn cache_folder(folder: *const c_char) -> Outcome<Option<PathBuf>> {
+    if folder.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: the caller's promise.
+    let folder = unsafe { sized::string(folder, "cache")? };
+    Ok(if folder.is_empty() { Options::user_cache() } else { Some(folder.into()) })
 }
 
 /// Lets go of a context. Null does nothing.

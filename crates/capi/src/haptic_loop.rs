@@ -9,9 +9,9 @@ use std::time::Instant;
 
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::session::{self, Options, Report};
-use palpate::scene::Haptics;
 use palpate::internal::step::tool::Tool;
 use palpate::internal::step::{ContactWrench, Held};
+use palpate::scene::Haptics;
 
 use super::handles::{self, Handled, Lent};
 use super::haptic_device::{Callbacks, is_in_callback, palpate_haptic_device};

@@ -2,8 +2,8 @@
 
 use std::ffi::c_void;
 
-use palpate::{Context, Options};
 use palpate::internal::gpu::{HostDevice, QueueLock};
+use palpate::{Context, Options};
 
 use super::context::{ContextObject, palpate_context};
 use super::handles;

@@ -2,10 +2,10 @@
 
 use std::sync::{Condvar, Mutex, MutexGuard};
 
+use palpate::RigidState;
 use palpate::internal::haptics::clock::Lateness;
 use palpate::internal::haptics::servo::Tick;
 use palpate::internal::haptics::session::{Moment, Report};
-use palpate::RigidState;
 
 use super::simulation::palpate_pose;
 use super::sized::{Field, Sized32, fields};

@@ -3,10 +3,10 @@
 use std::ffi::c_char;
 use std::path::Path;
 
-use palpate::Result;
+use palpate::internal::prepare::Cache;
 use palpate::internal::prepare::bodies::{Bodies, Progress};
-use palpate::Scene;
 use palpate::scene::Builder;
+use palpate::{Result, Scene};
 
 use super::handles::{self, Handled};
 use super::sized;
@@ -22,11 +22,12 @@ pub struct palpate_scene {
 pub(super) struct SceneObject {
     builder: Builder,
     bodies: Bodies,
+    cache: Cache,
 }
 
 impl SceneObject {
     pub fn new(scene: Scene) -> SceneObject {
-        SceneObject { builder: Builder::new(scene), bodies: Bodies::default() }
+        SceneObject { builder: Builder::new(scene), bodies: Bodies::default(), cache: Cache::off() }
     }
 
     pub fn scene(&self) -> &Scene {
@@ -46,7 +47,12 @@ impl SceneObject {
 
     /// Prepares what is not prepared yet.
     pub fn prepare(&mut self, watch: &mut dyn FnMut(Progress) -> Result<()>) -> Result<()> {
-        self.bodies.complete(self.builder.scene(), watch)
+        self.bodies.complete(self.builder.scene(), &self.cache, watch)
+    }
+
+    /// Where prepared bodies are kept from now on.
+    pub fn set_cache(&mut self, cache: Cache) {
+        self.cache = cache;
     }
 }
 

@@ -1,8 +1,8 @@
 //! What a program draws or looks at: skins, copied or shared on the device, and contacts.
 
 use glam::DVec3;
-use palpate::{ContactPoint, Simulation};
 use palpate::internal::step::Skins;
+use palpate::{ContactPoint, Simulation};
 
 use super::handles;
 use super::simulation::{SimulationObject, palpate_simulation};

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
+use palpate::internal::prepare::Cache;
 use palpate::{Pose, Simulation, StepReport};
 
 use super::context::{opened, palpate_context};
@@ -143,8 +144,8 @@ pub unsafe extern "C" fn palpate_simulation_create(
         let context = opened(context)?;
         let (scene, mut bodies) = handles::with(scene as usize, |object: &mut SceneObject| Ok(object.parts()))?;
         Simulation::check_room(&context, &scene)?;
-        bodies.complete(&scene, &mut |_| Ok(()))?;
-        let mut made = Simulation::of(&context, &scene, bodies)?;
+        bodies.complete(&scene, &Cache::of(&context), &mut |_| Ok(()))?;
+        let mut made = Simulation::with_bodies(&context, &scene, bodies)?;
         made.time_every(0)?;
         let object = SimulationObject { simulation: made, has_failed: false };
         *simulation = handles::insert_with(object, Arc::new(SimulationSteps::default())) as *mut palpate_simulation;

@@ -6,9 +6,7 @@ mod ffi_help;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use palpate::Options;
-use palpate::Scene;
-use palpate::Simulation;
+use palpate::{Options, Scene, Simulation};
 
 use ffi_help::{compiled, library, root};
 
@@ -66,7 +64,7 @@ fn the_header_is_the_one_that_the_sources_make() {
 fn run(folder: &Path) -> (PathBuf, Vec<[f64; 5]>) {
     let scene = folder.join("scene.toml");
     std::fs::write(&scene, SCENE).unwrap();
-    let mut simulation = Simulation::new(&Scene::load(&scene).unwrap(), &Options::default(), None).unwrap();
+    let mut simulation = Simulation::open(&Scene::load(&scene).unwrap(), &Options::default()).unwrap();
     let told: Vec<[f64; 5]> = (0..STEPS)
         .map(|_| {
             let row = simulation.step().unwrap();

@@ -8,9 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-use palpate::{Context, Options};
-use palpate::Scene;
-use palpate::Simulation;
+use palpate::{Context, Options, Scene, Simulation};
 use palpate_capi::context::palpate_context_destroy;
 use palpate_capi::simulation::{palpate_simulation_destroy, palpate_step};
 
@@ -92,7 +90,7 @@ fn overhead(text: &str) -> (f64, f64) {
     let context = context();
     let simulation = simulation(context, text);
     let scene = Scene::parse(Path::new("scene"), text).unwrap();
-    let mut own = Simulation::on(&Context::new(&Options::default()).unwrap(), &scene, None).unwrap();
+    let mut own = Simulation::on_device(&Context::open(&Options::default()).unwrap(), &scene).unwrap();
     own.time_every(0).unwrap();
     let (position, orientation) = (DEEP.position.into(), glam::DQuat::from_array(DEEP.orientation));
     let (mut told, mut times) = (wrench(), [Vec::new(), Vec::new()]);

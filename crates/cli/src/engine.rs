@@ -1,14 +1,11 @@
 //! The seam between the program and the engine: a run's samples, and what is left of it at the end.
 
 use glam::DVec3;
-use palpate::{Context, Options};
 use palpate::internal::gpu::DeviceInfo;
 use palpate::internal::prepare::Shape;
-use palpate::Scene;
 use palpate::internal::stages::query_as_one;
-use palpate::{Simulation, StepReport};
 use palpate::internal::step::{ContactWrench, Held};
-use palpate::{Error, Result};
+use palpate::{Context, Error, Options, Result, Scene, Simulation, StepReport};
 
 use crate::report::{Facts, Plan, StageSamples};
 
@@ -55,7 +52,7 @@ pub struct SkinResult {
 impl Engine {
     /// Prepares the scene, opens the device and records the step.
     pub fn open(scene: &Scene, options: &Options) -> Result<Self> {
-        let simulation = Simulation::new(scene, options, None)?;
+        let simulation = Simulation::open(scene, options)?;
         Ok(Engine { simulation, stages: Vec::new(), iterations: 0, steps: 0 })
     }
 

@@ -5,10 +5,7 @@ use std::path::PathBuf;
 use clap::builder::NonEmptyStringValueParser;
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressFinish};
-use palpate::Options;
-use palpate::Scene;
-use palpate::Simulation;
-use palpate::{Error, Result};
+use palpate::{Error, Options, Result, Scene, Simulation, Threads};
 use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};
 
@@ -150,8 +147,8 @@ pub fn figures(arguments: &Arguments) -> Result<()> {
 
 fn take(shot: &Shot, arguments: &Arguments) -> Result<Picture> {
     let scene = Scene::load(&arguments.scenes.join(format!("{}.toml", shot.scene)))?;
-    let options = Options { device: arguments.device.clone(), one_thread: true, ..Options::default() };
-    let mut simulation = Simulation::new(&scene, &options, None)?;
+    let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::cached() };
+    let mut simulation = Simulation::open(&scene, &options)?;
     let mut studio = Studio::new(&mut simulation, Settings { size: shot.size, samples: SAMPLES })?;
     shot.from.aim(&mut studio);
     studio.camera.target += DVec3::from(shot.aside);

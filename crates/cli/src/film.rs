@@ -5,10 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
 use indicatif::{ProgressBar, ProgressFinish};
-use palpate::Options;
-use palpate::Scene;
-use palpate::Simulation;
-use palpate::{Error, Result};
+use palpate::{Error, Options, Result, Scene, Simulation, Threads};
 use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};
 
@@ -176,8 +173,8 @@ pub fn film(arguments: &Arguments) -> Result<()> {
         let problem = format!("{pictures} pictures of {duration:?} s; {MOST_PICTURES} at most");
         return Err(Error::Usage(format!("{problem}: give a lower --fps, a higher --speed or fewer --seconds")));
     }
-    let options = Options { device: arguments.device.clone(), one_thread: true, ..Options::default() };
-    let mut simulation = Simulation::new(&scene, &options, None)?;
+    let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::cached() };
+    let mut simulation = Simulation::open(&scene, &options)?;
     simulation.reports().flat_map(|(_, report)| &report.notes).for_each(|note| tell(note));
     let mut studio = arguments.look.studio(&mut simulation)?;
     if apart < scene.step.dt {

@@ -7,13 +7,11 @@ use std::sync::atomic::AtomicBool;
 use palpate::internal::haptics::Device;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::session::{self, Moment, Options, Report};
-use palpate::scene::profile::PROFILES;
-use palpate::Scene;
-use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Profile};
 use palpate::internal::step::drive::Drive;
-use palpate::StepReport;
 use palpate::internal::step::{ContactWrench, Held};
-use palpate::{Error, Result};
+use palpate::scene::profile::PROFILES;
+use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Profile};
+use palpate::{Error, Result, Scene, StepReport};
 use palpate_devices::record::{Header, Recording};
 use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
 

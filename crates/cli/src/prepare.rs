@@ -9,9 +9,8 @@ use glam::{DQuat, DVec3};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::internal::prepare::report::peak_memory;
 use palpate::internal::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
-use palpate::Scene;
 use palpate::scene::{self, Law, Material, Model, Surface, gmsh, obj};
-use palpate::{Error, Result};
+use palpate::{Error, Result, Scene};
 
 use crate::press::{self, Press};
 use crate::print;

@@ -6,15 +6,12 @@ use std::time::Instant;
 
 use clap::builder::NonEmptyStringValueParser;
 use glam::{DQuat, DVec3};
-use palpate::Options;
 use palpate::internal::prepare::repair::{self, Origin};
 use palpate::internal::prepare::{self, Body, Shape};
-use palpate::{Query, QueryContact, QuerySettings};
 use palpate::internal::query::{Answer, Timing};
-use palpate::Scene;
-use palpate::scene::{self, Surface, obj};
 use palpate::internal::stages::POSE_TO_CONTACT;
-use palpate::{Error, Result};
+use palpate::scene::{self, Surface, obj};
+use palpate::{Error, Options, Query, QueryContact, QuerySettings, Result, Scene};
 
 use crate::prepare::surface_of;
 use crate::print;
@@ -89,8 +86,8 @@ pub fn query(arguments: &Arguments) -> Result<()> {
     let mut settings = QuerySettings::of(&a.body, &b.body);
     settings.direction = arguments.direction;
     settings.depth_limit = arguments.depth_limit.unwrap_or(settings.depth_limit);
-    let options = Options { device: arguments.device.clone(), ..Options::default() };
-    let mut query = Query::new(&a.body, &b.body, &settings, &options, None)?;
+    let options = Options { device: arguments.device.clone(), ..Options::cached() };
+    let mut query = Query::open(&a.body, &b.body, &settings, &options)?;
     for note in a.notes().iter().chain(b.notes()) {
         // A closed stderr does not stop a query; the report carries the notes too.
         drop(writeln!(std::io::stderr(), "note: {note}"));

@@ -6,11 +6,8 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
-use palpate::Options;
-use palpate::Scene;
 use palpate::scene::DepthPath;
-use palpate::Simulation;
-use palpate::{Error, Result};
+use palpate::{Error, Options, Result, Scene, Simulation, Threads};
 use palpate_devices::record::{self, Entry, Header, Recorded, Table};
 use palpate_devices::replay;
 
@@ -63,9 +60,12 @@ const CUT_SHORT: &str = "the recording was cut short; this is what there is of i
 
 fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
     let header = recorded.header.clone();
-    let scene = scene_of(&header, arguments)?;
-    let options = Options { device: arguments.device.clone(), one_thread: true, ..Options::default() };
-    let mut simulation = Simulation::new(&scene, &options, depth_of(&header, &arguments.file)?)?;
+    let mut scene = scene_of(&header, arguments)?;
+    if let Some(path) = depth_of(&header, &arguments.file)? {
+        scene.contact.depth = Some(path);
+    }
+    let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::cached() };
+    let mut simulation = Simulation::open(&scene, &options)?;
     let context = simulation.context();
     let now = [env!("CARGO_PKG_VERSION"), context.device_name(), context.driver()];
     for (then, now) in [&header.program, &header.device, &header.driver].into_iter().zip(now) {

@@ -4,14 +4,11 @@ use std::path::PathBuf;
 
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
-use palpate::Result;
-use palpate::Options;
 use palpate::internal::gpu::Arrays;
 use palpate::internal::haptics::session::Report;
 use palpate::scene::profile::PROFILES;
-use palpate::Scene;
 use palpate::scene::{DepthPath, DeviceKind, obj, vtk};
-use palpate::StepReport;
+use palpate::{Options, Result, Scene, StepReport, Threads};
 use palpate_devices::Replay;
 
 use crate::engine::{Engine, Outcome};
@@ -20,6 +17,8 @@ use crate::report::summary::ClosingTable;
 use crate::report::{self, Output, Summary, Tally, Trace};
 use crate::{hold, print, tell};
 
+/// Threads that a machine may have.
+const MOST_THREADS: u32 = 1024;
 const TRACE: &str = "trace.csv";
 const SUMMARY: &str = "summary.json";
 /// A day at one kilohertz, and some; the times of all steps are kept for the closing table.
@@ -51,6 +50,10 @@ pub struct Arguments {
     /// Elements that a texel buffer may have at most, where the device allows more: to see what a lesser device would do
     #[arg(long, value_name = "N")]
     texel_elements: Option<u32>,
+    /// Threads of lavapipe besides the calling one, unless LP_NUM_THREADS is set: a number, "auto" (none below 20000
+    /// tetrahedra) or "driver" (as it likes)
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = lavapipe_threads)]
+    threads: LavapipeThreads,
     /// Path of the depth stage, whatever the scene says [default: the faster one, measured once a device]
     #[arg(long, value_name = "PATH", value_parser = PossibleValuesParser::new(DepthPath::CHOICES.map(|(name, _)| name)))]
     depth: Option<String>,
@@ -86,9 +89,24 @@ impl Arguments {
             device: self.device.clone(),
             arrays: arrays.map(|(_, arrays)| *arrays),
             texel_elements: self.texel_elements,
-            one_thread: true,
-            ..Options::default()
+            threads: self.threads.0,
+            ..Options::cached()
         }
+    }
+}
+
+/// What `--threads` asks for.
+#[derive(Clone, Copy)]
+struct LavapipeThreads(Option<Threads>);
+
+fn lavapipe_threads(text: &str) -> std::result::Result<LavapipeThreads, String> {
+    match text {
+        "auto" => Ok(LavapipeThreads(Some(Threads::Auto))),
+        "driver" => Ok(LavapipeThreads(None)),
+        _ => match text.parse() {
+            Ok(count @ 0..=MOST_THREADS) => Ok(LavapipeThreads(Some(Threads::Count(count)))),
+            _ => Err(format!("give a number to {MOST_THREADS}, \"auto\" or \"driver\"")),
+        },
     }
 }
 

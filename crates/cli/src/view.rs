@@ -14,14 +14,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
-use palpate::Options;
 use palpate::internal::gpu::display_extensions;
 use palpate::internal::haptics::Device;
 use palpate::scene::profile::PROFILES;
-use palpate::Scene;
 use palpate::scene::{DeviceKind, Haptics, Key};
-use palpate::{Simulation, StepReport};
-use palpate::{Error, Result};
+use palpate::{Error, Options, Result, Scene, Simulation, StepReport, Threads};
 use palpate_devices::Mouse;
 use palpate_devices::mouse::Goal;
 use palpate_view::live::{Begin, Extent, Lead, Live, MakeDevice, Watch};
@@ -88,13 +85,13 @@ pub fn view(arguments: &Arguments) -> Result<()> {
     let events = EventLoop::with_user_event().build().map_err(|error| no_display(&arguments.scene, &error))?;
     let options = Options {
         device: arguments.gpu.clone(),
-        one_thread: true,
+        threads: Some(Threads::Auto),
         validation: arguments.validation,
         display: display_extensions(&events.owned_display_handle())?,
-        ..Options::default()
+        ..Options::cached()
     };
     crate::watch("preparing the scene");
-    let simulation = Simulation::new(&scene, &options, None)?;
+    let simulation = Simulation::open(&scene, &options)?;
     simulation.reports().flat_map(|(_, report)| &report.notes).for_each(|note| tell(note));
     let context = simulation.context().clone();
     let stop = hold::stopped_by_signals()?;

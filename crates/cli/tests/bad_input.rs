@@ -8,8 +8,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use palpate::internal::prepare::{self, repair};
 use palpate::Scene;
+use palpate::internal::prepare::{self, repair};
 use palpate::scene::gmsh;
 use tempfile::TempDir;
 

@@ -11,9 +11,7 @@ use std::process::{Command, Output};
 use glam::DVec3;
 use image_compare::Algorithm;
 use image_compare::prelude::{ImageBuffer, Rgb, RgbImage};
-use palpate::Options;
-use palpate::Scene;
-use palpate::Simulation;
+use palpate::{Options, Scene, Simulation, Threads};
 use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};
 use tempfile::TempDir;
@@ -107,8 +105,8 @@ fn device() -> Option<String> {
 /// A scene after some steps, and what takes pictures of it.
 fn studio(scene: &str, steps: usize, replaced: Vec<(String, Vec<u8>)>) -> (Simulation, Studio) {
     let scene = Scene::load(&golden_folder().join(format!("{scene}.toml"))).unwrap();
-    let options = Options { device: device(), one_thread: true, replaced, ..Options::default() };
-    let mut simulation = Simulation::new(&scene, &options, None).unwrap();
+    let options = Options { device: device(), threads: Some(Threads::Auto), replaced, ..Options::cached() };
+    let mut simulation = Simulation::open(&scene, &options).unwrap();
     let studio = Studio::new(&mut simulation, Settings { size: SIZE, samples: 4 }).unwrap();
     for _ in 0..steps {
         simulation.step().unwrap();

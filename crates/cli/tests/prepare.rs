@@ -5,8 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use palpate::internal::prepare::{self, Cache};
 use palpate::Scene;
+use palpate::internal::prepare::{self, Cache};
 use palpate::scene::{self};
 use serde_json::Value;
 

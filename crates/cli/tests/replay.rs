@@ -5,14 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use glam::DVec3;
-use palpate::Options;
 use palpate::internal::haptics::Reading;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
-use palpate::Scene;
 use palpate::scene::{Lowered, Profile};
-use palpate::{RigidState, Simulation};
+use palpate::{Options, RigidState, Scene, Simulation};
 use palpate_devices::record::{Header, Recording};
 
 /// A ball of 50 g that is pushed into a soft block.
@@ -39,7 +37,7 @@ fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, 
     fs::write(&scene, SCENE).unwrap();
     let mut loaded = Scene::load(&scene).unwrap();
     loaded.haptics.is_held = true;
-    let mut simulation = Simulation::new(&loaded, &Options::default(), None).unwrap();
+    let mut simulation = Simulation::open(&loaded, &Options::cached()).unwrap();
     let tool = simulation.tool().unwrap().clone();
     let (limits, _) = Limits::new(Profile::named("scripted").unwrap(), &Lowered::default());
     let (local_model, passivity) = (true, true);

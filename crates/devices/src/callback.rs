@@ -1,8 +1,8 @@
 //! A device of the host program: it says where the hand is and takes what is to be played.
 
+use palpate::Wrench;
 use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
-use palpate::Wrench;
 
 /// Says where the device is at a time, s since the loop began. The loop's thread calls it once a tick.
 pub type Read = Box<dyn FnMut(f64) -> Result<Reading, Fault> + Send>;
@@ -56,8 +56,8 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use glam::{DQuat, DVec3};
-    use palpate::scene::profile::PROFILES;
     use palpate::RigidState;
+    use palpate::scene::profile::PROFILES;
 
     use super::*;
 

@@ -6,10 +6,10 @@ use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::haptics::virtual_time::{self, Schedule};
 use palpate::internal::haptics::{Device, coupling};
-use palpate::scene::profile::Profile;
-use palpate::scene::{Key, Lowered};
 use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
+use palpate::scene::profile::Profile;
+use palpate::scene::{Key, Lowered};
 
 use super::hand::{Hand, HandParameters};
 

@@ -2,18 +2,18 @@
 //! passes, the force comes back.
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::Wrench;
 use palpate::internal::haptics::coupling;
 use palpate::internal::haptics::device::{Device, Fault, Reading};
 use palpate::internal::haptics::environment::{Environment, Wall};
 use palpate::internal::haptics::event::Event;
 use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
-use palpate::scene::profile::Profile;
-use palpate::scene::{Key, Lowered};
+use palpate::internal::step::ContactWrench;
 use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
-use palpate::Wrench;
-use palpate::internal::step::ContactWrench;
+use palpate::scene::profile::Profile;
+use palpate::scene::{Key, Lowered};
 
 use super::hand::{Hand, HandParameters};
 

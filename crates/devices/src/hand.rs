@@ -6,8 +6,8 @@ use std::collections::VecDeque;
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::velocity::AdaptiveWindow;
 use palpate::internal::haptics::{Device, Fault, Reading};
-use palpate::scene::Profile;
 use palpate::internal::step::drive::{Drive, rotation_vector};
+use palpate::scene::Profile;
 use palpate::{RigidState, Wrench};
 
 mod limb;

@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::{Device, Fault, Reading};
+use palpate::internal::step::drive::rotation_vector;
 use palpate::scene::Profile;
 use palpate::scene::profile::MOUSE;
-use palpate::internal::step::drive::rotation_vector;
 use palpate::{RigidState, Wrench};
 
 /// How quickly the device follows, 1/s: critically damped. A pixel's step is spread over some fifty ticks.

@@ -16,11 +16,9 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use palpate::internal::haptics::servo::{Settings, Tick};
-use palpate::Scene;
 use palpate::internal::step::tool::Tool;
-use palpate::Simulation;
 use palpate::internal::step::{ContactWrench, Held};
-use palpate::{Error, Result};
+use palpate::{Error, Result, Scene, Simulation};
 pub use read::Recorded;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

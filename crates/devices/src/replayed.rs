@@ -4,8 +4,7 @@ use std::path::Path;
 
 use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::scene::profile::{PROFILES, Profile};
-use palpate::{RigidState, Wrench};
-use palpate::{Error, Result};
+use palpate::{Error, Result, RigidState, Wrench};
 
 use crate::record::{Entry, Recorded};
 use crate::replay::reading_of;

@@ -1,10 +1,10 @@
 //! A device that follows a script, whatever is played.
 
 use glam::{DQuat, DVec3};
-use palpate::internal::haptics::{Device, Fault, Reading};
-use palpate::scene::Profile;
 use palpate::Wrench;
+use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::internal::step::drive::Drive;
+use palpate::scene::Profile;
 
 /// A script's pose over time.
 #[derive(Debug, Clone)]

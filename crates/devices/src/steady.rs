@@ -9,11 +9,11 @@ use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::haptics::virtual_time::Schedule;
 use palpate::internal::haptics::{Device, coupling};
-use palpate::scene::profile::Profile;
-use palpate::scene::{Key, Lowered};
 use palpate::internal::step::ContactWrench;
 use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
+use palpate::scene::profile::Profile;
+use palpate::scene::{Key, Lowered};
 
 use super::{Hand, HandParameters, Scripted};
 

@@ -3,10 +3,9 @@
 use std::sync::Arc;
 
 use egui::{Align2, Color32, FontId, Pos2, Rect, Vec2};
-use palpate::Result;
-use palpate::Context;
 use palpate::internal::gpu::{Image, Recording};
 use palpate::internal::step::Field;
+use palpate::{Context, Result};
 
 use super::look::map;
 use super::moment::Moment;

@@ -16,10 +16,8 @@ use std::thread::JoinHandle;
 use palpate::internal::haptics::Device;
 use palpate::internal::haptics::session::Report;
 use palpate::internal::prepare::bodies::Bodies;
-use palpate::Scene;
 use palpate::scene::{Contact, Coupling, Key, Material};
-use palpate::{Simulation, StepReport};
-use palpate::{Error, Result};
+use palpate::{Error, Result, Scene, Simulation, StepReport};
 
 use super::turns::Turns;
 pub use snapshot::{LoopState, Sample, Settings, Snapshot, State};

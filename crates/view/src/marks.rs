@@ -5,9 +5,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate::Result;
-use palpate::Context;
 use palpate::internal::gpu::{Buffer, Memory};
+use palpate::{Context, Result};
 
 use super::pieces::Arrays;
 

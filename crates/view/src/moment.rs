@@ -1,10 +1,9 @@
 //! What a picture shows of a simulation between two steps: what the device filled, and what the host knows.
 
 use glam::DVec3;
-use palpate::Result;
 use palpate::internal::gpu::Buffer;
-use palpate::Simulation;
 use palpate::internal::step::{self, Field, FieldValues, Mesh, RegionSquare};
+use palpate::{Result, Simulation};
 
 use super::overlay::{Overlay, Overlays};
 

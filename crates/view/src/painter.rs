@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use palpate::Context;
 use palpate::internal::gpu::{Before, Buffer, Canvas, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording};
 use palpate::internal::shaders;
-use palpate::{Error, Result};
+use palpate::{Context, Error, Result};
 
 /// Words of a corner: place (2), place in the atlas (2), colour.
 pub const CORNER_WORDS: usize = 5;

@@ -3,11 +3,9 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate::Result;
-use palpate::Context;
 use palpate::internal::gpu::{Buffer, Memory};
 use palpate::internal::prepare::Shape;
-use palpate::Simulation;
+use palpate::{Context, Result, Simulation};
 
 use super::decimate::clustered;
 use super::look::{Look, Material};

@@ -4,10 +4,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate::Result;
-use palpate::Context;
 use palpate::internal::gpu::Buffer;
 use palpate::internal::step::{self, Field};
+use palpate::{Context, Result};
 
 use super::look::{Look, Material, flags};
 use super::marks::Marks;

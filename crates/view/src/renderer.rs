@@ -4,12 +4,13 @@
 use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
-use palpate::Context;
-use palpate::internal::gpu::{Arguments, Before, Buffer, Canvas, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording, Side, Texels};
+use palpate::internal::gpu::{
+    Arguments, Before, Buffer, Canvas, DeviceKind, Drawn, Image, Memory, Onto, RasterPipeline, Recorder, Recording,
+    Side, Texels,
+};
 use palpate::internal::shaders;
-use palpate::Simulation;
 use palpate::internal::step::{self, Field, FieldValues};
-use palpate::{Error, Result};
+use palpate::{Context, Error, Result, Simulation};
 
 use super::Camera;
 use super::look::{self, BACKGROUND, Material, SCALE_COLOURS, View, across, columns, light};

@@ -1,7 +1,6 @@
 //! Pictures of a simulation without a window: for films, figures and tests. The same arrays give the same picture on a device.
 
-use palpate::Result;
-use palpate::Simulation;
+use palpate::{Result, Simulation};
 
 use super::camera::Camera;
 use super::labels::Labels;

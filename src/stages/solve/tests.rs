@@ -9,16 +9,17 @@ use super::super::touch::TouchStages;
 use super::super::{Common, depth};
 use super::Solve;
 use crate::gpu::{Context, Named, Options, Recorder};
+use crate::prepare::Cache;
 use crate::prepare::bodies::Bodies;
 use crate::scene::Scene;
 
 #[test]
 fn any_two_buffers_of_a_pass_that_are_swapped_are_refused_by_name() {
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    let context = Context::new(&Options { device, ..Options::default() }).unwrap();
+    let context = Context::open(&Options { device, ..Options::default() }).unwrap();
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-head.toml");
     let scene = Scene::load(&scene).unwrap();
-    let Bodies { bodies, tool } = Bodies::of(&scene).unwrap();
+    let Bodies { bodies, tool } = Bodies::prepare(&scene, &Cache::of_user()).unwrap();
     let model = Model::new(&scene, &bodies, tool.as_ref());
     let (common, elastic) = (Common::new(&context, &model).unwrap(), Elastic::new(&context, &model).unwrap());
     let touch = TouchStages::new(&context, &model, Some(depth::Path::Compute), true).unwrap();

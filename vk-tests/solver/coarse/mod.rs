@@ -10,9 +10,9 @@ use faer::Mat;
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::prepare::{Body, Frame, FrameMotion, Layer, Shape};
-use palpate::scene::Hinge;
 use palpate::internal::shaders::NONE;
 use palpate::internal::stages::model::Model;
+use palpate::scene::Hinge;
 use palpate_oracle::coarse::{Block, MODES, modes};
 
 use crate::solver::system::{

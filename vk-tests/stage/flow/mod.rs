@@ -6,16 +6,18 @@ mod query;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DQuat, DVec3};
-use palpate::internal::prepare::Body;
 use palpate::Scene;
-use palpate::scene::{self, Sides};
+use palpate::internal::prepare::Body;
 use palpate::internal::shaders;
-use palpate::internal::shaders::{ActiveChunk, Contact, Counts, Frame, Link, NONE, Pair, ProxyBounds, Region, StepParams};
+use palpate::internal::shaders::{
+    ActiveChunk, Contact, Counts, Frame, Link, NONE, Pair, ProxyBounds, Region, StepParams,
+};
 use palpate::internal::stages::ARGS_WORDS;
 use palpate::internal::stages::depth::Path;
 use palpate::internal::stages::model::{Model, texel};
 use palpate::internal::stages::skin::LEAST_BUCKETS;
 use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::scene::{self, Sides};
 
 use crate::harness::context;
 

@@ -2,9 +2,8 @@
 //! names ([`super::presets`]).
 
 use glam::{DQuat, DVec3};
-use palpate::Result;
-use palpate::Scene;
 use palpate::scene::{Coupling, Key, Sides};
+use palpate::{Result, Scene};
 
 use super::race::{Entrant, Rules, race, relative_error};
 use super::steps::{LONGEST, MANY, at_units, extrapolated};

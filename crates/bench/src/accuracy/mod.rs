@@ -19,8 +19,7 @@ pub use curve::{Curve, Expected, JUST_NOTICEABLE, Judged, Line, Point};
 pub use document::section;
 pub use presets::{Setting, presets};
 
-use palpate::Options;
-use palpate::{Error, Result};
+use palpate::{Error, Options, Result};
 
 use super::suite::{from_value, to_value};
 use super::{Benchmark, Section};
@@ -101,7 +100,7 @@ impl Settings {
 
     /// What the engine is opened with.
     pub fn options(&self) -> Options {
-        Options { device: self.device.clone(), replaced: self.replaced.clone(), ..Options::default() }
+        Options { device: self.device.clone(), replaced: self.replaced.clone(), ..Options::cached() }
     }
 }
 

@@ -4,10 +4,7 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use palpate::Result;
-use palpate::Options;
-use palpate::Scene;
-use palpate::{Flags, Simulation};
+use palpate::{Flags, Options, Result, Scene, Simulation};
 
 use super::curve::Point;
 
@@ -100,7 +97,7 @@ pub fn race(
 
 /// One scene by itself: for references.
 pub fn run(scene: &Scene, steps: usize, options: &Options) -> Result<Run> {
-    let mut simulation = Simulation::new(scene, options, None)?;
+    let mut simulation = Simulation::open(scene, options)?;
     let mut run = Run::default();
     run.add_steps(&mut simulation, steps, &[])?;
     run.finish(&simulation)
@@ -137,7 +134,7 @@ fn mix(all: &mut [usize]) {
 /// A run of each of these entrants, in turns.
 fn heat(entrants: &[Entrant], own: &[usize], rules: &Rules, round: usize) -> Result<Vec<Run>> {
     let open = |index: &usize| -> Result<(Simulation, Run)> {
-        let mut simulation = Simulation::new(&entrants[*index].scene, rules.options, None)?;
+        let mut simulation = Simulation::open(&entrants[*index].scene, rules.options)?;
         simulation.time_every(TIMED_EVERY)?;
         Ok((simulation, Run::default()))
     };

@@ -1,10 +1,8 @@
 //! What shorter time steps and more of Newton's iterations buy.
 
 use glam::DVec3;
-use palpate::Result;
-use palpate::Options;
-use palpate::Scene;
 use palpate::scene::Law;
+use palpate::{Options, Result, Scene};
 
 use super::press::Press;
 use super::race::{Entrant, Run, race, relative_error, run};

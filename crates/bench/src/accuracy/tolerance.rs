@@ -1,8 +1,7 @@
 //! What the solver's tolerance and its cap on iterations buy, against f64 steps solved directly.
 
-use palpate::Result;
-use palpate::Scene;
 use palpate::scene::Preconditioner;
+use palpate::{Result, Scene};
 
 use super::press::Press;
 use super::race::{Entrant, race};

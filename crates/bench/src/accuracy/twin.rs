@@ -2,13 +2,10 @@
 //! ([`palpate_oracle::contact`]). Only the direction of the region is the engine's, from a run beside it.
 
 use glam::DVec3;
-use palpate::Options;
 use palpate::internal::prepare::{self, Shape};
-use palpate::Scene;
-use palpate::scene::Key;
-use palpate::Simulation;
 use palpate::internal::step::drive::Drive;
-use palpate::{Error, Result};
+use palpate::scene::Key;
+use palpate::{Error, Options, Result, Scene, Simulation};
 use palpate_oracle::contact::{self, Law, Support, Surface};
 use palpate_oracle::contact_law::auto_stiffness;
 use palpate_oracle::step::{self, SoftBody};
@@ -53,7 +50,7 @@ struct Twin {
 pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Reference> {
     let mut beside = scene.clone();
     (beside.solver.tolerance, beside.solver.max_iterations) = (TIGHT, MANY);
-    let mut simulation = Simulation::new(&beside, options, None)?;
+    let mut simulation = Simulation::open(&beside, options)?;
     simulation.time_every(0)?;
     let mut twin = Twin::new(scene, &simulation)?;
     let start = Key { time: 0.0, position: DVec3::ZERO, orientation: glam::DQuat::IDENTITY };

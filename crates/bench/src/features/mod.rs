@@ -13,11 +13,8 @@ use serde_json::{Map, Value};
 pub use plan::Plan;
 pub use scenes::Feature;
 
-use palpate::Options;
-use palpate::Scene;
-use palpate::{RigidState, Simulation, StepReport};
 use palpate::internal::step::Held;
-use palpate::{Error, Result};
+use palpate::{Error, Options, Result, RigidState, Scene, Simulation, StepReport, Threads};
 
 use super::suite::{from_value, to_value};
 use super::{Benchmark, Section, median};
@@ -207,8 +204,8 @@ impl Side {
 }
 
 fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
-    let options = Options { device: settings.device.clone(), one_thread: true, ..Options::default() };
-    Simulation::new(scene, &options, None)
+    let options = Options { device: settings.device.clone(), threads: Some(Threads::Auto), ..Options::cached() };
+    Simulation::open(scene, &options)
 }
 
 /// A loop whose device stays where the keys end.

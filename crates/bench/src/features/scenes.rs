@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use palpate::Result;
-use palpate::Scene;
+use palpate::{Result, Scene};
 
 /// A feature that can be left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,12 +5,11 @@
 //! renders, with E the energy that the hand gave and E_ref zero (2002) or what coupling and contact model store (2005).
 
 use glam::DVec3;
-use palpate::Result;
 use palpate::internal::haptics::environment::Cushion;
 use palpate::internal::haptics::event::Event;
 use palpate::internal::haptics::servo::Tick;
 use palpate::internal::haptics::virtual_time::Schedule;
-use palpate::{RigidState, Wrench};
+use palpate::{Result, RigidState, Wrench};
 use palpate_devices::hand::HandParameters;
 use serde::{Deserialize, Serialize};
 
@@ -149,7 +148,8 @@ fn press(controller: Controller, name: &'static str, body: f64, rate: f64, gap: 
     let spread = super::rig::Spread::of(forces);
     let device = ticks.iter().rfind(held).map_or(0.0, |tick| tick.device.position.y);
     let still = (-device / (1.0 / felt + 1.0 / rig.coupling().stiffness)).min(profile.max_force);
-    let read = |tick: &Tick| tick.reading.map_or(tick.device, |reading: palpate::internal::haptics::Reading| reading.state);
+    let read =
+        |tick: &Tick| tick.reading.map_or(tick.device, |reading: palpate::internal::haptics::Reading| reading.state);
     let work = |pair: &[Tick]| {
         let [from, to]: [RigidState; 2] = [read(&pair[0]), read(&pair[1])];
         pair[0].played.force.dot(to.position - from.position)

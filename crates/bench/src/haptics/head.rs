@@ -1,12 +1,9 @@
 //! The head of `assets/scenes/touch-head.toml`, and ways over its cheek.
 
 use glam::{DQuat, DVec3};
-use palpate::Options;
 use palpate::internal::prepare::{self, Shape};
-use palpate::Scene;
 use palpate::scene::{self, Bind, Core, Dilatation, Law, Layer, Material, Model, Motion, Surface, Tool, ToolShape};
-use palpate::Simulation;
-use palpate::{Error, Result};
+use palpate::{Error, Options, Result, Scene, Simulation};
 
 use super::Settings;
 use super::rig::{MASS, RADIUS};
@@ -61,8 +58,8 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
 
 /// The engine on a scene; no step is timed by stage, which would take time.
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
-    let options = Options { device: settings.device.clone(), ..Options::default() };
-    let mut simulation = Simulation::new(scene, &options, None)?;
+    let options = Options { device: settings.device.clone(), ..Options::cached() };
+    let mut simulation = Simulation::open(scene, &options)?;
     simulation.time_every(0)?;
     Ok(simulation)
 }

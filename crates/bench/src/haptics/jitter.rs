@@ -7,8 +7,8 @@ use palpate::Result;
 use palpate::internal::haptics::clock::Lateness;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::session::{Options, hold};
-use palpate::scene::Haptics;
 use palpate::internal::step::drive::Drive;
+use palpate::scene::Haptics;
 use palpate_devices::scripted::Scripted;
 use serde::{Deserialize, Serialize};
 

@@ -4,8 +4,8 @@ use glam::DVec3;
 use palpate::Result;
 use palpate::internal::haptics::servo::Tick;
 use palpate::internal::haptics::virtual_time::Schedule;
-use palpate::scene::Key;
 use palpate::internal::step::ContactWrench;
+use palpate::scene::Key;
 use palpate_devices::hand::HandParameters;
 use serde::{Deserialize, Serialize};
 

@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use palpate::Result;
-use palpate::Scene;
+use palpate::{Result, Scene};
 use serde::{Deserialize, Serialize};
 
 use super::Settings;

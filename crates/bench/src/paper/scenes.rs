@@ -2,9 +2,7 @@
 
 use std::time::Instant;
 
-use palpate::Scene;
-use palpate::Flags;
-use palpate::{Error, Result};
+use palpate::{Error, Flags, Result, Scene};
 use serde::{Deserialize, Serialize};
 
 use super::Settings;

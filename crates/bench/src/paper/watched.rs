@@ -2,12 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use palpate::Result;
-use palpate::Options;
 use palpate::internal::prepare::Shape;
-use palpate::Scene;
 use palpate::internal::stages::POSE_TO_CONTACT;
-use palpate::{Simulation, StepReport};
+use palpate::{Options, Result, Scene, Simulation, StepReport, Threads};
 use serde::{Deserialize, Serialize};
 
 use super::Settings;
@@ -77,8 +74,8 @@ pub struct Watched(Simulation);
 impl Watched {
     /// Opens a scene; nothing is timed by stage yet. Errors: those of [`Simulation::new`].
     pub fn open(scene: &Scene, settings: &Settings) -> Result<Watched> {
-        let options = Options { device: settings.device.clone(), one_thread: true, ..Options::default() };
-        let mut simulation = Simulation::new(scene, &options, None)?;
+        let options = Options { device: settings.device.clone(), threads: Some(Threads::Auto), ..Options::cached() };
+        let mut simulation = Simulation::open(scene, &options)?;
         simulation.time_every(0)?;
         Ok(Watched(simulation))
     }

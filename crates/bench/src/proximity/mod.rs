@@ -11,9 +11,8 @@ use serde_json::{Map, Value};
 pub use patches::{Area, Place, Sensitivity};
 pub use peers::Peers;
 
-use palpate::Result;
-use palpate::{Context, Options};
 use palpate::internal::prepare::{self, Body, FrameMotion, Shape, mass, skin};
+use palpate::{Context, Options, Result};
 
 use super::suite::{part, to_value};
 use super::{Benchmark, Section};
@@ -114,7 +113,7 @@ impl Benchmark for Proximity {
 
     fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
         let settings = &self.0;
-        let context = Context::new(&Options { device: settings.device.clone(), ..Options::default() })?;
+        let context = Context::open(&Options { device: settings.device.clone(), ..Options::cached() })?;
         match part {
             "sensitivity" => to_value(&patches::sensitivity(&context, settings, watch)?),
             "area" => to_value(&patches::area(&context, settings, watch)?),

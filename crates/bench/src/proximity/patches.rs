@@ -3,10 +3,8 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use palpate::Result;
-use palpate::Context;
-use palpate::{Query, QuerySettings};
 use palpate::internal::query::Timing;
+use palpate::{Context, Query, QuerySettings, Result};
 use serde::{Deserialize, Serialize};
 
 use super::graded::{Family, Graded};
@@ -129,7 +127,7 @@ pub fn sensitivity(
         let prepare_seconds = begun.elapsed().as_secs_f64();
         let (vertices, triangles, proxies) = counts(&body);
         rows.push(Sensitivity { vertices, triangles, proxies, prepare_seconds, ..Sensitivity::default() });
-        queries.push(Query::on(context, &body, &ball, &QuerySettings::of(&body, &ball), None)?);
+        queries.push(Query::on_device(context, &body, &ball, &QuerySettings::of(&body, &ball))?);
     }
     watch(&format!("sensitivity: {} runs of each", settings.runs));
     let pose = against(BODY.radius + BALL.radius - BALL_DEPTH);
@@ -145,7 +143,7 @@ pub fn area(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&
     watch(&format!("area: {} poses, {} runs of each", settings.areas_cm2.len(), settings.runs));
     let Graded { vertices, triangles } = BROAD.member(settings.area_vertices);
     let body = rigid("body", vertices, triangles)?;
-    let mut queries = [Query::on(context, &body, &body, &QuerySettings::of(&body, &body), None)?];
+    let mut queries = [Query::on_device(context, &body, &body, &QuerySettings::of(&body, &body))?];
     let circles: Vec<f64> = settings.areas_cm2.iter().map(|cm2| 1e-4 * cm2).collect();
     let pose = |&circle: &f64| match circle {
         0.0 => against(2.0 * BROAD.radius + GAP),

@@ -7,10 +7,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
-use palpate::Context;
-use palpate::{Query, QuerySettings};
 use palpate::scene::Model;
-use palpate::{Error, Result};
+use palpate::{Context, Error, Query, QuerySettings, Result};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::{TriMesh, TriMeshFlags};
@@ -102,7 +100,7 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
     let all = placed(far);
 
     let query_settings = QuerySettings::of(&head, &pumpkin);
-    let mut query = Query::on(context, &head, &pumpkin, &query_settings, None)?;
+    let mut query = Query::on_device(context, &head, &pumpkin, &query_settings)?;
     let pose = (BEHIND - DVec3::Z * far, DQuat::IDENTITY);
     watch(&format!("peers: {} runs of each", settings.runs));
     let place = measure_one(&mut query, pose, settings)?;

@@ -2,9 +2,8 @@
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};
-use palpate::Scene;
 use palpate::scene::{self, Bind, Core, Law, Layer, Material, Model, Motion, Surface};
-use palpate::{Error, Result};
+use palpate::{Error, Result, Scene};
 use serde::{Deserialize, Serialize};
 
 /// Edge of the blocks, m.

@@ -6,8 +6,7 @@ use std::time::Instant;
 use glam::DVec3;
 use palpate::internal::prepare::cache::{Entry, Key, KeyMaker};
 use palpate::internal::prepare::{Body, Cache, Shape};
-use palpate::Scene;
-use palpate::{Error, Result};
+use palpate::{Error, Result, Scene};
 use palpate_oracle::step::{Simulation, SoftBody};
 use serde::{Deserialize, Serialize};
 

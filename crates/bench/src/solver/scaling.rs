@@ -2,10 +2,8 @@
 
 use std::time::Instant;
 
-use palpate::Result;
-use palpate::Scene;
 use palpate::scene::Preconditioner;
-use palpate::{Flags, Simulation};
+use palpate::{Flags, Result, Scene, Simulation};
 use serde::{Deserialize, Serialize};
 
 use super::cases::{self, Mesh};

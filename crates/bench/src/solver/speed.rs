@@ -2,12 +2,9 @@
 
 use std::time::Instant;
 
-use palpate::Result;
-use palpate::Options;
 use palpate::internal::prepare::Cache;
-use palpate::Scene;
 use palpate::scene::Preconditioner;
-use palpate::{Flags, Simulation};
+use palpate::{Flags, Options, Result, Scene, Simulation};
 use serde::{Deserialize, Serialize};
 
 use super::cases::{self, Case};
@@ -144,8 +141,7 @@ pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, set
 
 /// The engine on a scene; no step is timed by stage, which would take time.
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
-    let mut simulation =
-        Simulation::new(scene, &Options { device: settings.device.clone(), ..Options::default() }, None)?;
+    let mut simulation = Simulation::open(scene, &Options { device: settings.device.clone(), ..Options::cached() })?;
     simulation.time_every(0)?;
     Ok(simulation)
 }

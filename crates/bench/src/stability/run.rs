@@ -5,10 +5,8 @@ use std::sync::mpsc;
 use std::time::Instant;
 
 use glam::DVec3;
-use palpate::{Context, Options};
 use palpate::internal::prepare::Shape;
-use palpate::Simulation;
-use palpate::{Error, Result};
+use palpate::{Context, Error, Options, Result, Simulation, Threads};
 
 use super::axes::{self, Axis, Extent};
 use super::cases::{Case, Start};
@@ -28,7 +26,7 @@ const MOST_WORKERS: usize = 8;
 pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
     let begun = Instant::now();
     // Opened first, so that the choice of one thread is made before there are others.
-    let context = Context::new(&options(settings))?;
+    let context = Context::open(&options(settings))?;
     let (device, driver) = (context.device_name().to_string(), context.driver().to_string());
     let threads = std::thread::available_parallelism().map_or(1, Into::into);
     let folder = MeshFolder::new()?;
@@ -115,9 +113,9 @@ fn all(
 fn options(settings: &Settings) -> Options {
     Options {
         device: settings.device.clone(),
-        one_thread: true,
+        threads: Some(Threads::Auto),
         replaced: settings.replaced.clone(),
-        ..Options::default()
+        ..Options::cached()
     }
 }
 
@@ -125,7 +123,7 @@ fn options(settings: &Settings) -> Options {
 fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
     let begun = Instant::now();
     let scene = case.setup.scene(case.scenario);
-    let mut simulation = match Simulation::new(&scene, &options(settings), None) {
+    let mut simulation = match Simulation::open(&scene, &options(settings)) {
         Ok(simulation) => simulation,
         Err(error @ (Error::Key { .. } | Error::Input { .. })) => {
             let refusal = Some(error.to_string());

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
 use palpate::Scene;
-use palpate::scene::{Bind, Body, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Shape, Tool, ToolShape};
+use palpate::scene::{
+    Bind, Body, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Shape, Tool, ToolShape,
+};
 
 /// Nodes this near a face are on it, of the block's edge.
 const ON_FACE: f64 = 1e-6;

@@ -3,10 +3,8 @@
 
 use glam::DVec3;
 use palpate::internal::prepare::Shape;
-use palpate::Scene;
 use palpate::internal::shaders::{self, NONE};
-use palpate::ToolReport;
-use palpate::{Error, Result};
+use palpate::{Error, Result, Scene, ToolReport};
 use palpate_oracle::contact_law::{Penalty, auto_stiffness};
 
 use super::trace::{HALF_ULP, ROUNDINGS};

@@ -4,13 +4,11 @@
 use std::collections::{HashMap, HashSet};
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::Result;
 use palpate::internal::prepare::Shape;
-use palpate::Scene;
 use palpate::internal::shaders::Contact;
 use palpate::internal::step::drive::rotation_vector;
 use palpate::internal::step::tool::Tool;
-use palpate::{Flags, RigidState, Simulation, ToolReport};
+use palpate::{Flags, Result, RigidState, Scene, Simulation, ToolReport};
 use palpate_oracle::step::SoftBody;
 
 use super::equations::{Before, Done};

@@ -144,8 +144,8 @@ pub fn write_contacts(w: &mut impl Write, contacts: &[QueryContact]) -> std::io:
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use palpate::internal::shaders::Counts;
     use palpate::Flags;
+    use palpate::internal::shaders::Counts;
 
     use super::*;
 

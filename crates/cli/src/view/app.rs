@@ -5,11 +5,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use palpate::Context;
 use palpate::internal::gpu::Window;
 use palpate::internal::prepare::bodies::Bodies;
-use palpate::Scene;
-use palpate::{Error, Result};
+use palpate::{Context, Error, Result, Scene};
 use palpate_devices::mouse::Goal;
 use palpate_view::live::{Command, Live, State};
 use palpate_view::overlay::Overlay;

@@ -7,9 +7,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use palpate::Context;
 use palpate::internal::gpu::Window;
-use palpate::{Error, Result};
+use palpate::{Context, Error, Result};
 use palpate_view::Camera;
 use palpate_view::live::Link;
 use palpate_view::overlay::Overlays;

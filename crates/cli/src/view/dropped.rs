@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use palpate::internal::prepare::Cache;
 use palpate::internal::prepare::bodies::Bodies;
-use palpate::Scene;
-use palpate::{Error, Result};
+use palpate::{Error, Result, Scene};
 use tempfile::TempDir;
 use winit::event_loop::EventLoopProxy;
 
@@ -31,7 +31,7 @@ fn made(file: &Path, say: &mut dyn FnMut(String)) -> Result<(Scene, Bodies)> {
     let mut scene = Scene::load(&folder.path().join("scene.toml"))?;
     scene.haptics.is_held = true;
     let mut bodies = Bodies::default();
-    bodies.complete(&scene, &mut |progress| {
+    bodies.complete(&scene, &Cache::of_user(), &mut |progress| {
         say(format!("preparing {name}: {}, {}", progress.name, progress.stage.name()));
         Ok(())
     })?;

@@ -6,10 +6,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use palpate::Context;
 use palpate::internal::gpu::{Content, Recording, Window};
-use palpate::Simulation;
-use palpate::{Error, Result};
+use palpate::{Context, Error, Result, Simulation};
 use palpate_view::painter::Painter;
 use palpate_view::picture::Picture;
 use palpate_view::{Labels, Moment, Renderer, Settings};

@@ -5,9 +5,9 @@ use palpate::internal::haptics::device::Reading;
 use palpate::internal::haptics::event::{Event, Events};
 use palpate::internal::haptics::passivity::Energy;
 use palpate::internal::haptics::servo::Tick;
+use palpate::internal::step::{ContactWrench, Gap, Held};
 use palpate::scene::Coupling;
 use palpate::{RigidState, Wrench};
-use palpate::internal::step::{ContactWrench, Gap, Held};
 
 use super::Step;
 

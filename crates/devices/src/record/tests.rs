@@ -1,13 +1,13 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::RigidState;
 use palpate::internal::haptics::environment::{Environment, Wall};
 use palpate::internal::haptics::event::Event;
 use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::Servo;
 use palpate::internal::haptics::{Fault, Reading};
 use palpate::scene::{Coupling, Lowered, Profile};
-use palpate::RigidState;
 
 use super::*;
 

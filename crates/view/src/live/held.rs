@@ -13,8 +13,8 @@ use palpate::internal::haptics::clock::Lateness;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::event::Events;
 use palpate::internal::haptics::session::{self, Moment, Options};
-use palpate::scene::Key;
 use palpate::internal::step::{ContactWrench, Held};
+use palpate::scene::Key;
 use palpate_devices::record::{Header, Recording};
 
 use super::snapshot::LoopState;

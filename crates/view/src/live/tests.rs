@@ -35,8 +35,8 @@ fn simulation(folder: &std::path::Path) -> Simulation {
     let file = folder.join("scene.toml");
     std::fs::write(&file, SCENE).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    let options = Options { device, validation: true, ..Options::default() };
-    Simulation::new(&Scene::load(&file).unwrap(), &options, None).unwrap()
+    let options = Options { device, validation: true, ..Options::cached() };
+    Simulation::open(&Scene::load(&file).unwrap(), &options).unwrap()
 }
 
 /// All that a trace holds but the time that the step took.
@@ -93,8 +93,13 @@ fn beside_drawing_the_trace_is_the_same_bits() {
                     let context = simulation.context().clone();
                     let skins = simulation.skins(origin).unwrap();
                     let bytes = skins.positions.bytes();
-                    let target =
-                        palpate::internal::gpu::Buffer::new(&context, "drawn", bytes, palpate::internal::gpu::Memory::Device).unwrap();
+                    let target = palpate::internal::gpu::Buffer::new(
+                        &context,
+                        "drawn",
+                        bytes,
+                        palpate::internal::gpu::Memory::Device,
+                    )
+                    .unwrap();
                     let mut recorder = Recorder::untimed(&context).unwrap();
                     recorder.copy(skins.positions, &target);
                     recorder.finish().unwrap()

@@ -6,10 +6,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant};
 
 use palpate::internal::prepare::bodies::Bodies;
-use palpate::Scene;
-use palpate::{Simulation, StepReport};
 use palpate::internal::step::Held;
-use palpate::{Error, Result};
+use palpate::{Error, Result, Scene, Simulation, StepReport};
 
 use super::snapshot::{self, LoopState, Out, Snapshot, State};
 use super::{Begin, Command, Extent, Lead, Watch};
@@ -316,7 +314,9 @@ impl Worker {
     fn record(&mut self) -> Result<()> {
         if self.is_changed {
             let (context, path) = (self.simulation.context().clone(), self.simulation.depth_path());
-            self.take(Simulation::on(&context, &self.given, path)?)?;
+            let mut scene = self.given.clone();
+            scene.contact.depth = path;
+            self.take(Simulation::on_device(&context, &scene)?)?;
             self.out.note("recorded from the start, with the scene's own materials, contact and coupling");
         }
         self.reset()?;
@@ -329,7 +329,8 @@ impl Worker {
     /// Another scene, with its own first state; where it cannot be, the old one goes on.
     fn replace(&mut self, (scene, bodies): (Scene, Bodies)) {
         let context = self.simulation.context().clone();
-        let made = Simulation::check_room(&context, &scene).and_then(|()| Simulation::of(&context, &scene, bodies));
+        let made =
+            Simulation::check_room(&context, &scene).and_then(|()| Simulation::with_bodies(&context, &scene, bodies));
         match made.and_then(|simulation| self.take(simulation)) {
             Ok(()) => (self.given, self.is_replaced) = (scene, true),
             Err(error) => self.out.note(error.to_string()),

@@ -18,8 +18,7 @@ pub use stiffness::by_stiffness;
 pub use texel::by_texel;
 
 use glam::DVec3;
-use palpate::Result;
-use palpate::Scene;
+use palpate::{Result, Scene};
 
 use super::race::{self, Entrant, Errors, Run};
 use super::{Point, Settings};

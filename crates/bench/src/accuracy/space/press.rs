@@ -5,7 +5,9 @@ use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
 use palpate::Scene;
-use palpate::scene::{self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Sides, Surface, Tool, ToolShape};
+use palpate::scene::{
+    self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Sides, Surface, Tool, ToolShape,
+};
 
 /// Time step, s: what matters is where everything comes to rest.
 const DT: f64 = 0.02;

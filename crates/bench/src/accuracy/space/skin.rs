@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::scene::{Sides, Surface};
 use palpate::internal::stages::QUERY;
+use palpate::scene::{Sides, Surface};
 
 use super::layer::{GRADES, block};
 use super::limit::limit;
