@@ -36,7 +36,7 @@ pub use error::{Error, Result};
 pub use gpu::{Arrays, Context, Options, Threads};
 pub use haptics::{Device, Fault, Reading};
 pub use query::{Answer, Query, QueryContact, QuerySettings};
-pub use scene::Scene;
+pub use scene::{Scene, SceneBuilder};
 pub use step::{ContactPoint, Flags, Pose, RigidState, Simulation, StepReport, ToolReport, Wrench};
 
 /// All rooms, for the crates beside this one and for tests. Nothing in here is promised to others.

@@ -4,12 +4,14 @@ use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
 
+use super::check;
 use super::keys::{Table, Value, suggest};
-use super::load::TOOL;
 use super::material::{material, regions};
 use super::meshes::Meshes;
 use super::tetrahedra::EXTENSIONS;
-use super::{Bind, Body, Core, Hinge, Layer, Model, Motion, Shape, Skeleton, Surface, drive, joint, skeleton};
+use super::{
+    Bind, Body, Core, Hinge, Layer, Model, Motion, SceneBuilder, Shape, Skeleton, Surface, drive, joint, skeleton,
+};
 use crate::Result;
 
 const BODY_KEYS: [&str; 22] = [
@@ -42,10 +44,6 @@ const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
 const RIGID_KEYS: [&str; 4] = ["motion", "keys", "mass", "hinge"];
 /// What only a dynamic core has.
 const DYNAMIC_KEYS: [&str; 2] = ["mass", "hinge"];
-/// Tetrahedra of a box layer at most: elements of a texel buffer that every Vulkan device with large buffers has.
-const MAX_BOX_TETRAHEDRA: u64 = 1 << 27;
-/// Cells along a surface at most.
-const MOST_ACROSS: u32 = 1000;
 /// Proxies of a body at most: culling looks at all pairs of two bodies.
 pub const MOST_HULLS: u32 = 256;
 /// Least length of a plane's normal, or a hinge's axis, before it is normalised.
@@ -67,16 +65,12 @@ impl Dilatation {
 }
 
 /// Adds all bodies, in file order; names are unique and never `tool`.
-pub(super) fn read(root: &Table, bodies: &mut Vec<Body>) -> Result<()> {
+pub(super) fn read(root: &Table, builder: &mut SceneBuilder) -> Result<()> {
     let Some(array) = root.get("body") else { return Ok(()) };
     for element in array.array()? {
         let body = body(&element)?;
-        if body.name == TOOL || bodies.iter().any(|other| other.name == body.name) {
-            let taken = element.unchecked_table()?;
-            let problem = format!("\"{}\" is taken", body.name);
-            return Err(taken.error("name", problem, "names of bodies are unique, and \"tool\" is the tool"));
-        }
-        bodies.push(body);
+        let table = element.unchecked_table()?;
+        builder.put_body(body).map_err(|problem| table.wrong(problem))?;
     }
     Ok(())
 }
@@ -227,43 +221,32 @@ fn layer(value: &Value) -> Result<Layer> {
         let (grade, thickness) = (table.or("grade", 1, grade)?, table.option("thickness", Value::positive)?);
         return Ok(match kind {
             "cell" => Layer::Cell { cell: value.positive()?, grade, thickness },
-            _ => Layer::Across { cells: value.whole(1, MOST_ACROSS)?, grade, thickness },
+            _ => Layer::Across { cells: value.whole(1, check::MOST_ACROSS)?, grade, thickness },
         });
     }
     refuse(&table, &["grade", "thickness"], "belongs to cells that fill a surface")?;
     let (low, high) = corners(&table.need("box")?)?;
     let counts = table.need("cells")?;
-    let cells: [u32; 3] = counts.array_of(|value| value.whole(1, 1 << 20))?;
-    let total = cells.iter().try_fold(6_u64, |product, &count| product.checked_mul(count.into()));
-    if total.is_none_or(|total| total > MAX_BOX_TETRAHEDRA) {
-        return Err(counts.error("makes too many tetrahedra", format!("stay below {MAX_BOX_TETRAHEDRA} (6 a cell)")));
-    }
-    Ok(Layer::Box { low, high, cells })
+    let cells: [u32; 3] = counts.array_of(|value| value.whole(1, check::MOST_CELLS))?;
+    counts.held(Layer::Box { low, high, cells }, check::box_cells(cells))
 }
 
 /// How much larger cells may be deep inside.
 fn grade(value: &Value) -> Result<u32> {
     let grade = value.whole(1, 8)?;
-    if grade.is_power_of_two() { Ok(grade) } else { Err(value.error(format!("is {grade}"), "give 1, 2, 4 or 8")) }
+    value.held(grade, check::grade(grade))
 }
 
 /// `[[x, y, z], [x, y, z]]`, the first below the second on every axis.
 pub(super) fn corners(value: &Value) -> Result<(DVec3, DVec3)> {
     let [low, high] = value.array_of(Value::vector)?;
-    if low.cmplt(high).all() {
-        Ok((low, high))
-    } else {
-        Err(value.error(format!("{low} is not below {high} on every axis"), "give the least corner first"))
-    }
+    value.held((low, high), check::corners(low, high))
 }
 
 /// `[x, y, z, radius]`.
 pub(super) fn sphere(value: &Value) -> Result<(DVec3, f64)> {
     let [x, y, z, radius] = value.array_of(Value::number)?;
-    if radius <= 0.0 {
-        return Err(value.error(format!("has radius {radius:?}"), "give x, y, z and a radius above zero"));
-    }
-    Ok((DVec3::new(x, y, z), radius))
+    value.held((DVec3::new(x, y, z), radius), check::radius(radius))
 }
 
 /// One core a bone, fixed where `[[body.core]]` of the same name does not say more; then the other cores.

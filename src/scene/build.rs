@@ -1,64 +1,180 @@
-//! [`Builder`]: a scene made piece by piece, of the tables of scene files and of meshes in memory.
-//!
-//! There is one reader of tables and one set of checks, those of `load.rs`, whether a table was written by a person or
-//! made by a program.
+//! [`SceneBuilder`]: a scene made piece by piece, of values, of the tables of scene files, and of meshes in memory. The reader
+//! of scene files is made of it; `check.rs` has the rules.
 
 use std::path::PathBuf;
 
-use super::keys::Source;
-use super::load;
+use super::check::{self, Check, Problem};
+use super::keys::{Node, Source};
+use super::load::TOOL;
 use super::meshes::Meshes;
-use super::{Scene, names};
+use super::names::Unresolved;
+use super::{Body, Contact, Coupling, Haptics, Key, Probe, Scene, Solver, Step, Tool, load, names};
 use crate::{Error, Result};
 
-/// A scene in the making. It is sound after each call: what a call names (a body, the tool, a mesh) is there already.
+/// A scene in the making. Each call checks what it is given and is refused with the key that a scene file would have for it;
+/// after an error nothing has changed. Whether what bodies and probes name is there is checked by [`SceneBuilder::build`].
+///
+/// ```
+/// use palpate::SceneBuilder;
+/// use palpate::scene::{Bind, Body, Core, Coupling, Key, Material, Tool};
+///
+/// # fn main() -> palpate::Result<()> {
+/// let gel = Material::new(2e4, 0.45, 1000.0);
+/// let mut block = Body::block("block", [0.0, 0.0, 0.0], [0.06, 0.03, 0.06], [8, 4, 8], gel);
+/// block.cores.push(Core::fixed("table", Bind::Box { low: [-1.0, -1.0, -1.0].into(), high: [1.0, 1e-3, 1.0].into() }));
+/// let scene = SceneBuilder::new("press")
+///     .body(block)?
+///     .tool(Tool::sphere(0.01, 0.05).at([0.03, 0.045, 0.03]))?
+///     .coupling(Coupling { stiffness: 500.0, damping: 5.0, ..Coupling::default() })?
+///     .drive(vec![Key::at(0.0, [0.03, 0.045, 0.03]), Key::at(0.2, [0.03, 0.035, 0.03])])?
+///     .build()?;
+/// assert_eq!(scene.bodies[0].name, "block");
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone)]
-pub struct Builder {
+pub struct SceneBuilder {
     scene: Scene,
     meshes: Meshes,
 }
 
-impl Builder {
-    /// Begins with a scene; `Scene::empty` for one of nothing.
-    pub fn new(scene: Scene) -> Builder {
-        Builder { scene, meshes: Meshes::default() }
+impl SceneBuilder {
+    /// A scene of nothing, all else as a scene file without any table has it. `name`: what errors and results call it; files
+    /// that tables name are relative to its folder.
+    pub fn new(name: impl Into<PathBuf>) -> SceneBuilder {
+        SceneBuilder { scene: Scene::empty(name), meshes: Meshes::default() }
     }
 
-    /// What is made so far.
+    /// Goes on with a scene.
+    pub fn of(scene: Scene) -> SceneBuilder {
+        SceneBuilder { scene, meshes: Meshes::default() }
+    }
+
+    /// Time step, gravity and Newton iterations.
+    ///
+    /// # Errors
+    /// A value that a scene file may not have either; the same holds for the calls below.
+    pub fn step(&mut self, step: Step) -> Result<&mut Self> {
+        step.check().map_err(|problem| self.wrong("step", problem))?;
+        self.scene.step = step;
+        Ok(self)
+    }
+
+    /// The linear solver.
+    pub fn solver(&mut self, solver: Solver) -> Result<&mut Self> {
+        solver.check().map_err(|problem| self.wrong("solver", problem))?;
+        self.scene.solver = solver;
+        Ok(self)
+    }
+
+    /// The contact law.
+    pub fn contact(&mut self, contact: Contact) -> Result<&mut Self> {
+        contact.check().map_err(|problem| self.wrong("contact", problem))?;
+        self.scene.contact = contact;
+        Ok(self)
+    }
+
+    /// Adds a body, whose name is no other body's and not "tool".
+    pub fn body(&mut self, body: Body) -> Result<&mut Self> {
+        let key = format!("body.{}", body.name);
+        self.put_body(body).map_err(|problem| self.wrong(&key, problem))?;
+        Ok(self)
+    }
+
+    /// What the device holds, in place of any other.
+    pub fn tool(&mut self, tool: Tool) -> Result<&mut Self> {
+        tool.check().map_err(|problem| self.wrong("tool", problem))?;
+        self.scene.tool = Some(tool);
+        Ok(self)
+    }
+
+    /// The virtual coupling between device and tool.
+    pub fn coupling(&mut self, coupling: Coupling) -> Result<&mut Self> {
+        coupling.check().map_err(|problem| self.wrong("coupling", problem))?;
+        self.scene.coupling = Some(coupling);
+        Ok(self)
+    }
+
+    /// The trajectory of the device, linear between keys.
+    pub fn drive(&mut self, keys: Vec<Key>) -> Result<&mut Self> {
+        check::keys(&keys).map_err(|problem| self.wrong("drive.keys", problem))?;
+        self.scene.drive = keys;
+        Ok(self)
+    }
+
+    /// The haptic device and its loop.
+    pub fn haptics(&mut self, haptics: Haptics) -> Result<&mut Self> {
+        haptics.check().map_err(|problem| self.wrong("haptics", problem))?;
+        self.scene.haptics = haptics;
+        Ok(self)
+    }
+
+    /// A skin vertex to follow.
+    pub fn probe(&mut self, probe: Probe) -> Result<&mut Self> {
+        let key = format!("probe.{}", probe.name);
+        let name = check::name(&probe.name).map_err(|problem| problem.within("name"));
+        let check = name.and_then(|()| check::probe_name(&probe.name, &self.scene.probes));
+        check.map_err(|problem| self.wrong(&key, problem))?;
+        self.scene.probes.push(probe);
+        Ok(self)
+    }
+
+    /// Adds the tables of a text, as of a scene file: bodies and probes come after those that there are, other tables and
+    /// keys replace what there is, and what the text leaves out stays. What it names is there already.
+    pub fn toml(&mut self, text: &str) -> Result<&mut Self> {
+        let document = self.source(text).parse()?;
+        self.add_document(text, &document)?;
+        Ok(self)
+    }
+
+    /// The scene.
+    ///
+    /// # Errors
+    /// There is neither a body nor a tool; a body, probe or tool names what is not there; there is a coupling and no tool.
+    pub fn build(&self) -> Result<Scene> {
+        let scene = &self.scene;
+        scene.check_filled()?;
+        for (key, is_given) in [("coupling", scene.coupling.is_some()), ("drive", !scene.drive.is_empty())] {
+            if is_given && scene.tool.is_none() {
+                return Err(Error::key(&scene.file, key, "there is no tool to hold", "add a tool, or leave it out"));
+            }
+        }
+        let check = names::resolve(scene, [0, 0], true);
+        check.map_err(|Unresolved { place, problem, remedy }| {
+            Error::key(&scene.file, place.key(scene), problem, remedy)
+        })?;
+        Ok(scene.clone())
+    }
+
+    /// What is made so far, of which names may be missing.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
     /// Meshes that tables may name from now on.
+    #[doc(hidden)]
     pub fn meshes(&mut self) -> &mut Meshes {
         &mut self.meshes
     }
 
-    /// Adds the tables of a text, as of a scene file: bodies and probes come after those that there are, other tables and
-    /// keys replace what there is, and what the text leaves out stays. After an error nothing has changed.
-    pub fn add(&mut self, text: &str) -> Result<()> {
-        self.add_text(text, true)
-    }
-
-    /// The same of tables that nobody wrote: errors name keys, not lines.
-    pub fn add_tables(&mut self, tables: &toml::Table) -> Result<()> {
-        let file: PathBuf = self.scene.file.clone();
-        let text = toml::to_string(tables)
-            .map_err(|error| Error::input(&file, None, format!("cannot be written: {error}"), "give other values"))?;
-        self.add_text(&text, false)
+    /// As [`SceneBuilder::toml`] of tables that nobody wrote: errors name keys, not lines.
+    #[doc(hidden)]
+    pub fn tables(&mut self, tables: &toml::Table) -> Result<()> {
+        self.add_document("", &Node::from(tables))
     }
 
     /// The same of a tool and its coupling, in place of any that there are.
+    #[doc(hidden)]
     pub fn replace_tool(&mut self, tables: &toml::Table) -> Result<()> {
         let mut next = self.clone();
         (next.scene.tool, next.scene.coupling) = (None, None);
-        next.add_tables(tables)?;
+        next.tables(tables)?;
         *self = next;
         Ok(())
     }
 
-    /// Says with what a body collides, by name; `None`: with every other.
-    pub fn set_collides(&mut self, body: usize, names: Option<Vec<String>>) -> Result<()> {
+    /// Says with what a body collides, by name; `None`: with every other. The names are there already.
+    pub fn collides(&mut self, body: usize, names: Option<Vec<String>>) -> Result<&mut Self> {
         let bodies = self.scene.bodies.len();
         let Some(named) = self.scene.bodies.get(body) else {
             let problem = format!("is {body}; the scene has {bodies}, counted from 0");
@@ -70,14 +186,39 @@ impl Builder {
             })?;
         }
         self.scene.bodies[body].collides = names;
+        Ok(self)
+    }
+
+    /// Adds a body; the problem's key is within the body's.
+    pub(super) fn put_body(&mut self, body: Body) -> Check {
+        if body.name == TOOL || self.scene.bodies.iter().any(|other| other.name == body.name) {
+            let problem = format!("\"{}\" is taken", body.name);
+            return Err(Problem::of("name", problem, "names of bodies are unique, and \"tool\" is the tool"));
+        }
+        body.check()?;
+        self.scene.bodies.push(body);
         Ok(())
     }
 
-    fn add_text(&mut self, text: &str, has_lines: bool) -> Result<()> {
-        let mut next = self.scene.clone();
-        load::add(&mut next, &Source { file: &self.scene.file, text, has_lines, meshes: &self.meshes })?;
-        self.scene = next;
+    /// What is made so far, for the reader of tables.
+    pub(super) fn scene_mut(&mut self) -> &mut Scene {
+        &mut self.scene
+    }
+
+    fn source<'a>(&'a self, text: &'a str) -> Source<'a> {
+        Source { file: &self.scene.file, text, meshes: &self.meshes }
+    }
+
+    fn add_document(&mut self, text: &str, document: &Node) -> Result<()> {
+        let mut next = self.clone();
+        load::add(&mut next, &self.source(text), document)?;
+        *self = next;
         Ok(())
+    }
+
+    fn wrong(&self, key: &str, problem: Problem) -> Error {
+        let Problem { key, problem, remedy } = problem.within(key);
+        Error::key(&self.scene.file, key, problem, remedy)
     }
 }
 
@@ -96,26 +237,26 @@ mod tests {
         format!("[[body]]\nname = \"{name}\"\n{BLOCK}{more}\n")
     }
 
-    fn refused(builder: &mut Builder, text: &str, words: &str) {
+    fn refused(builder: &mut SceneBuilder, text: &str, words: &str) {
         let before = format!("{:?}", builder.scene());
-        let error = builder.add(text).unwrap_err().to_string();
+        let error = builder.toml(text).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
         assert_eq!(format!("{:?}", builder.scene()), before);
     }
 
     #[test]
     fn what_a_text_leaves_out_stays() {
-        let mut builder = Builder::new(Scene::empty("s"));
-        builder.add("[step]\ndt = 0.004\n[contact]\nfriction = 0.3\n[solver]\npreconditioner = \"jacobi\"").unwrap();
-        builder.add(&format!("{TOOL}[coupling]\nstiffness = 10\ndamping = 1\n[haptics]\ntrust = 0.5")).unwrap();
-        builder.add("[step]\nnewton = 3\n[contact]\nstiffness = 1e6").unwrap();
-        builder.add(&block("a", "")).unwrap();
-        builder.add(&block("b", "collides = [\"a\", \"tool\"]")).unwrap();
+        let mut builder = SceneBuilder::new("s");
+        builder.toml("[step]\ndt = 0.004\n[contact]\nfriction = 0.3\n[solver]\npreconditioner = \"jacobi\"").unwrap();
+        builder.toml(&format!("{TOOL}[coupling]\nstiffness = 10\ndamping = 1\n[haptics]\ntrust = 0.5")).unwrap();
+        builder.toml("[step]\nnewton = 3\n[contact]\nstiffness = 1e6").unwrap();
+        builder.toml(&block("a", "")).unwrap();
+        builder.toml(&block("b", "collides = [\"a\", \"tool\"]")).unwrap();
         let scene = builder.scene();
         assert_eq!((scene.step.dt, scene.step.newton, scene.contact.friction), (0.004, 3, 0.3));
         assert_eq!((scene.contact.stiffness, scene.haptics.trust), (Some(1e6), 0.5));
         assert!(scene.coupling.is_some() && scene.bodies.len() == 2);
-        builder.add("preset = \"fast\"\n[step]\nnewton = 2").unwrap();
+        builder.toml("preset = \"fast\"\n[step]\nnewton = 2").unwrap();
         let scene = builder.scene();
         assert_eq!((scene.step.dt, scene.step.newton, scene.contact.friction), (0.008, 2, 0.3));
         let other: toml::Table = "[tool]\nsphere = 0.02\nmass = 0.2".parse().unwrap();
@@ -126,43 +267,41 @@ mod tests {
 
     #[test]
     fn what_a_text_names_is_there_already_and_an_error_changes_nothing() {
-        let mut builder = Builder::new(Scene::empty("s"));
+        let mut builder = SceneBuilder::new("s");
         refused(&mut builder, &block("b", "collides = [\"a\"]"), "there is no body \"a\"");
         refused(&mut builder, "[coupling]\nstiffness = 1\ndamping = 1", "there is no [tool]");
-        builder.add(&(block("a", "") + TOOL)).unwrap();
+        builder.toml(&(block("a", "") + TOOL)).unwrap();
         refused(&mut builder, &(block("b", "") + &block("a", "")), "s:7: `body[1].name`: \"a\" is taken");
         let probe = "[[probe]]\nname = \"p\"\nbody = \"a\"\nnearest = [0, 0, 0]\n";
         refused(&mut builder, &(block("b", "") + probe + probe), "taken by another probe");
-        builder.add(probe).unwrap();
+        builder.toml(probe).unwrap();
         refused(&mut builder, probe, "taken by another probe");
         refused(&mut builder, "[[probe]]\nname = \"q\"\nbody = \"b\"\nnearest = [0, 0, 0]", "there is no body \"b\"");
         builder
-            .add(&block(
+            .toml(&block(
                 "b",
                 "collides = [\"tool\"]\n[[body.core]]\nname = \"c\"\nmotion = \"dynamic\"\nbind = { all = true }",
             ))
             .unwrap();
         refused(&mut builder, "[tool]\nbody = \"b\"", "body \"b\" names \"tool\" in `collides`");
-        builder.set_collides(0, Some(vec!["b".into(), "tool".into()])).unwrap();
+        builder.collides(0, Some(vec!["b".into(), "tool".into()])).unwrap();
         assert_eq!(builder.scene().bodies[0].collides, Some(vec!["b".into(), "tool".into()]));
         for (body, name, words) in
             [(0, "a", "names the body itself"), (1, "c", "no body \"c\""), (2, "a", "`body`: is 2")]
         {
-            let error = builder.set_collides(body, Some(vec![name.into()])).unwrap_err().to_string();
+            let error = builder.collides(body, Some(vec![name.into()])).unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
         }
-        builder.set_collides(1, None).unwrap();
-        builder.add("[tool]\nbody = \"b\"").unwrap_err();
-        builder.set_collides(0, None).unwrap();
-        builder.add("[tool]\nbody = \"b\"").unwrap();
-        assert!(
-            builder.set_collides(0, Some(vec!["tool".into()])).unwrap_err().to_string().contains("which is a body")
-        );
+        builder.collides(1, None).unwrap();
+        builder.toml("[tool]\nbody = \"b\"").unwrap_err();
+        builder.collides(0, None).unwrap();
+        builder.toml("[tool]\nbody = \"b\"").unwrap();
+        assert!(builder.collides(0, Some(vec!["tool".into()])).unwrap_err().to_string().contains("which is a body"));
     }
 
     #[test]
     fn meshes_are_found_by_name() {
-        let mut builder = Builder::new(Scene::empty("s"));
+        let mut builder = SceneBuilder::new("s");
         let corner = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
         let faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
         builder.meshes().add_surface("skin", corner.clone(), &faces).unwrap();
@@ -180,8 +319,8 @@ mod tests {
         );
         refused(&mut builder, &body("skin", "skin"), "s:4: `body.a.layer.mesh`: no mesh \"skin\" was handed over");
         refused(&mut builder, &body("skin", "inside\", cell = \"1"), "unknown key `body.a.layer.cell`");
-        builder.add(&body("skin", "inside")).unwrap();
-        builder.add("[tool]\nsurface = { mesh = \"skin\" }\nmass = 1").unwrap();
+        builder.toml(&body("skin", "inside")).unwrap();
+        builder.toml("[tool]\nsurface = { mesh = \"skin\" }\nmass = 1").unwrap();
         let Shape::Soft { surface: Some(Surface::Mesh(skin)), layer: Layer::Mesh(inside) } =
             &builder.scene().bodies[0].shape
         else {
@@ -202,8 +341,8 @@ mod tests {
             let point: [f64; 3] = std::array::from_fn(|_| random());
             let mut tables: toml::Table = format!("[[body]]\nname = \"a\"\n{BLOCK}").parse().unwrap();
             tables["body"][0].as_table_mut().unwrap().insert("position".into(), point.to_vec().into());
-            let mut builder = Builder::new(Scene::empty("s"));
-            builder.add_tables(&tables).unwrap();
+            let mut builder = SceneBuilder::new("s");
+            builder.tables(&tables).unwrap();
             let read = builder.scene().bodies[0].position.to_array();
             assert_eq!(read.map(f64::to_bits), point.map(f64::to_bits));
         }

@@ -8,7 +8,8 @@ use std::path::Path;
 use glam::{DQuat, DVec3};
 
 use super::Key;
-use super::keys::{LARGEST, Value, unit_quaternion};
+use super::check::{self, KEY_REMEDY};
+use super::keys::Value;
 use crate::{Error, Result};
 
 /// `[drive]`: `keys = [[..], ..]` or `path = "file.csv"`.
@@ -39,25 +40,20 @@ pub(super) fn core_keys(value: &Value) -> Result<Vec<Key>> {
     if value.is_text() { read_csv(&value.file()?) } else { listed(value) }
 }
 
-const KEY_REMEDY: &str =
-    "a key is t,x,y,z or t,x,y,z,qx,qy,qz,qw: numbers below 1e30, unit quaternion, times increasing";
-
 fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String> {
-    if let Some(bad) = numbers.iter().find(|x| !x.is_finite() || x.abs() > LARGEST) {
+    if let Some(bad) = numbers.iter().find(|x| check::finite(**x).is_err()) {
         return Err(format!("holds {bad:?}"));
     }
     let (time, position, orientation) = match *numbers {
         [t, x, y, z] => (t, DVec3::new(x, y, z), DQuat::IDENTITY),
         [t, x, y, z, qx, qy, qz, qw] => {
-            let orientation = unit_quaternion([qx, qy, qz, qw]).map_err(|(problem, _)| problem)?;
+            let orientation = check::unit_quaternion([qx, qy, qz, qw]).map_err(|problem| problem.problem)?;
             (t, DVec3::new(x, y, z), orientation)
         }
         _ => return Err(format!("has {} numbers", numbers.len())),
     };
-    match before {
-        Some(before) if before.time >= time => Err(format!("time {time:?} does not come after {:?}", before.time)),
-        _ => Ok(Key { time, position, orientation }),
-    }
+    check::key_time(time, before.map(|key| key.time)).map_err(|problem| problem.problem)?;
+    Ok(Key { time, position, orientation })
 }
 
 /// A row a line; `#` begins a comment line, blanks and double quotes about a number count for nothing.

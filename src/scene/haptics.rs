@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::check;
 use super::hand::HandParameters;
 use super::keys::{Table, Value};
 use super::profile::{HAPLY, PROFILES, Profile};
@@ -258,10 +259,5 @@ fn profile(value: &Value) -> Result<&'static Profile> {
 }
 
 fn rate(value: &Value) -> Result<f64> {
-    let rate = value.positive()?;
-    let [low, high] = RATES;
-    if (low..=high).contains(&rate) {
-        return Ok(rate);
-    }
-    Err(value.error(format!("is {rate:?}"), format!("give {low:?} to {high:?} Hz")))
+    value.ruled(check::rate)
 }

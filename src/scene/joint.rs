@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::check;
 use super::keys::{Table, Value, suggest};
 use super::{Core, Motion, Skeleton};
 use crate::Result;
@@ -39,15 +40,7 @@ pub struct Resistance {
 
 /// `stiffness`, `damping`, `swing` and `twist` of a table; `axis`: along the core, any length.
 pub(super) fn resistance(table: &Table, axis: Option<DVec3>) -> Result<Resistance> {
-    let angle = |value: &Value| {
-        let angle = value.positive()?;
-        match angle < std::f64::consts::PI {
-            true => Ok(angle),
-            false => {
-                Err(value.error(format!("is {angle}"), "give an angle below pi (rad), or leave it out for no limit"))
-            }
-        }
-    };
+    let angle = |value: &Value| value.ruled(check::limit);
     let (swing, twist) = (table.option("swing", angle)?, table.option("twist", angle)?);
     let limited = if swing.is_some() { Some("swing") } else { twist.map(|_| "twist") };
     let axis = match (limited, axis) {
@@ -130,7 +123,7 @@ fn is_dynamic(joint: &Joint, cores: &[Core]) -> bool {
 }
 
 /// Whether a joint joins two dynamic cores that others join already, but not as directly as it does.
-fn closes_loop(joints: &[Joint], joint: &Joint, cores: &[Core]) -> bool {
+pub(super) fn closes_loop(joints: &[Joint], joint: &Joint, cores: &[Core]) -> bool {
     let dynamic = |joint: &&Joint| joint.cores.iter().all(|core| matches!(cores[*core].motion, Motion::Dynamic));
     let beside = |other: &&Joint| !joint.cores.iter().all(|core| other.cores.contains(core));
     let mut group: Vec<usize> = (0..cores.len()).collect();

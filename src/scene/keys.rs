@@ -1,5 +1,6 @@
-//! TOML with its place in the file: every key and value remembers its dotted path and its line, so that whatever is
-//! wrong with it is reported as `scene.toml:12: `body.head.material.young`: ...`. `load.rs` reads scenes through this.
+//! Tables of a scene with their place in the file: every key and value remembers its dotted path and its line, so that
+//! whatever is wrong with it is reported as `scene.toml:12: `body.head.material.young`: ...`. `load.rs` reads scenes through
+//! this, whether somebody wrote the tables as TOML or a program made them, which have no lines.
 //!
 //! serde's own derive is not used: it reports unknown keys without their table, and a value that parses but is out of
 //! range without its line.
@@ -10,28 +11,103 @@ use glam::{DQuat, DVec3};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::check::{self, Check, Problem};
 use super::meshes::Meshes;
 use crate::{Error, Result};
 
-/// Greatest magnitude of a number: it must fit in single precision with room for a product.
-pub(super) const LARGEST: f64 = 1e30;
-/// Least magnitude of a number that must be greater than zero, for the same reason.
-const SMALLEST: f64 = 1e-30;
-/// Characters of a name at most: with an extension it must be a file name everywhere.
-const LONGEST_NAME: usize = 100;
-/// How far from one the length of a quaternion may be: more is a typing error, less is rounding.
-const UNIT_TOLERANCE: f64 = 1e-3;
 /// Likeness (Jaro-Winkler, 0 to 1) above which a known key is offered in place of an unknown one.
 const LIKENESS: f64 = 0.7;
 
-/// A file and its text: turns byte offsets into lines.
+/// A value, and where it begins in its text, if it has one.
+pub struct Node {
+    kind: Kind,
+    offset: Option<usize>,
+}
+
+enum Kind {
+    Text(String),
+    /// As it was written, and what it is where it fits.
+    Integer(String, Option<i64>),
+    /// What it is, where it is a number.
+    Float(Option<f64>),
+    Truth(bool),
+    Array(Vec<Node>),
+    Table(Entries),
+    /// Nothing that a scene has: a date.
+    Other,
+}
+
+/// The entries of a table, in their order: key, where that begins, value.
+type Entries = Vec<(String, Option<usize>, Node)>;
+
+impl Kind {
+    /// As TOML calls it.
+    fn name(&self) -> &'static str {
+        match self {
+            Kind::Text(_) => "string",
+            Kind::Integer(..) => "integer",
+            Kind::Float(_) => "float",
+            Kind::Truth(_) => "boolean",
+            Kind::Array(_) => "array",
+            Kind::Table(_) => "table",
+            Kind::Other => "datetime",
+        }
+    }
+}
+
+impl From<&Spanned<DeValue<'_>>> for Node {
+    fn from(value: &Spanned<DeValue>) -> Node {
+        let kind = match value.get_ref() {
+            DeValue::String(text) => Kind::Text(text.to_string()),
+            DeValue::Integer(integer) => {
+                let parsed = i64::from_str_radix(integer.as_str(), integer.radix()).ok();
+                Kind::Integer(integer.to_string(), parsed)
+            }
+            DeValue::Float(float) => Kind::Float(float.as_str().parse().ok()),
+            DeValue::Boolean(truth) => Kind::Truth(*truth),
+            DeValue::Array(array) => Kind::Array(array.iter().map(Node::from).collect()),
+            DeValue::Table(table) => Kind::Table(entries(table)),
+            DeValue::Datetime(_) => Kind::Other,
+        };
+        Node { kind, offset: Some(value.span().start) }
+    }
+}
+
+fn entries(table: &DeTable) -> Entries {
+    let entry = |(key, value): (&Spanned<std::borrow::Cow<str>>, &Spanned<DeValue>)| {
+        (key.get_ref().to_string(), Some(key.span().start), Node::from(value))
+    };
+    table.iter().map(entry).collect()
+}
+
+impl From<&toml::Value> for Node {
+    fn from(value: &toml::Value) -> Node {
+        let kind = match value {
+            toml::Value::String(text) => Kind::Text(text.clone()),
+            toml::Value::Integer(integer) => Kind::Integer(integer.to_string(), Some(*integer)),
+            toml::Value::Float(float) => Kind::Float(Some(*float)),
+            toml::Value::Boolean(truth) => Kind::Truth(*truth),
+            toml::Value::Array(array) => Kind::Array(array.iter().map(Node::from).collect()),
+            toml::Value::Table(table) => return Node::from(table),
+            toml::Value::Datetime(_) => Kind::Other,
+        };
+        Node { kind, offset: None }
+    }
+}
+
+impl From<&toml::Table> for Node {
+    fn from(table: &toml::Table) -> Node {
+        let entry = |(key, value): (&String, &toml::Value)| (key.clone(), None, Node::from(value));
+        Node { kind: Kind::Table(table.iter().map(entry).collect()), offset: None }
+    }
+}
+
+/// Where tables come from: turns byte offsets into lines.
 pub struct Source<'a> {
-    /// The scene file.
+    /// The scene file, or what stands for it in errors.
     pub file: &'a Path,
-    /// Its whole text.
+    /// Its whole text; empty where a program made the tables.
     pub text: &'a str,
-    /// Whether somebody wrote the text: errors then tell the line.
-    pub has_lines: bool,
     /// What `{ mesh = ".." }` may name.
     pub meshes: &'a Meshes,
 }
@@ -39,21 +115,22 @@ pub struct Source<'a> {
 impl<'a> Source<'a> {
     /// A file, which names no meshes in memory.
     pub fn of_file(file: &'a Path, text: &'a str) -> Self {
-        Source { file, text, has_lines: true, meshes: Meshes::none() }
+        Source { file, text, meshes: Meshes::none() }
     }
 
-    fn line(&self, offset: usize) -> Option<usize> {
-        let before = &self.text.as_bytes()[..offset.min(self.text.len())];
-        self.has_lines.then(|| 1 + before.iter().filter(|&&byte| byte == b'\n').count())
+    fn line(&self, offset: Option<usize>) -> Option<usize> {
+        let before = &self.text.as_bytes()[..offset?.min(self.text.len())];
+        Some(1 + before.iter().filter(|&&byte| byte == b'\n').count())
     }
 
-    /// The document's root table, or the parser's complaint with its line.
-    pub fn parse(&self) -> Result<Spanned<DeTable<'_>>> {
-        DeTable::parse(self.text).map_err(|error| {
+    /// The text's tables, or the parser's complaint with its line.
+    pub fn parse(&self) -> Result<Node> {
+        let document = DeTable::parse(self.text).map_err(|error| {
             let message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
-            let line = error.span().and_then(|span| self.line(span.start));
+            let line = error.span().and_then(|span| self.line(Some(span.start)));
             Error::input(self.file, line, format!("not TOML: {message}"), "correct the line")
-        })
+        })?;
+        Ok(Node { kind: Kind::Table(entries(document.get_ref())), offset: Some(0) })
     }
 }
 
@@ -62,16 +139,14 @@ impl<'a> Source<'a> {
 pub struct Table<'a> {
     source: &'a Source<'a>,
     path: String,
-    table: &'a DeTable<'a>,
-    offset: usize,
+    table: &'a Entries,
+    offset: Option<usize>,
 }
 
 impl<'a> Table<'a> {
     /// The root table; refuses keys that are not in `known`.
-    pub fn root(source: &'a Source<'a>, table: &'a Spanned<DeTable<'a>>, known: &[&str]) -> Result<Self> {
-        let root = Table { source, path: String::new(), table: table.get_ref(), offset: 0 };
-        root.only(known)?;
-        Ok(root)
+    pub fn root(source: &'a Source<'a>, document: &'a Node, known: &[&str]) -> Result<Self> {
+        Value { source, key: String::new(), value: document }.table(known)
     }
 
     /// The same table under another dotted path: an element of an array of tables once its name is known.
@@ -82,16 +157,16 @@ impl<'a> Table<'a> {
 
     /// Refuses keys that are not in `known`, and offers the nearest.
     pub fn only(&self, known: &[&str]) -> Result<()> {
-        let Some((key, _)) = self.table.iter().find(|(key, _)| !known.contains(&key.get_ref().as_ref())) else {
+        let Some((key, offset, _)) = self.table.iter().find(|(key, ..)| !known.contains(&key.as_str())) else {
             return Ok(());
         };
-        let remedy = match nearest(key.get_ref(), known) {
+        let remedy = match nearest(key, known) {
             Some((name, true)) => format!("did you mean `{name}`?"),
             Some((name, false)) => format!("the nearest known key is `{name}`; known here: {}", known.join(", ")),
             None => "remove it".into(),
         };
-        let line = self.source.line(key.span().start);
-        let problem = format!("unknown key `{}`", self.dotted(key.get_ref()));
+        let line = self.source.line(*offset);
+        let problem = format!("unknown key `{}`", self.dotted(key));
         Err(Error::input(self.source.file, line, problem, remedy))
     }
 
@@ -102,7 +177,7 @@ impl<'a> Table<'a> {
 
     /// The value of a key.
     pub fn get(&self, key: &str) -> Option<Value<'a>> {
-        let (_, value) = self.table.iter().find(|(name, _)| name.get_ref() == key)?;
+        let (.., value) = self.table.iter().find(|(name, ..)| name == key)?;
         Some(Value { source: self.source, key: self.dotted(key), value })
     }
 
@@ -136,6 +211,18 @@ impl<'a> Table<'a> {
         }
     }
 
+    /// An error about what was found wrong with what this table describes: at the line of the first of its keys that the
+    /// problem names.
+    pub fn wrong(&self, Problem { key, problem, remedy }: Problem) -> Error {
+        let first = key.split(['.', '[']).next().unwrap_or_default();
+        if first == key {
+            return self.error(first, problem, remedy);
+        }
+        let line = self.get(first).map_or(self.offset, |value| value.value.offset);
+        let problem = format!("`{}`: {problem}", self.dotted(&key));
+        Error::input(self.source.file, self.source.line(line), problem, remedy)
+    }
+
     /// An error about one of this table's keys, at its line (or the table's, where the key is absent).
     pub fn error(&self, key: &str, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
         match self.get(key) {
@@ -154,51 +241,51 @@ pub struct Value<'a> {
     source: &'a Source<'a>,
     /// Dotted path.
     pub key: String,
-    value: &'a Spanned<DeValue<'a>>,
+    value: &'a Node,
 }
 
 impl<'a> Value<'a> {
     /// An error about this value: `file:line: `key`: problem; remedy`.
     pub fn error(&self, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
-        let line = self.source.line(self.value.span().start);
+        let line = self.source.line(self.value.offset);
         Error::input(self.source.file, line, format!("`{}`: {}", self.key, problem.into()), remedy)
     }
 
     fn wrong_type(&self, wanted: &str) -> Error {
-        let kind = self.value.get_ref().type_str();
+        let kind = self.value.kind.name();
         self.error(format!("is of type {kind}"), format!("give {wanted}"))
     }
 
     /// A finite number within single precision.
     pub fn number(&self) -> Result<f64> {
-        let parsed = match self.value.get_ref() {
-            DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
-            DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|i| i as f64),
+        let parsed = match &self.value.kind {
+            Kind::Float(float) => *float,
+            Kind::Integer(_, integer) => integer.map(|i| i as f64),
             _ => return Err(self.wrong_type("a number")),
         };
-        match parsed {
-            Some(x) if x.is_finite() && x.abs() <= LARGEST => Ok(x),
-            Some(x) => Err(self.error(format!("is {x:?}"), "give a finite number below 1e30 in magnitude")),
-            None => Err(self.error("is not a number that fits", "give a finite number")),
-        }
+        let x = parsed.ok_or_else(|| self.error("is not a number that fits", "give a finite number"))?;
+        self.held(x, check::finite(x))
+    }
+
+    /// What a rule of `check.rs` says of this value.
+    pub fn held<T>(&self, value: T, check: Check) -> Result<T> {
+        check.map(|()| value).map_err(|problem| self.error(problem.problem, problem.remedy))
+    }
+
+    /// A number that obeys a rule.
+    pub fn ruled(&self, rule: impl Fn(f64) -> Check) -> Result<f64> {
+        let x = self.number()?;
+        self.held(x, rule(x))
     }
 
     /// A number greater than zero.
     pub fn positive(&self) -> Result<f64> {
-        match self.number()? {
-            x if x >= SMALLEST => Ok(x),
-            x => {
-                Err(self.error(format!("is {x:?}"), format!("give a number greater than zero, {SMALLEST:e} at least")))
-            }
-        }
+        self.ruled(check::positive)
     }
 
     /// A number that is zero or more.
     pub fn not_negative(&self) -> Result<f64> {
-        match self.number()? {
-            x if x >= 0.0 => Ok(x),
-            x => Err(self.error(format!("is {x:?}"), "give zero or a number greater than zero")),
-        }
+        self.ruled(check::not_negative)
     }
 
     /// A number greater than zero, or `"auto"` (`None`).
@@ -212,52 +299,50 @@ impl<'a> Value<'a> {
     }
 
     fn is_auto(&self) -> Result<bool> {
-        match self.value.get_ref().as_str() {
-            Some("auto") => Ok(true),
-            Some(other) => Err(self.error(format!("is \"{other}\""), "give \"auto\" or a number")),
-            None => Ok(false),
+        match &self.value.kind {
+            Kind::Text(text) if text == "auto" => Ok(true),
+            Kind::Text(other) => Err(self.error(format!("is \"{other}\""), "give \"auto\" or a number")),
+            _ => Ok(false),
         }
     }
 
     /// A whole number from `low` to `high`.
     pub fn whole(&self, low: u32, high: u32) -> Result<u32> {
-        let DeValue::Integer(integer) = self.value.get_ref() else { return Err(self.wrong_type("a whole number")) };
-        i64::from_str_radix(integer.as_str(), integer.radix())
-            .ok()
+        let Kind::Integer(written, integer) = &self.value.kind else { return Err(self.wrong_type("a whole number")) };
+        integer
             .and_then(|i| u32::try_from(i).ok())
             .filter(|i| (low..=high).contains(i))
-            .ok_or_else(|| self.error(format!("is {integer}"), format!("give a whole number from {low} to {high}")))
+            .ok_or_else(|| self.error(format!("is {written}"), format!("give a whole number from {low} to {high}")))
     }
 
     /// A whole number of either sign.
     pub fn integer(&self) -> Result<i64> {
-        let DeValue::Integer(integer) = self.value.get_ref() else { return Err(self.wrong_type("a whole number")) };
-        i64::from_str_radix(integer.as_str(), integer.radix())
-            .map_err(|_| self.error(format!("is {integer}"), "give a whole number of 64 bits"))
+        let Kind::Integer(written, integer) = &self.value.kind else { return Err(self.wrong_type("a whole number")) };
+        integer.ok_or_else(|| self.error(format!("is {written}"), "give a whole number of 64 bits"))
     }
 
     /// A boolean that must be `true` (`all = true`).
     pub fn must_be_true(&self) -> Result<()> {
-        match self.value.get_ref().as_bool() {
-            Some(true) => Ok(()),
-            Some(false) => Err(self.error("is false", "write true, or leave the key out")),
-            None => Err(self.wrong_type("true")),
+        match self.value.kind {
+            Kind::Truth(true) => Ok(()),
+            Kind::Truth(false) => Err(self.error("is false", "write true, or leave the key out")),
+            _ => Err(self.wrong_type("true")),
         }
     }
 
     /// A boolean.
     pub fn truth(&self) -> Result<bool> {
-        self.value.get_ref().as_bool().ok_or_else(|| self.wrong_type("true or false"))
+        if let Kind::Truth(truth) = self.value.kind { Ok(truth) } else { Err(self.wrong_type("true or false")) }
     }
 
     /// Whether the value is a string.
     pub fn is_text(&self) -> bool {
-        self.value.get_ref().is_str()
+        matches!(self.value.kind, Kind::Text(_))
     }
 
     /// A string.
     pub fn text(&self) -> Result<&'a str> {
-        self.value.get_ref().as_str().ok_or_else(|| self.wrong_type("a string in quotes"))
+        if let Kind::Text(text) = &self.value.kind { Ok(text) } else { Err(self.wrong_type("a string in quotes")) }
     }
 
     /// What one of `choices` stands for; `what` names their kind in errors.
@@ -273,16 +358,7 @@ impl<'a> Value<'a> {
     /// A name: letters, digits, `_`, `-` and `.`, for it becomes part of file names and column heads.
     pub fn name(&self) -> Result<String> {
         let text = self.text()?;
-        let allowed = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
-        if text.is_empty() || text.starts_with('.') || !text.chars().all(allowed) {
-            let remedy = "use letters, digits, '_', '-' and '.', and do not start with '.'";
-            return Err(self.error(format!("\"{}\" cannot be a name", text.escape_debug()), remedy));
-        }
-        if text.len() > LONGEST_NAME {
-            let problem = format!("a name of {} characters", text.len());
-            return Err(self.error(problem, format!("use at most {LONGEST_NAME}: it becomes part of file names")));
-        }
-        Ok(text.into())
+        self.held(text.into(), check::name(text))
     }
 
     /// A path to an existing file, relative to the scene file's folder.
@@ -306,7 +382,7 @@ impl<'a> Value<'a> {
 
     /// The elements of an array, each with its index in its key.
     pub fn array(&self) -> Result<Vec<Value<'a>>> {
-        let array = self.value.get_ref().as_array().ok_or_else(|| self.wrong_type("an array"))?;
+        let Kind::Array(array) = &self.value.kind else { return Err(self.wrong_type("an array")) };
         let element = |(index, value)| Value { source: self.source, key: format!("{}[{index}]", self.key), value };
         Ok(array.iter().enumerate().map(element).collect())
     }
@@ -335,7 +411,7 @@ impl<'a> Value<'a> {
     /// A unit quaternion x y z w, normalised.
     pub fn quaternion(&self) -> Result<DQuat> {
         let [x, y, z, w] = self.array_of(Value::number)?;
-        unit_quaternion([x, y, z, w]).map_err(|(problem, remedy)| self.error(problem, remedy))
+        check::unit_quaternion([x, y, z, w]).map_err(|problem| self.error(problem.problem, problem.remedy))
     }
 
     /// A table whose keys are all in `known`.
@@ -347,8 +423,8 @@ impl<'a> Value<'a> {
 
     /// A table whose keys are still to be checked, by [`Table::only`].
     pub fn unchecked_table(&self) -> Result<Table<'a>> {
-        let table = self.value.get_ref().as_table().ok_or_else(|| self.wrong_type("a table"))?;
-        Ok(Table { source: self.source, path: self.key.clone(), table, offset: self.value.span().start })
+        let Kind::Table(table) = &self.value.kind else { return Err(self.wrong_type("a table")) };
+        Ok(Table { source: self.source, path: self.key.clone(), table, offset: self.value.offset })
     }
 }
 
@@ -365,16 +441,5 @@ pub fn suggest(text: &str, known: &[&str]) -> String {
     match nearest(text, known) {
         Some((name, true)) => format!("did you mean \"{name}\"? known: {all}"),
         _ => format!("known: {all}"),
-    }
-}
-
-/// Normalises a quaternion x y z w whose length is one but for rounding; otherwise what is wrong and the remedy.
-pub fn unit_quaternion(q: [f64; 4]) -> std::result::Result<DQuat, (String, &'static str)> {
-    let quaternion = DQuat::from_array(q);
-    let length = quaternion.length();
-    if (length - 1.0).abs() <= UNIT_TOLERANCE {
-        Ok(quaternion.normalize())
-    } else {
-        Err((format!("quaternion has length {length:.4e}"), "give a unit quaternion x y z w"))
     }
 }

@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 
-use super::keys::{Source, Table, Value};
+use super::keys::{Node, Source, Table, Value};
 use super::preset::{self, PRESETS, Preset};
 use super::{
-    Body, Contact, Coupling, DepthPath, Haptics, Preconditioner, Probe, Scene, Sides, Solver, Step, Tool, ToolShape,
-    body, drive, haptics, names,
+    Body, Contact, Coupling, DepthPath, Haptics, Preconditioner, Probe, Scene, SceneBuilder, Sides, Solver, Step, Tool,
+    ToolShape, body, check, drive, haptics, names,
 };
 use crate::{Error, Result};
 
@@ -23,10 +23,6 @@ const DEFAULT_DURATION: f64 = 1.0;
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 const FRICTION_SPEED: f64 = 0.001;
 const DEPTH_LIMIT: f64 = 0.02;
-/// Iterations at most: they are recorded beforehand, four passes each.
-const MOST_ITERATIONS: u32 = 10_000;
-/// Column prefixes of the trace that a probe must not take.
-const RESERVED_PROBES: [&str; 4] = ["tool", "device", "force", "torque"];
 
 const ROOT_KEYS: [&str; 10] =
     ["preset", "step", "solver", "contact", "body", "tool", "coupling", "drive", "haptics", "probe"];
@@ -42,10 +38,11 @@ impl Scene {
 
     /// The same of a text; `path` is what errors name, and what paths in the text are relative to the folder of.
     pub fn parse(path: &Path, text: &str) -> Result<Scene> {
-        let mut scene = Scene::empty(path);
-        add(&mut scene, &Source::of_file(path, text))?;
-        scene.check_filled()?;
-        Ok(scene)
+        let mut builder = SceneBuilder::new(path);
+        let source = Source::of_file(path, text);
+        add(&mut builder, &source, &source.parse()?)?;
+        builder.scene().check_filled()?;
+        Ok(builder.scene().clone())
     }
 
     /// Refuses a scene of nothing, of which there is nothing to simulate.
@@ -108,15 +105,36 @@ impl Scene {
     }
 }
 
-/// Adds the tables of a text to a scene: bodies and probes come after those that it has, other tables and keys replace what
-/// it has, and what the text leaves out stays. After an error the scene is anything.
-pub(super) fn add(scene: &mut Scene, source: &Source) -> Result<()> {
-    let document = source.parse()?;
-    let root = Table::root(source, &document, &ROOT_KEYS)?;
+impl Default for Step {
+    /// 1 ms, gravity along -y, one linearisation.
+    fn default() -> Step {
+        no_step(&preset::NONE)
+    }
+}
+
+impl Default for Solver {
+    /// A relative residual of 1e-5.
+    fn default() -> Solver {
+        no_solver(&preset::NONE)
+    }
+}
+
+impl Default for Contact {
+    /// Stiffness and damping as the engine chooses, no friction.
+    fn default() -> Contact {
+        no_contact(&preset::NONE)
+    }
+}
+
+/// Adds tables to a scene: bodies and probes come after those that it has, other tables and keys replace what it has, and what
+/// the tables leave out stays. After an error the scene is anything.
+pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) -> Result<()> {
+    let root = Table::root(source, document, &ROOT_KEYS)?;
     let tables = ["step", "solver", "contact"];
     let is_given = |table: &str, key: &str| {
         tables.contains(&table) && root.get(table).is_some_and(|t| t.unchecked_table().is_ok_and(|t| t.has(key)))
     };
+    let scene = builder.scene_mut();
     if let Some(preset) = root.option("preset", preset_of)? {
         let Step { gravity, .. } = scene.step;
         scene.step = Step { gravity, ..no_step(&preset) };
@@ -128,7 +146,8 @@ pub(super) fn add(scene: &mut Scene, source: &Source) -> Result<()> {
     scene.solver = solver(&root, &scene.solver)?;
     scene.contact = contact(&root, &scene.contact)?;
     let before = [scene.bodies.len(), scene.probes.len()];
-    body::read(&root, &mut scene.bodies)?;
+    body::read(&root, builder)?;
+    let scene = builder.scene_mut();
     scene.tool = root.option("tool", tool)?.or(scene.tool.take());
     scene.coupling = root.option("coupling", coupling)?.or(scene.coupling);
     if let Some(keys) = root.option("drive", drive::read)? {
@@ -181,7 +200,7 @@ fn step(root: &Table, none: &Step) -> Result<Step> {
     Ok(Step {
         dt: table.or("dt", none.dt, Value::positive)?,
         gravity: table.or("gravity", none.gravity, Value::vector)?,
-        newton: table.or("newton", none.newton, |value| value.whole(1, 100))?,
+        newton: table.or("newton", none.newton, |value| value.whole(1, check::MOST_LINEARISATIONS))?,
     })
 }
 
@@ -189,29 +208,17 @@ fn solver(root: &Table, none: &Solver) -> Result<Solver> {
     let Some(table) = section(root, "solver", &["tolerance", "max_iterations", "preconditioner"])? else {
         return Ok(none.clone());
     };
-    let solver = Solver {
-        tolerance: table.or("tolerance", none.tolerance, Value::positive)?,
-        max_iterations: table.or("max_iterations", none.max_iterations, |value| value.whole(1, MOST_ITERATIONS))?,
+    Ok(Solver {
+        tolerance: table.or("tolerance", none.tolerance, |value| value.ruled(check::tolerance))?,
+        max_iterations: table
+            .or("max_iterations", none.max_iterations, |value| value.whole(1, check::MOST_ITERATIONS))?,
         preconditioner: table.or("preconditioner", none.preconditioner, |value| match value.text()? {
             "auto" => Ok(Preconditioner::Auto),
             "jacobi" => Ok(Preconditioner::Jacobi),
             "coarse" => Ok(Preconditioner::Coarse),
             other => Err(value.error(format!("is \"{other}\""), "give \"auto\", \"jacobi\" or \"coarse\"")),
         })?,
-    };
-    if solver.tolerance >= 1.0 {
-        return Err(table.error("tolerance", format!("is {:?}", solver.tolerance), "give a number below one"));
-    }
-    Ok(solver)
-}
-
-/// Least speed at which friction may turn from viscous to Coulomb's, m/s.
-const SLOWEST: f64 = 1e-6;
-const SLOWEST_REMEDY: &str = "give 1e-6 m/s or more: single precision knows no less";
-
-/// What is wrong with a speed below which friction is viscous, if anything is.
-pub(super) fn too_slow(speed: f64) -> Option<String> {
-    (!(speed.is_finite() && speed >= SLOWEST)).then(|| format!("is {speed:?}; {SLOWEST_REMEDY}"))
+    })
 }
 
 fn contact(root: &Table, none: &Contact) -> Result<Contact> {
@@ -219,21 +226,16 @@ fn contact(root: &Table, none: &Contact) -> Result<Contact> {
     let Some(table) = section(root, "contact", &known)? else {
         return Ok(none.clone());
     };
-    let contact = Contact {
+    Ok(Contact {
         stiffness: table.or("stiffness", none.stiffness, Value::auto_or_positive)?,
         damping: table.or("damping", none.damping, Value::auto_or_not_negative)?,
         friction: table.or("friction", none.friction, Value::not_negative)?,
-        friction_speed: table.or("friction_speed", none.friction_speed, Value::number)?,
+        friction_speed: table.or("friction_speed", none.friction_speed, |value| value.ruled(check::friction_speed))?,
         texel: table.or("texel", none.texel, Value::auto_or_positive)?,
         depth_limit: table.or("depth_limit", none.depth_limit, Value::positive)?,
         depth: table.or("depth", none.depth, |value| value.one_of("path", &DepthPath::CHOICES))?,
         sides: table.or("sides", none.sides, |value| value.one_of("choice of sides", &Sides::CHOICES))?,
-    };
-    if contact.friction_speed < SLOWEST {
-        let problem = format!("is {:?}", contact.friction_speed);
-        return Err(table.error("friction_speed", problem, SLOWEST_REMEDY));
-    }
-    Ok(contact)
+    })
 }
 
 fn tool(value: &Value) -> Result<Tool> {
@@ -282,13 +284,7 @@ fn probes(root: &Table, probes: &mut Vec<Probe>) -> Result<()> {
     for element in array.array()? {
         let table = element.table(&["name", "body", "nearest"])?;
         let name = table.need("name")?.name()?;
-        if probes.iter().any(|probe| probe.name == name) {
-            return Err(table.error("name", format!("\"{name}\" is taken by another probe"), "choose another name"));
-        }
-        if RESERVED_PROBES.contains(&name.as_str()) {
-            let problem = format!("\"{name}\" is a column of the trace already");
-            return Err(table.error("name", problem, "choose another name"));
-        }
+        check::probe_name(&name, probes).map_err(|problem| table.wrong(problem))?;
         probes.push(Probe { name, body: table.need("body")?.name()?, nearest: table.need("nearest")?.vector()? });
     }
     Ok(())

@@ -4,6 +4,7 @@
 use glam::DVec3;
 
 use super::body::{corners, sphere};
+use super::check;
 use super::keys::{Table, Value};
 use crate::Result;
 
@@ -25,18 +26,9 @@ pub struct Material {
 }
 
 impl Material {
-    /// The first number that cannot be, and why.
-    pub fn problem(&self) -> Option<(&'static str, String)> {
-        let Material { young, poisson, density, damping_mass, damping_stiffness, .. } = *self;
-        let range = (!POISSON.contains(&poisson)).then(|| format!("is {poisson:?}; {POISSON_REMEDY}"));
-        let all = [
-            ("young", super::above_zero(young)),
-            ("poisson", range),
-            ("density", super::above_zero(density)),
-            ("damping_mass", super::not_negative(damping_mass)),
-            ("damping_stiffness", super::not_negative(damping_stiffness)),
-        ];
-        super::first_problem(all)
+    /// A corotational material without damping: Young's modulus (Pa), Poisson's ratio (-0.5 to below 0.5), density (kg/m^3).
+    pub fn new(young: f64, poisson: f64, density: f64) -> Material {
+        Material { law: Law::Corotational, young, poisson, density, damping_mass: 0.0, damping_stiffness: 0.0 }
     }
 }
 
@@ -101,7 +93,7 @@ pub(super) fn material(value: &Value, base: Option<&Material>) -> Result<Materia
     Ok(Material {
         law: law.unwrap_or(base.map_or(Law::Corotational, |base| base.law)),
         young: number(&table, "young", base.map(|base| base.young), Value::positive)?,
-        poisson: number(&table, "poisson", base.map(|base| base.poisson), poisson)?,
+        poisson: number(&table, "poisson", base.map(|base| base.poisson), |value| value.ruled(check::poisson))?,
         density: number(&table, "density", base.map(|base| base.density), Value::positive)?,
         damping_mass: table.or("damping_mass", base_mass, Value::not_negative)?,
         damping_stiffness: table.or("damping_stiffness", base_stiffness, Value::not_negative)?,
@@ -118,17 +110,6 @@ fn number<'a>(
     match (table.get(key), otherwise) {
         (None, Some(otherwise)) => Ok(otherwise),
         _ => read(&table.need(key)?),
-    }
-}
-
-/// Below -0.5 the neo-Hookean law's bulk term comes near zero.
-const POISSON: std::ops::Range<f64> = -0.5..0.5;
-const POISSON_REMEDY: &str = "give a number from -0.5 to below 0.5";
-
-fn poisson(value: &Value) -> Result<f64> {
-    match value.number()? {
-        x if POISSON.contains(&x) => Ok(x),
-        x => Err(value.error(format!("is {x:?}"), POISSON_REMEDY)),
     }
 }
 

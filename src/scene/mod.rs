@@ -1,11 +1,12 @@
 //! What a user writes: scenes, bodies, materials, meshes in and out. No GPU, no preparation.
 //!
 //! [`Scene::load`] reads a TOML file (every table is shown in the README) into these plain types, checked: after it,
-//! every number is finite and in range, every name resolves. [`Builder`] makes a scene piece by piece of the same tables, and
+//! every number is finite and in range, every name resolves. [`SceneBuilder`] makes a scene piece by piece of the same tables, and
 //! of meshes in memory. Units are SI; quaternions are x y z w.
 
 mod body;
 mod build;
+pub(crate) mod check;
 mod cursor;
 mod drive;
 pub mod gmsh;
@@ -37,11 +38,12 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 pub use body::{Dilatation, MOST_HULLS};
-pub use build::Builder;
+pub use build::SceneBuilder;
+#[doc(hidden)]
+pub use check::unit_quaternion;
 pub use hand::HandParameters;
 pub use haptics::{DeviceKind, Dialect, HaplyService, Haptics, Lowered, NOT_HAPLYS, RATES as HAPTIC_RATES, of_haply};
 pub use joint::{Joint, Resistance};
-pub use keys::unit_quaternion;
 pub use material::{Group, Law, Material, Place, Region};
 pub use model::Model;
 pub use profile::Profile;
@@ -128,43 +130,6 @@ pub struct Contact {
     pub sides: Sides,
 }
 
-impl Contact {
-    /// The first number that cannot be, and why.
-    pub fn problem(&self) -> Option<(&'static str, String)> {
-        first_problem([
-            ("stiffness", self.stiffness.and_then(above_zero)),
-            ("damping", self.damping.and_then(not_negative)),
-            ("friction", not_negative(self.friction)),
-            ("friction_speed", load::too_slow(self.friction_speed)),
-            ("depth_limit", above_zero(self.depth_limit)),
-        ])
-    }
-}
-
-impl Coupling {
-    /// The first number that cannot be, and why.
-    pub fn problem(&self) -> Option<(&'static str, String)> {
-        first_problem([
-            ("stiffness", not_negative(self.stiffness)),
-            ("damping", not_negative(self.damping)),
-            ("angular_stiffness", not_negative(self.angular_stiffness)),
-            ("angular_damping", not_negative(self.angular_damping)),
-        ])
-    }
-}
-
-fn above_zero(x: f64) -> Option<String> {
-    (!(x.is_finite() && x > 0.0)).then(|| format!("is {x:?}; give a number above zero"))
-}
-
-fn not_negative(x: f64) -> Option<String> {
-    (!(x.is_finite() && x >= 0.0)).then(|| format!("is {x:?}; give zero or a number above it"))
-}
-
-fn first_problem<const N: usize>(all: [(&'static str, Option<String>); N]) -> Option<(&'static str, String)> {
-    all.into_iter().find_map(|(key, problem)| problem.map(|problem| (key, problem)))
-}
-
 /// Whose vertices gather contacts where two bodies touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sides {
@@ -235,6 +200,57 @@ pub struct Body {
     pub repair: bool,
     /// Bones, and how they hang together.
     pub skeleton: Option<Skeleton>,
+}
+
+impl Body {
+    /// A body of a shape at the origin, as a scene file without any other key gives it.
+    fn of(name: &str, shape: Shape, material: Option<Material>, cores: Vec<Core>) -> Body {
+        Body {
+            name: name.into(),
+            shape,
+            hulls: None,
+            scale: 1.0,
+            position: DVec3::ZERO,
+            orientation: DQuat::IDENTITY,
+            velocity: DVec3::ZERO,
+            material,
+            dilatation: Dilatation::default(),
+            regions: Vec::new(),
+            collides: None,
+            cores,
+            joints: Vec::new(),
+            repair: true,
+            skeleton: None,
+        }
+    }
+
+    /// A soft body that fills a skin, with nothing bound: add cores to hold it.
+    pub fn soft(name: &str, surface: Surface, layer: Layer, material: Material) -> Body {
+        Body::of(name, Shape::Soft { surface: Some(surface), layer }, Some(material), Vec::new())
+    }
+
+    /// A soft box of cells, `low` and `high` its corners (m), whose boundary is its skin.
+    pub fn block(name: &str, low: [f64; 3], high: [f64; 3], cells: [u32; 3], material: Material) -> Body {
+        let layer = Layer::Box { low: low.into(), high: high.into(), cells };
+        Body::of(name, Shape::Soft { surface: None, layer }, Some(material), Vec::new())
+    }
+
+    /// A rigid body, with the mass (kg) that a dynamic one needs.
+    pub fn rigid(name: &str, surface: Surface, motion: Motion, mass: Option<f64>) -> Body {
+        let core = Core { name: name.into(), motion, bind: None, mass, hinge: None };
+        Body::of(name, Shape::Rigid { surface }, None, vec![core])
+    }
+
+    /// A fixed half-space below the plane `normal . x = offset` (m); `normal` of any length but zero.
+    pub fn plane(name: &str, normal: [f64; 3], offset: f64) -> Body {
+        let (normal, length) = (DVec3::from(normal), DVec3::from(normal).length());
+        Body::of(name, Shape::Plane { normal: normal / length, offset: offset / length }, None, Vec::new())
+    }
+
+    /// The same where the mesh's origin is at a place, world, m.
+    pub fn at(self, position: [f64; 3]) -> Body {
+        Body { position: position.into(), ..self }
+    }
 }
 
 /// What a body is made of.
@@ -328,6 +344,27 @@ pub struct Core {
     pub hinge: Option<Hinge>,
 }
 
+impl Core {
+    fn of(name: &str, motion: Motion, bind: Bind) -> Core {
+        Core { name: name.into(), motion, bind: Some(bind), mass: None, hinge: None }
+    }
+
+    /// A core that does not move.
+    pub fn fixed(name: &str, bind: Bind) -> Core {
+        Core::of(name, Motion::Fixed, bind)
+    }
+
+    /// A core that follows keys.
+    pub fn driven(name: &str, bind: Bind, keys: Vec<Key>) -> Core {
+        Core::of(name, Motion::Driven(keys), bind)
+    }
+
+    /// A core that moves by forces, with the mass of what it binds.
+    pub fn dynamic(name: &str, bind: Bind) -> Core {
+        Core::of(name, Motion::Dynamic, bind)
+    }
+}
+
 /// A line, fixed in the world and in the core, in file coordinates, before scale and pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hinge {
@@ -396,6 +433,13 @@ pub struct Key {
     pub orientation: DQuat,
 }
 
+impl Key {
+    /// Of a time (s) and a position (m), unturned.
+    pub fn at(time: f64, position: [f64; 3]) -> Key {
+        Key { time, position: position.into(), orientation: DQuat::IDENTITY }
+    }
+}
+
 /// `[tool]`.
 #[derive(Debug, Clone)]
 pub struct Tool {
@@ -415,6 +459,33 @@ pub struct Tool {
     pub repair: bool,
 }
 
+impl Tool {
+    fn of(shape: ToolShape, mass: f64) -> Tool {
+        let (position, orientation, velocity) = (DVec3::ZERO, DQuat::IDENTITY, DVec3::ZERO);
+        Tool { shape, mass, position, orientation, velocity, scale: 1.0, repair: true }
+    }
+
+    /// A sphere of a radius (m) and a mass (kg), at the origin.
+    pub fn sphere(radius: f64, mass: f64) -> Tool {
+        Tool::of(ToolShape::Sphere(radius), mass)
+    }
+
+    /// A closed surface of a mass (kg), at the origin.
+    pub fn surface(surface: Surface, mass: f64) -> Tool {
+        Tool::of(ToolShape::Surface(surface), mass)
+    }
+
+    /// A body of the scene, held by its first core, which is dynamic.
+    pub fn body(name: &str) -> Tool {
+        Tool::of(ToolShape::Body(name.into()), 0.0)
+    }
+
+    /// The same at another place, world, m.
+    pub fn at(self, position: [f64; 3]) -> Tool {
+        Tool { position: position.into(), ..self }
+    }
+}
+
 /// Shape of the tool.
 #[derive(Debug, Clone)]
 pub enum ToolShape {
@@ -426,8 +497,8 @@ pub enum ToolShape {
     Body(String),
 }
 
-/// `[coupling]`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+/// `[coupling]`: the virtual coupling between device and tool (Colgate et al. 1995).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coupling {
     /// N/m.
     pub stiffness: f64,

@@ -1,9 +1,47 @@
 //! Whether what scenes name is there: bodies, and the tool. Called by `load.rs` and `build.rs`.
 
-use super::keys::Table;
+use super::keys::{Table, Value};
 use super::load::TOOL;
 use super::{Body, Core, Motion, Scene, Shape, Tool, ToolShape};
 use crate::Result;
+
+/// A name that does not resolve.
+pub(super) struct Unresolved {
+    pub place: Place,
+    pub problem: String,
+    pub remedy: String,
+}
+
+/// Where a scene names something.
+pub(super) enum Place {
+    /// `collides` of this body.
+    Collides(usize),
+    /// `body` of this probe.
+    Probe(usize),
+    /// `tool.body`.
+    Tool,
+}
+
+impl Place {
+    /// The key of a scene file.
+    pub fn key(&self, scene: &Scene) -> String {
+        match *self {
+            Place::Collides(body) => format!("body.{}.collides", scene.bodies[body].name),
+            Place::Probe(probe) => format!("probe.{}.body", scene.probes[probe].name),
+            Place::Tool => "tool.body".into(),
+        }
+    }
+
+    /// Where it stands in the tables of a root that had `before` bodies and probes before it.
+    fn value<'a>(&self, root: &Table<'a>, before: [usize; 2]) -> Result<Value<'a>> {
+        let of = |array: &str, index: usize| root.need(array)?.array()?[index].unchecked_table();
+        match *self {
+            Place::Collides(body) => of("body", body - before[0])?.need("collides"),
+            Place::Probe(probe) => of("probe", probe - before[1])?.need("body"),
+            Place::Tool => root.need("tool")?.unchecked_table()?.need("body"),
+        }
+    }
+}
 
 /// Names that refer to bodies must resolve, and tables that serve the tool need one. `before`: bodies and probes that there
 /// were before these tables.
@@ -13,43 +51,43 @@ pub(super) fn check_names(root: &Table, scene: &Scene, before: [usize; 2]) -> Re
             return Err(root.error(key, "there is no [tool] to hold", "add a [tool], or remove the table"));
         }
     }
-    for (index, body) in scene.bodies[before[0]..].iter().enumerate() {
+    let check = resolve(scene, before, root.has("tool"));
+    check.or_else(|Unresolved { place, problem, remedy }| Err(place.value(root, before)?.error(problem, remedy)))
+}
+
+/// The names of a scene's bodies and probes from these on, and of its tool if that `is_new`.
+pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::result::Result<(), Unresolved> {
+    let wrong = |place, (problem, remedy)| Err(Unresolved { place, problem, remedy });
+    for (index, body) in scene.bodies.iter().enumerate().skip(from[0]) {
         for name in body.collides.iter().flatten() {
-            if let Err((problem, remedy)) = check_partner(scene, body, name) {
-                let value = root.need("body")?.array()?[index].unchecked_table()?.need("collides")?;
-                return Err(value.error(problem, remedy));
+            if let Err(words) = check_partner(scene, body, name) {
+                return wrong(Place::Collides(index), words);
             }
         }
     }
-    for (index, probe) in scene.probes[before[1]..].iter().enumerate() {
-        let value = || root.need("probe")?.array()?[index].unchecked_table()?.need("body");
+    for (index, probe) in scene.probes.iter().enumerate().skip(from[1]) {
         match scene.bodies.iter().find(|body| body.name == probe.body) {
-            None => {
-                let (problem, remedy) = unknown(scene, &probe.body);
-                return Err(value()?.error(problem, remedy));
-            }
+            None => return wrong(Place::Probe(index), unknown(scene, &probe.body)),
             Some(body) if matches!(body.shape, Shape::Plane { .. }) => {
-                return Err(value()?.error("is a plane, which has no skin to follow", "name another body"));
+                let words = ("is a plane, which has no skin to follow".into(), "name another body".into());
+                return wrong(Place::Probe(index), words);
             }
             Some(_) => {}
         }
     }
-    let Some(table) = root.get("tool") else { return Ok(()) };
-    if let Some(Tool { shape: ToolShape::Body(name), .. }) = &scene.tool {
-        let value = table.unchecked_table()?.need("body")?;
-        let names_tool = |body: &&Body| body.collides.iter().flatten().any(|name| name == TOOL);
-        if let Some(other) = scene.bodies[..before[0]].iter().find(names_tool) {
-            let problem = format!("body \"{}\" names \"tool\" in `collides`, and the tool becomes a body", other.name);
-            return Err(value.error(problem, "add the tool before that body, and name it there"));
-        }
-        let Some(body) = scene.held_body().map(|body| &scene.bodies[body]) else {
-            let (problem, remedy) = unknown(scene, name);
-            return Err(value.error(problem, remedy));
-        };
-        if !matches!(body.cores.first(), Some(Core { motion: Motion::Dynamic, .. })) {
-            let problem = format!("the first core of \"{name}\", by which it is held, is not dynamic");
-            return Err(value.error(problem, "give its first [[body.core]], or the rigid body, motion = \"dynamic\""));
-        }
+    let Some(Tool { shape: ToolShape::Body(name), .. }) = scene.tool.as_ref().filter(|_| is_new) else { return Ok(()) };
+    let names_tool = |body: &&Body| body.collides.iter().flatten().any(|name| name == TOOL);
+    if let Some(other) = scene.bodies[..from[0]].iter().find(names_tool) {
+        let problem = format!("body \"{}\" names \"tool\" in `collides`, and the tool becomes a body", other.name);
+        return wrong(Place::Tool, (problem, "add the tool before that body, and name it there".into()));
+    }
+    let Some(body) = scene.held_body().map(|body| &scene.bodies[body]) else {
+        return wrong(Place::Tool, unknown(scene, name));
+    };
+    if !matches!(body.cores.first(), Some(Core { motion: Motion::Dynamic, .. })) {
+        let problem = format!("the first core of \"{name}\", by which it is held, is not dynamic");
+        let remedy = "give its first [[body.core]], or the rigid body, motion = \"dynamic\"";
+        return wrong(Place::Tool, (problem, remedy.into()));
     }
     Ok(())
 }

@@ -12,6 +12,7 @@ use super::stage_set::Stages;
 use super::{Simulation, make, tools};
 use crate::gpu::{Recorder, read_all, write_all};
 use crate::prepare::{Body, FrameMotion, Shape, cores};
+use crate::scene::check::Problem;
 use crate::scene::{self, Coupling, Dilatation, Key, Material};
 use crate::stages::model::Model;
 use crate::step::Pose;
@@ -19,6 +20,11 @@ use crate::{Error, Result};
 
 /// How far a centre of mass may move by rounding, of the distance of the nodes from it.
 const ROUNDING: f64 = 1e-9;
+
+fn refused(what: &str, problem: Problem) -> Error {
+    let Problem { key, problem, remedy } = problem.within(what);
+    Error::Usage(format!("{key} {problem}; {remedy}"))
+}
 
 impl Simulation {
     /// The materials of a body: its own, then those of its regions; empty where it is not soft.
@@ -37,9 +43,7 @@ impl Simulation {
         let Some(old) = self.materials(body).get(index) else {
             return wrong(format!("body {body} has {} materials, and none at {index}", self.materials(body).len()));
         };
-        if let Some((key, problem)) = material.problem() {
-            return wrong(format!("material.{key} {problem}"));
-        }
+        material.check().map_err(|problem| refused("material", problem))?;
         if old.law != material.law {
             return wrong("material.law is chosen when a simulation is made; make it anew".into());
         }
@@ -72,9 +76,7 @@ impl Simulation {
     /// Another contact law from the next step on: stiffness, damping, friction and the depth limit of `law`; what else it says
     /// stays as it was. Friction where there was none is recorded first, which takes as long as it took to make the simulation.
     pub fn set_contact(&mut self, law: &scene::Contact) -> Result<()> {
-        if let Some((key, problem)) = law.problem() {
-            return Err(Error::Usage(format!("contact.{key} {problem}")));
-        }
+        law.check().map_err(|problem| refused("contact", problem))?;
         let mut scene = self.scene.clone();
         let scene::Contact { texel, depth, sides, .. } = scene.contact;
         scene.contact = scene::Contact { texel, depth, sides, ..law.clone() };
@@ -84,8 +86,8 @@ impl Simulation {
     /// What joins device and tool from the next step on; `None`: nothing.
     pub fn set_coupling(&mut self, coupling: Option<Coupling>) -> Result<()> {
         let Some(tool) = &mut self.tool else { return Err(Error::Usage("the scene has no tool to couple".into())) };
-        if let Some((key, problem)) = coupling.as_ref().and_then(Coupling::problem) {
-            return Err(Error::Usage(format!("coupling.{key} {problem}")));
+        if let Some(coupling) = &coupling {
+            coupling.check().map_err(|problem| refused("coupling", problem))?;
         }
         (tool.coupling, self.scene.coupling) = (coupling, coupling);
         Ok(())

@@ -37,7 +37,7 @@ pub unsafe extern "C" fn palpate_scene_create(
         let (settings, scene) = unsafe { (sized::read(settings)?, sized::answer(scene, "scene")?) };
         *scene = std::ptr::null_mut();
         let mut made = SceneObject::new(Scene::empty(FILE));
-        made.change(|builder| builder.add_tables(&tables::of_settings(&settings)?).map_err(argument))?;
+        made.change(|builder| builder.tables(&tables::of_settings(&settings)?).map_err(argument))?;
         given(scene, made)
     })
 }
@@ -51,7 +51,7 @@ pub unsafe extern "C" fn palpate_scene_add(scene: *mut palpate_scene, text: *con
     guarded(|| {
         // SAFETY: the caller's, as the header says.
         let text = unsafe { sized::string(text, "text")? };
-        change(scene, |object| object.change(|builder| Ok(builder.add(text)?)))
+        change(scene, |object| object.change(|builder| Ok(builder.toml(text).map(|_| ())?)))
     })
 }
 
@@ -119,7 +119,7 @@ pub unsafe extern "C" fn palpate_scene_add_body(
         // SAFETY: the caller's, as the header says.
         let tables = unsafe { tables::of_body(&needed(body, "body")?)? };
         let place = change(scene, |object| {
-            object.change(|builder| builder.add_tables(&tables).map_err(argument))?;
+            object.change(|builder| builder.tables(&tables).map_err(argument))?;
             Ok(object.scene().bodies.len() - 1)
         })?;
         // SAFETY: the caller's, as the header says.
@@ -147,7 +147,9 @@ pub unsafe extern "C" fn palpate_scene_set_collides(
         let name = |name: &*const c_char| unsafe { sized::string(*name, "names[..]") }.map(String::from);
         let given: Vec<String> = given.iter().map(name).collect::<Outcome<_>>()?;
         let list = (!names.is_null()).then_some(given);
-        change(scene, |object| object.change(|builder| builder.set_collides(body as usize, list).map_err(argument)))
+        change(scene, |object| {
+            object.change(|builder| builder.collides(body as usize, list).map(|_| ()).map_err(argument))
+        })
     })
 }
 

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use palpate::internal::prepare::Cache;
 use palpate::internal::prepare::bodies::{Bodies, Progress};
-use palpate::scene::Builder;
-use palpate::{Result, Scene};
+use palpate::{Result, Scene, SceneBuilder};
 
 use super::handles::{self, Handled};
 use super::sized;
@@ -20,14 +19,14 @@ pub struct palpate_scene {
 
 /// A scene, what of it is prepared, and the meshes that it may name.
 pub(super) struct SceneObject {
-    builder: Builder,
+    builder: SceneBuilder,
     bodies: Bodies,
     cache: Cache,
 }
 
 impl SceneObject {
     pub fn new(scene: Scene) -> SceneObject {
-        SceneObject { builder: Builder::new(scene), bodies: Bodies::default(), cache: Cache::off() }
+        SceneObject { builder: SceneBuilder::of(scene), bodies: Bodies::default(), cache: Cache::off() }
     }
 
     pub fn scene(&self) -> &Scene {
@@ -40,7 +39,7 @@ impl SceneObject {
     }
 
     /// Adds to the scene. Bodies that it has stay as they are, the tool may be another.
-    pub fn change<R>(&mut self, work: impl FnOnce(&mut Builder) -> Outcome<R>) -> Outcome<R> {
+    pub fn change<R>(&mut self, work: impl FnOnce(&mut SceneBuilder) -> Outcome<R>) -> Outcome<R> {
         self.bodies.tool = None;
         work(&mut self.builder)
     }

@@ -66,7 +66,7 @@ fn pose(text: &str) -> std::result::Result<Pose, String> {
     if [x, y, z].iter().any(|x| x.abs() > LARGEST) {
         return Err(format!("give a position within {LARGEST:e} of the origin"));
     }
-    let turn = scene::unit_quaternion(q).map_err(|(problem, remedy)| format!("{problem}; {remedy}"))?;
+    let turn = scene::unit_quaternion(q).map_err(|problem| format!("{}; {}", problem.problem, problem.remedy))?;
     Ok((DVec3::new(x, y, z), turn))
 }
 

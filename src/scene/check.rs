@@ -1,0 +1,558 @@
+//! The rules that the values of a scene obey, each in one place: whoever makes a scene, a file or a program, is refused by
+//! these. A file's reader (`keys.rs`) asks for single values and tells the line; [`super::SceneBuilder`] asks for whole ones.
+
+use std::fmt::Debug;
+use std::ops::RangeInclusive;
+
+use glam::{DQuat, DVec3};
+
+use super::joint::closes_loop;
+use super::{
+    Bind, Body, Contact, Core, Coupling, Dilatation, Group, HAPTIC_RATES, Haptics, Hinge, Joint, Key, Layer,
+    MOST_HULLS, Material, Motion, Place, Probe, Shape, Solver, Step, Surface, Tool, ToolShape,
+};
+
+/// Greatest magnitude of a number: it must fit in single precision with room for a product.
+pub const LARGEST: f64 = 1e30;
+/// Least magnitude of a number that must be greater than zero, for the same reason.
+const SMALLEST: f64 = 1e-30;
+/// Characters of a name at most: with an extension it must be a file name everywhere.
+const LONGEST_NAME: usize = 100;
+/// How far from one the length of a quaternion may be: more is a typing error, less is rounding.
+const UNIT_TOLERANCE: f64 = 1e-3;
+/// The same of normals and axes that a program gives, which a file's reader makes unit itself.
+const NORMAL_TOLERANCE: f64 = 1e-6;
+/// Iterations at most: they are recorded beforehand, four passes each.
+pub const MOST_ITERATIONS: u32 = 10_000;
+/// Linearisations of a step at most.
+pub const MOST_LINEARISATIONS: u32 = 100;
+/// Least speed at which friction may turn from viscous to Coulomb's, m/s.
+const SLOWEST: f64 = 1e-6;
+/// Cells along a surface at most.
+pub const MOST_ACROSS: u32 = 1000;
+/// Cells of a box along an axis at most.
+pub const MOST_CELLS: u32 = 1 << 20;
+/// Tetrahedra of a box layer at most: elements of a texel buffer that every Vulkan device with large buffers has.
+const MOST_BOX_TETRAHEDRA: u64 = 1 << 27;
+/// Below -0.5 the neo-Hookean law's bulk term comes near zero.
+const POISSON: std::ops::Range<f64> = -0.5..0.5;
+/// Column prefixes of the trace that a probe must not take.
+const RESERVED_PROBES: [&str; 4] = ["tool", "device", "force", "torque"];
+/// What a key of a trajectory is.
+pub const KEY_REMEDY: &str =
+    "a key is t,x,y,z or t,x,y,z,qx,qy,qz,qw: numbers below 1e30, unit quaternion, times increasing";
+
+/// What is wrong with a value, and what to do about it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Problem {
+    /// Dotted path of the key within what was checked; empty: all of it.
+    pub key: String,
+    /// What is wrong.
+    pub problem: String,
+    /// What the user can do.
+    pub remedy: String,
+}
+
+/// Sound, or a problem.
+pub type Check<T = ()> = std::result::Result<T, Problem>;
+
+impl Problem {
+    /// Of the value itself.
+    pub fn new(problem: impl Into<String>, remedy: impl Into<String>) -> Problem {
+        Problem { key: String::new(), problem: problem.into(), remedy: remedy.into() }
+    }
+
+    /// Of a key.
+    pub fn of(key: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Problem {
+        Problem { key: key.into(), problem: problem.into(), remedy: remedy.into() }
+    }
+
+    /// The same, seen from what has the value under a key.
+    pub fn within(mut self, key: impl AsRef<str>) -> Problem {
+        let dot = if self.key.is_empty() || self.key.starts_with('[') { "" } else { "." };
+        self.key = format!("{}{dot}{}", key.as_ref(), self.key);
+        self
+    }
+}
+
+/// A check of what stands under a key.
+trait Under {
+    fn under(self, key: impl AsRef<str>) -> Self;
+}
+
+impl<T> Under for Check<T> {
+    fn under(self, key: impl AsRef<str>) -> Self {
+        self.map_err(|problem| problem.within(key))
+    }
+}
+
+fn is(x: impl Debug, remedy: impl Into<String>) -> Problem {
+    Problem::new(format!("is {x:?}"), remedy)
+}
+
+/// A finite number within single precision.
+pub fn finite(x: f64) -> Check {
+    let sound = x.is_finite() && x.abs() <= LARGEST;
+    if sound { Ok(()) } else { Err(is(x, "give a finite number below 1e30 in magnitude")) }
+}
+
+/// A number greater than zero.
+pub fn positive(x: f64) -> Check {
+    finite(x)?;
+    let remedy = || format!("give a number greater than zero, {SMALLEST:e} at least");
+    if x >= SMALLEST { Ok(()) } else { Err(is(x, remedy())) }
+}
+
+/// A number that is zero or more.
+pub fn not_negative(x: f64) -> Check {
+    finite(x)?;
+    if x >= 0.0 { Ok(()) } else { Err(is(x, "give zero or a number greater than zero")) }
+}
+
+/// Poisson's ratio.
+pub fn poisson(x: f64) -> Check {
+    finite(x)?;
+    if POISSON.contains(&x) { Ok(()) } else { Err(is(x, "give a number from -0.5 to below 0.5")) }
+}
+
+/// A relative residual to stop at.
+pub fn tolerance(x: f64) -> Check {
+    positive(x)?;
+    if x < 1.0 { Ok(()) } else { Err(is(x, "give a number below one")) }
+}
+
+/// A speed below which friction is viscous, m/s.
+pub fn friction_speed(x: f64) -> Check {
+    finite(x)?;
+    let remedy = "give 1e-6 m/s or more: single precision knows no less";
+    if x >= SLOWEST { Ok(()) } else { Err(is(x, remedy)) }
+}
+
+/// A rate that the loop can keep, Hz.
+pub fn rate(rate: f64) -> Check {
+    positive(rate)?;
+    let [low, high] = HAPTIC_RATES;
+    if (low..=high).contains(&rate) { Ok(()) } else { Err(is(rate, format!("give {low:?} to {high:?} Hz"))) }
+}
+
+/// An angle that limits a joint, rad.
+pub fn limit(angle: f64) -> Check {
+    positive(angle)?;
+    let remedy = "give an angle below pi (rad), or leave it out for no limit";
+    if angle < std::f64::consts::PI { Ok(()) } else { Err(is(angle, remedy)) }
+}
+
+/// How much larger cells may be deep inside.
+pub fn grade(grade: u32) -> Check {
+    let sound = (1..=8).contains(&grade) && grade.is_power_of_two();
+    if sound { Ok(()) } else { Err(is(grade, "give 1, 2, 4 or 8")) }
+}
+
+/// A whole number in a range.
+pub fn whole(x: u32, range: RangeInclusive<u32>) -> Check {
+    let remedy = || format!("give a whole number from {} to {}", range.start(), range.end());
+    if range.contains(&x) { Ok(()) } else { Err(is(x, remedy())) }
+}
+
+/// A name: letters, digits, `_`, `-` and `.`, for it becomes part of file names and column heads.
+pub fn name(text: &str) -> Check {
+    let allowed = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+    if text.is_empty() || text.starts_with('.') || !text.chars().all(allowed) {
+        let remedy = "use letters, digits, '_', '-' and '.', and do not start with '.'";
+        return Err(Problem::new(format!("\"{}\" cannot be a name", text.escape_debug()), remedy));
+    }
+    if text.len() > LONGEST_NAME {
+        let problem = format!("a name of {} characters", text.len());
+        return Err(Problem::new(problem, format!("use at most {LONGEST_NAME}: it becomes part of file names")));
+    }
+    Ok(())
+}
+
+/// Least and greatest corner.
+pub fn corners(low: DVec3, high: DVec3) -> Check {
+    let remedy = "give the least corner first";
+    if low.cmplt(high).all() {
+        Ok(())
+    } else {
+        Err(Problem::new(format!("{low} is not below {high} on every axis"), remedy))
+    }
+}
+
+/// A sphere's radius, m.
+pub fn radius(radius: f64) -> Check {
+    let remedy = "give x, y, z and a radius above zero";
+    if radius > 0.0 { Ok(()) } else { Err(Problem::new(format!("has radius {radius:?}"), remedy)) }
+}
+
+/// Tetrahedra of a box of so many cells along its axes.
+pub fn box_cells(cells: [u32; 3]) -> Check {
+    let total = cells.iter().try_fold(6_u64, |product, &count| product.checked_mul(count.into()));
+    if total.is_some_and(|total| total <= MOST_BOX_TETRAHEDRA) {
+        return Ok(());
+    }
+    Err(Problem::new("makes too many tetrahedra", format!("stay below {MOST_BOX_TETRAHEDRA} (6 a cell)")))
+}
+
+/// A quaternion x y z w, normalised if its length is one but for rounding.
+pub fn unit_quaternion(q: [f64; 4]) -> Check<DQuat> {
+    let quaternion = DQuat::from_array(q);
+    let length = quaternion.length();
+    if (length - 1.0).abs() <= UNIT_TOLERANCE {
+        Ok(quaternion.normalize())
+    } else {
+        Err(Problem::new(format!("quaternion has length {length:.4e}"), "give a unit quaternion x y z w"))
+    }
+}
+
+/// The numbers of a trajectory's key, `before`: the time of the key before it, s.
+pub fn key_time(time: f64, before: Option<f64>) -> Check {
+    match before {
+        Some(before) if before >= time => {
+            Err(Problem::new(format!("time {time:?} does not come after {before:?}"), KEY_REMEDY))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The name of a probe among others.
+pub fn probe_name(name: &str, others: &[Probe]) -> Check {
+    if others.iter().any(|probe| probe.name == name) {
+        return Err(Problem::of("name", format!("\"{name}\" is taken by another probe"), "choose another name"));
+    }
+    if RESERVED_PROBES.contains(&name) {
+        let problem = format!("\"{name}\" is a column of the trace already");
+        return Err(Problem::of("name", problem, "choose another name"));
+    }
+    Ok(())
+}
+
+fn vector(x: DVec3) -> Check {
+    for (k, x) in x.to_array().into_iter().enumerate() {
+        finite(x).under(format!("[{k}]"))?;
+    }
+    Ok(())
+}
+
+fn direction(x: DVec3) -> Check {
+    vector(x)?;
+    let length = x.length();
+    let sound = (length - 1.0).abs() <= NORMAL_TOLERANCE;
+    if sound { Ok(()) } else { Err(Problem::new(format!("has length {length:.4e}"), "give a unit vector")) }
+}
+
+fn orientation(q: DQuat) -> Check {
+    unit_quaternion(q.to_array()).map(|_| ())
+}
+
+/// The keys of a trajectory.
+pub fn keys(keys: &[Key]) -> Check {
+    if keys.is_empty() {
+        return Err(Problem::new("is empty", "give at least one key"));
+    }
+    let mut before = None;
+    for (k, key) in keys.iter().enumerate() {
+        let numbers = || {
+            finite(key.time)?;
+            vector(key.position)?;
+            orientation(key.orientation)?;
+            key_time(key.time, before)
+        };
+        numbers().under(format!("[{k}]"))?;
+        before = Some(key.time);
+    }
+    Ok(())
+}
+
+impl Step {
+    /// The first value that cannot be.
+    pub(crate) fn check(&self) -> Check {
+        positive(self.dt).under("dt")?;
+        vector(self.gravity).under("gravity")?;
+        whole(self.newton, 1..=MOST_LINEARISATIONS).under("newton")
+    }
+}
+
+impl Solver {
+    /// The first value that cannot be.
+    pub(crate) fn check(&self) -> Check {
+        tolerance(self.tolerance).under("tolerance")?;
+        whole(self.max_iterations, 1..=MOST_ITERATIONS).under("max_iterations")
+    }
+}
+
+impl Contact {
+    /// The first value that cannot be.
+    pub(crate) fn check(&self) -> Check {
+        self.stiffness.map_or(Ok(()), positive).under("stiffness")?;
+        self.damping.map_or(Ok(()), not_negative).under("damping")?;
+        not_negative(self.friction).under("friction")?;
+        friction_speed(self.friction_speed).under("friction_speed")?;
+        self.texel.map_or(Ok(()), positive).under("texel")?;
+        positive(self.depth_limit).under("depth_limit")
+    }
+}
+
+impl Coupling {
+    /// The first value that cannot be.
+    pub(crate) fn check(&self) -> Check {
+        not_negative(self.stiffness).under("stiffness")?;
+        not_negative(self.damping).under("damping")?;
+        not_negative(self.angular_stiffness).under("angular_stiffness")?;
+        not_negative(self.angular_damping).under("angular_damping")
+    }
+}
+
+impl Material {
+    /// The first value that cannot be.
+    pub(crate) fn check(&self) -> Check {
+        positive(self.young).under("young")?;
+        poisson(self.poisson).under("poisson")?;
+        positive(self.density).under("density")?;
+        not_negative(self.damping_mass).under("damping_mass")?;
+        not_negative(self.damping_stiffness).under("damping_stiffness")
+    }
+}
+
+impl Haptics {
+    /// The first value that cannot be; what a device's own file or profile says is checked where that is read.
+    pub(crate) fn check(&self) -> Check {
+        rate(self.rate).under("rate")?;
+        positive(self.trust).under("trust")?;
+        positive(self.longest_step).under("longest_step")
+    }
+}
+
+impl Tool {
+    /// The first value that cannot be.
+    pub(crate) fn check(&self) -> Check {
+        match &self.shape {
+            ToolShape::Sphere(radius) => positive(*radius).under("sphere")?,
+            ToolShape::Surface(surface) => check_surface(surface).under("surface")?,
+            // It has that body's mass and pose.
+            ToolShape::Body(body) => return name(body).under("body"),
+        }
+        positive(self.mass).under("mass")?;
+        vector(self.position).under("position")?;
+        orientation(self.orientation).under("orientation")?;
+        vector(self.velocity).under("velocity")?;
+        positive(self.scale).under("scale")
+    }
+}
+
+impl Body {
+    /// The first value that cannot be; whether names of other bodies are there is not looked at.
+    pub(crate) fn check(&self) -> Check {
+        name(&self.name).under("name")?;
+        self.check_shape()?;
+        self.hulls.map_or(Ok(()), |hulls| whole(hulls, 1..=MOST_HULLS)).under("hulls")?;
+        positive(self.scale).under("scale")?;
+        vector(self.position).under("position")?;
+        orientation(self.orientation).under("orientation")?;
+        vector(self.velocity).under("velocity")?;
+        for (k, core) in self.cores.iter().enumerate() {
+            let key = if self.is_soft() { format!("core.{}", core.name) } else { String::new() };
+            core.check(self.is_soft()).map_err(|problem| if key.is_empty() { problem } else { problem.within(key) })?;
+            if self.cores[..k].iter().any(|other| other.name == core.name) {
+                let problem = format!("\"{}\" is taken by another core", core.name);
+                return Err(Problem::of("core", problem, "choose another name"));
+            }
+        }
+        for (k, joint) in self.joints.iter().enumerate() {
+            self.check_joint(k, joint).under(format!("joint[{k}]"))?;
+        }
+        Ok(())
+    }
+
+    fn is_soft(&self) -> bool {
+        matches!(self.shape, Shape::Soft { .. })
+    }
+
+    fn check_shape(&self) -> Check {
+        match &self.shape {
+            Shape::Soft { surface, layer } => {
+                surface.as_ref().map_or(Ok(()), check_surface).under("surface")?;
+                if surface.is_none() && matches!(layer, Layer::Cell { .. } | Layer::Across { .. }) {
+                    let remedy = "a layer of cells is made around a `surface`: add one";
+                    return Err(Problem::of("surface", "missing", remedy));
+                }
+                layer.check().under("layer")?;
+                let Some(material) = &self.material else {
+                    let remedy = "a soft body (one with a layer) needs a material";
+                    return Err(Problem::of("material", "missing", remedy));
+                };
+                material.check().under("material")?;
+                let groups = matches!(layer, Layer::File(_) | Layer::Mesh(_));
+                for (k, region) in self.regions.iter().enumerate() {
+                    region.place.check(groups).under(format!("region[{k}]"))?;
+                    region.material.check().under(format!("region[{k}].material"))?;
+                }
+            }
+            Shape::Rigid { surface } => {
+                check_surface(surface).under("surface")?;
+                self.check_has_no_layer("a rigid body has none")?;
+                let [core] = &self.cores[..] else {
+                    let problem = format!("the body has {} cores", self.cores.len());
+                    return Err(Problem::of("motion", problem, "give a rigid body one, which says how it moves"));
+                };
+                let is_dynamic = matches!(core.motion, Motion::Dynamic);
+                if is_dynamic && core.mass.is_none() {
+                    return Err(Problem::of("mass", "missing", "a dynamic rigid body needs a mass"));
+                }
+                if !is_dynamic && self.velocity != DVec3::ZERO {
+                    let problem = "has no meaning for a rigid body that is not dynamic";
+                    return Err(Problem::of("velocity", problem, "remove it"));
+                }
+            }
+            Shape::Plane { normal, offset } => {
+                direction(*normal).and_then(|()| finite(*offset)).under("plane")?;
+                self.check_has_no_layer("a plane has none")?;
+                if !self.cores.is_empty() {
+                    let problem = "has no meaning for a plane, which is rigid and fixed where `plane` puts it";
+                    return Err(Problem::of("core", problem, "remove it"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What only a body with a layer has.
+    fn check_has_no_layer(&self, why: &str) -> Check {
+        let given = [
+            ("material", self.material.is_some()),
+            ("region", !self.regions.is_empty()),
+            ("dilatation", self.dilatation != Dilatation::default()),
+            ("joint", !self.joints.is_empty()),
+            ("skeleton", self.skeleton.is_some()),
+        ];
+        match given.iter().find(|(_, is_given)| *is_given) {
+            Some((key, _)) => Err(Problem::of(*key, why, "remove it")),
+            None => Ok(()),
+        }
+    }
+
+    fn check_joint(&self, index: usize, joint: &Joint) -> Check {
+        vector(joint.point).under("point")?;
+        let resistance = &joint.resistance;
+        not_negative(resistance.stiffness).under("stiffness")?;
+        not_negative(resistance.damping).under("damping")?;
+        resistance.swing.map_or(Ok(()), limit).under("swing")?;
+        resistance.twist.map_or(Ok(()), limit).under("twist")?;
+        if resistance.swing.or(resistance.twist).is_some() {
+            direction(resistance.axis).under("axis")?;
+        }
+        if let Some(missing) = joint.cores.iter().find(|core| **core >= self.cores.len()) {
+            let problem = format!("names core {missing}, and there are {}, counted from 0", self.cores.len());
+            return Err(Problem::of("cores", problem, "name two cores"));
+        }
+        if joint.cores[0] == joint.cores[1] {
+            return Err(Problem::of("cores", "is the same core", "name two cores"));
+        }
+        if !joint.cores.iter().any(|core| matches!(self.cores[*core].motion, Motion::Dynamic)) {
+            let remedy = "give one of them motion = \"dynamic\", or remove the joint";
+            return Err(Problem::of("cores", "neither core is dynamic", remedy));
+        }
+        if closes_loop(&self.joints[..index], joint, &self.cores) {
+            let [a, b] = joint.cores.map(|core| &self.cores[core].name);
+            let problem = format!("\"{a}\" and \"{b}\" hang together already, by other cores");
+            return Err(Problem::new(problem, "remove one: dynamic cores with joints form trees"));
+        }
+        Ok(())
+    }
+}
+
+fn check_surface(surface: &Surface) -> Check {
+    let Surface::Model { model, vertices } = surface else { return Ok(()) };
+    let range = *model.vertices().start() as u32..=*model.vertices().end() as u32;
+    whole(u32::try_from(*vertices).unwrap_or(u32::MAX), range).under("vertices")
+}
+
+impl Layer {
+    fn check(&self) -> Check {
+        let filled = |own: u32, thickness: Option<f64>| {
+            grade(own).under("grade")?;
+            thickness.map_or(Ok(()), positive).under("thickness")
+        };
+        match *self {
+            Layer::Cell { cell, grade, thickness } => {
+                positive(cell).under("cell")?;
+                filled(grade, thickness)
+            }
+            Layer::Across { cells, grade, thickness } => {
+                whole(cells, 1..=MOST_ACROSS).under("across")?;
+                filled(grade, thickness)
+            }
+            Layer::Box { low, high, cells } => {
+                vector(low).and_then(|()| vector(high)).and_then(|()| corners(low, high)).under("box")?;
+                for (k, count) in cells.into_iter().enumerate() {
+                    whole(count, 1..=MOST_CELLS).under(format!("cells[{k}]"))?;
+                }
+                box_cells(cells).under("cells")
+            }
+            Layer::File(_) | Layer::Mesh(_) => Ok(()),
+        }
+    }
+}
+
+impl Place {
+    /// `groups`: whether the layer may have any.
+    fn check(&self, groups: bool) -> Check {
+        match self {
+            Place::Group(_) if !groups => {
+                let problem = "the layer is made here and has no groups";
+                Err(Problem::of("group", problem, "give `box` or `sphere`, or a layer from a file"))
+            }
+            Place::Group(Group::Name(_) | Group::Number(_)) => Ok(()),
+            Place::Box { low, high } => {
+                vector(*low).and_then(|()| vector(*high)).and_then(|()| corners(*low, *high)).under("box")
+            }
+            Place::Sphere { centre, radius: own } => vector(*centre).and_then(|()| radius(*own)).under("sphere"),
+        }
+    }
+}
+
+impl Core {
+    /// `is_soft`: whether its body is, and it binds nodes.
+    fn check(&self, is_soft: bool) -> Check {
+        name(&self.name).under("name")?;
+        if let Motion::Driven(list) = &self.motion {
+            keys(list).under("keys")?;
+        }
+        let is_dynamic = matches!(self.motion, Motion::Dynamic);
+        for (key, is_given) in [("mass", self.mass.is_some()), ("hinge", self.hinge.is_some())] {
+            if is_given && !is_dynamic {
+                return Err(Problem::of(key, "belongs to motion = \"dynamic\"", "remove it"));
+            }
+        }
+        self.mass.map_or(Ok(()), positive).under("mass")?;
+        if let Some(Hinge { point, axis }) = self.hinge {
+            vector(point).under("hinge.point")?;
+            direction(axis).under("hinge.axis")?;
+        }
+        match (&self.bind, is_soft) {
+            (Some(bind), true) => bind.check().under("bind"),
+            (None, true) => Err(Problem::of("bind", "missing", "say which nodes the core carries")),
+            (Some(_), false) => Err(Problem::of("bind", "belongs to a soft body, and this one is rigid", "remove it")),
+            (None, false) => Ok(()),
+        }
+    }
+}
+
+impl Bind {
+    fn check(&self) -> Check {
+        match self {
+            Bind::Inset(depth) => not_negative(*depth).under("inset"),
+            Bind::Box { low, high } => {
+                vector(*low).and_then(|()| vector(*high)).and_then(|()| corners(*low, *high)).under("box")
+            }
+            Bind::Sphere { centre, radius: own } => vector(*centre).and_then(|()| radius(*own)).under("sphere"),
+            Bind::Capsule(capsule) => {
+                capsule.ends.iter().try_for_each(|end| vector(*end)).under("ends")?;
+                capsule.radii.iter().try_for_each(|radius| positive(*radius)).under("radii")
+            }
+            Bind::Nodes(nodes) if nodes.is_empty() => {
+                Err(Problem::of("nodes", "is empty", "name at least one node (zero-based, file order)"))
+            }
+            Bind::Nodes(_) | Bind::All => Ok(()),
+        }
+    }
+}
