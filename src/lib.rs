@@ -1,23 +1,37 @@
-//! palpate: feel soft bodies.
+//! palpate: feel soft bodies. A haptic device moves a tool; the engine finds where it meets high-resolution deformable skin,
+//! deforms the bodies by finite elements, all in Vulkan compute, and hands back force and torque.
 //!
-//! The rooms, each importing only those after it: [`haptics`] is the loop that the hand feels, [`step`] a step of the simulation,
-//! [`query`] the proximity query by itself, [`plan`] what a scene needs, [`stages`] the kernels, [`prepare`] layered bodies,
-//! [`scene`] what a user writes, [`shaders`] what shaders and host share, [`gpu`] the only room that speaks Vulkan. Devices,
-//! pictures, benchmarks, the C ABI and the program are crates of their own.
+//! A [`Scene`] is read from a file ([`Scene::load`]) or made of values ([`SceneBuilder`], [`scene`]). A [`Simulation`] steps it;
+//! a [`Query`] only asks where two rigid skins overlap. Units are SI, the axes right-handed, quaternions x y z w.
 //!
-//! ```no_run
-//! use palpate::gpu::Options;
-//! use palpate::scene::Scene;
-//! use palpate::step::Simulation;
+//! A sphere is pressed 6 mm into a soft block:
+//!
+//! ```
+//! use palpate::scene::{Bind, Body, Core, Coupling, Key, Material, Tool};
+//! use palpate::{Flags, Options, SceneBuilder, Simulation};
 //!
 //! # fn main() -> palpate::Result<()> {
-//! let scene = Scene::load("assets/scenes/touch-head.toml".as_ref())?;
+//! let mut block = Body::block("block", [-0.03, -0.03, -0.03], [0.03, 0.0, 0.03], [8, 4, 8], Material::new(2e4, 0.45, 1000.0));
+//! block.cores.push(Core::fixed("table", Bind::Box { low: [-1.0, -1.0, -1.0].into(), high: [1.0, -0.029, 1.0].into() }));
+//! let scene = SceneBuilder::new("press")
+//!     .body(block)?
+//!     .tool(Tool::sphere(0.01, 0.05).at([0.0, 0.011, 0.0]))?
+//!     .coupling(Coupling { stiffness: 1000.0, damping: 10.0, ..Coupling::default() })?
+//!     .drive(vec![Key::at(0.0, [0.0, 0.011, 0.0]), Key::at(0.1, [0.0, 0.004, 0.0])])?
+//!     .build()?;
 //! let mut simulation = Simulation::open(&scene, &Options::default())?;
-//! let report = simulation.step()?;
-//! println!("{:?}", report.tool.map(|tool| tool.force));
+//! for _ in 0..120 {
+//!     let report = simulation.step()?;
+//!     assert_eq!(report.flags, Flags::default());
+//! }
+//! let felt = simulation.step()?.tool.expect("the scene has a tool");
+//! println!("{:.2} N upwards", felt.force.y);
+//! # assert!(felt.force.y > 0.1 && felt.force.y < 10.0, "{}", felt.force);
 //! # Ok(())
 //! # }
 //! ```
+//!
+//! More in `examples/rust`. Haptic devices, pictures, benchmarks, the C ABI and the program are crates of their own.
 
 #![deny(missing_docs)]
 

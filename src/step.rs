@@ -115,6 +115,7 @@ impl Simulation {
     /// towards its device as it is now. Where the device will be at the end nobody
     /// knows: taken to go on as it moves, at 50 steps a second it makes contact swing that is steady without (README, "The
     /// hand"). A tool that is a soft body's core stays the simulation's. Weight is not felt: what the hand holds is carried.
+    #[doc(hidden)]
     pub fn step_held(&mut self, held: &Held, h: f64) -> Result<StepReport> {
         let time = self.time + h;
         self.has_weight = false;
@@ -145,6 +146,7 @@ impl Simulation {
 
     /// What the tool felt in the last step, with stiffness and damping if that was [`Simulation::step_held`] (else zero: nobody
     /// asks); `None`: there is no tool, or was no step.
+    #[doc(hidden)]
     pub fn contact_wrench(&self) -> Option<&ContactWrench> {
         self.last_wrench.as_ref()
     }
@@ -181,11 +183,13 @@ impl Simulation {
     }
 
     /// Contact stiffness of the stiffest pair of bodies, N/m^3; 0: nothing can touch.
+    #[doc(hidden)]
     pub fn contact_stiffness(&self) -> f64 {
         self.model.pairs.iter().map(|pair| f64::from(pair.stiffness)).fold(0.0, f64::max)
     }
 
     /// What joins tool and device from now on. The loop chooses its own; whoever steps on without it gives back what there was.
+    #[doc(hidden)]
     pub fn couple(&mut self, coupling: Option<Coupling>) {
         if let Some(tool) = &mut self.tool {
             tool.coupling = coupling;
@@ -208,16 +212,19 @@ impl Simulation {
     }
 
     /// The stages that were recorded, and those left out with the reason.
+    #[doc(hidden)]
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
     /// The kind of buffers through which kernels read their arrays, and why it was chosen.
+    #[doc(hidden)]
     pub fn kind_of_arrays(&self) -> &str {
         &self.kind_of_arrays
     }
 
     /// The path of the depth stage, where the step has one.
+    #[doc(hidden)]
     pub fn depth_path(&self) -> Option<Path> {
         self.path
     }
@@ -242,6 +249,7 @@ impl Simulation {
 
     /// Dispatches, draws, fills and copies of each stage in a step of `iterations` solver iterations, and how many passes
     /// of the whole wait for an earlier one.
+    #[doc(hidden)]
     pub fn passes(&self, iterations: u32) -> (Vec<(String, u32)>, u32) {
         let mut stages: Vec<(String, u32)> = Vec::new();
         let mut dependent = 0;
@@ -259,22 +267,26 @@ impl Simulation {
     }
 
     /// The bodies as prepared.
+    #[doc(hidden)]
     pub fn bodies(&self) -> &[Body] {
         &self.bodies
     }
 
     /// What was found in the files of each body, and of the tool, and done about it.
+    #[doc(hidden)]
     pub fn reports(&self) -> impl Iterator<Item = (&str, &BodyReport)> {
         let bodies = self.bodies.iter().map(|body| (body.name.as_str(), &body.report));
         bodies.chain(self.tool_body.iter().map(|body| ("tool", &body.report)))
     }
 
     /// The tool, if the scene has one; of a body that is held, its core.
+    #[doc(hidden)]
     pub fn tool(&self) -> Option<&Tool> {
         self.tool.as_ref()
     }
 
     /// Where the frames of a body are now: one a core, or one that floats or carries a rigid skin; empty for a half-space.
+    #[doc(hidden)]
     pub fn frames(&self, body: usize) -> Vec<frames::Place> {
         let first = self.model.body_frames[body];
         let count = match &self.bodies[body].shape {
@@ -286,6 +298,7 @@ impl Simulation {
     }
 
     /// Joints between frames of all bodies, one body's after another's.
+    #[doc(hidden)]
     pub fn joints(&self) -> &[Joint] {
         &self.model.joints
     }
@@ -293,6 +306,7 @@ impl Simulation {
     /// The region of each pair of bodies and the contacts of the last step, as the device left them (a dropped contact has
     /// stiffness 0); empty where nothing can touch. Positions are relative to the origin of that step. Costs transfers of
     /// its own: for tests and export.
+    #[doc(hidden)]
     pub fn touch(&self) -> Result<(Vec<Region>, Vec<shaders::Contact>)> {
         let Some(touch) = &self.stages.touch else { return Ok((Vec::new(), Vec::new())) };
         let count = self.stages.common.counts.read::<Counts>()?[0].contacts as usize;

@@ -46,7 +46,7 @@ pub struct Options {
     pub device: Option<String>,
     /// Use the Khronos validation layer with synchronisation validation.
     pub validation: bool,
-    /// What showing in a window takes of the instance: see [`display_extensions`](super::display_extensions). Empty: nothing
+    /// What showing in a window takes of the instance: see `display_extensions`. Empty: nothing
     /// is shown.
     pub display: Vec<&'static CStr>,
     /// With how many threads lavapipe works, by `LP_NUM_THREADS` in the process's environment, unless it is set already: ask
@@ -182,6 +182,7 @@ impl Context {
     /// recordings hold on to; the device was created with [`HostDevice::FEATURES`] and whatever else `host` says is enabled.
     /// The host uses the queue only while it holds the lock, whose functions may be called from any thread; or without one, at
     /// no time at which any of the engine's calls is under way.
+    #[doc(hidden)]
     pub unsafe fn on_host(host: HostDevice, options: &Options) -> Result<Arc<Context>> {
         use vk::Handle;
         // SAFETY: the caller's promise.
@@ -276,27 +277,32 @@ impl Context {
     }
 
     /// Standard local size of a kernel, invocations.
+    #[doc(hidden)]
     pub fn group_size(&self) -> u32 {
         GROUP_SIZE
     }
 
     /// Local size of kernels of one workgroup an item that meet at barriers, invocations. On a CPU the subgroup size:
     /// then a workgroup is one vector and barriers cost nothing.
+    #[doc(hidden)]
     pub fn reduce_size(&self) -> u32 {
         if self.info.kind == DeviceKind::Cpu { self.subgroup_size.max(1) } else { REDUCE_SIZE }
     }
 
     /// Invocations of a subgroup. For choosing variants only: no kernel may rely on it.
+    #[doc(hidden)]
     pub fn subgroup_size(&self) -> u32 {
         self.subgroup_size
     }
 
     /// Whether shaders may use 64-bit atomics on storage buffers (optional: have a fallback).
+    #[doc(hidden)]
     pub fn int64_atomics(&self) -> bool {
         self.int64_atomics
     }
 
     /// Whether fragment shaders may write storage buffers (optional: [`super::RasterPipeline`] needs it).
+    #[doc(hidden)]
     pub fn fragment_stores(&self) -> bool {
         self.fragment_stores
     }
@@ -309,26 +315,31 @@ impl Context {
     }
 
     /// Whether texel buffers hold what large scenes have.
+    #[doc(hidden)]
     pub fn has_large_texel_buffers(&self) -> bool {
         self.limits.max_texel_buffer_elements >= TEXEL_ELEMENTS
     }
 
     /// What [`Options::arrays`] asked for.
+    #[doc(hidden)]
     pub fn arrays_asked_for(&self) -> Option<Arrays> {
         self.arrays_asked_for
     }
 
     /// Chooses for all kernels made from now on, if nothing was asked for or chosen before.
+    #[doc(hidden)]
     pub fn choose_arrays(&self, arrays: Arrays) {
         self.arrays.get_or_init(|| arrays);
     }
 
     /// Storage buffers that a kernel may have.
+    #[doc(hidden)]
     pub fn storage_buffers(&self) -> u32 {
         self.limits.max_per_stage_descriptor_storage_buffers
     }
 
     /// Largest storage buffer binding, bytes, and largest texel buffer, elements of 16 bytes.
+    #[doc(hidden)]
     pub fn array_limits(&self) -> (u64, u64) {
         (u64::from(self.limits.max_storage_buffer_range), u64::from(self.limits.max_texel_buffer_elements))
     }
@@ -339,6 +350,7 @@ impl Context {
     }
 
     /// Whether arrays can be made in memory that other programs import ([`super::Buffer::export`]).
+    #[doc(hidden)]
     pub fn shares_memory(&self) -> bool {
         self.external_memory.is_some()
     }
@@ -356,16 +368,19 @@ impl Context {
     }
 
     /// [`Options::cache`].
+    #[doc(hidden)]
     pub fn cache_folder(&self) -> Option<&Path> {
         self.cache_folder.as_deref()
     }
 
     /// [`Options::measure`].
+    #[doc(hidden)]
     pub fn measures(&self) -> bool {
         self.measures
     }
 
     /// Keeps compiled pipelines for the next run, where there is a cache. Also done when the context is dropped.
+    #[doc(hidden)]
     pub fn save_pipeline_cache(&self) {
         let Some(folder) = self.cache_folder() else { return };
         // SAFETY: the cache belongs to this device; the driver locks it itself.
@@ -375,6 +390,7 @@ impl Context {
     }
 
     /// Says something to whoever hears.
+    #[doc(hidden)]
     pub fn tell(&self, level: Level, message: &str) {
         self.log.tell(level, message);
     }

@@ -108,7 +108,7 @@ fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
 }
 
 /// The frames of a soft body: one a core, centred at the centre of the mass it carries, or on its hinge; without cores one floating frame at the
-/// centre of mass. `layer` is in the rest frame (m), `holders` what [`bind`] returned. Refused (key, problem, remedy): a
+/// centre of mass. `layer` is in the rest frame (m), `holders` what `bind` returned. Refused (key, problem, remedy): a
 /// dynamic core whose nodes lie on one line, or on its hinge, about which it would have no inertia.
 pub fn frames(
     body: &Body,

@@ -150,7 +150,7 @@ impl Growing {
     }
 }
 
-/// The extremes of many points along [`DIRECTIONS`] directions in each of a cube's faces, the lowest index of equals;
+/// The extremes of many points along `DIRECTIONS` directions in each of a cube's faces, the lowest index of equals;
 /// few points as they are. A hull of all would cost the square of its corners where all lie on it.
 pub fn thinned(points: &[DVec3]) -> Vec<DVec3> {
     if points.len() <= MANY {

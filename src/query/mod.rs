@@ -207,6 +207,7 @@ impl Query {
     }
 
     /// Changes [`QuerySettings::timing`] for the runs that follow.
+    #[doc(hidden)]
     pub fn set_timing(&mut self, timing: Timing) {
         self.timing = timing;
     }
@@ -262,6 +263,7 @@ impl Query {
     }
 
     /// Passes of each stage.
+    #[doc(hidden)]
     pub fn passes(&self) -> Vec<StagePasses> {
         self.record().passes()
     }

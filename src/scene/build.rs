@@ -224,10 +224,13 @@ impl SceneBuilder {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
+    use glam::{DQuat, DVec3};
 
     use super::*;
-    use crate::scene::{Layer, Shape, Surface, ToolShape};
+    use crate::scene::{
+        Bind, Core, Dilatation, Joint, Layer, Material, Model, Motion, Place, Region, Resistance, Shape, Surface,
+        ToolShape,
+    };
 
     const BLOCK: &str = "layer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
                          material = { young = 1e4, poisson = 0.3, density = 1000 }\n";
@@ -346,5 +349,195 @@ mod tests {
             let read = builder.scene().bodies[0].position.to_array();
             assert_eq!(read.map(f64::to_bits), point.map(f64::to_bits));
         }
+    }
+
+    fn soft() -> Body {
+        let mut body = Body::block("a", [0.0; 3], [1.0; 3], [1; 3], Material::new(1e4, 0.3, 1e3));
+        body.cores.push(Core::fixed("c", Bind::All));
+        body
+    }
+
+    /// What a builder says of a value, without the scene's name.
+    fn words(result: Result<&mut SceneBuilder>) -> String {
+        let error = result.map(|_| ()).unwrap_err().to_string();
+        error.strip_prefix("s: ").unwrap().into()
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_body_is_told_by_the_key_of_a_scene_file() {
+        type Spoil = fn(&mut Body);
+        let cases: [(Spoil, &str); 26] = [
+            (|b| b.name = "a b".into(), "`body.a b.name`: \"a b\" cannot be a name; "),
+            (|b| b.name = "tool".into(), "`body.tool.name`: \"tool\" is taken; "),
+            (|b| b.material = None, "`body.a.material`: missing; a soft body"),
+            (
+                |b| b.material = Some(Material::new(f64::NAN, 0.3, 1e3)),
+                "`body.a.material.young`: is NaN; give a finite",
+            ),
+            (
+                |b| b.material = Some(Material::new(-1.0, 0.3, 1e3)),
+                "`body.a.material.young`: is -1.0; give a number gr",
+            ),
+            (|b| b.material = Some(Material::new(1e4, 0.5, 1e3)), "`body.a.material.poisson`: is 0.5; give a number f"),
+            (|b| b.scale = 0.0, "`body.a.scale`: is 0.0; give a number greater than zero, 1e-30 at least"),
+            (|b| b.position.y = f64::INFINITY, "`body.a.position[1]`: is inf; give a finite number"),
+            (|b| b.orientation = DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0), "`body.a.orientation`: quaternion has length 2"),
+            (|b| b.hulls = Some(0), "`body.a.hulls`: is 0; give a whole number from 1 to 256"),
+            (|b| b.cores[0].name = ".".into(), "`body.a.core...name`: \".\" cannot be a name"),
+            (|b| b.cores[0].bind = None, "`body.a.core.c.bind`: missing"),
+            (|b| b.cores[0].bind = Some(Bind::Nodes(vec![])), "`body.a.core.c.bind.nodes`: is empty"),
+            (|b| b.cores[0].mass = Some(1.0), "`body.a.core.c.mass`: belongs to motion = \"dynamic\""),
+            (|b| b.cores[0].motion = Motion::Driven(vec![]), "`body.a.core.c.keys`: is empty; give at least one key"),
+            (
+                |b| b.cores[0].motion = Motion::Driven(vec![Key::at(1.0, [0.0; 3]), Key::at(0.5, [0.0; 3])]),
+                "`body.a.core.c.keys[1]`: time 0.5 does not come after 1.0",
+            ),
+            (|b| b.cores.push(b.cores[0].clone()), "`body.a.core`: \"c\" is taken by another core"),
+            (
+                |b| {
+                    let layer = Layer::Box { low: DVec3::ONE, high: DVec3::ZERO, cells: [1; 3] };
+                    b.shape = Shape::Soft { surface: None, layer };
+                },
+                "`body.a.layer.box`: [1, 1, 1] is not below [0, 0, 0] on every axis",
+            ),
+            (
+                |b| {
+                    let layer = Layer::Box { low: DVec3::ZERO, high: DVec3::ONE, cells: [1, 0, 1] };
+                    b.shape = Shape::Soft { surface: None, layer };
+                },
+                "`body.a.layer.cells[1]`: is 0; give a whole number from 1 to 1048576",
+            ),
+            (
+                |b| {
+                    let layer = Layer::Cell { cell: 0.1, grade: 3, thickness: None };
+                    let surface = Surface::Model { model: Model::Head, vertices: 44_000 };
+                    b.shape = Shape::Soft { surface: Some(surface), layer };
+                },
+                "`body.a.layer.grade`: is 3; give 1, 2, 4 or 8",
+            ),
+            (
+                |b| {
+                    let layer = Layer::Across { cells: 10, grade: 1, thickness: None };
+                    b.shape = Shape::Soft { surface: None, layer };
+                },
+                "`body.a.surface`: missing; a layer of cells is made around a `surface`",
+            ),
+            (
+                |b| {
+                    let surface = Surface::Model { model: Model::Gear, vertices: 10 };
+                    b.shape = Shape::Rigid { surface };
+                },
+                "`body.a.surface.vertices`: is 10; give a whole number from 2000 to 400000",
+            ),
+            (
+                |b| b.shape = Shape::Rigid { surface: Surface::File("a.obj".into()) },
+                "`body.a.material`: a rigid body has none",
+            ),
+            (
+                |b| {
+                    let surface = Surface::File("a.obj".into());
+                    *b = Body::rigid("a", surface, Motion::Dynamic, None);
+                },
+                "`body.a.mass`: missing; a dynamic rigid body needs a mass",
+            ),
+            (|b| *b = Body::plane("a", [0.0; 3], 1.0), "`body.a.plane`: has a normal of length NaN"),
+            (
+                |b| {
+                    let place = Place::Sphere { centre: DVec3::ZERO, radius: 0.0 };
+                    b.regions.push(Region { place, material: Material::new(1e4, 0.3, 1e3) });
+                },
+                "`body.a.region[0].sphere`: has radius 0.0",
+            ),
+        ];
+        for (spoil, want) in cases {
+            let (mut body, mut builder) = (soft(), SceneBuilder::new("s"));
+            spoil(&mut body);
+            let said = words(builder.body(body));
+            assert!(said.starts_with(want), "{said}\n{want}");
+            assert!(builder.scene().bodies.is_empty());
+        }
+        let mut builder = SceneBuilder::new("s");
+        builder.body(soft()).unwrap();
+        assert!(words(builder.body(soft())).starts_with("`body.a.name`: \"a\" is taken"));
+    }
+
+    #[test]
+    fn joints_of_a_body_are_of_its_own_cores_and_form_trees() {
+        let joint = |cores| Joint { cores, point: DVec3::ZERO, resistance: Resistance::default() };
+        let body = |joints: Vec<Joint>| {
+            let cores = ["c", "d", "e"].map(|name| Core::dynamic(name, Bind::All));
+            Body { joints, cores: cores.to_vec(), ..soft() }
+        };
+        let refused = |joints| words(SceneBuilder::new("s").body(body(joints)));
+        assert!(refused(vec![joint([0, 3])]).starts_with("`body.a.joint[0].cores`: names core 3, and there are 3"));
+        assert!(refused(vec![joint([1, 1])]).starts_with("`body.a.joint[0].cores`: is the same core"));
+        let loop_of_three = vec![joint([0, 1]), joint([1, 2]), joint([2, 0])];
+        assert!(refused(loop_of_three).starts_with("`body.a.joint[2]`: \"e\" and \"c\" hang together already"));
+        let swing = Resistance { swing: Some(4.0), ..Resistance::default() };
+        let said = refused(vec![Joint { resistance: swing, ..joint([0, 1]) }]);
+        assert!(said.starts_with("`body.a.joint[0].swing`: is 4.0; give an angle below pi"), "{said}");
+        SceneBuilder::new("s").body(body(vec![joint([0, 1]), joint([1, 2])])).unwrap();
+    }
+
+    #[test]
+    fn what_is_wrong_with_the_rest_is_told_likewise_and_changes_nothing() {
+        let builder = || SceneBuilder::new("s");
+        let said = [
+            words(builder().step(Step { dt: 0.0, ..Step::default() })),
+            words(builder().step(Step { newton: 0, ..Step::default() })),
+            words(builder().solver(Solver { tolerance: 1.0, ..Solver::default() })),
+            words(builder().contact(Contact { friction: -0.1, ..Contact::default() })),
+            words(builder().contact(Contact { friction_speed: 0.0, ..Contact::default() })),
+            words(builder().tool(Tool::sphere(0.0, 1.0))),
+            words(builder().tool(Tool::sphere(0.1, 0.0))),
+            words(builder().coupling(Coupling { stiffness: -1.0, ..Coupling::default() })),
+            words(builder().drive(vec![])),
+            words(builder().haptics(Haptics { rate: 1.0, ..Haptics::default() })),
+            words(builder().probe(Probe { name: "tool".into(), body: "a".into(), nearest: DVec3::ZERO })),
+        ];
+        let want = [
+            "`step.dt`: is 0.0; give a number greater than zero, 1e-30 at least",
+            "`step.newton`: is 0; give a whole number from 1 to 100",
+            "`solver.tolerance`: is 1.0; give a number below one",
+            "`contact.friction`: is -0.1; give zero or a number greater than zero",
+            "`contact.friction_speed`: is 0.0; give 1e-6 m/s or more: single precision knows no less",
+            "`tool.sphere`: is 0.0; give a number greater than zero, 1e-30 at least",
+            "`tool.mass`: is 0.0; give a number greater than zero, 1e-30 at least",
+            "`coupling.stiffness`: is -1.0; give zero or a number greater than zero",
+            "`drive.keys`: is empty; give at least one key",
+            "`haptics.rate`: is 1.0; give 50.0 to 4000.0 Hz",
+            "`probe.tool.name`: \"tool\" is a column of the trace already; choose another name",
+        ];
+        assert_eq!(said, want);
+        let mut all = builder();
+        assert!(all.build().unwrap_err().to_string().contains("neither a body nor a tool"));
+        all.body(Body { collides: Some(vec!["b".into()]), ..soft() }).unwrap();
+        assert!(all.build().unwrap_err().to_string().contains("`body.a.collides`: there is no body \"b\""));
+        all.body(Body { name: "b".into(), dilatation: Dilatation::Patch, ..soft() }).unwrap();
+        all.drive(vec![Key::at(0.0, [0.0; 3])]).unwrap();
+        assert!(all.build().unwrap_err().to_string().contains("`drive`: there is no tool to hold"));
+        all.tool(Tool::body("b")).unwrap();
+        assert!(all.build().unwrap_err().to_string().contains("`tool.body`: the first core of \"b\""));
+        all.tool(Tool::sphere(0.1, 1.0)).unwrap();
+        all.probe(Probe { name: "p".into(), body: "c".into(), nearest: DVec3::ZERO }).unwrap();
+        assert!(all.build().unwrap_err().to_string().contains("`probe.p.body`: there is no body \"c\""));
+    }
+
+    #[test]
+    fn values_and_tables_make_the_same_scene() {
+        let text = "[step]\ndt = 0.002\n[contact]\nfriction = 0.3\n[[body]]\nname = \"a\"\n\
+                    layer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
+                    material = { young = 1e4, poisson = 0.3, density = 1e3 }\n\
+                    [[body.core]]\nname = \"c\"\nbind = { all = true }\n\
+                    [tool]\nsphere = 0.01\nmass = 0.1\nposition = [1, 2, 3]\n\
+                    [coupling]\nstiffness = 5\ndamping = 1\n[drive]\nkeys = [[0, 1, 2, 3]]\n";
+        let written = Scene::parse("s".as_ref(), text).unwrap();
+        let mut builder = SceneBuilder::new("s");
+        builder.step(Step { dt: 0.002, ..Step::default() }).unwrap();
+        builder.contact(Contact { friction: 0.3, ..Contact::default() }).unwrap();
+        builder.body(soft()).unwrap().tool(Tool::sphere(0.01, 0.1).at([1.0, 2.0, 3.0])).unwrap();
+        builder.coupling(Coupling { stiffness: 5.0, damping: 1.0, ..Coupling::default() }).unwrap();
+        builder.drive(vec![Key::at(0.0, [1.0, 2.0, 3.0])]).unwrap();
+        assert_eq!(format!("{:?}", builder.build().unwrap()), format!("{written:?}"));
     }
 }

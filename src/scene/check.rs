@@ -404,7 +404,12 @@ impl Body {
                 }
             }
             Shape::Plane { normal, offset } => {
-                direction(*normal).and_then(|()| finite(*offset)).under("plane")?;
+                let length = normal.length();
+                if length.is_nan() || (length - 1.0).abs() > NORMAL_TOLERANCE {
+                    let remedy = "give nx, ny, nz, d with a normal that is not zero";
+                    return Err(Problem::of("plane", format!("has a normal of length {length}"), remedy));
+                }
+                finite(*offset).under("plane")?;
                 self.check_has_no_layer("a plane has none")?;
                 if !self.cores.is_empty() {
                     let problem = "has no meaning for a plane, which is rigid and fixed where `plane` puts it";

@@ -46,6 +46,7 @@ impl Scene {
     }
 
     /// Refuses a scene of nothing, of which there is nothing to simulate.
+    #[doc(hidden)]
     pub fn check_filled(&self) -> Result<()> {
         if !self.bodies.is_empty() || self.tool.is_some() {
             return Ok(());
@@ -55,6 +56,7 @@ impl Scene {
     }
 
     /// A scene of one body and nothing else, as a file without any other table would give it; `file` is what errors name.
+    #[doc(hidden)]
     pub fn of_body(file: impl Into<PathBuf>, body: Body) -> Scene {
         Scene { bodies: vec![body], ..Scene::empty(file) }
     }

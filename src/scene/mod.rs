@@ -9,7 +9,9 @@ mod build;
 pub(crate) mod check;
 mod cursor;
 mod drive;
+#[doc(hidden)]
 pub mod gmsh;
+#[doc(hidden)]
 pub mod groups;
 mod hand;
 mod haptics;
@@ -17,18 +19,25 @@ mod joint;
 mod keys;
 mod load;
 mod material;
+#[doc(hidden)]
 pub mod meshes;
 mod model;
 mod names;
+#[doc(hidden)]
 pub mod obj;
+#[doc(hidden)]
 pub mod preset;
+#[doc(hidden)]
 pub mod profile;
 mod skeleton;
 #[cfg(test)]
 mod tests;
+#[doc(hidden)]
 pub mod tetgen;
+#[doc(hidden)]
 pub mod tetrahedra;
 mod triangulate;
+#[doc(hidden)]
 pub mod vtk;
 
 use std::path::PathBuf;
@@ -37,12 +46,19 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-pub use body::{Dilatation, MOST_HULLS};
+pub use body::Dilatation;
+#[doc(hidden)]
+pub use body::MOST_HULLS;
 pub use build::SceneBuilder;
 #[doc(hidden)]
 pub use check::unit_quaternion;
+#[doc(hidden)]
 pub use hand::HandParameters;
-pub use haptics::{DeviceKind, Dialect, HaplyService, Haptics, Lowered, NOT_HAPLYS, RATES as HAPTIC_RATES, of_haply};
+pub use haptics::{DeviceKind, Haptics, Lowered};
+#[doc(hidden)]
+pub use haptics::{Dialect, HaplyService};
+#[doc(hidden)]
+pub use haptics::{NOT_HAPLYS, RATES as HAPTIC_RATES, of_haply};
 pub use joint::{Joint, Resistance};
 pub use material::{Group, Law, Material, Place, Region};
 pub use model::Model;

@@ -10,6 +10,7 @@ const OTHER_SHADERS: [&str; 3] = ["test/", "draw/", "view/"];
 
 impl Simulation {
     /// Every stage with its passes and arrays, for a step of `iterations` solver iterations that needs no second solve.
+    #[doc(hidden)]
     pub fn explain(&self, iterations: u32) -> Explanation {
         let features = self.plan.features(&self.scene, &self.model, &self.bodies, self.timed_every);
         let mut stages: Vec<StageUse> = self.plan.entries.iter().map(StageUse::of).collect();

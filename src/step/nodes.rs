@@ -59,6 +59,7 @@ impl Simulation {
     }
     /// Puts the free nodes of a soft body elsewhere and gives them velocities, both as [`Simulation::nodes`] tells them; what
     /// cores carry stays. For tests and experiments: what the solver remembers of the last step is not asked to fit.
+    #[doc(hidden)]
     pub fn place_nodes(&mut self, body: usize, displacements: &[DVec3], velocities: &[DVec3]) -> Result<()> {
         let soft = self.model.soft.iter().find(|soft| soft.body == body);
         let range = soft.map(|soft| soft.nodes.clone()).unwrap_or_default();

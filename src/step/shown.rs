@@ -51,6 +51,7 @@ pub struct FieldValues {
 impl Simulation {
     /// The skins as they are now, relative to `origin` (m): the arrays are filled when this returns, and stay so until it is
     /// called again. They are made at the first call.
+    #[doc(hidden)]
     pub fn skins(&mut self, origin: DVec3) -> Result<Skins<'_>> {
         let shown = self.shown_at(origin)?;
         shown.recording.submit_and_wait()?;
@@ -58,6 +59,7 @@ impl Simulation {
     }
 
     /// The same arrays as they were filled last; uninitialised before.
+    #[doc(hidden)]
     pub fn skin_arrays(&mut self) -> Result<Skins<'_>> {
         Ok(self.shown()?.draw.skins())
     }
@@ -65,6 +67,7 @@ impl Simulation {
     /// A field after the last step, on the device: the array is filled when this returns, and stays so until the field is asked
     /// for again (depth and pressure are filled together). Made at the first call; made anew, as the skins are, where
     /// [`Simulation::set_contact`] brings friction into a scene that had none.
+    #[doc(hidden)]
     pub fn field(&mut self, field: Field) -> Result<FieldValues> {
         let is_solved = u32::from(self.is_solved);
         self.shown_fields()?;
@@ -143,6 +146,7 @@ impl Simulation {
     }
 
     /// The vertices of each body's skin among those of all, the tool's last; none of a half-space.
+    #[doc(hidden)]
     pub fn skin_ranges(&self) -> Vec<Range<usize>> {
         let size = |body: &Body| match &body.shape {
             Shape::Soft { skin, .. } | Shape::Rigid { skin, .. } => skin.vertices.len(),
@@ -166,6 +170,7 @@ impl Simulation {
     }
 
     /// The vertices of the tool's skin about its centre of mass, tool axes, m; empty where it is none of its own.
+    #[doc(hidden)]
     pub fn tool_skin(&self) -> Vec<DVec3> {
         match self.tool_body.as_ref().map(|body| &body.shape) {
             Some(Shape::Rigid { skin, centroid, .. }) => skin.vertices.iter().map(|x| *x - *centroid).collect(),

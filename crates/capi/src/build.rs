@@ -43,7 +43,7 @@ pub unsafe extern "C" fn palpate_scene_create(
 }
 
 /// Adds the tables of a text to a scene, as of a scene file: anything that the structs here have no fields for, such as joints,
-/// regions, skeletons, probes and [haptics]. Bodies and probes come after those that there are; other tables and keys replace
+/// regions, skeletons, probes and `[haptics]`. Bodies and probes come after those that there are; other tables and keys replace
 /// what there is, and what the text leaves out stays. Bodies may name meshes that were handed over, `surface = { mesh = "name" }`
 /// and `layer = { mesh = "name" }`.
 #[unsafe(no_mangle)]

@@ -143,7 +143,7 @@ fn of(the_loop: *mut palpate_loop) -> Outcome<Arc<Loop>> {
 
 /// Begins a loop: `device` is read and told what to play at the loop's rate, while the simulation, which must have a tool, steps
 /// in the world's time from where the device is. Both happen on threads of the loop's. `device` and `options` are copied;
-/// `options` may be null: all as in the scene's [haptics]. Waits for five first steps, which tell how long one takes, and for
+/// `options` may be null: all as in the scene's `[haptics]`. Waits for five first steps, which tell how long one takes, and for
 /// the device to open; PALPATE_STATUS_NO_DEVICE where it did not. `the_loop` is set before the first callback is called, and to
 /// null where there is no loop.
 ///

@@ -1,9 +1,9 @@
 //! The C ABI: what `palpate.h` declares, and nothing else.
 //!
 //! Every function checks what it is given, does its work under a guard that no panic leaves, and gives a status; what went
-//! wrong is told by [`status::palpate_last_error`]. Handles are numbers in the clothes of pointers ([`handles`]): nobody
+//! wrong is told by [`status::palpate_last_error`]. Handles are numbers in the clothes of pointers (`handles.rs`): nobody
 //! follows them, so one that was destroyed, or never was, is found out. Structs carry their size as their user knew it
-//! ([`sized`]), so that they may grow.
+//! (`sized.rs`), so that they may grow.
 //!
 //! The header is generated from this room by cbindgen; `tests/ffi.rs` fails where the committed one differs.
 #![allow(unsafe_code, non_camel_case_types)]

@@ -5,7 +5,7 @@ use palpate::scene::{HAPTIC_RATES, Haptics};
 use super::sized::{Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 
-/// How a loop is run. What is 0 is as in the scene's [haptics], or as that table's default where there is none.
+/// How a loop is run. What is 0 is as in the scene's `[haptics]`, or as that table's default where there is none.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_loop_options {

@@ -521,6 +521,14 @@ typedef struct palpate_context_options {
     palpate_log log;
     // Passed to `log`.
     void *log_user;
+    // Folder where prepared bodies, compiled pipelines and what was measured of devices are kept for later runs; "": the
+    // user's (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
+    const char *cache;
+    // 1: measures, once, which of two ways is faster on the device where the scene does not say (arrays, depth stage). 0: not.
+    uint32_t measure;
+    // With how many threads lavapipe works, by LP_NUM_THREADS in the environment unless that is set; -1: none but the calling
+    // one. 0: the environment stays as it is. Other drivers do not ask.
+    int32_t threads;
 } palpate_context_options;
 
 // What a device says of itself, world axes. The library fills it before each call of `read`, as described; a device writes
@@ -580,7 +588,7 @@ typedef struct palpate_haptic_device {
     const char *profile;
 } palpate_haptic_device;
 
-// How a loop is run. What is 0 is as in the scene's [haptics], or as that table's default where there is none.
+// How a loop is run. What is 0 is as in the scene's `[haptics]`, or as that table's default where there is none.
 typedef struct palpate_loop_options {
     // sizeof(palpate_loop_options).
     uint32_t size;
@@ -804,7 +812,7 @@ palpate_status palpate_scene_create(const struct palpate_settings *settings,
                                     struct palpate_scene **scene);
 
 // Adds the tables of a text to a scene, as of a scene file: anything that the structs here have no fields for, such as joints,
-// regions, skeletons, probes and [haptics]. Bodies and probes come after those that there are; other tables and keys replace
+// regions, skeletons, probes and `[haptics]`. Bodies and probes come after those that there are; other tables and keys replace
 // what there is, and what the text leaves out stays. Bodies may name meshes that were handed over, `surface = { mesh = "name" }`
 // and `layer = { mesh = "name" }`.
 palpate_status palpate_scene_add(struct palpate_scene *scene,
@@ -849,7 +857,13 @@ palpate_status palpate_scene_set_collides(struct palpate_scene *scene,
 // Gives a scene this tool, held so, in place of any that it has.
 palpate_status palpate_scene_set_tool(struct palpate_scene *scene, const struct palpate_tool *tool);
 
-// Prepares the bodies of a scene: repairs surfaces, fills them with cells, and so on (cached between runs, else seconds).
+// Says where palpate_scene_prepare keeps prepared bodies for later runs: in `folder`, or the user's where that is "" (as the
+// context's options say). Null, and without this call: nowhere.
+palpate_status palpate_scene_cache(struct palpate_scene *scene,
+                                   const char *folder);
+
+// Prepares the bodies of a scene: repairs surfaces, fills them with cells, and so on: seconds, unless they were kept
+// (palpate_scene_cache).
 // palpate_simulation_create does it too where it is not done, with nobody watching. `progress` is called as each stage begins,
 // with `user`, on this thread; it may be null. Where it ends it (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and
 // the next call goes on.
@@ -914,7 +928,7 @@ palpate_status palpate_context_memory(struct palpate_context *context, uint64_t 
 
 // Begins a loop: `device` is read and told what to play at the loop's rate, while the simulation, which must have a tool, steps
 // in the world's time from where the device is. Both happen on threads of the loop's. `device` and `options` are copied;
-// `options` may be null: all as in the scene's [haptics]. Waits for five first steps, which tell how long one takes, and for
+// `options` may be null: all as in the scene's `[haptics]`. Waits for five first steps, which tell how long one takes, and for
 // the device to open; PALPATE_STATUS_NO_DEVICE where it did not. `the_loop` is set before the first callback is called, and to
 // null where there is no loop.
 //

@@ -53,7 +53,7 @@ pub struct Settings {
 pub struct Legend {
     /// What skins are coloured by, and where its scale ends; it begins at zero.
     pub field: Option<(Field, f64)>,
-    /// N of the longest arrow of force, which is [`Legend::longest`]; 0: there was none yet.
+    /// N of the longest arrow of force, which is the length that the legend tells; 0: there was none yet.
     pub force: f64,
     /// N m of the longest arrow of torque.
     pub torque: f64,

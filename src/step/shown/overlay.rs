@@ -101,6 +101,7 @@ impl Simulation {
     /// A mesh as it is now, relative to `origin` (m): the arrays are filled when this returns, and stay so until the same
     /// overlay is asked for again. Made at the first call, and anew where the skins are; layers also where they are cut
     /// elsewhere.
+    #[doc(hidden)]
     pub fn overlay(&mut self, overlay: Overlay, origin: DVec3) -> Result<Mesh> {
         if let Overlay::Layers(_) = overlay {
             self.shown_fields()?;
@@ -133,6 +134,7 @@ impl Simulation {
 
     /// Cuts a soft body's layer open elsewhere from now on; `None`: where it was at first, through the middle of its box across
     /// the shorter of the x and z axes. Errors: the body is not soft, or the normal is no direction.
+    #[doc(hidden)]
     pub fn cut_layer(&mut self, body: usize, cut: Option<Cut>) -> Result<()> {
         if self.layer_cut(body).is_none() {
             return Err(Error::Usage(format!("body {body} has no layer to cut open")));
@@ -154,6 +156,7 @@ impl Simulation {
     }
 
     /// Where a soft body's layer is cut open; `None`: it is not soft.
+    #[doc(hidden)]
     pub fn layer_cut(&self, body: usize) -> Option<Cut> {
         let Shape::Soft { layer, .. } = &self.bodies.get(body)?.shape else { return None };
         Some(self.cuts.get(&body).copied().unwrap_or_else(|| middle(layer)))

@@ -32,6 +32,7 @@ fn wide(x: [f32; 3]) -> DVec3 {
 impl Simulation {
     /// The active regions of the last step, and one for each half-space that is touched. Along its normal a region is where its
     /// contacts are in the mean, or, without any, where the smaller body's proxies face the other. Reads back a few numbers.
+    #[doc(hidden)]
     pub fn region_squares(&self) -> Result<Vec<RegionSquare>> {
         if self.step == 0 {
             return Ok(Vec::new());

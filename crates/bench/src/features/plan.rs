@@ -9,7 +9,7 @@ pub const ITERATIONS: u32 = 16;
 /// Passes and memory of a step; two that are equal record the same and allocate the same.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
-    /// Kernels, fills and copies in their order, and how often each runs in a step of [`ITERATIONS`].
+    /// Kernels, fills and copies in their order, and how often each runs in a step of `ITERATIONS`.
     pub kernels: Vec<(String, f64)>,
     /// Arrays, and their bytes.
     pub arrays: Vec<(String, u64)>,

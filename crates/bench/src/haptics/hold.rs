@@ -51,7 +51,7 @@ pub struct Held {
     pub quantum_forces: [f64; 2],
 }
 
-/// Whether there is a force, and its standard deviation is within [`STILL_SHARE`] of it or [`STILL`].
+/// Whether there is a force, and its standard deviation is within `STILL_SHARE` of it or `STILL`.
 pub fn is_still(force: &Spread) -> bool {
     force.deviation <= (STILL_SHARE * force.mean).max(STILL) && is_there(force)
 }

@@ -43,7 +43,7 @@ pub struct Punctual {
 }
 
 impl Punctual {
-    /// Whether the loop misses no more than the bare timer does, and [`MORE`] besides; without a bare timer, than that.
+    /// Whether the loop misses no more than the bare timer does, and `MORE` besides; without a bare timer, than that.
     pub fn is_punctual(&self) -> bool {
         self.servo.share_missed <= self.bare.map_or(0.0, |bare| bare.share_missed) + MORE
     }

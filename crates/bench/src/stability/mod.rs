@@ -41,7 +41,7 @@ pub struct Settings {
     pub only: Vec<String>,
     /// Device, by name or index; `None`: the best.
     pub device: Option<String>,
-    /// See [`Options::replaced`].
+    /// See `replaced` of the options that a device is opened with.
     #[serde(skip)]
     pub replaced: Vec<(String, Vec<u8>)>,
 }

@@ -1,0 +1,31 @@
+//! Steps with a device of one's own: its pose goes in, force and torque come out, and the contacts say where it presses. Here
+//! the device is a circle over the cheek of a head. Run it by `cargo run --release --example device`.
+
+use std::path::Path;
+
+use palpate::{Options, Pose, Scene, Simulation};
+
+fn main() -> palpate::Result<()> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-head.toml");
+    let scene = Scene::load(&file)?;
+    // The first time the head is prepared, which takes seconds; with a cache never again.
+    let mut simulation = Simulation::open(&scene, &Options::cached())?;
+    for step in 0..300 {
+        let angle = 0.02 * f64::from(step);
+        let position = [0.03 + 0.004 * angle.cos(), -0.02 + 0.004 * angle.sin(), 0.083].into();
+        let report = simulation.step_at(Pose { position, ..Pose::default() })?;
+        let Some(tool) = report.tool else { continue };
+        if report.step % 50 == 0 {
+            let contacts = simulation.contacts()?;
+            let most = contacts.iter().map(|contact| contact.pressure).fold(0.0, f64::max);
+            println!(
+                "{:.3} N, {:.4} N m, {} contacts, up to {:.1} kPa",
+                tool.force.length(),
+                tool.torque.length(),
+                contacts.len(),
+                1e-3 * most
+            );
+        }
+    }
+    Ok(())
+}
