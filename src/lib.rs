@@ -48,8 +48,7 @@ mod step;
 
 pub use error::{Error, Result};
 pub use gpu::{Arrays, Context, Options, Threads};
-pub use haptics::{Device, Fault, Reading};
-pub use query::{Answer, Query, QueryContact, QuerySettings};
+pub use query::{Answer, Query, QueryContact};
 pub use scene::{Scene, SceneBuilder};
 pub use step::{ContactPoint, Flags, Pose, RigidState, Simulation, StepReport, ToolReport, Wrench};
 

@@ -164,7 +164,9 @@ impl Simulation {
         let begun = Instant::now();
         self.step += 1;
         let report = self.advance(time - h, h, MOST_HALVINGS)?;
-        (self.time, self.is_solved) = (time, true);
+        self.time = time;
+        // A frozen step leaves the forces of a solve that was not accepted.
+        self.is_solved = !Flags(report.flags).contains(Flags::FROZEN);
         let device = self.drive.device(time, h);
         let probes = self.read_probes()?;
         self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report));

@@ -84,6 +84,8 @@ static palpate_scene *build(void) {
         .angular_damping = 0.002,
     };
     check(palpate_scene_set_tool(scene, &tool), "tool");
+    /* In the user's cache, so that the next run finds it. */
+    check(palpate_scene_cache(scene, ""), "cache");
     check(palpate_scene_prepare(scene, say, NULL), "not prepared");
     return scene;
 }

@@ -42,6 +42,7 @@ int main(int argc, char **argv) {
         scene.set_tool(tool);
         // What has no field is said as in a scene file.
         scene.add("[[probe]]\nname = \"tip\"\nbody = \"spike\"\nnearest = [0.0, 0.1, 0.0]\n");
+        scene.cache("");
         scene.prepare([](const char *name, const char *stage, uint32_t done, uint32_t total) {
             std::fprintf(stderr, "%s: %s (%u of %u ready)\n", name, stage, done, total);
             return true;

@@ -26,6 +26,24 @@ class Wrench(ctypes.Structure):
     ]
 
 
+class ContextOptions(ctypes.Structure):
+    _fields_ = [
+        ("size", c_uint32),
+        ("validation", c_uint32),
+        ("device", c_char_p),
+        ("log", c_void_p),
+        ("log_user", c_void_p),
+        ("cache", c_char_p),
+        ("measure", c_uint32),
+        ("threads", c_int32),
+    ]
+
+
+def kept():
+    """What takes long, as preparing bodies does, is kept in the user's cache."""
+    return ContextOptions(size=ctypes.sizeof(ContextOptions), cache=b"", measure=1)
+
+
 def library(path="libpalpate.so"):
     palpate = ctypes.CDLL(path)
     palpate.palpate_last_error.restype = c_char_p
@@ -54,7 +72,7 @@ def library(path="libpalpate.so"):
 def main(scene_file, steps, path="libpalpate.so"):
     palpate = library(path)
     context, scene, simulation = c_void_p(), c_void_p(), c_void_p()
-    palpate.palpate_context_create(None, byref(context))
+    palpate.palpate_context_create(byref(kept()), byref(context))
     palpate.palpate_scene_load(scene_file.encode(), byref(scene))
     palpate.palpate_simulation_create(context, scene, byref(simulation))
     palpate.palpate_scene_destroy(scene)

@@ -7,7 +7,7 @@ import sys
 from ctypes import POINTER, byref, c_int32, c_size_t, c_uint32, c_void_p
 
 import numpy as np
-from touch import Wrench, library
+from touch import Wrench, kept, library
 
 
 def skin(palpate, simulation, body, positions=None, normals=None):
@@ -25,7 +25,7 @@ def main(scene_file, steps, path="libpalpate.so"):
     function.argtypes = [c_void_p, c_uint32, c_void_p, c_void_p, c_void_p, c_size_t, POINTER(c_size_t)]
     function.restype, function.errcheck = c_int32, palpate.palpate_step.errcheck
     context, scene, simulation = c_void_p(), c_void_p(), c_void_p()
-    palpate.palpate_context_create(None, byref(context))
+    palpate.palpate_context_create(byref(kept()), byref(context))
     palpate.palpate_scene_load(scene_file.encode(), byref(scene))
     palpate.palpate_simulation_create(context, scene, byref(simulation))
     palpate.palpate_scene_destroy(scene)

@@ -9,7 +9,7 @@ fn main() -> palpate::Result<()> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-head.toml");
     let scene = Scene::load(&file)?;
     // The first time the head is prepared, which takes seconds; with a cache never again.
-    let mut simulation = Simulation::open(&scene, &Options::cached())?;
+    let mut simulation = Simulation::open(&scene, &Options::of_program())?;
     for step in 0..300 {
         let angle = 0.02 * f64::from(step);
         let position = [0.03 + 0.004 * angle.cos(), -0.02 + 0.004 * angle.sin(), 0.083].into();

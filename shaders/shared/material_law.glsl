@@ -1,7 +1,8 @@
 // The material law: the one place where a tetrahedron's stress, the operator's moduli and the energy density are computed from
 // its strain E, F = R (I + E). Every law is linear elasticity of mu and lambda where strain is small. A further law has an id
-// here, a branch in `evaluate` and in `energy_density`, and its host's twin in scene/material.rs and stages/layers.rs; what
-// parameters it needs besides mu and lambda are in ElasticMaterial. Needs shared/types.glsl, shared/strain.glsl and LAWS.
+// here, a branch in `evaluate` and in `energy_density`, its name in scene/material.rs, its id and parameters in
+// stages/material_law.rs, and its branches in oracle::material_law; what parameters it needs besides mu and lambda are in
+// ElasticMaterial. Needs shared/types.glsl, shared/strain.glsl and LAWS.
 // Oracle: oracle::material_law.
 
 const uint LAW_COROTATIONAL = 0;

@@ -16,12 +16,12 @@ float[6] image_of(uint index) {
 
 // M^-1 times the b of a rigid body's group, or its image; rows of that body.
 float[6] preconditioned_rows(uint index, bool of_image) {
-    uint first = rigids[index].group_first, count = rigids[index].group_count;
+    uint first = rigids[index].group_first, count = rigids[index].group_count, row = inverse_row(index, 0);
     float z[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (uint k = 0; k < count; k++) {
         for (uint j = 0; j < 6; j++) {
             float v = of_image ? rigids[first + k].image[j] : rigids[first + k].b[j];
-            for (uint i = 0; i < 6; i++) z[i] += rigid_inverses[inverse_row(index, i) + 6 * k + j] * v;
+            for (uint i = 0; i < 6; i++) z[i] += rigid_inverses[row + 6 * (count * i + k) + j] * v;
         }
     }
     return z;

@@ -54,10 +54,11 @@ pub struct Options {
     /// it is, and lavapipe takes all cores.
     pub threads: Option<Threads>,
     /// Folder where prepared bodies, compiled pipelines and what was measured of devices are kept for later runs, made where
-    /// it is missing. `None`: nothing is kept. The usual one: [`Options::user_cache`].
+    /// it is missing. `None`: nothing is kept. The usual one: [`Options::user_cache`]. A folder that cannot be written
+    /// is passed over.
     pub cache: Option<PathBuf>,
     /// Measure, in a fraction of a second, which of two ways is faster on the device where nobody says: arrays through texel or
-    /// storage buffers, and the depth stage by compute or graphics. With a cache that is done once a device. False: texel
+    /// storage buffers, and the depth stage by compute or graphics. Done once a context; with a cache once a device. False: texel
     /// buffers where they are large, and compute.
     pub measure: bool,
     /// Names of shaders, and the SPIR-V that stands for the library's own of that name, with the same buffers,
@@ -78,8 +79,9 @@ impl Options {
         cache::user_folder()
     }
 
-    /// As the program opens devices: what takes long is kept in the user's cache, and the faster ways are measured.
-    pub fn cached() -> Options {
+    /// As the program opens devices: what takes long is kept in the user's cache, and the faster ways are measured, once where
+    /// there is such a cache, else for each context.
+    pub fn of_program() -> Options {
         Options { cache: Options::user_cache(), measure: true, ..Options::default() }
     }
 }
@@ -118,6 +120,7 @@ pub struct Context {
     cache_key: String,
     cache_folder: Option<PathBuf>,
     measures: bool,
+    measured_paths: OnceLock<[f64; 2]>,
     arrays: OnceLock<Arrays>,
     arrays_asked_for: Option<Arrays>,
     log: Log,
@@ -130,11 +133,7 @@ impl Context {
         for (name, _) in &options.replaced {
             kernel::known(name, Arrays::Texel)?;
         }
-        let count = match options.threads {
-            Some(Threads::Count(count)) => Some(count),
-            Some(Threads::Auto) | None => None,
-        };
-        threads::choose(count);
+        threads::choose(options.threads);
         let entry = load()?;
         let messages = Box::new(Messages::heard_by(options.log.clone()));
         let (instance, debug) = create_instance(&entry, options, &messages)?;
@@ -244,6 +243,7 @@ impl Context {
             cache_key: chosen.cache_key,
             cache_folder: options.cache.clone(),
             measures: options.measure,
+            measured_paths: OnceLock::new(),
             arrays_asked_for: options.arrays,
             arrays: options.arrays.map_or_else(OnceLock::new, OnceLock::from),
             log: options.log.clone(),
@@ -371,6 +371,18 @@ impl Context {
     #[doc(hidden)]
     pub fn cache_folder(&self) -> Option<&Path> {
         self.cache_folder.as_deref()
+    }
+
+    /// Times of the depth stage's two paths, us, once they are measured.
+    #[doc(hidden)]
+    pub fn measured_paths(&self) -> &OnceLock<[f64; 2]> {
+        &self.measured_paths
+    }
+
+    /// Whether the kind of arrays is settled: asked for, chosen, or used by a kernel.
+    #[doc(hidden)]
+    pub fn has_arrays(&self) -> bool {
+        self.arrays.get().is_some()
     }
 
     /// [`Options::measure`].

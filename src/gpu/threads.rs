@@ -19,23 +19,25 @@ pub enum Threads {
     Count(u32),
 }
 
-/// For instances made from here on; `None`: as the driver likes.
-pub(super) fn choose(count: Option<u32>) {
+/// For instances made from here on; `None`: the environment stays as it is.
+pub(super) fn choose(threads: Option<Threads>) {
     let ours = SET.load(Ordering::Relaxed);
     if !ours && std::env::var_os(VARIABLE).is_some() {
         return;
     }
-    match count {
-        Some(count) => {
+    match threads {
+        None => {}
+        Some(Threads::Count(count)) => {
             SET.store(true, Ordering::Relaxed);
-            // SAFETY: who asks for threads promises that nobody else looks at the environment now (see `Options`).
+            // SAFETY: who asks for threads, by `Options` or by the C interface's options, promises that nobody else looks at the
+            // environment now.
             unsafe { std::env::set_var(VARIABLE, count.to_string()) };
         }
-        None if ours => {
+        Some(Threads::Auto) if ours => {
             SET.store(false, Ordering::Relaxed);
-            // SAFETY: as above; without such a promise it was never set.
+            // SAFETY: as above.
             unsafe { std::env::remove_var(VARIABLE) };
         }
-        None => {}
+        Some(Threads::Auto) => {}
     }
 }

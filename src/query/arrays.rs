@@ -29,7 +29,7 @@ enum Why {
     Limit(u32),
     /// Storage buffers that its kernels may have.
     Buffers(u32),
-    /// A kernel was made before.
+    /// It was settled before, for a kernel or another simulation.
     Before,
     /// Nobody asked to measure.
     Unmeasured,
@@ -48,13 +48,15 @@ impl ArrayChoice {
         } else if context.storage_buffers() < shaders::MOST_STORAGE_BUFFERS {
             context.choose_arrays(Arrays::Texel);
             Why::Buffers(context.storage_buffers())
+        } else if context.has_arrays() {
+            Why::Before
         } else if !context.measures() {
             Why::Unmeasured
         } else {
             let times = kept_times(context, &Cache::of(context))?;
             let faster = if times[0] <= times[1] { Arrays::Texel } else { Arrays::Storage };
             context.choose_arrays(faster);
-            if context.arrays() == faster { Why::Measured(times) } else { Why::Before }
+            Why::Measured(times)
         };
         Ok(ArrayChoice { arrays: context.arrays(), why })
     }
@@ -68,7 +70,7 @@ impl fmt::Display for ArrayChoice {
             Why::Asked => write!(f, "asked for"),
             Why::Limit(elements) => write!(f, "the device's texel buffers hold only {elements} elements"),
             Why::Buffers(count) => write!(f, "the device's kernels have at most {count} storage buffers"),
-            Why::Before => write!(f, "kernels were made before"),
+            Why::Before => write!(f, "as chosen before on this device"),
             Why::Unmeasured => write!(f, "not measured"),
             Why::Measured([texel, storage]) => {
                 write!(f, "measured {texel:.0} us with texel buffers against {storage:.0} us with storage buffers")

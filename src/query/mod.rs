@@ -9,9 +9,10 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use crate::gpu::{Buffer, Context, Memory, Options, Recorder, Recording, StagePasses};
-use crate::prepare::{Body, Proxy, Shape, Skin};
+use crate::prepare::{Body, Cache, Proxy, Shape, Skin, body_and_report};
 use crate::query::arrays::ArrayChoice;
 use crate::query::choice::Choice;
+use crate::scene::Scene;
 use crate::shaders::{Contact, Counts, Frame, Link, Pair, Region, StepParams};
 use crate::stages::depth::Path;
 use crate::stages::elastic::Elastic;
@@ -104,15 +105,16 @@ pub struct Answer {
     /// Colliding vertices in their own order, those of a first.
     pub contacts: Vec<QueryContact>,
     /// Where the bodies may touch; positions are relative to [`Answer::origin`].
+    #[doc(hidden)]
     pub regions: Vec<Region>,
     /// World position that regions are relative to, m.
     pub origin: DVec3,
     /// What is wrong with the answer.
     pub flags: Flags,
     /// What passed through the stages.
+    #[doc(hidden)]
     pub counts: Counts,
-    /// Microseconds, by stage or of all as one ([`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT)); empty where runs are
-    /// not timed.
+    /// Microseconds, by stage or of all as one; empty where runs are not timed.
     pub stage_times: Vec<(String, f64)>,
 }
 
@@ -136,13 +138,33 @@ pub struct QueryContact {
 }
 
 impl Query {
+    /// Prepares two rigid bodies of a scene, by name, and opens a device for them. Depths beyond a tenth of the smaller one's
+    /// extent raise a flag ([`Query::set_depth_limit`]); culling finds the direction ([`Query::set_direction`]).
+    ///
+    /// # Errors
+    /// There is no such body, or it is not rigid; what is wrong with its files; [`Error::NoDevice`], [`Error::Memory`],
+    /// [`Error::Vulkan`].
+    pub fn open(scene: &Scene, bodies: [&str; 2], options: &Options) -> Result<Query> {
+        let cache = options.cache.as_deref().map_or_else(Cache::off, Cache::at);
+        let prepared = |name: &str| {
+            let body = scene.bodies.iter().find(|body| body.name == name).ok_or_else(|| {
+                Error::key(&scene.file, "body", format!("there is none called \"{name}\""), "name one of the scene")
+            })?;
+            Ok(body_and_report(body, scene, &cache, &mut |_| Ok(()))?.0)
+        };
+        let (a, b) = (prepared(bodies[0])?, prepared(bodies[1])?);
+        Query::of_bodies(&a, &b, &QuerySettings::of(&a, &b), options)
+    }
+
     /// Opens a device for two bodies of [`Shape::Rigid`].
-    pub fn open(a: &Body, b: &Body, settings: &QuerySettings, options: &Options) -> Result<Query> {
+    #[doc(hidden)]
+    pub fn of_bodies(a: &Body, b: &Body, settings: &QuerySettings, options: &Options) -> Result<Query> {
         rigid(a).and(rigid(b))?;
         Query::on_device(&Context::open(options)?, a, b, settings)
     }
 
-    /// The same on a device that is open.
+    /// As [`Query::of_bodies`] on a device that is open.
+    #[doc(hidden)]
     pub fn on_device(context: &Arc<Context>, a: &Body, b: &Body, settings: &QuerySettings) -> Result<Query> {
         let bodies = [side(a)?, side(b)?];
         let model = Model::of_query(a, b);
@@ -201,12 +223,22 @@ impl Query {
         Ok(query)
     }
 
-    /// Changes [`QuerySettings::direction`] for the runs that follow.
+    /// Depths beyond `limit` (m, above zero) raise a flag in the runs that follow.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`]: the device's memory could not be written.
+    pub fn set_depth_limit(&mut self, limit: f64) -> Result<()> {
+        self.common.params.mapped_mut::<StepParams>()?[0].depth_limit = limit as f32;
+        Ok(())
+    }
+
+    /// World direction from a to b, of any length but zero, along which depth is measured in the runs that follow; `None`:
+    /// culling finds it.
     pub fn set_direction(&mut self, direction: Option<DVec3>) {
         self.pair.direction = direction.map_or([0.0; 4], |direction| texel(direction.normalize(), 1.0));
     }
 
-    /// Changes [`QuerySettings::timing`] for the runs that follow.
+    /// How the runs that follow are timed.
     #[doc(hidden)]
     pub fn set_timing(&mut self, timing: Timing) {
         self.timing = timing;
@@ -214,6 +246,9 @@ impl Query {
 
     /// Where the bodies overlap. A pose is the world position (m) and orientation of a body's rest frame, in which its
     /// vertices are given.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`]: a pass or a transfer failed.
     pub fn run(&mut self, pose_a: (DVec3, DQuat), pose_b: (DVec3, DQuat)) -> Result<Answer> {
         let poses = [pose_a, pose_b];
         let origin = self.origin(poses);

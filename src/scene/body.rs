@@ -70,7 +70,11 @@ pub(super) fn read(root: &Table, builder: &mut SceneBuilder) -> Result<()> {
     for element in array.array()? {
         let body = body(&element)?;
         let table = element.unchecked_table()?;
-        builder.put_body(body).map_err(|problem| table.wrong(problem))?;
+        let path = format!("body.{}", body.name);
+        builder.put_body(body).map_err(|problem| match problem.key.as_str() {
+            "name" => table.wrong(problem),
+            _ => table.renamed(path).wrong(problem),
+        })?;
     }
     Ok(())
 }

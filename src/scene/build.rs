@@ -3,12 +3,16 @@
 
 use std::path::PathBuf;
 
+use glam::DQuat;
+
 use super::check::{self, Check, Problem};
 use super::keys::{Node, Source};
 use super::load::TOOL;
 use super::meshes::Meshes;
 use super::names::Unresolved;
-use super::{Body, Contact, Coupling, Haptics, Key, Probe, Scene, Solver, Step, Tool, load, names};
+use super::{
+    Body, Contact, Core, Coupling, DeviceKind, Haptics, Key, Motion, Probe, Scene, Solver, Step, Tool, load, names,
+};
 use crate::{Error, Result};
 
 /// A scene in the making. Each call checks what it is given and is refused with the key that a scene file would have for it;
@@ -39,8 +43,9 @@ pub struct SceneBuilder {
 }
 
 impl SceneBuilder {
-    /// A scene of nothing, all else as a scene file without any table has it. `name`: what errors and results call it; files
-    /// that tables name are relative to its folder.
+    /// A scene of nothing, all else as a scene file without any table has it. `name`: what errors and results call it. Files that
+    /// tables name are relative to its folder; those of [`super::Surface::File`] and [`super::Layer::File`] to the working
+    /// directory.
     pub fn new(name: impl Into<PathBuf>) -> SceneBuilder {
         SceneBuilder { scene: Scene::empty(name), meshes: Meshes::default() }
     }
@@ -56,6 +61,7 @@ impl SceneBuilder {
     /// A value that a scene file may not have either; the same holds for the calls below.
     pub fn step(&mut self, step: Step) -> Result<&mut Self> {
         step.check().map_err(|problem| self.wrong("step", problem))?;
+        self.overrule(&["step.dt", "step.newton"]);
         self.scene.step = step;
         Ok(self)
     }
@@ -63,6 +69,7 @@ impl SceneBuilder {
     /// The linear solver.
     pub fn solver(&mut self, solver: Solver) -> Result<&mut Self> {
         solver.check().map_err(|problem| self.wrong("solver", problem))?;
+        self.overrule(&["solver.tolerance", "solver.max_iterations"]);
         self.scene.solver = solver;
         Ok(self)
     }
@@ -70,6 +77,7 @@ impl SceneBuilder {
     /// The contact law.
     pub fn contact(&mut self, contact: Contact) -> Result<&mut Self> {
         contact.check().map_err(|problem| self.wrong("contact", problem))?;
+        self.overrule(&["contact.sides"]);
         self.scene.contact = contact;
         Ok(self)
     }
@@ -77,6 +85,12 @@ impl SceneBuilder {
     /// Adds a body, whose name is no other body's and not "tool".
     pub fn body(&mut self, body: Body) -> Result<&mut Self> {
         let key = format!("body.{}", body.name);
+        let cores = body.cores.into_iter().map(|core| match core.motion {
+            Motion::Driven(keys) => Core { motion: Motion::Driven(unit_keys(keys)), ..core },
+            _ => core,
+        });
+        let (cores, orientation) = (cores.collect(), unit(body.orientation));
+        let body = Body { cores, orientation, ..body };
         self.put_body(body).map_err(|problem| self.wrong(&key, problem))?;
         Ok(self)
     }
@@ -84,7 +98,7 @@ impl SceneBuilder {
     /// What the device holds, in place of any other.
     pub fn tool(&mut self, tool: Tool) -> Result<&mut Self> {
         tool.check().map_err(|problem| self.wrong("tool", problem))?;
-        self.scene.tool = Some(tool);
+        self.scene.tool = Some(Tool { orientation: unit(tool.orientation), ..tool });
         Ok(self)
     }
 
@@ -98,23 +112,21 @@ impl SceneBuilder {
     /// The trajectory of the device, linear between keys.
     pub fn drive(&mut self, keys: Vec<Key>) -> Result<&mut Self> {
         check::keys(&keys).map_err(|problem| self.wrong("drive.keys", problem))?;
-        self.scene.drive = keys;
+        self.scene.drive = unit_keys(keys);
         Ok(self)
     }
 
-    /// The haptic device and its loop.
+    /// The haptic device and its loop; whether a device holds the tool follows from which it is.
     pub fn haptics(&mut self, haptics: Haptics) -> Result<&mut Self> {
         haptics.check().map_err(|problem| self.wrong("haptics", problem))?;
-        self.scene.haptics = haptics;
+        self.scene.haptics = Haptics { is_held: haptics.device != DeviceKind::Scripted, ..haptics };
         Ok(self)
     }
 
     /// A skin vertex to follow.
     pub fn probe(&mut self, probe: Probe) -> Result<&mut Self> {
         let key = format!("probe.{}", probe.name);
-        let name = check::name(&probe.name).map_err(|problem| problem.within("name"));
-        let check = name.and_then(|()| check::probe_name(&probe.name, &self.scene.probes));
-        check.map_err(|problem| self.wrong(&key, problem))?;
+        probe.check(&self.scene.probes).map_err(|problem| self.wrong(&key, problem))?;
         self.scene.probes.push(probe);
         Ok(self)
     }
@@ -130,10 +142,19 @@ impl SceneBuilder {
     /// The scene.
     ///
     /// # Errors
-    /// There is neither a body nor a tool; a body, probe or tool names what is not there; there is a coupling and no tool.
+    /// There is neither a body nor a tool; a body, probe or tool names what is not there; there is a coupling and no tool; or
+    /// the scene that the builder went on with has a value that cannot be.
     pub fn build(&self) -> Result<Scene> {
         let scene = &self.scene;
         scene.check_filled()?;
+        let of = |key: &str, check: Check| check.map_err(|problem| self.wrong(key, problem));
+        of("step", scene.step.check())?;
+        of("solver", scene.solver.check())?;
+        of("contact", scene.contact.check())?;
+        scene.bodies.iter().try_for_each(|body| of(&format!("body.{}", body.name), body.check()))?;
+        of("tool", scene.tool.as_ref().map_or(Ok(()), Tool::check))?;
+        of("coupling", scene.coupling.as_ref().map_or(Ok(()), Coupling::check))?;
+        of("haptics", scene.haptics.check())?;
         for (key, is_given) in [("coupling", scene.coupling.is_some()), ("drive", !scene.drive.is_empty())] {
             if is_given && scene.tool.is_none() {
                 return Err(Error::key(&scene.file, key, "there is no tool to hold", "add a tool, or leave it out"));
@@ -205,6 +226,13 @@ impl SceneBuilder {
         &mut self.scene
     }
 
+    /// What a preset decided is decided otherwise.
+    fn overrule(&mut self, keys: &[&str]) {
+        if let Some(preset) = &mut self.scene.preset {
+            preset.set.retain(|(key, _)| !keys.contains(key));
+        }
+    }
+
     fn source<'a>(&'a self, text: &'a str) -> Source<'a> {
         Source { file: &self.scene.file, text, meshes: &self.meshes }
     }
@@ -222,14 +250,21 @@ impl SceneBuilder {
     }
 }
 
+fn unit(orientation: DQuat) -> DQuat {
+    check::unit_quaternion(orientation.to_array()).unwrap_or(orientation)
+}
+
+fn unit_keys(keys: Vec<Key>) -> Vec<Key> {
+    keys.into_iter().map(|key| Key { orientation: unit(key.orientation), ..key }).collect()
+}
+
 #[cfg(test)]
 mod tests {
-    use glam::{DQuat, DVec3};
+    use glam::DVec3;
 
     use super::*;
     use crate::scene::{
-        Bind, Core, Dilatation, Joint, Layer, Material, Model, Motion, Place, Region, Resistance, Shape, Surface,
-        ToolShape,
+        Bind, Dilatation, Joint, Layer, Material, Model, Place, Region, Resistance, Shape, Surface, ToolShape,
     };
 
     const BLOCK: &str = "layer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\

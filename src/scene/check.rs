@@ -1,15 +1,16 @@
-//! The rules that the values of a scene obey, each in one place: whoever makes a scene, a file or a program, is refused by
-//! these. A file's reader (`keys.rs`) asks for single values and tells the line; [`super::SceneBuilder`] asks for whole ones.
+//! The rules that the values of a scene obey. [`super::SceneBuilder`] asks for whole values, whoever made them; a file's reader
+//! (`keys.rs`) asks for single numbers besides, so that it can tell the line.
 
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
 
 use glam::{DQuat, DVec3};
 
+use super::haptics::{NOT_HAPLYS, of_haply};
 use super::joint::closes_loop;
 use super::{
-    Bind, Body, Contact, Core, Coupling, Dilatation, Group, HAPTIC_RATES, Haptics, Hinge, Joint, Key, Layer,
-    MOST_HULLS, Material, Motion, Place, Probe, Shape, Solver, Step, Surface, Tool, ToolShape,
+    Bind, Body, Contact, Core, Coupling, DeviceKind, Dilatation, Group, HAPTIC_RATES, Haptics, Hinge, Joint, Key,
+    Layer, MOST_HULLS, Material, Motion, Place, Probe, Shape, Solver, Step, Surface, Tool, ToolShape,
 };
 
 /// Greatest magnitude of a number: it must fit in single precision with room for a product.
@@ -180,6 +181,7 @@ pub fn corners(low: DVec3, high: DVec3) -> Check {
 
 /// A sphere's radius, m.
 pub fn radius(radius: f64) -> Check {
+    finite(radius)?;
     let remedy = "give x, y, z and a radius above zero";
     if radius > 0.0 { Ok(()) } else { Err(Problem::new(format!("has radius {radius:?}"), remedy)) }
 }
@@ -314,9 +316,24 @@ impl Material {
 }
 
 impl Haptics {
-    /// The first value that cannot be; what a device's own file or profile says is checked where that is read.
+    /// The first value that cannot be. What a service or the simulated hand is told beside is checked where a file is read.
     pub(crate) fn check(&self) -> Check {
         rate(self.rate).under("rate")?;
+        let limits = &self.limits;
+        let limits = [
+            ("max_force", limits.force),
+            ("max_torque", limits.torque),
+            ("max_slew", limits.slew),
+            ("workspace", limits.workspace),
+            ("watchdog", limits.watchdog),
+        ];
+        limits.into_iter().try_for_each(|(key, limit)| limit.map_or(Ok(()), positive).under(key))?;
+        if self.recording.is_some() && self.device != DeviceKind::Replay {
+            return Err(Problem::of("recording", "belongs to device = \"replay\"", "remove it, or the device"));
+        }
+        if let (DeviceKind::Haply, Some(profile)) = (self.device, self.profile) {
+            of_haply(profile).map_err(|remedy| Problem::of("profile", NOT_HAPLYS, remedy))?;
+        }
         positive(self.trust).under("trust")?;
         positive(self.longest_step).under("longest_step")
     }
@@ -328,8 +345,30 @@ impl Tool {
         match &self.shape {
             ToolShape::Sphere(radius) => positive(*radius).under("sphere")?,
             ToolShape::Surface(surface) => check_surface(surface).under("surface")?,
+            ToolShape::Body(body) => name(body).under("body")?,
+        }
+        let (is_body, is_sphere) =
+            (matches!(self.shape, ToolShape::Body(_)), matches!(self.shape, ToolShape::Sphere(_)));
+        let (shape, given): (_, &[(&str, bool)]) = match (is_body, is_sphere) {
             // It has that body's mass and pose.
-            ToolShape::Body(body) => return name(body).under("body"),
+            (true, _) => (
+                "body",
+                &[
+                    ("mass", self.mass != 0.0),
+                    ("position", self.position != DVec3::ZERO),
+                    ("orientation", self.orientation != DQuat::IDENTITY),
+                    ("velocity", self.velocity != DVec3::ZERO),
+                    ("scale", self.scale != 1.0),
+                ],
+            ),
+            (_, true) => ("sphere", &[("scale", self.scale != 1.0)]),
+            _ => ("surface", &[]),
+        };
+        if let Some((key, _)) = given.iter().find(|(_, is_given)| *is_given) {
+            return Err(Problem::of(*key, format!("has no meaning beside `{shape}`"), "remove it"));
+        }
+        if is_body {
+            return Ok(());
         }
         positive(self.mass).under("mass")?;
         vector(self.position).under("position")?;
@@ -357,6 +396,13 @@ impl Body {
                 return Err(Problem::of("core", problem, "choose another name"));
             }
         }
+        let bones = self.skeleton.iter().flat_map(|skeleton| &skeleton.bones);
+        for (k, bone) in bones.enumerate() {
+            if self.cores.get(k).is_none_or(|core| core.name != bone.name) {
+                let problem = format!("bone \"{}\" is no core of the body", bone.name);
+                return Err(Problem::of("skeleton", problem, "give the body a core a bone first, in their order"));
+            }
+        }
         for (k, joint) in self.joints.iter().enumerate() {
             self.check_joint(k, joint).under(format!("joint[{k}]"))?;
         }
@@ -381,7 +427,7 @@ impl Body {
                     return Err(Problem::of("material", "missing", remedy));
                 };
                 material.check().under("material")?;
-                let groups = matches!(layer, Layer::File(_) | Layer::Mesh(_));
+                let groups = matches!(layer, Layer::File(_));
                 for (k, region) in self.regions.iter().enumerate() {
                     region.place.check(groups).under(format!("region[{k}]"))?;
                     region.material.check().under(format!("region[{k}].material"))?;
@@ -411,9 +457,17 @@ impl Body {
                 }
                 finite(*offset).under("plane")?;
                 self.check_has_no_layer("a plane has none")?;
-                if !self.cores.is_empty() {
+                let given = [
+                    ("core", !self.cores.is_empty()),
+                    ("hulls", self.hulls.is_some()),
+                    ("scale", self.scale != 1.0),
+                    ("position", self.position != DVec3::ZERO),
+                    ("orientation", self.orientation != DQuat::IDENTITY),
+                    ("velocity", self.velocity != DVec3::ZERO),
+                ];
+                if let Some((key, _)) = given.iter().find(|(_, is_given)| *is_given) {
                     let problem = "has no meaning for a plane, which is rigid and fixed where `plane` puts it";
-                    return Err(Problem::of("core", problem, "remove it"));
+                    return Err(Problem::of(*key, problem, "remove it"));
                 }
             }
         }
@@ -462,6 +516,15 @@ impl Body {
             return Err(Problem::new(problem, "remove one: dynamic cores with joints form trees"));
         }
         Ok(())
+    }
+}
+
+impl Probe {
+    /// The first value that cannot be, among other probes.
+    pub(crate) fn check(&self, others: &[Probe]) -> Check {
+        name(&self.name).under("name")?;
+        probe_name(&self.name, others)?;
+        vector(self.nearest).under("nearest")
     }
 }
 

@@ -286,8 +286,9 @@ fn probes(root: &Table, probes: &mut Vec<Probe>) -> Result<()> {
     for element in array.array()? {
         let table = element.table(&["name", "body", "nearest"])?;
         let name = table.need("name")?.name()?;
-        check::probe_name(&name, probes).map_err(|problem| table.wrong(problem))?;
-        probes.push(Probe { name, body: table.need("body")?.name()?, nearest: table.need("nearest")?.vector()? });
+        let probe = Probe { name, body: table.need("body")?.name()?, nearest: table.need("nearest")?.vector()? };
+        probe.check(probes).map_err(|problem| table.wrong(problem))?;
+        probes.push(probe);
     }
     Ok(())
 }

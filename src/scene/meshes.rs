@@ -35,40 +35,15 @@ impl Meshes {
 
     /// Takes a surface: what an OBJ file of these `v` and `f` lines would be.
     pub fn add_surface(&mut self, name: &str, vertices: Vec<DVec3>, triangles: &[[u32; 3]]) -> Result<()> {
-        let wrong = |problem: String| wrong("surface", name, problem);
         check_name("surface", name, self.surfaces.contains_key(name))?;
-        check_points(&vertices).map_err(|problem| wrong(format!("vertex {problem}")))?;
-        check_indices(vertices.len(), triangles).map_err(|problem| wrong(format!("triangle {problem}")))?;
-        let mut mesh = TriangleMesh { vertices, triangles: Vec::with_capacity(triangles.len()) };
-        triangles.iter().for_each(|corners| triangulate(&mesh.vertices, corners, &mut mesh.triangles));
-        if !obj::has_area(&mesh) {
-            return Err(wrong("no triangle has any area".into()));
-        }
-        self.surfaces.insert(name.into(), Arc::new(mesh));
+        self.surfaces.insert(name.into(), Arc::new(surface(name, vertices, triangles)?));
         Ok(())
     }
 
     /// Takes the tetrahedra of a layer: what a mesh file of these nodes and elements would be.
     pub fn add_layer(&mut self, name: &str, nodes: Vec<DVec3>, tetrahedra: &[[u32; 4]]) -> Result<()> {
-        let wrong = |problem: String| wrong("layer", name, problem);
         check_name("layer", name, self.layers.contains_key(name))?;
-        check_points(&nodes).map_err(|problem| wrong(format!("node {problem}")))?;
-        check_indices(nodes.len(), tetrahedra).map_err(|problem| wrong(format!("tetrahedron {problem}")))?;
-        let element = |(id, nodes): (usize, &[u32; 4])| Element {
-            id: id as u64,
-            mark: 0,
-            nodes: nodes.map(u64::from),
-            group: None,
-        };
-        let contents = Contents {
-            index: (0..nodes.len() as u32).map(|node| (node.into(), node)).collect(),
-            nodes,
-            elements: tetrahedra.iter().enumerate().map(element).collect(),
-            ..Contents::default()
-        };
-        let label = label("layer", name);
-        let mesh = tetrahedra::settle(contents, &Cursor::of_arrays(Path::new(&label), REMEDY))?;
-        self.layers.insert(name.into(), Arc::new(mesh));
+        self.layers.insert(name.into(), Arc::new(layer(name, nodes, tetrahedra)?));
         Ok(())
     }
 
@@ -81,6 +56,33 @@ impl Meshes {
     pub(super) fn layer(&self, name: &str) -> std::result::Result<Arc<TetMesh>, Vec<String>> {
         self.layers.get(name).cloned().ok_or_else(|| self.layers.keys().cloned().collect())
     }
+}
+
+/// A surface, checked; errors call it by its name.
+pub(super) fn surface(name: &str, vertices: Vec<DVec3>, triangles: &[[u32; 3]]) -> Result<TriangleMesh> {
+    let wrong = |problem: String| wrong("surface", name, problem);
+    check_points(&vertices).map_err(|problem| wrong(format!("vertex {problem}")))?;
+    check_indices(vertices.len(), triangles).map_err(|problem| wrong(format!("triangle {problem}")))?;
+    let mut mesh = TriangleMesh { vertices, triangles: Vec::with_capacity(triangles.len()) };
+    triangles.iter().for_each(|corners| triangulate(&mesh.vertices, corners, &mut mesh.triangles));
+    if obj::has_area(&mesh) { Ok(mesh) } else { Err(wrong("no triangle has any area".into())) }
+}
+
+/// The tetrahedra of a layer, checked; errors call it by its name.
+pub(super) fn layer(name: &str, nodes: Vec<DVec3>, tetrahedra: &[[u32; 4]]) -> Result<TetMesh> {
+    let wrong = |problem: String| wrong("layer", name, problem);
+    check_points(&nodes).map_err(|problem| wrong(format!("node {problem}")))?;
+    check_indices(nodes.len(), tetrahedra).map_err(|problem| wrong(format!("tetrahedron {problem}")))?;
+    let element =
+        |(id, nodes): (usize, &[u32; 4])| Element { id: id as u64, mark: 0, nodes: nodes.map(u64::from), group: None };
+    let contents = Contents {
+        index: (0..nodes.len() as u32).map(|node| (node.into(), node)).collect(),
+        nodes,
+        elements: tetrahedra.iter().enumerate().map(element).collect(),
+        ..Contents::default()
+    };
+    let label = label("layer", name);
+    tetrahedra::settle(contents, &Cursor::of_arrays(Path::new(&label), REMEDY))
 }
 
 fn label(kind: &str, name: &str) -> String {

@@ -46,6 +46,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
+use crate::Result;
 pub use body::Dilatation;
 #[doc(hidden)]
 pub use body::MOST_HULLS;
@@ -263,7 +264,7 @@ impl Body {
         Body::of(name, Shape::Plane { normal: normal / length, offset: offset / length }, None, Vec::new())
     }
 
-    /// The same where the mesh's origin is at a place, world, m.
+    /// Moves the mesh's origin to a place, world, m.
     pub fn at(self, position: [f64; 3]) -> Body {
         Body { position: position.into(), ..self }
     }
@@ -305,8 +306,20 @@ pub enum Surface {
         /// Number of skin vertices, within [`Model::vertices`].
         vertices: usize,
     },
-    /// Handed over in memory.
+    /// Handed over in memory: [`Surface::of_triangles`].
+    #[doc(hidden)]
     Mesh(Arc<obj::TriangleMesh>),
+}
+
+impl Surface {
+    /// A surface in memory, of vertices (m, before the body's scale) and triangles, counter-clockwise seen from outside: what an
+    /// OBJ file of them would be.
+    ///
+    /// # Errors
+    /// A coordinate is not finite, a triangle names a vertex that is not there, or there is nothing of any area.
+    pub fn of_triangles(vertices: Vec<DVec3>, triangles: &[[u32; 3]]) -> Result<Surface> {
+        meshes::surface("in memory", vertices, triangles).map(|mesh| Surface::Mesh(Arc::new(mesh)))
+    }
 }
 
 /// Where the layer comes from.
@@ -332,7 +345,8 @@ pub enum Layer {
     },
     /// A tetrahedral mesh file.
     File(PathBuf),
-    /// Handed over in memory.
+    /// Handed over in memory: [`Layer::of_tetrahedra`].
+    #[doc(hidden)]
     Mesh(Arc<tetrahedra::TetMesh>),
     /// A box of Kuhn cells, each cut along (0,0,0)-(1,1,1).
     Box {
@@ -343,6 +357,17 @@ pub enum Layer {
         /// Cells per axis.
         cells: [u32; 3],
     },
+}
+
+impl Layer {
+    /// A layer in memory, of nodes (m, before the body's scale) and tetrahedra: what a mesh file of them would be. Those that are
+    /// inside out are turned.
+    ///
+    /// # Errors
+    /// A coordinate is not finite, a tetrahedron names a node that is not there, has no volume or is given twice.
+    pub fn of_tetrahedra(nodes: Vec<DVec3>, tetrahedra: &[[u32; 4]]) -> Result<Layer> {
+        meshes::layer("in memory", nodes, tetrahedra).map(|mesh| Layer::Mesh(Arc::new(mesh)))
+    }
 }
 
 /// `[[body.core]]`.
@@ -496,7 +521,7 @@ impl Tool {
         Tool::of(ToolShape::Body(name.into()), 0.0)
     }
 
-    /// The same at another place, world, m.
+    /// Moves the tool to another place, world, m.
     pub fn at(self, position: [f64; 3]) -> Tool {
         Tool { position: position.into(), ..self }
     }
@@ -516,13 +541,13 @@ pub enum ToolShape {
 /// `[coupling]`: the virtual coupling between device and tool (Colgate et al. 1995).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coupling {
-    /// N/m.
+    /// How the force answers to the distance between device and tool, N/m.
     pub stiffness: f64,
-    /// N s/m.
+    /// How the force answers to the difference of their velocities, N s/m.
     pub damping: f64,
-    /// N m/rad.
+    /// How the torque answers to the angle between them, N m/rad.
     pub angular_stiffness: f64,
-    /// N m s/rad.
+    /// How the torque answers to the difference of their angular velocities, N m s/rad.
     pub angular_damping: f64,
 }
 

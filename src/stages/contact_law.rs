@@ -32,9 +32,13 @@ pub fn end_traction(contact: &Contact, force: [f32; 4], h: f32) -> Traction {
     let [stiffness, depth, area, h] = [contact.stiffness, contact.depth, contact.area, h].map(f64::from);
     let [x, y, z, along] = force.map(f64::from);
     let slope = h * stiffness + f64::from(contact.damping);
+    // A dropped contact, or one seen edge on.
+    if area <= 0.0 || slope <= 0.0 {
+        return Traction { pressure: 0.0, friction: DVec3::ZERO };
+    }
     let rate = f64::from(contact.rate) + along / (h * slope * area);
     let pressure = stiffness * depth + slope * rate;
-    if pressure.is_nan() || pressure <= 0.0 {
+    if pressure <= 0.0 {
         return Traction { pressure: 0.0, friction: DVec3::ZERO };
     }
     let drag =

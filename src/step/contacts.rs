@@ -18,12 +18,13 @@ pub struct ContactPoint {
     pub position: DVec3,
     /// Unit, world, out of what is touched.
     pub normal: DVec3,
-    /// m.
+    /// How deep the vertex lies in the other body, along the normal, m.
     pub depth: f64,
     /// Skin that it stands for, as seen along the normal, m^2.
     pub area: f64,
     /// Along the normal at the end of the step, Pa: times the area, it is the contact's part of the wrench. Of the start of
-    /// the step where its end is not known: after a saved state was taken up, and until the next step.
+    /// the step where its end is not known, until the next step: after a saved state was taken up, after a step that froze, and
+    /// after [`Simulation::set_contact`] brought friction into a scene that had none.
     pub pressure: f64,
     /// Friction per area at the end of the step, on the body whose vertex it is, world axes, Pa; zero where that end is not
     /// known.
@@ -31,8 +32,11 @@ pub struct ContactPoint {
 }
 
 impl Simulation {
-    /// The contacts of the last step, but for those that were dropped because they would have pulled. Costs transfers of
-    /// its own.
+    /// The contacts of the last step, but for those that were dropped because they would have pulled. Costs transfers from the
+    /// device.
+    ///
+    /// # Errors
+    /// [`crate::Error::Vulkan`]: a transfer failed.
     pub fn contacts(&self) -> Result<Vec<ContactPoint>> {
         let (_, contacts) = self.touch()?;
         if contacts.is_empty() {

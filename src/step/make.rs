@@ -53,14 +53,14 @@ impl Simulation {
         let prepared = Prepared::of(scene, Bodies::prepare(scene, &cache)?)?;
         let little = prepared.model.tetrahedra.len() < LITTLE_WORK;
         let threads = match options.threads {
-            Some(Threads::Auto) => little.then_some(Threads::Count(0)),
+            Some(Threads::Auto) if little => Some(Threads::Count(0)),
             other => other,
         };
         let context = Context::open(&Options { threads, ..options.clone() })?;
         prepared.record(scene, &context)
     }
 
-    /// The same on a device that is open, and may have other simulations.
+    /// Prepares the scene's bodies and records the step on a device that is open, and may have other simulations.
     ///
     /// # Errors
     /// As [`Simulation::open`]'s, but that there is a device.

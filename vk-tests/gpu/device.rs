@@ -148,7 +148,7 @@ fn device_bytes_are_counted_and_given_back() {
     let context = Context::open(&Options {
         device: std::env::var("PALPATE_TEST_DEVICE").ok(),
         validation: true,
-        ..Options::cached()
+        ..Options::of_program()
     })
     .unwrap();
     assert_eq!(context.bytes_allocated(), 0);
@@ -186,8 +186,9 @@ fn threads_share_the_queue() {
 #[test]
 fn a_device_is_found_by_index_and_by_part_of_its_name() {
     let list = Context::list().unwrap();
-    let open =
-        |device: &str| Context::open(&Options { device: Some(device.into()), validation: false, ..Options::cached() });
+    let open = |device: &str| {
+        Context::open(&Options { device: Some(device.into()), validation: false, ..Options::of_program() })
+    };
     let usable = list.iter().find(|d| d.usable.is_ok()).expect("a usable device");
     assert_eq!(open(&usable.index.to_string()).unwrap().device_name(), usable.name);
     let part = usable.name.to_uppercase();

@@ -11,7 +11,7 @@ use crate::harness::spoil::spoiled;
 fn open(replaced: Vec<(String, Vec<u8>)>) -> palpate::Result<std::sync::Arc<Context>> {
     crate::harness::turn();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    Context::open(&Options { device, validation: true, replaced, ..Options::cached() })
+    Context::open(&Options { device, validation: true, replaced, ..Options::of_program() })
 }
 
 #[test]

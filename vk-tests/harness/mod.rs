@@ -40,7 +40,7 @@ pub fn context() -> &'static Arc<Context> {
     turn();
     CONTEXT.get_or_init(|| {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-        let context = Context::open(&Options { device, validation: true, arrays: arrays(), ..Options::cached() })
+        let context = Context::open(&Options { device, validation: true, arrays: arrays(), ..Options::of_program() })
             .unwrap_or_else(|e| panic!("{e}"));
         assert_clean(&context, "set-up");
         context

@@ -65,7 +65,8 @@ fn open(sweep: &Sweep, from: DVec3, to: DVec3) -> Simulation {
         row(from),
         row(to)
     );
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::cached() };
+    let options =
+        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::of_program() };
     Simulation::open(&scene(&text), &options).unwrap()
 }
 

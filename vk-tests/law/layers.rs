@@ -54,7 +54,7 @@ fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
 
 /// Validation is for the small scenes.
 fn options() -> Options {
-    Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::cached() }
+    Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::of_program() }
 }
 
 /// The block's surface, cut as finely as `cells`.

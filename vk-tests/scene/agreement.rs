@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use palpate::internal::prepare::repair;
+use palpate::internal::query::QuerySettings;
 use palpate::internal::query::{Answer, Timing};
 use palpate::scene::Model;
-use palpate::{Context, Options, Query, QueryContact, QuerySettings};
+use palpate::{Context, Options, Query, QueryContact};
 use palpate_oracle::rays::Rays;
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;
@@ -34,7 +35,7 @@ const THROWN: usize = 10_000;
 /// Without validation: this asks ten thousand times.
 fn device() -> Arc<Context> {
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    Context::open(&Options { device, validation: false, ..Options::cached() }).unwrap_or_else(|e| panic!("{e}"))
+    Context::open(&Options { device, validation: false, ..Options::of_program() }).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// How far b, far away along `towards`, moves back until a vertex of either meets a triangle of the other.

@@ -31,9 +31,9 @@ fn left(scene: &Scene, options: Options, steps: usize) -> Vec<u64> {
 fn expect_the_same(name: &str, steps: usize) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("assets/scenes/{name}.toml"));
     let scene = Scene::load(&file).unwrap();
-    let texel = left(&scene, Options { arrays: Some(Arrays::Texel), ..Options::cached() }, steps);
-    let storage = left(&scene, Options { arrays: Some(Arrays::Storage), ..Options::cached() }, steps);
-    let few = left(&scene, Options { texel_elements: Some(GUARANTEED), ..Options::cached() }, steps);
+    let texel = left(&scene, Options { arrays: Some(Arrays::Texel), ..Options::of_program() }, steps);
+    let storage = left(&scene, Options { arrays: Some(Arrays::Storage), ..Options::of_program() }, steps);
+    let few = left(&scene, Options { texel_elements: Some(GUARANTEED), ..Options::of_program() }, steps);
     assert!(texel.len() > 4 * steps, "{name}");
     assert_eq!(texel.iter().zip(&storage).position(|(a, b)| a != b), None, "{name}: texel and storage arrays");
     assert_eq!(few, storage, "{name}: few texel elements");

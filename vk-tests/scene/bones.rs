@@ -311,7 +311,8 @@ fn a_human_bends_its_arm() {
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-human.toml");
     let elbow = DVec3::new(0.457, 1.395, -0.012);
     let turn = DQuat::from_rotation_y(-0.5);
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::cached() };
+    let options =
+        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::of_program() };
     let mut simulation = Simulation::open(&Scene::load(&file).unwrap(), &options).unwrap();
     let rows: Vec<_> = (0..200).map(|_| simulation.step().unwrap()).collect();
     assert!(rows.iter().all(|row| row.flags == Flags::default()));

@@ -59,7 +59,8 @@ fn press(deep: &Deep) {
         from.y,
         from.z
     );
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::cached() };
+    let options =
+        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::of_program() };
     let mut simulation = Simulation::open(&scene(&text), &options).unwrap();
     let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
     let layer = layer.clone();

@@ -1,6 +1,7 @@
 //! Scenes at the edge of what can be computed: what a scene asks for never loses contacts without a word, and what does
 //! not fit single precision is said to be so and changes nothing.
 
+use glam::DVec3;
 use palpate::{Flags, Simulation, StepReport};
 
 use crate::scene::whole_step::{open, run, scene};
@@ -51,6 +52,12 @@ fn what_overflows_is_flagged_and_moves_nothing() {
         assert_eq!((tool.force.length(), tool.torque.length(), row.residual), (0.0, 0.0, 1.0));
     }
     assert_eq!(simulation.tool().unwrap().centre.y, 0.009);
+    // Nothing was solved: contacts say what the step began with.
+    let contacts = simulation.contacts().unwrap();
+    assert!(!contacts.is_empty());
+    for contact in &contacts {
+        assert!(contact.pressure > 0.0 && contact.pressure < 1e7 && contact.friction == DVec3::ZERO, "{contact:?}");
+    }
 }
 
 #[test]

@@ -35,7 +35,7 @@ fn block() -> Simulation {
          [tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.001, 0.011, -0.002]\n"
     );
     // Long runs: validation is for the short ones.
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::cached() };
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::of_program() };
     Simulation::open(&scene(&text), &options).unwrap()
 }
 
@@ -218,7 +218,7 @@ fn head() -> Simulation {
          material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n\
          [[body.core]]\nname = \"skull\"\nmotion = \"fixed\"\nbind = { inset = 0.03 }\n\
          [tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.03, -0.02, 0.092]\n";
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::cached() };
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::of_program() };
     Simulation::open(&scene(text), &options).unwrap()
 }
 

@@ -14,7 +14,7 @@ const WINDOW: usize = 5;
 /// Runs a press that goes in at constant speed; the force is nothing before the touch, then rises smoothly; no flags.
 fn judge(name: &str, scene: &Scene, steps: usize) {
     // Validation is for the small scenes: these are long.
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::cached() };
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::of_program() };
     let mut simulation = Simulation::open(scene, &options).unwrap();
     let rows: Vec<StepReport> = (0..steps).map(|_| simulation.step().unwrap()).collect();
     let force: Vec<f64> = rows.iter().map(|row| row.tool.unwrap().force.length()).collect();

@@ -94,7 +94,7 @@ fn held(young: f64, stiffness: f64, damping: f64) -> (f64, f64) {
         format!("stiffness = {stiffness:?}\ndamping = {damping:?}\nangular_stiffness = 0.5\nangular_damping = 0.005");
     let scene = scene(&pad(young, &coupling, "", DVec3::ZERO, START));
     // Long runs: validation is for the short ones.
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::cached() };
+    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::of_program() };
     let mut simulation = Simulation::open(&scene, &options).unwrap();
     let mut seen = vec![];
     for _ in 0..50 {

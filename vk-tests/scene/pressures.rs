@@ -38,7 +38,7 @@ fn summed(simulation: &Simulation, held: usize) -> (DVec3, f64) {
 fn worst(file: &Path, steps: usize) -> (f64, f64) {
     let scene = Scene::load(file).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    let mut simulation = Simulation::open(&scene, &Options { device, ..Options::cached() }).unwrap();
+    let mut simulation = Simulation::open(&scene, &Options { device, ..Options::of_program() }).unwrap();
     let held = scene.held_body().unwrap_or(scene.bodies.len());
     let (mut error, mut largest) = (0.0f64, 0.0f64);
     for _ in 0..steps {
@@ -82,7 +82,7 @@ fn after_a_state_is_taken_up_contacts_say_what_the_step_began_with() {
     std::fs::write(&file, SLIDING).unwrap();
     let scene = Scene::load(&file).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    let mut simulation = Simulation::open(&scene, &Options { device, ..Options::cached() }).unwrap();
+    let mut simulation = Simulation::open(&scene, &Options { device, ..Options::of_program() }).unwrap();
     (0..40).for_each(|_| drop(simulation.step().unwrap()));
     let (saved, at_end) = (simulation.save().unwrap(), simulation.contacts().unwrap());
     simulation.restore(&saved).unwrap();

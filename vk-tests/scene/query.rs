@@ -4,8 +4,9 @@
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};
 use palpate::internal::query::Answer;
+use palpate::internal::query::QuerySettings;
 use palpate::internal::stages::depth::Path;
-use palpate::{Flags, Query, QuerySettings};
+use palpate::{Flags, Query};
 use palpate_oracle::contact::ray_depths;
 
 use crate::harness::bodies::{octants, rigid, sphere, whole};

@@ -12,7 +12,8 @@ const STEPS: usize = 5;
 fn open(name: &str) -> Simulation {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name);
     // Validation is for the small scenes: these are large.
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::cached() };
+    let options =
+        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::of_program() };
     Simulation::open(&Scene::load(&file).unwrap(), &options).unwrap()
 }
 

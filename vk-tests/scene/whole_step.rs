@@ -19,7 +19,8 @@ pub fn scene(text: &str) -> Scene {
 /// The engine on a scene, with validation on.
 pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
     crate::harness::turn();
-    let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: true, ..Options::cached() };
+    let options =
+        Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: true, ..Options::of_program() };
     let mut scene = scene.clone();
     scene.contact.depth = path.or(scene.contact.depth);
     Simulation::open(&scene, &options).unwrap()

@@ -4,9 +4,10 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
+use palpate::Query;
+use palpate::internal::query::QuerySettings;
 use palpate::internal::shaders::Region;
 use palpate::internal::stages::depth::Path;
-use palpate::{Query, QuerySettings};
 
 use crate::harness::bodies::{Mesh, rigid, sphere, whole};
 use crate::harness::random::Random;

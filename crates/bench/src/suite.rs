@@ -114,7 +114,7 @@ impl Results {
 impl Head {
     /// Of this program and a device, by name or index. Errors: no such device.
     pub fn new(device: Option<&str>, is_quick: bool) -> Result<Head> {
-        let context = Context::open(&Options { device: device.map(Into::into), ..Options::cached() })?;
+        let context = Context::open(&Options { device: device.map(Into::into), ..Options::of_program() })?;
         Ok(Head {
             schema: SCHEMA,
             version: env!("CARGO_PKG_VERSION").into(),

@@ -70,7 +70,8 @@ pub struct palpate_context_options {
     /// 1: measures, once, which of two ways is faster on the device where the scene does not say (arrays, depth stage). 0: not.
     pub measure: u32,
     /// With how many threads lavapipe works, by LP_NUM_THREADS in the environment unless that is set; -1: none but the calling
-    /// one. 0: the environment stays as it is. Other drivers do not ask.
+    /// one. 0: the environment stays as it is. Other drivers do not ask. Anything but 0 sets the variable in
+    /// palpate_context_create: no other thread of the process may read or write the environment meanwhile.
     pub threads: i32,
 }
 
@@ -157,20 +158,14 @@ pub unsafe extern "C" fn palpate_context_create(
         // SAFETY: the caller's, as the header says.
         let (options, context) = unsafe { (sized::read(options)?, sized::answer(context, "context")?) };
         *context = std::ptr::null_mut();
-        if options.validation > 1 {
-            let problem = format!("palpate_context_options.validation is {}; give 0 or 1", options.validation);
-            return Err(Failure::new(palpate_status::Argument, problem));
-        }
+        let validation = truth("palpate_context_options.validation", options.validation)?;
+        let measure = truth("palpate_context_options.measure", options.measure)?;
         let device = match options.device.is_null() {
             true => None,
             // SAFETY: the caller's, as the header says.
             false => Some(unsafe { sized::string(options.device, "options.device")? }.to_owned()),
         };
-        let (validation, log) = (options.validation == 1, log::to(options.log, options.log_user));
-        if options.measure > 1 {
-            let problem = format!("palpate_context_options.measure is {}; give 0 or 1", options.measure);
-            return Err(Failure::new(palpate_status::Argument, problem));
-        }
+        let log = log::to(options.log, options.log_user);
         let threads = match options.threads {
             0 => None,
             -1 => Some(Threads::Count(0)),
@@ -181,12 +176,19 @@ pub unsafe extern "C" fn palpate_context_create(
         };
         // SAFETY: the caller's, as the header says.
         let cache = unsafe { cache_folder(options.cache)? };
-        let measure = options.measure == 1;
         let options = Options { device, validation, log, cache, measure, threads, ..Options::default() };
         let opened = Context::open(&options)?;
         *context = handles::insert(ContextObject(opened)) as *mut palpate_context;
         Ok(())
     })
+}
+
+/// A number that is 0 or 1.
+pub(super) fn truth(name: &str, given: u32) -> Outcome<bool> {
+    match given {
+        0 | 1 => Ok(given == 1),
+        _ => Err(Failure::new(palpate_status::Argument, format!("{name} is {given}; give 0 or 1"))),
+    }
 }
 
 /// Of a `cache` that a caller names: null is none, an empty one the user's.

@@ -1,11 +1,11 @@
 //! Contexts on a Vulkan device that the host program opened.
 
-use std::ffi::c_void;
+use std::ffi::{c_char, c_void};
 
 use palpate::internal::gpu::{HostDevice, QueueLock};
 use palpate::{Context, Options};
 
-use super::context::{ContextObject, palpate_context};
+use super::context::{ContextObject, cache_folder, palpate_context, truth};
 use super::handles;
 use super::log::{self, palpate_log};
 use super::sized::{self, Field, Sized32, fields};
@@ -57,6 +57,10 @@ pub struct palpate_vulkan {
     pub log: palpate_log,
     /// Passed to `log`.
     pub log_user: *mut c_void,
+    /// As in palpate_context_options.
+    pub cache: *const c_char,
+    /// As in palpate_context_options.
+    pub measure: u32,
 }
 
 // SAFETY: `repr(C)`, the size comes first, and any bytes are a value: pointers are only followed as the header says.
@@ -77,7 +81,9 @@ unsafe impl Sized32 for palpate_vulkan {
         unlock,
         lock_user,
         log,
-        log_user
+        log_user,
+        cache,
+        measure
     });
 
     fn unset() -> Self {
@@ -97,6 +103,8 @@ unsafe impl Sized32 for palpate_vulkan {
             lock_user: null,
             log: None,
             log_user: null,
+            cache: std::ptr::null(),
+            measure: 0,
         }
     }
 }
@@ -116,7 +124,10 @@ pub unsafe extern "C" fn palpate_context_create_on(
         if vulkan.is_null() {
             return Err(Failure::new(palpate_status::Null, "vulkan is null; say which device"));
         }
-        let options = Options { log: log::to(given.log, given.log_user), ..Options::default() };
+        let measure = truth("palpate_vulkan.measure", given.measure)?;
+        // SAFETY: the caller's, as the header says.
+        let cache = unsafe { cache_folder(given.cache)? };
+        let options = Options { log: log::to(given.log, given.log_user), cache, measure, ..Options::default() };
         // SAFETY: the caller's, as the header says.
         let opened = unsafe { Context::on_host(host_of(&given)?, &options)? };
         *context = handles::insert(ContextObject(opened)) as *mut palpate_context;

@@ -527,7 +527,8 @@ typedef struct palpate_context_options {
     // 1: measures, once, which of two ways is faster on the device where the scene does not say (arrays, depth stage). 0: not.
     uint32_t measure;
     // With how many threads lavapipe works, by LP_NUM_THREADS in the environment unless that is set; -1: none but the calling
-    // one. 0: the environment stays as it is. Other drivers do not ask.
+    // one. 0: the environment stays as it is. Other drivers do not ask. Anything but 0 sets the variable in
+    // palpate_context_create: no other thread of the process may read or write the environment meanwhile.
     int32_t threads;
 } palpate_context_options;
 
@@ -737,6 +738,10 @@ typedef struct palpate_vulkan {
     palpate_log log;
     // Passed to `log`.
     void *log_user;
+    // As in palpate_context_options.
+    const char *cache;
+    // As in palpate_context_options.
+    uint32_t measure;
 } palpate_vulkan;
 
 // The skins on the device: arrays over the vertices of all bodies, one body's after another's, the tool's last. On a device

@@ -74,11 +74,14 @@ protected:
 /// A Vulkan device under the library's hands.
 class Context : public detail::Handle<palpate_context, palpate_context_destroy> {
 public:
-    /// The best device, or the one of this name or position.
-    explicit Context(const std::string &device = {}) {
+    /// The best device, or the one of this name or position. `cache`: as in palpate_context_options; what is faster is then
+    /// measured as well.
+    explicit Context(const std::string &device = {}, const char *cache = nullptr) {
         palpate_context_options options{};
         options.size = sizeof options;
         options.device = device.empty() ? nullptr : device.c_str();
+        options.cache = cache;
+        options.measure = cache != nullptr;
         check(palpate_context_create(&options, &handle_));
     }
 };
@@ -129,6 +132,8 @@ public:
     }
     /// Gives the scene this tool.
     void set_tool(const Tool &tool) { check(palpate_scene_set_tool(get(), &tool)); }
+    /// Where prepared bodies are kept: "" in the user's cache.
+    void cache(const std::string &folder) { check(palpate_scene_cache(get(), folder.c_str())); }
     /// Prepares the bodies. `progress` is called with the body's name, the stage, how many bodies are ready and how many there
     /// are; where it gives false, that ends it. What it throws ends it too, and comes out here.
     template <typename Progress>

@@ -64,7 +64,7 @@ fn the_header_is_the_one_that_the_sources_make() {
 fn run(folder: &Path) -> (PathBuf, Vec<[f64; 5]>) {
     let scene = folder.join("scene.toml");
     std::fs::write(&scene, SCENE).unwrap();
-    let mut simulation = Simulation::open(&Scene::load(&scene).unwrap(), &Options::default()).unwrap();
+    let mut simulation = Simulation::open(&Scene::load(&scene).unwrap(), &Options::of_program()).unwrap();
     let told: Vec<[f64; 5]> = (0..STEPS)
         .map(|_| {
             let row = simulation.step().unwrap();

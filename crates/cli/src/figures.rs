@@ -147,7 +147,7 @@ pub fn figures(arguments: &Arguments) -> Result<()> {
 
 fn take(shot: &Shot, arguments: &Arguments) -> Result<Picture> {
     let scene = Scene::load(&arguments.scenes.join(format!("{}.toml", shot.scene)))?;
-    let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::cached() };
+    let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
     let mut simulation = Simulation::open(&scene, &options)?;
     let mut studio = Studio::new(&mut simulation, Settings { size: shot.size, samples: SAMPLES })?;
     shot.from.aim(&mut studio);

@@ -173,7 +173,7 @@ pub fn film(arguments: &Arguments) -> Result<()> {
         let problem = format!("{pictures} pictures of {duration:?} s; {MOST_PICTURES} at most");
         return Err(Error::Usage(format!("{problem}: give a lower --fps, a higher --speed or fewer --seconds")));
     }
-    let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::cached() };
+    let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
     let mut simulation = Simulation::open(&scene, &options)?;
     simulation.reports().flat_map(|(_, report)| &report.notes).for_each(|note| tell(note));
     let mut studio = arguments.look.studio(&mut simulation)?;

@@ -8,10 +8,11 @@ use clap::builder::NonEmptyStringValueParser;
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::repair::{self, Origin};
 use palpate::internal::prepare::{self, Body, Shape};
+use palpate::internal::query::QuerySettings;
 use palpate::internal::query::{Answer, Timing};
 use palpate::internal::stages::POSE_TO_CONTACT;
 use palpate::scene::{self, Surface, obj};
-use palpate::{Error, Options, Query, QueryContact, QuerySettings, Result, Scene};
+use palpate::{Error, Options, Query, QueryContact, Result, Scene};
 
 use crate::prepare::surface_of;
 use crate::print;
@@ -86,8 +87,8 @@ pub fn query(arguments: &Arguments) -> Result<()> {
     let mut settings = QuerySettings::of(&a.body, &b.body);
     settings.direction = arguments.direction;
     settings.depth_limit = arguments.depth_limit.unwrap_or(settings.depth_limit);
-    let options = Options { device: arguments.device.clone(), ..Options::cached() };
-    let mut query = Query::open(&a.body, &b.body, &settings, &options)?;
+    let options = Options { device: arguments.device.clone(), ..Options::of_program() };
+    let mut query = Query::of_bodies(&a.body, &b.body, &settings, &options)?;
     for note in a.notes().iter().chain(b.notes()) {
         // A closed stderr does not stop a query; the report carries the notes too.
         drop(writeln!(std::io::stderr(), "note: {note}"));

@@ -64,7 +64,7 @@ fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
     if let Some(path) = depth_of(&header, &arguments.file)? {
         scene.contact.depth = Some(path);
     }
-    let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::cached() };
+    let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
     let mut simulation = Simulation::open(&scene, &options)?;
     let context = simulation.context();
     let now = [env!("CARGO_PKG_VERSION"), context.device_name(), context.driver()];

@@ -90,7 +90,7 @@ impl Arguments {
             arrays: arrays.map(|(_, arrays)| *arrays),
             texel_elements: self.texel_elements,
             threads: self.threads.0,
-            ..Options::cached()
+            ..Options::of_program()
         }
     }
 }

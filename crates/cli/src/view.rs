@@ -88,7 +88,7 @@ pub fn view(arguments: &Arguments) -> Result<()> {
         threads: Some(Threads::Auto),
         validation: arguments.validation,
         display: display_extensions(&events.owned_display_handle())?,
-        ..Options::cached()
+        ..Options::of_program()
     };
     crate::watch("preparing the scene");
     let simulation = Simulation::open(&scene, &options)?;

@@ -105,7 +105,7 @@ fn device() -> Option<String> {
 /// A scene after some steps, and what takes pictures of it.
 fn studio(scene: &str, steps: usize, replaced: Vec<(String, Vec<u8>)>) -> (Simulation, Studio) {
     let scene = Scene::load(&golden_folder().join(format!("{scene}.toml"))).unwrap();
-    let options = Options { device: device(), threads: Some(Threads::Auto), replaced, ..Options::cached() };
+    let options = Options { device: device(), threads: Some(Threads::Auto), replaced, ..Options::of_program() };
     let mut simulation = Simulation::open(&scene, &options).unwrap();
     let studio = Studio::new(&mut simulation, Settings { size: SIZE, samples: 4 }).unwrap();
     for _ in 0..steps {

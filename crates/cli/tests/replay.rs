@@ -37,7 +37,7 @@ fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, 
     fs::write(&scene, SCENE).unwrap();
     let mut loaded = Scene::load(&scene).unwrap();
     loaded.haptics.is_held = true;
-    let mut simulation = Simulation::open(&loaded, &Options::cached()).unwrap();
+    let mut simulation = Simulation::open(&loaded, &Options::of_program()).unwrap();
     let tool = simulation.tool().unwrap().clone();
     let (limits, _) = Limits::new(Profile::named("scripted").unwrap(), &Lowered::default());
     let (local_model, passivity) = (true, true);

@@ -100,7 +100,7 @@ impl Settings {
 
     /// What the engine is opened with.
     pub fn options(&self) -> Options {
-        Options { device: self.device.clone(), replaced: self.replaced.clone(), ..Options::cached() }
+        Options { device: self.device.clone(), replaced: self.replaced.clone(), ..Options::of_program() }
     }
 }
 

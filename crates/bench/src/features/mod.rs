@@ -204,7 +204,7 @@ impl Side {
 }
 
 fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
-    let options = Options { device: settings.device.clone(), threads: Some(Threads::Auto), ..Options::cached() };
+    let options = Options { device: settings.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
     Simulation::open(scene, &options)
 }
 

@@ -58,7 +58,7 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
 
 /// The engine on a scene; no step is timed by stage, which would take time.
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
-    let options = Options { device: settings.device.clone(), ..Options::cached() };
+    let options = Options { device: settings.device.clone(), ..Options::of_program() };
     let mut simulation = Simulation::open(scene, &options)?;
     simulation.time_every(0)?;
     Ok(simulation)

@@ -74,7 +74,8 @@ pub struct Watched(Simulation);
 impl Watched {
     /// Opens a scene; nothing is timed by stage yet. Errors: those of [`Simulation::new`].
     pub fn open(scene: &Scene, settings: &Settings) -> Result<Watched> {
-        let options = Options { device: settings.device.clone(), threads: Some(Threads::Auto), ..Options::cached() };
+        let options =
+            Options { device: settings.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
         let mut simulation = Simulation::open(scene, &options)?;
         simulation.time_every(0)?;
         Ok(Watched(simulation))

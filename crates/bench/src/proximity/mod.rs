@@ -113,7 +113,7 @@ impl Benchmark for Proximity {
 
     fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value> {
         let settings = &self.0;
-        let context = Context::open(&Options { device: settings.device.clone(), ..Options::cached() })?;
+        let context = Context::open(&Options { device: settings.device.clone(), ..Options::of_program() })?;
         match part {
             "sensitivity" => to_value(&patches::sensitivity(&context, settings, watch)?),
             "area" => to_value(&patches::area(&context, settings, watch)?),

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
+use palpate::internal::query::QuerySettings;
 use palpate::internal::query::Timing;
-use palpate::{Context, Query, QuerySettings, Result};
+use palpate::{Context, Query, Result};
 use serde::{Deserialize, Serialize};
 
 use super::graded::{Family, Graded};

@@ -7,8 +7,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
+use palpate::internal::query::QuerySettings;
 use palpate::scene::Model;
-use palpate::{Context, Error, Query, QuerySettings, Result};
+use palpate::{Context, Error, Query, Result};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::{TriMesh, TriMeshFlags};

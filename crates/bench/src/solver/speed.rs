@@ -141,7 +141,8 @@ pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, set
 
 /// The engine on a scene; no step is timed by stage, which would take time.
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
-    let mut simulation = Simulation::open(scene, &Options { device: settings.device.clone(), ..Options::cached() })?;
+    let mut simulation =
+        Simulation::open(scene, &Options { device: settings.device.clone(), ..Options::of_program() })?;
     simulation.time_every(0)?;
     Ok(simulation)
 }

@@ -115,7 +115,7 @@ fn options(settings: &Settings) -> Options {
         device: settings.device.clone(),
         threads: Some(Threads::Auto),
         replaced: settings.replaced.clone(),
-        ..Options::cached()
+        ..Options::of_program()
     }
 }
 

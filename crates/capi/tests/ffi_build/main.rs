@@ -11,10 +11,12 @@ use std::ptr::{null, null_mut};
 use glam::DVec3;
 use palpate::internal::prepare::{layer, sphere};
 use palpate_capi::build::{
-    palpate_scene_add, palpate_scene_add_body, palpate_scene_add_layer, palpate_scene_add_surface,
+    palpate_scene_add, palpate_scene_add_body, palpate_scene_add_layer, palpate_scene_add_surface, palpate_scene_cache,
     palpate_scene_create, palpate_scene_prepare, palpate_scene_set_collides, palpate_scene_set_tool,
 };
-use palpate_capi::context::{palpate_context, palpate_context_create, palpate_context_destroy};
+use palpate_capi::context::{
+    palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_options,
+};
 use palpate_capi::describe::*;
 use palpate_capi::scene::{palpate_scene, palpate_scene_destroy, palpate_scene_load, palpate_scene_parse};
 use palpate_capi::simulation::{

@@ -69,3 +69,47 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     ok(unsafe { palpate_scene_prepare(again, None, null_mut()) });
     assert_eq!(felt(scene, 3), felt(again, 3));
 }
+
+/// The stages of preparing a new scene of a ball of this radius that keeps what it prepares in a folder.
+fn stages_with(folder: Option<&CStr>, radius: f64) -> Vec<String> {
+    let scene = empty();
+    ok(add_surface(scene, c"skin", &ball(radius)));
+    let body = palpate_body { name: c"ball".as_ptr(), surface: c"skin".as_ptr(), across: 5, ..soft() };
+    ok(add_body(scene, &body));
+    let folder = folder.map_or(null(), CStr::as_ptr);
+    let mut watcher = Watcher { scene, seen: Vec::new(), most: usize::MAX };
+    // SAFETY (all here): a handle, a string or null, the callback's own.
+    unsafe {
+        ok(palpate_scene_cache(scene, folder));
+        ok(palpate_scene_prepare(scene, Some(watch), (&raw mut watcher).cast()));
+        ok(palpate_scene_destroy(scene));
+    }
+    watcher.seen.into_iter().map(|seen| seen.1).collect()
+}
+
+#[test]
+fn prepared_bodies_are_kept_where_a_folder_is_named_and_nowhere_else() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = CString::new(home.path().join("kept").to_str().unwrap()).unwrap();
+    let is_made = |stages: Vec<String>| stages.iter().any(|stage| stage == "layer");
+    assert!(is_made(stages_with(None, 0.05)));
+    assert!(is_made(stages_with(None, 0.05)), "without a folder nothing is kept");
+    assert!(!home.path().join("kept").exists());
+    assert!(is_made(stages_with(Some(&folder), 0.05)));
+    assert!(!is_made(stages_with(Some(&folder), 0.05)), "it was kept");
+    assert!(is_made(stages_with(Some(&folder), 0.06)), "another is not there");
+}
+
+#[test]
+fn a_context_refuses_what_it_cannot_be_told() {
+    for (wrong, words) in [
+        (palpate_context_options { measure: 2, ..zeros() }, "palpate_context_options.measure is 2; give 0 or 1"),
+        (palpate_context_options { threads: -2, ..zeros() }, "palpate_context_options.threads is -2; give -1, 0"),
+        (palpate_context_options { validation: 7, ..zeros() }, "palpate_context_options.validation is 7; give 0 or 1"),
+    ] {
+        let mut none = null_mut();
+        // SAFETY: options, and a place for the answer.
+        refused(unsafe { palpate_context_create(&wrong, &mut none) }, Argument, words);
+        assert!(none.is_null());
+    }
+}

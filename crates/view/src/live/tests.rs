@@ -35,7 +35,7 @@ fn simulation(folder: &std::path::Path) -> Simulation {
     let file = folder.join("scene.toml");
     std::fs::write(&file, SCENE).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    let options = Options { device, validation: true, ..Options::cached() };
+    let options = Options { device, validation: true, ..Options::of_program() };
     Simulation::open(&Scene::load(&file).unwrap(), &options).unwrap()
 }
 
