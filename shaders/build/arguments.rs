@@ -112,14 +112,16 @@ fn arguments(name: &str, prefix: &str, shaders: &[&Shader]) -> Result<String, St
         let Buffer { name, is_optional, .. } = b;
         format!("({name:?}, {})", if *is_optional { format!("self.{name}") } else { format!("Some(self.{name})") })
     });
-    let pushed: String =
-        push.iter().map(|m| format!("out.extend_from_slice(bytemuck::bytes_of(&self.{}));", m.name)).collect();
-    let mutable = if push.is_empty() { "" } else { "mut " };
+    let bytes = |member: &structs::Member| format!("bytemuck::bytes_of(&self.{})", member.name);
+    let pushed = match &push[..] {
+        [] => "Vec::new()".into(),
+        members => format!("[{}].concat()", members.iter().map(bytes).collect::<Vec<_>>().join(", ")),
+    };
     let _ = writeln!(
         out,
         "}}\nimpl Arguments for {type_name}{unnamed} {{\n    fn shader(&self) -> &str {{\n        {name:?}\n    }}\n    \
          fn buffers(&self) -> Vec<(&str, Option<&Buffer>)> {{\n        vec![{given}]\n    }}\n    \
-         fn push(&self) -> Vec<u8> {{\n        let {mutable}out = Vec::new();\n        {pushed}\n        out\n    }}\n}}"
+         fn push(&self) -> Vec<u8> {{\n        {pushed}\n    }}\n}}"
     );
     Ok(out)
 }

@@ -38,8 +38,12 @@ pub struct Recorder {
     error: Option<Error>,
     /// The arguments of every kernel, for tests that change them.
     #[cfg(test)]
-    pub seen: Vec<(Kernel, Vec<(String, Buffer)>, Vec<u8>)>,
+    pub seen: Vec<Seen>,
 }
+
+/// A kernel, its buffers by the shader's names, and the bytes of its push constants.
+#[cfg(test)]
+pub type Seen = (Kernel, Vec<(String, Buffer)>, Vec<u8>);
 
 impl Recorder {
     /// Begins a recording whose stages are timed, each by itself. All earlier work on the device is visible to it.

@@ -23,8 +23,10 @@ unsafe extern "C" fn watch(user: *mut c_void, body: *const c_char, stage: *const
 #[test]
 fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     let scene = empty();
-    // A size that nobody has prepared before.
-    let radius = 0.05 + 1e-9 * f64::from(std::process::id());
+    let (home, radius) = (tempfile::tempdir().unwrap(), 0.05);
+    let folder = CString::new(home.path().to_str().unwrap()).unwrap();
+    // SAFETY: a handle and a string.
+    ok(unsafe { palpate_scene_cache(scene, folder.as_ptr()) });
     ok(add_surface(scene, c"skin", &ball(radius)));
     let cores = [palpate_core { name: c"held".as_ptr(), sphere_radius: 0.02, ..zeros() }];
     let body = palpate_body { name: c"ball".as_ptr(), surface: c"skin".as_ptr(), across: 6, ..soft() };
