@@ -30,14 +30,14 @@ mat3 linear_stress(mat3 e, float mu, float lambda) {
     return mu * (e + transpose(e)) + mat3(pressure, 0, 0, 0, pressure, 0, 0, 0, pressure);
 }
 
+// Modulus of the compression penalty, Pa: a principal stretch s below LEAST adds this times (s - LEAST) along its axis, since
+// corotational elasticity alone lets a tetrahedron be pressed flat and turn inside out.
+float compression_modulus(ElasticMaterial material) { return STIFFENING * (material.lambda + 2.0 * material.mu); }
+
 #include "shared/neo_hookean.glsl"
 
 // Whether any material of the scene has a law: what no scene needs is not compiled.
 bool is_used(uint law) { return (LAWS & (1u << law)) != 0; }
-
-// Modulus of the compression penalty, Pa: a principal stretch s below LEAST adds this times (s - LEAST) along its axis, since
-// corotational elasticity alone lets a tetrahedron be pressed flat and turn inside out.
-float compression_modulus(ElasticMaterial material) { return STIFFENING * (material.lambda + 2.0 * material.mu); }
 
 // `squeezed`: of the strain (shared/strain.glsl). `lambda`: the element's own, zero where it acts by patches (elastic/dilate).
 // The operator gets half of the compression penalty as shear modulus, isotropic and at least as stiff. A law that is not
@@ -50,7 +50,7 @@ Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 squeezed, float lambd
         law.lambda = lambda;
         law.fold = mat3(1.0);
     } else if (is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
-        law = neo_hookean(e, material.mu, material.lambda, squeezed);
+        law = neo_hookean(e, material, squeezed);
     } else {
         law.mu = law.lambda = uintBitsToFloat(0x7fc00000u);
         law.stress = law.fold = mat3(law.mu);

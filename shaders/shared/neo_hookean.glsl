@@ -1,5 +1,6 @@
 // Stable neo-Hookean (Smith, de Goes and Kim 2018, equation 14) with m = 4/3 mu and l = lambda + 5/6 mu, so that mu and
-// lambda are those of small strain. Needs shared/strain.glsl and `Evaluation`. Oracle: oracle::neo_hookean.
+// lambda are those of small strain. Needs shared/strain.glsl, `Evaluation` and
+// `compression_modulus`. Oracle: oracle::neo_hookean.
 
 mat3 cofactors(mat3 a) {
     return mat3(cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1]));
@@ -8,7 +9,8 @@ mat3 cofactors(mat3 a) {
 // P = m (1 - 1 / (I + 1)) F + (l (J - 1) - mu) cof F, I = |F|^2, expanded about F = I so that nothing cancels. The
 // operator: 2 mu' |sym L|^2 + lambda' tr(L)^2 of L = dF F^-1, in which this law's second derivative is isotropic but for
 // b = S^2: for it stands its mean, or half its greatest value where that is more. A squeezed S is as long as LEAST.
-Evaluation neo_hookean(mat3 e, float mu, float lambda, mat3 squeezed) {
+Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 squeezed) {
+    float mu = material.mu, lambda = material.lambda;
     float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e);
     mat3 co = cofactors(e);
     float grown = 2.0 * tr + square(e);     // I - 3
@@ -24,7 +26,7 @@ Evaluation neo_hookean(mat3 e, float mu, float lambda, mat3 squeezed) {
     float greatest = mean + sqrt(2.0 / 3.0 * square(b - mat3(mean)));
     float share = mean / (4.0 + grown);
     law.mu = 0.5 * max(c * mean - pressure * volume, c * greatest);
-    if (squeezed != mat3(0.0)) law.mu += 0.5 * LEAST * LEAST * STIFFENING * (lambda + 2.0 * mu);
+    if (squeezed != mat3(0.0)) law.mu += 0.5 * LEAST * LEAST * compression_modulus(material);
     law.lambda = max(0.0, volume * (l * volume + pressure) + 2.0 * m * share * share);
     law.fold = inverse(s);
     return law;

@@ -182,7 +182,8 @@ void update_tool(Scalars scalars) {
     update_rigid(RIGIDS - 1, vec4(0.0, 0.0, 0.0, 1.0), scalars, true, residual);
     for (uint i = 0; i < 6; i++) {
         float sum = 0.0;
-        for (uint k = 0; k < 6; k++) sum += rigid_inverses[inverse_row(RIGIDS - 1, i) + k] * residual[k];
+        uint row = inverse_row(RIGIDS - 1, i);
+        for (uint k = 0; k < 6; k++) sum += rigid_inverses[row + k] * residual[k];
         iterates[(1 - set) * RIGIDS + RIGIDS - 1].u[i] = sum;
     }
 }

@@ -148,12 +148,6 @@ fn shape(table: &Table) -> Result<Shape> {
     let layer = table.option("layer", layer)?;
     match (surface, layer) {
         (surface, Some(layer)) => {
-            if surface.is_none() && matches!(layer, Layer::Cell { .. } | Layer::Across { .. }) {
-                return Err(table.error("surface", "missing", "a layer of cells is made around a `surface`: add one"));
-            }
-            if !table.has("material") {
-                return Err(table.error("material", "missing", "a soft body (one with a layer) needs a material"));
-            }
             refuse(table, &RIGID_KEYS, "belongs to a rigid body, and this one is soft")?;
             Ok(Shape::Soft { surface, layer })
         }
@@ -319,9 +313,6 @@ fn hinge(value: &Value) -> Result<Hinge> {
 fn rigid_core(table: &Table, name: &str) -> Result<Core> {
     let motion = motion(table)?;
     let (mass, hinge) = dynamic_keys(table, &motion)?;
-    if matches!(motion, Motion::Dynamic) && mass.is_none() {
-        return Err(table.error("mass", "missing", "a dynamic rigid body needs a mass"));
-    }
     if !matches!(motion, Motion::Dynamic) {
         refuse(table, &["velocity"], "has no meaning for a rigid body that is not dynamic")?;
     }

@@ -184,7 +184,7 @@ impl SceneBuilder {
         self.add_document("", &Node::from(tables))
     }
 
-    /// The same of a tool and its coupling, in place of any that there are.
+    /// Replaces the tool and its coupling, if there are any, by those of tables that nobody wrote.
     #[doc(hidden)]
     pub fn replace_tool(&mut self, tables: &toml::Table) -> Result<()> {
         let mut next = self.clone();

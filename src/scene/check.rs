@@ -21,7 +21,7 @@ const SMALLEST: f64 = 1e-30;
 const LONGEST_NAME: usize = 100;
 /// How far from one the length of a quaternion may be: more is a typing error, less is rounding.
 const UNIT_TOLERANCE: f64 = 1e-3;
-/// The same of normals and axes that a program gives, which a file's reader makes unit itself.
+/// How far from one the length of a normal or an axis may be that a program gives; a file's reader makes them unit itself.
 const NORMAL_TOLERANCE: f64 = 1e-6;
 /// Iterations at most: they are recorded beforehand, four passes each.
 pub const MOST_ITERATIONS: u32 = 10_000;
@@ -58,17 +58,17 @@ pub struct Problem {
 pub type Check<T = ()> = std::result::Result<T, Problem>;
 
 impl Problem {
-    /// Of the value itself.
+    /// A problem of the checked value itself.
     pub fn new(problem: impl Into<String>, remedy: impl Into<String>) -> Problem {
         Problem { key: String::new(), problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// Of a key.
+    /// A problem of a key of the checked value.
     pub fn of(key: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Problem {
         Problem { key: key.into(), problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// The same, seen from what has the value under a key.
+    /// This problem as whoever has the checked value under a key calls it: the key goes before the problem's own.
     pub fn within(mut self, key: impl AsRef<str>) -> Problem {
         let dot = if self.key.is_empty() || self.key.starts_with('[') { "" } else { "." };
         self.key = format!("{}{dot}{}", key.as_ref(), self.key);

@@ -36,7 +36,7 @@ impl Scene {
         Scene::parse(path, &text)
     }
 
-    /// The same of a text; `path` is what errors name, and what paths in the text are relative to the folder of.
+    /// Reads and checks the text of a scene file; `path` is what errors name, and what paths in the text are relative to the folder of.
     pub fn parse(path: &Path, text: &str) -> Result<Scene> {
         let mut builder = SceneBuilder::new(path);
         let source = Source::of_file(path, text);

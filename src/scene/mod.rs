@@ -334,13 +334,13 @@ pub enum Layer {
         /// Depth of the shell that is filled, m in file coordinates; `None`: everything.
         thickness: Option<f64>,
     },
-    /// The same, with so many cells along the surface's largest extent.
+    /// Made to fill the surface, with so many lattice cells along its largest extent.
     Across {
-        /// How many.
+        /// Cells along the largest extent.
         cells: u32,
-        /// As above.
+        /// Largest cell deep inside, as a multiple of those at the surface: 1 (all equal), 2, 4 or 8.
         grade: u32,
-        /// As above.
+        /// Depth of the shell that is filled, m in file coordinates; `None`: everything.
         thickness: Option<f64>,
     },
     /// A tetrahedral mesh file.
@@ -475,7 +475,7 @@ pub struct Key {
 }
 
 impl Key {
-    /// Of a time (s) and a position (m), unturned.
+    /// A key at a time (s) and a position (m), with the identity as orientation.
     pub fn at(time: f64, position: [f64; 3]) -> Key {
         Key { time, position: position.into(), orientation: DQuat::IDENTITY }
     }

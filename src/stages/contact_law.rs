@@ -27,7 +27,8 @@ pub struct Traction {
     pub friction: DVec3,
 }
 
-/// At the end of a step of `h` s, where `force` is the contact's entry of `contact_forces`: what the wrench is the sum of.
+/// The traction at the end of a step of `h` s, where `force` is the contact's entry of `contact_forces`; the wrench is the sum
+/// of these times their areas.
 pub fn end_traction(contact: &Contact, force: [f32; 4], h: f32) -> Traction {
     let [stiffness, depth, area, h] = [contact.stiffness, contact.depth, contact.area, h].map(f64::from);
     let [x, y, z, along] = force.map(f64::from);
@@ -46,7 +47,7 @@ pub fn end_traction(contact: &Contact, force: [f32; 4], h: f32) -> Traction {
     Traction { pressure, friction: drag / area }
 }
 
-/// At the start of a step, whose end is not known; friction is left out.
+/// The traction at the start of a step whose end is not known, without friction.
 pub fn start_traction(contact: &Contact) -> Traction {
     let [stiffness, damping, depth, rate] =
         [contact.stiffness, contact.damping, contact.depth, contact.rate].map(f64::from);

@@ -69,7 +69,7 @@ impl Simulation {
         Prepared::of(scene, Bodies::prepare(scene, &Cache::of(context))?)?.record(scene, context)
     }
 
-    /// The same of a scene whose bodies are prepared, all of them.
+    /// Records the step of a scene whose bodies are prepared, all of them, on a device that is open.
     #[doc(hidden)]
     pub fn with_bodies(context: &Arc<Context>, scene: &Scene, bodies: Bodies) -> Result<Simulation> {
         Prepared::of(scene, bodies)?.record(scene, context)

@@ -69,8 +69,8 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_law_that_it_breaks() {
         // Damping of contacts is left out of the right-hand side.
         (
             "solve/assemble",
-            "g = h * (h * contact.stiffness + contact.damping)",
-            "g = h * h * contact.stiffness",
+            "+ normal_operator(contact, h) * contact.rate",
+            "+ h * h * contact.stiffness * contact.area * contact.rate",
             "contact-stiffness",
             Law::Residual,
         ),
