@@ -1,14 +1,14 @@
-//! Build script: what shaderc needs beside its own archive, so that whoever depends on palpate links, wherever it is built.
+//! Build script: links the libraries that shaderc needs besides its own archive, for all programs that use palpate.
 //!
-//! Debian and Ubuntu cut shaderc into archives that do not name each other: `libshaderc_combined.a` lacks glslang and SPIRV-Tools.
-//! They are merged into one archive here and linked whole.
+//! Debian and Ubuntu divide shaderc into archives that do not refer to each other: `libshaderc_combined.a` lacks
+//! glslang and SPIRV-Tools. They are merged into one archive here, which is linked as a whole.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::{env, fs};
 
-/// What Debian's shaderc lacks; the names differ from version to version.
+/// Libraries that Debian's shaderc archive lacks; the list covers the names of several versions.
 const PARTS: [&str; 10] = [
     "glslang",
     "SPIRV",
@@ -34,7 +34,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Elsewhere, and where the user names a folder or builds shaderc, its archive is whole.
+/// Links the missing libraries on Linux with the system's shaderc. On other systems, and where the user names a folder
+/// of shaderc or builds it from source, its archive is complete.
 fn link() -> Result<(), String> {
     let is_linux = env::var("CARGO_CFG_TARGET_OS").is_ok_and(|system| system == "linux");
     let is_given = env::var_os("SHADERC_LIB_DIR").is_some() || env::var_os("VULKAN_SDK").is_some();
@@ -59,7 +60,7 @@ fn link() -> Result<(), String> {
     Ok(())
 }
 
-/// Merges those parts that there are.
+/// Merges those of the libraries that exist in the folder `system` into one archive, and links it.
 fn merge(system: &Path) -> Result<(), String> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo gives no OUT_DIR")?);
     let merged = out.join("libpalpate_glslang.a");

@@ -1,4 +1,5 @@
-//! The arguments of each kernel as a struct: push constants and buffers under the names that its shader has for them.
+//! Generates, for each kernel, a Rust struct of its arguments: push constants and buffers under the names that the
+//! shader gives them. Part of the build script.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -9,19 +10,21 @@ use super::{Shader, comments, specialise, spirv};
 /// A buffer of a shader.
 struct Buffer {
     name: String,
-    /// What it holds, in Rust.
+    /// Rust type of its contents.
     content: String,
-    /// What the shader says about it.
+    /// The shader's comment on it, for documentation.
     comment: String,
+    /// "read", "written" or "read and written".
     access: &'static str,
+    /// Whether some choice of the specialization constants leaves it unused.
     is_optional: bool,
 }
 
-/// A module a stage, with the arguments of its kernels and the structs that are its own.
+/// The Rust text of one module a stage, with the arguments of its kernels and its own structs.
 pub fn modules(headers: &[String], shaders: &[Shader]) -> Result<String, String> {
     let mut stages: BTreeMap<&str, String> = BTreeMap::new();
     let mut structs: BTreeMap<&str, BTreeMap<String, String>> = BTreeMap::new();
-    // The two stages of a graphics pipeline have their arguments in common.
+    // Vertex and fragment shader of a graphics pipeline share one struct of arguments.
     let mut pipelines: BTreeMap<&str, Vec<&Shader>> = BTreeMap::new();
     for shader in shaders {
         let pipeline = shader.name.strip_suffix(".vert").or(shader.name.strip_suffix(".frag"));
@@ -59,7 +62,7 @@ pub fn modules(headers: &[String], shaders: &[Shader]) -> Result<String, String>
     Ok(out)
 }
 
-/// The arguments of the shaders called `name`.
+/// The Rust text of the struct of arguments for a shader or pipeline; `prefix` begins its name.
 fn arguments(name: &str, prefix: &str, shaders: &[&Shader]) -> Result<String, String> {
     let stem = name.rsplit('/').next().unwrap_or(name);
     let type_name = format!("{prefix}{}{}", stem[..1].to_uppercase(), &stem[1..]);

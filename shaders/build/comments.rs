@@ -1,6 +1,7 @@
-//! What the text of a shader says about names, which its binary no longer knows: comments, and the values of constants.
+//! Reads from the GLSL text of a shader what its SPIR-V binary has lost: comments on structs, members, buffers and push
+//! constants, and the values of constants. Part of the build script.
 
-/// A `const uint` or `const float` of a header with its value as a number.
+/// A `const uint` or `const float` of a header (a file of `shaders/shared`) whose value is a number.
 pub struct Constant {
     /// `u32` or `f32`.
     pub ty: &'static str,
@@ -8,11 +9,11 @@ pub struct Constant {
     pub name: String,
     /// Its value, in Rust.
     pub value: String,
-    /// What the header says about it.
+    /// The comment at the end of its line.
     pub comment: String,
 }
 
-/// Constants of a header whose value is a number; those that follow from others are the shaders' own.
+/// The constants of a header whose value is a number. Those whose value is an expression stay in the shaders.
 pub fn constants(header: &str) -> Vec<Constant> {
     let constant = |line: &str| {
         let (declaration, comment) = split(line);
@@ -34,13 +35,13 @@ fn is_hexadecimal(digits: &str) -> bool {
     !digits.is_empty() && digits.chars().all(|c| c.is_ascii_hexdigit())
 }
 
-/// What stands before a comment at the end of a line, and the comment.
+/// Splits a line into its code and the comment at its end.
 fn split(line: &str) -> (&str, String) {
     let (code, comment) = line.split_once("//").unwrap_or((line, ""));
     (code.trim(), comment.trim().into())
 }
 
-/// Whether a text defines a struct.
+/// Whether a GLSL text defines a struct.
 pub fn defines(text: &str, structure: &str) -> bool {
     text.lines().any(|line| line == format!("struct {structure} {{"))
 }
@@ -52,13 +53,13 @@ pub fn above(text: &str, structure: &str) -> String {
     lines.into_iter().rev().collect::<Vec<_>>().join(" ")
 }
 
-/// What the definition of a struct says about one of its members; empty where that is nothing.
+/// The comment at the end of a struct member's line, in the definition of the struct; empty where there is none.
 pub fn member(text: &str, structure: &str, member: &str) -> String {
     let definition = text.lines().skip_while(|line| *line != format!("struct {structure} {{")).skip(1);
     let mut lines = definition.take_while(|line| *line != "};").map(split).peekable();
     while let Some((code, mut comment)) = lines.next() {
         if names(code, member) {
-            // A comment goes on where a line has nothing else.
+            // The comment continues on following lines that have no code.
             while let Some((_, more)) = lines.next_if(|(code, _)| code.is_empty()) {
                 comment = format!("{comment} {more}");
             }
@@ -68,7 +69,7 @@ pub fn member(text: &str, structure: &str, member: &str) -> String {
     String::new()
 }
 
-/// What a shader says about one of its buffers, or about its push constants, where it declares them.
+/// The comment at the end of the line that declares a buffer or push constants; empty if none.
 pub fn declaration(text: &str, name: &str) -> String {
     let declares = |line: &&str| line.starts_with("layout(") || line.starts_with("READ_ONLY(");
     text.lines().filter(declares).map(split).find(|(code, _)| names(code, name)).map(|(_, c)| c).unwrap_or_default()

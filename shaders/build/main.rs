@@ -1,9 +1,10 @@
-//! Build script: compiles every `shaders/<stage>/*.{comp,vert,frag}` from GLSL to SPIR-V, and writes what Rust needs of them:
+//! Build script: compiles every `shaders/<stage>/*.{comp,vert,frag}` from GLSL to SPIR-V, and writes what the Rust code
+//! needs of them:
 //! - `spirv.rs`, the sorted table of the binaries, for `src/gpu/kernel.rs`;
-//! - `shaders.rs`, for `src/shaders.rs`: of each kernel its arguments by name, and the structs and constants that shaders and
-//!   host share, whose only definition is the shaders'.
+//! - `shaders.rs`, for `src/shaders.rs`: for each kernel a struct of its arguments, and the structs and constants that
+//!   shaders and host (CPU side) share, which are defined in the shaders alone.
 //!
-//! `shaders/shared` holds only what others include.
+//! `shaders/shared` holds only files that others include.
 
 use std::ffi::OsStr;
 use std::fmt::Write as _;
@@ -22,15 +23,15 @@ mod specialise;
 mod spirv;
 mod structs;
 
-/// A shader, compiled.
+/// A compiled shader.
 pub struct Shader {
-    /// `solve/apply` for a compute shader, `depth/cross.vert` for a stage of the graphics pipeline.
+    /// Its name: `solve/apply` for a compute shader, `depth/cross.vert` for a stage of the graphics pipeline.
     name: String,
-    /// Its GLSL.
+    /// Its GLSL text, without included files.
     text: String,
-    /// Its SPIR-V with each kind of arrays.
+    /// Files of its SPIR-V: with texel buffers and with storage buffers, or only the latter (see [`Arrays`]).
     files: Vec<PathBuf>,
-    /// What reads its arrays through storage buffers.
+    /// Its SPIR-V with storage buffers.
     words: Vec<u32>,
 }
 
@@ -41,7 +42,7 @@ fn main() {
     }
 }
 
-/// Compiles all shaders; the message of an error names the file and line.
+/// Compiles all shaders and writes the generated files; the message of an error names the file and line.
 fn build() -> Result<(), String> {
     println!("cargo:rerun-if-changed=shaders");
     println!("cargo:rerun-if-changed=src/gpu/spirv.rs");
@@ -71,7 +72,7 @@ fn build() -> Result<(), String> {
     write(&out.join("shaders.rs"), generated.as_bytes())
 }
 
-/// The table of binaries.
+/// The Rust text of the table of binaries.
 fn table(shaders: &[Shader]) -> String {
     let mut text = String::from(
         "/// Name of every shader, and its SPIR-V with texel and with storage arrays; sorted by name.\n\
@@ -85,18 +86,18 @@ fn table(shaders: &[Shader]) -> String {
     text + "];\n"
 }
 
-/// A shader, compiled unless its files were made of the same; whether it was.
+/// Compiles a shader, unless its output files were made from the same text; also returns whether it was compiled.
 fn refresh(root: &Path, source: &Path, out: &Path) -> Result<(Shader, bool), String> {
     let name = name(root, source);
     let (text, now) = (read(source)?, ingredients(root, source)?);
-    // Without arrays that are read only, both kinds are the same.
+    // Without read-only arrays both kinds of arrays give the same binary.
     let kinds = if now.contains("READ_ONLY(") { &[Arrays::Texel, Arrays::Storage][..] } else { &[Arrays::Storage] };
     let stem = name.replace('/', "-");
     let files: Vec<_> = kinds.iter().map(|arrays| out.join(format!("{stem}.{arrays:?}.spv"))).collect();
     let made_of = out.join(format!("{stem}.made-of"));
     let is_new = !(files.iter().all(|f| f.exists()) && fs::read_to_string(&made_of).is_ok_and(|then| then == now));
     if is_new {
-        // Whoever is interrupted between here and the end compiles again.
+        // The record is removed first, so that an interrupted build compiles this shader again.
         let _ = fs::remove_file(&made_of);
         for (arrays, file) in kinds.iter().zip(&files) {
             write(file, &compile(root, source, &text, *arrays)?)?;
@@ -113,7 +114,7 @@ fn read(path: &Path) -> Result<String, String> {
     fs::read_to_string(path).map_err(|e| format!("cannot read {}: {e}", path.display()))
 }
 
-/// Writes a file where it would change: whatever is made of it is made again only then.
+/// Writes a file only if its contents change, so that cargo rebuilds what depends on it only then.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
     if fs::read(path).is_ok_and(|old| old == bytes) {
         return Ok(());
@@ -129,7 +130,7 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(paths)
 }
 
-/// `solve/apply` for a compute shader, `depth/cross.vert` for a stage of the graphics pipeline.
+/// Name of a shader: `solve/apply` for a compute shader, `depth/cross.vert` for a stage of the graphics pipeline.
 fn name(root: &Path, source: &Path) -> String {
     let relative = source.strip_prefix(root).unwrap_or(source).to_string_lossy().replace('\\', "/");
     relative.strip_suffix(".comp").unwrap_or(&relative).to_string()

@@ -1,5 +1,5 @@
-//! The structs that shaders keep in buffers, as Rust structs of the same layout: names and offsets from the SPIR-V, comments
-//! from the GLSL.
+//! Generates Rust structs for the structs that shaders keep in buffers, with the same layout: names and offsets from
+//! the SPIR-V, comments from the GLSL. Part of the build script.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use super::spirv::instructions;
 use super::{Shader, comments};
 
-/// The types of a module.
+/// The types, names and layouts of a SPIR-V module, by id.
 #[derive(Default)]
 pub struct Types {
     names: HashMap<u32, String>,
@@ -16,7 +16,7 @@ pub struct Types {
     blocks: Vec<u32>,
     constants: HashMap<u32, u32>,
     types: BTreeMap<u32, Type>,
-    /// The block of push constants.
+    /// Type of the block of push constants.
     push: Option<u32>,
     variables: HashMap<u32, u32>,
 }
@@ -35,14 +35,14 @@ enum Type {
 pub struct Member {
     /// Its name.
     pub name: String,
-    /// Its type, in Rust.
+    /// Its Rust type.
     pub ty: String,
-    /// Where it begins, bytes.
+    /// Its offset in bytes.
     pub offset: u32,
 }
 
 impl Types {
-    /// Reads the types of a module.
+    /// Reads the types of a SPIR-V module. The numbers below are opcodes and operands of the SPIR-V specification.
     pub fn of(words: &[u32]) -> Result<Types, String> {
         let mut out = Types::default();
         for instruction in instructions(words)? {
@@ -75,7 +75,7 @@ impl Types {
         Ok(out)
     }
 
-    /// A type in Rust; `None` where a buffer of the host's cannot hold it.
+    /// The Rust name of a type; `None` where a host buffer cannot hold it.
     fn rust(&self, id: u32) -> Option<String> {
         match self.types.get(&id)? {
             Type::Scalar(name) => Some((*name).into()),
@@ -95,12 +95,12 @@ impl Types {
         members.iter().zip(0..).map(member).collect()
     }
 
-    /// Push constants.
+    /// The push constants, as members of their block.
     pub fn push(&self) -> Vec<Member> {
         self.push.and_then(|id| self.members(id)).unwrap_or_default()
     }
 
-    /// What a buffer holds, in Rust: the one member of its block, or the block.
+    /// Rust type of a buffer's contents: that of the only member of its block, or of the block.
     pub fn content(&self, variable: u32) -> String {
         let block = self.variables.get(&variable).copied().unwrap_or_default();
         let members = self.members(block).unwrap_or_default();
@@ -110,14 +110,14 @@ impl Types {
         }
     }
 
-    /// Structs that buffers hold, but for the blocks that are the buffers themselves.
+    /// The structs within buffers, without the blocks that are the buffers themselves.
     fn held(&self) -> impl Iterator<Item = (&str, Vec<Member>)> {
         let held = self.types.keys().filter(|id| !self.blocks.contains(id));
         held.filter_map(|id| Some((self.names.get(id)?.as_str(), self.members(*id)?)))
     }
 }
 
-/// Constants and structs of headers, which belong to no single shader.
+/// The Rust text of the constants and structs of headers (files of `shaders/shared`).
 pub fn shared(headers: &[String], shaders: &[Shader]) -> Result<String, String> {
     let mut out = String::new();
     for constant in headers.iter().flat_map(|header| comments::constants(header)) {
@@ -139,14 +139,14 @@ pub fn shared(headers: &[String], shaders: &[Shader]) -> Result<String, String> 
     Ok(out + &known.into_values().collect::<String>())
 }
 
-/// Structs of a shader's own.
+/// The Rust text, by name, of structs that a shader defines itself.
 pub fn own(headers: &[String], shader: &Shader) -> Result<BTreeMap<String, String>, String> {
     let types = Types::of(&shader.words)?;
     let own = types.held().filter(|(name, _)| !headers.iter().any(|header| comments::defines(header, name)));
     Ok(own.map(|(name, members)| (name.to_string(), definition(&shader.text, name, &members))).collect())
 }
 
-/// A struct in Rust, whose offsets the compiler checks.
+/// The Rust text of a struct, with assertions that let the compiler check its offsets.
 fn definition(text: &str, name: &str, members: &[Member]) -> String {
     let above = comments::above(text, name);
     let above = if above.is_empty() { format!("`{name}` of the shaders.") } else { above };
@@ -169,7 +169,7 @@ fn definition(text: &str, name: &str, members: &[Member]) -> String {
     out
 }
 
-/// A comment as documentation: from a capital to a full stop.
+/// Turns a comment into a sentence: with a capital letter and a full stop.
 fn sentence(comment: &str) -> String {
     let mut letters = comment.chars();
     let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
@@ -177,7 +177,7 @@ fn sentence(comment: &str) -> String {
     format!("{first}{rest}{}", if rest.ends_with('.') { "" } else { "." })
 }
 
-/// A literal string: UTF-8 in little-endian words, ended by a zero.
+/// Decodes a literal string of SPIR-V: UTF-8 in little-endian words, ended by a zero.
 fn string(words: &[u32]) -> String {
     let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).take_while(|&b| b != 0).collect();
     String::from_utf8_lossy(&bytes).into_owned()

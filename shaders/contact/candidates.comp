@@ -5,45 +5,54 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Contact: the depth of every skin vertex of an active chunk that gathers contacts. In each region that sees it, the nearest of the crossings on its
-// ray decides: through the front of a triangle it lies within the other body, through the back it does not. It is one contact,
-// however many regions see it: of depths d_r with shares w_r the one with the greatest w / d^2 stands; others count in depth
-// and normal from half of that on, fully where they are equal, so that none takes over with a jump. A half-space needs no
-// crossing: depth = offset - N.x. Only vertices that face the other body take part; the area is the rest area projected
-// along the normal, half of it where both bodies gather. One workgroup such a chunk; the last to finish lists those of all
-// that collide, in their order whatever the device, where there is room (else deepest.comp does, and a flag says so).
-// Oracle: oracle::contact::ray_depths.
+// Contact, narrow phase: the penetration depth of every skin vertex in an active chunk (a group of at most 64 skin
+// vertices that passed culling) whose vertices gather contacts. One workgroup a chunk.
+//
+// Each contact patch (`Region`: an area where bodies a and b may touch, with a normal from a to b) that sees a vertex
+// shoots one ray from it along the normal, back through its own body, and the depth stage has listed the triangles of
+// the other body that the ray hits. The nearest hit decides: through the front of a triangle the vertex lies within the
+// other body, through the back it does not. The vertex becomes one contact, however many patches see it: with depths
+// d_r and shares w_r of the patches r, the patch of the greatest w_r / d_r^2 gives the triangle, and others enter depth
+// and normal from half of that value on, with full weight where they are equal, so that no other patch takes over with
+// a jump. A half-space needs no ray: depth = offset - N.x, N its normal. Only vertices that face the other body take
+// part; the contact's area is the rest area projected along the normal, halved where vertices of both bodies gather
+// contacts.
+//
+// Results lie at the vertex's place in its chunk, as a candidate. The last workgroup to finish lists all candidates
+// that collide, in an order that is the same on every device; where they exceed CAPACITY, deepest.comp lists them
+// instead, and a flag says so. Oracle: oracle::contact::ray_depths, oracle::regions::blend.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const bool BLEND = true;         // without it the strongest region alone counts: depths are exact rays'
+layout(constant_id = 1) const bool BLEND = true;  // false: the strongest patch alone counts, with the depth of its ray
 layout(constant_id = 2) const uint CAPACITY = 1;
-layout(constant_id = 3) const bool SKINS = true;        // skins may meet skins; else half-spaces alone
+layout(constant_id = 3) const bool SKINS = true;  // whether skins may meet skins; false: there are half-spaces alone
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_vertices);      // four a texel
+READ_ONLY(uvec4, chunk_vertices);      // skin vertices of chunks, four a texel
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer Regions { Region regions[]; };
-layout(scalar) readonly buffer Shares { float shares[]; };
+layout(scalar) readonly buffer Shares { float shares[]; };  // patch weights of each slot (a proxy in a pair)
 READ_ONLY(uvec4, triangles);           // three skin vertices
 READ_ONLY(vec4, skin);
-layout(scalar) readonly buffer FanFirst { uint fan_first[]; };     // triangles around a vertex: running totals
-layout(scalar) readonly buffer Fans { uint fans[]; };
-layout(scalar) readonly buffer Areas { float areas[]; };          // rest, m^2
-READ_ONLY(uvec4, bin_hits);           // four a texel
-READ_ONLY(uvec4, hits);               // triangle, next, bits of the depth, item and front
-layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // of contacts: depth, barycentric, area
+layout(scalar) readonly buffer FanFirst { uint fan_first[]; };     // first entry of each vertex in fans, then the end
+layout(scalar) readonly buffer Fans { uint fans[]; };              // triangles around each vertex
+layout(scalar) readonly buffer Areas { float areas[]; };          // rest area of each vertex, m^2
+READ_ONLY(uvec4, bin_hits);           // first hit on the ray of each vertex in a work item, four a texel
+READ_ONLY(uvec4, hits);               // triangle, next hit on the ray, bits of the depth, 2 * work item + (1: a front)
+layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (m), two barycentrics, area (m^2)
 layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
-layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // from a to b
-layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };    // bits of a push for the next step's normal; pair of proxies
-layout(scalar) readonly buffer Items { uvec2 items[]; };
-layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };
+layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // unit, from a to b
+layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };  // depth x area x normal, bits; proxies
+layout(scalar) readonly buffer Items { uvec2 items[]; };  // active chunk and contact patch of each work item
+layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };         // candidate of each contact
 layout(scalar) writeonly buffer Args { uint args[]; };
-layout(scalar) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };   // a bit each vertex that collides
+layout(scalar) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };   // a bit a vertex of each chunk: it collides
 
+// Unit outward normal of a skin vertex, from the area vectors of the triangles around it.
 vec3 outward_normal(uint vertex) {
     vec3 sum = vec3(0.0);
     for (uint k = fan_first[vertex]; k < fan_first[vertex + 1]; k++) {
@@ -55,11 +64,11 @@ vec3 outward_normal(uint vertex) {
     return length2 > 0.0 ? sum * inversesqrt(length2) : vec3(0.0);
 }
 
-// Above all crossings; why, says shared/crossing.glsl.
+// A number above every index of a hit; shared/crossing.glsl explains why loops test against it.
 const uint ALL_HITS = 0x80000000u;
 
-// The nearest crossing, the lowest triangle of equals: triangle, item and front, depth; NONE where there is none. `through`: a back
-// lies within depth_limit beyond it.
+// The nearest hit on a ray, and of equally near ones that of the lowest triangle: triangle, 2 * work item + (1: a
+// front), bits of the depth; NONE where there is no hit. `through`: the ray meets another layer within depth_limit.
 uvec3 nearest_crossing(uint bin, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
@@ -79,7 +88,8 @@ uvec3 nearest_crossing(uint bin, out bool through) {
     return best;
 }
 
-// Where the ray along n through x crosses a triangle: depth and barycentrics, from differences so that they keep their digits.
+// Depth and barycentrics (second and third corner) where the line along the patch's normal through x meets a triangle.
+// Computed from differences, they keep their digits. `towards` is -1 for a vertex of a, 1 for one of b.
 vec3 crossing(Region region, vec3 x, uint triangle, float towards) {
     uvec3 corners = fetch(triangles, triangle).xyz;
     vec3 p = fetch(skin, corners.x).xyz - x, q = fetch(skin, corners.y).xyz - x,
@@ -91,7 +101,7 @@ vec3 crossing(Region region, vec3 x, uint triangle, float towards) {
     return vec3(towards * (w.x * a.z + w.y * b.z + w.z * c.z), w.yz);
 }
 
-// Cosine to the normal below which a vertex too deep is no contact.
+// Cosine between vertex normal and contact normal below which a vertex that is deeper than depth_limit is no contact.
 const float GRAZING = 0.5;
 
 shared uint listed[CHUNK_VERTICES];
@@ -100,7 +110,7 @@ shared uint colliding[2];
 shared uint totals[SIZE];
 shared bool is_last;
 
-// Vertices with crossings, so that lanes work side by side on these alone.
+// Lists the vertices of a chunk that have hits (`all`: every vertex), so that lanes work side by side on these alone.
 void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     uint lane = gl_LocalInvocationID.x;
     if (lane == 0) listed_count = colliding[0] = colliding[1] = 0;
@@ -175,7 +185,7 @@ void find_candidates() {
             normal += weight * regions[(entry.side / 2) * PAIR_REGIONS + r].normal;
         }
         depth /= all;
-        // Normals that cancel, of a vertex between two opposite regions: no direction is right.
+        // Where normals cancel, for a vertex between two opposite patches, no direction is right.
         if (dot(normal, normal) <= 1.0e-6 * all * all) {
             atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
             continue;
@@ -189,7 +199,7 @@ void find_candidates() {
         if (folded) atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
         if (depth > params.depth_limit) {
             atomicOr(counts.flags, FLAG_DEPTH_LIMIT);
-            // Beside the ray there is a far shorter way out, and this one would be felt as a blow.
+            // The shortest way out lies far off the ray, so that this depth would be felt as a blow.
             if (BLEND && facing < GRAZING) continue;
         }
         candidate_hits[at] = vec4(depth, hit.yz, area);
@@ -205,11 +215,11 @@ void find_candidates() {
         }
         candidate_pushes[at] = uvec4(floatBitsToUint(depth * areas[vertex] * outward), proxy_pair);
     }
-    // A driver left the loop early.
+    // The driver ended the loop early.
     if (done != (listed_count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }
 
-// All that collide; each lane takes a contiguous run of chunks.
+// Lists all candidates that collide; each lane takes a contiguous run of chunks.
 void list_all() {
     uint lane = gl_LocalInvocationID.x;
     uint run = (counts.gathering + SIZE - 1) / SIZE;
@@ -234,7 +244,7 @@ void list_all() {
             else left.y &= left.y - 1;
         }
     }
-    // A driver left the loop early.
+    // The driver ended the loop early.
     if (fits && at != after) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
     if (lane != 0) return;
     if (!fits) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);

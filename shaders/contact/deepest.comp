@@ -4,28 +4,29 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Contact: where more candidates collide than there is room for, the list of the deepest, in the order of candidates. One
-// workgroup; each lane takes a contiguous run. Oracle: the list filtered by its test.
+// Contact: lists the deepest candidates where more collide than there is room for (CAPACITY), in the order of
+// candidates. A candidate is a skin vertex at its place in an active chunk (contact/candidates). One workgroup; each
+// lane takes a contiguous run of candidates. Oracle: its test filters the list on the CPU.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint CAPACITY = 1;
 
-READ_ONLY(vec4, candidate_hits);       // CHUNK_VERTICES an active chunk
+READ_ONLY(vec4, candidate_hits);       // depth in x, m; CHUNK_VERTICES candidates an active chunk
 layout(scalar) readonly buffer CountsIn { Counts counts; };
-layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };
-layout(scalar) readonly buffer ChunkContacts { uint chunk_contacts[]; };   // a bit each candidate that collides
+layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };  // candidate of each contact
+layout(scalar) readonly buffer ChunkContacts { uint chunk_contacts[]; };   // a bit for each candidate: it collides
 
-// Candidates that a turn of a loop looks at: some drivers (Mesa's llvmpipe) leave all loops of an invocation after 65,535 turns.
+// Candidates that one round of a loop tests: Mesa's llvmpipe ends all loops of an invocation after 65,535 rounds.
 const uint BATCH = 16;
-const uint DIGITS = 256;
+const uint DIGITS = 256;      // values of a digit of eight bits
 
 shared uint totals[SIZE];
 shared uint histogram[DIGITS];
 
 uint begin, end;
 
-// 0 of those that do not collide.
+// Depth of a candidate, m; 0 where it does not collide.
 float depth_of(uint i) {
     return (chunk_contacts[i / 32] & 1u << i % 32) != 0 ? fetch(candidate_hits, i).x : 0.0;
 }
@@ -35,7 +36,7 @@ uint deeper(uint i, float least) {
         + uint(depth_of(i + 3) > least);
 }
 
-// Candidates deeper than `least` before this lane's run, and in all.
+// Number of candidates deeper than `least` before this lane's run, and in all.
 uvec2 count_deeper(float least) {
     uint lane = gl_LocalInvocationID.x;
     uint found = 0;
@@ -50,6 +51,7 @@ uvec2 count_deeper(float least) {
     return sums;
 }
 
+// Counts a candidate in the histogram of one digit of its depth's bits, if the higher digits equal those of `prefix`.
 void count_digit(uint i, uint prefix, uint shift) {
     uint bits = floatBitsToUint(depth_of(i));
     if (bits != 0 && ((bits ^ prefix) >> shift >> 8) == 0) atomicAdd(histogram[bits >> shift & (DIGITS - 1)], 1);
@@ -62,7 +64,7 @@ void count_digits(uint i, uint prefix, uint shift) {
     count_digit(i + 3, prefix, shift);
 }
 
-// The deepest candidate of which not all fit, digit by digit of its bits: those of positive floats are in order.
+// The greatest depth at which not all candidates fit, found digit by digit of its bits, as in a radix sort.
 float first_beyond_capacity() {
     uint lane = gl_LocalInvocationID.x;
     uint prefix = 0, above = 0;
@@ -89,7 +91,7 @@ uint equal(uint i, float least) {
         + uint(depth_of(i + 3) == least);
 }
 
-// Candidates of just this depth before this lane's run.
+// Number of candidates exactly as deep as `least` before this lane's run.
 uint count_equal(float least) {
     uint lane = gl_LocalInvocationID.x;
     uint found = 0;
@@ -104,7 +106,7 @@ uint count_equal(float least) {
     return before;
 }
 
-// `ties`: candidates of depth `least` so far; as many of them as there is room for stay.
+// Lists a candidate if it is deeper than `least`, or as deep and there is still room. `ties` counts equals.
 void list_one(inout uint at, inout uint ties, uint i, float least, uint room) {
     float depth = depth_of(i);
     if (depth > least || (depth == least && ties < room)) contact_source[at++] = i;

@@ -6,45 +6,47 @@
 #include "shared/args.glsl"
 #include "shared/contact_law.glsl"
 
-// Contact: what the solver needs to know of each colliding vertex. J v = n.(v(s1) - v(s2)) as at most sixteen weighted
-// nodes (s1 or s2 is a skin vertex with four; the opposing point lies in a triangle: four to three times four) and the tool's
-// twist; the rate J v at the start; and the coefficient of friction of the start (shared/contact_law.glsl).
-// Each entry goes onto one of its node's lists, from which sort.comp makes the transposed index. One invocation a contact.
-// Oracle: oracle::contact::gather; the lists walked by its test.
+// Contact: for each colliding vertex the record that the solver reads. A contact's relative velocity along its normal n
+// is J v = n.(v(s1) - v(s2)), with s1 and s2 its points on bodies a and b. J is kept as at most sixteen weighted nodes
+// (a skin vertex hangs on four nodes; the opposing point lies in a triangle, whose corners hang on four to twelve) and
+// the tool's twist. It also writes J v and the friction coefficient at the start (shared/contact_law.glsl).
+//
+// Each entry (node, weight) of a contact goes onto one of its node's lists, from which sort.comp makes the transposed
+// index from nodes to contacts. One invocation a contact. Oracle: oracle::contact::gather; its test walks the lists.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const bool FRICTION = false;
-layout(constant_id = 4) const bool TOOL = true;              // else tool_sign marks a held body, which its nodes move
-layout(constant_id = 3) const uint LISTS = 8;                // a node; as many as a workgroup of sort.comp has lanes
+layout(constant_id = 4) const bool TOOL = true;  // rigid tool exists; else tool_sign marks a soft body the device holds
+layout(constant_id = 3) const uint LISTS = 8;    // lists of a node, as many as a workgroup of sort.comp has lanes
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 READ_ONLY(vec4, candidate_normals);
-layout(scalar) readonly buffer ContactSource { uint contact_source[]; };
-READ_ONLY(vec4, candidate_hits);
-READ_ONLY(uvec4, candidate_what);
+layout(scalar) readonly buffer ContactSource { uint contact_source[]; };      // candidate of each contact
+READ_ONLY(vec4, candidate_hits);                                              // depth (m), two barycentrics, area (m^2)
+READ_ONLY(uvec4, candidate_what);                                             // vertex, side, triangle
 READ_ONLY(uvec4, triangles);
-READ_ONLY(uvec4, skin_nodes);
+READ_ONLY(uvec4, skin_nodes);  // four nodes of each skin vertex; NONE first: rigid
 READ_ONLY(vec4, skin_weights);
 READ_ONLY(vec4, skin);
 READ_ONLY(vec4, velocity);
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) writeonly buffer Contacts { Contact contacts[]; };
-layout(scalar) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads a contact
+layout(scalar) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads (groups of four nodes) a contact
 layout(scalar) writeonly buffer EntryWeights { vec4 entry_weights[]; };
-layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };        // zero; lists of each node in use
-layout(scalar) buffer NodeLists { uint node_lists[]; };                   // LISTS a node: NONE, or the last entry put there
-layout(scalar) writeonly buffer NextEntries { uint next_entries[]; };     // before it in its list
-layout(scalar) writeonly buffer TouchedNodes { uint touched_nodes[]; };   // each node with entries
+layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };        // lists in use of each node, zero at first
+layout(scalar) buffer NodeLists { uint node_lists[]; };  // LISTS heads a node: the last entry put on each list, or NONE
+layout(scalar) writeonly buffer NextEntries { uint next_entries[]; };     // the entry after each in its list
+layout(scalar) writeonly buffer TouchedNodes { uint touched_nodes[]; };   // every node with entries
 layout(scalar) buffer Args { uint args[]; };
 
 uint quads = 0;
 uvec4 nodes[4];
 vec4 weights[4];
 
-// A skin vertex's four nodes, weights times `share`; none where it rides on a rigid body. The corners of a triangle most
-// often lie in one tetrahedron and then share a quad.
+// Adds a skin vertex's four nodes with their weights times `share`; there are none where it belongs to a rigid body.
+// Corners of a triangle that lie in one tetrahedron, as most do, share a quad.
 void add(uint vertex, float share) {
     uvec4 own = fetch(skin_nodes, vertex);
     if (own.x == NONE) return;
@@ -60,7 +62,7 @@ void add(uint vertex, float share) {
     quads += 1;
 }
 
-// A list holds the entries of every LISTS-th contact.
+// Puts an entry of contact c onto a list of its node; each list takes the entries of every LISTS-th contact.
 void list(uint entry, uint node, uint c) {
     uint before = atomicExchange(node_lists[node * LISTS + c % LISTS], entry);
     next_entries[entry] = before;
@@ -96,8 +98,9 @@ void main() {
             if (weights[q][k] != 0.0) list(16 * c + 4 * q + k, nodes[q][k], c);
         }
     }
-    // s1 and s2 are on one line along n: where a rigid skin feels the pressure, either will do. Friction is felt at the point
-    // of the body it meets, so that the two forces of a pair act at one point. A held body feels it at its own.
+    // The point where the contact acts on a rigid body. For the normal force s1 and s2 do equally well, since both are
+    // on one line along n. Friction acts on a rigid body at the other body's point, so that both forces of a contact
+    // act at one point; on a held soft body it acts at that body's own point.
     vec3 at = fetch(skin, vertex).xyz;
     if (FRICTION) {
         float rigid = TOOL ? pair.tool_sign : -pair.tool_sign;
@@ -114,7 +117,7 @@ void main() {
         relative += pair.tool_sign * (linear + cross(angular, arm));
     }
     for (uint k = 0; k < 2; k++) {
-        // A rigid skin on a driven frame.
+        // A kinematic rigid body contributes the velocity of its frame.
         if (pair.driven_frame[k] == NONE) continue;
         Frame frame = frames[pair.driven_frame[k]];
         vec3 v = (k == 0 ? 1.0 : -1.0) * (frame.linear + cross(frame.angular, at - frame.centre));

@@ -3,25 +3,26 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 
-// Contact: a node's entries in ascending order, so that sums over them have one order: a bit each entry of a window, then the
-// set bits in turn. Where a node's run lies depends on the order of the workgroups, what is in it does not. The node's lists
-// and their count go back to nothing for the next step. One workgroup a touched node, a lane a list.
-// Oracle: the index sorted by its test.
+// Contact: sorts each node's entries (a contact and its weight on the node), which response.comp put on lists, so that
+// sums over them have a fixed order. A window of entries is marked in a bitmask in shared memory, one bit an entry, and
+// the set bits are written in ascending order. Where a node's run of entries begins depends on the order of the
+// workgroups; its contents do not. The node's lists and their count are cleared for the next step. One workgroup a
+// touched node, one lane a list. Oracle: its test sorts the index on the CPU.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
 layout(scalar) readonly buffer TouchedNodes { uint touched_nodes[]; };
-layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };
-layout(scalar) buffer NodeLists { uint node_lists[]; };            // SIZE a node; see response.comp
-layout(scalar) readonly buffer NextEntries { uint next_entries[]; };
+layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };      // lists in use of each node
+layout(scalar) buffer NodeLists { uint node_lists[]; };            // head of each list, SIZE a node; see response.comp
+layout(scalar) readonly buffer NextEntries { uint next_entries[]; };    // the entry after each in its list
 layout(scalar) readonly buffer EntryWeights { float entry_weights[]; };
 layout(scalar) buffer CountsInOut { Counts counts; };
-layout(scalar) writeonly buffer NodeEntries { uvec2 node_entries[]; };     // first, count
+layout(scalar) writeonly buffer NodeEntries { uvec2 node_entries[]; };  // a node's first entry in sorted, and how many
 layout(scalar) writeonly buffer Sorted { uvec2 sorted[]; };       // contact, bits of the weight
 
-const uint WORDS = 2048;        // of a window of 32 WORDS entries, 4,096 contacts
-// Above all entries; why, says shared/crossing.glsl.
+const uint WORDS = 2048;        // words of the bitmask: a window of 32 WORDS entries, those of 4,096 contacts
+// A number above every index of an entry; shared/crossing.glsl explains why loops test against it.
 const uint ALL_ENTRIES = 0x80000000u;
 
 shared uint bits[WORDS];
@@ -89,6 +90,6 @@ void main() {
         }
         barrier();
     }
-    // A driver left a loop early.
+    // The driver ended a loop early.
     if (at != run.x + run.y || done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }

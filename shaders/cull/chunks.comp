@@ -6,10 +6,15 @@
 #include "shared/rotation.glsl"
 #include "shared/field.glsl"
 
-// Cull: boxes of an active slot's chunks along the axes of its regions. A vertex x = R (sum w_i (r_i + d_i)) of a chunk lies in
-// its rest box, moved by the middle of its nodes' displacements and grown by (sum |w|) times half their spread. A chunk stays
-// when that box overlaps the box of an opposing slot along the tangents and does not lie wholly in front of it; it then
-// raises its side's field of heights. One workgroup an active slot. Oracle: oracle::regions::chunk_box.
+// Cull, broad phase: tests the chunks (groups of at most 64 skin vertices) of an active slot (a collision proxy in a
+// pair of bodies a and b) against the opposing slots, along the axes of each of its contact patches (`Region`). With
+// frame rotation R, embedding weights w_i, rest positions r_i and displacements d_i of nodes, a skin vertex is at
+// x = c + R sum w_i (r_i + d_i). So a chunk's skin lies in its rest box, moved by the middle of its nodes'
+// displacements and grown by (sum |w|) times half their spread.
+//
+// A chunk stays in a patch if that box overlaps the box of an opposing slot along the tangents and does not lie wholly
+// in front of it. It then raises the min-max depth grid of its side (shared/field.glsl), against which cull/meet tests
+// the other side. One workgroup an active slot. Oracle: oracle::regions::chunk_box.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -21,24 +26,24 @@ layout(scalar) readonly buffer ActiveSlots { uint active_slots[]; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_nodes);       // two a texel: node, link from the proxy's frame to its own
+READ_ONLY(uvec4, chunk_nodes);       // two a texel: node, link from the proxy's frame to the node's
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };
 layout(scalar) readonly buffer Regions { Region regions[]; };
-layout(scalar) readonly buffer Boxes { vec3 boxes[]; };
-layout(scalar) readonly buffer SlotRegions { uint slot_regions[]; };
-layout(scalar) writeonly buffer SlotChunks { uvec2 slot_chunks[]; };    // regions of each chunk of the slot
-layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // PAIR_REGIONS a chunk of a slot
-layout(scalar) buffer Fields { uint fields[]; };
+layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // least and greatest corner, PAIR_REGIONS a slot
+layout(scalar) readonly buffer SlotRegions { uint slot_regions[]; };    // bit mask of each slot's patches
+layout(scalar) writeonly buffer SlotChunks { uvec2 slot_chunks[]; };    // patch mask of each chunk of a slot, in x
+layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_REGIONS a chunk of a slot
+layout(scalar) buffer Fields { uint fields[]; };             // min-max depth grids, see shared/field.glsl
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"
 
-// Cosine to the region's normal below which a chunk's plane says nothing.
+// Cosine between a chunk's mean normal and the patch's normal below which its plane is too steep to be a bound.
 const float STEEP = 0.2;
 
-// Middle and half the spread of the displacements of a chunk's nodes, in the proxy's frame.
+// Middle of the displacements of a chunk's nodes, and bound on the skin's distance from it, in the proxy's frame.
 void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
     middle = vec3(0.0);
     spread = vec3(0.0);
@@ -51,10 +56,11 @@ void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
         greatest = max(greatest, max(d, e));
     }
     middle = 0.5 * (least + greatest);
-    // A thousandth more covers rounding.
+    // The factor 1.001 covers rounding.
     spread = 1.001 * chunk.weight_bound * 0.5 * (greatest - least);
 }
 
+// Enters a chunk's bound into the cells of its side's depth grid that it covers.
 void raise_field(uint region_index, Region region, uint side, Slab slab) {
     uvec4 range = squares(region, slab.low, slab.high);
     uint field = field_at(region_index, side);
@@ -67,7 +73,8 @@ void raise_field(uint region_index, Region region, uint side, Slab slab) {
     }
 }
 
-// The plane over (or, for b, under) a box of half-width `thickness` along `normal` about `centre`; flat where it is steep.
+// The plane over (for a chunk of b: under) a box of half-width `thickness` along `normal` about `centre`, in the
+// patch's axes; where it is too steep, a flat plane at the height `extreme`.
 vec3 plane_of(vec3 centre, vec3 normal, float thickness, uint side, float extreme) {
     if (abs(normal.z) < STEEP) return vec3(0.0, 0.0, extreme);
     vec3 plane = vec3(-normal.xy / normal.z, dot(normal, centre) / normal.z);
@@ -75,6 +82,7 @@ vec3 plane_of(vec3 centre, vec3 normal, float thickness, uint side, float extrem
     return plane + vec3(0.0, 0.0, side == 0 ? above : -above);
 }
 
+// Whether a box of `side` may touch the box of an opposing slot in patch r.
 bool meets(Pair pair, uint side, uint r, vec3 least, vec3 greatest) {
     uint begin = pair.first_slot[1 - side], count = pair.proxy_count[1 - side];
     for (uint slot = begin; slot < begin + count; slot++) {

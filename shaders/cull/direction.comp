@@ -4,36 +4,38 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Cull: the direction in which two hulls part. Over all face normals n of both hulls (turned from a to b) the separation
-// is s(n) = min over b of n.y - max over a of n.x; the directions near the greatest are blended,
-// n = sum max(0, 1 - (s_max - s) / blend)^2 n, so that it turns smoothly where the best face changes, inside and outside
-// alike (a penetration direction by itself jumps from face to face, and the force with it). Written with the weight
-// max(0, reach - max(s_max, distance))^2, which vanishes where the pair is culled. And the push that the pair's contacts gave
-// in the last step. One workgroup an active pair of proxies.
-// Oracle: oracle::proximity::direction.
+// Cull, broad phase: estimates the contact normal of a pair of collision proxies (convex hulls) a and b, and sums how
+// their contacts of the last step pushed. One workgroup a pair. Oracle: oracle::proximity::direction.
+//
+// Over all face normals n of both hulls (oriented from a to b) the separation is s(n) = min over b of n.y - max over a
+// of n.x. Near the greatest separation s_max the directions are blended, n = sum max(0, 1 - (s_max - s) / blend)^2 n,
+// so that the normal turns smoothly where the best face changes, for separate and for overlapping hulls alike; a
+// penetration direction by itself jumps from face to face, and the force with it. The weight of the pair is
+// max(0, reach - max(s_max, distance))^2, which vanishes at the reach beyond which the pair is culled.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Bounds { ProxyBounds bounds[]; };
-READ_ONLY(uvec4, proxy_pairs);
+READ_ONLY(uvec4, proxy_pairs);      // proxy of a, proxy of b
 READ_ONLY(vec4, hull);
-READ_ONLY(vec4, faces);
+READ_ONLY(vec4, faces);             // face planes of all hulls: unit normal, offset
 layout(scalar) readonly buffer ActivePairs { uint active_pairs[]; };
-layout(scalar) readonly buffer Reach { vec2 reach_of[]; };     // reach, distance of the hulls
-layout(scalar) writeonly buffer Directions { vec4 directions[]; };    // unit normal, weight; push, its length
+layout(scalar) readonly buffer Reach { vec2 reach_of[]; };     // reach and distance of the hulls of each pair, m
+layout(scalar) writeonly buffer Directions { vec4 directions[]; };  // two a pair: unit normal, weight; push, its length
 layout(scalar) readonly buffer CountsIn { Counts counts; };
-layout(scalar) readonly buffer ContactSource { uint contact_source[]; };   // of the last step
-READ_ONLY(uvec4, candidate_pushes);                           // of the last step
+layout(scalar) readonly buffer ContactSource { uint contact_source[]; };   // candidate of each contact of the last step
+READ_ONLY(uvec4, candidate_pushes);  // depth x area x normal (bits) of the last step's candidates; proxy pair
 
-// Faces of both hulls at most, each a fan of a hull with 64 vertices.
+// Most faces of both hulls together; a hull has at most 64 vertices.
 const uint MAX_FACES = 256;
-const float BLEND = 0.25;       // of the smaller hull's radius
+const float BLEND = 0.25;       // range of separations that are blended, in radii of the smaller hull
 
 shared float separation[MAX_FACES];
 shared vec4 partial[SIZE];
 
+// The f-th face normal of both hulls, oriented from a to b.
 vec3 normal_of(Proxy a, Proxy b, uint f) {
     return f < a.face_count ? fetch(faces, a.face_first + f).xyz
                             : -fetch(faces, b.face_first + f - a.face_count).xyz;
@@ -79,7 +81,8 @@ void main() {
     if (lane == 0) {
         float weight = max(0.0, reach_of[i].x - max(greatest, reach_of[i].y));
         sum = partial[0];
-        // Normals that cancel (a thin plate half way through another, two boxes in one place): fall back to the first of the best.
+        // Where the normals cancel (a thin plate half way through another, two boxes in one place), the first of the
+        // best stands.
         if (dot(sum.xyz, sum.xyz) <= 0.01 * sum.w * sum.w) {
             uint best = 0;
             while (best + 1 < face_count && separation[best] < greatest) best += 1;
@@ -87,7 +90,7 @@ void main() {
         }
         directions[2 * i] = vec4(normalize(sum.xyz), weight * weight);
     }
-    // The skins themselves tell better, once they touch: sum of depth x area x outward normal over the last step's contacts.
+    // Once skins touch, the last step's contacts tell the direction better: sum depth x area x outward normal.
     vec3 push = vec3(0.0);
     for (uint c = lane; c < counts.last_contacts; c += SIZE) {
         uvec4 found = fetch(candidate_pushes, contact_source[c]);

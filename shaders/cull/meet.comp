@@ -5,28 +5,32 @@
 #include "shared/field.glsl"
 #include "shared/args.glsl"
 
-// Cull: of the chunks of an active slot, those that may lie beyond what the other side's chunks reach in some square of their
-// region, in their order. One workgroup an active slot; the last to finish makes one list of all in the order of slots, a work
-// item each chunk and region, and the indirect arguments of everything downstream. Slots whose vertices gather contacts come
-// first, so what is kept of vertices needs no room for the others. What exceeds MOST_ITEMS raises the region overflow flag. Oracle: every chunk against every opposing chunk, and the lists joined, by its test.
+// Cull, broad phase: of an active slot's chunks (a slot is a collision proxy in a pair of bodies; a chunk is a group of
+// at most 64 skin vertices), lists those that in some cell of a contact patch's depth grid may reach beyond what the
+// chunks of the other side reach. One workgroup an active slot.
+//
+// The last workgroup to finish joins the lists of all slots, in the order of slots: active chunks, a work item for each
+// active chunk and patch, and the indirect arguments of all later stages. Slots whose vertices gather contacts come
+// first, so arrays of vertices need no room for the others. More work items than MOST_ITEMS raise the region overflow
+// flag. Oracle: its test tries every chunk against every opposing chunk, and joins the lists.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint SLOTS = 1;
 layout(constant_id = 2) const uint MOST_ITEMS = 1;
-layout(constant_id = 3) const uint GATHERING = 1;       // slots: the first, whose vertices gather contacts
+layout(constant_id = 3) const uint GATHERING = 1;  // number of slots whose vertices gather contacts; they come first
 
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer Slots { Slot slots[]; };
 layout(scalar) readonly buffer ActiveSlots { uint active_slots[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Regions { Region regions[]; };
-layout(scalar) readonly buffer Slabs { Slab slabs[]; };
-layout(scalar) readonly buffer Fields { uint fields[]; };
-layout(scalar) coherent buffer SlotChunks { uvec2 slot_chunks[]; };     // regions; becomes chunk, and regions with items before
-layout(scalar) coherent buffer SlotCounts { uvec2 slot_counts[]; };    // chunks, items; become running totals
+layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_REGIONS a chunk of a slot
+layout(scalar) readonly buffer Fields { uint fields[]; };               // min-max depth grids, see shared/field.glsl
+layout(scalar) coherent buffer SlotChunks { uvec2 slot_chunks[]; };  // patch mask; becomes chunk, mask + items before
+layout(scalar) coherent buffer SlotCounts { uvec2 slot_counts[]; };    // chunks and work items; become running totals
 layout(scalar) writeonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
-layout(scalar) writeonly buffer Items { uvec2 items[]; };             // active chunk, region
+layout(scalar) writeonly buffer Items { uvec2 items[]; };  // active chunk and contact patch of each work item
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer Args { uint args[]; };
 
@@ -34,6 +38,7 @@ shared uint masks[SIZE];
 shared uvec2 totals[SIZE];
 shared bool is_last;
 
+// Whether a chunk may reach beyond what the other side reaches, in some cell of a patch.
 bool reaches(uint region_index, uint side, Slab slab) {
     Region region = regions[region_index];
     uvec4 range = squares(region, slab.low, slab.high);
@@ -48,6 +53,7 @@ bool reaches(uint region_index, uint side, Slab slab) {
     return false;
 }
 
+// Lists a slot's chunks that are left, in their order, with the work items before each.
 void list_slot(uint slot_index) {
     uint lane = gl_LocalInvocationID.x;
     Slot slot = slots[slot_index];
@@ -74,7 +80,7 @@ void list_slot(uint slot_index) {
             found += one;
             items_found += each;
         }
-        // The list never runs ahead of what is read: all lanes have read theirs.
+        // Writing in place is safe: the list is never longer than what all lanes have read.
         if (mask != 0) {
             slot_chunks[slot.chunk_first + listed + before] =
                 uvec2(proxy.chunk_first + k, mask | (items_listed + items_before) << PAIR_REGIONS);
@@ -86,6 +92,7 @@ void list_slot(uint slot_index) {
     if (lane == 0) slot_counts[slot_index] = uvec2(listed, items_listed);
 }
 
+// Joins the lists of all slots; each lane takes a contiguous run of slots.
 void list_all() {
     uint lane = gl_LocalInvocationID.x;
     uint run = (SLOTS + SIZE - 1) / SIZE;
@@ -109,7 +116,7 @@ void list_all() {
     uint listed = min(all.y, MOST_ITEMS), used = min(all.x, MOST_ITEMS), done = 0;
     for (uint e = lane; e < used; e += SIZE) {
         done++;
-        // The last slot whose total does not exceed e.
+        // Binary search for the last slot whose running total does not exceed e.
         uint low = 0, high = SLOTS;
         while (high - low > 1) {
             uint middle = (low + high) / 2;
@@ -128,7 +135,7 @@ void list_all() {
         }
         active_chunks[e] = ActiveChunk(found.x, low, 2 * slots[low].pair + slots[low].side, mask, first_item);
     }
-    // More than fits; or a driver left the loop early.
+    // There are more work items than fit, or the driver ended the loop early.
     if (all.y > MOST_ITEMS || done != (used + SIZE - 1 - lane) / SIZE) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
     if (lane != 0) return;
     uint gathering = min(GATHERING < SLOTS ? slot_counts[GATHERING].x : all.x, used);

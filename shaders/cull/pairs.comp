@@ -5,10 +5,12 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Cull: which proxies may touch. Boxes first, then the distance of the hulls: a pair stays when it is at most reach, both
-// inflations together and a seam. A workgroup's pairs lie far from each other, so that near ones, which lie together, are
-// shared out; and those whose boxes meet are listed, so that lanes work side by side on their hulls. Results do not depend on
-// the order in which pairs are appended. Oracle: oracle::proximity::pairs (parry3d's distance).
+// Cull, broad phase: which pairs of collision proxies (convex hulls) may touch. First their boxes are tested, then the
+// distance of the hulls: a pair stays if it is at most `reach`, the sum of both inflations (how far skin may lie
+// outside a hull) and a seam. The pairs of a workgroup are far apart in the list, so that near ones, which lie
+// together, are shared between workgroups; pairs whose boxes meet are listed, so that lanes work side by side on their
+// hulls. No result depends on the order in which pairs are appended. A workgroup takes SHARE pairs. Oracle:
+// oracle::proximity::pairs (distance by parry3d).
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -20,13 +22,13 @@ READ_ONLY(vec4, bounds);           // two texels a proxy: least corner and infla
 READ_ONLY(uvec4, proxy_pairs);     // proxy of a, proxy of b
 READ_ONLY(vec4, hull);
 layout(scalar) writeonly buffer ActivePairs { uint active_pairs[]; };
-layout(scalar) writeonly buffer Reach { vec2 reach_of[]; };   // reach, distance of the hulls
-layout(scalar) writeonly buffer Directions { vec4 directions[]; };    // none yet
+layout(scalar) writeonly buffer Reach { vec2 reach_of[]; };   // reach and distance of the hulls of each pair, m
+layout(scalar) writeonly buffer Directions { vec4 directions[]; };    // cleared for cull/direction
 layout(scalar) buffer Args { uint args[]; };
 
 #include "shared/gjk.glsl"
 
-// Of the smaller radius.
+// Width of the seam, in radii of the smaller hull.
 const float SEAM = 0.02;
 
 shared uint listed[SHARE];
@@ -43,7 +45,7 @@ void main() {
         directions[2 * i] = vec4(0.0);
         uvec2 which = fetch(proxy_pairs, i).xy;
         vec4 a_low = fetch(bounds, 2 * which.x), b_low = fetch(bounds, 2 * which.y);
-        // Hulls are drawn in where bodies are cut into them: a little of their size covers that.
+        // Hulls are shrunk where a body is cut into several of them; the seam covers that.
         vec4 a_top = fetch(bounds, 2 * which.x + 1), b_top = fetch(bounds, 2 * which.y + 1);
         float reach = a_low.w + b_low.w + SEAM * min(a_top.w, b_top.w);
         vec3 apart = max(a_low.xyz - b_top.xyz, b_low.xyz - a_top.xyz);

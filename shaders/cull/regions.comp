@@ -5,60 +5,67 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Cull: the regions of a pair of bodies. Directions of its pairs of proxies (where they touched in the last step, the way that
-// their contacts pushed) are gathered into at most PAIR_REGIONS groups of
-// like ones (mean shift from the strongest that is left: Fukunaga and Hostetler 1975), a region each, whose normal is their
-// weighted mean. Memberships are smooth in the directions and in the weights, and a region's strength grows from zero, so
-// nothing jumps when one appears. A proxy shares its vertices out between regions as its pairs belong to them. Then, of all
-// proxies of both bodies, those in the column that both sides' members of a region cover in common, whose skin may lie beyond the
-// other's.
-// One workgroup a pair of bodies. Oracle: oracle::regions.
+// Cull, broad phase: forms the contact patches (`Region`) of a pair of bodies a and b: columns in which they may touch,
+// each with one contact normal. One workgroup a pair of bodies. Oracle: oracle::regions.
+//
+// The directions of its pairs of collision proxies (where they touched in the last step, the way their contacts pushed)
+// are gathered into at most PAIR_REGIONS clusters of similar directions, by mean shift from the strongest direction
+// that is left (Fukunaga and Hostetler 1975). Each cluster is a patch, and the weighted mean of its directions the
+// normal. Memberships are smooth in directions and weights, and a patch's strength grows from zero, so nothing jumps
+// when a patch appears. A proxy divides the weight of its vertices among the patches that its pairs belong to.
+//
+// The column of a patch is what the members on both sides cover in common. Of all proxies of both bodies those in the
+// column whose skin may lie beyond the other side's become active slots (a slot is a proxy in a pair of bodies).
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 2) const float FOLLOW = 1.0;          // how much of a turn a normal takes in a step
+layout(constant_id = 2) const float FOLLOW = 1.0;          // share of its turn that a normal makes in a step
 layout(constant_id = 3) const uint BUCKETS = 1;
-layout(constant_id = 1) const uint MOST_CELLS = 128;      // squares of a column along a side at most
+layout(constant_id = 1) const uint MOST_CELLS = 128;      // hash cells along a side of a patch at most
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Bounds { ProxyBounds bounds[]; };
 READ_ONLY(vec4, hull);
-READ_ONLY(vec4, directions);
+READ_ONLY(vec4, directions);  // two a proxy pair: unit normal, weight; push of the last step's contacts, its length
 layout(scalar) buffer Regions { Region regions[]; };
-layout(scalar) writeonly buffer Shares { float shares[]; };        // PAIR_REGIONS a slot
+layout(scalar) writeonly buffer Shares { float shares[]; };  // patch weights of each slot (a proxy in a pair)
 layout(scalar) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_REGIONS a slot
-layout(scalar) coherent buffer SlotRegions { uint slot_regions[]; };   // a bit each region whose column it is in, and
-                                                                                    // each that it is a member of
+layout(scalar) coherent buffer SlotRegions { uint slot_regions[]; };  // bits: patches it is in; then its memberships
 layout(scalar) writeonly buffer SlotCounts { uvec2 slot_counts[]; };
-layout(scalar) writeonly buffer ActiveSlots { uint active_slots[]; };
-layout(scalar) writeonly buffer Fields { uint fields[]; };        // see shared/field.glsl; cleared here
+layout(scalar) writeonly buffer ActiveSlots { uint active_slots[]; };  // slots that are in the column of a patch
+layout(scalar) writeonly buffer Fields { uint fields[]; };  // min-max depth grids, see shared/field.glsl; cleared here
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) buffer Args { uint args[]; };
-layout(scalar) coherent buffer NearPairs { uint near_pairs[]; };  // pairs of proxies with a direction, in order
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };      // the sights are cleared here, see shared/bins.glsl
+layout(scalar) coherent buffer NearPairs { uint near_pairs[]; };  // proxy pairs with a direction, in order
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // its depth grids are cleared here, see shared/bins.glsl
 
 #include "shared/sum.glsl"
 #include "shared/field.glsl"
 
-// Cosines of the angles up to which directions are alike, and from which they are not.
+// Cosine of the angle between two directions above which they are fully similar.
 const float ALIKE = 0.7071;
+// Cosine below which they are not similar at all.
 const float UNLIKE = 0.2588;
-const uint SHIFTS = 4;
-// What a region needs of the whole strength to exist; what a member's vertices give it at least.
+const uint SHIFTS = 4;          // rounds of mean shift for each patch
+// Share of the whole strength below which a patch does not exist.
 const float LEAST_STRENGTH = 1.0e-3;
+// Least weight of a patch at the vertices of its members.
 const float LEAST_SHARE = 1.0e-4;
-// What the strongest region gives vertices of others.
+// Weight of a patch that has all strength at the vertices of proxies that are not its members.
 const float GUEST_SHARE = 0.05;
-// The part of all strength up to which a region has no guests: what proxies alone tell is too uncertain for that.
+// Share of all strength up to which a patch has no weight at the vertices of proxies that are not its members, because
+// directions estimated from proxies alone are too uncertain for that.
 const float GUESTS_FROM = 0.1;
-// How much of a pair of proxies a region must have for it to cover them.
+// Least share of a proxy pair's direction that makes its proxies members of a patch.
 const float LEAST_PART = 0.01;
 
-// What proxies say of a direction, against what contacts do; the push, in cubes of an edge, from which contacts are heard.
-const float TOLD = 0.1;         // strength of regions that contacts tell, and not proxies alone
+// Strength above which a patch's normal is known to come from contacts, not from proxies alone.
+const float TOLD = 0.1;
+// Weight of a direction that proxies estimate, relative to one that contacts give.
 const float GUESS = 0.01;
+// Total push of contacts (depth x area, m^3), in cubed edge lengths, at which contacts have half their full weight.
 const float LEAST_PUSH = 0.1;
 
 shared vec3 low[SIZE];
@@ -69,22 +76,22 @@ shared uint is_near[SIZE];
 vec3 normals[PAIR_REGIONS];
 float strength[PAIR_REGIONS];
 uint region_count = 0;
-vec4 before[PAIR_REGIONS];      // last step's normals and weights
-float all_weights, all_pushes, least_push;
+vec4 before[PAIR_REGIONS];      // the last step's normals and strengths
+float all_weights, all_pushes, least_push;      // sums over the proxy pairs; LEAST_PUSH in m^3
 uint near_count = 0;
 
-// A pair of proxies: which way it pushes; how much it counts for that, and for whether there is a region.
+// Direction of a pair of proxies.
 struct Direction {
-    vec3 normal;
-    float push;
-    float weight;
+    vec3 normal;      // unit, from a to b
+    float push;       // weight in the mean normal of a patch
+    float weight;     // weight in whether a patch exists
 };
 
-// False where nothing is near.
+// Combines the direction that a proxy pair's hulls estimate with its contacts' push; false where the hulls are apart.
 bool direction_of(uint proxy_pair, out Direction direction) {
     vec4 guess = fetch(directions, 2 * proxy_pair);
     if (guess.w <= 0.0) return false;
-    // Divided first, so that no weight is large enough to overflow.
+    // Weights are divided before they are combined, so that none is large enough to overflow.
     guess.w /= all_weights;
     vec4 push = fetch(directions, 2 * proxy_pair + 1) / (all_pushes + least_push);
     vec3 sum = push.xyz + GUESS * guess.w * guess.xyz;
@@ -93,7 +100,7 @@ bool direction_of(uint proxy_pair, out Direction direction) {
     return true;
 }
 
-// The pairs of proxies that have a direction, in their order.
+// Lists the pairs of proxies that have a direction, in their order.
 void list_near(Pair pair) {
     uint lane = gl_LocalInvocationID.x;
     for (uint first = 0; first < pair.proxy_pair_count; first += SIZE) {
@@ -113,22 +120,24 @@ void list_near(Pair pair) {
     barrier();
 }
 
+// Similarity of two directions, 0 to 1.
 float alike(vec3 n, vec3 m) { return smoothstep(UNLIKE, ALIKE, dot(n, m)); }
 
-// How much of a direction the first `count` regions have left.
+// Share of a direction that the first `count` patches leave.
 float remainder(vec3 n, uint count) {
     float left = 1.0;
     for (uint r = 0; r < count; r++) left *= 1.0 - alike(n, normals[r]);
     return left;
 }
 
-// How much of a direction region r has.
+// Share of a direction that belongs to patch r.
 float part(vec3 n, uint r) {
     float all = 0.0;
     for (uint q = 0; q < region_count; q++) all += strength[q] * alike(n, normals[q]);
     return all > 0.0 ? strength[r] * alike(n, normals[r]) / all : 0.0;
 }
 
+// The direction of which the first `count` patches leave the most, and the weight that they leave.
 vec4 strongest_remainder(Pair pair, uint count) {
     uint lane = gl_LocalInvocationID.x;
     vec4 best = vec4(0.0, 1.0, 0.0, 0.0);
@@ -149,8 +158,8 @@ vec4 strongest_remainder(Pair pair, uint count) {
     return best;
 }
 
-// A normal that contacts told in the last step turns only part of the way: their answer comes a step late, and at long steps
-// the whole of it would overshoot.
+// A normal that came from contacts in the last step turns only by the share FOLLOW towards its new direction: contacts
+// answer a step late, and with long steps the whole turn would overshoot.
 vec3 followed(vec3 n) {
     vec3 last = vec3(0.0);
     float cosine = ALIKE;
@@ -162,6 +171,7 @@ vec3 followed(vec3 n) {
     return last == vec3(0.0) ? n : normalize(mix(last, n, FOLLOW));
 }
 
+// Finds the patches, their normals and strengths; a flag says if directions are left over.
 void find_normals(Pair pair) {
     uint lane = gl_LocalInvocationID.x;
     for (uint r = 0; r < PAIR_REGIONS; r++) {
@@ -199,7 +209,7 @@ void find_normals(Pair pair) {
     if (left > LEAST_STRENGTH && lane == 0) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
 }
 
-// Each slot's shares of the regions, and (above those whose column it is in) which it is a member of.
+// Writes the weight of each patch at the vertices of each slot, and (upper bits) the patches it is a member of.
 void share_out(Pair pair) {
     uint a_count = pair.proxy_count[0], b_count = pair.proxy_count[1];
     for (uint s = gl_LocalInvocationID.x; s < a_count + b_count; s += SIZE) {
@@ -227,7 +237,7 @@ void share_out(Pair pair) {
         uint slot = slot_of(pair, s);
         for (uint r = 0; r < PAIR_REGIONS; r++) {
             float own = (members & (1u << r)) != 0 ? max(LEAST_SHARE, share[r] / sum) : 0.0;
-            // The strong regions see the others' vertices too: theirs may be the shorter way out.
+            // Strong patches see the vertices of other proxies too: along their normal may be the shorter way out.
             if (near && r < region_count) own = max(own, GUEST_SHARE * max(0.0, strength[r] / all - GUESTS_FROM));
             shares[slot * PAIR_REGIONS + r] = own;
         }
@@ -238,7 +248,7 @@ void share_out(Pair pair) {
     barrier();
 }
 
-// Box of a proxy's inflated hull along the region's axes; of its bounds alone where that will do.
+// Box of a proxy's inflated hull along the patch's axes; unless `exact`, the larger one of its world bounds.
 void hull_box(uint id, mat3 axes, bool exact, out vec3 least, out vec3 greatest) {
     Proxy proxy = proxies[id];
     float inflation = bounds[id].inflation;
@@ -258,6 +268,7 @@ void hull_box(uint id, mat3 axes, bool exact, out vec3 least, out vec3 greatest)
     }
 }
 
+// Empties the depth grids of a patch: of chunks (`fields`), and of vertices (`buckets`).
 void clear_fields(uint region, uint lane) {
     for (uint k = lane; k < FIELD * FIELD; k += SIZE) {
         fields[field_at(region, 0) + k] = 0;
@@ -267,7 +278,7 @@ void clear_fields(uint region, uint lane) {
     }
 }
 
-// What all lanes' boxes cover.
+// Replaces a box by the box around those of all lanes.
 void cover(inout vec3 least, inout vec3 greatest) {
     uint lane = gl_LocalInvocationID.x;
     low[lane] = least;
@@ -285,7 +296,7 @@ void cover(inout vec3 least, inout vec3 greatest) {
     barrier();
 }
 
-// Tangents that turn smoothly with the normal (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
+// Two tangents that turn smoothly with the normal (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
 mat3 axes_of(vec3 n) {
     float s = n.z >= 0.0 ? 1.0 : -1.0;
     float a = -1.0 / (s + n.z);
@@ -293,7 +304,7 @@ mat3 axes_of(vec3 n) {
     return mat3(vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3(b, s + n.y * n.y * a, -n.y), n);
 }
 
-// Region r: boxes of its slots, the column, and which slots are in it.
+// Writes patch r: the boxes of its slots, its column, and which slots are in the column.
 void open_region(Pair pair, uint r, uint first_region) {
     uint lane = gl_LocalInvocationID.x;
     uint member = 1u << PAIR_REGIONS + r;
@@ -346,23 +357,23 @@ void open_region(Pair pair, uint r, uint first_region) {
     if (params.texel > 0.0 && params.texel < finest) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
     float cell[2];
     for (uint side = 0; side < 2; side++) {
-        // Two or three squares a vertex, unless that makes many squares of an opposing triangle.
+        // Two or three cells a vertex, unless an opposing triangle would then cover many cells.
         float wanted = params.texel > 0.0 ? params.texel : max(0.6 * edge[side], edge[1 - side] / 6.0);
         cell[side] = max(wanted, finest);
     }
-    // Since the last step, against the nearest of its regions: their order may change.
+    // The turn since the last step is measured against the nearest of the last normals, as their order may change.
     float turn = 0.0, cosine = -1.0;
     for (uint q = 0; q < PAIR_REGIONS; q++) {
         if (before[q].w > 0.0) cosine = max(cosine, dot(before[q].xyz, normals[r]));
     }
     if (cosine > -1.0) turn = acos(min(cosine, 1.0));
-    // Before the skins touch, the direction is only a guess.
+    // A turn before the skins touch does not count, because the direction is only an estimate.
     if (touches && all_pushes >= least_push) atomicMax(counts.turn, floatBitsToUint(turn));
     regions[first_region + r] =
         Region(normals[r], axes[0], axes[1], column_low, column_high, cell, touches ? strength[r] : 0.0, turn);
 }
 
-// The slots of the skin that may lie below a half-space.
+// Writes the one patch of a skin and a half-space, and activates the slots that may lie below its plane.
 void open_plane(Pair pair, uint first_region) {
     uint lane = gl_LocalInvocationID.x;
     mat3 axes = axes_of(-pair.plane.xyz);

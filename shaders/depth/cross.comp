@@ -4,9 +4,10 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Depth, compute path: triangles of an active chunk, front and back, over the squares of their region that they cover; in
-// each, the vertices of the other side whose rays they cross. One workgroup an active chunk and region.
-// Oracle: oracle::contact::crossings.
+// Depth, narrow phase, compute path: finds where the rays of skin vertices hit the triangles of the opposing skin. For
+// each triangle of an active chunk, front and back faces alike, it visits the cells of the contact patch's spatial hash
+// that the triangle covers, and tests the vertices there (shared/crossing.glsl). Hits go onto a list of their vertex.
+// One workgroup a work item (chunk, patch). Oracle: oracle::contact::ray_depths; its test tries all pairs.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -14,18 +15,18 @@ layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const uint MOST_HITS = 1;
 
 layout(scalar) buffer CountsInOut { Counts counts; };
-layout(scalar) readonly buffer Items { uvec2 items[]; };
+layout(scalar) readonly buffer Items { uvec2 items[]; };      // active chunk and contact patch of each work item
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_triangles);      // four a texel
+READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four a texel
 layout(scalar) readonly buffer Regions { Region regions[]; };
 READ_ONLY(uvec4, triangles);       // three skin vertices
 READ_ONLY(vec4, skin);
-READ_ONLY(uvec4, buckets);         // four a texel
+READ_ONLY(uvec4, buckets);         // heads of the hash's lists, four a texel; see shared/bins.glsl
 READ_ONLY(uvec4, bins);
-layout(scalar) readonly buffer BinSquares { uvec2 bin_squares[]; };
-layout(scalar) buffer BinHits { uint bin_hits[]; };
-layout(scalar) writeonly buffer Hits { uvec4 hits[]; };       // triangle, next, bits of the depth, item and front
+layout(scalar) readonly buffer BinSquares { uvec2 bin_squares[]; };      // cell of each vertex in the hash
+layout(scalar) buffer BinHits { uint bin_hits[]; };                      // first hit of each vertex in the hash
+layout(scalar) writeonly buffer Hits { uvec4 hits[]; };  // triangle, next hit, bits of the depth, 2 * item + (1: front)
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 
 #include "shared/bins.glsl"
@@ -33,16 +34,16 @@ layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 #include "shared/covered.glsl"
 #include "shared/crossing.glsl"
 
-// Squares from which on all lanes share a triangle.
+// Cells above which all lanes share a triangle.
 const uint SHARED = 32;
 
-// How many of `count` this lane has where lanes take turns.
+// How many of `count` elements this lane has, where lanes take them in turn.
 uint turns_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
 
 uint count_of(ivec2 first, ivec2 last) { return uint(last.x - first.x + 1) * uint(last.y - first.y + 1); }
 
-shared uint listed[CHUNK_TRIANGLES];
-shared uint large[CHUNK_TRIANGLES];
+shared uint listed[CHUNK_TRIANGLES];      // triangles that one lane tests
+shared uint large[CHUNK_TRIANGLES];       // triangles that all lanes share
 shared uint listed_count;
 shared uint large_count;
 
@@ -55,12 +56,12 @@ void main() {
     uint side = entry.side & 1, other = 1 - side;
     vec3 corners[3];
     ivec2 first, last;
-    // Triangles and squares of this lane, and those that it came to: drivers may leave loops early (see README).
-    // Half-spaces need no rays, nor do vertices that gather no contacts.
+    // `due` and `done` count the triangles and cells that this lane has to visit and those that it visited: drivers may
+    // end loops early (see README). Half-spaces need no rays, nor does a side whose vertices gather no contacts.
     Pair pair = pairs[entry.side / 2];
     uint triangle_count = pair.is_plane != 0 || !gathers(pair, other) ? 0 : chunk.triangle_count;
     uint due = turns_of(triangle_count), done = 0;
-    // Those that may cross anything, so that lanes work side by side on these alone.
+    // Triangles that may be hit are listed, so that lanes work side by side on these alone.
     if (lane == 0) listed_count = large_count = 0;
     barrier();
     for (uint t = lane; t < triangle_count; t += SIZE) {
@@ -80,7 +81,7 @@ void main() {
         done++;
         done += cross_squares(first, last, 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
     }
-    // All lanes together on each large one.
+    // Large triangles: all lanes share the cells of each.
     due += large_count;
     for (uint k = 0; k < large_count; k++) {
         uint triangle = large[k];

@@ -4,24 +4,25 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Depth, graphics path: the squares that a triangle covers as a quad, so that the rasterizer shares them out, a fragment
-// each. An instance an active chunk and region, six vertices a triangle. Finds the same as cross.comp, bit for bit.
+// Depth, narrow phase, graphics path: draws the cells of a contact patch's spatial hash that a triangle covers as a
+// quad, so that the rasterizer distributes them, one fragment a cell (cross.frag). One instance a work item (active
+// chunk, contact patch), six vertices a triangle. It finds the same hits as cross.comp, bit for bit.
 
 layout(constant_id = 1) const uint BUCKETS = 1;
-layout(constant_id = 3) const uint SQUARES = 1;
+layout(constant_id = 3) const uint SQUARES = 1;      // cells along a side of the viewport, a pixel each
 
-layout(scalar) readonly buffer Items { uvec2 items[]; };
+layout(scalar) readonly buffer Items { uvec2 items[]; };      // active chunk and contact patch of each work item
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_triangles);      // four a texel
+READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four a texel
 layout(scalar) readonly buffer Regions { Region regions[]; };
 READ_ONLY(uvec4, triangles);       // three skin vertices
 READ_ONLY(vec4, skin);
-READ_ONLY(uvec4, buckets);         // four a texel
+READ_ONLY(uvec4, buckets);         // hash lists and depth grids, four a texel; see shared/bins.glsl
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 
-layout(location = 0) flat out vec3 corners[3];      // along the region's axes
-layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * region + its side, its item
+layout(location = 0) flat out vec3 corners[3];      // along the patch's axes, m
+layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * patch + its side, its work item
 
 #include "shared/bins.glsl"
 #include "shared/field.glsl"

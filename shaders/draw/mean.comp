@@ -3,14 +3,14 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Draw: what a node's tetrahedra have of a density, the mean by volume; zero at a node of none. One invocation a node.
-// Oracle: the same sum in f64.
+// Draw, beside the step: energy density at each node, the mean over its tetrahedra weighted by volume; zero at a node
+// without tetrahedra. One invocation a node. Oracle: its test takes the same sum in f64.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
 
-layout(scalar) readonly buffer NodeFirst { uint node_first[]; };            // running totals of the tetrahedra around nodes
-layout(scalar) readonly buffer NodeTetrahedra { uint node_tetrahedra[]; };
+layout(scalar) readonly buffer NodeFirst { uint node_first[]; };            // first entry of each node, then the end
+layout(scalar) readonly buffer NodeTetrahedra { uint node_tetrahedra[]; };  // tetrahedra around each node
 READ_ONLY(vec4, densities);            // x: density; y: volume
 layout(scalar) writeonly buffer NodeValues { float node_values[]; };
 

@@ -2,13 +2,13 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 
-// Draw: the greatest of the numbers of each range, none of which is negative; zero where there are none, or one is no number
-// and no other is greater. One workgroup a range. Oracle: the same in f64.
+// Draw, beside the step: the greatest number of each range of an array of non-negative numbers. It is zero for an empty
+// range; NaN is ignored. One workgroup a range. Oracle: its test takes the greatest in f64.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
-layout(scalar) readonly buffer Ranges { uvec2 ranges[]; };         // first, and one after the last
+layout(scalar) readonly buffer Ranges { uvec2 ranges[]; };         // first index, and one after the last
 layout(scalar) readonly buffer Values { float values[]; };
 layout(scalar) writeonly buffer Most { float most[]; };
 

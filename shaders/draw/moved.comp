@@ -5,15 +5,16 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Draw: how far a vertex is from where the frames of its nodes alone would carry it, |sum w_i R_i d_i| (m); zero on a rigid
-// body. One invocation a vertex. Oracle: the same sum in f64.
+// Draw, beside the step: distance of a vertex from where the frames of its nodes alone would put it, |sum w_i R_i d_i|
+// (m), with weight w_i, frame rotation R_i and displacement d_i of its four nodes; zero on a rigid body. One invocation
+// a vertex. Oracle: its test takes the same sum in f64.
 
 layout(local_size_x_id = 0) in;
 
 layout(push_constant) uniform Points { uint vertices; };
 
-layout(scalar) readonly buffer Frames { Frame frames[]; };     // rotations as they are now
-READ_ONLY(uvec4, skin_nodes);      // as in draw/place
+layout(scalar) readonly buffer Frames { Frame frames[]; };     // placements as they are now
+READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: rigid
 READ_ONLY(vec4, skin_weights);
 READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, node_info);       // frame in z

@@ -3,18 +3,18 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Draw: outward normals of the skin as it is now, n = sum (b - a) x (c - a) over the triangles around a vertex (each counts with
-// its area), of length one; zero where they have no area. One invocation a skin vertex of all bodies.
-// Oracle: the same sum in f64 over Simulation::skin_positions.
+// Draw, beside the step: unit outward normals of the skin as it is now, along sum (b - a) x (c - a) over the triangles
+// (a, b, c) around a vertex, which weights each by its area; zero where they have no area. One invocation a skin vertex
+// of all bodies. Oracle: its test takes the same sum in f64 over Simulation::skin_positions.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint VERTICES = 0;
 
 READ_ONLY(uvec4, triangles);
-layout(scalar) readonly buffer FanFirst { uint fan_first[]; };
-layout(scalar) readonly buffer Fans { uint fans[]; };
+layout(scalar) readonly buffer FanFirst { uint fan_first[]; };     // first entry of each vertex in fans, then the end
+layout(scalar) readonly buffer Fans { uint fans[]; };              // triangles around each vertex
 READ_ONLY(vec4, positions);
-layout(scalar) writeonly buffer Normals { vec4 normals[]; };       // w: 0
+layout(scalar) writeonly buffer Normals { vec4 normals[]; };       // w is 0
 
 void main() {
     uint vertex = gl_GlobalInvocationID.x;

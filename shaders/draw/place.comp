@@ -5,21 +5,22 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Draw: where a skin vertex is now, x = sum w_i (c_i + R_i (r_i + d_i)), or c + R r on a rigid body, relative to an origin that
-// the host chose (m). No part of the step: for whoever looks. One invocation a skin vertex of all bodies.
-// Oracle: Simulation::skin_positions.
+// Draw, beside the step and only for display: position of a skin vertex as it is now, relative to an origin that the
+// host chose (m): x = sum w_i (c_i + R_i (r_i + d_i)) over its four nodes, with weight w_i, rest position r_i,
+// displacement d_i, and centre c_i and rotation R_i of the node's frame; or c + R r on a rigid body. One invocation a
+// skin vertex of all bodies. Oracle: Simulation::skin_positions.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint VERTICES = 0;
 
-layout(scalar) readonly buffer Frames { Frame frames[]; };
-READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: rigid
+layout(scalar) readonly buffer Frames { Frame frames[]; };      // placements as they are now
+READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: a rigid skin
 READ_ONLY(vec4, skin_weights);     // four weights; of a rigid skin: position in the frame
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, node_info);       // frame in z
-layout(scalar) readonly buffer RigidFrames { uint rigid_frames[]; };   // of the vertex's body
-layout(scalar) writeonly buffer Positions { vec4 positions[]; };       // w: 1
+layout(scalar) readonly buffer RigidFrames { uint rigid_frames[]; };   // frame of a rigid vertex's body
+layout(scalar) writeonly buffer Positions { vec4 positions[]; };       // w is 1
 
 vec3 world(uint frame, vec3 local) { return frames[frame].centre + rotate(frames[frame].rotation, local); }
 

@@ -2,16 +2,16 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 
-// Draw: what a patch's volumetric strain theta = sum V tr(E) / V adds to the density of each of its tetrahedra,
-// lambda / 2 theta^2 (elastic/dilate). One invocation a patch, which alone writes its tetrahedra.
-// Oracle: oracle::elastic::Elements::densities.
+// Draw, beside the step: adds lambda / 2 theta^2 to the energy density of each tetrahedron of an F-bar patch
+// (elastic/dilate), with the patch's mean dilatation theta = sum V tr(E) / V over the volumes V and strains E of its
+// tetrahedra. One invocation a patch, which alone writes its tetrahedra. Oracle: oracle::elastic::Elements::densities.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
 
-layout(scalar) readonly buffer PatchFirst { uint patch_first[]; };            // running totals of members
-layout(scalar) readonly buffer PatchMembers { uint patch_members[]; };
-layout(scalar) buffer Densities { vec4 densities[]; };             // as draw/energy left them
+layout(scalar) readonly buffer PatchFirst { uint patch_first[]; };            // first entry of each patch, then the end
+layout(scalar) readonly buffer PatchMembers { uint patch_members[]; };        // tetrahedra of each patch
+layout(scalar) buffer Densities { vec4 densities[]; };             // as draw/energy leaves them; x: density, J/m^3
 
 void main() {
     uint p = gl_GlobalInvocationID.x;

@@ -4,14 +4,15 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Draw: a number of the nodes at a vertex, max(0, sum w_i n_i) (weights of skin outside its tetrahedron may be negative);
-// zero on a rigid body. One invocation a vertex. Oracle: the same sum in f64.
+// Draw, beside the step: interpolates a number from nodes to a skin vertex, max(0, sum w_i n_i), with weight w_i and
+// number n_i of its four nodes (the weights of skin outside its tetrahedron may be negative); zero on a rigid body. One
+// invocation a vertex. Oracle: its test takes the same sum in f64.
 
 layout(local_size_x_id = 0) in;
 
 layout(push_constant) uniform Points { uint vertices; };
 
-READ_ONLY(uvec4, skin_nodes);      // as in draw/place
+READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: a rigid skin
 READ_ONLY(vec4, skin_weights);
 layout(scalar) readonly buffer NodeValues { float node_values[]; };
 layout(scalar) writeonly buffer Values { float values[]; };

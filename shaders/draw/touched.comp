@@ -5,12 +5,13 @@
 #include "shared/types.glsl"
 #include "shared/contact_law.glsl"
 
-// Draw: depth (m) and pressure (Pa) of the last step's contacts, at the vertex that gathered each and at the corners of the
-// triangle it met, so that both skins show what one of them gathers; of several the greatest. The pressure is what the
-// solver applied at the end of the step, max(0, k delta + (h k + d) delta'), or where nobody knows that (the state was taken
-// up from elsewhere) what the step began with. A dropped contact gives neither. The arrays are cleared before. No number is
-// negative, so that the order of bits is that of numbers. One invocation a contact; vertices are written by atomics whose
-// order does not matter. Oracle: the same over Simulation::touch.
+// Draw, beside the step: depth (m) and pressure (Pa) of the last step's contacts at skin vertices: at the vertex that
+// gathered a contact and at the corners of the triangle that it met, so that both skins show it; of several contacts at
+// a vertex the greatest. The pressure is what the solver applied at the end of the step,
+// max(0, k delta + (h k + d) delta') (shared/contact_law.glsl), or, where that is not known because the state was
+// loaded, the pressure at the start of the step. Released contacts give neither. The arrays are cleared before. No
+// number is negative, so bits sort like the floats. One invocation a contact; vertices are written by atomics whose
+// order does not matter. Oracle: its test takes the same from Simulation::touch.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint CAPACITY = 0;
@@ -20,13 +21,13 @@ layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
 READ_ONLY(vec4, contact_forces);
 READ_ONLY(uvec4, triangles);
-layout(scalar) readonly buffer Solved { uint is_solved; };         // whether contact_forces are of these contacts
-layout(scalar) buffer Depths { uint depths[]; };                   // bits of a float a skin vertex
-layout(scalar) buffer Pressures { uint pressures[]; };
+layout(scalar) readonly buffer Solved { uint is_solved; };         // whether contact_forces belongs to these contacts
+layout(scalar) buffer Depths { uint depths[]; };                   // bits of a float for each skin vertex
+layout(scalar) buffer Pressures { uint pressures[]; };             // bits of a float for each skin vertex
 
 const float LARGEST = 3.0e38;
 
-// Of what is no number, nothing.
+// Bits of a positive number; zero for NaN and infinity.
 uint bits_of(float x) { return x > 0.0 && x < LARGEST ? floatBitsToUint(x) : 0; }
 
 void main() {

@@ -6,37 +6,43 @@
 #include "shared/rotation.glsl"
 #include "shared/polar.glsl"
 
-// Elastic: the rotation R of each tetrahedron (polar part of F = I + G, G = sum d_i g_i^T, by Mueller et al. 2016, "A Robust
-// Method to Extract the Rotational Part of Deformations", warm-started: proper, and steady under inversion); gradients
-// rotated into the world, g' = sqrt(V) R_frame R g; and what the element gives to the right-hand side,
-// h f - (h^2 + h beta) K v, f_i = -V P g_i, with P of the material's law (shared/material_law.glsl) of E = R^T G + (R^T - I);
-// corotational P = R (2 mu sym(E) + lambda tr(E) I). A tetrahedron whose nodes ride on several frames is evaluated in the
-// first node's. One that is inside out, or whose rotation is not found, raises a flag. Linearised again (elastic/trial), it
-// reads trial displacements, and gives h f + h^2 K x - h beta K v for the trial change x, which they hold already.
-// One invocation a tetrahedron. Oracle: oracle::elastic, oracle::newton.
+// Elastic: rotation, stress and stiffness of each tetrahedron, once in each Newton iteration. With rest gradients g_i
+// (1/m) and displacements d_i of its nodes and rest volume V, F = I + G, G = sum d_i g_i^T, its rotation R is the polar
+// part of F (shared/polar.glsl, from the last rotation) and its strain E = R^T G + (R^T - I).
+//
+// It writes R; the scaled gradients of the operator in world axes, g' = sqrt(V) R_frame R fold g, with their moduli,
+// where R_frame is the rotation of its frame and `fold` a matrix of the material law (shared/material_law.glsl); and
+// what the element gives to the right-hand side over a step h, h f - (h^2 + h beta) K v with f_i = -V P g_i, stress P
+// of the material law, stiffness K, velocity v and stiffness-proportional damping beta. The corotational law has
+// P = R (2 mu sym(E) + lambda tr(E) I). A tetrahedron with nodes in several frames is evaluated in its first node's
+// frame. One that is inside out, or whose rotation is not found, raises a flag.
+//
+// In later Newton iterations it reads the trial displacements of elastic/trial, which contain the trial change of
+// velocity x already, and gives h f + h^2 K x - h beta K v. One invocation a tetrahedron. Oracle: oracle::elastic,
+// oracle::newton.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron may have nodes in several frames
-layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may act by patches (elastic/dilate)
-layout(constant_id = 4) const uint LAWS = 1;            // a bit for each law that some material has
-layout(constant_id = 5) const bool AGAIN = false;       // linearised where the last solve leads
+layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may act by F-bar patches (elastic/dilate)
+layout(constant_id = 4) const uint LAWS = 1;            // a bit for each material law in use
+layout(constant_id = 5) const bool AGAIN = false;       // whether this is a later Newton iteration
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Materials { ElasticMaterial materials[]; };
 READ_ONLY(uvec4, tetrahedra);
 READ_ONLY(vec4, rest_gradients);       // three a tetrahedron: g of its last three nodes (1/m); w of the first: sqrt(V)
-layout(scalar) readonly buffer ElementInfo { uvec2 element_info[]; };    // material, frame; a tetrahedron
+layout(scalar) readonly buffer ElementInfo { uvec2 element_info[]; };    // material and frame of each tetrahedron
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);
-READ_ONLY(uvec4, tetrahedron_links);   // from the first node's frame to each node's; 0: the same
+READ_ONLY(uvec4, tetrahedron_links);   // links from the first node's frame to each node's; 0: the same frame
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };
 layout(scalar) readonly buffer PatchOf { uint patch_of[]; };        // patch of each tetrahedron, or NONE
-READ_ONLY(vec4, trial_change);
-layout(scalar) buffer Rotations { vec4 rotations[]; };
-layout(scalar) writeonly buffer Gradients { vec4 gradients[]; };    // three a tetrahedron; w: (h^2 + h beta) times mu, times lambda (0: by patch), tr(E)
+READ_ONLY(vec4, trial_change);                                      // trial change of velocity x, m/s
+layout(scalar) buffer Rotations { vec4 rotations[]; };              // R as quaternions x y z w
+layout(scalar) writeonly buffer Gradients { vec4 gradients[]; };    // g', three a tetrahedron; w: see main
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // four a tetrahedron, N s
 
@@ -60,7 +66,7 @@ void main() {
     bool lost;
     vec4 q = polar(mat3(1.0) + g, rotations[t], lost);
     if (lost || determinant(mat3(1.0) + g) <= 0.0) atomicOr(counts.flags, FLAG_INVERTED);
-    // The next start must be a rotation, whatever a trial that overflows makes of it.
+    // The next search must start from a rotation, even if this state has overflowed.
     rotations[t] = dot(q, q) < 2.0 ? q : vec4(0.0, 0.0, 0.0, 1.0);
 
     mat3 e = strain(q, g);
@@ -71,6 +77,7 @@ void main() {
     vec4 world = compose(frames[frame].rotation, q);
     vec3 h1 = root * rotate(world, k1), h2 = root * rotate(world, k2), h3 = root * rotate(world, k3);
     float scale = params.dt * (params.dt + material.damping);
+    // In w: mu and lambda (zero where a patch has it) times h^2 + h beta, and tr(E).
     gradients[3 * t] = vec4(h1, scale * law.mu);
     gradients[3 * t + 1] = vec4(h2, scale * law.lambda);
     gradients[3 * t + 2] = vec4(h3, e[0][0] + e[1][1] + e[2][2]);

@@ -7,25 +7,26 @@
 #include "shared/link.glsl"
 #include "shared/held.glsl"
 
-// Elastic: where the last solve would take each node by the end of the step, as seen from its frame at the start (so that
-// links hold): d + h R^T (v + x); of a node that a dynamic core carries, h R^T u + (Q - I) r, Q the turn by h R^T w with the
-// core's new twist. There elastic/rotate linearises again. A step that is linearised once has none of this. One
-// invocation a node. Oracle: oracle::newton.
+// Elastic: trial displacements for the next Newton iteration: where the solution x of the last solve would take each
+// node by the end of the step of h seconds, seen from its frame (rotation R) at the start, so that links between frames
+// hold. For a free node that is d + h R^T (v + x); for a node attached to a dynamic core h R^T u + (Q - I) r, with the
+// core's new twist (u, w), Q the rotation by h R^T w, and r the rest position. elastic/rotate linearises there. Steps
+// of one Newton iteration do not run this. One invocation a node. Oracle: oracle::newton.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
-layout(constant_id = 6) const uint RIGIDS = 0;
+layout(constant_id = 6) const uint RIGIDS = 0;     // rigid bodies among the unknowns: dynamic cores and the tool
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-READ_ONLY(uvec4, node_info);
+READ_ONLY(uvec4, node_info);      // frame in z; NODE_* of shared/held.glsl in w
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);
-READ_ONLY(vec4, solution);         // zero where held
+READ_ONLY(vec4, solution);         // x, change of velocity, m/s; zero where the motion is prescribed
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) writeonly buffer TrialDisplacement { vec4 trial_displacement[]; };
+layout(scalar) writeonly buffer TrialDisplacement { vec4 trial_displacement[]; };      // m, frame axes
 layout(scalar) writeonly buffer TrialChange { vec4 trial_change[]; };
 
 void main() {

@@ -6,16 +6,19 @@
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
 
-// Pose: velocities of the nodes that moving frames carry. On a dynamic core, at the start: v = u + w x arm,
-// and the first guess of its change, P x with the arms of this step (A x is taken of it). On a driven frame,
-// over the whole step, v = (x1 - x0) / h
-// = v_centre + R0 (R0^T R1 - I) r / h. The right-hand side, h f - (h^2 + h beta) K v, then holds what these known velocities
-// give to the unknown ones, and contacts feel them. One invocation a carried node. Oracle: oracle::step, whose bound nodes
-// take any velocity.
+// Pose: velocities of the nodes attached to moving frames (kinematic or dynamic cores). One invocation an attached
+// node. Oracle: oracle::step, whose bound nodes may have any velocity.
+//
+// On a dynamic core the velocity is that at the start of the step, v = u + w x arm, with the core's twist (u, w); the
+// node's first guess of the change of velocity is that of the core's last solution with this step's arms, so that A x
+// can be taken of it. On a kinematic frame it is the mean over the whole step,
+// v = (x1 - x0) / h = v_centre + R0 (R0^T R1 - I) r / h, with R0 and R1 the frame's rotations at start and end, and r
+// the rest position. The right-hand side, h f - (h^2 + h beta) K v, then contains what these known velocities
+// contribute to the unknown ones, and contacts feel them.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint CARRIED_NODES = 0;
-layout(constant_id = 6) const uint RIGIDS = 0;
+layout(constant_id = 6) const uint RIGIDS = 0;  // rigid bodies among the unknowns: dynamic cores and the tool
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
@@ -25,7 +28,7 @@ READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) writeonly buffer Velocity { vec4 velocity[]; };
-layout(scalar) writeonly buffer Solution { vec4 solution[]; };     // of dynamic cores only
+layout(scalar) writeonly buffer Solution { vec4 solution[]; };     // written for nodes of dynamic cores only
 
 #include "shared/core.glsl"
 
@@ -34,7 +37,7 @@ void main() {
     if (i >= CARRIED_NODES) return;
     uint node = carried_nodes[i];
     Frame frame = frames[fetch(node_info, node).z];
-    // R0^T R1 is the inverse of dR = R1^T R0.
+    // R0^T R1 is the inverse of R1^T R0, the frame's `turn`.
     vec4 on = vec4(-frame.turn.xyz, frame.turn.w);
     vec3 r = fetch(node_rest, node).xyz;
     if (frame.core != NONE) {

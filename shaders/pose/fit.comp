@@ -5,15 +5,16 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Pose: the sums from which the host fits a floating frame to its nodes, at the end of the step: sum m d, sum m r x d (where
-// both vanish, the frame is the best fit: M. Mueller and others 2005, "Meshless Deformations Based on Shape Matching"),
-// sum m v and sum m (x - centre) x v. One workgroup a frame. Oracle: the sums in f64.
+// Pose: the sums from which the host fits a floating frame (that of a soft body without cores) to its nodes, at the end
+// of the step: sum m d, sum m r x d, sum m v and sum m (x - centre) x v over its nodes of mass m, with rest position r,
+// displacement d, position x and velocity v. Where the first two vanish, the frame is the best fit (M. Mueller and
+// others 2005, "Meshless Deformations Based on Shape Matching"). One workgroup a frame. Oracle: f64 sums in its test.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-layout(scalar) readonly buffer Floating { uvec4 floating[]; };      // frame, first node, nodes
+layout(scalar) readonly buffer Floating { uvec4 floating[]; };      // frame, first node, number of nodes
 READ_ONLY(vec4, node_rest);        // w: mass, kg
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);
@@ -24,7 +25,7 @@ layout(scalar) writeonly buffer Fits { Fit fits[]; };
 void main() {
     uvec4 which = floating[gl_WorkGroupID.x];
     Frame frame = frames[which.x];
-    // R1 = R0 (R1^T R0)^T.
+    // Rotation at the end of the step, R1 = R0 (R1^T R0)^T.
     vec4 rotation = compose(frame.rotation, vec4(-frame.turn.xyz, frame.turn.w));
     vec3 shift = vec3(0.0), twist = vec3(0.0), momentum = vec3(0.0), spin = vec3(0.0);
     for (uint i = which.y + gl_LocalInvocationID.x; i < which.y + which.z; i += SIZE) {

@@ -6,11 +6,11 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Pose: hull vertices and face planes of a proxy into the world, x = c + R r, n = R n_rest, offset = n_rest . r + n . c; the
-// box of its hull, and how far its skin may have left it: margin + (sum |w|) max |d| over the nodes that move it, d in the
-// proxy's frame. All of them clear the buckets, the first one the step's
-// counters and indirect arguments. One workgroup a proxy.
-// Oracle: oracle::proximity::place and bounds.
+// Pose: places a collision proxy (convex hull) in the world: its vertices x = c + R r and face planes n = R n_rest,
+// offset = n_rest . r + n . c, with centre c and rotation R of its frame; the box of the hull; and the bound on how far
+// its skin lies outside the hull, margin + (sum |w|) max |d|, over embedding weights w and displacements d, in the
+// proxy's frame, of the nodes that move the skin. All workgroups together clear the spatial hash; the first invocation
+// clears the step's counters and indirect arguments. One workgroup a proxy. Oracle: oracle::proximity.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -19,18 +19,18 @@ layout(constant_id = 4) const uint BUCKETS = 1;
 
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
-READ_ONLY(vec4, hull_rest);
-READ_ONLY(vec4, face_rest);        // unit normal, offset
-READ_ONLY(uvec4, proxy_nodes);       // two a texel: node, link from the proxy's frame to its own
+READ_ONLY(vec4, hull_rest);          // vertices of all hulls, from their frame's centre, m
+READ_ONLY(vec4, face_rest);          // face planes of all hulls: unit normal, offset
+READ_ONLY(uvec4, proxy_nodes);       // two a texel: node, link from the proxy's frame to the node's
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };
 layout(scalar) writeonly buffer Hull { vec4 hull[]; };
-layout(scalar) writeonly buffer Faces { vec4 faces[]; };
+layout(scalar) writeonly buffer Faces { vec4 faces[]; };    // face planes in the world: unit normal, offset
 layout(scalar) writeonly buffer Bounds { ProxyBounds bounds[]; };
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer Args { uint args[]; };
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };      // see shared/bins.glsl
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };      // heads of the hash's lists, see shared/bins.glsl
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"
@@ -83,7 +83,7 @@ void main() {
         }
     }
     if (lane == 0) {
-        // A thousandth more than the bound covers its own rounding.
+        // The factor 1.001 covers the rounding of the bound.
         float inflation = 1.001 * (proxy.margin + proxy.weight_bound * sqrt(reach2[0])) + 1.0e-6;
         bounds[gl_WorkGroupID.x] = ProxyBounds(low[0], inflation, high[0], 0.5 * length(high[0] - low[0]));
     }

@@ -1,5 +1,6 @@
-// Read-only arrays of vec4 or uvec4. Every shader that has some is compiled twice, and the device decides which one runs: with
-// texel buffers, which lavapipe reads faster, or with storage buffers, where a device's texel buffers hold too few elements.
+// Read-only arrays of vec4 or uvec4, of which a texel is one element. A shader that has such arrays is compiled twice,
+// and the GPU decides which version runs: with texel buffers, which lavapipe reads faster, or with storage buffers,
+// where its texel buffers hold too few elements.
 
 #ifdef TEXEL_ARRAYS
 #define READ_ONLY_vec4(array) uniform samplerBuffer array
@@ -11,5 +12,5 @@
 #define fetch(array, index) array[index]
 #endif
 
-// Declares one, as in READ_ONLY(vec4, node_rest); element i of it is fetch(node_rest, i).
+// `READ_ONLY(vec4, node_rest)` declares an array called node_rest; `fetch(node_rest, i)` reads its element i.
 #define READ_ONLY(type, array) READ_ONLY_##type(array)

@@ -1,10 +1,11 @@
-// Blocks of nodes, a workgroup each: free nodes of one frame that lie together, which are also an aggregate of the coarse
-// level, or, after all of those, nodes that one dynamic core carries. Needs `blocks` and `block_nodes`.
+// Blocks of nodes, each worked on by one workgroup of the solver's kernels: first blocks of neighbouring free nodes of
+// one frame, also aggregates of the coarse space, then blocks of nodes attached to one dynamic core. Needs `blocks`,
+// `block_nodes`.
 
 struct Block {
-    uint first, count;          // into block_nodes
-    uint frame;
-    uint rigid;                 // the core that carries them, or NONE
+    uint first, count;          // its nodes, a range of block_nodes
+    uint frame;                 // the rigid coordinate frame of its nodes
+    uint rigid;                 // the dynamic core that its nodes are attached to, or NONE
 };
 
 Block block_of(uint b) {
@@ -12,11 +13,11 @@ Block block_of(uint b) {
     return Block(x.x, x.y, x.z, x.w);
 }
 
-// Node, first quad of elements, quads, bits of its damping.
+// The k-th node of a block: index, first of its texels in `node_elements`, number of these, bits of its damping.
 uvec4 block_node(Block block, uint k) { return fetch(block_nodes, block.first + k); }
 
-// alpha m, kg/s.
+// Mass-proportional damping alpha m of a node, kg/s.
 float node_damping(uvec4 node) { return uintBitsToFloat(node.w); }
 
-// Where its modes are among those of all blocks: a body's lie together. Needs `coarse_blocks`.
+// Place of a block's modes among those of all blocks, body by body. Needs `coarse_blocks`.
 uint slot_of(uint b) { return fetch(coarse_blocks, b).w; }

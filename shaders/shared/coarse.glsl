@@ -1,13 +1,16 @@
-// The coarse level: what A does to the modes of a body's blocks, at rest, inverted and scaled to a diagonal of one, in half
-// precision: eight numbers a texel. A block has twelve rows of that, each as long as its body has modes. Needs
-// `coarse_blocks` (first texel of its rows, first slot of its body, modes of that over four: none where the body has no
-// coarse level; its slot), `coarse_inverse` and `coarse_scales` (three a slot: the roots of the inverse's diagonal).
+// Coarse space of the two-level additive Schwarz preconditioner: A_c^-1, the inverse of the Galerkin matrix
+// A_c = P^T A P of a body at rest, over the modes of all its blocks of nodes (aggregates; shared/modes.glsl). It is
+// scaled to a unit diagonal and kept in half precision, eight numbers a texel. A block owns twelve rows.
+//
+// Needs `coarse_inverse`, those rows; `coarse_scales`, the square roots of the diagonal of A_c^-1, three texels a
+// block; and `coarse_blocks`, for each block: first texel of its rows, place of the body's first block, a quarter of
+// the number of the body's modes (zero where it has no coarse space), place of the block itself; places count blocks.
 
 struct CoarseBlock {
-    uint matrix;
-    uint first;                 // texel of the body's first modes, four each
-    uint texels;
-    uint own;                   // texel of its own
+    uint matrix;                // first texel of its rows
+    uint first;                 // texel of the body's first modes, four modes each
+    uint texels;                // texels of the body's modes; 0: the body has no coarse space
+    uint own;                   // texel of the block's own modes
 };
 
 CoarseBlock coarse_block(uint b) {
@@ -15,12 +18,13 @@ CoarseBlock coarse_block(uint b) {
     return CoarseBlock(x.x, 3 * x.y, x.z, 3 * x.w);
 }
 
-// Texels of a row of the inverse.
+// Texels of a row of the inverse, eight numbers each.
 uint row_texels(CoarseBlock block) { return (block.texels + 1) / 2; }
 
 vec4 coarse_scale(uint at) { return fetch(coarse_scales, at); }
 
-// What eight scaled modes, those of the texel `k` of a row, give to the block's twelve products.
+// Adds to a block's twelve products of A_c^-1 and a vector of modes the terms of eight entries of that vector, `low`
+// and `high`, already multiplied by their scales; `k` is their texel in a row.
 void add_products(inout vec4 products[3], CoarseBlock block, uint k, vec4 low, vec4 high) {
     uint stride = row_texels(block);
     for (uint row = 0; row < 3; row++) {

@@ -1,7 +1,7 @@
-// Dynamic cores: P maps a core's twist to the velocities of the nodes it carries, v = u + w x arm; P^T sums their forces.
-// Needs `node_rest` and shared/rotation.glsl.
+// Dynamic cores: P maps a core's twist (u, w) to the velocities of the nodes attached to it, v = u + w x arm; P^T sums
+// forces on these nodes to a force and a torque. Needs `node_rest` and shared/rotation.glsl.
 
-// From a carried node's core, turned by `rotation`, to the node, world axes.
+// Arm of an attached node: the vector from its core's centre to it, world axes, where `rotation` is the core's.
 vec3 arm_of(uint node, vec4 rotation) { return rotate(rotation, fetch(node_rest, node).xyz); }
 
 vec3 carry(float twist[6], vec3 arm) {

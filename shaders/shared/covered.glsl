@@ -1,10 +1,11 @@
-// A triangle in a region's axes, and which squares of the other side it may cover. Needs shared/bins.glsl, shared/field.glsl,
-// `triangles`, `skin` and `buckets` as texels.
+// A triangle in the axes of a contact patch (`Region`), and the cells of the other side's spatial hash that its box
+// covers. Needs shared/bins.glsl, shared/field.glsl, and `triangles`, `skin` and `buckets` as read-only arrays.
 
-// Whether a vertex of the other side looks as far back as the triangle reaches, in some square of the field that it covers;
-// so too where the driver leaves the loops before all are looked at.
+// Whether the ray of some vertex of the other side may meet a triangle of `side`: whether in any depth grid cell that
+// its box (`least` to `greatest`) covers, it reaches (`height`) the vertex that lies farthest into its body. It is also
+// true where the driver ends the loops before all cells are tested.
 bool seen(Region region, uint region_index, uint side, vec2 least, vec2 greatest, float height) {
-    // A rounding more, as the exact test has one.
+    // The margin covers the rounding of the exact test.
     vec2 margin = 1.0e-3 * square_size(region);
     uvec4 range = squares(region, least - margin, greatest + margin);
     uint left = (range.z - range.x + 1) * (range.w - range.y + 1);
@@ -19,7 +20,7 @@ bool seen(Region region, uint region_index, uint side, vec2 least, vec2 greatest
     return left != 0;
 }
 
-// A triangle's corners, and its box where vertices are looked for.
+// Corners of a triangle along the patch's axes, and its box in the patch's plane, clipped to the patch.
 void box_of(Region region, uint triangle, out vec3 corners[3], out vec2 least, out vec2 greatest) {
     uvec3 vertices = fetch(triangles, triangle).xyz;
     corners = vec3[](along(region, fetch(skin, vertices.x).xyz),
@@ -28,7 +29,7 @@ void box_of(Region region, uint triangle, out vec3 corners[3], out vec2 least, o
     greatest = min(max(max(corners[0].xy, corners[1].xy), corners[2].xy), region.high);
 }
 
-// The squares that the box meets, where it is not empty; `side` is the triangle's.
+// First and last hash cell that the box of a triangle of `side` covers; the box must not be empty.
 void box_squares(Region region, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
     vec2 least, greatest;
     box_of(region, triangle, corners, least, greatest);
@@ -36,7 +37,7 @@ void box_squares(Region region, uint side, uint triangle, out vec3 corners[3], o
     last = cell_of(region, 1 - side, greatest);
 }
 
-// Whether any may hold a vertex that the triangle's ray crosses.
+// Corners and hash cells of a triangle; false where no cell can hold a vertex whose ray meets it.
 bool covered_squares(
     Region region, uint region_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
     vec2 least, greatest;

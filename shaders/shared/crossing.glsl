@@ -1,15 +1,18 @@
-// A triangle of one side against the vertices of the other that are binned in the squares that it may cover: where a vertex's
-// ray along the region's normal, away from its own body's inside, crosses the triangle, the crossing is put on the vertex's
-// list. Needs shared/bins.glsl, `buckets`, `bins`, `bin_squares`, `bin_hits`, `hits`, `counts`, MOST_HITS.
+// Exact test of a triangle of one side of a contact patch against the vertices of the other side, in the hash cells
+// that it covers. The ray of a vertex of body a runs against the patch's normal (which points from a to b), that of a
+// vertex of b along it. Where a ray meets the triangle, the hit is put on the vertex's list, `bin_hits`. Needs
+// shared/bins.glsl, `buckets`, `bins`, `bin_squares`, `bin_hits`, `hits`, `counts` and MOST_HITS (room for hits).
 
-// Above all bins. A list is walked while its next lies below, and must then have come to NONE: Mesa's llvmpipe leaves loops
-// early (see README), and that nothing else is so large, no compiler can know.
+// A number above every index of `bins`. A loop follows a list while the next index is below it, and must then have come
+// to NONE: Mesa's llvmpipe ends loops early (see README), and a compiler cannot know that no other index is so large.
 const uint ALL_BINS = 0x80000000u;
 
-// Vertices that are looked at in one go. Where lanes are a vector, each round costs all that stands in it, whichever lane
-// needs it: crossings are recorded after a few rounds, not within them; after many, lanes with one would wait for long.
+// Vertices that are tested before hits are recorded. On GPUs and vector CPUs each round of a loop costs all the code in
+// it, whichever lane needs it, so recording stays outside the inner loop; more rounds would let lanes with a hit wait.
 const uint TURNS = 8;
 
+// Puts a hit at the head of a vertex's list: its triangle, the next hit, its depth, the triangle's work item, and
+// whether the triangle is a front face, one through which the ray leaves the other body.
 void record_crossing(uint bin, bool front, float depth, uint triangle, uint item) {
     uint hit = atomicAdd(counts.hits, 1);
     if (hit < MOST_HITS) {
@@ -20,8 +23,9 @@ void record_crossing(uint bin, bool front, float depth, uint triangle, uint item
     }
 }
 
-// `corners` along the region's axes; `side` and `item` are the triangle's. One loop goes from list to list and along each,
-// so that no lane waits for another at a list's end. How many squares' lists it came to the end of.
+// Tests a triangle against all vertices in the cells from `first` to `last`; `corners` are along the patch's axes,
+// `side` and `item` the triangle's. One loop goes from list to list as well as along each list, so that no lane waits
+// for others at a list's end. Returns the number of lists whose end was reached.
 uint cross_squares(ivec2 first, ivec2 last, uint region_side, vec3 corners[3], uint side, uint triangle, uint item) {
     ivec2 cell = ivec2(first.x - 1, first.y);
     uint left = uint(last.x - first.x + 1) * uint(last.y - first.y + 1), ended = 0, bin = NONE;
@@ -41,7 +45,7 @@ uint cross_squares(ivec2 first, ivec2 last, uint region_side, vec3 corners[3], u
                 at = bin;
                 uvec4 found = fetch(bins, bin);
                 vec3 x = uintBitsToFloat(found.xyz);
-                // `precise` keeps an edge's product exactly opposite in both its triangles: no ray slips between them.
+                // `precise` gives an edge's product exactly opposite signs in its two triangles: no ray passes between.
                 precise vec2 p = corners[0].xy - x.xy, q = corners[1].xy - x.xy, r = corners[2].xy - x.xy;
                 precise vec3 b = vec3(q.x * r.y - q.y * r.x, r.x * p.y - r.y * p.x, p.x * q.y - p.y * q.x);
                 precise float b_sum = b.x + b.y + b.z;
@@ -49,7 +53,7 @@ uint cross_squares(ivec2 first, ivec2 last, uint region_side, vec3 corners[3], u
                     b.x * (corners[0].z - x.z) + b.y * (corners[1].z - x.z) + b.z * (corners[2].z - x.z);
                 sum = b_sum;
                 volume = b_heights;
-                // A vertex of a looks back along the normal for b's skin, a vertex of b along it for a's.
+                // A hit lies behind the vertex: against the normal for a vertex of a, along it for a vertex of b.
                 crossed = (all(greaterThanEqual(b, vec3(0.0))) && (side == 1 ? volume < 0.0 : volume > 0.0))
                     || (all(lessThanEqual(b, vec3(0.0))) && (side == 1 ? volume > 0.0 : volume < 0.0));
                 bin = found.w;
@@ -58,7 +62,7 @@ uint cross_squares(ivec2 first, ivec2 last, uint region_side, vec3 corners[3], u
             turns++;
         } while (!crossed && turns < TURNS && (bin < ALL_BINS || left > 0));
         precise float depth = (side == 1 ? -volume : volume) / sum;
-        // A bucket may hold several squares, and the triangle may cover more than one of them.
+        // A bucket may hold vertices of several cells that the triangle covers: a hit counts in the vertex's cell.
         if (crossed && depth > 0.0 && bin_squares[at] == square_key(cell, region_side)) {
             record_crossing(at, side == 1 ? sum < 0.0 : sum > 0.0, depth, triangle, item);
         }

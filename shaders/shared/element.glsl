@@ -1,12 +1,14 @@
-// A tetrahedron as it stands. Needs shared/link.glsl, `displacement`, `node_rest`, `links` and SPANS.
+// Deformation of a tetrahedron. Needs shared/link.glsl, `displacement`, `node_rest`, `links`, and SPANS, whether a
+// tetrahedron may have nodes in several frames.
 
-// A node's displacement in the tetrahedron's frame.
+// Displacement of a node in the tetrahedron's frame (that of its first node); `link` leads from there to the node's own
+// frame, and is 0 where they are the same.
 vec3 displacement_in(uint node, uint link) {
     vec3 d = fetch(displacement, node).xyz;
     return SPANS && link != 0 ? across(links[link], fetch(node_rest, node).xyz, d) : d;
 }
 
-// G = sum d_i g_i^T, the displacement gradient; F = I + G. `g1` to `g3`: rest gradients of its last three nodes.
+// Displacement gradient G = sum d_i g_i^T, with F = I + G; `g1` to `g3`: rest gradients of its last three nodes, 1/m.
 mat3 displacement_gradient(uvec4 nodes, uvec4 link, vec3 g1, vec3 g2, vec3 g3) {
     vec3 d0 = fetch(displacement, nodes.x).xyz;
     vec3 d1 = displacement_in(nodes.y, link.y) - d0;

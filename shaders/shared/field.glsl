@@ -1,22 +1,25 @@
-// A region's column in FIELD x FIELD squares: the greatest height that chunks of a reach in each, then the least height of
-// chunks of b, as sortable integers, four a texel. Needs `fields` where it is written.
+// Min-max depth grid of a contact patch (`Region`): FIELD x FIELD cells over its rectangle. In each cell, first the
+// greatest height (coordinate along the normal) that chunks of a reach, then, in a second grid, the least height that
+// chunks of b reach. Heights are kept as integers that sort like the floats. Needs `fields` where the grid is written.
 
 const uint FIELD = 16;
 
+// An unsigned integer that sorts like the float.
 uint height_key(float height) {
     uint bits = floatBitsToUint(height);
     return (bits & 0x80000000u) != 0 ? ~bits : bits | 0x80000000u;
 }
 
-// How far back a triangle of this side reaches, or a vertex of the other side looks: the triangle may be seen where its key
-// is no less.
+// Key of a triangle of `side` by the height that it reaches towards the other body, or of a vertex of the other side by
+// its height: the vertex's ray may meet the triangle only where the triangle's key is not less than the vertex's.
 uint reach_key(uint side, float height) { return side == 0 ? height_key(height) : ~height_key(height); }
 
+// First cell of a side's grid.
 uint field_at(uint region, uint side) { return (2 * region + side) * FIELD * FIELD; }
 
 vec2 square_size(Region region) { return max(region.high - region.low, vec2(1.0e-12)) / float(FIELD); }
 
-// First and last square along each tangent that a box meets.
+// First cell (x, y) and last cell (z, w) that a box in the patch's plane covers.
 uvec4 squares(Region region, vec2 low, vec2 high) {
     vec2 size = square_size(region);
     vec2 first = clamp((low - region.low) / size, vec2(0.0), vec2(FIELD - 1));
@@ -24,18 +27,18 @@ uvec4 squares(Region region, vec2 low, vec2 high) {
     return uvec4(first, last);
 }
 
-// How far a chunk may reach towards the other side: its box along the tangents, and a plane that it does not pass.
+// Bound on a chunk in a patch's axes: its box along the tangents, and a plane on the other body's side of it.
 struct Slab {
-    vec2 low, high;
-    vec3 plane;                 // height = plane.x u + plane.y v + plane.z
-    float extreme;              // of the box
+    vec2 low, high;             // the box along the tangents, m
+    vec3 plane;                 // height of the plane at tangential coordinates u, v: plane.x u + plane.y v + plane.z
+    float extreme;              // greatest height of the box for a chunk of a, least for one of b, m
 };
 
-// The greatest height in a square of a chunk of a; the least of one of b.
+// Bound on the height of a chunk in a cell: the greatest for a chunk of a, the least for one of b.
 float slab_height(Region region, Slab slab, uint side, uvec2 square) {
     vec2 size = square_size(region);
     vec2 low = max(region.low + vec2(square) * size, slab.low), high = min(region.low + vec2(square + 1) * size, slab.high);
-    // Squares lie a rounding further apart than they should.
+    // The margin covers the rounding of the cells' borders.
     low -= 1.0e-3 * size;
     high += 1.0e-3 * size;
     bvec2 rises = greaterThan(slab.plane.xy, vec2(0.0));

@@ -1,5 +1,6 @@
-// Sums over what touches a node. Needs `node_elements` (four entries of `element_forces` a texel, padded with an entry that
-// is zero), `element_forces`, `node_entries`, `sorted` and `contact_forces`.
+// Sums of forces at a node: those of its elements and of its contacts. Needs `node_elements` (texels of four indices
+// into `element_forces`, padded with the index of a zero), `element_forces`, `node_entries` (first and number of a
+// node's entries), `sorted` (contact and weight of each entry) and `contact_forces`.
 
 vec3 gather_elements(uint first, uint quads) {
     vec3 sum = vec3(0.0);

@@ -1,8 +1,9 @@
-// Distance between two convex hulls by Gilbert, Johnson and Keerthi (1988), closest points of a simplex as in Ericson,
-// "Real-Time Collision Detection" (2005), chapter 5.1. Needs READ_ONLY(vec4, hull), points.
+// Distance between two convex hulls by the algorithm of Gilbert, Johnson and Keerthi (1988), with closest points of a
+// simplex as in Ericson, "Real-Time Collision Detection" (2005), chapter 5.1. Needs `hull`, the points of all hulls.
 //
-// Returns a lower bound of the distance that is the distance itself once converged: culling by it never misses a pair.
+// `hull_distance` returns a lower bound of the distance, equal to it once converged, so no pair is missed.
 
+// The point of a hull that lies farthest along a direction.
 vec3 support(uint first, uint count, vec3 direction) {
     vec3 best = fetch(hull, first).xyz;
     float value = dot(best, direction);
@@ -22,7 +23,7 @@ struct Simplex {
     uint count;
 };
 
-// Closest point to the origin on a segment or triangle; the simplex shrinks to the feature it lies on.
+// Closest point to the origin on a segment or triangle. The simplex shrinks to the feature that holds it.
 vec3 closest_on_segment(inout Simplex s, vec3 a, vec3 b) {
     vec3 ab = b - a;
     float t = -dot(a, ab), length2 = dot(ab, ab);
@@ -94,6 +95,7 @@ vec3 closest_on_simplex(inout Simplex s) {
 
 const uint GJK_ROUNDS = 24;
 
+// Stops as soon as the bound exceeds `enough`.
 float hull_distance(uint a_first, uint a_count, uint b_first, uint b_count, float enough) {
     Simplex s;
     vec3 v = fetch(hull, a_first).xyz - fetch(hull, b_first).xyz;
@@ -111,7 +113,7 @@ float hull_distance(uint a_first, uint a_count, uint b_first, uint b_count, floa
         s.points[s.count] = w;
         s.count += 1;
         v = closest_on_simplex(s);
-        // Around the origin, or so flat that it cannot be told.
+        // The simplex holds the origin (the hulls overlap), or is too flat to tell.
         if (s.count == 4) return bound;
     }
     return bound;

@@ -1,5 +1,5 @@
-// node_info.w: who decides a node's motion.
+// Values of node_info.w: what determines a node's motion.
 
-const uint NODE_FREE = 0;       // the solver
-const uint NODE_HELD = 1;       // a frame whose motion is known
-const uint NODE_CARRIED = 2;    // a dynamic core, whose motion the solver finds
+const uint NODE_FREE = 0;       // a free node, an unknown of the solver
+const uint NODE_HELD = 1;       // a node attached to a frame whose motion is prescribed
+const uint NODE_CARRIED = 2;    // a node attached to a dynamic core, whose motion the solver finds

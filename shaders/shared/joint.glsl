@@ -1,6 +1,6 @@
-// Joints at a dynamic core. Needs `joints` and `joint_sides` (twice the joint, and the core's side of it; by core).
+// Joints at a dynamic core. Needs `joints`, and `joint_sides`: by core, its sides of joints, 2 * joint + side.
 
-// What a joint gives to the rows of its side `to` where its side `from` changes its twist.
+// Adds a joint's product with a change of twist (`linear`, `angular`) of its side `from`, to rows of its side `to`.
 void add_joint(uint joint, uint to, uint from, vec3 linear, vec3 angular, inout vec3 force, inout vec3 torque) {
     float sign = to == from ? 1.0 : -1.0, w[6] = joints[joint].angular;
     vec3 along = sign * joints[joint].linear * (linear + cross(angular, joints[joint].arm[from]));
@@ -10,7 +10,7 @@ void add_joint(uint joint, uint to, uint from, vec3 linear, vec3 angular, inout 
     torque += cross(joints[joint].arm[to], along) + sign * about;
 }
 
-// What a joint's springs give to the right-hand side of its side.
+// Adds the impulses of a joint's springs to the right-hand side of one of its sides.
 void add_springs(uint joint, uint side, inout vec3 force, inout vec3 torque) {
     float sign = side == 0 ? 1.0 : -1.0;
     vec3 along = sign * joints[joint].impulse;

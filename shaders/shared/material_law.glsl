@@ -1,47 +1,53 @@
-// The material law: the one place where a tetrahedron's stress, the operator's moduli and the energy density are computed from
-// its strain E, F = R (I + E). Every law is linear elasticity of mu and lambda where strain is small. A further law has an id
-// here, a branch in `evaluate` and in `energy_density`, its name in scene/material.rs, its id and parameters in
-// stages/material_law.rs, and its branches in oracle::material_law; what parameters it needs besides mu and lambda are in
-// ElasticMaterial. Needs shared/types.glsl, shared/strain.glsl and LAWS.
+// The material law: the one place where a tetrahedron's stress, the operator's moduli and the energy density are
+// computed. They follow from its strain E, where its deformation gradient is F = R (I + E) with the polar rotation R.
+// Every law is linear elasticity with Lame parameters mu and lambda at small strain.
+//
+// Another law needs an id here, a branch in `evaluate` and in `energy_density`, a name in scene/material.rs, its id and
+// parameters in stages/material_law.rs, and branches in oracle::material_law; parameters besides mu and lambda are in
+// ElasticMaterial. Needs shared/types.glsl, shared/strain.glsl, and LAWS, a bit for each law that some material has.
 // Oracle: oracle::material_law.
 
-const uint LAW_COROTATIONAL = 0;
-const uint LAW_NEO_HOOKEAN = 1;
+const uint LAW_COROTATIONAL = 0;      // corotational linear elasticity
+const uint LAW_NEO_HOOKEAN = 1;       // stable neo-Hookean elasticity
 
-// What an element takes from its law.
+// Stress and stiffness of an element by its law. With dF a change of F, the operator is the quadratic form
+// 2 mu |sym L|^2 + lambda tr(L)^2 (a volume density) of L = dF (R fold)^-1.
 struct Evaluation {
-    mat3 stress;        // R^T P, Pa
-    float mu;           // of the operator, Pa: 2 mu |sym L|^2 + lambda tr(L)^2 of L = dF (R fold)^-1
-    float lambda;
-    mat3 fold;          // gradients that the operator acts on, from those at rest
+    mat3 stress;        // R^T P, with the first Piola-Kirchhoff stress P, Pa
+    float mu;           // shear modulus of the operator, Pa
+    float lambda;       // its first Lame parameter, Pa
+    mat3 fold;          // maps the rest gradients of shape functions to those that the operator uses
 };
 
 float trace(mat3 a) {
     return a[0][0] + a[1][1] + a[2][2];
 }
 
+// Square of the Frobenius norm.
 float square(mat3 a) {
     return dot(a[0], a[0]) + dot(a[1], a[1]) + dot(a[2], a[2]);
 }
 
-// 2 mu sym(E) + lambda tr(E) I.
+// Stress of linear elasticity: 2 mu sym(E) + lambda tr(E) I.
 mat3 linear_stress(mat3 e, float mu, float lambda) {
     float pressure = lambda * (e[0][0] + e[1][1] + e[2][2]);
     return mu * (e + transpose(e)) + mat3(pressure, 0, 0, 0, pressure, 0, 0, 0, pressure);
 }
 
-// Modulus of the compression penalty, Pa: a principal stretch s below LEAST adds this times (s - LEAST) along its axis, since
-// corotational elasticity alone lets a tetrahedron be pressed flat and turn inside out.
+// Modulus of the compression penalty, Pa: a principal stretch s below LEAST adds this times (s - LEAST) to the stress
+// along its axis, since corotational elasticity alone lets a tetrahedron be pressed flat and turn inside out.
 float compression_modulus(ElasticMaterial material) { return STIFFENING * (material.lambda + 2.0 * material.mu); }
 
 #include "shared/neo_hookean.glsl"
 
-// Whether any material of the scene has a law: what no scene needs is not compiled.
+// Whether any material of the scene has this law; a kernel has no code of laws that are not used.
 bool is_used(uint law) { return (LAWS & (1u << law)) != 0; }
 
-// `squeezed`: of the strain (shared/strain.glsl). `lambda`: the element's own, zero where it acts by patches (elastic/dilate).
-// The operator gets half of the compression penalty as shear modulus, isotropic and at least as stiff. A law that is not
-// known, or not compiled, is no number, so that the step is not accepted and its flag says so.
+// Evaluates a material's law at the strain `e`. `squeezed` is the part of the strain that the compression penalty acts
+// on (`squeeze` in shared/strain.glsl). `lambda` is the tetrahedron's own; it is zero where an F-bar patch acts in its
+// place (elastic/dilate). The operator of the corotational law gets half of the compression penalty as shear modulus,
+// which is isotropic and at least as stiff as the penalty. A law that is unknown, or not compiled, gives NaN, so that
+// the step is not accepted and its flag says so.
 Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 squeezed, float lambda) {
     Evaluation law;
     if (is_used(LAW_COROTATIONAL) && material.law == LAW_COROTATIONAL) {
@@ -59,7 +65,7 @@ Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 squeezed, float lambd
     return law;
 }
 
-// Energy density, J/m^3, zero at rest; without the part of lambda that acts by patches.
+// Energy density of a law, J/m^3, zero at rest, without the part of lambda that acts by F-bar patches.
 float energy_density(ElasticMaterial material, mat3 e, mat3 squeezed, float lambda) {
     float density = uintBitsToFloat(0x7fc00000u);
     if (is_used(LAW_COROTATIONAL) && material.law == LAW_COROTATIONAL) {

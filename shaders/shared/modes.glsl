@@ -1,6 +1,7 @@
-// Modes of a block: the motions that the coarse level knows of it. Free nodes move as R (c0 + c1 x + c2 y + c3 z) with
-// (x, y, z) their rest place about the middle of the block over its size and R the rotation of their frame; what a core
-// carries moves as its twist, (R c0, R c1). Twelve numbers a block, three texels: c0 c1.x, c1.yz c2.xy, c2.z c3.
+// Modes: the basis of the coarse space of the preconditioner, for each block of nodes (one workgroup). Free nodes of a
+// block move as R (c0 + c1 x + c2 y + c3 z), where (x, y, z) is a node's rest position from the middle of the block
+// over the block's size, and R the block's rotation (solve/assemble). Nodes attached to a core move by its twist,
+// (R c0, R c1), R the core's rotation. A block has twelve numbers, in three texels: c0 c1.x, c1.yz c2.xy, c2.z c3.
 
 struct Modes {
     vec3 c0, c1, c2, c3;
@@ -8,7 +9,7 @@ struct Modes {
 
 Modes no_modes() { return Modes(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0)); }
 
-// What a node of a block gives to the sums over its modes of a force v.
+// Restriction: adds a node's force v, at (x, y, z) = `at`, to the sums of its block over the modes.
 void add_modes(inout Modes modes, vec3 v, vec3 at) {
     modes.c0 += v;
     modes.c1 += v * at.x;
@@ -16,7 +17,7 @@ void add_modes(inout Modes modes, vec3 v, vec3 at) {
     modes.c3 += v * at.z;
 }
 
-// Where the modes move a node, in the axes of c0 to c3.
+// Prolongation: velocity that the modes give to a node at (x, y, z) = `at`, in the axes of c0 to c3.
 vec3 moved_by(Modes modes, vec3 at) { return modes.c0 + modes.c1 * at.x + modes.c2 * at.y + modes.c3 * at.z; }
 
 vec4[3] packed(Modes m) { return vec4[3](vec4(m.c0, m.c1.x), vec4(m.c1.yz, m.c2.xy), vec4(m.c2.z, m.c3)); }

@@ -1,14 +1,17 @@
-// Stable neo-Hookean (Smith, de Goes and Kim 2018, equation 14) with m = 4/3 mu and l = lambda + 5/6 mu, so that mu and
-// lambda are those of small strain. Needs shared/strain.glsl, `Evaluation` and
-// `compression_modulus`. Oracle: oracle::neo_hookean.
+// Stable neo-Hookean elasticity (Smith, de Goes and Kim 2018, equation 14) with m = 4/3 mu and l = lambda + 5/6 mu, so
+// that mu and lambda are those of small strain. F is the deformation gradient, e = R^T F - I the strain, I = |F|^2 and
+// J = det F. Needs shared/strain.glsl, `Evaluation` and `compression_modulus`. Oracle: oracle::neo_hookean.
 
 mat3 cofactors(mat3 a) {
     return mat3(cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1]));
 }
 
-// P = m (1 - 1 / (I + 1)) F + (l (J - 1) - mu) cof F, I = |F|^2, expanded about F = I so that nothing cancels. The
-// operator: 2 mu' |sym L|^2 + lambda' tr(L)^2 of L = dF F^-1, in which this law's second derivative is isotropic but for
-// b = S^2: for it stands its mean, or half its greatest value where that is more. A squeezed S is as long as LEAST.
+// Stress P = m (1 - 1 / (I + 1)) F + (l (J - 1) - mu) cof F, expanded about F = identity so that nothing cancels.
+//
+// Operator: 2 mu' |sym L|^2 + lambda' tr(L)^2 of L = dF F^-1. In terms of L the second derivative of this law is
+// isotropic but for a matrix b = S^2, S the symmetric part of F in the polar decomposition. In place of b the operator
+// takes the mean of its eigenvalues or, where that is larger, a bound from the greatest, so that it is at least half as
+// stiff as the second derivative. Stretches in S that are below LEAST are raised to it.
 Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 squeezed) {
     float mu = material.mu, lambda = material.lambda;
     float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e);

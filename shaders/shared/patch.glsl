@@ -1,19 +1,21 @@
-// Patches of tetrahedra: where their nodes, rows and forces lie, one patch beside the next. Needs PATCHES, TETRAHEDRA and
-// `patch_nodes`.
+// F-bar patches: groups of tetrahedra that share one volumetric strain (elastic/dilate). These functions say where the
+// nodes, rows and forces of patch p lie in their arrays, one patch beside the next. Needs PATCHES and TETRAHEDRA, the
+// numbers of patches and of tetrahedra, and `patch_nodes`.
 
 const uint PATCH_NODES = 12;
 const uint PATCH_TETRAHEDRA = 12;
 
-// Four of a patch's nodes, q in 0..2.
+// Four of a patch's nodes; q is 0, 1 or 2.
 uvec4 patch_quad(uint p, uint q) {
     return fetch(patch_nodes, PATCHES * q + p);
 }
 
+// Index of the row of a patch's k-th node.
 uint patch_row(uint p, uint k) {
     return PATCHES * k + p;
 }
 
-// A patch's forces stand in `element_forces` after those of all tetrahedra and the four zeros behind them.
+// Index of the force on a patch's k-th node in `element_forces`, behind those of all tetrahedra and four zeros.
 uint patch_entry(uint p, uint k) {
     return 4 * (TETRAHEDRA + 1) + patch_row(p, k);
 }

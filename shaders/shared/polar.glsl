@@ -1,23 +1,25 @@
-// The rotation nearest to a matrix F, from a guess. Where R^T F has a symmetric part S that is far from singular, Newton's
-// step to a symmetric R^T F, (tr(S) I - S) w = axial(R^T F), which converges quadratically: from the last step's rotation
-// mostly one round. Elsewhere the step of Mueller et al. 2016, "A Robust Method to Extract the Rotational Part of
-// Deformations", w = axial(R^T F) / |tr(R^T F)|: slower, but proper and steady under inversion. Needs shared/rotation.glsl.
+// Polar decomposition: the rotation R nearest to a matrix F, by iteration from a guess. Each round turns R by a
+// rotation vector w. Where the symmetric part S of R^T F is far from singular, w is Newton's step to a symmetric R^T F,
+// (tr(S) I - S) w = axial(R^T F), which converges quadratically; from the last step's rotation one round mostly
+// suffices. Elsewhere w = axial(R^T F) / |tr(R^T F)| (Mueller et al. 2016, "A Robust Method to Extract the Rotational
+// Part of Deformations"), which is slower, but proper and steady under inversion. Needs shared/rotation.glsl.
 
 const uint POLAR_ROUNDS = 40;
-const float NEWTON_DONE = 1.0e-4;       // rad; what is left after such a step is its square
-const float POLAR_DONE = 1.0e-7;        // rad; f32 resolves no less
-const float POLAR_LOST = 1.0e-5;        // rad; who still turns by this after all rounds is not there: slow ones have far to go
+const float NEWTON_DONE = 1.0e-4;       // Newton step after which the iteration ends, rad: its square is the error left
+const float POLAR_DONE = 1.0e-7;        // slow step before which the iteration ends, rad: f32 resolves no less
+const float POLAR_LOST = 1.0e-5;        // last step above which the rotation counts as not found, rad
 
 mat3 matrix_of(vec4 q) {
     return mat3(rotate(q, vec3(1, 0, 0)), rotate(q, vec3(0, 1, 0)), rotate(q, vec3(0, 0, 1)));
 }
 
+// Rotation nearest to `f` from the guess `q`; `lost`: it was not found within the rounds.
 vec4 polar(mat3 f, vec4 q, out bool lost) {
     lost = false;
     for (uint k = 0; k < POLAR_ROUNDS; k++) {
         mat3 m = transpose(matrix_of(q)) * f;
         vec3 axial = vec3(m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]);
-        // h = tr(S) I - S: diagonal `d`, off the diagonal `o` (yz, xz, xy); its adjugate the same way.
+        // The matrix tr(S) I - S: its diagonal `d` and its off-diagonal `o` (yz, xz, xy); its adjugate likewise.
         vec3 d = vec3(m[1][1] + m[2][2], m[0][0] + m[2][2], m[0][0] + m[1][1]);
         vec3 o = -0.5 * vec3(m[1][2] + m[2][1], m[0][2] + m[2][0], m[0][1] + m[1][0]);
         vec3 minor = d.yzx * d.zxy - o * o, across = o.yzx * o.zxy - o * d;

@@ -1,6 +1,7 @@
-// The preconditioner, z = M^-1 r: of a free node D^-1 r, D its 3x3 diagonal block of A, and with a coarse level
-// P A_c^-1 P^T r besides (two-level additive Schwarz; solve/coarse and solve/update make the modes). Rigid bodies have the
-// inverse of their group's block (shared/rigid_inverse.glsl). Needs `inverse` (two a node, as shared/symmetric.glsl has them),
+// The preconditioner of conjugate gradients, z = M^-1 r. For a free node z is D^-1 r, D its 3x3 diagonal block of A
+// (block Jacobi); with a coarse space P A_c^-1 P^T r is added (two-level additive Schwarz, Dryja and Widlund 1987),
+// which solve/coarse and solve/update compute. Rigid bodies have the inverse of their group's block
+// (shared/rigid_inverse.glsl). Needs `inverse` (D^-1, two texels a node, as in shared/symmetric.glsl),
 // shared/symmetric.glsl, shared/modes.glsl and COARSE.
 
 // D^-1 r.
@@ -8,7 +9,7 @@ vec3 precondition_node(uint node, vec3 r) {
     return symmetric_times(fetch(inverse, 2 * node).xyz, fetch(inverse, 2 * node + 1).xyz, r);
 }
 
-// M^-1 r of a free node; `coarse`: A_c^-1 P^T r of its block, world axes, `at`: the node's place among its modes.
+// M^-1 r of a free node; `coarse`: A_c^-1 P^T r of its block, world axes; `at`: its position in the block's modes.
 vec3 precondition(uint node, vec3 r, Modes coarse, vec3 at) {
     vec3 z = precondition_node(node, r);
     if (COARSE) z += moved_by(coarse, at);

@@ -1,7 +1,8 @@
-// Rows of rigid bodies. Needs `params`, `frames`, `rigids`, `rigid_inverses`, `iterates`, `solve`, `restricted_image`, BLOCKS,
-// RIGIDS, TOOL, shared/rotation.glsl, shared/twist.glsl, shared/six.glsl and shared/rigid_inverse.glsl.
+// Operator and preconditioner products in the six rows of a rigid body (dynamic core, or the tool). Needs `params`,
+// `frames`, `rigids`, `rigid_inverses`, `iterates`, `solve`, `restricted_image`, BLOCKS, RIGIDS, TOOL,
+// shared/rotation.glsl, shared/twist.glsl, shared/six.glsl and shared/rigid_inverse.glsl.
 
-// A x of the newest solution, in the rows of a rigid body.
+// Operator product A x of the newest iterate, in the rows of a rigid body.
 float[6] image_of(uint index) {
     bool is_tool = TOOL && index == RIGIDS - 1;
     uint first = is_tool ? BLOCKS : rigids[index].slot_first, count = is_tool ? 1 : rigids[index].block_count;
@@ -14,7 +15,7 @@ float[6] image_of(uint index) {
     return y;
 }
 
-// M^-1 times the b of a rigid body's group, or its image; rows of that body.
+// M^-1 b of a rigid body's group, or M^-1 times its `image` (A x or b - A x); the six rows of that body.
 float[6] preconditioned_rows(uint index, bool of_image) {
     uint first = rigids[index].group_first, count = rigids[index].group_count, row = inverse_row(index, 0);
     float z[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);

@@ -1,11 +1,11 @@
-// What a variant of a pass works on. Variants run side by side; none has the code of the others, which lanes that are masked
-// would pay for.
+// Variants of a solver kernel, by the specialization constant ROLE. They run side by side, each without the code of the
+// others, for which masked lanes would pay.
 
-const uint FREE_NODES = 0;      // blocks of free nodes
-const uint CARRIED_NODES = 1;   // blocks of nodes that dynamic cores carry
-const uint TOOL_ROWS = 2;       // the tool, without nodes
+const uint FREE_NODES = 0;      // works on blocks of free nodes
+const uint CARRIED_NODES = 1;   // works on blocks of nodes attached to dynamic cores
+const uint TOOL_ROWS = 2;       // works on the six rows of the tool, which has no nodes
 
-// When solve/gather runs.
-const uint GATHER_WARM = 0;     // for the warm start
+// Variants of solve/gather by when it runs, the specialization constant MODE.
+const uint GATHER_WARM = 0;     // before the iterations, for the warm start
 const uint GATHER_LOOP = 1;     // in an iteration
-const uint GATHER_END = 2;      // for the residual at the end
+const uint GATHER_END = 2;      // after the iterations, for the recomputed residual

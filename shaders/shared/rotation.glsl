@@ -4,7 +4,7 @@ vec3 rotate(vec4 q, vec3 p) { return p + 2.0 * cross(q.xyz, cross(q.xyz, p) + q.
 
 vec3 rotate_back(vec4 q, vec3 p) { return p + 2.0 * cross(q.xyz, cross(q.xyz, p) - q.w * p); }
 
-// Of a rotation vector.
+// Quaternion of a rotation vector, rad.
 vec4 turn_by(vec3 turn) {
     float angle = length(turn);
     return vec4(turn * (angle > 1.0e-6 ? sin(0.5 * angle) / angle : 0.5), cos(0.5 * angle));

@@ -1,4 +1,4 @@
-// What rounding to f32 makes of a sum.
+// Bounds on the relative error of rounding to f32.
 
-const float HALF_ULP = 6.0e-8;      // half a unit in the last place
-const float ROUNDING = 1.0e-7;      // the same for each of a handful of roundings on the way to b
+const float HALF_ULP = 6.0e-8;      // half a unit in the last place: error of one rounding
+const float ROUNDING = 1.0e-7;      // error of the handful of roundings in a term of the right-hand side b

@@ -1,4 +1,4 @@
-// What a workgroup wrote to coherent buffers is there for all of it.
+// Makes what a workgroup wrote to coherent buffers visible to all its invocations.
 
 void settle() {
     memoryBarrierBuffer();

@@ -1,7 +1,8 @@
-// How much of the sun reaches a point: the mean of the depths that the sun sees over three texels a side, weighted as if the mean
-// of 2 x 2 were taken everywhere between. Wants READ_ONLY(vec4, shadow), four depths each, row by row, and `view`.
+// Shadow lookup by percentage-closer filtering: how much of the sun reaches a point, as the share of a box of 3 x 3
+// texels around it, interpolated between texels, in which the shadow map's depth is not in front of the point. Needs
+// `shadow`, the shadow map (four depths a texel of the array, row by row), and `view`.
 
-// Which of four depths in a row, from this one on, lie behind a depth.
+// For four depths of a row from index `first` on: 1 where it lies at or behind `depth`, else 0.
 vec4 lit_row(int first, float depth) {
     vec4 a = fetch(shadow, first >> 2), b = fetch(shadow, (first >> 2) + 1);
     int from = first & 3;
@@ -10,14 +11,14 @@ vec4 lit_row(int first, float depth) {
 }
 
 float lit(vec3 x, vec3 normal) {
-    // Off the surface by some texels: neighbours of a slope must not shade it.
+    // The point is moved off the surface by two texels, so that neighbours on a slope do not shade it.
     vec3 place = (view.light * vec4(x + 2.0 * view.texel * normal, 1.0)).xyz;
     float side = float(view.shadow_side);
     vec2 texel = place.xy * side - 0.5, corner = floor(texel), share = texel - corner;
-    // What the sun does not see lies in its light.
+    // A point outside the shadow map is lit.
     bool is_seen = all(greaterThanEqual(corner, vec2(1.0))) && all(lessThan(corner, vec2(side - 4.0)));
     if (!is_seen) return 1.0;
-    // What lies behind all that the sun looks at is shaded by it as well.
+    // A point behind the far plane of the shadow map is shaded by what lies in front of that plane.
     float depth = min(place.z, 1.0) - view.bias;
     int first = int(corner.y - 1.0) * int(view.shadow_side) + int(corner.x - 1.0);
     vec4 along = vec4(1.0 - share.x, 1.0, 1.0, share.x), across = vec4(1.0 - share.y, 1.0, 1.0, share.y);

@@ -1,7 +1,7 @@
-// What rounding, which is independent from node to node, makes of the coarse level's part of a norm. Needs `coarse_scales`.
+// Coarse part of e . M^-1 e for rounding errors e that are independent from node to node. Needs `coarse_scales`.
 
-// Of the sum of e.e over a slot's nodes: the coarse inverse's diagonal, whose roots the scales are; an axis has a third of
-// the modes.
+// Estimate of e . P A_c^-1 P^T e for a block, relative to the sum of e . e over its nodes: the trace of A_c^-1 in the
+// block's modes over three, because each of the modes takes one of the three axes.
 float coarse_share(uint slot) {
     float share = 0.0;
     for (uint k = 0; k < 3; k++) {

@@ -1,11 +1,12 @@
-// Strain of a tetrahedron, and the part of it that is compressed beyond a bound. Needs shared/rotation.glsl. Oracle:
+// Strain E of a tetrahedron, and its part for the compression penalty. Needs shared/rotation.glsl. Oracle:
 // oracle::elastic.
 
-const float LEAST = 0.3;            // the least principal stretch that is not squeezed
-const float STIFFENING = 10.0;      // along a squeezed axis, of lambda + 2 mu
-const uint JACOBI_SWEEPS = 5;
+const float LEAST = 0.3;            // principal stretch below which the compression penalty acts
+const float STIFFENING = 10.0;      // modulus of the compression penalty, in units of lambda + 2 mu
+const uint JACOBI_SWEEPS = 5;       // sweeps of Jacobi's eigenvalue method, three rotations each
 
-// E = R^T G + (R^T - I), R^T - I = 2 [v]x [v]x - 2 w [v]x, column by column, without cancellation.
+// Strain E = R^T G + (R^T - I), with the displacement gradient G (`g`) and the rotation R of the quaternion (v, w)
+// (`q`). Its second term is 2 v x (v x a) - 2 w v x a for an axis a, column by column, in which nothing cancels.
 mat3 strain(vec4 q, mat3 g) {
     mat3 e;
     for (int k = 0; k < 3; k++) {
@@ -16,11 +17,12 @@ mat3 strain(vec4 q, mat3 g) {
     return e;
 }
 
-// sum min(0, 1 + e_k - LEAST) n_k n_k^T over the eigenvalues and axes of the symmetric part of E, by Jacobi's rotations.
+// Compression of a strain below LEAST: sum min(0, 1 + e_k - LEAST) n_k n_k^T over the eigenvalues e_k and eigenvectors
+// n_k of its symmetric part, by Jacobi's method.
 mat3 squeeze(mat3 strain) {
     mat3 a = 0.5 * (strain + transpose(strain));
-    // Gershgorin's circles: nothing is squeezed, as nearly everywhere. A loop of no rounds, since some devices run untaken
-    // branches masked.
+    // Gershgorin's circles show that no stretch is below LEAST, as is the case nearly everywhere. The loop then has no
+    // rounds; it is not an untaken branch, which some devices run with all lanes masked.
     vec3 reach = vec3(abs(a[1][0]) + abs(a[2][0]), abs(a[1][0]) + abs(a[2][1]), abs(a[2][0]) + abs(a[2][1]));
     bool clear = all(greaterThan(vec3(1.0 + a[0][0], 1.0 + a[1][1], 1.0 + a[2][2]) - reach, vec3(LEAST)));
     uint rounds = clear ? 0 : 3 * JACOBI_SWEEPS;

@@ -1,9 +1,9 @@
-// Sums over a workgroup of several vectors at once, in fixed order; every lane gets the totals. Lanes take numbers, not
-// vectors: each sums one number of all lanes, or of a part of them where there are lanes enough. Needs SIZE and SUMS, how
-// many vectors at most.
+// Sums of several vectors over a workgroup at once, in a fixed order; every lane gets the totals. Each lane sums one
+// component over all lanes, or over a part of them where there are more lanes than components. Needs SIZE, the
+// workgroup's size, and SUMS, the number of vectors at most.
 
-const uint SUM_PARTS = SIZE > 32 ? SIZE / 32 : 1;
-const uint SUM_SHARE = SIZE / SUM_PARTS;
+const uint SUM_PARTS = SIZE > 32 ? SIZE / 32 : 1;      // parts into which the lanes of a sum are divided
+const uint SUM_SHARE = SIZE / SUM_PARTS;               // lanes of a part
 
 shared float sums_of_lanes[4 * SUMS * SIZE];
 shared float sums_of_parts[4 * SUMS * SUM_PARTS];

@@ -1,6 +1,7 @@
-// How a surface looks in the light of a sun and a sky, or coloured by its values. Wants `view`, `materials` and `colours`.
+// Colour of a surface under sun and sky, or by its vertex values. Needs `view`, `materials` and `colours`.
 
-// A point with its unit normal n; `sun_share`: how much of the sun reaches it. The colour comes as shown, times its alpha.
+// Colour (sRGB, premultiplied by alpha) of a point x with unit normal n and vertex value `value`; `sun_share` is the
+// share of the sun's light that reaches it.
 vec4 surface(uint material_index, vec3 x, vec3 n, float value, float sun_share) {
     Material material = materials[material_index];
     vec3 eye = normalize(view.eye - x);
@@ -9,7 +10,7 @@ vec4 surface(uint material_index, vec3 x, vec3 n, float value, float sun_share) 
     if ((material.flags & VALUED) != 0) {
         float share = clamp((value - material.low) / (material.high - material.low), 0.0, 1.0);
         vec3 mapped = fetch(colours, uint(share * float(SCALE_COLOURS - 1) + 0.5)).rgb;
-        // Where there is nothing to show, the surface itself is seen.
+        // Near the lower end of the scale the material's own colour shows, unless EVEN.
         evenness = (material.flags & EVEN) != 0 ? 1.0 : smoothstep(0.0, 0.02, share);
         own.rgb = mix(own.rgb, mapped, evenness);
     }
@@ -17,7 +18,7 @@ vec4 surface(uint material_index, vec3 x, vec3 n, float value, float sun_share) 
     if ((material.flags & UNLIT) != 0) return vec4(shown(own.rgb) * own.a, own.a);
     float sun = max(dot(n, view.sun), 0.0) * ((material.flags & BARE) != 0 ? 1.0 : sun_share);
     float sky = 0.5 + 0.5 * n.y;
-    // Values are read by their colour: light alters them less.
+    // Light changes colours that stand for values less, so that they can be read.
     vec3 light = mix(vec3(0.16, 0.16, 0.18) + sky * vec3(0.26, 0.28, 0.31) + sun * vec3(0.86, 0.82, 0.74),
                      vec3(0.62 + 0.18 * sky + 0.3 * sun), evenness);
     float glint = max(dot(n, normalize(eye + view.sun)), 0.0);

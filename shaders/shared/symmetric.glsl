@@ -1,11 +1,11 @@
-// Symmetric 3x3 matrices, as their diagonal xx yy zz and what is off it, xy xz yz.
+// Symmetric 3x3 matrices, stored as their diagonal xx yy zz and their off-diagonal xy xz yz.
 
 vec3 symmetric_times(vec3 diagonal, vec3 off, vec3 v) {
     return vec3(diagonal.x * v.x + off.x * v.y + off.y * v.z, off.x * v.x + diagonal.y * v.y + off.z * v.z,
         off.y * v.x + off.z * v.y + diagonal.z * v.z);
 }
 
-// Inverse, by cofactors.
+// Inverse of the matrix with diagonal `a` and off-diagonal `c`, by cofactors.
 void symmetric_inverse(vec3 a, vec3 c, out vec3 diagonal, out vec3 off) {
     vec3 co = vec3(a.y * a.z - c.z * c.z, c.y * c.z - c.x * a.z, c.x * c.z - c.y * a.y);
     float determinant = a.x * co.x + c.x * co.y + c.y * co.z;

@@ -1,6 +1,6 @@
-// How a contact moves with the tool.
+// Jacobian of a contact with respect to the tool's twist.
 
-// J^T of the tool at a contact: how the relative velocity along a direction answers to the twist.
+// Column of J^T: the derivative by the tool's twist of the contact's relative velocity along a direction.
 void tool_column(Contact contact, vec3 direction, out float column[6]) {
     vec3 lever = contact.tool_sign * cross(contact.arm, direction);
     for (int k = 0; k < 3; k++) {
@@ -9,7 +9,7 @@ void tool_column(Contact contact, vec3 direction, out float column[6]) {
     }
 }
 
-// Unit vectors across a unit vector and across each other.
+// Two unit tangents, perpendicular to the unit vector n and to each other.
 void tangents(vec3 n, out vec3 along[2]) {
     along[0] = normalize(cross(n, abs(n.x) < 0.6 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0)));
     along[1] = cross(n, along[0]);

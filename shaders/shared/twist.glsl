@@ -1,6 +1,7 @@
-// Rows of rigid bodies from sums over modes. Needs shared/rotation.glsl.
+// Six rows of a rigid body from the sums over the modes of its blocks of nodes. Needs shared/rotation.glsl.
 
-// twist_of_<modes>(first, count, turn): a rigid body's twist from an array's sums over its blocks of modes, world axes.
+// twist_of_<modes>(first, count, turn) sums the modes of `count` blocks from place `first` on in the array <modes>, and
+// turns the six numbers (linear, angular) into world axes by the body's rotation `turn`.
 #define TWIST_OF(modes) \
     float[6] twist_of_##modes(uint first, uint count, vec4 turn) { \
         vec3 linear = vec3(0.0), angular = vec3(0.0); \

@@ -1,301 +1,315 @@
-// Structures that several kernels share. The build makes Rust structs and constants of these and of
-// others in this folder (shaders/build).
-// Scalar block layout throughout. Positions are world axes relative to the step's origin (chosen by the host next to the
-// tool, so that f32 loses nothing far from the world's origin). SI units.
+// Structures and constants that several kernels share. The build script (shaders/build) makes Rust structs and
+// constants of them, and of those in the other files of this folder; their comments become the documentation there.
+//
+// Layout is scalar block layout throughout. Positions are in world axes, relative to the step's origin, which the host
+// (CPU side) chooses next to the tool, so that f32 loses no digits far from the world's origin. Units are SI; h is the
+// step, s.
+//
+// A layered body is a skin (high-resolution surface mesh) embedded in a layer (tetrahedral simulation mesh), some of
+// whose nodes are attached to rigid cores. A frame is the rigid coordinate frame of a core or of a body. A proxy is a
+// convex collision proxy that covers part of a skin. A chunk is a group of at most 64 skin vertices with their
+// triangles, the unit of culling. A region is a contact patch: a column of space in which two bodies may touch, with
+// one contact normal.
 
-const uint NONE = 0xffffffffu;
+const uint NONE = 0xffffffffu;  // index that stands for nothing
 
-// One step's inputs, written by the host.
+// Inputs of one step, written by the host.
 struct StepParams {
-    float dt;                   // s
-    float tolerance;            // residual to stop at
-    uint max_iterations;
-    uint newton;                // linearisations of elasticity in a step
-    vec3 gravity;               // m/s^2
-    float depth_limit;          // m
-    float texel;                // edge of the squares of the depth stage, m; 0: from the skins
-    uint is_held;               // 1: a loop holds the tool, and asks for the wrench's stiffness and damping
-    float friction;             // mu
-    float friction_speed;       // m/s; below it friction is viscous
-    float tool_matrix[36];      // operator of the tool's twist without contact: inertia and virtual coupling; of a held core
-                                // the coupling alone, its nodes have the inertia
-    float tool_rhs[6];          // right-hand side of the same
-    float tool_twist[6];        // linear (m/s) and angular (rad/s) velocity at the start; of a held core unused
+    float dt;                   // length h of the step, s
+    float tolerance;            // relative residual at which conjugate gradients stop
+    uint max_iterations;        // conjugate gradient iterations at most
+    uint newton;                // Newton iterations of a step; 1: elasticity is linearised once
+    vec3 gravity;               // m/s^2, world axes
+    float depth_limit;          // penetration depth above which a contact raises FLAG_DEPTH_LIMIT, m
+    float texel;                // edge of the spatial hash's cells, m; 0: chosen from the edge lengths of the skins
+    uint is_held;               // 1: a haptic loop drives the tool, and needs the wrench's stiffness and damping
+    float friction;             // Coulomb's coefficient mu
+    float friction_speed;       // sliding speed below which friction is viscous, m/s
+    float tool_matrix[36];      // 6x6 operator of the tool's twist without contact: inertia and virtual coupling; where
+                                // the haptic device holds a core of a soft body instead, the coupling alone, since the
+                                // core's nodes have the inertia
+    float tool_rhs[6];          // right-hand side that belongs to tool_matrix, N s and N m s
+    float tool_twist[6];        // linear (m/s) and angular (rad/s) velocity of the tool at the start; unused where the
+                                // device holds a core
     vec3 tool_centre;           // m, relative to the origin
 };
 
-// Placement of a frame at the start of the step, R0 and c0, and its motion over it; written by the host each step.
+// A rigid coordinate frame: its rotation R0 and centre c0 at the start of the step, and its motion to R1 and c1 at the
+// end; written by the host each step.
 struct Frame {
-    vec4 rotation;              // quaternion x y z w, frame to world
-    vec3 centre;                // m, relative to the origin
+    vec4 rotation;              // R0, quaternion x y z w, frame to world
+    vec3 centre;                // c0, m, relative to the origin
     vec3 linear;                // (c1 - c0) / h, m/s
-    vec3 angular;               // rad/s
+    vec3 angular;               // angular velocity, rad/s, world axes
     vec4 turn;                  // quaternion of R1^T R0: how the start lies in the frame at the end
-    vec3 gyroscopic;            // of a dynamic core: what its spin gives to its momentum over the step, N m s
-    uint core;                  // the dynamic core that it is, whose motion the solver finds, or NONE; then linear and angular
-                                // are its twist at the start, and turn means nothing
+    vec3 gyroscopic;            // angular momentum that a dynamic core's spin gains by gyroscopic torque, N m s
+    uint core;                  // the dynamic core whose frame it is, or NONE; the solver finds that core's motion, so
+                                // linear and angular are its twist at the start, and turn means nothing
 };
 
-// A rigid body among the unknowns: a dynamic core, and after those the tool. Its six unknowns are the change of its twist
-// (linear, then angular; world axes), on which the nodes that a core carries hang.
+// A rigid body among the solver's unknowns: a dynamic core or, after all of these, the tool. Its six unknowns are the
+// change of its twist over the step (linear, then angular; world axes), which also moves the nodes that are attached to
+// a core.
 struct Rigid {
-    uint frame;                 // of a core
-    uint node_first, node_count;            // into block_nodes
+    uint frame;                 // frame of a core
+    uint node_first, node_count;            // attached nodes, a range of block_nodes
     uint block_first, block_count;          // blocks of those nodes
-    uint slot_first;            // of their modes
-    vec3 hinge;                 // unit axis through its centre that is all it may turn about, world; zero: it moves freely
-    uint joint_first, joint_count;          // into joint_sides
-    uint group_first, group_count;          // the rigid bodies that joints join to it, itself included
-    uint parent;                // the one of its group that it hangs on, or NONE
-    uint inverse_first;         // of its group's inverse, into rigid_inverses
-    float rounding;             // e . M^-1 e, e the magnitudes that b is made of
-    float b[6];
-    float image[6];             // before the loop A x, after it b - A x
-    float leftover[6];          // b - A x of the last accepted step
+    uint slot_first;            // place of those blocks' modes among the modes of all blocks
+    vec3 hinge;                 // unit hinge axis through the centre, world: it only turns about that; zero: free
+    uint joint_first, joint_count;          // its sides of joints, a range of joint_sides
+    uint group_first, group_count;          // range of rigid bodies that joints connect, itself included
+    uint parent;                // its parent in the tree that the joints of this group form, or NONE
+    uint inverse_first;         // where its group's inverse begins in rigid_inverses
+    float rounding;             // e . M^-1 e, where e sums the magnitudes of the terms of b
+    float b[6];                 // right-hand side of its six rows, N s and N m s
+    float image[6];             // operator product A x before the iterations, residual b - A x after them
+    float leftover[6];          // carried residual: b - A x of the last accepted step, which the next b includes
 };
 
-// What iterations change of it. There are two sets: an iteration reads one and writes the other.
+// The part of a rigid body's state that conjugate gradient iterations change. There are two sets: an iteration reads
+// one and writes the other.
 struct RigidIterate {
-    float x[6];
-    float r[6];
+    float x[6];                 // iterate: the change of twist
+    float r[6];                 // residual
     float u[6];                 // M^-1 r
-    float p[6];
+    float p[6];                 // search direction
     float s[6];                 // A p
 };
 
-// A ball joint of which a dynamic core is a side. Both sides feel it at one point between them, so that neither force nor
-// torque appears from nothing. Written by the host each step.
+// A ball joint with a dynamic core on at least one side. Its force acts on both sides at one point between them, so
+// that momentum and angular momentum are conserved. Written by the host each step.
 struct Joint {
-    uint rigid[2];              // its sides; NONE: one whose motion is known
-    vec3 arm[2];                // from the centre of each to the joint, world axes, m
-    float linear;               // h^2 k, kg
-    float angular[6];           // h^2 K + h D of the relative spin: xx yy zz, xy xz yz, world axes, kg m^2
-    vec3 impulse;               // on the first side, N s
-    vec3 twist;                 // on the first side besides, N m s
+    uint rigid[2];              // rigid bodies on its two sides; NONE: a side whose motion is prescribed
+    vec3 arm[2];                // from the centre of each side to the joint, world axes, m
+    float linear;               // h^2 k of the spring between the two ends, kg
+    float angular[6];           // h^2 K + h D for the relative spin: xx yy zz, xy xz yz, world axes, kg m^2
+    vec3 impulse;               // impulse on the first side, the opposite of that on the second, N s
+    vec3 twist;                 // angular impulse on the first side that the springs against turning add, N m s
 };
 
-// An elastic material. `more` is room for the parameters of a law that needs others than mu and lambda.
+// An elastic material.
 struct ElasticMaterial {
-    float mu;                   // of small strain, Pa
-    float lambda;
-    uint law;                   // LAW_* of shared/material_law.glsl
-    float damping;              // beta, s
-    float more[4];
+    float mu;                   // shear modulus at small strain, Pa
+    float lambda;               // Lame's first parameter at small strain, Pa
+    uint law;                   // material law, LAW_* of shared/material_law.glsl
+    float damping;              // stiffness-proportional damping beta, s
+    float more[4];              // parameters of a law that needs others than mu and lambda
 };
 
-// Where a point of one frame is in another, x_to = r + offset + (Q - I) r + Q d, r relative to the centres at rest, so that
-// nothing cancels; written by the host each step.
+// How one frame lies to another: a node at rest position r (from the centre at rest) with displacement d in its own
+// frame is at x_to = r + offset + (Q - I) r + Q d in the other, a form in which nothing cancels. Written by the host
+// each step.
 struct Link {
     vec4 turn;                  // Q, quaternion x y z w
-    vec3 offset;                // m; zero while both are as placed
+    vec3 offset;                // m; zero while both frames are as placed
 };
 
-// What the host fits a floating frame from: sums over its nodes.
+// Sums over the nodes of a floating frame (that of a soft body without cores), from which the host fits the frame to
+// them.
 struct Fit {
-    vec3 shift;                 // m d, frame axes
-    vec3 twist;                 // m r x d, frame axes
-    vec3 momentum;              // m v, world axes
-    vec3 spin;                  // m (x - centre) x v, world axes
+    vec3 shift;                 // sum m d, frame axes, kg m
+    vec3 twist;                 // sum m r x d, frame axes, kg m^2
+    vec3 momentum;              // sum m v, world axes, kg m/s
+    vec3 spin;                  // sum m (x - centre) x v, world axes, kg m^2/s
 };
 
-// Two bodies that may touch; b may be a half-space. Written by the host each step (the plane is relative to the origin).
+// A pair of bodies a and b that may touch; b may be a half-space. Written by the host each step, because the half-space
+// is relative to the origin.
 struct Pair {
-    uint first_proxy_pair;      // b's proxies fastest
+    uint first_proxy_pair;      // first of its pairs of proxies, in which b's proxy varies fastest
     uint proxy_pair_count;
-    uint first_proxy[2];        // proxies of a and b
+    uint first_proxy[2];        // first collision proxy of a and of b
     uint proxy_count[2];
-    uint first_slot[2];         // a slot each proxy of a, and of b
-    float stiffness;            // N/m^3
-    float damping;              // N s/m^3
-    float tool_sign;            // 1: a is the tool or the body that is held, -1: b is, 0: neither
-    uint is_plane;
-    uint driven_frame[2];       // of a and b where their skins are rigid, or NONE
-    uint lone_side;             // 0: vertices of both gather contacts; 1: a's alone, 2: b's alone
-    vec4 direction;             // w != 0: the normal to use, whatever culling finds
-    vec4 plane;                 // unit normal, offset
+    uint first_slot[2];         // first slot of a and of b; each proxy has one
+    float stiffness;            // penalty stiffness k, N/m^3
+    float damping;              // penalty damping d, N s/m^3
+    float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
+    uint is_plane;              // 1: b is a half-space
+    uint driven_frame[2];       // frame of a and of b where these are rigid and kinematic, or NONE
+    uint lone_side;             // whose vertices gather contacts; 0: those of both, 1: a's alone, 2: b's alone
+    vec4 direction;             // prescribed contact normal, in place of the one that culling finds; w = 0: none
+    vec4 plane;                 // unit normal and offset of the half-space
 };
 
-// The slot of the s-th proxy of a pair, a's before b's.
+// The slot of the s-th proxy of a pair, a's proxies before b's.
 uint slot_of(Pair pair, uint s) {
     uint a_count = pair.proxy_count[0];
     return s < a_count ? pair.first_slot[0] + s : pair.first_slot[1] + s - a_count;
 }
 
+// Whether the vertices of a side (0: a, 1: b) gather contacts.
 bool gathers(Pair pair, uint side) { return pair.lone_side == 0 || pair.lone_side == side + 1; }
 
-// A convex hull that rides on a frame.
+// A convex collision proxy: a hull that moves with a frame and covers part of a skin.
 struct Proxy {
     uint frame;
-    uint hull_first, hull_count;
-    uint face_first, face_count;
-    uint chunk_first, chunk_count;          // of the skin it owns
-    uint node_first, node_count;            // nodes that move it
+    uint hull_first, hull_count;            // vertices of the hull
+    uint face_first, face_count;            // face planes of the hull
+    uint chunk_first, chunk_count;          // chunks of the skin that it owns
+    uint node_first, node_count;            // nodes that move this skin, a range of proxy_nodes
     float margin;                           // how far the skin sticks out of the hull at rest, m
-    float weight_bound;                     // greatest sum of absolute weights of an embedding
-    float edge;                             // mean length of its triangles' edges at rest, m
+    float weight_bound;                     // greatest sum of absolute embedding weights of a skin vertex
+    float edge;                             // mean edge length of its triangles at rest, m
 };
 
-// A proxy's bounds this step.
+// Bounds of a collision proxy in this step.
 struct ProxyBounds {
-    vec3 low;
-    float inflation;            // margin and the largest displacement, m
-    vec3 high;
-    float radius;               // half the diagonal of the hull's box, m
+    vec3 low;                   // least corner of the hull's box, world axes, m
+    float inflation;            // how far the skin may lie outside the hull: margin and displacements, m
+    vec3 high;                  // greatest corner, m
+    float radius;               // half the diagonal of that box, m
 };
 
-// At most 64 skin vertices of a proxy with their triangles.
+// A chunk: at most 64 skin vertices of a proxy with their triangles, the unit of culling.
 struct Chunk {
-    vec3 centre;                // of the rest box, in the proxy's frame
-    vec3 axes[2];               // its first two axes; the third is their cross product
-    vec3 half_extent;           // along them
-    float weight_bound;         // greatest sum of absolute weights
-    uint vertex_first;          // first those it owns, then what their triangles and normals need besides
-    uint vertex_count, embed_count;
+    vec3 centre;                // centre of its box at rest, in the proxy's frame, m
+    vec3 axes[2];               // the box's first two axes; the third is their cross product
+    vec3 half_extent;           // half the box's size along its axes, m
+    float weight_bound;         // greatest sum of absolute embedding weights of a vertex
+    uint vertex_first;          // its list of vertices: first its own, then others that its triangles and normals need
+    uint vertex_count, embed_count;         // its own vertices; all in the list
     uint triangle_first, triangle_count;
-    uint node_first, node_count;
+    uint node_first, node_count;            // nodes that move it, a range of chunk_nodes
 };
 
-const uint CHUNK_VERTICES = 64;
-const uint CHUNK_TRIANGLES = 128;
-// Regions that a pair of bodies can have.
-const uint PAIR_REGIONS = 4;
+const uint CHUNK_VERTICES = 64;     // most skin vertices of a chunk
+const uint CHUNK_TRIANGLES = 128;   // most triangles of a chunk
+const uint PAIR_REGIONS = 4;        // most contact patches of a pair of bodies
 
-// A proxy's part in a pair of bodies.
+// A slot: one collision proxy as a member of one pair of bodies.
 struct Slot {
     uint pair;
-    uint side;                  // 0: of a, 1: of b
+    uint side;                  // the side of the pair to which the proxy belongs; 0: a, 1: b
     uint proxy;
-    uint chunk_first;           // room for its active chunks
+    uint chunk_first;           // first of the entries that are reserved for its chunks
 };
 
-// Where, and in which direction, a pair of bodies may touch.
+// A contact patch of a pair of bodies: a column of space in which they may touch, and the normal along which they do.
 struct Region {
     vec3 normal;                // unit, from a to b
     vec3 tangent;
     vec3 bitangent;
-    vec2 low, high;             // what both sides cover in common along the tangents, m
-    float cell[2];              // edge of the squares in which vertices of a and of b are binned, m
-    float weight;               // 0: nothing may touch
-    float turn;                 // how far the normal turned since the last step, rad
+    vec2 low, high;             // rectangle along the tangents that the skins of both sides cover, m
+    float cell[2];              // cell size of the spatial hash of a's and of b's vertices, m
+    float weight;               // strength of the patch; 0: nothing can touch in it
+    float turn;                 // angle by which the normal turned since the last step, rad
 };
 
-// A chunk that may touch, in the order of slots.
+// A chunk that passed culling, in the order of slots.
 struct ActiveChunk {
     uint chunk;
     uint slot;
     uint side;                  // 2 * pair + (0: a, 1: b)
-    uint regions;               // a bit each of the pair's
-    uint first_item;            // a work item each bit
+    uint regions;               // bit mask of the pair's contact patches in which it may touch
+    uint first_item;            // first of its work items, one for each of those patches
 };
 
-// Counters of the step; flags as in the trace.
+// Counters of the step, all on the GPU.
 struct Counts {
-    uint chunks;                // active
-    uint items;                 // chunks times their regions
-    uint gathering;             // the first of the chunks: those whose vertices gather contacts
-    uint slots_met;             // whose chunks were looked at
-    uint hits;                  // crossings found
-    uint chunks_asked;          // for contacts
+    uint chunks;                // active chunks
+    uint items;                 // work items, one for each active chunk and contact patch of it
+    uint gathering;             // active chunks whose vertices gather contacts; these come first
+    uint slots_met;             // workgroups of cull/meet that have finished
+    uint hits;                  // ray hits found by the depth stage
+    uint chunks_asked;          // workgroups of contact/candidates that have finished
     uint contacts;
-    uint entries;               // of the transposed contact index
-    uint pulling;               // contacts dropped because they would pull
-    uint turn;                  // bits of the largest turn of a region's normal, rad
-    uint last_contacts;         // of the last step
-    uint flags;
+    uint entries;               // entries of the transposed index, from nodes to contacts
+    uint pulling;               // contacts that were released because they were under tension
+    uint turn;                  // largest turn of a contact patch's normal since the last step, rad, as float bits
+    uint last_contacts;         // contacts of the last step
+    uint flags;                 // FLAG_*
 };
 
-// A colliding skin vertex.
+// A contact: one colliding skin vertex. Its point s1 on body a and its point s2 on body b move at v1 and v2.
 struct Contact {
     vec3 normal;                // unit, from a to b
-    float area;                 // projected, with its side's half weight, m^2
-    vec3 arm;                   // from the tool's centre to where the contact acts on it, m
-    float tool_sign;
-    float depth;                // m
-    float rate;                 // normal . (v1 - v2) at the start, m/s
-    float stiffness;            // N/m^3
-    float damping;              // N s/m^3; a dropped contact has stiffness = damping = friction = 0
+    float area;                 // area projected along the normal, halved where both sides gather contacts, m^2
+    vec3 arm;                   // from the tool's centre to the point where the contact acts on the tool, m
+    float tool_sign;            // 1: a is the tool or the held body, -1: b is, 0: neither
+    float depth;                // penetration depth delta, m
+    float rate;                 // delta' = normal . (v1 - v2) at the start, m/s
+    float stiffness;            // k, N/m^3
+    float damping;              // d, N s/m^3; a released contact has stiffness = damping = friction = 0
     float friction;             // c: friction is -c times the tangential part of v1 - v2 at the end of the step, N s/m
-    vec3 slip;                  // that part at the start, m/s
-    uint quads;                 // groups of four entries in use: 1 to 4
-    uint vertex;                // skin vertex
-    uint side;                  // as in ActiveChunk
-    uint triangle;              // opposing, NONE: a plane
-    vec2 barycentric;           // of the opposing point: weights of its second and third corner
+    vec3 slip;                  // tangential part of v1 - v2 at the start, m/s
+    uint quads;                 // groups of four weighted nodes in use, 1 to 4
+    uint vertex;                // the skin vertex
+    uint side;                  // side to which the vertex belongs: 2 * pair + (0: a, 1: b)
+    uint triangle;              // triangle of the opposing skin; NONE: a half-space
+    vec2 barycentric;           // weights of that triangle's second and third corner at the opposing point
 };
 
-// State of the linear solver that lives on the device between passes.
+// State of the linear solver that stays on the GPU between passes.
 struct Solve {
-    float warm;                 // factor on the last solution
+    float warm;                 // factor on the last solution in the warm start
     float rhs_norm2;            // b . M^-1 b
-    float floor_norm2;          // what f32 rounding leaves of it
+    float floor_norm2;          // what f32 rounding contributes to rhs_norm2
     uint status;                // STATUS_*
-    uint current;               // the set that holds the newest iterate
-    uint retries;               // how often it was solved again without the contacts that pulled
-    uint linearisations;        // how often elasticity was linearised again in this step
+    uint current;               // which of the two sets holds the newest iterate
+    uint retries;               // how often the system was solved again after contacts were released
+    uint linearisations;        // Newton iterations after the first in this step
 };
 
-// Scalars of an iteration, of which there are two sets as well.
+// Scalars of a conjugate gradient iteration, in two sets that take turns.
 struct Iteration {
     float gamma;                // r . M^-1 r
-    float alpha;
+    float alpha;                // step length along the search direction
     uint count;                 // iterations done
 };
 
-// Numbers of rigid_blocks, a dynamic core.
-const uint CORE_NUMBERS = 72;
+const uint CORE_NUMBERS = 72;       // numbers of a dynamic core in rigid_blocks, two 6x6 matrices
 
-const uint STATUS_RUNNING = 0;      // not converged yet
-const uint STATUS_CONVERGED = 1;
-const uint STATUS_STOPPED = 2;      // at max_iterations
-const uint STATUS_BROKEN = 3;       // the operator seems not positive, or something is no number
+const uint STATUS_RUNNING = 0;      // the solver has not converged yet
+const uint STATUS_CONVERGED = 1;    // the residual is below the tolerance
+const uint STATUS_STOPPED = 2;      // the solver reached max_iterations
+const uint STATUS_BROKEN = 3;       // the operator seems not to be positive definite, or a number is NaN or infinite
 
-// What the host reads back after the step.
+// Results that the host reads back after the step.
 struct Report {
     uint verdict;               // VERDICT_*
-    uint iterations;
-    float residual;             // recomputed from b - A x
-    float residual_floor;       // what f32 can reach
+    uint iterations;            // conjugate gradient iterations
+    float residual;             // relative residual, recomputed from b - A x
+    float residual_floor;       // least relative residual that f32 can reach
     uint contacts;
     float max_depth;            // m
-    float turn;                 // the largest of a region's normal in the step, rad
-    uint flags;
-    float force[3];             // on the tool, N
-    float torque[3];            // about its centre, N m
-    float pressing;             // forces along the normals, sizes summed, N
-    float tool_change[6];       // of its twist
-    float stiffness[21];        // contact stiffness seen by the tool, upper triangle by rows
-    float damping[21];
+    float turn;                 // largest turn of a contact patch's normal since the last step, rad
+    uint flags;                 // FLAG_*
+    float force[3];             // net contact force on the tool, N
+    float torque[3];            // net contact torque about the tool's centre, N m
+    float pressing;             // sum of the magnitudes of the contacts' normal forces on the tool, N
+    float tool_change[6];       // change of the tool's twist
+    float stiffness[21];        // contact stiffness that the tool feels, upper triangle of the 6x6 matrix by rows
+    float damping[21];          // contact damping that the tool feels, laid out like the stiffness
 };
 
-// Chunks of a proxy that the tool may touch.
+// A part of a skin that the tool may touch: some chunks of one proxy.
 struct SkinPart {
     uint proxy;
     uint chunk_first, chunk_count;
-    vec3 low, high;             // what holds their boxes at rest, in the proxy's frame, m
+    vec3 low, high;             // box around the boxes of these chunks at rest, in the proxy's frame, m
 };
 
-// The shortest way from the tool to such a part at the end of the step, for the host: from a sphere's centre, from any other
-// tool's surface.
+// The shortest way from the tool to one such part at the end of the step, for the host. It starts at the centre of a
+// spherical tool, and at the surface of any other tool.
 struct SkinGap {
-    vec3 way;                   // to what faces the tool, world axes, m
-    uint triangle;              // where it ends, of the skin or of the tool; NONE: nothing is near
-    float back;                 // length of the shortest met to what faces away, m
+    vec3 way;                   // vector to the nearest triangle that faces the tool, world axes, m
+    uint triangle;              // that triangle, of the skin or of the tool; NONE: nothing is near
+    float back;                 // distance to the nearest triangle that faces away, m
 };
 
-// Where no way was found, its length, m.
-const float GAP_FAR = 3.0e38;
+const float GAP_FAR = 3.0e38;       // distance where nothing was found, m
 
-const uint VERDICT_DONE = 0;
-const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out
-const uint VERDICT_RETRY = 2;       // contacts pulled: dropped, solve again
-const uint VERDICT_FAILED = 3;      // not finite, or worth nothing: the state stays
-const uint VERDICT_RELINEARISE = 4; // solved: linearise elasticity where that leads, solve again
+const uint VERDICT_DONE = 0;        // the step is accepted
+const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out: run more
+const uint VERDICT_RETRY = 2;       // contacts were under tension and are released: solve again
+const uint VERDICT_FAILED = 3;      // not finite, or with too large a residual: the state stays as it was
+const uint VERDICT_RELINEARISE = 4; // solved: linearise elasticity where the solution leads and solve again
 
-const uint FLAG_NOT_CONVERGED = 1;
-const uint FLAG_REGION_OVERFLOW = 2;
-const uint FLAG_CONTACT_OVERFLOW = 4;
-const uint FLAG_DEPTH_LIMIT = 8;
-const uint FLAG_NOT_HEIGHT_FIELD = 16;
-const uint FLAG_NON_FINITE = 32;
-const uint FLAG_PULLING = 256;
-const uint FLAG_INVERTED = 1024;
+const uint FLAG_NOT_CONVERGED = 1;      // the residual is well above both the tolerance and the floor of f32
+const uint FLAG_REGION_OVERFLOW = 2;    // more contact patches, or work items of these, than fit
+const uint FLAG_CONTACT_OVERFLOW = 4;   // more contacts or ray hits than fit, or a loop that the driver cut short
+const uint FLAG_DEPTH_LIMIT = 8;        // a contact is deeper than depth_limit
+const uint FLAG_NOT_HEIGHT_FIELD = 16;  // a skin folds over itself along the normal of a contact patch
+const uint FLAG_NON_FINITE = 32;        // a number of the solution is NaN or infinite
+const uint FLAG_PULLING = 256;          // contacts are under tension even after the last repeated solve
+const uint FLAG_INVERTED = 1024;        // a tetrahedron is inside out, or its rotation was not found

@@ -5,11 +5,14 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Skin: positions of the skin of an active chunk, x = sum w_i (c_i + R_i (r_i + d_i)) (or c + R r on a rigid body), and of the
-// neighbours that its normals need; a vertex that several chunks list is written by each of them with the same value. Its
-// own vertices go into the squares of its regions, where triangles will find them, if they gather contacts. One workgroup an
-// active chunk.
-// Oracle: oracle::proximity::embed; the bins' contents listed by its test.
+// Skin: positions of the skin vertices of an active chunk (a group of at most 64 skin vertices that passed culling),
+// and of the neighbours that its normals need: x = sum w_i (c_i + R_i (r_i + d_i)) over the four nodes that a vertex is
+// embedded in, each with weight w_i, rest position r_i and displacement d_i in a frame with centre c_i and rotation
+// R_i; x = c + R r on a rigid body. A vertex that several chunks list is written by each of them with the same value.
+//
+// If the chunk's vertices gather contacts, its own ones go into the spatial hash of each of its contact patches
+// (`Region`), where the depth stage finds them by triangle, unless they lie in front of all that the other side
+// reaches. One workgroup an active chunk. Oracle: oracle::proximity::embed; its test lists the contents of the hash.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -22,20 +25,20 @@ layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer Slots { Slot slots[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_vertices);  // four a texel
-READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: rigid
+READ_ONLY(uvec4, chunk_vertices);  // skin vertices of chunks, four a texel
+READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: a rigid skin
 READ_ONLY(vec4, skin_weights);     // four weights; of a rigid skin: position in the frame
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, node_info);       // frame in z
 layout(scalar) readonly buffer Regions { Region regions[]; };
-layout(scalar) readonly buffer Shares { float shares[]; };
+layout(scalar) readonly buffer Shares { float shares[]; };    // patch weights of each slot (a proxy in a pair)
 layout(scalar) writeonly buffer Skin { vec4 skin[]; };
-layout(scalar) buffer Buckets { uint buckets[]; };            // cleared to NONE
-layout(scalar) writeonly buffer Bins { uvec4 bins[]; };       // CHUNK_VERTICES an item
-layout(scalar) writeonly buffer BinHits { uint bin_hits[]; };     // first crossing found: none yet
-layout(scalar) writeonly buffer BinSquares { uvec2 bin_squares[]; };
-READ_ONLY(uvec4, fields);
+layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists and depth grids, cleared to NONE; see shared/bins.glsl
+layout(scalar) writeonly buffer Bins { uvec4 bins[]; };       // vertices in the hash, CHUNK_VERTICES a work item
+layout(scalar) writeonly buffer BinHits { uint bin_hits[]; };     // first hit on each vertex's ray: set to NONE
+layout(scalar) writeonly buffer BinSquares { uvec2 bin_squares[]; };      // cell of each vertex in the hash
+READ_ONLY(uvec4, fields);  // min-max depth grids of chunks, four cells a texel
 
 #include "shared/bins.glsl"
 #include "shared/field.glsl"
@@ -49,6 +52,7 @@ vec3 world(uint node) {
     return frame.centre + rotate(frame.rotation, node_position(node));
 }
 
+// World position of a skin vertex, m; `frame` is its proxy's.
 vec3 position(Frame frame, uint vertex) {
     uvec4 nodes = fetch(skin_nodes, vertex);
     vec4 weights = fetch(skin_weights, vertex);
@@ -89,7 +93,7 @@ void main() {
             bin_hits[bin] = NONE;
             vec3 at = along(region, own[l]);
             if (!sees || any(lessThan(at.xy, region.low)) || any(greaterThan(at.xy, region.high))) continue;
-            // In front of all that the other side reaches.
+            // A vertex in front of all that the other side's chunks reach cannot collide.
             uvec2 square = squares(region, at.xy, at.xy).xy;
             uint field = field_at(region_index, 1 - side) + square.y * FIELD + square.x;
             uint other = fetch(fields, field / 4)[field % 4];

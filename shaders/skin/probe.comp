@@ -3,9 +3,9 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Skin: the displacements of the nodes of the probed skin vertices, each in its frame; the host weighs them and places them
-// in the world in f64. Nodes of a rigid skin are NONE and read as zero. One invocation a node of a probe.
-// Oracle: the displacements themselves.
+// Skin: copies the displacements, in their frames, of the nodes of the skin vertices that the scene probes; the host
+// weights them and places them in the world in f64. Nodes of a rigid skin are NONE and read as zero. One invocation a
+// node of a probe. Oracle: its test compares with the displacements.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PROBE_NODES = 0;

@@ -3,17 +3,18 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Solve: what elements do to a change of velocity p: a tetrahedron gives (2 mu sym(W) + lambda tr(W) I) g'_i with
-// W = sum p_i g'_i^T to its nodes, which solve/gather sums. One invocation a tetrahedron.
+// Solve: element product of the operator with a change of velocity p. A tetrahedron gives
+// (2 mu sym(W) + lambda tr(W) I) g'_i with W = sum p_i g'_i^T to its nodes i, which solve/gather sums. The gradients g'
+// and moduli mu and lambda are those of elastic/rotate, scaled by volume and step. One invocation a tetrahedron.
 // Oracle: oracle::elastic::Elements::apply_stiffness, oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 
 READ_ONLY(uvec4, tetrahedra);
-READ_ONLY(vec4, gradients);
+READ_ONLY(vec4, gradients);  // g', three a tetrahedron; w of the first: mu, of the second: lambda
 READ_ONLY(vec4, change);
-layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };
+layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };      // four a tetrahedron
 
 void main() {
     uint t = gl_GlobalInvocationID.x;

@@ -6,13 +6,22 @@
 #include "shared/rounding.glsl"
 #include "shared/contact_law.glsl"
 
-// Solve: right-hand side b = h m g - h alpha m v + sum (h f - (h^2 + h beta) K v) - sum w ((h a k delta + (h^2 k + h d) a
-// delta') n + h c v_t) of each node, plus what the last solve left undone (its b - A x: impulse that would be lost, step by
-// step in the same smooth shapes, since a warm start leaves those to the end); the inverse of its 3x3 diagonal block of A;
-// the sums b . D^-1 b and (e . D^-1 e) eps^2, e the sum of the magnitudes that b is made of: what rounding leaves of b at
-// rest; and P^T b of the block's modes, and how it has turned (the rotation of its nodes' affine fit). Nodes that dynamic
-// cores carry keep their blocks as they are, for the core's; held nodes are in no block. A workgroup a block of nodes.
-// Oracle: oracle::step.
+// Solve: right-hand side and preconditioner of the nodes. One workgroup a block of nodes (neighbouring free nodes, or
+// nodes attached to one dynamic core); nodes whose motion is prescribed are in no block. Oracle: oracle::step. It
+// writes:
+// - b of each node, h m g - h alpha m v + sum (h f - (h^2 + h beta) K v)
+//   - sum w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), sums over elements and over contacts; plus the
+//   carried residual b - A x of the last solve, whose impulse would be lost otherwise, step after step in the same
+//   smooth modes, which a warm start leaves until the end.
+// - the inverse of the 3x3 diagonal block of A of each free node; of attached nodes the block itself, for their core.
+// - for each block of nodes, b . D^-1 b, with D the diagonal blocks, and (e . D^-1 e) eps^2, where e sums the
+//   magnitudes of the terms of b, and eps is ROUNDING: what rounding makes of b for a body at rest.
+// - for each block, its rotation (the polar part of its nodes' affine fit), in whose axes its modes are, and the
+//   restriction P^T b of b to its modes (shared/modes.glsl).
+//
+// Symbols: step h; mass m, gravity g, damping alpha and beta, velocity v of a node; force f and stiffness K of an
+// element; and of a contact (shared/contact_law.glsl) the weight w of the node, area a, stiffness k, damping d, depth
+// delta, rate delta', normal n, friction c and tangential velocity v_t.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -22,14 +31,14 @@ layout(constant_id = 4) const bool PATCHES = false;
 layout(constant_id = 5) const uint TETRAHEDRA = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const bool JOINTS = false;
-layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
+layout(constant_id = 13) const uint HELD = NONE;        // the core that the haptic device holds, or NONE
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
-READ_ONLY(vec4, block_places);     // middle in the frame, 1 / size
-READ_ONLY(vec4, block_moments);    // inverse of sum x x^T: xx yy zz, xy xz yz
+READ_ONLY(vec4, block_places);     // middle of a block in its frame (m), 1 / size (1/m)
+READ_ONLY(vec4, block_moments);    // inverse of sum x x^T over its nodes: xx yy zz, xy xz yz
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(vec4, node_rest);        // w: mass, kg
 READ_ONLY(vec4, velocity);
@@ -41,15 +50,15 @@ READ_ONLY(vec4, patch_rows);
 layout(scalar) readonly buffer NodeEntries { uvec2 node_entries[]; };
 layout(scalar) readonly buffer Sorted { uvec2 sorted[]; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
-READ_ONLY(vec4, leftover);        // b - A x of the last step
+READ_ONLY(vec4, leftover);        // carried residual b - A x of the last step
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) writeonly buffer Rhs { vec4 rhs[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
-layout(scalar) writeonly buffer Inverse { vec4 inverse[]; };      // two a node: xx yy zz, xy xz yz
-layout(scalar) writeonly buffer Partials { vec2 partials[]; };
-layout(scalar) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three a slot
-layout(scalar) buffer BlockRotations { vec4 block_rotations[]; };  // of blocks in their frames, kept as the next start
-layout(scalar) writeonly buffer BlockTurns { vec4 block_turns[]; };        // the same in the world: of their modes
+layout(scalar) writeonly buffer Inverse { vec4 inverse[]; };      // D^-1, two texels a node: xx yy zz, xy xz yz
+layout(scalar) writeonly buffer Partials { vec2 partials[]; };    // b . D^-1 b and (e . D^-1 e) eps^2 a block
+layout(scalar) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three texels a block
+layout(scalar) buffer BlockRotations { vec4 block_rotations[]; };  // rotation of each block in its frame, a guess
+layout(scalar) writeonly buffer BlockTurns { vec4 block_turns[]; };        // rotation of each block in the world
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Joints { Joint joints[]; };
 layout(scalar) readonly buffer JointSides { uint joint_sides[]; };
@@ -67,15 +76,16 @@ const uint SUMS = 7;
 #include "shared/share.glsl"
 #include "shared/joint.glsl"
 
-// What contacts give to a node's right-hand side, to the magnitudes it is made of, and to its diagonal block.
+// Adds what contacts give to a node's right-hand side `b`, to the magnitudes `e` of its terms, and to its diagonal
+// block, whose diagonal is `a` and whose off-diagonal (xy xz yz) is `c`.
 void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c) {
     float h = params.dt;
     uvec2 run = node_entries[i];
     for (uint k = run.x; k < run.x + run.y;) {
         uint touching = sorted[k].x;
         Contact contact = contacts[touching];
-        // The tetrahedra behind a triangle's corners share nodes: a contact's entries at a node, which stand
-        // together, are one weight, and the block holds its square.
+        // The tetrahedra in which a triangle's corners are embedded share nodes. So a contact may have several entries
+        // at a node, which lie together: their weights are summed, and the block holds the square of the sum.
         float w = 0.0;
         for (; k < run.x + run.y && sorted[k].x == touching; k++) w += uintBitsToFloat(sorted[k].y);
         float g = normal_operator(contact, h), f = w * normal_impulse(contact, h);
@@ -85,7 +95,7 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
         a += g * w * w * n * n;
         c += g * w * w * n.xxy * n.yzz;
         if (FRICTION) {
-            // I - n n^T.
+            // Friction acts along the tangents: its matrix is I - n n^T.
             float viscous = friction_operator(contact, h);
             b -= w * viscous * contact.slip;
             e += abs(w * viscous * contact.slip);
@@ -95,7 +105,8 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
     }
 }
 
-// How a block has turned in its frame: the polar part of I + sum d x^T (sum x x^T)^-1 / size; `sums`: d x^T.
+// Rotation of a block in its frame: the polar part of I + sum d x^T (sum x x^T)^-1 / size, with displacements d and
+// scaled rest positions x of its nodes; `sums` is sum d x^T.
 vec4 rotation_of(uint b, float inverse_size, mat3 sums) {
     vec3 d = fetch(block_moments, 2 * b).xyz, o = fetch(block_moments, 2 * b + 1).xyz;
     mat3 moments = mat3(d.x, o.x, o.y, o.x, d.y, o.z, o.y, o.z, d.z);
@@ -118,7 +129,7 @@ void main() {
         float damping = node_damping(node);
         vec3 b = h * (rest.w * params.gravity - damping * v) + fetch(leftover, i).xyz;
         vec3 e = abs(h * rest.w * params.gravity) + abs(h * damping * v);
-        // The diagonal block: xx yy zz in `a`, xy xz yz in `c`.
+        // The node's diagonal block: xx yy zz in `a`, xy xz yz in `c`.
         vec3 a = vec3(rest.w + h * damping), c = vec3(0.0);
         for (uint k = 0; k < node.z; k++) {
             uvec4 entries = fetch(node_elements, node.y + k);

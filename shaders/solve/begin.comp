@@ -5,32 +5,33 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: the first iterate. x = warm x, r = b - warm A x, u = M^-1 r, search directions zero; a carried node has its core's.
-// M^-1: shared/preconditioner.glsl. A workgroup a block of nodes. Oracle: oracle::step.
+// Solve: the first iterate of conjugate gradients, from the last solution x' times the factor `warm` of solve/start:
+// x = warm x', r = b - warm A x', u = M^-1 r (shared/preconditioner.glsl), search direction zero. Nodes attached to a
+// core follow its iterate. One workgroup a block of nodes. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 3) const bool COARSE = false;
 
 layout(scalar) readonly buffer SolveIn { Solve solve; };
-READ_ONLY(vec4, block_turns);
+READ_ONLY(vec4, block_turns);                           // rotation of each block, world
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
-READ_ONLY(vec4, block_places);
+READ_ONLY(vec4, block_places);                          // middle of a block in its frame (m), 1 / size (1/m)
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, rhs);
-READ_ONLY(vec4, image);            // A x
+READ_ONLY(vec4, image);            // A x'
 READ_ONLY(vec4, inverse);
-READ_ONLY(vec4, coarse_rhs);
-READ_ONLY(vec4, coarse_image);
+READ_ONLY(vec4, coarse_rhs);       // A_c^-1 P^T b, three texels a block
+READ_ONLY(vec4, coarse_image);     // A_c^-1 P^T A x'
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) buffer Solution { vec4 solution[]; };
+layout(scalar) buffer Solution { vec4 solution[]; };      // x', becomes x
 layout(scalar) writeonly buffer Residual { vec4 residual[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };
-layout(scalar) writeonly buffer Direction { vec4 direction[]; };
-layout(scalar) writeonly buffer DirectionImage { vec4 direction_image[]; };
-layout(scalar) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T s, of both sets
+layout(scalar) writeonly buffer Direction { vec4 direction[]; };                          // search direction p
+layout(scalar) writeonly buffer DirectionImage { vec4 direction_image[]; };               // A p
+layout(scalar) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T A p, in two sets
 
 #include "shared/blocks.glsl"
 #include "shared/modes.glsl"
@@ -38,7 +39,7 @@ layout(scalar) writeonly buffer RestrictedDirection { vec4 restricted_direction[
 #include "shared/preconditioner.glsl"
 #include "shared/core.glsl"
 
-// A_c^-1 P^T (b - warm A x), world axes.
+// Coarse correction of a block, A_c^-1 P^T (b - warm A x'), in world axes.
 Modes coarse_start(uint slot, vec4 turn) {
     vec4 z[3];
     for (int k = 0; k < 3; k++) {
@@ -71,7 +72,7 @@ void main() {
             continue;
         }
         vec3 r = fetch(rhs, i).xyz;
-        // Not a product with zero: what is left of a failed step may not be a number.
+        // The product is skipped where the factor is zero, because the last solution may hold NaN after a failed step.
         if (solve.warm != 0.0) r -= solve.warm * fetch(image, i).xyz;
         vec3 u = precondition(i, r, modes, (rest - place.xyz) * place.w);
         solution[i] = solve.warm != 0.0 ? solve.warm * solution[i] : vec4(0.0);

@@ -4,33 +4,36 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Solve: the coarse level outside the loop, z = A_c^-1 P^T b of each block and its share of inner products; before the first
-// iteration also of A x, for the warm start. Two-level additive Schwarz (Dryja and Widlund 1987) with affine modes of
-// aggregates and the matrix at rest. A workgroup a block. Oracle: oracle::coarse.
+// Solve: coarse correction outside the solver's loop, z = A_c^-1 P^T b for each block of nodes, with its part of inner
+// products; before the first iteration also for A x, of the last solution x, for the warm start. Two-level additive
+// Schwarz preconditioner (Dryja and Widlund 1987): P^T restricts to the affine modes of aggregates (blocks of nodes),
+// and A_c is the Galerkin matrix at rest (shared/coarse.glsl). One workgroup a block. Oracle: oracle::coarse.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const bool WARM = true;         // else only b, then what is left of it at the end
+layout(constant_id = 1) const bool WARM = true;  // before the loop, for b and A x; else after it, for b - A x alone
 
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(uvec4, coarse_inverse);
 READ_ONLY(vec4, coarse_scales);
-READ_ONLY(vec4, restricted_rhs);           // P^T b
+READ_ONLY(vec4, restricted_rhs);           // P^T b, three texels a block; after the loop P^T (b - A x)
 READ_ONLY(vec4, restricted_image);         // P^T A x
-layout(scalar) writeonly buffer CoarseRhs { vec4 coarse_rhs[]; };          // A_c^-1 P^T b, three a slot
-layout(scalar) writeonly buffer CoarseImage { vec4 coarse_image[]; };      // A_c^-1 P^T A x
-layout(scalar) writeonly buffer CoarseDots { vec4 coarse_dots[]; };        // b.z_b, Ax.z_b, Ax.z_Ax
+layout(scalar) writeonly buffer CoarseRhs { vec4 coarse_rhs[]; };          // z_b = A_c^-1 P^T b, three texels a block
+layout(scalar) writeonly buffer CoarseImage { vec4 coarse_image[]; };      // z_Ax = A_c^-1 P^T A x
+layout(scalar) writeonly buffer CoarseDots { vec4 coarse_dots[]; };        // b . z_b, A x . z_b, A x . z_Ax of a block
 
 const uint SUMS = 6;
 
 #include "shared/sums.glsl"
 #include "shared/coarse.glsl"
 
+// Four scaled modes of P^T b, at texel k of the body; zero beyond its end.
 vec4 scaled_rhs(CoarseBlock block, uint k) {
     uint at = block.first + k;
     return k < block.texels ? coarse_scale(at) * fetch(restricted_rhs, at) : vec4(0.0);
 }
 
+// Four scaled modes of P^T A x, at texel k of the body; zero beyond its end.
 vec4 scaled_image(CoarseBlock block, uint k) {
     uint at = block.first + k;
     return k < block.texels ? coarse_scale(at) * fetch(restricted_image, at) : vec4(0.0);

@@ -7,17 +7,19 @@
 #include "shared/link.glsl"
 #include "shared/held.glsl"
 
-// Solve: the new state, v += x, d += (dR - I)(r + d) + h R1^T (v - v_centre) with dR = R1^T R0 (the same place in the world,
-// seen from where the frame is at the end), and b - A x for the next step to make good. A bound node keeps d = 0.
-// One invocation a node. Oracle: oracle::step.
+// Solve: commits the solution x (change of velocity) to the state of the nodes: v += x and
+// d += (dR - I) (r + d) + h R1^T (v - v_centre), with dR = R1^T R0, R0 and R1 the rotation of a node's frame at the
+// start and end of the step h, r its rest position and v_centre the velocity of the frame's centre. So the node is at
+// the same place in the world, seen from where the frame is at the end. Also keeps the carried residual b - A x for the
+// next step. Attached nodes keep d = 0. One invocation a node. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
-layout(constant_id = 6) const uint RIGIDS = 0;
+layout(constant_id = 6) const uint RIGIDS = 0;     // rigid bodies among the unknowns: dynamic cores and the tool
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-READ_ONLY(uvec4, node_info);
+READ_ONLY(uvec4, node_info);       // frame in z; NODE_* of shared/held.glsl in w
 READ_ONLY(vec4, solution);
 READ_ONLY(vec4, rhs);
 READ_ONLY(vec4, image);            // A x
@@ -26,7 +28,7 @@ layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) buffer Velocity { vec4 velocity[]; };
 layout(scalar) buffer Displacement { vec4 displacement[]; };
-layout(scalar) writeonly buffer Leftover { vec4 leftover[]; };
+layout(scalar) writeonly buffer Leftover { vec4 leftover[]; };      // carried residual b - A x
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -40,11 +42,11 @@ void main() {
     if (RIGIDS > 0 && frame.core != NONE) {
         float x[6] = iterates[solve.current * RIGIDS + frame.core].x;
         frame.linear += vec3(x[0], x[1], x[2]);
-        // R1 = exp(h w1) R0, so dR = R1^T R0 is the turn by -h R0^T w1.
+        // R1 = exp(h w1) R0 with the new angular velocity w1, so dR = R1^T R0 is the rotation by -h R0^T w1.
         frame.turn = turn_by(-params.dt * rotate_back(frame.rotation, frame.angular + vec3(x[3], x[4], x[5])));
     }
     vec3 d = displacement[i].xyz;
-    // R1^T = dR R0^T.
+    // The rotation into the frame at the end is R1^T = dR R0^T.
     vec3 step = rotate(frame.turn, rotate_back(frame.rotation, params.dt * (v - frame.linear)));
     displacement[i] = vec4(d + turned(frame.turn, fetch(node_rest, i).xyz + d) + step, 0.0);
 }

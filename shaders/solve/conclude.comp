@@ -6,28 +6,30 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: the verdict. The residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed, not the recurrence's. A
-// contact pulls when k delta + (h k + d) delta' at the end < 0: contacts never adhere, so those are dropped and the host
-// has the step solved again, MAX_RETRIES times at most (each starts at the last solution and is short); those that pull even
-// then count as zero and a flag says so. Solved, a step may be linearised again. One workgroup.
-// Oracle: oracle::step.
+// Solve: the verdict on a solve. One workgroup. Oracle: oracle::step.
+//
+// The relative residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed, instead of taking the
+// recurrence's. A contact is under tension if its pressure at the end of the step, k delta + (h k + d) delta'
+// (shared/contact_law.glsl), is negative. Contacts do not adhere, so these are released, and the host has the step
+// solved again, MAX_RETRIES times at most (each solve starts from the last solution and is short). Contacts that are
+// under tension after that count as zero, and a flag says so. Once solved, a next Newton iteration may follow.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BLOCKS = 0;
 layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const bool COARSE = false;
-layout(constant_id = 4) const bool TOOL = false;
-layout(constant_id = 6) const uint RIGIDS = 0;
+layout(constant_id = 4) const bool TOOL = false;         // whether there is a rigid tool, the last rigid body
+layout(constant_id = 6) const uint RIGIDS = 0;           // rigid bodies: dynamic cores and the tool
 layout(constant_id = 8) const uint NODES = 0;
 layout(constant_id = 9) const uint SKIN_PARTS = 0;      // workgroups of wrench/gap
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-layout(scalar) readonly buffer Dots { vec2 dots[]; };              // of solve/gather, mode 2
-layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };
+layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products of solve/gather, GATHER_END
+layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };      // inner products of solve/coarse
 READ_ONLY(vec4, restricted_image);     // P^T A x
-READ_ONLY(vec4, contact_forces);       // of the solution
+READ_ONLY(vec4, contact_forces);       // output of solve/press for the solution
 layout(scalar) readonly buffer Iterations { Iteration iterations[2]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) buffer CountsInOut { Counts counts; };
@@ -36,12 +38,13 @@ layout(scalar) buffer SolveInOut { Solve solve; };
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
 layout(scalar) writeonly buffer Args { uint args[]; };
 layout(scalar) writeonly buffer ReportOut { Report report; };
-layout(scalar) writeonly buffer CoreChanges { float core_changes[]; };     // six a core, for the host
+layout(scalar) writeonly buffer CoreChanges { float core_changes[]; };     // change of each core's twist, for the host
 layout(scalar) readonly buffer RigidInverses { float rigid_inverses[]; };
 
 const uint MAX_RETRIES = 4;
-// Residual above which a broken solve is not accepted, and any other: there it is further off than where it began.
+// Relative residual above which a solve that broke down is not accepted.
 const float WORTHLESS = 0.1;
+// Relative residual above which no solve is accepted: it is then farther from the solution than where it began.
 const float DIVERGED = 1.0;
 
 shared float deepest[SIZE];
@@ -55,7 +58,7 @@ TWIST_OF(restricted_image)
 #include "shared/rigid.glsl"
 #include "shared/contact_law.glsl"
 
-// b - A x in a rigid body's image, and what it is told to the host.
+// Writes a rigid body's residual b - A x into its `image`, and its change of twist for the host.
 void leave_undone(uint index) {
     float y[6] = image_of(index), x[6] = iterates[solve.current * RIGIDS + index].x;
     for (int k = 0; k < 6; k++) {
@@ -71,7 +74,8 @@ void main() {
     vec4 sums = vec4(0.0);
     for (uint k = lane; k < BLOCKS; k += SIZE) sums.xw += dots[k] + (COARSE ? vec2(coarse_dots[k].x, 0.0) : vec2(0.0));
     float depth = 0.0;
-    // y: contacts that push or are yet undecided, z: that pull; w: the square of what rounding leaves of the residual.
+    // In `sums`: x: (b - A x) . M^-1 (b - A x); y: contacts that are not released; z: those under tension; w: the
+    // square of the norm that rounding of x contributes to the residual.
     if (CONTACT) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
@@ -100,12 +104,11 @@ void main() {
             }
         }
     }
-    // All have read what lane 0 changes.
+    // All lanes have read what lane 0 changes.
     barrier();
     if (lane != 0) return;
     float norm2 = max(solve.rhs_norm2, 1.0e-38);
-    // The magnitude: far below zero something is as wrong as far above. Not max(sums.x, 0), which may take the zero of what is
-    // no number.
+    // The magnitude is taken: a value far below zero is as wrong as one far above, and max(sums.x, 0) may hide NaN.
     float residual = solve.rhs_norm2 <= solve.floor_norm2 ? 0.0 : sqrt(abs(sums.x) / norm2);
     float residual_floor = sqrt(max(solve.floor_norm2, sums.w) / norm2);
     uint verdict = VERDICT_DONE;
@@ -117,11 +120,12 @@ void main() {
     }
     uint flags = counts.flags;
     if (verdict == VERDICT_DONE) {
-        // Written so that a residual that is not a number raises the flag as well.
+        // Written so that NaN raises the flag as well.
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
         if (sums.z > 0.0) flags |= FLAG_PULLING;
-        // A solution that is not finite is not committed, nor one whose right-hand side or its rounding overflow: then nothing
-        // can be said of the residual. Nor one that broke down early; what merely ran out of iterations is nearer than before.
+        // A solution is not committed if it is not finite, or if the norm of its right-hand side or of that one's
+        // rounding overflows, since nothing can be said of the residual then; nor if the solve broke down early. One
+        // that merely ran out of iterations is nearer to the solution than before.
         float all = sums.x + solve.rhs_norm2 + solve.floor_norm2;
         bool finite = !isnan(all) && !isinf(all);
         if (!finite) {
@@ -132,7 +136,7 @@ void main() {
         bool failed = !finite || residual > max(worthless, 10.0 * residual_floor);
         if (failed) {
             verdict = VERDICT_FAILED;
-            // Nothing was solved, nothing applied.
+            // A failed step applies no force to the tool.
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
             report.pressing = 0.0;
         }

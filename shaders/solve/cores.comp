@@ -5,30 +5,34 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: the preconditioner of dynamic cores, and their right-hand sides. A core's block is sum P_i^T D_i P_i over the nodes
-// that it carries, with its joints and, if it is held, its coupling. Joints are stiffer than what they join, so the cores
-// that they join are inverted as one: they form trees, and elimination from the leaves to the root fills nothing in; then
-// the inverse, from the root to the leaves (S_c the block of c without what hangs on it, T_c = S_c^-1 A_cp):
-//   A^-1_cj = -T_c A^-1_pj for j before c,  A^-1_cc = S_c^-1 - A^-1_cp T_c^T.
-// On a hinge S_c is inverted along it alone. A workgroup a group; the others of its cores' return at once.
-// Oracle: oracle::step.
+// Solve: preconditioner and right-hand side of dynamic cores. One workgroup a core, at work for a group's first core
+// only. Oracle: oracle::step.
+//
+// A core's block is sum P_i^T D_i P_i over the nodes i attached to it, with D_i the node's diagonal block and P_i the
+// map from the core's twist to the node's velocity, plus its joints and, if the haptic device holds it, the virtual
+// coupling. Joints are stiffer than what they connect, so the cores of a group, which joints connect, are inverted
+// together. Joints form trees, in which elimination from the leaves to the root causes no fill-in. Then follows the
+// inverse A^-1, from the root to the leaves: for a core c with parent p, S_c the Schur complement of c after its
+// children, T_c = S_c^-1 A_cp, and cores j numbered before c,
+//   A^-1_cj = -T_c A^-1_pj,  A^-1_cc = S_c^-1 - A^-1_cp T_c^T.
+// For a core on a hinge S_c is inverted along the hinge's axis alone.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const bool JOINTS = false;
-layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
+layout(constant_id = 13) const uint HELD = NONE;        // the core that the haptic device holds, or NONE
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 READ_ONLY(uvec4, block_nodes);
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, rhs);
-READ_ONLY(vec4, inverse);              // of carried nodes: their diagonal blocks as they are
-READ_ONLY(vec4, restricted_rhs);       // P^T b
+READ_ONLY(vec4, inverse);              // of attached nodes: their diagonal blocks, not inverted
+READ_ONLY(vec4, restricted_rhs);       // P^T b, three texels a block of nodes
 layout(scalar) readonly buffer Joints { Joint joints[]; };
-layout(scalar) readonly buffer JointSides { uint joint_sides[]; };
+layout(scalar) readonly buffer JointSides { uint joint_sides[]; };         // 2 * joint + side, by core
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
-layout(scalar) coherent buffer RigidBlocks { float rigid_blocks[]; };      // S or its inverse, and T, of each
+layout(scalar) coherent buffer RigidBlocks { float rigid_blocks[]; };      // S or S^-1, then T, of each core
 layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 
 #include "shared/six.glsl"
@@ -40,12 +44,12 @@ layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 #include "shared/twist.glsl"
 TWIST_OF(restricted_rhs)
 
-// D of a carried node times a vector.
+// Diagonal block of an attached node times a vector.
 vec3 block_times(uint node, vec3 v) {
     return symmetric_times(fetch(inverse, 2 * node).xyz, fetch(inverse, 2 * node + 1).xyz, v);
 }
 
-// P (P^T D P)^-1 P^T where P maps a spin about `axis` to a twist; false where D has no inertia about it.
+// P (P^T B P)^-1 P^T for a 6x6 block B, where P maps a spin about `axis` to a twist; false without inertia about it.
 bool invert_about(vec3 axis, float block[36], out float inverse[36]) {
     float moment = 0.0;
     for (int i = 0; i < 3; i++) {
@@ -58,7 +62,7 @@ bool invert_about(vec3 axis, float block[36], out float inverse[36]) {
     return moment > 0.0;
 }
 
-// Adds what joint's side `from` does to its side `to`, a column a unit of the six of its twist.
+// Adds the 6x6 block of a joint between the twist of its side `from` and the rows of its side `to`, column by column.
 void add_joint_block(uint joint, uint to, uint from, inout float block[36]) {
     for (int j = 0; j < 6; j++) {
         vec3 axis = vec3(j % 3 == 0, j % 3 == 1, j % 3 == 2), force = vec3(0.0), torque = vec3(0.0);
@@ -70,7 +74,7 @@ void add_joint_block(uint joint, uint to, uint from, inout float block[36]) {
     }
 }
 
-// The block of a core, its right-hand side, and, in its image, the magnitudes that this is made of.
+// Writes a core's block, its right-hand side, and, into its `image`, the magnitudes of the terms of the latter.
 void assemble(uint c) {
     Rigid core = rigids[c];
     vec4 turn = frames[core.frame].rotation;
@@ -119,13 +123,13 @@ void assemble(uint c) {
         float[6](force_size.x, force_size.y, force_size.z, torque_size.x, torque_size.y, torque_size.z);
 }
 
-// S_c^-1 and T_c, from the last core of a group to the first; by one invocation.
+// Eliminates core c, after its children: writes S_c^-1 and T_c, and updates the parent's block. One invocation runs it.
 void eliminate(uint c) {
     Rigid core = rigids[c];
     float block[36], inverse_block[36];
     for (int k = 0; k < 36; k++) block[k] = rigid_blocks[CORE_NUMBERS * c + k];
     bool hinged = core.hinge != vec3(0.0);
-    // Singular in f32: not a number, so that the step is not accepted and its flag says so.
+    // Where the block is singular in f32 the inverse becomes NaN, so that the step fails and a flag says so.
     if (!(hinged ? invert_about(core.hinge, block, inverse_block) : invert(block, inverse_block)))
         inverse_block[0] = uintBitsToFloat(0x7fc00000u);
     for (int k = 0; k < 36; k++) rigid_blocks[CORE_NUMBERS * c + k] = inverse_block[k];
@@ -149,7 +153,8 @@ void eliminate(uint c) {
     }
 }
 
-// Rows and columns of the inverse of a group of `count` cores from the first to c, where those before c are there.
+// Writes rows and columns of core c into the inverse of a group of `count` cores from `first` on, where those of the
+// cores before c are written already; the inverse begins at `base`.
 void spread(uint c, uint first, uint count, uint base) {
     uint width = 6 * count, row = 6 * (c - first);
     uint parent_row = JOINTS ? 6 * (rigids[c].parent - first) : 0;

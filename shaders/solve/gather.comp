@@ -6,35 +6,38 @@
 #include "shared/rounding.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: w = A p of each node from what solve/apply left; the inner products that follow; and sums over the modes of the
-// block, P^T w (those of a core are its rows of A p) and P^T r:
-//   GATHER_WARM, warm start: w . D^-1 b, w . D^-1 w     (preconditioned = D^-1 b)
-//   GATHER_LOOP, iteration:  r . u, w . u               (preconditioned = u, residual_or_rhs = r); cores' and the tool's rows included
-//   GATHER_END, at the end: r . D^-1 r with r = b - w; e . M^-1 e with e = eps D x: what rounding of x makes of w, node by node
-//     by chance  (residual_or_rhs = b)
-// A workgroup a block of free nodes, or of carried ones, or one for the tool's rows: variants that run side by side.
-// Oracle: oracle::step.
+// Solve: operator product w = A p of each node, from the element and contact products of solve/apply, solve/patches and
+// solve/press; inner products with it; and sums over the modes of each block of nodes (shared/modes.glsl), P^T w and
+// P^T r. The modes of a core's blocks are its six rows. MODE says what p is and which inner products are taken, with
+// preconditioner M of diagonal blocks D:
+//   GATHER_WARM, before the loop: p the last solution; w . D^-1 b, w . D^-1 w; `preconditioned` is D^-1 b.
+//   GATHER_LOOP, in an iteration: p = u = M^-1 r; r . u, w . u, with the rows of cores and tool; `preconditioned` is u,
+//     `residual_or_rhs` is r.
+//   GATHER_END, after the loop: p the solution x; r . D^-1 r with r = b - w; and e . M^-1 e with e = eps D x, an
+//     estimate of what rounding of x, independent from node to node, makes of w; `residual_or_rhs` is b.
+// One workgroup a block of free nodes, or a block of attached nodes, or for the tool's rows: these are variants, by
+// ROLE, that run side by side. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const uint BLOCKS = 0;
+layout(constant_id = 1) const uint BLOCKS = 0;          // blocks of nodes; the tool's rows come after them
 layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const bool COARSE = false;
-layout(constant_id = 4) const uint MODE = 1;            // GATHER_*
-layout(constant_id = 6) const uint RIGIDS = 0;
+layout(constant_id = 4) const uint MODE = 1;            // GATHER_* of shared/roles.glsl
+layout(constant_id = 6) const uint RIGIDS = 0;          // rigid bodies: dynamic cores and the tool
 layout(constant_id = 7) const bool FRICTION = false;
-layout(constant_id = 8) const uint ROLE = 0;            // shared/roles.glsl
-layout(constant_id = 9) const uint FIRST = 0;           // of the role's blocks
+layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, CARRIED_NODES or TOOL_ROWS of shared/roles.glsl
+layout(constant_id = 9) const uint FIRST = 0;           // first block of the role
 layout(constant_id = 10) const bool JOINTS = false;
-layout(constant_id = 13) const uint HELD = NONE;        // the core that the device holds
+layout(constant_id = 13) const uint HELD = NONE;        // the core that the haptic device holds, or NONE
 
-layout(push_constant) uniform Which { uint set; };      // of iterates: what holds u and r in GATHER_LOOP
+layout(push_constant) uniform Which { uint set; };      // set of iterates that holds u and r in GATHER_LOOP
 
 layout(scalar) readonly buffer Params { StepParams params; };
-READ_ONLY(vec4, block_turns);
+READ_ONLY(vec4, block_turns);                           // rotation of each block, world
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
-READ_ONLY(vec4, block_places);
+READ_ONLY(vec4, block_places);                          // middle of a block in its frame (m), 1 / size (1/m)
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(vec4, node_rest);
 READ_ONLY(uvec4, node_elements);
@@ -47,17 +50,17 @@ READ_ONLY(vec4, contact_forces);
 READ_ONLY(vec4, change);          // p
 READ_ONLY(vec4, preconditioned);
 READ_ONLY(vec4, residual_or_rhs);
-READ_ONLY(vec4, inverse);
+READ_ONLY(vec4, inverse);         // D^-1, two texels a node
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) writeonly buffer Image { vec4 image[]; };      // w
 layout(scalar) writeonly buffer Dots { vec2 dots[]; };
-layout(scalar) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three a slot
+layout(scalar) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three texels a block
 layout(scalar) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Joints { Joint joints[]; };
-layout(scalar) readonly buffer JointSides { uint joint_sides[]; };
+layout(scalar) readonly buffer JointSides { uint joint_sides[]; };      // 2 * joint + side, by core
 
 const uint SUMS = 7;
 #include "shared/roles.glsl"
@@ -73,7 +76,7 @@ const uint SUMS = 7;
 #include "shared/six.glsl"
 #include "shared/joint.glsl"
 
-// This lane's share of the sum over contacts of their force along the tool's rows.
+// Adds this lane's share of the contacts' forces and torques on the tool.
 void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torque_sum) {
     for (uint c = gl_LocalInvocationID.x; c < contact_count; c += SIZE) {
         float sign = contacts[c].tool_sign;
@@ -87,7 +90,7 @@ void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torq
 
 vec3 three(float six[6], int from) { return vec3(six[from], six[from + 1], six[from + 2]); }
 
-// The rows of a core's joints.
+// Adds the operator product of a core's joints, in its rows.
 void add_joints(Rigid rigid, inout vec3 force, inout vec3 torque) {
     for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
         uint joint = joint_sides[k] / 2, side = joint_sides[k] % 2;
@@ -101,8 +104,9 @@ void add_joints(Rigid rigid, inout vec3 force, inout vec3 torque) {
     }
 }
 
-// e . M^-1 e at most, with e what rounding of x makes of the core's joints with those behind it: theirs are small
-// differences, J^T G J of which the preconditioner knows, so J M^-1 J^T <= G^-1.
+// Upper bound of e . M^-1 e, where e is what rounding of x makes of the core's joints to cores numbered after it:
+// joints respond to small differences of twists, through J^T G J, with G their stiffness and J the map from twists to
+// these differences. The preconditioner contains that term, so J M^-1 J^T <= G^-1.
 float lost_in_joints(uint index, Rigid rigid) {
     float sum = 0.0;
     for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
@@ -120,7 +124,7 @@ float lost_in_joints(uint index, Rigid rigid) {
     return sum;
 }
 
-// The nodes of a block: their share of the inner products, and of the sums over modes, in world axes.
+// Products at the nodes of a block; adds their share of the inner products, and of the sums over modes in world axes.
 void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_residual) {
     Block block = block_of(b);
     vec4 place = fetch(block_places, b), turn = fetch(block_turns, b);
@@ -160,7 +164,7 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
     if (ROLE != CARRIED_NODES) return;
     Rigid rigid = rigids[block.rigid];
     if (HELD != NONE && block.rigid == HELD && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
-        // The rows of the coupling.
+        // The virtual coupling's product, in the rows of the held core.
         RigidIterate now = iterates[(MODE == GATHER_LOOP ? set : solve.current) * RIGIDS + HELD];
         float p[6] = MODE == GATHER_LOOP ? now.u : now.x, own[6] = times(params.tool_matrix, p);
         of_image.c0 += three(own, 0);
@@ -191,7 +195,7 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
     }
 }
 
-// The tool's rows, but for its inertia and coupling, which lane 0 adds in an iteration.
+// Products in the tool's rows: contacts and, in an iteration, its inertia and coupling, which lane 0 adds.
 void gather_tool(inout vec3 sums, inout Modes of_image) {
     Modes rows = no_modes();
     if (CONTACT) add_tool_contacts(counts.contacts, rows.c0, rows.c1);

@@ -3,22 +3,24 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Solve: what a patch does to a change of velocity p, c (c . p), beside solve/apply, which it need not wait for. A kernel of
-// its own, since some devices run the untaken branches of a shared one masked: 350 instead of 130 us an iteration on lavapipe,
-// block of 10,368 tetrahedra. One invocation a patch. Oracle: oracle::elastic::Elements::patch_rows.
+// Solve: operator product of F-bar patches (elastic/dilate) with a change of velocity p: c (c . p), where c is a
+// patch's row. It runs beside solve/apply, and is a kernel of its own because some devices run the untaken branches of
+// a shared one with lanes masked: 350 instead of 130 us an iteration on lavapipe, for a block of 10,368 tetrahedra. One
+// invocation a patch. Oracle: oracle::elastic::Elements::patch_rows.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
 layout(constant_id = 2) const uint TETRAHEDRA = 0;
 
-READ_ONLY(uvec4, patch_nodes);
-READ_ONLY(vec4, patch_rows);       // from elastic/dilate
+READ_ONLY(uvec4, patch_nodes);     // three a patch: its nodes, padded with the first
+READ_ONLY(vec4, patch_rows);       // c, from elastic/dilate
 READ_ONLY(vec4, change);
 layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };
 
 #include "shared/patch.glsl"
 
-// Four entries c of a row, and their part of c . (p - p0). No array: one that a loop indexes may end up in memory.
+// Fetches four entries of a patch's row c, and returns their part of c . (p - p0), with p0 the first node's p. They are
+// separate variables, because an array that a loop indexes may end up in memory.
 float patch_part(uint p, uint q, vec3 p0, out vec3 c0, out vec3 c1, out vec3 c2, out vec3 c3) {
     uvec4 nodes = patch_quad(p, q);
     c0 = fetch(patch_rows, patch_row(p, 4 * q)).xyz;
@@ -29,7 +31,7 @@ float patch_part(uint p, uint q, vec3 p0, out vec3 c0, out vec3 c1, out vec3 c2,
         + dot(c2, fetch(change, nodes.z).xyz - p0) + dot(c3, fetch(change, nodes.w).xyz - p0);
 }
 
-// Writes the forces of four nodes; returns their sum.
+// Writes the forces on four nodes of a patch; returns their sum.
 vec3 patch_forces(uint p, uint q, vec3 f0, vec3 f1, vec3 f2, vec3 f3) {
     element_forces[patch_entry(p, 4 * q)] = vec4(f0, 0.0);
     element_forces[patch_entry(p, 4 * q + 1)] = vec4(f1, 0.0);
@@ -38,7 +40,7 @@ vec3 patch_forces(uint p, uint q, vec3 f0, vec3 f1, vec3 f2, vec3 f3) {
     return f0 + f1 + f2 + f3;
 }
 
-// A row sums to zero: with velocities relative to the first node's, a common velocity gives no force at all.
+// The entries of a row sum to zero, so velocities relative to the first node's make a common velocity give no force.
 void main() {
     uint p = gl_GlobalInvocationID.x;
     if (p >= PATCHES) return;
@@ -49,6 +51,6 @@ void main() {
     vec3 others = patch_forces(p, 1, along * c4, along * c5, along * c6, along * c7)
         + patch_forces(p, 2, along * c8, along * c9, along * c10, along * c11);
     vec3 f1 = along * c1, f2 = along * c2, f3 = along * c3;
-    // So that the forces sum to zero as well.
+    // The first node's force is minus the sum of all others, so that the forces sum to zero.
     patch_forces(p, 0, -(f1 + f2 + f3 + others), f1, f2, f3);
 }

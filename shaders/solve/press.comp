@@ -5,29 +5,30 @@
 #include "shared/types.glsl"
 #include "shared/contact_law.glsl"
 
-// Solve: what contacts do to a change of velocity p: (h^2 k + h d) a n n.(J p) + h c (I - n n^T) J p, which solve/gather sums
-// at their nodes and on the tool. Apart from solve/apply, though they wait for the same: a branch between the two costs
-// every tetrahedron where lanes are masked. One invocation a contact. Oracle: oracle::step.
+// Solve: operator product of contacts with a change of velocity p: (h^2 k + h d) a n n.(J p) + h c (I - n n^T) J p,
+// with a contact's Jacobian J, normal n, area a, stiffness k, damping d and friction c (shared/contact_law.glsl) over a
+// step h. solve/gather sums it at the nodes and on the tool. It runs beside solve/apply, and is a kernel of its own
+// because a branch would cost every tetrahedron where lanes are masked. One invocation a contact. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 4) const bool TOOL = true;         // else tool_sign marks a held body, which its nodes move
-layout(constant_id = 6) const uint RIGIDS = 0;
+layout(constant_id = 4) const bool TOOL = true;  // rigid tool exists; else tool_sign marks a soft body the device holds
+layout(constant_id = 6) const uint RIGIDS = 0;   // rigid bodies: dynamic cores and the tool, which is the last
 layout(constant_id = 7) const bool FRICTION = false;
 
 layout(push_constant) uniform Which {
-    bool of_solution;           // of the tool: its x, else its u
-    uint set;                   // of iterates, that holds u
+    bool of_solution;           // the tool's p is its x, else its u
+    uint set;                   // set of iterates that holds u
 };
 
 layout(scalar) readonly buffer Params { StepParams params; };
 READ_ONLY(vec4, change);
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
-READ_ONLY(uvec4, entry_nodes);
+READ_ONLY(uvec4, entry_nodes);      // nodes of contacts, four quads a contact
 READ_ONLY(vec4, entry_weights);
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) writeonly buffer ContactForces { vec4 contact_forces[]; };  // of a contact; w: along n
+layout(scalar) writeonly buffer ContactForces { vec4 contact_forces[]; };  // product of each contact; w: normal part
 
 void main() {
     uint c = gl_GlobalInvocationID.x;

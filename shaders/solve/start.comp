@@ -8,18 +8,19 @@
 #include "shared/contact_law.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: before the first iteration. Sums over workgroups; the tool's 6x6 block, its inverse and right-hand side; the factor
-// on the last step's solution that leaves the least residual, w = (y . M^-1 b) / (y . M^-1 y) with y = A x (so a warm start
-// never begins worse than none); the loop's indirect arguments. A body at rest (b within rounding) stops at once. One
-// workgroup. Oracle: oracle::step.
+// Solve: scalars and rigid bodies before the first conjugate gradient iteration. It sums the inner products of all
+// workgroups; writes the tool's 6x6 block, its inverse and right-hand side; chooses the factor of the warm start,
+// w = (y . M^-1 b) / (y . M^-1 y) with y = A x, by which the last step's solution x leaves the least residual, so a
+// warm start is never worse than none (projection on the earlier solution, Fischer 1998); and sets the loop's indirect
+// arguments. A body at rest, whose b is within rounding, stops at once. One workgroup. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BLOCKS = 0;
 layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const bool COARSE = false;
-layout(constant_id = 4) const bool TOOL = false;
-layout(constant_id = 6) const uint RIGIDS = 0;          // cores, and the tool
+layout(constant_id = 4) const bool TOOL = false;        // whether there is a rigid tool, the last rigid body
+layout(constant_id = 6) const uint RIGIDS = 0;          // rigid bodies: dynamic cores and the tool
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 9) const uint TETRAHEDRA = 0;
 layout(constant_id = 11) const uint FREE_BLOCKS = 0;
@@ -29,12 +30,12 @@ layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
-layout(scalar) readonly buffer Partials { vec2 partials[]; };      // of solve/assemble
-layout(scalar) readonly buffer Dots { vec2 dots[]; };              // of solve/gather, mode 0
-layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };
+layout(scalar) readonly buffer Partials { vec2 partials[]; };      // b . D^-1 b and its rounding, of solve/assemble
+layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products of solve/gather, GATHER_WARM
+layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };      // inner products of solve/coarse
 READ_ONLY(vec4, restricted_image);    // P^T A x
-READ_ONLY(vec4, coarse_rhs);
-READ_ONLY(vec4, coarse_image);
+READ_ONLY(vec4, coarse_rhs);          // A_c^-1 P^T b
+READ_ONLY(vec4, coarse_image);        // A_c^-1 P^T A x
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
 layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 layout(scalar) buffer Iterates { RigidIterate iterates[]; };
@@ -55,15 +56,16 @@ TWIST_OF(coarse_image)
 
 const uint CORES = RIGIDS - (TOOL ? 1 : 0);
 
-// y.M^-1 b over y.M^-1 y; zero at rest, and where the last solution is none or has overflowed.
+// Factor w of the warm start, from `sums`: b . M^-1 b, its rounding, y . M^-1 b, y . M^-1 y. It is zero for a body at
+// rest, and where the last solution is zero or has overflowed.
 float warm_factor(vec4 sums) {
     float factor = sums.z / sums.w;
     return sums.x > sums.y && sums.w > 0.0 && !isnan(factor) && !isinf(factor) ? factor : 0.0;
 }
 
-// The inverse of the tool's block, its right-hand side, and the rounding of that.
+// Writes the inverse of the tool's block, its right-hand side, and the rounding of the latter.
 void assemble_tool() {
-    // Four numbers at a time: rows of the upper triangle, then b.
+    // The upper triangle of the block by rows, then the right-hand side; they are summed four numbers at a time.
     float block[28];
     for (int k = 0; k < 28; k++) block[k] = 0.0;
     for (uint c = gl_LocalInvocationID.x; c < (CONTACT ? counts.contacts : 0); c += SIZE) {
@@ -106,7 +108,7 @@ void assemble_tool() {
             at += 1;
         }
     }
-    // Singular in f32: not a number, so that the step is not accepted and its flag says so.
+    // Where the block is singular in f32 the inverse becomes NaN, so that the step fails and a flag says so.
     if (!invert(matrix, inverse_block)) inverse_block[0] = uintBitsToFloat(0x7fc00000u);
     for (int i = 0; i < 6; i++) {
         rigids[RIGIDS - 1].b[i] = params.tool_rhs[i] + block[at + i] + rigids[RIGIDS - 1].leftover[i];
@@ -117,12 +119,12 @@ void assemble_tool() {
     rigids[RIGIDS - 1].rounding = rounding;
 }
 
-// The first iterate; what is left of M^-1 b and M^-1 y is in its u and s.
+// Writes the first iterate of a rigid body, whose u and s hold M^-1 b and M^-1 y.
 void start_rigid(uint index, float warm) {
     RigidIterate now = iterates[index];
     float last[6] = iterates[solve.current * RIGIDS + index].x;
     for (int k = 0; k < 6; k++) {
-        // Not products with zero: what is left of a failed step may not be a number.
+        // Products are skipped where the factor is zero, because the last solution may hold NaN after a failed step.
         now.x[k] = warm != 0.0 ? warm * last[k] : 0.0;
         now.r[k] = rigids[index].b[k] - (warm != 0.0 ? warm * rigids[index].image[k] : 0.0);
         now.u[k] -= warm != 0.0 ? warm * now.s[k] : 0.0;

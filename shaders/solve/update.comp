@@ -6,41 +6,44 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: one iteration of conjugate gradients with a single reduction (Chronopoulos and Gear 1989): gamma = r.u, delta =
-// w.u, beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'); p = u + beta p, s = w + beta s, x += alpha p,
-// r -= alpha s, u = M^-1 r. Every workgroup sums the inner products and the modes of its body for itself, in the same
-// order, so that nothing has to be told from one to another; what is read of one set of iterates is written to the other.
-// Converged, or broken down: the loop's arguments become zero, and all later iterations cost next to nothing. A workgroup a
-// block of free nodes, or of carried ones, or one for the tool's rows: variants that run side by side. Oracle: oracle::step
-// (a direct solve).
+// Solve: vectors of one iteration of preconditioned conjugate gradients with a single reduction (Chronopoulos and Gear
+// 1989). With iterate x, residual r, u = M^-1 r, w = A u, search direction p, s = A p, gamma = r.u, delta = w.u, and
+// gamma' and alpha' of the last iteration: beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'),
+// p = u + beta p, s = w + beta s, x += alpha p, r -= alpha s, u = M^-1 r.
+//
+// Every workgroup sums the inner products, and the modes of its body, for itself and in the same order, so no workgroup
+// waits for another's result; what is read of one set of iterates is written to the other. When converged, or broken
+// down, the indirect arguments of the loop become zero, and all later iterations cost next to nothing. One workgroup a
+// block of free nodes, or a block of attached nodes, or for the tool's rows: variants (ROLE) that run side by side.
+// Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BLOCKS = 0;
 layout(constant_id = 3) const bool COARSE = false;
-layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups: blocks, and the tool
-layout(constant_id = 6) const uint RIGIDS = 0;
-layout(constant_id = 8) const uint ROLE = 0;            // shared/roles.glsl
-layout(constant_id = 9) const uint FIRST = 0;           // of the role's blocks
-layout(constant_id = 11) const bool LEADS = true;       // of the variants, the one that writes the scalars
+layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups of solve/gather: blocks and the tool
+layout(constant_id = 6) const uint RIGIDS = 0;          // rigid bodies: dynamic cores and the tool, which is the last
+layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, CARRIED_NODES or TOOL_ROWS of shared/roles.glsl
+layout(constant_id = 9) const uint FIRST = 0;           // first block of the role
+layout(constant_id = 11) const bool LEADS = true;       // whether this variant writes the scalars; exactly one does
 layout(constant_id = 12) const uint WIDEST = 1;         // rigid bodies of the largest group
 
-layout(push_constant) uniform Which { uint set; };      // to read; the other is written
+layout(push_constant) uniform Which { uint set; };      // set of iterates that is read; the other is written
 
 layout(scalar) readonly buffer Params { StepParams params; };
-READ_ONLY(vec4, block_turns);
+READ_ONLY(vec4, block_turns);                           // rotation of each block, world
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
-READ_ONLY(vec4, block_places);
+READ_ONLY(vec4, block_places);                          // middle of a block in its frame (m), 1 / size (1/m)
 READ_ONLY(vec4, node_rest);
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(uvec4, coarse_inverse);
 READ_ONLY(vec4, coarse_scales);
-layout(scalar) readonly buffer Dots { vec2 dots[]; };
-READ_ONLY(vec4, restricted_image);         // P^T w
+layout(scalar) readonly buffer Dots { vec2 dots[]; };      // r . u and w . u of each workgroup of solve/gather
+READ_ONLY(vec4, restricted_image);         // P^T w, three texels a block
 READ_ONLY(vec4, restricted_residual);     // P^T r
 READ_ONLY(vec4, image);                   // w
-READ_ONLY(vec4, inverse);
+READ_ONLY(vec4, inverse);                 // D^-1, two texels a node
 READ_ONLY(vec4, residual);
 READ_ONLY(vec4, preconditioned);
 READ_ONLY(vec4, direction);
@@ -49,7 +52,7 @@ layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) buffer SolveInOut { Solve solve; };
 layout(scalar) buffer Iterations { Iteration iterations[2]; };
 layout(scalar) buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) buffer RestrictedDirection { vec4 restricted_direction[]; };       // P^T s
+layout(scalar) buffer RestrictedDirection { vec4 restricted_direction[]; };       // P^T s, in two sets
 layout(scalar) buffer Solution { vec4 solution[]; };
 layout(scalar) writeonly buffer NextResidual { vec4 next_residual[]; };
 layout(scalar) writeonly buffer NextPreconditioned { vec4 next_preconditioned[]; };
@@ -80,13 +83,14 @@ struct Scalars {
     float alpha, beta;
 };
 
+// Ends the loop: clears its indirect arguments. Only the first invocation of the leading variant does so.
 void stop(uint status) {
     if (!LEADS || gl_WorkGroupID.x != 0 || gl_LocalInvocationID.x != 0) return;
     solve.status = status;
     for (uint k = ARGS_LOOP_APPLY; k <= ARGS_LOOP_TOOL; k++) args[3 * k] = 0;
 }
 
-// Of this iteration; false where there is none to do.
+// Step lengths of this iteration; false where the loop has ended.
 bool next_scalars(out Scalars scalars) {
     vec4 totals[SUMS] = vec4[SUMS](vec4(0.0), vec4(0.0), vec4(0.0));
     for (uint k = gl_LocalInvocationID.x; k < PARTIALS; k += SIZE) totals[0].xy += dots[k];
@@ -94,14 +98,14 @@ bool next_scalars(out Scalars scalars) {
     float gamma = totals[0].x, delta = totals[0].y;
     Iteration last = iterations[set];
     float enough = max(params.tolerance * params.tolerance * solve.rhs_norm2, solve.floor_norm2);
-    // Far below zero the preconditioner is not positive: nothing that it says can be trusted.
+    // The magnitude of gamma counts: far below zero the preconditioner is not positive definite and cannot be trusted.
     if (abs(gamma) <= enough) {
         stop(STATUS_CONVERGED);
         return false;
     }
     scalars.beta = last.count == 0 ? 0.0 : gamma / last.gamma;
     float curvature = last.count == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
-    // Where the residual leaps up, rounding may leave nothing of the difference: then directions start anew from u.
+    // Where the residual leaps up, the difference may be lost to rounding: then search directions start anew from u.
     if (scalars.beta > 1.0 && curvature <= 0.0 && !isinf(curvature) && delta > 0.0) {
         scalars.beta = 0.0;
         curvature = delta;
@@ -119,7 +123,7 @@ bool next_scalars(out Scalars scalars) {
     return true;
 }
 
-// Four scaled modes of the new r; zero beyond the body's.
+// Four scaled modes of P^T r with the new r, at texel k of the body; zero beyond its end.
 vec4 next_modes(CoarseBlock block, uint k, uint read, Scalars scalars) {
     if (k >= block.texels) return vec4(0.0);
     uint at = block.first + k;
@@ -127,7 +131,7 @@ vec4 next_modes(CoarseBlock block, uint k, uint read, Scalars scalars) {
     return coarse_scale(at) * (fetch(restricted_residual, at) - scalars.alpha * s);
 }
 
-// A_c^-1 P^T r of the block's modes with the new r, in their frame; the block's share of P^T s.
+// Coarse correction of a block, A_c^-1 P^T r with the new r, in its axes. Also writes its part of P^T s.
 vec4[3] coarse_correction(uint b, Scalars scalars) {
     CoarseBlock block = coarse_block(b);
     uint read = set * 3 * BLOCKS, write = (1 - set) * 3 * BLOCKS;
@@ -146,7 +150,7 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
     return totals;
 }
 
-// The six unknowns of a core or of the tool but for u, and their residual; by one invocation.
+// Updates x, r, p and s of a core or of the tool, and returns its new residual. One invocation runs it.
 void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float residual[6]) {
     bool is_tool = ROLE == TOOL_ROWS;
     float rows[6] = twist_of_restricted_image(is_tool ? BLOCKS : rigids[index].slot_first, is_tool ? 1 : rigids[index].block_count, turn);
@@ -167,7 +171,7 @@ void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float
     iterates[next].s = now.s;
 }
 
-// The next residual of another core.
+// New residual of another core of the group.
 float[6] residual_of(uint index, Scalars scalars) {
     vec4 turn = fetch(block_turns, rigids[index].block_first);
     float rows[6] = twist_of_restricted_image(rigids[index].slot_first, rigids[index].block_count, turn);
@@ -188,11 +192,11 @@ void update_tool(Scalars scalars) {
     }
 }
 
-// `modes`: what the coarse level adds to u.
+// Updates a core and the nodes of one of its blocks; `modes` is the coarse correction of u.
 void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars) {
     Rigid own = rigids[block.rigid];
     bool writes = b == own.block_first;
-    // Every core of the group, for the product with their inverse.
+    // New residuals of every core of the group, for the product with the group's inverse.
     for (uint k = gl_LocalInvocationID.x; k < own.group_count; k += SIZE) {
         float residual[6];
         uint index = own.group_first + k;
@@ -218,6 +222,7 @@ void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars
     }
 }
 
+// Updates the free nodes of a block; `modes` is the coarse correction of u.
 void update_free(Block block, vec4 place, Modes modes, Scalars scalars) {
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uint i = block_node(block, at).x;
@@ -235,8 +240,8 @@ void update_free(Block block, vec4 place, Modes modes, Scalars scalars) {
 
 void main() {
     Scalars scalars;
-    // Variants that do not lead run in every iteration. The leader writes this in the one that stops, whose workgroups all
-    // return, whichever value they read.
+    // Variants that do not lead are dispatched in every iteration. In the one that ends the loop the leading variant
+    // writes this status while they read it; all their workgroups return, whichever value they see.
     if (solve.status != STATUS_RUNNING || !next_scalars(scalars)) return;
     if (ROLE == TOOL_ROWS) {
         update_tool(scalars);

@@ -1,6 +1,5 @@
 #version 460
-// Recorder self-test: cells[i] = 3 cells[i] + amount, for every cell; stands in no step.
-// One invocation per cell; each writes its own.
+// Test kernel of the recorder, not part of the step: cells[i] = 3 cells[i] + amount. One invocation a cell.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x_id = 0) in;
 layout(scalar) buffer Cells { uint cells[]; };

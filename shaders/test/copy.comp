@@ -1,7 +1,7 @@
 #version 460
-// The harness's own kernel: target[i] = scale * source[i] + offsets[i].x, for i < count. It stands in no step.
-// One invocation per element; each writes its own. `misdeed` makes it do on purpose what the harness must notice:
-// 1 writes past the end of target, 2 changes the first marked element, 3 leaves the last element unwritten.
+// Test kernel of the vk-tests' harness, not part of the step: target[i] = scale * source[i] + offsets[i].x for i <
+// count. One invocation an element; each writes its own. `misdeed` makes it do on purpose what the harness must notice:
+// 1 writes past the end of target, 2 changes the first element of marked, 3 leaves the last element unwritten.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"

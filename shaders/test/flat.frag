@@ -1,6 +1,6 @@
 #version 460
 
-// Canvas self-test: the colour of the corners; stands in no step. One invocation a pixel.
+// Test shader of the canvas, not part of the step: the interpolated colour of the corners. One invocation a pixel.
 
 layout(location = 0) in vec4 own;
 layout(location = 0) out vec4 colour;

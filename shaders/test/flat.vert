@@ -1,15 +1,15 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// Canvas self-test: corners where they are told to be, with their colours; stands in no step. One invocation a corner.
+// Test shader of the canvas, not part of the step: corners at given places with given colours. One invocation a corner.
 
 struct Corner {
     vec4 place;     // in clip space
-    vec4 colour;    // multiplied by its alpha
+    vec4 colour;    // premultiplied by alpha
 };
 
 layout(scalar) readonly buffer Corners { Corner corners[]; };
-layout(push_constant, scalar) uniform Push { float aside; };      // per instance, to the right
+layout(push_constant, scalar) uniform Push { float aside; };      // shift of each instance to the right, in clip space
 layout(location = 0) out vec4 colour;
 
 void main() {

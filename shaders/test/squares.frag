@@ -1,7 +1,8 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// Raster self-test: adds the rectangle's colour to the square; stands in no step. One invocation a square.
+// Test shader of rasterization without attachments, not part of the step: adds a number to a cell. One invocation a
+// cell.
 
 layout(constant_id = 1) const uint SQUARES = 1;
 layout(scalar) buffer Squares { uint squares[]; };

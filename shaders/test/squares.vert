@@ -2,10 +2,11 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 
-// Raster self-test: rectangles of squares; stands in no step. An instance a rectangle of an offset, six vertices.
+// Test shader of rasterization without attachments, not part of the step: draws rectangles of cells, an instance of six
+// vertices each.
 
 layout(constant_id = 1) const uint SQUARES = 1;
-layout(scalar) readonly buffer Rectangles { ivec4 rectangles[]; };     // first and last square
+layout(scalar) readonly buffer Rectangles { ivec4 rectangles[]; };     // first and last cell
 layout(push_constant, scalar) uniform Push { uint first_rectangle; };
 layout(location = 0) flat out uint colour;
 

@@ -1,6 +1,6 @@
 #version 460
-// Self-test of kernels that meet at barriers: sums[g] = sum of values[g * length .. (g + 1) * length]; stands in no
-// step. One workgroup per sum; its first invocation writes it. The order of additions follows the local size.
+// Test kernel with barriers, not part of the step: sums[g] is the sum of .y of values[g * length .. (g + 1) * length].
+// One workgroup a sum; its first invocation writes it. The order of additions depends on the workgroup size.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"

@@ -4,10 +4,10 @@
 #include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
-// View: shadows on the ground, which is as the background is. One invocation a pixel.
+// View: shadows on the ground, which is otherwise of the background's colour. One invocation a pixel.
 
 layout(scalar) uniform Views { View view; };
-READ_ONLY(vec4, shadow);
+READ_ONLY(vec4, shadow);      // shadow map: depths from the sun, four a texel
 
 layout(location = 0) in vec3 x;
 layout(location = 0) out vec4 colour;
@@ -16,7 +16,7 @@ layout(location = 0) out vec4 colour;
 
 void main() {
     vec3 n = view.ground.xyz;
-    // The shadow fades where it goes far.
+    // The shadow fades with distance from the middle of the scene.
     vec3 out_from = x - view.middle;
     float distance = length(out_from - dot(out_from, n) * n) / view.reach;
     float share = 0.36 * (1.0 - smoothstep(0.8, 2.6, distance)) * (1.0 - lit(x, n));

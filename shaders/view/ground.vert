@@ -3,8 +3,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/look.glsl"
 
-// View: the part of the ground whose light the shadow knows; beyond, ground and background are alike. Six invocations, two
-// triangles.
+// View: the part of the ground that the shadow map covers; beyond it ground and background look alike. Six invocations
+// (two triangles).
 
 layout(scalar) uniform Views { View view; };
 
@@ -14,7 +14,7 @@ void main() {
     const vec2 CORNERS[6] = vec2[](vec2(-1, -1), vec2(1, -1), vec2(1, 1), vec2(-1, -1), vec2(1, 1), vec2(-1, 1));
     vec2 corner = CORNERS[gl_VertexIndex];
     vec3 from = view.middle + view.reach * (corner.x * view.across[0] + corner.y * view.across[1]);
-    // Along the sun's rays to the ground.
+    // The corner is projected to the ground along the sun's rays.
     vec3 n = view.ground.xyz;
     x = from + (view.ground.w - dot(n, from)) / dot(n, view.sun) * view.sun;
     gl_Position = view.clip * vec4(x, 1.0);

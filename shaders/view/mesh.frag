@@ -4,13 +4,13 @@
 #include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
-// View: a surface. One invocation a pixel.
+// View: colour of a mesh. One invocation a pixel.
 
-layout(constant_id = 1) const bool AT_VERTICES = false;
+layout(constant_id = 1) const bool AT_VERTICES = false;      // whether mesh.vert has computed the colour
 
 layout(scalar) uniform Views { View view; };
-READ_ONLY(vec4, shadow);
-READ_ONLY(vec4, colours);
+READ_ONLY(vec4, shadow);                                     // shadow map: depths from the sun, four a texel
+READ_ONLY(vec4, colours);                                    // linear colours of the scale, then of whole numbers
 layout(scalar) readonly buffer Materials { Material materials[]; };
 layout(push_constant) uniform Push { uint material_index; };
 

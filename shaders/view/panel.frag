@@ -1,13 +1,14 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// View: the panel's triangles, tinted texels of the atlas. Letters lie on whole pixels, so the nearest texel is theirs. Colours
-// are as shown, and multiplied by their alpha. One invocation a pixel.
+// View: pixels of the panel (text and plots over the rendered image): texels of an atlas of letters, times a colour.
+// Letters lie on whole pixels, so the nearest texel is right. Colours are sRGB, premultiplied by alpha. One invocation
+// a pixel.
 
-layout(scalar) readonly buffer Atlas { uint texels[]; };
+layout(scalar) readonly buffer Atlas { uint texels[]; };      // four bytes each
 
 layout(push_constant, scalar) uniform Push {
-    vec2 points;    // size of the picture
+    vec2 points;    // size of the rendered image, points
     uvec2 atlas;    // size of the atlas, texels
 };
 

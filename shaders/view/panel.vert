@@ -1,13 +1,13 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// View: a corner of the panel's triangles. Place in points from the upper left; place in the atlas from 0 to 1; colour, a byte
-// each. One invocation a corner.
+// View: a corner of the panel's triangles. Five numbers each: position in points from the upper left corner; position
+// in the atlas, from 0 to 1; colour, a byte a component. One invocation a corner.
 
-layout(scalar) readonly buffer Corners { float corners[]; };
+layout(scalar) readonly buffer Corners { float corners[]; };      // five a corner
 
 layout(push_constant, scalar) uniform Push {
-    vec2 points;    // size of the picture
+    vec2 points;    // size of the rendered image, points
     uvec2 atlas;    // size of the atlas, texels
 };
 

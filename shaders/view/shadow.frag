@@ -1,5 +1,5 @@
 #version 460
 
-// View: the depth alone is kept.
+// View: fragments of the shadow map, of which only the depth is kept.
 
 void main() {}

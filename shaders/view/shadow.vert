@@ -4,10 +4,10 @@
 #include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
-// View: what the sun sees. One invocation a vertex of the meshes that cast shadows.
+// View: the shadow map, a depth image from the sun. One invocation a vertex of the meshes that cast shadows.
 
 layout(scalar) uniform Views { View view; };
-READ_ONLY(vec4, positions);    // m, from the origin
+READ_ONLY(vec4, positions);    // m, relative to the origin
 
 void main() {
     vec3 place = (view.light * vec4(fetch(positions, gl_VertexIndex).xyz, 1.0)).xyz;

@@ -5,23 +5,29 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Wrench: the shortest way from a rigid tool to the skins that it may touch, at the end of the step and for a loop alone, which
-// puts a wall there. Skin is where the new displacements and the frames at the end have it. A sphere's way is that from its
-// centre to a triangle; any other tool's is the shortest between a vertex of one skin and a triangle of the other, both ways
-// round, as contact is found. Of what faces away the shortest length is kept: where that is less, the tool is within a body.
-// A part is some chunks of one proxy; those are taken in the order of lower bounds of their ways (the rest box moved by the
-// middle of its nodes' displacements and grown by (sum |w|) times half their spread), until no bound is below the shortest
-// way found. Ties go to the lower triangle, then the lower vertex. One workgroup a part; it writes one SkinGap, and leaves the
-// positions of vertices that it looked at, along the tool's axes from its centre, in `skin`. Oracle: oracle::gap.
+// Wrench: the shortest way from a rigid tool to the skins that it may touch, at the end of the step. It runs only for a
+// haptic loop, which renders a wall there until the next step. Skin is where the new displacements and the frames at
+// the end have it. One workgroup a part of skin (some chunks, groups of at most 64 skin vertices, of one proxy); it
+// writes one SkinGap. Oracle: oracle::gap.
+//
+// For a spherical tool the way runs from its centre to a triangle; for any other tool it is the shortest between a
+// vertex of one skin and a triangle of the other, in both combinations, as contact is found. Of triangles that face
+// away only the least distance is kept: where that is less than the way, the tool is within a body. Ties go to the
+// lower triangle, then vertex.
+//
+// The chunks of a part are taken in the order of lower bounds of their distance, until no bound is below the shortest
+// way found. The bound is the distance to the chunk's rest box, moved by the middle of its nodes' displacements and
+// grown by (sum |w|), over embedding weights w, times half their spread. The positions of vertices that it visits are
+// left in `skin`, from the tool's centre along the tool's axes.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const uint RIGIDS = 1;          // the tool is the last of them
+layout(constant_id = 1) const uint RIGIDS = 1;          // rigid bodies among the unknowns; the tool is the last
 layout(constant_id = 2) const bool SPANS = false;       // whether a skin vertex may have nodes in several frames
 layout(constant_id = 3) const uint SHARE = 64;          // chunks of a part at most
-layout(constant_id = 4) const bool ROUND = false;       // the tool is a sphere
-layout(constant_id = 5) const float RADIUS = 0.0;       // about the tool's centre, holds all of it, m
-layout(constant_id = 6) const float REACH = 0.0;        // longest way that is looked for, m
+layout(constant_id = 4) const bool ROUND = false;       // whether the tool is a sphere
+layout(constant_id = 5) const float RADIUS = 0.0;       // radius about the tool's centre that holds all of it, m
+layout(constant_id = 6) const float REACH = 0.0;        // length of the longest way that is looked for, m
 layout(constant_id = 7) const uint TOOL_FRAME = 0;
 layout(constant_id = 8) const uint TOOL_CHUNK_FIRST = 0;
 layout(constant_id = 9) const uint TOOL_CHUNKS = 0;
@@ -33,12 +39,12 @@ layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) readonly buffer Parts { SkinPart parts[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, proxy_nodes);     // two a texel: node, link from the proxy's frame to its own
-READ_ONLY(uvec4, chunk_nodes);     // likewise
-READ_ONLY(uvec4, chunk_vertices);  // four a texel
-READ_ONLY(uvec4, chunk_triangles);    // four a texel
+READ_ONLY(uvec4, proxy_nodes);        // two a texel: node, link from the proxy's frame to the node's
+READ_ONLY(uvec4, chunk_nodes);        // two a texel: node, link from the proxy's frame to the node's
+READ_ONLY(uvec4, chunk_vertices);     // skin vertices of chunks, four a texel
+READ_ONLY(uvec4, chunk_triangles);    // triangles of chunks, four a texel
 READ_ONLY(uvec4, triangles);
-READ_ONLY(uvec4, skin_nodes);     // four nodes; NONE first: rigid
+READ_ONLY(uvec4, skin_nodes);     // four nodes; NONE first: a rigid skin
 READ_ONLY(vec4, skin_weights);    // four weights; of a rigid skin: position in the frame
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
@@ -49,20 +55,19 @@ layout(scalar) writeonly buffer Gaps { SkinGap gaps[]; };
 
 #include "shared/settle.glsl"
 
-// Bounds are drawn in by this, m: more than they round, so that a tie is never left out.
+// Lower bounds are reduced by this, m; it is more than their rounding, so that ties are not missed.
 const float SLACK = 1.0e-6;
 
-// Where a frame is.
 struct Place {
     vec4 rotation;
     vec3 centre;
 };
 
-// A way from the tool to skin.
+// A way from the tool to a skin.
 struct Way {
-    vec3 along;         // from a sphere's centre, or from the other tool's own point
-    float size;
-    uint triangle, vertex;
+    vec3 along;         // vector from a sphere's centre, or from a point of another tool's surface, m
+    float size;         // its length, m
+    uint triangle, vertex;      // its ends
 };
 
 shared float bounds[SHARE];
@@ -73,7 +78,7 @@ shared Way ways[SIZE];
 
 float[6] change_of(uint rigid) { return iterates[solve.current * RIGIDS + rigid].x; }
 
-// A frame at the end of the step; see solve/commit.
+// Placement of a frame at the end of the step; see solve/commit.
 Place end_of(Frame frame) {
     if (frame.core == NONE) {
         vec4 back = vec4(-frame.turn.xyz, frame.turn.w);
@@ -98,7 +103,7 @@ vec3 world(uint node) {
     return place.centre + rotate(place.rotation, node_position(node));
 }
 
-// A skin vertex, from the tool's centre along the tool's axes.
+// Position of a skin vertex at the end of the step, from the tool's centre along the tool's axes, m.
 vec3 position(Place place, Place tool, uint vertex) {
     uvec4 nodes = fetch(skin_nodes, vertex);
     vec4 weights = fetch(skin_weights, vertex);
@@ -117,7 +122,7 @@ vec3 position(Place place, Place tool, uint vertex) {
     return rotate_back(tool.rotation, x - tool.centre);
 }
 
-// What a node has moved by since rest, in the frame of the proxy that lists it; links are those of the start.
+// Displacement of a node at the end of the step in the frame of the proxy that lists it; links are those of the start.
 vec3 moved(uvec2 node, Frame start, Place place) {
     vec3 d = fetch(displacement, node.x).xyz;
     if (!SPANS || node.y == 0) return d;
@@ -126,10 +131,10 @@ vec3 moved(uvec2 node, Frame start, Place place) {
     return rotate_back(place.rotation, world(node.x) - place.centre) - apart - fetch(node_rest, node.x).xyz;
 }
 
-// From a box about the origin.
+// Distance of a point from a box about the origin.
 float box_distance(vec3 x, vec3 half_extent) { return length(max(abs(x) - half_extent, vec3(0.0))); }
 
-// How far the nodes that move the proxy have moved at most, squared.
+// This lane's share of the largest displacement of the nodes that move a proxy's skin, squared.
 float largest_move2(Proxy proxy, Frame start, Place place) {
     float largest = 0.0;
     for (uint i = proxy.node_first / 2 + gl_LocalInvocationID.x; 2 * i < proxy.node_first + proxy.node_count; i += SIZE) {
@@ -153,7 +158,7 @@ float workgroup_min(float value) {
     return least;
 }
 
-// Middle of a chunk's displacements and half their spread, grown by what weights make of it.
+// Middle of the displacements of a chunk's nodes, and bound on the skin's distance from it, in the proxy's frame.
 void spread_of(Chunk chunk, Frame start, Place place, out vec3 middle, out vec3 spread) {
     middle = vec3(0.0);
     spread = vec3(0.0);
@@ -166,11 +171,11 @@ void spread_of(Chunk chunk, Frame start, Place place, out vec3 middle, out vec3 
         greatest = max(greatest, max(d, e));
     }
     middle = 0.5 * (least + greatest);
-    // A thousandth more covers rounding.
+    // The factor 1.001 covers rounding.
     spread = 1.001 * chunk.weight_bound * 0.5 * (greatest - least);
 }
 
-// No more than the distance of a point from a chunk's skin.
+// Lower bound of the distance of a point from a chunk's skin.
 float chunk_distance(Chunk chunk, vec3 middle, vec3 spread, Place place, vec3 x) {
     vec3 at = rotate_back(place.rotation, x - place.centre) - chunk.centre - middle;
     vec3 third = cross(chunk.axes[0], chunk.axes[1]);
@@ -179,11 +184,11 @@ float chunk_distance(Chunk chunk, vec3 middle, vec3 spread, Place place, vec3 x)
     return box_distance(along, chunk.half_extent + grown) - SLACK;
 }
 
-// A chunk of the tool lies in a ball about this point, of this radius.
+// Centre and radius of a sphere that holds a chunk of the tool.
 vec3 ball_centre(uint k, Place tool) { return tool.centre + rotate(tool.rotation, chunks[TOOL_CHUNK_FIRST + k].centre); }
 float ball_radius(uint k) { return length(chunks[TOOL_CHUNK_FIRST + k].half_extent); }
 
-// No more than the way to a chunk's skin.
+// Lower bound of the distance of the tool from a chunk's skin.
 float chunk_bound(Chunk chunk, vec3 middle, vec3 spread, Place place, Place tool) {
     if (ROUND) return chunk_distance(chunk, middle, spread, place, tool.centre);
     float least = GAP_FAR;
@@ -193,13 +198,13 @@ float chunk_bound(Chunk chunk, vec3 middle, vec3 spread, Place place, Place tool
     return least;
 }
 
-// The point of an edge that is nearest to the origin.
+// Point of an edge that is nearest to the origin.
 vec3 nearest_of_edge(vec3 a, vec3 b) {
     vec3 ab = b - a;
     return a + clamp(-dot(a, ab) / max(dot(ab, ab), 1.0e-30), 0.0, 1.0) * ab;
 }
 
-// The point of a triangle that is nearest to the origin; n: along its normal.
+// Point of a triangle that is nearest to the origin; n is along its normal.
 vec3 nearest_of_triangle(vec3 a, vec3 b, vec3 c, vec3 n) {
     float square = dot(n, n);
     if (square > 0.0 && dot(cross(a, b), n) >= 0.0 && dot(cross(b, c), n) >= 0.0 && dot(cross(c, a), n) >= 0.0) {
@@ -210,13 +215,14 @@ vec3 nearest_of_triangle(vec3 a, vec3 b, vec3 c, vec3 n) {
     return dot(z, z) < dot(x, x) ? z : x;
 }
 
+// Whether way a is shorter, or as long with the lower triangle or vertex.
 bool is_shorter(Way a, Way b) {
     if (a.size != b.size) return a.size < b.size;
     return a.triangle < b.triangle || (a.triangle == b.triangle && a.vertex < b.vertex);
 }
 
-// Keeps the way from the origin to a triangle, if that faces it and it is the shortest, or else its length. `sign`: -1 where
-// the origin is on the skin and the triangle on the tool.
+// Considers the way from the origin to a triangle: if the triangle faces the origin, keeps the way if it is the
+// shortest, else its length. `sign` is -1 where the origin is on the skin and the triangle on the tool.
 void consider(vec3 a, vec3 b, vec3 c, float sign, uint triangle, uint vertex, inout Way front, inout float back) {
     vec3 n = cross(b - a, c - a), x = nearest_of_triangle(a, b, c, n);
     Way way = Way(sign * x, length(x), triangle, vertex);
@@ -233,7 +239,7 @@ uvec3 corners_at(uint i, out uint triangle) {
     return fetch(triangles, triangle).xyz;
 }
 
-// From a vertex of the tool to a triangle of the skin.
+// Considers the way from a vertex of the tool to a triangle of the skin.
 void consider_vertex(uint i, uint end, vec3 a, vec3 b, vec3 c, uint triangle, inout Way front, inout float back) {
     if (i >= end) return;
     uint vertex = vertex_at(i);
@@ -241,7 +247,7 @@ void consider_vertex(uint i, uint end, vec3 a, vec3 b, vec3 c, uint triangle, in
     consider(a - x, b - x, c - x, 1.0, triangle, vertex, front, back);
 }
 
-// From a triangle of the tool to a vertex of the skin.
+// Considers the way from a triangle of the tool to a vertex of the skin.
 void consider_triangle(uint i, uint end, vec3 x, uint vertex, inout Way front, inout float back) {
     if (i >= end) return;
     uint triangle;
@@ -251,7 +257,8 @@ void consider_triangle(uint i, uint end, vec3 x, uint vertex, inout Way front, i
     consider(a, b, c, -1.0, triangle, vertex, front, back);
 }
 
-// Ways between a chunk of the skin and one of the tool. Four of the tool's a round of the loops: llvmpipe allows 65,535.
+// Considers the ways between a chunk of the skin and one of the tool. A round of a loop takes four elements of the
+// tool, because llvmpipe ends loops after 65,535 rounds.
 void look_between(Chunk chunk, Chunk other, float limit, inout Way front, inout float back) {
     float radius = length(other.half_extent) + SLACK;
     uint end = other.vertex_first + other.vertex_count;
@@ -283,7 +290,8 @@ void look_between(Chunk chunk, Chunk other, float limit, inout Way front, inout 
     }
 }
 
-// The ways to a chunk; `limit`: no longer ones are wanted; becomes what the workgroup has found.
+// Considers the ways to a chunk. `limit` is the length above which ways are not wanted; it becomes that of the shortest
+// found.
 void look_at(Chunk chunk, uint k, Place place, Place tool, inout float limit, inout Way front, inout float back) {
     for (uint l = gl_LocalInvocationID.x; l < chunk.embed_count; l += SIZE) {
         uint vertex = vertex_at(chunk.vertex_first + l);
@@ -307,7 +315,7 @@ void look_at(Chunk chunk, uint k, Place place, Place tool, inout float limit, in
     }
 }
 
-// The shortest of all lanes', for lane 0.
+// Shortest way of all lanes; only lane 0 gets it.
 Way shortest(Way own) {
     uint lane = gl_LocalInvocationID.x;
     ways[lane] = own;
@@ -328,7 +336,7 @@ void main() {
     float back = GAP_FAR;
     float limit = REACH;
 
-    // All of it may be too far away.
+    // All of the part may be too far away.
     float largest = sqrt(-workgroup_min(-largest_move2(proxy, start, place)));
     vec3 at = rotate_back(place.rotation, tool.centre - place.centre) - 0.5 * (part.low + part.high);
     float apart = box_distance(at, 0.5 * (part.high - part.low)) - 1.001 * proxy.weight_bound * largest - SLACK;
@@ -343,7 +351,7 @@ void main() {
         spreads[k] = spread;
     }
     for (uint turn = 0; turn < count; turn++) {
-        // What the last turn wrote is there for all, who choose alike.
+        // The barrier makes what the last round wrote visible to all lanes, which then choose the same chunk.
         barrier();
         float least = GAP_FAR;
         uint next = 0;

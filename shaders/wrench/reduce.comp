@@ -4,10 +4,12 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Wrench: net force and torque on the tool, about its centre, of what the solver applied: a max(0, k delta + d delta') and
-// friction at the end of the step; the contact stiffness and damping that the tool sees, sum a k J^T n n^T J and
-// sum J^T (a d n n^T + c (I - n n^T)) J with J of the tool, the body held still; zero where no loop holds the tool, and so
-// nobody asks. One workgroup. Oracle: oracle::wrench.
+// Wrench: net contact force and torque on the tool, about its centre, as the solver applied them: pressure
+// a max(0, k delta + d delta') and friction at the end of the step; and, for a haptic loop, the contact stiffness and
+// damping that the tool feels, sum a k J^T n n^T J and sum J^T (a d n n^T + c (I - n n^T)) J. J is a contact's Jacobian
+// by the tool's twist; the compliance of the bodies is left out. Symbols of a contact as in shared/contact_law.glsl:
+// area a, stiffness k, damping d, depth delta, rate delta', friction c; n is its normal. Without a loop stiffness and
+// damping are zero. One workgroup. Oracle: oracle::wrench.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -16,7 +18,7 @@ layout(constant_id = 7) const bool FRICTION = false;
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
-READ_ONLY(vec4, contact_forces);
+READ_ONLY(vec4, contact_forces);      // output of solve/press for the solution
 layout(scalar) writeonly buffer ReportOut { Report report; };
 
 #include "shared/sum.glsl"
@@ -26,7 +28,7 @@ layout(scalar) writeonly buffer ReportOut { Report report; };
 void main() {
     uint lane = gl_LocalInvocationID.x;
     bool is_held = params.is_held != 0;
-    // Force, torque, upper triangles of stiffness and damping, sizes of forces; the rest fills the last quad.
+    // Force, torque, upper triangles of stiffness and damping, sum of normal forces' magnitudes; the rest is padding.
     float sums[52];
     for (int k = 0; k < 52; k++) sums[k] = 0.0;
     for (uint c = lane; c < counts.contacts; c += SIZE) {

@@ -1,4 +1,4 @@
-//! From GLSL to SPIR-V, with the options that all shaders have: for the build script, and for tests that spoil a kernel.
+//! Compiles GLSL to SPIR-V with the options that all shaders share: for the build script and for tests.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use shaderc::{
     TargetEnv,
 };
 
-/// The shader stage a file's ending stands for.
+/// The shader stage that a file's extension stands for.
 pub fn kind(path: &Path) -> Option<ShaderKind> {
     match path.extension()?.to_str()? {
         "comp" => Some(ShaderKind::Compute),
@@ -18,8 +18,8 @@ pub fn kind(path: &Path) -> Option<ShaderKind> {
     }
 }
 
-/// Everything that the binary of the shader `source` is made of: how it is compiled, its own text, and all that it includes, in
-/// order. Where this has not changed, neither has the binary.
+/// Everything that the binary of the shader `source` depends on: how it is compiled (this file), its own text, and all
+/// files that it includes, in order. Where this has not changed, neither has the binary.
 pub fn ingredients(root: &Path, source: &Path) -> Result<String, String> {
     let (mut files, mut text) = (vec![source.to_path_buf()], include_str!("lib.rs").to_string());
     let mut next = 0;
@@ -37,7 +37,7 @@ pub fn ingredients(root: &Path, source: &Path) -> Result<String, String> {
     Ok(text)
 }
 
-/// How a shader reaches its read-only arrays of vectors: see `shaders/shared/arrays.glsl`.
+/// How a shader accesses its read-only arrays of vectors: see `shaders/shared/arrays.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arrays {
     /// Through texel buffers.
@@ -46,7 +46,7 @@ pub enum Arrays {
     Storage,
 }
 
-/// The text of the shader `source` under the folder of shaders `root` to SPIR-V 1.6; warnings are errors.
+/// Compiles the text of the shader `source`, in the folder of shaders `root`, to SPIR-V 1.6; warnings are errors.
 pub fn compile(root: &Path, source: &Path, text: &str, arrays: Arrays) -> Result<Vec<u8>, String> {
     let compiler = Compiler::new().map_err(|e| format!("shaderc does not start: {e}; run setup.sh"))?;
     let mut options = CompileOptions::new().map_err(|e| format!("shaderc has no options: {e}"))?;
@@ -55,7 +55,7 @@ pub fn compile(root: &Path, source: &Path, text: &str, arrays: Arrays) -> Result
     options.set_optimization_level(OptimizationLevel::Performance);
     options.set_generate_debug_info();
     options.set_warnings_as_errors();
-    // Buffers have no numbers in the shaders' text: whoever binds them does it by name.
+    // The shaders' text gives buffers no binding numbers: they are bound by name.
     options.set_auto_bind_uniforms(true);
     if arrays == Arrays::Texel {
         options.add_macro_definition("TEXEL_ARRAYS", None);

@@ -1,4 +1,4 @@
-//! Soft bodies and dynamic cores of the oracle: their state, and what can be read off it.
+//! State of soft bodies and dynamic (rigid) cores in the f64 reference implementation, and what follows from it.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::{Embedding, Layer, Materials, Skin};
@@ -10,26 +10,26 @@ use crate::linear::Entries;
 use crate::skin;
 use crate::tool::{self, Device};
 
-/// A soft body and its state.
+/// A soft body and its state. Its layer is the tetrahedral simulation mesh.
 #[derive(Debug, Clone)]
 pub struct SoftBody {
-    /// Tetrahedra, masses, frame.
+    /// Its tetrahedra, with masses and the rotation of its rest frame.
     pub elements: Elements,
     /// The layer at rest.
     pub layer: Layer,
-    /// World position of the rest frame's origin, m; the frame rests.
+    /// World position of the rest frame's origin, m; the rest frame does not move.
     pub position: DVec3,
     /// Displacement of each node from rest, rest axes, m.
     pub displacement: Vec<DVec3>,
-    /// Velocity of each node, world axes, m/s; of a bound node what its core gives it over the next step, which the caller
-    /// sets (zero where the core rests).
+    /// Velocity of each node, world axes, m/s. For a bound node, one attached to a core, it is the velocity over the
+    /// next step, which the caller sets; it is zero where the core rests.
     pub velocity: Vec<DVec3>,
-    /// Element rotations for the next steps; `None`: the exact polar rotations of the displacements.
+    /// Element rotations for the next steps; `None`: the exact polar rotations at the present displacements.
     pub given_rotations: Option<Vec<DQuat>>,
 }
 
 impl SoftBody {
-    /// A body at rest in shape, placed by `position` and `orientation`; free nodes move with `velocity` (world).
+    /// An undeformed body, placed by `position` and `orientation`; free nodes move with `velocity` (world).
     pub fn new(
         layer: Layer,
         materials: impl Into<Materials>,
@@ -66,7 +66,7 @@ impl SoftBody {
         self.elements.frame * (self.layer.nodes[node] + self.displacement[node]) + self.position
     }
 
-    /// The deformed skin in the world, for gathering contacts. `body`: this body's index in the simulation.
+    /// The deformed skin in the world, from which contacts are gathered. `body`: this body's index in the simulation.
     pub fn surface<'a>(&'a self, body: usize, skin: &'a Skin, embedding: &'a [Embedding]) -> Surface<'a> {
         Surface {
             positions: skin::embed(embedding, &self.layer, &self.world_nodes()),
@@ -89,36 +89,36 @@ impl SoftBody {
     }
 }
 
-/// A rigid core that moves by the forces on the nodes it carries; those are bound in their body's layer. Its inertia is
-/// theirs, and its centre must be the centre of their masses, or a point of its hinge.
+/// A dynamic rigid core: it moves by the forces on the nodes attached to it, which are bound in their body's layer. Its
+/// inertia is theirs, and its centre must be the centre of their masses, or a point of its hinge.
 #[derive(Debug, Clone)]
 pub struct Core {
-    /// Body and node of each.
+    /// Body and index of each attached node.
     pub nodes: Vec<(usize, u32)>,
-    /// World, m.
+    /// Position of the centre, world, m.
     pub centre: DVec3,
-    /// World, m/s.
+    /// Velocity of the centre, world, m/s.
     pub velocity: DVec3,
-    /// World, rad/s.
+    /// Angular velocity, world, rad/s.
     pub spin: DVec3,
-    /// Unit axis, world, of a hinge through the centre, which rests; about it the core may turn, and that is all.
+    /// Axis (unit, world) of a hinge through the centre, which then rests: the core only turns about it. `None`: free.
     pub hinge: Option<DVec3>,
 }
 
-/// A dynamic core that the device holds.
+/// A dynamic core that the haptic device holds by virtual coupling.
 #[derive(Debug, Clone, Copy)]
 pub struct Held {
     /// Index of the core.
     pub core: usize,
-    /// World from core axes, the device's orientation where the coupling is relaxed.
+    /// Rotation from core axes to world axes, which is the device's orientation where the coupling is relaxed.
     pub orientation: DQuat,
-    /// Spring and damper to the device.
+    /// Virtual coupling to the device: spring and damper.
     pub coupling: Coupling,
 }
 
 impl Held {
-    /// Adds the coupling to the rows of its core, from unknown `first` on, as far as a hinge lets the core follow; step of `h`
-    /// seconds.
+    /// Adds the virtual coupling over a step of `h` seconds to the six rows of its core, which begin at unknown
+    /// `first`, projected onto the motions that a hinge leaves to the core.
     pub fn add_terms(&self, core: &Core, a: &mut Entries, b: &mut [f64], first: usize, h: f64, device: &Device) {
         let (pose, twist) = ((core.centre, self.orientation), (core.velocity, core.spin));
         let (sizes, impulses) = tool::coupling_terms(&self.coupling, pose, twist, h, device);
@@ -130,14 +130,14 @@ impl Held {
         }
     }
 
-    /// Turns with its core for `h` seconds.
+    /// Advances the orientation with its core for `h` seconds.
     pub fn turn(&mut self, h: f64, core: &Core) {
         self.orientation = (DQuat::from_scaled_axis(h * core.spin) * self.orientation).normalize();
     }
 }
 
 impl Core {
-    /// Which linear and angular velocities it may have, as projections.
+    /// Projections onto the linear and the angular velocities that it may have.
     pub fn freedom(&self) -> (DMat3, DMat3) {
         match self.hinge {
             Some(n) => (DMat3::ZERO, DMat3::from_cols(n * n.x, n * n.y, n * n.z)),

@@ -1,5 +1,5 @@
-//! The coarse level of the solver's preconditioner, dense: what blocks of nodes can do as wholes, and what is best done
-//! with that.
+//! The coarse space of the solver's two-level additive Schwarz preconditioner, with dense f64 matrices: the modes P of
+//! aggregates (blocks of nodes), the Galerkin matrix P^T A P, and the coarse correction.
 
 use std::collections::BTreeSet;
 
@@ -9,27 +9,29 @@ use glam::{DMat3, DQuat, DVec3};
 use super::linear::Entries;
 use super::step::Simulation;
 
-/// Columns of a block: four parts (all of it, and along x, y and z) of three axes each; of a core linear and angular ones.
+/// Modes of a block, the columns of P: for free nodes a constant and the coordinates x, y and z, times three axes each;
+/// for a core its linear and angular motion.
 pub const MODES: usize = 12;
 
-/// Least eigenvalue of P^T P, over the largest, of what counts as a motion of its own.
+/// Least eigenvalue of P^T P, relative to the largest, of a combination of modes that counts as independent.
 const LEAST: f64 = 1e-9;
 
-/// Nodes that move as a whole.
+/// An aggregate: a block of nodes that move together in the coarse space.
 #[derive(Debug, Clone)]
 pub struct Block {
-    /// Among the bodies.
+    /// Index of their body in the simulation.
     pub body: usize,
-    /// Within the body.
+    /// Indices of the nodes within the body.
     pub nodes: Vec<u32>,
-    /// The core that carries them.
+    /// The core that they are attached to.
     pub core: Option<usize>,
-    /// From rest axes to the world.
+    /// Rotation of the modes from rest axes to world axes.
     pub turn: DQuat,
 }
 
-/// P, unknowns by modes: a free node moves as R (c0 + c1 x + c2 y + c3 z), with (x, y, z) its rest place about the middle of
-/// its block over the greatest distance from that; a core by its twist in turned axes, which the first of its blocks has.
+/// The matrix P of modes, with a row for each unknown and a column for each mode. A free node moves as R (c0 + c1 x +
+/// c2 y + c3 z), with R the block's rotation and (x, y, z) the node's rest position from the middle of its block, over
+/// the greatest distance from there; a core moves by its twist in rotated axes, in its first block's modes.
 pub fn modes(simulation: &Simulation, blocks: &[Block]) -> Mat<f64> {
     let unknowns = simulation.unknowns();
     let mut p = Mat::zeros(unknowns.count, MODES * blocks.len());
@@ -67,7 +69,7 @@ fn set(matrix: &mut Mat<f64>, row: usize, column: usize, block: &DMat3) {
     }
 }
 
-/// P^T A P.
+/// The Galerkin matrix P^T A P.
 pub fn matrix(a: &Entries, p: &Mat<f64>) -> Mat<f64> {
     let mut image = Mat::zeros(p.nrows(), p.ncols());
     for j in 0..p.ncols() {
@@ -77,8 +79,8 @@ pub fn matrix(a: &Entries, p: &Mat<f64>) -> Mat<f64> {
     p.transpose() * image
 }
 
-/// Q (Q^T A Q)^-1 Q^T with the columns of Q an orthonormal basis of what P can do, whatever columns of P depend on each
-/// other; `None` where A is not positive definite there.
+/// The coarse correction Q (Q^T A Q)^-1 Q^T, where the columns of Q are an orthonormal basis of the range of P, whose
+/// columns may depend on each other; `None` where A is not positive definite there.
 pub fn correction(a: &Entries, p: &Mat<f64>) -> Option<Mat<f64>> {
     let eigen = (p.transpose() * p).self_adjoint_eigen(Side::Lower).ok()?;
     let (values, vectors) = (eigen.S(), eigen.U());

@@ -1,5 +1,8 @@
-//! Contacts by exact rays in f64: depth of each facing vertex below the other skin, and the records gathered from it.
-//! Twin of the depth and contact stages.
+//! Narrow phase in f64: the depth of each facing vertex below the other skin by exact rays, and the contacts that
+//! follow. Reference implementation of the depth and contact stages.
+//!
+//! A region is a contact patch, an area in which bodies A and B may touch, with one normal. A side gathers contacts
+//! where its skin vertices become contacts.
 
 use std::collections::BTreeMap;
 
@@ -9,29 +12,29 @@ use palpate::internal::prepare::{Embedding, Layer};
 use crate::rays::{Crossing, Rays};
 use crate::skin;
 
-/// Where a vertex's line along the region's normal meets the other skin.
+/// Hit of a skin vertex's ray, along the normal of the contact patch, on the other skin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Overlap along the normal, m, positive.
+    /// Penetration depth along the normal, m, positive.
     pub depth: f64,
-    /// Triangle of the other skin.
+    /// Triangle of the other skin that is hit.
     pub triangle: u32,
-    /// Barycentrics of the point on that triangle.
+    /// Barycentric coordinates of the hit on that triangle.
     pub barycentric: [f64; 3],
 }
 
-/// What carries a point of contact.
+/// What a point of contact moves with.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Carrier {
     /// Nodes of a soft body (index into the simulation's bodies) with weights; each node once.
     Nodes(usize, Vec<(u32, f64)>),
-    /// The tool.
+    /// The rigid tool.
     Tool,
-    /// Nothing that moves.
+    /// A body that does not move.
     Fixed,
 }
 
-/// A point of contact.
+/// A point of contact on one of the two bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// World position, m.
@@ -40,46 +43,46 @@ pub struct Point {
     pub carrier: Carrier,
 }
 
-/// One contact. The force on `first` is -area (k depth + d depth') normal, the opposite acts on `second`.
+/// A contact. The force on `first` is -area (k depth + d depth') normal, the opposite acts on `second`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
     /// Unit normal from body A to body B.
     pub normal: DVec3,
     /// Area projected on the normal, m^2.
     pub area: f64,
-    /// Overlap normal . (first - second), m.
+    /// Penetration depth normal . (first - second), m.
     pub depth: f64,
     /// Penalty stiffness per projected area, N/m^3.
     pub stiffness: f64,
     /// Penalty damping per projected area, N s/m^3.
     pub damping: f64,
-    /// Point of body A.
+    /// Its point on body A.
     pub first: Point,
-    /// Point of body B.
+    /// Its point on body B.
     pub second: Point,
-    /// Whether the gathered vertex belongs to body A.
+    /// Whether its skin vertex belongs to body A.
     pub of_first: bool,
-    /// The gathered skin vertex.
+    /// The skin vertex that became this contact.
     pub vertex: u32,
     /// Where its ray met the other skin; `None` against a plane.
     pub hit: Option<Hit>,
 }
 
-/// The penalty law of a pair of bodies.
+/// Parameters of the penalty contact between two bodies.
 #[derive(Debug, Clone, Copy)]
 pub struct Law {
     /// Stiffness per projected area, N/m^3.
     pub stiffness: f64,
     /// Damping per projected area, N s/m^3.
     pub damping: f64,
-    /// Deeper overlaps are no contact, m.
+    /// Penetration depth above which there is no contact, m.
     pub depth_limit: f64,
 }
 
-/// A skin where it stands.
+/// A skin in its present position.
 #[derive(Debug, Clone)]
 pub struct Surface<'a> {
-    /// World positions of its vertices.
+    /// World positions of its vertices, m.
     pub positions: Vec<DVec3>,
     /// Triangles, counter-clockwise from outside.
     pub triangles: &'a [[u32; 3]],
@@ -89,19 +92,19 @@ pub struct Surface<'a> {
     pub support: Support<'a>,
 }
 
-/// What carries a skin.
+/// What a skin moves with.
 #[derive(Debug, Clone, Copy)]
 pub enum Support<'a> {
-    /// A soft body: its index in the simulation, its layer, the embedding of each vertex.
+    /// A soft body: its index in the simulation, its layer (tetrahedral mesh), the embedding of each vertex.
     Soft(usize, &'a Layer, &'a [Embedding]),
-    /// The tool.
+    /// The rigid tool.
     Tool,
     /// A resting body.
     Fixed,
 }
 
 impl Surface<'_> {
-    /// The point with these barycentric weights on these vertices.
+    /// The point that is the weighted mean of these vertices.
     fn point(&self, vertices: &[(u32, f64)]) -> Point {
         let position = vertices.iter().map(|(v, w)| self.positions[*v as usize] * *w).sum();
         let carrier = match self.support {
@@ -122,10 +125,10 @@ impl Surface<'_> {
     }
 }
 
-/// For each vertex of A that faces along `normal` (unit, from A to B) and lies within B as seen along it: the ray from it
-/// along -`normal` first passes a triangle of B that faces A, front and back alike counted. Its depth is the distance to
-/// there, where that is at most `depth_limit`; layers further out do not matter. For vertices of B against A call it with
-/// -normal and the bodies swapped.
+/// Depths of the vertices of A within B. A vertex that faces along `normal` (unit, from A to B) has a ray along
+/// -`normal`. Of the triangles of B that the ray hits, front or back, the nearest decides: if it faces A, the vertex
+/// lies within B, and its depth is the distance to the hit, where that is at most `depth_limit`; layers of B further
+/// out do not matter. For the vertices of B against A call it with -normal and the bodies swapped.
 pub fn ray_depths(
     normal: DVec3,
     a_positions: &[DVec3],
@@ -144,15 +147,15 @@ pub fn ray_depths(
     a_positions.iter().zip(&facing).map(hit).collect()
 }
 
-/// Contacts of two skins along a region's normal: first A's vertices, then B's, in ascending order. Each side counts
-/// half, since both gather.
+/// Contacts of two skins along the normal of a contact patch: first those of A's vertices, then those of B's, in
+/// ascending order. The areas of both count half, because both sides gather contacts.
 pub fn gather(normal: DVec3, a: &Surface, b: &Surface, law: &Law) -> Vec<Contact> {
     let mut contacts = gather_side(normal, a, b, law, true, 0.5);
     contacts.extend(gather_side(-normal, b, a, law, false, 0.5));
     contacts
 }
 
-/// The same of one skin alone, whole: of that which has less area to a vertex, A's where both have the same.
+/// Contacts of two skins of which one alone gathers, with its whole area: the skin with less area to a vertex, or A's.
 pub fn gather_finer(normal: DVec3, a: &Surface, b: &Surface, law: &Law) -> Vec<Contact> {
     let mean_area = |surface: &Surface| surface.areas.iter().sum::<f64>() / surface.areas.len() as f64;
     if mean_area(b) < mean_area(a) {
@@ -187,7 +190,7 @@ fn gather_side(outward: DVec3, own: &Surface, other: &Surface, law: &Law, of_fir
     hits.into_iter().enumerate().filter_map(|(v, hit)| Some((v, hit?))).map(contact).collect()
 }
 
-/// Contacts of a skin with the fixed half-space `plane . x <= offset`; only the skin gathers, with full weight.
+/// Contacts of a skin with the fixed half-space `plane . x <= offset`. Only the skin gathers, with its whole area.
 pub fn gather_plane(a: &Surface, plane: DVec3, offset: f64, law: &Law) -> Vec<Contact> {
     let facing = skin::normals(&a.positions, a.triangles);
     let contact = |(vertex, x): (usize, &DVec3)| {

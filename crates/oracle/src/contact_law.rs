@@ -1,12 +1,12 @@
-//! The contact law in f64: pressure p = k depth + d depth', and Coulomb's friction, regularised. Twin of
-//! `shaders/shared/contact_law.glsl`.
+//! The contact law in f64: penalty pressure p = k depth + d depth', with stiffness k, damping d and the depth's rate
+//! depth', and Coulomb's friction, regularised. Reference implementation of `shaders/shared/contact_law.glsl`.
 
 use palpate::internal::prepare::Layer;
 use palpate::scene::Material;
 
 use crate::contact::Contact;
 
-/// Stiffness and damping of a pair of bodies, over projected area.
+/// Penalty stiffness and damping between two bodies, per projected area.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Penalty {
     /// k, N/m^3.
@@ -16,24 +16,24 @@ pub struct Penalty {
 }
 
 impl Penalty {
-    /// Pressure at the start of a step, Pa, of a depth (m) and its rate (m/s); below zero it would pull.
+    /// Pressure at the start of a step, Pa, from the depth (m) and its rate (m/s); negative under tension.
     pub fn start_pressure(&self, depth: f64, rate: f64) -> f64 {
         self.stiffness * depth + self.damping * rate
     }
 
-    /// How the pressure at the end of a step of `h` s answers to the rate there, N s/m^3.
+    /// Derivative of the pressure at the end of a step of `h` seconds by the rate there, N s/m^3.
     pub fn slope(&self, h: f64) -> f64 {
         h * self.stiffness + self.damping
     }
 
-    /// Pressure at the end of a step of `h` s, of the depth at its start and the rate at its end.
+    /// Pressure at the end of a step of `h` seconds, Pa, from the depth at its start and the rate at its end.
     pub fn end_pressure(&self, depth: f64, rate: f64, h: f64) -> f64 {
         self.stiffness * depth + self.slope(h) * rate
     }
 }
 
 impl Contact {
-    /// What its pair of bodies has.
+    /// Stiffness and damping of the contact's pair of bodies.
     pub fn penalty(&self) -> Penalty {
         Penalty { stiffness: self.stiffness, damping: self.damping }
     }
@@ -42,21 +42,22 @@ impl Contact {
 /// Coulomb's friction, viscous below a speed.
 #[derive(Debug, Clone, Copy)]
 pub struct Friction {
-    /// Its coefficient.
+    /// Coefficient of friction.
     pub coefficient: f64,
     /// Speed below which it is viscous, m/s.
     pub speed: f64,
 }
 
 impl Friction {
-    /// Friction over the tangential velocity, N s/m, of what presses (N) and the speed of sliding (m/s) at the start.
+    /// Ratio of friction to tangential velocity, N s/m, from normal force (N) and sliding speed (m/s) at the start.
     pub fn viscosity(&self, force: f64, sliding: f64) -> f64 {
         self.coefficient * force.max(0.0) / sliding.hypot(self.speed)
     }
 }
 
-/// Penalty stiffness "auto", N/m^3: 20 E / (1 - nu^2) / (mean layer edge) of the softer of these bodies (the one with
-/// the smaller E / (1 - nu^2); of equal ones the softer result). `None` without a soft body.
+/// Penalty stiffness "auto", N/m^3: 20 E / (1 - nu^2) / (mean layer edge), Young's modulus E, Poisson's ratio nu, of
+/// the softer of these bodies: the one with the smaller E / (1 - nu^2), or, if equal, the smaller result. `None`: no
+/// soft body.
 pub fn auto_stiffness(soft: &[(&Layer, &Material)]) -> Option<f64> {
     let modulus = |m: &Material| m.young / (1.0 - m.poisson * m.poisson);
     let result = |(layer, m): &(&Layer, &Material)| (modulus(m), 20.0 * modulus(m) / mean_edge(layer));
@@ -64,7 +65,7 @@ pub fn auto_stiffness(soft: &[(&Layer, &Material)]) -> Option<f64> {
     least.map(|(_, stiffness)| stiffness)
 }
 
-/// Mean length of a layer's distinct edges, m.
+/// Mean length of the distinct edges of a layer (tetrahedral mesh), m.
 pub fn mean_edge(layer: &Layer) -> f64 {
     let mut edges = std::collections::BTreeSet::new();
     for t in &layer.tetrahedra {

@@ -1,11 +1,11 @@
-//! Separation and penetration of convex hulls in f64. Twin of the cull stage.
+//! Broad phase in f64: separation and penetration of convex hulls. Reference implementation of the cull stage.
 
 use glam::DVec3;
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::query;
 use parry3d_f64::shape::ConvexPolyhedron;
 
-/// Gap between two point sets along a unit direction from A to B, m: least n . b minus greatest n . a; negative where
+/// Separation of two point sets along a unit direction from A to B, m: least n . b minus greatest n . a; negative where
 /// they overlap along it.
 pub fn separation_along(normal: DVec3, a: &[DVec3], b: &[DVec3]) -> f64 {
     let least = b.iter().map(|y| normal.dot(*y)).fold(f64::INFINITY, f64::min);
@@ -13,9 +13,9 @@ pub fn separation_along(normal: DVec3, a: &[DVec3], b: &[DVec3]) -> f64 {
     least - greatest
 }
 
-/// Of the face normals of both hulls (A's outward, B's reversed, so that all point from A to B) the one with the greatest
-/// separation, and that separation, m. Negative: the penetration along face normals, an upper bound of the true one (a
-/// cross product of edges may do better). The first wins where several are equal. `None` without faces.
+/// The face normal of either hull (A's outward, B's reversed, so that all point from A to B) along which the separation
+/// is greatest, and that separation, m. A negative one is the penetration along face normals, an upper bound of the
+/// true one (a cross product of edges may do better). The first wins where several are equal. `None` without faces.
 pub fn best_face(a: &[DVec3], a_faces: &[(DVec3, f64)], b: &[DVec3], b_faces: &[(DVec3, f64)]) -> Option<(DVec3, f64)> {
     let normals = a_faces.iter().map(|f| f.0).chain(b_faces.iter().map(|f| -f.0));
     let mut best: Option<(DVec3, f64)> = None;
@@ -28,15 +28,15 @@ pub fn best_face(a: &[DVec3], a_faces: &[(DVec3, f64)], b: &[DVec3], b_faces: &[
     best
 }
 
-/// Signed distance of the convex hulls of two point sets by parry: GJK where they are apart, EPA where they overlap
-/// (negative), and the unit normal from A to B. `None` where a hull is degenerate or they just touch without a normal.
+/// Unit normal from A to B and signed distance of the convex hulls of two point sets, by parry: GJK where they are
+/// apart, EPA where they overlap (negative distance). `None` where a hull is degenerate, or no normal exists.
 pub fn exact_distance(a: &[DVec3], b: &[DVec3]) -> Option<(DVec3, f64)> {
     let hull = |points: &[DVec3]| {
         let points: Vec<Vector> = points.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
         ConvexPolyhedron::from_convex_hull(&points)
     };
     let (a, b) = (hull(a)?, hull(b)?);
-    // Any gap is within reach of this prediction; parry needs a finite number.
+    // Distance up to which parry looks for contacts, larger than any here; it must be finite.
     const REACH: f64 = 1e6;
     let contact = query::contact(&Pose::IDENTITY, &a, &Pose::IDENTITY, &b, REACH).ok()??;
     let normal = DVec3::new(contact.normal1.x, contact.normal1.y, contact.normal1.z);

@@ -1,8 +1,10 @@
-//! Tetrahedra in f64: rotations, forces, the stiffness operator, corotational and (`neo_hookean.rs`) neo-Hookean. Twin of the elastic stage.
+//! Elasticity of tetrahedra in f64: rotations, forces and the stiffness operator, for corotational and
+//! (`neo_hookean.rs`) neo-Hookean materials. Reference implementation of the elastic stage.
 //!
-//! Where the layer has patches, the volumetric strain tr(E) of a tetrahedron is its patch's mean by volume, theta; the energy
-//! sum V (mu |E|^2 + lambda/2 theta^2) keeps the stiffness symmetric positive semi-definite, and the part of mu, which stays
-//! with tetrahedra, makes a patch within itself as stable as a material of Poisson's ratio zero.
+//! A layer (tetrahedral mesh) may have F-bar patches: groups of tetrahedra that share one volumetric strain theta, the
+//! mean of their tr(E) weighted by volume, against volumetric locking (de Souza Neto, Andrade Pires and Owen 2005). The
+//! energy sum V (mu |E|^2 + lambda/2 theta^2) keeps the stiffness symmetric positive semi-definite. Its part of mu
+//! belongs to each tetrahedron alone, which makes a patch within itself as stable as one of Poisson's ratio zero.
 //!
 //! Müller and Gross, "Interactive Virtual Materials" (2004); the polar rotation by singular value decomposition with
 //! the sign convention of Irving, Teran and Fedkiw, "Invertible Finite Elements" (2004).
@@ -16,16 +18,16 @@ use palpate::scene::Material;
 
 use super::material_law;
 
-/// A principal stretch below which a tetrahedron stiffens: corotational elasticity by itself offers no more to a
-/// tetrahedron pressed flat than to one half way there, and turns it inside out.
+/// Principal stretch below which the compression penalty stiffens a tetrahedron: corotational elasticity by itself
+/// resists a tetrahedron pressed flat no more than one half way there, and turns it inside out.
 pub const LEAST_STRETCH: f64 = 0.3;
-/// How much stiffer it is there along that axis, of lambda + 2 mu.
+/// Modulus of the compression penalty along the compressed axis, in units of lambda + 2 mu.
 pub const STIFFENING: f64 = 10.0;
 
-/// A layer's tetrahedra, ready for evaluation. Lengths of arrays are in nodes or tetrahedra.
+/// A layer's tetrahedra with precomputed data. Arrays have an element for each node or for each tetrahedron.
 #[derive(Debug, Clone)]
 pub struct Elements {
-    /// Four node indices each.
+    /// Four node indices of each tetrahedron.
     pub tetrahedra: Vec<[u32; 4]>,
     /// Rest gradients of the four shape functions, 1/m, rest axes.
     pub gradients: Vec<[DVec3; 4]>,
@@ -33,43 +35,44 @@ pub struct Elements {
     pub volumes: Vec<f64>,
     /// Lumped node masses, kg: density times a quarter of each adjacent volume.
     pub masses: Vec<f64>,
-    /// Damping by mass of each node, kg/s: the same of density times alpha.
+    /// Mass-proportional damping of each node, kg/s: alpha times density times a quarter of each adjacent volume.
     pub damping: Vec<f64>,
-    /// World from rest axes.
+    /// Rotation from rest axes to world axes.
     pub frame: DMat3,
     /// The material of each tetrahedron.
     pub materials: Vec<Material>,
-    /// What K is made of; see [`Elements::linearised`].
+    /// Moduli and gradients of each tetrahedron's part of the stiffness K; see [`Elements::linearised`].
     pub operators: Vec<Operator>,
-    /// Patch of each tetrahedron, all of them corotational; empty: each has its own volumetric strain.
+    /// Patch of each tetrahedron, where all materials are corotational; empty: each has its own volumetric strain.
     pub patches: Vec<u32>,
 }
 
-/// Of a tetrahedron, K p = V (2 mu sym(W) + lambda tr(W) I) g'_i with W = sum p_i g'_i^T, g'_i = R `fold` g_i.
+/// Stiffness of a tetrahedron: K p = V (2 mu sym(W) + lambda tr(W) I) g'_i with W = sum p_i g'_i^T and g'_i = R `fold`
+/// g_i, for node vectors p_i, rest gradients g_i, rotation R and rest volume V.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Operator {
-    /// Pa.
+    /// Shear modulus, Pa.
     pub mu: f64,
-    /// Pa.
+    /// Lame's first parameter, Pa.
     pub lambda: f64,
-    /// Symmetric.
+    /// Symmetric matrix that maps rest gradients to those of the deformed tetrahedron, or the identity.
     pub fold: DMat3,
 }
 
 impl Operator {
-    /// Of linear elasticity; `lambda`: what of it the tetrahedron has for itself, Pa.
+    /// Operator of linear elasticity; `lambda` is the part of Lame's parameter that the tetrahedron has for itself, Pa.
     pub(super) fn linear(material: &Material, lambda: f64) -> Operator {
         Operator { mu: lame(material).0, lambda, fold: DMat3::IDENTITY }
     }
 
-    /// 2 mu sym(E) + lambda tr(E) I.
+    /// Stress of linear elasticity, 2 mu sym(E) + lambda tr(E) I.
     pub(super) fn stress(&self, strain: DMat3) -> DMat3 {
         symmetric(strain) * (2.0 * self.mu) + DMat3::from_diagonal(DVec3::splat(self.lambda * trace(strain)))
     }
 }
 
 impl Elements {
-    /// Precomputes gradients, volumes and masses. `frame` turns rest axes into world axes.
+    /// Precomputes gradients, volumes and masses. `frame` rotates rest axes into world axes.
     pub fn new(layer: &Layer, materials: impl Into<Materials>, frame: DMat3) -> Self {
         let all = materials.into();
         let (mut masses, mut damping) = (vec![0.0; layer.nodes.len()], vec![0.0; layer.nodes.len()]);
@@ -103,7 +106,7 @@ impl Elements {
         self.masses.len()
     }
 
-    /// G = sum d_i g_i^T of each tetrahedron for a field of node vectors `d` in rest axes.
+    /// Gradient G = sum d_i g_i^T of node vectors `d` (rest axes) in a tetrahedron.
     pub fn gradient(&self, element: usize, d: &[DVec3]) -> DMat3 {
         let nodes = self.tetrahedra[element];
         let mut sum = DMat3::ZERO;
@@ -134,12 +137,12 @@ impl Elements {
         forces
     }
 
-    /// K p with rotations held fixed, world axes in and out.
+    /// Stiffness product K p with rotations held fixed, world axes in and out.
     pub fn apply_stiffness(&self, p: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
         self.apply_weighted(p, rotations, |_| 1.0)
     }
 
-    /// The same with every tetrahedron's K times a weight of its material's.
+    /// Stiffness product K p with the K of every tetrahedron times a weight of its material.
     pub fn apply_weighted(&self, p: &[DVec3], rotations: &[DQuat], weight: impl Fn(&Material) -> f64) -> Vec<DVec3> {
         let to_rest = self.frame.transpose();
         let local: Vec<DVec3> = p.iter().map(|p| to_rest * *p).collect();
@@ -160,8 +163,7 @@ impl Elements {
     }
 
     /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed:
-    /// V (mu ((g'_i . g'_j) I + g'_j g'_i^T) + lambda g'_i g'_j^T), without lambda's part where there are patches
-    /// ([`Elements::patch_rows`]).
+    /// V (mu ((g'_i . g'_j) I + g'_j g'_i^T) + lambda g'_i g'_j^T). Patches have lambda in [`Elements::patch_rows`].
     pub fn stiffness_blocks(&self, element: usize, rotation: DQuat) -> [[DMat3; 4]; 4] {
         let operator = &self.operators[element];
         let r = self.frame * DMat3::from_quat(rotation.normalize()) * operator.fold;
@@ -173,13 +175,13 @@ impl Elements {
         std::array::from_fn(|i| std::array::from_fn(|j| block(i, j)))
     }
 
-    /// What each patch adds to the stiffness, c c^T: its nodes and c_j = sqrt(lambda / V) sum V_e R_e g_ej, sqrt(N/m), world
-    /// axes; V the volume of the patch, the sum over its tetrahedra e.
+    /// What each patch adds to the stiffness, c c^T: its nodes j and c_j = sqrt(lambda / V) sum V_e R_e g_ej,
+    /// sqrt(N/m), world axes, summed over its tetrahedra e, with V the volume of the patch.
     pub fn patch_rows(&self, rotations: &[DQuat]) -> Vec<BTreeMap<u32, DVec3>> {
         self.weighted_patch_rows(rotations, |_| 1.0)
     }
 
-    /// The same with every patch's stiffness times a weight of its material's.
+    /// Rows c_j of each patch, with its stiffness times a weight of its material.
     pub fn weighted_patch_rows(
         &self,
         rotations: &[DQuat],
@@ -206,7 +208,7 @@ impl Elements {
         volumes
     }
 
-    /// lambda theta I of the patch of each tetrahedron, theta the mean of tr(E) by volume; zero without patches. Pa.
+    /// Pressure lambda theta I in tetrahedra, Pa, with theta its patch's mean of tr(E) by volume; zero without patches.
     fn patch_pressures(&self, strains: &[DMat3]) -> Vec<DMat3> {
         if self.patches.is_empty() {
             return vec![DMat3::ZERO; strains.len()];
@@ -216,12 +218,12 @@ impl Elements {
         means.into_iter().enumerate().map(pressure).collect()
     }
 
-    /// Lame's lambda that a tetrahedron has for itself, Pa: none where patches have it.
+    /// Lame's lambda that a tetrahedron has for itself, Pa; zero where patches have it.
     fn own_lambda(&self, element: usize) -> f64 {
         if self.patches.is_empty() { lame(&self.materials[element]).1 } else { 0.0 }
     }
 
-    /// Volumetric strain of each tetrahedron: tr(E), or its mean by volume over the patch.
+    /// Volumetric strain of each tetrahedron: tr(E), or its mean over the patch, weighted by volume.
     pub fn dilatations(&self, strains: &[DMat3]) -> Vec<f64> {
         if self.patches.is_empty() {
             return strains.iter().map(|e| trace(*e)).collect();
@@ -239,8 +241,9 @@ impl Elements {
         self.densities(d, rotations).iter().zip(&self.volumes).map(|(density, volume)| volume * density).sum()
     }
 
-    /// Elastic energy of each tetrahedron over its volume, J/m^3: of corotational ones mu |E|^2 + lambda/2 theta^2 with
-    /// E = sym(R^T F) - I, theta its trace or the patch's mean of that; of others their law's; and that of squeezed axes.
+    /// Elastic energy density of each tetrahedron, J/m^3: for corotational materials mu |E|^2 + lambda/2 theta^2, with
+    /// E = sym(R^T F) - I and theta its trace or the mean of that over the patch; for other materials that of their
+    /// law; plus that of the compression penalty.
     pub fn densities(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<f64> {
         let strains: Vec<_> =
             (0..rotations.len()).map(|e| strain(rotations[e].normalize(), self.gradient(e, d))).collect();
@@ -249,7 +252,7 @@ impl Elements {
         (0..self.tetrahedra.len()).map(density).collect()
     }
 
-    /// These elements with the operator of a state.
+    /// These elements, with the operator linearised at displacements `d`.
     pub fn linearised(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
         let operator = |e: usize| {
             let strain = strain(rotations[e].normalize(), self.gradient(e, d));
@@ -259,15 +262,15 @@ impl Elements {
     }
 }
 
-/// Stiffness along a squeezed axis, Pa; of mu and lambda.
+/// Modulus of the compression penalty, Pa, from mu and lambda.
 pub(super) fn stiffening((mu, lambda): (f64, f64)) -> f64 {
     STIFFENING * (lambda + 2.0 * mu)
 }
 
-/// sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over the principal stretches s_k and axes n_k of I + sym(E).
+/// Compression: sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over principal stretches s_k and axes n_k of I + sym(E).
 pub(super) fn squeeze(strain: DMat3) -> DMat3 {
     let stretch = symmetric(strain);
-    // Gershgorin's circles: nothing is squeezed, as nearly everywhere.
+    // Gershgorin's circles show that no stretch is below the bound, as is the case nearly everywhere.
     let least = |k: usize| {
         let column = stretch.col(k);
         1.0 + column[k] + column[k].abs() - column.abs().element_sum()
@@ -289,7 +292,7 @@ pub fn lame(material: &Material) -> (f64, f64) {
     (mu, material.young * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)))
 }
 
-/// E = R^T F - I = R^T G + (R^T - I), the last term from the quaternion's vector part, so that nothing cancels.
+/// Strain E = R^T F - I = R^T G + (R^T - I), the last term from the quaternion's vector part, so that nothing cancels.
 pub fn strain(rotation: DQuat, gradient: DMat3) -> DMat3 {
     let v = DVec3::new(rotation.x, rotation.y, rotation.z);
     let cross = DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0));
@@ -309,7 +312,7 @@ pub fn polar_rotation(f: DMat3) -> DQuat {
     DQuat::from_mat3(&(u * DMat3::from_diagonal(flip) * v.transpose())).normalize()
 }
 
-/// a b^T.
+/// Outer product a b^T.
 pub fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }

@@ -1,4 +1,4 @@
-//! Friction in f64: Coulomb's, regularised, implicit with a coefficient of the start of the step (DESIGN.md section 2).
+//! Friction in f64: Coulomb's, regularised, implicit, with a coefficient from the start of the step.
 
 use glam::DVec3;
 
@@ -6,18 +6,18 @@ use crate::contact::{Carrier, Contact};
 use crate::linear::Entries;
 use crate::step::{Simulation, Unknowns, dot};
 
-/// Friction of one contact: along two tangents, the rows and velocities at the start (m/s).
+/// Friction of one contact: two tangents, and along each the row of J and the velocity at the start (m/s).
 #[derive(Default)]
 pub struct Drag {
     along: [DVec3; 2],
     rows: [Vec<(usize, f64)>; 2],
     speeds: [f64; 2],
-    /// Friction over the tangential velocity at the end of the step, N s/m.
+    /// Ratio c of friction to the tangential velocity at the end of the step, N s/m.
     pub viscosity: f64,
 }
 
 impl Drag {
-    /// h c J^T (I - n n^T) J and -h c J^T (I - n n^T) v.
+    /// Adds h c J^T (I - n n^T) J to A and -h c J^T (I - n n^T) v to b; Jacobian J, normal n, velocity v.
     pub(super) fn add(&self, a: &mut Entries, b: &mut [f64], h: f64) {
         for (row, speed) in self.rows.iter().zip(self.speeds) {
             a.add_outer(row, h * self.viscosity);
@@ -30,7 +30,7 @@ impl Drag {
         self.speeds[0] * self.along[0] + self.speeds[1] * self.along[1]
     }
 
-    /// On the first body at the end of the step, N.
+    /// Friction on the first body at the end of the step, N.
     pub(super) fn force(&self, change: &[f64]) -> DVec3 {
         let of = |k: usize| -self.viscosity * (self.speeds[k] + dot(&self.rows[k], change)) * self.along[k];
         of(0) + of(1)
@@ -38,8 +38,9 @@ impl Drag {
 }
 
 impl Simulation {
-    /// Friction of a contact, its coefficient that of the start of the step: c = mu f / sqrt(|v|^2 + speed^2), v the
-    /// tangential velocity. The tool feels it at the other body's point.
+    /// Friction of a contact, with the coefficient c = mu f / sqrt(|v|^2 + speed^2) of the start of the step:
+    /// coefficient of friction mu, normal force f, tangential velocity v. On the tool it acts at the other body's
+    /// point.
     pub fn drag(&self, unknowns: &Unknowns, start: &[f64], contact: &Contact) -> Drag {
         let Some(friction) = self.friction else { return Drag::default() };
         let mut at_one = contact.clone();

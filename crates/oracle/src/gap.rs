@@ -1,23 +1,23 @@
-//! The ways from a tool to a skin: every point of the one against every triangle of the other. Twin of wrench/gap.
+//! The shortest ways from a tool to a skin, by trying all pairs of vertices and triangles. Reference for wrench/gap.
 
 use glam::DVec3;
 
-/// Vertices, m, and triangles.
+/// A triangle mesh: vertices, m, and triangles.
 pub type Mesh<'a> = (&'a [DVec3], &'a [[u32; 3]]);
 
-/// A way from a point of the tool to the nearest point of a triangle, or from that of a triangle of the tool to a vertex.
+/// A way from the tool to a skin: from a vertex of the tool to the nearest point of a triangle of the skin, or from the
+/// nearest point of a triangle of the tool to a vertex of the skin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Way {
-    /// From the tool to the skin, m.
+    /// Vector from the tool to the skin, m.
     pub along: DVec3,
-    /// The triangle, of whichever it is.
+    /// The triangle, of the skin or of the tool.
     pub triangle: usize,
-    /// Whether the triangle faces the point.
+    /// Whether the triangle faces the vertex.
     pub faces: bool,
 }
 
-/// The point of a triangle nearest to `x`, by the Voronoi region that `x` lies in (Ericson, "Real-Time Collision Detection",
-/// 2005, 5.1.5).
+/// The point of a triangle nearest to `x`, by Voronoi regions (Ericson, "Real-Time Collision Detection", 2005, 5.1.5).
 pub fn nearest_of_triangle(x: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac) = (b - a, c - a);
     let [(d1, d2), (d3, d4), (d5, d6)] = [a, b, c].map(|corner| (ab.dot(x - corner), ac.dot(x - corner)));
@@ -60,7 +60,7 @@ pub fn from_surface<'a>(tool: Mesh<'a>, skin: Mesh<'a>) -> impl Iterator<Item = 
     to_triangles.chain(skin.0.iter().flat_map(back))
 }
 
-/// The shortest of those whose triangle faces the point, or does not; `None` where there is none.
+/// The shortest of those ways whose triangle faces the vertex, or of those whose does not; `None` without any.
 pub fn shortest(ways: impl Iterator<Item = Way>, faces: bool) -> Option<Way> {
     ways.filter(|way| way.faces == faces).min_by(|a, b| a.along.length().total_cmp(&b.along.length()))
 }
@@ -91,7 +91,7 @@ mod tests {
         let skin = (&skin.0[..], &skin.1[..]);
         let at = |z: f64| from_point(DVec3::new(0.5, 0.5, z), skin).next().unwrap();
         assert_eq!((at(3.0).along, at(3.0).faces, at(-3.0).faces), (-DVec3::Z * 3.0, true, false));
-        // One vertex of the tool over the skin's edge, and one of the skin under the tool.
+        // One vertex of the tool lies over the skin's edge, and one vertex of the skin lies under the tool.
         let tool = ([DVec3::new(-1.0, 1.0, 1.0), DVec3::new(1.0, -1.0, 1.0), DVec3::new(-1.0, -1.0, 1.0)], [[0, 1, 2]]);
         let ways: Vec<Way> = from_surface((&tool.0, &tool.1), skin).collect();
         assert_eq!(ways.len(), 6);

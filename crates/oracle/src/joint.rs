@@ -1,4 +1,4 @@
-//! Ball joints between dynamic cores, or of one with what moves as it is told, as implicit springs.
+//! Ball joints between two dynamic cores, or between one and a body of prescribed motion, as implicit springs.
 
 use glam::{DQuat, DVec3};
 use palpate::scene::Resistance;
@@ -6,42 +6,43 @@ use palpate::scene::Resistance;
 use crate::body::Core;
 use crate::linear::Entries;
 
-/// Step of the central differences that give angles' derivatives, rad.
+/// Step of the central differences for derivatives of angles, rad.
 const DIFFERENCE: f64 = 1e-5;
 
-/// A side of a joint, as it stands.
+/// One of the two sides of a joint, in its present state.
 #[derive(Debug, Clone, Copy)]
 pub struct Side {
-    /// The dynamic core that it is.
+    /// Index of its dynamic core; `None`: its motion is prescribed.
     pub core: Option<usize>,
-    /// Where it has the joint, world, m.
+    /// Position of its end of the joint, world, m.
     pub end: DVec3,
-    /// How it has turned since rest, world.
+    /// Its rotation since rest, world.
     pub turn: DQuat,
-    /// `end` and `turn` after the next step, of what is no dynamic core; the caller sets them.
+    /// `end` and `turn` after the next step, where the motion is prescribed; the caller sets them.
     pub next: (DVec3, DQuat),
 }
 
 /// A ball joint.
 #[derive(Debug, Clone)]
 pub struct Joint {
-    /// The second turns about the first.
+    /// Its two sides; angles are those of the second relative to the first.
     pub sides: [Side; 2],
-    /// Of the spring between the two ends, N/m.
+    /// Stiffness of the spring between the two ends, N/m.
     pub stiffness: f64,
-    /// Of the springs beyond the limits of swing and of twist, N m/rad.
+    /// Stiffness of the springs beyond the limits of swing and of twist, N m/rad.
     pub limit_stiffness: [f64; 2],
-    /// What resists turning; its axis at rest in the world.
+    /// Resistance to turning; its axis is in world axes at rest.
     pub resistance: Resistance,
 }
 
 impl Joint {
-    /// Adds the springs to A and b of a step of `h` seconds: h^2 k and -h k (what it stretches to if nothing is done).
+    /// Adds the springs to A and b of a step of `h` seconds: h^2 k to A, and -h k times the stretch that they would
+    /// have at the end of the step, if no velocity changed, to b.
     pub fn add_terms(&self, cores: &[Core], firsts: &[usize], a: &mut Entries, b: &mut [f64], h: f64) {
         let [first, second] = &self.sides;
         let middle = 0.5 * (first.end + second.end);
         let arm = |side: &Side| side.core.map_or(DVec3::ZERO, |core| middle - cores[core].centre);
-        // How each end goes on, and turns, by itself.
+        // How far each end moves and turns over the step if no velocity changes.
         let way = |side: &Side| match side.core {
             Some(core) => (h * (cores[core].velocity + cores[core].spin.cross(arm(side))), h * cores[core].spin),
             None => (side.next.0 - side.end, (side.next.1 * side.turn.inverse()).to_scaled_axis()),
@@ -49,7 +50,7 @@ impl Joint {
         let (ways, apart) = ([way(first), way(second)], first.end - second.end);
         let turned = (second.turn * first.turn.inverse()).to_scaled_axis();
         for axis in DVec3::AXES {
-            // Of the first against the second along the axis, and about it.
+            // Displacement of the first side relative to the second along the axis, then rotation about it.
             let stretch = axis.dot(apart + ways[0].0 - ways[1].0);
             let row = self.row(cores, firsts, [axis, -axis], [0, 1].map(|k| arm(&self.sides[k]).cross(axis)));
             add_spring(a, b, &row, h * h * self.stiffness, -h * self.stiffness * stretch);
@@ -73,7 +74,7 @@ impl Joint {
             let of = |turn: DVec3| angle(self.resistance.axis, first.turn, DQuat::from_scaled_axis(turn) * second.turn);
             let slope = |axis: DVec3| (of(DIFFERENCE * axis) - of(-DIFFERENCE * axis)) / (2.0 * DIFFERENCE);
             let about = DVec3::from(DVec3::AXES.map(slope));
-            // By the end of the step, if nothing is done.
+            // The excess over the limit at the end of the step, if no velocity changes.
             let beyond = of(DVec3::ZERO) - limit + about.dot(ways[1].1 - ways[0].1);
             if beyond > 0.0 {
                 let row = self.row(cores, firsts, [DVec3::ZERO; 2], [-about, -about]);
@@ -82,8 +83,8 @@ impl Joint {
         }
     }
 
-    /// Coefficients of the unknowns, as far as hinges let cores follow: `linear` of each side's velocity, `angular` of the
-    /// first's spin, less those of the second's.
+    /// Coefficients of the unknowns (a row of the Jacobian), projected onto the motions that hinges leave: `linear` of
+    /// each side's velocity, `angular` of the first side's angular velocity less that of the second's.
     fn row(&self, cores: &[Core], firsts: &[usize], linear: [DVec3; 2], angular: [DVec3; 2]) -> Vec<(usize, f64)> {
         let mut row = Vec::new();
         for (k, sign) in [(0, 1.0), (1, -1.0)] {
@@ -95,7 +96,7 @@ impl Joint {
         row
     }
 
-    /// Goes with its sides for `h` seconds; cores are there already.
+    /// Advances the ends and rotations of its sides by `h` seconds; the cores have been advanced already.
     pub fn advance(&mut self, cores: &[Core], h: f64) {
         for side in &mut self.sides {
             (side.end, side.turn) = match side.core.map(|core| &cores[core]) {
@@ -115,12 +116,12 @@ fn add_spring(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], size: f64, i
     row.iter().for_each(|(i, x)| b[*i] += impulse * x);
 }
 
-/// Angle between the axis as both sides have it.
+/// Angle between the joint's axis as rotated with the first and with the second side, rad.
 fn swing(axis: DVec3, first: DQuat, second: DQuat) -> f64 {
     (first * axis).dot(second * axis).clamp(-1.0, 1.0).acos()
 }
 
-/// By how much the second has turned about its axis, after the shortest turn that brings the axes together.
+/// Angle by which the second side is rotated about its axis, after the smallest rotation that aligns the axes, rad.
 fn twist(axis: DVec3, first: DQuat, second: DQuat) -> f64 {
     let across = axis.any_orthonormal_vector();
     let (along, from) = (second * axis, DQuat::from_rotation_arc(first * axis, second * axis) * (first * across));

@@ -1,24 +1,30 @@
-//! f64 twins of every stage and of the whole step, in plain Rust; they share nothing with `shaders/`.
+//! f64 reference implementations ("twins") of every stage and of the whole step; they share no code with `shaders/`.
 //!
-//! vk-tests hold each shader against its twin here, and error reports take their reference trajectory from
-//! [`step::Simulation`]. Clear before fast. Units are SI; vectors are in world axes unless a name says `rest`.
+//! vk-tests compare each shader with its reference implementation here, and error reports take their reference
+//! trajectory from [`step::Simulation`]. Units are SI; axes are the world's unless a name says `rest`.
 //!
-//! | twin | stage |
+//! A layered body is a skin (high-resolution surface mesh) embedded in a layer (tetrahedral simulation mesh), some of
+//! whose nodes are bound (attached) to rigid cores. A proxy is a convex collision proxy. A region is a contact patch:
+//! an area in which two bodies may touch, with one normal. The haptic device moves the tool by virtual coupling.
+//!
+//! | module | stage |
 //! | --- | --- |
 //! | [`body`] | state of soft bodies and dynamic cores |
 //! | [`elastic`] | element rotations, elastic forces, the stiffness operator |
 //! | [`skin`] | skin positions and velocities from nodes |
-//! | [`cull`] | separation and penetration of convex hulls |
-//! | [`proximity`] | placement, bounds, directions |
-//! | [`regions`] | boxes of chunks, what a vertex makes of several regions |
-//! | [`contact`], [`rays`] | depth by exact rays, gathered contacts |
-//! | [`contact_law`], [`material_law`] | the laws, once each |
+//! | [`cull`] | broad phase: separation and penetration of convex hulls |
+//! | [`proximity`] | broad phase: placement and bounds of proxies, contact normals |
+//! | [`regions`] | bounds of parts of a skin, blending of several contact patches at a vertex |
+//! | [`contact`], [`rays`] | narrow phase: depth by exact rays, contacts |
+//! | [`contact_law`], [`material_law`], [`neo_hookean`] | the contact and material laws |
+//! | [`friction`] | friction of contacts |
 //! | [`linear`], [`step`], `newton` | the implicit step, solved directly |
 //! | [`joint`] | springs between dynamic cores |
-//! | [`coarse`] | the coarse level of the solver's preconditioner |
+//! | [`tool`] | the rigid tool and its virtual coupling |
+//! | [`coarse`] | the coarse space of the solver's preconditioner |
 //! | [`wrench`] | net force, torque, stiffness and damping on the tool |
-//! | [`gap`] | the ways from a tool to a skin |
-//! | [`statics`] | linear static equilibrium, for laws only |
+//! | [`gap`] | shortest ways from the tool to a skin |
+//! | [`statics`] | linear static equilibrium, for tests only |
 
 pub mod body;
 pub mod coarse;

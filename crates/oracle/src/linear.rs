@@ -7,7 +7,7 @@ use faer::{Col, Side};
 use glam::DMat3;
 use palpate::{Error, Result};
 
-/// A symmetric matrix being assembled: lower-triangle entries in any order, repeated ones summed.
+/// A symmetric matrix in assembly: entries of its lower triangle in any order, of which repeated ones are summed.
 #[derive(Debug, Clone, Default)]
 pub struct Entries {
     places: Vec<(usize, usize)>,
@@ -15,7 +15,7 @@ pub struct Entries {
 }
 
 impl Entries {
-    /// Adds `value` at (row, column); the upper triangle is implied and may be offered too: it is ignored.
+    /// Adds `value` at (row, column). Entries of the upper triangle are implied; they are ignored.
     pub fn add(&mut self, row: usize, column: usize, value: f64) {
         if row >= column {
             self.places.push((row, column));
@@ -39,12 +39,12 @@ impl Entries {
         }
     }
 
-    /// Row, column and value of what was added, in that order; the lower triangle, places may repeat.
+    /// Row, column and value of the entries, as they were added; lower triangle only, with repetitions.
     pub fn lower(&self) -> impl Iterator<Item = (usize, usize, f64)> {
         self.places.iter().zip(&self.values).map(|(&(row, column), &value)| (row, column, value))
     }
 
-    /// y = A x, for residuals.
+    /// The product y = A x, for residuals.
     pub fn multiply(&self, x: &[f64]) -> Vec<f64> {
         let mut y = vec![0.0; x.len()];
         for (&(i, j), &value) in self.places.iter().zip(&self.values) {
@@ -57,11 +57,11 @@ impl Entries {
     }
 }
 
-/// Solves systems; the symbolic factorisation is kept for as long as the places of the entries stay the same.
+/// Direct solver, which keeps its symbolic factorisation for as long as the places of the entries stay the same.
 #[derive(Default)]
 pub struct Solver {
     pattern: Option<Pattern>,
-    /// How many symbolic factorisations were made.
+    /// Number of symbolic factorisations so far.
     pub symbolic_count: usize,
 }
 

@@ -1,5 +1,5 @@
-//! The material law in f64: stress, operator and energy density of a tetrahedron from its strain R^T F - I, with the
-//! compression penalty. Twin of `shaders/shared/material_law.glsl`.
+//! The material law: stress, operator and energy density of a tetrahedron from its strain R^T F - I, with the
+//! compression penalty. f64 reference for `shaders/shared/material_law.glsl`.
 
 use glam::DMat3;
 use palpate::scene::{Law, Material};
@@ -7,7 +7,8 @@ use palpate::scene::{Law, Material};
 use super::elastic::{Operator, lame, squeeze, stiffening, symmetric};
 use super::neo_hookean;
 
-/// R^T P, Pa; `lambda`: what of it the tetrahedron has for itself, Pa, the rest acts by its patch.
+/// Stress R^T P, Pa, with the first Piola-Kirchhoff stress P. `lambda` is the part of Lame's parameter that the
+/// tetrahedron has for itself, Pa; the rest acts by its F-bar patch.
 pub fn stress(material: &Material, lambda: f64, strain: DMat3) -> DMat3 {
     let of_law = match material.law {
         Law::Corotational => Operator::linear(material, lambda).stress(strain),
@@ -16,8 +17,8 @@ pub fn stress(material: &Material, lambda: f64, strain: DMat3) -> DMat3 {
     of_law + squeeze(strain) * stiffening(lame(material))
 }
 
-/// What K is made of. A corotational tetrahedron that is squeezed gets half the compression penalty more shear modulus, which
-/// is at least as stiff in every direction as the penalty, and isotropic.
+/// Stiffness operator. A compressed corotational tetrahedron gets half the modulus of the compression penalty as shear
+/// modulus, which is at least as stiff as the penalty in every direction, and isotropic.
 pub fn operator(material: &Material, lambda: f64, strain: DMat3) -> Operator {
     let squeezed = squeeze(strain);
     let linear = Operator::linear(material, lambda);
@@ -28,7 +29,7 @@ pub fn operator(material: &Material, lambda: f64, strain: DMat3) -> Operator {
     }
 }
 
-/// Energy density, J/m^3, zero at rest; `dilatation`: tr(E), or its patch's mean.
+/// Energy density, J/m^3, zero at rest; `dilatation` is tr(E), or its mean over the F-bar patch.
 pub fn energy(material: &Material, strain: DMat3, dilatation: f64) -> f64 {
     let (mu, lambda) = lame(material);
     let square = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();

@@ -1,14 +1,15 @@
 //! The stable neo-Hookean law of one tetrahedron in f64.
 //!
 //! Smith, de Goes and Kim, "Stable Neo-Hookean Flesh Simulation" (2018), equation 14: energy density
-//! m/2 (I - 3) + l/2 (J - a)^2 - m/2 log(I + 1), I = tr(F^T F), J = det F, a = 1 + 3 m / (4 l); at small strain it is
-//! Hooke's law where m = 4/3 mu and l = lambda + 5/6 mu (their section 3.4).
+//! m/2 (I - 3) + l/2 (J - a)^2 - m/2 log(I + 1), I = tr(F^T F), J = det F, a = 1 + 3 m / (4 l), F the deformation
+//! gradient. At small strain it is Hooke's law with Lame parameters mu and lambda where m = 4/3 mu and
+//! l = lambda + 5/6 mu (their section 3.4).
 
 use glam::{DMat3, DVec3};
 
 use super::elastic::{LEAST_STRETCH, Operator, stiffening, symmetric, trace};
 
-/// |M|^2.
+/// Square |M|^2 of the Frobenius norm.
 fn square(m: DMat3) -> f64 {
     m.to_cols_array().iter().map(|x| x * x).sum()
 }
@@ -33,7 +34,7 @@ pub fn energy(lame: (f64, f64), strain: DMat3) -> f64 {
     density(square(f), f.determinant()) - density(3.0, 1.0)
 }
 
-/// First Piola-Kirchhoff stress R^T P, Pa, free of cancellation at small strain.
+/// First Piola-Kirchhoff stress P as R^T P, Pa, free of cancellation at small strain.
 pub fn stress(lame: (f64, f64), strain: DMat3) -> DMat3 {
     let (mu, _) = lame;
     let (_, l) = parameters(lame);
@@ -46,12 +47,13 @@ pub fn stress(lame: (f64, f64), strain: DMat3) -> DMat3 {
         + all_cofactors * (l * volume)
 }
 
-/// The operator at a state. In gradients of the deformed tetrahedron, S^-1 g, with p = l (J - 1) - mu, b = S^2,
-/// c = m (1 - 1 / (I + 1)), and D and O the symmetric and skew parts of L, the second derivative of the law is
-/// c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m (b:D)^2 / (I + 1)^2: isotropic but for b. For b stands
-/// its mean, or half its greatest value where the whole would be less (a linearised implicit step is stable where it has
-/// half the true stiffness of every wave); O, rotation alone, is left out. `squeezed`: as of
-/// `squeeze` in elastic.rs, it keeps S from being singular.
+/// The stiffness operator at a strain. Symbols: the stretch S in F = R S, p = l (J - 1) - mu, b = S^2, c = m (1 - 1 /
+/// (I + 1)), and D and O the symmetric and skew parts of L, the change of F in gradients S^-1 g of the deformed
+/// tetrahedron. The second derivative of the law is c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m
+/// (b:D)^2 / (I + 1)^2, which is isotropic but for b. The operator replaces b by the mean of its eigenvalues, or takes
+/// c times its greatest eigenvalue as twice the shear modulus where that is more, since a linearised implicit step is
+/// stable if it has half the true stiffness of every wave. O, which is rotation alone, is left out. Subtracting
+/// `squeezed`, by `squeeze` in elastic.rs, keeps S from being singular.
 pub fn operator(lame: (f64, f64), strain: DMat3, squeezed: DMat3) -> Operator {
     let (mu, _) = lame;
     let (m, l) = parameters(lame);

@@ -1,7 +1,7 @@
-//! Newton's iterations of a step: its elasticity linearised again where the last solve would take it. Each solve is for the
-//! whole change of velocity from the start of the step, so that the last one is the step; what does not change with
-//! displacement (inertia, contacts, arms of cores) stays as it was at the start. At the fixed point the step is implicit
-//! Euler solved exactly.
+//! Newton iterations of a step: elasticity is linearised again at the trial state to which the last solve would take
+//! it. Each solve is for the whole change of velocity from the start of the step, so that the last one is the step.
+//! What does not depend on displacement here (inertia, contacts, arms of cores) stays as it was at the start. At the
+//! fixed point implicit Euler is solved exactly, but for that.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Material;
@@ -11,18 +11,19 @@ use super::elastic::outer;
 use super::linear::Entries;
 use super::step::{Map, Simulation, Unknowns, add_mapped};
 
-/// Where a body's elasticity is linearised.
+/// State at which a body's elasticity is linearised.
 pub(super) struct Trial {
-    /// Rest axes, m.
+    /// Displacement of each node, rest axes, m.
     pub displacement: Vec<DVec3>,
-    /// End velocities that the displacements hold already, world, m/s; zero at the start of the step.
+    /// Velocity of each node at the end of the step that the displacements contain already, world, m/s; zero in the
+    /// first iteration, which linearises at the start of the step.
     pub velocity: Vec<DVec3>,
-    /// Of each tetrahedron.
+    /// Rotation of each tetrahedron.
     pub rotations: Vec<DQuat>,
 }
 
 impl Trial {
-    /// The start of the step.
+    /// The state at the start of the step.
     pub fn start(body: &SoftBody) -> Trial {
         Trial {
             displacement: body.displacement.clone(),
@@ -33,13 +34,15 @@ impl Trial {
 }
 
 impl Simulation {
-    /// (1 + h alpha) M + (h^2 + h beta) K, and h [M g + f_el - alpha M v - (beta + h) K v + h K v_t], f_el and K of the trial,
-    /// v_t its velocity; alpha, beta of each element.
+    /// Adds a body to A and b: (1 + h alpha) M + (h^2 + h beta) K and
+    /// h [M g + f_el - alpha M v - (beta + h) K v + h K v_t], with mass M, gravity g, damping alpha and beta of each
+    /// element, velocity v, and elastic force f_el, stiffness K and velocity v_t of the trial state.
     pub(super) fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, trial: &Trial, unknowns: &[Map]) {
         let Trial { displacement, rotations, .. } = trial;
         let (h, mut elements) = (self.dt, body.elements.linearised(displacement, rotations));
         for (nodes, operator) in elements.tetrahedra.iter().zip(&mut elements.operators) {
-            // Within a core nothing deforms. The operator of a trial does not know that: the core's arms are those of the start.
+            // A tetrahedron whose nodes are all attached to one core does not deform. Its operator at the trial state
+            // is dropped, because it would respond to the core's motion, whose arms are those of the start.
             let [first, others @ ..] = nodes.map(|n| &unknowns[n as usize]);
             if first.len() > 1 && others.iter().all(|map| map.len() > 1 && map[0].0 == first[0].0) {
                 (operator.mu, operator.lambda) = (0.0, 0.0);
@@ -78,7 +81,7 @@ impl Simulation {
         }
     }
 
-    /// Where this change of the unknowns would take each body by the end of the step.
+    /// The trial states at the end of the step to which this change of the unknowns would take the bodies.
     pub(super) fn trials(&self, unknowns: &Unknowns, change: &[f64]) -> Vec<Trial> {
         let three = |first: usize| DVec3::from_slice(&change[first..first + 3]);
         let mut trials = Vec::new();

@@ -1,5 +1,6 @@
-//! Placement, bounds and embedding of proxies and skin, the direction of a pair, in f64. Twin of the pose, skin and cull stages;
-//! chunks are in [`super::regions`], contacts in [`super::contact`].
+//! Broad phase in f64: placement and bounds of collision proxies (convex hulls), embedding of skin, and the contact
+//! normal of a pair of proxies. Reference implementation of the pose, skin and cull stages; bounds of parts of a skin
+//! are in [`super::regions`], contacts in [`super::contact`].
 
 use glam::{DQuat, DVec3};
 
@@ -8,34 +9,34 @@ use super::cull::{exact_distance, separation_along};
 /// A face plane: unit normal and offset.
 pub type Face = (DVec3, f64);
 
-/// A rest point on a frame, in the world.
+/// World position of a rest point that moves with a frame.
 pub fn place(centre: DVec3, rotation: DQuat, rest: DVec3) -> DVec3 {
     centre + rotation * rest
 }
 
-/// A rest face plane on a frame, in the world.
+/// World plane of a rest face that moves with a frame.
 pub fn place_face(centre: DVec3, rotation: DQuat, rest: Face) -> Face {
     let normal = rotation * rest.0;
     (normal, rest.1 + normal.dot(centre))
 }
 
-/// A skin vertex from the positions of its four nodes in their frame.
+/// World position of a skin vertex, from the positions of its four nodes in their frame.
 pub fn embed(centre: DVec3, rotation: DQuat, nodes: [DVec3; 4], weights: [f64; 4]) -> DVec3 {
     place(centre, rotation, nodes.iter().zip(weights).map(|(x, w)| *x * w).sum())
 }
 
-/// A proxy's bounds.
+/// Bounds of a collision proxy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
     /// Least corner of the hull's box, m.
     pub low: DVec3,
     /// Greatest corner, m.
     pub high: DVec3,
-    /// How far the skin may have left the hull, m.
+    /// How far the skin may lie outside the hull, m.
     pub inflation: f64,
 }
 
-/// Box of a hull, and margin + (greatest sum of absolute weights) x (greatest displacement).
+/// Bounds of a hull: its box, and margin + (greatest sum of absolute weights) x (greatest displacement).
 pub fn bounds(hull: &[DVec3], margin: f64, weight_bound: f64, displacements: &[DVec3]) -> Bounds {
     let low = hull.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = hull.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -43,19 +44,20 @@ pub fn bounds(hull: &[DVec3], margin: f64, weight_bound: f64, displacements: &[D
     Bounds { low, high, inflation: margin + weight_bound * largest }
 }
 
-/// Whether two hulls are within reach of each other, by parry3d; `None` where it has no answer.
+/// Whether two hulls are no farther apart than `reach`, by parry3d; `None` where it has no answer.
 pub fn pairs(a: &[DVec3], b: &[DVec3], reach: f64) -> Option<bool> {
     Some(exact_distance(a, b)?.1 <= reach)
 }
 
-/// The blended direction from a to b and the greatest separation along any face normal: a normal n with separation s
-/// counts max(0, 1 - (s_max - s) / blend)^2. `None` without faces; where the normals cancel, the first of the best.
+/// Blended contact normal from a to b, and the greatest separation s_max along a face normal. A face normal n with
+/// separation s has the weight max(0, 1 - (s_max - s) / blend)^2. Where the normals cancel, the first of those with
+/// s_max is returned. `None` without faces.
 pub fn direction(a: &[DVec3], a_faces: &[Face], b: &[DVec3], b_faces: &[Face], blend: f64) -> Option<(DVec3, f64)> {
     let (sum, weights, best, greatest) = blended(a, a_faces, b, b_faces, blend)?;
     Some((if sum.length() > CANCELLED * weights { sum.normalize() } else { best }, greatest))
 }
 
-/// Whether rounding may decide between the mean and the best of the normals in [`direction`].
+/// Whether rounding may decide if [`direction`] returns the blended normal or the best one.
 pub fn nearly_cancels(a: &[DVec3], a_faces: &[Face], b: &[DVec3], b_faces: &[Face], blend: f64) -> bool {
     blended(a, a_faces, b, b_faces, blend).is_none_or(|(sum, weights, ..)| sum.length() < 1.01 * CANCELLED * weights)
 }
@@ -77,10 +79,10 @@ fn blended(
     Some((sum, separations.iter().map(weight).sum(), normals[best], greatest))
 }
 
-/// Directions whose weighted mean is shorter than this have no mean.
+/// Length below which a weighted mean of directions counts as cancelled.
 pub const CANCELLED: f64 = 0.1;
 
-/// The weighted mean of directions; the heaviest where they cancel; `None` where none has weight.
+/// Weighted mean of directions; where they cancel, the direction of the greatest weight; `None` where none has weight.
 pub fn mean_direction(directions: &[(DVec3, f64)]) -> Option<DVec3> {
     let sum: DVec3 = directions.iter().map(|(n, w)| *n * *w).sum();
     let weights: f64 = directions.iter().map(|d| d.1).sum();
@@ -117,7 +119,7 @@ mod tests {
         let ((a, a_faces), (b, b_faces)) = (cube(DVec3::ZERO), cube(DVec3::X * 0.9));
         let (n, s) = direction(&a, &a_faces, &b, &b_faces, 0.2).unwrap();
         assert!((n - DVec3::X).length() < 1e-12 && (s + 0.1).abs() < 1e-12);
-        // Where they coincide all normals are equally good and cancel: the first stands.
+        // Where the cubes coincide all normals are equally good and cancel, so the first stands.
         assert_eq!(direction(&a, &a_faces, &a, &a_faces, 0.2).unwrap().0, DVec3::X);
         assert_eq!(pairs(&a, &b, 0.0), Some(true));
         assert_eq!(pairs(&a, &cube(DVec3::X * 1.3).0, 0.29), Some(false));

@@ -1,35 +1,35 @@
-//! Rays along one direction against a skin, in f64: what each meets first, and whether it passes an outline so close that
-//! rounding decides. Triangles are binned on a plane across the direction.
+//! Narrow phase in f64: rays along one direction against a skin, the first triangle that each hits, and whether a ray
+//! passes an outline so closely that rounding decides. Triangles are kept in a grid on a plane across the direction.
 
 use glam::{DVec2, DVec3};
 
 use crate::skin;
 
-/// Where a ray first passes a skin.
+/// The first hit of a ray on a skin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
-    /// From the ray's start, m, positive.
+    /// Distance from the ray's start, m, positive.
     pub depth: f64,
-    /// The skin's triangle; the lower one where two are met at once (an edge or a vertex).
+    /// The triangle that is hit; the lower one where the ray hits two at once (on an edge or a vertex).
     pub triangle: u32,
-    /// Barycentrics of the point on it.
+    /// Barycentric coordinates of the hit on the triangle.
     pub barycentric: [f64; 3],
-    /// Whether the ray leaves the skin's inside there.
+    /// Whether the ray leaves the body there.
     pub leaves: bool,
 }
 
-/// Rays against -`normal` and the triangles they may meet, those seen edge-on left out.
+/// A skin prepared for rays along -`normal`. Triangles seen edge-on are never hit.
 pub struct Rays<'a> {
     plane: Plane,
     positions: &'a [DVec3],
     triangles: &'a [[u32; 3]],
-    /// Corners on the plane, by vertex.
+    /// Vertices projected to the plane.
     flat: Vec<DVec2>,
     bins: Bins,
 }
 
 impl<'a> Rays<'a> {
-    /// A skin to be met by rays along -`normal` (unit).
+    /// Prepares a skin for rays along -`normal` (unit).
     pub fn new(normal: DVec3, positions: &'a [DVec3], triangles: &'a [[u32; 3]]) -> Self {
         let plane = Plane::new(normal);
         let flat: Vec<DVec2> = positions.iter().map(|x| plane.project(*x)).collect();
@@ -43,7 +43,7 @@ impl<'a> Rays<'a> {
         Rays { plane, positions, triangles, flat, bins: Bins::new(&boxes) }
     }
 
-    /// What the ray from `x` along -`normal` passes first.
+    /// First hit of the ray from `x` along -`normal`.
     pub fn first(&self, x: DVec3) -> Option<Crossing> {
         let (at, height) = (self.plane.project(x), self.plane.normal.dot(x));
         let mut best: Option<(f64, u32, [f64; 3])> = None;
@@ -63,8 +63,8 @@ impl<'a> Rays<'a> {
     }
 }
 
-/// Edges at which what lies on a ray changes by a jump, seen along a direction: open ones, those of more than two
-/// triangles, and those between a triangle that faces the viewer and one that does not.
+/// Outlines of a skin seen along a direction: the edges at which the hits of a ray change abruptly. These are open
+/// edges, edges of more than two triangles, and edges between a triangle that faces the viewer and one that does not.
 pub struct Outline {
     plane: Plane,
     edges: Vec<[DVec2; 2]>,
@@ -73,7 +73,7 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Outlines along `normal` of a skin, to be asked about distances up to `within` (m).
+    /// Finds the outlines of a skin along `normal`, for queries of distances up to `within` (m).
     pub fn new(normal: DVec3, positions: &[DVec3], triangles: &[[u32; 3]], within: f64) -> Self {
         let plane = Plane::new(normal);
         let mut uses: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * triangles.len());
@@ -92,7 +92,7 @@ impl Outline {
         Outline { plane, edges, bins: Bins::new(&boxes), within }
     }
 
-    /// Whether the line through `x` passes an outline within the distance.
+    /// Whether the line through `x` along the normal passes an outline within that distance.
     pub fn is_near(&self, x: DVec3) -> bool {
         let at = self.plane.project(x);
         let near = |&e: &u32| {
@@ -105,7 +105,7 @@ impl Outline {
     }
 }
 
-/// A plane across a direction.
+/// A plane across a direction, with two tangents.
 struct Plane {
     normal: DVec3,
     tangents: [DVec3; 2],
@@ -121,18 +121,18 @@ impl Plane {
     }
 }
 
-/// Boxes in the cells of a grid.
+/// A grid whose cells list the boxes that overlap them.
 struct Bins {
     low: DVec2,
     cell: f64,
     size: [usize; 2],
-    /// First entry of each cell in `members`, and the end.
+    /// First entry of each cell in `members`, and the end of the last.
     starts: Vec<usize>,
     members: Vec<u32>,
 }
 
 impl Bins {
-    /// About one cell a box, but never more than 1024 a side for slender outlines.
+    /// Has about one cell a box, but never more than 1024 cells a side, for slender outlines.
     fn new(boxes: &[[DVec2; 2]]) -> Self {
         let low = boxes.iter().fold(DVec2::INFINITY, |low, b| low.min(b[0]));
         let high = boxes.iter().fold(DVec2::NEG_INFINITY, |high, b| high.max(b[1]));
@@ -174,8 +174,8 @@ impl Bins {
     }
 }
 
-/// Barycentrics of `at` in a projected triangle of either orientation; `None` outside it. Watertight: the two
-/// triangles of an edge compute the same number with opposite sign.
+/// Barycentric coordinates of `at` in a projected triangle of either orientation; `None` outside it. The test is
+/// watertight: the two triangles of an edge compute the same number with opposite sign.
 fn barycentric(corners: [DVec2; 3], at: DVec2) -> Option<[f64; 3]> {
     let [a, b, c] = corners.map(|p| p - at);
     let weights = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];
@@ -221,10 +221,10 @@ mod tests {
         let (vertices, triangles) = cubes();
         let outline = Outline::new(DVec3::Z, &vertices, &triangles, 0.01);
         let near = |x: f64, y: f64| outline.is_near(DVec3::new(x, y, 7.0));
-        // The walls of both cubes, seen edge-on, and nothing between them or within.
+        // Outlines are the walls of both cubes, seen edge-on, and nothing between or within them.
         assert!(near(0.009, 0.5) && near(0.995, 0.2) && near(0.205, 0.3) && near(0.5, 0.692));
         assert!(!near(0.02, 0.5) && !near(0.5, 0.5) && !near(0.25, 0.3) && !near(0.85, 0.9) && !near(2.0, 2.0));
-        // A ball's is its equator.
+        // The outline of a ball is its equator.
         let (vertices, triangles) = sphere::icosphere(1.0);
         let outline = Outline::new(DVec3::new(0.3, 0.2, 0.9).normalize(), &vertices, &triangles, 1e-3);
         let count = vertices.iter().filter(|x| outline.is_near(**x)).count();

@@ -1,12 +1,14 @@
-//! Boxes of chunks along a region's axes, and what a vertex makes of the regions that see it, in f64. Twin of cull/chunks and
+//! Contact patches (called regions) in f64: boxes of chunks (groups of at most 64 skin vertices) along a patch's axes,
+//! and the depth and normal of a vertex that several patches see. Reference implementation of cull/chunks and
 //! contact/candidates.
 
 use glam::{DMat3, DQuat, DVec3};
 
-/// Least and greatest corner along a region's axes of skin whose rest box has this centre and half-extent along `axes`, all in
-/// its frame, after its nodes were displaced; `weight_bound` is the greatest sum of absolute weights. Skin x = c + R sum w_i
-/// (r_i + d_i) with sum w_i = 1 differs from its rest place by the middle of the displacements and half their spread at most
-/// weight_bound times.
+/// Least and greatest corner, along a contact patch's axes, of a chunk's skin after its nodes were displaced. Its rest
+/// box has this centre and half-extent along `axes`, all in its frame; `weight_bound` is the greatest sum of absolute
+/// embedding weights w_i of a vertex. A skin vertex x = c + R sum w_i (r_i + d_i), with sum w_i = 1, rest positions r_i
+/// and displacements d_i of nodes, differs from its rest position by the middle of the displacements and at most
+/// weight_bound times half their spread.
 pub fn chunk_box(
     (centre, axes, half_extent): (DVec3, DMat3, DVec3),
     (displacements, weight_bound): (&[DVec3], f64),
@@ -26,13 +28,14 @@ pub fn chunk_box(
     (at - reach, at + reach)
 }
 
-/// A point along a region's axes.
+/// Coordinates of a point along a contact patch's axes.
 pub fn along(axes: [DVec3; 3], x: DVec3) -> DVec3 {
     DVec3::from_array(axes.map(|axis| axis.dot(x)))
 }
 
-/// Depth and normal of a vertex that several regions see, each with its share, depth and normal: that with the greatest share
-/// / depth^2 stands; others count by theirs from half of that on, faded in by a smooth step. The normal is `None` where they cancel.
+/// Depth and normal of a vertex that several contact patches see, each given by its share, depth and normal. The patch
+/// with the greatest strength, share / depth^2, has full weight; others enter from half of that strength on, faded in
+/// by a smooth step. The normal is `None` where the normals cancel.
 pub fn blend(seen: &[(f64, f64, DVec3)]) -> Option<(f64, Option<DVec3>)> {
     let strength = |(share, depth, _): &(f64, f64, DVec3)| share / (depth * depth);
     let strongest = seen.iter().map(strength).fold(0.0, f64::max);
@@ -60,7 +63,7 @@ mod tests {
         let two = |share: f64| blend(&[(0.5, 0.01, DVec3::X), (share, 0.01, DVec3::Y)]).unwrap();
         assert!((two(0.5).1.unwrap() - (DVec3::X + DVec3::Y).normalize()).length() < 1e-12);
         assert_eq!(two(0.2), (0.01, Some(DVec3::X)));
-        // Twice as deep is a quarter as strong.
+        // A patch with twice the depth has a quarter of the strength.
         assert_eq!(blend(&[(0.5, 0.01, DVec3::X), (0.5, 0.02, DVec3::Y)]).unwrap().0, 0.01);
         assert_eq!(blend(&[(0.5, 0.01, DVec3::X), (0.5, 0.01, -DVec3::X)]), Some((0.01, None)));
         assert_eq!(blend(&[]), None);

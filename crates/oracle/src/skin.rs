@@ -1,4 +1,5 @@
-//! Skin vertices from nodes, and which of them face a direction. Twin of the skin stage.
+//! The skin (surface mesh in a tetrahedral layer) in f64: vertices from nodes, normals, areas. Reference for the skin
+//! stage.
 
 use glam::DVec3;
 use palpate::internal::prepare::{Embedding, Layer};
@@ -30,7 +31,7 @@ pub fn area_vector(positions: &[DVec3], triangle: &[u32; 3]) -> DVec3 {
     (b - a).cross(c - a) * 0.5
 }
 
-/// A third of the adjacent triangles' areas, m^2.
+/// Area of each vertex: a third of the adjacent triangles' areas, m^2.
 pub fn areas(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<f64> {
     let mut areas = vec![0.0; positions.len()];
     for t in triangles {

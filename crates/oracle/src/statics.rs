@@ -1,4 +1,4 @@
-//! Linear static equilibrium of a layer, for the laws that have closed solutions. Not a stage of the step.
+//! Linear static equilibrium of a layer (tetrahedral mesh), for tests against closed solutions; no stage of the step.
 
 use glam::{DQuat, DVec3};
 use palpate::Result;
@@ -6,8 +6,8 @@ use palpate::Result;
 use crate::elastic::{Elements, outer};
 use crate::linear::{Entries, Solver};
 
-/// Displacements (m, world axes) under `loads` (N a node, world axes), small strain about rest. `fixed` holds single
-/// components of nodes at zero. Errors where what is held does not stop rigid motion.
+/// Solves for the displacements (m, world axes) under `loads` (N on each node, world axes), at small strain about rest.
+/// `fixed` holds single components of nodes at zero. Errors where these do not prevent rigid motion.
 pub fn solve(elements: &Elements, fixed: &[[bool; 3]], loads: &[DVec3]) -> Result<Vec<DVec3>> {
     let mut unknowns = vec![[None; 3]; elements.node_count()];
     let mut count = 0;

@@ -1,4 +1,5 @@
-//! The whole step in f64: implicit Euler of soft bodies, contacts and the tool, solved directly (DESIGN.md section 2).
+//! The whole step in f64: implicit Euler of soft bodies, dynamic cores, contacts and the tool, solved directly
+//! (DESIGN.md section 2). The unknowns are changes of velocity over the step.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -13,38 +14,38 @@ use crate::newton::Trial;
 use crate::tool::{self, Device, Tool};
 use crate::wrench::{self, Wrench};
 
-/// Flag: contacts were adhesive after the last repeated solve too; they count zero.
+/// Flag of the step: contacts were under tension even after the last repeated solve; they count as zero.
 pub const ADHESIVE_TWICE: u32 = 256;
-/// Solves again without the contacts that pull, at most; as many as the device's.
+/// Repeated solves after contacts under tension are released, at most; as many as the engine has.
 pub const MAX_RETRIES: usize = 4;
 
-/// A contact and what the solver did with it.
+/// A contact and its forces in the solution.
 #[derive(Debug, Clone)]
 pub struct Resolved {
     /// The contact.
     pub contact: Contact,
-    /// Size of the force that pushes the two bodies apart along the normal, N; never negative.
+    /// Normal force that pushes the two bodies apart, N; never negative.
     pub force: f64,
     /// Friction on the first body, N; its opposite acts on the second.
     pub friction: DVec3,
-    /// Friction over the tangential velocity at the end of the step, N s/m.
+    /// Ratio of friction to the tangential velocity at the end of the step, N s/m.
     pub viscosity: f64,
-    /// Whether it was in the last solve and pushes.
+    /// Whether it was in the last solve and is not under tension.
     pub active: bool,
 }
 
-/// What a step reports.
+/// Report of a step.
 #[derive(Debug, Clone)]
 pub struct Report {
-    /// Every contact offered to the step, in the same order.
+    /// Every contact given to the step, in the same order.
     pub contacts: Vec<Resolved>,
-    /// Wrench on the tool, or on the held core's body; zero without either.
+    /// Contact wrench on the tool, or on the body whose core the device holds; zero without either.
     pub wrench: Wrench,
-    /// Bit mask of the trace.
+    /// Bit mask of flags.
     pub flags: u32,
 }
 
-/// Soft bodies and the tool, and the step.
+/// A scene of soft bodies, dynamic cores and the tool, which can be stepped.
 #[derive(Default)]
 pub struct Simulation {
     /// Time step, s.
@@ -53,35 +54,35 @@ pub struct Simulation {
     pub gravity: DVec3,
     /// Soft bodies.
     pub bodies: Vec<SoftBody>,
-    /// The tool.
+    /// The rigid tool, if there is one.
     pub tool: Option<Tool>,
     /// Dynamic cores.
     pub cores: Vec<Core>,
-    /// Joints between them.
+    /// Joints between the cores.
     pub joints: Vec<Joint>,
-    /// Which of the cores the device holds.
+    /// The core that the haptic device holds, if any.
     pub held: Option<Held>,
     /// Friction of all contacts, if there is any.
     pub friction: Option<Friction>,
-    /// Linearisations of elasticity in a step.
+    /// Newton iterations of a step.
     pub newton: usize,
     /// Direct solver; keeps its symbolic factorisation.
     pub solver: Solver,
 }
 
-/// How a node's velocity follows from unknowns: sum of 3x3 matrices times three unknowns from an index on; none where
-/// its motion is known.
+/// How a node's change of velocity follows from the unknowns: the sum of 3x3 matrices times three unknowns each, from
+/// an index on. It is empty where the node's motion is prescribed.
 pub type Map = Vec<(usize, DMat3)>;
 
-/// Where each node, core and the tool sit among the unknowns.
+/// Indices of nodes, cores and the tool among the unknowns.
 pub struct Unknowns {
-    /// Of each node of each body: a free node's own three, a carried node's core's six.
+    /// Map of each node of each body: a free node has three unknowns, one attached to a dynamic core the core's six.
     pub nodes: Vec<Vec<Map>>,
-    /// First of the six of each core.
+    /// First of the six unknowns of each core.
     pub cores: Vec<usize>,
-    /// First of the tool's six.
+    /// First of the tool's six unknowns.
     pub tool: usize,
-    /// All of them.
+    /// Number of all unknowns.
     pub count: usize,
 }
 
@@ -91,8 +92,8 @@ impl Simulation {
         Self { dt, gravity, newton: 1, ..Self::default() }
     }
 
-    /// Advances by one step. `device`: pose and twist at the end of the step; `contacts`: gathered from the present
-    /// state. Errors where the system cannot be factorised.
+    /// Advances by one step. `device`: pose and twist of the haptic device at the end of the step; `contacts`: those
+    /// gathered from the present state. Errors where the system cannot be factorised.
     pub fn step(&mut self, device: Option<&Device>, contacts: &[Contact]) -> Result<Report> {
         let unknowns = self.unknowns();
         let mut trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
@@ -118,7 +119,7 @@ impl Simulation {
                 let rate = |j: usize| known[j] + dot(&rows[j], &end);
                 pressures = contacts.iter().enumerate().map(|(j, c)| self.pressure(c, rate(j))).collect();
                 let pulling = (0..contacts.len()).filter(|&j| active[j] && pressures[j] < 0.0).collect::<Vec<_>>();
-                // What still pulls after the last repeated solve may push in the next linearisation.
+                // A contact under tension after the last repeated solve may push in the next Newton iteration.
                 if pulling.is_empty() || (attempt == MAX_RETRIES && left > 0) {
                     break;
                 }
@@ -146,7 +147,7 @@ impl Simulation {
         Ok(Report { contacts, wrench, flags })
     }
 
-    /// Numbers the unknowns: nodes by body, then the tool.
+    /// Numbers the unknowns: nodes by body, then the cores, then the tool.
     pub fn unknowns(&self) -> Unknowns {
         let mut count = 0;
         let mut number = |bound: &bool| {
@@ -168,7 +169,7 @@ impl Simulation {
         Unknowns { nodes, cores, tool, count: tool + if self.tool.is_some() { 6 } else { 0 } }
     }
 
-    /// A and b of the next step with all of these contacts in it.
+    /// System A and b of the next step, with all of these contacts in it.
     pub fn assemble(&self, device: Option<&Device>, contacts: &[Contact]) -> (Entries, Vec<f64>) {
         let unknowns = self.unknowns();
         let trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
@@ -183,7 +184,7 @@ impl Simulation {
         (a, b)
     }
 
-    /// A and b without contacts, linearised at these places of the bodies.
+    /// System A and b without contacts, with the elasticity of each body linearised at its trial state.
     fn system(&self, unknowns: &Unknowns, trials: &[Trial], device: Option<&Device>) -> (Entries, Vec<f64>) {
         let (mut a, mut b) = (Entries::default(), vec![0.0; unknowns.count]);
         for ((body, nodes), trial) in self.bodies.iter().zip(&unknowns.nodes).zip(trials) {
@@ -196,7 +197,7 @@ impl Simulation {
             });
             let (linear, angular) = core.freedom();
             if core.hinge.is_some() {
-                // No spin about an axis that rests has such a torque about it. Unknowns that move nothing are zero.
+                // Spin about a fixed axis causes no gyroscopic torque about it. Unused unknowns are zero.
                 a.add_block(*first, *first, &(DMat3::IDENTITY - linear));
                 a.add_block(first + 3, first + 3, &(DMat3::IDENTITY - angular));
                 continue;
@@ -216,12 +217,12 @@ impl Simulation {
         (a, b)
     }
 
-    /// The row c with depth rate = c . velocities.
+    /// Row c of a contact's Jacobian, by which the rate of its depth is c . velocities.
     pub fn row(&self, unknowns: &Unknowns, contact: &Contact) -> Vec<(usize, f64)> {
         self.row_along(unknowns, contact, contact.normal)
     }
 
-    /// The row c with c . velocities the relative velocity along a direction.
+    /// Row c by which the relative velocity of a contact along a direction is c . velocities.
     pub(super) fn row_along(&self, unknowns: &Unknowns, contact: &Contact, direction: DVec3) -> Vec<(usize, f64)> {
         let mut row = Vec::new();
         self.add_point(&mut row, unknowns, &contact.first, direction);
@@ -268,7 +269,7 @@ impl Simulation {
         all
     }
 
-    /// What nodes whose velocities are known give to the depth rate, m/s.
+    /// Part of the depth's rate that comes from nodes whose motion is prescribed, m/s.
     pub(super) fn known_rate(&self, unknowns: &Unknowns, contact: &Contact) -> f64 {
         self.known_along(unknowns, contact, contact.normal)
     }
@@ -285,12 +286,13 @@ impl Simulation {
         of(&contact.first, along) + of(&contact.second, -along)
     }
 
-    /// k depth + (h k + d) depth' at this rate, N/m^2.
+    /// Pressure at the end of the step at this rate of the depth, N/m^2.
     fn pressure(&self, contact: &Contact, rate: f64) -> f64 {
         contact.penalty().end_pressure(contact.depth, rate, self.dt)
     }
 
-    /// v1 = v0 + dv, d1 = d0 + h R^T v1; bound nodes keep the velocity they were given; the tool moves with its new twist.
+    /// Commits the solution: v1 = v0 + dv, d1 = d0 + h R^T v1. Bound nodes of prescribed motion keep the velocity that
+    /// they were given; cores and the tool move with their new twist.
     fn commit(&mut self, unknowns: &Unknowns, change: &[f64]) {
         for (body, nodes) in self.bodies.iter_mut().zip(&unknowns.nodes) {
             let to_rest = body.elements.frame.transpose();
@@ -328,7 +330,8 @@ impl Simulation {
     }
 }
 
-/// (h^2 k + h d) a c c^T, and -h a (k depth + (d + h k) depth') c; `rate`: depth' at the start, m/s.
+/// Adds a contact to the system: (h^2 k + h d) a c c^T to A, and -h a (k depth + (d + h k) depth') c to b, with its row
+/// c, area a, stiffness k and damping d; `rate` is depth' at the start, m/s.
 fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &Contact, rate: f64, h: f64) {
     let penalty = contact.penalty();
     a.add_outer(row, h * penalty.slope(h) * contact.area);
@@ -338,7 +341,7 @@ fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &C
     }
 }
 
-/// The block between two nodes as the unknowns behind them feel it, P_i^T B P_j.
+/// Adds a block B between two nodes in terms of their unknowns: P_i^T B P_j, with the nodes' maps P.
 pub(super) fn add_mapped(a: &mut Entries, rows: &Map, columns: &Map, block: &DMat3) {
     for (row, left) in rows {
         for (column, right) in columns {
@@ -347,7 +350,7 @@ pub(super) fn add_mapped(a: &mut Entries, rows: &Map, columns: &Map, block: &DMa
     }
 }
 
-/// [v]x with [v]x p = v x p.
+/// Cross product matrix of v, whose product with p is v x p.
 fn cross_matrix(v: DVec3) -> DMat3 {
     DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0))
 }

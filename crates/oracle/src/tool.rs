@@ -1,4 +1,4 @@
-//! The rigid body a haptic device holds: its inertia, its virtual coupling, its pose update.
+//! The rigid tool that the haptic device moves by virtual coupling: its inertia, coupling and pose update.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Coupling;
@@ -15,20 +15,20 @@ pub struct Tool {
     pub inertia: DMat3,
     /// Centre of mass, m.
     pub centre: DVec3,
-    /// World from tool axes.
+    /// Rotation from tool axes to world axes.
     pub orientation: DQuat,
     /// Velocity of the centre, m/s.
     pub velocity: DVec3,
     /// Angular velocity, rad/s, world axes.
     pub angular_velocity: DVec3,
-    /// Spring and damper to the device; `None`: the tool moves freely.
+    /// Virtual coupling (spring and damper) to the device; `None`: the tool moves freely.
     pub coupling: Option<Coupling>,
 }
 
 /// Pose and twist of the haptic device at the end of a step.
 #[derive(Debug, Clone, Copy)]
 pub struct Device {
-    /// Position of the handle, m.
+    /// Position of the device's handle, m.
     pub position: DVec3,
     /// Orientation of the handle.
     pub orientation: DQuat,
@@ -57,8 +57,8 @@ impl Tool {
         self.centre + self.orientation * local
     }
 
-    /// Adds the tool's terms to A and to b, from unknown `first` on: inertia, gravity, the gyroscopic torque
-    /// and the virtual coupling to the device's pose and twist at the end of the step of `h` seconds.
+    /// Adds the tool's terms over a step of `h` seconds to A and b, at six unknowns from `first` on: inertia, gravity,
+    /// the gyroscopic torque, and the virtual coupling to the device's pose and twist at the end of the step.
     pub fn add_terms(
         &self,
         a: &mut Entries,
@@ -93,7 +93,7 @@ impl Tool {
         }
     }
 
-    /// Force (N) and torque (N m) of the virtual coupling on the tool as it stands now.
+    /// Force (N) and torque (N m) of the virtual coupling on the tool in its present state.
     pub fn coupling_wrench(&self, device: &Device) -> (DVec3, DVec3) {
         let Some(spring) = &self.coupling else { return (DVec3::ZERO, DVec3::ZERO) };
         let turn = rotation_vector(device.orientation * self.orientation.conjugate());
@@ -103,7 +103,7 @@ impl Tool {
         (force + spring.damping * (device.velocity - self.velocity), torque + spring.angular_damping * slip)
     }
 
-    /// Changes the twist, then moves for `h` seconds: c1 = c0 + h u1, q1 = exp(h w1) q0.
+    /// Adds `change` to the twist (u, w), then moves by it for `h` seconds: c1 = c0 + h u1, q1 = exp(h w1) q0.
     pub fn advance(&mut self, h: f64, change: [f64; 6]) {
         self.velocity += DVec3::from_slice(&change[..3]);
         self.angular_velocity += DVec3::from_slice(&change[3..]);
@@ -118,8 +118,8 @@ impl Tool {
     }
 }
 
-/// What a virtual coupling gives to the rows of a body at `pose` (centre, orientation) that moves with `twist` (linear,
-/// angular) in a step of `h` seconds: h^2 K + h D of its linear and of its angular part, and the two impulses.
+/// Terms of a virtual coupling in the rows of a body at `pose` (centre, orientation) that moves with the twist (linear
+/// `u`, angular `w`), over a step of `h` seconds: h^2 K + h D and impulses, linear and angular; stiffness K, damping D.
 pub fn coupling_terms(
     spring: &Coupling,
     pose: (DVec3, DQuat),
@@ -140,14 +140,15 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let axis = DVec3::new(q.x, q.y, q.z);
     let sine = axis.length();
-    // Below this sine the angle is twice the sine to the last digit.
+    // Below this sine the angle equals twice the sine to the last digit.
     if sine < 1e-9 { axis * 2.0 } else { axis * (2.0 * sine.atan2(q.w) / sine) }
 }
 
-/// The gyroscopic impulse I (w1 - w0) of implicit Euler, I (w1 - w0) = -h w1 x I w1, by Newton's method along a growing
-/// step; N m s.
+/// Gyroscopic impulse I (w1 - w0) = -h w1 x I w1 of implicit Euler, N m s, for inertia I and angular velocity w0 at the
+/// start and w1 at the end. It is solved by Newton's method, along a step that grows to h.
 pub fn gyroscopic(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
-    // Each share of the step starts from the last one's end; Newton's matrix by differences, exact for a quadratic.
+    // Each part of the step starts from the result of the last; Newton's matrix comes from differences, which are exact
+    // for a quadratic.
     let residual = |x: DVec3, h: f64| inertia * (x - w) + h * x.cross(inertia * x);
     let mut end = w;
     for share in 1..=8 {

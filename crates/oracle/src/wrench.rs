@@ -1,33 +1,33 @@
-//! Net force, torque, 6x6 stiffness and damping of the contacts on the tool. Twin of the wrench stage.
+//! Net force, torque, 6x6 stiffness and damping of contacts on the tool. f64 reference for the wrench stage.
 
 use glam::DVec3;
 
 use crate::contact::Carrier;
 use crate::step::{Core, Resolved};
 
-/// What the contacts do to the tool, world axes, about its centre; rows and columns are force, then torque.
+/// Wrench of the contacts on the tool with stiffness and damping, about its centre, world axes: force, then torque.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Wrench {
     /// Net force, N.
     pub force: DVec3,
     /// Net torque about the centre, N m.
     pub torque: DVec3,
-    /// Sum of the sizes of the contacts' forces along their normals, N.
+    /// Sum of the magnitudes of the contacts' normal forces, N.
     pub pressing: f64,
-    /// K = sum k a c c^T with c = (n, (s - centre) x n), over the contacts that push; symmetric positive semi-definite.
+    /// K = sum k a c c^T over the active contacts, with stiffness k, area a and c = (n, (s - centre) x n), n the normal
+    /// and s the contact's point; symmetric positive semi-definite.
     pub stiffness: [[f64; 6]; 6],
-    /// D = sum d a c c^T, and of friction the same along two tangents, where the other body's point is.
+    /// D = sum d a c c^T with damping d, and the same form for friction along two tangents, at its point of action.
     pub damping: [[f64; 6]; 6],
 }
 
-/// Sums the contacts of which one point rides on the tool; `centre` is the tool's, at the start of the step. Friction acts
-/// at the other body's point.
+/// Sums the contacts on the tool; `centre` is its centre at the start. Friction acts at the other body's point.
 pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
     sum(contacts, centre, |carrier| matches!(carrier, Carrier::Tool), false)
 }
 
-/// Sums the contacts of a soft body about its held core's centre at the start of the step, as if all of it were rigid.
-/// Friction acts at the body's own point.
+/// Sums the contacts of the soft body whose core the device holds, about that core's centre at the start of the step,
+/// as if all of the body were rigid. Friction acts at the body's own point.
 pub fn on_core(contacts: &[Resolved], core: &Core) -> Wrench {
     let body = core.nodes.first().map(|(body, _)| *body);
     sum(contacts, core.centre, |carrier| matches!(carrier, Carrier::Nodes(own, _) if Some(*own) == body), true)
@@ -60,7 +60,7 @@ fn sum(contacts: &[Resolved], centre: DVec3, is_held: impl Fn(&Carrier) -> bool,
     sum
 }
 
-/// Adds `factor` times the outer product of (force, torque) with itself.
+/// Adds `factor` times the outer product of the vector (force, torque) with itself.
 fn add_outer(matrix: &mut [[f64; 6]; 6], force: DVec3, torque: DVec3, factor: f64) {
     let row: Vec<f64> = force.to_array().into_iter().chain(torque.to_array()).collect();
     for (i, x) in row.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Laws of contact and culling: rays against brute force and against the analytic sphere, convex pairs against parry.
+//! Invariants of contact and culling: rays against brute force and the analytic sphere, convex hulls against parry.
 
 use glam::{DQuat, DVec3};
 
@@ -6,7 +6,7 @@ use crate::contact::{Law, Support, Surface, gather, ray_depths};
 use crate::testing::Random;
 use crate::{cull, skin};
 
-/// An octahedron cut `levels` times and thrown on a sphere.
+/// Vertices and triangles of a sphere: an octahedron subdivided `levels` times and projected.
 pub(super) fn sphere(radius: f64, centre: DVec3, levels: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut vertices = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
     let mut triangles: Vec<[u32; 3]> =
@@ -29,7 +29,7 @@ pub(super) fn sphere(radius: f64, centre: DVec3, levels: usize) -> (Vec<DVec3>, 
     (vertices.iter().map(|v| centre + radius * *v).collect(), triangles)
 }
 
-/// The same depth by trying every triangle with a plane equation: shares nothing with the grid.
+/// Depth of `x` below a skin along `normal`, by a plane equation for every triangle, without a grid.
 fn brute(normal: DVec3, x: DVec3, positions: &[DVec3], triangles: &[[u32; 3]]) -> Option<f64> {
     let crossing = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| positions[i as usize]);
@@ -48,7 +48,7 @@ fn rays_agree_with_trying_every_triangle() {
     let mut random = Random(11);
     let normal = random.vector().normalize();
     let (a, at) = sphere(0.1, DVec3::ZERO, 4);
-    // Dented, and a second sheet within the first: a line meets several triangles, facing and not.
+    // The second sphere is dented and has another sheet within it, so that rays meet several triangles.
     let (mut b, mut bt) = sphere(0.1, normal * 0.17, 4);
     let (inner, inner_triangles) = sphere(0.095, normal * 0.17, 4);
     let first = b.len() as u32;
@@ -66,7 +66,7 @@ fn rays_agree_with_trying_every_triangle() {
         assert!((hit.depth - expected).abs() < 1e-14, "{} {expected}", hit.depth);
         let corners = bt[hit.triangle as usize];
         let point: DVec3 = (0..3).map(|k| b[corners[k] as usize] * hit.barycentric[k]).sum();
-        assert!((*x - hit.depth * normal).distance(point) < 1e-14, "barycentrics place the hit on the ray");
+        assert!((*x - hit.depth * normal).distance(point) < 1e-14, "barycentrics give the hit on the ray");
     }
     println!("rays: {count} of {} vertices in contact", a.len());
     assert!(count > 50);
@@ -88,7 +88,7 @@ fn depths_between_spheres_follow_the_analytic_sphere() {
     };
     let (coarse, fine) = (worst(4), worst(5));
     println!("spheres: worst depth error {coarse:.2e} m, {fine:.2e} m, order {:.2}", (coarse / fine).log2());
-    assert!(coarse < 1e-3 && coarse / fine > 3.0, "as edge length squared");
+    assert!(coarse < 1e-3 && coarse / fine > 3.0, "the error falls as the square of the edge length");
 }
 
 fn surface<'a>(positions: &[DVec3], triangles: &'a [[u32; 3]], areas: &'a [f64]) -> Surface<'a> {
@@ -110,8 +110,8 @@ fn gathering_is_symmetric_and_its_area_does_not_depend_on_the_cut() {
         }
         (contacts.len(), contacts.iter().map(|c| c.area * c.stiffness * c.depth).sum::<f64>())
     };
-    // Overlap of two equal spheres in parallel projection: k times the volume of the lens, pi c^2 (6 R - 2 c) / 6 twice
-    // with cap height c = 5 mm.
+    // The exact force is k times the overlap of two equal spheres of radius R: twice the volume of a cap, pi c^2 (6 R -
+    // 2 c) / 6 with cap height c = 5 mm.
     let cap = 0.005f64;
     let exact = 1e6 * 2.0 * std::f64::consts::PI * cap * cap * (0.3 - cap) / 3.0;
     let ((n, coarse), (_, fine), (m, flipped)) = (force(5, false), force(6, false), force(5, true));
@@ -152,7 +152,7 @@ fn penetration_of_convex_pairs_is_bounded_by_parry() {
         let other_faces: Vec<_> = faces.iter().map(|(n, d)| (turn * *n, d + (turn * *n).dot(shift))).collect();
         let (normal, separation) = cull::best_face(&points, &faces, &other, &other_faces).unwrap();
         let (direction, distance) = cull::exact_distance(&points, &other).unwrap();
-        // The separation along parry's own direction is parry's distance; no direction separates further.
+        // The separation along parry's direction is parry's distance; no direction separates further.
         let along = cull::separation_along(direction, &points, &other);
         assert!((along - distance).abs() < 1e-6, "{along} {distance}");
         worst = worst.max((along - distance).abs());

@@ -1,4 +1,4 @@
-//! Laws of the elements: rigid motion, patch test, symmetry, energy, rotations.
+//! Invariants of elasticity: rigid motion, patch test, symmetry of the stiffness, energy, rotations.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::Layer;
@@ -8,9 +8,9 @@ use super::material;
 use crate::elastic::{Elements, lame, polar_rotation, strain};
 use crate::testing::Random;
 
-/// Rounding of f64 sums of a few hundred terms, relative.
+/// Tolerance for the rounding of f64 sums of a few hundred terms, relative.
 const ROUNDING: f64 = 1e-12;
-/// Central differences of step 1e-6 on numbers of order one: truncation 1e-12, cancellation 1e-10.
+/// Tolerance for central differences of step 1e-6 on numbers of order one: truncation 1e-12, cancellation 1e-10.
 const DIFFERENCE: f64 = 1e-7;
 
 fn bent_box(seed: u64) -> (Layer, Elements, Vec<DVec3>) {
@@ -52,7 +52,7 @@ fn bent_body_pushes_back_as_one_at_rest() {
     let scale = greatest(&forces);
     assert!(scale > 0.1, "the box is bent");
     assert!(net.length() < ROUNDING * scale);
-    // R P F^T is symmetric where R is the exact polar rotation: no torque appears from nothing.
+    // R P F^T is symmetric where R is the exact polar rotation, so no net torque appears.
     assert!(torque.length() < ROUNDING * scale, "{torque}");
     let spoiled = vec![DQuat::from_rotation_x(0.1); elements.tetrahedra.len()];
     let forces = elements.forces(&d, &spoiled);
@@ -76,7 +76,8 @@ fn patch_of_uniform_strain_has_the_stress_of_hooke() {
         assert!(force.length() < ROUNDING * greatest(&forces), "inner nodes are in equilibrium");
     }
     let volume: f64 = elements.volumes.iter().sum();
-    // Virial: -sum f x^T = V sigma; uniaxial strain: sigma_xx = (lambda + 2 mu) eps, sigma_yy = lambda eps.
+    // Virial: -sum f x^T = V sigma over nodal forces f and positions x, volume V and stress sigma. At uniaxial strain
+    // eps, sigma_xx = (lambda + 2 mu) eps and sigma_yy = lambda eps.
     let turn = elements.frame.transpose();
     let virial =
         |axis: usize| -layer.nodes.iter().zip(&forces).map(|(r, f)| (turn * *f)[axis] * r[axis]).sum::<f64>() / volume;
@@ -113,11 +114,11 @@ fn stiffness_is_symmetric_positive_and_agrees_with_its_blocks() {
 }
 
 /// With R the exact polar rotation, R . F is stationary in R, so the force is the gradient of the corotational energy
-/// even though R moves along; the stiffness, which holds R, is the gradient of the force at fixed R.
+/// although R changes with the displacements; the stiffness is the gradient of the force at fixed R.
 #[test]
 fn forces_are_the_gradient_of_the_energy() {
     let (layer, elements, d) = bent_box(6);
-    // So that nothing is squeezed.
+    // The displacements are small enough that the compression penalty does not act.
     let d: Vec<DVec3> = d.iter().map(|d| 0.3 * *d).collect();
     let rotations = elements.rotations(&d);
     assert_eq!(elements.linearised(&d, &rotations).operators, elements.operators);
@@ -138,8 +139,8 @@ fn forces_are_the_gradient_of_the_energy() {
     assert!(greatest(&error) < DIFFERENCE * greatest(&product));
 }
 
-/// Pressed to a tenth of its height and shaken, a box is squeezed nearly everywhere: the force is still the gradient of the
-/// energy, and the operator is at least as stiff as the force's true slope.
+/// In a box pressed to a tenth of its height with random displacements, the compression penalty acts nearly everywhere:
+/// the force is still the gradient of the energy, and the operator is at least as stiff as the force's slope.
 #[test]
 fn a_squeezed_box_pushes_back_by_its_energy() {
     let (layer, elements, noise) = bent_box(16);
@@ -163,7 +164,7 @@ fn a_squeezed_box_pushes_back_by_its_energy() {
     let (up, down) = (elements.forces(&moved(step), &rotations), elements.forces(&moved(-step), &rotations));
     let true_slope = -(dot(&up, &world) - dot(&down, &world)) / (2.0 * step);
     let product = dot(&operator.apply_stiffness(&world, &rotations), &world);
-    assert!(true_slope > 1.5 * dot(&elements.apply_stiffness(&world, &rotations), &world), "it stiffens");
+    assert!(true_slope > 1.5 * dot(&elements.apply_stiffness(&world, &rotations), &world), "compression stiffens it");
     assert!(product >= true_slope, "{product} {true_slope}");
 }
 
@@ -177,7 +178,7 @@ fn rotations_are_proper_and_nearest() {
         let s = r.transpose() * f;
         let skew = s - s.transpose();
         assert!(skew.to_cols_array().iter().all(|x| x.abs() < ROUNDING), "R^T F is symmetric");
-        // Of all rotations it is the nearest: none nearby does better.
+        // It is the nearest of all rotations: none nearby is nearer to F.
         let near = |r: DMat3| (r - f).to_cols_array().iter().map(|x| x * x).sum::<f64>();
         let other = DMat3::from_quat(DQuat::from_scaled_axis(0.1 * random.vector())) * r;
         assert!(near(r) <= near(other) + ROUNDING);
@@ -190,7 +191,7 @@ fn strain_of_tiny_displacements_keeps_its_digits() {
     let g = DMat3::from_cols(DVec3::new(e, w, 0.0), DVec3::new(-w, 0.0, 0.0), DVec3::ZERO);
     let q = polar_rotation(DMat3::IDENTITY + g);
     let strain = strain(q, g);
-    // A turn of w shortens by w^2 / 2, far below e: to the second digit the strain is e along x.
+    // A rotation by w shortens by w^2 / 2, far below e: to the second digit the strain is e along x.
     assert!((strain.x_axis.x - e).abs() < 0.01 * e, "{:e}", strain.x_axis.x);
     assert!(strain.y_axis.y.abs() < 0.01 * e);
 }

@@ -1,4 +1,4 @@
-//! Laws of friction: Coulomb's on a slope, momentum, the wrench.
+//! Invariants of friction: Coulomb's law on a slope, momentum, the wrench.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -13,17 +13,17 @@ use crate::step::{Report, Simulation, SoftBody};
 use crate::testing::boundary;
 use crate::tool::Tool;
 
-/// Rounding of a direct solve of a few hundred unknowns of mild condition, relative.
+/// Tolerance for the rounding of a well-conditioned direct solve of a few hundred unknowns, relative.
 const SOLVE: f64 = 1e-10;
 const FRICTION: Friction = Friction { coefficient: 0.4, speed: 1e-3 };
 const H: f64 = 1e-3;
 
-/// Gravity as a slope of this angle's tangent has it, the slope along x.
+/// Gravity in the axes of a slope, given by the tangent of its angle; the slope falls along x.
 fn slope(tangent: f64) -> DVec3 {
     9.81 * DVec3::new(tangent, -1.0, 0.0).normalize()
 }
 
-/// A free rigid box of 0.2 kg on a plane; its velocity after each step along the slope.
+/// Velocity along the slope, after each step, of a free rigid box of 0.2 kg on a plane.
 fn slide(tangent: f64, steps: usize) -> Vec<f64> {
     let layer = kuhn_box(DVec3::new(-0.05, -0.02, -0.05), DVec3::new(0.05, 0.02, 0.05), [4, 2, 4]);
     let triangles = boundary(&layer);
@@ -49,7 +49,7 @@ fn slide(tangent: f64, steps: usize) -> Vec<f64> {
 fn below_the_friction_angle_a_box_creeps_as_the_regularisation_says() {
     for tangent in [0.1, 0.3, 0.39] {
         let velocity = slide(tangent, 800)[799];
-        // mu N v / sqrt(v^2 + speed^2) = N tan.
+        // Balance of friction and gravity along the slope: mu N v / sqrt(v^2 + speed^2) = N tan, with normal force N.
         let creep = FRICTION.speed * tangent / (FRICTION.coefficient.powi(2) - tangent * tangent).sqrt();
         println!("slope {tangent}: {velocity:.6e} m/s, regularised law {creep:.6e}");
         assert!((velocity - creep).abs() < 1e-3 * creep);
@@ -64,13 +64,13 @@ fn above_the_friction_angle_a_box_slides_as_coulomb_says() {
         let want = 9.81 * cosine * (tangent - FRICTION.coefficient);
         let got = (velocity[599] - velocity[299]) / (300.0 * H);
         println!("slope {tangent}: {got:.4} m/s^2, Coulomb {want:.4}; {:.4} of {:.4} m/s", velocity[599], 0.6 * want);
-        // The coefficient is a step old: at v the force is too large by h a / v.
+        // The coefficient is that of the step's start: with acceleration a it is too large by h a / v at speed v.
         let late = FRICTION.coefficient * 9.81 * cosine * H * (velocity[599] / velocity[299]).ln();
         assert!((got - want + late / (300.0 * H)).abs() < 1e-3 * want, "{got} for {want}");
     }
 }
 
-/// A block and a tool, a contact of one point of each that is deep and slides.
+/// A moving block, and a contact of the given depth between one of its nodes and a fixed point.
 fn pair(deep: f64) -> (Simulation, Contact) {
     let mut simulation = Simulation::new(H, DVec3::ZERO);
     simulation.friction = Some(FRICTION);
@@ -93,7 +93,7 @@ fn pair(deep: f64) -> (Simulation, Contact) {
     (simulation, contact)
 }
 
-/// Linear and angular momentum of the bodies' nodes and the tool, positions as given.
+/// Linear and angular momentum of the bodies' nodes and of the tool, with the nodes at the positions `places`.
 fn momentum(simulation: &Simulation, places: &[Vec<DVec3>]) -> (DVec3, DVec3) {
     let (mut linear, mut angular) = (DVec3::ZERO, DVec3::ZERO);
     for (body, places) in simulation.bodies.iter().zip(places) {
@@ -109,10 +109,10 @@ fn momentum(simulation: &Simulation, places: &[Vec<DVec3>]) -> (DVec3, DVec3) {
     (linear, angular)
 }
 
-/// One step; changes of momentum, with positions held.
+/// Takes one step; returns the changes of linear and angular momentum, with positions as at the start, and the report.
 fn changes(simulation: &mut Simulation, contact: Contact) -> (DVec3, DVec3, Report) {
     let places: Vec<_> = simulation.bodies.iter().map(|b| b.world_nodes()).collect();
-    // About the tool's centre.
+    // Angular momentum is taken about the tool's centre.
     let centre = simulation.tool.as_ref().map_or(DVec3::ZERO, |t| t.centre);
     let places: Vec<Vec<_>> = places.iter().map(|p| p.iter().map(|x| *x - centre).collect()).collect();
     let before = momentum(simulation, &places);
@@ -131,7 +131,7 @@ fn a_tool_and_a_body_that_rub_keep_linear_and_angular_momentum() {
     let (linear, angular, report) = changes(&mut simulation, contact);
     let size = report.wrench.force.length() * H;
     assert!(linear.length() < SOLVE && angular.length() < SOLVE * 0.1, "{linear} and {angular}, of {size}");
-    // The wrench is what alone changed the free tool's momentum.
+    // Only the wrench changed the free tool's momentum.
     let end = simulation.tool.as_ref().unwrap();
     let force = 0.05 * (end.velocity - tool.velocity) / H;
     let torque = tool.world_inertia() * (end.angular_velocity - tool.angular_velocity) / H;
@@ -140,7 +140,7 @@ fn a_tool_and_a_body_that_rub_keep_linear_and_angular_momentum() {
     assert!((wrench.torque - torque).length() < 1e-9 * torque.length(), "{} {torque}", wrench.torque);
     let friction = report.contacts[0].friction;
     assert!(friction.x < 0.0 && friction.y.abs() < 1e-12 && friction.length() < 0.4 * report.contacts[0].force * 1.01);
-    // And the tool's damping to sliding is friction's.
+    // The tool's damping against sliding is the friction's.
     assert!((wrench.damping[0][0] - report.contacts[0].viscosity).abs() < 1e-12);
 }
 

@@ -1,4 +1,5 @@
-//! Laws of patches that share a volumetric strain: what they cure, and that the operator stays what the solver needs.
+//! Invariants of F-bar patches, whose tetrahedra share one volumetric strain: they remove volumetric locking, and the
+//! operator stays symmetric positive semi-definite, as the solver needs it.
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
@@ -11,12 +12,12 @@ use crate::elastic::Elements;
 use crate::testing::{Random, boundary};
 use crate::{skin, statics};
 
-/// Quadratic elements' values, within 0.2 % of convergence; made by the script beside it, which says what they mean.
+/// Reference values by quadratic elements, within 0.2 % of convergence, made by the script beside the file.
 const REFERENCE: &str = include_str!("../../../../assets/reference/locking.csv");
-/// Rounding of f64 sums of a few hundred terms, relative.
+/// Tolerance for the rounding of f64 sums of a few hundred terms, relative.
 const ROUNDING: f64 = 1e-12;
 
-/// Values of the cantilever's deflection, the block's force and its bulge at this Poisson's ratio.
+/// Reference values at this Poisson's ratio: a cantilever's deflection, a pressed block's force and its bulge.
 fn reference(poisson: f64) -> [f64; 3] {
     let rows = REFERENCE.lines().skip(1).map(|line| line.split(',').collect::<Vec<_>>());
     let own: Vec<f64> = rows.filter(|r| r[0].parse() == Ok(poisson)).map(|r| r[2].parse().unwrap()).collect();
@@ -31,7 +32,7 @@ fn elements(mut layer: Layer, material: &Material, patched: bool) -> (Layer, Ele
     (layer, elements)
 }
 
-/// Shares of a face x_axis = at that its nodes have.
+/// Share of each node in the area of the face where coordinate `axis` equals `at`.
 fn face(layer: &Layer, axis: usize, at: f64) -> Vec<f64> {
     let on = |t: &[u32; 3]| t.iter().all(|i| (layer.nodes[*i as usize][axis] - at).abs() < 1e-9);
     let triangles: Vec<_> = boundary(layer).into_iter().filter(on).collect();
@@ -40,6 +41,7 @@ fn face(layer: &Layer, axis: usize, at: f64) -> Vec<f64> {
     areas.iter().map(|a| a / total).collect()
 }
 
+/// Deflection of a cantilever, weighted with the load on its end, with `n` cells across.
 fn cantilever(poisson: f64, n: u32, patched: bool) -> f64 {
     let layer = kuhn_box(DVec3::ZERO, DVec3::new(1.0, 0.2, 0.2), [5 * n, n, n]);
     let (layer, elements) = elements(layer, &material(1.0, poisson), patched);
@@ -48,7 +50,7 @@ fn cantilever(poisson: f64, n: u32, patched: bool) -> f64 {
     dot(&statics::solve(&elements, &fixed, &loads).unwrap(), &loads)
 }
 
-/// Force and bulge.
+/// Force and bulge of a pressed block, with `n` cells a side.
 fn block(poisson: f64, n: u32, patched: bool) -> [f64; 2] {
     let (side, pressed) = (0.1, 0.01);
     let layer = kuhn_box(DVec3::ZERO, DVec3::splat(side), [n; 3]);
@@ -73,7 +75,7 @@ fn greatest(v: &[DVec3]) -> f64 {
     v.iter().map(|x| x.length()).fold(0.0, f64::max)
 }
 
-/// Errors in percent of deflection, force and bulge with `n` cells a side.
+/// Errors in percent of the cantilever's deflection and the block's force and bulge, with `n` cells a side.
 fn errors(poisson: f64, n: u32, patched: bool) -> [f64; 3] {
     let [force, bulge] = block(poisson, n, patched);
     let got = [cantilever(poisson, n, patched), force, bulge];
@@ -90,8 +92,8 @@ fn patches_free_bodies_from_volumetric_locking() {
         for (k, n) in [2, 4, 8].into_iter().enumerate() {
             let (without, with) = (errors(poisson, n, false), errors(poisson, n, true));
             println!("nu {poisson}, {n} cells a side: without patches {without:6.1?}, with {with:6.1?}");
-            assert!((0..3).all(|q| with[q].abs() < without[q].abs()), "each is nearer");
-            // What is left is how linear elements bend at any Poisson's ratio.
+            assert!((0..3).all(|q| with[q].abs() < without[q].abs()), "patches bring all three values nearer");
+            // The error that remains is that of linear elements in bending, whatever Poisson's ratio.
             assert!((with[0] - bending[k][0]).abs() < 2.0, "the cantilever no longer notices Poisson's ratio");
             assert!(with[0] < 0.0 && with[1] > 0.0, "still too stiff, not too soft");
         }
@@ -102,7 +104,7 @@ fn patches_free_bodies_from_volumetric_locking() {
     assert!(without[0] < -80.0 && with[0] > -5.0 && without[1] > 150.0 && with[1] < 5.0);
 }
 
-/// A turned, shaken box whose patches are cut, and displacements.
+/// A rotated box with randomly moved nodes and patches, and random displacements.
 fn bent_box(seed: u64, amplitude: f64) -> (Layer, Elements, Vec<DVec3>) {
     let mut layer = kuhn_box(DVec3::ZERO, DVec3::new(0.3, 0.2, 0.1), [3, 3, 2]);
     let mut random = Random(seed);
@@ -124,7 +126,7 @@ fn rigid_motion_of_patches_gives_no_force_and_bent_ones_balance() {
     let place = |(r, d): (&DVec3, &DVec3)| elements.frame * (*r + *d);
     let torque: DVec3 = layer.nodes.iter().zip(&bent).map(place).zip(&forces).map(|(x, f)| x.cross(*f)).sum();
     assert!(forces.iter().sum::<DVec3>().length() < ROUNDING * greatest(&forces));
-    // The patch's pressure acts through R_e, not F_e^-T: R P F^T stays symmetric, and no torque appears.
+    // The patch's pressure acts through R_e, not F_e^-T: R P F^T stays symmetric, so no net torque appears.
     assert!(torque.length() < ROUNDING * greatest(&forces), "{torque}");
 }
 
@@ -192,7 +194,7 @@ fn eigenvalues(elements: &Elements) -> Vec<f64> {
 fn no_mode_of_patches_is_softer_than_shear_alone() {
     let (_, elements, _) = bent_box(37, 0.0);
     let modes = eigenvalues(&elements);
-    // Patched tetrahedra have no lambda of their own; at rest and without patches they do.
+    // The operators of `elements` have no lambda, since patches have it; linearised without patches they do.
     let without = Elements { patches: vec![], ..elements.clone() };
     let shear = eigenvalues(&without);
     let (d, unturned) = (vec![DVec3::ZERO; elements.node_count()], vec![DQuat::IDENTITY; elements.tetrahedra.len()]);

@@ -1,4 +1,5 @@
-//! Independent laws that the twins must satisfy. Measured numbers are printed: run with `--nocapture`.
+//! Invariants (called laws) that the f64 reference implementations must satisfy, independent of how they are written:
+//! conservation, closed solutions, convergence. Tests print what they measure: run with `--nocapture`.
 
 mod contact;
 mod elastic;
@@ -12,7 +13,7 @@ mod step;
 
 use palpate::scene::{Law, Material};
 
-/// A soft, slightly compressible material; no damping.
+/// A corotational material of density 1000 kg/m^3 without damping.
 pub(crate) fn material(young: f64, poisson: f64) -> Material {
     Material { law: Law::Corotational, young, poisson, density: 1000.0, damping_mass: 0.0, damping_stiffness: 0.0 }
 }

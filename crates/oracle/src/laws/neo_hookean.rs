@@ -1,5 +1,5 @@
-//! Laws of stable neo-Hookean tetrahedra: force and energy, small strain, rigid motion, the operator; and steps against
-//! converged ones.
+//! Invariants of stable neo-Hookean elasticity: force and energy, small strain, rigid motion, the operator; and the
+//! error of linearised steps against steps solved to convergence.
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
@@ -13,9 +13,9 @@ use crate::linear::{Entries, Solver};
 use crate::neo_hookean::{energy, operator, stress};
 use crate::testing::Random;
 
-/// Pa.
+/// Lame parameters mu and lambda, Pa.
 const LAME: (f64, f64) = (2e4, 9e4);
-/// Central differences of step 1e-6 on numbers of order one.
+/// Tolerance for central differences of step 1e-6 on numbers of order one.
 const DIFFERENCE: f64 = 1e-7;
 
 fn matter(young: f64, poisson: f64) -> Material {
@@ -26,7 +26,7 @@ fn random_matrix(random: &mut Random) -> DMat3 {
     DMat3::from_cols(random.vector(), random.vector(), random.vector())
 }
 
-/// A B, summed by entries.
+/// Inner product A : B, the sum of products of entries.
 fn inner(a: DMat3, b: DMat3) -> f64 {
     a.to_cols_array().iter().zip(b.to_cols_array()).map(|(a, b)| a * b).sum()
 }
@@ -36,7 +36,7 @@ fn stress_is_the_gradient_of_the_energy_and_free_of_cancellation() {
     let mut random = Random(1);
     for size in [1.5, 0.3, 1e-2] {
         for _ in 0..50 {
-            // Inverted ones among them.
+            // Some of these states are inverted.
             let (e, along) = (random_matrix(&mut random) * size, random_matrix(&mut random));
             let step = 1e-5 * size;
             let slope = (energy(LAME, e + along * step) - energy(LAME, e - along * step)) / (2.0 * step);
@@ -44,7 +44,7 @@ fn stress_is_the_gradient_of_the_energy_and_free_of_cancellation() {
             assert!((slope - work).abs() < 10.0 * DIFFERENCE * LAME.1 * size, "{size}: {slope} {work}");
         }
     }
-    // Far below what a difference of numbers of order one would leave: Hooke's law, to the strain itself.
+    // At strains far below the rounding of numbers of order one the law is Hooke's, to within the strain itself.
     let e = random_matrix(&mut random) * 1e-12;
     let (mu, lambda) = LAME;
     let hooke =
@@ -79,11 +79,11 @@ fn rigid_motion_gives_no_force_and_small_strain_that_of_the_other_law() {
     assert!(torque.length() < 1e-12 * greatest(&large.0), "no torque appears from nothing");
 }
 
-/// The exact derivative of P along dF, in rest axes.
+/// Exact derivative of the stress P along dF, in rest axes, from the Lame parameters and F.
 fn derivative((mu, lambda): (f64, f64), f: DMat3, df: DMat3) -> DMat3 {
     let (m, l) = (4.0 / 3.0 * mu, lambda + 5.0 / 6.0 * mu);
     let cof = |f: DMat3| DMat3::from_cols(f.y_axis.cross(f.z_axis), f.z_axis.cross(f.x_axis), f.x_axis.cross(f.y_axis));
-    // Cofactors are quadratic, so this difference is exact.
+    // Cofactors are quadratic in F, so this central difference is exact.
     let dcof = (cof(f + df) - cof(f - df)) * 0.5;
     let invariant = inner(f, f);
     let p = l * (f.determinant() - 1.0) - mu;
@@ -97,7 +97,7 @@ fn unit(k: usize) -> DMat3 {
     DMat3::from_cols_array(&std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 }))
 }
 
-/// The derivative as a 9x9 matrix, its negative eigenvalues set to zero.
+/// The derivative as a 9x9 matrix, with its negative eigenvalues set to zero.
 fn projected(lame: (f64, f64), f: DMat3) -> Mat<f64> {
     let columns: Vec<[f64; 9]> = (0..9).map(|k| derivative(lame, f, unit(k)).to_cols_array()).collect();
     let full = Mat::from_fn(9, 9, |i, j| columns[j][i]);
@@ -117,7 +117,7 @@ fn the_derivative_is_that_of_the_stress() {
     }
 }
 
-/// What the operator offers to dF, of a state R^T F = I + strain: 2 mu |sym W|^2 + lambda tr(W)^2.
+/// Quadratic form of the operator for dF, where R^T F = I + strain: 2 mu |sym W|^2 + lambda tr(W)^2 with W = dF fold.
 fn offered(lame: (f64, f64), strain: DMat3, df: DMat3) -> f64 {
     let operator = operator(lame, strain, crate::elastic::squeeze(strain));
     let w = df * operator.fold;
@@ -125,8 +125,8 @@ fn offered(lame: (f64, f64), strain: DMat3, df: DMat3) -> f64 {
     2.0 * operator.mu * inner(s, s) + operator.lambda * trace * trace
 }
 
-/// A linearised implicit step is stable where its operator is at least half the true one: waves, dF = a k^T, are what a
-/// solid has; and it is exact at rest.
+/// A linearised implicit step is stable where its operator is at least half the true one for waves, dF = a k^T, which
+/// are the motions of a solid; and the operator is exact at rest.
 #[test]
 fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
     let mut random = Random(4);
@@ -139,7 +139,7 @@ fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
     for lame in [LAME, (2e4, 0.0), (2e4, 2e6)] {
         for _ in 0..20_000 {
             let axes = DMat3::from_quat(DQuat::from_scaled_axis(3.0 * random.vector()));
-            // From inside out to twice as long.
+            // Principal stretches range from inverted to twice the rest length.
             let stretch = DVec3::splat(0.75) + 1.25 * random.vector();
             let s = axes * DMat3::from_diagonal(stretch) * axes.transpose();
             let wave = outer(random.vector().normalize(), random.vector().normalize());
@@ -156,22 +156,22 @@ fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
     assert!(least > 0.5, "{least}");
 }
 
-/// How a step linearises.
+/// Operators with which a step may be linearised.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Linear {
-    /// At rest, turned: as if corotational.
+    /// The operator at rest, rotated with the tetrahedron, as in the corotational law.
     Rest,
-    /// In gradients of the deformed tetrahedron, isotropic: the engine's.
+    /// Isotropic, in gradients of the deformed tetrahedron: the engine's operator.
     Deformed,
-    /// The same and a third modulus, against rotation of the deformed tetrahedron.
+    /// The engine's operator and a third modulus, against rotation of the deformed tetrahedron.
     Turning,
-    /// All of the second derivative, projected.
+    /// The whole second derivative, projected to be positive semi-definite.
     Full,
-    /// The same, to convergence.
+    /// The whole second derivative, iterated to convergence.
     Newton,
 }
 
-/// A block under way; node 0 of x = 0 and all others there are held.
+/// A moving block whose nodes at x = 0 are held.
 struct Block {
     layer: Layer,
     elements: Elements,
@@ -194,7 +194,7 @@ impl Block {
         self.elements.forces(d, &self.elements.rotations(d))
     }
 
-    /// Stiffness at d, a 3x3 block at a time.
+    /// Passes the stiffness at displacements d to `add`, one 3x3 block of a pair of nodes at a time.
     fn stiffness(&self, how: Linear, d: &[DVec3], mut add: impl FnMut(usize, usize, DMat3)) {
         let rotations = self.elements.rotations(d);
         let now = match how {
@@ -239,7 +239,7 @@ impl Block {
         }
     }
 
-    /// (M + h^2 K) x = b over free nodes; `velocity`: also h^2 K v of the present velocity is taken from b.
+    /// Solves (M + h^2 K) x = b over free nodes; if `velocity`, h^2 K v is first subtracted from b.
     fn solve(&mut self, how: Linear, h: f64, d: &[DVec3], mut b: Vec<DVec3>, velocity: bool) -> Vec<DVec3> {
         let free: Vec<usize> = (0..d.len()).filter(|i| !self.layer.bound[*i]).collect();
         let mut place = vec![usize::MAX; d.len()];
@@ -289,8 +289,8 @@ impl Block {
     }
 }
 
-/// The greatest error of a node's place over a hundred steps of 1 ms against steps to convergence, of the greatest
-/// displacement.
+/// The greatest error of a node's position, over a hundred milliseconds of steps of `h` seconds, against `reference`,
+/// steps of 1 ms solved to convergence; relative to the greatest initial displacement.
 fn error(how: Linear, h: f64, reference: &[Vec<DVec3>], deform: impl Fn(DVec3) -> DVec3) -> f64 {
     let mut block = Block::new(deform);
     let greatest = block.d.iter().map(|d| d.length()).fold(0.0, f64::max);
@@ -343,7 +343,7 @@ fn a_step_in_deformed_gradients_is_near_a_converged_one() {
 
 #[test]
 fn inverted_tetrahedra_come_back() {
-    // Turned inside out along its length, in the engine's own steps.
+    // The block starts turned inside out along its length, and takes the engine's own steps.
     let mut block = Block::new(|x| x * DVec3::new(-0.3, 1.1, 1.1));
     (0..400).for_each(|_| block.step(Linear::Deformed, 1e-3));
     for e in 0..block.elements.tetrahedra.len() {

@@ -1,5 +1,5 @@
-//! Laws of Newton's iterations: what is left of the equations of implicit Euler falls with each of them, for either law and
-//! with patches. Measured numbers are printed: run with `--nocapture`.
+//! Invariants of Newton iterations: the residual of implicit Euler's equations falls with each of them, for both
+//! material laws and with F-bar patches. Tests print what they measure: run with `--nocapture`.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -9,11 +9,11 @@ use palpate::scene::{Law, Material};
 use super::material;
 use crate::step::{Simulation, SoftBody};
 
-/// Residuals of a direct solve of a thousand unknowns, of the elastic forces.
+/// Bound on the rounding of a direct solve of a thousand unknowns, relative to the elastic forces.
 const ROUNDING: f64 = 1e-13;
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 
-/// A bar of 20 cm with its left end bound, bent by `angle` over its length, at rest.
+/// A bar of 20 cm with its left end bound, bent by `angle` (rad) over its length, with zero velocity.
 fn bent(material: Material, patched: bool, angle: f64) -> SoftBody {
     let mut layer = kuhn_box(DVec3::new(0.0, -0.02, -0.02), DVec3::new(0.2, 0.02, 0.02), [10, 2, 2]);
     layer.bound = layer.nodes.iter().map(|x| x.x < 1e-9).collect();
@@ -31,7 +31,10 @@ fn bent(material: Material, patched: bool, angle: f64) -> SoftBody {
     body
 }
 
-/// |M (v1 - v0) - h (M g - alpha M v1 + f_el(d1) - beta K(d1) v1)| over free nodes, of |h f_el(d0)|.
+/// Relative residual of implicit Euler over free nodes: the norm of
+/// M (v1 - v0) - h (M g - alpha M v1 + f_el(d1) - beta K(d1) v1) over that of h f_el(d0), with mass M, gravity g,
+/// elastic force f_el, stiffness K, damping alpha and beta, and displacement d and velocity v before (0) and after (1)
+/// a step of `h` seconds.
 fn left(before: &SoftBody, after: &SoftBody, h: f64) -> f64 {
     let forces = |body: &SoftBody| body.elements.forces(&body.displacement, &body.rotations());
     let rotations = after.rotations();

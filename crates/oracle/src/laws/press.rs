@@ -1,4 +1,4 @@
-//! Laws of whole scenes: two soft blocks in contact, and a tool pressed into a block by its device.
+//! Invariants of whole scenes: two soft blocks in contact, and a tool that its haptic device presses into a block.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -13,7 +13,7 @@ use crate::step::{Simulation, SoftBody};
 use crate::testing::boundary;
 use crate::tool::{Device, Tool};
 
-/// Rounding of a direct solve of a few thousand unknowns, relative.
+/// Tolerance for the rounding of a direct solve of a few thousand unknowns, relative.
 const SOLVE: f64 = 1e-9;
 
 /// A block whose skin vertices are its nodes.

@@ -1,4 +1,4 @@
-//! Laws of linear static equilibrium: a column under its weight, a cantilever.
+//! Closed solutions of linear static equilibrium: a column under its weight, a cantilever.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -8,8 +8,10 @@ use crate::elastic::{Elements, lame};
 use crate::testing::boundary;
 use crate::{skin, statics};
 
-/// Worst error of the mean height of a section of a column between roller sides, relative to the top's settlement,
-/// under its own weight and `pressure` on its top. sigma(y) = rho g (y - H) - p = M u' with M = lambda + 2 mu.
+/// Worst error of the mean height of a section of a column between roller sides, relative to the settlement of its top,
+/// under its own weight and `pressure` on its top. In the closed solution the stress is
+/// sigma(y) = rho g (y - H) - p = M u', with density rho, gravity g, height H, pressure p, displacement u and
+/// M = lambda + 2 mu.
 fn column(cells: u32, gravity: f64, pressure: f64) -> f64 {
     let (height, side) = (0.4, 0.1);
     let layer = kuhn_box(DVec3::ZERO, DVec3::new(side, height, side), [cells / 4, cells, cells / 4]);
@@ -40,12 +42,13 @@ fn column_between_rollers_settles_as_in_the_closed_solution() {
     let (coarse, fine) = (column(8, 9.81, 0.0), column(16, 9.81, 0.0));
     println!("column: pressed {pressed:.1e}, own weight {coarse:.1e} then {fine:.1e} of the top's settlement");
     assert!(pressed < 1e-11, "uniform strain is exact");
-    // The corners of a Kuhn cell carry unequal shares of its weight, so a section does not stay quite flat: second order.
+    // The corners of a Kuhn cell (a cube of six tetrahedra) carry unequal shares of its weight, so a section does not
+    // stay quite flat; the error is of second order.
     assert!(coarse < 5e-4 && coarse / fine > 3.5);
 }
 
-/// Compliance (deflection weighted with the load) of a 1 x 0.2 x 0.2 m cantilever at nu = 0 under a parabolic shear
-/// load at its tip, `n` cells a side, relative to Timoshenko's P L^3 / 3 E I + 6/5 P L / G A.
+/// Compliance (deflection weighted with the load) of a 1 x 0.2 x 0.2 m cantilever with Poisson's ratio 0 under a
+/// parabolic shear load at its tip, with `n` cells across, relative to Timoshenko's P L^3 / 3 E I + 6/5 P L / G A.
 fn cantilever(n: u32) -> f64 {
     let (length, side, young) = (1.0, 0.2, 1e6);
     let layer = kuhn_box(DVec3::ZERO, DVec3::new(length, side, side), [5 * n, n, n]);
@@ -67,7 +70,7 @@ fn cantilever(n: u32) -> f64 {
 
 /// Share of a parabolic traction 6 t (1 - t) that a linear node at height `t` with spacing `h` carries.
 fn parabola(t: f64, h: f64) -> f64 {
-    // Simpson's rule is exact for the product of a cubic and a half hat.
+    // Simpson's rule is exact for the product of the parabola and the half of a linear hat function, a cubic.
     let half = |s: f64| {
         let at = |x: f64| if (-1e-9..=1.0 + 1e-9).contains(&x) { 6.0 * x * (1.0 - x) } else { 0.0 };
         if !(-1e-9..=1.0 + 1e-9).contains(&(t + s * h)) { 0.0 } else { h / 6.0 * (at(t) + 2.0 * at(t + 0.5 * s * h)) }

@@ -1,4 +1,4 @@
-//! Laws of the step: free fall, momentum, energy, coupling, contact against the tool.
+//! Invariants of the step: free fall, momentum, energy, virtual coupling, contact against the tool.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -13,7 +13,7 @@ use crate::testing::{Random, boundary};
 use crate::tool::{Device, Tool, point_inertia, rotation_vector};
 
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
-/// Rounding of a direct solve of a few hundred unknowns of mild condition, relative.
+/// Tolerance for the rounding of a well-conditioned direct solve of a few hundred unknowns, relative.
 const SOLVE: f64 = 1e-10;
 
 fn block(material: Material, position: DVec3, cells: u32) -> SoftBody {
@@ -31,7 +31,7 @@ fn free_fall_is_exact() {
     for _ in 0..steps {
         simulation.step(None, &[]).unwrap();
     }
-    // Implicit Euler: v = v0 + n h g, x = x0 + n h v0 + h^2 g n (n + 1) / 2.
+    // After n steps of implicit Euler: v = v0 + n h g, x = x0 + n h v0 + h^2 g n (n + 1) / 2.
     let (n, h) = (f64::from(steps), 1e-3);
     let travel = n * h * start + h * h * GRAVITY * n * (n + 1.0) / 2.0;
     for (x0, x1) in before.iter().zip(simulation.bodies[0].world_nodes()) {
@@ -54,7 +54,7 @@ fn free_bodies_keep_their_momentum_while_they_wobble() {
         assert!(now <= last * (1.0 + SOLVE), "implicit Euler takes energy away: {last} to {now}");
         last = now;
     }
-    assert!(last < 0.9 * energy, "it wobbled");
+    assert!(last < 0.9 * energy, "the body deforms and loses energy");
     assert!((simulation.bodies[0].momentum() - before).length() < SOLVE * before.length());
 }
 
@@ -77,7 +77,8 @@ fn one_step_satisfies_the_equation_of_motion() {
     let before = body.clone();
     simulation.step(None, &[]).unwrap();
     let after = &simulation.bodies[0];
-    // M (v1 - v0) = h [M g + f(d0) - h K v1 - alpha M v1 - beta K v1]: the linearised force at the end of the step.
+    // Equation of motion with the linearised force at the end of the step: M (v1 - v0) = h [M g + f(d0) - h K v1 -
+    // alpha M v1 - beta K v1].
     let (h, rotations) = (2e-3, before.rotations());
     let force = before.elements.forces(&before.displacement, &rotations);
     let stiff =
@@ -124,7 +125,7 @@ fn a_block_dropped_on_a_plane_never_rebounds_higher() {
         deepest = gathered.iter().map(|c| c.depth).fold(deepest, f64::max);
         let report = simulation.step(None, &gathered).unwrap();
         contacts += gathered.len();
-        // Energy stored in the penalty springs at the end of the step belongs to the whole.
+        // The energy includes that stored in the penalty springs at the end of the step.
         let rest = on_floor(&simulation, &triangles, &areas, &law);
         let stored: f64 = rest.iter().map(|c| 0.5 * c.stiffness * c.area * c.depth * c.depth).sum();
         let now = energy(&simulation) + stored;
@@ -237,9 +238,9 @@ fn a_contact_pair_keeps_momentum_and_counts_no_pull() {
     let report = simulation.step(None, &contacts).unwrap();
     assert!((momentum(&simulation) - before).length() < SOLVE * before.length());
     assert!(report.contacts[0].active && report.contacts[0].force > 0.0);
-    assert!(!report.contacts[1].active && report.contacts[1].force == 0.0, "a gap pulls and is dropped");
+    assert!(!report.contacts[1].active && report.contacts[1].force == 0.0, "a contact over a gap is released");
     assert_eq!(report.flags & ADHESIVE_TWICE, 0);
-    // The wrench is what the solver applied: it alone changed the free tool's momentum.
+    // The wrench is what the solver applied: only it changed the free tool's momentum.
     let change = 0.05 * (simulation.tool.as_ref().unwrap().velocity - u0) / 1e-3;
     assert!((report.wrench.force - change).length() < SOLVE * change.length(), "{} {change}", report.wrench.force);
     assert!(report.wrench.torque.length() > 0.0);
@@ -275,6 +276,6 @@ fn ten_thousand_tetrahedra_take_twenty_steps_in_seconds() {
     let time = clock.elapsed().as_secs_f64();
     println!("10,368 tetrahedra, 20 steps: {time:.2} s");
     assert!(simulation.bodies[0].displacement.iter().any(|d| d.y < -1e-4), "it sags");
-    // Generous: a busy machine is several times slower than an idle one.
+    // The limit is generous, because a busy machine is several times slower than an idle one.
     assert!(time < 120.0);
 }
