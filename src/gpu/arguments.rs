@@ -1,27 +1,29 @@
-//! What a pass is given: every buffer under the name that the shader has for it. The build script makes a type of each shader's
-//! arguments; see `src/shaders.rs`.
+//! The arguments of a pass (one dispatch or draw): a buffer for each name that its shader declares, and the push
+//! constants. The build script generates one struct of arguments per shader; see `src/shaders.rs`.
 
 use super::Buffer;
 
-/// The arguments of a shader.
+/// The arguments of one pass.
 pub trait Arguments {
-    /// Its name, as in `solve/apply`; of the two shaders of a graphics pipeline the name without an ending.
+    /// The shader's name, as in `solve/apply`; for the two shaders of a graphics pipeline, the name without `.vert` and
+    /// `.frag`.
     fn shader(&self) -> &str;
 
-    /// A buffer for each that the shader declares; `None`: left out, which a variant may that never uses it.
+    /// One entry per buffer that the shader declares. `None` leaves the buffer out, which is allowed for a shader
+    /// variant that never uses it.
     fn buffers(&self) -> Vec<(&str, Option<&Buffer>)>;
 
-    /// Push constants.
+    /// The bytes of the push constants.
     fn push(&self) -> Vec<u8>;
 }
 
 /// Arguments of a shader whose name is known only at run time.
 pub struct Named<'a> {
-    /// As [`Arguments::shader`].
+    /// Name of the shader; see [`Arguments::shader`].
     pub shader: &'a str,
-    /// As [`Arguments::buffers`], in any order.
+    /// Buffers by name, in any order; see [`Arguments::buffers`].
     pub buffers: &'a [(&'a str, &'a Buffer)],
-    /// As [`Arguments::push`].
+    /// Bytes of the push constants; see [`Arguments::push`].
     pub push: &'a [u8],
 }
 

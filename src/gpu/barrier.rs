@@ -1,26 +1,28 @@
-//! When one pass must wait for another. Kept per buffer, answered with global memory barriers: drivers treat those as
-//! well as per-buffer ones, and one barrier then covers all that came before it.
+//! Decides when one pass of a recording must wait for an earlier one. Uses are tracked per buffer and image, but the
+//! result is a global memory barrier: drivers treat it as well as a per-buffer one, and one such barrier covers all
+//! passes before it.
 
 use std::collections::HashSet;
 
 use ash::vk::{AccessFlags2 as Access, MemoryBarrier2, PipelineStageFlags2 as Stages};
 
-/// One use of a buffer by one command.
+/// One use of a buffer or image by one command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Use {
-    /// The Vulkan handle.
+    /// The Vulkan handle of the buffer or image.
     pub id: u64,
     pub reads: bool,
     pub writes: bool,
-    /// Where in the pipeline.
+    /// Pipeline stages in which the command uses it.
     pub stages: Stages,
-    /// How it is written; none for a read.
+    /// Kind of write access; empty for a read.
     pub write_access: Access,
 }
 
-/// Stages whose shaders draw.
+/// Shader stages of the graphics pipeline.
 const GRAPHICS: Stages = Stages::from_raw(Stages::VERTEX_SHADER.as_raw() | Stages::FRAGMENT_SHADER.as_raw());
-/// Stages that touch the images drawn onto, and how.
+/// Pipeline stages that read or write the attachments of a canvas (the colour and depth images drawn onto); the two
+/// constants below are the accesses that go with them.
 pub(super) const CANVAS: Stages = Stages::from_raw(
     Stages::COLOR_ATTACHMENT_OUTPUT.as_raw()
         | Stages::EARLY_FRAGMENT_TESTS.as_raw()
@@ -31,7 +33,7 @@ pub(super) const CANVAS_WRITE: Access =
 const CANVAS_READ: Access =
     Access::from_raw(Access::COLOR_ATTACHMENT_READ.as_raw() | Access::DEPTH_STENCIL_ATTACHMENT_READ.as_raw());
 
-/// What happened since the last barrier.
+/// Uses since the last barrier; from these follows whether the next command needs one.
 #[derive(Debug, Default)]
 pub(super) struct Hazards {
     written: HashSet<u64>,
@@ -39,20 +41,21 @@ pub(super) struct Hazards {
     stages: Stages,
     writes: Access,
     barriers: u32,
-    /// The recording draws, so barriers from here on also hold back drawing.
+    /// Whether the recording has draws; if so, every barrier from here on also covers the graphics stages.
     draws: bool,
-    /// What passes that run side by side did so far, which none of them waits for.
+    /// Uses by the passes of an open group (see `begin_together`), none of which waits for another of the group. `None`
+    /// outside a group.
     together: Option<Vec<Use>>,
 }
 
 impl Hazards {
-    /// Notes a command and its uses. The barrier, if one must come before it.
+    /// Notes a command with its uses. Returns the barrier that must be recorded before the command, if one must.
     pub fn before(&mut self, uses: &[Use]) -> Option<MemoryBarrier2<'static>> {
         let waits = |u: &Use| self.written.contains(&u.id) || (u.writes && self.read.contains(&u.id));
         let mut needed = uses.iter().any(waits);
         if !self.draws && uses.iter().any(|u| u.stages.intersects(GRAPHICS | CANVAS)) {
             self.draws = true;
-            // Earlier barriers did not reach the drawing stages: this one carries all earlier writes to them.
+            // Earlier barriers did not cover the graphics stages, so this one makes all earlier writes visible to them.
             if self.barriers > 0 {
                 needed = true;
                 self.stages |= Stages::COMPUTE_SHADER | Stages::ALL_TRANSFER;
@@ -67,12 +70,12 @@ impl Hazards {
         barrier
     }
 
-    /// From here on passes do not wait for each other, only for what came before.
+    /// Opens a group of passes that do not wait for each other, only for what was recorded before the group.
     pub fn begin_together(&mut self) {
         self.together = Some(Vec::new());
     }
 
-    /// Up to here.
+    /// Closes the group: later passes wait for all of its passes.
     pub fn end_together(&mut self) {
         if let Some(group) = self.together.take() {
             self.note(&group);
@@ -92,7 +95,7 @@ impl Hazards {
         }
     }
 
-    /// From all since the last barrier, to whatever may follow.
+    /// Returns a barrier from all uses since the last one to every later command, and forgets those uses.
     fn barrier(&mut self) -> MemoryBarrier2<'static> {
         let mut stages = Stages::COMPUTE_SHADER | Stages::DRAW_INDIRECT | Stages::ALL_TRANSFER;
         let mut access = Access::SHADER_READ
@@ -115,7 +118,7 @@ impl Hazards {
         barrier
     }
 
-    /// Before a recording: everything that ran earlier, to everything in it.
+    /// The barrier that opens a recording: whatever ran on the GPU before is visible to every command of the recording.
     pub fn opening() -> MemoryBarrier2<'static> {
         MemoryBarrier2::default()
             .src_stage_mask(Stages::ALL_COMMANDS)
@@ -124,7 +127,7 @@ impl Hazards {
             .dst_access_mask(Access::MEMORY_READ | Access::MEMORY_WRITE)
     }
 
-    /// After a recording: everything in it, to the host's reads.
+    /// The barrier that closes a recording: whatever it wrote is visible to reads by the CPU.
     pub fn closing() -> MemoryBarrier2<'static> {
         MemoryBarrier2::default()
             .src_stage_mask(Stages::ALL_COMMANDS)
@@ -177,11 +180,11 @@ mod tests {
         hazards.begin_together();
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
         assert!(!waits(&[write(2), write(3)]));
-        assert!(waits(&[read(1), write(2)]), "what was before");
-        assert!(!waits(&[read(1), write(2)]), "each other");
+        assert!(waits(&[read(1), write(2)]), "a pass of a group waits for writes before the group");
+        assert!(!waits(&[read(1), write(2)]), "passes of a group do not wait for each other");
         hazards.end_together();
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
-        assert!(waits(&[read(3)]), "also what was written before a barrier among them");
+        assert!(waits(&[read(3)]), "later passes wait for all writes of the group, even before a barrier in it");
         assert!(!waits(&[read(2)]), "one barrier covers all");
     }
 

@@ -1,5 +1,5 @@
-//! Arrays on the device. A [`Buffer`] is a cheap handle; the memory goes when the last handle does, and a recording
-//! holds handles of all it uses.
+//! Arrays in GPU memory. A [`Buffer`] is a cheap, reference-counted handle: the memory is freed with the last handle,
+//! and a recording holds handles of all arrays that it uses.
 #![allow(unsafe_code)]
 
 use std::marker::PhantomData;
@@ -16,20 +16,20 @@ use super::context::Context;
 use super::{Recorder, failed};
 use crate::error::{Error, Result};
 
-/// Where a buffer's memory is.
+/// Where a buffer's memory is, and how the CPU reaches it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Memory {
-    /// On the device; the host reaches it by copies.
+    /// GPU memory; the CPU reaches it by staging copies only.
     Device,
-    /// Mapped, coherent, written by the host.
+    /// Mapped, coherent memory that the CPU writes.
     Upload,
-    /// Mapped, coherent and cached, read by the host.
+    /// Mapped, coherent and cached memory that the CPU reads.
     Readback,
 }
 
-/// How memory is shared with other programs.
+/// How memory is exported to other programs: as an opaque file descriptor.
 pub(super) const EXTERNAL: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
-/// What every array may be used for.
+/// Vulkan usages that every array is created with.
 const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
         | vk::BufferUsageFlags::UNIFORM_BUFFER.as_raw()
@@ -39,19 +39,20 @@ const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
         | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
-/// The same, and vertices.
+/// Usages of an array that other programs bind: those of `USAGE`, and use as a vertex buffer.
 pub(super) const SHARED_USAGE: vk::BufferUsageFlags =
     vk::BufferUsageFlags::from_raw(USAGE.as_raw() | vk::BufferUsageFlags::VERTEX_BUFFER.as_raw());
-/// A vec4 or uvec4.
+/// Bytes of an element of a texel buffer, one vec4 or uvec4.
 const TEXEL_BYTES: u64 = 16;
-/// The least a buffer occupies, so that an empty array can still be bound.
+/// Least size of a buffer, bytes: with it, even an array without elements can be bound.
 const LEAST_BYTES: u64 = 16;
 
-/// An array on the device: storage, uniform and texel buffer, indirect arguments, source and target of copies.
+/// An array in memory that the GPU accesses, usable as storage, uniform or texel buffer, as indirect arguments, and as
+/// source or target of copies.
 #[derive(Clone)]
 pub struct Buffer {
     pub(super) inner: Arc<Inner>,
-    /// Names under which kernels take it; none: its own.
+    /// Names of shader buffers that this handle may be given for; empty: only the array's own name.
     roles: &'static [&'static str],
 }
 
@@ -61,31 +62,32 @@ pub(super) struct Inner {
     pub handle: vk::Buffer,
     pub bytes: u64,
     pub memory: Memory,
-    /// RGBA32F and RGBA32UI, where the size is a multiple of 16 and within the device's limit.
+    /// Texel buffer views with formats RGBA32F and RGBA32UI, made where the size is a multiple of 16 bytes and within
+    /// the device's limit.
     pub views: Option<[vk::BufferView; 2]>,
     allocation: Option<Allocation>,
-    /// Of an array that is shared with others: memory of its own, and its size, bytes.
+    /// Dedicated memory of an array that is shared with other programs, and the size of that memory, bytes.
     own: Option<(vk::DeviceMemory, u64)>,
-    /// Orders the host's own readers and writers of mapped memory.
+    /// Locks readers and writers on the CPU against each other while memory is mapped.
     mapping: RwLock<()>,
 }
 
 impl Buffer {
-    /// An uninitialised array of `bytes` bytes; it occupies at least 16, and 0 may be bound. An array larger than the
-    /// device's storage buffers is refused by name.
+    /// Makes an uninitialised array of `bytes` bytes. It occupies at least 16 bytes, so that an array of 0 bytes can be
+    /// bound too. An array larger than the device's largest storage buffer is refused with an error that names it.
     pub fn new(context: &Arc<Context>, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
         Self::made(context, name, bytes, memory, false)
     }
 
-    /// An array of the device's that other programs may bind: for vertices too, and where the device can
-    /// ([`Context::shares_memory`]) in memory of its own that they may import.
+    /// Makes an array in GPU memory that other programs may bind, also as a vertex buffer. Where the device supports it
+    /// ([`Context::shares_memory`]), the array has dedicated memory, which they may import.
     pub fn shared(context: &Arc<Context>, name: &str, bytes: u64) -> Result<Buffer> {
         Self::made(context, name, bytes, Memory::Device, true)
     }
 
     fn made(context: &Arc<Context>, name: &str, bytes: u64, memory: Memory, is_shared: bool) -> Result<Buffer> {
         let limit = u64::from(context.limits.max_storage_buffer_range);
-        // Staging arrays are bound to no kernel.
+        // Only arrays in GPU memory are limited: staging arrays are never bound to a kernel.
         if memory == Memory::Device && bytes > limit {
             return Err(Error::Memory(format!(
                 "array {name} needs {bytes} bytes, but a storage buffer of {} holds at most {limit}",
@@ -102,7 +104,7 @@ impl Buffer {
         let handle = unsafe { context.device.create_buffer(&info, None) }
             .map_err(failed("vkCreateBuffer", format!("array {name}")))?;
         context.labels.name(handle, name);
-        // From here on, dropping `inner` frees what there is.
+        // From here on, dropping `inner` frees whatever has been made so far.
         let mut inner = Inner {
             context: context.clone(),
             name: name.into(),
@@ -126,46 +128,47 @@ impl Buffer {
         Ok(Buffer { inner: Arc::new(inner), roles: &[] })
     }
 
-    /// An array holding `data`. Device memory is filled through a staging copy with its own submit.
+    /// Makes an array that holds `data`. GPU memory is filled through a staging buffer, with a submit of its own.
     pub fn from_slice<T: Pod>(context: &Arc<Context>, name: &str, data: &[T], memory: Memory) -> Result<Buffer> {
         let buffer = Buffer::new(context, name, size_of_val(data) as u64, memory)?;
         buffer.write(data)?;
         Ok(buffer)
     }
 
-    /// A handle of the same array that kernels take under each of these names, and under no other: by its own name alone where
-    /// this is not called.
+    /// Another handle of this array, which kernels take for their buffers of these names and for no others. A handle
+    /// that was not made by this function is taken only for the buffer that has the array's own name.
     pub fn known_as(&self, roles: &'static [&'static str]) -> Buffer {
         Buffer { inner: self.inner.clone(), roles }
     }
 
-    /// Whether kernels may take it for the buffer that they call `name`.
+    /// Whether a kernel may take this handle for the buffer that it declares as `name`.
     pub(super) fn may_be(&self, name: &str) -> bool {
         if self.roles.is_empty() { self.name() == name } else { self.roles.contains(&name) }
     }
 
-    /// Its name, as in messages.
+    /// Name of the array, as it appears in messages.
     pub fn name(&self) -> &str {
         &self.inner.name
     }
 
-    /// Its size as asked for, bytes.
+    /// Size that was asked for, bytes.
     pub fn bytes(&self) -> u64 {
         self.inner.bytes
     }
 
-    /// Where its memory is.
+    /// Where the memory is.
     pub fn memory(&self) -> Memory {
         self.inner.memory
     }
 
-    /// The VkBuffer, for whoever shares the device.
+    /// The raw VkBuffer handle, for a program that shares the device.
     pub fn raw(&self) -> u64 {
         vk::Handle::as_raw(self.inner.handle)
     }
 
-    /// A file descriptor of the memory of an array made by [`Buffer::shared`], and the size of that memory (bytes): the caller's
-    /// to import or to close. Errors: the device cannot, or the array is not shared.
+    /// Exports the memory of an array made by [`Buffer::shared`]: a file descriptor, which the caller must import or
+    /// close, and the size of that memory, bytes. Fails where the array is not shared or the device cannot export
+    /// memory.
     pub fn export(&self) -> Result<(i32, u64)> {
         let (Some(external), Some((memory, bytes))) = (&self.inner.context.external_memory, self.inner.own) else {
             return Err(self.misuse(
@@ -178,8 +181,8 @@ impl Buffer {
         Ok((descriptor, bytes))
     }
 
-    /// A copy of the whole array, whatever its memory. Device memory costs a staging copy and a submit of its own: for
-    /// tests and export.
+    /// Copies the whole array to the CPU, wherever its memory is. For GPU memory this takes a staging copy and a submit
+    /// of its own, so it is meant for tests and export, not for the step.
     pub fn read<T: Pod>(&self) -> Result<Vec<T>> {
         if self.inner.memory != Memory::Device {
             return Ok(self.mapped::<T>()?.to_vec());
@@ -200,7 +203,8 @@ impl Buffer {
         staging.read()
     }
 
-    /// Overwrites the start of the array with `data`, whatever its memory; see [`Buffer::read`] for the cost.
+    /// Overwrites the start of the array with `data`, wherever its memory is; for GPU memory it costs as much as
+    /// [`Buffer::read`].
     pub fn write<T: Pod>(&self, data: &[T]) -> Result<()> {
         let bytes = size_of_val(data) as u64;
         if bytes > self.inner.bytes {
@@ -221,14 +225,14 @@ impl Buffer {
         recorder.finish()?.submit_and_wait()
     }
 
-    /// Mapped memory to read, without a copy. Let go of it before submitting work that writes this buffer.
+    /// Mapped memory for reading, without a copy. Drop it before submitting work that writes this buffer.
     pub fn mapped<T: Pod>(&self) -> Result<Mapped<'_, T>> {
         let pointer = self.pointer::<T>()?;
         let guard = self.inner.mapping.read().unwrap_or_else(|e| e.into_inner());
         Ok(Mapped { pointer, length: self.length::<T>(), _guard: guard, _of: PhantomData })
     }
 
-    /// Mapped memory to write, without a copy. Let go of it before submitting work that uses this buffer.
+    /// Mapped memory for writing, without a copy. Drop it before submitting work that uses this buffer.
     pub fn mapped_mut<T: Pod>(&self) -> Result<MappedMut<'_, T>> {
         let pointer = self.pointer::<T>()?;
         let guard = self.inner.mapping.write().unwrap_or_else(|e| e.into_inner());
@@ -286,7 +290,7 @@ impl Inner {
         bound.map_err(failed("vkBindBufferMemory", format!("array {}", self.name)))
     }
 
-    /// Memory of its own, in the first type of the device's that will do.
+    /// Allocates dedicated memory that can be exported, of the first memory type in GPU memory that suits the buffer.
     fn allocate_external(&mut self) -> Result<()> {
         let device = &self.context.device;
         // SAFETY: the buffer belongs to this live device.
@@ -331,7 +335,8 @@ impl Inner {
 
 impl Drop for Inner {
     fn drop(&mut self) {
-        // SAFETY: the last handle goes; recordings hold handles and wait for their work, so the device is done.
+        // SAFETY: this is the last handle. Recordings hold handles and wait for their work, so the GPU no longer uses
+        // the buffer.
         unsafe {
             for view in self.views.into_iter().flatten() {
                 self.context.device.destroy_buffer_view(view, None);
@@ -340,7 +345,7 @@ impl Drop for Inner {
         }
         if let Some((memory, bytes)) = self.own.take() {
             self.context.allocated.fetch_sub(bytes, Ordering::Relaxed);
-            // SAFETY: as above; its buffer is gone.
+            // SAFETY: as above; the buffer that was bound to this memory is destroyed.
             unsafe { self.context.device.free_memory(memory, None) };
         }
         if let Some(allocation) = self.allocation.take() {
@@ -352,7 +357,7 @@ impl Drop for Inner {
     }
 }
 
-/// Mapped memory being read.
+/// A view of mapped memory for reading; other readers may exist, writers are locked out.
 pub struct Mapped<'a, T> {
     pointer: *const T,
     length: usize,
@@ -360,7 +365,7 @@ pub struct Mapped<'a, T> {
     _of: PhantomData<&'a [T]>,
 }
 
-/// Mapped memory being written.
+/// A view of mapped memory for writing; all others are locked out.
 pub struct MappedMut<'a, T> {
     pointer: *mut T,
     length: usize,
@@ -371,8 +376,9 @@ pub struct MappedMut<'a, T> {
 impl<T: Pod> Deref for Mapped<'_, T> {
     type Target = [T];
     fn deref(&self) -> &[T] {
-        // SAFETY: aligned, mapped for the buffer's life, which the guard borrows; any bits are a T (Pod); other host
-        // writers are locked out, and callers hold no mapping over a submit that writes it.
+        // SAFETY: the pointer is aligned and mapped for the buffer's life, which the guard borrows; any bit pattern is
+        // a T (Pod); the lock keeps out writers on the CPU, and callers drop a mapping before they submit work that
+        // writes the buffer.
         unsafe { std::slice::from_raw_parts(self.pointer, self.length) }
     }
 }

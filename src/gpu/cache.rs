@@ -1,24 +1,25 @@
-//! The pipeline cache kept between runs, one file per device and driver. Only a help: a
-//! missing, corrupt or unwritable one is passed over in silence.
+//! Keeps Vulkan's pipeline cache between runs, one file per device and driver. It only saves compile time: a missing,
+//! corrupt or unwritable file is ignored without a message.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
-/// Opens our file; the driver's own blob follows a length and a checksum, since drivers check little of it.
+/// First bytes of our file. The length of the driver's blob, a checksum and the blob follow; the checksum is needed
+/// because drivers check little of a blob.
 const MAGIC: &[u8; 8] = b"palpate1";
 
-/// The driver's blob of the last run, empty when there is none to trust.
+/// The driver's blob of the last run; empty where there is none that can be trusted.
 pub(super) fn load(folder: &Path, key: &str) -> Vec<u8> {
     fs::read(file(folder, key)).ok().and_then(|bytes| unpack(&bytes)).unwrap_or_default()
 }
 
-/// Keeps the driver's blob for the next run.
+/// Stores the driver's blob for the next run.
 pub(super) fn save(folder: &Path, key: &str, blob: &[u8]) {
     let path = file(folder, key);
     if fs::create_dir_all(folder).is_err() || load(folder, key) == blob {
         return;
     }
-    // Written beside and renamed, so that a reader never sees half a file.
+    // A temporary file is written and then renamed, so that a reader never sees half a file.
     let partial = path.with_extension(format!("{}.partial", process::id()));
     if fs::write(&partial, pack(blob)).is_err() || fs::rename(&partial, &path).is_err() {
         let _ = fs::remove_file(&partial);
@@ -29,7 +30,8 @@ fn file(folder: &Path, key: &str) -> PathBuf {
     folder.join(format!("pipelines-{key}.bin"))
 }
 
-/// The user's: `PALPATE_CACHE`, else `palpate` in `XDG_CACHE_HOME` (or the system's like), else in `~/.cache`.
+/// The user's cache folder: `PALPATE_CACHE`, else `palpate` in `XDG_CACHE_HOME` (or the operating system's equivalent),
+/// else in `~/.cache`.
 pub(super) fn user_folder() -> Option<PathBuf> {
     let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let home = || set("HOME").map(|h| h.join(if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" }));
@@ -48,7 +50,7 @@ fn unpack(bytes: &[u8]) -> Option<Vec<u8>> {
     sound.then(|| blob.to_vec())
 }
 
-/// FNV-1a, 64 bits.
+/// The 64-bit FNV-1a hash.
 fn checksum(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &b| (hash ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
 }

@@ -1,4 +1,5 @@
-//! Drawing onto images: what [`Recorder`] does where somebody looks.
+//! Rendering onto images (a canvas), for the viewer: methods of [`Recorder`]. Draws without images, which the depth
+//! stage uses to distribute work, are in `draw.rs`.
 #![allow(unsafe_code)]
 
 use ash::vk::{self, AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
@@ -11,39 +12,39 @@ use super::raster::RasterPipeline;
 use super::recorder::Recorder;
 use crate::error::Result;
 
-/// Images that are drawn onto together, all of one size.
+/// Attachments that are rendered onto together, all of one size.
 #[derive(Clone, Default)]
 pub struct Canvas {
-    /// What is seen.
+    /// Colour attachment.
     pub colour: Option<Image>,
-    /// How far away it is.
+    /// Depth attachment, for hidden-surface removal.
     pub depth: Option<Image>,
-    /// Takes the mean of the samples of `colour`, where that has several.
+    /// Resolve target: it receives the mean of the samples of `colour`, where `colour` has several samples per pixel.
     pub mean: Option<Image>,
 }
 
-/// What a canvas holds before it is drawn onto.
+/// The content of a canvas before a pass draws onto it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Before {
-    /// What was drawn before.
+    /// The content of earlier passes is kept.
     Kept,
-    /// This colour (red, green, blue, alpha; 0 to 1), and all infinitely far away.
+    /// Colour is cleared to this value (red, green, blue, alpha; 0 to 1), and depth to infinitely far away.
     Cleared([f32; 4]),
 }
 
-/// Triangles to draw, a pipeline for all of them.
+/// One draw call: triangles, and the pipeline that draws them.
 pub struct Drawn<'a> {
-    /// How.
+    /// Pipeline of the draw.
     pub pipeline: &'a RasterPipeline,
-    /// What its shaders are given.
+    /// Buffers and push constants of the pipeline's shaders.
     pub arguments: &'a dyn Arguments,
-    /// Vertices, a u32 each; `None`: from 0 on.
+    /// Vertex indices, one u32 each; `None`: the draw is not indexed.
     pub indices: Option<&'a Buffer>,
-    /// The first of them, and how many.
+    /// First index, and the number of indices; of vertices where the draw is not indexed.
     pub range: (u32, u32),
-    /// How often.
+    /// Number of instances.
     pub instances: u32,
-    /// The part of the canvas that is drawn onto: left, top, width, height; `None`: all of it.
+    /// Scissor rectangle, pixels: left, top, width, height; `None`: the whole canvas.
     pub part: Option<[u32; 4]>,
 }
 
@@ -59,7 +60,7 @@ impl Canvas {
 }
 
 impl Recorder {
-    /// Draws all of these in order, as one pass.
+    /// Draws all of these in order, as one pass of the recording.
     pub fn paint(&mut self, canvas: &Canvas, before: Before, all: &[Drawn]) {
         let ready = self.try_paint(canvas, before, all);
         self.note(ready);
@@ -103,7 +104,7 @@ impl Recorder {
         for (drawn, buffers) in all.iter().zip(&bound) {
             self.draw_one(drawn, buffers, size)?;
         }
-        // SAFETY: recording, within the rendering that began above.
+        // SAFETY: the command buffer is recording, within the rendering that began above.
         unsafe { self.commands.context.device.cmd_end_rendering(self.commands.buffer) };
         Ok(())
     }
@@ -143,14 +144,15 @@ impl Recorder {
         let viewport =
             vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..vk::Viewport::default() };
         let (device, commands) = (&self.commands.context.device, self.commands.buffer);
-        // SAFETY: recording, outside rendering; the images are alive, kept, of one size, and in the general layout.
+        // SAFETY: the command buffer is recording, outside rendering; the recording keeps the images alive, which have
+        // one size and are in the general layout.
         unsafe {
             device.cmd_begin_rendering(commands, &rendering);
             device.cmd_set_viewport(commands, 0, &[viewport]);
         }
     }
 
-    /// Brings an image whose content does not matter into the general layout.
+    /// Moves an image to the general layout and discards its content.
     fn take(&mut self, image: &Image) {
         let range =
             vk::ImageSubresourceRange::default().aspect_mask(image.0.texels.aspect()).level_count(1).layer_count(1);
@@ -166,7 +168,7 @@ impl Recorder {
             .image(image.0.handle)
             .subresource_range(range)];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        // SAFETY: recording, outside rendering; the image is alive and kept.
+        // SAFETY: the command buffer is recording, outside rendering; the recording keeps the image alive.
         unsafe { self.commands.context.device.cmd_pipeline_barrier2(self.commands.buffer, &info) };
     }
 
@@ -184,7 +186,8 @@ impl Recorder {
             extent: vk::Extent2D { width, height },
         };
         let (device, commands) = (&self.commands.context.device, self.commands.buffer);
-        // SAFETY: recording, within rendering; pipeline, set and indices are alive and kept; the range was checked.
+        // SAFETY: the command buffer is recording, within rendering; the recording keeps pipeline, set and indices
+        // alive; the range was checked.
         unsafe {
             device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, pipeline.0.pipeline);
             device.cmd_set_scissor(commands, 0, &[scissor]);
@@ -199,7 +202,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Copies all pixels of an image that was drawn onto to an array, row by row from the top, four bytes each.
+    /// Copies all pixels of an image to an array, row by row from the top, four bytes per pixel. The image has been
+    /// drawn onto and has one sample per pixel.
     pub fn copy_out(&mut self, image: &Image, array: &Buffer) {
         if array.bytes() < image.bytes() || image.0.samples > 1 {
             let what =
@@ -225,7 +229,8 @@ impl Recorder {
             depth: 1,
         })];
         let layout = vk::ImageLayout::GENERAL;
-        // SAFETY: recording, outside rendering; both are alive and kept; the array has room.
+        // SAFETY: the command buffer is recording, outside rendering; the recording keeps image and array alive; the
+        // array has room.
         unsafe {
             let device = &self.commands.context.device;
             device.cmd_copy_image_to_buffer(self.commands.buffer, image.0.handle, layout, array.inner.handle, &region);

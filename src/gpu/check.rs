@@ -1,5 +1,5 @@
-//! What a pass is given, held against what its shader declares: the checks of [`Recorder`], all named by stage, kernel
-//! and array.
+//! Checks the arguments of a pass against the interface that its shader declares: methods of [`Recorder`]. Errors name
+//! the stage, the kernel and the array.
 
 use ash::vk::{AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
 
@@ -12,8 +12,8 @@ use super::spirv::{Binding, BindingKind};
 use crate::error::Result;
 
 impl Recorder {
-    /// The buffers of a pass in the order of its bindings, and what the shader does with each; an error where arguments and
-    /// shader do not fit.
+    /// Returns the buffers of a pass in the order of the shader's bindings, and how the shader uses each. Fails where
+    /// the arguments do not fit the shader.
     pub(super) fn check_uses<'a>(
         &self,
         interface: &Interface,
@@ -29,10 +29,11 @@ impl Recorder {
             let declared = interface.declared.join(", ");
             return Err(self.error(format!("kernel {name} has no buffer {unknown}; it has {declared}")));
         }
-        // Whether this variant uses it or not: what another variant would be given wrongly is wrong here.
+        // Buffers that this variant of the shader does not use are checked too, so that a wrong array is found
+        // whichever variant runs.
         for (slot, buffer) in given.iter().filter_map(|(slot, buffer)| Some((slot, (*buffer)?))) {
             if !buffer.may_be(slot) {
-                let what = format!("kernel {name}: array {} is given as {slot}, which it is not", buffer.name());
+                let what = format!("kernel {name}: array {} may not be bound to its buffer {slot}", buffer.name());
                 return Err(self.error(what));
             }
         }
@@ -50,7 +51,8 @@ impl Recorder {
             let write_access = if binding.writes { Access::SHADER_STORAGE_WRITE } else { Access::NONE };
             let id = buffer.inner.handle.as_raw();
             if uses.iter().any(|u| u.id == id && (u.writes || binding.writes)) {
-                let what = format!("kernel {name} writes {} and is also given it as {}", buffer.name(), binding.name);
+                let what =
+                    format!("kernel {name} writes array {} and also binds it to {}", buffer.name(), binding.name);
                 return Err(self.error(what));
             }
             uses.push(Use { id, reads: binding.reads, writes: binding.writes, stages, write_access });
@@ -81,8 +83,8 @@ impl Recorder {
         Err(self.error(format!("indirect arguments at byte {offset} lie outside {name} of {size} bytes")))
     }
 
-    /// Adds the reading of indirect arguments. The pass may write them itself, for later ones: its own are read before
-    /// any of its invocations runs.
+    /// Adds the reading of indirect arguments to the uses of a pass. The pass itself may write the same buffer for
+    /// later passes: its own arguments are read before any of its invocations runs.
     pub(super) fn add_args(&mut self, uses: &mut Vec<Use>, args: &Buffer) {
         let id = args.inner.handle.as_raw();
         self.keep(args);

@@ -1,4 +1,5 @@
-//! A Vulkan device, its one queue and its memory: made once, shared by everything in this room.
+//! A Vulkan device with its one queue and its memory, opened once and shared by the whole `gpu` module. In this file
+//! "device" is always the Vulkan device; the "host" is another program whose device the engine borrows (see `host.rs`).
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, c_char};
@@ -19,18 +20,19 @@ use super::{cache, failed, kernel, threads};
 use crate::error::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
-/// Standard local size of kernels: two warps, one wavefront; any size from 64 to 1024 was as fast on lavapipe.
+/// Standard workgroup size of kernels: two warps or one wavefront. On lavapipe, Mesa's Vulkan driver for CPUs, any size
+/// from 64 to 1024 was as fast.
 const GROUP_SIZE: u32 = 64;
-/// Local size of kernels that meet at barriers, on a GPU.
+/// Workgroup size, on a GPU, of kernels whose invocations synchronise at barriers.
 const REDUCE_SIZE: u32 = 128;
-/// Memory is taken from the driver in blocks of this size, bytes.
+/// Size of the blocks in which memory is requested from the driver, bytes.
 const MEMORY_BLOCK: u64 = 16 << 20;
 
-/// Elements of 16 bytes that a texel buffer has to hold for texel arrays to be used: a gigabyte, less than most GPUs have. Where
-/// there are fewer, large scenes would not run.
+/// Least number of 16-byte elements that the device's texel buffers must hold for texel buffers to be used: 1 GiB,
+/// which is less than the memory of most GPUs. With a lower limit, large scenes would not run.
 const TEXEL_ELEMENTS: u32 = 1 << 26;
 
-/// How kernels reach arrays of vectors that they only read: see `shaders/shared/arrays.glsl`.
+/// How kernels reach arrays of vectors that they only read; see `shaders/shared/arrays.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Arrays {
     /// Through texel buffers.
@@ -42,53 +44,56 @@ pub enum Arrays {
 /// How to choose and open a device.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
-    /// Index, or part of the name in any case; `None`: discrete before integrated, virtual, CPU.
+    /// Index of the device, or part of its name in any case. `None`: the first usable one, in the order discrete GPU,
+    /// integrated GPU, virtual GPU, CPU.
     pub device: Option<String>,
     /// Use the Khronos validation layer with synchronisation validation.
     pub validation: bool,
-    /// What showing in a window takes of the instance: see `display_extensions`. Empty: nothing
-    /// is shown.
+    /// Instance extensions needed to show images in a window; see `display_extensions`. Empty: no window is used.
     pub display: Vec<&'static CStr>,
-    /// With how many threads lavapipe works, by `LP_NUM_THREADS` in the process's environment, unless it is set already: ask
-    /// for it only where no other thread of the process looks at the environment meanwhile. `None`: the environment stays as
-    /// it is, and lavapipe takes all cores.
+    /// Number of threads that lavapipe uses, set through `LP_NUM_THREADS` in the process's environment unless that
+    /// variable is set already. Ask for a number only while no other thread of the process reads the environment.
+    /// `None`: the environment stays as it is, and lavapipe uses all cores.
     pub threads: Option<Threads>,
-    /// Folder where prepared bodies, compiled pipelines and what was measured of devices are kept for later runs, made where
-    /// it is missing. `None`: nothing is kept. The usual one: [`Options::user_cache`]. A folder that cannot be written
-    /// is passed over.
+    /// Folder in which prepared bodies, compiled pipelines and measurements of devices are kept for later runs. It is
+    /// created where it is missing, and ignored where it cannot be written. `None`: nothing is kept.
+    /// [`Options::user_cache`] is the usual folder.
     pub cache: Option<PathBuf>,
-    /// Measure, in a fraction of a second, which of two ways is faster on the device where nobody says: arrays through texel or
-    /// storage buffers, and the depth stage by compute or graphics. Done once a context; with a cache once a device. False: texel
-    /// buffers where they are large, and compute.
+    /// Whether to measure, in a fraction of a second, which of two alternatives is faster on the device, where no
+    /// option decides: texel or storage buffers for arrays, and compute or graphics for the depth stage. This is done
+    /// once per context, or with a cache once per device. `false`: texel buffers where they are large enough, and
+    /// compute.
     pub measure: bool,
-    /// Names of shaders, and the SPIR-V that stands for the library's own of that name, with the same buffers,
-    /// whichever kind of arrays is chosen. For tests
-    /// that show that a check can fail; a name that the library does not have is an error.
+    /// Shaders to replace, by name, each with the SPIR-V that is used instead, whichever kind of arrays is chosen. It
+    /// must declare the same buffers as the library's own shader; an unknown name is an error. For tests which show
+    /// that a check can fail.
     pub replaced: Vec<(String, Vec<u8>)>,
-    /// How kernels reach arrays of vectors that they only read; `None`: see [`Context::arrays`].
+    /// How kernels reach arrays of vectors that they only read; `None`: as [`Context::arrays`] says.
     pub arrays: Option<Arrays>,
-    /// The most elements that a texel buffer may have, if the device allows more. For tests.
+    /// Upper limit for the number of elements of a texel buffer, below the device's own. For tests.
     pub texel_elements: Option<u32>,
-    /// Hears what there is to say. The validation layer's messages go there too, and are then not kept.
+    /// Receives the engine's messages. The validation layer's messages go there as well, and are then not kept for
+    /// [`Context::validation_messages`].
     pub log: Log,
 }
 
 impl Options {
-    /// The user's cache folder: `PALPATE_CACHE`, else `palpate` in `XDG_CACHE_HOME` (or the system's like), else in `~/.cache`.
+    /// The user's cache folder: `PALPATE_CACHE`, else `palpate` in `XDG_CACHE_HOME` (or the operating system's
+    /// equivalent), else in `~/.cache`.
     pub fn user_cache() -> Option<PathBuf> {
         cache::user_folder()
     }
 
-    /// As the program opens devices: what takes long is kept in the user's cache, and the faster ways are measured, once where
-    /// there is such a cache, else for each context.
+    /// The options with which the `palpate` program opens a device: it uses the user's cache folder and measures the
+    /// faster alternatives, once per device where there is such a folder, else once per context.
     pub fn of_program() -> Options {
         Options { cache: Options::user_cache(), measure: true, ..Options::default() }
     }
 }
 
-/// An open device. All calls may come from any thread; submits are serialised.
+/// An open Vulkan device. Its methods may be called from any thread; submits are serialised.
 pub struct Context {
-    // In the order of `Drop`.
+    // These fields stand in the order in which `Drop` destroys them.
     pub(super) allocator: ManuallyDrop<Mutex<memory::Allocator>>,
     pub(super) cache: vk::PipelineCache,
     pub(super) device: ash::Device,
@@ -99,7 +104,7 @@ pub struct Context {
     pub(super) entry: ash::Entry,
     messages: Box<Messages>,
     queue: Mutex<vk::Queue>,
-    /// Of another program's device, which is left as it is.
+    /// Set where the device belongs to another program; such a device is not destroyed.
     host: Option<HostDevice>,
     pub(super) queue_family: u32,
     pub(super) limits: vk::PhysicalDeviceLimits,
@@ -111,10 +116,10 @@ pub struct Context {
     fragment_stores: bool,
     #[cfg_attr(not(feature = "window"), allow(dead_code))]
     pub(super) physical: vk::PhysicalDevice,
-    /// Whether it was opened to show in windows.
+    /// Whether the device was opened to present to windows.
     #[cfg_attr(not(feature = "window"), allow(dead_code))]
     pub(super) presents: bool,
-    /// Where arrays can be handed to other programs.
+    /// Functions that export memory to other programs; `None` where the device has none.
     pub(super) external_memory: Option<ash::khr::external_memory_fd::Device>,
     memory: vk::PhysicalDeviceMemoryProperties,
     cache_key: String,
@@ -173,21 +178,21 @@ impl Context {
         Self::of(opened, chosen, options)
     }
 
-    /// Uses a device that another program opened, and leaves it open. `options` but for `device`, `validation` and
-    /// `threads`, which are the host's business.
+    /// Uses a device that another program, the host, opened, and leaves it open. Of `options`, `device`, `validation`
+    /// and `threads` are ignored: they are the host's business.
     ///
     /// # Safety
-    /// The handles are of one instance of Vulkan 1.3 and alive for as long as the context, which buffers, simulations and
-    /// recordings hold on to; the device was created with [`HostDevice::FEATURES`] and whatever else `host` says is enabled.
-    /// The host uses the queue only while it holds the lock, whose functions may be called from any thread; or without one, at
-    /// no time at which any of the engine's calls is under way.
+    /// The handles must belong to one Vulkan 1.3 instance and stay alive as long as the context, which buffers,
+    /// simulations and recordings keep alive. The device must have been created with [`HostDevice::FEATURES`] and with
+    /// whatever else `host` says is enabled. The host may use the queue only while it holds the lock, whose functions
+    /// may be called from any thread; without a lock, only while no call into the engine is running.
     #[doc(hidden)]
     pub unsafe fn on_host(host: HostDevice, options: &Options) -> Result<Arc<Context>> {
         use vk::Handle;
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller guarantees it, see above.
         let (entry, instance) = unsafe { host.instance()? };
         let chosen = host.candidate(&instance)?;
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller guarantees it, see above.
         let device = unsafe { ash::Device::load(instance.fp_v1_0(), vk::Device::from_raw(host.device)) };
         let queue = vk::Queue::from_raw(host.queue);
         let (labels, messages) = (Labels(None), Box::new(Messages::default()));
@@ -251,7 +256,7 @@ impl Context {
         }))
     }
 
-    /// All devices, usable or not.
+    /// Lists all Vulkan devices, usable or not.
     pub fn list() -> Result<Vec<DeviceInfo>> {
         let entry = load()?;
         let (instance, _) = create_instance(&entry, &Options::default(), &Messages::default())?;
@@ -261,7 +266,7 @@ impl Context {
         list
     }
 
-    /// The driver's name of the device.
+    /// Name that the driver gives the device.
     pub fn device_name(&self) -> &str {
         &self.info.name
     }
@@ -271,25 +276,25 @@ impl Context {
         &self.info.driver
     }
 
-    /// What sort of device it is.
+    /// Type of the device.
     pub fn kind(&self) -> DeviceKind {
         self.info.kind
     }
 
-    /// Standard local size of a kernel, invocations.
+    /// Standard workgroup size of a kernel, invocations.
     #[doc(hidden)]
     pub fn group_size(&self) -> u32 {
         GROUP_SIZE
     }
 
-    /// Local size of kernels of one workgroup an item that meet at barriers, invocations. On a CPU the subgroup size:
-    /// then a workgroup is one vector and barriers cost nothing.
+    /// Workgroup size of kernels that give one workgroup to each work item and synchronise at barriers, invocations. On
+    /// a CPU device it is the subgroup size: a workgroup is then one SIMD vector, and barriers cost nothing.
     #[doc(hidden)]
     pub fn reduce_size(&self) -> u32 {
         if self.info.kind == DeviceKind::Cpu { self.subgroup_size.max(1) } else { REDUCE_SIZE }
     }
 
-    /// Invocations of a subgroup. For choosing variants only: no kernel may rely on it.
+    /// Invocations of a subgroup. Use it only to choose variants: no kernel may rely on it.
     #[doc(hidden)]
     pub fn subgroup_size(&self) -> u32 {
         self.subgroup_size
@@ -307,91 +312,92 @@ impl Context {
         self.fragment_stores
     }
 
-    /// How kernels reach arrays of vectors that they only read: as asked for, else as chosen, else through texel buffers where
-    /// these are large.
+    /// How kernels reach arrays of vectors that they only read: as [`Options::arrays`] asked for, else as
+    /// [`Context::choose_arrays`] decided, else through texel buffers where these are large enough.
     pub fn arrays(&self) -> Arrays {
         let by_limit = || if self.has_large_texel_buffers() { Arrays::Texel } else { Arrays::Storage };
         *self.arrays.get_or_init(by_limit)
     }
 
-    /// Whether texel buffers hold what large scenes have.
+    /// Whether texel buffers are large enough for large scenes.
     #[doc(hidden)]
     pub fn has_large_texel_buffers(&self) -> bool {
         self.limits.max_texel_buffer_elements >= TEXEL_ELEMENTS
     }
 
-    /// What [`Options::arrays`] asked for.
+    /// The value of [`Options::arrays`].
     #[doc(hidden)]
     pub fn arrays_asked_for(&self) -> Option<Arrays> {
         self.arrays_asked_for
     }
 
-    /// Chooses for all kernels made from now on, if nothing was asked for or chosen before.
+    /// Decides how all kernels made from now on reach their arrays, unless that was asked for or decided before.
     #[doc(hidden)]
     pub fn choose_arrays(&self, arrays: Arrays) {
         self.arrays.get_or_init(|| arrays);
     }
 
-    /// Storage buffers that a kernel may have.
+    /// Greatest number of storage buffers that a kernel may bind.
     #[doc(hidden)]
     pub fn storage_buffers(&self) -> u32 {
         self.limits.max_per_stage_descriptor_storage_buffers
     }
 
-    /// Largest storage buffer binding, bytes, and largest texel buffer, elements of 16 bytes.
+    /// Greatest size of a storage buffer binding (bytes), and of a texel buffer (elements of 16 bytes).
     #[doc(hidden)]
     pub fn array_limits(&self) -> (u64, u64) {
         (u64::from(self.limits.max_storage_buffer_range), u64::from(self.limits.max_texel_buffer_elements))
     }
 
-    /// Device memory held by buffers, bytes.
+    /// Device memory that buffers and images occupy, bytes.
     pub fn bytes_allocated(&self) -> u64 {
         self.allocated.load(Ordering::Relaxed)
     }
 
-    /// Whether arrays can be made in memory that other programs import ([`super::Buffer::export`]).
+    /// Whether arrays can be placed in memory that other programs import ([`super::Buffer::export`]).
     #[doc(hidden)]
     pub fn shares_memory(&self) -> bool {
         self.external_memory.is_some()
     }
 
-    /// The first type of these (a bit each) in the device's own memory.
+    /// The first device-local memory type among `types` (one bit per type).
     pub(super) fn device_memory_type(&self, types: u32) -> Option<u32> {
         let own = vk::MemoryPropertyFlags::DEVICE_LOCAL;
         let all = self.memory.memory_types_as_slice().iter().zip(0..);
         all.into_iter().find(|(kind, i)| types & (1 << i) != 0 && kind.property_flags.contains(own)).map(|(_, i)| i)
     }
 
-    /// Takes the validation layer's messages; empty when all is clean or validation is off.
+    /// Returns and forgets the validation layer's messages; empty when there are none or validation is off.
     pub fn validation_messages(&self) -> Vec<String> {
         self.messages.drain()
     }
 
-    /// [`Options::cache`].
+    /// The value of [`Options::cache`].
     #[doc(hidden)]
     pub fn cache_folder(&self) -> Option<&Path> {
         self.cache_folder.as_deref()
     }
 
-    /// Times of the depth stage's two paths, us, once they are measured.
+    /// Times of the depth stage by its graphics and its compute path, microseconds, once they are measured.
     #[doc(hidden)]
     pub fn measured_paths(&self) -> &OnceLock<[f64; 2]> {
         &self.measured_paths
     }
 
-    /// Whether the kind of arrays is settled: asked for, chosen, or used by a kernel.
+    /// Whether the kind of arrays is settled: asked for, decided, or already used by a kernel.
     #[doc(hidden)]
     pub fn has_arrays(&self) -> bool {
         self.arrays.get().is_some()
     }
 
-    /// [`Options::measure`].
+    /// The value of [`Options::measure`].
     #[doc(hidden)]
     pub fn measures(&self) -> bool {
         self.measures
     }
 
-    /// Keeps compiled pipelines for the next run, where there is a cache. Also done when the context is dropped.
+    /// Stores compiled pipelines for the next run, where there is a cache folder. Dropping the context does this as
+    /// well.
     #[doc(hidden)]
     pub fn save_pipeline_cache(&self) {
         let Some(folder) = self.cache_folder() else { return };
@@ -401,19 +407,20 @@ impl Context {
         }
     }
 
-    /// Says something to whoever hears.
+    /// Passes a message to the log of [`Options::log`].
     #[doc(hidden)]
     pub fn tell(&self, level: Level, message: &str) {
         self.log.tell(level, message);
     }
 
-    /// The queue, held by one thread at a time.
+    /// The queue, locked for the calling thread.
     pub(super) fn queue(&self) -> QueueGuard<'_> {
         let queue = self.queue.lock().unwrap_or_else(|e| e.into_inner());
         QueueGuard::new(queue, self.host.as_ref().and_then(|host| host.lock))
     }
 
-    /// Waits for all that was submitted, whatever became of it. On a host's device for its work on the queue as well.
+    /// Waits until the queue is idle, ignoring failures. On a host's device this includes the host's own work on the
+    /// queue.
     pub(super) fn wait_idle(&self) {
         let queue = self.queue();
         // SAFETY: the queue is alive and locked. Where the device is lost there is nothing to wait for.
@@ -427,8 +434,9 @@ impl Context {
 
 impl Drop for Context {
     fn drop(&mut self) {
-        // SAFETY: buffers, kernels and recordings hold an Arc of this context, so none is left, and each recording
-        // waited for its own work. Children go before their parents, and nothing is used afterwards.
+        // SAFETY: buffers, kernels and recordings hold an Arc of this context, so none of them is left, and each
+        // recording waited for its own work. Objects are destroyed before those they were made from, and not used
+        // afterwards.
         unsafe {
             self.wait_idle();
             self.save_pipeline_cache();
@@ -446,7 +454,7 @@ impl Drop for Context {
     }
 }
 
-/// What a context is made of, whoever opened it.
+/// The Vulkan objects that a context is made of, opened by the engine or by a host.
 struct Opened {
     entry: ash::Entry,
     instance: ash::Instance,
@@ -459,12 +467,12 @@ struct Opened {
 }
 
 impl Opened {
-    /// Closes all that is not a host's, where no context comes of it.
+    /// Destroys what the engine opened, where no context could be made; a host's objects are left alone.
     fn close(&mut self) {
         if self.host.is_some() {
             return;
         }
-        // SAFETY: nothing made of them is left, and they are not used again.
+        // SAFETY: nothing made from the device or the instance is left, and neither is used again.
         unsafe {
             self.device.destroy_device(None);
             if let Some((utils, messenger)) = self.messenger.take() {
@@ -494,10 +502,10 @@ pub(super) fn load() -> Result<ash::Entry> {
         .map_err(|e| Error::NoDevice(format!("the Vulkan loader cannot be loaded ({e}). {}", device::REMEDY)))
 }
 
-/// The instance, and whether it has debug utilities.
+/// Creates the instance. Also returns whether it has the debug utilities extension.
 fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -> Result<(ash::Instance, bool)> {
     let validation = options.validation;
-    // SAFETY (this and the next): plain queries of a loaded entry.
+    // SAFETY (for this and the next call): plain queries of a loaded entry.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
     let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
     if validation && !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
@@ -520,7 +528,7 @@ fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -
     if let Some(name) = lacking {
         let name = name.to_string_lossy();
         return Err(Error::NoDevice(format!(
-            "Vulkan cannot show in a window here: {name} is missing. {}",
+            "Vulkan cannot present images in a window here: {name} is missing. {}",
             device::REMEDY
         )));
     }
@@ -553,7 +561,7 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -
     if presents && !chosen.swapchain {
         let name = &chosen.info.name;
         return Err(Error::NoDevice(format!(
-            "{name} cannot show in a window: its driver lacks VK_KHR_swapchain; name another"
+            "{name} cannot present images in a window: its driver lacks VK_KHR_swapchain; choose another device"
         )));
     }
     let priority = [1.0];
@@ -583,7 +591,7 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -
 fn create_cache(device: &ash::Device, folder: Option<&Path>, key: &str) -> Result<vk::PipelineCache> {
     let blob = folder.map(|folder| cache::load(folder, key)).unwrap_or_default();
     let kept = vk::PipelineCacheCreateInfo::default().initial_data(&blob);
-    // SAFETY: the blob passed its checksum, so it is what this driver gave; it lives through the call.
+    // SAFETY: the blob passed its checksum, so it is what this driver wrote; it lives through the call.
     unsafe {
         device
             .create_pipeline_cache(&kept, None)

@@ -1,4 +1,5 @@
-//! What VK_EXT_debug_utils gives: names of objects, labels around stages, and the validation layer's messages.
+//! Uses of the Vulkan extension VK_EXT_debug_utils: names of objects, labels around stages, and the validation layer's
+//! messages.
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, CString, c_void};
@@ -8,7 +9,8 @@ use ash::vk::{self, Handle};
 
 use super::log::{Level, Log};
 
-/// Messages of the validation layer since they were last taken; where somebody hears them, they are told at once instead.
+/// Receives the validation layer's messages. They are passed on at once where the log has a receiver, else kept until
+/// somebody takes them.
 #[derive(Default)]
 pub(super) struct Messages {
     kept: Mutex<Vec<String>>,
@@ -16,17 +18,17 @@ pub(super) struct Messages {
 }
 
 impl Messages {
-    /// Told to `log`, if anybody hears it.
+    /// Passes messages on to `log`, if it has a receiver.
     pub fn heard_by(log: Log) -> Messages {
         Messages { log, ..Messages::default() }
     }
 
-    /// Takes all messages.
+    /// Returns and forgets all kept messages.
     pub fn drain(&self) -> Vec<String> {
         std::mem::take(&mut *self.kept.lock().unwrap_or_else(|e| e.into_inner()))
     }
 
-    /// What to hand to Vulkan. `self` must outlive the messenger or instance made with it.
+    /// The create info of a messenger or an instance, whose messages then arrive here. `self` must outlive both.
     pub fn create_info(&self) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
         use vk::{DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Type};
         vk::DebugUtilsMessengerCreateInfoEXT::default()
@@ -37,7 +39,8 @@ impl Messages {
     }
 }
 
-/// Images stay in the general layout for good (see image.rs): advice to leave it for a copy is not heard.
+/// Text of a performance message that is ignored: it advises another layout for copies, but images stay in the general
+/// layout for good (see image.rs).
 const ADVICE: &str = "instead of GENERAL";
 
 unsafe extern "system" fn callback(
@@ -62,7 +65,7 @@ unsafe extern "system" fn callback(
     vk::FALSE
 }
 
-/// Names and labels on a device; does nothing where the extension is absent.
+/// Names objects and labels commands of one device; does nothing where the extension is absent.
 pub(super) struct Labels(pub Option<ash::ext::debug_utils::Device>);
 
 impl Labels {

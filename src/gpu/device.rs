@@ -1,4 +1,4 @@
-//! Which devices there are, whether palpate can run on them and why not, and which one is chosen.
+//! Lists the Vulkan devices, finds out whether palpate can run on each and why not, and chooses one.
 #![allow(unsafe_code)]
 
 use std::ffi::CStr;
@@ -8,7 +8,7 @@ use ash::vk;
 use super::failed;
 use crate::error::{Error, Result};
 
-/// What sort of device it is.
+/// Type of a Vulkan device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DeviceKind {
     /// A GPU with memory of its own.
@@ -26,21 +26,21 @@ pub enum DeviceKind {
 /// One Vulkan device, as `palpate devices` lists it.
 #[derive(Debug, Clone)]
 pub struct DeviceInfo {
-    /// Position in the loader's list; may be given as the device's name.
+    /// Position in the Vulkan loader's list; a user may give it in place of the name.
     pub index: usize,
-    /// The driver's name for it.
+    /// Name that the driver gives the device.
     pub name: String,
-    /// What sort of device it is.
+    /// Type of the device.
     pub kind: DeviceKind,
     /// Driver name and version.
     pub driver: String,
     /// Vulkan version, as in `1.3.230`.
     pub api_version: String,
-    /// Whether palpate can run on it; else why not.
+    /// Whether palpate can run on it; the error says why not.
     pub usable: std::result::Result<(), String>,
 }
 
-/// A device with what was asked of it.
+/// A physical device with its properties, as far as the engine needs them.
 pub(super) struct Candidate {
     pub physical: vk::PhysicalDevice,
     pub info: DeviceInfo,
@@ -55,7 +55,7 @@ pub(super) struct Candidate {
     pub cache_key: String,
 }
 
-/// What to say where no device can be used.
+/// Advice for a user whose machine has no usable device.
 pub(super) const REMEDY: &str = "On Debian or Ubuntu run ./setup.sh, or: apt-get install libvulkan1 \
      mesa-vulkan-drivers (software rendering); for a GPU install its vendor's driver with Vulkan 1.3.";
 
@@ -67,7 +67,7 @@ pub(super) fn candidates(instance: &ash::Instance) -> Result<Vec<Candidate>> {
     Ok(physical.into_iter().enumerate().map(|(index, device)| candidate(instance, index, device)).collect())
 }
 
-/// The device asked for, or the best one.
+/// The device that was asked for; without such a request the preferred one of those that are usable.
 pub(super) fn choose(candidates: Vec<Candidate>, asked: Option<&str>) -> Result<Candidate> {
     if candidates.is_empty() {
         return Err(Error::NoDevice(format!("Vulkan's loader found no device: no driver is installed. {REMEDY}")));
@@ -164,14 +164,14 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
     }
 }
 
-/// Whether memory of buffers can be given to other programs as a file descriptor.
+/// Whether the memory of buffers can be exported to other programs as a file descriptor.
 fn exports_buffers(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
     let info = vk::PhysicalDeviceExternalBufferInfo::default()
         .usage(super::buffer::SHARED_USAGE)
         .handle_type(super::buffer::EXTERNAL);
     let mut properties = vk::ExternalBufferProperties::default();
-    // SAFETY: `physical` belongs to this live instance; the structs live through the call, which every device of Vulkan 1.1
-    // has.
+    // SAFETY: `physical` belongs to this live instance; the structs live through the call, which every device of Vulkan
+    // 1.1 supports.
     unsafe { instance.get_physical_device_external_buffer_properties(physical, &info, &mut properties) };
     let can = properties.external_memory_properties.external_memory_features;
     can.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE)
@@ -179,11 +179,11 @@ fn exports_buffers(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bo
 
 #[derive(Default)]
 struct Features {
-    /// What the device lacks of the necessary, if anything.
+    /// The required features that the device lacks, as a message; `None` where it has all.
     lacking: Option<String>,
-    /// 64-bit atomics on buffers.
+    /// The device has 64-bit atomics on storage buffers.
     int64_atomics: bool,
-    /// Fragment shaders may write buffers.
+    /// Fragment shaders may write storage buffers.
     fragment_stores: bool,
 }
 

@@ -1,4 +1,5 @@
-//! Drawing: what [`Recorder`] does with the graphics pipeline.
+//! Draws without attachments: a method of [`Recorder`]. The depth stage uses the rasterizer to distribute its work, and
+//! its fragment shader writes buffers.
 #![allow(unsafe_code)]
 
 use ash::vk::{self, Handle, PipelineStageFlags2 as Stages};
@@ -9,12 +10,12 @@ use super::raster::RasterPipeline;
 use super::recorder::Recorder;
 use crate::error::Result;
 
-/// Bytes of a VkDrawIndirectCommand.
+/// Size of a VkDrawIndirectCommand, bytes.
 const DRAW_ARGS: u64 = 16;
 
 impl Recorder {
-    /// Draws the triangles of the `slot`-th VkDrawIndirectCommand (four u32) of `args` over `side` x `side` pixels, which
-    /// clip space spans.
+    /// Draws triangles over `side` x `side` pixels, which clip space spans. The arguments of the draw are the
+    /// VkDrawIndirectCommand (four u32) with index `slot` in `args`.
     pub fn draw_indirect(
         &mut self,
         pipeline: &RasterPipeline,
@@ -57,8 +58,9 @@ impl Recorder {
             vk::Viewport { width: side as f32, height: side as f32, max_depth: 1.0, ..vk::Viewport::default() };
         let rendering = vk::RenderingInfo::default().render_area(area).layer_count(1);
         let (device, commands) = (&self.commands.context.device, self.commands.buffer);
-        // SAFETY: recording; pipeline, set and arguments are alive and kept; the arguments lie within their buffer, the
-        // area within the device's limits; pipeline and rendering have no attachments.
+        // SAFETY: the command buffer is recording; the recording keeps pipeline, set and arguments alive; the indirect
+        // arguments lie within their buffer, and the area within the device's limits; pipeline and rendering have no
+        // attachments.
         unsafe {
             device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, pipeline.0.pipeline);
             device.cmd_set_viewport(commands, 0, &[viewport]);

@@ -1,4 +1,5 @@
-//! A Vulkan device that another program opened and lends: what it must say of it, and its queue shared.
+//! Borrows a Vulkan device that another program, the host, opened: what the host must tell about it, and how its queue
+//! is shared. In this file "host" is that program, not the CPU side.
 #![allow(unsafe_code)]
 
 use std::ffi::c_void;
@@ -9,10 +10,10 @@ use ash::vk::{self, Handle};
 use super::device::{self, Candidate, REMEDY};
 use crate::error::{Error, Result};
 
-/// A device of another program's. The handles are raw Vulkan handles.
+/// A Vulkan device that belongs to the host. Handles are raw Vulkan handles.
 #[derive(Debug, Clone, Copy)]
 pub struct HostDevice {
-    /// vkGetInstanceProcAddr of the loader that they come from; `None`: the system's.
+    /// vkGetInstanceProcAddr of the Vulkan loader that the handles come from; `None`: the system's loader.
     pub get_instance_proc_addr: Option<unsafe extern "C" fn()>,
     /// VkInstance.
     pub instance: u64,
@@ -22,7 +23,7 @@ pub struct HostDevice {
     pub device: u64,
     /// VkQueue of the device.
     pub queue: u64,
-    /// Its family, with graphics and compute.
+    /// Queue family of `queue`; it must support graphics and compute.
     pub queue_family: u32,
     /// Whether shaderInt64 and shaderBufferInt64Atomics are enabled.
     pub int64_atomics: bool,
@@ -30,31 +31,33 @@ pub struct HostDevice {
     pub fragment_stores: bool,
     /// Whether VK_KHR_external_memory_fd is enabled.
     pub external_memory_fd: bool,
-    /// How the queue is shared; `None`: the host uses it at no time at which the engine may.
+    /// The lock by which engine and host share the queue; `None`: the host never uses the queue while a call into the
+    /// engine runs.
     pub lock: Option<QueueLock>,
 }
 
 /// The host's lock around its queue.
 #[derive(Debug, Clone, Copy)]
 pub struct QueueLock {
-    /// Takes it; called before each use of the queue.
+    /// Takes the lock; the engine calls it before each use of the queue.
     pub lock: unsafe extern "C" fn(*mut c_void),
-    /// Lets go of it, on the same thread.
+    /// Releases the lock; called on the thread that took it.
     pub unlock: unsafe extern "C" fn(*mut c_void),
-    /// Passed to both.
+    /// Argument that is passed to both functions.
     pub user: *mut c_void,
 }
 
-// SAFETY: `user` is only passed to the functions, which the host promises to be callable on any thread (`Context::on_host`).
+// SAFETY: `user` is only passed to the two functions, which may be called on any thread, as the host guarantees
+// (`Context::on_host`).
 unsafe impl Send for QueueLock {}
 // SAFETY: as above.
 unsafe impl Sync for QueueLock {}
 
 impl HostDevice {
-    /// What a device must be created with, besides Vulkan 1.3.
+    /// Vulkan 1.3 features that the host must enable when it creates the device.
     pub const FEATURES: [&str; 4] = ["scalarBlockLayout", "synchronization2", "dynamicRendering", "maintenance4"];
 
-    /// The loader that the handles come from, and the instance.
+    /// Loads the functions of the instance and of the Vulkan loader that the handles come from.
     ///
     /// # Safety
     /// See [`super::Context::on_host`].
@@ -66,31 +69,31 @@ impl HostDevice {
             ("queue", self.queue),
         ];
         if let Some((name, _)) = names.into_iter().find(|(_, handle)| *handle == 0) {
-            return Err(Error::NoDevice(format!("the host's {name} is null; give its own")));
+            return Err(Error::NoDevice(format!("the host's {name} is null; pass the handle")));
         }
         let entry = match self.get_instance_proc_addr {
             Some(function) => {
-                // SAFETY: the caller's promise; the two types are the same function's.
+                // SAFETY: the caller guarantees it; both types describe the same function.
                 let get_instance_proc_addr =
                     unsafe { std::mem::transmute::<unsafe extern "C" fn(), vk::PFN_vkGetInstanceProcAddr>(function) };
-                // SAFETY: the caller's promise.
+                // SAFETY: the caller guarantees it.
                 unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr }) }
             }
             None => super::context::load()?,
         };
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller guarantees it.
         let instance = unsafe { ash::Instance::load(entry.static_fn(), vk::Instance::from_raw(self.instance)) };
         Ok((entry, instance))
     }
 
-    /// The physical device, as far as the host enabled what it offers. Errors: it cannot run palpate, or is not of the instance,
-    /// or its family lacks graphics or compute.
+    /// The host's physical device, with only those optional features that the host enabled. Fails where the device
+    /// cannot run palpate or is none of the instance's, or where the queue family lacks graphics or compute.
     pub(super) fn candidate(&self, instance: &ash::Instance) -> Result<Candidate> {
         let own = vk::PhysicalDevice::from_raw(self.physical_device);
         let found = device::candidates(instance)?.into_iter().find(|candidate| candidate.physical == own);
         let wrong = |what: &str| Error::NoDevice(format!("the host's {what}"));
-        let mut candidate = found
-            .ok_or_else(|| wrong("physical_device is none of its instance; give the one its device is made of"))?;
+        let mut candidate =
+            found.ok_or_else(|| wrong("physical_device does not belong to its instance; pass that of its device"))?;
         let name = candidate.info.name.clone();
         if let Err(why) = &candidate.info.usable {
             return Err(Error::NoDevice(format!("{name} cannot run palpate: {why}. {REMEDY}")));
@@ -100,7 +103,11 @@ impl HostDevice {
         let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
         match families.get(self.queue_family as usize) {
             None => {
-                return Err(wrong(&format!("queue_family is {}; {name} has {}", self.queue_family, families.len())));
+                return Err(wrong(&format!(
+                    "queue_family is {}; {name} has {}, counted from 0",
+                    self.queue_family,
+                    families.len()
+                )));
             }
             Some(family) if !family.queue_flags.contains(wanted) => {
                 return Err(wrong(&format!("queue_family {} lacks graphics or compute", self.queue_family)));
@@ -115,7 +122,7 @@ impl HostDevice {
     }
 }
 
-/// The queue, held by one thread at a time, of the host's as well.
+/// The queue, locked for one thread; it excludes the host's threads too where the host gave a lock.
 pub(super) struct QueueGuard<'a> {
     queue: MutexGuard<'a, vk::Queue>,
     lock: Option<QueueLock>,
@@ -125,7 +132,7 @@ impl<'a> QueueGuard<'a> {
     /// Takes the host's lock after the engine's own.
     pub fn new(queue: MutexGuard<'a, vk::Queue>, lock: Option<QueueLock>) -> QueueGuard<'a> {
         if let Some(QueueLock { lock, user, .. }) = lock {
-            // SAFETY: the host's promise, see `Context::on_host`.
+            // SAFETY: the host guarantees it, see `Context::on_host`.
             unsafe { lock(user) };
         }
         QueueGuard { queue, lock }
@@ -139,7 +146,7 @@ impl<'a> QueueGuard<'a> {
 impl Drop for QueueGuard<'_> {
     fn drop(&mut self) {
         if let Some(QueueLock { unlock, user, .. }) = self.lock {
-            // SAFETY: the host's promise; it was locked by this thread.
+            // SAFETY: the host guarantees it; this thread took the lock.
             unsafe { unlock(user) };
         }
     }

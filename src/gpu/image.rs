@@ -1,5 +1,5 @@
-//! Images that are drawn into. They stay in the general layout from the first use on, so nobody has to know where one is; what
-//! shaders read of one is copied into an array first.
+//! Images that are rendered onto. They stay in Vulkan's general layout from the first use on, so that no code has to
+//! track layouts. Shaders do not read images: a shader that needs the content gets it copied into an array.
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
@@ -13,16 +13,16 @@ use super::context::Context;
 use super::failed;
 use crate::error::{Error, Result};
 
-/// What a pixel holds.
+/// Content of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Texels {
-    /// Red, green, blue and alpha, a byte each, as they are.
+    /// Red, green, blue and alpha, one byte each, without sRGB conversion.
     Colour,
-    /// Depth, a float.
+    /// Depth, a 32-bit float.
     Depth,
 }
 
-/// A rectangle of pixels on the device; a cheap handle.
+/// A rectangle of pixels in GPU memory; a cheap handle.
 #[derive(Clone)]
 pub struct Image(pub(super) Arc<ImageInner>);
 
@@ -83,7 +83,7 @@ impl Image {
         // SAFETY: the device is alive; the info lives through the call.
         let handle = unsafe { context.device.create_image(&info, None) }.map_err(failed("vkCreateImage", stage()))?;
         context.labels.name(handle, name);
-        // From here on, dropping `inner` frees what there is.
+        // From here on, dropping `inner` frees whatever has been made so far.
         let mut inner = ImageInner {
             context: context.clone(),
             name: name.into(),
@@ -112,23 +112,23 @@ impl Image {
         self.0.size
     }
 
-    /// What a pixel holds.
+    /// Content of a pixel.
     pub fn texels(&self) -> Texels {
         self.0.texels
     }
 
-    /// Bytes of all pixels; a pixel has four.
+    /// Size of all pixels, bytes; each has four.
     pub fn bytes(&self) -> u64 {
         4 * u64::from(self.0.size[0]) * u64::from(self.0.size[1])
     }
 
-    /// Its name.
+    /// Name of the image.
     pub fn name(&self) -> &str {
         &self.0.name
     }
 }
 
-/// The flag of a number of samples.
+/// Vulkan's flag for a number of samples per pixel.
 pub(super) fn sample_flag(samples: u32) -> vk::SampleCountFlags {
     if samples == 4 { vk::SampleCountFlags::TYPE_4 } else { vk::SampleCountFlags::TYPE_1 }
 }
@@ -159,8 +159,8 @@ impl ImageInner {
 
 impl Drop for ImageInner {
     fn drop(&mut self) {
-        // SAFETY: the last handle goes; recordings hold handles and wait for their work, so the device is done. A null
-        // view is ignored.
+        // SAFETY: this is the last handle. Recordings hold handles and wait for their work, so the GPU no longer uses
+        // the image. A null view is ignored.
         unsafe {
             self.context.device.destroy_image_view(self.view, None);
             self.context.device.destroy_image(self.handle, None);

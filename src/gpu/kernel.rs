@@ -1,4 +1,5 @@
-//! Compute kernels: an immutable pipeline with the interface its SPIR-V declares. Made once, used by any recording.
+//! Compute kernels: immutable pipelines, each with the interface (buffers, push constants) that its SPIR-V declares. A
+//! kernel is made once and used by any recording.
 #![allow(unsafe_code)]
 
 use std::collections::HashMap;
@@ -15,14 +16,15 @@ mod table {
     include!(concat!(env!("OUT_DIR"), "/spirv.rs"));
 }
 
-/// The local size of a kernel (specialization constant 0).
+/// How the workgroup size of a kernel is chosen; it becomes specialization constant 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Size {
-    /// The standard size: one invocation an element.
+    /// For kernels with one invocation per element; see [`Context::group_size`].
     Group,
-    /// One workgroup an item, meeting at barriers; see [`Context::reduce_size`].
+    /// For kernels with one workgroup per work item, whose invocations synchronise at barriers; see
+    /// [`Context::reduce_size`].
     Reduce,
-    /// One invocation a workgroup.
+    /// One invocation per workgroup.
     One,
 }
 
@@ -90,13 +92,14 @@ pub fn shader_names() -> impl Iterator<Item = &'static str> {
 }
 
 impl Kernel {
-    /// The kernel `shaders/<name>.comp`. `constants` sets named specialization constants; others keep the shader's
-    /// defaults; a name the shader does not declare is an error.
+    /// Makes the kernel `shaders/<name>.comp`. `constants` sets specialization constants by name, the others keep the
+    /// shader's defaults; a name that the shader does not declare is an error.
     pub fn new(context: &Arc<Context>, name: &str, size: Size, constants: &[(&str, Const)]) -> Result<Kernel> {
         Self::with_arrays(context, name, size, constants, context.arrays())
     }
 
-    /// As [`Kernel::new`], with another kind of arrays than the device's, to compare them.
+    /// As [`Kernel::new`], but with the given kind of read-only arrays in place of the context's, so that the kinds can
+    /// be compared.
     pub fn with_arrays(
         context: &Arc<Context>,
         name: &str,
@@ -131,17 +134,17 @@ impl Kernel {
         Ok(Kernel(Arc::new(Inner { interface, pipeline, local_size })))
     }
 
-    /// Its name, as in `solve/apply`.
+    /// Name of the kernel, as in `solve/apply`.
     pub fn name(&self) -> &str {
         &self.0.interface.name
     }
 
-    /// Invocations in a workgroup.
+    /// Number of invocations in a workgroup.
     pub fn local_size(&self) -> u32 {
         self.0.local_size
     }
 
-    /// The buffers that it uses, with these constants.
+    /// The buffers that this kernel uses with its specialization constants.
     pub fn bindings(&self) -> &[Binding] {
         &self.0.interface.reflection.bindings
     }
@@ -154,13 +157,13 @@ impl Drop for Inner {
     }
 }
 
-/// Descriptor set and pipeline layout, made from what a shader declares.
+/// Descriptor set layout and pipeline layout, made from what a shader declares.
 pub(super) struct Interface {
     pub context: Arc<Context>,
     pub name: String,
-    /// Buffers that the shader declares, whether this variant uses them or not.
+    /// Names of all buffers that the shader declares, whether this variant uses them or not.
     pub declared: Vec<String>,
-    /// What this variant uses.
+    /// Bindings and push constants that this variant uses.
     pub reflection: Reflection,
     pub set_layout: vk::DescriptorSetLayout,
     pub layout: vk::PipelineLayout,
@@ -240,7 +243,7 @@ pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
     }
 }
 
-/// The SPIR-V of a shader of the library, as bytes.
+/// The SPIR-V of one of the library's shaders, as bytes.
 pub(super) fn known(name: &str, arrays: Arrays) -> Result<&'static [u8]> {
     let found = table::SHADERS.binary_search_by_key(&name, |(name, _)| name);
     let index = found.map_err(|_| {
@@ -252,7 +255,7 @@ pub(super) fn known(name: &str, arrays: Arrays) -> Result<&'static [u8]> {
     Ok(if arrays == Arrays::Texel { texel } else { storage })
 }
 
-/// The SPIR-V of a shader and what it declares.
+/// The SPIR-V words of a shader, or of its replacement (`Options::replaced`), and the interface that it declares.
 pub(super) fn shader(context: &Context, name: &str, arrays: Arrays) -> Result<(Vec<u32>, Reflection)> {
     let replaced = context.replaced.iter().find(|(other, _)| other == name);
     let bytes = replaced.map_or_else(|| known(name, arrays), |(_, bytes)| Ok(bytes.as_slice()))?;
@@ -260,13 +263,14 @@ pub(super) fn shader(context: &Context, name: &str, arrays: Arrays) -> Result<(V
     if bytes.len() % size_of::<u32>() != 0 {
         return Err(refuse(format!("{} bytes of SPIR-V are no whole number of words", bytes.len())));
     }
-    // Bytes in a binary have no alignment, so they are copied into words.
+    // The bytes may be unaligned, so they are copied into words.
     let words: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(bytes);
     let reflection = spirv::reflect(&words).map_err(|e| refuse(e.to_string()))?;
     Ok((words, reflection))
 }
 
-/// What is left of a shader with these constants; `number` gives each buffer its binding, or leaves it the one it has.
+/// A shader with its specialization constants applied and without the buffers that it then never uses: SPIR-V words and
+/// interface. `number` gives each buffer its binding number by name; `None` keeps the number that it has.
 pub(super) fn specialised(
     name: &str,
     words: &[u32],
@@ -283,7 +287,7 @@ pub(super) fn specialised(
     Ok((words, reflection))
 }
 
-/// A shader module, alive while pipelines are made of it.
+/// A shader module, needed only until the pipelines are made from it.
 pub(super) struct Module<'a> {
     context: &'a Context,
     pub handle: vk::ShaderModule,
@@ -306,7 +310,7 @@ impl Drop for Module<'_> {
     }
 }
 
-/// Values of specialization constants, by id.
+/// Values of specialization constants, by constant id.
 pub(super) struct Specialization {
     entries: Vec<vk::SpecializationMapEntry>,
     data: Vec<u32>,
@@ -338,7 +342,7 @@ impl Specialization {
         self.entries.push(vk::SpecializationMapEntry { constant_id: id, offset, size: size_of::<u32>() });
     }
 
-    /// Bits by id.
+    /// Bit pattern of each value, by constant id.
     fn values(&self) -> HashMap<u32, u32> {
         self.entries.iter().zip(&self.data).map(|(entry, bits)| (entry.constant_id, *bits)).collect()
     }

@@ -1,11 +1,11 @@
-//! What the engine has to say while it works, for programs that embed it.
+//! Messages of the engine for programs that embed it.
 
 use std::sync::Arc;
 
-/// How much a message matters.
+/// Severity of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
-    /// What was chosen, and what was found and mended.
+    /// Information: choices that were made, and faults that were found and repaired.
     Note,
     /// The validation layer's warnings.
     Warning,
@@ -15,22 +15,22 @@ pub enum Level {
 
 type Hear = dyn Fn(Level, &str) + Send + Sync;
 
-/// Hears messages, one line or several each, on whatever thread they come up.
+/// Receives messages of one or several lines, on whatever thread they arise; without a receiver they are discarded.
 #[derive(Clone, Default)]
 pub struct Log(Option<Arc<Hear>>);
 
 impl Log {
-    /// Told to a function.
+    /// A log whose messages go to this function.
     pub fn new(hear: impl Fn(Level, &str) + Send + Sync + 'static) -> Log {
         Log(Some(Arc::new(hear)))
     }
 
-    /// Whether anybody hears.
+    /// Whether the log has a receiver.
     pub fn is_heard(&self) -> bool {
         self.0.is_some()
     }
 
-    /// Says something.
+    /// Passes a message to the receiver, if there is one.
     pub fn tell(&self, level: Level, message: &str) {
         if let Some(hear) = &self.0 {
             hear(level, message);

@@ -1,9 +1,10 @@
-//! The only room that speaks Vulkan.
+//! The only module that calls Vulkan.
 //!
-//! [`Context`] is a device and its queue; [`Buffer`] memory on it; [`Kernel`] an immutable compute pipeline whose
-//! interface is reflected from its SPIR-V; [`Recorder`] writes passes, in order, into a [`Recording`] that is replayed
-//! every step, and derives barriers from what each kernel declares to read and write; with a [`RasterPipeline`] the
-//! rasterizer shares out a pass, or draws onto the [`Image`]s of a [`Canvas`].
+//! [`Context`] is a Vulkan device with its queue, [`Buffer`] an array in its memory, and [`Kernel`] an immutable
+//! compute pipeline whose interface is reflected from its SPIR-V. [`Recorder`] writes passes (dispatches, draws, fills,
+//! copies) in order into a [`Recording`], a command buffer that is replayed every step, and derives barriers from what
+//! each kernel declares to read and write. A [`RasterPipeline`] draws triangles, either without attachments, where a
+//! stage uses the rasterizer to distribute work, or onto the [`Image`]s of a [`Canvas`].
 
 mod arguments;
 mod barrier;
@@ -49,7 +50,7 @@ pub use window::{Content, Window, display_extensions};
 
 use crate::error::Error;
 
-/// Names the call and the stage of a Vulkan failure.
+/// Turns the failure of a Vulkan call into an error that names the call and the stage.
 fn failed(call: &'static str, stage: impl Into<String>) -> impl FnOnce(ash::vk::Result) -> Error {
     move |result| match result {
         ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | ash::vk::Result::ERROR_OUT_OF_HOST_MEMORY => {

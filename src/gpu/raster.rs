@@ -1,6 +1,6 @@
-//! The graphics pipeline: triangles whose corners the vertex shader fetches itself, an invocation of the fragment shader a
-//! pixel. Without attachments, where a stage wants the rasterizer to share out work (`draw.rs` records with it), or onto the
-//! images of a canvas, where somebody looks (`canvas.rs`).
+//! Graphics pipelines: the vertex shader fetches the corners of triangles from buffers itself, and the fragment shader
+//! runs once per covered pixel. Either there are no attachments, where a stage uses the rasterizer to distribute work
+//! (recorded by `draw.rs`), or the pipeline renders onto the images of a canvas for display (recorded by `canvas.rs`).
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
@@ -17,30 +17,30 @@ use crate::error::{Error, Result};
 /// How a pipeline draws onto a canvas.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Onto {
-    /// Whether there is a colour, or depth alone.
+    /// Whether the canvas has a colour attachment.
     pub has_colour: bool,
-    /// Whether there is a depth that decides what is seen.
+    /// Whether the canvas has a depth attachment, which decides what is visible.
     pub has_depth: bool,
-    /// Whether what it draws hides what lies behind.
+    /// Whether depth is written, so that what is drawn hides what lies behind it.
     pub hides: bool,
-    /// Whether colours are mixed with what was there; they come multiplied by their alpha.
+    /// Whether colours are blended over earlier ones; they must be premultiplied by their alpha.
     pub blends: bool,
-    /// Which sides of triangles are left out: of those that turn their backs, of those that face the viewer.
+    /// The side of triangles that is not drawn (face culling); `None`: both sides are drawn.
     pub culls: Option<Side>,
-    /// Samples a pixel: 1 or 4.
+    /// Samples per pixel: 1 or 4.
     pub samples: u32,
 }
 
-/// A side of a triangle. It faces the viewer where its corners go counter-clockwise in the picture.
+/// A side of a triangle. The front is the side from which its corners run counter-clockwise in the rendered image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// That faces the viewer.
+    /// The side of triangles that face the viewer.
     Front,
-    /// That turns its back.
+    /// The side of triangles that face away from the viewer.
     Back,
 }
 
-/// A graphics pipeline; a cheap handle. No vertex attributes.
+/// A graphics pipeline without vertex attributes; a cheap handle.
 #[derive(Clone)]
 pub struct RasterPipeline(pub(super) Arc<PipelineInner>);
 
@@ -50,9 +50,9 @@ pub(super) struct PipelineInner {
 }
 
 impl RasterPipeline {
-    /// The pipeline of `shaders/<name>.vert`, which may only read its buffers, and `.frag`, which may write them.
-    /// `constants` are given to the stages that declare them; a name that neither declares is an error. The device must
-    /// have [`Context::fragment_stores`].
+    /// Makes the pipeline of `shaders/<name>.vert`, which may only read its buffers, and `<name>.frag`, which may write
+    /// them; it has no attachments. `constants` sets specialization constants in those of the two that declare them; a
+    /// name that neither declares is an error. The device must have [`Context::fragment_stores`].
     pub fn new(context: &Arc<Context>, name: &str, constants: &[(&str, Const)]) -> Result<RasterPipeline> {
         if !context.fragment_stores() {
             let device = context.device_name();
@@ -61,7 +61,7 @@ impl RasterPipeline {
         Self::made(context, name, constants, &Onto { samples: 1, ..Onto::default() })
     }
 
-    /// The pipeline of two shaders that only read, which draws onto canvases of this kind.
+    /// Makes a pipeline of two shaders that only read buffers; it draws onto canvases of this kind.
     pub fn onto(
         context: &Arc<Context>,
         name: &str,
@@ -117,7 +117,7 @@ impl RasterPipeline {
         Ok(RasterPipeline(Arc::new(PipelineInner { interface, pipeline })))
     }
 
-    /// The buffers that both stages use.
+    /// The buffers that the two shaders use.
     pub fn bindings(&self) -> &[super::spirv::Binding] {
         &self.0.interface.reflection.bindings
     }
@@ -130,7 +130,7 @@ impl Drop for PipelineInner {
     }
 }
 
-/// The interface of both stages together.
+/// The interface of both shaders together.
 fn merge(mut vertex: Reflection, fragment: Reflection) -> std::result::Result<Reflection, String> {
     if let Some(written) = vertex.bindings.iter().find(|binding| binding.writes) {
         return Err(format!("{} is not readonly; only fragments may write", written.name));

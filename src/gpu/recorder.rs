@@ -1,7 +1,8 @@
-//! Writes passes in order; barriers follow from what each kernel declares to read and write.
+//! Writes passes, in order, into a [`Recording`]. A pass is one dispatch, draw, fill or copy; passes belong to stages
+//! of the step (pose, cull, ...). Barriers between passes follow from what each kernel declares to read and write.
 //!
-//! The methods that record return nothing, so that a stage reads like the algorithm; the first error is kept, named
-//! with its stage, and returned by [`Recorder::finish`].
+//! The methods that record return nothing, so that a stage reads like the algorithm; the first error is kept with the
+//! name of its stage, and returned by [`Recorder::finish`].
 #![allow(unsafe_code)]
 
 use std::collections::HashMap;
@@ -18,7 +19,7 @@ use super::recording::{ArrayUse, Commands, Pass, Recording};
 use super::spirv::BindingKind;
 use crate::error::{Error, Result};
 
-/// Bytes of a VkDispatchIndirectCommand.
+/// Size of a VkDispatchIndirectCommand, bytes.
 const DISPATCH_ARGS: u64 = 12;
 
 /// Records passes into a [`Recording`].
@@ -29,14 +30,14 @@ pub struct Recorder {
     bound: vk::Pipeline,
     stage: String,
     labelled: bool,
-    /// The timer that each stage counts for; `None` where nothing is timed.
+    /// Gives each stage the name of the timer that measures it; `None` where nothing is timed.
     timers: Option<fn(&str) -> &str>,
-    /// The one that runs.
+    /// Name of the timer that runs now.
     timer: Option<String>,
-    /// Dispatches run no group, draws draw nothing.
+    /// Whether dispatches are recorded without workgroups and draws without vertices.
     empty: bool,
     error: Option<Error>,
-    /// The arguments of every kernel, for tests that change them.
+    /// Every kernel dispatch with its arguments, for tests that change them.
     #[cfg(test)]
     pub seen: Vec<Seen>,
 }
@@ -46,19 +47,19 @@ pub struct Recorder {
 pub type Seen = (Kernel, Vec<(String, Buffer)>, Vec<u8>);
 
 impl Recorder {
-    /// Begins a recording whose stages are timed, each by itself. All earlier work on the device is visible to it.
+    /// Begins a recording in which each stage is timed by itself. All earlier work on the device is visible to it.
     pub fn new(context: &Arc<Context>) -> Result<Recorder> {
         Self::timed_by(context, |stage| stage)
     }
 
-    /// Begins a recording in which each stage counts for the timer that `timers` names; there is no timestamp between
-    /// stages of one timer.
+    /// Begins a recording in which each stage is measured by the timer that `timers` names for it. No timestamp is
+    /// written between consecutive stages of one timer.
     pub fn timed_by(context: &Arc<Context>, timers: fn(&str) -> &str) -> Result<Recorder> {
         let timers = (context.timestamp_bits > 0).then_some(timers);
         Ok(Recorder { timers, ..Self::untimed(context)? })
     }
 
-    /// Begins a recording without timestamps, which cost a wait each on some drivers.
+    /// Begins a recording without timestamps; on some drivers each timestamp costs a wait.
     pub fn untimed(context: &Arc<Context>) -> Result<Recorder> {
         let recorder = Recorder {
             commands: Commands::new(context)?,
@@ -78,13 +79,13 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Begins a recording whose passes run nothing: submitted once, it has drivers that compile at first use do so
-    /// before the first step.
+    /// Begins a recording whose passes have no work. It is submitted once before the first step, for drivers that
+    /// compile a pipeline only when it is first used.
     pub fn warm_up(context: &Arc<Context>) -> Result<Recorder> {
         Ok(Recorder { empty: true, ..Self::untimed(context)? })
     }
 
-    /// Begins a stage: until the next, its name is debug label, timer and error context.
+    /// Begins a stage. Until the next one begins, its name is the debug label, the timer and the context of errors.
     pub fn stage(&mut self, name: &str) {
         self.end_label();
         self.stage = name.into();
@@ -98,20 +99,20 @@ impl Recorder {
         self.labelled = true;
     }
 
-    /// Passes that run side by side: none waits for another, whatever it declares. They must not touch what another of them
-    /// writes.
+    /// Records passes that run side by side: none waits for another, whatever they declare. No pass may read or write
+    /// what another of them writes.
     pub fn together(&mut self, passes: impl FnOnce(&mut Recorder)) {
         self.hazards.begin_together();
         passes(self);
         self.hazards.end_together();
     }
 
-    /// A pass over `elements` invocations, in groups of the kernel's local size; nothing for 0.
+    /// Records a pass over `elements` invocations, rounded up to whole workgroups; nothing for 0.
     pub fn dispatch(&mut self, kernel: &Kernel, arguments: &dyn Arguments, elements: u32) {
         self.dispatch_groups(kernel, arguments, elements.div_ceil(kernel.local_size()));
     }
 
-    /// A pass of `groups` workgroups; nothing for 0.
+    /// Records a pass of `groups` workgroups; nothing for 0.
     pub fn dispatch_groups(&mut self, kernel: &Kernel, arguments: &dyn Arguments, groups: u32) {
         let limit = self.commands.context.limits.max_compute_work_group_count[0];
         let fits = if groups > limit {
@@ -121,20 +122,21 @@ impl Recorder {
         };
         let ready = fits.and_then(|()| self.prepare_compute(kernel, arguments, None, groups == 0));
         if self.note(ready) && groups > 0 {
-            // SAFETY: the command buffer is recording; pipeline, set and push constants were bound just now and kept.
+            // SAFETY: the command buffer is recording; pipeline, set and push constants were bound just now, and the
+            // recording keeps them alive.
             let groups = if self.empty { 0 } else { groups };
             unsafe { self.commands.context.device.cmd_dispatch(self.commands.buffer, groups, 1, 1) };
         }
     }
 
-    /// A pass whose group counts are the `slot`-th VkDispatchIndirectCommand (three u32) of `args`.
+    /// Records a pass whose workgroup counts are the VkDispatchIndirectCommand (three u32) with index `slot` in `args`.
     pub fn dispatch_indirect(&mut self, kernel: &Kernel, arguments: &dyn Arguments, args: &Buffer, slot: u32) {
         let offset = u64::from(slot) * DISPATCH_ARGS;
         let ready = self
             .check_args(args, offset, DISPATCH_ARGS)
             .and_then(|()| self.prepare_compute(kernel, arguments, Some(args), false));
         if self.note(ready) {
-            // SAFETY: as for `dispatch_groups`; the arguments lie within their buffer.
+            // SAFETY: as in `dispatch_groups`; the indirect arguments lie within their buffer.
             let (device, commands) = (&self.commands.context.device, self.commands.buffer);
             unsafe {
                 if self.empty {
@@ -146,12 +148,12 @@ impl Recorder {
         }
     }
 
-    /// Sets every 32-bit word of a buffer.
+    /// Records that every 32-bit word of a buffer is set to `value`.
     pub fn fill(&mut self, buffer: &Buffer, value: u32) {
         self.fill_words(buffer, 0, vk::WHOLE_SIZE, value);
     }
 
-    /// Sets the 32-bit words of a range; its beginning and length are multiples of 4.
+    /// Records that the 32-bit words of a range are set to `value`; `first_byte` and `bytes` are multiples of 4.
     pub fn fill_range(&mut self, buffer: &Buffer, first_byte: u64, bytes: u64, value: u32) {
         let sound = first_byte.is_multiple_of(4) && bytes.is_multiple_of(4);
         if !sound || first_byte.checked_add(bytes).is_none_or(|end| end > buffer.bytes()) {
@@ -163,12 +165,12 @@ impl Recorder {
         }
     }
 
-    /// Copies the whole of `src` to the start of `dst`.
+    /// Records a copy of the whole of `src` to the start of `dst`.
     pub fn copy(&mut self, src: &Buffer, dst: &Buffer) {
         self.copy_range(src, 0, dst, 0, src.bytes());
     }
 
-    /// Copies `bytes` bytes from `src` at `src_byte` to `dst` at `dst_byte`.
+    /// Records a copy of `bytes` bytes from `src` at `src_byte` to `dst` at `dst_byte`.
     pub fn copy_range(&mut self, src: &Buffer, src_byte: u64, dst: &Buffer, dst_byte: u64, bytes: u64) {
         let within = |at: u64, buffer: &Buffer| at.checked_add(bytes).is_some_and(|end| end <= buffer.bytes());
         if !within(src_byte, src) || !within(dst_byte, dst) || src.inner.handle == dst.inner.handle {
@@ -183,7 +185,8 @@ impl Recorder {
         self.keep(dst);
         let region = [vk::BufferCopy { src_offset: src_byte, dst_offset: dst_byte, size: bytes }];
         let device = &self.commands.context.device;
-        // SAFETY: recording; both buffers are alive and kept, the ranges lie within them, and they differ.
+        // SAFETY: the command buffer is recording, which keeps both buffers alive; the ranges lie within them, and they
+        // differ.
         unsafe { device.cmd_copy_buffer(self.commands.buffer, src.inner.handle, dst.inner.handle, &region) };
     }
 
@@ -207,14 +210,15 @@ impl Recorder {
         }
         self.pass("fill", buffer.name(), &[transfer(buffer, true)]);
         self.keep(buffer);
-        // SAFETY: recording; the buffer is alive and kept; the range was checked, or is the whole.
+        // SAFETY: the command buffer is recording, which keeps the buffer alive; the range was checked, or is the whole
+        // buffer.
         unsafe {
             let device = &self.commands.context.device;
             device.cmd_fill_buffer(self.commands.buffer, buffer.inner.handle, first, bytes, value);
         }
     }
 
-    /// Checks and binds all that a dispatch needs; with `only_check` nothing is recorded.
+    /// Checks and binds everything that a dispatch needs; with `only_check` it records nothing.
     fn prepare_compute(
         &mut self,
         kernel: &Kernel,
@@ -237,7 +241,7 @@ impl Recorder {
             self.bound = inner.pipeline;
             self.commands.keep(inner.pipeline.as_raw(), inner);
             let (device, point) = (&self.commands.context.device, vk::PipelineBindPoint::COMPUTE);
-            // SAFETY: recording; the pipeline is alive and kept.
+            // SAFETY: the command buffer is recording, which keeps the pipeline alive.
             unsafe { device.cmd_bind_pipeline(self.commands.buffer, point, inner.pipeline) };
         }
         self.bind(&inner.interface, &buffers, &arguments.push(), vk::PipelineBindPoint::COMPUTE)
@@ -261,7 +265,8 @@ impl Recorder {
         let set = if buffers.is_empty() { None } else { Some(self.descriptor_set(interface, buffers)?) };
         buffers.iter().for_each(|buffer| self.keep(buffer));
         let (device, commands) = (&self.commands.context.device, self.commands.buffer);
-        // SAFETY: recording; set and layout are alive, and belong to the pipeline, which is kept; sizes were checked.
+        // SAFETY: the command buffer is recording; set and layout are alive and belong to the pipeline, which the
+        // recording keeps alive; sizes were checked.
         unsafe {
             if let Some(set) = set {
                 device.cmd_bind_descriptor_sets(commands, point, interface.layout, 0, &[set], &[]);
@@ -273,7 +278,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// The set of these buffers; one that was made before in this recording is used again.
+    /// A descriptor set with these buffers; one that was made earlier in this recording is reused.
     fn descriptor_set(&mut self, interface: &Interface, buffers: &[&Buffer]) -> Result<vk::DescriptorSet> {
         let key = (interface.set_layout, buffers.iter().map(|b| b.inner.handle).collect::<Vec<_>>());
         if let Some(&set) = self.sets.get(&key) {
@@ -310,13 +315,14 @@ impl Recorder {
                 }
             })
             .collect();
-        // SAFETY: the set is fresh, so not in use; buffers and views are alive and kept by the caller.
+        // SAFETY: the set is new, so not in use; the caller keeps buffers and views alive.
         unsafe { self.commands.context.device.update_descriptor_sets(&writes, &[]) };
         self.sets.insert(key, set);
         Ok(set)
     }
 
-    /// Notes a pass (`verb`: of one that runs no kernel) and puts a barrier before it where it must wait.
+    /// Notes a pass, and records a barrier before it where it must wait. `verb` says what a pass does ("fill", "copy",
+    /// "draw") that is not a mere run of the kernel `name`; it is empty for such a run.
     pub(super) fn pass(&mut self, verb: &str, name: &str, uses: &[Use]) {
         let barrier = self.hazards.before(uses);
         let passes = &mut self.commands.passes;
@@ -330,7 +336,7 @@ impl Recorder {
     fn barrier(&self, barrier: vk::MemoryBarrier2<'_>) {
         let barriers = [barrier];
         let info = vk::DependencyInfo::default().memory_barriers(&barriers);
-        // SAFETY: recording, outside rendering; synchronization2 is enabled.
+        // SAFETY: the command buffer is recording, outside rendering; synchronization2 is enabled.
         unsafe { self.commands.context.device.cmd_pipeline_barrier2(self.commands.buffer, &info) };
     }
 
@@ -350,7 +356,7 @@ impl Recorder {
         }
     }
 
-    /// Whether it is well so far; the first error is kept.
+    /// Keeps the first error. Returns whether there has been none so far.
     pub(super) fn note(&mut self, result: Result<()>) -> bool {
         if let Err(error) = result {
             self.error.get_or_insert(error);
@@ -362,7 +368,7 @@ impl Recorder {
         self.error.is_none()
     }
 
-    /// Whether passes run nothing.
+    /// Whether passes are recorded without work, see `warm_up`.
     pub(super) fn is_empty(&self) -> bool {
         self.empty
     }
@@ -387,8 +393,9 @@ mod tests {
     use super::super::{Named, Options, Size};
     use super::*;
 
-    /// Without its barrier, a pass that reads what another wrote must be reported: the tests rely on this validation.
-    /// (Two passes that both write a buffer are not: the layer takes shader writes at one stage for ordered.)
+    /// The validation layer must report a missing barrier before a pass that reads what another pass wrote: the tests
+    /// rely on it. (It does not report one between two passes that write the same buffer: it treats shader writes at
+    /// one pipeline stage as ordered.)
     #[test]
     fn a_missing_barrier_is_seen_by_validation() {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
@@ -420,7 +427,7 @@ mod tests {
         };
         let (a_to_b, b_to_a) = ([&a, &offsets, &b], [&b, &offsets, &a]);
         let other = any("c");
-        // `b` read through another kind of buffer.
+        // Here `b` is read as `offsets` instead of `source`, which may be another kind of buffer (a texel buffer).
         let texels = [&other, &b, &a];
         for second in [b_to_a, texels] {
             assert_eq!(said([a_to_b, second], false), Vec::<String>::new());

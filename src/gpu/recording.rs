@@ -1,4 +1,4 @@
-//! A recorded command buffer with all it needs to be replayed, and the times its stages took.
+//! A recorded command buffer with everything that its replay needs, and the GPU times of its stages.
 #![allow(unsafe_code)]
 
 use std::any::Any;
@@ -12,58 +12,58 @@ use super::context::Context;
 use super::failed;
 use crate::error::{Error, Result};
 
-/// Timestamps in one query pool.
+/// Number of timestamps in one query pool.
 const QUERIES: u32 = 64;
-/// Recordings in one submit at most: a step has three, all that a simulation has are fewer than these.
+/// Greatest number of recordings in one submit. A step submits three, and a simulation has fewer than this in all.
 const MOST_AT_ONCE: usize = 32;
 
-/// What one stage recorded.
+/// Numbers of passes that one stage recorded. A pass is one dispatch, draw, fill or copy.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StagePasses {
-    /// The stage.
+    /// Name of the stage.
     pub stage: String,
-    /// Dispatches, draws, fills and copies.
+    /// Number of passes.
     pub dispatches: u32,
-    /// Passes that wait for an earlier one; over all stages, the number of barriers plus one.
+    /// Number of passes that wait for an earlier one; over all stages this is the number of barriers plus one.
     pub dependent: u32,
 }
 
-/// A pass, in the order of recording.
+/// One pass of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pass {
-    /// The stage.
+    /// Name of its stage.
     pub stage: String,
-    /// The kernel, or what is filled or copied to.
+    /// Name of the kernel; for a fill or a copy that verb and the name of the array that is written.
     pub what: String,
-    /// Whether it is a kernel.
+    /// Whether the pass runs a kernel, rather than a fill, a copy or a draw onto images.
     pub is_kernel: bool,
-    /// Whether it waits for an earlier one; the first always does.
+    /// Whether the pass waits for an earlier one. The first pass of a recording always counts as waiting.
     pub waits: bool,
 }
 
 /// An array that a recording binds.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ArrayUse {
-    /// The same in all recordings that bind it.
+    /// Identifies the array; the same number in all recordings that bind it.
     pub id: u64,
-    /// The first stage that does.
+    /// The first stage that binds the array.
     pub stage: String,
-    /// Its name.
+    /// Name of the array.
     pub name: String,
-    /// Its size as asked for.
+    /// Size that was asked for, bytes.
     pub bytes: u64,
-    /// Whether it is in the device's own memory, not mapped for the host.
+    /// Whether the array is in GPU memory, rather than mapped for the CPU.
     pub on_device: bool,
 }
 
-/// A command buffer that can be submitted any number of times. Holds handles of all it uses, so nothing it needs can
-/// go before it. It may move between threads, but one thread at a time submits it.
+/// A command buffer that can be submitted any number of times. It holds handles of everything it uses, so that nothing
+/// is freed before it. It may move between threads, but only one thread at a time may submit it.
 pub struct Recording {
     pub(super) commands: Commands,
     ran: Cell<bool>,
 }
 
-/// The Vulkan objects behind a recording; freed together.
+/// The Vulkan objects behind a recording; they are destroyed together.
 pub(super) struct Commands {
     pub context: Arc<Context>,
     pool: vk::CommandPool,
@@ -71,7 +71,7 @@ pub(super) struct Commands {
     fence: vk::Fence,
     descriptor_pools: Vec<vk::DescriptorPool>,
     queries: Vec<vk::QueryPool>,
-    /// Timer of each timestamp; it marks its beginning.
+    /// For each timestamp, the name of the timer that starts there.
     marks: Vec<String>,
     pub passes: Vec<Pass>,
     pub arrays: Vec<ArrayUse>,
@@ -111,17 +111,17 @@ impl Commands {
         Ok(commands)
     }
 
-    /// Keeps something alive as long as the recording; `id` is its Vulkan handle.
+    /// Keeps an object alive as long as the recording; `id` is its Vulkan handle.
     pub fn keep(&mut self, id: u64, what: &Arc<impl Any + Send + Sync>) {
         self.kept.entry(id).or_insert_with(|| what.clone());
     }
 
-    /// Whether it was kept already.
+    /// Whether the object with this Vulkan handle is kept.
     pub fn keeps(&self, id: u64) -> bool {
         self.kept.contains_key(&id)
     }
 
-    /// Writes a timestamp that marks the beginning of `stage`, or of a timer of several.
+    /// Writes a timestamp at which the timer `stage` starts: a stage's name, or that of a timer for several stages.
     pub fn mark(&mut self, stage: &str) -> Result<()> {
         let device = &self.context.device;
         let query = self.marks.len() as u32 % QUERIES;
@@ -135,7 +135,7 @@ impl Commands {
             }
         }
         if let Some(&pool) = self.queries.last() {
-            // SAFETY: as above; the query was reset just now or with its pool, and is written once a run.
+            // SAFETY: as above; the query was reset just now or with its pool, and is written once per submit.
             unsafe {
                 device.cmd_write_timestamp2(self.buffer, vk::PipelineStageFlags2::ALL_COMMANDS, pool, query);
             }
@@ -144,7 +144,7 @@ impl Commands {
         Ok(())
     }
 
-    /// A descriptor set, from a fresh pool where the last is used up.
+    /// Allocates a descriptor set, from a new pool where the last one is used up.
     pub fn descriptor_set(&mut self, layout: vk::DescriptorSetLayout, stage: &str) -> Result<vk::DescriptorSet> {
         const SETS: u32 = 256;
         let layouts = [layout];
@@ -175,14 +175,14 @@ impl Commands {
         sets.map(|sets| sets[0]).map_err(failed("vkAllocateDescriptorSets", stage))
     }
 
-    /// Ends recording.
+    /// Ends the recording of commands.
     pub fn end(self, stage: &str) -> Result<Recording> {
         // SAFETY: the command buffer is in recording state.
         unsafe { self.context.device.end_command_buffer(self.buffer) }.map_err(failed("vkEndCommandBuffer", stage))?;
         Ok(Recording { commands: self, ran: Cell::new(false) })
     }
 
-    /// Timestamp and whether it was written, for each mark.
+    /// For each timestamp its value in ticks, and whether it was written.
     fn timestamps(&self) -> Vec<(u64, bool)> {
         let mut out = Vec::new();
         for (i, &pool) in self.queries.iter().enumerate() {
@@ -200,7 +200,7 @@ impl Commands {
 impl Drop for Commands {
     fn drop(&mut self) {
         let device = &self.context.device;
-        // SAFETY: a submit waits for its end, so the device is done with all of this; null handles are ignored.
+        // SAFETY: every submit waits for its end, so the GPU no longer uses any of this; null handles are ignored.
         unsafe {
             for &pool in &self.queries {
                 device.destroy_query_pool(pool, None);
@@ -215,12 +215,13 @@ impl Drop for Commands {
 }
 
 impl Recording {
-    /// Runs it and waits for its end.
+    /// Submits the recording and waits for its end.
     pub fn submit_and_wait(&self) -> Result<()> {
         Self::submit_all(&[self])
     }
 
-    /// Runs several in order with one submit and waits once. None may be given twice. Allocates nothing.
+    /// Runs several recordings in order, with one submit and one wait. No recording may be given twice. Allocates no
+    /// memory.
     pub fn submit_all(recordings: &[&Recording]) -> Result<()> {
         let Some(last) = recordings.last() else { return Ok(()) };
         let context = &last.commands.context;
@@ -253,7 +254,7 @@ impl Recording {
         // SAFETY: the fence was submitted just now; reset while nobody waits on it.
         unsafe {
             if let Err(error) = device.wait_for_fences(&fences, true, u64::MAX) {
-                // The recordings must not be freed under a device that still runs them.
+                // The recordings must not be freed while the device still runs them.
                 context.wait_idle();
                 return Err(lost("vkWaitForFences")(error));
             }
@@ -263,8 +264,8 @@ impl Recording {
         Ok(())
     }
 
-    /// Stages of the last run in order of first appearance, with their times in microseconds; a stage that appears
-    /// several times is summed. Empty before the first run, or where nothing was timed.
+    /// GPU time of each timer (usually a stage) in the last run, microseconds, in order of first appearance; a timer
+    /// that runs several times is summed. Empty before the first run, and where nothing was timed.
     pub fn stage_times(&self) -> Vec<(String, f64)> {
         let (context, marks) = (&self.commands.context, &self.commands.marks);
         if !self.ran.get() || context.timestamp_bits == 0 {
@@ -284,7 +285,7 @@ impl Recording {
         out
     }
 
-    /// Stages in order of first appearance, with what they recorded.
+    /// The stages in order of first appearance, with their numbers of passes.
     pub fn passes(&self) -> Vec<StagePasses> {
         let mut stages: Vec<StagePasses> = Vec::new();
         for pass in &self.commands.passes {
@@ -303,7 +304,7 @@ impl Recording {
         &self.commands.passes
     }
 
-    /// Arrays in the order in which they are bound first.
+    /// All arrays that the recording uses, in the order in which they are bound first.
     pub fn arrays(&self) -> &[ArrayUse] {
         &self.commands.arrays
     }

@@ -1,53 +1,54 @@
-//! What a shader still uses once its specialization constants have values: sparse conditional constant propagation (Wegman
-//! and Zadeck 1991) over its SPIR-V finds the blocks that can run, and a binding that none of them names is taken out. So a
-//! variant of a kernel is bound to what it uses, and to nothing else.
+//! Finds what a shader still uses once its specialization constants have values, and removes the rest from its SPIR-V.
+//! Sparse conditional constant propagation (Wegman and Zadeck 1991) finds the basic blocks that can run; a binding that
+//! none of these blocks uses is removed. So a variant of a kernel binds only the buffers that it uses.
 //!
-//! Instruction numbers: the Khronos SPIR-V specification, version 1.6.
+//! Instruction numbers are those of the Khronos SPIR-V specification, version 1.6.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 use super::spirv::{HEADER, Instruction, instructions};
 
-/// What is known of a value.
+/// What is known of an SSA value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Value {
-    /// The same 32 bits in every run; booleans are 0 and 1.
+    /// It has these 32 bits in every run; booleans are 0 and 1.
     Constant(u32),
-    /// Some choice of the specialization constants decides it. Known to [`optional`] alone, which takes a branch on it to skip to
-    /// where its ways meet again.
+    /// It depends on specialization constants that have no value yet. Only [`optional`] knows such values: it takes a
+    /// branch on one straight to the merge block, since some choice of the constants may skip all that lies between.
     Open,
-    /// Found at run time.
+    /// It is found only at run time.
     Varying,
 }
 
-/// Which blocks run, and which variables they name.
+/// The control flow of a module: which blocks run, and which variables they name.
 struct Flow<'a> {
     instructions: Vec<Instruction<'a>>,
     values: HashMap<u32, Value>,
-    /// Where a function begins and ends among the instructions.
+    /// For each function, the range of its instructions.
     functions: HashMap<u32, Range<usize>>,
-    /// Values that are found as blocks are run through; all others are found at run time.
+    /// Values that propagation evaluates; all others are known only at run time.
     evaluated: HashSet<u32>,
-    /// Types of texel buffers.
+    /// Ids of sampled image types, which texel buffers have.
     sampled_images: HashSet<u32>,
-    /// Functions that are called.
+    /// Ids of the functions that are called.
     called: HashSet<u32>,
-    /// Blocks that run, by label.
+    /// Labels of the blocks that run.
     running: HashSet<u32>,
-    /// Ways from block to block that are taken; true: around a branch that an open value decides.
+    /// Edges (from block, to block) of the control flow that are taken; `true` for an edge from a branch straight to
+    /// its merge block, taken because the branch depends on a [`Value::Open`].
     ways: HashMap<(u32, u32), bool>,
 }
 
-/// Values of specialization constants, by their number.
+/// Values of specialization constants, by constant id.
 type Constants = HashMap<u32, u32>;
 
-/// The module without the bindings that no run with these specialization constants uses.
+/// The module without the bindings that it cannot use with these specialization constants.
 pub fn specialised(words: &[u32], constants: &Constants) -> Result<Vec<u32>, String> {
     Flow::of(words, Some(constants))?.stripped(words)
 }
 
-/// Variables (by id) that some choice of the specialization constants leaves unused; for the build script.
+/// Ids of variables that some choice of the specialization constants leaves unused; for the build script.
 #[allow(dead_code)]
 pub fn optional(words: &[u32]) -> Result<HashSet<u32>, String> {
     let flow = Flow::of(words, None)?;
@@ -86,10 +87,10 @@ const IMAGE_QUERY_SIZE: u32 = 104;
 const IMAGE: u32 = 100;
 const IMAGE_FETCH: u32 = 95;
 const ATOMIC_STORE: u32 = 228;
-/// Atomics that give a value.
+/// Range of the atomic instructions that return a value.
 const ATOMIC_FIRST: u32 = 227;
 const ATOMIC_LAST: u32 = 242;
-/// First word of an undefined value.
+/// First word of an OpUndef instruction: its length and opcode.
 const UNDEFINED_WORDS: u32 = (3 << 16) | 1;
 const LOAD: u32 = 61;
 const STORE: u32 = 62;
@@ -100,15 +101,17 @@ const ARRAY_LENGTH: u32 = 68;
 const COPY_OBJECT: u32 = 83;
 const SPEC_ID: u32 = 1;
 
-/// Words of an entry point before the variables that it names: opcode, execution model, function, and "main" with its zero.
+/// Words of an OpEntryPoint before the variables that it names: opcode, execution model, function, and "main" with its
+/// terminating zero word.
 const ENTRY_WORDS: usize = 5;
 
-/// Storage classes of bindings: uniform constants, uniform blocks, storage buffers.
+/// Whether a variable's storage class is that of a binding: uniform constant, uniform block or storage buffer.
 fn is_binding(variable: &[u32]) -> bool {
     matches!(variable.get(2), Some(0 | 2 | 12))
 }
 
-/// The result of an instruction whose operands are known; `None`: not an instruction that is evaluated.
+/// Evaluates an instruction. The outer `None`: it is of no kind that is evaluated; the inner `None`: an operand is not
+/// known yet.
 fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Option<Option<Value>> {
     use Value::{Constant, Open, Varying};
     let both = |of: fn(u32, u32) -> Option<u32>| {
@@ -119,7 +122,7 @@ fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Opt
             _ => Open,
         })
     };
-    // One operand may decide: false for "and", true for "or".
+    // One operand alone may decide the result: false for "and", true for "or".
     let logical = |deciding: u32| {
         let (a, b) = (value(w[0]), value(w[1]));
         if [a, b].contains(&Some(Constant(deciding))) {
@@ -142,7 +145,7 @@ fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Opt
         (134, 2) => both(u32::checked_div),
         // Unsigned remainder.
         (137, 2) => both(u32::checked_rem),
-        // Equal, of booleans and integers.
+        // Equal, for booleans and for integers.
         (164 | 170, 2) => both(|a, b| Some(u32::from(a == b))),
         // Not equal.
         (165 | 171, 2) => both(|a, b| Some(u32::from(a != b))),
@@ -160,7 +163,7 @@ fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Opt
             Some(condition) => match (value(w[1]), value(w[2])) {
                 (None, _) | (_, None) => None,
                 (Some(a), Some(b)) if a == b => Some(a),
-                // As "and" and "or": what it is where it does not vary decides.
+                // As for "and" and "or": the result is as open, or as varying, as the condition.
                 _ => Some(condition),
             },
         },
@@ -169,7 +172,7 @@ fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Opt
         (173, 2) => both(signed_greater),
         (174, 2) => both(|a, b| Some(u32::from(a >= b))),
         (175, 2) => both(|a, b| signed_greater(b, a).map(|less| 1 - less)),
-        // Nothing is less than nothing.
+        // No unsigned number is less than zero.
         (176, 2) if value(w[1]) == Some(Constant(0)) => Some(Constant(0)),
         (176, 2) => both(|a, b| Some(u32::from(a < b))),
         (177, 2) => both(|a, b| signed_greater(b, a)),
@@ -206,7 +209,7 @@ impl<'a> Flow<'a> {
         Ok(flow)
     }
 
-    /// Values of all that stands before the functions.
+    /// Gives values to the constants, which stand before the functions.
     fn read_constants(&mut self, given: Option<&Constants>) {
         let is_id = |i: &&Instruction| i.opcode == DECORATE && i.operands.get(1) == Some(&SPEC_ID);
         let numbers: HashMap<u32, u32> =
@@ -253,7 +256,7 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// One pass over all that runs as far as is known; whether more is known than before.
+    /// One sweep over all functions that are called, as far as values are known; returns whether it found anything new.
     fn advance(&mut self) -> bool {
         let before = (self.values.clone(), self.called.len(), self.running.len(), self.ways.len());
         let ranges: Vec<_> = self.called.iter().filter_map(|id| self.functions.get(id)).cloned().collect();
@@ -300,7 +303,8 @@ impl<'a> Flow<'a> {
         before != (self.values.clone(), self.called.len(), self.running.len(), self.ways.len())
     }
 
-    /// What a branch leads to: the way of its value, else of none.
+    /// Takes the edges of a branch: the one for its value, else the default (`None`); all of them where the value
+    /// varies.
     fn decide(&mut self, block: u32, value: Option<Value>, merge: Option<u32>, ways: &[(Option<u32>, u32)]) {
         match (value, merge) {
             (None, _) => {}
@@ -318,7 +322,7 @@ impl<'a> Flow<'a> {
         *self.ways.entry((from, to)).or_default() |= around;
     }
 
-    /// The value of a phi: what comes along the ways that are taken.
+    /// The value of a phi instruction, from the edges into its block that are taken.
     fn merged(&self, block: u32, is_bool: bool, incoming: &[u32]) -> Option<Value> {
         if self.ways.iter().any(|((_, to), around)| *to == block && *around) {
             return Some(if is_bool { Value::Open } else { Value::Varying });
@@ -336,7 +340,7 @@ impl<'a> Flow<'a> {
         merged
     }
 
-    /// `None`: not known yet.
+    /// What is known of a value; `None`: nothing yet.
     fn value(&self, id: u32) -> Option<Value> {
         match self.values.get(&id) {
             None if self.evaluated.contains(&id) => None,
@@ -344,7 +348,7 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// Variables that blocks name which run.
+    /// Ids of the variables that are named in blocks that run.
     fn used(&self) -> HashSet<u32> {
         let mut used = HashSet::new();
         self.in_functions(|instruction, runs| {
@@ -373,7 +377,7 @@ impl<'a> Flow<'a> {
         used
     }
 
-    /// Every instruction of every function, and whether its block runs.
+    /// Calls `see` with every instruction of every function, and whether its block runs.
     fn in_functions(&self, mut see: impl FnMut(&Instruction, bool)) {
         let (mut is_within, mut runs) = (false, true);
         for instruction in &self.instructions {
@@ -389,12 +393,12 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// The module without unused bindings. What blocks that never run would read of them is undefined; else these blocks stay
-    /// as they are, and are the driver's to leave out.
+    /// The module without its unused bindings. Reads of them in blocks that never run become undefined values; apart
+    /// from that, these blocks stay as they are, and the driver may remove them.
     fn stripped(&self, words: &[u32]) -> Result<Vec<u32>, String> {
         let used = self.used();
         let bindings = self.instructions.iter().filter(|i| i.opcode == VARIABLE && is_binding(i.operands));
-        // Variables, and what leads to their content.
+        // Ids of the removed variables, and of pointers and images that are derived from them.
         let mut gone: HashSet<u32> = bindings.map(|i| i.operands[1]).filter(|id| !used.contains(id)).collect();
         let mut out = words[..HEADER].to_vec();
         for Instruction { opcode, operands, words } in &self.instructions {
@@ -409,7 +413,8 @@ impl<'a> Flow<'a> {
                 (ACCESS_CHAIN | IN_BOUNDS_ACCESS_CHAIN | IMAGE, [_, id, from, ..]) if gone.contains(from) => {
                     gone.insert(*id);
                 }
-                // Of a buffer a value, of a texel buffer what leads to one.
+                // A load from a buffer gives a value, which becomes undefined; a load of a texel buffer gives its
+                // sampled image, whose id is removed as well.
                 (LOAD, [ty, id, from, ..]) if gone.contains(from) => {
                     if self.sampled_images.contains(ty) {
                         gone.insert(*id);

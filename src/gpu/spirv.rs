@@ -1,12 +1,12 @@
-//! What a shader says about itself: bindings, push constants and specialization constants, read from its SPIR-V. The
-//! shader's interface is the only place where these are written down: kernels build their layouts from it, and the build
-//! script the arguments that Rust gives them.
+//! Reads a shader's interface from its SPIR-V: bindings, push constants and specialization constants. This interface is
+//! written down only in the shader: kernels build their layouts from it, and the build script generates the structs of
+//! arguments that Rust fills.
 //!
-//! Instruction and decoration numbers: the Khronos SPIR-V specification, version 1.6.
+//! Numbers of instructions and decorations are those of the Khronos SPIR-V specification, version 1.6.
 
 use std::collections::{BTreeMap, HashMap};
 
-/// How a binding is reached.
+/// The kind of buffer that a binding is, as GLSL declares it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BindingKind {
     /// `buffer` block.
@@ -22,13 +22,13 @@ pub enum BindingKind {
 /// One binding of descriptor set 0.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Binding {
-    /// Its variable.
+    /// SPIR-V id of its variable.
     pub variable: u32,
-    /// Its number.
+    /// Its binding number.
     pub binding: u32,
     /// Instance name; without one, the name of the block's only member; else the block's name.
     pub name: String,
-    /// How it is reached.
+    /// The kind of buffer that it is.
     pub kind: BindingKind,
     /// The shader may read it (not declared `writeonly`).
     pub reads: bool,
@@ -54,7 +54,7 @@ pub enum ConstKind {
 pub struct Reflection {
     /// Bindings of set 0, ascending.
     pub bindings: Vec<Binding>,
-    /// Bytes of push constants; 0 without.
+    /// Size of the push constants, bytes; 0 where there are none.
     pub push_bytes: u32,
     /// Named specialization constants: constant id and type.
     pub constants: BTreeMap<String, (u32, ConstKind)>,
@@ -67,7 +67,7 @@ impl Reflection {
     }
 }
 
-/// Gives the variables of a module the binding numbers of `bindings`.
+/// Gives each variable of a module the binding number that `bindings` has for it.
 pub fn renumber(words: &mut [u32], bindings: &[Binding]) -> Result<(), String> {
     let mut at = HEADER;
     let lengths: Vec<usize> = instructions(words)?.iter().map(|instruction| instruction.words.len()).collect();
@@ -98,7 +98,7 @@ enum Type {
     Pointer { to: u32 },
 }
 
-/// Decorations that matter here.
+/// The decorations of a variable, a type or a struct member, as far as they matter here.
 #[derive(Debug, Clone, Copy, Default)]
 struct Marks {
     spec_id: Option<u32>,
@@ -132,7 +132,7 @@ const STORAGE_UNIFORM: u32 = 2;
 const STORAGE_PUSH_CONSTANT: u32 = 9;
 const STORAGE_BUFFER: u32 = 12;
 
-/// Reads a SPIR-V module; an error says what about it cannot be used.
+/// Reads a SPIR-V module; the error says what in it cannot be used.
 pub fn reflect(words: &[u32]) -> Result<Reflection, String> {
     let module = parse(words)?;
     let mut out = Reflection::default();
@@ -179,11 +179,11 @@ fn parse(words: &[u32]) -> Result<Module, String> {
 pub(super) struct Instruction<'a> {
     pub opcode: u32,
     pub operands: &'a [u32],
-    /// Opcode and length, and the operands.
+    /// All words: opcode and length, then the operands.
     pub words: &'a [u32],
 }
 
-/// Words before the first instruction.
+/// Number of words before the first instruction.
 pub(super) const HEADER: usize = 5;
 
 /// All instructions of a module, in order.
@@ -202,7 +202,7 @@ pub(super) fn instructions(words: &[u32]) -> Result<Vec<Instruction<'_>>, String
     Ok(out)
 }
 
-/// A literal string: UTF-8 in little-endian words, ended by a zero.
+/// Decodes a literal string: UTF-8 in little-endian words, ended by a zero byte.
 fn string(words: &[u32]) -> String {
     let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).take_while(|&b| b != 0).collect();
     String::from_utf8_lossy(&bytes).into_owned()
@@ -224,7 +224,7 @@ impl Module {
             (22, [id, bits, ..]) => drop(self.types.insert(*id, Type::Float { bytes: bits / 8 })),
             (23, [id, of, count]) => drop(self.types.insert(*id, Type::Vector { of: *of, count: *count })),
             (24, [id, _, columns]) => drop(self.types.insert(*id, Type::Matrix { columns: *columns })),
-            // Dim 5 is Buffer; other images are left out and reported where a binding uses them.
+            // Dim 5 is Buffer. Other images are not noted here, and are reported where a binding uses them.
             (25, [id, sampled, 5, _, _, _, 1, ..]) => {
                 drop(self.types.insert(*id, Type::BufferImage { sampled: *sampled }))
             }
@@ -293,7 +293,7 @@ impl Module {
         }
     }
 
-    /// Bytes of a type; `matrix_stride` is that of the struct member that holds it.
+    /// Size of a type, bytes; `matrix_stride` is that of the struct member that holds it.
     fn size(&self, id: u32, matrix_stride: u32) -> u32 {
         match self.types.get(&id) {
             Some(Type::Int { bytes, .. } | Type::Float { bytes }) => *bytes,

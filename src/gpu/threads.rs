@@ -1,25 +1,26 @@
-//! How many threads lavapipe works with: it reads that from the environment when it is first asked for devices.
+//! Number of threads of lavapipe, Mesa's Vulkan driver for CPUs, which reads it from the environment when it is first
+//! asked for devices.
 #![allow(unsafe_code)]
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Threads besides the calling one; a user's own setting wins.
+/// Number of lavapipe's threads besides the calling one. A value that the user set is kept.
 const VARIABLE: &str = "LP_NUM_THREADS";
 
-/// Whether the variable is ours.
+/// Whether the variable was set by this module.
 static SET: AtomicBool = AtomicBool::new(false);
 
-/// With how many threads lavapipe works, besides the one that calls; other drivers do not ask.
+/// Number of lavapipe's threads besides the one that calls Vulkan; other drivers ignore it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Threads {
-    /// None for a scene of little work (below 20,000 tetrahedra), where waking threads costs more than they do: some 50 us a
-    /// pass. As the driver likes for others.
+    /// None for a scene with less than 20,000 tetrahedra, where waking threads costs more (some 50 us per pass) than
+    /// they save; the driver's default for others. `Simulation::open` decides this.
     Auto,
-    /// So many.
+    /// This number.
     Count(u32),
 }
 
-/// For instances made from here on; `None`: the environment stays as it is.
+/// Sets the variable for Vulkan instances made from here on; `None`: the environment stays as it is.
 pub(super) fn choose(threads: Option<Threads>) {
     let ours = SET.load(Ordering::Relaxed);
     if !ours && std::env::var_os(VARIABLE).is_some() {
@@ -29,8 +30,8 @@ pub(super) fn choose(threads: Option<Threads>) {
         None => {}
         Some(Threads::Count(count)) => {
             SET.store(true, Ordering::Relaxed);
-            // SAFETY: who asks for threads, by `Options` or by the C interface's options, promises that nobody else looks at the
-            // environment now.
+            // SAFETY: whoever asks for threads, through `Options` or the options of the C interface, promises that no
+            // other thread reads the environment now.
             unsafe { std::env::set_var(VARIABLE, count.to_string()) };
         }
         Some(Threads::Auto) if ours => {

@@ -1,11 +1,11 @@
-//! Several arrays at once between the device and the host: one staging array, one submit.
+//! Copies several arrays at once between GPU and CPU, with one staging array and one submit.
 
 use std::sync::Arc;
 
 use super::{Buffer, Context, Memory, Recorder};
 use crate::error::{Error, Result};
 
-/// The bytes of these arrays, one after another.
+/// The bytes of these arrays, one array after another.
 pub fn read_all(context: &Arc<Context>, arrays: &[&Buffer]) -> Result<Vec<u8>> {
     let total = total(arrays);
     if total == 0 {
@@ -16,7 +16,7 @@ pub fn read_all(context: &Arc<Context>, arrays: &[&Buffer]) -> Result<Vec<u8>> {
     staging.read()
 }
 
-/// Overwrites these arrays with bytes that [`read_all`] gave of arrays of the same sizes.
+/// Overwrites these arrays with bytes that [`read_all`] returned for arrays of the same sizes.
 pub fn write_all(context: &Arc<Context>, arrays: &[&Buffer], bytes: &[u8]) -> Result<()> {
     if bytes.len() as u64 != total(arrays) {
         return Err(Error::Simulation(format!("{} bytes are given for arrays of {}", bytes.len(), total(arrays))));

@@ -1,5 +1,5 @@
-//! A window's surface and its swapchain: pictures are drawn elsewhere and copied in. The swapchain follows the window's size;
-//! of a window without any, nothing is shown.
+//! A window's surface and swapchain. Images are rendered elsewhere and copied into the swapchain, which follows the
+//! window's size; in a window of size zero nothing is shown.
 #![allow(unsafe_code)]
 
 mod chain;
@@ -19,37 +19,38 @@ use crate::error::{Error, Result};
 use chain::Chain;
 use commands::Commands;
 
-/// For an image to be shown in nobody waits longer than this, ns: a compositor gives none to a window that is not seen.
+/// Longest wait for a swapchain image, ns: a compositor may give none to a window that is not visible.
 const LONGEST_WAIT: u64 = 100_000_000;
-/// A swapchain that is out of date is made anew so often before a picture is left out.
+/// How often an outdated swapchain is made anew before an image is dropped.
 const ATTEMPTS: u32 = 3;
-/// Names this room in errors.
+/// Names this part of the program in errors.
 const STAGE: &str = "the window";
 
-/// What [`Options::display`](super::Options::display) must hold to show in windows of a display.
+/// The instance extensions that [`Options::display`](super::Options::display) must name to show images on a display.
 ///
 /// # Errors
-/// The display is of a kind that Vulkan knows nothing of.
+/// Vulkan does not support this kind of display.
 pub fn display_extensions(display: &impl HasDisplayHandle) -> Result<Vec<&'static CStr>> {
-    let unknown = |why: String| Error::NoDevice(format!("Vulkan cannot show on this display: {why}"));
+    let unknown = |why: String| Error::NoDevice(format!("Vulkan cannot present images on this display: {why}"));
     let handle = display.display_handle().map_err(|error| unknown(error.to_string()))?;
     let names = ash_window::enumerate_required_extensions(handle.as_raw()).map_err(|e| unknown(e.to_string()))?;
-    // SAFETY: ash's own names, of static lifetime and with a zero at the end.
+    // SAFETY: these are ash's own names, of static lifetime and NUL-terminated.
     Ok(names.iter().map(|name| unsafe { CStr::from_ptr(*name) }).collect())
 }
 
-/// What is shown.
+/// The content to show in a window.
 #[derive(Clone, Copy)]
 pub enum Content<'a> {
     /// One colour: red, green, blue, opacity.
     Colour([f32; 4]),
-    /// A picture with one sample a pixel, drawn by work that is done; stretched where the window is of another size.
+    /// An image with one sample per pixel, rendered by work that has ended; it is stretched where the window has
+    /// another size.
     Picture(&'a Image),
 }
 
-/// A window that pictures are shown in. One thread at a time uses it.
+/// A window in which images are shown. One thread at a time may use it.
 pub struct Window {
-    // In the order of `Drop`.
+    // These fields stand in the order in which `Drop` destroys them.
     commands: Commands,
     chain: Option<Chain>,
     surface: vk::SurfaceKHR,
@@ -57,26 +58,26 @@ pub struct Window {
     swapchains: ash::khr::swapchain::Device,
     format: vk::SurfaceFormatKHR,
     mode: vk::PresentModeKHR,
-    /// The image to be shown next.
+    /// Index of the swapchain image that is shown next.
     acquired: Option<u32>,
     context: Arc<Context>,
-    /// The window itself stays as long as its surface.
+    /// Keeps the window alive as long as its surface.
     _window: Arc<dyn Any + Send + Sync>,
 }
 
 impl Window {
-    /// For a window of the display that the context was opened for.
+    /// Makes the surface of a window on the display that the context was opened for.
     ///
     /// # Errors
-    /// The context was opened for none, or its device cannot show in this window.
+    /// The context was opened for no display, or its device cannot show images in this window.
     pub fn new<W>(context: &Arc<Context>, window: Arc<W>) -> Result<Window>
     where
         W: HasWindowHandle + HasDisplayHandle + Send + Sync + 'static,
     {
         let name = context.device_name();
-        let cannot = |why: String| Error::NoDevice(format!("{name} cannot show in a window: {why}"));
+        let cannot = |why: String| Error::NoDevice(format!("{name} cannot present images in a window: {why}"));
         if !context.presents {
-            return Err(cannot("it was not opened for a display".into()));
+            return Err(cannot("it was not opened with a display".into()));
         }
         let of_window = window.window_handle().map_err(|error| cannot(error.to_string()))?.as_raw();
         let of_display = window.display_handle().map_err(|error| cannot(error.to_string()))?.as_raw();
@@ -102,8 +103,8 @@ impl Window {
         Ok(this)
     }
 
-    /// Makes ready to show a picture in a window of this size, in pixels; whether one can be shown now. Waits for a tenth of
-    /// a second at most, and not on the queue.
+    /// Acquires a swapchain image for a window of this size, pixels. Returns whether an image can be shown now. It
+    /// waits for a tenth of a second at most, and not for the queue.
     pub fn acquire(&mut self, width: u32, height: u32) -> Result<bool> {
         for _ in 0..ATTEMPTS {
             if self.acquired.is_some() {
@@ -113,15 +114,15 @@ impl Window {
                 self.remake(width, height)?;
             }
             let Some(chain) = &mut self.chain else { return Ok(false) };
-            // Its semaphore is free once the last picture is copied.
+            // The semaphore is free once the last copy has ended.
             self.commands.wait()?;
-            // SAFETY: the swapchain is alive; nobody waits for the semaphore, see above.
+            // SAFETY: the swapchain is alive; nothing waits for the semaphore, see above.
             let acquired = unsafe {
                 let semaphore = self.commands.acquired;
                 self.swapchains.acquire_next_image(chain.handle, LONGEST_WAIT, semaphore, vk::Fence::null())
             };
             match acquired {
-                // One that does not quite fit is shown once.
+                // A swapchain that no longer quite fits is still used for this image.
                 Ok((index, is_stale)) => (self.acquired, chain.is_stale) = (Some(index), is_stale),
                 Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(false),
                 Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => chain.is_stale = true,
@@ -131,7 +132,7 @@ impl Window {
         Ok(self.acquired.is_some())
     }
 
-    /// Shows something in the image that was acquired; nothing where none was.
+    /// Shows `content` in the image that was acquired; does nothing where none was.
     pub fn present(&mut self, content: Content) -> Result<()> {
         let (Some(chain), Some(index)) = (&mut self.chain, self.acquired.take()) else { return Ok(()) };
         let image = &chain.images[index as usize];
@@ -140,7 +141,7 @@ impl Window {
         let info =
             vk::PresentInfoKHR::default().wait_semaphores(&semaphores).swapchains(&handles).image_indices(&indices);
         let queue = self.context.queue();
-        // SAFETY: the image was acquired and is drawn once the semaphore says so; the queue is locked.
+        // SAFETY: the image was acquired, and the semaphore is signalled when it is complete; the queue is locked.
         match unsafe { self.swapchains.queue_present(queue.queue(), &info) } {
             Ok(is_stale) => chain.is_stale |= is_stale,
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => chain.is_stale = true,
@@ -149,7 +150,7 @@ impl Window {
         Ok(())
     }
 
-    /// Format and mode; what the surface cannot do is an [`Error::Simulation`].
+    /// Chooses surface format and present mode; an [`Error::Simulation`] says what the surface lacks.
     fn choose(&mut self) -> Result<()> {
         let (surfaces, context) = (&self.surfaces, &self.context);
         let (physical, surface) = (context.physical, self.surface);
@@ -161,23 +162,24 @@ impl Window {
             (can, formats, modes)
         };
         if !can.map_err(failed("vkGetPhysicalDeviceSurfaceSupportKHR", STAGE))? {
-            return Err(Error::Simulation("its queue does not present there; name another".into()));
+            return Err(Error::Simulation("its queue cannot present there; choose another device".into()));
         }
         let formats = formats.map_err(failed("vkGetPhysicalDeviceSurfaceFormatsKHR", STAGE))?;
         let modes = modes.map_err(failed("vkGetPhysicalDeviceSurfacePresentModesKHR", STAGE))?;
-        // Pictures are made as screens show them: a format that converts once more would brighten them.
+        // Rendered images already hold the values that a screen shows: an sRGB format would convert them again and
+        // brighten them.
         let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
         let format = formats.iter().find(|format| plain.contains(&format.format)).or(formats.first());
-        self.format = *format.ok_or_else(|| Error::Simulation("no format is offered".into()))?;
-        // In the first two nobody waits for the screen, with the queue held.
+        self.format = *format.ok_or_else(|| Error::Simulation("its surface offers no image format".into()))?;
+        // In these two modes no thread waits for the screen while it holds the queue.
         let wanted = [vk::PresentModeKHR::MAILBOX, vk::PresentModeKHR::IMMEDIATE];
         self.mode = wanted.into_iter().find(|mode| modes.contains(mode)).unwrap_or(vk::PresentModeKHR::FIFO);
         Ok(())
     }
 
-    /// A swapchain for a window of this size, in place of the last; none where there is nothing to show in.
+    /// Makes a swapchain for a window of this size in place of the last one; none for a size of zero.
     fn remake(&mut self, width: u32, height: u32) -> Result<()> {
-        // What was shown last may still wait for its semaphore.
+        // The image shown last may still wait for its semaphore.
         self.commands.wait()?;
         if self.chain.is_some() {
             self.context.wait_idle();
@@ -187,7 +189,7 @@ impl Window {
         let can =
             unsafe { self.surfaces.get_physical_device_surface_capabilities(self.context.physical, self.surface) };
         let can = can.map_err(failed("vkGetPhysicalDeviceSurfaceCapabilitiesKHR", STAGE))?;
-        // Where the surface has no size of its own, it takes the window's.
+        // Where the surface has no size of its own, it gets the window's.
         let extent = match can.current_extent {
             vk::Extent2D { width: u32::MAX, .. } => vk::Extent2D {
                 width: width.clamp(can.min_image_extent.width, can.max_image_extent.width),
@@ -219,7 +221,9 @@ impl Window {
         };
         if !can.supported_usage_flags.contains(info.image_usage) {
             let name = self.context.device_name();
-            return Err(Error::NoDevice(format!("{name} cannot show in a window: nothing can be copied into it")));
+            return Err(Error::NoDevice(format!(
+                "{name} cannot present images in a window: nothing can be copied into the window's images"
+            )));
         }
         self.chain = Some(Chain::new(&self.context, &self.swapchains, &info, [width, height])?);
         drop(old);
@@ -229,11 +233,11 @@ impl Window {
 
 impl Drop for Window {
     fn drop(&mut self) {
-        // Shown pictures may still wait for their semaphores.
+        // Images shown before may still wait for their semaphores.
         let _ = self.commands.wait();
         self.context.wait_idle();
         self.chain = None;
-        // SAFETY: its swapchain is gone and nothing is under way; the window is still there.
+        // SAFETY: its swapchain is destroyed and no work is pending; the window still exists.
         unsafe { self.surfaces.destroy_surface(self.surface, None) };
     }
 }

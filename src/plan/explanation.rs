@@ -1,4 +1,5 @@
-//! What `palpate run --explain` says: stages, their passes and arrays, and features. A table on the terminal, or JSON.
+//! What `palpate run --explain` prints, as a table or as JSON: the stages of a step with their passes and arrays, and
+//! the features that the scene uses. A pass is one dispatch, draw, fill or copy on the GPU.
 
 use std::fmt;
 
@@ -8,87 +9,89 @@ use super::{Entry, Feature};
 use crate::gpu::Pass;
 use crate::scene::preset::Chosen;
 
-/// What one step does, and what it leaves out.
+/// What one step does, and what it leaves out and why.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Explanation {
-    /// The scene.
+    /// Name of the scene.
     pub scene: String,
-    /// Name of the device.
+    /// Name of the Vulkan device.
     pub device: String,
-    /// Name and version of its driver.
+    /// Name and version of the device's driver.
     pub driver: String,
-    /// The preset that the scene names.
+    /// The preset that the scene names, if any.
     pub preset: Option<Chosen>,
-    /// Solver iterations of the step.
+    /// Number of solver iterations that the step is taken to need.
     pub iterations: u32,
-    /// Passes of the step.
+    /// Number of passes in the step.
     pub passes: u32,
-    /// Those that wait for an earlier one.
+    /// Number of passes that wait for an earlier one.
     pub dependent_passes: u32,
-    /// Memory on the device, bytes, as the driver gives it out.
+    /// GPU memory that arrays occupy, bytes, as the driver allocates it.
     pub bytes_device: u64,
     /// All stages in the order of the step.
     pub stages: Vec<StageUse>,
-    /// All features.
+    /// All features, used or not.
     pub features: Vec<Feature>,
 }
 
 /// A stage, its passes and its arrays.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct StageUse {
-    /// The stage.
+    /// Name of the stage.
     pub stage: String,
-    /// Whether it is recorded.
+    /// Whether the stage is recorded, so that steps run it.
     pub recorded: bool,
-    /// Why, or why not.
+    /// Why it is recorded, or why not.
     pub reason: String,
-    /// Passes.
+    /// Number of passes in the step.
     pub passes: u32,
-    /// Those that wait for an earlier one.
+    /// Number of passes that wait for an earlier one.
     pub dependent: u32,
-    /// Bytes on the device of arrays that this stage is the first to use.
+    /// GPU memory of the arrays that this stage is the first to use, bytes.
     pub bytes_device: u64,
-    /// Its kernels, fills and copies: first what is recorded.
+    /// Kernels, fills and copies of the stage; those that are recorded come first.
     pub kernels: Vec<KernelUse>,
-    /// Arrays that it is the first to use.
+    /// Arrays that this stage is the first to use.
     pub arrays: Vec<Array>,
 }
 
-/// What a pass runs.
+/// A kernel, a fill or a copy, and how often a step runs it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct KernelUse {
-    /// The kernel (of a draw two, with a comma between them), or what is filled or copied to.
+    /// Name of the kernel (for a draw its two shaders, with a comma between them); for a fill or a copy that verb and
+    /// the name of the array that is written.
     pub kernel: String,
     /// Whether it is recorded.
     pub recorded: bool,
-    /// Passes of the step; of a kernel that only further linearisations run none, where the step has none.
+    /// Number of passes per step. It is 0 for a kernel that only Newton iterations after the first run, where a step
+    /// has but one.
     pub passes: f64,
-    /// Those that wait for an earlier one.
+    /// Number of passes that wait for an earlier one.
     pub dependent: f64,
-    /// Why not, where it is not recorded.
+    /// Why it is left out; empty where it is recorded.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub reason: String,
 }
 
-/// An array.
+/// An array of the step.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Array {
-    /// Its name.
+    /// Name of the array.
     pub name: String,
-    /// Bytes asked for.
+    /// Size that was asked for, bytes.
     pub bytes: u64,
-    /// Whether it is in the device's own memory, not mapped for the host.
+    /// Whether the array is in GPU memory, rather than mapped for the CPU.
     pub on_device: bool,
 }
 
 impl StageUse {
-    /// A stage of the plan, of which nothing is known yet.
+    /// A stage of the plan, still without passes and arrays.
     pub(crate) fn of(entry: &Entry) -> StageUse {
         let Entry { stage, recorded, reason } = entry;
         StageUse { stage: stage.to_string(), recorded: *recorded, reason: reason.clone(), ..StageUse::default() }
     }
 
-    /// Adds a pass that a step runs so many times.
+    /// Adds a pass that a step runs `times` times.
     pub(crate) fn count(&mut self, pass: &Pass, times: f64) {
         let at = self.kernels.iter().position(|known| known.kernel == pass.what).unwrap_or_else(|| {
             self.kernels.push(KernelUse { kernel: pass.what.clone(), recorded: true, ..KernelUse::default() });
@@ -98,7 +101,7 @@ impl StageUse {
         self.kernels[at].dependent += if pass.waits { times } else { 0.0 };
     }
 
-    /// Adds up what is known.
+    /// Sums passes and bytes, once all passes and arrays have been added.
     pub(crate) fn close(&mut self) {
         let sum = |of: fn(&KernelUse) -> f64| self.kernels.iter().map(of).sum::<f64>().round() as u32;
         (self.passes, self.dependent) = (sum(|kernel| kernel.passes), sum(|kernel| kernel.dependent));
@@ -106,7 +109,7 @@ impl StageUse {
     }
 }
 
-/// Bytes for a person.
+/// Formats a number of bytes for a reader.
 fn amount(bytes: u64) -> String {
     match bytes {
         0 => "-".into(),
@@ -116,7 +119,7 @@ fn amount(bytes: u64) -> String {
     }
 }
 
-/// A number of passes; those of a step of which each iteration is alike are whole.
+/// Formats a number of passes; it is whole where all iterations have the same passes.
 fn times(passes: f64) -> String {
     if passes > 0.0 { format!("{passes:.0}") } else { "-".into() }
 }
@@ -126,7 +129,7 @@ impl fmt::Display for Explanation {
         writeln!(f, "{} on {} ({})", self.scene, self.device, self.driver)?;
         if let Some(Chosen { preset, set }) = &self.preset {
             let set: Vec<String> = set.iter().map(|(key, value)| format!("{key} = {value}")).collect();
-            let set = if set.is_empty() { "the file says all of it itself".into() } else { set.join(", ") };
+            let set = if set.is_empty() { "the scene itself gives all its settings".into() } else { set.join(", ") };
             writeln!(f, "preset {preset}: {set}")?;
         }
         writeln!(

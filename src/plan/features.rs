@@ -1,4 +1,6 @@
-//! What a scene can have, and whether this one does.
+//! Which of the engine's optional features a scene uses, and why it leaves out the others; printed by the option
+//! `--explain` of `palpate run`. In the reasons, "layer" is a soft body's tetrahedral mesh and "core" one of its rigid
+//! parts.
 
 use serde::Serialize;
 
@@ -7,30 +9,30 @@ use crate::scene::{Body as SceneBody, Law, Preconditioner, Scene, Shape, Sides};
 use crate::stages::material_law;
 use crate::stages::model::Model;
 
-/// A feature of a scene.
+/// An optional feature of the engine.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Feature {
-    /// Its name.
+    /// Name of the feature.
     pub feature: &'static str,
-    /// Whether the step does it; if not, it has no passes and no arrays. What has none of its own (the 6x6 stiffness,
-    /// damping, the weight) is a branch that its kernel skips, or a factor of zero.
+    /// Whether the step uses it. An unused feature has no passes and no arrays; one that never has any of its own (the
+    /// 6x6 stiffness, damping, the weight) is then a branch that its kernel skips, or a factor of zero.
     pub used: bool,
-    /// Why, or why not.
+    /// Why it is used, or why not.
     pub reason: String,
 }
 
-/// What is known of a scene once its bodies are prepared.
+/// What the features are found from, once the scene's bodies are prepared.
 pub(super) struct Known<'a> {
     pub scene: &'a Scene,
     pub model: &'a Model,
-    /// Without the tool.
+    /// The scene's bodies; the tool is not among them.
     pub bodies: &'a [Body],
     pub depth: Option<&'a str>,
-    /// Every so many steps; 0: none.
+    /// One step in this many is timed; 0: none.
     pub timed_every: u64,
 }
 
-/// All features: contact's, the layers', the tool's.
+/// All features: those of contact, of the soft bodies and of the tool.
 pub fn features(known: &Known) -> Vec<Feature> {
     let mut features = Vec::new();
     let mut add = |feature, used: bool, yes: String, no: &str| {
@@ -40,8 +42,8 @@ pub fn features(known: &Known) -> Vec<Feature> {
     of_layers(known, &mut add);
     of_the_tool(known, &mut add);
     add("probes", !known.scene.probes.is_empty(), format!("{} vertices", known.scene.probes.len()), "no [[probe]]");
-    let timed = format!("every {}th step, by recordings of its own", known.timed_every);
-    add("timestamps", known.timed_every > 0, timed, "no times are asked for");
+    let timed = format!("every {}th step, by separate recordings", known.timed_every);
+    add("timestamps", known.timed_every > 0, timed, "no step is timed");
     features
 }
 
@@ -54,11 +56,21 @@ fn of_contact(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &s
     add("friction", touches && friction > 0.0, yes, no_contact("contact.friction is zero"));
     let both = model.pairs.iter().filter(|pair| pair.is_plane == 0 && pair.lone_side == 0).count();
     let one = match scene.contact.sides {
-        Sides::One => "contact.sides is \"one\": the finer skin of each pair gathers alone",
+        Sides::One => "contact.sides is \"one\": only vertices of the finer skin of each pair are tested for contact",
         Sides::Both => "only half-spaces are touched",
     };
-    add("second side", both > 0, format!("of {both} pairs of bodies both skins gather"), no_contact(one));
-    add("depth field", depth.is_some(), depth.unwrap_or_default().into(), no_contact("only half-spaces are touched"));
+    add(
+        "second side",
+        both > 0,
+        format!("{both} pairs of bodies: vertices of both skins are tested for contact"),
+        no_contact(one),
+    );
+    add(
+        "depth stage (ray hits)",
+        depth.is_some(),
+        depth.unwrap_or_default().into(),
+        no_contact("only half-spaces are touched"),
+    );
 }
 
 fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &str)) {
@@ -68,7 +80,7 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
     let asked = match scene.solver.preconditioner {
         Preconditioner::Jacobi => "solver.preconditioner is \"jacobi\"",
         Preconditioner::Coarse => "no body deforms",
-        Preconditioner::Auto => "no body is stiff enough for its nodes and steps",
+        Preconditioner::Auto => "no body is stiff enough, for its number of nodes and the time step, to need it",
     };
     let names: Vec<&str> =
         model.coarse.bodies.iter().filter_map(|(at, ..)| Some(bodies.get(*at)?.name.as_str())).collect();
@@ -84,7 +96,7 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
     let patches = model.patches.count();
     add("patches", patches > 0, format!("{patches} of them"), no_layer("dilatation is \"element\""));
     let has_neo_hookean = material_law::has(&model.materials, Law::NeoHookean);
-    add("neo-Hookean law", has_neo_hookean, "of some material".into(), no_layer("no material names that law"));
+    add("neo-Hookean law", has_neo_hookean, "used by a material".into(), no_layer("no material uses this law"));
     add("Newton iterations", model.newton > 1, format!("{} a step", model.newton), no_layer("step.newton is 1"));
     let (cores, joints, hinges) =
         (&model.cores, model.joints.len(), model.cores.iter().filter(|c| c.hinge != glam::DVec3::ZERO));
@@ -108,11 +120,11 @@ fn of_the_tool(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &
     let held = scene.haptics.is_held;
     let no = if scene.tool.is_none() { "no tool" } else { "nothing can touch" };
     add("wrench", touches, "net force and torque on the tool".into(), no);
-    let no = if touches { "no haptic device holds the tool: nobody asks for it" } else { no };
+    let no = if touches { "no haptic device holds the tool: nothing uses it" } else { no };
     add("6x6 stiffness and damping", touches && held, "for the loop's local model".into(), no);
     let no = if scene.tool.is_none() { "no tool" } else { "the tool is a body of its own" };
-    add("held body", model.held.is_some(), "the device holds a core of the scene".into(), no);
-    add("virtual coupling", scene.coupling.is_some(), "rows of the tool's twist".into(), "no [coupling]");
-    let no = if scene.tool.is_none() { "no tool" } else { "no haptic device: the tool has its weight" };
-    add("weight carried by the hand", scene.tool.is_some() && held, "a device holds the tool".into(), no);
+    add("held body", model.held.is_some(), "the haptic device is coupled to a core of a body".into(), no);
+    add("virtual coupling", scene.coupling.is_some(), "enters the equations of the tool".into(), "no [coupling]");
+    let no = if scene.tool.is_none() { "no tool" } else { "no haptic device: the tool's weight acts on it" };
+    add("weight carried by the hand", scene.tool.is_some() && held, "a haptic device holds the tool".into(), no);
 }

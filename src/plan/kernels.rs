@@ -1,9 +1,9 @@
-//! Why a kernel is not recorded. Which are, the recordings say; this knows only reasons.
+//! Reasons why a kernel is not recorded. Which kernels are recorded is read from the recordings themselves.
 
 use crate::stages::gap;
 use crate::stages::model::Model;
 
-/// The stage that a kernel belongs to where it is recorded: its folder, but for two.
+/// The stage that a kernel belongs to: the folder of its shader, with two exceptions.
 pub fn stage_of(kernel: &str) -> &str {
     match kernel {
         "pose/fit" => "fit",
@@ -12,18 +12,19 @@ pub fn stage_of(kernel: &str) -> &str {
     }
 }
 
-/// Why the stage does without a kernel though it is recorded itself; `None`: nobody knows, which a test does not allow.
+/// Why a stage that is recorded leaves out this kernel; `graphics`: its depth stage uses the graphics path. `None`
+/// where no reason is known, which a test forbids.
 pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static str> {
     let touches = !model.pairs.is_empty();
     let reason = match kernel {
         "pose/place" if !touches => "nothing can touch",
-        "pose/carry" if model.carried_nodes.is_empty() => "no moving frame carries nodes",
+        "pose/carry" if model.carried_nodes.is_empty() => "no nodes are attached to a moving frame",
         "cull/pairs" | "cull/direction" if !model.needs_depth() => "half-spaces have one normal",
         "contact/sort" if model.node_rest.is_empty() => "no nodes",
         "depth/cross.vert" | "depth/cross.frag" if !graphics => "the compute path does it",
         "depth/cross" if graphics => "the graphics path does it",
-        "elastic/trial" if model.newton == 1 => "the step is linearised once",
-        "elastic/dilate" | "solve/patches" if model.patches.count() == 0 => "no patches share their strain",
+        "elastic/trial" if model.newton == 1 => "the step has one Newton iteration",
+        "elastic/dilate" | "solve/patches" if model.patches.count() == 0 => "there are no F-bar patches",
         "solve/press" if !touches => "nothing can touch",
         "solve/coarse" if model.coarse.bodies.is_empty() => "no body has a coarse level",
         "solve/cores" if model.cores.is_empty() => "no dynamic cores",

@@ -1,4 +1,5 @@
-//! How kernels reach arrays that they only read: as asked for, by the device's limit, or the faster way, measured once a device.
+//! Chooses how kernels reach arrays that they only read, through texel or storage buffers: as the options ask, as the
+//! device's limits demand, or the faster way, which is measured once per device.
 
 use std::fmt;
 use std::sync::Arc;
@@ -10,35 +11,35 @@ use crate::prepare::Cache;
 use crate::prepare::cache::{Entry, KeyMaker};
 use crate::shaders;
 
-/// Runs that are not counted, and those that are.
+/// Number of runs before times are taken, and (below) of runs whose times are taken.
 const WARM_UP: usize = 3;
 const RUNS: usize = 9;
-/// The pass that is measured is over so many tetrahedra, each of nodes near each other.
+/// Number of tetrahedra in the measured pass; the nodes of each lie close together in memory.
 const TETRAHEDRA: u32 = 1 << 14;
 
-/// A kind of arrays, and why.
+/// The kind of arrays that was chosen, and why.
 pub struct ArrayChoice {
-    /// The kind.
+    /// The kind that was chosen.
     pub arrays: Arrays,
     why: Why,
 }
 
 enum Why {
     Asked,
-    /// Elements that the device's texel buffers hold at most.
+    /// Texel buffers of the device are too small: they hold at most this number of elements.
     Limit(u32),
-    /// Storage buffers that its kernels may have.
+    /// Kernels of the device may bind too few storage buffers: at most this number.
     Buffers(u32),
-    /// It was settled before, for a kernel or another simulation.
+    /// It was settled earlier on this context, for a kernel or another simulation.
     Before,
-    /// Nobody asked to measure.
+    /// The options do not ask to measure.
     Unmeasured,
-    /// Medians of the measured pass, us: with texel arrays, with storage arrays.
+    /// Median times of the measured pass, microseconds: with texel buffers, with storage buffers.
     Measured([f64; 2]),
 }
 
 impl ArrayChoice {
-    /// Chooses for a device, and tells it; figures are kept in the context's cache.
+    /// Makes the choice and stores it in the context; measured times are kept in the context's cache folder.
     pub fn new(context: &Arc<Context>) -> Result<ArrayChoice> {
         let (_, limit) = context.array_limits();
         let why = if context.arrays_asked_for().is_some() {
@@ -79,7 +80,8 @@ impl fmt::Display for ArrayChoice {
     }
 }
 
-/// Times with texel and with storage arrays, us, measured where the cache has none of this device, driver and version.
+/// Times with texel and with storage buffers, microseconds. They are measured only where the cache has none for this
+/// device, this driver and this version of palpate.
 fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
     let mut key = KeyMaker::new();
     for field in ["arrays", context.device_name(), context.driver(), env!("CARGO_PKG_VERSION")] {
@@ -90,12 +92,12 @@ fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
         return Ok(times);
     }
     let times = measured_times(context)?;
-    // Where nothing can be kept, the next run measures again.
+    // Where nothing can be stored, the next run measures again.
     let _ = cache.store(&key, &times);
     Ok(times)
 }
 
-/// Medians of the element products, which most passes of a step are.
+/// Median times of the solver's element product A_e p, the kernel of most passes of a step.
 fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
     let vectors = |name: &str, count: u32| {
         let data: Vec<[f32; 4]> = (0..count).map(|i| [0.1, 0.2, 0.3, i as f32]).collect();
@@ -167,7 +169,7 @@ mod tests {
         assert!(plain.1.contains("not measured") || plain.1.contains("hold only"), "{plain:?}");
         let first = chosen(measured());
         assert!(first.1.contains("measured ") || first.1.contains("hold only"), "{first:?}");
-        // Times differ from one measurement to the next; what was kept is the same.
+        // Times differ from one measurement to the next, so equal times show that the second run read the stored ones.
         assert_eq!(chosen(measured()), first);
     }
 }

@@ -1,4 +1,5 @@
-//! Which path the depth stage takes: the one asked for, the only one, or the faster of both, measured once a device.
+//! Chooses between the two paths of the depth stage, compute and graphics: the one asked for, the only one that the
+//! device can run, or the faster one, which is measured once per device.
 
 use std::fmt;
 use std::sync::Arc;
@@ -14,16 +15,16 @@ use crate::scene::{Scene, Tool, ToolShape};
 use crate::stages::depth::{self, Path};
 use crate::{Error, Result};
 
-/// Runs of each path that are not counted, and those that are.
+/// Number of runs of each path before times are taken, and (below) of runs whose times are taken.
 const WARM_UP: usize = 3;
 const RUNS: usize = 9;
-/// The measured query: spheres of this radius whose skins overlap by this much, m.
+/// The measured query has two spheres of this radius, whose skins overlap by the depth below, m.
 const RADIUS: f64 = 0.01;
 const OVERLAP: f64 = 0.002;
 
-/// A path, and why.
+/// The path that was chosen, and why.
 pub struct Choice {
-    /// The path.
+    /// The path that was chosen.
     pub path: Path,
     why: Why,
 }
@@ -31,14 +32,15 @@ pub struct Choice {
 enum Why {
     Asked,
     Only,
-    /// Nobody asked to measure.
+    /// The options do not ask to measure.
     Unmeasured,
-    /// Medians of the depth stage, us: of this path, of the other.
+    /// Median times of the depth stage, microseconds: by this path, by the other.
     Measured(f64, f64),
 }
 
 impl Choice {
-    /// The path asked for, else the only one, else the faster one if the context measures; figures are kept in its cache.
+    /// The path asked for, else the only one, else the faster one if the context measures; times are kept in its cache
+    /// folder.
     pub fn new(context: &Arc<Context>, asked: Option<Path>) -> Result<Choice> {
         match asked {
             Some(Path::Graphics) if !context.fragment_stores() => Err(Error::NoDevice(format!(
@@ -73,7 +75,8 @@ impl fmt::Display for Choice {
     }
 }
 
-/// Times of the graphics and of the compute path, us, measured where the cache has none of this device, driver and version.
+/// Times of the graphics and of the compute path, microseconds. They are measured only where the cache has none for
+/// this device, this driver and this version of palpate.
 fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
     if let Some(times) = context.measured_paths().get() {
         return Ok(*times);
@@ -88,7 +91,7 @@ fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
         Entry::Found(times) => times,
         _ => {
             let times = measured_times(context)?;
-            // Where nothing can be kept, the next context measures again.
+            // Where nothing can be stored, the next context measures again.
             let _ = cache.store(&key, &times);
             times
         }
@@ -96,7 +99,7 @@ fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
     Ok(*context.measured_paths().get_or_init(|| times))
 }
 
-/// Medians of the depth stage by both paths on one query.
+/// Median times of the depth stage by the graphics and by the compute path, on one query.
 fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
     let scene = Scene::empty("two spheres");
     let ball = sphere(&scene)?;
@@ -109,7 +112,7 @@ fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
             let begun = Instant::now();
             let pose = |height| (height * DVec3::Y, DQuat::IDENTITY);
             let answer = query.run(pose(0.0), pose(2.0 * RADIUS - OVERLAP))?;
-            // Without timestamps the other stages count too, the same for both.
+            // Without timestamps the time includes the other stages, which cost the same for both paths.
             let whole = begun.elapsed().as_secs_f64() * 1e6;
             let stage = answer.stage_times.into_iter().find(|(stage, _)| stage == depth::STAGE);
             if run >= WARM_UP {
@@ -123,7 +126,7 @@ fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
     }))
 }
 
-/// A sphere about the origin.
+/// A sphere, centred at the origin.
 fn sphere(scene: &Scene) -> Result<Body> {
     let tool = Tool {
         shape: ToolShape::Sphere(RADIUS),
@@ -166,7 +169,8 @@ mod tests {
         let first = kept_times(&context, &cache).unwrap();
         println!("measured {first:?} us in {:?}", begun.elapsed());
         assert!(first.iter().all(|us| *us > 0.0 && us.is_finite()), "{first:?}");
-        // Times differ from one measurement to the next; what was kept is the same to the last bit.
+        // Times differ from one measurement to the next, so times equal to the last bit show that the stored ones were
+        // read.
         assert_eq!(kept_times(&context, &cache).unwrap(), first);
         assert!(choose(&context, None).contains(" path: measured "));
         std::fs::write(folder.path().join("file"), "").unwrap();

@@ -1,5 +1,6 @@
-//! The proximity query by itself: two rigid skins, each in a pose, and which vertices of either lie within the other. It
-//! records the stages from pose to contact as the step does, and nothing after them.
+//! The proximity query by itself: for two rigid skins (triangle surfaces) a and b, each in a pose, it finds the
+//! vertices of either that lie within the other. It records the step's stages pose, cull, skin, depth and contact, and
+//! nothing after them.
 
 pub mod arrays;
 pub mod choice;
@@ -21,39 +22,41 @@ use crate::stages::touch::TouchStages;
 use crate::stages::{Common, Flags, query_as_one};
 use crate::{Error, Result};
 
-/// Share of the smaller body's extent that [`QuerySettings::of`] allows as depth.
+/// Share of the smaller body's extent up to which [`QuerySettings::of`] allows depths without a flag.
 const DEPTH_SHARE: f64 = 0.1;
 
-/// How often a pose is looked at where the direction is not given: the first finds where the skins touch, by the proxies'
-/// directions; the others improve the direction by the skins'.
+/// Number of runs per query where no direction is given. The first run finds where the skins touch, with a contact
+/// normal that the collision proxies (convex hulls) suggest; the others refine the normal by the contacts found.
 const ROUNDS: u32 = 4;
 
-/// How a run is timed; timestamps take time themselves on some drivers.
+/// How a run is timed; on some drivers timestamps themselves take time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Timing {
-    /// Not at all.
+    /// No times are taken.
     Off,
-    /// Stage by stage.
+    /// Each stage is timed.
     Stages,
-    /// From the first stage's beginning to the last one's end.
+    /// One time is taken, from the beginning of the first stage to the end of the last.
     AsOne,
 }
 
-/// What to look for.
+/// Settings of a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuerySettings {
-    /// Depths beyond it raise a flag, m.
+    /// A contact deeper than this raises a flag, m.
     pub depth_limit: f64,
-    /// World direction from a to b along which depth is measured, of any length but zero; `None`: culling finds it.
+    /// World direction from a to b along which depth is measured, of any length but zero; `None`: the broad phase finds
+    /// it.
     pub direction: Option<DVec3>,
     /// How runs are timed.
     pub timing: Timing,
-    /// How triangles find the vertices that they lie over; `None`: the only way, or the faster one ([`Options::measure`]).
+    /// Path by which the depth stage finds where triangles meet the rays of opposing vertices; `None`: the only path
+    /// that the device can run, or the faster one ([`Options::measure`]).
     pub depth: Option<Path>,
 }
 
 impl QuerySettings {
-    /// The usual ones: depths to a tenth of the smaller body's extent, directions as culling finds them, stages timed.
+    /// The usual settings: a depth limit of a tenth of the smaller body's extent, no given direction, and timed stages.
     pub fn of(a: &Body, b: &Body) -> QuerySettings {
         let extent = [a, b].map(|body| rigid(body).map_or(f64::INFINITY, |(skin, ..)| extent(skin)));
         QuerySettings {
@@ -65,7 +68,7 @@ impl QuerySettings {
     }
 }
 
-/// Longest side of the box of a skin's triangles, m.
+/// Longest side of the bounding box of a skin's triangles, m.
 fn extent(skin: &Skin) -> f64 {
     let corners = || skin.triangles.iter().flatten().map(|&v| skin.vertices[v as usize]);
     (corners().fold(DVec3::NEG_INFINITY, DVec3::max) - corners().fold(DVec3::INFINITY, DVec3::min)).max_element()
@@ -76,7 +79,7 @@ pub struct Query {
     context: Arc<Context>,
     common: Common,
     touch: TouchStages,
-    /// Untimed, timed by stage, timed as one.
+    /// One recording per [`Timing`]: untimed, timed by stage, timed as one.
     records: [Recording; 3],
     timing: Timing,
     fresh: Recording,
@@ -84,14 +87,14 @@ pub struct Query {
     contacts: Buffer,
     counts: Buffer,
     regions: Buffer,
-    /// Held by nothing else, and read by the recording.
+    /// Kept alive because the recordings read its arrays.
     _elastic: Elastic,
     pair: Pair,
     bodies: [Side; 2],
     path: Path,
 }
 
-/// What the host keeps of a body.
+/// What the CPU side keeps of a body.
 struct Side {
     centroid: DVec3,
     vertices: u32,
@@ -99,56 +102,59 @@ struct Side {
     proxies: Vec<Proxy>,
 }
 
-/// What a query found.
+/// Result of a query.
 #[derive(Debug, Clone)]
 pub struct Answer {
-    /// Colliding vertices in their own order, those of a first.
+    /// Colliding vertices in the order of their indices, those of a before those of b.
     pub contacts: Vec<QueryContact>,
-    /// Where the bodies may touch; positions are relative to [`Answer::origin`].
+    /// Contact patches, that is areas with one normal where the bodies may touch; positions are relative to
+    /// [`Answer::origin`].
     #[doc(hidden)]
     pub regions: Vec<Region>,
-    /// World position that regions are relative to, m.
+    /// World position that the contact patches are relative to, m.
     pub origin: DVec3,
-    /// What is wrong with the answer.
+    /// Warnings about the answer, for instance a contact beyond the depth limit.
     pub flags: Flags,
-    /// What passed through the stages.
+    /// Counters of the stages: active chunks (groups of skin vertices), work items, ray hits, contacts.
     #[doc(hidden)]
     pub counts: Counts,
-    /// Microseconds, by stage or of all as one; empty where runs are not timed.
+    /// Times, microseconds, by stage or of all stages as one; empty where runs are not timed.
     pub stage_times: Vec<(String, f64)>,
 }
 
-/// A skin vertex within the other body.
+/// A colliding vertex: a skin vertex that lies within the other body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QueryContact {
-    /// The vertex's body: 0 a, 1 b.
+    /// The body that the vertex belongs to: 0 for a, 1 for b.
     pub body: usize,
-    /// Of that body's skin.
+    /// Index of the vertex in that body's skin.
     pub vertex: u32,
-    /// Along the normal, m, positive.
+    /// Depth along the normal, m; positive.
     pub depth: f64,
-    /// Unit, world, from a to b.
+    /// Unit contact normal in world axes, from a to b.
     pub normal: DVec3,
-    /// Of the other body's skin, where the vertex's line along the normal meets it.
+    /// Triangle of the other body's skin that the ray through the vertex along the normal hits.
     pub triangle: u32,
-    /// Of that point in the triangle.
+    /// Barycentric coordinates of that hit in the triangle.
     pub barycentric: [f64; 3],
-    /// Projected on the normal, half of it since both bodies' vertices are looked at, m^2.
+    /// Area of the skin around the vertex, projected on the normal, m^2; halved, since the vertices of both bodies make
+    /// contacts.
     pub area: f64,
 }
 
 impl Query {
-    /// Prepares two rigid bodies of a scene, by name, and opens a device for them. Depths beyond a tenth of the smaller one's
-    /// extent raise a flag ([`Query::set_depth_limit`]); culling finds the direction ([`Query::set_direction`]).
+    /// Prepares two rigid bodies of a scene, by name, and opens a Vulkan device for them. Depths beyond a tenth of the
+    /// smaller body's extent raise a flag ([`Query::set_depth_limit`]); the broad phase finds the direction
+    /// ([`Query::set_direction`]).
     ///
     /// # Errors
-    /// There is no such body, or it is not rigid; what is wrong with its files; [`Error::NoDevice`], [`Error::Memory`],
+    /// There is no body of that name, it is not rigid, or its files are faulty; [`Error::NoDevice`], [`Error::Memory`],
     /// [`Error::Vulkan`].
     pub fn open(scene: &Scene, bodies: [&str; 2], options: &Options) -> Result<Query> {
         let cache = options.cache.as_deref().map_or_else(Cache::off, Cache::at);
         let prepared = |name: &str| {
             let body = scene.bodies.iter().find(|body| body.name == name).ok_or_else(|| {
-                Error::key(&scene.file, "body", format!("there is none called \"{name}\""), "name one of the scene")
+                Error::key(&scene.file, "body", format!("there is no body \"{name}\""), "name a body of the scene")
             })?;
             Ok(body_and_report(body, scene, &cache, &mut |_| Ok(()))?.0)
         };
@@ -156,14 +162,14 @@ impl Query {
         Query::of_bodies(&a, &b, &QuerySettings::of(&a, &b), options)
     }
 
-    /// Opens a device for two bodies of [`Shape::Rigid`].
+    /// Opens a Vulkan device for two bodies of [`Shape::Rigid`].
     #[doc(hidden)]
     pub fn of_bodies(a: &Body, b: &Body, settings: &QuerySettings, options: &Options) -> Result<Query> {
         rigid(a).and(rigid(b))?;
         Query::on_device(&Context::open(options)?, a, b, settings)
     }
 
-    /// As [`Query::of_bodies`] on a device that is open.
+    /// As [`Query::of_bodies`], on a device that is already open.
     #[doc(hidden)]
     pub fn on_device(context: &Arc<Context>, a: &Body, b: &Body, settings: &QuerySettings) -> Result<Query> {
         let bodies = [side(a)?, side(b)?];
@@ -223,7 +229,7 @@ impl Query {
         Ok(query)
     }
 
-    /// Depths beyond `limit` (m, above zero) raise a flag in the runs that follow.
+    /// Sets the depth (m, above zero) beyond which a contact raises a flag, for later runs.
     ///
     /// # Errors
     /// [`Error::Vulkan`]: the device's memory could not be written.
@@ -232,20 +238,20 @@ impl Query {
         Ok(())
     }
 
-    /// World direction from a to b, of any length but zero, along which depth is measured in the runs that follow; `None`:
-    /// culling finds it.
+    /// Sets the world direction from a to b, of any length but zero, along which later runs measure depth; `None`: the
+    /// broad phase finds it.
     pub fn set_direction(&mut self, direction: Option<DVec3>) {
         self.pair.direction = direction.map_or([0.0; 4], |direction| texel(direction.normalize(), 1.0));
     }
 
-    /// How the runs that follow are timed.
+    /// Sets how later runs are timed.
     #[doc(hidden)]
     pub fn set_timing(&mut self, timing: Timing) {
         self.timing = timing;
     }
 
-    /// Where the bodies overlap. A pose is the world position (m) and orientation of a body's rest frame, in which its
-    /// vertices are given.
+    /// Finds where the bodies overlap. A pose is the world position (m) and orientation of a body's rest frame, the
+    /// coordinate frame in which its vertices are given.
     ///
     /// # Errors
     /// [`Error::Vulkan`]: a pass or a transfer failed.
@@ -264,7 +270,7 @@ impl Query {
                 ..Frame::default()
             };
         }
-        // What the last pose found says nothing of this one.
+        // Results of the last query, whose poses may be unrelated, must not influence this one.
         self.fresh.submit_and_wait()?;
         let rounds = if self.pair.direction[3] == 0.0 { ROUNDS } else { 1 };
         for _ in 0..rounds {
@@ -287,17 +293,17 @@ impl Query {
         })
     }
 
-    /// The device that answers.
+    /// The context of the Vulkan device that runs the query.
     pub fn context(&self) -> &Arc<Context> {
         &self.context
     }
 
-    /// How triangles find the vertices that they cross.
+    /// The path that the depth stage takes, compute or graphics.
     pub fn depth_path(&self) -> Path {
         self.path
     }
 
-    /// Passes of each stage.
+    /// Numbers of passes of each stage.
     #[doc(hidden)]
     pub fn passes(&self) -> Vec<StagePasses> {
         self.record().passes()
@@ -308,7 +314,7 @@ impl Query {
     }
 
     fn contact(&self, contact: &Contact) -> QueryContact {
-        // Vertices and triangles of a come first in the model.
+        // In the model's arrays, the vertices and triangles of a come before those of b.
         let is_b = contact.side & 1 != 0;
         let [v, w] = contact.barycentric.map(f64::from);
         QueryContact {
@@ -322,7 +328,8 @@ impl Query {
         }
     }
 
-    /// The middle of what the bodies' boxes have in common, or of the gap between them: f32 has most digits there.
+    /// The middle of the overlap of the bodies' bounding boxes, or of the gap between them: single precision has most
+    /// digits near it.
     fn origin(&self, poses: [(DVec3, DQuat); 2]) -> DVec3 {
         let boxes = [0, 1].map(|k| {
             let (position, orientation) = poses[k];
@@ -338,11 +345,11 @@ impl Query {
     }
 }
 
-/// Skin, proxies and centroid of a rigid body.
+/// Skin, collision proxies and centroid of a rigid body.
 fn rigid(body: &Body) -> Result<(&Skin, &[Proxy], DVec3)> {
     match &body.shape {
         Shape::Rigid { skin, proxies, centroid, .. } => Ok((skin, proxies, *centroid)),
-        _ => Err(Error::Simulation(format!("a query is between rigid skins, and `{}` is none", body.name))),
+        _ => Err(Error::Simulation(format!("a query needs two rigid bodies; `{}` is not rigid", body.name))),
     }
 }
 

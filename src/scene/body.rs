@@ -1,4 +1,6 @@
-//! `[[body]]` and `[[body.core]]`: the bodies of a scene, read and checked. Called by `load.rs`.
+//! Reads and checks the bodies of a scene file, `[[body]]` with `[[body.core]]`; called by `load.rs`. A soft body has a
+//! skin (its triangle surface), a layer (its tetrahedral mesh) and cores (rigid parts to which nodes of the layer are
+//! attached).
 
 use std::path::PathBuf;
 
@@ -38,33 +40,35 @@ const BODY_KEYS: [&str; 22] = [
     "hinge",
     "repair",
 ];
-/// What a plane may have.
+/// Keys that a plane may have.
 const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
-/// What the core of a rigid body is described by, in the body's own table.
+/// Keys that describe the core of a rigid body, in the body's own table.
 const RIGID_KEYS: [&str; 4] = ["motion", "keys", "mass", "hinge"];
-/// What only a dynamic core has.
+/// Keys that only a dynamic core may have.
 const DYNAMIC_KEYS: [&str; 2] = ["mass", "hinge"];
-/// Proxies of a body at most: culling looks at all pairs of two bodies.
+/// Greatest number of collision proxies (convex hulls) of a body: the broad phase tests all pairs of two bodies'
+/// proxies.
 pub const MOST_HULLS: u32 = 256;
-/// Least length of a plane's normal, or a hinge's axis, before it is normalised.
+/// Least length of a plane's normal or a hinge's axis before it is normalised.
 const SHORTEST_NORMAL: f64 = 1e-9;
 
-/// Over what a soft body's dilatation (volumetric strain) is one number.
+/// The volume over which a soft body's dilatation (volumetric strain) is taken to be constant.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Dilatation {
-    /// A tetrahedron: linear ones lock as Poisson's ratio nears one half.
+    /// A single tetrahedron. Linear tetrahedra show volumetric locking as Poisson's ratio nears one half.
     #[default]
     Element,
-    /// The mean of a patch of neighbouring tetrahedra, against locking ([`crate::prepare::patch`]).
+    /// A patch of neighbouring tetrahedra, which share their mean dilatation (F-bar) against volumetric locking; see
+    /// [`crate::prepare::patch`].
     Patch,
 }
 
 impl Dilatation {
-    /// What a scene may ask for.
+    /// Names that a scene file may give, with their values.
     pub const CHOICES: [(&str, Dilatation); 2] = [("element", Dilatation::Element), ("patch", Dilatation::Patch)];
 }
 
-/// Adds all bodies, in file order; names are unique and never `tool`.
+/// Adds all bodies of the file, in its order; names must be unique and not `tool`.
 pub(super) fn read(root: &Table, builder: &mut SceneBuilder) -> Result<()> {
     let Some(array) = root.get("body") else { return Ok(()) };
     for element in array.array()? {
@@ -124,7 +128,7 @@ fn body(value: &Value) -> Result<Body> {
     })
 }
 
-/// Refuses the first of `keys` that the table has.
+/// Fails if the table has any of `keys`, and names the first.
 fn refuse(table: &Table, keys: &[&str], why: &str) -> Result<()> {
     match keys.iter().find(|key| table.has(key)) {
         Some(key) => Err(table.error(key, why, "remove it")),
@@ -169,7 +173,7 @@ fn shape(table: &Table) -> Result<Shape> {
     }
 }
 
-/// A mesh file with one of these extensions; others are refused by name.
+/// The path of a mesh file with one of these extensions; the error names any other extension.
 pub(super) fn mesh_file(value: &Value, extensions: &[&str]) -> Result<PathBuf> {
     let path = value.file()?;
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
@@ -177,7 +181,7 @@ pub(super) fn mesh_file(value: &Value, extensions: &[&str]) -> Result<PathBuf> {
         return Ok(path);
     }
     Err(value
-        .error(format!("files of type .{extension} are not read here"), format!("give .{}", extensions.join(", ."))))
+        .error(format!("files of type .{extension} are not supported"), format!("give .{}", extensions.join(", ."))))
 }
 
 fn surface(value: &Value) -> Result<Surface> {
@@ -191,7 +195,7 @@ fn surface(value: &Value) -> Result<Surface> {
     Ok(Surface::Model { model, vertices: vertices as usize })
 }
 
-/// A surface that is not made here: of a file, or handed over.
+/// A surface that the engine does not generate: from a file, or passed in memory.
 pub(super) fn given_surface(value: &Value) -> Result<Surface> {
     if value.is_text() {
         return mesh_file(value, &["obj"]).map(Surface::File);
@@ -199,7 +203,7 @@ pub(super) fn given_surface(value: &Value) -> Result<Surface> {
     value.table(&["mesh"])?.need("mesh")?.mesh(Meshes::surface).map(Surface::Mesh)
 }
 
-/// Whether a table is `{ mesh = ".." }`.
+/// Whether the value is a table `{ mesh = ".." }`, which names a mesh passed in memory.
 fn names_mesh(value: &Value) -> bool {
     value.unchecked_table().is_ok_and(|table| table.has("mesh"))
 }
@@ -229,29 +233,30 @@ fn layer(value: &Value) -> Result<Layer> {
     counts.held(Layer::Box { low, high, cells }, check::box_cells(cells))
 }
 
-/// How much larger cells may be deep inside.
+/// Edge of the largest cells deep inside, as a multiple of those at the surface.
 fn grade(value: &Value) -> Result<u32> {
     let grade = value.whole(1, 8)?;
     value.held(grade, check::grade(grade))
 }
 
-/// `[[x, y, z], [x, y, z]]`, the first below the second on every axis.
+/// Two corners of a box, `[[x, y, z], [x, y, z]]`; the first is below the second on every axis.
 pub(super) fn corners(value: &Value) -> Result<(DVec3, DVec3)> {
     let [low, high] = value.array_of(Value::vector)?;
     value.held((low, high), check::corners(low, high))
 }
 
-/// `[x, y, z, radius]`.
+/// Centre and radius of a sphere, `[x, y, z, radius]`.
 pub(super) fn sphere(value: &Value) -> Result<(DVec3, f64)> {
     let [x, y, z, radius] = value.array_of(Value::number)?;
     value.held((DVec3::new(x, y, z), radius), check::radius(radius))
 }
 
-/// One core a bone, fixed where `[[body.core]]` of the same name does not say more; then the other cores.
+/// The cores of a soft body: first one per bone, fixed unless a `[[body.core]]` of the same name says how it moves;
+/// then the other cores.
 fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
     let bones = skeleton.map_or(&[][..], |skeleton| &skeleton.bones);
     if bones.is_empty() {
-        refuse(table, &["bones"], "says how the bones of a `skeleton` move, and there is none")?;
+        refuse(table, &["bones"], "says how the bones of a `skeleton` move, but the body has no `skeleton`")?;
     }
     let motions = [("fixed", false), ("dynamic", true)];
     let usual = match table.or("bones", false, |value| value.one_of("motion of all bones", &motions))? {
@@ -276,13 +281,13 @@ fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
         let motion = motion(&core)?;
         let (mass, hinge) = dynamic_keys(&core, &motion)?;
         if let Some(bone) = cores[..bones.len()].iter_mut().find(|bone| bone.name == name) {
-            refuse(&core, &["bind"], "the core is a bone, and the skeleton says which nodes it carries")?;
+            refuse(&core, &["bind"], "the core is a bone: the skeleton determines its attached nodes")?;
             (bone.motion, bone.mass, bone.hinge) = (motion, mass, hinge);
             continue;
         }
         if !bones.is_empty() && !core.has("bind") {
             let names: Vec<&str> = bones.iter().map(|bone| bone.name.as_str()).collect();
-            let problem = format!("\"{name}\" is neither a bone nor has it a `bind`");
+            let problem = format!("\"{name}\" is not a bone and has no `bind`");
             return Err(core.error("name", problem, format!("{}, or add `bind`", suggest(&name, &names))));
         }
         let bind = Some(bind(&core.need("bind")?)?);
@@ -291,7 +296,7 @@ fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
     Ok(cores)
 }
 
-/// Mass and hinge of a dynamic core; refused where nothing moves by them.
+/// Mass and hinge of a core; refused where the core is not dynamic, since nothing would use them.
 fn dynamic_keys(table: &Table, motion: &Motion) -> Result<(Option<f64>, Option<Hinge>)> {
     if !matches!(motion, Motion::Dynamic) {
         refuse(table, &DYNAMIC_KEYS, "belongs to motion = \"dynamic\"")?;
@@ -309,7 +314,7 @@ fn hinge(value: &Value) -> Result<Hinge> {
     Ok(Hinge { point: table.need("point")?.vector()?, axis: direction.normalize() })
 }
 
-/// The one core of a rigid body, named after it.
+/// The only core of a rigid body; it has the body's name.
 fn rigid_core(table: &Table, name: &str) -> Result<Core> {
     let motion = motion(table)?;
     let (mass, hinge) = dynamic_keys(table, &motion)?;

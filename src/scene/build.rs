@@ -1,5 +1,5 @@
-//! [`SceneBuilder`]: a scene made piece by piece, of values, of the tables of scene files, and of meshes in memory. The reader
-//! of scene files is made of it; `check.rs` has the rules.
+//! [`SceneBuilder`]: makes a scene piece by piece, from Rust values, from tables in the format of scene files, and from
+//! meshes in memory. The reader of scene files (`load.rs`) uses it too; the rules for values are in `check.rs`.
 
 use std::path::PathBuf;
 
@@ -15,8 +15,8 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// A scene in the making. Each call checks what it is given and is refused with the key that a scene file would have for it;
-/// after an error nothing has changed. Whether what bodies and probes name is there is checked by [`SceneBuilder::build`].
+/// A scene under construction. Each method checks what it is given; an error names the key that a scene file would have
+/// for it, and leaves the scene unchanged. That the bodies which it names exist is checked by [`SceneBuilder::build`].
 ///
 /// ```
 /// use palpate::SceneBuilder;
@@ -43,22 +43,22 @@ pub struct SceneBuilder {
 }
 
 impl SceneBuilder {
-    /// A scene of nothing, all else as a scene file without any table has it. `name`: what errors and results call it. Files that
-    /// tables name are relative to its folder; those of [`super::Surface::File`] and [`super::Layer::File`] to the working
-    /// directory.
+    /// A scene without bodies and tool; all else is as in a scene file without any table. Errors and results show
+    /// `name`. Files that tables name are relative to the folder of `name`; those of [`super::Surface::File`] and
+    /// [`super::Layer::File`] are relative to the working directory.
     pub fn new(name: impl Into<PathBuf>) -> SceneBuilder {
         SceneBuilder { scene: Scene::empty(name), meshes: Meshes::default() }
     }
 
-    /// Goes on with a scene.
+    /// Starts from an existing scene.
     pub fn of(scene: Scene) -> SceneBuilder {
         SceneBuilder { scene, meshes: Meshes::default() }
     }
 
-    /// Time step, gravity and Newton iterations.
+    /// Sets time step, gravity and number of Newton iterations.
     ///
     /// # Errors
-    /// A value that a scene file may not have either; the same holds for the calls below.
+    /// The value is one that a scene file may not have either; the same holds for the methods below.
     pub fn step(&mut self, step: Step) -> Result<&mut Self> {
         step.check().map_err(|problem| self.wrong("step", problem))?;
         self.overrule(&["step.dt", "step.newton"]);
@@ -66,7 +66,7 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// The linear solver.
+    /// Sets the linear solver.
     pub fn solver(&mut self, solver: Solver) -> Result<&mut Self> {
         solver.check().map_err(|problem| self.wrong("solver", problem))?;
         self.overrule(&["solver.tolerance", "solver.max_iterations"]);
@@ -74,7 +74,7 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// The contact law.
+    /// Sets the contact law.
     pub fn contact(&mut self, contact: Contact) -> Result<&mut Self> {
         contact.check().map_err(|problem| self.wrong("contact", problem))?;
         self.overrule(&["contact.sides"]);
@@ -82,7 +82,7 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Adds a body, whose name is no other body's and not "tool".
+    /// Adds a body. Its name must not be that of another body, nor "tool".
     pub fn body(&mut self, body: Body) -> Result<&mut Self> {
         let key = format!("body.{}", body.name);
         let cores = body.cores.into_iter().map(|core| match core.motion {
@@ -95,35 +95,35 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// What the device holds, in place of any other.
+    /// Sets the tool, which the haptic device moves; it replaces an earlier one.
     pub fn tool(&mut self, tool: Tool) -> Result<&mut Self> {
         tool.check().map_err(|problem| self.wrong("tool", problem))?;
         self.scene.tool = Some(Tool { orientation: unit(tool.orientation), ..tool });
         Ok(self)
     }
 
-    /// The virtual coupling between device and tool.
+    /// Sets the virtual coupling between haptic device and tool.
     pub fn coupling(&mut self, coupling: Coupling) -> Result<&mut Self> {
         coupling.check().map_err(|problem| self.wrong("coupling", problem))?;
         self.scene.coupling = Some(coupling);
         Ok(self)
     }
 
-    /// The trajectory of the device, linear between keys.
+    /// Sets the reference trajectory of the haptic device, linear between keys.
     pub fn drive(&mut self, keys: Vec<Key>) -> Result<&mut Self> {
         check::keys(&keys).map_err(|problem| self.wrong("drive.keys", problem))?;
         self.scene.drive = unit_keys(keys);
         Ok(self)
     }
 
-    /// The haptic device and its loop; whether a device holds the tool follows from which it is.
+    /// Sets the haptic device and its loop; [`Haptics::is_held`] is set according to the kind of device.
     pub fn haptics(&mut self, haptics: Haptics) -> Result<&mut Self> {
         haptics.check().map_err(|problem| self.wrong("haptics", problem))?;
         self.scene.haptics = Haptics { is_held: haptics.device != DeviceKind::Scripted, ..haptics };
         Ok(self)
     }
 
-    /// A skin vertex to follow.
+    /// Adds a probe: a skin vertex whose position is recorded.
     pub fn probe(&mut self, probe: Probe) -> Result<&mut Self> {
         let key = format!("probe.{}", probe.name);
         probe.check(&self.scene.probes).map_err(|problem| self.wrong(&key, problem))?;
@@ -131,19 +131,20 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Adds the tables of a text, as of a scene file: bodies and probes come after those that there are, other tables and
-    /// keys replace what there is, and what the text leaves out stays. What it names is there already.
+    /// Adds the tables of a text in the format of scene files: its bodies and probes come after the existing ones, its
+    /// other tables and keys replace existing values, and what it leaves out stays. Bodies that it names must exist, in
+    /// the text or before it.
     pub fn toml(&mut self, text: &str) -> Result<&mut Self> {
         let document = self.source(text).parse()?;
         self.add_document(text, &document)?;
         Ok(self)
     }
 
-    /// The scene.
+    /// Checks the scene as a whole and returns it.
     ///
     /// # Errors
-    /// There is neither a body nor a tool; a body, probe or tool names what is not there; there is a coupling and no tool; or
-    /// the scene that the builder went on with has a value that cannot be.
+    /// There is neither a body nor a tool; a body, probe or tool names something that does not exist; there is a
+    /// coupling or a trajectory but no tool; or the scene that the builder started from has an invalid value.
     pub fn build(&self) -> Result<Scene> {
         let scene = &self.scene;
         scene.check_filled()?;
@@ -157,7 +158,7 @@ impl SceneBuilder {
         of("haptics", scene.haptics.check())?;
         for (key, is_given) in [("coupling", scene.coupling.is_some()), ("drive", !scene.drive.is_empty())] {
             if is_given && scene.tool.is_none() {
-                return Err(Error::key(&scene.file, key, "there is no tool to hold", "add a tool, or leave it out"));
+                return Err(Error::key(&scene.file, key, "the scene has no tool for it", "add a tool or leave it out"));
             }
         }
         let check = names::resolve(scene, [0, 0], true);
@@ -167,24 +168,24 @@ impl SceneBuilder {
         Ok(scene.clone())
     }
 
-    /// What is made so far, of which names may be missing.
+    /// The scene as it is so far; names in it may still be unresolved.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Meshes that tables may name from now on.
+    /// Meshes in memory, which tables may name from now on.
     #[doc(hidden)]
     pub fn meshes(&mut self) -> &mut Meshes {
         &mut self.meshes
     }
 
-    /// As [`SceneBuilder::toml`] of tables that nobody wrote: errors name keys, not lines.
+    /// As [`SceneBuilder::toml`], for tables that a program made: without a text, errors name keys but no lines.
     #[doc(hidden)]
     pub fn tables(&mut self, tables: &toml::Table) -> Result<()> {
         self.add_document("", &Node::from(tables))
     }
 
-    /// Replaces the tool and its coupling, if there are any, by those of tables that nobody wrote.
+    /// Replaces the tool and its coupling, if there are any, by those of these tables, which a program made.
     #[doc(hidden)]
     pub fn replace_tool(&mut self, tables: &toml::Table) -> Result<()> {
         let mut next = self.clone();
@@ -194,7 +195,8 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// Says with what a body collides, by name; `None`: with every other. The names are there already.
+    /// Sets by name which bodies the body with index `body` collides with; `None`: every other. The named bodies must
+    /// exist.
     pub fn collides(&mut self, body: usize, names: Option<Vec<String>>) -> Result<&mut Self> {
         let bodies = self.scene.bodies.len();
         let Some(named) = self.scene.bodies.get(body) else {
@@ -210,7 +212,7 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Adds a body; the problem's key is within the body's.
+    /// Adds a body; the key of a problem is relative to the body's table.
     pub(super) fn put_body(&mut self, body: Body) -> Check {
         if body.name == TOOL || self.scene.bodies.iter().any(|other| other.name == body.name) {
             let problem = format!("\"{}\" is taken", body.name);
@@ -221,12 +223,12 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// What is made so far, for the reader of tables.
+    /// The scene as it is so far, for `load.rs` to change.
     pub(super) fn scene_mut(&mut self) -> &mut Scene {
         &mut self.scene
     }
 
-    /// What a preset decided is decided otherwise.
+    /// Notes that these keys no longer have the preset's values.
     fn overrule(&mut self, keys: &[&str]) {
         if let Some(preset) = &mut self.scene.preset {
             preset.set.retain(|(key, _)| !keys.contains(key));
@@ -353,9 +355,9 @@ mod tests {
         refused(
             &mut builder,
             &body("inside", "inside"),
-            "s:3: `body.a.surface.mesh`: no mesh \"inside\" was handed over",
+            "s:3: `body.a.surface.mesh`: there is no mesh \"inside\" in memory",
         );
-        refused(&mut builder, &body("skin", "skin"), "s:4: `body.a.layer.mesh`: no mesh \"skin\" was handed over");
+        refused(&mut builder, &body("skin", "skin"), "s:4: `body.a.layer.mesh`: there is no mesh \"skin\" in memory");
         refused(&mut builder, &body("skin", "inside\", cell = \"1"), "unknown key `body.a.layer.cell`");
         builder.toml(&body("skin", "inside")).unwrap();
         builder.toml("[tool]\nsurface = { mesh = \"skin\" }\nmass = 1").unwrap();
@@ -364,7 +366,7 @@ mod tests {
         else {
             panic!("{:?}", builder.scene().bodies[0]);
         };
-        // As a file's would be, it was turned.
+        // The tetrahedron was given inside out, and was turned as one from a file would be.
         assert_eq!((skin.triangles.len(), inside.tetrahedra[0]), (4, [0, 2, 3, 1]));
     }
 
@@ -392,7 +394,7 @@ mod tests {
         body
     }
 
-    /// What a builder says of a value, without the scene's name.
+    /// The message of a builder's error, without the scene's name at its beginning.
     fn words(result: Result<&mut SceneBuilder>) -> String {
         let error = result.map(|_| ()).unwrap_err().to_string();
         error.strip_prefix("s: ").unwrap().into()
@@ -507,7 +509,7 @@ mod tests {
         assert!(refused(vec![joint([0, 3])]).starts_with("`body.a.joint[0].cores`: names core 3, and there are 3"));
         assert!(refused(vec![joint([1, 1])]).starts_with("`body.a.joint[0].cores`: is the same core"));
         let loop_of_three = vec![joint([0, 1]), joint([1, 2]), joint([2, 0])];
-        assert!(refused(loop_of_three).starts_with("`body.a.joint[2]`: \"e\" and \"c\" hang together already"));
+        assert!(refused(loop_of_three).starts_with("`body.a.joint[2]`: \"e\" and \"c\" are already connected"));
         let swing = Resistance { swing: Some(4.0), ..Resistance::default() };
         let said = refused(vec![Joint { resistance: swing, ..joint([0, 1]) }]);
         assert!(said.starts_with("`body.a.joint[0].swing`: is 4.0; give an angle below pi"), "{said}");
@@ -535,7 +537,7 @@ mod tests {
             "`step.newton`: is 0; give a whole number from 1 to 100",
             "`solver.tolerance`: is 1.0; give a number below one",
             "`contact.friction`: is -0.1; give zero or a number greater than zero",
-            "`contact.friction_speed`: is 0.0; give 1e-6 m/s or more: single precision knows no less",
+            "`contact.friction_speed`: is 0.0; give 1e-6 m/s or more: smaller values are lost in single precision",
             "`tool.sphere`: is 0.0; give a number greater than zero, 1e-30 at least",
             "`tool.mass`: is 0.0; give a number greater than zero, 1e-30 at least",
             "`coupling.stiffness`: is -1.0; give zero or a number greater than zero",
@@ -550,7 +552,7 @@ mod tests {
         assert!(all.build().unwrap_err().to_string().contains("`body.a.collides`: there is no body \"b\""));
         all.body(Body { name: "b".into(), dilatation: Dilatation::Patch, ..soft() }).unwrap();
         all.drive(vec![Key::at(0.0, [0.0; 3])]).unwrap();
-        assert!(all.build().unwrap_err().to_string().contains("`drive`: there is no tool to hold"));
+        assert!(all.build().unwrap_err().to_string().contains("`drive`: the scene has no tool for it"));
         all.tool(Tool::body("b")).unwrap();
         assert!(all.build().unwrap_err().to_string().contains("`tool.body`: the first core of \"b\""));
         all.tool(Tool::sphere(0.1, 1.0)).unwrap();

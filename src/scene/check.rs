@@ -1,5 +1,5 @@
-//! The rules that the values of a scene obey. [`super::SceneBuilder`] asks for whole values, whoever made them; a file's reader
-//! (`keys.rs`) asks for single numbers besides, so that it can tell the line.
+//! The rules that the values of a scene obey. [`super::SceneBuilder`] checks whole structs, whoever made them; the
+//! reader of scene files (`keys.rs`) also checks single numbers, so that it can report their line.
 
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
@@ -13,62 +13,64 @@ use super::{
     Layer, MOST_HULLS, Material, Motion, Place, Probe, Shape, Solver, Step, Surface, Tool, ToolShape,
 };
 
-/// Greatest magnitude of a number: it must fit in single precision with room for a product.
+/// Greatest magnitude of a number: it must fit in single precision, with room for a product.
 pub const LARGEST: f64 = 1e30;
-/// Least magnitude of a number that must be greater than zero, for the same reason.
+/// Least magnitude of a number that must be greater than zero, for the same reason as `LARGEST`.
 const SMALLEST: f64 = 1e-30;
-/// Characters of a name at most: with an extension it must be a file name everywhere.
+/// Greatest length of a name, characters: with an extension it must be a valid file name on every system.
 const LONGEST_NAME: usize = 100;
-/// How far from one the length of a quaternion may be: more is a typing error, less is rounding.
+/// How far a quaternion's length may be from one: a smaller difference is rounding, a larger one a typing error.
 const UNIT_TOLERANCE: f64 = 1e-3;
-/// How far from one the length of a normal or an axis may be that a program gives; a file's reader makes them unit itself.
+/// How far the length of a normal or an axis that a program gives may be from one; the reader of files normalises its
+/// own.
 const NORMAL_TOLERANCE: f64 = 1e-6;
-/// Iterations at most: they are recorded beforehand, four passes each.
+/// Greatest number of solver iterations: they are recorded beforehand, with four passes each.
 pub const MOST_ITERATIONS: u32 = 10_000;
-/// Linearisations of a step at most.
+/// Greatest number of Newton iterations in a step.
 pub const MOST_LINEARISATIONS: u32 = 100;
-/// Least speed at which friction may turn from viscous to Coulomb's, m/s.
+/// Least speed at which regularised friction may change from viscous to Coulomb, m/s.
 const SLOWEST: f64 = 1e-6;
-/// Cells along a surface at most.
+/// Greatest number of lattice cells along the largest extent of a surface.
 pub const MOST_ACROSS: u32 = 1000;
-/// Cells of a box along an axis at most.
+/// Greatest number of cells of a box layer along an axis.
 pub const MOST_CELLS: u32 = 1 << 20;
-/// Tetrahedra of a box layer at most: elements of a texel buffer that every Vulkan device with large buffers has.
+/// Greatest number of tetrahedra of a box layer: every Vulkan device with large texel buffers holds this many elements
+/// in one.
 const MOST_BOX_TETRAHEDRA: u64 = 1 << 27;
-/// Below -0.5 the neo-Hookean law's bulk term comes near zero.
+/// Range of Poisson's ratio. Below -0.5 the bulk term of the neo-Hookean law comes near zero.
 const POISSON: std::ops::Range<f64> = -0.5..0.5;
-/// Column prefixes of the trace that a probe must not take.
+/// Column prefixes of the trace, which no probe may have as its name.
 const RESERVED_PROBES: [&str; 4] = ["tool", "device", "force", "torque"];
-/// What a key of a trajectory is.
+/// Remedy for a faulty key of a trajectory: says what a key is.
 pub const KEY_REMEDY: &str =
     "a key is t,x,y,z or t,x,y,z,qx,qy,qz,qw: numbers below 1e30, unit quaternion, times increasing";
 
-/// What is wrong with a value, and what to do about it.
+/// A fault of a value, and its remedy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
-    /// Dotted path of the key within what was checked; empty: all of it.
+    /// Dotted path of the faulty key, relative to the value that was checked; empty where that whole value is at fault.
     pub key: String,
-    /// What is wrong.
+    /// What is at fault.
     pub problem: String,
-    /// What the user can do.
+    /// What the user can do about it.
     pub remedy: String,
 }
 
-/// Sound, or a problem.
+/// The result of a check: the value is valid, or a problem.
 pub type Check<T = ()> = std::result::Result<T, Problem>;
 
 impl Problem {
-    /// A problem of the checked value itself.
+    /// A problem of the whole value that was checked.
     pub fn new(problem: impl Into<String>, remedy: impl Into<String>) -> Problem {
         Problem { key: String::new(), problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// A problem of a key of the checked value.
+    /// A problem of one key of the value that was checked.
     pub fn of(key: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Problem {
         Problem { key: key.into(), problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// This problem as whoever has the checked value under a key calls it: the key goes before the problem's own.
+    /// Puts `key` before the problem's own key, for a caller who has the checked value under that key.
     pub fn within(mut self, key: impl AsRef<str>) -> Problem {
         let dot = if self.key.is_empty() || self.key.starts_with('[') { "" } else { "." };
         self.key = format!("{}{dot}{}", key.as_ref(), self.key);
@@ -76,7 +78,7 @@ impl Problem {
     }
 }
 
-/// A check of what stands under a key.
+/// Prefixes the key of a problem, if a check found one; see [`Problem::within`].
 trait Under {
     fn under(self, key: impl AsRef<str>) -> Self;
 }
@@ -91,71 +93,72 @@ fn is(x: impl Debug, remedy: impl Into<String>) -> Problem {
     Problem::new(format!("is {x:?}"), remedy)
 }
 
-/// A finite number within single precision.
+/// Checks that a number is finite and within single precision.
 pub fn finite(x: f64) -> Check {
     let sound = x.is_finite() && x.abs() <= LARGEST;
     if sound { Ok(()) } else { Err(is(x, "give a finite number below 1e30 in magnitude")) }
 }
 
-/// A number greater than zero.
+/// Checks that a number is greater than zero.
 pub fn positive(x: f64) -> Check {
     finite(x)?;
     let remedy = || format!("give a number greater than zero, {SMALLEST:e} at least");
     if x >= SMALLEST { Ok(()) } else { Err(is(x, remedy())) }
 }
 
-/// A number that is zero or more.
+/// Checks that a number is zero or more.
 pub fn not_negative(x: f64) -> Check {
     finite(x)?;
     if x >= 0.0 { Ok(()) } else { Err(is(x, "give zero or a number greater than zero")) }
 }
 
-/// Poisson's ratio.
+/// Checks Poisson's ratio.
 pub fn poisson(x: f64) -> Check {
     finite(x)?;
     if POISSON.contains(&x) { Ok(()) } else { Err(is(x, "give a number from -0.5 to below 0.5")) }
 }
 
-/// A relative residual to stop at.
+/// Checks a tolerance for the relative residual.
 pub fn tolerance(x: f64) -> Check {
     positive(x)?;
     if x < 1.0 { Ok(()) } else { Err(is(x, "give a number below one")) }
 }
 
-/// A speed below which friction is viscous, m/s.
+/// Checks the speed below which friction is viscous, m/s.
 pub fn friction_speed(x: f64) -> Check {
     finite(x)?;
-    let remedy = "give 1e-6 m/s or more: single precision knows no less";
+    let remedy = "give 1e-6 m/s or more: smaller values are lost in single precision";
     if x >= SLOWEST { Ok(()) } else { Err(is(x, remedy)) }
 }
 
-/// A rate that the loop can keep, Hz.
+/// Checks the rate of the haptic loop, Hz.
 pub fn rate(rate: f64) -> Check {
     positive(rate)?;
     let [low, high] = HAPTIC_RATES;
     if (low..=high).contains(&rate) { Ok(()) } else { Err(is(rate, format!("give {low:?} to {high:?} Hz"))) }
 }
 
-/// An angle that limits a joint, rad.
+/// Checks an angle that limits a joint, rad.
 pub fn limit(angle: f64) -> Check {
     positive(angle)?;
     let remedy = "give an angle below pi (rad), or leave it out for no limit";
     if angle < std::f64::consts::PI { Ok(()) } else { Err(is(angle, remedy)) }
 }
 
-/// How much larger cells may be deep inside.
+/// Checks the edge of the largest cells deep inside a layer, as a multiple of those at the surface.
 pub fn grade(grade: u32) -> Check {
     let sound = (1..=8).contains(&grade) && grade.is_power_of_two();
     if sound { Ok(()) } else { Err(is(grade, "give 1, 2, 4 or 8")) }
 }
 
-/// A whole number in a range.
+/// Checks that a whole number lies in a range.
 pub fn whole(x: u32, range: RangeInclusive<u32>) -> Check {
     let remedy = || format!("give a whole number from {} to {}", range.start(), range.end());
     if range.contains(&x) { Ok(()) } else { Err(is(x, remedy())) }
 }
 
-/// A name: letters, digits, `_`, `-` and `.`, for it becomes part of file names and column heads.
+/// Checks a name: it may have letters, digits, `_`, `-` and `.`, because it becomes part of file names and column
+/// headings.
 pub fn name(text: &str) -> Check {
     let allowed = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
     if text.is_empty() || text.starts_with('.') || !text.chars().all(allowed) {
@@ -169,7 +172,7 @@ pub fn name(text: &str) -> Check {
     Ok(())
 }
 
-/// Least and greatest corner.
+/// Checks the least and the greatest corner of a box.
 pub fn corners(low: DVec3, high: DVec3) -> Check {
     let remedy = "give the least corner first";
     if low.cmplt(high).all() {
@@ -179,14 +182,14 @@ pub fn corners(low: DVec3, high: DVec3) -> Check {
     }
 }
 
-/// A sphere's radius, m.
+/// Checks the radius of a sphere, m.
 pub fn radius(radius: f64) -> Check {
     finite(radius)?;
     let remedy = "give x, y, z and a radius above zero";
     if radius > 0.0 { Ok(()) } else { Err(Problem::new(format!("has radius {radius:?}"), remedy)) }
 }
 
-/// Tetrahedra of a box of so many cells along its axes.
+/// Checks that a box with these numbers of cells along its axes has not too many tetrahedra.
 pub fn box_cells(cells: [u32; 3]) -> Check {
     let total = cells.iter().try_fold(6_u64, |product, &count| product.checked_mul(count.into()));
     if total.is_some_and(|total| total <= MOST_BOX_TETRAHEDRA) {
@@ -195,7 +198,7 @@ pub fn box_cells(cells: [u32; 3]) -> Check {
     Err(Problem::new("makes too many tetrahedra", format!("stay below {MOST_BOX_TETRAHEDRA} (6 a cell)")))
 }
 
-/// A quaternion x y z w, normalised if its length is one but for rounding.
+/// The normalised quaternion x y z w; fails where its length differs from one by more than rounding.
 pub fn unit_quaternion(q: [f64; 4]) -> Check<DQuat> {
     let quaternion = DQuat::from_array(q);
     let length = quaternion.length();
@@ -206,7 +209,7 @@ pub fn unit_quaternion(q: [f64; 4]) -> Check<DQuat> {
     }
 }
 
-/// The numbers of a trajectory's key, `before`: the time of the key before it, s.
+/// Checks that the time of a trajectory's key (s) comes after `before`, the time of the key before it.
 pub fn key_time(time: f64, before: Option<f64>) -> Check {
     match before {
         Some(before) if before >= time => {
@@ -216,7 +219,7 @@ pub fn key_time(time: f64, before: Option<f64>) -> Check {
     }
 }
 
-/// The name of a probe among others.
+/// Checks that the name of a probe is free; `others` are the other probes.
 pub fn probe_name(name: &str, others: &[Probe]) -> Check {
     if others.iter().any(|probe| probe.name == name) {
         return Err(Problem::of("name", format!("\"{name}\" is taken by another probe"), "choose another name"));
@@ -246,7 +249,7 @@ fn orientation(q: DQuat) -> Check {
     unit_quaternion(q.to_array()).map(|_| ())
 }
 
-/// The keys of a trajectory.
+/// Checks all keys of a trajectory.
 pub fn keys(keys: &[Key]) -> Check {
     if keys.is_empty() {
         return Err(Problem::new("is empty", "give at least one key"));
@@ -266,7 +269,7 @@ pub fn keys(keys: &[Key]) -> Check {
 }
 
 impl Step {
-    /// The first value that cannot be.
+    /// Checks all values, and returns the first problem.
     pub(crate) fn check(&self) -> Check {
         positive(self.dt).under("dt")?;
         vector(self.gravity).under("gravity")?;
@@ -275,7 +278,7 @@ impl Step {
 }
 
 impl Solver {
-    /// The first value that cannot be.
+    /// Checks all values, and returns the first problem.
     pub(crate) fn check(&self) -> Check {
         tolerance(self.tolerance).under("tolerance")?;
         whole(self.max_iterations, 1..=MOST_ITERATIONS).under("max_iterations")
@@ -283,7 +286,7 @@ impl Solver {
 }
 
 impl Contact {
-    /// The first value that cannot be.
+    /// Checks all values, and returns the first problem.
     pub(crate) fn check(&self) -> Check {
         self.stiffness.map_or(Ok(()), positive).under("stiffness")?;
         self.damping.map_or(Ok(()), not_negative).under("damping")?;
@@ -295,7 +298,7 @@ impl Contact {
 }
 
 impl Coupling {
-    /// The first value that cannot be.
+    /// Checks all values, and returns the first problem.
     pub(crate) fn check(&self) -> Check {
         not_negative(self.stiffness).under("stiffness")?;
         not_negative(self.damping).under("damping")?;
@@ -305,7 +308,7 @@ impl Coupling {
 }
 
 impl Material {
-    /// The first value that cannot be.
+    /// Checks all values, and returns the first problem.
     pub(crate) fn check(&self) -> Check {
         positive(self.young).under("young")?;
         poisson(self.poisson).under("poisson")?;
@@ -316,7 +319,8 @@ impl Material {
 }
 
 impl Haptics {
-    /// The first value that cannot be. What a service or the simulated hand is told beside is checked where a file is read.
+    /// Checks the values, and returns the first problem. Settings of the Haply service and of the simulated hand are
+    /// not checked here, but where a file is read.
     pub(crate) fn check(&self) -> Check {
         rate(self.rate).under("rate")?;
         let limits = &self.limits;
@@ -329,7 +333,7 @@ impl Haptics {
         ];
         limits.into_iter().try_for_each(|(key, limit)| limit.map_or(Ok(()), positive).under(key))?;
         if self.recording.is_some() && self.device != DeviceKind::Replay {
-            return Err(Problem::of("recording", "belongs to device = \"replay\"", "remove it, or the device"));
+            return Err(Problem::of("recording", "belongs to device = \"replay\"", "remove it or set `device`"));
         }
         if let (DeviceKind::Haply, Some(profile)) = (self.device, self.profile) {
             of_haply(profile).map_err(|remedy| Problem::of("profile", NOT_HAPLYS, remedy))?;
@@ -340,7 +344,7 @@ impl Haptics {
 }
 
 impl Tool {
-    /// The first value that cannot be.
+    /// Checks all values, and returns the first problem.
     pub(crate) fn check(&self) -> Check {
         match &self.shape {
             ToolShape::Sphere(radius) => positive(*radius).under("sphere")?,
@@ -350,7 +354,7 @@ impl Tool {
         let (is_body, is_sphere) =
             (matches!(self.shape, ToolShape::Body(_)), matches!(self.shape, ToolShape::Sphere(_)));
         let (shape, given): (_, &[(&str, bool)]) = match (is_body, is_sphere) {
-            // It has that body's mass and pose.
+            // A tool that is a body of the scene has that body's mass and pose.
             (true, _) => (
                 "body",
                 &[
@@ -379,7 +383,7 @@ impl Tool {
 }
 
 impl Body {
-    /// The first value that cannot be; whether names of other bodies are there is not looked at.
+    /// Checks all values, and returns the first problem; whether named bodies exist is not checked here.
     pub(crate) fn check(&self) -> Check {
         name(&self.name).under("name")?;
         self.check_shape()?;
@@ -399,8 +403,8 @@ impl Body {
         let bones = self.skeleton.iter().flat_map(|skeleton| &skeleton.bones);
         for (k, bone) in bones.enumerate() {
             if self.cores.get(k).is_none_or(|core| core.name != bone.name) {
-                let problem = format!("bone \"{}\" is no core of the body", bone.name);
-                return Err(Problem::of("skeleton", problem, "give the body a core a bone first, in their order"));
+                let problem = format!("bone \"{}\" has no core in the body", bone.name);
+                return Err(Problem::of("skeleton", problem, "give one core for each bone first, in the bones' order"));
             }
         }
         for (k, joint) in self.joints.iter().enumerate() {
@@ -438,7 +442,7 @@ impl Body {
                 self.check_has_no_layer("a rigid body has none")?;
                 let [core] = &self.cores[..] else {
                     let problem = format!("the body has {} cores", self.cores.len());
-                    return Err(Problem::of("motion", problem, "give a rigid body one, which says how it moves"));
+                    return Err(Problem::of("motion", problem, "give a rigid body exactly one, with its motion"));
                 };
                 let is_dynamic = matches!(core.motion, Motion::Dynamic);
                 if is_dynamic && core.mass.is_none() {
@@ -474,7 +478,7 @@ impl Body {
         Ok(())
     }
 
-    /// What only a body with a layer has.
+    /// Fails if the body has anything that only a body with a layer may have; `why` is the problem to report.
     fn check_has_no_layer(&self, why: &str) -> Check {
         let given = [
             ("material", self.material.is_some()),
@@ -512,15 +516,15 @@ impl Body {
         }
         if closes_loop(&self.joints[..index], joint, &self.cores) {
             let [a, b] = joint.cores.map(|core| &self.cores[core].name);
-            let problem = format!("\"{a}\" and \"{b}\" hang together already, by other cores");
-            return Err(Problem::new(problem, "remove one: dynamic cores with joints form trees"));
+            let problem = format!("\"{a}\" and \"{b}\" are already connected through other joints");
+            return Err(Problem::new(problem, "remove one: joints between dynamic cores must not form a loop"));
         }
         Ok(())
     }
 }
 
 impl Probe {
-    /// The first value that cannot be, among other probes.
+    /// Checks all values, and returns the first problem; `others` are the other probes.
     pub(crate) fn check(&self, others: &[Probe]) -> Check {
         name(&self.name).under("name")?;
         probe_name(&self.name, others)?;
@@ -562,11 +566,11 @@ impl Layer {
 }
 
 impl Place {
-    /// `groups`: whether the layer may have any.
+    /// Checks a material region's place; `groups`: whether the layer can have element groups.
     fn check(&self, groups: bool) -> Check {
         match self {
             Place::Group(_) if !groups => {
-                let problem = "the layer is made here and has no groups";
+                let problem = "the layer is generated and has no groups";
                 Err(Problem::of("group", problem, "give `box` or `sphere`, or a layer from a file"))
             }
             Place::Group(Group::Name(_) | Group::Number(_)) => Ok(()),
@@ -579,7 +583,7 @@ impl Place {
 }
 
 impl Core {
-    /// `is_soft`: whether its body is, and it binds nodes.
+    /// Checks a core; `is_soft`: its body is soft, so that nodes are attached to the core.
     fn check(&self, is_soft: bool) -> Check {
         name(&self.name).under("name")?;
         if let Motion::Driven(list) = &self.motion {
@@ -598,7 +602,7 @@ impl Core {
         }
         match (&self.bind, is_soft) {
             (Some(bind), true) => bind.check().under("bind"),
-            (None, true) => Err(Problem::of("bind", "missing", "say which nodes the core carries")),
+            (None, true) => Err(Problem::of("bind", "missing", "give `bind`, the nodes attached to the core")),
             (Some(_), false) => Err(Problem::of("bind", "belongs to a soft body, and this one is rigid", "remove it")),
             (None, false) => Ok(()),
         }

@@ -1,7 +1,9 @@
-//! A place in a mesh file, text or binary: lines, words and numbers read one by one, errors that say where.
+//! Reads a mesh file, text or binary, from its beginning to its end: lines, words and numbers one by one, with errors
+//! that say where in the file they are.
 //!
-//! The parsers above it are our own because errors name the file and the line and no header's count is trusted with
-//! memory: the mshio crate reads Gmsh 4.1 alone, vtkio is between releases, and neither has lines.
+//! The parsers that use it are our own so that errors name file and line, and so that a wrong count in a file's header
+//! never makes them allocate memory. Of the existing crates, mshio reads only Gmsh 4.1, vtkio is between releases, and
+//! neither reports lines.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -10,38 +12,38 @@ use glam::DVec3;
 
 use crate::{Error, Result};
 
-/// Greatest magnitude of a coordinate: more does not fit in single precision with room for a product.
+/// Greatest magnitude of a coordinate: a larger one does not fit in single precision with room for a product.
 const LARGEST: f64 = 1e30;
 
-/// Order of the bytes of a binary number.
+/// Byte order of binary numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Order {
     Little,
     Big,
 }
 
-/// A file and how far it has been read.
+/// A file's bytes, and the position up to which they have been read.
 pub(super) struct Cursor<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     at: usize,
-    /// Where what was read last begins.
+    /// Position at which the item that was read last begins.
     mark: usize,
-    /// What to do about any damage.
+    /// Remedy for any damage of the file.
     remedy: &'static str,
-    /// Of the numbers, where they are binary.
+    /// Byte order of the numbers; `None` for text.
     pub order: Option<Order>,
-    /// Whether there is a file to say lines of.
+    /// Whether errors name a line; false for a mesh that is not from a file.
     has_lines: bool,
 }
 
-/// The bytes of a mesh file.
+/// Reads all bytes of a mesh file.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path)
         .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give a mesh file"))
 }
 
-/// A word fit for a message.
+/// Shortens a word and escapes it, for use in a message.
 pub(super) fn short(word: &str) -> String {
     word.chars().take(40).collect::<String>().escape_debug().to_string()
 }
@@ -51,12 +53,12 @@ impl<'a> Cursor<'a> {
         Cursor { path, bytes, at: 0, mark: 0, remedy, order: None, has_lines: true }
     }
 
-    /// Of a mesh that is read from nowhere; `name` is what errors say.
+    /// A cursor for a mesh that is not from a file; errors show `name`.
     pub(super) fn of_arrays(name: &'a Path, remedy: &'static str) -> Self {
         Cursor { has_lines: false, ..Cursor::new(name, &[], remedy) }
     }
 
-    /// Where what was read last begins, for [`Cursor::error_at`].
+    /// Position at which the item that was read last begins, for [`Cursor::error_at`].
     pub(super) fn mark(&self) -> usize {
         self.mark
     }
@@ -65,7 +67,7 @@ impl<'a> Cursor<'a> {
         self.error_at(self.mark, problem, self.remedy)
     }
 
-    /// An error at a byte of the file: its line in a text, itself among binary numbers.
+    /// An error at a byte of the file; it names the line of a text, or the byte itself among binary numbers.
     pub(super) fn error_at(&self, mark: usize, problem: impl Into<String>, remedy: &str) -> Error {
         match self.order {
             Some(_) => Error::input(self.path, None, format!("{}, at byte {mark}", problem.into()), remedy),
@@ -86,7 +88,7 @@ impl<'a> Cursor<'a> {
         self.at >= self.bytes.len()
     }
 
-    /// The rest of the line.
+    /// The rest of the current line.
     pub(super) fn next_line(&mut self) -> Option<&'a str> {
         self.mark = self.at;
         if self.ended() {
@@ -95,7 +97,7 @@ impl<'a> Cursor<'a> {
         let rest = &self.bytes[self.at..];
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
         self.at = (self.at + length + 1).min(self.bytes.len());
-        // What is no text is no word either: the parser refuses it by line.
+        // Bytes that are no UTF-8 become a character that no parser accepts, so that the error names this line.
         Some(std::str::from_utf8(&rest[..length]).unwrap_or("\u{fffd}").trim())
     }
 
@@ -109,12 +111,12 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next line that is not empty; `what` is said where the file ends instead.
+    /// The next line that is not empty; `what` says in the error what is missing where the file ends instead.
     pub(super) fn need(&mut self, what: &str) -> Result<&'a str> {
         self.next_filled().ok_or_else(|| self.error(format!("the file ends early, before {what}")))
     }
 
-    /// This line and no other.
+    /// Reads the next line that is not empty, which must be `marker`.
     pub(super) fn expect(&mut self, marker: &str) -> Result<()> {
         match self.need(marker)? {
             line if line == marker => Ok(()),
@@ -122,7 +124,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Goes on behind the next occurrence of a marker, wherever it stands.
+    /// Skips everything up to the end of the next `marker`, wherever that stands.
     pub(super) fn skip_past(&mut self, marker: &str) -> Result<()> {
         let rest = &self.bytes[self.at..];
         match rest.windows(marker.len()).position(|window| window == marker.as_bytes()) {
@@ -137,12 +139,12 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// A number of the line read last.
+    /// Parses a word of the line that was read last.
     pub(super) fn parse<T: FromStr>(&self, word: &str, what: &str) -> Result<T> {
-        word.parse().map_err(|_| self.error(format!("\"{}\" in {what}", short(word))))
+        word.parse().map_err(|_| self.error(format!("\"{}\" is not valid for {what}", short(word))))
     }
 
-    /// All numbers of the next line, at least `least` of them.
+    /// All numbers of the next line; there must be at least `least`.
     pub(super) fn numbers<T: FromStr>(&mut self, what: &str, least: usize) -> Result<Vec<T>> {
         let line = self.need(what)?;
         let numbers: Vec<T> = line.split_whitespace().map(|word| self.parse(word, what)).collect::<Result<_>>()?;
@@ -150,12 +152,12 @@ impl<'a> Cursor<'a> {
             return Err(self.error(format!("the file ends early, within {what}")));
         }
         if numbers.len() < least {
-            return Err(self.error(format!("{} numbers in {what}, which has {least}", numbers.len())));
+            return Err(self.error(format!("{} numbers are too few for {what}, which needs {least}", numbers.len())));
         }
         Ok(numbers)
     }
 
-    /// The next word, across lines.
+    /// The next word, on this line or a later one.
     pub(super) fn word(&mut self, what: &str) -> Result<&'a str> {
         let rest = &self.bytes[self.at..];
         let blank = rest.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(rest.len());
@@ -168,14 +170,14 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next word, not read yet; empty where there is none or it is no text.
+    /// The next word, which stays unread; empty where there is none or it is not UTF-8.
     pub(super) fn peek_word(&self) -> &'a str {
         let rest = self.bytes[self.at..].trim_ascii_start();
         let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
         std::str::from_utf8(&rest[..length]).unwrap_or_default()
     }
 
-    /// So many raw bytes.
+    /// The next `count` bytes.
     pub(super) fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8]> {
         self.mark = self.at;
         let taken = self.at.checked_add(count).and_then(|end| self.bytes.get(self.at..end));
@@ -193,27 +195,27 @@ impl<'a> Cursor<'a> {
         Ok(array)
     }
 
-    /// A binary integer of four bytes.
+    /// A four-byte binary integer.
     pub(super) fn i32(&mut self, what: &str) -> Result<i32> {
         self.array(what).map(i32::from_le_bytes)
     }
 
-    /// A binary integer of eight bytes.
+    /// An eight-byte binary integer.
     pub(super) fn i64(&mut self, what: &str) -> Result<i64> {
         self.array(what).map(i64::from_le_bytes)
     }
 
-    /// A binary number of four bytes.
+    /// A four-byte binary floating-point number.
     pub(super) fn f32(&mut self, what: &str) -> Result<f64> {
         self.array(what).map(f32::from_le_bytes).map(f64::from)
     }
 
-    /// A binary number of eight bytes.
+    /// An eight-byte binary floating-point number.
     pub(super) fn f64(&mut self, what: &str) -> Result<f64> {
         self.array(what).map(f64::from_le_bytes)
     }
 
-    /// The first three of these as a node.
+    /// A node whose coordinates are the first three of these numbers.
     pub(super) fn point(&self, words: &[f64]) -> Result<DVec3> {
         match words {
             [x, y, z, ..] if words[..3].iter().all(|c| c.is_finite() && c.abs() <= LARGEST) => {
@@ -224,8 +226,8 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// A count or an index.
+    /// Converts a number that must not be negative, such as a count or an index.
     pub(super) fn natural(&self, number: i64, what: &str) -> Result<u64> {
-        u64::try_from(number).map_err(|_| self.error(format!("{number} as {what}")))
+        u64::try_from(number).map_err(|_| self.error(format!("{number} is not valid for {what}")))
     }
 }

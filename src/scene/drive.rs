@@ -1,7 +1,8 @@
-//! Poses over time: `[drive]` for the device, the keys file of a driven core. Called by `load.rs` and `body.rs`.
+//! Reads trajectories, that is poses over time: `[drive]`, the reference trajectory of the haptic device, and the keys
+//! of a driven (kinematic) core. Called by `load.rs` and `body.rs`.
 //!
-//! A key is time, position, and optionally a quaternion: 4 or 8 numbers. A file is CSV with the same columns; a first
-//! row without any number is its heading.
+//! A key is a time, a position and optionally a quaternion: 4 or 8 numbers. A file is CSV with the same columns; a
+//! first row without any number is a heading.
 
 use std::path::Path;
 
@@ -12,7 +13,7 @@ use super::check::{self, KEY_REMEDY};
 use super::keys::Value;
 use crate::{Error, Result};
 
-/// `[drive]`: `keys = [[..], ..]` or `path = "file.csv"`.
+/// Reads `[drive]`: `keys = [[..], ..]` or `path = "file.csv"`.
 pub(super) fn read(value: &Value) -> Result<Vec<Key>> {
     let table = value.table(&["keys", "path"])?;
     if table.exactly_one(&["keys", "path"])? == "path" {
@@ -21,7 +22,7 @@ pub(super) fn read(value: &Value) -> Result<Vec<Key>> {
     listed(&table.need("keys")?)
 }
 
-/// Keys written out: `[[t, x, y, z, ..], ..]`.
+/// Reads keys that the scene file lists: `[[t, x, y, z, ..], ..]`.
 fn listed(keys: &Value) -> Result<Vec<Key>> {
     let mut result: Vec<Key> = Vec::new();
     for element in keys.array()? {
@@ -35,14 +36,14 @@ fn listed(keys: &Value) -> Result<Vec<Key>> {
     Ok(result)
 }
 
-/// The keys of a driven core: written out, or the name of a CSV file.
+/// Reads the keys of a driven core: a list, or the name of a CSV file.
 pub(super) fn core_keys(value: &Value) -> Result<Vec<Key>> {
     if value.is_text() { read_csv(&value.file()?) } else { listed(value) }
 }
 
 fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String> {
     if let Some(bad) = numbers.iter().find(|x| check::finite(**x).is_err()) {
-        return Err(format!("holds {bad:?}"));
+        return Err(format!("contains {bad:?}"));
     }
     let (time, position, orientation) = match *numbers {
         [t, x, y, z] => (t, DVec3::new(x, y, z), DQuat::IDENTITY),
@@ -56,11 +57,12 @@ fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String
     Ok(Key { time, position, orientation })
 }
 
-/// A row a line; `#` begins a comment line, blanks and double quotes about a number count for nothing.
+/// Reads a CSV file with one key per line; a line that begins with `#` is a comment, and blanks and double quotes
+/// around a number are ignored.
 fn read_csv(path: &Path) -> Result<Vec<Key>> {
     let bytes = std::fs::read(path)
         .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), KEY_REMEDY))?;
-    // Some programs begin UTF-8 files with a mark of the byte order.
+    // Some programs begin UTF-8 files with a byte order mark.
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let mut keys: Vec<Key> = Vec::new();
     let mut is_first = true;
@@ -80,7 +82,7 @@ fn read_csv(path: &Path) -> Result<Vec<Key>> {
         keys.push(key(&numbers, keys.last()).map_err(bad)?);
     }
     if keys.is_empty() {
-        return Err(Error::input(path, None, "holds no keys", KEY_REMEDY));
+        return Err(Error::input(path, None, "contains no keys", KEY_REMEDY));
     }
     Ok(keys)
 }

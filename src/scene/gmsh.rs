@@ -1,6 +1,6 @@
-//! Gmsh meshes in and out: MSH 2.2 and 4.1, ASCII and binary of either byte order.
+//! Reads and writes Gmsh meshes: MSH 2.2 and 4.1, as ASCII and as binary of either byte order.
 //!
-//! Format: Gmsh reference manual, "MSH file format" and "MSH file format version 2 (Legacy)".
+//! The format is described in the Gmsh reference manual, "MSH file format" and "MSH file format version 2 (Legacy)".
 
 mod groups;
 
@@ -17,22 +17,22 @@ use crate::Result;
 const REMEDY: &str = "export the mesh again as MSH 2.2 or 4.1";
 /// Gmsh's type number of the four-node tetrahedron.
 const TETRAHEDRON: u64 = 4;
-/// The physical group that is none, in version 2.
+/// Number of the physical group that stands for no group, in version 2.
 const UNGROUPED: i64 = 0;
-/// Nodes of each of Gmsh's element types, from type 1; 0 where this list does not know.
+/// Number of nodes of each of Gmsh's element types, from type 1.
 const NODE_COUNTS: [usize; 31] =
     [2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9, 10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56];
-/// Element types Gmsh numbers below this; more is a damaged file.
+/// Gmsh numbers its element types below this; a greater number means a damaged file.
 const TYPE_COUNT: u64 = 200;
 
 /// Reads the nodes and the four-node tetrahedra of an MSH file; other elements are left out and counted in the notes.
-/// Node ids need not be dense. Groups are the physical ones: of an element its first tag (2.2), or the first of its
-/// volume's (4.1).
+/// Node ids may have gaps. A tetrahedron's group is a physical group: its first tag (2.2), or the first group of the
+/// volume that it lies in (4.1).
 pub fn read(path: &Path) -> Result<TetMesh> {
     parse(&cursor::bytes(path)?, path)
 }
 
-/// [`read`] of a file's bytes; the path names it in messages.
+/// As [`read`], from the bytes of a file; messages name it by `path`.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     let mut cursor = Cursor::new(path, bytes, REMEDY);
     let version = header(&mut cursor)?;
@@ -64,28 +64,29 @@ fn header(cursor: &mut Cursor) -> Result<Version> {
     let version = match words[0].as_str() {
         "2" | "2.1" | "2.2" => Version::V2,
         "4.1" => Version::V4,
-        other => return Err(cursor.error(format!("MSH version {} is not read", short(other)))),
+        other => return Err(cursor.error(format!("MSH version {} is not supported", short(other)))),
     };
     match words[1].as_str() {
         "0" => {}
         "1" => {
             if words[2] != "8" {
-                return Err(cursor.error(format!("binary numbers of {} bytes", short(&words[2]))));
+                return Err(cursor.error(format!("binary numbers of {} bytes are not supported", short(&words[2]))));
             }
             cursor.order = Some(Order::Little);
-            cursor.order = match cursor.i32("the binary 1 that tells the byte order")? {
+            cursor.order = match cursor.i32("the binary 1 for the byte order")? {
                 1 => Some(Order::Little),
                 0x0100_0000 => Some(Order::Big),
-                other => return Err(cursor.error(format!("{other} where a binary 1 tells the byte order"))),
+                other => return Err(cursor.error(format!("{other} instead of the binary 1 for the byte order"))),
             };
         }
-        other => return Err(cursor.error(format!("file type {}, which is neither 0 nor 1", short(other)))),
+        other => return Err(cursor.error(format!("file type {} is neither 0 (text) nor 1 (binary)", short(other)))),
     }
     cursor.expect("$EndMeshFormat")?;
     Ok(version)
 }
 
-/// Whole numbers: a line of them, at least so many; or binary ones, `ints` of four bytes and `sizes` of eight.
+/// Reads whole numbers: in text a line of at least `ints` + `sizes` of them; in binary `ints` four-byte and `sizes`
+/// eight-byte integers.
 fn whole(cursor: &mut Cursor, what: &str, ints: usize, sizes: usize) -> Result<Vec<i64>> {
     if cursor.order.is_none() {
         return cursor.numbers(what, ints + sizes);
@@ -100,7 +101,7 @@ fn whole(cursor: &mut Cursor, what: &str, ints: usize, sizes: usize) -> Result<V
     Ok(numbers)
 }
 
-/// A line of numbers, at least so many; or exactly so many binary ones.
+/// Reads floating-point numbers: in text a line of at least `least` of them, in binary exactly `least`.
 fn real(cursor: &mut Cursor, what: &str, least: usize) -> Result<Vec<f64>> {
     if cursor.order.is_none() {
         return cursor.numbers(what, least);
@@ -116,9 +117,9 @@ fn nodes_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
             Some(_) => [vec![cursor.i32(WHAT)?.into()], real(cursor, WHAT, 3)?].concat(),
             None => cursor.numbers(WHAT, 4)?,
         };
-        // An id written in a float is exact up to 2^53, far above any mesh.
+        // The id was read as a float, which is exact up to 2^53, far above the number of nodes in any mesh.
         if words[0] < 0.0 || words[0].fract() != 0.0 || !words[0].is_finite() {
-            return Err(cursor.error(format!("node id {}", words[0])));
+            return Err(cursor.error(format!("node id {} is not valid", words[0])));
         }
         let point = cursor.point(&words[1..])?;
         file.add_node(cursor, words[0] as u64, point)?;
@@ -130,7 +131,7 @@ fn nodes_v4(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     let blocks = whole(cursor, "the counts of $Nodes", 0, 4)?[0];
     for _ in 0..cursor.natural(blocks, "the number of blocks")? {
         let head = whole(cursor, "a block of nodes (dimension, tag, parametric, count)", 3, 1)?;
-        // Of a parametric node, as many parameters follow as its entity has dimensions.
+        // After the coordinates of a parametric node come as many parameters as its entity has dimensions.
         let parameters = if head[2] == 0 { 0 } else { head[0].clamp(0, 3) as usize };
         let mut ids = Vec::new();
         for _ in 0..cursor.natural(head[3], "the number of nodes in a block")? {
@@ -146,7 +147,7 @@ fn nodes_v4(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     cursor.expect("$EndNodes")
 }
 
-/// Adds the element read last, or counts it where it is no four-node tetrahedron.
+/// Adds the element that was read last, or counts it where it is not a four-node tetrahedron.
 fn add_element(
     cursor: &Cursor,
     file: &mut Contents,
@@ -179,7 +180,7 @@ fn name(kind: u64) -> String {
     }
 }
 
-/// Nodes of a binary element, whose length nothing else tells.
+/// Number of nodes of a binary element, which only its type determines.
 fn nodes_of(cursor: &Cursor, kind: u64) -> Result<usize> {
     let known = kind.checked_sub(1).and_then(|place| NODE_COUNTS.get(place as usize));
     known.copied().ok_or_else(|| cursor.error(format!("elements of the unknown type {kind}")))
@@ -205,7 +206,7 @@ fn elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     cursor.expect("$EndElements")
 }
 
-/// A run of binary elements of one type; how many they are.
+/// Reads a run of binary elements of one type, and returns their number.
 fn binary_elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<u64> {
     const WHAT: &str = "a run of elements (type, count, number of tags)";
     let head = whole(cursor, WHAT, 3, 0)?;
@@ -240,8 +241,8 @@ fn elements_v4(cursor: &mut Cursor, file: &mut Contents, volumes: &HashMap<i64, 
     cursor.expect("$EndElements")
 }
 
-/// Writes tetrahedra as MSH 4.1 ASCII: one volume, ids from 1 in the order given, and coordinates with as many digits as
-/// it takes to read the same bits back.
+/// Writes tetrahedra as MSH 4.1 ASCII: one volume, with ids from 1 in the order given. Coordinates have as many digits
+/// as it takes to read the same bits back.
 pub fn write(w: &mut impl Write, nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> std::io::Result<()> {
     let low = nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -308,7 +309,7 @@ mod tests {
             assert!(message.contains(words), "{elements:?}: {message}");
         }
         for (text, words) in [
-            (NODES.replace("2.2 0", "2.2 1"), "where a binary 1 tells the byte order"),
+            (NODES.replace("2.2 0", "2.2 1"), "instead of the binary 1 for the byte order"),
             (NODES.replace("2.2 0", "4 0"), "version 4 "),
             (NODES.replace("1 0 0", "nan 0 0"), "t.msh:7:"),
             (NODES.replace("700", "10"), "given twice"),

@@ -1,4 +1,4 @@
-//! Groups of a mesh file's tetrahedra, whatever its format calls them.
+//! Groups of tetrahedra in a mesh file (material regions, for instance), whatever the file's format calls them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,20 +6,20 @@ use serde::{Deserialize, Serialize};
 
 use super::Group;
 
-/// Groups listed in an error at most.
+/// Greatest number of groups that an error lists.
 const MOST_LISTED: usize = 20;
 
-/// Which group each tetrahedron is in.
+/// The group that each tetrahedron is in.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Groups {
-    /// Number of each tetrahedron's group; `None`: it is in none. Empty where the mesh is from no file.
+    /// Number of each tetrahedron's group; `None`: it is in none. Empty where the mesh is not from a file.
     pub of: Vec<Option<i64>>,
-    /// Names of those numbers that have one.
+    /// Names of the groups, by number; a group may have none.
     pub names: BTreeMap<i64, String>,
 }
 
 impl Groups {
-    /// The number of a group in which there are tetrahedra; what there is, where this one is not.
+    /// The number of a group that has tetrahedra. The error lists the groups that there are.
     pub fn find(&self, group: &Group) -> Result<i64, String> {
         let there: BTreeSet<i64> = self.of.iter().copied().flatten().collect();
         let is_it = |number: &&i64| match group {

@@ -1,37 +1,40 @@
-//! What the simulated hand is made of.
+//! Parameters of the simulated hand, a haptic device of the crate `devices`: a person's arm and wrist, and the device
+//! held.
 
-/// The person and the device, by what matters to stability. People: 0.05 to 0.3 kg, 100 to 500 N/m, 2 to 10 N s/m. Devices
-/// render a wall passively up to the lesser of 2 `device_damping` / T and 2 `friction` / `quantum` N/m at a period T (Abbott
-/// and Okamura 2005, "Effects of position quantization and sampling rate on virtual-wall passivity"); by default that is
-/// 1000 N/m at 1 kHz.
+/// Parameters of the person and of the device that matter to stability. People have 0.05 to 0.3 kg, 100 to 500 N/m and
+/// 2 to 10 N s/m. A device renders a virtual wall passively up to a stiffness of min(2 b / T, 2 c / q) N/m, where b is
+/// `device_damping`, c `friction`, q `quantum` and T the sampling period, s (Abbott and Okamura 2005, "Effects of
+/// position quantization and sampling rate on virtual-wall passivity"); with the default values that is 1000 N/m at 1
+/// kHz.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandParameters {
-    /// Hand and device, kg; 0.001 to 10.
+    /// Mass of hand and device, kg; 0.001 to 10.
     pub mass: f64,
-    /// Of the arm, N/m; 0 to 100,000.
+    /// Stiffness of the arm, N/m; 0 to 100,000.
     pub stiffness: f64,
-    /// Of the arm, N s/m; 0 to 1000.
+    /// Damping of the arm, N s/m; 0 to 1000.
     pub damping: f64,
-    /// Viscous, of the device, N s/m; 0 to 1000.
+    /// Viscous damping of the device, N s/m; 0 to 1000.
     pub device_damping: f64,
-    /// Coulomb, of the device, N, the same in all directions; 0 to 100.
+    /// Coulomb friction of the device, the same in all directions, N; 0 to 100.
     pub friction: f64,
-    /// About any axis, kg m^2; 1e-6 to 1.
+    /// Moment of inertia about any axis, kg m^2; 1e-6 to 1.
     pub inertia: f64,
-    /// Of the wrist, N m/rad; 0 to 1000.
+    /// Angular stiffness of the wrist, N m/rad; 0 to 1000.
     pub angular_stiffness: f64,
-    /// Of the wrist and the device, towards the intended angular velocity, N m s/rad; 0 to 10.
+    /// Angular damping of wrist and device, relative to the intended angular velocity, N m s/rad; 0 to 10.
     pub angular_damping: f64,
-    /// Step of the encoders, each axis by itself, m; 0: none; up to 0.01. Orientation is read as it is.
+    /// Position resolution of the encoders on each axis, m; 0 (exact) to 0.01. Orientation is always read exactly.
     pub quantum: f64,
-    /// From being told a wrench to playing it, s; a whole number of substeps, up to 1 s.
+    /// Delay between receiving a wrench and playing it, s; a whole number of substeps, at most 1 s.
     pub delay: f64,
     /// Integration step, s; 1e-5 to 0.001.
     pub substep: f64,
 }
 
 impl Default for HandParameters {
-    /// In the middle of what people are. The wrist swings as fast as the arm, about 7 Hz.
+    /// Values in the middle of the range that people have. The wrist's natural frequency is that of the arm, about 7
+    /// Hz.
     fn default() -> Self {
         HandParameters {
             mass: 0.15,
@@ -50,13 +53,14 @@ impl Default for HandParameters {
 }
 
 impl HandParameters {
-    /// Part of a substep that a time may lie before its end and still count as there: times are sums of rounded ticks.
+    /// Share of a substep by which a time may fall short of the substep's end and still count as having reached it,
+    /// because times are sums of rounded ticks.
     pub const EARLY: f64 = 1e-6;
 
-    /// Whether all are in range.
+    /// Checks that all values are in range.
     ///
     /// # Errors
-    /// The first that is not, and its range, one line.
+    /// One line: the first value that is not, and its range.
     pub fn check(&self) -> Result<(), String> {
         let ranges = [
             ("mass", self.mass, 1e-3, 10.0, "kg"),
@@ -83,7 +87,7 @@ impl HandParameters {
         Ok(())
     }
 
-    /// The delay as a number of substeps.
+    /// The delay, as a number of substeps.
     pub fn delay_substeps(&self) -> u64 {
         (self.delay / self.substep).round() as u64
     }

@@ -1,4 +1,6 @@
-//! `[haptics]`: the device, the loop, and limits lower than the device's. Called by `load.rs`.
+//! Reads `[haptics]`: the haptic device, the loop that plays its force, and limits below the device's own. Called by
+//! `load.rs`. In this file "device" is always the haptic device, and a wrench is what a step of the simulation reports:
+//! force and torque on the tool.
 
 use std::path::PathBuf;
 
@@ -10,52 +12,58 @@ use super::keys::{Table, Value};
 use super::profile::{HAPLY, PROFILES, Profile};
 use crate::Result;
 
-/// Rates that the loop can keep, Hz.
+/// Least and greatest rate of the haptic loop, Hz.
 pub const RATES: [f64; 2] = [50.0, 4000.0];
-/// How far the local model is trusted unless a scene says otherwise, m.
+/// Default of [`Haptics::trust`], m.
 const TRUST: f64 = 2e-3;
-/// The longest step of the simulation that the loop asks for, s.
+/// Default of [`Haptics::longest_step`], s.
 const LONGEST_STEP: f64 = 0.02;
 
-/// `[haptics]`.
+/// The settings of `[haptics]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Haptics {
-    /// Whether a device holds the tool in the world's time; else the scene's keys lead it, a step after another.
+    /// Whether a device moves the tool and the simulation runs in real time; else the keys of `[drive]` move it, step
+    /// by step in simulated time.
     pub is_held: bool,
-    /// Which device.
+    /// The kind of device.
     pub device: DeviceKind,
-    /// The profile that a simulated device has, and that a Haply stays within; `None`: the device's own.
+    /// The profile (limits) of a simulated device, or limits below which a Haply must stay; `None`: the device's own
+    /// profile.
     pub profile: Option<&'static Profile>,
-    /// Rate of the loop, Hz.
+    /// Rate of the haptic loop, Hz.
     pub rate: f64,
-    /// Limits lower than the profile's.
+    /// Limits below those of the profile.
     pub limits: Lowered,
-    /// Whether contact is followed between wrenches.
+    /// Whether the loop follows contact by a local model from one wrench to the next; else it plays the newest force
+    /// unchanged.
     pub local_model: bool,
-    /// How far, m.
+    /// Distance from the tool's pose in the newest wrench up to which the local model is trusted, m.
     pub trust: f64,
-    /// Whether the passivity controller acts.
+    /// Whether the passivity controller acts; else energy is only observed.
     pub passivity: bool,
-    /// The longest step of the simulation, s: where it takes longer than this, bodies move slower than in the world.
+    /// The longest time step of the simulation, s. A step lasts as long as it takes to compute; where that is longer
+    /// than this, bodies move slower than in real time.
     pub longest_step: f64,
-    /// The simulated human, of device = "hand".
+    /// The simulated person, for device = "hand".
     pub hand: HandParameters,
-    /// How a Haply is reached: all but home and rate, which the session knows.
+    /// The service through which a Haply is reached. Home position and rate of the device are set by the session
+    /// instead.
     pub haply: HaplyService,
-    /// The session that is played again.
+    /// The recorded session that is replayed, for device = "replay".
     pub recording: Option<PathBuf>,
 }
 
-/// The service that a Haply is reached by, `haply = { .. }`.
+/// How to reach the service of a Haply device: `haply = { .. }`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HaplyService {
-    /// `ws://HOST:PORT`; its host must be `localhost` or a loopback address.
+    /// Address `ws://HOST:PORT` of the service; HOST must be `localhost` or a loopback address.
     pub url: String,
-    /// Whether the service may be on another machine.
+    /// Whether the service may be on another machine after all.
     pub trust_remote: bool,
-    /// Which device; `None`: the first.
+    /// Id of the device; `None`: the first one.
     pub device_id: Option<String>,
-    /// How forces are sent; `None`: as the service's version asks, [`Dialect::Vector`] where it does not tell one.
+    /// Format of the forces sent; `None`: as the service's version requires, and [`Dialect::Vector`] where it reports
+    /// no version.
     pub dialect: Option<Dialect>,
 }
 
@@ -65,45 +73,45 @@ impl Default for HaplyService {
     }
 }
 
-/// How a service wants its forces.
+/// The key under which a service expects forces in a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dialect {
-    /// Under `vector`: version 3.5 and later.
+    /// The key `vector`, for service version 3.5 and later.
     Vector,
-    /// Under `values`: older 3.x.
+    /// The key `values`, for older 3.x.
     Values,
 }
 
-/// What a scene asks of the limits; it can lower them.
+/// Limits that a scene asks for; each can only lower that of the device's profile.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Lowered {
-    /// N.
+    /// Greatest force, N.
     pub force: Option<f64>,
-    /// N m.
+    /// Greatest torque, N m.
     pub torque: Option<f64>,
-    /// N/s.
+    /// Greatest rate at which the force may change, N/s.
     pub slew: Option<f64>,
-    /// m.
+    /// Radius of the workspace, m.
     pub workspace: Option<f64>,
-    /// s.
+    /// Latency of the newest wrench beyond which the force fades to zero, s.
     pub watchdog: Option<f64>,
 }
 
-/// Which device.
+/// The kinds of haptic device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DeviceKind {
-    /// Follows `[drive]`.
+    /// No hardware: the pose of the device follows `[drive]`.
     Scripted,
-    /// A simulated human who means to follow `[drive]`.
+    /// A simulated person who intends to follow `[drive]`.
     Hand,
-    /// Plays the readings of a recorded session again.
+    /// The readings of a recorded session.
     Replay,
-    /// A device of Haply's: an Inverse3 or a Minverse.
+    /// A device made by Haply: an Inverse3 or a Minverse.
     Haply,
 }
 
 impl DeviceKind {
-    /// Every kind by its name.
+    /// Every kind, with its name in a scene file.
     pub const CHOICES: [(&'static str, DeviceKind); 4] = [
         ("scripted", DeviceKind::Scripted),
         ("hand", DeviceKind::Hand),
@@ -111,7 +119,7 @@ impl DeviceKind {
         ("haply", DeviceKind::Haply),
     ];
 
-    /// Its name.
+    /// Name of the kind in a scene file.
     pub fn name(self) -> &'static str {
         DeviceKind::CHOICES.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
     }
@@ -154,12 +162,12 @@ const KEYS: [&str; 15] = [
     "recording",
 ];
 
-/// The table, if there is one.
+/// Reads the table; without one, returns the defaults.
 pub(super) fn read(root: &Table) -> Result<Haptics> {
     let default = Haptics::default();
     let Some(table) = root.get("haptics").map(|value| value.table(&KEYS)).transpose()? else { return Ok(default) };
     let limit = |key: &str| table.option(key, Value::positive);
-    let device = table.or("device", default.device, |value| value.one_of("a device", &DeviceKind::CHOICES))?;
+    let device = table.or("device", default.device, |value| value.one_of("device", &DeviceKind::CHOICES))?;
     let haptics = Haptics {
         is_held: device != DeviceKind::Scripted,
         device,
@@ -181,7 +189,7 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
         recording: table.option("recording", Value::file)?,
     };
     let needs = |key: &str, is_there: bool, kind: DeviceKind| match is_there && haptics.device != kind {
-        true => Err(table.error(key, format!("belongs to device = \"{}\"", kind.name()), "remove it, or the device")),
+        true => Err(table.error(key, format!("belongs to device = \"{}\"", kind.name()), "remove it or set `device`")),
         false => Ok(()),
     };
     needs("hand", table.has("hand"), DeviceKind::Hand)?;
@@ -193,19 +201,20 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
     Ok(haptics)
 }
 
-/// What is wrong with a profile that [`of_haply`] refuses.
+/// The problem with a profile that [`of_haply`] refuses.
 pub const NOT_HAPLYS: &str = "is not that of a Haply";
 
-/// Whether a profile may be named for a Haply, whose own it can only lower: one of Haply's devices.
+/// Checks that a profile may be named for a Haply device, whose own limits it can only lower: it must be one of
+/// Haply's.
 ///
 /// # Errors
-/// What to do where it may not.
+/// The remedy, where it may not.
 pub fn of_haply(profile: &Profile) -> std::result::Result<(), String> {
     let names = || HAPLY.each_ref().map(|profile| profile.name).join(" or ");
     if profile.is_haplys() { Ok(()) } else { Err(format!("remove it, or give {}", names())) }
 }
 
-/// `hand = { mass = 0.15, .. }`.
+/// Reads `hand = { mass = 0.15, .. }`.
 fn hand(value: &Value) -> Result<HandParameters> {
     const KEYS: [&str; 10] = [
         "mass",
@@ -239,7 +248,7 @@ fn hand(value: &Value) -> Result<HandParameters> {
     Ok(hand)
 }
 
-/// `haply = { address = "ws://localhost:10001", .. }`.
+/// Reads `haply = { address = "ws://localhost:10001", .. }`.
 fn haply(value: &Value) -> Result<HaplyService> {
     let (table, default) =
         (value.table(&["address", "trust_remote", "device_id", "force_key"])?, HaplyService::default());
@@ -249,13 +258,13 @@ fn haply(value: &Value) -> Result<HaplyService> {
         url: table.or("address", default.url.clone(), text)?,
         trust_remote: table.or("trust_remote", default.trust_remote, Value::truth)?,
         device_id: table.option("device_id", text)?,
-        dialect: table.option("force_key", |value| value.one_of("a key of forces", &dialects))?,
+        dialect: table.option("force_key", |value| value.one_of("force key", &dialects))?,
     })
 }
 
 fn profile(value: &Value) -> Result<&'static Profile> {
     let choices: Vec<(&str, &Profile)> = PROFILES.iter().map(|profile| (profile.name, profile)).collect();
-    value.one_of("a profile", &choices)
+    value.one_of("profile", &choices)
 }
 
 fn rate(value: &Value) -> Result<f64> {

@@ -1,4 +1,5 @@
-//! Joints between cores of a body: `[[body.joint]]`, and those of a skeleton's bones with their parents. Called by `body.rs`.
+//! Ball joints between the cores (rigid parts) of a body: those of `[[body.joint]]`, and those between a skeleton's
+//! bones and their parents. Called by `body.rs`.
 
 use glam::DVec3;
 
@@ -7,38 +8,38 @@ use super::keys::{Table, Value, suggest};
 use super::{Core, Motion, Skeleton};
 use crate::Result;
 
-/// What a joint is described by, at a bone of a skeleton as well as in `[[body.joint]]`.
+/// Keys that describe a joint's resistance, both at a bone of a skeleton file and in `[[body.joint]]`.
 pub(super) const KEYS: [&str; 4] = ["stiffness", "damping", "swing", "twist"];
 /// Least length of an axis before it is normalised.
 const SHORTEST_AXIS: f64 = 1e-9;
 
-/// A ball joint: a point that two cores of a body share, one of them dynamic at least.
+/// A ball joint: a point that two cores of a body share; at least one of them is dynamic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
-    /// Indices among the body's cores; the second turns about the first.
+    /// Indices of the two cores in the body; the second turns about the first.
     pub cores: [usize; 2],
-    /// Where, in file coordinates, before scale and pose.
+    /// Position of the joint, in the coordinates of the mesh file, before scale and pose.
     pub point: DVec3,
-    /// What resists turning.
+    /// Resistance to turning.
     pub resistance: Resistance,
 }
 
-/// What resists the turning of a joint's second core about its first.
+/// Resistance to the rotation of a joint's second core relative to its first.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Resistance {
-    /// Towards the orientation at rest, N m/rad.
+    /// Stiffness towards the rest orientation, N m/rad.
     pub stiffness: f64,
-    /// N m s/rad.
+    /// Damping of the relative rotation, N m s/rad.
     pub damping: f64,
-    /// Along the second core, unit, file coordinates; zero where nothing is limited.
+    /// Unit axis along the second core, in the coordinates of the mesh file; zero where rotation is not limited.
     pub axis: DVec3,
-    /// How far the axis may turn away from where it is at rest, rad.
+    /// Greatest angle between the axis and its rest direction, rad; `None`: no limit.
     pub swing: Option<f64>,
-    /// How far the core may turn about its axis, either way, rad.
+    /// Greatest rotation of the core about its axis, to either side, rad; `None`: no limit.
     pub twist: Option<f64>,
 }
 
-/// `stiffness`, `damping`, `swing` and `twist` of a table; `axis`: along the core, any length.
+/// Reads `stiffness`, `damping`, `swing` and `twist` of a table; `axis` lies along the core and may have any length.
 pub(super) fn resistance(table: &Table, axis: Option<DVec3>) -> Result<Resistance> {
     let angle = |value: &Value| value.ruled(check::limit);
     let (swing, twist) = (table.option("swing", angle)?, table.option("twist", angle)?);
@@ -47,11 +48,7 @@ pub(super) fn resistance(table: &Table, axis: Option<DVec3>) -> Result<Resistanc
         (None, _) => DVec3::ZERO,
         (Some(_), Some(axis)) if axis.length() > SHORTEST_AXIS => axis.normalize(),
         (Some(key), _) => {
-            return Err(table.error(
-                key,
-                "nothing says along which axis the core lies",
-                "give an axis that is not zero",
-            ));
+            return Err(table.error(key, "a limit needs the axis along the core", "give an axis that is not zero"));
         }
     };
     let (stiffness, damping) =
@@ -59,7 +56,8 @@ pub(super) fn resistance(table: &Table, axis: Option<DVec3>) -> Result<Resistanc
     Ok(Resistance { stiffness, damping, axis, swing, twist })
 }
 
-/// The joints of a body: its own, and those of bones whose parents they do not name, where one of the two is dynamic.
+/// The joints of a body: those that its table lists, then those between bones and their parents, except pairs that are
+/// listed already and pairs without a dynamic core.
 pub(super) fn read(table: &Table, skeleton: Option<&Skeleton>, cores: &[Core]) -> Result<Vec<Joint>> {
     let mut joints: Vec<Joint> = Vec::new();
     if let Some(array) = table.get("joint") {
@@ -67,8 +65,8 @@ pub(super) fn read(table: &Table, skeleton: Option<&Skeleton>, cores: &[Core]) -
             let joint = joint(&element, cores)?;
             if closes_loop(&joints, &joint, cores) {
                 let [a, b] = joint.cores.map(|core| &cores[core].name);
-                let problem = format!("\"{a}\" and \"{b}\" hang together already, by other cores");
-                return Err(element.error(problem, "remove one: dynamic cores with joints form trees"));
+                let problem = format!("\"{a}\" and \"{b}\" are already connected through other joints");
+                return Err(element.error(problem, "remove one: joints between dynamic cores must not form a loop"));
             }
             joints.push(joint);
         }
@@ -82,8 +80,8 @@ pub(super) fn read(table: &Table, skeleton: Option<&Skeleton>, cores: &[Core]) -
         }
         if closes_loop(&joints, &joint, cores) {
             let problem =
-                format!("with them, bone \"{}\" and its parent hang together by other cores as well", bone.name);
-            return Err(table.error("joint", problem, "remove one: dynamic cores with joints form trees"));
+                format!("with these, bone \"{}\" and its parent are also connected through other joints", bone.name);
+            return Err(table.error("joint", problem, "remove one: joints between dynamic cores must not form a loop"));
         }
         joints.push(joint);
     }
@@ -122,7 +120,8 @@ fn is_dynamic(joint: &Joint, cores: &[Core]) -> bool {
     joint.cores.iter().any(|core| matches!(cores[*core].motion, Motion::Dynamic))
 }
 
-/// Whether a joint joins two dynamic cores that others join already, but not as directly as it does.
+/// Whether a joint would close a loop: its two cores are dynamic, and a chain of other joints between dynamic cores
+/// connects them already. Other joints between the same two cores do not count.
 pub(super) fn closes_loop(joints: &[Joint], joint: &Joint, cores: &[Core]) -> bool {
     let dynamic = |joint: &&Joint| joint.cores.iter().all(|core| matches!(cores[*core].motion, Motion::Dynamic));
     let beside = |other: &&Joint| !joint.cores.iter().all(|core| other.cores.contains(core));
@@ -178,9 +177,9 @@ mod tests {
             (of(1, 1), "is the same core"),
             (of(1, 7), "no core is called \"c7\""),
             (of(1, 2).replace("\"c2\"", "\"c2\", \"c3\""), "is not two names"),
-            (of(1, 2) + &of(2, 3) + &of(3, 1), "hang together already"),
-            (of(1, 2) + "swing = 1\n", "along which axis"),
-            (of(1, 2) + "axis = [0, 0, 0]\ntwist = 1\n", "along which axis"),
+            (of(1, 2) + &of(2, 3) + &of(3, 1), "are already connected"),
+            (of(1, 2) + "swing = 1\n", "needs the axis along the core"),
+            (of(1, 2) + "axis = [0, 0, 0]\ntwist = 1\n", "needs the axis along the core"),
             (of(1, 2) + "axis = [1, 0, 0]\ntwist = 3.2\n", "is 3.2"),
             (of(1, 2) + "stiffness = -1\n", "stiffness"),
             (of(1, 2) + "stifness = 1\n", "did you mean `stiffness`"),
@@ -189,7 +188,7 @@ mod tests {
             let error = with(&text).unwrap_err().to_string();
             assert!(error.contains(problem) && error.contains("scene.toml:"), "{text}: {error}");
         }
-        // Over a core that rests, a loop is none.
+        // A loop is allowed if one of its cores is not dynamic.
         assert_eq!(with(&(of(1, 2) + &of(0, 1) + &of(0, 2))).unwrap().len(), 3);
     }
 
@@ -210,7 +209,8 @@ mod tests {
         let joint = body.joints.iter().find(|joint| joint.cores[1] == forearm).unwrap();
         assert_eq!((joint.cores[0], joint.point), (core("left_upper_arm"), DVec3::new(0.445, 1.395, -0.012)));
         assert!(joint.resistance.axis == DVec3::X && joint.resistance.swing.is_some());
-        // One bone alone, and a joint of one's own in the place of the skeleton's, whichever way round.
+        // First only one bone is dynamic. Then the body's own joint replaces that of the skeleton, though it names the
+        // cores in the opposite order.
         let arm = "[[body.core]]\nname = \"left_forearm\"\nmotion = \"dynamic\"\n";
         let own = "[[body.joint]]\ncores = [\"left_forearm\", \"left_upper_arm\"]\npoint = [0.4, 1.4, 0]\n";
         assert_eq!(joints(arm).unwrap().joints.len(), 2);
@@ -218,9 +218,9 @@ mod tests {
         assert_eq!((body.joints.len(), body.joints[0].point), (2, DVec3::new(0.4, 1.4, 0.0)));
         let loops = "[[body.joint]]\ncores = [\"left_hand\", \"head\"]\npoint = [0, 0, 0]\n";
         let error = joints(&format!("bones = \"dynamic\"\n{loops}")).unwrap_err().to_string();
-        assert!(error.contains("bone \"") && error.contains("hang together"), "{error}");
+        assert!(error.contains("bone \"") && error.contains("also connected"), "{error}");
         assert!(
-            scene(&(CORES.to_owned() + "bones = \"dynamic\"\n")).unwrap_err().to_string().contains("there is none")
+            scene(&(CORES.to_owned() + "bones = \"dynamic\"\n")).unwrap_err().to_string().contains("has no `skeleton`")
         );
     }
 }

@@ -1,9 +1,8 @@
 //! Tables of a scene with their place in the file: every key and value remembers its dotted path and its line, so that
-//! whatever is wrong with it is reported as `scene.toml:12: `body.head.material.young`: ...`. `load.rs` reads scenes through
-//! this, whether somebody wrote the tables as TOML or a program made them, which have no lines.
+//! any fault is reported as `scene.toml:12: `body.head.material.young`: ...`. `load.rs` reads scenes through this
+//! module, both from TOML text and from tables that a program made, which have no lines.
 //!
-//! serde's own derive is not used: it reports unknown keys without their table, and a value that parses but is out of
-//! range without its line.
+//! serde's derive is not used: it reports unknown keys without their table, and values out of range without their line.
 
 use std::path::{Path, PathBuf};
 
@@ -15,10 +14,10 @@ use super::check::{self, Check, Problem};
 use super::meshes::Meshes;
 use crate::{Error, Result};
 
-/// Likeness (Jaro-Winkler, 0 to 1) above which a known key is offered in place of an unknown one.
+/// Similarity (Jaro-Winkler, 0 to 1) above which a known key is suggested in place of an unknown one.
 const LIKENESS: f64 = 0.7;
 
-/// A value, and where it begins in its text, if it has one.
+/// A value, and the byte offset at which it begins in its text, if it has one.
 pub struct Node {
     kind: Kind,
     offset: Option<usize>,
@@ -26,22 +25,22 @@ pub struct Node {
 
 enum Kind {
     Text(String),
-    /// As it was written, and what it is where it fits.
+    /// The integer as it was written, and its value where that fits into 64 bits.
     Integer(String, Option<i64>),
-    /// What it is, where it is a number.
+    /// The value, where the text is a number.
     Float(Option<f64>),
     Truth(bool),
     Array(Vec<Node>),
     Table(Entries),
-    /// Nothing that a scene has: a date.
+    /// A date, which no scene has.
     Other,
 }
 
-/// The entries of a table, in their order: key, where that begins, value.
+/// The entries of a table in their order: key, byte offset of the key, value.
 type Entries = Vec<(String, Option<usize>, Node)>;
 
 impl Kind {
-    /// As TOML calls it.
+    /// Name of the type in TOML.
     fn name(&self) -> &'static str {
         match self {
             Kind::Text(_) => "string",
@@ -102,18 +101,18 @@ impl From<&toml::Table> for Node {
     }
 }
 
-/// Where tables come from: turns byte offsets into lines.
+/// The text that tables come from; it turns byte offsets into lines.
 pub struct Source<'a> {
-    /// The scene file, or what stands for it in errors.
+    /// The scene file, or the name that errors show instead.
     pub file: &'a Path,
-    /// Its whole text; empty where a program made the tables.
+    /// The whole text; empty where a program made the tables.
     pub text: &'a str,
-    /// What `{ mesh = ".." }` may name.
+    /// The meshes in memory that `{ mesh = ".." }` may name.
     pub meshes: &'a Meshes,
 }
 
 impl<'a> Source<'a> {
-    /// A file, which names no meshes in memory.
+    /// The source of a file, which cannot name meshes in memory.
     pub fn of_file(file: &'a Path, text: &'a str) -> Self {
         Source { file, text, meshes: Meshes::none() }
     }
@@ -123,7 +122,7 @@ impl<'a> Source<'a> {
         Some(1 + before.iter().filter(|&&byte| byte == b'\n').count())
     }
 
-    /// The text's tables, or the parser's complaint with its line.
+    /// Parses the text as TOML; the error is the parser's message with its line.
     pub fn parse(&self) -> Result<Node> {
         let document = DeTable::parse(self.text).map_err(|error| {
             let message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
@@ -134,7 +133,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// A table whose keys have been checked against the known ones.
+/// A table of the scene, with its dotted path.
 #[derive(Clone)]
 pub struct Table<'a> {
     source: &'a Source<'a>,
@@ -144,18 +143,18 @@ pub struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// The root table; refuses keys that are not in `known`.
+    /// The root table of a document; fails if it has a key that is not in `known`.
     pub fn root(source: &'a Source<'a>, document: &'a Node, known: &[&str]) -> Result<Self> {
         Value { source, key: String::new(), value: document }.table(known)
     }
 
-    /// The same table under another dotted path: an element of an array of tables once its name is known.
+    /// This table under another dotted path, for an element of an array of tables whose name has been read.
     pub fn renamed(mut self, path: String) -> Self {
         self.path = path;
         self
     }
 
-    /// Refuses keys that are not in `known`, and offers the nearest.
+    /// Fails if the table has a key that is not in `known`, and suggests the nearest.
     pub fn only(&self, known: &[&str]) -> Result<()> {
         let Some((key, offset, _)) = self.table.iter().find(|(key, ..)| !known.contains(&key.as_str())) else {
             return Ok(());
@@ -170,18 +169,18 @@ impl<'a> Table<'a> {
         Err(Error::input(self.source.file, line, problem, remedy))
     }
 
-    /// Dotted path of one of this table's keys.
+    /// The dotted path of one of this table's keys.
     pub fn dotted(&self, key: &str) -> String {
         if self.path.is_empty() { key.into() } else { format!("{}.{key}", self.path) }
     }
 
-    /// The value of a key.
+    /// The value of a key, if the table has the key.
     pub fn get(&self, key: &str) -> Option<Value<'a>> {
         let (.., value) = self.table.iter().find(|(name, ..)| name == key)?;
         Some(Value { source: self.source, key: self.dotted(key), value })
     }
 
-    /// The value of a key that must be there.
+    /// The value of a required key.
     pub fn need(&self, key: &str) -> Result<Value<'a>> {
         self.get(key).ok_or_else(|| self.error(key, "missing", "add it"))
     }
@@ -211,8 +210,8 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// An error about what was found wrong with what this table describes: at the line of the first of its keys that the
-    /// problem names.
+    /// An error for a problem that a check found in what this table describes. It has the line of the table's key with
+    /// which the problem's own key begins.
     pub fn wrong(&self, Problem { key, problem, remedy }: Problem) -> Error {
         let first = key.split(['.', '[']).next().unwrap_or_default();
         if first == key {
@@ -223,7 +222,7 @@ impl<'a> Table<'a> {
         Error::input(self.source.file, self.source.line(line), problem, remedy)
     }
 
-    /// An error about one of this table's keys, at its line (or the table's, where the key is absent).
+    /// An error about one of this table's keys, at the key's line, or at the table's where the key is absent.
     pub fn error(&self, key: &str, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
         match self.get(key) {
             Some(value) => value.error(problem, remedy),
@@ -235,11 +234,11 @@ impl<'a> Table<'a> {
     }
 }
 
-/// A value and where it stands.
+/// A value with its place in the file.
 #[derive(Clone)]
 pub struct Value<'a> {
     source: &'a Source<'a>,
-    /// Dotted path.
+    /// Dotted path of the value.
     pub key: String,
     value: &'a Node,
 }
@@ -256,44 +255,44 @@ impl<'a> Value<'a> {
         self.error(format!("is of type {kind}"), format!("give {wanted}"))
     }
 
-    /// A finite number within single precision.
+    /// Reads a finite number within single precision.
     pub fn number(&self) -> Result<f64> {
         let parsed = match &self.value.kind {
             Kind::Float(float) => *float,
             Kind::Integer(_, integer) => integer.map(|i| i as f64),
             _ => return Err(self.wrong_type("a number")),
         };
-        let x = parsed.ok_or_else(|| self.error("is not a number that fits", "give a finite number"))?;
+        let x = parsed.ok_or_else(|| self.error("cannot be read as a number", "give a finite number"))?;
         self.held(x, check::finite(x))
     }
 
-    /// What a rule of `check.rs` says of this value.
+    /// Returns `value` if the check passed; else an error about this value with the check's problem.
     pub fn held<T>(&self, value: T, check: Check) -> Result<T> {
         check.map(|()| value).map_err(|problem| self.error(problem.problem, problem.remedy))
     }
 
-    /// A number that obeys a rule.
+    /// Reads a number that passes a check.
     pub fn ruled(&self, rule: impl Fn(f64) -> Check) -> Result<f64> {
         let x = self.number()?;
         self.held(x, rule(x))
     }
 
-    /// A number greater than zero.
+    /// Reads a number greater than zero.
     pub fn positive(&self) -> Result<f64> {
         self.ruled(check::positive)
     }
 
-    /// A number that is zero or more.
+    /// Reads a number that is zero or more.
     pub fn not_negative(&self) -> Result<f64> {
         self.ruled(check::not_negative)
     }
 
-    /// A number greater than zero, or `"auto"` (`None`).
+    /// Reads a number greater than zero, or `"auto"` (`None`).
     pub fn auto_or_positive(&self) -> Result<Option<f64>> {
         if self.is_auto()? { Ok(None) } else { self.positive().map(Some) }
     }
 
-    /// A number that is zero or more, or `"auto"` (`None`).
+    /// Reads a number that is zero or more, or `"auto"` (`None`).
     pub fn auto_or_not_negative(&self) -> Result<Option<f64>> {
         if self.is_auto()? { Ok(None) } else { self.not_negative().map(Some) }
     }
@@ -306,7 +305,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// A whole number from `low` to `high`.
+    /// Reads a whole number from `low` to `high`.
     pub fn whole(&self, low: u32, high: u32) -> Result<u32> {
         let Kind::Integer(written, integer) = &self.value.kind else { return Err(self.wrong_type("a whole number")) };
         integer
@@ -315,13 +314,13 @@ impl<'a> Value<'a> {
             .ok_or_else(|| self.error(format!("is {written}"), format!("give a whole number from {low} to {high}")))
     }
 
-    /// A whole number of either sign.
+    /// Reads a whole number of either sign.
     pub fn integer(&self) -> Result<i64> {
         let Kind::Integer(written, integer) = &self.value.kind else { return Err(self.wrong_type("a whole number")) };
         integer.ok_or_else(|| self.error(format!("is {written}"), "give a whole number of 64 bits"))
     }
 
-    /// A boolean that must be `true` (`all = true`).
+    /// Reads a boolean that must be `true`, as in `all = true`.
     pub fn must_be_true(&self) -> Result<()> {
         match self.value.kind {
             Kind::Truth(true) => Ok(()),
@@ -330,7 +329,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// A boolean.
+    /// Reads a boolean.
     pub fn truth(&self) -> Result<bool> {
         if let Kind::Truth(truth) = self.value.kind { Ok(truth) } else { Err(self.wrong_type("true or false")) }
     }
@@ -340,12 +339,13 @@ impl<'a> Value<'a> {
         matches!(self.value.kind, Kind::Text(_))
     }
 
-    /// A string.
+    /// Reads a string.
     pub fn text(&self) -> Result<&'a str> {
         if let Kind::Text(text) = &self.value.kind { Ok(text) } else { Err(self.wrong_type("a string in quotes")) }
     }
 
-    /// What one of `choices` stands for; `what` names their kind in errors.
+    /// Reads a string that is one of the names in `choices`, and returns its value; `what` says in errors what kind of
+    /// name it is.
     pub fn one_of<T: Copy>(&self, what: &str, choices: &[(&str, T)]) -> Result<T> {
         let text = self.text()?;
         let found = choices.iter().find(|(name, _)| *name == text);
@@ -355,13 +355,14 @@ impl<'a> Value<'a> {
         })
     }
 
-    /// A name: letters, digits, `_`, `-` and `.`, for it becomes part of file names and column heads.
+    /// Reads a name: it has letters, digits, `_`, `-` and `.`, because it becomes part of file names and column
+    /// headings.
     pub fn name(&self) -> Result<String> {
         let text = self.text()?;
         self.held(text.into(), check::name(text))
     }
 
-    /// A path to an existing file, relative to the scene file's folder.
+    /// Reads a path, relative to the scene file's folder, to an existing file.
     pub fn file(&self) -> Result<PathBuf> {
         let path = self.source.file.parent().unwrap_or(Path::new("")).join(self.text()?);
         if !path.is_file() {
@@ -371,23 +372,23 @@ impl<'a> Value<'a> {
         Ok(path)
     }
 
-    /// What the scene's maker handed over under this name, looked for by `find`.
+    /// Reads the name of a mesh in memory, and returns what `find` finds under it.
     pub fn mesh<T>(&self, find: impl Fn(&Meshes, &str) -> std::result::Result<T, Vec<String>>) -> Result<T> {
         let name = self.text()?;
         find(self.source.meshes, name).map_err(|known| {
             let known: Vec<&str> = known.iter().map(String::as_str).collect();
-            self.error(format!("no mesh \"{}\" was handed over", name.escape_debug()), suggest(name, &known))
+            self.error(format!("there is no mesh \"{}\" in memory", name.escape_debug()), suggest(name, &known))
         })
     }
 
-    /// The elements of an array, each with its index in its key.
+    /// The elements of an array; the key of each has its index.
     pub fn array(&self) -> Result<Vec<Value<'a>>> {
         let Kind::Array(array) = &self.value.kind else { return Err(self.wrong_type("an array")) };
         let element = |(index, value)| Value { source: self.source, key: format!("{}[{index}]", self.key), value };
         Ok(array.iter().enumerate().map(element).collect())
     }
 
-    /// An array of exactly N elements, each read by `read`.
+    /// Reads an array of exactly N elements, each by `read`.
     pub fn array_of<T: Copy + Default, const N: usize>(
         &self,
         read: impl Fn(&Value<'a>) -> Result<T>,
@@ -403,39 +404,40 @@ impl<'a> Value<'a> {
         Ok(result)
     }
 
-    /// Three numbers.
+    /// Reads an array of three numbers.
     pub fn vector(&self) -> Result<DVec3> {
         self.array_of(Value::number).map(DVec3::from_array)
     }
 
-    /// A unit quaternion x y z w, normalised.
+    /// Reads a unit quaternion x y z w and normalises it.
     pub fn quaternion(&self) -> Result<DQuat> {
         let [x, y, z, w] = self.array_of(Value::number)?;
         check::unit_quaternion([x, y, z, w]).map_err(|problem| self.error(problem.problem, problem.remedy))
     }
 
-    /// A table whose keys are all in `known`.
+    /// Reads a table whose keys are all in `known`.
     pub fn table(&self, known: &[&str]) -> Result<Table<'a>> {
         let table = self.unchecked_table()?;
         table.only(known)?;
         Ok(table)
     }
 
-    /// A table whose keys are still to be checked, by [`Table::only`].
+    /// Reads a table whose keys are still to be checked, by [`Table::only`].
     pub fn unchecked_table(&self) -> Result<Table<'a>> {
         let Kind::Table(table) = &self.value.kind else { return Err(self.wrong_type("a table")) };
         Ok(Table { source: self.source, path: self.key.clone(), table, offset: self.value.offset })
     }
 }
 
-/// The known name most like a text, the first of equals, and whether it is so like that it was probably meant.
+/// The known name that is most similar to `text` (the first one among equals), and whether it is so similar that it was
+/// probably meant.
 fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<(&'a str, bool)> {
     let likeness = |name: &&'a str| (strsim::jaro_winkler(text, name), *name);
     let (likeness, name) = known.iter().rev().map(likeness).max_by(|a, b| a.0.total_cmp(&b.0))?;
     Some((name, likeness > LIKENESS))
 }
 
-/// A remedy for a text that is none of the known names: lists them, and offers the nearest.
+/// A remedy for a text that is none of the known names: it lists them, and suggests the nearest.
 pub fn suggest(text: &str, known: &[&str]) -> String {
     let all = if known.is_empty() { "none".into() } else { known.join(", ") };
     match nearest(text, known) {

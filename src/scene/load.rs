@@ -1,7 +1,7 @@
-//! [`Scene::load`]: from a TOML file to a checked [`Scene`].
+//! [`Scene::load`]: reads a TOML file into a checked [`Scene`].
 //!
-//! Bodies are read in `body.rs`, device poses in `drive.rs`, the loop's settings in `haptics.rs`. Meshes are looked for
-//! here, not read.
+//! Bodies are read in `body.rs`, trajectories in `drive.rs`, and the settings of the haptic loop in `haptics.rs`. Mesh
+//! files must exist, but are not read here.
 
 use std::path::{Path, PathBuf};
 
@@ -17,9 +17,9 @@ use crate::{Error, Result};
 
 /// Name by which bodies refer to the tool.
 pub(super) const TOOL: &str = "tool";
-/// Length of a run whose device has no keys, s.
+/// Length of a run where the trajectory of the haptic device has no keys, s.
 const DEFAULT_DURATION: f64 = 1.0;
-/// What a scene has that does not say.
+/// Defaults of a scene file: gravity (m/s^2), and below it the friction speed (m/s) and the depth limit (m).
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 const FRICTION_SPEED: f64 = 0.001;
 const DEPTH_LIMIT: f64 = 0.02;
@@ -28,7 +28,7 @@ const ROOT_KEYS: [&str; 10] =
     ["preset", "step", "solver", "contact", "body", "tool", "coupling", "drive", "haptics", "probe"];
 
 impl Scene {
-    /// Reads and checks a scene file. Every number is finite and in range, every name resolves, every file that is
+    /// Reads and checks a scene file: every number is finite and in range, every name resolves, every file that is
     /// named exists. Errors name the file, the line, the key and the remedy.
     pub fn load(path: &Path) -> Result<Scene> {
         let text = std::fs::read_to_string(path)
@@ -36,7 +36,7 @@ impl Scene {
         Scene::parse(path, &text)
     }
 
-    /// Reads and checks the text of a scene file; `path` is what errors name, and what paths in the text are relative to the folder of.
+    /// Reads and checks the text of a scene file. Errors name `path`, and paths in the text are relative to its folder.
     pub fn parse(path: &Path, text: &str) -> Result<Scene> {
         let mut builder = SceneBuilder::new(path);
         let source = Source::of_file(path, text);
@@ -45,7 +45,7 @@ impl Scene {
         Ok(builder.scene().clone())
     }
 
-    /// Refuses a scene of nothing, of which there is nothing to simulate.
+    /// Fails for a scene without bodies and tool, in which there is nothing to simulate.
     #[doc(hidden)]
     pub fn check_filled(&self) -> Result<()> {
         if !self.bodies.is_empty() || self.tool.is_some() {
@@ -55,13 +55,13 @@ impl Scene {
         Err(Error::input(&self.file, None, problem, "add a [[body]] or a [tool]"))
     }
 
-    /// A scene of one body and nothing else, as a file without any other table would give it; `file` is what errors name.
+    /// A scene of one body; all else is as in a scene file without any other table. Errors name `file`.
     #[doc(hidden)]
     pub fn of_body(file: impl Into<PathBuf>, body: Body) -> Scene {
         Scene { bodies: vec![body], ..Scene::empty(file) }
     }
 
-    /// A scene of nothing, all else as a file without any table would give it.
+    /// A scene without bodies and tool; all else is as in a scene file without any table. Errors name `file`.
     pub fn empty(file: impl Into<PathBuf>) -> Scene {
         Scene {
             file: file.into(),
@@ -78,17 +78,18 @@ impl Scene {
         }
     }
 
-    /// The longest step that the simulation does, s: a session with a haptic device stretches steps to the time they take.
+    /// The longest time step of the simulation, s. In a session with a haptic device a step lasts as long as it takes
+    /// to compute.
     pub fn longest_step(&self) -> f64 {
         if self.haptics.is_held { self.haptics.longest_step.max(self.step.dt) } else { self.step.dt }
     }
 
-    /// The scene's name: its file's stem.
+    /// Name of the scene: the name of its file without folder and extension.
     pub fn name(&self) -> String {
         self.file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
     }
 
-    /// The body that the device holds, among the bodies.
+    /// Index of the body that serves as the tool, if a body does.
     pub fn held_body(&self) -> Option<usize> {
         match &self.tool.as_ref()?.shape {
             ToolShape::Body(name) => self.bodies.iter().position(|body| body.name == *name),
@@ -96,40 +97,40 @@ impl Scene {
         }
     }
 
-    /// The tool, where it is one of its own and no body of the scene.
+    /// The tool, where it is a rigid one of its own rather than a body of the scene.
     pub fn rigid_tool(&self) -> Option<&Tool> {
         self.tool.as_ref().filter(|tool| !matches!(tool.shape, ToolShape::Body(_)))
     }
 
-    /// How long to run when nobody says, s: to the device's last key, else one second.
+    /// Length of a run for which no other is given, s: up to the last key of the trajectory, else one second.
     pub fn duration(&self) -> f64 {
         self.drive.last().map(|key| key.time).filter(|&time| time > 0.0).unwrap_or(DEFAULT_DURATION)
     }
 }
 
 impl Default for Step {
-    /// 1 ms, gravity along -y, one linearisation.
+    /// Steps of 1 ms, gravity along -y, one Newton iteration.
     fn default() -> Step {
         no_step(&preset::NONE)
     }
 }
 
 impl Default for Solver {
-    /// A relative residual of 1e-5.
+    /// A tolerance of 1e-5 for the relative residual.
     fn default() -> Solver {
         no_solver(&preset::NONE)
     }
 }
 
 impl Default for Contact {
-    /// Stiffness and damping as the engine chooses, no friction.
+    /// Automatic stiffness and damping, no friction.
     fn default() -> Contact {
         no_contact(&preset::NONE)
     }
 }
 
-/// Adds tables to a scene: bodies and probes come after those that it has, other tables and keys replace what it has, and what
-/// the tables leave out stays. After an error the scene is anything.
+/// Adds tables to a scene: bodies and probes come after those that it has, other tables and keys replace what it has,
+/// and what the tables leave out stays. After an error the scene may be half changed.
 pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) -> Result<()> {
     let root = Table::root(source, document, &ROOT_KEYS)?;
     let tables = ["step", "solver", "contact"];
@@ -162,28 +163,28 @@ pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) 
     names::check_names(&root, scene, before)
 }
 
-/// A table of the root, or `None` where the scene leaves it out.
+/// A table of the root; `None` where the scene leaves it out.
 fn section<'a>(root: &Table<'a>, key: &str, known: &[&str]) -> Result<Option<Table<'a>>> {
     root.option(key, |value| value.table(known))
 }
 
-/// A preset by its name.
+/// Reads the name of a preset.
 fn preset_of(value: &Value) -> Result<Preset> {
     value.one_of("preset", &PRESETS.map(|preset| (preset.name, preset)))
 }
 
-/// What a scene without `[step]` has.
+/// The settings of a scene without `[step]`.
 fn no_step(defaults: &Preset) -> Step {
     Step { dt: defaults.dt, gravity: GRAVITY, newton: defaults.newton }
 }
 
-/// What a scene without `[solver]` has.
+/// The settings of a scene without `[solver]`.
 fn no_solver(defaults: &Preset) -> Solver {
     let Preset { tolerance, max_iterations, .. } = *defaults;
     Solver { tolerance, max_iterations, preconditioner: Preconditioner::Auto }
 }
 
-/// What a scene without `[contact]` has.
+/// The settings of a scene without `[contact]`.
 fn no_contact(defaults: &Preset) -> Contact {
     Contact {
         stiffness: None,

@@ -1,5 +1,5 @@
-//! What a soft body is made of: `material`, and `[[body.region]]` where it differs from place to place. Called by
-//! `body.rs`.
+//! Reads the elastic material of a soft body, `material`, and its material regions, `[[body.region]]`, in which the
+//! material is another. Called by `body.rs`.
 
 use glam::DVec3;
 
@@ -8,66 +8,68 @@ use super::check;
 use super::keys::{Table, Value};
 use crate::Result;
 
-/// Elastic material.
+/// An elastic material.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
-    /// Force by strain.
+    /// Material law: how stress follows from strain.
     pub law: Law,
-    /// Young's modulus, Pa; of small strains.
+    /// Young's modulus at small strain, Pa.
     pub young: f64,
-    /// Poisson's ratio; of small strains.
+    /// Poisson's ratio at small strain.
     pub poisson: f64,
     /// Density, kg/m^3.
     pub density: f64,
-    /// Rayleigh damping alpha, 1/s.
+    /// Rayleigh damping coefficient alpha, which multiplies the mass matrix, 1/s.
     pub damping_mass: f64,
-    /// Rayleigh damping beta, s.
+    /// Rayleigh damping coefficient beta, which multiplies the stiffness matrix, s.
     pub damping_stiffness: f64,
 }
 
 impl Material {
-    /// A corotational material without damping: Young's modulus (Pa), Poisson's ratio (-0.5 to below 0.5), density (kg/m^3).
+    /// A corotational material without damping. `young` is in Pa, `poisson` lies from -0.5 to below 0.5, `density` is
+    /// in kg/m^3.
     pub fn new(young: f64, poisson: f64, density: f64) -> Material {
         Material { law: Law::Corotational, young, poisson, density, damping_mass: 0.0, damping_stiffness: 0.0 }
     }
 }
 
-/// How force follows from deformation; both laws are Hooke's at small strain.
+/// How stress follows from strain; both laws agree with Hooke's law at small strain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Law {
-    /// Linear in the strain that a tetrahedron has beside its rotation.
+    /// Stress is linear in the strain that is left when a tetrahedron's rotation is taken out.
     Corotational,
-    /// Stable neo-Hookean (Smith, de Goes and Kim 2018).
+    /// The stable neo-Hookean law (Smith, de Goes and Kim 2018).
     NeoHookean,
 }
 
 impl Law {
-    /// What a scene may ask for.
+    /// Names that a scene file may give, with their values.
     const CHOICES: [(&str, Law); 2] = [("corotational", Law::Corotational), ("neo-hookean", Law::NeoHookean)];
 }
 
-/// `[[body.region]]`: tetrahedra of another material than the body's.
+/// A material region, `[[body.region]]`: tetrahedra that have another material than the body's.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
-    /// Which tetrahedra; of those that several regions name, the first has them.
+    /// Selects the tetrahedra. A tetrahedron that several regions select belongs to the first of them.
     pub place: Place,
-    /// Theirs, whole: what the region does not say is the body's.
+    /// Material of the region, complete: values that the file leaves out are those of the body's material.
     pub material: Material,
 }
 
-/// Which tetrahedra a region has; boxes and spheres in file coordinates, before scale and pose.
+/// Selects the tetrahedra of a material region; boxes and spheres are in the coordinates of the mesh file, before scale
+/// and pose.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Place {
-    /// Those of a group of the layer's file.
+    /// The tetrahedra of a group in the layer's mesh file.
     Group(Group),
-    /// Those whose centroids lie in a box.
+    /// The tetrahedra whose centroids lie in a box.
     Box {
         /// Least corner.
         low: DVec3,
         /// Greatest corner.
         high: DVec3,
     },
-    /// Those whose centroids lie in a sphere.
+    /// The tetrahedra whose centroids lie in a sphere.
     Sphere {
         /// Centre.
         centre: DVec3,
@@ -76,16 +78,16 @@ pub enum Place {
     },
 }
 
-/// A group of a mesh file, as a scene calls it.
+/// A group of tetrahedra in a mesh file, as a scene names it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Group {
-    /// By name.
+    /// The group's name.
     Name(String),
-    /// By number.
+    /// The group's number.
     Number(i64),
 }
 
-/// A material; what the table leaves out is that of `base`, where there is one.
+/// Reads a material; values that the table leaves out are those of `base`, where there is one.
 pub(super) fn material(value: &Value, base: Option<&Material>) -> Result<Material> {
     let table = value.table(&["law", "young", "poisson", "density", "damping_mass", "damping_stiffness"])?;
     let law = table.option("law", |value| value.one_of("law", &Law::CHOICES))?;
@@ -100,7 +102,7 @@ pub(super) fn material(value: &Value, base: Option<&Material>) -> Result<Materia
     })
 }
 
-/// A number that must be there where nothing else says it.
+/// Reads a number that is required where `otherwise` has none.
 fn number<'a>(
     table: &Table<'a>,
     key: &str,
@@ -113,14 +115,14 @@ fn number<'a>(
     }
 }
 
-/// The regions of a soft body; `from_file`: whether its layer is a file's, which may have groups.
+/// Reads the material regions of a soft body; `from_file`: its layer is from a mesh file, which may have groups.
 pub(super) fn regions(body: &Table, base: &Material, from_file: bool) -> Result<Vec<Region>> {
     let Some(array) = body.get("region") else { return Ok(Vec::new()) };
     let region = |element: &Value| {
         let table = element.table(&["group", "box", "sphere", "material"])?;
         let place = match table.exactly_one(&["group", "box", "sphere"])? {
             "group" if !from_file => {
-                let problem = "the layer is made here and has no groups";
+                let problem = "the layer is generated and has no groups";
                 return Err(table.error("group", problem, "give `box` or `sphere`, or a layer from a file"));
             }
             "group" => Place::Group(group(&table.need("group")?)?),

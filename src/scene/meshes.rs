@@ -1,5 +1,5 @@
-//! Meshes that a program hands over in memory, by name. To a scene and to preparation they are what a file would be:
-//! `surface = { mesh = "liver" }` beside `surface = "liver.obj"`.
+//! Meshes that a program passes in memory, by name. Scenes and preparation treat them like mesh files: a scene has
+//! `surface = { mesh = "liver" }` instead of `surface = "liver.obj"`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,12 +13,12 @@ use super::tetrahedra::{self, Contents, Element, TetMesh};
 use super::triangulate::triangulate;
 use crate::{Error, Result};
 
-/// Greatest magnitude of a coordinate, as in files.
+/// Greatest magnitude of a coordinate, the same as in mesh files.
 const LARGEST: f64 = 1e30;
-/// What to do about a mesh that cannot be.
+/// Remedy for an invalid mesh.
 const REMEDY: &str = "correct the arrays";
 
-/// Surfaces and layers by name.
+/// Surfaces (of triangles) and layers (of tetrahedra), by name.
 #[derive(Debug, Clone, Default)]
 pub struct Meshes {
     surfaces: BTreeMap<String, Arc<TriangleMesh>>,
@@ -28,37 +28,37 @@ pub struct Meshes {
 static NONE: Meshes = Meshes { surfaces: BTreeMap::new(), layers: BTreeMap::new() };
 
 impl Meshes {
-    /// No meshes.
+    /// An empty collection.
     pub fn none() -> &'static Meshes {
         &NONE
     }
 
-    /// Takes a surface: what an OBJ file of these `v` and `f` lines would be.
+    /// Adds a surface; it is treated like an OBJ file with these `v` and `f` lines.
     pub fn add_surface(&mut self, name: &str, vertices: Vec<DVec3>, triangles: &[[u32; 3]]) -> Result<()> {
         check_name("surface", name, self.surfaces.contains_key(name))?;
         self.surfaces.insert(name.into(), Arc::new(surface(name, vertices, triangles)?));
         Ok(())
     }
 
-    /// Takes the tetrahedra of a layer: what a mesh file of these nodes and elements would be.
+    /// Adds the tetrahedra of a layer; they are treated like a mesh file with these nodes and elements.
     pub fn add_layer(&mut self, name: &str, nodes: Vec<DVec3>, tetrahedra: &[[u32; 4]]) -> Result<()> {
         check_name("layer", name, self.layers.contains_key(name))?;
         self.layers.insert(name.into(), Arc::new(layer(name, nodes, tetrahedra)?));
         Ok(())
     }
 
-    /// The surface of a name; else the names that there are.
+    /// The surface of this name; the error lists the names that there are.
     pub(super) fn surface(&self, name: &str) -> std::result::Result<Arc<TriangleMesh>, Vec<String>> {
         self.surfaces.get(name).cloned().ok_or_else(|| self.surfaces.keys().cloned().collect())
     }
 
-    /// The layer of a name; else the names that there are.
+    /// The layer of this name; the error lists the names that there are.
     pub(super) fn layer(&self, name: &str) -> std::result::Result<Arc<TetMesh>, Vec<String>> {
         self.layers.get(name).cloned().ok_or_else(|| self.layers.keys().cloned().collect())
     }
 }
 
-/// A surface, checked; errors call it by its name.
+/// Checks a surface and makes its mesh; errors show `name`.
 pub(super) fn surface(name: &str, vertices: Vec<DVec3>, triangles: &[[u32; 3]]) -> Result<TriangleMesh> {
     let wrong = |problem: String| wrong("surface", name, problem);
     check_points(&vertices).map_err(|problem| wrong(format!("vertex {problem}")))?;
@@ -68,7 +68,7 @@ pub(super) fn surface(name: &str, vertices: Vec<DVec3>, triangles: &[[u32; 3]]) 
     if obj::has_area(&mesh) { Ok(mesh) } else { Err(wrong("no triangle has any area".into())) }
 }
 
-/// The tetrahedra of a layer, checked; errors call it by its name.
+/// Checks the tetrahedra of a layer and makes their mesh; errors show `name`.
 pub(super) fn layer(name: &str, nodes: Vec<DVec3>, tetrahedra: &[[u32; 4]]) -> Result<TetMesh> {
     let wrong = |problem: String| wrong("layer", name, problem);
     check_points(&nodes).map_err(|problem| wrong(format!("node {problem}")))?;
@@ -97,20 +97,20 @@ fn check_name(kind: &str, name: &str, is_taken: bool) -> Result<()> {
     let problem = match (name.is_empty(), is_taken) {
         (false, false) => return Ok(()),
         (true, _) => "the name is empty",
-        (_, true) => "there is one of that name",
+        (_, true) => "the name is already taken",
     };
     Err(Error::input(Path::new(&label(kind, name)), None, problem, "give another name"))
 }
 
 fn check_points(points: &[DVec3]) -> std::result::Result<(), String> {
-    // The last number is for "none".
+    // The greatest index stands for "none" elsewhere.
     if points.len() >= u32::MAX as usize {
-        return Err(format!("count is {}: there are below {} at most", points.len(), u32::MAX));
+        return Err(format!("count is {}, but must be below {}", points.len(), u32::MAX));
     }
     let is_wrong = |x: &f64| !x.is_finite() || x.abs() > LARGEST;
     let bad = points.iter().enumerate().find_map(|(k, point)| Some((k, *point.as_ref().iter().find(|x| is_wrong(x))?)));
     match bad {
-        Some((k, x)) => Err(format!("{k} has the coordinate {x:?}, which is no finite number below 1e30")),
+        Some((k, x)) => Err(format!("{k} has the coordinate {x:?}, which is not a finite number below 1e30")),
         None if points.is_empty() => Err("count is 0".into()),
         None => Ok(()),
     }

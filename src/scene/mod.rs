@@ -1,8 +1,13 @@
-//! What a user writes: scenes, bodies, materials, meshes in and out. No GPU, no preparation.
+//! The scene as a user describes it: bodies, materials, tool and settings, and readers and writers of meshes. This
+//! module has neither GPU code nor the preparation of meshes.
 //!
-//! [`Scene::load`] reads a TOML file (every table is shown in the README) into these plain types, checked: after it,
-//! every number is finite and in range, every name resolves. [`SceneBuilder`] makes a scene piece by piece of the same tables, and
-//! of meshes in memory. Units are SI; quaternions are x y z w.
+//! [`Scene::load`] reads a TOML file (the README shows every table) into these plain types and checks it: every number
+//! is finite and in range, every name resolves. [`SceneBuilder`] makes a scene piece by piece, from values, from such
+//! tables or from meshes in memory. Units are SI; quaternions are x y z w.
+//!
+//! A soft body is layered: its skin (a fine triangle surface) is embedded in its layer (the tetrahedral mesh that is
+//! simulated), and nodes of the layer may be attached to rigid cores. The tool is what the haptic device moves, through
+//! a virtual coupling. "File coordinates" are those of a body's mesh file, before scale and pose.
 
 mod body;
 mod build;
@@ -66,10 +71,10 @@ pub use model::Model;
 pub use profile::Profile;
 pub use skeleton::{Bone, Skeleton};
 
-/// A whole scene, as written.
+/// A whole scene.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// The scene file; paths in it are relative to its folder.
+    /// The scene file; paths in the scene are relative to its folder.
     pub file: PathBuf,
     /// Time step and gravity.
     pub step: Step,
@@ -79,103 +84,104 @@ pub struct Scene {
     pub contact: Contact,
     /// Bodies, in file order.
     pub bodies: Vec<Body>,
-    /// What the device holds, if anything.
+    /// The tool, which the haptic device moves, if there is one.
     pub tool: Option<Tool>,
-    /// Virtual coupling between device and tool; `None`: the tool is not held and moves freely.
+    /// Virtual coupling between haptic device and tool; `None`: nothing holds the tool, which moves freely.
     pub coupling: Option<Coupling>,
-    /// Pose of the device over time; empty: the device rests at the tool's first pose.
+    /// Reference trajectory of the haptic device; empty: the device rests at the tool's first pose.
     pub drive: Vec<Key>,
-    /// Limits of the haptic device.
+    /// Haptic device and haptic loop.
     pub haptics: Haptics,
-    /// Points to record.
+    /// Points whose positions are recorded.
     pub probes: Vec<Probe>,
-    /// The preset that it names, and what that decided.
+    /// The preset that the scene names, and the settings that it decided.
     pub preset: Option<preset::Chosen>,
 }
 
-/// `[step]`.
+/// Settings of `[step]`.
 #[derive(Debug, Clone)]
 pub struct Step {
     /// Time step, s.
     pub dt: f64,
     /// Acceleration of gravity, m/s^2.
     pub gravity: DVec3,
-    /// Newton iterations a step.
+    /// Number of Newton iterations per step.
     pub newton: u32,
 }
 
-/// `[solver]`.
+/// Settings of `[solver]`: conjugate gradients for the linear system of each Newton iteration.
 #[derive(Debug, Clone)]
 pub struct Solver {
-    /// Relative residual to stop at.
+    /// Relative residual at which the solver stops.
     pub tolerance: f64,
-    /// Iterations at most.
+    /// Greatest number of solver iterations.
     pub max_iterations: u32,
     /// Preconditioner.
     pub preconditioner: Preconditioner,
 }
 
-/// How the linear system is preconditioned.
+/// The preconditioner of the linear system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preconditioner {
-    /// The engine chooses.
+    /// The engine chooses, by the stiffness of the bodies.
     Auto,
     /// 3x3 block Jacobi.
     Jacobi,
-    /// Block Jacobi and a coarse level.
+    /// Two-level additive Schwarz: 3x3 block Jacobi and a coarse space.
     Coarse,
 }
 
-/// `[contact]`. `None` means "auto".
+/// Settings of `[contact]`; `None` stands for "auto".
 #[derive(Debug, Clone)]
 pub struct Contact {
     /// Penalty stiffness per projected area, N/m^3.
     pub stiffness: Option<f64>,
     /// Penalty damping per projected area, N s/m^3.
     pub damping: Option<f64>,
-    /// Coulomb coefficient.
+    /// Coulomb's coefficient of friction.
     pub friction: f64,
-    /// Speed below which friction is viscous, m/s.
+    /// Speed below which friction is viscous instead of Coulomb's, m/s.
     pub friction_speed: f64,
-    /// Edge of the squares in which the depth stage looks for crossings, m; changes its time, not its answer.
+    /// Edge of the grid cells in which the depth stage looks for ray hits, m; it changes the time this takes, not the
+    /// answer.
     pub texel: Option<f64>,
     /// Depth beyond which a flag is raised, m.
     pub depth_limit: f64,
-    /// Path of the depth stage.
+    /// Path of the depth stage (narrow phase).
     pub depth: Option<DepthPath>,
-    /// Whose vertices gather contacts.
+    /// The bodies whose skin vertices are tested for contact.
     pub sides: Sides,
 }
 
-/// Whose vertices gather contacts where two bodies touch.
+/// The bodies whose skin vertices are tested for contact, where two bodies may touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sides {
-    /// Both skins', each side counting half.
+    /// Both: the contact forces of each side count half.
     Both,
-    /// Those of the finer skin alone (less area to a vertex), counting whole.
+    /// Only the one with the finer skin (less area per vertex); its contact forces count whole.
     One,
 }
 
 impl Sides {
-    /// What a scene may ask for.
+    /// Names that a scene file may give, with their values.
     pub const CHOICES: [(&str, Sides); 2] = [("both", Sides::Both), ("one", Sides::One)];
 }
 
-/// How triangles find the vertices that they lie over; the answer is the same.
+/// How the depth stage finds where triangles meet the rays of opposing vertices; both paths give the same answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthPath {
-    /// The graphics pipeline's rasterizer shares out the work.
+    /// The rasterizer of the graphics pipeline distributes the work.
     Graphics,
-    /// Loops in compute.
+    /// Loops in a compute shader do all of it.
     Compute,
 }
 
 impl DepthPath {
-    /// What a scene or the command line may ask for; `None` chooses by measuring.
+    /// Names that a scene file or the command line may give, with their values; `None` chooses by measuring.
     pub const CHOICES: [(&str, Option<DepthPath>); 3] =
         [("auto", None), ("graphics", Some(DepthPath::Graphics)), ("compute", Some(DepthPath::Compute))];
 
-    /// Its name in reports.
+    /// Name of the path in reports.
     pub fn name(self) -> &'static str {
         match self {
             DepthPath::Graphics => "graphics",
@@ -184,14 +190,14 @@ impl DepthPath {
     }
 }
 
-/// `[[body]]`.
+/// A body, `[[body]]`.
 #[derive(Debug, Clone)]
 pub struct Body {
-    /// Unique name.
+    /// Name of the body, unique in the scene.
     pub name: String,
-    /// What it is made of.
+    /// Rigid, soft or a plane, and the meshes that it is made of.
     pub shape: Shape,
-    /// Proxies at most; `None`: the usual number.
+    /// Greatest number of collision proxies (convex hulls that cover the skin); `None`: the default.
     pub hulls: Option<u32>,
     /// Uniform scale of file coordinates.
     pub scale: f64,
@@ -203,24 +209,24 @@ pub struct Body {
     pub velocity: DVec3,
     /// Elastic material; `None` for rigid bodies.
     pub material: Option<Material>,
-    /// Over what the volumetric strain of a soft body is one.
+    /// The volume over which a soft body's volumetric strain is taken to be constant.
     pub dilatation: Dilatation,
-    /// Where the material is another; of a soft body.
+    /// Parts of a soft body that have another material.
     pub regions: Vec<Region>,
-    /// Names of bodies it collides with ("tool" is the tool); `None`: every other.
+    /// Names of the bodies that it collides with ("tool" for the tool); `None`: all others.
     pub collides: Option<Vec<String>>,
-    /// Rigid cores; first one a bone where there is a skeleton, in its order.
+    /// Rigid cores. Where there is a skeleton, one core per bone comes first, in the order of the bones.
     pub cores: Vec<Core>,
-    /// What joins cores to each other.
+    /// Ball joints between cores.
     pub joints: Vec<Joint>,
-    /// Whether the surface's file is repaired where it needs it; else it is refused.
+    /// Whether a faulty surface file is repaired; else it is refused.
     pub repair: bool,
-    /// Bones, and how they hang together.
+    /// Bones, with their parents and joints.
     pub skeleton: Option<Skeleton>,
 }
 
 impl Body {
-    /// A body of a shape at the origin, as a scene file without any other key gives it.
+    /// A body of this shape at the origin; all else is as in a scene file that gives no other key.
     fn of(name: &str, shape: Shape, material: Option<Material>, cores: Vec<Core>) -> Body {
         Body {
             name: name.into(),
@@ -241,18 +247,18 @@ impl Body {
         }
     }
 
-    /// A soft body that fills a skin, with nothing bound: add cores to hold it.
+    /// A soft body whose layer fills a skin. No node is attached yet: add cores to hold it.
     pub fn soft(name: &str, surface: Surface, layer: Layer, material: Material) -> Body {
         Body::of(name, Shape::Soft { surface: Some(surface), layer }, Some(material), Vec::new())
     }
 
-    /// A soft box of cells, `low` and `high` its corners (m), whose boundary is its skin.
+    /// A soft box of `cells` cells between the corners `low` and `high` (m); its boundary is its skin.
     pub fn block(name: &str, low: [f64; 3], high: [f64; 3], cells: [u32; 3], material: Material) -> Body {
         let layer = Layer::Box { low: low.into(), high: high.into(), cells };
         Body::of(name, Shape::Soft { surface: None, layer }, Some(material), Vec::new())
     }
 
-    /// A rigid body, with the mass (kg) that a dynamic one needs.
+    /// A rigid body; a dynamic one needs a mass (kg).
     pub fn rigid(name: &str, surface: Surface, motion: Motion, mass: Option<f64>) -> Body {
         let core = Core { name: name.into(), motion, bind: None, mass, hinge: None };
         Body::of(name, Shape::Rigid { surface }, None, vec![core])
@@ -264,32 +270,32 @@ impl Body {
         Body::of(name, Shape::Plane { normal: normal / length, offset: offset / length }, None, Vec::new())
     }
 
-    /// Moves the mesh's origin to a place, world, m.
+    /// Moves the origin of the body's mesh to a world position, m.
     pub fn at(self, position: [f64; 3]) -> Body {
         Body { position: position.into(), ..self }
     }
 }
 
-/// What a body is made of.
+/// The kind of a body, and the meshes that it is made of.
 #[derive(Debug, Clone)]
 pub enum Shape {
-    /// Soft: a tetrahedral layer, and a skin; without a skin the layer's boundary is the skin.
+    /// A soft body: a tetrahedral layer and a skin. Without a skin of its own, the layer's boundary is the skin.
     Soft {
-        /// Skin.
+        /// Skin of the body.
         surface: Option<Surface>,
-        /// Layer.
+        /// Tetrahedral mesh that is simulated.
         layer: Layer,
     },
-    /// Rigid: a skin only. Its body has exactly one core, without `bind`, that says how it moves.
+    /// A rigid body: only a skin. It has exactly one core, without `bind`, which says how it moves.
     Rigid {
-        /// Skin.
+        /// Skin of the body.
         surface: Surface,
     },
-    /// Rigid half-space `normal . x <= offset`, fixed.
+    /// A fixed, rigid half-space `normal . x <= offset`.
     Plane {
-        /// Unit outward normal.
+        /// Unit outward normal, in world axes.
         normal: DVec3,
-        /// Offset, m.
+        /// Signed distance of the boundary plane from the world's origin, m.
         offset: f64,
     },
 }
@@ -299,89 +305,89 @@ pub enum Shape {
 pub enum Surface {
     /// An OBJ file.
     File(PathBuf),
-    /// A model that the engine makes by itself.
+    /// A model that the engine generates.
     Model {
-        /// Which.
+        /// The model.
         model: Model,
         /// Number of skin vertices, within [`Model::vertices`].
         vertices: usize,
     },
-    /// Handed over in memory: [`Surface::of_triangles`].
+    /// A mesh in memory, see [`Surface::of_triangles`].
     #[doc(hidden)]
     Mesh(Arc<obj::TriangleMesh>),
 }
 
 impl Surface {
-    /// A surface in memory, of vertices (m, before the body's scale) and triangles, counter-clockwise seen from outside: what an
-    /// OBJ file of them would be.
+    /// A surface in memory, which is treated like an OBJ file: vertices (m, before the body's scale), and triangles
+    /// that are counter-clockwise seen from outside.
     ///
     /// # Errors
-    /// A coordinate is not finite, a triangle names a vertex that is not there, or there is nothing of any area.
+    /// A coordinate is not finite, a triangle names a vertex that does not exist, or no triangle has any area.
     pub fn of_triangles(vertices: Vec<DVec3>, triangles: &[[u32; 3]]) -> Result<Surface> {
         meshes::surface("in memory", vertices, triangles).map(|mesh| Surface::Mesh(Arc::new(mesh)))
     }
 }
 
-/// Where the layer comes from.
+/// Where a layer, the tetrahedral mesh of a soft body, comes from.
 #[derive(Debug, Clone)]
 pub enum Layer {
-    /// Made to fill the surface, from lattice cells.
+    /// Generated to fill the surface, from lattice cells of this size (isosurface stuffing).
     Cell {
-        /// Edge of the cells (file coordinates, before scale).
+        /// Edge of the lattice cells, m in file coordinates.
         cell: f64,
-        /// Largest cell deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
+        /// Edge of the largest cells deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
         grade: u32,
-        /// Depth of the shell that is filled, m in file coordinates; `None`: everything.
+        /// Depth below the surface to which the body is filled, as a shell, m in file coordinates; `None`: all of it.
         thickness: Option<f64>,
     },
-    /// Made to fill the surface, with so many lattice cells along its largest extent.
+    /// Generated to fill the surface, with this number of lattice cells along its largest extent.
     Across {
-        /// Cells along the largest extent.
+        /// Number of cells along the largest extent.
         cells: u32,
-        /// Largest cell deep inside, as a multiple of those at the surface: 1 (all equal), 2, 4 or 8.
+        /// Edge of the largest cells deep inside, as a multiple of those at the surface: 1 (all equal), 2, 4 or 8.
         grade: u32,
-        /// Depth of the shell that is filled, m in file coordinates; `None`: everything.
+        /// Depth below the surface to which the body is filled, as a shell, m in file coordinates; `None`: all of it.
         thickness: Option<f64>,
     },
-    /// A tetrahedral mesh file.
+    /// Read from a tetrahedral mesh file.
     File(PathBuf),
-    /// Handed over in memory: [`Layer::of_tetrahedra`].
+    /// A mesh in memory, see [`Layer::of_tetrahedra`].
     #[doc(hidden)]
     Mesh(Arc<tetrahedra::TetMesh>),
-    /// A box of Kuhn cells, each cut along (0,0,0)-(1,1,1).
+    /// A box of cells, each cut into six tetrahedra (Kuhn) around its diagonal from (0,0,0) to (1,1,1).
     Box {
         /// Least corner.
         low: DVec3,
         /// Greatest corner.
         high: DVec3,
-        /// Cells per axis.
+        /// Number of cells along each axis.
         cells: [u32; 3],
     },
 }
 
 impl Layer {
-    /// A layer in memory, of nodes (m, before the body's scale) and tetrahedra: what a mesh file of them would be. Those that are
-    /// inside out are turned.
+    /// A layer in memory, which is treated like a mesh file: nodes (m, before the body's scale) and tetrahedra.
+    /// Tetrahedra of negative volume are reordered.
     ///
     /// # Errors
-    /// A coordinate is not finite, a tetrahedron names a node that is not there, has no volume or is given twice.
+    /// A coordinate is not finite, or a tetrahedron names a node that does not exist, has no volume or is given twice.
     pub fn of_tetrahedra(nodes: Vec<DVec3>, tetrahedra: &[[u32; 4]]) -> Result<Layer> {
         meshes::layer("in memory", nodes, tetrahedra).map(|mesh| Layer::Mesh(Arc::new(mesh)))
     }
 }
 
-/// `[[body.core]]`.
+/// A rigid core of a body, `[[body.core]]`.
 #[derive(Debug, Clone)]
 pub struct Core {
-    /// Name, unique in its body.
+    /// Name of the core, unique in its body.
     pub name: String,
-    /// How it moves.
+    /// How the core moves.
     pub motion: Motion,
-    /// Which nodes it carries; `None` for the core of a rigid body.
+    /// The nodes that are attached to the core, so that they move with it; `None` for the core of a rigid body.
     pub bind: Option<Bind>,
-    /// Mass, kg, of a dynamic core; `None`: from the bound region.
+    /// Mass of a dynamic core, kg; `None`: the mass of its attached nodes.
     pub mass: Option<f64>,
-    /// All that a dynamic core may turn about; `None`: it moves freely.
+    /// The line about which alone a dynamic core may turn; `None`: it moves freely.
     pub hinge: Option<Hinge>,
 }
 
@@ -390,80 +396,80 @@ impl Core {
         Core { name: name.into(), motion, bind: Some(bind), mass: None, hinge: None }
     }
 
-    /// A core that does not move.
+    /// A core that never moves.
     pub fn fixed(name: &str, bind: Bind) -> Core {
         Core::of(name, Motion::Fixed, bind)
     }
 
-    /// A core that follows keys.
+    /// A kinematic core that follows the poses of `keys`.
     pub fn driven(name: &str, bind: Bind, keys: Vec<Key>) -> Core {
         Core::of(name, Motion::Driven(keys), bind)
     }
 
-    /// A core that moves by forces, with the mass of what it binds.
+    /// A core that moves by the forces on it, with the mass that its attached nodes have.
     pub fn dynamic(name: &str, bind: Bind) -> Core {
         Core::of(name, Motion::Dynamic, bind)
     }
 }
 
-/// A line, fixed in the world and in the core, in file coordinates, before scale and pose.
+/// The axis of a hinge: a line that is fixed both in the world and in the core, in file coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hinge {
-    /// A point on it.
+    /// A point on the line.
     pub point: DVec3,
-    /// Along it, unit.
+    /// Unit direction of the line.
     pub axis: DVec3,
 }
 
 /// How a core moves.
 #[derive(Debug, Clone)]
 pub enum Motion {
-    /// Not at all.
+    /// It does not move.
     Fixed,
-    /// Along keys (time, centre, orientation; world).
+    /// Kinematic: it follows keys, which are world poses of the body's coordinate frame over time.
     Driven(Vec<Key>),
-    /// By forces.
+    /// Dynamic: forces move it.
     Dynamic,
 }
 
-/// Which nodes a core carries; regions in file coordinates, before scale and pose.
+/// Selects the nodes that are attached to a core; boxes, spheres and capsules are in file coordinates.
 #[derive(Debug, Clone)]
 pub enum Bind {
-    /// Nodes at least this deep below the skin, m in file coordinates.
+    /// The nodes at least this deep below the skin, m in file coordinates.
     Inset(f64),
-    /// Nodes in a box.
+    /// The nodes in a box.
     Box {
         /// Least corner.
         low: DVec3,
         /// Greatest corner.
         high: DVec3,
     },
-    /// Nodes in a sphere.
+    /// The nodes in a sphere.
     Sphere {
         /// Centre.
         centre: DVec3,
         /// Radius.
         radius: f64,
     },
-    /// Nodes in a capsule: a bone. Where capsules overlap the nearest bone has the node (see
-    /// [`crate::prepare::bind::nearer_bones`]).
+    /// The nodes in the capsule of a bone. A node in several capsules belongs to the nearest bone; see
+    /// [`crate::prepare::bind::nearer_bones`].
     Capsule(Capsule),
-    /// These nodes, zero-based in file order.
+    /// The nodes with these indices, zero-based, in file order.
     Nodes(Vec<u32>),
-    /// Every node.
+    /// All nodes.
     All,
 }
 
-/// A rod with round ends whose radius runs evenly from one end to the other.
+/// A rod with round ends, whose radius varies linearly from one end to the other; in file coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Capsule {
-    /// Middles of the two ends; they may coincide.
+    /// Centres of the two ends; they may coincide.
     pub ends: [DVec3; 2],
     /// Radius at each end.
     pub radii: [f64; 2],
 }
 
-/// A pose at a time.
+/// One pose of a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Key {
     /// Time, s.
@@ -475,20 +481,20 @@ pub struct Key {
 }
 
 impl Key {
-    /// A key at a time (s) and a position (m), with the identity as orientation.
+    /// A key at this time (s) and position (m), with the identity as orientation.
     pub fn at(time: f64, position: [f64; 3]) -> Key {
         Key { time, position: position.into(), orientation: DQuat::IDENTITY }
     }
 }
 
-/// `[tool]`.
+/// The tool, `[tool]`: the body that the haptic device moves through the virtual coupling.
 #[derive(Debug, Clone)]
 pub struct Tool {
-    /// Its shape.
+    /// Shape of the tool.
     pub shape: ToolShape,
     /// Mass, kg.
     pub mass: f64,
-    /// World position of its centre at the start, m.
+    /// World position of the tool's centre at the start, m.
     pub position: DVec3,
     /// World orientation at the start.
     pub orientation: DQuat,
@@ -496,7 +502,7 @@ pub struct Tool {
     pub velocity: DVec3,
     /// Uniform scale of file coordinates.
     pub scale: f64,
-    /// Whether the surface's file is repaired where it needs it; else it is refused.
+    /// Whether a faulty surface file is repaired; else it is refused.
     pub repair: bool,
 }
 
@@ -506,22 +512,22 @@ impl Tool {
         Tool { shape, mass, position, orientation, velocity, scale: 1.0, repair: true }
     }
 
-    /// A sphere of a radius (m) and a mass (kg), at the origin.
+    /// A sphere of this radius (m) and mass (kg), at the origin.
     pub fn sphere(radius: f64, mass: f64) -> Tool {
         Tool::of(ToolShape::Sphere(radius), mass)
     }
 
-    /// A closed surface of a mass (kg), at the origin.
+    /// A rigid tool with this closed surface and mass (kg), at the origin.
     pub fn surface(surface: Surface, mass: f64) -> Tool {
         Tool::of(ToolShape::Surface(surface), mass)
     }
 
-    /// A body of the scene, held by its first core, which is dynamic.
+    /// A body of the scene as the tool; the coupling acts on its first core, which must be dynamic.
     pub fn body(name: &str) -> Tool {
         Tool::of(ToolShape::Body(name.into()), 0.0)
     }
 
-    /// Moves the tool to another place, world, m.
+    /// Moves the tool to another world position, m.
     pub fn at(self, position: [f64; 3]) -> Tool {
         Tool { position: position.into(), ..self }
     }
@@ -532,32 +538,32 @@ impl Tool {
 pub enum ToolShape {
     /// A sphere of this radius, m.
     Sphere(f64),
-    /// A closed surface.
+    /// A rigid tool with this closed surface.
     Surface(Surface),
-    /// A body of the scene, held by its first core, which is dynamic.
+    /// The body of the scene that has this name; the coupling acts on its first core, which must be dynamic.
     Body(String),
 }
 
-/// `[coupling]`: the virtual coupling between device and tool (Colgate et al. 1995).
+/// The virtual coupling between haptic device and tool, `[coupling]` (Colgate et al. 1995): springs and dampers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coupling {
-    /// How the force answers to the distance between device and tool, N/m.
+    /// Force per distance between device and tool, N/m.
     pub stiffness: f64,
-    /// How the force answers to the difference of their velocities, N s/m.
+    /// Force per difference of their velocities, N s/m.
     pub damping: f64,
-    /// How the torque answers to the angle between them, N m/rad.
+    /// Torque per angle between their orientations, N m/rad.
     pub angular_stiffness: f64,
-    /// How the torque answers to the difference of their angular velocities, N m s/rad.
+    /// Torque per difference of their angular velocities, N m s/rad.
     pub angular_damping: f64,
 }
 
-/// `[[probe]]`: a skin vertex to follow.
+/// A probe, `[[probe]]`: a skin vertex whose position is recorded in the trace.
 #[derive(Debug, Clone)]
 pub struct Probe {
-    /// Column prefix in the trace.
+    /// Name of the probe, which begins the names of its columns in the trace.
     pub name: String,
-    /// Body it sits on.
+    /// Name of the body that the vertex belongs to.
     pub body: String,
-    /// The skin vertex nearest to this point is followed (file coordinates, before scale and pose).
+    /// The probe is the skin vertex nearest to this point, in file coordinates.
     pub nearest: DVec3,
 }

@@ -1,8 +1,9 @@
-//! The surfaces that need no file: their names and how finely they can be made. Preparation makes them.
+//! Surfaces that the engine generates, so that they need no file: their names, and how finely they can be made. The
+//! module `crate::prepare` generates them.
 
 use std::ops::RangeInclusive;
 
-/// A model that the engine makes by itself.
+/// A surface that the engine generates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Model {
     /// A head, 0.25 m tall, looking towards +z.
@@ -16,10 +17,10 @@ pub enum Model {
 }
 
 impl Model {
-    /// Every model.
+    /// All models.
     pub const ALL: [Model; 4] = [Model::Head, Model::Pumpkin, Model::Gear, Model::Human];
 
-    /// Its name in a scene.
+    /// Name of the model in a scene file.
     pub fn name(self) -> &'static str {
         match self {
             Model::Head => "head",
@@ -29,7 +30,7 @@ impl Model {
         }
     }
 
-    /// Vertices where a scene does not say.
+    /// Number of vertices where a scene gives none.
     pub fn default_vertices(self) -> usize {
         match self {
             Model::Head => 44_000,
@@ -39,7 +40,7 @@ impl Model {
         }
     }
 
-    /// Numbers of vertices that make sense: fewer lose the shape, more take minutes and gigabytes.
+    /// Range of the number of vertices: with fewer the shape is lost, more take minutes and gigabytes to prepare.
     pub fn vertices(self) -> RangeInclusive<usize> {
         match self {
             Model::Head => 500..=400_000,

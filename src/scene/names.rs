@@ -1,4 +1,4 @@
-//! Whether what scenes name is there: bodies, and the tool. Called by `load.rs` and `build.rs`.
+//! Checks that everything that a scene names exists: bodies, and the tool. Called by `load.rs` and `build.rs`.
 
 use super::keys::{Table, Value};
 use super::load::TOOL;
@@ -12,18 +12,18 @@ pub(super) struct Unresolved {
     pub remedy: String,
 }
 
-/// Where a scene names something.
+/// The place where a scene names something.
 pub(super) enum Place {
-    /// `collides` of this body.
+    /// The key `collides` of the body with this index.
     Collides(usize),
-    /// `body` of this probe.
+    /// The key `body` of the probe with this index.
     Probe(usize),
-    /// `tool.body`.
+    /// The key `tool.body`.
     Tool,
 }
 
 impl Place {
-    /// The key of a scene file.
+    /// The dotted key of the place in a scene file.
     pub fn key(&self, scene: &Scene) -> String {
         match *self {
             Place::Collides(body) => format!("body.{}.collides", scene.bodies[body].name),
@@ -32,7 +32,7 @@ impl Place {
         }
     }
 
-    /// Where it stands in the tables of a root that had `before` bodies and probes before it.
+    /// The value at the place, in tables that were added to a scene with `before` bodies and probes.
     fn value<'a>(&self, root: &Table<'a>, before: [usize; 2]) -> Result<Value<'a>> {
         let of = |array: &str, index: usize| root.need(array)?.array()?[index].unchecked_table();
         match *self {
@@ -43,19 +43,20 @@ impl Place {
     }
 }
 
-/// Names that refer to bodies must resolve, and tables that serve the tool need one. `before`: bodies and probes that there
-/// were before these tables.
+/// Checks that the names in added tables resolve, and that there is a tool for the tables that need one. `before`:
+/// numbers of bodies and probes that the scene had before the tables were added.
 pub(super) fn check_names(root: &Table, scene: &Scene, before: [usize; 2]) -> Result<()> {
     for key in ["coupling", "drive", "haptics"] {
         if scene.tool.is_none() && root.has(key) {
-            return Err(root.error(key, "there is no [tool] to hold", "add a [tool], or remove the table"));
+            return Err(root.error(key, "there is no [tool] for this table", "add a [tool], or remove the table"));
         }
     }
     let check = resolve(scene, before, root.has("tool"));
     check.or_else(|Unresolved { place, problem, remedy }| Err(place.value(root, before)?.error(problem, remedy)))
 }
 
-/// The names of a scene's bodies and probes from these on, and of its tool if that `is_new`.
+/// Checks what the bodies and probes of a scene name, from the indices `from` on, and what its tool names if the tool
+/// `is_new`.
 pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::result::Result<(), Unresolved> {
     let wrong = |place, (problem, remedy)| Err(Unresolved { place, problem, remedy });
     for (index, body) in scene.bodies.iter().enumerate().skip(from[0]) {
@@ -78,21 +79,21 @@ pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::res
     let Some(Tool { shape: ToolShape::Body(name), .. }) = scene.tool.as_ref().filter(|_| is_new) else { return Ok(()) };
     let names_tool = |body: &&Body| body.collides.iter().flatten().any(|name| name == TOOL);
     if let Some(other) = scene.bodies[..from[0]].iter().find(names_tool) {
-        let problem = format!("body \"{}\" names \"tool\" in `collides`, and the tool becomes a body", other.name);
-        return wrong(Place::Tool, (problem, "add the tool before that body, and name it there".into()));
+        let problem = format!("body \"{}\" names \"tool\" in `collides`, but this tool is a body", other.name);
+        return wrong(Place::Tool, (problem, "add the tool before that body, and name the tool's body there".into()));
     }
     let Some(body) = scene.held_body().map(|body| &scene.bodies[body]) else {
         return wrong(Place::Tool, unknown(scene, name));
     };
     if !matches!(body.cores.first(), Some(Core { motion: Motion::Dynamic, .. })) {
-        let problem = format!("the first core of \"{name}\", by which it is held, is not dynamic");
+        let problem = format!("the first core of \"{name}\", to which the haptic device is coupled, is not dynamic");
         let remedy = "give its first [[body.core]], or the rigid body, motion = \"dynamic\"";
         return wrong(Place::Tool, (problem, remedy.into()));
     }
     Ok(())
 }
 
-/// Refuses a name that a body cannot have in `collides`: problem and remedy.
+/// Checks a name that a body gives in `collides`; the error is a problem and its remedy.
 pub(super) fn check_partner(scene: &Scene, body: &Body, name: &str) -> std::result::Result<(), (String, String)> {
     let wrong = |problem: &str, remedy: &str| Err((problem.into(), remedy.into()));
     if name == body.name {
@@ -109,7 +110,7 @@ pub(super) fn check_partner(scene: &Scene, body: &Body, name: &str) -> std::resu
     }
 }
 
-/// Problem and remedy of a name that is no body's.
+/// Problem and remedy for a name that no body has.
 fn unknown(scene: &Scene, name: &str) -> (String, String) {
     let bodies: Vec<&str> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
     let known = if bodies.is_empty() { "none".into() } else { bodies.join(", ") };

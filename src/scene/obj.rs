@@ -1,8 +1,9 @@
-//! Wavefront OBJ in and out: the reader of skins and tools, the writer of deformed skins.
+//! Reads and writes Wavefront OBJ files: skins and tools are read, deformed skins are written.
 //!
-//! The parse is our own: the tobj crate drops unused vertices, orders the others by first use, knows no continuation
-//! lines and reports no line numbers, and all four are promised here. Format: Wavefront's "Object Files (.obj)",
-//! appendix B1 of the Advanced Visualizer manual; only `v` and `f` matter to a skin, all else is passed over.
+//! The parser is our own: the tobj crate drops unused vertices, orders the others by first use, does not support
+//! continuation lines and reports no line numbers, and a scene needs all four. The format is Wavefront's "Object Files
+//! (.obj)", appendix B1 of the Advanced Visualizer manual; only `v` and `f` lines matter to a skin, all others are
+//! ignored.
 
 use std::io::Write;
 use std::path::Path;
@@ -13,22 +14,22 @@ use serde::{Deserialize, Serialize};
 use super::triangulate::triangulate;
 use crate::{Error, Result};
 
-/// Greatest magnitude of a coordinate: more does not fit in single precision with room for a product.
+/// Greatest magnitude of a coordinate: a larger one does not fit in single precision with room for a product.
 const LARGEST: f64 = 1e30;
 
-/// Triangles as a file gives them.
+/// A triangle mesh as a file gives it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct TriangleMesh {
-    /// Every `v` line, used or not, in file order and file coordinates.
+    /// The positions of all `v` lines, used or not, in file order and in the coordinates of the file.
     pub vertices: Vec<DVec3>,
-    /// Zero-based vertices of each triangle; faces in file order, each polygon cut where it stands.
+    /// Zero-based vertices of each triangle. Faces stay in file order; each polygon is replaced by its triangles.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Reads an OBJ file: polygons are cut into triangles, groups and objects joined, vertices kept in file order.
+/// Reads an OBJ file: polygons are cut into triangles, groups and objects are joined, vertices stay in file order.
 ///
-/// Reading promises sound numbers and indices, at least one face and some area. Whether the surface can be a skin is
-/// another question: see [`crate::prepare::repair`].
+/// The result has valid numbers and indices, and at least one triangle with an area. Whether the surface can serve as a
+/// skin is decided elsewhere: see [`crate::prepare::repair`].
 pub fn read(path: &Path) -> Result<TriangleMesh> {
     let bytes = std::fs::read(path)
         .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give an OBJ file"))?;
@@ -40,7 +41,7 @@ pub fn read(path: &Path) -> Result<TriangleMesh> {
     }
 }
 
-/// Whether any triangle has area.
+/// Whether any triangle has an area above zero.
 pub(super) fn has_area(mesh: &TriangleMesh) -> bool {
     mesh.triangles.iter().any(|corners| {
         let [a, b, c] = corners.map(|vertex| mesh.vertices[vertex as usize]);
@@ -48,13 +49,13 @@ pub(super) fn has_area(mesh: &TriangleMesh) -> bool {
     })
 }
 
-/// The one-based line that each triangle came from.
+/// For each triangle of an OBJ file, the one-based line of its face.
 pub(crate) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
     let bytes = std::fs::read(path).map_err(|error| Error::input(path, None, error.to_string(), "give an OBJ file"))?;
     Ok(parse(&String::from_utf8_lossy(&bytes), path)?.lines)
 }
 
-/// A mesh and where its triangles stand in the file.
+/// A mesh, and for each triangle the one-based line of its face.
 struct Parsed {
     mesh: TriangleMesh,
     lines: Vec<u32>,
@@ -104,7 +105,8 @@ fn parse(text: &str, path: &Path) -> Result<Parsed> {
     Ok(parsed)
 }
 
-/// Lines without comments, joined where one ends in a backslash, each with the number of its first.
+/// The lines of a text without comments, each with its one-based number; a line that ends in a backslash is joined with
+/// the next.
 fn logical_lines(text: &str) -> impl Iterator<Item = (usize, String)> {
     let mut lines = text.lines().enumerate();
     std::iter::from_fn(move || {
@@ -120,7 +122,7 @@ fn logical_lines(text: &str) -> impl Iterator<Item = (usize, String)> {
     })
 }
 
-/// `x y z`, and whatever follows (a weight, a colour).
+/// Parses the words `x y z`; any that follow (a weight, a colour) are ignored.
 fn vertex<'a>(words: impl Iterator<Item = &'a str>) -> std::result::Result<DVec3, String> {
     let mut coordinates = Vec::with_capacity(3);
     for word in words.take(3) {
@@ -136,7 +138,8 @@ fn vertex<'a>(words: impl Iterator<Item = &'a str>) -> std::result::Result<DVec3
     }
 }
 
-/// Zero-based corners of `v`, `v/vt`, `v//vn` or `v/vt/vn` words; negative ones count back from the newest vertex.
+/// Zero-based corners of a face given as `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative indices count back from the last
+/// vertex read.
 fn face<'a>(words: impl Iterator<Item = &'a str>, vertices: usize) -> std::result::Result<Vec<i64>, String> {
     let mut corners = Vec::with_capacity(4);
     for word in words {
@@ -154,7 +157,7 @@ fn face<'a>(words: impl Iterator<Item = &'a str>, vertices: usize) -> std::resul
     if corners.len() < 3 { Err(format!("a face with {} vertices", corners.len())) } else { Ok(corners) }
 }
 
-/// Writes a surface: nine significant digits, so that single precision comes back unchanged.
+/// Writes a surface with nine significant digits, so that single precision is read back unchanged.
 pub fn write(w: &mut impl Write, vertices: &[DVec3], triangles: &[[u32; 3]]) -> std::io::Result<()> {
     for v in vertices {
         writeln!(w, "v {:.8e} {:.8e} {:.8e}", v.x, v.y, v.z)?;

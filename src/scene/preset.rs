@@ -1,48 +1,50 @@
-//! Presets: names for settings that belong together. A scene that names one gets its values where it says nothing itself.
+//! Presets: named sets of settings. A scene that names one gets its values for every setting that the scene itself does
+//! not give.
 
 use serde::Serialize;
 
 use super::Sides;
 
-/// What a scene says of itself by a name.
+/// The settings of a preset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Preset {
-    /// Its name.
+    /// Name of the preset.
     pub name: &'static str,
-    /// `step.dt`, s.
+    /// Value of `step.dt`, s.
     pub dt: f64,
-    /// `solver.tolerance`.
+    /// Value of `solver.tolerance`.
     pub tolerance: f64,
-    /// `solver.max_iterations`.
+    /// Value of `solver.max_iterations`.
     pub max_iterations: u32,
-    /// `step.newton`.
+    /// Value of `step.newton`.
     pub newton: u32,
-    /// `contact.sides`.
+    /// Value of `contact.sides`.
     pub sides: Sides,
 }
 
-/// What a scene without a preset has.
+/// The settings of a scene that names no preset.
 pub const NONE: Preset =
     Preset { name: "none", dt: 0.001, tolerance: 1e-5, max_iterations: 200, newton: 1, sides: Sides::Both };
 
-/// The presets, cheapest first: what `palpate bench accuracy/presets` finds, on a soft and on a stiff head.
+/// The presets, cheapest first. They were found by `palpate bench accuracy/presets`, on a soft and on a stiff head.
 pub const PRESETS: [Preset; 3] = [
     Preset { name: "fast", dt: 0.008, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
     Preset { name: "balanced", dt: 0.002, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
     Preset { name: "accurate", dt: 0.001, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
 ];
 
-/// The preset that a scene named, and what it decided there: the file's own keys win.
+/// The preset that a scene names, and the settings that it decided there; keys that the scene itself gives take
+/// precedence.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Chosen {
-    /// Its name.
+    /// Name of the preset.
     pub preset: &'static str,
-    /// Key and value, in words of a scene file.
+    /// Dotted key and value of each setting that the preset decided, as in a scene file.
     pub set: Vec<(&'static str, String)>,
 }
 
 impl Preset {
-    /// What it decides where `is_given` says which keys (table, key) the file has.
+    /// The settings that this preset decides, where `is_given` tells which keys (table, key) the scene itself gives.
     pub fn chosen(&self, is_given: impl Fn(&str, &str) -> bool) -> Chosen {
         let sides = Sides::CHOICES.iter().find(|(_, sides)| *sides == self.sides).map_or("", |(name, _)| *name);
         let values = [

@@ -1,15 +1,15 @@
-//! What devices can do, as CHAI3D publishes it (`cHapticDeviceInfo` of its drivers, version 3.2); [`MINVERSE`] says where
-//! else its figures are from. Stiffness and damping are the greatest that a device renders stably at 1 kHz, not those of its
-//! mechanism.
+//! Profiles: what haptic devices can do, according to CHAI3D (`cHapticDeviceInfo` of its drivers, version 3.2), but for
+//! [`MINVERSE`], which names its sources. Stiffness and damping are the greatest that a device renders stably at 1 kHz,
+//! not those of its mechanism.
 
-/// Limits and axes of a device.
+/// Limits and abilities of a haptic device.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
-    /// Its name in a scene.
+    /// Name of the profile in a scene file.
     pub name: &'static str,
     /// Greatest force, N.
     pub max_force: f64,
-    /// Greatest torque, N m; 0: it plays none.
+    /// Greatest torque, N m; 0: the device cannot play torque.
     pub max_torque: f64,
     /// Greatest linear stiffness at 1 kHz, N/m.
     pub stiffness: f64,
@@ -19,14 +19,14 @@ pub struct Profile {
     pub angular_stiffness: f64,
     /// Greatest angular damping at 1 kHz, N m s/rad.
     pub angular_damping: f64,
-    /// Radius of its workspace about where it was opened, m.
+    /// Radius of the workspace, about the position at which the device is opened, m.
     pub workspace: f64,
-    /// Whether it senses rotation.
+    /// Whether the device senses rotation.
     pub senses_rotation: bool,
 }
 
-/// All that are built in. `scripted` is no hardware's: it follows a script, or stands for what nobody holds; nor is
-/// `mouse`.
+/// All built-in profiles. Two of them are not of a haptic device: `scripted` is for poses that follow a script and for
+/// a tool that nobody holds, and `mouse` is for a mouse.
 pub const PROFILES: [Profile; 10] = [
     profile("scripted", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true),
     profile("premium", [8.5, 0.188], [800.0, 5.0], [0.3, 0.004], 0.12, true),
@@ -40,22 +40,24 @@ pub const PROFILES: [Profile; 10] = [
     MOUSE,
 ];
 
-/// The Haply Inverse3's.
+/// Profile of the Haply Inverse3.
 pub const INVERSE3: Profile = profile("inverse3", [10.0, 0.0], [1000.0, 6.0], [0.0, 0.0], 0.15, false);
 
-/// The Haply Minverse's. The workspace is the radius to which Haply's tutorial keeps a Minverse's cursor (docs.haply.co,
-/// Inverse service 3.5, tutorial 06: 0.04 m, where an Inverse3 has 0.10 m). The force is the lower end of the 2 to 4 N that a
-/// comparison of controllers quotes from haply.co/minverse; the maker's own sheet was not at hand. No stiffness or damping of
-/// it is published: these are the default stiffness and the greatest damping of Haply's tutorials for the larger Inverse3.
+/// Profile of the Haply Minverse. The workspace is the radius to which Haply's tutorial confines a Minverse's cursor
+/// (docs.haply.co, Inverse service 3.5, tutorial 06: 0.04 m, where an Inverse3 has 0.10 m). The force is the lower end
+/// of the 2 to 4 N that a comparison of controllers quotes from haply.co/minverse; the maker's data sheet was not
+/// available. Stiffness and damping are not published: these are the default stiffness and the greatest damping in
+/// Haply's tutorials for the larger Inverse3.
 pub const MINVERSE: Profile = profile("minverse", [2.0, 0.0], [300.0, 3.0], [0.0, 0.0], 0.04, false);
 
-/// Those of Haply's devices.
+/// The profiles of Haply's devices.
 pub const HAPLY: [Profile; 2] = [INVERSE3, MINVERSE];
 
-/// The one of them that no other falls below in any figure; what a Haply is given until it is known which it is.
+/// The Haply profile that is lowest in every limit; a Haply device has it until its type is known.
 pub const HAPLY_SMALLEST: Profile = MINVERSE;
 
-/// What a mouse stands for: nobody feels it, so the force that the eye sees may be large.
+/// Profile of a mouse as haptic device. Nobody feels its force, which is only shown on the screen, so that it may be
+/// large.
 pub const MOUSE: Profile = profile("mouse", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true);
 
 const fn profile(
@@ -80,22 +82,22 @@ const fn profile(
 }
 
 impl Profile {
-    /// The profile of a name; `None` where there is none.
+    /// The profile of this name; `None` where there is none.
     pub fn named(name: &str) -> Option<&'static Profile> {
         PROFILES.iter().find(|profile| profile.name == name)
     }
 
-    /// Whether it is that of one of Haply's devices.
+    /// Whether this is the profile of one of Haply's devices.
     pub fn is_haplys(&self) -> bool {
         HAPLY.iter().any(|profile| profile.name == self.name)
     }
 
-    /// Whether no limit of it is above the other's.
+    /// Whether no limit is above that of `other`.
     pub fn is_within(&self, other: &Profile) -> bool {
         self.limits().iter().zip(other.limits()).all(|((_, own), (_, others))| *own <= others)
     }
 
-    /// Its limits with their names.
+    /// All limits with their names.
     fn limits(&self) -> [(&'static str, f64); 7] {
         [
             ("max_force", self.max_force),
@@ -108,10 +110,11 @@ impl Profile {
         ]
     }
 
-    /// Whether figures from outside can be used: each finite and not negative, the workspace greater than zero.
+    /// Checks limits from outside the program: each must be finite and not negative, and the workspace greater than
+    /// zero.
     ///
     /// # Errors
-    /// The first that cannot, one line.
+    /// One line about the first limit that is not.
     pub fn check(&self) -> Result<(), String> {
         let fits =
             |name: &str, figure: f64| figure.is_finite() && figure >= 0.0 && (figure > 0.0 || name != "workspace");
@@ -124,7 +127,7 @@ impl Profile {
         }
     }
 
-    /// Whether it can play torque.
+    /// Whether the device can play torque.
     pub fn plays_torque(&self) -> bool {
         self.max_torque > 0.0
     }
@@ -134,8 +137,8 @@ impl Profile {
 mod tests {
     use super::*;
 
-    /// Force, torque, stiffness and damping: the figures that CHAI3D publishes; the last one's are from elsewhere, as
-    /// [`MINVERSE`] says.
+    /// Published force (N), torque (N m), stiffness (N/m) and damping (N s/m) of each device: those of CHAI3D, except
+    /// for the last, whose sources [`MINVERSE`] names.
     const PUBLISHED: [(&str, [f64; 4]); 8] = [
         ("premium", [8.5, 0.188, 800.0, 5.0]),
         ("touch", [3.3, 0.0, 400.0, 4.0]),
@@ -163,7 +166,7 @@ mod tests {
         assert!(HAPLY.iter().all(|profile| HAPLY_SMALLEST.is_within(profile)));
         assert!(!INVERSE3.is_within(&MINVERSE) && PROFILES.iter().all(|profile| profile.is_within(profile)));
         assert!(!PROFILES[0].is_haplys());
-        // A single figure that is above the other's is enough.
+        // One limit above that of the other profile is enough.
         let far = Profile { workspace: 0.2, ..MINVERSE };
         assert!(!far.is_within(&INVERSE3));
     }

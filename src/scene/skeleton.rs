@@ -1,7 +1,9 @@
-//! `skeleton = "human-skeleton.toml"` of a body: bones as capsules, each a core. Called by `body.rs`.
+//! Reads the skeleton file that a body names, as in `skeleton = "human-skeleton.toml"`: its bones are capsules, and
+//! each becomes a rigid core of the body. Called by `body.rs`.
 //!
-//! A bone's nodes are those within its capsule; a node within several belongs to the bone whose axis is nearest relative
-//! to the radius there, the first of equals. Coordinates are the body's file coordinates, before scale and pose.
+//! The nodes in a bone's capsule are attached to it. A node in several capsules belongs to the bone whose axis is
+//! nearest relative to the capsule's radius there, and among equals to the first. Coordinates are those of the body's
+//! mesh file, before scale and pose.
 
 use std::path::PathBuf;
 
@@ -12,31 +14,31 @@ use super::joint::{self, Resistance};
 use super::keys::{Source, Table, Value, suggest};
 use crate::{Error, Result};
 
-/// A skeleton file.
+/// A skeleton, as its file describes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Skeleton {
-    /// Where it was read from.
+    /// The file that it was read from.
     pub file: PathBuf,
-    /// Parents come before their children.
+    /// The bones; parents come before their children.
     pub bones: Vec<Bone>,
 }
 
-/// `[[bone]]`.
+/// A bone, `[[bone]]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bone {
-    /// Unique name: that of its core.
+    /// Name of the bone and of its core, unique in the skeleton.
     pub name: String,
-    /// The bone it hangs on, an index; `None` for a root.
+    /// Index of the parent bone; `None` for a root.
     pub parent: Option<usize>,
-    /// Where it turns about its parent.
+    /// Position of the ball joint by which it turns about its parent.
     pub joint: DVec3,
-    /// What resists turning there; limits are about the capsule's axis.
+    /// Resistance of that joint to turning; its limits refer to the capsule's axis.
     pub resistance: Resistance,
-    /// Its nodes are within.
+    /// The capsule whose nodes are attached to the bone.
     pub capsule: Capsule,
 }
 
-/// The skeleton of a file named in a scene. Errors name the skeleton file, its line and key.
+/// Reads the skeleton file that a scene names. Errors name the skeleton file, the line and the key.
 pub(super) fn read(value: &Value) -> Result<Skeleton> {
     let file = value.file()?;
     let text = std::fs::read_to_string(&file)
@@ -78,7 +80,7 @@ fn bone(value: &Value, before: &[Bone]) -> Result<Bone> {
     let joint = table.need("joint")?.vector()?;
     let resistance = joint::resistance(&table, Some(ends[1] - ends[0]))?;
     if let (None, Some(key)) = (parent, joint::KEYS.iter().find(|key| table.has(key))) {
-        return Err(table.error(key, "a root turns about nothing", "remove it, or give the bone a `parent`"));
+        return Err(table.error(key, "a root bone has no parent to turn on", "remove it, or give the bone a `parent`"));
     }
     Ok(Bone { name, parent, joint, resistance, capsule: Capsule { ends, radii } })
 }
@@ -93,11 +95,11 @@ mod tests {
     use crate::prepare::stuffing::{Options, stuff};
     use crate::scene::{Bind, Core, Model, Motion};
 
-    /// Axes of bones keep at least this far from the skin's vertices, m.
+    /// Least distance between a bone's axis and the vertices of the skin, m.
     const DEEP: f64 = 0.008;
-    /// Nodes that a bone holds at least: three hold a rigid body.
+    /// Least number of nodes attached to a bone: three determine a rigid motion.
     const HELD: usize = 3;
-    /// Cell of the human's layer (m), which gives about 10,340 tetrahedra.
+    /// Edge of the cells of the human's layer, m; it gives about 10,340 tetrahedra.
     const CELL: f64 = 0.0459;
 
     fn skeleton(text: &str) -> Result<Skeleton> {
@@ -133,7 +135,7 @@ mod tests {
             }
             let inside = winding_number(&vertices, &triangles, bone.joint) > 0.5;
             assert!(inside, "{}'s joint", bone.name);
-            // Left and right mirror each other.
+            // Bones on the left mirror those on the right.
             if let Some(other) = bone.name.strip_prefix("left_") {
                 let other = bones.iter().find(|b| b.name == format!("right_{other}")).unwrap();
                 let mirror = |p: DVec3| DVec3::new(-p.x, p.y, p.z);
@@ -191,12 +193,12 @@ mod tests {
             ("radius = 0.1", "radius = 0.1\nradii = [1, 1]", "`bone.hip.radii`: given beside `radius`"),
             ("joint = [0, 0, 0]", "", "`bone.hip.joint`: missing"),
             ("joint = [0, 0, 0]", "joint = [0, nan, 0]", "`bone.hip.joint[1]`: is NaN"),
-            ("radius = 0.1", "radius = 0.1\nstiffness = 1", "`bone.hip.stiffness`: a root turns about nothing"),
+            ("radius = 0.1", "radius = 0.1\nstiffness = 1", "`bone.hip.stiffness`: a root bone has no parent"),
             ("radii = [0.1, 0.2]", "radius = 0.1\nswing = 4", "bones.toml:13: `bone.shin.swing`: is 4"),
             (
                 "[2, 0, 0]]\nradii = [0.1, 0.2]",
                 "[1, 0, 0]]\nradius = 0.1\ntwist = 1",
-                "`bone.shin.twist`: nothing says",
+                "`bone.shin.twist`: a limit needs the axis",
             ),
             ("[[bone]]", "[[bones]]", "unknown key `bones`"),
             ("[[bone]]", "[[bone]", "bones.toml:1: not TOML"),

@@ -1,4 +1,4 @@
-//! Tests of scene files: what is read, and what each mistake is answered with.
+//! Tests of scene files: how each table is read, and the message for each mistake.
 
 use std::fs;
 
@@ -8,7 +8,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::Result;
 
-/// The scene of the README: every table.
+/// The scene of the README, with every table.
 const EXAMPLE: &str = r#"[step]
 dt = 0.001                      # s
 gravity = [0.0, -9.81, 0.0]     # m/s^2
@@ -86,7 +86,7 @@ ends = [[1, 0, 0], [2, 0, 0]]
 radii = [0.1, 0.2]
 "#;
 
-/// A folder with the files that scenes here name, and a way to load a scene in it.
+/// A temporary folder with the files that the scenes of these tests name.
 struct Folder(TempDir);
 
 impl Folder {
@@ -110,7 +110,7 @@ impl Folder {
     }
 }
 
-/// The example with one line's beginning replaced; panics where it is not there.
+/// The example with `old` replaced once by `new`; panics where the example does not have `old`.
 fn with(old: &str, new: &str) -> String {
     assert!(EXAMPLE.contains(old), "`{old}` is in the example");
     EXAMPLE.replacen(old, new, 1)
@@ -207,13 +207,13 @@ fn drives_come_from_keys_or_from_a_file() {
     }
     for (text, words) in [
         ("0,0,0,0\n0,0,0,0\n", "press.csv:2: time 0.0 does not come after 0"),
-        ("t,x,y,z\n0,0,nan,0\n", "press.csv:2: holds NaN"),
+        ("t,x,y,z\n0,0,nan,0\n", "press.csv:2: contains NaN"),
         ("0,0,0,0,0,0,0,2\n", "press.csv:1: quaternion has length 2.0000e0"),
         ("0,0,0\n", "press.csv:1: has 3 numbers"),
         ("0,0,zero,0\n", "press.csv:1: \"zero\" is not a number"),
-        ("0,0,1e300,0\n", "press.csv:1: holds 1e300"),
+        ("0,0,1e300,0\n", "press.csv:1: contains 1e300"),
         ("O.0,0,0,0\n1,0,0,0\n", "press.csv:1: \"O.0\" is not a number"),
-        ("t,x,y,z\n", "press.csv: holds no keys"),
+        ("t,x,y,z\n", "press.csv: contains no keys"),
     ] {
         let message = file(text).unwrap_err().to_string();
         assert!(message.contains(words), "{text}: {message}");
@@ -231,7 +231,7 @@ fn unknown_keys_are_answered_with_the_nearest() {
         ("nearest =", "nearst =", "unknown key `probe[0].nearst`", "`nearest`"),
     ] {
         let message = folder.message(&with(old, new));
-        // Arrays of tables are unnamed until their keys are known to be sound.
+        // Errors call an element of an array of tables by its index until its keys have been checked, not by its name.
         let place = place.replace("body.head.core.skull", "body.head.core[0]");
         assert!(message.contains(&place), "{message}");
         assert!(message.contains(&format!("did you mean {nearest}?")), "{message}");
@@ -372,7 +372,7 @@ fn a_skeleton_gives_a_core_a_bone() {
     fs::write(folder.0.path().join("keys.csv"), "0,0,0,0\n").unwrap();
     for (said, words) in [
         ("name = \"fore\"\nbind = { all = true }", "`body.head.core.fore.bind`: the core is a bone"),
-        ("name = \"four\"", "`body.head.core.four.name`: \"four\" is neither a bone"),
+        ("name = \"four\"", "`body.head.core.four.name`: \"four\" is not a bone"),
         ("name = \"four\"", "did you mean \"fore\"? known: upper, fore, or add `bind`"),
         ("name = \"fore\"\n[[body.core]]\nname = \"fore\"", "\"fore\" is taken by another core"),
         ("name = \"fore\"\nmotion = \"driven\"", "`body.head.core.fore.keys`: missing"),
@@ -380,7 +380,7 @@ fn a_skeleton_gives_a_core_a_bone() {
         let message = folder.message(&core(said));
         assert!(message.contains(words), "{said}: {message}");
     }
-    // Bones first, in the skeleton's order; a core of the same name says how its bone moves.
+    // The cores of bones come first, in the skeleton's order; a core with a bone's name says how that bone moves.
     let said = "name = \"ball\"\nbind = { all = true }\n[[body.core]]\nname = \"fore\"\nmotion = \"driven\"\n\
                 keys = \"keys.csv\"";
     let body = folder.load(&core(said)).unwrap().bodies[0].clone();

@@ -1,6 +1,7 @@
-//! TetGen meshes in: `.node` and `.ele`, zero- or one-based, with attributes, markers and comments.
+//! Reads TetGen meshes: a `.node` and an `.ele` file, zero- or one-based, with attributes, markers and comments.
 //!
-//! Format: TetGen manual, "File formats". Ids are taken as they stand, so either base is right.
+//! The format is described in the TetGen manual, "File formats". Ids are used as they are given, so that either base
+//! works.
 
 use std::path::Path;
 
@@ -10,11 +11,11 @@ use crate::{Error, Result};
 
 const REMEDY: &str = "export the mesh again with TetGen";
 
-/// Reads a pair of files, of which either may be named. A tetrahedron's first attribute is its group.
+/// Reads a pair of files; `path` may name either. The group of a tetrahedron is its first attribute.
 pub fn read(path: &Path) -> Result<TetMesh> {
     let (nodes, elements) = (path.with_extension("node"), path.with_extension("ele"));
     if let Some(missing) = [&nodes, &elements].into_iter().find(|path| !path.is_file()) {
-        let problem = format!("its partner {} is not there", missing.display());
+        let problem = format!("its companion file {} is missing", missing.display());
         return Err(Error::input(path, None, problem, "put the .node and the .ele file side by side"));
     }
     let (node_bytes, element_bytes) = (cursor::bytes(&nodes)?, cursor::bytes(&elements)?);
@@ -37,12 +38,12 @@ fn row(cursor: &mut Cursor, what: &str) -> Result<Option<Vec<f64>>> {
     Ok(None)
 }
 
-/// A whole number at this place of a row.
+/// The whole number at index `place` of a row; `what` says in errors what it is.
 fn natural(cursor: &Cursor, row: &[f64], place: usize, what: &str) -> Result<u64> {
     match row.get(place) {
-        // An id written in a float is exact up to 2^53, far above any mesh.
+        // The id was read as a float, which is exact up to 2^53, far above the number of nodes in any mesh.
         Some(&number) if number >= 0.0 && number.fract() == 0.0 && number < 2f64.powi(53) => Ok(number as u64),
-        Some(number) => Err(cursor.error(format!("{number} as {what}"))),
+        Some(number) => Err(cursor.error(format!("{number} is not valid for {what}"))),
         None => Err(cursor.error(format!("{} numbers in a line, and {what} is missing", row.len()))),
     }
 }
@@ -51,7 +52,7 @@ fn header(cursor: &mut Cursor, what: &str) -> Result<Vec<f64>> {
     row(cursor, what)?.ok_or_else(|| cursor.error(format!("the file ends early, before {what}")))
 }
 
-/// As many rows as the header says, and none after.
+/// Reads as many rows as the header says, and fails if there are more.
 fn rows(cursor: &mut Cursor, count: u64, what: &str, mut add: impl FnMut(&Cursor, &[f64]) -> Result<()>) -> Result<()> {
     for done in 0..count {
         let Some(row) = row(cursor, what)? else {
@@ -61,7 +62,7 @@ fn rows(cursor: &mut Cursor, count: u64, what: &str, mut add: impl FnMut(&Cursor
     }
     match row(cursor, what)? {
         None => Ok(()),
-        Some(_) => Err(cursor.error(format!("there is more than the {count} rows of its first line"))),
+        Some(_) => Err(cursor.error(format!("there are more than the {count} rows that the first line announces"))),
     }
 }
 
@@ -82,7 +83,7 @@ fn read_elements(cursor: &mut Cursor, contents: &mut Contents) -> Result<()> {
     let count = natural(cursor, &head, 0, "the number of tetrahedra")?;
     let corners = natural(cursor, &head, 1, "the number of nodes of a tetrahedron")?;
     if corners != 4 {
-        let problem = format!("tetrahedra of {corners} nodes are not read");
+        let problem = format!("tetrahedra of {corners} nodes are not supported");
         return Err(cursor.error_at(cursor.mark(), problem, "export first-order tetrahedra, of 4 nodes"));
     }
     let mut odd = 0;
@@ -93,7 +94,7 @@ fn read_elements(cursor: &mut Cursor, contents: &mut Contents) -> Result<()> {
             *node = natural(cursor, row, 1 + k, "a node of a tetrahedron")?;
         }
         let group = row.get(5).copied();
-        // Exact up to 2^53, as ids are.
+        // Floats are exact up to 2^53, as for ids.
         let is_whole = |number: &f64| number.fract() == 0.0 && number.abs() < 2f64.powi(53);
         odd += u64::from(group.is_some_and(|number| !is_whole(&number)));
         let group = group.filter(is_whole).map(|number| number as i64);
@@ -136,7 +137,7 @@ mod tests {
         assert_eq!(zero.groups.of, [None]);
         let nodes = "4 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n";
         assert_eq!(mesh(nodes, "1 4 0\n1 1 2 3 4\n").unwrap(), zero);
-        assert_eq!(mesh(nodes, "1 4 0\n1 1 2 4 3\n").unwrap(), zero, "turned");
+        assert_eq!(mesh(nodes, "1 4 0\n1 1 2 4 3\n").unwrap(), zero, "a tetrahedron of negative volume is reordered");
     }
 
     #[test]
@@ -157,14 +158,18 @@ mod tests {
             (NODES, "1 4 0\n0 0 1 2 4\n", "a.ele:2: tetrahedron 0 names node 4"),
             (NODES, "1 4 0\n0 0 1 2\n", "a.ele:2: 4 numbers in a line"),
             (NODES, "2 4 0\n0 0 1 2 3\n", "a.ele:3: the file ends early, after 1 of 2"),
-            (NODES, "1 4 0\n0 0 1 2 3\n1 0 1 2 3\n", "a.ele:3: there is more than the 1 rows"),
-            (NODES, "18446744073709551615 4 0\n0 0 1 2 3\n", "a.ele:1: 18446744073709552000 as the number"),
+            (NODES, "1 4 0\n0 0 1 2 3\n1 0 1 2 3\n", "a.ele:3: there are more than the 1 rows"),
+            (
+                NODES,
+                "18446744073709551615 4 0\n0 0 1 2 3\n",
+                "a.ele:1: 18446744073709552000 is not valid for the number",
+            ),
             (NODES, "1 10 0\n0 0 1 2 3 0 0 0 0 0 0\n", "a.ele:1: tetrahedra of 10 nodes"),
-            (NODES, "1 4 0\n0 0 1 2.5 3\n", "a.ele:2: 2.5 as a node"),
+            (NODES, "1 4 0\n0 0 1 2.5 3\n", "a.ele:2: 2.5 is not valid for a node"),
             ("4 3 0 0\n0 0 0 nan\n", ELEMENTS, "a.node:2: a node's coordinate is not a finite"),
             ("4 2 0 0\n", ELEMENTS, "a.node:1: the mesh has 2 dimensions"),
             ("4 3 0 0\n0 0 0 0\n0 1 1 1\n", ELEMENTS, "a.node:3: node 0 is given twice"),
-            ("4 3 0 0\n0 0 x 0\n", ELEMENTS, "a.node:2: \"x\" in a node"),
+            ("4 3 0 0\n0 0 x 0\n", ELEMENTS, "a.node:2: \"x\" is not valid for a node"),
             ("", ELEMENTS, "a.node:1: the file ends early"),
             ("9007199254740991 3 0 0\n0 0 0 0\n", ELEMENTS, "a.node:3: the file ends early"),
         ];
@@ -172,6 +177,6 @@ mod tests {
             let message = mesh(nodes, elements).unwrap_err().to_string();
             assert!(message.contains(words), "{words}: {message}");
         }
-        assert!(read(Path::new("nowhere/a.node")).unwrap_err().to_string().contains("its partner"));
+        assert!(read(Path::new("nowhere/a.node")).unwrap_err().to_string().contains("its companion file"));
     }
 }

@@ -1,5 +1,5 @@
-//! Tetrahedral meshes in, whatever their format, and the last step of reading one: ids to places, winding made
-//! positive, defects refused.
+//! Reads tetrahedral meshes of all formats, and does the last step of each reader: node ids become indices, tetrahedra
+//! get positive volume, and defects are refused.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -11,29 +11,30 @@ use super::groups::Groups;
 use super::{gmsh, tetgen, vtk};
 use crate::{Error, Result};
 
-/// Extensions of files that [`read`] reads.
+/// Extensions of the files that [`read`] can read.
 pub const EXTENSIONS: [&str; 4] = ["msh", "node", "ele", "vtk"];
 
-/// Volume against the cube of the longest edge below which a tetrahedron is flat: a rest gradient in single precision
-/// means nothing well before. Slivers above it are kept: the step is implicit, and bears them.
+/// Ratio of the volume to the cube of the longest edge below which a tetrahedron counts as flat. Even well above this,
+/// its rest gradients mean nothing in single precision. Slivers above it are kept, since the implicit step tolerates
+/// them.
 const FLATTEST: f64 = 1e-12;
-/// A tetrahedron with a dihedral angle below this is told as a sliver, degrees.
+/// Dihedral angle below which a tetrahedron is reported as a sliver, degrees.
 const SLIVER: f64 = 5.0;
 
-/// Tetrahedra as a file gives them.
+/// A tetrahedral mesh as a file gives it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TetMesh {
-    /// Every node, used or not, in file order and file coordinates.
+    /// All nodes, used or not, in file order and in the coordinates of the file.
     pub nodes: Vec<DVec3>,
-    /// Zero-based nodes of each tetrahedron, positive volume (two nodes are swapped where the file's is negative).
+    /// Zero-based nodes of each tetrahedron, ordered so that its volume is positive.
     pub tetrahedra: Vec<[u32; 4]>,
     /// Which group of the file each tetrahedron is in.
     pub groups: Groups,
-    /// What of the file was left out or changed, a sentence each.
+    /// What in the file was left out or changed, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// The files that [`read`] reads: one, or a TetGen pair.
+/// The files that [`read`] reads for this path: itself, or both files of a TetGen pair.
 pub fn files(path: &Path) -> Vec<PathBuf> {
     match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
         Some("node" | "ele") => ["node", "ele"].map(|extension| path.with_extension(extension)).to_vec(),
@@ -43,8 +44,8 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
 
 /// Reads a mesh by its extension: Gmsh `.msh`, TetGen `.node` and `.ele` (either names both), legacy VTK `.vtk`.
 ///
-/// Refused, with element and line or byte: flat or repeated tetrahedra, nodes that are not there, numbers that are not
-/// finite, files that end early.
+/// It refuses flat or repeated tetrahedra, nodes that do not exist, numbers that are not finite, and files that end
+/// early; the error names the element, and the line or byte.
 pub fn read(path: &Path) -> Result<TetMesh> {
     match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
         Some("msh") => gmsh::read(path),
@@ -52,30 +53,30 @@ pub fn read(path: &Path) -> Result<TetMesh> {
         Some("vtk") => vtk::read(path),
         _ => {
             let remedy = format!("give .{}", EXTENSIONS.join(", ."));
-            Err(Error::input(path, None, "is no tetrahedral mesh that is read here, by its extension", remedy))
+            Err(Error::input(path, None, "has no extension of a supported tetrahedral mesh", remedy))
         }
     }
 }
 
-/// What a file holds, ids not yet resolved.
+/// The contents of a file, with node ids that are not yet resolved.
 #[derive(Default)]
 pub(super) struct Contents {
     pub nodes: Vec<DVec3>,
-    /// Place of a node by its id.
+    /// Index of each node, by its id.
     pub index: HashMap<u64, u32>,
     pub elements: Vec<Element>,
-    /// Elements that are no four-node tetrahedra, by what they are.
+    /// Numbers of elements that are not four-node tetrahedra, by type.
     pub skipped: BTreeMap<String, usize>,
-    /// Names of groups.
+    /// Names of groups, by number.
     pub groups: BTreeMap<i64, String>,
-    /// What else there is to say, a sentence each.
+    /// Other notes about the file, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// A tetrahedron as the file names it.
+/// A tetrahedron, with the ids that the file gives.
 pub(super) struct Element {
     pub id: u64,
-    /// Where it stands in the file.
+    /// Position in the file, bytes.
     pub mark: usize,
     pub nodes: [u64; 4],
     pub group: Option<i64>,
@@ -91,7 +92,7 @@ impl Contents {
         Ok(())
     }
 
-    /// Counts an element that is left out.
+    /// Counts an element that is left out; `what` is its type.
     pub(super) fn skip(&mut self, what: &str) {
         *self.skipped.entry(what.into()).or_default() += 1;
     }
@@ -103,7 +104,7 @@ pub(super) fn settle(file: Contents, cursor: &Cursor) -> Result<TetMesh> {
     }
     if file.elements.is_empty() {
         let remedy = if file.skipped.keys().any(|what| what.contains("tetrahedra")) {
-            "its second-order tetrahedra are not read: export first-order ones"
+            "its second-order tetrahedra are not supported: export first-order ones"
         } else {
             "export the volume mesh, not its surface alone"
         };
@@ -132,7 +133,7 @@ pub(super) fn settle(file: Contents, cursor: &Cursor) -> Result<TetMesh> {
         let mut key = nodes;
         key.sort_unstable();
         if let Some(first) = seen.insert(key, element.id) {
-            return Err(refuse(format!("is tetrahedron {first} again"), "remove the copy"));
+            return Err(refuse(format!("repeats tetrahedron {first}"), "remove the copy"));
         }
         tetrahedra.push(nodes);
     }
@@ -147,9 +148,9 @@ fn notes(file: &Contents, turned: usize, tetrahedra: &[[u32; 4]]) -> Vec<String>
         let kinds: Vec<String> = file.skipped.iter().map(|(what, count)| format!("{count} {what}")).collect();
         notes.push(format!("elements that are no four-node tetrahedra left out: {}", kinds.join(", ")));
     }
-    // A file that winds all of them inwards has another convention (TetGen's), and no fault.
+    // A file in which all of them have negative volume follows another convention (TetGen's) and is not at fault.
     if turned > 0 && turned < file.elements.len() {
-        notes.push(format!("{turned} tetrahedra had negative volume, and were turned"));
+        notes.push(format!("{turned} tetrahedra had negative volume, and their nodes were reordered"));
     }
     let angles: Vec<f64> = tetrahedra.iter().map(|&t| least_dihedral(&file.nodes, t)).collect();
     let slivers = angles.iter().filter(|&&angle| angle < SLIVER).count();
@@ -163,10 +164,10 @@ fn notes(file: &Contents, turned: usize, tetrahedra: &[[u32; 4]]) -> Vec<String>
     notes
 }
 
-/// The least angle between two faces of a tetrahedron of positive volume, degrees.
+/// The least dihedral angle of a tetrahedron of positive volume, degrees.
 fn least_dihedral(nodes: &[DVec3], tetrahedron: [u32; 4]) -> f64 {
     let [a, b, c, d] = tetrahedron.map(|node| nodes[node as usize]);
-    // Outward; of length twice the area.
+    // Outward normals of the faces; their length is twice the area.
     let normals = [(b, d, c), (a, c, d), (a, d, b), (a, b, c)].map(|(p, q, r)| (r - p).cross(q - p));
     let angle = |i: usize, j: usize| normals[i].cross(normals[j]).length().atan2(-normals[i].dot(normals[j]));
     let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
@@ -190,7 +191,7 @@ mod tests {
     #[test]
     fn dihedral_angles_of_known_tetrahedra() {
         let corner = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-        // Between the slanted face and the others: the angle whose cosine is one over the root of three.
+        // The dihedral angle between the slanted face and each other face has the cosine 1 / sqrt(3).
         assert!((least_dihedral(&corner, [0, 1, 2, 3]) - (1.0 / 3f64.sqrt()).acos().to_degrees()).abs() < 1e-12);
         let regular = [(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)];
         let regular = regular.map(|(x, y, z)| DVec3::new(x, y, z));

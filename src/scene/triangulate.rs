@@ -1,16 +1,16 @@
-//! Polygons of an OBJ file to triangles: a fan where the polygon is convex, ear clipping where it is not.
+//! Cuts the polygons of an OBJ file into triangles: as a fan where the polygon is convex, else by ear clipping.
 //!
-//! Ear clipping after Meisters, "Polygons have ears" (1975), in the plane of Newell's normal. No vertex is dropped,
-//! not even on a straight edge: a neighbour uses it too, and the surface would tear.
+//! Ear clipping follows Meisters, "Polygons have ears" (1975), in the plane of Newell's normal. No vertex is dropped,
+//! not even one on a straight edge: a neighbouring face uses it too, and without it the surface would tear.
 
 use glam::{DVec2, DVec3};
 
-/// Appends the triangles of one polygon; n corners give n - 2 triangles, wound as the polygon is.
+/// Appends the triangles of one polygon: n corners give n - 2 triangles, with the polygon's orientation.
 pub(super) fn triangulate(vertices: &[DVec3], corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     let points = flatten(vertices, corners);
     let mut left: Vec<usize> = (0..corners.len()).collect();
     while left.len() > 3 && !is_convex(&points, &left) {
-        // A polygon that crosses itself may have no ear: the fan then does as well as anything.
+        // A polygon that crosses itself may have no ear; then a fan is as good as anything.
         let Some(ear) = (0..left.len()).find(|&at| is_ear(&points, &left, at)) else { break };
         triangles.push(around(&left, ear).map(|corner| corners[corner]));
         left.remove(ear);
@@ -20,13 +20,13 @@ pub(super) fn triangulate(vertices: &[DVec3], corners: &[u32], triangles: &mut V
     }
 }
 
-/// The corner at this place between its neighbours.
+/// The corner at index `at` of the remaining polygon, between its two neighbours.
 fn around(left: &[usize], at: usize) -> [usize; 3] {
     let n = left.len();
     [left[(at + n - 1) % n], left[at], left[(at + 1) % n]]
 }
 
-/// Corners in the polygon's plane, counter-clockwise.
+/// The corners as points in the polygon's plane, counter-clockwise.
 fn flatten(vertices: &[DVec3], corners: &[u32]) -> Vec<DVec2> {
     let at = |k: usize| vertices[corners[k % corners.len()] as usize] - vertices[corners[0] as usize];
     let normal: DVec3 = (0..corners.len()).map(|k| at(k).cross(at(k + 1))).sum();

@@ -1,7 +1,8 @@
-//! Legacy VTK unstructured grids in and out: a layer to prepare, and a layer at the end of a run, for ParaView and its
-//! like.
+//! Reads and writes legacy VTK unstructured grids: a layer (tetrahedral mesh) to prepare, and a deformed layer at the
+//! end of a run, for ParaView and similar programs.
 //!
-//! Format: "VTK File Formats", simple legacy formats, versions 1 to 4 and 5.1; ASCII, and binary (big-endian always).
+//! The format is described in "VTK File Formats", simple legacy formats; versions 1 to 4 and 5.1 are read, as ASCII or
+//! as binary, which is always big-endian.
 
 mod data;
 
@@ -20,13 +21,13 @@ const REMEDY: &str = "export the mesh again as a legacy VTK unstructured grid";
 const TETRAHEDRON: u64 = 10;
 
 /// Reads the points and the four-node tetrahedra of an unstructured grid; other cells are left out and counted in the
-/// notes. Groups are the data on cells called `group`, else the first that are whole numbers, one a cell; data that
-/// cannot be read are no error, but a note.
+/// notes. Groups are the cell data called `group`, else the first cell data with one whole number per cell. Data that
+/// cannot be read cause a note, not an error.
 pub fn read(path: &Path) -> Result<TetMesh> {
     parse(&cursor::bytes(path)?, path)
 }
 
-/// [`read`] of a file's bytes; the path names it in messages.
+/// As [`read`], from the bytes of a file; messages name it by `path`.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     let mut cursor = Cursor::new(path, bytes, REMEDY);
     header(&mut cursor)?;
@@ -46,7 +47,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
             }
             "FIELD" => field(&mut cursor, &words)?,
             "METADATA" => while cursor.next_line().is_some_and(|line| !line.is_empty()) {},
-            // Nothing that follows is a mesh, or keeps one from being read.
+            // What follows is no part of the mesh, so that faults in it do not keep the mesh from being read.
             "POINT_DATA" | "CELL_DATA" => {
                 if let Err(error) = on_cells.read(&mut cursor, &words) {
                     file.notes.push(format!("data on points and cells left out: {error}"));
@@ -59,7 +60,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     }
     if !on_cells.groups.is_empty() && on_cells.groups.len() != types.len() {
         let (count, cells) = (on_cells.groups.len(), types.len());
-        file.notes.push(format!("data on cells left out: they are of {count} cells, and there are {cells}"));
+        file.notes.push(format!("data on cells left out: they are for {count} cells, but there are {cells}"));
         on_cells = CellData::default();
     }
     cells.elements(&cursor, (&types, &on_cells.groups), &mut file)?;
@@ -71,7 +72,7 @@ fn header(cursor: &mut Cursor) -> Result<()> {
     if !magic.to_lowercase().starts_with("# vtk datafile version") {
         return Err(cursor.error(format!("\"{}\" stands where \"# vtk DataFile Version\" should", short(magic))));
     }
-    // The title, any text.
+    // This line is the title, which may be any text.
     cursor.next_line();
     match cursor.need("ASCII or BINARY")?.to_uppercase().as_str() {
         "ASCII" => {}
@@ -81,13 +82,13 @@ fn header(cursor: &mut Cursor) -> Result<()> {
     Ok(())
 }
 
-/// The count at this place of a keyword's line.
+/// The count at index `place` of a keyword's line.
 fn count(cursor: &Cursor, words: &[&str], place: usize) -> Result<u64> {
     let word = words.get(place).ok_or_else(|| cursor.error(format!("{} without its counts", short(words[0]))))?;
     cursor.parse(word, "a count")
 }
 
-/// A word, or a binary integer of so many bytes; not negative.
+/// Reads a whole number that is not negative: a word in text, or a binary integer of this many bytes.
 fn natural(cursor: &mut Cursor, bytes: usize, what: &str) -> Result<u64> {
     let number = match (cursor.order, bytes) {
         (None, _) => {
@@ -100,14 +101,14 @@ fn natural(cursor: &mut Cursor, bytes: usize, what: &str) -> Result<u64> {
     cursor.natural(number, what)
 }
 
-/// Bytes of a binary number of a type.
+/// Size of a binary number of this type, bytes.
 fn size_of(cursor: &Cursor, kind: Option<&&str>) -> Result<usize> {
     match kind.map(|kind| kind.to_lowercase()).as_deref() {
         Some("char" | "unsigned_char") => Ok(1),
         Some("short" | "unsigned_short") => Ok(2),
         Some("int" | "unsigned_int" | "float" | "vtkidtype" | "vtktypeint32") => Ok(4),
         Some("long" | "unsigned_long" | "double" | "vtktypeint64") => Ok(8),
-        other => Err(cursor.error(format!("numbers of type \"{}\"", short(other.unwrap_or_default())))),
+        other => Err(cursor.error(format!("unknown number type \"{}\"", short(other.unwrap_or_default())))),
     }
 }
 
@@ -117,7 +118,7 @@ fn points(cursor: &mut Cursor, words: &[&str], file: &mut Contents) -> Result<()
     let is_double = match kind.as_deref() {
         Some("double") => true,
         Some("float") => false,
-        other => return Err(cursor.error(format!("points of type \"{}\"", short(other.unwrap_or_default())))),
+        other => return Err(cursor.error(format!("unknown point type \"{}\"", short(other.unwrap_or_default())))),
     };
     for id in 0..count(cursor, words, 1)? {
         let mut point = [0.0; 3];
@@ -137,7 +138,7 @@ fn points(cursor: &mut Cursor, words: &[&str], file: &mut Contents) -> Result<()
     Ok(())
 }
 
-/// Passes over arrays of data about the whole grid.
+/// Skips the arrays of data about the whole grid.
 fn field(cursor: &mut Cursor, words: &[&str]) -> Result<()> {
     for _ in 0..count(cursor, words, 2)? {
         let line = cursor.need("an array of a FIELD")?;
@@ -155,12 +156,12 @@ fn field(cursor: &mut Cursor, words: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// The corners of all cells.
+/// The corners of all cells, one cell after another.
 #[derive(Default)]
 struct Cells {
-    /// Points, and where each stands in the file.
+    /// Index of each corner's point, and the byte of the file where it stands.
     corners: Vec<(u64, usize)>,
-    /// Where each cell's corners begin, and where the last one's end.
+    /// Index in `corners` of each cell's first corner, and last the number of all corners.
     offsets: Vec<u64>,
 }
 
@@ -186,7 +187,7 @@ impl Cells {
         Ok(read)
     }
 
-    /// Since version 5.1: one more offset than cells, then the corners.
+    /// Reads cells in the format since version 5.1: the offsets, one more than there are cells, and then the corners.
     fn read_5(cursor: &mut Cursor, offsets: u64, corners: u64) -> Result<Cells> {
         let mut read = Cells::default();
         for (keyword, count) in [("OFFSETS", offsets), ("CONNECTIVITY", corners)] {
@@ -207,11 +208,11 @@ impl Cells {
         Ok(read)
     }
 
-    /// Resolves cells and their types to tetrahedra.
+    /// Adds the tetrahedra among the cells, and counts the other cells by type.
     fn elements(&self, cursor: &Cursor, (types, groups): (&[u64], &[i64]), file: &mut Contents) -> Result<()> {
         let cells = self.offsets.len().saturating_sub(1);
         if types.len() != cells {
-            return Err(cursor.error(format!("{cells} cells, and {} types", types.len())));
+            return Err(cursor.error(format!("{cells} cells, but {} cell types", types.len())));
         }
         for (id, (range, &kind)) in self.offsets.windows(2).zip(types).enumerate() {
             let corners = self.corners.get(range[0] as usize..range[1] as usize);
@@ -234,7 +235,7 @@ impl Cells {
     }
 }
 
-/// What cells of a VTK type are, and how many points each has.
+/// Name of a VTK cell type, and its number of points if that is fixed.
 fn kind_of(kind: u64) -> (String, Option<usize>) {
     let (name, length) = match kind {
         1 => ("points", 1),
@@ -251,7 +252,7 @@ fn kind_of(kind: u64) -> (String, Option<usize>) {
     (name.into(), Some(length))
 }
 
-/// Writes tetrahedra as a legacy VTK ASCII unstructured grid, coordinates with as many digits as it takes to read the
+/// Writes tetrahedra as a legacy VTK ASCII unstructured grid. Coordinates have as many digits as it takes to read the
 /// same bits back.
 pub fn write(w: &mut impl Write, nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> std::io::Result<()> {
     head(w, nodes.len())?;
@@ -272,10 +273,10 @@ fn write_cells(w: &mut impl Write, tetrahedra: &[[u32; 4]]) -> std::io::Result<(
     tetrahedra.iter().try_for_each(|_| writeln!(w, "{TETRAHEDRON}"))
 }
 
-/// Writes a layer at the end of a run as a legacy VTK ASCII unstructured grid.
+/// Writes a deformed layer as a legacy VTK ASCII unstructured grid.
 ///
-/// `nodes` are deformed world positions (m) in input order, `displacement` the way each went from rest as placed
-/// (world axes, m), one a node; both with nine significant digits.
+/// `nodes` are deformed world positions (m) in input order; `displacement` has one vector per node, from its rest
+/// position as placed in the scene (world axes, m). Both are written with nine significant digits.
 pub fn write_layer(
     w: &mut impl Write,
     nodes: &[DVec3],

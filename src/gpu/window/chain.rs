@@ -1,4 +1,4 @@
-//! A swapchain and its images, each with the semaphore that says it is drawn.
+//! A swapchain and its images, each with the semaphore that signals that its content is complete.
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
@@ -9,28 +9,28 @@ use super::STAGE;
 use crate::error::Result;
 use crate::gpu::{Context, failed};
 
-/// Images of a window; nobody uses them any more when it is dropped.
+/// A swapchain; no work on its images may be pending when it is dropped.
 pub(super) struct Chain {
     pub handle: vk::SwapchainKHR,
     pub images: Vec<Image>,
     pub extent: vk::Extent2D,
-    /// The window's size that it was made for.
+    /// Size of the window that it was made for, pixels.
     pub asked: [u32; 2],
-    /// It no longer fits the window.
+    /// Whether it no longer fits the window.
     pub is_stale: bool,
     swapchains: ash::khr::swapchain::Device,
     context: Arc<Context>,
 }
 
-/// One of them.
+/// One image of a swapchain.
 pub(super) struct Image {
     pub image: vk::Image,
-    /// Signalled when it is drawn, waited for when it is shown.
+    /// Signalled when the image's content is complete; presenting waits for it.
     pub drawn: vk::Semaphore,
 }
 
 impl Chain {
-    /// How many images to ask for: one more than needed, so that one is free while others wait to be shown.
+    /// Number of images to ask for: one more than the least, so that one is free while others wait to be shown.
     pub fn images_of(can: &vk::SurfaceCapabilitiesKHR) -> u32 {
         let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
         (can.min_image_count + 1).min(most)
@@ -42,7 +42,7 @@ impl Chain {
         info: &vk::SwapchainCreateInfoKHR,
         asked: [u32; 2],
     ) -> Result<Chain> {
-        // SAFETY: the surface is alive, and nothing of the old swapchain is under way.
+        // SAFETY: the surface is alive, and no work on the old swapchain is pending.
         let handle =
             unsafe { swapchains.create_swapchain(info, None) }.map_err(failed("vkCreateSwapchainKHR", STAGE))?;
         let mut chain = Chain {
@@ -69,7 +69,7 @@ impl Chain {
 
 impl Drop for Chain {
     fn drop(&mut self) {
-        // SAFETY: the window waited until nothing of it is under way.
+        // SAFETY: the window waited until no work on the swapchain is pending.
         unsafe {
             self.images.iter().for_each(|image| self.context.device.destroy_semaphore(image.drawn, None));
             self.swapchains.destroy_swapchain(self.handle, None);

@@ -1,4 +1,4 @@
-//! The copy of a picture into an image of the swapchain: one command buffer, recorded anew for each.
+//! Copies a rendered image into an image of the swapchain, with one command buffer that is recorded anew for each copy.
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
@@ -10,16 +10,16 @@ use crate::error::Result;
 use crate::gpu::image::Image;
 use crate::gpu::{Context, failed};
 
-/// Commands and what orders them; one copy at a time is under way.
+/// The command buffer and its synchronisation; at most one copy is pending at a time.
 pub(super) struct Commands {
     context: Arc<Context>,
     pool: vk::CommandPool,
     buffer: vk::CommandBuffer,
     fence: vk::Fence,
     is_under_way: bool,
-    /// What is copied now.
+    /// The rendered image of the pending copy, kept alive.
     picture: Option<Image>,
-    /// Signalled when the swapchain's image may be drawn into, waited for by the copy.
+    /// Signalled when the swapchain's image may be overwritten; the copy waits for it.
     pub acquired: vk::Semaphore,
 }
 
@@ -38,7 +38,8 @@ impl Commands {
         let pool = vk::CommandPoolCreateInfo::default()
             .queue_family_index(context.queue_family)
             .flags(vk::CommandPoolCreateFlags::TRANSIENT);
-        // SAFETY (all here): the device is alive, infos live through their calls; on an error `commands` frees what was made.
+        // SAFETY (all here): the device is alive, infos live through their calls; on an error `commands` frees what was
+        // made.
         unsafe {
             commands.pool = device.create_command_pool(&pool, None).map_err(failed("vkCreateCommandPool", STAGE))?;
             let info = vk::CommandBufferAllocateInfo::default().command_pool(commands.pool).command_buffer_count(1);
@@ -52,7 +53,7 @@ impl Commands {
         Ok(commands)
     }
 
-    /// Until the last copy is done.
+    /// Waits until the last copy has ended.
     pub fn wait(&mut self) -> Result<()> {
         if !std::mem::take(&mut self.is_under_way) {
             return Ok(());
@@ -65,18 +66,19 @@ impl Commands {
         }
     }
 
-    /// Fills an image that was acquired and is of this size; `drawn` is signalled then.
+    /// Fills an acquired swapchain image of this size, and signals `drawn` when its content is complete.
     pub fn copy(&mut self, what: Content, image: vk::Image, size: vk::Extent2D, drawn: vk::Semaphore) -> Result<()> {
         self.wait()?;
         let picture = if let Content::Picture(picture) = what { Some(picture.clone()) } else { None };
         let (device, buffer) = (&self.context.device, self.buffer);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY (all here): the pool's commands are done; images are alive, the swapchain's acquired; the queue is locked.
+        // SAFETY (all here): the pool's commands have ended; both images are alive, the swapchain's is acquired; the
+        // queue is locked.
         unsafe {
             let reset = device.reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty());
             reset.map_err(failed("vkResetCommandPool", STAGE))?;
             device.begin_command_buffer(buffer, &begin).map_err(failed("vkBeginCommandBuffer", STAGE))?;
-            // What was there is of no use. The submit waits for the semaphore in the same stage.
+            // Earlier content is discarded. The submit waits for the semaphore in this same pipeline stage.
             self.barrier(
                 image,
                 [Layout::UNDEFINED, Layout::TRANSFER_DST_OPTIMAL],
@@ -121,12 +123,12 @@ impl Commands {
             .image(image)
             .subresource_range(whole())];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        // SAFETY: recording; the image is alive; synchronization2 is enabled.
+        // SAFETY: the command buffer is recording; the image is alive; synchronization2 is enabled.
         unsafe { self.context.device.cmd_pipeline_barrier2(self.buffer, &info) };
     }
 
     fn blit(&self, picture: &Image, image: vk::Image, size: vk::Extent2D) {
-        // Whatever drew it is done: its recording was waited for. It becomes visible to this copy.
+        // The work that rendered the image has ended; this barrier makes its writes visible to the copy.
         let made = [vk::MemoryBarrier2::default()
             .src_stage_mask(Stages::ALL_COMMANDS)
             .src_access_mask(Access::MEMORY_WRITE)
@@ -147,7 +149,7 @@ impl Commands {
             .regions(&regions)
             .filter(vk::Filter::LINEAR);
         let (device, dependency) = (&self.context.device, vk::DependencyInfo::default().memory_barriers(&made));
-        // SAFETY: recording; both images are alive and in these layouts.
+        // SAFETY: the command buffer is recording; both images are alive and in these layouts.
         unsafe {
             device.cmd_pipeline_barrier2(self.buffer, &dependency);
             device.cmd_blit_image2(self.buffer, &info);
@@ -159,7 +161,7 @@ impl Drop for Commands {
     fn drop(&mut self) {
         let _ = self.wait();
         let device = &self.context.device;
-        // SAFETY: the last copy is done; null handles are ignored.
+        // SAFETY: the last copy has ended; null handles are ignored.
         unsafe {
             device.destroy_semaphore(self.acquired, None);
             device.destroy_fence(self.fence, None);
@@ -168,7 +170,7 @@ impl Drop for Commands {
     }
 }
 
-/// The whole of an image.
+/// The whole of a colour image.
 fn whole() -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange {
         aspect_mask: vk::ImageAspectFlags::COLOR,

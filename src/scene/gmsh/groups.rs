@@ -1,4 +1,4 @@
-//! Physical groups of a Gmsh mesh: their names, and in MSH 4.1 which of them each volume is in.
+//! Physical groups of a Gmsh mesh: their names, and in MSH 4.1 the group that each volume is in.
 
 use std::collections::HashMap;
 
@@ -7,10 +7,10 @@ use super::super::tetrahedra::Contents;
 use super::{real, whole};
 use crate::Result;
 
-/// Dimension of volumes, to whose groups tetrahedra belong.
+/// Number of dimensions of a volume; only groups of volumes contain tetrahedra.
 const VOLUME: usize = 3;
 
-/// `$PhysicalNames`: a line each of dimension, number and name in quotes; text in binary files too.
+/// Reads `$PhysicalNames`: per line a dimension, a number and a quoted name. It is text in binary files too.
 pub(super) fn names(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     const WHAT: &str = "a physical name (dimension, number, name)";
     let line = cursor.need("the number of physical names")?;
@@ -20,7 +20,7 @@ pub(super) fn names(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
         let (dimension, number) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         let name = words.next().unwrap_or_default().trim();
         let Some(name) = name.strip_prefix('"').and_then(|name| name.strip_suffix('"')) else {
-            return Err(cursor.error(format!("\"{}\" in {WHAT}", short(line))));
+            return Err(cursor.error(format!("\"{}\" is not valid for {WHAT}", short(line))));
         };
         let (dimension, number): (usize, i64) = (cursor.parse(dimension, WHAT)?, cursor.parse(number, WHAT)?);
         if dimension == VOLUME {
@@ -30,7 +30,8 @@ pub(super) fn names(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     cursor.expect("$EndPhysicalNames")
 }
 
-/// `$Entities` of MSH 4.1: the first physical group of each volume, by the volume's tag. A further one is told.
+/// Reads `$Entities` of MSH 4.1: the first physical group of each volume, by the volume's tag. A volume in several
+/// groups adds a note.
 pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMap<i64, i64>> {
     let counts = whole(cursor, "the counts of $Entities", 0, 4)?;
     let mut groups = HashMap::new();
@@ -38,7 +39,7 @@ pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMa
         for _ in 0..cursor.natural(count, "a count of $Entities")? {
             let (tag, physical) = entity(cursor, dimension)?;
             let (VOLUME, Some(&first)) = (dimension, physical.first()) else { continue };
-            // A negative one is the same group, turned.
+            // A negative number means the same group with reversed orientation.
             groups.insert(tag, first.abs());
             if physical.len() > 1 {
                 let all: Vec<String> = physical.iter().map(i64::to_string).collect();
@@ -51,7 +52,8 @@ pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMa
     Ok(groups)
 }
 
-/// Tag and physical groups of an entity: tag, a point or a box, counted groups and, but for points, counted boundaries.
+/// Reads an entity and returns its tag and physical groups. In the file these are a tag, a point or a box, the groups
+/// after their number and, except for points, the bounding entities after theirs.
 fn entity(cursor: &mut Cursor, dimension: usize) -> Result<(i64, Vec<i64>)> {
     const WHAT: &str = "an entity (tag, place, physical groups)";
     let reals = if dimension == 0 { 3 } else { 6 };
@@ -59,12 +61,13 @@ fn entity(cursor: &mut Cursor, dimension: usize) -> Result<(i64, Vec<i64>)> {
         let line = cursor.need(WHAT)?;
         let words: Vec<&str> = line.split_whitespace().collect();
         let Some(count) = words.get(reals + 1) else {
-            return Err(cursor.error(format!("{} numbers in {WHAT}", words.len())));
+            return Err(cursor.error(format!("{} numbers are too few for {WHAT}", words.len())));
         };
         let tag = cursor.parse(words[0], WHAT)?;
         let count: usize = cursor.parse(count, WHAT)?;
         let physical = count.checked_add(reals + 2).and_then(|end| words.get(reals + 2..end));
-        let physical = physical.ok_or_else(|| cursor.error(format!("{} numbers in {WHAT}", words.len())))?;
+        let physical =
+            physical.ok_or_else(|| cursor.error(format!("{} numbers are too few for {WHAT}", words.len())))?;
         return Ok((tag, physical.iter().map(|word| cursor.parse(word, WHAT)).collect::<Result<_>>()?));
     }
     let tag = whole(cursor, WHAT, 1, 0)?[0];
@@ -76,7 +79,7 @@ fn entity(cursor: &mut Cursor, dimension: usize) -> Result<(i64, Vec<i64>)> {
     Ok((tag, physical))
 }
 
-/// Binary integers after their number.
+/// Reads binary integers, whose number stands before them.
 fn counted(cursor: &mut Cursor, what: &str) -> Result<Vec<i64>> {
     let count = whole(cursor, what, 0, 1)?[0];
     (0..cursor.natural(count, what)?).map(|_| cursor.i32(what).map(i64::from)).collect()
@@ -162,20 +165,20 @@ mod tests {
     fn damage_is_told_by_line() {
         let tetrahedra = "1 4 2 7 1 1 2 3 4\n2 4 2 7 1 2 3 4 5";
         for (names, words) in [
-            ("1\n3 7 fat", "t.msh:6: \"3 7 fat\" in a physical name"),
-            ("1\n3 x \"fat\"", "t.msh:6: \"x\" in a physical name"),
-            ("many", "t.msh:5: \"many\" in the number of physical names"),
-            ("2\n3 7 \"fat\"", "t.msh:7: \"$EndPhysicalNames\" in a physical name"),
+            ("1\n3 7 fat", "t.msh:6: \"3 7 fat\" is not valid for a physical name"),
+            ("1\n3 x \"fat\"", "t.msh:6: \"x\" is not valid for a physical name"),
+            ("many", "t.msh:5: \"many\" is not valid for the number of physical names"),
+            ("2\n3 7 \"fat\"", "t.msh:7: \"$EndPhysicalNames\" is not valid for a physical name"),
         ] {
             let message = v2(names, tetrahedra).unwrap_err().to_string();
             assert!(message.contains(words), "{words}: {message}");
         }
         for (entities, words) in [
-            ("0 0 0 1\n1 0 0 0 1 1 1", "t.msh:11: 7 numbers in an entity"),
-            ("0 0 0 1\n1 0 0 0 1 1 1 3 5", "t.msh:11: 9 numbers in an entity"),
-            ("0 0 0 1\n1 0 0 0 1 1 1 18446744073709551615 5", "t.msh:11: 9 numbers in an entity"),
-            ("0 0 0 2\n1 0 0 0 1 1 1 0 0", "t.msh:12: 1 numbers in an entity"),
-            ("0 0 0 -1", "t.msh:10: -1 as a count"),
+            ("0 0 0 1\n1 0 0 0 1 1 1", "t.msh:11: 7 numbers are too few for an entity"),
+            ("0 0 0 1\n1 0 0 0 1 1 1 3 5", "t.msh:11: 9 numbers are too few for an entity"),
+            ("0 0 0 1\n1 0 0 0 1 1 1 18446744073709551615 5", "t.msh:11: 9 numbers are too few for an entity"),
+            ("0 0 0 2\n1 0 0 0 1 1 1 0 0", "t.msh:12: 1 numbers are too few for an entity"),
+            ("0 0 0 -1", "t.msh:10: -1 is not valid for a count"),
         ] {
             let message = v4(entities).unwrap_err().to_string();
             assert!(message.contains(words), "{words}: {message}");

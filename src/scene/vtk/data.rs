@@ -1,30 +1,30 @@
-//! Data on the cells of a VTK grid, of which one array tells the groups: that called `group`, else the first of whole
-//! numbers, one a cell.
+//! Reads the data on the cells of a VTK grid. One array of them gives the groups of tetrahedra: the one called `group`,
+//! else the first that has one whole number per cell.
 
 use super::super::cursor::{Cursor, Order, short};
 use super::{count, size_of};
 use crate::Result;
 
-/// The array that tells the groups, whatever stands before it.
+/// Name of the array that gives the groups, wherever it stands.
 const GROUP: &str = "group";
 
-/// What has been found so far.
+/// The groups found so far.
 #[derive(Default)]
 pub(super) struct CellData {
-    /// Whether it is called [`GROUP`].
+    /// Whether they are from an array called [`GROUP`].
     is_named: bool,
-    /// One number a cell; empty: none found.
+    /// One number per cell; empty where none have been found.
     pub groups: Vec<i64>,
 }
 
-/// Whose data follow, and how many they are.
+/// A section of data: on cells or on points, and for how many of them.
 struct Section {
     is_cells: bool,
     count: u64,
 }
 
 impl CellData {
-    /// Reads from a `POINT_DATA` or `CELL_DATA` line, whose words are given, to the end of the file.
+    /// Reads from a `POINT_DATA` or `CELL_DATA` line, which has these words, to the end of the file.
     pub(super) fn read(&mut self, cursor: &mut Cursor, words: &[&str]) -> Result<()> {
         let mut section = section(cursor, words)?;
         while let Some(line) = cursor.next_filled() {
@@ -70,7 +70,7 @@ impl CellData {
         Ok(())
     }
 
-    /// `FIELD`: arrays, a line each of name, components, tuples and type.
+    /// Reads the arrays of a `FIELD`; each begins with a line of name, number of components, number of tuples and type.
     fn field(&mut self, cursor: &mut Cursor, words: &[&str], section: &Section) -> Result<()> {
         for _ in 0..count(cursor, words, 2)? {
             let line = cursor.need("an array of a FIELD")?;
@@ -81,7 +81,7 @@ impl CellData {
         Ok(())
     }
 
-    /// An array of (type, tuples, components): kept where it tells groups better than what was found before.
+    /// Reads an array of (type, tuples, components); keeps it if it gives groups better than what was found before.
     fn array(
         &mut self,
         cursor: &mut Cursor,
@@ -109,7 +109,7 @@ fn section(cursor: &Cursor, words: &[&str]) -> Result<Section> {
     Ok(Section { is_cells: words[0].eq_ignore_ascii_case("CELL_DATA"), count: count(cursor, words, 1)? })
 }
 
-/// Bytes of a binary whole number, and whether it has a sign.
+/// Size of a binary whole number, bytes, and whether it has a sign.
 struct Integer {
     bytes: usize,
     signed: bool,
@@ -136,7 +136,7 @@ impl Integer {
             let word = cursor.word(WHAT)?;
             return cursor.parse(word, WHAT);
         }
-        // Binary numbers of this format are big-endian always.
+        // Binary numbers of this format are always big-endian.
         let raw = cursor.take(self.bytes, WHAT)?;
         let start = if self.signed && raw[0] >= 0x80 { -1 } else { 0 };
         Ok(raw.iter().fold(start, |number, &byte| (number << 8) | i64::from(byte)))
@@ -152,7 +152,7 @@ fn skip(cursor: &mut Cursor, kind: &str, numbers: u64) -> Result<()> {
     (0..numbers).try_for_each(|_| cursor.word(WHAT).map(|_| ()))
 }
 
-/// Colours: a byte a number where binary.
+/// Skips colours; each component is one byte where the file is binary.
 fn colours(cursor: &mut Cursor, count: u64, components: u64) -> Result<()> {
     skip(cursor, "unsigned_char", count.saturating_mul(components))
 }
@@ -190,9 +190,9 @@ mod tests {
     fn what_cannot_be_read_is_told_and_the_mesh_is_read() {
         for (data, words) in [
             ("CELL_DATA 3\nSCALARS part int 1\nLOOKUP_TABLE default\n9 4", "within data on cells"),
-            ("CELL_DATA 3\nSCALARS part int 1\nLOOKUP_TABLE default\n9 4 x", "\"x\" in data on cells"),
+            ("CELL_DATA 3\nSCALARS part int 1\nLOOKUP_TABLE default\n9 4 x", "\"x\" is not valid for data on cells"),
             ("CELL_DATA 3\nSOMETHING part", "unknown keyword \"SOMETHING\""),
-            ("CELL_DATA 7\nSCALARS part int\nLOOKUP_TABLE default\n1 2 3 4 5 6 7", "of 7 cells, and there are 3"),
+            ("CELL_DATA 7\nSCALARS part int\nLOOKUP_TABLE default\n1 2 3 4 5 6 7", "for 7 cells, but there are 3"),
         ] {
             let mesh = parse(format!("{GRID}{data}").as_bytes(), Path::new("t.vtk")).unwrap();
             assert_eq!(mesh.groups.of, [None, None]);
