@@ -1,8 +1,8 @@
-//! The one error type. Every variant says what went wrong, where, and what to do about it.
+//! The crate's one error type. Every variant says what went wrong, where, and what to do about it.
 
 use std::path::{Path, PathBuf};
 
-/// What can go wrong, by who can mend it.
+/// What can go wrong; the variants differ in who can mend it: the user's input, the machine, or the simulation.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file the user named is missing, unreadable or malformed.
@@ -29,11 +29,11 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
-    /// The command line asks for what there is not; the message has the remedy.
+    /// The command line or a call asks for something that does not exist or cannot be done; the message has the remedy.
     #[error("{0}")]
     Usage(String),
     /// A file could not be written.
-    #[error("cannot write {}: {source}; make room, or choose another place", .file.display())]
+    #[error("cannot write {}: {source}; free disk space, or choose another folder", .file.display())]
     Output {
         /// The file or directory.
         file: PathBuf,
@@ -46,14 +46,14 @@ pub enum Error {
     /// A Vulkan call failed.
     #[error("{call} failed in {stage}: {result}")]
     Vulkan {
-        /// The call.
+        /// Name of the Vulkan call.
         call: &'static str,
-        /// The stage of the step, or the part of the set-up.
+        /// The stage of the step, or the part of the set-up, that made the call.
         stage: String,
-        /// Vulkan's result.
+        /// The VkResult, as text.
         result: String,
     },
-    /// The device has no memory left for what was asked; the message has the remedy.
+    /// The GPU's memory, or the largest array it allows, is too small for what was asked; the message has the remedy.
     #[error(
         "{0}; leave out bodies, make layers coarser (layer.cell) or skins smaller, or use a device with more memory"
     )]
@@ -61,26 +61,27 @@ pub enum Error {
     /// The simulation cannot go on.
     #[error("{0}")]
     Simulation(String),
-    /// Who watched wanted it to end; the message says what.
+    /// The caller's progress callback ended the work; the message says where.
     #[error("{0}")]
     Cancelled(String),
 }
 
-/// A result with [`Error`].
+/// A result whose error is [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// Bad contents of a file.
+    /// An error in the contents of a file.
     pub fn input(file: &Path, line: Option<usize>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Error::Input { file: file.into(), line, problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// A bad value of a scene's key.
+    /// An error in the value of a scene's key.
     pub fn key(file: &Path, key: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Error::Key { file: file.into(), key: key.into(), problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// The program's exit status: 2 bad input, 3 no usable device, 4 the simulation (or a device under it) failed.
+    /// The program's exit status: 2 bad input or output, 3 no usable GPU, 4 the simulation (or the GPU under it) failed
+    /// or was cancelled.
     pub fn exit_status(&self) -> u8 {
         match self {
             Error::Input { .. } | Error::Key { .. } | Error::Usage(_) | Error::Output { .. } => 2,

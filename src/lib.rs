@@ -1,10 +1,11 @@
-//! palpate: feel soft bodies. A haptic device moves a tool; the engine finds where it meets high-resolution deformable skin,
-//! deforms the bodies by finite elements, all in Vulkan compute, and hands back force and torque.
+//! palpate: a GPU engine for haptic touch of soft bodies. A haptic device moves a tool; the engine finds where the tool
+//! meets high-resolution deformable skin, deforms the bodies by finite elements, all in Vulkan compute, and returns the
+//! contact force and torque.
 //!
-//! A [`Scene`] is read from a file ([`Scene::load`]) or made of values ([`SceneBuilder`], [`scene`]). A [`Simulation`] steps it;
-//! a [`Query`] only asks where two rigid skins overlap. Units are SI, the axes right-handed, quaternions x y z w.
+//! A [`Scene`] is read from a file ([`Scene::load`]) or built in memory ([`SceneBuilder`], [`scene`]). A [`Simulation`]
+//! steps it; a [`Query`] only asks where two rigid skins overlap. Quaternions are x y z w, units SI, axes right-handed.
 //!
-//! A sphere is pressed 6 mm into a soft block:
+//! This example presses a sphere 6 mm into a soft block:
 //!
 //! ```
 //! use palpate::scene::{Bind, Body, Core, Coupling, Key, Material, Tool};
@@ -31,7 +32,8 @@
 //! # }
 //! ```
 //!
-//! More in `examples/rust`. Haptic devices, pictures, benchmarks, the C ABI and the program are crates of their own.
+//! More examples are in `examples/rust`. Haptic devices, rendering, benchmarks, the C ABI and the command-line program
+//! are crates of their own.
 
 #![deny(missing_docs)]
 
@@ -52,7 +54,7 @@ pub use query::{Answer, Query, QueryContact};
 pub use scene::{Scene, SceneBuilder};
 pub use step::{ContactPoint, Flags, Pose, RigidState, Simulation, StepReport, ToolReport, Wrench};
 
-/// All rooms, for the crates beside this one and for tests. Nothing in here is promised to others.
+/// All modules, for the other crates of this workspace and for tests. Nothing in here is part of the stable interface.
 #[doc(hidden)]
 pub mod internal {
     #![allow(missing_docs)]

@@ -1,4 +1,5 @@
-//! What the shaders declare, in Rust: of each kernel its arguments by name, and the structs and constants that shaders and host
-//! share. All of it is made by the build script from `shaders/`, where it is defined and explained.
+//! What the shaders declare, in Rust: for each kernel a struct of its arguments by name, and the structs and constants
+//! that shaders and host share. The build script generates all of it from `shaders/`, where it is defined and
+//! documented.
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));

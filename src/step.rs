@@ -1,5 +1,7 @@
-//! The step: pose in, wrench out. Which stages run in which order stands in `algorithm.rs`; this file has what a user of a
-//! [`Simulation`] sees.
+//! The step of a simulation: the pose of the haptic device goes in, the contact wrench on the tool comes out. The order
+//! of the stages is in `algorithm.rs`; this file has what a user of a [`Simulation`] sees. In a haptic session a loop
+//! in another thread moves the tool a thousand times a second, and steps follow one another as fast as they are
+//! computed.
 
 mod algorithm;
 mod change;
@@ -51,70 +53,71 @@ pub use shown::{Cut, Field, FieldValues, Mesh, Overlay, Part, RegionSquare, Skin
 use stage_set::Stages;
 use tool::Tool;
 
-/// How often a step that fails is halved: eighths of it at last.
+/// How often a failed step may be halved; the last attempts are eighths of it.
 const MOST_HALVINGS: u32 = 3;
-/// Every so many steps are timed, unless [`Simulation::time_every`] says otherwise: timestamps split the work and cost up to
-/// a millisecond on some drivers.
+/// One step in this many is timed, unless [`Simulation::time_every`] says otherwise: timestamps split the GPU's work
+/// and cost up to a millisecond on some drivers.
 pub const TIMED_EVERY: u64 = 8;
 
-/// A scene under way.
+/// A scene that is being simulated.
 pub struct Simulation {
     context: Arc<Context>,
     scene: Scene,
     bodies: Vec<Body>,
-    /// The tool's, where it is none of the scene's bodies.
+    /// The tool's own body, where the tool is none of the scene's bodies.
     tool_body: Option<Body>,
     model: Model,
     stages: Stages,
     plain: Recordings,
-    /// Timed by stage; with the query's stages as one.
+    /// Recordings with timestamps: one set timed stage by stage, one with the query's stages timed as one.
     timed: Option<[Recordings; 2]>,
     tool: Option<Tool>,
     frames: Frames,
     drive: Drive,
     probes: Vec<ProbePlace>,
     plan: Plan,
-    /// The kind of arrays that kernels read, and why.
+    /// The kind of buffers through which kernels read their arrays, and why it was chosen.
     kind_of_arrays: String,
     path: Option<Path>,
     step: u64,
-    /// At the end of the last step, s.
+    /// Simulated time at the end of the last step, s.
     time: f64,
-    /// Whether the tool, or the body that is held, has weight; the loop carries it.
+    /// Whether the tool has weight; in a haptic loop its weight is compensated.
     has_weight: bool,
-    /// Of the body that is held, kg.
+    /// Mass of a tool that is a body of the scene, kg; 0 for any other.
     held_mass: f64,
-    /// Greatest force of the coupling's stiffness, N.
+    /// Greatest force of the virtual coupling's spring, N.
     max_force: f64,
     last_wrench: Option<ContactWrench>,
     last_iterations: u32,
     last_timed: Option<Vec<(String, f64)>>,
     timed_every: u64,
-    /// Whether friction is recorded.
+    /// Whether the recordings contain friction.
     has_friction: bool,
-    /// Whether the device still has what the solver applied in the last step.
+    /// Whether the GPU still holds the contact forces that the solver applied in the last step.
     is_solved: bool,
-    /// What positions of the last step are relative to on the device, m.
+    /// World position that the last step's positions on the GPU are relative to, m.
     step_origin: DVec3,
-    /// Where the layers of bodies are cut open for who looks, if not where they are at first.
+    /// Per body: the plane at which its tetrahedral mesh is cut open for display, where it is not the default one.
     cuts: BTreeMap<usize, Cut>,
-    /// Where somebody looks.
+    /// The arrays that are displayed, made when somebody first asks for them.
     shown: Option<shown::Shown>,
 }
 
 impl Simulation {
-    /// One step of the scene's `dt`, with the device where the scene's keys put it: pose in, wrench out. After
-    /// [`Simulation::step_held`], which leaves the keys for good, the device stays where that had it.
+    /// One step of the scene's `dt`. The haptic device is where the scene's keys put it, or, after
+    /// [`Simulation::step_held`] has replaced the keys for good, stays where that had it.
     pub fn step(&mut self) -> Result<StepReport> {
         let h = self.scene.step.dt;
         self.has_weight = true;
         self.step_to(self.next_end(h), h)
     }
 
-    /// A step of `h` s for the loop: from its tool (but where contact pushed in the last step no further out than that left it),
-    /// towards its device as it is now. Where the device will be at the end nobody
-    /// knows: taken to go on as it moves, at 50 steps a second it makes contact swing that is steady without (README, "The
-    /// hand"). A tool that is a soft body's core stays the simulation's. Weight is not felt: what the hand holds is carried.
+    /// A step of `h` seconds for the haptic loop: it starts from the loop's state of the tool and pulls towards the
+    /// loop's haptic device as it is now. Where contact pushed in the last step, the tool starts no further out along
+    /// the normal than that step left it. Where the device will be at the end is not known: extrapolating its motion,
+    /// at 50 steps a second, makes contact oscillate that is steady otherwise (README, "The hand"). A tool that is a
+    /// core of a soft body keeps the simulation's own state. The weight of the tool is compensated and not felt.
     #[doc(hidden)]
     pub fn step_held(&mut self, held: &Held, h: f64) -> Result<StepReport> {
         let time = self.time + h;
@@ -127,8 +130,8 @@ impl Simulation {
         }
         if let (Some(tool), None) = (&mut self.tool, self.model.held) {
             let RigidState { position, orientation, velocity, angular_velocity } = held.tool;
-            // The body is as the last step left it. From further out the step would begin without contact, which is found at its
-            // beginning, and the tool fall into the body unopposed.
+            // The body is as the last step left it. With the tool further out, the step would begin without contact,
+            // since contact is found at its beginning, and the tool would fall into the body unopposed.
             let normal = self.last_wrench.and_then(|wrench| wrench.normal()).unwrap_or_default();
             let out = normal.dot(position - tool.centre).max(0.0);
             (tool.centre, tool.orientation) = (position - out * normal, orientation);
@@ -144,14 +147,15 @@ impl Simulation {
         Ok(row)
     }
 
-    /// What the tool felt in the last step, with stiffness and damping if that was [`Simulation::step_held`] (else zero: nobody
-    /// asks); `None`: there is no tool, or was no step.
+    /// The contact wrench on the tool in the last step; `None` without a tool or before the first step. Stiffness and
+    /// damping are computed by [`Simulation::step_held`] only; after other steps they are zero.
     #[doc(hidden)]
     pub fn contact_wrench(&self) -> Option<&ContactWrench> {
         self.last_wrench.as_ref()
     }
 
-    /// A step of the scene's `dt` with the device at this pose at its end, having moved evenly from where it was.
+    /// A step of the scene's `dt` with the haptic device in this pose at its end, after uniform motion from where it
+    /// was.
     pub fn step_at(&mut self, pose: Pose) -> Result<StepReport> {
         let h = self.scene.step.dt;
         let end = self.next_end(h);
@@ -174,23 +178,24 @@ impl Simulation {
         Ok(self.row(&report, time, &device, probes, begun))
     }
 
-    /// The scene that it was made of, with what was changed since.
+    /// The scene that is simulated, with the changes made since it was opened.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// At the end of the last step, s.
+    /// Simulated time at the end of the last step, s.
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// Contact stiffness of the stiffest pair of bodies, N/m^3; 0: nothing can touch.
+    /// Contact stiffness of the stiffest pair of bodies, N/m^3; 0 where nothing can touch.
     #[doc(hidden)]
     pub fn contact_stiffness(&self) -> f64 {
         self.model.pairs.iter().map(|pair| f64::from(pair.stiffness)).fold(0.0, f64::max)
     }
 
-    /// What joins tool and device from now on. The loop chooses its own; whoever steps on without it gives back what there was.
+    /// Sets the virtual coupling between tool and haptic device from now on. The haptic loop chooses its own; a caller
+    /// that goes on without the loop should give back the earlier one.
     #[doc(hidden)]
     pub fn couple(&mut self, coupling: Option<Coupling>) {
         if let Some(tool) = &mut self.tool {
@@ -198,17 +203,18 @@ impl Simulation {
         }
     }
 
-    /// When the next step of `h` s ends, s: a whole multiple of it, unless the loop took steps of its own length.
+    /// End of the next step of `h` seconds, s: a whole multiple of `h`, unless the loop has taken steps of other
+    /// lengths.
     pub(super) fn next_end(&self, h: f64) -> f64 {
         if self.time == self.step as f64 * h { (self.step + 1) as f64 * h } else { self.time + h }
     }
 
-    /// The device that runs the step.
+    /// The GPU context that runs the step.
     pub fn context(&self) -> &Arc<Context> {
         &self.context
     }
 
-    /// Iterations of the last step's longest solve.
+    /// Solver iterations of the longest solve in the last step.
     pub fn last_iterations(&self) -> u32 {
         self.last_iterations
     }
@@ -225,14 +231,14 @@ impl Simulation {
         &self.kind_of_arrays
     }
 
-    /// The path of the depth stage, where the step has one.
+    /// The path of the depth stage (graphics or compute), where the step has that stage.
     #[doc(hidden)]
     pub fn depth_path(&self) -> Option<Path> {
         self.path
     }
 
-    /// Times every so many steps from now on, in turn stage by stage, and the query's stages as one; 0: none, and the
-    /// recordings with timestamps go.
+    /// Times one step in `steps` from now on, alternately stage by stage and with the query's stages as one. With 0 no
+    /// step is timed, and the recordings with timestamps are dropped.
     pub fn time_every(&mut self, steps: u64) -> Result<()> {
         match steps {
             0 => self.timed = None,
@@ -243,14 +249,14 @@ impl Simulation {
         Ok(())
     }
 
-    /// Times of the stages in the last step, microseconds, where it was a timed one; in every second such step those of the
-    /// query are one, [`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT).
+    /// Times of the stages in the last step, microseconds, where it was a timed one. In every second timed step the
+    /// query's stages are a single one, [`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT).
     pub fn stage_times(&self) -> Option<&[(String, f64)]> {
         self.last_timed.as_deref()
     }
 
-    /// Dispatches, draws, fills and copies of each stage in a step of `iterations` solver iterations, and how many passes
-    /// of the whole wait for an earlier one.
+    /// Number of dispatches, draws, fills and copies of each stage in a step of `iterations` solver iterations, and how
+    /// many passes in all must wait for an earlier one.
     #[doc(hidden)]
     pub fn passes(&self, iterations: u32) -> (Vec<(String, u32)>, u32) {
         let mut stages: Vec<(String, u32)> = Vec::new();
@@ -268,26 +274,27 @@ impl Simulation {
         (stages, dependent)
     }
 
-    /// The bodies as prepared.
+    /// The prepared bodies.
     #[doc(hidden)]
     pub fn bodies(&self) -> &[Body] {
         &self.bodies
     }
 
-    /// What was found in the files of each body, and of the tool, and done about it.
+    /// For each body, and the tool's own: its name, what was found in its files and what was done about it.
     #[doc(hidden)]
     pub fn reports(&self) -> impl Iterator<Item = (&str, &BodyReport)> {
         let bodies = self.bodies.iter().map(|body| (body.name.as_str(), &body.report));
         bodies.chain(self.tool_body.iter().map(|body| ("tool", &body.report)))
     }
 
-    /// The tool, if the scene has one; of a body that is held, its core.
+    /// The tool, if the scene has one; where it is a body of the scene, that body's core.
     #[doc(hidden)]
     pub fn tool(&self) -> Option<&Tool> {
         self.tool.as_ref()
     }
 
-    /// Where the frames of a body are now: one a core, or one that floats or carries a rigid skin; empty for a half-space.
+    /// Where the coordinate frames of a body are now: one per core, or a single one that floats or carries a rigid
+    /// skin; none for a half-space.
     #[doc(hidden)]
     pub fn frames(&self, body: usize) -> Vec<frames::Place> {
         let first = self.model.body_frames[body];
@@ -299,15 +306,15 @@ impl Simulation {
         (0..count).map(|k| self.frames.place(first as usize + k)).collect()
     }
 
-    /// Joints between frames of all bodies, one body's after another's.
+    /// The joints between the cores of all bodies, body by body.
     #[doc(hidden)]
     pub fn joints(&self) -> &[Joint] {
         &self.model.joints
     }
 
-    /// The region of each pair of bodies and the contacts of the last step, as the device left them (a dropped contact has
-    /// stiffness 0); empty where nothing can touch. Positions are relative to the origin of that step. Costs transfers of
-    /// its own: for tests and export.
+    /// The contact patches of all pairs of bodies and the contacts of the last step, as the GPU left them (a released
+    /// contact has stiffness 0); empty where nothing can touch. Positions are relative to the origin of that step. This
+    /// costs transfers from the GPU and is meant for tests and export.
     #[doc(hidden)]
     pub fn touch(&self) -> Result<(Vec<Region>, Vec<shaders::Contact>)> {
         let Some(touch) = &self.stages.touch else { return Ok((Vec::new(), Vec::new())) };
@@ -317,7 +324,8 @@ impl Simulation {
         Ok((touch.cull.regions.read::<Region>()?, contacts))
     }
 
-    /// Where f32 positions are measured from: the tool, or the first body; contact needs digits there.
+    /// World position that f32 positions on the GPU are relative to: the tool's centre, or the first body's, since
+    /// contact needs precision there.
     fn origin(&self) -> DVec3 {
         let first = self.model.frames.first().map_or(DVec3::ZERO, |_| self.frames.place(0).centre);
         self.tool.as_ref().map_or(first, |tool| tool.centre)

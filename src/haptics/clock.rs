@@ -1,11 +1,12 @@
-//! Ticks at absolute deadlines, and how late they came.
+//! The timer of the haptic loop, which wakes its thread at absolute deadlines, and statistics of how late each tick
+//! (one iteration of the loop) came after its deadline.
 
 use std::time::{Duration, Instant};
 
-/// A deadline is missed where its tick comes later than this, s.
+/// A tick that comes later than this after its deadline has missed it, s.
 pub const MISSED: f64 = 2e-3;
 
-/// Wakes its thread at whole multiples of a period since it was made.
+/// Wakes its thread at whole multiples of a period, counted from its creation.
 #[derive(Debug)]
 pub struct Metronome {
     begun: Instant,
@@ -13,22 +14,22 @@ pub struct Metronome {
     next: u64,
 }
 
-/// A tick that is due.
+/// One wake-up of the metronome.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beat {
-    /// Since the metronome was made, s.
+    /// Time of the wake-up since the metronome was created, s.
     pub time: f64,
-    /// After the deadline, s.
+    /// Delay of the wake-up after its deadline, s.
     pub late: f64,
 }
 
 impl Metronome {
-    /// A beat every `period` s from now on.
+    /// Creates a metronome that wakes its thread every `period` s from now on.
     pub fn new(period: f64) -> Metronome {
         Metronome { begun: Instant::now(), period: Duration::from_secs_f64(period), next: 0 }
     }
 
-    /// Sleeps until the next deadline. Deadlines that passed meanwhile are not made up for.
+    /// Sleeps until the next deadline. Deadlines that have already passed are skipped, not made up for.
     pub fn wait(&mut self) -> Beat {
         let due = Duration::from_nanos(self.period.as_nanos() as u64 * self.next);
         std::thread::sleep((self.begun + due).saturating_duration_since(Instant::now()));
@@ -38,34 +39,36 @@ impl Metronome {
         Beat { time: now.as_secs_f64(), late: now.saturating_sub(due).as_secs_f64() }
     }
 
-    /// When it was made.
+    /// When the metronome was created.
     pub fn begun(&self) -> Instant {
         self.begun
     }
 }
 
-/// How late ticks were.
+/// A histogram of how late ticks came after their deadlines.
 #[derive(Debug, Clone, Default)]
 pub struct Lateness {
-    /// Ticks by lateness: a bin a whole microsecond up to [`FINE`], then [`COARSE`] bins that widen with it.
+    /// Number of ticks by lateness: one bin per whole microsecond up to [`FINE`] microseconds, then [`COARSE`] bins
+    /// whose width grows with the lateness.
     histogram: Vec<u64>,
     ticks: u64,
     missed: u64,
     worst: f64,
 }
 
-/// Up to here lateness is told apart to the microsecond; microseconds, and that many bins.
+/// Number of bins of one microsecond each, which resolve lateness up to 0.1 s.
 const FINE: usize = 100_000;
-/// From there on a bin reaches from a lateness to this many times as much: its middle is right to half a percent.
+/// Ratio of the upper to the lower end of a coarse bin: the bin's middle is accurate to half a percent.
 const WIDENING: f64 = 1.01;
-/// Bins beyond [`FINE`]: up to 1000 s and some. What is later still is counted in the last of them.
+/// Number of coarse bins beyond the first [`FINE`]: they reach beyond 1000 s. Ticks that are later still go into the
+/// last.
 const COARSE: usize = 930;
-/// The last bin.
+/// Index of the last bin.
 const LAST: usize = FINE + COARSE - 1;
 
-/// The bin of a lateness, s.
+/// The bin of a lateness given in s.
 fn bin(late: f64) -> usize {
-    // The casts take NaN and what is negative as 0, and what is infinite as the most.
+    // The cast turns NaN and negative numbers into bin 0; the minimum below puts infinity into the last bin.
     let us = (late * 1e6).round();
     if us.is_nan() || us < FINE as f64 {
         return us as usize;
@@ -83,13 +86,14 @@ fn lateness_of(bin: usize) -> f64 {
 }
 
 impl Lateness {
-    /// Nothing yet.
+    /// An empty histogram.
     pub fn new() -> Lateness {
         Lateness { histogram: vec![0; FINE + COARSE], ..Lateness::default() }
     }
 
-    /// Adds a tick that came `late` s after its deadline, `period` s from the next. Deadlines that passed while it was
-    /// waited for are missed as well where they were waited for too long.
+    /// Adds a tick that came `late` s after its deadline; deadlines are `period` s apart. If it came later than
+    /// [`MISSED`], its own deadline and every later one that passed by more than [`MISSED`] before it came count as
+    /// missed.
     pub fn add(&mut self, late: f64, period: f64) {
         self.ticks += 1;
         self.worst = self.worst.max(late);
@@ -99,8 +103,8 @@ impl Lateness {
         }
     }
 
-    /// The lateness that a share of the ticks stays within, s: to the microsecond up to 0.1 s, to half a percent up to
-    /// 1000 s, and never above the latest; 0 without any.
+    /// The lateness that a `share` (0 to 1) of the ticks does not exceed, s: exact to a microsecond up to 0.1 s and to
+    /// half a percent up to 1000 s, never above that of the latest tick; 0 without any tick.
     pub fn quantile(&self, share: f64) -> f64 {
         let wanted = (share * self.ticks as f64).ceil().max(1.0) as u64;
         let mut seen = 0;
@@ -109,29 +113,29 @@ impl Lateness {
             seen >= wanted
         });
         at.map_or(0.0, |at| match at {
-            // Whole microseconds stay, though rounding may have put them above the latest.
+            // A bin of one microsecond is returned as it is, though rounding may have put it above the latest tick.
             ..FINE => lateness_of(at),
             LAST => self.worst,
             _ => lateness_of(at).min(self.worst),
         })
     }
 
-    /// Ticks.
+    /// Number of ticks added.
     pub fn ticks(&self) -> u64 {
         self.ticks
     }
 
-    /// Deadlines missed by more than [`MISSED`].
+    /// Number of deadlines missed by more than [`MISSED`].
     pub fn missed(&self) -> u64 {
         self.missed
     }
 
-    /// The same, of all deadlines.
+    /// Missed deadlines over the sum of ticks and missed deadlines, 0 to 1.
     pub fn share_missed(&self) -> f64 {
         self.missed as f64 / (self.ticks + self.missed).max(1) as f64
     }
 
-    /// Of the latest tick, s.
+    /// Lateness of the latest tick, s.
     pub fn worst(&self) -> f64 {
         self.worst
     }
@@ -195,7 +199,7 @@ mod tests {
         let after = metronome.wait();
         assert!(after.time >= 0.02 && after.late > 0.015, "{first:?} {after:?}");
         let next = metronome.wait();
-        // The deadline is a whole multiple of the period, the first one after the last beat.
+        // The deadline is a whole multiple of the period, and the first one after the last wake-up.
         let due = next.time - next.late;
         assert!((due * 1e3 - (due * 1e3).round()).abs() < 1e-6 && due > after.time && due - after.time <= 1.001e-3);
     }

@@ -1,52 +1,56 @@
-//! Gains of the virtual coupling between device and tool, and the limits that they come from.
+//! Chooses the gains of the virtual coupling, the spring and damper between haptic device and tool.
 //!
-//! A wall of stiffness K and damping B, sampled every T, is passive where b > K T / 2 + |B|, b being what the device itself
-//! dissipates (J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems", 1997); with a delay t_d it is
-//! stable where K < (b + B) / (T / 2 + t_d) (J. J. Gil, E. Sanchez, T. Hulin, C. Preusche and G. Hirzinger, "Stability
-//! boundary for haptic rendering: influence of damping and delay", 2009).
+//! A virtual wall of stiffness K and damping B, sampled with period T, is passive if b > K T / 2 + |B|, where b is the
+//! device's own mechanical damping (J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems",
+//! 1997); with a delay t_d of the force it is stable if K < (b + B) / (T / 2 + t_d) (J. J. Gil, E. Sanchez, T. Hulin,
+//! C. Preusche and G. Hirzinger, "Stability boundary for haptic rendering: influence of damping and delay", 2009).
 
 use crate::scene::Coupling;
 use crate::scene::profile::Profile;
 
-/// Period at which the profiles' stiffness and damping are given, s.
+/// Sampling period for which the device profiles give stiffness and damping, s.
 const PUBLISHED_PERIOD: f64 = 1e-3;
-/// Of what a rule allows, so much is taken.
+/// Safety factor: the share of a theoretical limit that is used.
 const MARGIN: f64 = 0.8;
 
-/// What decided the gains.
+/// The chosen gains and how they came about.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains {
-    /// The gains.
+    /// The coupling's gains.
     pub coupling: Coupling,
-    /// Damping that the device bears beside them, N s/m, and about any axis, N m s/rad: see [`injectable`].
+    /// Damping that may still be injected beside these gains: linear, N s/m, and angular, N m s/rad. See
+    /// [`injectable`].
     pub most_damping: [f64; 2],
-    /// One line: what they are, and why.
+    /// One line of text: the gains, and what decided them.
     pub reason: String,
 }
 
-/// What a device dissipates by itself at least, N s/m, if it renders its published stiffness and its published damping at
-/// 1 kHz: the larger of K T / 2 and B.
+/// A lower bound of the device's own damping b, N s/m, for a device that renders the published `stiffness` (N/m) and
+/// `damping` (N s/m) stably at 1 kHz: the larger of K T / 2 and B.
 pub fn dissipation(stiffness: f64, damping: f64) -> f64 {
     (0.5 * stiffness * PUBLISHED_PERIOD).max(damping)
 }
 
-/// The greatest stiffness that device, period T (s), virtual damping (N s/m) and delay (s) allow.
+/// The greatest stiffness (N/m) that the rules allow for a device's own damping and a virtual damping (N s/m each), a
+/// period T and a delay (s each).
 pub fn stiffest(dissipation: f64, damping: f64, period: f64, delay: f64) -> f64 {
     let colgate = 2.0 * (dissipation - damping).max(0.0) / period;
     let delayed = (dissipation + damping) / (0.5 * period + delay);
     colgate.min(delayed)
 }
 
-/// Damping that may be added to a coupling of this stiffness and damping at period T (s): what Colgate's rule leaves,
-/// b > K T / 2 + B. A velocity that is estimated over a period is half of one late beside the force that is held for one: the
-/// damping then acts with a delay t_d of half a period, and by Gil's rule takes 1 / (1 + 2 t_d / T) of that.
+/// Damping that may be added at period T (s) to a coupling of this stiffness and damping: the slack in Colgate's rule
+/// b > K T / 2 + B, halved and times the safety factor. The half stands for the velocity estimate, which is taken over
+/// one period and so lags by t_d = T / 2 beside the force, which is held for one period: by Gil's rule only
+/// 1 / (1 + 2 t_d / T) of the slack is left.
 pub fn injectable(dissipation: f64, stiffness: f64, damping: f64, period: f64) -> f64 {
     MARGIN * 0.5 * (dissipation - 0.5 * stiffness * period - damping).max(0.0)
 }
 
-/// Gains from the profile, the period (s) and the delay of the force (s): of a raw force the wrench's age; with the local
-/// model none. `asked`: the scene's, which may be lower than those but not higher. `inertia`: of the tool, kg m^2, and `mass`,
-/// kg, for turning where the device plays no torque.
+/// Chooses the gains from the device's profile, the period (s) and the delay of the force (s): how far a raw force is
+/// out of date, or 0 if the local model follows contact between wrenches. `asked` holds the scene's gains, which may be
+/// lower than the limits but not higher. `mass` (kg) and `inertia` (kg m^2) are the tool's; they scale the angular
+/// gains if the device plays no torque.
 pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f64, asked: Option<&Coupling>) -> Gains {
     let slower = (PUBLISHED_PERIOD / period).min(1.0);
     let axis = |stiffness: f64, damping: f64| {
@@ -58,7 +62,7 @@ pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f6
     let (stiffness, damping) = axis(profile.stiffness, profile.damping);
     let (angular_stiffness, angular_damping) = match profile.angular_stiffness > 0.0 {
         true => axis(profile.angular_stiffness, profile.angular_damping),
-        // Nobody feels it: the tool turns with the device as quickly as it follows it.
+        // Nobody feels these gains: the tool's rotation then follows the device as quickly as its position does.
         false => (stiffness * inertia / mass, damping * inertia / mass),
     };
     let most = Coupling { stiffness, damping, angular_stiffness, angular_damping };

@@ -1,51 +1,53 @@
-//! What every haptic device does: it is read once a tick and told once a tick what to play.
+//! The interface of a haptic device. The haptic loop reads the device once a tick (one iteration of the loop, 1 ms
+//! unless a scene says otherwise) and commands a wrench (force and torque) to it once a tick.
 
 use serde::{Deserialize, Serialize};
 
 use crate::scene::Profile;
 use crate::step::{RigidState, Wrench};
 
-/// What a device says of itself.
+/// One measurement of a haptic device.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
-    /// When it was measured: s on the clock that [`Device::read`] was given.
+    /// Time of the measurement, s, on the clock whose time [`Device::read`] was given.
     pub time: f64,
-    /// Where the device is; a device that does not sense rotation reports the identity.
+    /// Pose and twist of the device's handle; a device that does not sense rotation reports the identity orientation.
     pub state: RigidState,
-    /// A bit each, the first button in the lowest; 1: pressed.
+    /// Pressed buttons, one bit each: the first button is the lowest bit, and a set bit means pressed.
     pub buttons: u32,
 }
 
-/// Why a device could not be read or written. None of them ends the loop: it plays nothing until the device is back.
+/// Why a device could not be read or written. No fault ends the loop: it commands no force until the device is back.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Fault {
-    /// It is unplugged, or its service does not answer: what was found, and what to do.
+    /// The device is unplugged, or its service does not answer. The text says what was found and what to do.
     #[error("the haptic device is lost: {0}")]
     Lost(String),
-    /// It answers with what cannot be: what was found.
-    #[error("the haptic device says what cannot be: {0}")]
+    /// The device answers with impossible values. The text says what was found.
+    #[error("the haptic device returned invalid data: {0}")]
     Garbled(String),
 }
 
-/// A haptic device, or what stands in for one. The loop's thread alone uses it; no call may wait for longer than a small
+/// A haptic device, or a simulation of one. Only the loop's thread uses it; no call may block for longer than a small
 /// part of a tick.
 pub trait Device: Send {
-    /// Makes ready to be read; the force is zero afterwards.
+    /// Opens the device, so that it can be read. It exerts no force afterwards.
     fn open(&mut self) -> Result<(), Fault>;
-    /// What it may be asked to play. A device that learns only in [`Device::open`] which hardware it is gives the smallest
-    /// limits that may be the hardware's until then, and never smaller ones later: limits that were taken from it before
-    /// stay safe.
+    /// Limits of what the device may be commanded to play. A device that learns only in [`Device::open`] which hardware
+    /// it is returns, until then, the smallest limits of all the hardware that it may turn out to be, and never smaller
+    /// ones later; so limits that were taken from it before opening stay safe.
     fn profile(&self) -> &Profile;
-    /// What the user should know of the device before the loop begins, a line each; of hardware, complete once it is open.
+    /// Lines that the user should read before the loop begins, about this device. For hardware they are complete only
+    /// once it is open.
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }
-    /// Where it is at `time`, s since the loop began. Simulated devices move up to that time; others report the newest that
-    /// they know.
+    /// Measures the device at `time`, s since the loop began. A simulated device moves up to that time; hardware
+    /// reports its newest measurement.
     fn read(&mut self, time: f64) -> Result<Reading, Fault>;
-    /// Plays a wrench from now until the next; what the hand is pushed with. It lies within the profile's limits; the torque
-    /// is zero where the profile has none.
+    /// Commands the wrench that the device exerts on the hand from now until the next call. The wrench lies within the
+    /// profile's limits; its torque is zero if the profile has no torque.
     fn write(&mut self, wrench: &Wrench) -> Result<(), Fault>;
-    /// Plays nothing, and lets go. Called once at the end, after whatever happened.
+    /// Stops all force and releases the device. The loop calls this once at its end, whatever ended it.
     fn close(&mut self);
 }

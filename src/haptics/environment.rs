@@ -1,4 +1,6 @@
-//! What a tool can meet: a simulation, or a wall of known stiffness to measure the loop with.
+//! Whatever gives contact wrenches to the haptic loop: the simulation, or one-dimensional models of known stiffness
+//! that the loop is measured with. In each step an environment gets pose and twist of the haptic device and of the
+//! tool, which virtual coupling joins, and returns the contact wrench on the tool.
 
 use glam::DVec3;
 
@@ -6,9 +8,9 @@ use crate::Result;
 use crate::step::tool::{Rows, Tool};
 use crate::step::{ContactWrench, Gap, Held, RigidState, Simulation, Wrench};
 
-/// Steps from what the loop holds to what the tool feels.
+/// A source of contact wrenches: one step from the loop's state to the wrench that the tool feels.
 pub trait Environment {
-    /// A step of `h` s from a state of device and tool.
+    /// Simulates `h` s from the given poses and twists of device and tool, and returns the contact wrench at the end.
     fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench>;
 }
 
@@ -20,23 +22,25 @@ impl Environment for Simulation {
     }
 }
 
-/// All below y = 0, pushing up with stiffness and damping on a point: F = max(0, -k y - d y').
+/// A fixed wall that fills y < 0 and pushes a point-like tool up: F = max(0, -k y - d y') with stiffness k, damping d
+/// and the tool's height y.
 #[derive(Debug, Clone)]
 pub struct Wall {
-    /// N/m.
+    /// Stiffness k, N/m.
     pub stiffness: f64,
-    /// N s/m.
+    /// Damping d, N s/m.
     pub damping: f64,
-    /// Whether the way to the wall is told where nothing touches.
+    /// Whether a wrench without contact reports the gap to the wall.
     pub tells_gap: bool,
-    /// As the loop's.
+    /// The tool, with the same constants as the loop's.
     pub tool: Tool,
-    /// Steps done.
+    /// Number of steps done.
     pub steps: u64,
 }
 
 impl Environment for Wall {
-    /// As a simulation does: the tool by implicit Euler towards the device as it is, then the force at the end.
+    /// Steps as the simulation does: moves the tool by implicit Euler towards the device's pose, which is taken at
+    /// rest; then evaluates the wall's force at the end of the step.
     fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
         let tool = &mut self.tool;
         tool.coupling = held.coupling;
@@ -73,36 +77,37 @@ impl Environment for Wall {
     }
 }
 
-/// A soft body of one coordinate: a surface with mass on a spring and a damper, which the tool presses down. Contact is a
-/// penalty, whose stiffness alone is told, as a simulation tells it with the body held still: several times what is felt.
+/// A soft body with one degree of freedom: a surface with mass on a spring and a damper, which the tool presses down.
+/// Contact between tool and surface is a penalty spring. A wrench reports the stiffness of that spring alone, as the
+/// simulation does, whose K leaves out the body's own compliance: several times the stiffness that is felt.
 #[derive(Debug, Clone)]
 pub struct Cushion {
-    /// Of the spring, N/m.
+    /// Stiffness of the body's spring, N/m.
     pub stiffness: f64,
-    /// Of the damper, N s/m.
+    /// Damping of the body's damper, N s/m.
     pub damping: f64,
-    /// Of the surface, kg.
+    /// Mass of the surface, kg.
     pub mass: f64,
-    /// Of contact, N/m.
+    /// Stiffness of the penalty contact, N/m.
     pub penalty: f64,
-    /// Where the spring's far end is at a time (s), m; it begins at 0.
+    /// Height (m) of the spring's far end at a time (s); it begins at 0.
     pub far_end: fn(f64) -> f64,
-    /// Whether wrenches tell that the far end moves as it is told.
+    /// Whether wrenches report that a kinematic body (here the far end) moved.
     pub tells_driven: bool,
-    /// Whether the way to the surface is told where nothing touches.
+    /// Whether a wrench without contact reports the gap to the surface.
     pub tells_gap: bool,
-    /// As the loop's.
+    /// The tool, with the same constants as the loop's.
     pub tool: Tool,
     /// Height (m) and velocity (m/s) of the surface.
     pub surface: [f64; 2],
-    /// Simulated so far, s.
+    /// Time simulated so far, s.
     pub time: f64,
-    /// Steps done.
+    /// Number of steps done.
     pub steps: u64,
 }
 
 impl Cushion {
-    /// At rest with its surface at y = 0; contact is three times as stiff as the spring.
+    /// A cushion at rest with its surface at y = 0; the penalty contact is three times as stiff as the spring.
     pub fn new(stiffness: f64, tool: Tool) -> Cushion {
         Cushion {
             stiffness,
@@ -119,12 +124,13 @@ impl Cushion {
         }
     }
 
-    /// Stiffness that is felt at rest, N/m.
+    /// Stiffness that is felt under a constant load, N/m: penalty contact and body's spring in series.
     pub fn felt(&self) -> f64 {
         1.0 / (1.0 / self.stiffness + 1.0 / self.penalty)
     }
 
-    /// Changes of the velocities of tool and surface in a step of `h` s, and the force between them, by implicit Euler.
+    /// One step of `h` s by implicit Euler, with contact if `touches`: returns the velocity changes of tool and surface
+    /// (m/s) and the force between them (N).
     fn solve(&self, rows: &Rows, h: f64, touches: bool) -> [f64; 3] {
         let penalty = if touches { self.penalty } else { 0.0 };
         let [y, v] = self.surface;

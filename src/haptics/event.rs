@@ -1,49 +1,53 @@
-//! What happened in a tick that the user must hear of: the one place that gives each event its bit and its name.
+//! The events that a tick (one iteration of the haptic loop) may raise for the user to hear of. This file alone gives
+//! each event its bit and its name. The force *played* is the force commanded to the haptic device; the *newest wrench*
+//! is the contact wrench on the tool that the last finished simulation step gave back.
 
 use serde::{Deserialize, Serialize};
 
-/// Something out of the ordinary.
+/// Something unusual that happened in a tick. The discriminant is the event's bit in [`Events`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u32)]
 pub enum Event {
-    /// The device could not be read or written; nothing is played.
+    /// The haptic device could not be read or written; no force is played.
     DeviceLost,
-    /// The device's reading was not finite, or no rotation; the last one that was right is held.
+    /// The device's reading was not finite or its orientation was no rotation; the last valid pose is used instead.
     BadReading,
-    /// The device leapt faster than a hand can move; its last pose is held until the force has faded.
+    /// The device's pose leapt further than a hand can move in a tick; the last valid pose is used until the force has
+    /// faded.
     PoseJump,
     /// The device is beyond its workspace; the force fades.
     OutsideWorkspace,
-    /// The newest wrench is older than the watchdog allows; the force fades.
+    /// The newest wrench is out of date by more than the watchdog allows; the force fades.
     StaleWrench,
-    /// A wrench was not finite, and was not taken.
+    /// A wrench from the simulation was not finite and was ignored.
     BadWrench,
     /// The clock stood still, ran backwards or leapt; the force starts again from zero.
     ClockJump,
     /// The tick came more than 2 ms after it was due.
     LateTick,
-    /// The force rises from zero: at the start, and after what made it fade.
+    /// The force rises from zero, at the start and after anything that made it fade.
     Engaging,
-    /// The tool left the neighbourhood in which the local model is trusted; the force does not grow further.
+    /// The tool left the neighbourhood in which the local contact model is trusted; the force does not grow further.
     BeyondTrust,
-    /// Passivity control damped.
+    /// The passivity controller damped the force.
     Damped,
-    /// Passivity control wanted more damping than the device allows.
+    /// The passivity controller wanted more damping than the device can render stably.
     DampingLimited,
-    /// The force or the torque was larger than the limit, and was shortened to it.
+    /// The force or the torque exceeded its limit and was shortened to it.
     Clamped,
-    /// The force or the torque changed faster than the limit, and was held back.
+    /// The force or the torque changed faster than its slew limit allows and was held back.
     SlewLimited,
-    /// What was to be played was not finite; nothing was.
+    /// The wrench to be played was not finite; none was played.
     BadForce,
-    /// Ticks before this one are missing from the recording.
+    /// The recording misses ticks directly before this one.
     RecordLost,
-    /// The newest wrench is followed more slowly: it holds more energy than the hand has given.
+    /// The model of the newest wrench is blended in more slowly, because it holds more energy than the hand has
+    /// supplied.
     Unpaid,
 }
 
 impl Event {
-    /// Every event and its name, by rising bit.
+    /// Every event with its name, by ascending bit.
     pub const ALL: [(Event, &'static str); 17] = [
         (Event::DeviceLost, "device_lost"),
         (Event::BadReading, "bad_reading"),
@@ -65,7 +69,7 @@ impl Event {
     ];
 }
 
-/// A set of events.
+/// A set of events, one bit each.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Events(pub u32);
 
@@ -80,27 +84,28 @@ impl Events {
         self.0 >> event as u32 & 1 == 1
     }
 
-    /// Whether any of several is in the set.
+    /// Whether at least one of several events is in the set.
     pub fn has_any(self, events: &[Event]) -> bool {
         events.iter().any(|event| self.has(*event))
     }
 
-    /// Names, by rising bit.
+    /// The names of the events in the set, by ascending bit.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         Event::ALL.into_iter().filter(move |(event, _)| self.has(*event)).map(|(_, name)| name)
     }
 }
 
-/// Counts events as they begin and as they last.
+/// Counts, for each event, how often it began and how many ticks it lasted.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct EventCounts {
     last: Events,
-    /// How often each began, and in how many ticks it was there, in the order of [`Event::ALL`].
+    /// For each event, in the order of [`Event::ALL`]: how often it began, and the number of ticks in which it was
+    /// present.
     counts: [(u64, u64); Event::ALL.len()],
 }
 
 impl EventCounts {
-    /// Takes a tick's events; gives back those that began with it.
+    /// Adds a tick's events; returns those that were absent from the tick before.
     pub fn add(&mut self, events: Events) -> Events {
         let begun = Events(events.0 & !self.last.0);
         for (k, (event, _)) in Event::ALL.into_iter().enumerate() {
@@ -111,7 +116,7 @@ impl EventCounts {
         begun
     }
 
-    /// Of every event that happened: its name, how often it began, and in how many ticks it was there.
+    /// For each event that happened: its name, how often it began, and the number of ticks in which it was present.
     pub fn happened(&self) -> impl Iterator<Item = (&'static str, u64, u64)> {
         let all = Event::ALL.into_iter().zip(self.counts);
         all.filter(|(_, (begun, _))| *begun > 0).map(|((_, name), (begun, ticks))| (name, begun, ticks))
@@ -122,7 +127,7 @@ impl EventCounts {
         self.counts[event as usize].0
     }
 
-    /// In how many ticks it was there.
+    /// Number of ticks in which an event was present.
     pub fn ticks(&self, event: Event) -> u64 {
         self.counts[event as usize].1
     }

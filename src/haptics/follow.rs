@@ -1,5 +1,7 @@
-//! Contact as the loop follows it from one wrench to the next: the model of the newest wrench is blended in over one interval,
-//! and more slowly while that would add more energy than the hand has paid for or may be lent.
+//! Contact as the haptic loop follows it from one contact wrench of the simulation to the next. The local model
+//! (`local_model.rs`) of the newest wrench is blended in over one interval between wrenches, and more slowly if that
+//! would add more energy than the passivity budget (`passivity.rs`) covers: the energy that the hand has supplied, plus
+//! *loans*. A loan stands for energy that the hand would have supplied had the contact been known earlier.
 
 use glam::DVec3;
 
@@ -7,55 +9,56 @@ use super::local_model::{Evaluation, LocalModel, Tangent, along};
 use super::passivity::Passivity;
 use crate::step::{ContactWrench, RigidState, Wrench};
 
-/// What a body that moves as it is told may give the hand, W.
+/// Power that a kinematic body (one whose motion is prescribed) may supply to the hand, W.
 const DRIVEN_POWER: f64 = 0.1;
 
-/// Wrenches with contact in a row that may be too shallow to tell how stiff it is.
+/// Number of wrenches at the beginning of a contact that may understate its stiffness, because it is still shallow.
 const SHALLOW: u32 = 3;
 
-/// How models are made and blended.
+/// How local models are made and blended.
 #[derive(Debug, Clone, Copy)]
 pub struct Rules {
-    /// Whether contact is followed between wrenches; else the force of the newest is kept as it is.
+    /// Whether contact follows the tool between wrenches; otherwise the newest wrench stays constant.
     pub local_model: bool,
-    /// At which rotations of the tool count as displacements, m.
+    /// The tool's lever arm at which rotations count as displacements, m.
     pub arm: f64,
-    /// How far from its pose a model is trusted, m.
+    /// Distance from its pose up to which a local model is trusted, m.
     pub trust: f64,
     /// The longest interval to blend over, s.
     pub longest: f64,
 }
 
-/// The contact that is followed.
+/// The contact that the tool feels at present, blended from two models.
 #[derive(Debug, Clone)]
 pub struct Followed {
     rules: Rules,
-    /// What was felt when the newest wrench was taken.
+    /// Model of what was felt when the newest wrench arrived.
     from: LocalModel,
-    /// The model of the newest wrench.
+    /// Model that is being blended in: that of the newest wrench, or, if that has no contact, an earlier one.
     to: LocalModel,
-    /// Of the newest model in what is felt, from 0 to 1.
+    /// Weight of `to` in what is felt, from 0 to 1.
     share: f64,
-    /// To blend over, s.
+    /// Time over which to blend, s.
     interval: f64,
     newest: ContactWrench,
-    /// Wrenches with contact in a row.
+    /// Number of wrenches with contact in a row.
     touches: u32,
-    /// How stiff the wall was that the last known gap ended at, N/m; 0: none was known.
+    /// Contact stiffness at the end of the last known gap, N/m; 0 if no gap was known.
     wall: f64,
-    /// Where the tool was in the last wrench without contact, m.
+    /// Position of the tool in the last wrench without contact, m: from there it entered the contact.
     entered: DVec3,
-    /// The greatest force times the way from there so far, J: more is never lent.
+    /// Bound on all loans of this contact, J: the greatest contact force so far times the way from `entered` against
+    /// it.
     most_lent: f64,
     /// When the newest wrench was taken, s.
     taken: f64,
-    /// What may still be lent, J: the force that the newest wrench would have shown on the way that the tool went since the one
-    /// before, where less was felt.
+    /// Energy that may still be lent, J: the way that the tool went since the previous wrench, times the force by which
+    /// the newest model exceeds what was felt on that way.
     credit: f64,
 }
 
 impl Followed {
-    /// No contact; the tool is there.
+    /// No contact, with the tool in the given state.
     pub fn new(rules: Rules, tool: RigidState) -> Followed {
         let newest = ContactWrench::none(tool);
         let none = LocalModel::raw(&newest);
@@ -80,13 +83,13 @@ impl Followed {
         &self.newest
     }
 
-    /// What is felt in this state of the tool.
+    /// Contact wrench, slopes and energy felt in this state of the tool.
     pub fn evaluate(&self, tool: &RigidState) -> Evaluation {
         let to = self.to.evaluate(tool);
         if self.share >= 1.0 { to } else { self.from.evaluate(tool).blend(&to, self.share) }
     }
 
-    /// A wrench that is new and finite, taken at `time` (s) with the tool in this state. `lent`: what is lent already, J.
+    /// Takes a new, finite wrench at `time` (s), with the tool in this state. `lent` is the energy on loan already, J.
     pub fn take(&mut self, wrench: &ContactWrench, time: f64, tool: &RigidState, lent: f64) {
         let Rules { local_model, arm, trust, longest } = self.rules;
         if wrench.wrench == Wrench::ZERO {
@@ -96,7 +99,8 @@ impl Followed {
         }
         let model = match local_model {
             false => LocalModel::raw(wrench),
-            // The wall of the gap stays until contact tells how stiff it is deeper in.
+            // The stiffness of the wall at the gap's end stays a lower bound until contact is deep enough to show its
+            // own.
             true if (1..=SHALLOW).contains(&self.touches) => {
                 LocalModel::new(wrench, arm, trust).no_softer_inward(self.wall, trust)
             }
@@ -105,24 +109,25 @@ impl Followed {
         self.from = match self.share >= 1.0 {
             true => self.to,
             false => match self.evaluate(tool) {
-                // Between two contacts: the later one says where contact begins again.
+                // The tool is in no contact while one contact is blended into another: the later one says where contact
+                // begins again.
                 now if now.tangent == Tangent::zero() => self.to,
                 now => LocalModel::of(tool, &now, arm, trust),
             },
         };
-        // Where a wrench knows of no contact, and the last one that did says the same of that place, that one says where contact
-        // begins again: a tool that bounces meets it between two wrenches.
+        // If the wrench has no contact, and the model so far has none at the wrench's pose either, that model stays,
+        // because it knows where contact begins again: a tool that bounces meets it between two wrenches.
         let is_remembered =
             !model.has_contact() && self.to.has_contact() && self.to.evaluate(&wrench.tool).tangent == Tangent::zero();
         if !is_remembered {
             self.to = model;
         }
-        // What came before the first wrench is no interval to blend over.
+        // The time before the first wrench is no interval to blend over.
         let interval = if self.newest.step > 0 { (time - self.taken).min(longest).max(0.0) } else { 0.0 };
         self.interval = if local_model { interval } else { 0.0 };
         self.share = 0.0;
         self.most_lent = self.most_lent.max(self.opposed(tool));
-        // A wall that was known opposed the way.
+        // If the gap was known, its wall already opposed this way.
         let unopposed = if self.wall > 0.0 { 0.0 } else { self.unopposed(tool) };
         self.credit = self.credit.max(unopposed).min((self.most_lent - lent).max(0.0));
         (self.newest, self.taken) = (*wrench, time);
@@ -131,8 +136,8 @@ impl Followed {
         }
     }
 
-    /// The force that the new model shows beyond what was felt, times the way that the tool went against it since the last
-    /// wrench, J.
+    /// The force by which the new model exceeds what was felt, times the way that the tool went against it since the
+    /// previous wrench, J.
     fn unopposed(&self, tool: &RigidState) -> f64 {
         let Some(normal) = self.to.normal() else { return 0.0 };
         let way = -normal.dot(tool.position - self.newest.tool.position);
@@ -140,16 +145,17 @@ impl Followed {
         way.max(0.0) * (to - from).max(0.0)
     }
 
-    /// The force of the new model times the way since contact was entered, J.
+    /// The force of the new model times the way of the tool since it entered the contact, J.
     fn opposed(&self, tool: &RigidState) -> f64 {
         let Some(normal) = self.to.normal() else { return 0.0 };
         let way = -normal.dot(tool.position - self.entered);
         way.max(0.0) * along(&normal, &self.to.evaluate(tool).tangent.force).max(0.0)
     }
 
-    /// Blends on for `period` s. `stored` (J): what coupling and tool hold beside contact. Energy that the newer model adds where the
-    /// tool is must be paid, or lent against the way that was unopposed; what is not is kept back, and told so. `gain`: share of
-    /// the force that is played, which energies are counted by.
+    /// Advances the blend by `period` s. `stored` is the energy in coupling and tool, J, without contact. Energy that
+    /// the newer model adds at the tool's place must be covered by the passivity budget, or be lent against a way that
+    /// was unopposed; otherwise the blend is held back. Returns whether it was. `gain` is the share of the force that
+    /// is played; energies are scaled by it.
     pub fn advance(
         &mut self,
         tool: &RigidState,
@@ -166,7 +172,7 @@ impl Followed {
         let [from, to] = [&self.from, &self.to].map(|model| model.evaluate(tool));
         let now = from.stored + self.share * (to.stored - from.stored);
         let asked = wanted * gain * (to.stored - from.stored);
-        // The reading may be a quantum off.
+        // The device's position may be wrong by one encoder step.
         let uncertain = passivity.quantum_worth(gain * to.tangent.force.fixed_rows::<3>(0).norm());
         let missing = asked - passivity.surplus(gain * (stored + now)) - uncertain;
         if !passivity.is_on() || asked <= 0.0 || missing <= 0.0 {
@@ -180,7 +186,7 @@ impl Followed {
         missing > loan
     }
 
-    /// Contact has ended: nothing is left to lend for.
+    /// Ends the contact: no more energy may be lent for it.
     pub fn end(&mut self) {
         self.credit = 0.0;
     }

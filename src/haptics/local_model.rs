@@ -1,8 +1,12 @@
-//! Contact between two wrenches: F = F0 - K (y - y0) - D (v - v0) about the tool's pose y0 and twist v0 of the newest one.
-//! K holds the body still, so it is what the tool feels in the first moment and more than it feels later.
+//! The local contact model, which the haptic loop follows between two simulation steps:
+//! F = F0 - K (y - y0) - D (v - v0). F0 is the contact wrench on the tool that the newest step found (force, then
+//! torque; N, N m), K and D its stiffness and damping, y0 and v0 the tool's pose and twist at that step, y and v those
+//! of now. K leaves out the body's compliance (no Schur complement), so it is the stiffness that the tool feels in the
+//! first moment and an upper bound of what it feels later.
 //!
-//! K. Mahvash and V. Hayward, "High-fidelity haptic synthesis of contact with deformable bodies" (2004), and M. Otaduy and
-//! M. Lin, "A modular haptic rendering algorithm for stable and transparent 6-DOF manipulation" (2006), do the like.
+//! Similar models: K. Mahvash and V. Hayward, "High-fidelity haptic synthesis of contact with deformable bodies"
+//! (2004); M. Otaduy and M. Lin, "A modular haptic rendering algorithm for stable and transparent 6-DOF manipulation"
+//! (2006).
 
 use glam::DVec3;
 use nalgebra::{Matrix6, SymmetricEigen, Vector6};
@@ -10,71 +14,75 @@ use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 use crate::step::drive::rotation_vector;
 use crate::step::{ContactWrench, Gap, RigidState, Wrench};
 
-/// An arm is taken for no shorter, m: a tool of one point has none.
+/// Least lever arm, m, at which rotations are measured as displacements: a point-like tool has none of its own.
 const SHORTEST_ARM: f64 = 1e-4;
-/// Of the greatest eigenvalue of K, the share below which a direction has no stiffness: a force along it stores nothing.
+/// A direction whose eigenvalue of K is below this share of the greatest one counts as having no stiffness: a force
+/// along it stores no energy.
 const LEAST_STIFF: f64 = 1e-3;
-/// Rounds of the eigenvalue iteration at most; it takes about ten.
+/// Greatest number of iterations for the eigenvalues; about ten are taken.
 const MOST_ROUNDS: usize = 200;
 
-/// Force (linear, then angular) at a state, and its slopes: F falls by K per displacement and by D per velocity.
+/// A linear force law at one state of the tool: the wrench and its slopes, linear part first. The wrench falls by K per
+/// displacement and by D per velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tangent {
-    /// N, N m.
+    /// Force (N), then torque (N m).
     pub force: Vector6<f64>,
-    /// Symmetric positive semi-definite.
+    /// Stiffness K, symmetric positive semi-definite.
     pub stiffness: Matrix6<f64>,
-    /// Symmetric positive semi-definite.
+    /// Damping D, symmetric positive semi-definite.
     pub damping: Matrix6<f64>,
 }
 
 impl Tangent {
-    /// No contact.
+    /// The force law of no contact: all zero.
     pub fn zero() -> Tangent {
         Tangent { force: Vector6::zeros(), stiffness: Matrix6::zeros(), damping: Matrix6::zeros() }
     }
 }
 
-/// The model of one wrench: the gradient of a convex potential, and damping.
+/// The model of one wrench: the gradient of a convex potential, plus damping.
 ///
-/// With the force at rest f = F0 + D v0 - K (y - y0) the potential is f . C f / 2, where C is the pseudo-inverse of K: what the
-/// contact gives back until it lets go. It grows with the square of p = sqrt(f . C f) up to the trust's bound, and evenly
-/// beyond (P. Huber, "Robust estimation of a location parameter", 1964), so that the force grows no further, and what the
-/// hand pays on its way in is what it may get on its way out.
+/// Let f = F0 + D v0 - K (y - y0) be the wrench without velocity and C the pseudo-inverse of K. The potential is
+/// f . C f / 2: the energy that contact gives back until it is released. With p = sqrt(f . C f) the potential is
+/// quadratic in p up to a bound set by the trusted distance and linear beyond (P. Huber, "Robust estimation of a
+/// location parameter", 1964). So the force grows no further beyond the bound, and the hand gets back on its way out no
+/// more than it put in on its way in.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalModel {
     tool: RigidState,
     at: Tangent,
-    /// Force at the wrench's pose without its damping.
+    /// The wrench at `tool`'s pose without its damping part: F0 + D v0.
     at_rest: Vector6<f64>,
-    /// Pseudo-inverse of the stiffness.
+    /// Pseudo-inverse C of the stiffness.
     compliance: Matrix6<f64>,
-    /// The direction in which contact pushes, where it can only push.
+    /// Direction in which contact pushes the tool, if contact pushes from one side only.
     normal: Option<DVec3>,
-    /// p up to which the force grows, square root of J.
+    /// Bound of p up to which the force grows, square root of J.
     most: f64,
-    /// Stiffness against the normal beside K, further in than the wrench's pose, N/m; and how far it grows, m.
+    /// Stiffness along the normal in addition to K for poses deeper than `tool`'s, N/m; and the depth up to which its
+    /// force grows, m.
     inward: [f64; 2],
 }
 
-/// What a model says of a state of the tool.
+/// The model's values at one state of the tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evaluation {
-    /// Force, torque and slopes.
+    /// Wrench and slopes at that state.
     pub tangent: Tangent,
-    /// The potential, J.
+    /// The potential energy, J.
     pub stored: f64,
-    /// Whether the force would be greater, if the model were trusted further.
+    /// Whether the state is beyond the trusted range, so that the force is smaller than K alone would make it.
     pub is_beyond: bool,
 }
 
 impl Evaluation {
-    /// No contact.
+    /// The values of no contact: all zero.
     fn zero() -> Evaluation {
         Evaluation { tangent: Tangent::zero(), stored: 0.0, is_beyond: false }
     }
 
-    /// (1 - share) of this and `share` of another.
+    /// Blend of two evaluations: (1 - `share`) of this one and `share` of the other.
     pub fn blend(&self, other: &Evaluation, share: f64) -> Evaluation {
         let mix = |a: Matrix6<f64>, b: Matrix6<f64>| a * (1.0 - share) + b * share;
         let tangent = Tangent {
@@ -88,9 +96,10 @@ impl Evaluation {
 }
 
 impl LocalModel {
-    /// The model of a wrench; `arm`: m, the radius of the tool, at which rotations count as displacements; `trust`: m, how far
-    /// from the wrench's pose the force grows as K says. K and D lose what is not symmetric positive semi-definite about them.
-    /// Where the wrench has no contact but knows a gap, contact begins there.
+    /// The model of a wrench. `arm` (m) is the tool's lever arm at which rotations count as displacements; `trust` (m)
+    /// is the distance from the wrench's pose up to which the force grows as K says. K and D are projected onto the
+    /// symmetric positive semi-definite matrices. If the wrench has no contact but knows the gap to the nearest body,
+    /// the model is a wall at the gap's end.
     pub fn new(wrench: &ContactWrench, arm: f64, trust: f64) -> LocalModel {
         if let (Some(gap), true) = (wrench.gap, wrench.wrench == Wrench::ZERO) {
             return LocalModel::of_gap(wrench.tool, &gap, trust);
@@ -114,7 +123,7 @@ impl LocalModel {
         LocalModel::with(tool, at, compliance, Some(gap.normal), trust * gap.stiffness.sqrt())
     }
 
-    /// `growth`: how much p may grow, square root of J.
+    /// A model about the pose of `tool`; `growth` is by how much p may grow from its value there, square root of J.
     fn with(tool: RigidState, at: Tangent, compliance: Matrix6<f64>, normal: Option<DVec3>, growth: f64) -> LocalModel {
         let twist = vector(tool.velocity, tool.angular_velocity);
         let at_rest = at.force + at.damping * twist;
@@ -123,20 +132,20 @@ impl LocalModel {
         LocalModel { tool, at, at_rest, compliance, normal, most: now + growth, inward: [0.0; 2] }
     }
 
-    /// This model, but along its normal inwards at least as stiff as this (N/m), up to `trust` (m): contact that has just begun is
-    /// shallow, and stiffer further in.
+    /// This model, made at least as stiff (N/m) inwards along its normal, over a depth of `trust` (m): contact that has
+    /// just begun is shallow, and gets stiffer further in.
     pub fn no_softer_inward(self, stiffness: f64, trust: f64) -> LocalModel {
         let own = self.normal.map_or(stiffness, |normal| slope(&normal, &self.at.stiffness));
         LocalModel { inward: [(stiffness - own).max(0.0), trust], ..self }
     }
 
-    /// The same without K and D: the raw force, whatever the tool does.
+    /// The model without K and D: the wrench stays the same whatever the tool does.
     pub fn raw(wrench: &ContactWrench) -> LocalModel {
         let at = Tangent { force: vector(wrench.wrench.force, wrench.wrench.torque), ..Tangent::zero() };
         LocalModel::with(wrench.tool, at, Matrix6::zeros(), None, f64::INFINITY)
     }
 
-    /// A model that gives what was evaluated at this state of the tool, and goes on from there by the same slopes.
+    /// A model about this state of the tool that has the given evaluation's wrench and slopes there.
     pub fn of(tool: &RigidState, evaluation: &Evaluation, arm: f64, trust: f64) -> LocalModel {
         let at = evaluation.tangent;
         let rows: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|k| at.stiffness[(i, k)]));
@@ -146,7 +155,7 @@ impl LocalModel {
         LocalModel::with(*tool, Tangent { stiffness, ..at }, compliance, normal, trust * stiffest.sqrt())
     }
 
-    /// Force, torque, slopes and potential where the tool is now. Contact that lets go pulls nothing.
+    /// Wrench, slopes and potential at the tool's present state. Released contact exerts no force: it never pulls.
     pub fn evaluate(&self, tool: &RigidState) -> Evaluation {
         let moved = vector(
             tool.position - self.tool.position,
@@ -175,7 +184,7 @@ impl LocalModel {
         evaluation
     }
 
-    /// Adds what is stiffer `depth` (m) further in.
+    /// Adds the force, stiffness and energy of the additional inward stiffness at `depth` (m) beyond the model's pose.
     fn stiffen(&self, normal: &DVec3, depth: f64, evaluation: &mut Evaluation) {
         let [stiffness, trust] = self.inward;
         if stiffness == 0.0 || depth <= 0.0 {
@@ -188,23 +197,24 @@ impl LocalModel {
         evaluation.is_beyond |= depth > trust;
     }
 
-    /// Whether there is contact, or will be at the end of a gap.
+    /// Whether there is contact, or a wall at the end of a gap.
     pub fn has_contact(&self) -> bool {
         self.at.stiffness.trace() > 0.0
     }
 
-    /// The direction in which contact pushes.
+    /// Direction in which contact pushes the tool.
     pub fn normal(&self) -> Option<DVec3> {
         self.normal.or_else(|| DVec3::new(self.at.force[0], self.at.force[1], self.at.force[2]).try_normalize())
     }
 
-    /// Contacts that press from one side pull where the model is followed past the point at which they part.
+    /// Whether contact is released at this wrench: one-sided contact that is followed beyond the point where the bodies
+    /// part would pull.
     fn has_let_go(&self, normal: &DVec3, force: &Vector6<f64>) -> bool {
         slope(normal, &self.at.stiffness) > 0.0 && along(normal, force) <= 0.0
     }
 
-    /// The force along the wrench's own direction that K foretells at another pose, and that direction; for comparison
-    /// with what came.
+    /// The change of force (N) along the wrench's own direction that K predicts for another pose of the tool, and that
+    /// direction; for comparison with the change that is observed.
     pub fn foretell(&self, tool: &RigidState) -> Option<(DVec3, f64)> {
         let start = DVec3::new(self.at.force[0], self.at.force[1], self.at.force[2]);
         let normal = start.try_normalize()?;
@@ -215,7 +225,7 @@ impl LocalModel {
     }
 }
 
-/// The linear part's component along a direction.
+/// Component of a 6-vector's linear part along a direction.
 pub fn along(direction: &DVec3, v: &Vector6<f64>) -> f64 {
     direction.dot(DVec3::new(v[0], v[1], v[2]))
 }
@@ -225,13 +235,13 @@ fn slope(direction: &DVec3, stiffness: &Matrix6<f64>) -> f64 {
     along(direction, &(stiffness * vector(*direction, DVec3::ZERO)))
 }
 
-/// Linear and angular as one.
+/// The 6-vector of a linear part, then an angular part.
 pub fn vector(linear: DVec3, angular: DVec3) -> Vector6<f64> {
     Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }
 
-/// The nearest symmetric positive semi-definite matrix (in the Frobenius norm, rotations measured at `arm`), its
-/// pseudo-inverse, and its greatest eigenvalue with rotations so measured.
+/// The nearest symmetric positive semi-definite matrix in the Frobenius norm, with rotations measured as displacements
+/// at the lever `arm` (m); its pseudo-inverse; and its greatest eigenvalue with rotations so measured.
 fn project(rows: &[[f64; 6]; 6], arm: f64) -> (Matrix6<f64>, Matrix6<f64>, f64) {
     let unit = |k: usize| if k < 3 { 1.0 } else { arm };
     let scaled = Matrix6::from_fn(|i, k| 0.5 * (rows[i][k] + rows[k][i]) / (unit(i) * unit(k)));
@@ -239,7 +249,7 @@ fn project(rows: &[[f64; 6]; 6], arm: f64) -> (Matrix6<f64>, Matrix6<f64>, f64) 
     if scaled.iter().all(|x| *x == 0.0) {
         return none;
     }
-    // Numbers so large that their squares overflow have no such parts, and are followed as a raw force is.
+    // Numbers so large that their squares overflow have no eigenvalues: K is then zero and the wrench stays as it is.
     let Some(mut parts) = SymmetricEigen::try_new(scaled, f64::EPSILON, MOST_ROUNDS) else { return none };
     parts.eigenvalues.apply(|x| *x = x.max(0.0));
     let greatest = parts.eigenvalues.max();
@@ -262,7 +272,7 @@ mod tests {
         RigidState::at_rest(DVec3::Y * y, DQuat::IDENTITY)
     }
 
-    /// 2 N upwards at y = 0 from 1000 N/m below.
+    /// Contact that pushes up with 2 N at y = 0 and has a stiffness of 1000 N/m.
     fn pressed(pressing: f64) -> ContactWrench {
         let mut wrench = ContactWrench { step: 1, pressing, ..ContactWrench::none(at(0.0)) };
         wrench.wrench.force = DVec3::Y * 2.0;
@@ -276,12 +286,12 @@ mod tests {
         let model = LocalModel::new(&pressed(2.0), 0.01, 1e-3);
         let force = |y: f64| model.evaluate(&at(y)).tangent.force[1];
         assert!((force(-5e-4) - 2.5).abs() < 1e-12 && (force(5e-4) - 1.5).abs() < 1e-12);
-        // Beyond trust no greater, and let go of at 2 mm.
+        // Beyond the trusted distance the force grows no further; contact is released 2 mm above.
         assert!((force(-0.01) - 3.0).abs() < 1e-12 && model.evaluate(&at(-0.01)).is_beyond);
         assert_eq!(model.evaluate(&at(2.1e-3)), Evaluation::zero());
         let leaving = RigidState { velocity: DVec3::Y * 0.1, ..at(0.0) };
         assert!((model.evaluate(&leaving).tangent.force[1] - 1.7).abs() < 1e-12);
-        // From two sides, 6 N and 4 N, it pushes back either way.
+        // Contact from two sides, with 6 N and 4 N, pushes back either way.
         let between = LocalModel::new(&pressed(10.0), 0.01, 1.0);
         assert!((between.evaluate(&at(5e-3)).tangent.force[1] + 3.0).abs() < 1e-12);
         assert_eq!(LocalModel::raw(&pressed(2.0)).evaluate(&at(-0.1)).tangent.force[1], 2.0);
@@ -302,8 +312,8 @@ mod tests {
         assert!((deep.tangent.force[1] - 0.5).abs() < 1e-12 && deep.is_beyond);
     }
 
-    /// Six axes, one side and two, within trust and beyond: the work along any closed way is nothing, and along any way it is what
-    /// the potential falls by.
+    /// On six axes, with one-sided and two-sided contact, within the trusted distance and beyond: the work along a
+    /// closed path is zero, and the work along any path is what the potential falls by.
     #[test]
     fn force_is_the_gradient_of_the_potential() {
         let mut wrench = pressed(2.0);
@@ -317,7 +327,7 @@ mod tests {
         for (pressing, trust) in [(2.0, 1e-4), (2.0, 1e-2), (10.0, 1e-4), (10.0, 1e-2)] {
             let model =
                 LocalModel::new(&ContactWrench { pressing, ..wrench }, 0.01, trust).no_softer_inward(2000.0, trust);
-            // About one axis, so that turns add up as vectors do.
+            // All rotations are about one axis, so that they add up as vectors do.
             let state = |t: f64| {
                 let (sine, cosine) = t.sin_cos();
                 RigidState {
@@ -338,7 +348,7 @@ mod tests {
                 let fallen = start - model.evaluate(&b).stored;
                 assert!((work - fallen).abs() < 1e-9, "{pressing} {trust} {k}: {work} {fallen} J");
             }
-            assert!(work.abs() < 1e-9, "{work} J around");
+            assert!(work.abs() < 1e-9, "{work} J around a closed path");
         }
         assert!(beyond > 10_000, "{beyond}");
     }
@@ -369,7 +379,7 @@ mod tests {
             assert!(least > -1e-9 && tangent.stiffness == tangent.stiffness.transpose(), "{arm}: {least}");
             assert!(tangent.stiffness[(0, 0)].abs() < 1e-9 && tangent.stiffness[(1, 1)] > 100.0, "{arm}");
         }
-        // One that is positive semi-definite stays as it is.
+        // A matrix that is positive semi-definite stays as it is.
         let tangent = LocalModel::new(&pressed(2.0), 0.01, 1.0).evaluate(&at(0.0)).tangent;
         assert!((tangent.stiffness[(1, 1)] - 1000.0).abs() < 1e-9);
         wrench.stiffness = [[1e200; 6]; 6];

@@ -1,5 +1,5 @@
-//! The hand's side, in f64 on the host: devices, the tool that the hand holds by virtual coupling, and the loop that plays
-//! its force a thousand times a second.
+//! The haptic side of the engine, in f64 on the host: the interface of haptic devices, the tool that virtual coupling
+//! joins to the device, and the loop that commands a force to the device a thousand times a second.
 
 pub mod clock;
 pub mod coupling;

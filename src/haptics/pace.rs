@@ -1,27 +1,30 @@
-//! How long the simulation's steps are while a device is held: the smallest h with cost(h) <= h, so that bodies move as in the
-//! world and the loop hears of contact as often as it can.
+//! Chooses the length h of the simulation's steps while a haptic device moves the tool. cost(h) is the wall-clock time
+//! that computing a step of length h takes. The choice is the smallest h with cost(h) <= h: simulated time then keeps
+//! up with real time, and the haptic loop gets a new contact wrench as often as possible.
 //!
-//! A longer step costs more iterations, so cost(h) = h may hold at several h, and a length that follows the cost of the last
-//! steps stays at whichever it fell into (a stiff block: at 2 ms, and again at 20). From below, h = cost(h) taken again and
-//! again climbs to the smallest of them (Kleene's iteration of a rising function): now and then the length begins there anew.
+//! A longer step costs more solver iterations, so cost(h) = h may hold at several h (a stiff block: at 2 ms, and again
+//! at 20 ms), and a length that merely follows the cost of the last steps stays at whichever of them it reached. The
+//! iteration h <- cost(h), started from the shortest step, climbs to the smallest of them (Kleene's fixed-point
+//! iteration of a monotone function), so now and then a search begins again from the shortest step.
 
-/// Share of the newest in the mean cost of a step.
+/// Weight of the newest step in the running mean of the cost.
 const NEWEST_SHARE: f64 = 0.1;
-/// From one search to the next, s, at first; twice that each time nothing better was found, up to the last.
+/// Time from one search to the next, s: first value at the start, doubled each time a search finds nothing better, up
+/// to the second value.
 const SEARCHED_EVERY: [f64; 2] = [1.0, 16.0];
-/// Steps of a search at most.
+/// Greatest number of steps in one search.
 const MOST_TRIES: u32 = 8;
-/// A step that is not shorter than this share of the old one is nothing better.
+/// A length that a search finds is better only if it is shorter than this share of the old one.
 const BETTER: f64 = 0.8;
-/// A cost that exceeds the step's length by no more than this share is as long as the step.
+/// A step is fast enough if its cost is at most this many times its length.
 const AS_LONG: f64 = 1.1;
 
-/// The length of steps.
+/// The step length, and the search for a shorter one.
 #[derive(Debug, Clone)]
 pub struct Pace {
     shortest: f64,
     longest: f64,
-    /// Of the last steps, s.
+    /// Running mean of the cost of the last steps, s.
     mean: f64,
     search: Option<Search>,
     /// When the next search begins, s.
@@ -29,7 +32,7 @@ pub struct Pace {
     interval: f64,
 }
 
-/// A search from below.
+/// A search that climbs from the shortest step.
 #[derive(Debug, Clone, Copy)]
 struct Search {
     length: f64,
@@ -37,7 +40,7 @@ struct Search {
 }
 
 impl Pace {
-    /// Steps of `shortest` to `longest` s; `cost`: of one of the shortest, s.
+    /// Steps will be `shortest` to `longest` s long; `cost` is the measured cost of one of the shortest steps, s.
     pub fn new(shortest: f64, longest: f64, cost: f64) -> Pace {
         let interval = SEARCHED_EVERY[0];
         Pace { shortest, longest: longest.max(shortest), mean: cost, search: None, next: interval, interval }
@@ -48,7 +51,7 @@ impl Pace {
         self.search.map_or(self.mean, |search| search.length).clamp(self.shortest, self.longest)
     }
 
-    /// A step of that length took so long (s); it is `now` (s).
+    /// Takes the cost (s) of a step whose length was [`Pace::length`]; `now` is the time, s.
     pub fn took(&mut self, cost: f64, now: f64) {
         let length = self.length();
         let Some(search) = &mut self.search else {
@@ -78,7 +81,7 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Steps for so many seconds; the length at the end and the simulated share of time.
+    /// Simulates steps for that many seconds; returns the final step length (s) and simulated time over elapsed time.
     fn run(pace: &mut Pace, seconds: f64, cost: impl Fn(f64, u32) -> f64) -> (f64, f64) {
         let (mut now, mut simulated, mut step) = (0.0, 0.0, 0);
         while now < seconds {
@@ -90,7 +93,8 @@ mod tests {
         (pace.length(), simulated / now)
     }
 
-    /// Of a stiff block: 1.5 ms and then as much as keeps 20 ms busy.
+    /// Cost of a stiff block's step, s: 1.5 ms for short steps, and for long ones so much that 20 ms lasts as long as
+    /// it costs.
     fn stiff(h: f64) -> f64 {
         if h < 4e-3 { 1.5e-3 + 0.2 * h } else { 0.018 + 0.1 * h }
     }
@@ -100,7 +104,7 @@ mod tests {
         let mut pace = Pace::new(1e-3, 0.02, 0.02);
         let (length, share) = run(&mut pace, 20.0, |h, _| stiff(h));
         assert!((length - 1.875e-3).abs() < 2e-4 && share > 0.95, "{length} s, {share}");
-        // As the mean alone has it.
+        // The running mean alone would stay at the longer of the two lengths.
         let mut mean = 0.02f64;
         (0..1000).for_each(|_| mean += 0.1 * (stiff(mean.min(0.02)) - mean));
         assert!(mean > 0.019, "{mean}");

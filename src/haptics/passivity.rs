@@ -1,115 +1,123 @@
-//! The energy that the hand gave and received, and how what it receives is kept from being more than what it gave and was
-//! lent (time-domain passivity: B. Hannaford and J.-H. Ryu, "Time-domain passivity control of haptic interfaces", 2002).
+//! Passivity observer and controller (B. Hannaford and J.-H. Ryu, "Time-domain passivity control of haptic interfaces",
+//! 2002): observes the energy that the user's hand gave and received through the haptic device, and limits what it
+//! receives. The *budget* is the energy that the hand gave or was lent and has not received back; it may not fall below
+//! a small negative allowance. Energy is *lent* for a force that comes up where the hand has already moved unopposed.
+//! Further terms: a *tick* is one iteration of the haptic loop; a wrench is *played* when it is commanded to the
+//! device; the *gain* is the share (0 to 1) of the force that is played while it fades in or out; the *quantum* is the
+//! resolution of the device's encoders.
 //!
-//! The force is held from one tick to the next, so F_k . (x_k+1 - x_k) between two raw readings is the energy exactly, up to
-//! the encoder's quantum. Each axis is observed by itself, but the budget is that of the whole port, for energy that enters
-//! along one axis may rightly leave along another (press down, slide off sideways).
+//! The played force F_k is constant from one tick to the next, so F_k . (x_k+1 - x_k) between two raw positions is
+//! exactly the work done on the hand, up to the quantum. Each axis is observed by itself, but there is one budget for
+//! all axes, because energy that enters along one axis may rightly leave along another (press down, slide off
+//! sideways).
 //!
-//! The budget pays for two things. Whoever would add energy to the contact model asks [`Passivity::surplus`] first (the servo's
-//! blending, as an energy tank does: F. Ferraguti, C. Secchi and C. Fantuzzi, "A tank-based approach to impedance control
-//! with variable stiffness", 2013). And what the device plays is damped where it would overdraw the budget all the same; a
-//! force that does no work, or takes work from the hand, is played in full.
+//! The budget is enforced twice. The blending of contact models (`follow.rs`) asks [`Passivity::surplus`] before it
+//! adds energy, as an energy tank does (F. Ferraguti, C. Secchi and C. Fantuzzi, "A tank-based approach to impedance
+//! control with variable stiffness", 2013). And a wrench that would still overdraw the budget is damped before it is
+//! played; a force that does no work on the hand, or takes energy from it, is played in full.
 
 use serde::{Deserialize, Serialize};
 
 use crate::step::drive::rotation_vector;
 use crate::step::{RigidState, Wrench};
 
-/// The budget may be overdrawn by so much at least, J.
+/// Least amount by which the budget may be overdrawn, J.
 const ALLOWANCE: f64 = 5e-7;
-/// And by this share of the encoder's step times the force's variation: by half of it the energy of the readings differs from
-/// the true one.
+/// Share of quantum times force variation by which the budget may be overdrawn: the energy computed from quantised
+/// positions differs from the true one by up to half of that product.
 const ALLOWED_VARIATION: f64 = 0.25;
-/// The variation counts up to so many times the greatest force: a force that swings must not earn more.
+/// The force variation counts up to this multiple of the greatest force, so that a force that oscillates earns no more.
 const MOST_VARIATION: f64 = 20.0;
-/// The quantum of a coarse encoder, m, until a smaller change of a reading is seen. A device that stays within its quantum of a
-/// place is at rest.
+/// The quantum of a coarse encoder, m, assumed until a smaller change of a position is seen. A device that stays within
+/// one quantum of a place is at rest.
 const QUANTUM: f64 = 2e-5;
-/// A device that turns by no more than this is at rest as well, rad.
+/// A device that turns by no more than this is also at rest, rad.
 const ANGULAR_QUANTUM: f64 = 2e-4;
-/// Of what was paid, so much is kept without contact, J: readings that jump by a quantum take and give as much as that, and what
-/// they take must not be forgotten before they give it.
+/// Part of the budget that survives the end of contact, J: positions that flicker by a quantum take and give that much
+/// energy, and what they took must not be forgotten before they give it back.
 const KEPT: f64 = 2e-5;
-/// A hand that starts to move by itself or is pushed is no quicker, m/s^2: 8 N on 0.2 kg.
+/// Bound on the hand's acceleration, whether it moves by itself or is pushed, m/s^2: 8 N on 0.2 kg.
 const QUICKEST: f64 = 40.0;
-/// Nor does it turn more quickly, rad/s^2: 0.2 N m on 5e-4 kg m^2.
+/// Bound on the hand's angular acceleration, rad/s^2: 0.2 N m on 5e-4 kg m^2.
 const QUICKEST_TURN: f64 = 400.0;
-/// A wrench that is changed by less than this share of itself is left as it is.
+/// Damping that would dissipate less than this share of the energy is left out.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// Energy over a run.
+/// Energies since the loop began.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Energy {
-    /// That the hand gave, J, an axis each: x, y, z, then about them.
+    /// Energy that the hand gave along each axis, J: x, y, z, then rotations about them.
     pub taken: [f64; 6],
-    /// That the hand received, J, an axis each.
+    /// Energy that the hand received along each axis, J.
     pub given: [f64; 6],
-    /// That the controller took from what was to be played, J.
+    /// Energy that the controller removed from what was to be played, J.
     pub damped: f64,
-    /// That was lent to the hand and is not repaid yet, J: a force that came where the hand had gone unopposed.
+    /// Energy lent to the hand and not repaid yet, J: for forces that came up where the hand had moved unopposed.
     pub lent: f64,
-    /// That coupling, tool and contact model hold now as far as it is played, J.
+    /// Energy that coupling, tool and contact model store now, times the gain, J.
     pub stored: f64,
 }
 
 impl Energy {
-    /// That the hand received more than it gave, J, of all axes.
+    /// Energy that the hand received beyond what it gave, over all axes, J.
     pub fn net(&self) -> f64 {
         self.given.iter().sum::<f64>() - self.taken.iter().sum::<f64>()
     }
 
-    /// That was neither given back nor is stored, J: what the hand gave and was lent, less those. Below zero, energy came from
-    /// nowhere.
+    /// Dissipated energy, J: what the hand gave or was lent, less what it received and what is stored. Below zero,
+    /// energy was generated.
     pub fn dissipated(&self) -> f64 {
         self.lent - self.net() - self.stored
     }
 }
 
-/// Observer and controller.
+/// Passivity observer and controller of one haptic loop.
 #[derive(Debug, Clone)]
 pub struct Passivity {
-    /// Whether the controller acts.
+    /// Whether the controller acts; the observer always does.
     is_on: bool,
-    /// Whether the force may swing between two readings.
+    /// Whether the force is independent of the device's motion between readings (no local model), so that it may
+    /// oscillate.
     may_swing: bool,
-    /// Greatest damping that it may inject, N s/m.
+    /// Greatest linear damping that may be injected, N s/m.
     most_damping: f64,
-    /// Greatest damping about any axis that it may inject, N m s/rad.
+    /// Greatest angular damping about any axis that may be injected, N m s/rad.
     most_angular_damping: f64,
     energy: Energy,
-    /// What the hand gave or was lent, and has not received back, J; below zero: it received more.
+    /// Energy that the hand gave or was lent and has not received back, J; negative if it received more.
     budget: f64,
-    /// Whether the force faded since contact began, and what may be lent then, J.
+    /// Whether the force has faded since contact began; and the bound on `energy.lent` from the second fade on, J.
     has_faded: bool,
     limit: Option<f64>,
     last: Option<RigidState>,
-    /// Where the device rests: it follows the device a quantum behind.
+    /// Rest pose of the device: when the device moves, the rest pose follows one quantum behind.
     rest: Option<RigidState>,
-    /// Whether the device left its rest with the last reading.
+    /// Whether the last reading was more than a quantum away from the rest pose.
     has_moved: bool,
     played: Wrench,
-    /// The encoder's step, m: the least change of a reading that was seen.
+    /// The quantum of the encoders, m: the least change of a position seen so far.
     quantum: f64,
-    /// Sum of the changes of the force that was played, N.
+    /// Sum of the magnitudes of all changes of the played force, N.
     variation: f64,
-    /// The greatest force that was played, N.
+    /// The greatest force played, N.
     peak: f64,
 }
 
-/// What the controller did in a tick.
+/// Result of the controller for one wrench.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Control {
-    /// What may be played.
+    /// The wrench that may be played.
     pub wrench: Wrench,
-    /// Damping that it took, N s/m (of the force alone).
+    /// Linear damping that was injected, N s/m.
     pub damping: f64,
-    /// Whether it wanted more than the bound.
+    /// Whether damping within its bound did not cover the energy deficit, or the wrench was scaled down instead.
     pub is_limited: bool,
 }
 
 impl Passivity {
-    /// An observer; with a controller where `is_on`, of such damping at most, N s/m and N m s/rad. `may_swing`: whether the force
-    /// is that of the last step whatever the device does, and so no gradient of a potential.
+    /// An observer, with a controller if `is_on`, which injects at most the given damping (N s/m, N m s/rad).
+    /// `may_swing`: the force is that of the last simulation step whatever the device does, so it is no gradient of a
+    /// potential.
     pub fn new(is_on: bool, may_swing: bool, [most_damping, most_angular_damping]: [f64; 2]) -> Passivity {
         Passivity {
             is_on,
@@ -130,7 +138,7 @@ impl Passivity {
         }
     }
 
-    /// Takes a reading: the force played since the last one did its work.
+    /// Takes a reading: the wrench played since the last reading did its work on the hand.
     pub fn observe(&mut self, device: &RigidState) {
         if let Some(last) = self.last {
             let moved = device.position - last.position;
@@ -148,7 +156,7 @@ impl Passivity {
         self.has_moved = self.leaves_rest(device);
     }
 
-    /// Whether the device is further than a quantum from where it rests; it rests a quantum behind then.
+    /// Whether the device is more than a quantum away from its rest pose; if so, the rest pose follows.
     fn leaves_rest(&mut self, device: &RigidState) -> bool {
         let rest = self.rest.get_or_insert(*device);
         let away = device.position - rest.position;
@@ -163,27 +171,27 @@ impl Passivity {
         has_moved || has_turned
     }
 
-    /// What is left of the budget beyond `stored` (J), J: that much may be added to what is stored.
+    /// Budget plus allowance less the energy `stored` (J), J: that much energy may still be added to what is stored.
     pub fn surplus(&self, stored: f64) -> f64 {
         self.budget + self.allowance() - stored
     }
 
-    /// What one step of the encoder is worth against a force, J.
+    /// Work of a `force` (N) over one quantum of the encoder, J.
     pub fn quantum_worth(&self, force: f64) -> f64 {
         self.quantum * force
     }
 
-    /// By how much the budget may be overdrawn, J.
+    /// Amount by which the budget may be overdrawn, J.
     fn allowance(&self) -> f64 {
         (ALLOWED_VARIATION * self.quantum * self.variation.min(MOST_VARIATION * self.peak)).max(ALLOWANCE)
     }
 
-    /// Whether energy that is not paid for is kept back.
+    /// Whether the controller acts, which withholds energy that the budget does not cover.
     pub fn is_on(&self) -> bool {
         self.is_on
     }
 
-    /// Lends the hand so much, J, or as much as may be lent still; gives back how much it was.
+    /// Lends up to `energy` (J) to the budget, within the limit on loans; returns the amount lent, J.
     pub fn lend(&mut self, energy: f64) -> f64 {
         let limit = self.limit.map_or(f64::INFINITY, |limit| limit - self.energy.lent);
         let loan = energy.min(limit).max(0.0);
@@ -192,8 +200,9 @@ impl Passivity {
         loan
     }
 
-    /// The force begins to fade. It may be lent all that it lacks when it first comes back; after that nothing beyond what was lent
-    /// then, until contact ends: a simulation that stalls again and again lends no more than one that stalls once.
+    /// Notes that the force begins to fade. When the force first returns, it may be lent all that it lacks; from the
+    /// second fade until the end of contact no more may be on loan than then. So a simulation that stalls repeatedly
+    /// borrows no more than one that stalls once.
     pub fn begin_to_fade(&mut self) {
         if self.has_faded {
             self.limit.get_or_insert(self.energy.lent);
@@ -201,30 +210,32 @@ impl Passivity {
         self.has_faded = true;
     }
 
-    /// Energy that was stored has gone, J: it repays what was lent.
+    /// Notes that stored energy (J) has vanished: it repays what was lent.
     pub fn repay(&mut self, energy: f64) {
         let repaid = energy.min(self.energy.lent).max(0.0);
         self.energy.lent -= repaid;
         self.budget -= repaid;
     }
 
-    /// Contact has ended: nothing but what coupling and tool store (`stored`, J) and a little of what was paid may be given back.
-    /// What is left repays first.
+    /// Notes that contact has ended. What the budget holds beyond the energy in coupling and tool (`stored`, J) first
+    /// repays what was lent; then the budget is cut down to `stored` and the small amount `KEPT`.
     pub fn end_contact(&mut self, stored: f64) {
         self.repay(self.budget - stored);
         self.budget = self.budget.min(stored + KEPT);
         (self.has_faded, self.limit) = (false, None);
     }
 
-    /// What coupling, tool and contact model hold at the end of a tick as far as it is played, J.
+    /// Notes the energy that coupling, tool and contact model store at the end of a tick, times the gain, J.
     pub fn note_stored(&mut self, stored: f64) {
         self.energy.stored = stored;
     }
 
-    /// Damps a wrench where it would give the hand more in the `period` (s) to come than the budget holds: only what is
-    /// missing, and never so much that the hand would pay. Up to a quantum's worth of energy is carried on where that takes more
-    /// damping than the device bears, times `gain` (0 to 1); beyond it the force along the motion goes. A force that pushes
-    /// against the motion, and any force on a device at rest, is played as it is, unless it may swing.
+    /// Damps the `wanted` wrench if it would give the hand more energy in the next `period` (s) than the budget holds.
+    /// Only the deficit is removed, and never so much that the power changes its sign. A deficit below the work over
+    /// one quantum is removed only as far as the device bears the damping (the bound times `gain`, 0 to 1), and the
+    /// rest waits for later ticks; a larger deficit is removed at once, up to the whole force along the motion. A force
+    /// against the motion and any force on a device at rest are played unchanged, unless the force may oscillate
+    /// (`may_swing`).
     pub fn control(&mut self, wanted: Wrench, device: &RigidState, period: f64, gain: f64) -> Control {
         let none = Control { wrench: wanted, damping: 0.0, is_limited: false };
         if !self.is_on {
@@ -262,8 +273,9 @@ impl Passivity {
         Control { wrench, damping, is_limited: missing > gone * (1.0 + NEGLIGIBLE) }
     }
 
-    /// A force that may swing is shortened to what the budget holds, for the way that the hand goes in the `period` (s) to come and
-    /// as much more as it may go unforeseen: before its motion is seen, it has the energy.
+    /// Scales a wrench that may oscillate down, so that its work in the next `period` (s) stays within the budget. That
+    /// work is computed for the hand's present velocity and for the motion that its greatest acceleration may add: by
+    /// the time that motion is measured, the hand has already received the energy.
     fn shorten(&mut self, wanted: Wrench, device: &RigidState, period: f64) -> Control {
         let Wrench { force, torque } = wanted;
         let power = force.dot(device.velocity) + torque.dot(device.angular_velocity);
@@ -278,20 +290,20 @@ impl Passivity {
         }
     }
 
-    /// What is played until the next reading.
+    /// Notes the wrench that is played until the next reading.
     pub fn play(&mut self, wrench: Wrench) {
         self.variation += (wrench.force - self.played.force).length();
         self.peak = self.peak.max(wrench.force.length());
         self.played = wrench;
     }
 
-    /// The device is elsewhere all at once: what moved it is no work.
+    /// Notes that the device's pose jumped: no work is booked for the jump.
     pub fn jump(&mut self) {
         (self.last, self.rest) = (None, None);
         self.budget = self.budget.min(0.0);
     }
 
-    /// Energies so far.
+    /// The energies observed so far.
     pub fn energy(&self) -> Energy {
         self.energy
     }
@@ -311,7 +323,8 @@ mod tests {
         Wrench { force: DVec3::X * force, ..Wrench::ZERO }
     }
 
-    /// Presses a spring of `k` (N/m, one-sided, felt two ticks late) by `depth` and leaves it, `ticks` each way; the energy given.
+    /// Presses a one-sided spring of `k` (N/m), whose force is one tick late, by `depth` (m) and leaves it, in `ticks`
+    /// each way; returns the net energy that the hand received, J.
     fn press(passivity: &mut Passivity, k: f64, depth: f64, ticks: i32) -> f64 {
         let (period, mut late) = (1e-3, 0.0);
         let step = depth / f64::from(ticks);
@@ -331,12 +344,12 @@ mod tests {
     fn a_late_spring_gives_energy_and_the_controller_takes_it() {
         let mut without = Passivity::new(false, false, [10.0, 0.0]);
         let free = press(&mut without, 1000.0, 0.01, 100);
-        // By hand: each tick the force is 1.5 ticks old on average: 2 x 1.5 x k depth step.
+        // By hand: the played force is 1.5 ticks old on average and so generates about 2 x 1.5 x k x depth x step, J.
         assert!(free > 1e-3, "{free}");
         assert_eq!(without.energy().damped, 0.0);
         let mut with = Passivity::new(true, false, [10.0, 0.0]);
         let held = press(&mut with, 1000.0, 0.01, 100);
-        // 10 N and back, at a quantum of 20 um.
+        // The force varies by 10 N up and 10 N down, at a quantum of 20 um.
         assert!(held < 2e-5 * (10.0 + 10.0) && with.variation > 15.0, "{held} J, {} N", with.variation);
         assert!(with.energy().damped > 0.7 * free, "{:?}", with.energy());
     }
@@ -351,7 +364,8 @@ mod tests {
             let control = passivity.control(push(-0.1 * f64::from(k)), &device, 1e-3, 1.0);
             passivity.play(control.wrench);
         }
-        // Held forces give back k h v^2 T less a little; the controller may take no more than that.
+        // Sample and hold generates about k v^2 h T (stiffness k, speed v, period h, duration T); the controller may
+        // remove no more.
         assert!(passivity.energy().damped < 1e-3 * 0.05 * 0.1 * 200.0, "{:?}", passivity.energy());
     }
 
@@ -365,21 +379,22 @@ mod tests {
         }
         passivity.observe(&at(1e-3, 0.1));
         assert_eq!(passivity.control(push(-3.0), &at(1e-3, 0.1), 1e-3, 1.0).wrench, push(-3.0));
-        // Along the motion a whole newton is missing: all goes.
+        // Along the motion: the budget lacks a whole joule, so the whole force is removed.
         let damped = passivity.control(push(3.0), &at(1e-3, 0.1), 1e-3, 1.0);
         assert!(damped.wrench.force.x.abs() < 1e-12 && damped.is_limited, "{damped:?}");
-        // A quantum's worth is carried on: 10 N s/m at 0.1 m/s.
+        // A deficit below the work over one quantum is damped within the bound of 10 N s/m: here 0.195 N at 0.1 m/s.
         passivity.budget = 0.3e-3 - 2e-5;
         let carried = passivity.control(push(3.0), &at(1e-3, 0.1), 1e-3, 1.0);
         assert!((carried.wrench.force.x - 3.0 + 0.195).abs() < 1e-9 && !carried.is_limited, "{carried:?}");
         passivity.budget = -1e-5;
         let weak = passivity.control(push(0.5), &at(1e-3, 0.1), 1e-3, 1.0);
         assert!(weak.wrench.force.x.abs() < 1e-12, "power never changes sign: {weak:?}");
-        // A slow device moves too, once it is a quantum away from where it was; its quantum is the least change that was seen.
+        // A slow device also moves, once it is a quantum away from its rest pose; the quantum is the least change seen
+        // so far.
         (0..10).for_each(|k| passivity.observe(&at(1e-3 + 1e-6 * f64::from(k), 1e-3)));
         assert!(passivity.has_moved);
         passivity.observe(&at(1e-3 + 8e-6, -1e-3));
-        assert!(!passivity.has_moved, "it turned back");
+        assert!(!passivity.has_moved, "a device that turned back by less than a quantum is at rest");
     }
 
     #[test]
@@ -392,7 +407,7 @@ mod tests {
         let push = Wrench { force: DVec3::Y, ..Wrench::ZERO };
         assert_eq!(passivity.control(push, &sideways, 1e-3, 1.0).wrench, push);
         passivity.end_contact(0.0);
-        // What is kept is left, of the 1e-4 J that the push gives in a tick.
+        // Only what is kept remains of the 1e-4 J that this push would give in a tick.
         let left = passivity.control(push, &sideways, 1e-3, 1.0).wrench.force;
         let kept = KEPT + passivity.allowance();
         assert!(kept < 4e-5 && (left.y - kept / 1e-4).abs() < 1e-9, "{left}");
@@ -407,11 +422,11 @@ mod tests {
             passivity.repay(0.01);
         }
         assert_eq!((passivity.energy().lent, passivity.budget), (0.0, 0.0));
-        // Nobody is paid who lent nothing.
+        // A repayment beyond the loan does not count.
         passivity.lend(0.01);
         passivity.repay(0.05);
         assert_eq!((passivity.energy().lent, passivity.budget), (0.0, 0.0));
-        // What the hand gave beyond it repays at the end of contact, and is forgotten then.
+        // What the hand gave repays the loan at the end of contact; the rest of it is forgotten then.
         passivity.lend(0.01);
         passivity.observe(&at(0.0, 0.0));
         passivity.play(push(-2.0));

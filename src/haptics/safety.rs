@@ -1,4 +1,5 @@
-//! What stands between any force and the hand: nothing that a scene, a simulation or a device does goes around it.
+//! The last stage before the haptic device: limits on the force that may be *played* (commanded to the device). Nothing
+//! that a scene, a simulation or a device does bypasses it.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -7,42 +8,44 @@ use super::event::{Event, Events};
 use crate::scene::{Lowered, Profile};
 use crate::step::Wrench;
 
-/// The force may go from nothing to its limit in this time at the fastest, s.
+/// The shortest time in which the force may go from zero to its limit, s.
 const SLEW_TIME: f64 = 4e-3;
-/// A force that must go fades in this time, s.
+/// Time in which the force fades to zero when it must go, s.
 pub const FADE_TIME: f64 = 0.05;
-/// A force that comes, first or again, rises in this time, s.
+/// Time in which the force rises, at first and after each fade, s.
 pub const ENGAGE_TIME: f64 = 0.2;
-/// A wrench may be this old at most before the force fades, s, unless a scene wants it fresher. Until then its model is followed:
-/// it is passive by itself, and simulations of large bodies take a tenth of a second a step and more.
+/// Greatest time, s, by which a contact wrench may be out of date before the force fades, unless a scene asks for less.
+/// Until then the local contact model stands in for the simulation: it is passive by itself, and large bodies take a
+/// tenth of a second a step and more.
 pub const WATCHDOG: f64 = 1.0;
 
-/// Limits of what is played.
+/// Limits on what is played.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Limits {
     /// Greatest force, N.
     pub force: f64,
-    /// Greatest torque, N m; 0: none is played.
+    /// Greatest torque, N m; 0 means that no torque is played.
     pub torque: f64,
-    /// Greatest change of the force, N/s.
+    /// Greatest rate of change of the force, N/s.
     pub slew: f64,
-    /// Greatest change of the torque, N m/s.
+    /// Greatest rate of change of the torque, N m/s.
     pub angular_slew: f64,
-    /// Radius of the workspace about where the device was first read, m.
+    /// Radius of the workspace around the position where the device was first read, m.
     pub workspace: f64,
-    /// Age from which a wrench makes the force fade, s.
+    /// Time by which the newest contact wrench must be out of date for the force to fade, s.
     pub watchdog: f64,
 }
 
 impl Limits {
-    /// A profile's, lowered where a scene asks for less; what asks for more is named in the second.
+    /// The limits of a device's profile, lowered to what a scene asks for; the second part names what the scene asked
+    /// for above the profile's limits, which is refused.
     pub fn new(profile: &Profile, lowered: &Lowered) -> (Limits, Vec<&'static str>) {
         let mut refused = Vec::new();
         let mut least = |name: &'static str, limit: f64, asked: Option<f64>| {
             if asked.is_some_and(|asked| asked > limit) {
                 refused.push(name);
             }
-            // NaN asks for nothing.
+            // A NaN counts as no request.
             asked.map_or(limit, |asked| limit.min(asked)).max(0.0)
         };
         let force = least("max_force", profile.max_force, lowered.force);
@@ -55,34 +58,34 @@ impl Limits {
     }
 }
 
-/// How much of the force is played: 1 all, 0 none. It falls quickly and rises slowly.
+/// The share of the force that is played, from 0 (none) to 1 (all). It falls quickly and rises slowly.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Gain(f64);
 
 impl Gain {
-    /// Goes on for `period` s, up where all is well, else down.
+    /// Advances by `period` s: the share rises if all `is_well`, otherwise it falls.
     pub fn go(&mut self, is_well: bool, period: f64) {
         let change = if is_well { period / ENGAGE_TIME } else { -period / FADE_TIME };
         self.0 = (self.0 + change).clamp(0.0, 1.0);
     }
 
-    /// All, at once: for a force that is next to nothing.
+    /// Sets the share to 1 at once, for a force that is almost zero.
     pub fn fill(&mut self) {
         self.0 = 1.0;
     }
 
-    /// Nothing, at once.
+    /// Sets the share to 0 at once.
     pub fn cut(&mut self) {
         self.0 = 0.0;
     }
 
-    /// From 0 to 1.
+    /// The share, 0 to 1.
     pub fn value(self) -> f64 {
         self.0
     }
 }
 
-/// The last word on what is played. Remembers what was played before.
+/// Clamps what is played by size and by rate of change. It remembers the last wrench played.
 #[derive(Debug, Clone)]
 pub struct Guard {
     limits: Limits,
@@ -90,12 +93,13 @@ pub struct Guard {
 }
 
 impl Guard {
-    /// Nothing was played yet.
+    /// A guard that has played nothing yet.
     pub fn new(limits: Limits) -> Guard {
         Guard { limits, last: Wrench::ZERO }
     }
 
-    /// What is played of what is wanted, `period` s after the last: finite, within the limits, and no faster than they say.
+    /// The wrench to play instead of `wanted`, `period` s after the last one: finite, within the limits on size and on
+    /// change.
     pub fn pass(&mut self, wanted: Wrench, period: f64, events: &mut Events) -> Wrench {
         if !wanted.is_finite() {
             events.raise(Event::BadForce);
@@ -103,10 +107,10 @@ impl Guard {
         }
         let Limits { force, torque, slew, angular_slew, .. } = self.limits;
         let short = Wrench { force: within(wanted.force, force), torque: within(wanted.torque, torque) };
-        // A device without torque is not told of it.
+        // If the device plays no torque, removing the torque does not count as clamping.
         let is_clamped = short.force != wanted.force || (torque > 0.0 && short.torque != wanted.torque);
         let change = Wrench { force: short.force - self.last.force, torque: short.torque - self.last.torque };
-        // A force that falls may do so as fast as one that fades: a low slew must not keep it.
+        // A falling force may always change as fast as a fading one, so that a low slew limit does not keep it up.
         let rate = |slew: f64, limit: f64, falls: bool| if falls { slew.max(limit / FADE_TIME) } else { slew };
         let most = period * rate(slew, force, short.force.length() < self.last.force.length());
         let most_angular = period * rate(angular_slew, torque, short.torque.length() < self.last.torque.length());
@@ -115,7 +119,7 @@ impl Guard {
             torque: self.last.torque + change.torque.clamp_length_max(most_angular),
         };
         let is_slow = change.force.length() > most || change.torque.length() > most_angular;
-        // Rounding of a sum of vectors within a ball may leave it by a bit.
+        // Rounding may leave the sum of two vectors within a ball a bit outside of it.
         self.last = Wrench { force: within(slow.force, force), torque: within(slow.torque, torque) };
         for (event, is_raised) in [(Event::Clamped, is_clamped), (Event::SlewLimited, is_slow)] {
             if is_raised {
@@ -125,14 +129,14 @@ impl Guard {
         self.last
     }
 
-    /// Nothing, at once.
+    /// Drops the force to zero at once, without fading; returns zero.
     pub fn cut(&mut self) -> Wrench {
         self.last = Wrench::ZERO;
         Wrench::ZERO
     }
 }
 
-/// The vector, no longer than `most`: neither by what scaling it rounds up.
+/// The vector, shortened to the length `most`; it is not longer even by the rounding of the scaling.
 fn within(vector: DVec3, most: f64) -> DVec3 {
     let mut short = vector.clamp_length_max(most);
     while short.length() > most {
@@ -147,7 +151,7 @@ mod tests {
 
     #[test]
     fn a_limit_holds_to_the_last_bit() {
-        // Scaled to 0.03, one in five of these is longer by a bit.
+        // Scaled to 0.03, one in five of these vectors is too long by a bit.
         for k in 0..1000 {
             let vector = DVec3::new(1.0 + f64::from(k), 2.0, 0.3 * f64::from(k));
             assert!(within(vector, 0.03).length() <= 0.03, "{vector}");

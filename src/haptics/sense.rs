@@ -1,42 +1,43 @@
-//! What of a device's readings can be believed.
+//! Plausibility check of the haptic device's readings: decides in each tick of the loop which pose and twist to use.
 
 use super::device::{Fault, Reading};
 use super::event::{Event, Events};
 use crate::step::RigidState;
 use crate::step::drive::rotation_vector;
 
-/// No hand moves a device faster, m/s.
+/// Speed above which a reading is implausible, m/s: no hand moves a device faster.
 const FASTEST: f64 = 5.0;
-/// Nor turns it faster, rad/s.
+/// Angular speed above which a reading is implausible, rad/s: no hand turns a device faster.
 const FASTEST_TURN: f64 = 60.0;
 
-/// Remembers the last reading that was right.
+/// Checks readings and remembers the last valid one.
 #[derive(Debug, Clone)]
 pub struct Sense {
     last: RigidState,
     has_read: bool,
 }
 
-/// A reading as it can be used.
+/// A checked reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensed {
-    /// Where the device is; where it was, at rest, if nobody knows.
+    /// Pose and twist of the device; if the reading was rejected, the last valid pose at rest.
     pub state: RigidState,
-    /// Whether it was read and believed in this tick.
+    /// Whether this tick's reading was accepted as plausible.
     pub is_well: bool,
-    /// Whether this is the first that was.
+    /// Whether this is the first valid reading of all.
     pub is_first: bool,
-    /// Whether it is believed though it is far from the last one.
+    /// Whether the pose is used although it is implausibly far from the last one.
     pub has_jumped: bool,
 }
 
 impl Sense {
-    /// `start` is taken for the device's state until it is read.
+    /// Begins with `start` as the device's state, which is used until the first valid reading.
     pub fn new(start: RigidState) -> Sense {
         Sense { last: start, has_read: false }
     }
 
-    /// Takes a reading. One that leapt is believed once the force `has_faded`; until then the device is where it was.
+    /// Checks a reading, `period` s after the last. A pose that leapt is accepted only once the played force
+    /// `has_faded`; until then the last valid pose is used.
     pub fn take(
         &mut self,
         reading: &Result<Reading, Fault>,
@@ -72,7 +73,7 @@ impl Sense {
         let is_first = !std::mem::replace(&mut self.has_read, true);
         self.last = state;
         if too_fast {
-            // Its pose may be right where its velocity cannot be.
+            // The pose may be right although the velocity cannot be.
             return Sensed { state: RigidState::at_rest(state.position, state.orientation), is_first, ..unwell };
         }
         Sensed { state, is_well: !leapt, is_first, has_jumped: leapt }

@@ -1,8 +1,9 @@
-//! One tick of the loop, from a reading to what is played: no clock, no thread, no allocation, and the same bits for the
-//! same inputs.
+//! One tick (iteration) of the haptic loop, from a reading of the haptic device to the wrench that is *played*, that is
+//! commanded to the device: no clock, no thread, no allocation, and the same bits for the same inputs.
 //!
-//! The tool follows the device by virtual coupling and feels contact by the local model of the newest wrench. What the
-//! coupling pulls the tool with, the hand feels.
+//! The tool, a rigid body simulated here, follows the device by virtual coupling and feels contact by the local model
+//! of the newest contact wrench that the simulation gave (`local_model.rs`). The hand feels the reaction of the
+//! coupling's pull on the tool, after passivity control (`passivity.rs`) and safety limits (`safety.rs`).
 
 use glam::DVec3;
 use nalgebra::{Matrix6, Vector6};
@@ -18,91 +19,92 @@ use super::sense::Sense;
 use crate::step::tool::Tool;
 use crate::step::{ContactWrench, Held, RigidState, Wrench};
 
-/// A tick is late from here on, s.
+/// A tick that begins later than this after its deadline is late, s.
 const LATE: f64 = 2e-3;
-/// Periods that a tick may integrate over at most, whatever the clock says.
+/// Longest time that a tick may integrate over, in periods, whatever the clock says.
 const LONGEST_TICK: f64 = 4.0;
-/// A coarse encoder's step, m.
+/// Position resolution of a coarse encoder, m.
 const ENCODER_STEP: f64 = 2e-5;
-/// What such a step may change the force by, through the coupling's stiffness and through its damping, N.
+/// Greatest change of the force by one encoder step, through the coupling's stiffness or through its damping, N.
 const STEP_FORCE: f64 = 0.02;
-/// The device is smoothed over this time at most, s: smoothing is delay, and delay costs stability.
+/// Longest time constant of the smoothing of the device's pose, s: smoothing is delay, and delay costs stability.
 const LONGEST_SMOOTHING: f64 = 0.001;
-/// Of the period, the least.
+/// Shortest time that a tick may integrate over, in periods.
 const SHORTEST_TICK: f64 = 0.25;
-/// A clock that leaps further than this has jumped, s.
+/// A clock that advances by more than this between two ticks has jumped, s.
 const LONGEST_GAP: f64 = 0.25;
-/// A simulation that answers, but with what cannot be, is trusted no longer than this, s.
+/// A simulation that answers with wrenches that are not finite is trusted no longer than this, s.
 const LONGEST_BAD: f64 = 0.25;
-/// A new wrench is blended in over the interval since the last one, but over this at most, s: for longer than that the tool would
-/// lag behind a body that moves.
+/// Longest time over which a new wrench is blended in, s; a shorter interval since the last wrench is used as it is.
+/// With a longer time the felt contact would lag behind a body that moves.
 const LONGEST_BLEND: f64 = 0.02;
-/// Without contact a force below this share of the limit is so small that there is nothing to fade.
+/// Without contact, a coupling force below this share of the force limit is played in full at once, as there is nothing
+/// to fade in.
 const NOTHING_TO_FADE: f64 = 0.02;
 
-/// What a servo is made with; with the readings and the wrenches it decides every bit of what is played.
+/// Settings of a servo. Together with the readings and the wrenches they determine every bit of what is played.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// Of a tick, s.
+    /// Period of a tick, s.
     pub period: f64,
-    /// Of what is played.
+    /// Limits on what is played.
     pub limits: Limits,
-    /// Whether contact is followed between wrenches; else the force of the newest is kept as it is.
+    /// Whether contact follows the tool between wrenches; otherwise the newest wrench stays constant.
     pub local_model: bool,
     /// Whether the passivity controller acts; energy is observed in any case.
     pub passivity: bool,
-    /// Greatest damping that it may inject, N s/m, and about any axis, N m s/rad.
+    /// Greatest damping that the passivity controller may inject: linear, N s/m, and about any axis, N m s/rad.
     pub most_damping: [f64; 2],
-    /// How far from its pose the local model is trusted, m.
+    /// Distance from its pose up to which the local model is trusted, m.
     pub trust: f64,
-    /// At which rotations of the tool count as displacements, m.
+    /// The tool's lever arm at which rotations count as displacements, m.
     pub arm: f64,
 }
 
-/// What a tick did.
+/// Record of one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Tick {
-    /// From 0.
+    /// Number of the tick, from 0.
     pub index: u64,
-    /// When it began, s on the loop's clock.
+    /// Beginning of the tick, s on the loop's clock.
     pub time: f64,
-    /// By how much it came after it was due, s.
+    /// Delay of the tick after its deadline, s.
     pub late: f64,
-    /// What the device said; `None`: nothing that can be used.
+    /// The device's reading; `None` if the device could not be read.
     pub reading: Option<Reading>,
-    /// The device as taken.
+    /// Pose and twist of the device as used: checked and smoothed.
     pub device: RigidState,
-    /// The tool at the end of the tick.
+    /// Pose and twist of the tool at the end of the tick.
     pub tool: RigidState,
-    /// Of contact on the tool, as the local model has it.
+    /// Contact wrench on the tool, from the local model.
     pub contact: Wrench,
-    /// What the hand is pushed with.
+    /// The wrench played to the hand.
     pub played: Wrench,
-    /// Steps of the simulation done by the newest wrench.
+    /// Number of the simulation step that gave the newest wrench; 0 if there was none yet.
     pub step: u64,
-    /// Of the newest wrench: time since its step's inputs were taken, s.
+    /// Time by which the newest wrench is out of date: since the inputs of its step were taken, s.
     pub age: f64,
     /// Share of the force that is played, from 0 to 1.
     pub gain: f64,
-    /// Damping that passivity control took, N s/m.
+    /// Linear damping that the passivity controller injected, N s/m.
     pub damping: f64,
-    /// Observed so far.
+    /// Energies observed so far.
     pub energy: Energy,
-    /// What happened.
+    /// Unusual events of the tick.
     pub events: Events,
 }
 
-/// The loop's state.
+/// State of the loop between ticks.
 #[derive(Debug, Clone)]
 pub struct Servo {
     settings: Settings,
     tool: Tool,
     sense: Sense,
-    /// The device as read and believed, and smoothed.
+    /// Pose and twist of the device: the accepted reading (`sensed`), and smoothed (`device`).
     sensed: RigidState,
     device: RigidState,
     contact: Followed,
-    /// What contact pushed the tool with in the last tick.
+    /// Contact wrench on the tool in the last tick.
     felt: Wrench,
     gain: Gain,
     last_gain: f64,
@@ -115,7 +117,7 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// A tool that rests where it is, coupled to a device that has not been read yet.
+    /// A servo whose tool rests at its pose, coupled to a device that has not been read yet.
     pub fn new(settings: Settings, tool: Tool) -> Servo {
         let start = tool.state();
         let Settings { local_model, arm, trust, limits, .. } = settings;
@@ -141,8 +143,8 @@ impl Servo {
         }
     }
 
-    /// One tick at `time` (s), `late` s after it was due: the device's reading in, what to play out. `newest` is the newest
-    /// wrench there is, whether it was there before or not.
+    /// Runs one tick at `time` (s), which began `late` s after its deadline: takes the device's reading and returns
+    /// what to play. `newest` is the newest wrench of the simulation; it may be the same as in the last tick.
     pub fn tick(&mut self, time: f64, late: f64, reading: Result<Reading, Fault>, newest: &ContactWrench) -> Tick {
         let mut events = Events::default();
         let period = self.clock(time, late, &mut events);
@@ -150,7 +152,7 @@ impl Servo {
         self.take(newest, time, &mut events);
         let newest = self.contact.newest();
         let (step, age) = (newest.step, if newest.step > 0 { time - newest.time } else { 0.0 });
-        // A wrench from the future tells as little as one that is old, or of no known age.
+        // A wrench from the future is trusted as little as one that is out of date or of unknown time.
         let longest = match events.has(Event::BadWrench) {
             true => self.settings.limits.watchdog.min(LONGEST_BAD),
             false => self.settings.limits.watchdog,
@@ -197,7 +199,7 @@ impl Servo {
         tick
     }
 
-    /// What a step of the simulation starts from now.
+    /// The state of device and tool from which the next simulation step starts.
     pub fn held(&self) -> Held {
         let time = self.time.unwrap_or(0.0);
         let coupling = self.tool.coupling.filter(|_| self.index > 0);
@@ -205,17 +207,17 @@ impl Servo {
         Held { ticks: self.index, time, device: self.device, tool: self.tool.state(), coupling, max_force }
     }
 
-    /// The newest wrench.
+    /// The newest wrench taken.
     pub fn newest(&self) -> ContactWrench {
         *self.contact.newest()
     }
 
-    /// Of a tick, s.
+    /// Period of a tick, s.
     pub fn period(&self) -> f64 {
         self.settings.period
     }
 
-    /// The device did not take what was to be played: nothing is, and the force starts again from zero.
+    /// Notes that the device could not be commanded: nothing was played, and the force rises from zero again.
     pub fn unplayed(&mut self, tick: &mut Tick) {
         tick.events.raise(Event::DeviceLost);
         tick.played = self.guard.cut();
@@ -224,7 +226,7 @@ impl Servo {
         self.passivity.play(tick.played);
     }
 
-    /// Time to integrate over, s.
+    /// Checks the clock and returns the time to integrate over, s.
     fn clock(&mut self, time: f64, late: f64, events: &mut Events) -> f64 {
         if late > LATE {
             events.raise(Event::LateTick);
@@ -239,7 +241,7 @@ impl Servo {
         elapsed.clamp(SHORTEST_TICK * nominal, LONGEST_TICK * nominal)
     }
 
-    /// The device as it can be used, and whether all is well with it.
+    /// Checks and smooths a reading. Returns the device's state to be used, and whether the reading was accepted.
     fn feel_for(&mut self, reading: &Result<Reading, Fault>, period: f64, events: &mut Events) -> (RigidState, bool) {
         let has_faded = self.gain.value() == 0.0;
         let sensed = self.sense.take(reading, period, has_faded, events);
@@ -257,11 +259,12 @@ impl Servo {
         (if goes_on { self.smooth(sensed.state, period) } else { sensed.state }, sensed.is_well)
     }
 
-    /// The device as the coupling has it, by an alpha-beta filter: through stiffness and damping an encoder's steps are jumps of
-    /// the force. It does not lag behind a device that moves evenly.
+    /// Smooths the device's state for the coupling by an alpha-beta filter, because stiffness and damping turn each
+    /// encoder step into a jump of the force. The filter does not lag behind a device that moves at constant velocity.
     fn smooth(&mut self, device: RigidState, period: f64) -> RigidState {
         let (stiffness, damping) = self.tool.coupling.map_or((0.0, 0.0), |c| (c.stiffness, c.damping));
-        // Of what a step through a gain (N/m) would change the force by.
+        // Share of an encoder step that is let through, so that a gain (N/m) turns it into a force change of at most
+        // [`STEP_FORCE`].
         let share = |gain: f64| (STEP_FORCE / (gain * ENCODER_STEP)).clamp(period / (period + LONGEST_SMOOTHING), 1.0);
         let (of_position, of_velocity) = (share(stiffness), share(damping / period));
         let last = self.device;
@@ -271,7 +274,7 @@ impl Servo {
         RigidState { position: foreseen.lerp(device.position, of_position), velocity, angular_velocity, ..device }
     }
 
-    /// A wrench that is new becomes the newest.
+    /// Takes a wrench if it is a new one and finite.
     fn take(&mut self, newest: &ContactWrench, time: f64, events: &mut Events) {
         if newest.step == self.contact.newest().step {
             return;
@@ -283,7 +286,8 @@ impl Servo {
         self.contact.take(newest, time, &self.tool.state(), self.passivity.energy().lent);
     }
 
-    /// Moves the tool by implicit Euler: coupling towards the device as it is now, and contact.
+    /// Moves the tool by one implicit Euler step under the coupling towards the device and the contact; returns the
+    /// contact wrench on the tool.
     fn move_tool(&mut self, device: &RigidState, h: f64, events: &mut Events) -> Wrench {
         let (state, gain) = (self.tool.state(), self.gain.value());
         if self.contact.advance(&state, h, gain, self.stored(device), &mut self.passivity) {
@@ -319,17 +323,17 @@ impl Servo {
         (self.tool.velocity, self.tool.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
     }
 
-    /// The device, drawn up to the tool so far that the coupling pulls no harder than may be played.
+    /// The device's pose moved so close to the tool that the coupling's spring pulls no harder than the force limit.
     fn within_reach(&self, device: &RigidState) -> RigidState {
         self.tool.within_reach(device, self.settings.limits.force)
     }
 
-    /// What coupling and tool store, J.
+    /// Energy stored in the coupling and in the tool's motion, J.
     fn stored(&self, device: &RigidState) -> f64 {
         self.tool.stored(device, self.settings.limits.force, self.settings.limits.torque > 0.0)
     }
 
-    /// Whether the coupling pulls so little that a force need not rise slowly.
+    /// Whether the coupling's pull is so small that the force need not rise slowly.
     fn pulls_little(&self, device: &RigidState) -> bool {
         let Limits { force, torque, .. } = self.settings.limits;
         let pull = self.tool.pull(device);
@@ -337,8 +341,9 @@ impl Servo {
             && (torque == 0.0 || pull.torque.length() <= NOTHING_TO_FADE * torque)
     }
 
-    /// Books what the share of the force that is played does to what is stored: a rise is lent as far as nobody has paid for it,
-    /// a fall repays. Contact that has ended leaves nothing but what coupling and tool hold.
+    /// Books in the energy balance that the played share of the force (the gain) has changed, which scales all stored
+    /// energy. After a rise, what nobody has supplied is lent; a fall repays. When contact has ended, only the energy
+    /// in coupling and tool is kept.
     fn book(&mut self, device: &RigidState) {
         let gain = self.gain.value();
         let risen = gain - std::mem::replace(&mut self.last_gain, gain);
@@ -346,7 +351,7 @@ impl Servo {
         let stored = self.stored(device) + contact.stored;
         if risen > 0.0 {
             let missing = -self.passivity.surplus(gain * stored);
-            // What lies beyond the coupling's reach was never felt.
+            // The coupling's energy beyond its reach, where the pull is limited, was never felt.
             let near = self.tool.stored(&self.within_reach(device), f64::INFINITY, self.settings.limits.torque > 0.0);
             self.passivity.lend(missing.min(risen * (near + contact.stored)));
         } else if risen < 0.0 {
@@ -362,7 +367,8 @@ impl Servo {
         self.passivity.note_stored(gain * stored);
     }
 
-    /// What the coupling pulls the tool with, the other way round; then what passivity and safety leave of it.
+    /// The reaction of the coupling's pull on the tool, reduced by passivity control and safety limits: the wrench
+    /// played, and the damping injected (N s/m).
     fn play(&mut self, device: &RigidState, h: f64, events: &mut Events) -> (Wrench, f64) {
         let pull = self.tool.pull(&self.within_reach(device));
         let gain = self.gain.value();

@@ -1,5 +1,6 @@
-//! The loop: a thread of its own that ticks at absolute deadlines and waits for nothing else. The newest wrench comes in, and
-//! the newest state goes out, through buffers that neither side ever waits for.
+//! The haptic loop in its own thread, which ticks (iterates) at absolute deadlines and waits for nothing else. The
+//! newest contact wrench comes in from the simulation, and the newest state of device and tool goes out to it, through
+//! lock-free triple buffers on which neither side ever waits.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,13 +15,13 @@ use super::event::Event;
 use super::servo::{Servo, Tick};
 use crate::step::{ContactWrench, Held};
 
-/// Ticks that wait to be taken at most: what comes after is lost, and said so.
+/// Greatest number of recorded ticks in the queue to the other thread. Ticks beyond it are lost, which is reported.
 const ROOM: usize = 1 << 14;
-/// Of 0 to 99.
+/// Real-time priority of the loop's thread, of 0 to 99.
 #[cfg(unix)]
 const MIDDLE: u8 = 50;
 
-/// A loop that runs. Dropping it stops it.
+/// A running haptic loop. Dropping it stops it.
 pub struct ServoThread {
     thread: Option<JoinHandle<()>>,
     stop: Arc<AtomicBool>,
@@ -28,12 +29,13 @@ pub struct ServoThread {
     wrenches: triple_buffer::Input<ContactWrench>,
     states: triple_buffer::Output<Held>,
     ticks: rtrb::Consumer<Tick>,
-    /// Whether the thread runs before all others; else why not.
+    /// Whether the thread got its raised priority; the error says why not.
     pub priority: Result<(), String>,
 }
 
 impl ServoThread {
-    /// Opens the device and begins to tick. `stop` ends the loop from outside, as a signal does; it plays nothing then.
+    /// Opens the device and starts the loop. Setting `stop` ends the loop from outside, for example from a signal
+    /// handler; the device exerts no force after that.
     pub fn start(mut device: Box<dyn Device>, servo: Servo, stop: Arc<AtomicBool>) -> Result<ServoThread, Fault> {
         device.open()?;
         let (wrenches, newest) = triple_buffer::triple_buffer(&servo.newest());
@@ -45,43 +47,44 @@ impl ServoThread {
         let (tell, told) = std::sync::mpsc::channel();
         let device = Opened(device);
         let work = move || {
-            // The other side waits for this alone.
+            // The other thread waits for this message only.
             let _ = tell.send(raise_priority());
             tick_until_stopped(device, servo, links, metronome);
         };
         let thread = std::thread::Builder::new().name("palpate-servo".into()).spawn(work);
-        let thread = thread.map_err(|error| Fault::Lost(format!("no thread for the loop: {error}")))?;
+        let thread =
+            thread.map_err(|error| Fault::Lost(format!("the haptic loop's thread could not be started: {error}")))?;
         let priority = told.recv().unwrap_or_else(|_| Err("the thread ended".into()));
         Ok(ServoThread { thread: Some(thread), stop, begun, wrenches, states, ticks, priority })
     }
 
-    /// Now, s on the loop's clock.
+    /// The present time, s on the loop's clock.
     pub fn now(&self) -> f64 {
         self.begun.elapsed().as_secs_f64()
     }
 
-    /// What a step starts from now.
+    /// The newest state of device and tool, from which the next simulation step starts.
     pub fn newest(&mut self) -> Held {
         *self.states.read()
     }
 
-    /// Gives the loop a wrench, to be taken at its next tick.
+    /// Passes a contact wrench to the loop, which takes it at its next tick.
     pub fn give(&mut self, wrench: ContactWrench) {
         self.wrenches.write(wrench);
     }
 
-    /// Ticks that were not taken yet, the oldest first.
+    /// Takes the recorded ticks that were not taken yet, the oldest first.
     pub fn ticks(&mut self) -> impl Iterator<Item = Tick> + '_ {
         std::iter::from_fn(|| self.ticks.pop().ok())
     }
 
-    /// Whether it still ticks.
+    /// Whether the loop's thread is still running.
     pub fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Stops: the device plays nothing and is closed when this returns. Ticks can still be taken. Says whether the loop ended
-    /// in order.
+    /// Stops the loop. When this returns, the device exerts no force and is closed; recorded ticks can still be taken.
+    /// Returns false if the loop's thread panicked.
     pub fn stop(&mut self) -> bool {
         self.stop.store(true, Ordering::Relaxed);
         self.thread.take().is_none_or(|thread| thread.join().is_ok())
@@ -94,7 +97,7 @@ impl Drop for ServoThread {
     }
 }
 
-/// The loop's ends of what joins it with the rest.
+/// The loop's ends of the buffers that connect it with the other thread.
 struct Links {
     newest: triple_buffer::Output<ContactWrench>,
     out: triple_buffer::Input<Held>,
@@ -102,7 +105,7 @@ struct Links {
     stop: Arc<AtomicBool>,
 }
 
-/// A device that is closed, and so plays nothing, however its owner ends.
+/// An open device that is closed, and so exerts no force, when its owner is dropped for whatever reason.
 struct Opened(Box<dyn Device>);
 
 impl Drop for Opened {
@@ -128,7 +131,7 @@ fn tick_until_stopped(mut device: Opened, mut servo: Servo, mut links: Links, mu
     }
 }
 
-/// Before all threads that are not pressed for time, where that is permitted.
+/// Gives the calling thread real-time priority over all normal threads, if the system permits it.
 #[cfg(unix)]
 pub fn raise_priority() -> Result<(), String> {
     use thread_priority::{RealtimeThreadSchedulePolicy, ThreadSchedulePolicy};
@@ -138,25 +141,25 @@ pub fn raise_priority() -> Result<(), String> {
     thread_priority::set_thread_priority_and_policy(this, middle, policy).map_err(|error| format!("{error:?}"))
 }
 
-/// Before all threads that are not pressed for time, where that is permitted.
+/// Gives the calling thread the greatest priority, if the system permits it.
 #[cfg(not(unix))]
 pub fn raise_priority() -> Result<(), String> {
     ThreadPriority::Max.set_for_current().map_err(|error| format!("{error:?}"))
 }
 
-/// A thread that does nothing but wake at the same deadlines, to compare the loop with.
+/// A thread that does nothing but wake at the same deadlines as the loop: a baseline for the loop's lateness.
 pub struct BareTimer {
     thread: Option<JoinHandle<Lateness>>,
     stop: Arc<AtomicBool>,
 }
 
 impl BareTimer {
-    /// Begins; `period`: s.
+    /// Starts the thread; `period` is the time between deadlines, s.
     pub fn start(period: f64) -> BareTimer {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = stop.clone();
         let work = move || {
-            // As the loop's: with it where it is permitted, without it where not.
+            // The priority is raised, or not, as that of the loop's thread is; a refusal is no error here.
             let _ = raise_priority();
             let (mut metronome, mut lateness) = (Metronome::new(period), Lateness::new());
             while !flag.load(Ordering::Relaxed) {
@@ -167,7 +170,7 @@ impl BareTimer {
         BareTimer { thread: std::thread::Builder::new().name("palpate-bare-timer".into()).spawn(work).ok(), stop }
     }
 
-    /// Ends it; how late it was. `None`: there was no thread to be had.
+    /// Stops the thread and returns how late it woke. `None`: the thread could not be started, or failed.
     pub fn stop(mut self) -> Option<Lateness> {
         self.stop.store(true, Ordering::Relaxed);
         self.thread.take().and_then(|thread| thread.join().ok())
@@ -195,10 +198,10 @@ mod tests {
     use crate::step::tool::Tool;
     use crate::step::{RigidState, Wrench};
 
-    /// What a device was told, in order; `None`: it was closed.
+    /// The wrenches that a device was commanded, in order; `None` stands for closing the device.
     type Told = Arc<Mutex<Vec<Option<Wrench>>>>;
 
-    /// Swings about a place; fails in one way or another at its n-th reading.
+    /// A device that swings about a position, and panics at its n-th reading if `panics_at` says so.
     struct Swinging {
         profile: Profile,
         told: Told,
@@ -217,7 +220,7 @@ mod tests {
 
         fn read(&mut self, time: f64) -> Result<Reading, Fault> {
             self.readings += 1;
-            assert!(Some(self.readings) != self.panics_at, "a driver that fails");
+            assert!(Some(self.readings) != self.panics_at, "the simulated driver panics here");
             let position = DVec3::Y * 0.01 * (20.0 * time).sin();
             Ok(Reading { time, state: RigidState::at_rest(position, DQuat::IDENTITY), buttons: 0 })
         }
@@ -264,16 +267,16 @@ mod tests {
         (settings, tool, Box::new(device), told)
     }
 
-    /// Waits for `done`, at most ten seconds.
+    /// Waits until `done` holds, for at most ten seconds.
     fn wait_for(mut done: impl FnMut() -> bool) {
         let begun = Instant::now();
         while !done() {
-            assert!(begun.elapsed() < Duration::from_secs(10), "it does not come");
+            assert!(begun.elapsed() < Duration::from_secs(10), "the condition was not met within ten seconds");
             std::thread::sleep(Duration::from_millis(1));
         }
     }
 
-    /// Gives wrenches so that the force is not stale.
+    /// Passes a wrench without contact to the loop, so that the newest wrench is never out of date.
     fn feed(thread: &mut ServoThread) {
         let held = thread.newest();
         let step = held.ticks + 1;
@@ -297,7 +300,7 @@ mod tests {
                 false => assert!(thread.stop() && !thread.is_running()),
             }
             let told = told.lock().unwrap();
-            assert_eq!(told.last(), Some(&None), "closed, and told nothing after that");
+            assert_eq!(told.last(), Some(&None), "the device was closed, and got no wrench after that");
             assert_eq!(told.iter().filter(|told| told.is_none()).count(), 1);
         }
     }
@@ -317,7 +320,7 @@ mod tests {
             feed(&mut thread);
             !thread.is_running()
         });
-        assert!(!thread.stop(), "the loop did not end in order");
+        assert!(!thread.stop(), "`stop` returned true although the thread panicked");
         assert_eq!(told.lock().unwrap().last(), Some(&None));
     }
 

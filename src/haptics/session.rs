@@ -1,4 +1,6 @@
-//! A device held: the loop in its thread, the simulation step after step in this one, and what came of it.
+//! A haptic session: the loop runs in its own thread, the simulation steps in this one, and a report of both is
+//! returned. A *tick* is one iteration of the loop; a wrench is *played* when it is commanded to the haptic device; the
+//! *newest wrench* is the contact wrench on the tool that the last simulation step found.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,95 +22,99 @@ use crate::step::tool::Tool;
 use crate::step::{ContactWrench, Held, Wrench};
 use crate::{Error, Result};
 
-/// Steps before the loop begins, to learn how long one takes.
+/// Number of simulation steps before the loop begins, to measure how long one takes.
 const FIRST_STEPS: u32 = 5;
-/// A device that is lost for longer ends the session, s.
+/// A device that is lost for longer than this ends the session, s.
 const LONGEST_LOSS: f64 = 5.0;
-/// Forces below which K says nothing about what is felt, N.
+/// Forces below this are too small to compare the predicted with the observed stiffness, N.
 const FELT: f64 = 0.02;
 
-/// What a session is begun with.
+/// Settings of a session.
 pub struct Options {
-    /// How long it lasts, s.
+    /// Duration of the session, s.
     pub seconds: f64,
-    /// Shortest step of the simulation, s: the scene's.
+    /// Shortest step of the simulation, s, as the scene gives it.
     pub shortest_step: f64,
-    /// Set from outside, it ends the session.
+    /// Ends the session when another thread sets it.
     pub stop: Arc<AtomicBool>,
-    /// Whether a bare timer runs beside the loop, to compare its ticks with.
+    /// Whether a thread that only wakes at the deadlines runs beside the loop, as a baseline for the ticks' lateness.
     pub bare_timer: bool,
 }
 
-/// What a session records, in order.
+/// A record of a session; records come in chronological order.
 #[derive(Debug, Clone, Copy)]
 pub enum Moment<'a> {
-    /// Something the user should know before the loop begins.
+    /// A line that the user should read before the loop begins.
     Note(&'a str),
-    /// The servo as it begins.
+    /// Settings and tool of the loop at its beginning.
     Begin(&'a Settings, &'a Tool),
     /// A tick of the loop.
     Tick(&'a Tick),
-    /// A step of the simulation: what it started from, its length (s), what it found.
+    /// A step of the simulation: the state of device and tool that it started from, its length (s), and the wrench it
+    /// found.
     Step(&'a Held, f64, &'a ContactWrench),
 }
 
-/// What came of a session.
+/// Summary of a session.
 #[derive(Debug, Clone)]
 pub struct Report {
-    /// The device's profile.
+    /// Name of the device's profile.
     pub profile: &'static str,
-    /// Why the coupling's gains are what they are, and what else is to be known: a line each.
+    /// Lines for the user: why the coupling's gains are what they are, and anything else worth knowing.
     pub notes: Vec<String>,
-    /// Of the loop.
+    /// How late the loop's ticks came.
     pub lateness: Lateness,
-    /// Of the bare timer beside it.
+    /// How late the baseline thread woke, if it ran.
     pub bare: Option<Lateness>,
-    /// Of the newest wrench, at every tick that had one.
+    /// How far the newest wrench was out of date at each tick that had one.
     pub age: Ages,
-    /// Events.
+    /// Number and duration of unusual events.
     pub events: EventCounts,
-    /// What went between hand and device.
+    /// Energy exchanged between hand and device.
     pub energy: Energy,
-    /// Greatest force that was played, N.
+    /// The greatest force played, N.
     pub peak_force: f64,
-    /// What was played in the last tick before the end, and what contact pushed the tool with then.
+    /// In the last tick: the wrench played, and the contact wrench on the tool.
     pub end: [Wrench; 2],
-    /// Sums of the force changes that K foretold and of those that came, N: how far K overestimates what is felt.
+    /// Sum of the magnitudes of force changes that the contact stiffness K predicted, and of those observed, N. Their
+    /// ratio is how far K overestimates what is felt.
     pub foretold: (f64, f64),
-    /// Steps of the simulation while the loop ran.
+    /// Number of simulation steps while the loop ran.
     pub steps: u64,
-    /// Simulated time by time that passed: below 1 bodies moved slower than in the world.
+    /// Simulated time over elapsed time: below 1, bodies moved more slowly than in reality.
     pub pace: f64,
-    /// Ticks that were done and are neither counted here nor recorded, nobody having taken them in time.
+    /// Number of ticks that ran but are neither counted here nor recorded, because they were not taken from the queue
+    /// in time.
     pub lost: u64,
-    /// Why it ended before its time, where it did.
+    /// Why the session ended early, if it did.
     pub ended: Option<String>,
 }
 
 impl Report {
-    /// How many times what is felt K foretells; `None`: too little was felt to say.
+    /// Ratio of the contact stiffness K to the stiffness that is felt; `None` if too little was felt to say.
     pub fn overestimate(&self) -> Option<f64> {
         let (foretold, came) = self.foretold;
         (came > FELT).then(|| foretold / came)
     }
 }
 
-/// How old wrenches were: to the microsecond up to a tenth of a second, to half a percent up to 1000 s.
+/// Statistics of how far wrenches were out of date: exact to a microsecond up to 0.1 s and to half a percent up to 1000
+/// s.
 #[derive(Debug, Clone)]
 pub struct Ages(Lateness);
 
 impl Ages {
-    /// Nothing yet.
+    /// Empty statistics.
     pub fn new() -> Ages {
         Ages(Lateness::new())
     }
 
-    /// Adds the age of the newest wrench at a tick, s.
+    /// Adds the time (s) by which the newest wrench was out of date at a tick.
     fn add(&mut self, age: f64) {
         self.0.add(age, f64::INFINITY);
     }
 
-    /// The age that a share of the ticks stays within, s; 0 without any.
+    /// The time out of date that a `share` (0 to 1) of the ticks does not exceed, s; 0 without any tick.
     pub fn quantile(&self, share: f64) -> f64 {
         if self.0.ticks() == 0 { 0.0 } else { self.0.quantile(share) }
     }
@@ -120,8 +126,8 @@ impl Default for Ages {
     }
 }
 
-/// Holds a device until its time is over, or `options.stop` is set, or the device stays lost. `record` hears everything in
-/// order. The device plays nothing and is closed at the end, however that comes.
+/// Runs a session until its time is over, `options.stop` is set, or the device stays lost. `record` gets everything in
+/// order. At the end the device exerts no force and is closed, however the session ends.
 pub fn hold(
     device: Box<dyn Device>,
     tool: &Tool,
@@ -134,7 +140,7 @@ pub fn hold(
     let profile = device.profile().clone();
     let (limits, refused) = Limits::new(&profile, &haptics.limits);
     for key in refused {
-        notes.push(format!("haptics.{key} is above what the profile {} allows, which holds", profile.name));
+        notes.push(format!("haptics.{key} exceeds the limit of profile {}; the profile's limit is used", profile.name));
     }
     let first = first_steps(environment, tool, options.shortest_step, limits.force)?;
     let period = 1.0 / haptics.rate;
@@ -177,21 +183,22 @@ pub fn hold(
     session.report.bare = bare.and_then(BareTimer::stop);
     ended.and(taken)?;
     match has_failed {
-        true => Err(Error::Simulation("the haptic loop failed; its device was let go of".into())),
+        true => Err(Error::Simulation("the haptic loop's thread panicked; the device was released".into())),
         false => Ok(session.report),
     }
 }
 
-/// What was learned before the loop began.
+/// Results of the simulation steps before the loop.
 struct FirstSteps {
     steps: Vec<(Held, ContactWrench)>,
-    /// How long one takes, s.
+    /// Wall-clock time of one step, s.
     took: f64,
-    /// How old its wrench becomes at most: it is the newest until the next is there, s.
+    /// Greatest time by which a wrench gets out of date, s: it stays the newest until the next step has finished.
     age: f64,
 }
 
-/// Steps with the tool at rest, coupled to nothing: the first is not counted, for it is slow on many drivers.
+/// Simulates steps with the tool at rest and uncoupled. The first is left out of the timing, because many drivers are
+/// slow in it.
 fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force: f64) -> Result<FirstSteps> {
     let state = tool.state();
     let held = Held { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force };
@@ -243,7 +250,8 @@ impl Session {
         Session { thread, report, period, settings: *settings, before: None, lost_since: None }
     }
 
-    /// Steps as long as they take, so that bodies move as in the world, but no longer than the scene allows.
+    /// Simulates steps whose length follows the time that they take, so that bodies move as in reality, up to the
+    /// scene's longest step.
     fn run(
         &mut self,
         environment: &mut dyn Environment,
@@ -269,10 +277,10 @@ impl Session {
             self.compare(&wrench);
             record(Moment::Step(&held, h, &wrench))?;
             self.take_ticks(record)?;
-            // A step that was done before its time waits for the world.
             let now = self.thread.now();
             pace.took(now - start, now);
-            // Steps that are done before their time wait for the world; a step that took longer is made up for, but no more.
+            // When simulated time is ahead of real time, wait. When it is behind, catch up on one step's length at
+            // most.
             ahead = (ahead + h - (now - last)).max(-h);
             last = now;
             if ahead > 0.0 {
@@ -283,14 +291,14 @@ impl Session {
         Ok(())
     }
 
-    /// Whether time is left and all is in order; says what is not.
+    /// Whether time is left and loop and device work; notes in the report what does not.
     fn goes_on(&mut self, options: &Options) -> bool {
         let now = self.thread.now();
         let loss = self.lost_since.map_or(0.0, |since| now - since);
         let stopped = options.stop.load(Ordering::Relaxed);
         self.report.ended = match (stopped, self.thread.is_running(), loss > LONGEST_LOSS) {
             (true, ..) => Some("it was stopped".into()),
-            (_, false, _) => Some("the loop failed".into()),
+            (_, false, _) => Some("the loop's thread panicked".into()),
             (.., true) => Some(format!("the device was lost for {LONGEST_LOSS} s")),
             _ => None,
         };
@@ -315,7 +323,8 @@ impl Session {
         Ok(())
     }
 
-    /// What the model of the last wrench foretold of this one.
+    /// Compares the force change that the last wrench's local model predicts for this wrench's pose with the one
+    /// observed.
     fn compare(&mut self, wrench: &ContactWrench) {
         if let Some((model, last)) = &self.before
             && let Some((normal, foretold)) = model.foretell(&wrench.tool)

@@ -1,17 +1,18 @@
-//! Velocity from quantised positions, by first-order adaptive windowing (F. Janabi-Sharifi, V. Hayward and C.-S. J. Chen
-//! 2000, "Discrete-time adaptive windowing for velocity estimation", the end-fit form): the slope over the longest window
-//! whose every position lies within a quantum of the straight line between its ends. Fast motion is seen over a tick, slow
-//! motion over the whole ring.
+//! Velocity of a haptic device from quantised encoder positions, by first-order adaptive windowing in its end-fit form
+//! (F. Janabi-Sharifi, V. Hayward and C.-S. J. Chen 2000, "Discrete-time adaptive windowing for velocity estimation"):
+//! the velocity is the slope over the longest window in which every position lies within one encoder quantum of the
+//! straight line between the window's ends. The window is one tick for fast motion and grows to all kept positions for
+//! slow motion.
 
 use glam::DVec3;
 
-/// Positions kept; a window spans one interval fewer.
+/// Number of positions kept; the longest window spans one interval fewer.
 const KEPT: usize = 32;
 
-/// The newest positions, and the estimate that they give. Allocates nothing.
+/// The newest positions, from which the velocity is estimated. Nothing is allocated after construction.
 #[derive(Debug, Clone)]
 pub struct AdaptiveWindow {
-    /// Bound on the error of a position, each axis by itself, m.
+    /// Bound on the error of a position along each axis, m.
     quantum: f64,
     times: [f64; KEPT],
     positions: [DVec3; KEPT],
@@ -20,12 +21,14 @@ pub struct AdaptiveWindow {
 }
 
 impl AdaptiveWindow {
-    /// Empty. `quantum`: the encoder's step, m; with 0 the window is a tick wherever the motion is not uniform.
+    /// An estimator without positions. `quantum` is the encoder's resolution, m; with 0 the window is one tick unless
+    /// the motion is exactly uniform.
     pub fn new(quantum: f64) -> AdaptiveWindow {
         AdaptiveWindow { quantum, times: [0.0; KEPT], positions: [DVec3::ZERO; KEPT], newest: 0, count: 0 }
     }
 
-    /// Takes a finite position, m, read at `time`, s. One that is no later than the newest tells nothing and is left out.
+    /// Adds a finite position (m) read at `time` (s). One that is no later than the newest carries no information and
+    /// is left out.
     pub fn push(&mut self, time: f64, position: DVec3) {
         if self.count > 0 && time <= self.times[self.newest] {
             return;
@@ -36,13 +39,13 @@ impl AdaptiveWindow {
         self.count = (self.count + 1).min(KEPT);
     }
 
-    /// The estimate, m/s; zero before there are two positions. Each axis has a window of its own.
+    /// The estimated velocity, m/s; zero before there are two positions. Each axis has its own window.
     pub fn velocity(&self) -> DVec3 {
         DVec3::new(self.slope(0), self.slope(1), self.slope(2))
     }
 
-    /// Grows the window into the past. A line from the newest position misses none within the window by more than a quantum
-    /// as long as its slope lies in `low..=high`.
+    /// Velocity along one axis, m/s, by growing the window into the past. A line through the newest position passes all
+    /// others in the window within a quantum as long as its slope lies in `low..=high`.
     fn slope(&self, axis: usize) -> f64 {
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         let mut slope = 0.0;
@@ -69,7 +72,7 @@ mod tests {
     const QUANTUM: f64 = 1.0 / 65536.0;
     const TICK: f64 = 1.0 / 1024.0;
 
-    /// The estimate after each of the positions (in quanta, a tick apart), m/s.
+    /// The estimate after each of the given positions (in quanta, one tick apart), m/s.
     fn estimates(quanta: &[f64]) -> Vec<f64> {
         let mut window = AdaptiveWindow::new(QUANTUM);
         let read = |(i, q): (usize, &f64)| {
@@ -91,7 +94,7 @@ mod tests {
         }
     }
 
-    /// A whole window misjudges a steady speed by less than a quantum at each end, that is by a quantum over its span.
+    /// A full window misjudges a steady speed by less than a quantum at each end, that is by a quantum over its span.
     #[test]
     fn a_slow_ramp_is_within_a_quantum_over_the_window() {
         for rate in [0.013, 0.1, 0.37, 2.61] {
@@ -103,7 +106,7 @@ mod tests {
         }
     }
 
-    /// A raw difference would show a quantum a tick, 31 times as much.
+    /// A raw difference of two positions would jump by a quantum a tick, 31 times as much.
     #[test]
     fn rest_is_still_and_its_flicker_is_small() {
         assert!(estimates(&[5.0; 80]).iter().all(|&v| v == 0.0));
@@ -123,8 +126,8 @@ mod tests {
         assert!(found[41..].iter().all(|&v| v == 0.0), "{found:?}");
     }
 
-    /// By hand: a tick after a stop from two quanta a tick, the line over two ticks still passes within a quantum of the one
-    /// between, and that over three does not; a tick later only lines at rest do.
+    /// By hand: one tick after a stop from two quanta a tick, the line over two ticks still passes within a quantum of
+    /// the position between, and the line over three ticks does not; a tick later only lines at rest do.
     #[test]
     fn a_slow_stop_is_seen_as_soon_as_a_quantum_allows() {
         let quanta: Vec<f64> = (0..60).map(|i: i32| 2.0 * f64::from(i.min(40))).collect();

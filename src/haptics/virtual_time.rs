@@ -1,5 +1,5 @@
-//! The loop and what it meets in one thread and in time that nobody waits for: for measurements and tests, which give the
-//! same bits every time.
+//! Runs the haptic loop and its environment in one thread and in virtual time, which never waits for a clock: for
+//! measurements and tests, which give the same bits in every run.
 
 use super::device::Device;
 use super::environment::Environment;
@@ -7,24 +7,25 @@ use super::servo::{Servo, Tick};
 use crate::Result;
 use crate::step::ContactWrench;
 
-/// When steps begin, and when what they found is there.
+/// When simulation steps begin and when their wrenches arrive, in ticks (iterations of the loop).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
-    /// Ticks from one step to the next; a step is so long.
+    /// Ticks from the beginning of one step to that of the next; each step simulates that much time.
     pub ticks_a_step: u32,
-    /// Ticks from a step's beginning until the loop has its wrench, 1 at least; at most `ticks_a_step`.
+    /// Ticks from the beginning of a step until the loop has its wrench: at least 1, at most `ticks_a_step`.
     pub delay: u32,
 }
 
 impl Schedule {
-    /// Steps that take as long as they simulate, and so begin one after another; `rate`: Hz, of the steps.
+    /// A schedule of steps that take as long as they simulate and follow one another directly. `rate` is the number of
+    /// steps a second, Hz, and `period` that of a tick, s.
     pub fn at(rate: f64, period: f64) -> Schedule {
         let ticks = (1.0 / (rate * period)).round().max(1.0) as u32;
         Schedule { ticks_a_step: ticks, delay: ticks }
     }
 }
 
-/// Ticks a servo so many times; `each` sees every tick.
+/// Runs the loop for that many ticks; `each` is called with every tick.
 pub fn run(
     device: &mut dyn Device,
     servo: &mut Servo,
@@ -36,7 +37,7 @@ pub fn run(
     run_controlled(device, servo, environment, schedule, ticks, |_| (), each)
 }
 
-/// Ticks a servo as [`run`] does, but that `control` may change what a tick plays before the device is told.
+/// Like [`run`], but `control` may change what a tick plays before it is commanded to the device.
 pub fn run_controlled(
     device: &mut dyn Device,
     servo: &mut Servo,

@@ -1,4 +1,6 @@
-//! Binding: which nodes of a layer lie in the region that a core carries. Regions are in file coordinates, before scale.
+//! Selects the nodes of a layer (tetrahedral simulation mesh) that a rigid core binds, that is, the nodes attached to
+//! it. The *skin* is the body's surface mesh; a *bone* is a core that binds a capsule. Coordinates are those of the
+//! files, before scale.
 
 use glam::DVec3;
 
@@ -6,10 +8,10 @@ use super::distance::{HALF, Solid};
 use super::{Layer, layer, repair};
 use crate::scene::{Bind, Capsule, Core};
 
-/// A node this near to the skin, as a share of its diagonal, lies on it.
+/// A node whose distance from the skin is below this share of the diagonal of the skin's bounding box lies on the skin.
 const ON_SKIN: f64 = 1e-9;
 
-/// Whether each node lies in the region `bind`. `skin` and the layer are in file coordinates. Errors: the problem, and the
+/// Whether each node is selected by `bind`. `skin` and the layer are in file coordinates. An error is a problem and its
 /// remedy.
 pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Result<Vec<bool>, (String, &'static str)> {
     Ok(match bind {
@@ -37,8 +39,8 @@ pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Resul
     })
 }
 
-/// How deep each node lies below the skin, m; negative outside. Holes of the skin count as closed by fans. Errors: a skin
-/// that cannot be searched.
+/// Depth of each node below the skin, m; negative outside. Holes of the skin are closed by triangle fans. It is an
+/// error if the skin has no triangle with an area or a coordinate that is not finite.
 pub fn depths(layer: &Layer, (vertices, triangles): (&[DVec3], &[[u32; 3]])) -> Result<Vec<f64>, String> {
     let (vertices, triangles) = repair::closed(vertices, triangles);
     let surface = Solid::new(&vertices, &triangles).map_err(|e| format!("the skin cannot be searched: {e}"))?;
@@ -46,13 +48,13 @@ pub fn depths(layer: &Layer, (vertices, triangles): (&[DVec3], &[[u32; 3]])) -> 
     let size = vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max).distance(low);
     let depth = |&node: &DVec3| {
         let distance = surface.distance(node);
-        // On the skin the winding number is one half, more or less.
+        // On the skin the winding number is about one half, on either side of it.
         if distance <= ON_SKIN * size || surface.winding(node) > HALF { distance } else { -distance }
     };
     Ok(layer.nodes.iter().map(depth).collect())
 }
 
-/// Distance of a point from a capsule's axis over the radius there: up to 1 inside.
+/// Distance of a point from a capsule's axis over the capsule's radius there: at most 1 inside the capsule.
 pub fn capsule_depth(point: DVec3, capsule: &Capsule) -> f64 {
     let [a, b] = capsule.ends;
     let along = b - a;
@@ -60,9 +62,9 @@ pub fn capsule_depth(point: DVec3, capsule: &Capsule) -> f64 {
     (point - a - t * along).length() / (capsule.radii[0] + t * (capsule.radii[1] - capsule.radii[0]))
 }
 
-/// Takes out of `named`, the nodes of core `index`, those that another bone is nearer to: of capsules that overlap the
-/// one whose axis is nearest relative to the radius there has a node, the first of equals. Changes nothing for a core
-/// that is no bone.
+/// Removes from the selection `named` of the bone `index` the nodes that belong to another bone. If capsules overlap, a
+/// node belongs to the bone with the least [`capsule_depth`], in a tie to the first. A core that is no bone keeps its
+/// selection.
 pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bool]) {
     let bone = |core: &Core| if let Some(Bind::Capsule(capsule)) = core.bind { Some(capsule) } else { None };
     let Some(own) = bone(&cores[index]) else { return };
@@ -77,7 +79,8 @@ pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bo
     }
 }
 
-/// Nodes that nothing would hold: parts of the layer without a bound node. Returns the number of such nodes and one.
+/// Finds nodes that no core would hold: those in connected parts of the layer without an attached node. Returns their
+/// number and the first of them.
 pub fn unheld(layer: &Layer) -> Option<(usize, u32)> {
     let (labels, count) = layer::parts(layer);
     let mut held = vec![false; count];
@@ -117,7 +120,8 @@ mod tests {
     #[test]
     fn a_capsule_binds_its_nodes() {
         let rod = |radii| Capsule { ends: [DVec3::ZERO, DVec3::new(0.5, 0.0, 0.0)], radii };
-        // The axis has three nodes; a round end of radius a quarter reaches one more, and so do the sides.
+        // The axis passes three nodes; a round end with a radius of a quarter reaches one node more, and so do the
+        // sides.
         assert_eq!(bound(Bind::Capsule(rod([0.1, 0.1]))).unwrap(), [0, 1, 2]);
         assert_eq!(bound(Bind::Capsule(rod([0.26, 0.26]))).unwrap(), [0, 1, 2, 3, 5, 6, 7, 25, 26, 27]);
         assert_eq!(bound(Bind::Capsule(rod([0.05, 0.26]))).unwrap(), [0, 1, 2, 3, 7, 27]);
@@ -131,7 +135,8 @@ mod tests {
             let bind = Some(Bind::Capsule(Capsule { ends, radii: [radius; 2] }));
             Core { name: String::new(), motion: Motion::Fixed, bind, mass: None, hinge: None }
         };
-        // The last bone is the second again: equals go to the first. A sphere is no bone and takes nothing from one.
+        // The last bone equals the second, so its nodes go to the second. A core with a sphere is no bone and takes no
+        // node from one.
         let mut cores = vec![core(0.0, 0.5, 0.3), core(1.0, 1.0, 0.6), core(1.0, 1.0, 0.6)];
         cores.push(Core { bind: Some(Bind::Sphere { centre: DVec3::ZERO, radius: 0.1 }), ..cores[0].clone() });
         let held = |index| {

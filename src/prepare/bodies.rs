@@ -1,4 +1,4 @@
-//! All bodies of a scene, prepared one after another: what a simulation is made of beside the scene itself.
+//! Prepares all bodies of a scene, one after another. A simulation is made from them and the scene.
 
 use super::cache::Cache;
 use super::report::Stage;
@@ -6,38 +6,38 @@ use super::{Body, body_and_report, watched_tool};
 use crate::Result;
 use crate::scene::Scene;
 
-/// The prepared bodies of a scene, or the first of them.
+/// The prepared bodies of a scene, or as many of them as are ready.
 #[derive(Debug, Clone, Default)]
 pub struct Bodies {
-    /// In the scene's order.
+    /// The bodies, in the scene's order.
     pub bodies: Vec<Body>,
-    /// The tool, where it is one of its own and no body of the scene.
+    /// The tool, unless it is one of the scene's bodies or the scene has none.
     pub tool: Option<Body>,
 }
 
-/// What is being prepared.
+/// Progress of the preparation, for a display.
 #[derive(Debug, Clone, Copy)]
 pub struct Progress<'a> {
-    /// The body, or "tool".
+    /// Name of the body in preparation, or "tool".
     pub name: &'a str,
-    /// What is done to it.
+    /// Stage of its preparation that begins now.
     pub stage: Stage,
-    /// Bodies that are ready, the tool counted as one.
+    /// Number of bodies that are ready; the tool counts as one.
     pub done: usize,
-    /// Bodies in all.
+    /// Number of bodies in all; the tool counts as one.
     pub total: usize,
 }
 
 impl Bodies {
-    /// Prepares a whole scene.
+    /// Prepares all bodies of a scene.
     pub fn prepare(scene: &Scene, cache: &Cache) -> Result<Bodies> {
         let mut bodies = Bodies::default();
         bodies.complete(scene, cache, &mut |_| Ok(()))?;
         Ok(bodies)
     }
 
-    /// Prepares what is not prepared yet. `watch` is told each stage as it begins; where it gives an error, that ends it, and
-    /// bodies that are ready stay so.
+    /// Prepares the bodies that are not ready yet. `watch` is called at the beginning of each stage; if it returns an
+    /// error, the preparation stops with that error, and bodies that are ready stay ready.
     pub fn complete(
         &mut self,
         scene: &Scene,

@@ -1,5 +1,6 @@
-//! From a scene's body or tool to a prepared [`Body`]: read, repair, layer, embed, proxies (`prepared.rs`, cached), then
-//! bind, scale and place, everything checked.
+//! Makes a prepared [`Body`] from a body or tool of the scene. The costly parts (reading, repair of the skin, which is
+//! the surface mesh, tetrahedral layer, embedding of the skin in it, collision proxies) come from `prepared.rs`, which
+//! caches them; this file then attaches nodes to cores, scales and places the body, and checks everything.
 
 use glam::DVec3;
 
@@ -14,15 +15,16 @@ use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Dilatation, Law, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
 
-/// A closed skin fills at least this share of its bounding box's diagonal cubed; less is rounding.
+/// A closed skin encloses at least this share of its bounding box's diagonal cubed; a smaller volume is rounding error.
 const LEAST_VOLUME: f64 = 1e-12;
 
-/// Prepares a body of the scene, with the user's cache. Errors name the scene's key, or the file.
+/// Prepares a body of the scene with the user's cache. Errors name the key in the scene, or the file.
 pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
     body_and_report(body, scene, &Cache::of_user(), &mut |_| Ok(())).map(|(body, _)| body)
 }
 
-/// Prepares a body of the scene and reports on it; `watch` is told each stage as it begins. A half-space has no report.
+/// Prepares a body of the scene and reports on it. `watch` is called at the beginning of each stage. A half-space has
+/// no report.
 pub fn body_and_report<'a>(
     body: &scene::Body,
     scene: &Scene,
@@ -57,7 +59,7 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     Ok(placed(body, made?, report))
 }
 
-/// What was found in the body's files, and what the log has to say.
+/// Collects what was found in the body's files and the notes of the log.
 fn report_of(keys: &Keys, layer: Option<&scene::Layer>, prepared: &Prepared, log: &Log) -> BodyReport {
     let mut notes = prepared.repair.as_ref().map(|found| keys.notes(found)).unwrap_or_default();
     let place = match layer {
@@ -80,19 +82,19 @@ fn placed(body: &scene::Body, shape: Shape, report: BodyReport) -> Body {
     }
 }
 
-/// Prepares the tool as a rigid body named "tool", in its own coordinates: a sphere's centre is the origin, a surface
-/// keeps its file's coordinates (its centroid is in [`Shape::Rigid`]).
+/// Prepares the tool as a rigid body named "tool" in its own coordinates: the centre of a sphere is the origin, and a
+/// surface keeps its file's coordinates (its centroid is in [`Shape::Rigid`]).
 pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
     watched_tool(tool, scene, &Cache::of_user(), &mut |_| Ok(()))
 }
 
-/// The same; `watch` is told each stage as it begins.
+/// Prepares the tool as [`tool`] does, with the given cache; `watch` is called at the beginning of each stage.
 pub fn watched_tool<'a>(tool: &scene::Tool, scene: &Scene, cache: &Cache, watch: &'a mut Watch<'a>) -> Result<Body> {
     let surface = match &tool.shape {
         ToolShape::Sphere(_) => None,
         ToolShape::Surface(surface) => Some(surface),
         ToolShape::Body(name) => {
-            let problem = format!("body `{name}` as a tool is prepared as a body");
+            let problem = format!("the tool is body `{name}` of the scene and is prepared with the bodies");
             return Err(Error::key(&scene.file, "tool.body", problem, "give `sphere` or `surface`"));
         }
     };
@@ -118,7 +120,7 @@ pub fn watched_tool<'a>(tool: &scene::Tool, scene: &Scene, cache: &Cache, watch:
     })
 }
 
-/// The parts of a sphere about the origin.
+/// Skin and proxies of a sphere about the origin.
 fn ball(keys: &Keys, radius: f64) -> Result<Prepared> {
     let (vertices, triangles) = super::sphere::icosphere(radius);
     let skin = skin::build(vertices, triangles);
@@ -127,13 +129,13 @@ fn ball(keys: &Keys, radius: f64) -> Result<Prepared> {
     Ok(Prepared { mesh, proxies, ..Prepared::default() })
 }
 
-/// Errors about keys of one body, or of the tool.
+/// Makes errors and notes about the keys of one body, or of the tool.
 pub(super) struct Keys<'a> {
     scene: &'a Scene,
-    /// Dotted path of the table.
+    /// Dotted path of the body's table in the scene file.
     prefix: String,
     surface: Option<&'a Surface>,
-    /// Whether defects of the surface are mended.
+    /// Whether defects of the surface are repaired; otherwise they are refused.
     pub repair: bool,
 }
 
@@ -147,17 +149,17 @@ impl<'a> Keys<'a> {
         Keys { scene, prefix: format!("body.{}", body.name), surface, repair: body.repair }
     }
 
-    /// An error about a key of the table.
+    /// An error about a key of the table, with its remedy.
     pub fn error(&self, key: &str, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::key(&self.scene.file, format!("{}.{key}", self.prefix), problem, remedy)
     }
 
-    /// Whether the surface is somebody's, who may have made mistakes, and not made here.
+    /// Whether the user gave the surface, which may therefore have defects; otherwise the engine generates it.
     pub fn is_surface_given(&self) -> bool {
         matches!(self.surface, Some(Surface::File(_) | Surface::Mesh(_)))
     }
 
-    /// An error about a given surface: of its file, where it has one.
+    /// The error for a given surface that was refused. It names the surface's file if there is one.
     pub fn refusal(&self, refusal: &Refusal) -> Error {
         match self.surface {
             Some(Surface::File(path)) => refusal.error(path),
@@ -165,7 +167,7 @@ impl<'a> Keys<'a> {
         }
     }
 
-    /// What was done to a given surface, a sentence each.
+    /// The changes that the repair made to a given surface, one sentence each.
     fn notes(&self, found: &RepairReport) -> Vec<String> {
         match self.surface {
             Some(Surface::File(path)) => repair::notes(found, path),
@@ -178,15 +180,15 @@ impl<'a> Keys<'a> {
     }
 }
 
-/// A skin that rides on one frame; the problem where it has no volume.
+/// The rigid shape of a skin; an error if the skin encloses no volume.
 fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Result<Shape, String> {
     let mesh = scaled(prepared.mesh, scale);
-    // What fills the holes has mass, and is never touched.
+    // Holes are closed by triangle fans, which count for mass but are never touched.
     let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
     let p = mass::properties(&vertices, &triangles);
     let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let diagonal = mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max).distance(low);
-    // Written so that a NaN is refused too.
+    // The condition refuses a NaN too.
     if p.volume.is_nan() || p.volume <= LEAST_VOLUME * diagonal.powi(3) {
         return Err(format!("the surface encloses a volume of {:.3e} m^3", p.volume));
     }
@@ -195,7 +197,7 @@ fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Re
     Ok(Shape::Rigid { skin, proxies, volume: p.volume, centroid: p.centroid, inertia: p.inertia, motion })
 }
 
-/// A layer that deforms and its skin.
+/// The deformable shape of a layer and its skin.
 fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let mut layer = prepared.layer.unwrap_or_default();
     let materials = materials::materials(keys, body, &layer, &prepared.groups)?;
@@ -206,11 +208,11 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
     if body.dilatation == Dilatation::Patch {
         if materials.all.iter().any(|material| material.law != Law::Corotational) {
-            let problem = "patches share the volumetric strain of the corotational law";
+            let problem = "\"patch\" works with the corotational law only";
             return Err(keys.error("dilatation", problem, "use \"element\", or law = \"corotational\" everywhere"));
         }
         if materials.all.iter().any(|material| material.poisson < 0.0) {
-            let problem = "patches guard against locking, and need a Poisson's ratio that is not negative";
+            let problem = "\"patch\" needs a Poisson's ratio that is not negative";
             return Err(keys.error("dilatation", problem, "use \"element\", or poisson = 0 or more everywhere"));
         }
         layer.patches = patch::patches(&layer, |t| materials.index(t) as u32);
@@ -227,7 +229,7 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     Ok(Shape::Soft { layer, frames, node_frames, joints, materials, embedding, skin, proxies })
 }
 
-/// How the one core of a rigid body moves.
+/// Motion of a rigid body, from its only core.
 fn motion(cores: &[scene::Core], scale: f64) -> FrameMotion {
     match cores.first().map(|core| &core.motion) {
         Some(Motion::Driven(keys)) => FrameMotion::Driven(keys.clone()),

@@ -1,8 +1,9 @@
-//! The cache of prepared bodies, and of references that take long: one file each, named after a key of everything it depends on.
+//! A cache of prepared bodies and of other results that take long: one file each, named after a key that digests
+//! everything the result depends on.
 //!
-//! Only a help. An entry holds its own key and a checksum: what is damaged, cut short, of another version or under
-//! another's name is made again. Entries are written beside and renamed, so that readers and other writers never see
-//! half of one.
+//! The cache only saves time. An entry holds its own key and a checksum, so that an entry which is damaged, truncated,
+//! of another version or under another entry's name is recognised and made again. An entry is written to a temporary
+//! file and then renamed, so that other processes never see part of one.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,44 +17,45 @@ use sha2::{Digest, Sha256};
 use super::sources::SOURCES;
 use crate::gpu::{Context, Options};
 
-/// Opens an entry.
+/// The first bytes of an entry's file.
 const MAGIC: &[u8; 8] = b"palpbody";
-/// Bytes of a SHA-256.
+/// Number of bytes of a SHA-256 digest.
 const DIGEST: usize = 32;
-/// Magic, key, length of the payload, checksum of the payload.
+/// Number of bytes before the payload: magic number, key, length of the payload, checksum of the payload.
 const HEADER: usize = MAGIC.len() + DIGEST + 8 + DIGEST;
-/// Ending of an entry's name.
+/// Extension of an entry's file name.
 const ENDING: &str = "body";
-/// Entries beyond this many bytes in all make the oldest ones go.
+/// When all entries together exceed this number of bytes, the oldest ones are removed.
 const MOST_BYTES: u64 = 2 << 30;
 
-/// Everything that a cached value depends on, digested.
+/// Digest of everything that a cached value depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Key([u8; DIGEST]);
 
-/// Digests what a value depends on. Fields are framed by their lengths, so that no two lists of fields read the same.
+/// Computes the key of a value from the fields that it depends on. Each field is preceded by its length, so that no two
+/// lists of fields give the same bytes.
 pub struct KeyMaker(Sha256);
 
 impl KeyMaker {
-    /// Starts with the version of the algorithms: the sources themselves.
+    /// Starts with the source texts of all preparation code as the first fields: they serve as its version.
     pub fn new() -> Self {
         Self::of(SOURCES)
     }
 
-    /// Starts with other sources.
+    /// Starts with other source texts as the first fields.
     pub fn of(sources: &[&str]) -> Self {
         let mut maker = KeyMaker(Sha256::new());
         sources.iter().for_each(|source| maker.add(source.as_bytes()));
         maker
     }
 
-    /// Adds a field.
+    /// Adds a field to the key.
     pub fn add(&mut self, field: &[u8]) {
         self.0.update((field.len() as u64).to_le_bytes());
         self.0.update(field);
     }
 
-    /// The key of all fields.
+    /// The key of all fields added.
     pub fn finish(self) -> Key {
         Key(self.0.finalize().into())
     }
@@ -65,18 +67,18 @@ impl Default for KeyMaker {
     }
 }
 
-/// What was found under a key.
+/// Result of looking up a key.
 #[derive(Debug, PartialEq)]
 pub enum Entry<T> {
-    /// A sound entry.
+    /// A valid entry was found.
     Found(T),
-    /// No entry, or no cache.
+    /// There is no entry, or no cache.
     Missing,
-    /// An entry that cannot be trusted; the file.
+    /// The entry in this file is invalid.
     Damaged(PathBuf),
 }
 
-/// A folder of entries, or none.
+/// A folder of entries; or no cache at all.
 #[derive(Debug, Clone)]
 pub struct Cache {
     folder: Option<PathBuf>,
@@ -88,17 +90,17 @@ impl Cache {
         Cache { folder: Options::user_cache() }
     }
 
-    /// A context's: [`Options::cache`].
+    /// The cache of a GPU context: [`Options::cache`].
     pub fn of(context: &Context) -> Self {
         Cache { folder: context.cache_folder().map(Path::to_path_buf) }
     }
 
-    /// A cache in a folder, which is made when the first entry is.
+    /// A cache in this folder, which is created with the first entry.
     pub fn at(folder: &Path) -> Self {
         Cache { folder: Some(folder.into()) }
     }
 
-    /// No cache: nothing is found, nothing is kept.
+    /// No cache: nothing is ever found or stored.
     pub fn off() -> Self {
         Cache { folder: None }
     }
@@ -108,13 +110,13 @@ impl Cache {
         self.folder.is_some()
     }
 
-    /// Where the value of a key is, or would be.
+    /// The file in which the value of a key is or would be stored; `None` without a cache.
     pub fn path(&self, key: &Key) -> Option<PathBuf> {
         let name: String = key.0.iter().map(|byte| format!("{byte:02x}")).collect();
         self.folder.as_ref().map(|folder| folder.join(name).with_extension(ENDING))
     }
 
-    /// The value kept under a key.
+    /// Looks up the value of a key.
     pub fn load<T: DeserializeOwned>(&self, key: &Key) -> Entry<T> {
         let Some(path) = self.path(key) else { return Entry::Missing };
         match fs::read(&path) {
@@ -127,19 +129,20 @@ impl Cache {
         }
     }
 
-    /// Keeps a value; the reason where it cannot be kept, which is no failure.
+    /// Stores a value. The error says why it could not be stored, which the caller may ignore.
     pub fn store<T: Serialize>(&self, key: &Key, value: &T) -> Result<(), String> {
         let (Some(path), Some(folder)) = (self.path(key), &self.folder) else { return Ok(()) };
         let failed = |error: std::io::Error| format!("the cache in {} cannot be written: {error}", folder.display());
-        let payload = postcard::to_stdvec(value).map_err(|error| format!("it cannot be cached: {error}"))?;
+        let payload = postcard::to_stdvec(value)
+            .map_err(|error| format!("the value cannot be serialised for caching: {error}"))?;
         fs::create_dir_all(folder).map_err(failed)?;
-        // Of this process and this call: two threads may make the same body at once.
+        // Process id and call number make the temporary name unique: two threads may store the same entry at once.
         static CALLS: AtomicU64 = AtomicU64::new(0);
         let call = CALLS.fetch_add(1, Ordering::Relaxed);
         let partial = path.with_extension(format!("{}-{call}.partial", std::process::id()));
         let written = fs::write(&partial, pack(key, &payload)).and_then(|()| fs::rename(&partial, &path));
         if written.is_err() {
-            // What cannot be removed either stays: there is nobody to tell.
+            // If the temporary file cannot be removed either, it stays; this need not be reported.
             let _ = fs::remove_file(&partial);
         }
         written.map_err(failed)?;
@@ -153,15 +156,15 @@ fn pack(key: &Key, payload: &[u8]) -> Vec<u8> {
     [MAGIC.as_slice(), &key.0, &length, Sha256::digest(payload).as_slice(), payload].concat()
 }
 
-/// The payload of a sound entry of this key.
+/// The payload of an entry, if the entry is valid and belongs to this key.
 fn unpack<'a>(key: &Key, bytes: &'a [u8]) -> Option<&'a [u8]> {
     let (header, payload) = bytes.split_at_checked(HEADER)?;
     let expected = pack(key, payload);
     (header == &expected[..HEADER]).then_some(payload)
 }
 
-/// Removes the oldest entries, never the one just written, until the folder holds at most `most` bytes. Failures are
-/// passed over: a cache too large is no harm to this run.
+/// Removes the oldest entries until the folder holds at most `most` bytes, but never the entry just written. Failures
+/// are ignored: a cache that is too large does no harm to this run.
 fn trim(folder: &Path, newest: &Path, most: u64) {
     let Ok(listing) = fs::read_dir(folder) else { return };
     let mut entries: Vec<(SystemTime, PathBuf, u64)> = Vec::new();

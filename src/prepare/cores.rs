@@ -1,4 +1,6 @@
-//! Cores: which nodes each rigid core of a body carries, and the frames that nodes, skin and proxies ride on.
+//! Rigid cores of a deformable body: finds the nodes of the layer (tetrahedral simulation mesh) that are attached to
+//! each core, and makes the rigid coordinate frames that the nodes, the skin (surface mesh) and the collision proxies
+//! (convex hulls) follow.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -10,19 +12,20 @@ use crate::Result;
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{Bind, Body, Hinge, Motion};
 
-/// Determinant of a dynamic core's inertia against the cube of its mean, or inertia about its hinge against the mean, at
-/// least: less is a line of nodes.
+/// Lower bounds that exclude nodes on one line: of the determinant of a dynamic core's inertia over the cube of its
+/// mean, and of the inertia about a hinge over the mean inertia.
 const THINNEST: f64 = 1e-6;
-/// What to do about a core that holds nothing.
+/// Remedy for a core without attached nodes.
 const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
 
-/// Marks the nodes that the body's cores carry as bound, and returns the core of each node: of a bound node the first in
-/// the body's list that names it (of bones whose capsules overlap, see [`bind::nearer_bones`]), of a free node the
-/// nearest along the edges of the layer (so that a hand beside a thigh follows the arm); 0 everywhere in a body without
-/// cores. `skin` and `layer` are in file coordinates, `numbers` those of the layer's nodes in their file (ascending). `error` makes an error of a key (`core.NAME.bind`, `layer`), a
-/// problem and a remedy.
+/// Marks the nodes attached to the body's cores as bound, and returns the index of the core that each node follows. An
+/// attached node follows the first core in the body's list that selects it (among bones with overlapping capsules as
+/// [`bind::nearer_bones`] says). A free node follows the core whose attached nodes are nearest along the edges of the
+/// layer, so that a hand beside a thigh follows the arm. In a body without cores all indices are 0. `skin` and `layer`
+/// are in file coordinates; `numbers` are the layer's nodes as numbered in their file, ascending. `error` makes an
+/// error from a key (`core.NAME.bind` or `layer`), a problem and a remedy.
 ///
-/// Refused: a core that carries no node, and a part of the layer that no core holds.
+/// Refused are a core without attached nodes, and a connected part of the layer without attached nodes.
 pub fn bind(
     body: &Body,
     layer: &mut Layer,
@@ -33,7 +36,8 @@ pub fn bind(
     let mut holders = vec![NONE; layer.nodes.len()];
     for (index, core) in body.cores.iter().enumerate() {
         let key = format!("core.{}.bind", core.name);
-        let region = core.bind.as_ref().ok_or_else(|| error(&key, "missing", "say which nodes the core carries"))?;
+        let region =
+            core.bind.as_ref().ok_or_else(|| error(&key, "missing", "give `bind`, the nodes attached to the core"))?;
         let mut named = renumbered(region, numbers)
             .and_then(|region| bind::named(layer, (&skin.vertices, &skin.triangles), &region))
             .map_err(|(problem, remedy)| error(&key, &problem, remedy))?;
@@ -43,9 +47,9 @@ pub fn bind(
         }
         if !holders.contains(&(index as u32)) {
             let problem = if named.contains(&true) {
-                "all nodes in the region are carried by cores before it: this one would hold nothing"
+                "all nodes in the region are attached to earlier cores: no node is left for this one"
             } else {
-                "no node lies in the region: the core would hold nothing"
+                "no node lies in the region: no node is attached to the core"
             };
             return Err(error(&key, problem, ENLARGE));
         }
@@ -57,29 +61,29 @@ pub fn bind(
     if let Some((count, node)) = bind::unheld(layer) {
         let (p, node) = (layer.nodes[node as usize], numbers[node as usize]);
         let problem = format!(
-            "{count} nodes with nothing to hold them: the layer has a part without bound nodes, with node {node} at \
+            "a connected part of the layer has no node attached to a core: {count} nodes, among them node {node} at \
              [{:.4}, {:.4}, {:.4}]",
             p.x, p.y, p.z
         );
-        return Err(error("layer", &problem, "join the parts, bind a node of each, or make them bodies of their own"));
+        return Err(error("layer", &problem, "join the parts, attach a node of each, or make them separate bodies"));
     }
     Ok(nearest(layer, holders))
 }
 
-/// A region whose nodes, if it lists any, are those of the layer and not of its file.
+/// Translates the node numbers that `bind` may list from those of the layer's file to indices into the layer.
 fn renumbered(bind: &Bind, numbers: &[u32]) -> std::result::Result<Bind, (String, &'static str)> {
     let Bind::Nodes(list) = bind else { return Ok(bind.clone()) };
     let place = |node: &u32| match numbers.binary_search(node) {
         Ok(place) => Ok(place as u32),
-        // Beyond the file's last node: the binding itself says so.
+        // Numbers beyond the file's last node are left for `bind::named` to refuse.
         Err(place) if place == numbers.len() => Ok(*node),
         Err(_) => Err((format!("node {node} belongs to no tetrahedron"), "name nodes of tetrahedra")),
     };
     list.iter().map(place).collect::<std::result::Result<_, _>>().map(Bind::Nodes)
 }
 
-/// Gives every node without a holder that of the node it reaches first along edges (E. Dijkstra 1959); equally far, the
-/// lower core's.
+/// Gives every node without a core the core that it reaches first along edges (E. Dijkstra 1959); if two are equally
+/// far, the one with the lower index.
 fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
     if holders.iter().all(|&holder| holder == 0 || holder == NONE) {
         return vec![0; holders.len()];
@@ -90,7 +94,7 @@ fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
             around[t[i] as usize].push(t[j]);
         }
     }
-    // Distances are non-negative, and the order of their bits is theirs.
+    // The distances are not negative, so the order of their bits is that of their values.
     let start = |(node, &holder): (usize, &u32)| (holder != NONE).then_some(Reverse((0u64, holder, node as u32)));
     let mut queue: BinaryHeap<_> = holders.iter().enumerate().filter_map(start).collect();
     let mut done = vec![false; holders.len()];
@@ -107,9 +111,10 @@ fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
     holders
 }
 
-/// The frames of a soft body: one a core, centred at the centre of the mass it carries, or on its hinge; without cores one floating frame at the
-/// centre of mass. `layer` is in the rest frame (m), `holders` what `bind` returned. Refused (key, problem, remedy): a
-/// dynamic core whose nodes lie on one line, or on its hinge, about which it would have no inertia.
+/// The rigid frames of a soft body: one for each core, with its origin at the centre of mass of the attached nodes or
+/// on the core's hinge; without cores, one floating frame at the centre of mass. `layer` is in the rest frame (m),
+/// `holders` is what `bind` returned. Refused (key, problem, remedy) is a dynamic core whose nodes lie on one line, or
+/// all on its hinge: it would have no inertia about that axis.
 pub fn frames(
     body: &Body,
     layer: &Layer,
@@ -153,13 +158,13 @@ pub fn frames(
     body.cores.iter().enumerate().map(frame).collect()
 }
 
-/// How a dynamic core of a body of this scale moves.
+/// Motion of the frame of a dynamic core, in a body of this scale.
 pub fn dynamic(core: &crate::scene::Core, scale: f64) -> FrameMotion {
     let hinge = core.hinge.map(|hinge| Hinge { point: scale * hinge.point, ..hinge });
     FrameMotion::Dynamic { mass: core.mass, hinge }
 }
 
-/// A frame that follows the nodes: mass, centre and inertia of the lumped layer.
+/// A floating frame: mass, centre of mass and inertia of the lumped layer.
 pub fn floating(layer: &Layer, materials: &Materials) -> Frame {
     let shares = shares(layer, materials);
     let weighted = || shares.iter().zip(&layer.nodes);
@@ -170,8 +175,8 @@ pub fn floating(layer: &Layer, materials: &Materials) -> Frame {
     Frame { centre, motion: FrameMotion::Floating { mass: density * all, inertia: inertia * density } }
 }
 
-/// Lumped masses of the nodes over the density of the body's own material, m^3: so that of a body of one material the centre is
-/// the same to the last bit whatever it weighs.
+/// Lumped mass of each node over the density of the body's base material, m^3. So the centre of mass of a body with one
+/// material is the same to the last bit for any density.
 fn shares(layer: &Layer, materials: &Materials) -> Vec<f64> {
     let mut shares = vec![0.0; layer.nodes.len()];
     for (index, t) in layer.tetrahedra.iter().enumerate() {
@@ -183,7 +188,7 @@ fn shares(layer: &Layer, materials: &Materials) -> Vec<f64> {
     shares
 }
 
-/// Inertia of a point mass at `r` (m) from the centre, mass m^2.
+/// Inertia tensor of a point mass at `r` (m) from the centre, mass x m^2.
 fn point_inertia(mass: f64, r: DVec3) -> DMat3 {
     mass * (DMat3::from_diagonal(DVec3::splat(r.length_squared())) - DMat3::from_cols(r * r.x, r * r.y, r * r.z))
 }
@@ -196,8 +201,8 @@ mod tests {
 
     #[test]
     fn a_free_node_follows_the_core_it_reaches_first_along_the_layer() {
-        // Two prongs on a base, the first bound at its tip, the second in the base: a node at the second's tip is
-        // nearer to the first's in space and not along the layer.
+        // A fork of two prongs on a base: core 0 binds the first prong's tip, core 1 the base. The node at the second
+        // prong's tip is nearer to core 0 in space, but nearer to core 1 along the layer's edges.
         let mut fork = layer::kuhn_box(DVec3::ZERO, DVec3::new(0.5, 1.0, 0.1), [5, 10, 1]);
         let middle = |t: &[u32; 4]| t.iter().map(|&n| fork.nodes[n as usize]).sum::<DVec3>() / 4.0;
         let kept = fork.tetrahedra.iter().filter(|t| middle(t).y < 0.2 || !(0.2..0.3).contains(&middle(t).x));
@@ -227,7 +232,8 @@ mod tests {
         };
         let (key, problem, _) = frames_on(DVec3::ZERO).unwrap_err();
         assert!(key == "core.core0.bind" && problem.contains("lie on its hinge"), "{key} {problem}");
-        // Beside it they have inertia about it, though they are on a line; the hinge is scaled with the body.
+        // Beside the hinge the nodes have inertia about it, although they lie on a line. The hinge is scaled with the
+        // body.
         assert_eq!(frames_on(DVec3::new(0.05, 0.0, 0.0)).unwrap()[0].centre, DVec3::new(0.1, 0.0, 0.0));
     }
 
@@ -239,7 +245,7 @@ mod tests {
         let FrameMotion::Floating { mass, inertia } = frame.motion else { panic!("not floating") };
         assert!((mass - 24.0).abs() < 1e-9 && frame.centre.distance(DVec3::new(0.1, 0.2, 0.3)) < 0.002);
         let want = mass / 12.0 * (0.16 + 0.36);
-        // Lumping moves mass outwards by a share of the cell squared.
+        // Lumping at the nodes adds inertia in proportion to the square of the cell edge.
         assert!((inertia.x_axis.x / want - 1.0).abs() < 0.01, "{} {want}", inertia.x_axis.x);
     }
 }

@@ -1,13 +1,15 @@
-//! Coverage: which skin vertices lie inside proxies. Apart from ownership: a vertex has one owner, and may lie in many.
+//! Share of the vertices of the skin (surface mesh) that lie inside the convex collision proxies. This is independent
+//! of ownership: each vertex has one owner among the proxies, but may lie in several.
 
 use super::{Proxy, Skin};
 
-/// A point on an inflated face counts as inside; rounding of a plane's distance, as a share of the skin's size.
+/// Tolerance for a point on an inflated face, which counts as inside: rounding of its distance from the plane, as a
+/// share of the skin's size.
 const ROUNDING: f64 = 1e-12;
 
-/// Share of the skin's vertices (those of triangles) inside at least one proxy inflated by its margin. 1 is promised by
-/// construction; this looks at the hulls themselves. Vertices are tried against their owner first, so that it costs
-/// vertices times faces.
+/// Share of the skin's vertices (of those in triangles) inside at least one proxy inflated by its margin. Construction
+/// promises 1; this function tests the hulls themselves. A vertex is first tested against its owner, so that the cost
+/// is about vertices times faces of one hull.
 pub fn share(skin: &Skin, proxies: &[Proxy]) -> f64 {
     let mut used = vec![false; skin.vertices.len()];
     skin.triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
@@ -39,10 +41,10 @@ mod tests {
     use crate::scene;
     use crate::stages::model::Model;
 
-    /// The device's margins and weights are f32; as a share of the bound and of the body.
+    /// Rounding of the GPU's margins and weights, which are f32: as a share of the displacement bound, and in metres.
     const SINGLE: f64 = 1e-6;
 
-    /// A head whose skin stands off its layer in places, so that weights extrapolate; with its arrays for the device.
+    /// A head whose skin stands off its layer in places, so that weights extrapolate; and its arrays for the GPU.
     fn head(stand_off: f64) -> (Body, Model) {
         let surface = Some(scene::Surface::Model { model: scene::Model::Head, vertices: 3000 });
         let scene = scene(
@@ -60,7 +62,7 @@ mod tests {
         (body, model)
     }
 
-    /// Numbers from 0 to 1, the same every time.
+    /// A pseudo-random number from 0 to 1; the sequence is the same in every run.
     fn random(state: &mut u64) -> f64 {
         *state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (*state >> 11) as f64 / (1u64 << 53) as f64
@@ -70,7 +72,8 @@ mod tests {
         2.0 * DVec3::new(random(state), random(state), random(state)) - 1.0
     }
 
-    /// Displacements of all nodes: smooth, rough, of one node in fifty, far beyond the body, and a turn of all.
+    /// Displacement fields of all nodes: smooth, rough, nonzero at one node in fifty, far larger than the body, a rigid
+    /// rotation.
     fn fields(nodes: &[DVec3]) -> Vec<Vec<DVec3>> {
         let mut state = 7;
         let turn = glam::DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, 2.0);
@@ -91,8 +94,8 @@ mod tests {
         (0..4).map(|k| d[nodes[k] as usize] * e.weights[k]).sum()
     }
 
-    /// Largest share of its inflation that any skin of any proxy uses under a field; the skin must be covered where
-    /// this is at most 1. `weight` replaces the bound of the weights.
+    /// Greatest share of its inflation that a proxy needs to contain its skin under a displacement field; the skin is
+    /// covered if this is at most 1. `weight`, if given, replaces the bound on the embedding weights.
     fn used(body: &Body, model: &Model, d: &[DVec3], weight: Option<f64>) -> f64 {
         let Shape::Soft { layer, embedding, skin, proxies, .. } = &body.shape else { panic!("not soft") };
         let mut worst = 0.0f64;
@@ -129,8 +132,8 @@ mod tests {
         }
     }
 
-    /// Nodes pulled each as its weight says, so that extrapolation adds up: the bound is reached, and one that left the
-    /// weights out would be passed.
+    /// Each node is pulled in the direction of its weight's sign, so that extrapolation adds up: the bound is then
+    /// reached, and a bound that ignored the weights would be exceeded.
     #[test]
     fn the_weights_of_extrapolated_skin_are_needed() {
         let (body, model) = head(0.06);

@@ -1,8 +1,10 @@
-//! Solids bounded by triangles, as signed distances: negative inside. Open, dirty and self-intersecting surfaces too.
+//! Signed distance from a solid bounded by triangles, negative inside. The surface may be open, self-intersecting or
+//! otherwise defective.
 //!
-//! Distances come from a tree of boxes (parry). The sign is the generalised winding number against one half (A. Jacobson
-//! et al. 2013), summed over a tree of dipoles: exact near the point, one dipole for each far cluster (G. Barill et al.
-//! 2018, first order). Exact solid angles after A. van Oosterom and J. Strackee 1983.
+//! Distances come from a bounding volume hierarchy (parry). The sign is that of one half less the generalised winding
+//! number (A. Jacobson et al. 2013), which is summed over a tree of triangle clusters: exactly near the point, by one
+//! dipole for each far cluster (G. Barill et al. 2018, first order). Exact solid angles follow A. van Oosterom and J.
+//! Strackee 1983.
 
 use std::f64::consts::PI;
 
@@ -11,28 +13,29 @@ use parry3d_f64::math::Vector;
 use parry3d_f64::query::{PointQuery, PointQueryWithLocation};
 use parry3d_f64::shape::TriMesh;
 
-/// A cluster farther than this many of its radii is one dipole: the error of its share of 4 pi is then a few thousandths.
+/// A cluster farther away than this many of its radii is replaced by one dipole: its share of the solid angle 4 pi is
+/// then wrong by a few thousandths.
 const FAR: f64 = 3.0;
-/// Triangles of a leaf at most.
+/// Greatest number of triangles in a leaf of the tree.
 const LEAF: usize = 8;
-/// Crossings closer than this share of a segment are one: the segment meets the edge that two triangles share.
+/// Two hits closer together than this share of a segment are one: the segment meets an edge that two triangles share.
 const SAME_CROSSING: f64 = 1e-7;
-/// Winding number of the boundary between inside and outside.
+/// Winding number at the boundary between inside and outside.
 pub const HALF: f64 = 0.5;
 
-/// What a surface encloses.
+/// A solid given by its surface.
 pub struct Solid {
     surface: TriMesh,
     corners: Vec<[DVec3; 3]>,
     clusters: Vec<Cluster>,
 }
 
-/// Triangles `first..end`, in the tree's own order, seen from afar; a leaf has no `second` child, others have their first
-/// child right after them.
+/// A node of the tree: the triangles `first..end` in the tree's own order. `second` is the index of the second child, 0
+/// in a leaf; the first child follows its parent directly.
 struct Cluster {
     centre: DVec3,
     radius: f64,
-    /// Sum of area times unit normal, m^2.
+    /// Dipole moment: sum of area times unit normal, m^2.
     dipole: DVec3,
     first: u32,
     end: u32,
@@ -40,8 +43,8 @@ struct Cluster {
 }
 
 impl Solid {
-    /// From vertices (m) and triangles; triangles without area are ignored, as they bound nothing. Errors: no triangle
-    /// left, or a coordinate that is no number.
+    /// A solid from vertices (m) and triangles; triangles without area are ignored. Errors: no triangle has an area, or
+    /// a coordinate is not finite.
     pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Result<Self, String> {
         let area = |t: &&[u32; 3]| {
             let [a, b, c] = t.map(|i| vertices[i as usize]);
@@ -61,20 +64,20 @@ impl Solid {
         Ok(Solid { surface, corners, clusters })
     }
 
-    /// Distance to the surface, m.
+    /// Unsigned distance to the surface, m.
     pub fn distance(&self, point: DVec3) -> f64 {
         self.surface.distance_to_local_point(Vector::new(point.x, point.y, point.z), false)
     }
 
-    /// A vertex of the nearest triangle.
+    /// A vertex of the triangle nearest to the point.
     pub fn nearest_vertex(&self, point: DVec3) -> u32 {
         let point = Vector::new(point.x, point.y, point.z);
         let (_, (triangle, _)) = self.surface.project_local_point_and_get_location(point, false);
         self.surface.indices()[triangle as usize][0]
     }
 
-    /// How often the surface winds around a point: 1 inside a closed outward surface, 0 outside, in between for an open
-    /// one.
+    /// Winding number of the surface around a point: 1 inside a closed surface that is oriented outwards, 0 outside of
+    /// it, and between them for an open surface.
     pub fn winding(&self, point: DVec3) -> f64 {
         let (mut angle, mut stack) = (0.0, vec![0]);
         while let Some(index) = stack.pop() {
@@ -92,13 +95,13 @@ impl Solid {
         angle / (4.0 * PI)
     }
 
-    /// Distance to the surface, negative inside, m.
+    /// Signed distance to the surface, negative inside, m.
     pub fn signed(&self, point: DVec3) -> f64 {
         let distance = self.distance(point);
         if self.winding(point) > HALF { -distance } else { distance }
     }
 
-    /// Where the segment from `a` to `b` meets the surface, as ascending shares of its length.
+    /// Hits of the segment from `a` to `b` on the surface, as ascending shares of its length.
     pub fn crossings(&self, a: DVec3, b: DVec3) -> Vec<f64> {
         let (low, high) = (a.min(b), a.max(b));
         let (low, high) = (Vector::new(low.x, low.y, low.z), Vector::new(high.x, high.y, high.z));
@@ -114,7 +117,7 @@ impl Solid {
     }
 }
 
-/// Appends the tree over triangles `first..end`, which it parts in halves.
+/// Appends the tree over the triangles `first..end`, which are split into halves.
 fn cluster(corners: &mut [[DVec3; 3]], first: usize, end: usize, clusters: &mut Vec<Cluster>) {
     let mine = &mut corners[first..end];
     let (mut dipole, mut sum, mut weight) = (DVec3::ZERO, DVec3::ZERO, 0.0);
@@ -143,13 +146,13 @@ fn cluster(corners: &mut [[DVec3; 3]], first: usize, end: usize, clusters: &mut 
     }
 }
 
-/// How often triangles wind around a point, each of them looked at: for few points, or few triangles.
+/// Winding number of triangles around a point, by a sum over all triangles: for few points or few triangles.
 pub fn winding_number(vertices: &[DVec3], triangles: &[[u32; 3]], point: DVec3) -> f64 {
     let corners = |t: &[u32; 3]| [t.map(|i| vertices[i as usize])];
     triangles.iter().map(|t| solid_angle(&corners(t), point)).sum::<f64>() / (4.0 * PI)
 }
 
-/// Sum of the solid angles of triangles seen from a point.
+/// Sum of the signed solid angles of triangles seen from a point.
 fn solid_angle(triangles: &[[DVec3; 3]], point: DVec3) -> f64 {
     let mut angle = 0.0;
     for t in triangles {
@@ -161,7 +164,8 @@ fn solid_angle(triangles: &[[DVec3; 3]], point: DVec3) -> f64 {
     angle
 }
 
-/// Where the segment meets a triangle, edges included (T. Moeller and B. Trumbore 1997); none where they are parallel.
+/// Where the segment from `a` to `b` hits a triangle or its edges, as a share of the segment's length (T. Moeller and
+/// B. Trumbore 1997); `None` also if they are parallel.
 fn meet([p, q, r]: &[DVec3; 3], a: DVec3, b: DVec3) -> Option<f64> {
     let (u, v, ray) = (q - p, r - p, b - a);
     let normal = ray.cross(v);
@@ -169,7 +173,7 @@ fn meet([p, q, r]: &[DVec3; 3], a: DVec3, b: DVec3) -> Option<f64> {
     let from = a - p;
     let (s, across) = (from.dot(normal) / determinant, from.cross(u));
     let (t, share) = (ray.dot(across) / determinant, v.dot(across) / determinant);
-    // A determinant of zero gives no number or an infinity, and no hit.
+    // A determinant of zero gives NaN or infinity, which fails the conditions.
     (s >= 0.0 && t >= 0.0 && s + t <= 1.0 && (0.0..=1.0).contains(&share)).then_some(share)
 }
 
@@ -178,7 +182,7 @@ mod tests {
     use super::*;
     use crate::prepare::sphere;
 
-    /// Dipoles of clusters at three radii and more, all of one coarse sphere; the sign needs far less.
+    /// Error of the winding number by dipoles, for one coarse sphere; deciding its sign would allow far more.
     const DIPOLES: f64 = 0.02;
 
     #[test]

@@ -1,4 +1,5 @@
-//! Embedding: each skin vertex as a weighted sum of the nodes of one tetrahedron. The pose of the skin rests on it.
+//! Embedding: each vertex of the skin (surface mesh) as a weighted sum of the nodes of one tetrahedron of the layer
+//! (simulation mesh). The simulation moves the skin by these weights.
 
 use glam::{DMat3, DVec3};
 use parry3d_f64::math::Vector;
@@ -7,18 +8,20 @@ use parry3d_f64::shape::TriMesh;
 
 use super::{Embedding, Layer, layer};
 
-/// A weight this far below zero still counts as inside: rounding of f64 barycentrics, not geometry.
+/// A weight this far below zero still counts as inside: it is rounding of the barycentric coordinates.
 const INSIDE_ROUNDING: f64 = 1e-12;
-/// A skin vertex farther from the layer than this share of the layer's diagonal belongs to another body or unit.
+/// A skin vertex whose distance from the layer exceeds this share of the layer's diagonal is refused: surface and layer
+/// are then not in the same units or place.
 const FARTHEST: f64 = 0.1;
-/// A tetrahedron is flat below this determinant relative to the cube of its longest edge.
+/// A tetrahedron is flat if its determinant over the cube of its longest edge is below this.
 const FLAT: f64 = 1e-14;
 
-/// Embeds every point in the layer (both in the same frame, m).
+/// Embeds every point in the layer (both in the same coordinates, m).
 ///
-/// A point inside the layer gets the tetrahedron in which its least weight is largest (the lowest index of equals); a
-/// point outside gets, of the tetrahedra around the nearest boundary face, the one that extrapolates to it least. A
-/// point exactly on a node gets weight exactly 1 there. Errors: an empty or flat layer, or a point far outside it.
+/// A point inside the layer gets the tetrahedron in which its least weight is largest (in a tie, the one with the
+/// lowest index). A point outside gets, among the tetrahedra that share a node with the one behind the nearest boundary
+/// face, the one that extrapolates least. A point exactly on a node gets weight exactly 1 there. Errors: an empty
+/// layer, a flat tetrahedron, or a point far outside.
 pub fn embed(points: &[DVec3], layer: &Layer) -> Result<Vec<Embedding>, String> {
     let grid = Grid::build(layer)?;
     let mut outside: Option<Outside> = None;
@@ -46,21 +49,22 @@ pub fn embed(points: &[DVec3], layer: &Layer) -> Result<Vec<Embedding>, String> 
     Ok(embeddings)
 }
 
-/// The largest extrapolation: how far below zero the least weight of any embedding lies, 0 where all lie inside.
+/// The largest extrapolation: how far the least weight of all embeddings lies below zero; 0 if all points lie inside.
 pub fn extrapolation(embeddings: &[Embedding]) -> f64 {
     embeddings.iter().flat_map(|e| e.weights).fold(0.0, |worst: f64, w| worst.max(-w))
 }
 
-/// A uniform grid over the layer: for each cell, the tetrahedra whose boxes meet it, ascending.
+/// A uniform grid over the layer that lists, for each cell, the tetrahedra whose bounding boxes meet it, ascending. The
+/// list of cell c is `entries[start[c]..start[c + 1]]`.
 struct Grid {
     low: DVec3,
     high: DVec3,
-    /// Cells per metre, per axis.
+    /// Cells per metre along each axis.
     rate: DVec3,
     size: [usize; 3],
     start: Vec<u32>,
     entries: Vec<u32>,
-    /// Maps a point less the first node to the weights of nodes 1 to 3.
+    /// For each tetrahedron, the matrix from a position relative to its node 0 to the weights of nodes 1 to 3.
     inverses: Vec<DMat3>,
     diagonal: f64,
 }
@@ -72,7 +76,7 @@ impl Grid {
         let low = corners().fold(DVec3::INFINITY, DVec3::min);
         let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
         let extent = high - low;
-        // About one cell a tetrahedron: a lookup then meets a few tens of candidates.
+        // With about one cell per tetrahedron, a look-up meets a few tens of candidates.
         let edge = (extent.x * extent.y * extent.z / layer.tetrahedra.len() as f64).cbrt();
         let size = extent.to_array().map(|e| ((e / edge) as usize).clamp(1, 512));
         let rate = DVec3::new(size[0] as f64, size[1] as f64, size[2] as f64) / extent;
@@ -82,7 +86,7 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Counts, then writes, the tetrahedra of each cell.
+    /// Fills the lists in two passes: the first counts the entries of each cell, the second writes them.
     fn fill(&mut self, layer: &Layer) {
         let mut start = vec![0u32; self.size.iter().product::<usize>() + 1];
         for pass in 0..2 {
@@ -109,19 +113,19 @@ impl Grid {
                 self.entries = vec![0; start[start.len() - 1] as usize];
             }
         }
-        // Writing moved each start to the next one's place.
+        // Writing has advanced each start to the next cell's.
         start.rotate_right(1);
         start[0] = 0;
         self.start = start;
     }
 
-    /// The cell of a point, clamped into the grid.
+    /// The cell of a point, clamped to the grid.
     fn cell(&self, point: DVec3) -> [usize; 3] {
         let c = (point - self.low) * self.rate;
         [0, 1, 2].map(|k| (c[k] as usize).min(self.size[k] - 1))
     }
 
-    /// Weights of a point on the four nodes of tetrahedron `t`; exactly 1 on a node it coincides with.
+    /// Weights of a point on the four nodes of tetrahedron `t`; exactly 1 on a node that it coincides with.
     fn weights(&self, layer: &Layer, t: u32, point: DVec3) -> [f64; 4] {
         let nodes = layer.tetrahedra[t as usize].map(|i| layer.nodes[i as usize]);
         if let Some(k) = nodes.iter().position(|&n| n == point) {
@@ -131,7 +135,7 @@ impl Grid {
         [1.0 - w.x - w.y - w.z, w.x, w.y, w.z]
     }
 
-    /// The tetrahedron that holds the point most deeply, and the weights in it.
+    /// The tetrahedron that contains the point with the largest least weight, and the weights in it.
     fn containing(&self, layer: &Layer, point: DVec3) -> Option<(u32, [f64; 4])> {
         if point.cmplt(self.low).any() || point.cmpgt(self.high).any() {
             return None;
@@ -153,7 +157,7 @@ impl Grid {
     }
 }
 
-/// The map from position to weights of each tetrahedron.
+/// For each tetrahedron, the matrix from relative position to weights.
 fn inverses(layer: &Layer) -> Result<Vec<DMat3>, String> {
     if layer.tetrahedra.is_empty() {
         return Err("the layer has no tetrahedra".into());
@@ -164,7 +168,7 @@ fn inverses(layer: &Layer) -> Result<Vec<DMat3>, String> {
         let edges = DMat3::from_cols(b - a, c - a, d - a);
         let longest = [b - a, c - a, d - a, c - b, d - b, d - c].map(|e| e.length()).into_iter().fold(0.0, f64::max);
         let determinant = edges.determinant().abs();
-        // Written so that a NaN is refused too.
+        // The condition refuses a NaN too.
         if determinant.is_nan() || determinant <= FLAT * longest.powi(3) {
             return Err(format!("tetrahedron {t} of the layer has no volume"));
         }
@@ -173,7 +177,7 @@ fn inverses(layer: &Layer) -> Result<Vec<DMat3>, String> {
     Ok(inverses)
 }
 
-/// The layer's boundary, for points outside it.
+/// The layer's boundary surface, to find tetrahedra for points outside.
 struct Outside {
     surface: TriMesh,
     tetrahedra: Vec<u32>,
@@ -194,8 +198,8 @@ impl Outside {
         Ok(Outside { surface, tetrahedra, around })
     }
 
-    /// Of the tetrahedra that share a node with `t`, the one that extrapolates to the point least, and its weights:
-    /// behind the nearest face there may be a sliver, and weights of 3 would treble every motion of its nodes.
+    /// Of the tetrahedra that share a node with `t`, the one that extrapolates to the point least, and its weights. The
+    /// tetrahedron behind the nearest face may be a sliver, and a weight of 3 would treble every motion of its nodes.
     fn steadiest(&self, layer: &Layer, grid: &Grid, t: u32, point: DVec3) -> (u32, [f64; 4]) {
         let least = |w: &[f64; 4]| w.iter().copied().fold(f64::INFINITY, f64::min);
         let mut best = (t, grid.weights(layer, t, point));
@@ -208,7 +212,7 @@ impl Outside {
         best
     }
 
-    /// The tetrahedron behind the nearest boundary face, and the distance to that face.
+    /// The tetrahedron behind the nearest boundary face, and the distance to that face, m.
     fn nearest(&self, point: DVec3) -> (u32, f64) {
         let point = Vector::new(point.x, point.y, point.z);
         let (projection, (face, _)) = self.surface.project_local_point_and_get_location(point, false);
@@ -220,7 +224,7 @@ impl Outside {
 mod tests {
     use super::*;
 
-    /// Barycentric reconstruction of a point of size 1 in f64.
+    /// Error of a point of size 1 reconstructed from its weights in f64.
     const RECONSTRUCTION: f64 = 1e-13;
 
     fn place(layer: &Layer, e: &Embedding) -> DVec3 {
@@ -258,7 +262,7 @@ mod tests {
         assert!(place(&layer, &e[0]).distance(point) < RECONSTRUCTION);
         let nodes = layer.tetrahedra[e[0].tetrahedron as usize].map(|i| layer.nodes[i as usize]);
         assert_eq!(nodes.iter().filter(|n| n.y == 1.0).count(), 3);
-        // 0.03 above a cell of height 0.25.
+        // The point is 0.03 above a cell of height 0.25.
         assert!((extrapolation(&e) - 0.12).abs() < 1e-12, "{}", extrapolation(&e));
     }
 

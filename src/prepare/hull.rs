@@ -1,4 +1,4 @@
-//! Convex hulls for proxies: few vertices, distinct planes, never empty.
+//! Convex hulls for collision proxies: few vertices, distinct face planes, and never without volume.
 
 use glam::DVec3;
 use parry3d_f64::math::Vector;
@@ -6,31 +6,33 @@ use parry3d_f64::transformation::try_convex_hull;
 
 use super::MAX_HULL_VERTICES;
 
-/// Half the thickness given to a flat hull, as a share of its diagonal.
+/// Half of the thickness that a flat hull is given, as a share of its diagonal.
 const THICKNESS: f64 = 1e-3;
-/// A hull is flat where it is thinner than this share of its diagonal: planes of such a hull are mostly rounding.
+/// A hull thinner than this share of its diagonal is flat: its planes would be mostly rounding error.
 const FLAT: f64 = 1e-6;
-/// Faces are one plane where their normals' sine and their offsets (as a share of the diagonal) differ by less.
+/// Two faces have one plane if the sine of the angle between their normals is below this. A triangle's plane must also
+/// pass within this distance (in diagonals) of the outermost corner along its normal.
 const COPLANAR: f64 = 1e-7;
 
-/// More points than this are thinned before their hull is looked for.
+/// Sets of more points than this are thinned before their hull is computed.
 const MANY: usize = 1500;
-/// Directions a side of each cube face when thinning: 12 degrees apart at most, which a hull of 64 corners cannot see.
+/// Number of thinning directions along each side of a cube's face. They are 12 degrees apart at most, finer than a hull
+/// of 64 corners can resolve.
 const DIRECTIONS: usize = 10;
 
 /// A convex hull with volume.
 #[derive(Debug, Clone, Default)]
 pub struct Hull {
-    /// Its corners, at most [`MAX_HULL_VERTICES`] where it was reduced, m.
+    /// Corners of the hull, m; at most [`MAX_HULL_VERTICES`] if it was reduced.
     pub vertices: Vec<DVec3>,
-    /// Unit outward normal and offset of each distinct plane; every corner satisfies n . x <= offset.
+    /// Unit outward normal n and offset (m) of each distinct face plane; n . x <= offset holds at every corner.
     pub faces: Vec<(DVec3, f64)>,
-    /// Outward triangles.
+    /// Triangles of the hull's surface, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Hull {
-    /// How far a point lies outside the plane it violates most, m; negative inside.
+    /// The greatest distance of a point outside any face plane, m; negative inside the hull.
     pub fn height(&self, point: DVec3) -> f64 {
         self.faces.iter().map(|(n, d)| n.dot(point) - d).fold(f64::NEG_INFINITY, f64::max)
     }
@@ -41,10 +43,10 @@ impl Hull {
     }
 }
 
-/// The full hull of points; `None` where they are flat, fewer than four, or defeat the algorithm.
+/// The full convex hull of the points. `None`: they are flat, fewer than four, or the algorithm fails on them.
 pub fn convex(points: &[DVec3]) -> Option<Hull> {
     let (low, diagonal) = bounds(points)?;
-    // About unit size and near the origin: the hull's own tolerances are absolute.
+    // The points are scaled to unit size near the origin, because the hull algorithm's tolerances are absolute.
     let local: Vec<Vector> = points.iter().map(|&p| (p - low) / diagonal).map(|p| Vector::new(p.x, p.y, p.z)).collect();
     let (corners, triangles) = try_convex_hull(&local).ok()?;
     let corners: Vec<DVec3> = corners.into_iter().map(|p| DVec3::new(p.x, p.y, p.z)).collect();
@@ -53,13 +55,14 @@ pub fn convex(points: &[DVec3]) -> Option<Hull> {
         let [a, b, c] = t.map(|i| corners[i as usize]);
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
         let offset = corners.iter().map(|&p| normal.dot(p)).fold(f64::NEG_INFINITY, f64::max);
-        // A sliver's normal is noise: its plane then cuts nothing, but stands off its own corners.
+        // The normal of a sliver is rounding noise: its plane would stand off its own corners without cutting anything,
+        // so it is left out.
         let same = |f: &(DVec3, f64)| f.0.dot(normal) > 0.0 && f.0.cross(normal).length() < COPLANAR;
         if offset - normal.dot(a) < COPLANAR && !faces.iter().any(same) {
             faces.push((normal, offset));
         }
     }
-    // Thinner than FLAT along any face: no volume worth the name.
+    // A hull that is thinner than [`FLAT`] along any face normal has no usable volume.
     let thickness = |f: &(DVec3, f64)| f.1 - corners.iter().map(|&p| f.0.dot(p)).fold(f64::INFINITY, f64::min);
     if faces.len() < 4 || faces.iter().any(|f| thickness(f) < FLAT) {
         return None;
@@ -71,34 +74,36 @@ pub fn convex(points: &[DVec3]) -> Option<Hull> {
     Some(Hull { vertices, faces, triangles })
 }
 
-/// A hull of at most [`MAX_HULL_VERTICES`] corners, all among the points; what was cut sticks out. `None` for points that
-/// are a single place, or not finite.
+/// A hull whose corners are at most [`MAX_HULL_VERTICES`] of the points; other points may stick out of it. `None`: all
+/// points coincide, or one is not finite.
 pub fn reduced(points: &[DVec3]) -> Option<Hull> {
     let mut growing = Growing::new(points)?;
     while growing.grow() {}
     Some(growing.hull)
 }
 
-/// A hull that takes in one corner after the other, each time the one that sticks out farthest (the lowest index of
-/// equals), which keeps what sticks out small.
+/// A hull that grows by one corner at a time. Each time the point that sticks out farthest (in a tie, the one with the
+/// lowest index) becomes a corner, which keeps the part outside small.
 pub struct Growing {
     /// Corners of the full hull.
     corners: Vec<DVec3>,
     chosen: Vec<usize>,
-    /// The hull so far, with volume.
+    /// The hull so far; it has volume.
     pub hull: Hull,
     farthest: Option<(f64, usize)>,
 }
 
 impl Growing {
-    /// Starts with extreme points. Flat points are thickened; if even that fails, the bounding box takes their place.
+    /// Starts with extreme points. Flat points are given a thickness; if that also fails, their bounding box is the
+    /// hull.
     pub fn new(points: &[DVec3]) -> Option<Growing> {
         let thinned = thinned(points);
         let Some(full) = convex(&thinned).or_else(|| thickened(&thinned)) else {
             let hull = boxed(points)?;
             return Some(Growing { corners: Vec::new(), chosen: Vec::new(), hull, farthest: None });
         };
-        // Few extremes may lie in a plane; more do not where the full hull has volume, or all of it is taken.
+        // A few extreme points may lie in a plane; more of them do not if the full hull has volume, or in the end all
+        // are taken.
         let all: Vec<usize> = (0..full.vertices.len()).collect();
         let seeds = [seed(&full.vertices, 1), seed(&full.vertices, 3), all];
         for chosen in seeds {
@@ -112,19 +117,19 @@ impl Growing {
         None
     }
 
-    /// How far the farthest corner outside sticks out, m; 0 where none does, or the hull can take no more.
+    /// Greatest distance of a corner outside the hull, m; 0 if none is outside, or the hull cannot grow further.
     pub fn excess(&self) -> f64 {
         self.farthest.map_or(0.0, |(height, _)| height)
     }
 
-    /// Takes in the corner that sticks out farthest; false where there is none, or the hull can take no more.
+    /// Adds the corner that sticks out farthest; returns false if there is none, or the hull cannot grow further.
     pub fn grow(&mut self) -> bool {
         let Some((_, next)) = self.farthest else { return false };
         self.chosen.push(next);
         let corners: Vec<DVec3> = self.chosen.iter().map(|&i| self.corners[i]).collect();
         match convex(&corners) {
             Some(hull) => self.hull = hull,
-            // A corner that defeats the algorithm: stay with the last good hull.
+            // If the algorithm fails with the new corner, the last good hull stays.
             None => {
                 self.farthest = None;
                 return false;
@@ -150,8 +155,9 @@ impl Growing {
     }
 }
 
-/// The extremes of many points along `DIRECTIONS` directions in each of a cube's faces, the lowest index of equals;
-/// few points as they are. A hull of all would cost the square of its corners where all lie on it.
+/// If the points are many, their extremes along a fixed set of directions (`DIRECTIONS` squared for each face of a
+/// cube), in a tie the one with the lowest index; otherwise all points. Without thinning, the cost would grow with the
+/// square of the number of points that are corners.
 pub fn thinned(points: &[DVec3]) -> Vec<DVec3> {
     if points.len() <= MANY {
         return points.to_vec();
@@ -159,8 +165,8 @@ pub fn thinned(points: &[DVec3]) -> Vec<DVec3> {
     seed(points, DIRECTIONS).into_iter().map(|i| points[i]).collect()
 }
 
-/// Extreme points along the directions from a cube's centre to a lattice of `side` points a side on its surface (1: its
-/// faces' centres), without repetition, ascending.
+/// Indices of the extreme points along the directions from a cube's centre to a grid of `side` x `side` points on each
+/// face (1: the faces' centres), ascending and without repetition.
 fn seed(points: &[DVec3], side: usize) -> Vec<usize> {
     let at = |i: usize| if side == 1 { 0.0 } else { 2.0 * i as f64 / (side - 1) as f64 - 1.0 };
     let mut chosen = Vec::new();
@@ -183,7 +189,7 @@ fn seed(points: &[DVec3], side: usize) -> Vec<usize> {
     chosen
 }
 
-/// The hull of points and a small octahedron: flat points get a thickness.
+/// The hull of the points with a small octahedron around each: this gives flat points a thickness.
 fn thickened(points: &[DVec3]) -> Option<Hull> {
     let (_, diagonal) = bounds(points)?;
     let step = THICKNESS * diagonal;
@@ -192,7 +198,7 @@ fn thickened(points: &[DVec3]) -> Option<Hull> {
     convex(&thick)
 }
 
-/// The bounding box, with some thickness on every axis.
+/// The bounding box, slightly enlarged along every axis.
 fn boxed(points: &[DVec3]) -> Option<Hull> {
     let (low, diagonal) = bounds(points)?;
     let high = points.iter().copied().fold(low, DVec3::max);
@@ -216,7 +222,7 @@ fn boxed(points: &[DVec3]) -> Option<Hull> {
     Some(Hull { vertices: (0..8).map(corner).collect(), faces, triangles: triangles.to_vec() })
 }
 
-/// Least corner and diagonal of the bounding box; `None` for no points, a single place, or numbers that are not finite.
+/// Least corner and diagonal of the bounding box. `None`: there are no points, all coincide, or one is not finite.
 fn bounds(points: &[DVec3]) -> Option<(DVec3, f64)> {
     if points.iter().any(|p| !p.is_finite()) {
         return None;
@@ -231,7 +237,7 @@ mod tests {
     use super::*;
     use crate::prepare::{layer, sphere};
 
-    /// Every corner within its own planes, in a hull of size about 1.
+    /// Tolerance for every corner to lie within the hull's own planes, in a hull of about unit size.
     const INSIDE: f64 = 1e-12;
 
     fn check(hull: &Hull) {
@@ -257,7 +263,8 @@ mod tests {
         let hull = reduced(&points).unwrap();
         check(&hull);
         let margin = points.iter().map(|&p| hull.height(p)).fold(0.0, f64::max);
-        // 64 caps that cover a sphere stand about 1 - cos(0.27) = 0.04 off it at best; greedily up to twice that.
+        // 64 caps that cover a sphere stand off it by about 1 - cos(0.27) = 0.04 at best, and by up to twice that if
+        // chosen greedily.
         assert!(margin > 0.02 && margin < 0.1, "{margin}");
     }
 

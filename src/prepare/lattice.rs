@@ -1,16 +1,19 @@
-//! The body-centred cubic background lattice of marching tetrahedra and isosurface stuffing.
+//! The body-centred cubic background lattice for marching tetrahedra (`model/extract.rs`) and isosurface stuffing
+//! (`stuffing`).
 //!
-//! Every tetrahedron has the same shape, dihedral angles of 60 and 90 degrees and volume `cell`^3 / 12. Nodes are cell
-//! corners and cell centres; each face of two cells gives four tetrahedra, one for each of its edges. An edge is long (a
-//! cell, between nodes of one kind) or short (half a cell's diagonal, between a corner and a centre).
+//! The lattice's nodes are the corners and the centres of cubic cells. Every face between two cells carries four
+//! tetrahedra, one for each edge of the face: its nodes are the edge's two corners and the two cells' centres. All
+//! tetrahedra have the same shape, with dihedral angles of 60 and 90 degrees and volume `cell`^3 / 12. An edge is
+//! *long* (one cell edge, between two corners or two centres) or *short* (half a cell's space diagonal, between a
+//! corner and a centre).
 
 use glam::DVec3;
 
-/// Room left between the box and lattice planes, in cells: flat sides of a box in lattice planes would be decided by
-/// rounding.
+/// Least distance between a side of the box and a lattice plane, in cells: if a flat side lay in a lattice plane,
+/// rounding would decide which nodes are inside.
 const CLEARANCE: f64 = 0.05;
 
-/// The background lattice: `size` cells from `origin`.
+/// The background lattice: `size` cells along the axes from the corner `origin`.
 pub(super) struct Lattice {
     origin: DVec3,
     cell: f64,
@@ -18,7 +21,8 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
-    /// A lattice with more than a cell to spare on each side: its outermost pyramids have no partner and are missing.
+    /// A lattice with more than one spare cell on each side of a box, as the outermost cells lack some of their
+    /// tetrahedra.
     pub(super) fn around(low: DVec3, extent: DVec3, cell: f64) -> Self {
         let (mut origin, mut size) = (low, [0; 3]);
         for k in 0..3 {
@@ -44,12 +48,12 @@ impl Lattice {
         self.size
     }
 
-    /// Nodes, used or not.
+    /// Number of nodes, used or not.
     pub(super) fn node_count(&self) -> usize {
         2 * self.size.iter().product::<usize>()
     }
 
-    /// The cell that holds a point well within the lattice.
+    /// Indices of the cell that contains a point, which must lie well within the lattice.
     pub(super) fn cell_at(&self, point: DVec3) -> [usize; 3] {
         ((point - self.origin) / self.cell).to_array().map(|c| c as usize)
     }
@@ -64,25 +68,25 @@ impl Lattice {
         self.origin + self.cell * (DVec3::from_array(halves.map(f64::from)) * 0.5)
     }
 
-    /// The cell's place in x-fastest order; its low corner is node 2 x place, its centre node 2 x place + 1.
+    /// Index of a cell in x-fastest order. The cell's low corner is node 2 x index, its centre node 2 x index + 1.
     pub(super) fn place(&self, c: [usize; 3]) -> usize {
         c[0] + self.size[0] * (c[1] + self.size[1] * c[2])
     }
 
-    /// Position of a node in half cells from the origin: all even for a corner, all odd for a centre.
+    /// Position of a node in half cells from the origin: all three even for a corner, all three odd for a centre.
     pub(super) fn halves(&self, node: u32) -> [i32; 3] {
         let cell = node as usize / 2;
         let (x, yz) = (cell % self.size[0], cell / self.size[0]);
         [x, yz % self.size[1], yz / self.size[1]].map(|c| 2 * c as i32 + node as i32 % 2)
     }
 
-    /// The node at a position in half cells, if the lattice has it.
+    /// The node at a position in half cells; `None` if it lies beyond the lattice.
     pub(super) fn node(&self, halves: [i32; 3]) -> Option<u32> {
         let within = (0..3).all(|k| halves[k] >= 0 && halves[k] < 2 * self.size[k] as i32);
         within.then(|| 2 * self.place(halves.map(|h| h as usize / 2)) as u32 + (halves[0] & 1) as u32)
     }
 
-    /// The ends of a node's edges: six long ones, then eight short ones; fewer at the lattice's border.
+    /// The neighbours of a node along its edges: six long ones, then eight short ones; fewer at the lattice's border.
     pub(super) fn neighbours(&self, node: u32) -> impl Iterator<Item = u32> {
         let [x, y, z] = self.halves(node);
         let long = [[2, 0, 0], [-2, 0, 0], [0, 2, 0], [0, -2, 0], [0, 0, 2], [0, 0, -2]].into_iter();
@@ -95,8 +99,8 @@ impl Lattice {
         a % 2 == b % 2
     }
 
-    /// Nodes of tetrahedron `e` on the low face of a cell along `axis`: the two centres, then the face's edge. So edges
-    /// 0-1 and 2-3 are long.
+    /// Nodes of tetrahedron `e` (0 to 3) on the low face of a cell along `axis`: the two centres, then the two corners
+    /// of the face's edge. So the tetrahedron's edges 0-1 and 2-3 are long.
     fn nodes(&self, cell: [usize; 3], axis: usize, e: usize) -> [u32; 4] {
         const CORNERS: [[usize; 2]; 4] = [[0, 0], [1, 0], [1, 1], [0, 1]];
         let mut below = cell;
@@ -111,13 +115,13 @@ impl Lattice {
         [centre(below), centre(cell), corner(e), corner((e + 1) % 4)]
     }
 
-    /// Whether a cell's low face along `axis` has a cell on both sides and all its corners in the lattice.
+    /// Whether a cell's low face along `axis` has a cell on both sides and all its corners within the lattice.
     fn has_face(&self, cell: [usize; 3], axis: usize) -> bool {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         cell[axis] > 0 && cell[u] + 1 < self.size[u] && cell[v] + 1 < self.size[v]
     }
 
-    /// The four tetrahedra on the low face of a cell along `axis`, where the lattice has them.
+    /// The four tetrahedra on the low face of a cell along `axis`; none if the lattice lacks their nodes.
     pub(super) fn on_face(&self, cell: [usize; 3], axis: usize) -> impl Iterator<Item = [u32; 4]> {
         let count = if self.has_face(cell, axis) { 4 } else { 0 };
         (0..count).map(move |e| self.nodes(cell, axis, e))
@@ -132,7 +136,7 @@ impl Lattice {
         }
     }
 
-    /// Calls `f` with the nodes of every tetrahedron, each of positive volume.
+    /// Calls `f` with the nodes of every tetrahedron; each has positive volume.
     #[cfg(test)]
     pub(super) fn each(&self, mut f: impl FnMut([u32; 4])) {
         self.each_cell(|cell| (0..3).for_each(|axis| self.on_face(cell, axis).for_each(&mut f)));

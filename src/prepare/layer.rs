@@ -1,13 +1,16 @@
-//! Layers that need no file: boxes of Kuhn cells; and what every layer has: a boundary, volumes, connected parts.
+//! Functions of tetrahedral layers: makes a layer of a box, removes unused nodes, finds the boundary, volumes and
+//! connected parts.
 
 use glam::DVec3;
 
 use super::{Layer, skin::Sets};
 
-/// Corners (local indices) of the face opposite each node, outward for a tetrahedron of positive volume.
+/// Local node indices of the face opposite each node, counter-clockwise seen from outside if the tetrahedron's volume
+/// is positive.
 pub const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
-/// Axis orders of the six Kuhn tetrahedra, and whether the order is an even permutation.
+/// Order of the axes along which each of a cell's six Kuhn tetrahedra steps, and whether that order is an even
+/// permutation.
 const KUHN: [([usize; 3], bool); 6] = [
     ([0, 1, 2], true),
     ([0, 2, 1], false),
@@ -17,8 +20,9 @@ const KUHN: [([usize; 3], bool); 6] = [
     ([2, 1, 0], false),
 ];
 
-/// A box of `cells` cells per axis from `low` to `high` (m), nodes x fastest, then y, then z; every cell is cut into six
-/// Kuhn tetrahedra around its diagonal from (0,0,0) to (1,1,1), all of positive volume where `low < high`.
+/// A box of `cells` cells along the axes, from `low` to `high` (m). Nodes are numbered with x fastest, then y, then z.
+/// Every cell is cut into six Kuhn tetrahedra around its diagonal from (0,0,0) to (1,1,1), all of positive volume if
+/// `low < high`.
 pub fn kuhn_box(low: DVec3, high: DVec3, cells: [u32; 3]) -> Layer {
     let [nx, ny, nz] = cells;
     let node = |c: [u32; 3]| c[0] + (nx + 1) * (c[1] + (ny + 1) * c[2]);
@@ -27,7 +31,8 @@ pub fn kuhn_box(low: DVec3, high: DVec3, cells: [u32; 3]) -> Layer {
         for y in 0..=ny {
             for x in 0..=nx {
                 let t = DVec3::new(x as f64 / nx as f64, y as f64 / ny as f64, z as f64 / nz as f64);
-                // Both ends come out exactly: neighbouring bodies and clamped faces may rely on it.
+                // This form gives exactly `low` and `high` at the ends: bodies that touch and clamped faces may rely on
+                // it.
                 layer.nodes.push(low * (DVec3::ONE - t) + high * t);
             }
         }
@@ -43,7 +48,7 @@ pub fn kuhn_box(low: DVec3, high: DVec3, cells: [u32; 3]) -> Layer {
     layer
 }
 
-/// The tetrahedron along the path from the cell's low corner that steps along the axes in `order`.
+/// The tetrahedron whose nodes lie on the path from the cell's low corner along the axes in `order`.
 fn kuhn_tetrahedron(cell: [u32; 3], order: [usize; 3], even: bool, node: impl Fn([u32; 3]) -> u32) -> [u32; 4] {
     let mut corner = cell;
     let mut path = [node(corner); 4];
@@ -57,7 +62,8 @@ fn kuhn_tetrahedron(cell: [u32; 3], order: [usize; 3], even: bool, node: impl Fn
     path
 }
 
-/// Removes nodes of no tetrahedron; the others keep their order. Returns the number that each had.
+/// Removes nodes that belong to no tetrahedron; the others keep their order. Returns the former index of each remaining
+/// node.
 pub fn drop_unused(layer: &mut Layer) -> Vec<u32> {
     let mut place = vec![super::NONE; layer.nodes.len()];
     layer.tetrahedra.iter().flatten().for_each(|&node| place[node as usize] = 0);
@@ -75,8 +81,8 @@ pub fn volume6(nodes: &[DVec3], tetrahedron: &[u32; 4]) -> f64 {
     (b - a).dot((c - a).cross(d - a))
 }
 
-/// The boundary of a layer: skin vertices in ascending order of node, triangles facing outward in order of their
-/// tetrahedron, and the node of each skin vertex.
+/// The boundary of a layer: its vertices in ascending order of node, its triangles (outward, in order of their
+/// tetrahedron), and the node of each vertex.
 pub fn boundary(layer: &Layer) -> (Vec<DVec3>, Vec<[u32; 3]>, Vec<u32>) {
     let faces = boundary_faces(&layer.tetrahedra);
     let mut used = vec![false; layer.nodes.len()];
@@ -93,7 +99,8 @@ pub fn boundary(layer: &Layer) -> (Vec<DVec3>, Vec<[u32; 3]>, Vec<u32>) {
     (vertices, triangles, nodes)
 }
 
-/// Faces of one tetrahedron only: their nodes, outward, and the tetrahedron; in order of tetrahedron, then face.
+/// Faces that belong to one tetrahedron only: their nodes, counter-clockwise seen from outside, and the tetrahedron; in
+/// order of tetrahedron, then face.
 pub fn boundary_faces(tetrahedra: &[[u32; 4]]) -> Vec<([u32; 3], u32)> {
     let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * tetrahedra.len());
     for (t, tetrahedron) in tetrahedra.iter().enumerate() {
@@ -110,8 +117,8 @@ pub fn boundary_faces(tetrahedra: &[[u32; 4]]) -> Vec<([u32; 3], u32)> {
     open.into_iter().map(|id| (corners(id), id / 4)).collect()
 }
 
-/// Parts of a layer connected through shared nodes: the part of each node, and their number. A node of no tetrahedron
-/// is a part of its own.
+/// Parts of a layer that are connected through shared nodes: the part of each node, and the number of parts. A node
+/// that belongs to no tetrahedron is a part by itself.
 pub fn parts(layer: &Layer) -> (Vec<u32>, usize) {
     let mut sets = Sets::new(layer.nodes.len());
     for t in &layer.tetrahedra {
@@ -138,7 +145,7 @@ mod tests {
         assert!(volumes.iter().all(|&v| v > 0.0));
         let box_volume = (high - low).to_array().iter().product::<f64>();
         assert!((volumes.iter().sum::<f64>() - box_volume).abs() < 1e-12 * box_volume);
-        // Each cell is cut along its diagonal: every tetrahedron of the first cell holds both ends of it.
+        // Each cell is cut around its diagonal: every tetrahedron of the first cell contains both ends of it.
         let diagonal = [0, 1 + 4 * (1 + 3)];
         assert!(layer.tetrahedra[..6].iter().all(|t| diagonal.iter().all(|n| t.contains(n))));
     }

@@ -1,14 +1,15 @@
-//! Mass properties of a closed surface by the divergence theorem: a signed tetrahedron per triangle.
+//! Mass properties of a closed surface by the divergence theorem, as a sum over signed tetrahedra, one for each
+//! triangle.
 //!
-//! Second moments of a tetrahedron with one corner at the origin: B. Mirtich 1996, "Fast and accurate computation of
-//! polyhedral mass properties", in the summed-corner form of F. Tonon 2004.
+//! The second moments of a tetrahedron with one corner at the origin follow B. Mirtich 1996, "Fast and accurate
+//! computation of polyhedral mass properties", in the form with summed corners of F. Tonon 2004.
 
 use glam::{DMat3, DVec3};
 
 /// Mass properties at unit density.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Properties {
-    /// Volume, m^3; negative for a surface turned inside out, about 0 for an open or flat one.
+    /// Volume, m^3; negative if the surface is oriented inwards, about 0 if it is open or flat.
     pub volume: f64,
     /// Centroid, m.
     pub centroid: DVec3,
@@ -18,7 +19,7 @@ pub struct Properties {
 
 /// Volume, centroid and inertia of a closed outward surface filled at unit density.
 pub fn properties(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Properties {
-    // Relative to a point of the surface: far from the origin the sums would cancel.
+    // Coordinates are taken relative to a point of the surface, because the sums would cancel far from the origin.
     let base = vertices.first().copied().unwrap_or_default();
     let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
     for t in triangles {
@@ -35,7 +36,7 @@ pub fn properties(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Properties {
     Properties { volume, centroid: base + offset, inertia: DMat3::from_diagonal(DVec3::splat(trace)) - about }
 }
 
-/// v v^T.
+/// Outer product v v^T.
 fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
@@ -64,10 +65,11 @@ mod tests {
         let ball = properties(&vertices, &triangles);
         let want = 0.4 * 0.09 * ball.volume;
         for e in [ball.inertia.x_axis.x, ball.inertia.y_axis.y, ball.inertia.z_axis.z] {
-            // The polyhedron is inscribed: its radius of gyration is short by less than its relative volume error.
+            // The polyhedron is inscribed: its radius of gyration is too short by less than the relative error of its
+            // volume.
             assert!(e < want && e > 0.995 * want, "{e} {want}");
         }
-        // Turned inside out it has negative volume: the sign is what the refusal of such skins rests on.
+        // An inward orientation gives a negative volume, by which such skins are refused.
         for v in &mut vertices {
             v.x = -v.x;
         }

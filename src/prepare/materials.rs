@@ -1,4 +1,5 @@
-//! What each tetrahedron of a layer is made of: the body's material, and those of its regions.
+//! The material of each tetrahedron of a layer (simulation mesh): the body's base material, or that of a material
+//! region (a part of the body for which the scene gives a material of its own).
 
 use glam::DVec3;
 
@@ -11,14 +12,14 @@ use crate::scene::{self, Material, Place};
 /// The materials of a layer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Materials {
-    /// The body's own first, then those of its regions.
+    /// The body's base material first, then those of its material regions.
     pub all: Vec<Material>,
-    /// Which of them each tetrahedron has; empty: all have the first.
+    /// For each tetrahedron the index of its material in `all`; empty if every tetrahedron has the base material.
     pub which: Vec<u32>,
 }
 
 impl Materials {
-    /// Index of a tetrahedron's material.
+    /// Index of a tetrahedron's material in `all`.
     pub fn index(&self, tetrahedron: usize) -> usize {
         self.which.get(tetrahedron).map_or(0, |&index| index as usize)
     }
@@ -41,8 +42,8 @@ impl From<&Materials> for Materials {
     }
 }
 
-/// The materials of a body's layer, which is in file coordinates. Refused: a group that the file does not have, a region
-/// in which no tetrahedron lies or is left.
+/// The materials of a body's layer, which is in file coordinates. Refused are a group that the layer's file does not
+/// have, and a region without tetrahedra of its own (none lies in it, or all belong to earlier regions).
 pub(super) fn materials(keys: &Keys, body: &scene::Body, layer: &Layer, groups: &Groups) -> Result<Materials> {
     let base = body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
     if body.regions.is_empty() {
@@ -75,7 +76,7 @@ pub(super) fn materials(keys: &Keys, body: &scene::Body, layer: &Layer, groups: 
         }
         if !which.contains(&own) {
             let problem = if named.contains(&true) {
-                "all tetrahedra of the region are in regions before it"
+                "all tetrahedra of the region are in earlier regions"
             } else {
                 "no tetrahedron has its centroid in the region"
             };
@@ -86,7 +87,7 @@ pub(super) fn materials(keys: &Keys, body: &scene::Body, layer: &Layer, groups: 
     Ok(Materials { all, which })
 }
 
-/// Whether each tetrahedron's centroid is inside.
+/// For each tetrahedron, whether its centroid is inside.
 fn inside(layer: &Layer, is_inside: impl Fn(DVec3) -> bool) -> Vec<bool> {
     let centroid = |nodes: &[u32; 4]| nodes.iter().map(|&node| layer.nodes[node as usize]).sum::<DVec3>() / 4.0;
     layer.tetrahedra.iter().map(|nodes| is_inside(centroid(nodes))).collect()
@@ -100,7 +101,7 @@ mod tests {
     use crate::prepare::{Body, FrameMotion, Shape, body};
     use crate::scene::{Law, Scene};
 
-    /// Two tetrahedra on a common face, in physical groups 3 and 4; a third apart from them in none.
+    /// Two tetrahedra that share a face, in the physical groups 3 and 4, and a third one in no group.
     const MESH: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n3 3 \"fat\"\n3 4 \"muscle\"\n\
                         $EndPhysicalNames\n$Nodes\n6\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n6 2 1 0\n$EndNodes\n\
                         $Elements\n3\n1 4 2 3 1 1 2 3 4\n2 4 2 4 1 2 3 4 5\n3 4 2 0 1 2 3 5 6\n$EndElements\n";
@@ -121,8 +122,8 @@ mod tests {
     }
 
     fn soft(regions: &str) -> (Materials, f64) {
-        let Shape::Soft { materials, frames, .. } = prepared(regions).unwrap().shape else { panic!("soft") };
-        let FrameMotion::Floating { mass, .. } = frames[0].motion else { panic!("floats") };
+        let Shape::Soft { materials, frames, .. } = prepared(regions).unwrap().shape else { panic!("not soft") };
+        let FrameMotion::Floating { mass, .. } = frames[0].motion else { panic!("not floating") };
         (materials, mass)
     }
 
@@ -139,7 +140,7 @@ mod tests {
         assert_eq!(first, Material { young: 5e3, density: 900.0, law: Law::NeoHookean, ..base });
         assert_eq!(second, Material { damping_mass: 7.0, poisson: 0.1, ..base });
         assert_eq!(third, Material { damping_stiffness: 0.5, ..base });
-        // Volumes 1/6, 1/3 and 1/3 m^3 before a scale of a tenth.
+        // The volumes are 1/6, 1/3 and 1/3 m^3 before the scale of a tenth.
         assert!((mass - (900.0 + 2.0 * 1000.0 + 2.0 * 1000.0) / 6000.0).abs() < 1e-12, "{mass}");
         assert_eq!(soft(&region("group = 4", "density = 1")).0.which, [0, 1, 0]);
     }
@@ -155,7 +156,7 @@ mod tests {
             ),
             (region("group = \"bone\"", young), "its groups are 3 \"fat\", 4 \"muscle\""),
             (fat.clone() + &region("group = 0", young), "`body.a.region[1].group`: there is no group 0"),
-            (fat.clone() + &fat, "`body.a.region[1].group`: all tetrahedra of the region are in regions before it"),
+            (fat.clone() + &fat, "`body.a.region[1].group`: all tetrahedra of the region are in earlier regions"),
             (region("sphere = [9, 9, 9, 1]", young), "`body.a.region[0].sphere`: no tetrahedron has its centroid"),
             (region("group = 1.5", young), "`body.a.region[0].group`: is of type float; give a whole number"),
             (region("group = 99999999999999999999", young), "give a whole number of 64 bits"),
@@ -184,7 +185,7 @@ mod tests {
         for (body, words) in [
             (
                 BODY.replace("\"a.msh\"", "{ box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }"),
-                "`body.a.region[0].group`: the layer is made here and has no groups",
+                "`body.a.region[0].group`: the layer is generated and has no groups",
             ),
             (
                 "[[body]]\nname = \"a\"\nsurface = \"a.obj\"\n".into(),

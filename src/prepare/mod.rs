@@ -1,7 +1,10 @@
-//! From what a user wrote to a layered body: layer, embedding, proxies, bindings.
+//! Makes a layered body from what the user wrote. A layered body consists of a *skin* (the high-resolution triangle
+//! mesh that is seen and touched), a *layer* (the tetrahedral simulation mesh in which every skin vertex is embedded),
+//! rigid *cores* to which layer nodes are attached, and *proxies* (convex hulls that cover the skin, for the broad
+//! phase of contact). A rigid body has skin and proxies only.
 //!
-//! Everything here is on the host, in f64, before the first step. Coordinates of a [`Body`] are its *rest frame*: file
-//! coordinates times scale, not yet placed in the world by `position` and `orientation`.
+//! Everything here runs on the host, in f64, before the first step. Coordinates of a [`Body`] are its *rest frame*: the
+//! coordinates of its files times its scale, not yet placed in the world by `position` and `orientation`.
 
 pub mod bind;
 pub mod bodies;
@@ -43,165 +46,170 @@ pub use report::{Report, Stage};
 
 use crate::scene::{Hinge, Joint, Key};
 
-/// No element: the index that points nowhere.
+/// The index that means "no element".
 pub const NONE: u32 = u32::MAX;
-/// Vertices of a proxy's hull at most.
+/// Greatest number of vertices of a proxy's hull.
 pub const MAX_HULL_VERTICES: usize = 64;
 
-/// A body ready to be uploaded.
+/// A body ready to be uploaded to the GPU.
 #[derive(Debug, Clone)]
 pub struct Body {
     /// Name in the scene.
     pub name: String,
-    /// What the world touches.
+    /// Geometry, materials and kinematics of the body.
     pub shape: Shape,
     /// World position of the rest frame's origin, m.
     pub position: DVec3,
     /// World orientation of the rest frame.
     pub orientation: DQuat,
-    /// Initial velocity, world, m/s.
+    /// Initial velocity in world axes, m/s.
     pub velocity: DVec3,
-    /// What was found in its files, and done about it.
+    /// Findings in the body's files, and the changes made to their contents.
     pub report: BodyReport,
 }
 
-/// What was found in a body's files, and done about it.
+/// Findings in a body's files, and the changes made to their contents.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct BodyReport {
-    /// The repair of the surface, or of the layer's boundary where that is the skin; `None` where it is from no file.
+    /// Report on the repair of the surface, or of the layer's boundary if that is the skin; `None` if neither was given
+    /// by the user.
     pub repair: Option<repair::RepairReport>,
-    /// Everything that was done to the files, a line each, beginning with the file's name.
+    /// Everything that was changed or left out, one line each, beginning with the file's name.
     pub notes: Vec<String>,
 }
 
-/// What a body is made of, prepared.
+/// The prepared geometry of a body, by its kind.
 #[derive(Debug, Clone)]
 pub enum Shape {
-    /// A layer that deforms, and a skin embedded in it.
+    /// A deformable body: a layer, and a skin embedded in it.
     Soft {
-        /// Tetrahedra.
+        /// The tetrahedral simulation mesh.
         layer: Layer,
-        /// The frames that nodes ride on: one a core, or a floating one.
+        /// The rigid frames that nodes follow: one for each core, or one floating frame for a body without cores.
         frames: Vec<Frame>,
-        /// Frame of each node.
+        /// Index of the frame that each node follows.
         node_frames: Vec<u32>,
-        /// Joints between frames; points in the rest frame, m.
+        /// Joints between frames; their points are in the rest frame, m.
         joints: Vec<Joint>,
-        /// What each tetrahedron is made of.
+        /// Materials of the tetrahedra.
         materials: Materials,
-        /// Embedding of each skin vertex.
+        /// Embedding of each skin vertex in the layer.
         embedding: Vec<Embedding>,
-        /// Skin.
+        /// The surface that is seen and touched.
         skin: Skin,
-        /// Convex cover of the skin.
+        /// Convex hulls that cover the skin.
         proxies: Vec<Proxy>,
     },
-    /// A skin that rides on one frame.
+    /// A rigid body: its skin follows one frame.
     Rigid {
-        /// Skin.
+        /// The surface that is seen and touched.
         skin: Skin,
-        /// Convex cover of the skin.
+        /// Convex hulls that cover the skin.
         proxies: Vec<Proxy>,
-        /// Mass properties for unit density, about the centroid: volume (m^3), centroid (m).
+        /// Enclosed volume, m^3.
         volume: f64,
-        /// Centroid, rest frame.
+        /// Centroid of the enclosed volume, rest frame, m.
         centroid: DVec3,
-        /// Inertia tensor about the centroid for unit density, kg m^2 per kg/m^3, rest-frame axes, columns.
+        /// Inertia tensor about the centroid for unit density (kg m^2 per kg/m^3), rest-frame axes.
         inertia: DMat3,
-        /// How it moves; the tool's is the host's business.
+        /// How the body moves. A tool has [`FrameMotion::Fixed`] here, because the host moves it.
         motion: FrameMotion,
     },
-    /// Half-space `normal . x <= offset` in world axes; skinless.
+    /// The half-space `normal . x <= offset` in world axes, which has no skin.
     Plane {
-        /// Unit outward normal.
+        /// Unit normal that points out of the half-space.
         normal: DVec3,
-        /// Offset, m.
+        /// Distance of the plane from the world's origin along the normal, m.
         offset: f64,
     },
 }
 
-/// A rigid frame of a body.
+/// A rigid coordinate frame of a body, which nodes, skin and proxies follow.
 #[derive(Debug, Clone)]
 pub struct Frame {
-    /// Its centre at rest, rest frame of the body, m.
+    /// Origin of the frame at rest, in the rest frame of the body, m.
     pub centre: DVec3,
-    /// How it moves.
+    /// Motion of the frame.
     pub motion: FrameMotion,
 }
 
-/// How a frame moves.
+/// Motion of a rigid frame.
 #[derive(Debug, Clone)]
 pub enum FrameMotion {
     /// It stays where the body was placed.
     Fixed,
-    /// Along poses that it gives to the body's rest frame (world): at the body's own `position` and `orientation` the
-    /// frame is where it was at rest.
+    /// Kinematic motion along keys. A key gives the world pose of the body's rest frame: with the body's own `position`
+    /// and `orientation` as key, the frame is where it was at rest.
     Driven(Vec<Key>),
-    /// By forces; its centre is that of the mass it carries, where no hinge holds it.
+    /// Moved by forces. The frame's origin is the centre of mass of the nodes attached to it, or the hinge's point.
     Dynamic {
-        /// kg; `None`: that of the nodes it carries.
+        /// Mass of the core, kg; `None` for the lumped mass of the attached nodes.
         mass: Option<f64>,
-        /// All that it may turn about, rest frame, m; then its centre is the hinge's point.
+        /// Axis to which the motion is restricted, rest frame, m; the frame's origin is then the hinge's point. `None`:
+        /// free.
         hinge: Option<Hinge>,
     },
-    /// It follows the free nodes of a body without cores (shape matching, M. Mueller and others 2005).
+    /// Follows the free nodes of a body without cores by shape matching (M. Mueller and others 2005).
     Floating {
-        /// Of all nodes, kg.
+        /// Mass of all nodes, kg.
         mass: f64,
-        /// Of the lumped nodes about the centre, rest axes, kg m^2.
+        /// Inertia tensor of the lumped nodes about the frame's origin, rest-frame axes, kg m^2.
         inertia: DMat3,
     },
 }
 
-/// The tetrahedral mesh.
+/// A tetrahedral simulation mesh.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Layer {
-    /// Rest positions, in file order.
+    /// Rest positions of the nodes, in file order, m.
     pub nodes: Vec<DVec3>,
-    /// Four node indices each, positive volume.
+    /// The four nodes of each tetrahedron, ordered so that its volume is positive.
     pub tetrahedra: Vec<[u32; 4]>,
-    /// Whether each node rides on one of the body's cores.
+    /// Whether each node is attached to one of the body's cores.
     pub bound: Vec<bool>,
-    /// The patch of each tetrahedron whose volumetric strain is its patch's ([`patch::patches`]); empty: each has its own.
+    /// Index of the F-bar patch of each tetrahedron ([`patch::patches`]), over which the volumetric strain is averaged;
+    /// empty if every tetrahedron uses its own.
     #[serde(skip)]
     pub patches: Vec<u32>,
 }
 
-/// A triangle mesh that touches and is seen.
+/// The triangle mesh that is seen and touched.
 #[derive(Debug, Clone, Default)]
 pub struct Skin {
-    /// Rest positions, in the order of the file's `v` lines.
+    /// Rest positions, in the order of the file's `v` lines, m.
     pub vertices: Vec<DVec3>,
-    /// Counter-clockwise seen from outside; file order after triangulation.
+    /// Vertices of each triangle, counter-clockwise seen from outside; in file order after triangulation.
     pub triangles: Vec<[u32; 3]>,
-    /// Neighbour across edge k (from vertex k to vertex k+1), or [`NONE`] at a boundary or non-manifold edge.
+    /// Index of the neighbour across edge k (from vertex k to vertex k+1), or [`NONE`] at a boundary or non-manifold
+    /// edge.
     pub neighbours: Vec<[u32; 3]>,
-    /// Rest area of each vertex: a third of its triangles' areas, m^2.
+    /// Rest area that belongs to each vertex: a third of its triangles' areas, m^2.
     pub areas: Vec<f64>,
 }
 
-/// A skin vertex as a weighted sum of the nodes of one tetrahedron.
+/// Embedding of a skin vertex: its position as a weighted sum of the nodes of one tetrahedron.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Embedding {
-    /// Tetrahedron.
+    /// Index of the tetrahedron.
     pub tetrahedron: u32,
-    /// Barycentric weights on its four nodes; they sum to one and may lie outside [0, 1] where the skin leaves the layer.
+    /// Barycentric weights of its four nodes. They sum to one and may lie outside [0, 1] if the skin leaves the layer.
     pub weights: [f64; 4],
 }
 
-/// A convex hull that covers part of the skin.
+/// A convex collision proxy: a convex hull that covers part of the skin.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Proxy {
-    /// The body's frame that it rides on.
+    /// Index of the body's frame that the proxy follows.
     pub frame: u32,
-    /// Hull vertices, rest frame, at most [`MAX_HULL_VERTICES`].
+    /// Vertices of the hull, rest frame, m; at most [`MAX_HULL_VERTICES`].
     pub hull: Vec<DVec3>,
-    /// Unit outward normal and offset (n . x <= offset inside) of each distinct hull face.
+    /// Distinct face planes of the hull: unit outward normal n and offset (m), where n . x <= offset inside.
     pub faces: Vec<(DVec3, f64)>,
-    /// Skin vertices this proxy owns: each skin vertex is in exactly one list.
+    /// Skin vertices that this proxy owns; each skin vertex has exactly one owner.
     pub vertices: Vec<u32>,
-    /// Skin triangles this proxy owns (and draws): each triangle is in exactly one list.
+    /// Skin triangles that this proxy owns, which the narrow phase processes if the proxy may touch; each triangle has
+    /// exactly one owner.
     pub triangles: Vec<u32>,
-    /// How far the vertices of the owned triangles stick out of the hull at rest, m.
+    /// Greatest distance of the owned triangles' vertices outside the hull at rest, m.
     pub margin: f64,
 }

@@ -1,21 +1,23 @@
-//! Patches of neighbouring tetrahedra that share one volumetric strain, the remedy against volumetric locking:
-//! E. A. de Souza Neto, F. M. Andrade Pires, D. R. J. Owen, "F-bar-based linear triangles and tetrahedra for finite strain
-//! analysis of nearly incompressible solids. Part I" (2005), with the mean dilatation of J. C. Nagtegaal, D. M. Parks,
-//! J. R. Rice, "On numerically accurate finite element solutions in the fully plastic range" (1974).
+//! F-bar patches: groups of neighbouring tetrahedra that share one volumetric strain, their mean dilatation, which
+//! prevents volumetric locking. E. A. de Souza Neto, F. M. Andrade Pires, D. R. J. Owen, "F-bar-based linear triangles
+//! and tetrahedra for finite strain analysis of nearly incompressible solids. Part I" (2005), with the mean dilatation
+//! of J. C. Nagtegaal, D. M. Parks, J. R. Rice, "On numerically accurate finite element solutions in the fully plastic
+//! range" (1974).
 
 use crate::shaders;
 use std::collections::HashMap;
 
 use super::{Layer, NONE, layer::FACES};
 
-/// Tetrahedra of a patch at most. Of 6 to 24, twelve come nearest to quadratic elements' deflections: fewer still lock where
-/// a mesh is coarse, 24 let a load sink in by 6 to 10 % too far.
+/// Greatest number of tetrahedra in a patch. Of the sizes from 6 to 24, twelve comes closest to the deflections of
+/// quadratic elements: smaller patches still lock on coarse meshes, and with 24 a load sinks in too far by 6 to 10 %.
 pub const MOST_TETRAHEDRA: usize = shaders::PATCH_TETRAHEDRA as usize;
-/// Nodes of a patch at most.
+/// Greatest number of nodes in a patch.
 pub const MOST_NODES: usize = shaders::PATCH_NODES as usize;
 
-/// The patch of each tetrahedron: joined face to face, as compact as comes of taking neighbours one by one, none across
-/// tetrahedra of different `group`, nor of those whose nodes are all bound with others (they hardly deform).
+/// Index of the patch of each tetrahedron. A patch is connected over faces and grows greedily by one neighbour at a
+/// time, which keeps it compact. It contains tetrahedra of one `group` only, and does not mix tetrahedra whose nodes
+/// are all attached to cores (they hardly deform) with others.
 pub fn patches(layer: &Layer, group: impl Fn(usize) -> u32) -> Vec<u32> {
     let neighbours = neighbours(&layer.tetrahedra);
     let bound = |t: usize| layer.tetrahedra[t].iter().all(|n| layer.bound[*n as usize]);
@@ -35,7 +37,8 @@ pub fn patches(layer: &Layer, group: impl Fn(usize) -> u32) -> Vec<u32> {
             let inside = |t: usize| neighbours[t].iter().filter(|n| members.contains(&(**n as usize))).count();
             let candidates = members.iter().flat_map(|m| neighbours[*m]).filter(|n| *n != NONE).map(|n| n as usize);
             let open = candidates.filter(|t| patch_of[*t] == NONE && alike(*t, seed));
-            // Fewest new nodes, most faces on the patch, fewest others that could still take it; then by number.
+            // The best candidate adds the fewest nodes. Ties are broken by the most faces on the patch, then by the
+            // fewest neighbours without a patch, then by the lowest index.
             let best = open
                 .filter(|t| nodes.len() + added(*t) <= MOST_NODES)
                 .min_by_key(|t| (added(*t), std::cmp::Reverse(inside(*t)), free(*t), *t));
@@ -50,7 +53,7 @@ pub fn patches(layer: &Layer, group: impl Fn(usize) -> u32) -> Vec<u32> {
     patch_of
 }
 
-/// Across each face; [`NONE`] at the boundary.
+/// Neighbour of each tetrahedron across each of its faces; [`NONE`] at the boundary.
 fn neighbours(tetrahedra: &[[u32; 4]]) -> Vec<[u32; 4]> {
     let mut open = HashMap::new();
     let mut neighbours = vec![[NONE; 4]; tetrahedra.len()];

@@ -1,5 +1,6 @@
-//! The costly parts of a body, in file coordinates: repaired skin, layer, embedding, proxies. Made once, then cached;
-//! binding, scale, material and placement are cheap and done by `body.rs` each time.
+//! The costly parts of a body, in file coordinates: repaired skin (surface mesh), layer (tetrahedral mesh), embedding
+//! of the skin in the layer, and convex collision proxies. They are made once and then cached. Attaching nodes to
+//! cores, scale, materials and placement are cheap, and `body.rs` does them each time.
 
 use std::path::Path;
 
@@ -18,47 +19,47 @@ use crate::scene::obj::{self, TriangleMesh};
 use crate::scene::tetrahedra::{self, TetMesh};
 use crate::scene::{self, Surface};
 
-/// What to know about a cell that does not do.
+/// Remedy for a cell size that is refused.
 const UNITS: &str = "cells are in the file's coordinates, before scale";
 
-/// All that the costly parts depend on.
+/// Everything that the costly parts depend on.
 #[derive(Debug, Clone)]
 pub struct Recipe<'a> {
-    /// The skin; without it the layer's boundary.
+    /// Source of the skin; without it the skin is the layer's boundary.
     pub surface: Option<&'a Surface>,
-    /// The layer; without it the body is rigid.
+    /// Source of the layer; without it the body is rigid.
     pub layer: Option<&'a scene::Layer>,
-    /// Proxies at most; `None` for the usual number.
+    /// Greatest number of proxies; `None` for the default.
     pub hulls: Option<u32>,
 }
 
 /// The costly parts of a body, in file coordinates.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Prepared {
-    /// Triangles of the skin.
+    /// Vertices and triangles of the skin.
     pub mesh: TriangleMesh,
-    /// The layer of a soft body, nothing bound.
+    /// The layer of a soft body, with no node attached yet.
     pub layer: Option<Layer>,
-    /// Groups of the layer's file.
+    /// Groups of tetrahedra that the layer's file defines.
     pub groups: Groups,
-    /// What came of filling the surface with cells.
+    /// Report on the layer if it was made here by filling the surface.
     pub filling: Option<LayerReport>,
-    /// The number that each node has in the layer's file, ascending: nodes of no tetrahedron are left out.
+    /// For each node its number in the layer's file, ascending; nodes that belong to no tetrahedron are left out.
     pub node_numbers: Vec<u32>,
-    /// What of the layer's file or of the surface's shape was left out or changed, a sentence each.
+    /// Notes on parts of the layer's file or of the surface's shape that were left out or changed, one sentence each.
     pub layer_notes: Vec<String>,
-    /// Embedding of each skin vertex of a soft body.
+    /// Embedding of each skin vertex of a soft body in the layer.
     pub embedding: Vec<Embedding>,
-    /// Convex cover of the skin.
+    /// Convex hulls that cover the skin.
     pub proxies: Vec<Proxy>,
-    /// What was found in the given surface and mended; `None` where it was made here.
+    /// Report on the repair of a given surface; `None` if the surface was generated here.
     pub repair: Option<RepairReport>,
 }
 
 impl Recipe<'_> {
-    /// The parts, from the cache where it has them.
+    /// The parts, from the cache if it has them; otherwise they are made and stored there.
     pub(super) fn prepared(&self, keys: &Keys, cache: &Cache, log: &mut Log) -> Result<Prepared> {
-        // Files that cannot be read are for their readers to complain about.
+        // If a file cannot be read here, `make` reports the error.
         let key = if cache.is_on() { log.stage(Stage::Cache, || self.key(keys))?.ok() } else { None };
         let Some(key) = key else { return self.make(keys, log) };
         match log.stage(Stage::Cache, || cache.load(&key))? {
@@ -71,7 +72,7 @@ impl Recipe<'_> {
         }
         let prepared = self.make(keys, log)?;
         log.cache = CacheUse::Made;
-        // A file that was changed while it was read must not lie under the key of what it was before.
+        // A file that changed while it was read must not be stored under the key of its former contents.
         let kept = log.stage(Stage::Cache, || match self.key(keys) {
             Ok(now) if now == key => cache.store(&key, &prepared),
             _ => Ok(()),
@@ -80,7 +81,7 @@ impl Recipe<'_> {
         Ok(prepared)
     }
 
-    /// What to do about a layer that leaves skin far outside.
+    /// Remedy for a layer that leaves skin far outside.
     fn surrounding(&self) -> &'static str {
         match self.layer {
             Some(scene::Layer::File(_) | scene::Layer::Mesh(_) | scene::Layer::Box { .. }) => {
@@ -90,7 +91,7 @@ impl Recipe<'_> {
         }
     }
 
-    /// Digest of the algorithms, of the contents of files, and of every number.
+    /// Key of the parts: a digest of the source code, of the contents of all files, and of every parameter.
     fn key(&self, keys: &Keys) -> std::io::Result<Key> {
         let mut maker = KeyMaker::new();
         match self.surface {
@@ -109,7 +110,7 @@ impl Recipe<'_> {
         Ok(maker.finish())
     }
 
-    /// Read, repair, layer, embed, proxies.
+    /// Makes the parts: reads and repairs the surface, makes the layer, embeds the skin, makes the proxies.
     fn make(&self, keys: &Keys, log: &mut Log) -> Result<Prepared> {
         let read = |surface| log.stage(Stage::Read, || read(keys, surface))?;
         let surface = self.surface.map(read).transpose()?;
@@ -150,7 +151,7 @@ impl Recipe<'_> {
     }
 }
 
-/// Name ending (it chooses the reader) and contents of a file.
+/// Adds the extension of a file's name, which selects its reader, and the file's contents to a key.
 fn add_file(maker: &mut KeyMaker, path: &Path) -> std::io::Result<()> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     maker.add(ending.as_bytes());
@@ -158,7 +159,7 @@ fn add_file(maker: &mut KeyMaker, path: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Points and elements of a mesh in memory.
+/// Adds points and elements of a mesh in memory to a key.
 fn add_mesh<const N: usize>(maker: &mut KeyMaker, points: &[DVec3], elements: &[[u32; N]]) {
     let coordinates = points.iter().flat_map(|point| point.to_array()).flat_map(f64::to_le_bytes);
     let indices = elements.iter().flatten().flat_map(|index| index.to_le_bytes());
@@ -167,14 +168,14 @@ fn add_mesh<const N: usize>(maker: &mut KeyMaker, points: &[DVec3], elements: &[
     maker.add(&indices.collect::<Vec<u8>>());
 }
 
-/// Triangles of a surface in file coordinates.
+/// Reads or generates a surface, in file coordinates.
 fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
     match surface {
         Surface::File(path) => obj::read(path),
         Surface::Mesh(mesh) => Ok((**mesh).clone()),
         Surface::Model { model, vertices } if !model.vertices().contains(vertices) => {
             let range = model.vertices();
-            let problem = format!("a {} of {vertices} vertices is not made", model.name());
+            let problem = format!("the model {} cannot be generated with {vertices} vertices", model.name());
             Err(keys.error("surface.vertices", problem, format!("give {} to {}", range.start(), range.end())))
         }
         Surface::Model { model, vertices } => {
@@ -184,7 +185,8 @@ fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
     }
 }
 
-/// The layer's boundary as a surface. That of a given mesh is repaired like any other: elements may overlap or be missing.
+/// The layer's boundary as a surface. The boundary of a given mesh is repaired as any given surface is, because
+/// elements may overlap or be missing.
 fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result<(TriangleMesh, Option<RepairReport>)> {
     let (vertices, triangles, _) = layer::boundary(layer);
     let mesh = TriangleMesh { vertices, triangles };
@@ -196,7 +198,7 @@ fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result
     Ok((mesh, Some(found)))
 }
 
-/// A layer, and what came of making it.
+/// A layer, and the report on how it was made.
 #[derive(Default)]
 struct Filled {
     layer: Layer,
@@ -205,7 +207,7 @@ struct Filled {
     report: Option<LayerReport>,
 }
 
-/// The layer in file coordinates, nothing bound.
+/// Makes or reads the layer, in file coordinates and with no node attached.
 fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -> Result<Filled> {
     match (source, mesh) {
         (&scene::Layer::Cell { cell, grade, thickness }, Some(mesh)) => {
@@ -223,7 +225,7 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
         (scene::Layer::Box { low, high, cells }, _) => {
             let count = cells.iter().map(|&c| f64::from(c)).product::<f64>() * 6.0;
             if !(1.0..=stuffing::MAX_TETRAHEDRA).contains(&count) {
-                let problem = format!("{count:.0} tetrahedra; there are at least 6 and at most 4 million");
+                let problem = format!("makes {count:.0} tetrahedra, not 6 to 4 million");
                 return Err(keys.error("layer.cells", problem, "give other numbers of cells"));
             }
             Ok(Filled { layer: layer::kuhn_box(*low, *high, *cells), ..Filled::default() })
@@ -231,33 +233,35 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
     }
 }
 
-/// A layer that is not made here.
+/// The layer of a mesh that the user gave.
 fn given(mesh: TetMesh) -> Filled {
     let bound = vec![false; mesh.nodes.len()];
     let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound, ..Layer::default() };
     Filled { layer, groups: mesh.groups, notes: mesh.notes, report: None }
 }
 
-/// The surface filled with cells.
+/// A layer made by filling the surface with tetrahedra.
 fn fill(mesh: &TriangleMesh, options: Options) -> std::result::Result<Filled, String> {
-    // Holes are closed, so that volumes are compared with those of the same solid.
+    // Holes are closed, so that the layer's volume is compared with that of the same solid.
     let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
     let (layer, report) = stuff(&vertices, &triangles, &options)?;
     let notes = notes_of(&report);
     Ok(Filled { layer, notes, report: Some(report), ..Filled::default() })
 }
 
-/// Leaves out nodes of no tetrahedron, which have no mass and whose motion has no meaning; the number in the file of each
-/// that stays, and a note. The others keep their order, in the step and in what is written.
+/// Leaves out nodes that belong to no tetrahedron: they have no mass, and their motion has no meaning. The others keep
+/// their order. Returns the number in the file of each node that stays, and a note if any was left out.
 fn drop_unused(layer: &mut Layer) -> (Vec<u32>, Option<String>) {
     let before = layer.nodes.len();
     let numbers = layer::drop_unused(layer);
     let dropped = before - numbers.len();
-    let note = format!("{dropped} nodes of no tetrahedron left out; `nodes` of a core keep the file's numbers");
+    let note = format!(
+        "{dropped} nodes that belong to no tetrahedron were left out; `nodes` of a core still use the file's numbering"
+    );
     (numbers, (dropped > 0).then_some(note))
 }
 
-/// What of the surface a filling could not follow, a sentence each.
+/// Notes on features of the surface that the layer does not follow, one sentence each.
 fn notes_of(made: &LayerReport) -> Vec<String> {
     let at = |places: &[[f64; 3]]| match places.first() {
         Some([x, y, z]) => format!(", first near [{x:.4}, {y:.4}, {z:.4}]"),
@@ -268,20 +272,20 @@ fn notes_of(made: &LayerReport) -> Vec<String> {
         let widest: Vec<[f64; 3]> = made.welded.widest.iter().map(|crossing| crossing.place).collect();
         let place = at(&widest);
         notes.push(format!(
-            "{} gaps narrower than a cell are filled, and their sides hang together{place}; smaller cells part them",
+            "{} gaps narrower than a cell were filled, which connects their sides{place}; use a smaller cell",
             made.welded.count
         ));
     }
     if made.dropped.parts > 0 {
         let place = at(&made.dropped.places);
         notes.push(format!(
-            "{} bits thinner than a cell are left out{place}; smaller cells hold them",
+            "{} parts thinner than a cell were left out{place}; use a smaller cell to keep them",
             made.dropped.parts
         ));
     }
     if made.volume_difference.abs() > VOLUME {
         let percent = 100.0 * made.volume_difference;
-        notes.push(format!("the layer's volume is {percent:+.1} % off the skin's; choose a smaller cell"));
+        notes.push(format!("the layer's volume differs by {percent:+.1} % from the skin's; choose a smaller cell"));
     }
     notes
 }
@@ -291,10 +295,10 @@ fn largest_extent(mesh: &TriangleMesh) -> f64 {
     (mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low).max_element()
 }
 
-/// A layer's volume may differ from the skin's by this much without a word.
+/// Relative difference between the volumes of layer and skin above which a note is written.
 const VOLUME: f64 = 0.02;
 
-/// Proxies of a skin, and the skin back.
+/// Makes the proxies of a skin; returns the mesh as well, which was moved in.
 fn cover(keys: &Keys, mesh: TriangleMesh, hulls: Option<u32>) -> Result<(TriangleMesh, Vec<Proxy>)> {
     let skin = skin::build(mesh.vertices, mesh.triangles);
     let made = hulls.map_or_else(|| proxies(&skin), |hulls| proxy::at_most(&skin, hulls));

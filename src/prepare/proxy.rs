@@ -1,9 +1,10 @@
-//! Proxies: convex hulls that cover the skin, for culling and for a first penetration direction.
+//! Makes the collision proxies: convex hulls that cover the skin (surface mesh), for the broad phase and for a first
+//! penetration direction.
 //!
-//! Approximate convex decomposition (K. Mamou's V-HACD, from parry) cuts the voxels of the solid into parts; parts that
-//! would draw too many triangles are halved. Each skin triangle goes to the part of its centroid's voxel, and a part's
-//! hull is that of its triangles and its inner voxels' centres: tight on the skin, solid behind it. All hulls share one
-//! budget of corners, spent where the skin sticks out most.
+//! Approximate convex decomposition (K. Mamou's V-HACD, from parry) cuts the voxels of the solid into parts, and parts
+//! with too many triangles are halved. Each skin triangle belongs to the part that contains its centroid's voxel. A
+//! part's hull is that of its triangles' corners and its inner voxels' centres, so that it is tight on the skin and
+//! solid behind it. All hulls together have a budget of corners, which is spent where the skin sticks out most.
 
 use glam::DVec3;
 use parry3d_f64::math::Vector;
@@ -13,32 +14,36 @@ use parry3d_f64::transformation::voxelization::{FillMode, VoxelSet};
 use super::hull::{self, Growing};
 use super::{NONE, Proxy, Skin, mass, repair};
 
-/// A skin that fills this share of its hull is convex for our purpose: one proxy.
+/// A skin that fills this share of its convex hull counts as convex and gets one proxy.
 const CONVEX: f64 = 0.99;
-/// Voxels along the longest side: finer changes the cut little and costs its cube.
+/// Number of voxels along the longest side. A finer grid changes the cut little, and its cost grows with the cube.
 const RESOLUTION: u32 = 64;
-/// Volume a part may lack to its hull, as a share of the whole hull: 20 to 30 parts for a head, gear or pumpkin.
+/// Greatest volume that a part may lack in its own hull, as a share of the volume of the whole hull; it gives 20 to 30
+/// parts for a head, gear or pumpkin.
 const CONCAVITY: f64 = 0.0025;
-/// Parts where nobody says: with fewer one of a head of 88,000 triangles has over 5,000, and a region draws whole parts;
-/// all pairs of two bodies stay below two thousand.
+/// Default number of proxies. With fewer, one proxy of a head with 88,000 triangles owns more than 5,000 of them, and a
+/// proxy that may touch is processed as a whole; with this many, two bodies have fewer than two thousand pairs of
+/// proxies.
 const HULLS: u32 = 40;
-/// One in this many proxies at most comes of the cut along concavities; the others are to halve busy ones with.
+/// At most one in this many proxies comes from the cut along concavities; the others are left for halving parts with
+/// many triangles.
 const CUT: u32 = 3;
-/// A part is halved while it has more than this many times its even share of the triangles, and parts are to be had.
+/// A part is halved while it has more than this many times its even share of the triangles, and the number of parts
+/// allows it.
 const BUSY: f64 = 1.25;
-/// A part of fewer triangles is never halved: drawing them costs less than another proxy.
+/// A part with fewer triangles is never halved: processing them costs less than another proxy.
 const FEW: usize = 1000;
-/// Triangles of all hulls of a body, about.
+/// Approximate number of triangles of all hulls of a body together.
 const HULL_TRIANGLES: usize = 800;
 
-/// [`at_most`] the usual number of proxies.
+/// Covers the skin by at most the default number of proxies, as [`at_most`] does.
 pub fn proxies(skin: &Skin) -> Result<Vec<Proxy>, String> {
     at_most(skin, HULLS)
 }
 
-/// At most `hulls` (and at least one) convex hulls that cover the skin: each triangle and each vertex has one owner, and
-/// sticks out of its owner's hull by at most that hull's margin. A convex skin has one. Nothing depends on thread timing
-/// or hash order. Errors: no triangles, or positions that are not finite.
+/// At most `hulls` (and at least one) convex hulls that cover the skin. Each triangle and each vertex has one owner,
+/// and sticks out of its owner's hull by at most that hull's margin. A convex skin has one proxy. The result does not
+/// depend on thread timing or hash order. Errors: no triangles, or positions that are not finite.
 pub fn at_most(skin: &Skin, hulls: u32) -> Result<Vec<Proxy>, String> {
     if skin.triangles.is_empty() {
         return Err("the skin has no triangles".into());
@@ -48,7 +53,8 @@ pub fn at_most(skin: &Skin, hulls: u32) -> Result<Vec<Proxy>, String> {
     }
     let points = together(skin);
     let whole = hull::convex(&hull::thinned(&points));
-    // Voxels are filled behind holes too: a leak would leave a shell, and hulls of a shell have no depth.
+    // Holes are closed before voxels are filled: through an open hole the fill would leak and leave a shell, whose
+    // hulls have no depth.
     let (vertices, triangles) = repair::closed(&points, &skin.triangles);
     let volume = mass::properties(&vertices, &triangles).volume;
     let parts = match whole {
@@ -62,7 +68,8 @@ pub fn at_most(skin: &Skin, hulls: u32) -> Result<Vec<Proxy>, String> {
     cover(skin, &parts)
 }
 
-/// The skin's vertices, those of no triangle moved to one that has some: far away they would make hull and voxels larger.
+/// The skin's vertices, with those that belong to no triangle moved to one that does: far away they would enlarge hull
+/// and voxels.
 fn together(skin: &Skin) -> Vec<DVec3> {
     let first = skin.vertices[skin.triangles[0][0] as usize];
     let mut points = vec![first; skin.vertices.len()];
@@ -70,18 +77,18 @@ fn together(skin: &Skin) -> Vec<DVec3> {
     points
 }
 
-/// A cut of the solid.
+/// A cut of the solid into parts.
 struct Parts {
     count: usize,
     /// Part of each skin triangle.
     owner: Vec<u32>,
-    /// Part at the place of each skin vertex; empty where there is one part.
+    /// Part at the place of each skin vertex; empty if there is one part only.
     place: Vec<u32>,
-    /// Points inside the solid, per part.
+    /// Points inside the solid, for each part.
     inner: Vec<Vec<DVec3>>,
 }
 
-/// Cuts the solid, the skin with its holes closed, into nearly convex parts.
+/// Cuts the solid, which is the skin with its holes closed, into nearly convex parts.
 fn decompose(skin: &Skin, (vertices, triangles): (&[DVec3], &[[u32; 3]]), hulls: u32) -> Parts {
     let points: Vec<Vector> = vertices.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
     let fill = FillMode::FloodFill { detect_cavities: false };
@@ -116,8 +123,9 @@ fn decompose(skin: &Skin, (vertices, triangles): (&[DVec3], &[[u32; 3]]), hulls:
     Parts { owner: owner.collect(), place, count: inner.len(), inner }
 }
 
-/// Halves the part with most triangles, across the longest side of its box, until each has about its even share or there
-/// are `hulls` parts: a region draws whole parts, and one of many triangles would draw far beyond its contact.
+/// Halves the part with the most triangles across the longest side of its bounding box, until each part has about its
+/// even share or there are `hulls` parts. A proxy that may touch is processed as a whole, so one with many triangles
+/// would cost far more than its contact needs.
 fn split_busy(skin: &Skin, parts: &mut Parts, hulls: usize) {
     let centroid = |t: u32| skin.triangles[t as usize].map(|i| skin.vertices[i as usize]).iter().sum::<DVec3>() / 3.0;
     let mut owned = vec![Vec::new(); parts.count];
@@ -125,10 +133,10 @@ fn split_busy(skin: &Skin, parts: &mut Parts, hulls: usize) {
         owned[part as usize].push(t as u32);
     }
     let share = (BUSY * skin.triangles.len() as f64 / hulls as f64).max(FEW as f64) as usize;
-    // Parts that own nothing are dropped later and leave room for others.
+    // Parts without triangles are removed later and do not count.
     let mut used = owned.iter().filter(|list| !list.is_empty()).count();
     while used < hulls {
-        // The first of the busiest.
+        // Of several parts with the most triangles, the first is taken.
         let Some(busiest) = (0..owned.len()).rev().max_by_key(|&p| owned[p].len()) else { break };
         if owned[busiest].len() <= share {
             break;
@@ -155,7 +163,7 @@ fn split_busy(skin: &Skin, parts: &mut Parts, hulls: usize) {
     parts.count = owned.len();
 }
 
-/// Where voxels lie, and which the skin passes through.
+/// Geometry of the voxel grid, and which voxels the skin passes through.
 struct VoxelGrid {
     origin: DVec3,
     edge: f64,
@@ -183,7 +191,8 @@ impl VoxelGrid {
         within.then(|| (c[0] + self.size[0] * (c[1] + self.size[1] * c[2])) as usize)
     }
 
-    /// The part of the voxel at a point; where that has none (rounding at voxel faces), of the nearest that has one.
+    /// The part of the voxel at a point. If that voxel has none (by rounding at voxel faces), the part of the nearest
+    /// voxel that has one.
     fn nearest_part(&self, part_of: &[u32], point: DVec3) -> u32 {
         let local = (point - self.origin) / self.edge;
         let centre = local.to_array().map(|c| c.round() as i64);
@@ -207,14 +216,15 @@ impl VoxelGrid {
     }
 }
 
-/// A hull, owners and a margin for every part that owns triangles, in order of part.
+/// Makes a proxy with hull, owned elements and margin for every part that owns triangles, in order of part.
 fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
     let mut proxies = vec![Proxy::default(); parts.count];
     for (t, &part) in parts.owner.iter().enumerate() {
         proxies[part as usize].triangles.push(t as u32);
     }
-    // A vertex belongs to the first of its triangles. One without (a repair may have joined it with another) belongs to
-    // the part at its place, or to the first where that part has no triangles; it touches nothing and stretches no hull.
+    // A vertex belongs to the part of the first of its triangles. A vertex without triangles (a repair may have merged
+    // it with another) belongs to the part at its place, or to that of the first triangle if that part has no
+    // triangles; it touches nothing and enlarges no hull.
     let first = parts.owner[0];
     let mut vertex_owner = vec![NONE; skin.vertices.len()];
     for (triangle, &part) in skin.triangles.iter().zip(&parts.owner) {
@@ -248,9 +258,9 @@ fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
     Ok(proxies)
 }
 
-/// Grows the hull whose part sticks out most (the first of equals), until the budget of triangles is spent.
+/// Grows the hull that its skin sticks out of most (in a tie the first one) until the budget of triangles is spent.
 fn spend(covers: &mut [(Vec<u32>, Growing)]) {
-    // Euler: n corners make 2 n - 4 triangles.
+    // By Euler's formula a hull with n corners has 2 n - 4 triangles.
     let mut left = HULL_TRIANGLES as i64;
     covers.iter().for_each(|(_, g)| left -= 2 * g.hull.vertices.len() as i64 - 4);
     while left > 0 {
@@ -258,7 +268,7 @@ fn spend(covers: &mut [(Vec<u32>, Growing)]) {
         let Some(growing) = worst.filter(|g| g.excess() > 0.0) else { return };
         let before = growing.hull.vertices.len() as i64;
         growing.grow();
-        // A new corner may hide old ones.
+        // A new corner may make old corners inner points, so the numbers before and after are compared.
         left -= 2 * (growing.hull.vertices.len() as i64 - before);
     }
 }
@@ -324,7 +334,7 @@ pub(crate) mod tests {
         let proxies = super::proxies(&skin).unwrap();
         check(&skin, &proxies);
         assert!((2..=12).contains(&proxies.len()), "{}", proxies.len());
-        // The open corner is in no hull: the cut follows the concavity.
+        // The open corner of the L lies in no hull, so the cut follows the concavity.
         let open = DVec3::new(0.5, 0.5, 0.1);
         let inside = |p: &Proxy| p.faces.iter().all(|(n, d)| n.dot(open) <= *d);
         assert!(!proxies.iter().any(inside));

@@ -1,4 +1,4 @@
-//! Shape of tetrahedra: dihedral angles of any layer, made here or read from a file.
+//! Shape quality of tetrahedra: the dihedral angles of a layer, whether it was made here or read from a file.
 
 use glam::DVec3;
 
@@ -7,13 +7,13 @@ use super::{Layer, layer::FACES};
 /// Dihedral angles of a layer, degrees.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Quality {
-    /// The smallest.
+    /// The smallest dihedral angle of the layer.
     pub worst: f64,
-    /// The smallest angle of a tetrahedron, exceeded by 99 in 100 tetrahedra.
+    /// First percentile of the tetrahedra's smallest angles: 99 in 100 tetrahedra exceed it.
     pub first_percentile: f64,
-    /// The largest.
+    /// The largest dihedral angle of the layer.
     pub largest: f64,
-    /// The tetrahedron with the smallest.
+    /// Index of the tetrahedron with the smallest angle.
     pub worst_tetrahedron: u32,
 }
 
@@ -26,7 +26,8 @@ pub fn dihedral(corners: [DVec3; 4]) -> (f64, f64) {
     let (mut least, mut largest) = (180.0, 0.0);
     for i in 0..4 {
         for j in i + 1..4 {
-            // Of outward normals; both parts come from products, so that angles near 0 and 180 keep their digits.
+            // The angle is computed from sine and cosine of outward normals, so that angles near 0 and 180 degrees keep
+            // their precision.
             let sine = normals[i].cross(normals[j]).length();
             let angle = sine.atan2(-normals[i].dot(normals[j])).to_degrees();
             (least, largest) = (f64::min(least, angle), f64::max(largest, angle));
@@ -35,7 +36,7 @@ pub fn dihedral(corners: [DVec3; 4]) -> (f64, f64) {
     (least, largest)
 }
 
-/// Dihedral angles of a layer; none where it has no tetrahedra.
+/// Dihedral angles of a layer; `None` if it has no tetrahedra.
 pub fn quality(layer: &Layer) -> Option<Quality> {
     let angles: Vec<(f64, f64)> =
         layer.tetrahedra.iter().map(|t| dihedral(t.map(|n| layer.nodes[n as usize]))).collect();

@@ -1,4 +1,5 @@
-//! What preparing a body found, made and cost: `report.json` of `palpate prepare`, and its short text.
+//! The report on the preparation of a body: what was found, what was made, what it cost. It is written as `report.json`
+//! by `palpate prepare`, and displayed as a short text.
 
 use std::fmt;
 use std::time::Instant;
@@ -11,32 +12,32 @@ use super::stuffing::LayerReport;
 use super::{Layer, Proxy, Shape, Skin, coverage, embed, layer, mass, quality, repair, skin};
 use crate::Result;
 
-/// A stage of preparation, in the order in which they run.
+/// A stage of the preparation; the variants are in the order in which the stages run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
-    /// A finished body looked for in the cache.
+    /// Looks the finished body up in the cache.
     Cache,
-    /// The surface read, or generated.
+    /// Reads or generates the surface.
     Read,
-    /// Defects of the surface found and mended.
+    /// Finds and repairs defects of the surface.
     Repair,
-    /// The layer made or read.
+    /// Makes or reads the layer (tetrahedral mesh).
     Layer,
-    /// Skin vertices embedded in the layer.
+    /// Embeds the skin's vertices in the layer.
     Embed,
-    /// Convex hulls that cover the skin.
+    /// Makes the convex hulls that cover the skin.
     Proxies,
-    /// Nodes bound to cores, and everything brought to scale.
+    /// Attaches nodes to cores, and scales everything.
     Bind,
 }
 
 impl Stage {
-    /// Every stage.
+    /// Every stage, in order.
     pub const ALL: [Stage; 7] =
         [Stage::Cache, Stage::Read, Stage::Repair, Stage::Layer, Stage::Embed, Stage::Proxies, Stage::Bind];
 
-    /// What is being done, for people.
+    /// Name of the stage, for display.
     pub fn name(self) -> &'static str {
         match self {
             Stage::Cache => "cache",
@@ -50,32 +51,33 @@ impl Stage {
     }
 }
 
-/// Where a body came from.
+/// Where a prepared body came from.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CacheUse {
-    /// Made, not looked for.
+    /// It was made, and the cache was not looked into.
     #[default]
     Off,
-    /// Made, and kept for the next time where the cache can be written.
+    /// It was made and stored in the cache, if the cache can be written.
     Made,
-    /// Read from the cache.
+    /// It was read from the cache.
     Found,
 }
 
-/// Is told each stage as it begins; an error ends the preparation there, and is its error.
+/// A callback that is called at the beginning of each stage. If it returns an error, the preparation stops with that
+/// error.
 pub type Watch<'a> = dyn FnMut(Stage) -> Result<()> + 'a;
 
-/// Follows a preparation: tells the stages as they begin, and keeps their times.
+/// Log of a preparation: calls back at the beginning of each stage, and measures the stages' times.
 pub struct Log<'a> {
     watch: &'a mut Watch<'a>,
-    /// Wall time of each stage that ran, s.
+    /// Wall-clock time of each stage that ran, s.
     pub seconds: Vec<(Stage, f64)>,
-    /// Where the body came from.
+    /// Whether the body was made or read from the cache.
     pub cache: CacheUse,
-    /// What the user should know and need not act on.
+    /// Information for the user that needs no action.
     pub notes: Vec<String>,
-    /// What came of filling the surface with cells.
+    /// Report on the layer if it was made by filling the surface.
     pub filling: Option<LayerReport>,
 }
 
@@ -85,7 +87,7 @@ impl<'a> Log<'a> {
         Log { watch, seconds: Vec::new(), cache: CacheUse::Off, notes: Vec::new(), filling: None }
     }
 
-    /// Runs a stage, unless who watches wants it to end here.
+    /// Runs a stage, unless the callback returns an error.
     pub fn stage<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> Result<T> {
         (self.watch)(stage)?;
         let begun = Instant::now();
@@ -99,89 +101,90 @@ impl<'a> Log<'a> {
     }
 }
 
-/// The report. Lengths are in metres, after scale.
+/// The report on one body. Lengths are in metres, after scaling.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// Name of the body.
     pub name: String,
-    /// The skin, as repaired.
+    /// Facts about the skin after the repair.
     pub skin: SkinFacts,
-    /// What was found in the surface's file, mended, and left; null where it is not from a file.
+    /// Report on the repair of the given surface; null if the surface was not given.
     pub repair: Option<RepairReport>,
-    /// The layer of a soft body.
+    /// Facts about the layer of a soft body; null for a rigid body.
     pub layer: Option<LayerFacts>,
-    /// Proxies.
+    /// Facts about the proxies.
     pub proxies: ProxyFacts,
-    /// Whether the body was made or found.
+    /// Whether the body was made or found in the cache.
     pub cache: CacheUse,
-    /// Wall time by stage, s.
+    /// Wall-clock time of each stage, s.
     pub seconds: serde_json::Map<String, serde_json::Value>,
-    /// Most memory the process ever had, bytes; null where the system does not say.
+    /// Greatest memory use of the process so far, bytes; null if the operating system does not tell.
     pub peak_memory_bytes: Option<u64>,
-    /// What the user should know.
+    /// Information for the user.
     pub notes: Vec<String>,
-    /// Version of palpate.
+    /// Version of palpate that prepared the body.
     pub version: &'static str,
 }
 
-/// Facts about a skin.
+/// Facts about the skin, the surface mesh.
 #[derive(Debug, Clone, Serialize)]
 pub struct SkinFacts {
-    /// Vertices, unused ones included.
+    /// Number of vertices, including unused ones.
     pub vertices: usize,
-    /// Triangles.
+    /// Number of triangles.
     pub triangles: usize,
-    /// Parts connected through vertices.
+    /// Number of parts that are connected through vertices.
     pub components: usize,
-    /// Edges of one triangle.
+    /// Number of edges with one triangle.
     pub boundary_edges: usize,
-    /// Edges of three or more triangles, or of two that run the same way.
+    /// Number of edges with three or more triangles, or with two that run along it in the same direction.
     pub non_manifold_edges: usize,
-    /// Enclosed volume, holes closed by fans, m^3.
+    /// Enclosed volume with holes closed by triangle fans, m^3.
     pub volume_m3: f64,
-    /// Box, m.
+    /// Size of the bounding box along the axes, m.
     pub extent_m: [f64; 3],
 }
 
-/// Facts about a layer.
+/// Facts about the layer, the tetrahedral simulation mesh.
 #[derive(Debug, Clone, Serialize)]
 pub struct LayerFacts {
-    /// Nodes.
+    /// Number of nodes.
     pub nodes: usize,
-    /// Tetrahedra.
+    /// Number of tetrahedra.
     pub tetrahedra: usize,
     /// Volume, m^3.
     pub volume_m3: f64,
-    /// Volume less the skin's, as a share of the skin's; of a layer made here, of what the skin winds around.
+    /// Volume of the layer over that of the skin, less one. For a layer made by filling, it is the filling's own figure
+    /// (`LayerReport::volume_difference`).
     pub volume_difference: f64,
-    /// Least dihedral angle, degrees.
+    /// Smallest dihedral angle, degrees.
     pub worst_dihedral_deg: f64,
-    /// Dihedral angle that one in a hundred falls short of, degrees.
+    /// First percentile of the tetrahedra's smallest dihedral angles, degrees.
     pub first_percentile_dihedral_deg: f64,
-    /// How far below zero the least embedding weight lies; 0 where all skin vertices lie inside.
+    /// How far the least embedding weight lies below zero; 0 if all skin vertices lie inside the layer.
     pub largest_extrapolation: f64,
-    /// Nodes bound to cores.
+    /// Number of nodes attached to cores.
     pub bound_nodes: usize,
-    /// What came of filling the surface with cells, in file coordinates; null for a layer from a file.
+    /// Report on the filling of the surface, in file coordinates; null for a layer that was not made by filling.
     pub filling: Option<LayerReport>,
 }
 
-/// Facts about proxies.
+/// Facts about the proxies, the convex hulls that cover the skin.
 #[derive(Debug, Clone, Serialize)]
 pub struct ProxyFacts {
-    /// How many.
+    /// Number of proxies.
     pub count: usize,
-    /// Vertices of the largest hull.
+    /// Number of vertices of the hull that has the most.
     pub most_hull_vertices: usize,
-    /// Triangles of all hulls.
+    /// Number of triangles of all hulls together.
     pub hull_triangles: usize,
-    /// Distinct planes of all hulls.
+    /// Number of distinct face planes of all hulls together.
     pub hull_faces: usize,
-    /// Skin triangles that the busiest proxy draws.
+    /// Number of skin triangles of the proxy that owns the most.
     pub most_skin_triangles: usize,
-    /// Largest distance that owned skin sticks out of its hull, m.
+    /// Greatest distance of owned skin outside its proxy's hull, m.
     pub largest_margin_m: f64,
-    /// Share of skin vertices inside at least one inflated proxy; 1 is all.
+    /// Share of the skin's vertices that lie inside at least one inflated proxy; 1 means all.
     pub coverage: f64,
 }
 
@@ -196,7 +199,8 @@ impl Report {
         let facts = skin_facts(skin);
         let layer = layer.map(|(layer, embedding)| {
             let mut measured = layer_facts(layer, embed::extrapolation(embedding), facts.volume_m3);
-            // It counts what several sheets enclose once, and the inside that a shell leaves out.
+            // The filling's own figure counts overlapping pieces of the surface once, and includes the inside that a
+            // shell leaves out.
             if let Some(filling) = &log.filling {
                 measured.volume_difference = filling.volume_difference;
             }
@@ -259,7 +263,7 @@ fn proxy_facts(skin: &Skin, proxies: &[Proxy]) -> ProxyFacts {
     ProxyFacts {
         count: proxies.len(),
         most_hull_vertices: proxies.iter().map(|p| p.hull.len()).max().unwrap_or(0),
-        // Euler: a triangulated hull of n vertices has 2 n - 4 triangles.
+        // By Euler's formula a triangulated hull with n vertices has 2 n - 4 triangles.
         hull_triangles: proxies.iter().map(|p| 2 * p.hull.len() - 4).sum(),
         hull_faces: proxies.iter().map(|p| p.faces.len()).sum(),
         most_skin_triangles: proxies.iter().map(|p| p.triangles.len()).max().unwrap_or(0),
@@ -268,7 +272,7 @@ fn proxy_facts(skin: &Skin, proxies: &[Proxy]) -> ProxyFacts {
     }
 }
 
-/// The process's peak resident memory, bytes, where the system tells (Linux).
+/// Peak resident memory of the process, bytes, if the operating system tells (Linux does).
 pub fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
@@ -291,8 +295,8 @@ impl fmt::Display for Report {
             skin.volume_m3
         )?;
         if let Some(repair) = &self.repair {
-            let state = if repair.is_clean() { "sound" } else { "mended, see the notes" };
-            writeln!(f, "surface: {state}, {} pairs of triangles cross", repair.self_intersections.count)?;
+            let state = if repair.is_clean() { "sound" } else { "repaired, see the notes" };
+            writeln!(f, "surface: {state}, {} pairs of triangles intersect", repair.self_intersections.count)?;
         }
         if let Some(layer) = &self.layer {
             writeln!(

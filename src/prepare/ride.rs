@@ -1,18 +1,21 @@
-//! Which frame each proxy rides on. A proxy whose skin follows several cores is parted between them: one hull over a
-//! joint would be inflated by the whole swing of the other bone.
+//! Decides which rigid coordinate frame each convex collision proxy follows. A proxy whose skin (surface mesh) follows
+//! several rigid cores is split between them, because one hull across a joint would have to be inflated by the whole
+//! swing of the other bone.
 
 use std::collections::BTreeMap;
 
 use super::hull::Growing;
 use super::{Embedding, Layer, NONE, Proxy, Skin};
 
-/// Triangles of another frame stay with a proxy where they are fewer than this share of its own.
+/// Triangles that follow another frame than most of their proxy stay with it if they are at most this share of its
+/// triangles.
 const FEW: f64 = 0.1;
-/// Corners of a parted hull, at least as many as this where the skin has them.
+/// Least number of corners that a split hull grows to, if its skin has as many.
 const LEAST_CORNERS: usize = 8;
 
-/// Proxies that ride each on the frame that most of their skin follows; parted where much of it follows another. All
-/// arrays in the rest frame; `node_frames` names the frame of each node. With one frame nothing changes.
+/// Lets each proxy follow the frame that most of its skin follows, and splits a proxy if much of its skin follows
+/// another frame. All arrays are in the rest frame; `node_frames` is the index of each node's frame. With one frame
+/// nothing changes.
 pub(super) fn on_frames(
     proxies: Vec<Proxy>,
     skin: &Skin,
@@ -31,7 +34,7 @@ pub(super) fn on_frames(
             let [a, b, c] = skin.triangles[t as usize].map(|v| followed[v as usize]);
             groups.entry(if b == c { b } else { a }).or_default().push(t);
         }
-        // The first of the largest.
+        // Of several largest groups, the first is taken.
         let most = groups.iter().rev().max_by_key(|(_, list)| list.len()).map_or(0, |(frame, _)| *frame);
         let least = (FEW * proxy.triangles.len() as f64) as usize;
         let few: Vec<u32> =
@@ -49,13 +52,13 @@ pub(super) fn on_frames(
     parted
 }
 
-/// The frame of the node that moves a skin vertex most.
+/// The frame of the node with the largest weight on a skin vertex.
 fn frame_of(e: &Embedding, layer: &Layer, node_frames: &[u32]) -> u32 {
     let strongest = (0..4).rev().max_by(|&i, &j| e.weights[i].total_cmp(&e.weights[j])).unwrap_or(0);
     node_frames[layer.tetrahedra[e.tetrahedron as usize][strongest] as usize]
 }
 
-/// A proxy for each group of triangles.
+/// Splits a proxy into one for each group of triangles.
 fn part(proxy: &Proxy, skin: &Skin, groups: BTreeMap<u32, Vec<u32>>, most: u32) -> Vec<Proxy> {
     let mut owner: BTreeMap<u32, u32> = proxy.vertices.iter().map(|&v| (v, NONE)).collect();
     for (frame, list) in &groups {
@@ -74,7 +77,7 @@ fn part(proxy: &Proxy, skin: &Skin, groups: BTreeMap<u32, Vec<u32>>, most: u32) 
                 while growing.hull.vertices.len() < proxy.hull.len().max(LEAST_CORNERS) && growing.grow() {}
                 (growing.hull.vertices, growing.hull.faces)
             }
-            // A group in a single place: the old hull holds it too.
+            // If a group's points coincide, it keeps the old hull, which contains it too.
             None => (proxy.hull.clone(), proxy.faces.clone()),
         };
         let height = |v: u32| {
@@ -110,7 +113,7 @@ mod tests {
             let (low, high) = if p.frame == 0 { (0.0, 2.8) } else { (2.4, 4.0) };
             assert!(p.hull.iter().all(|v| v.x >= low && v.x <= high), "{:?}", p.hull);
         }
-        // Few triangles of another frame stay, and one frame changes nothing.
+        // A few triangles that follow another frame stay with their proxy; with a single frame nothing changes.
         let few: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.6)).collect();
         assert_eq!(on_frames(whole.clone(), &skin, &bar, &embedding, &few).len(), 2);
         let fewer: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.9 && n.y > 0.6)).collect();

@@ -1,4 +1,5 @@
-//! The skin's topology and areas. Made once a body; the contact law reads it every step.
+//! Topology and vertex areas of the skin (the triangle mesh that is seen and touched). They are computed once for a
+//! body; contact uses them in every step.
 
 use glam::DVec3;
 
@@ -6,9 +7,9 @@ use super::{NONE, Skin};
 
 /// A skin from positions (m, rest frame) and counter-clockwise triangles.
 ///
-/// Two triangles are neighbours where they alone share an edge and run along it in opposite directions; a boundary,
-/// an edge of three or more triangles, or a flipped neighbour gives [`NONE`]. Every index must be below the number of
-/// vertices (readers check it).
+/// Two triangles are neighbours if they alone share an edge and run along it in opposite directions. A boundary edge,
+/// an edge of three or more triangles and an edge whose triangles are inconsistently oriented have the neighbour
+/// [`NONE`]. Every index must be below the number of vertices (the readers check it).
 pub fn build(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Skin {
     let neighbours = neighbours(&triangles);
     let mut areas = vec![0.0; vertices.len()];
@@ -22,7 +23,7 @@ pub fn build(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Skin {
     Skin { vertices, triangles, neighbours, areas }
 }
 
-/// Neighbour across each edge. Sorted edge records, so nothing depends on hashing.
+/// Neighbour of each triangle across each edge. The edges are sorted, so the result does not depend on hashing.
 fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut edges: Vec<(u32, u32, u32, u8, bool)> = Vec::with_capacity(3 * triangles.len());
     for (t, triangle) in triangles.iter().enumerate() {
@@ -45,7 +46,8 @@ fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     neighbours
 }
 
-/// Edges of one triangle, and edges of three or more triangles or of two that run the same way.
+/// Counts defective edges: those of one triangle; and those of three or more triangles or of two that run along them in
+/// the same direction.
 pub fn defects(triangles: &[[u32; 3]]) -> (usize, usize) {
     let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * triangles.len());
     for &[a, b, c] in triangles {
@@ -63,8 +65,9 @@ pub fn defects(triangles: &[[u32; 3]]) -> (usize, usize) {
     counts
 }
 
-/// Parts of a triangle mesh connected through shared vertices: the part of each vertex, and the number of parts.
-/// Parts are numbered by their least vertex; a vertex of no triangle is a part of its own.
+/// Parts of a triangle mesh that are connected through shared vertices: the part of each vertex, and the number of
+/// parts. Parts are numbered in the order of their least vertices; a vertex that belongs to no triangle is a part by
+/// itself.
 pub fn parts(vertex_count: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
     let mut sets = Sets::new(vertex_count);
     for t in triangles {
@@ -74,16 +77,17 @@ pub fn parts(vertex_count: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
     sets.labels()
 }
 
-/// Disjoint sets of indices; the representative is always the least member, so labels do not depend on joining order.
+/// Disjoint sets of indices (union-find). The representative is always the least member, so that labels do not depend
+/// on the order of joining.
 pub struct Sets(Vec<u32>);
 
 impl Sets {
-    /// `count` sets of one.
+    /// Makes `count` sets with one index each.
     pub fn new(count: usize) -> Self {
         Sets((0..count as u32).collect())
     }
 
-    /// The least member of the set of `i`.
+    /// The least member of the set that contains `i`.
     pub fn find(&mut self, mut i: u32) -> u32 {
         while self.0[i as usize] != i {
             self.0[i as usize] = self.0[self.0[i as usize] as usize];
@@ -92,14 +96,14 @@ impl Sets {
         i
     }
 
-    /// Makes one set of those of `i` and `j`.
+    /// Joins the sets that contain `i` and `j`.
     pub fn join(&mut self, i: u32, j: u32) {
         let (a, b) = (self.find(i), self.find(j));
         let (low, high) = (a.min(b), a.max(b));
         self.0[high as usize] = low;
     }
 
-    /// A label per index, consecutive from 0 in order of least member, and their number.
+    /// A label for each index, numbered from 0 in the order of the sets' least members, and the number of sets.
     pub fn labels(mut self) -> (Vec<u32>, usize) {
         let mut labels = vec![0; self.0.len()];
         let mut count = 0;

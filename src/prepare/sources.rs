@@ -1,7 +1,8 @@
-//! The version of the algorithms that make bodies: their sources, and the versions of the libraries they call. A body
-//! in the cache was made by exactly these, or it is made again; nobody has to remember to raise a number.
+//! The version of the code that prepares bodies: its source texts, and the lock file with the versions of its
+//! libraries. They are part of every cache key, so that a cached body made by other code is made again, and no version
+//! number has to be maintained.
 
-/// Contents of every file that a body's costly parts depend on.
+/// Contents of every file on which the costly, cached parts of a body depend.
 pub(super) const SOURCES: &[&str] = &[
     include_str!("../../Cargo.lock"),
     include_str!("distance.rs"),
@@ -59,7 +60,7 @@ mod tests {
     use std::fs;
     use std::path::{Path, PathBuf};
 
-    /// Files that the cached parts do not depend on.
+    /// Files on which the cached parts do not depend.
     const OTHERS: [&str; 34] = [
         "prepare/bind.rs",
         "prepare/bodies.rs",
@@ -118,7 +119,7 @@ mod tests {
             let name = path.strip_prefix(&root).unwrap().to_str().unwrap();
             let text = fs::read_to_string(&path).unwrap();
             let listed = super::SOURCES.contains(&text.as_str());
-            assert_ne!(listed, OTHERS.contains(&name), "{name} is to be in SOURCES, or in OTHERS, and not in both");
+            assert_ne!(listed, OTHERS.contains(&name), "{name} must be in SOURCES or in OTHERS, and not in both");
         }
     }
 }

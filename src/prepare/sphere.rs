@@ -1,13 +1,14 @@
-//! The sphere tool: an icosphere. Every vertex lies on the radius, so contact starts where the sphere does.
+//! The sphere tool's surface: an icosphere whose vertices all lie at the radius, so that contact starts where the
+//! sphere does.
 
 use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-/// Halvings of the icosahedron's edges: 2,562 vertices, 5,120 triangles.
+/// Number of times that the icosahedron's edges are halved: it gives 2,562 vertices and 5,120 triangles.
 const HALVINGS: usize = 4;
 
-/// An icosphere about the origin, outward, with every vertex at `radius` (m): vertices, triangles.
+/// Vertices and triangles of an icosphere about the origin, oriented outwards, with every vertex at `radius` (m).
 pub fn icosphere(radius: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (mut directions, mut triangles) = icosahedron();
     for _ in 0..HALVINGS {
@@ -28,7 +29,7 @@ pub fn icosphere(radius: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (directions.into_iter().map(|d| d * radius).collect(), triangles)
 }
 
-/// Twelve unit vertices and twenty outward triangles.
+/// The twelve unit vertices of an icosahedron and its twenty outward triangles.
 fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let golden = (1.0 + 5f64.sqrt()) / 2.0;
     let mut vertices = Vec::with_capacity(12);
@@ -40,7 +41,7 @@ fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
             vertices.push(DVec3::from_array(v).normalize());
         }
     }
-    // Faces are the triples of mutually nearest vertices; the edge of this icosahedron is the least distance.
+    // The faces are the triples of mutually nearest vertices; the icosahedron's edge is their least distance.
     let edge = 2.0 / (1.0 + golden * golden).sqrt();
     let near = |a: usize, b: usize| (vertices[a].distance(vertices[b]) - edge).abs() < 1e-6;
     let mut triangles = Vec::with_capacity(20);
@@ -71,7 +72,7 @@ mod tests {
         assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
         let ball = 4.0 / 3.0 * std::f64::consts::PI * 1e-6;
         let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
-        // An inscribed polyhedron of edge e is smaller by about (e / r)^2 / 4, e being 0.07 r here.
+        // An inscribed polyhedron with edge e and radius r is smaller by about (e / r)^2 / 4; here e is 0.07 r.
         assert!(volume < ball && volume > 0.995 * ball, "{volume}");
     }
 }

@@ -1,4 +1,4 @@
-//! The whole preparation: bodies and tools of a scene, and real meshes.
+//! Tests of the whole preparation: bodies and tools of a scene, and real meshes.
 
 #[path = "../../tests/real_meshes/mod.rs"]
 pub mod real_meshes;
@@ -15,7 +15,7 @@ use crate::scene::{
 };
 use real_meshes::meshes;
 
-/// Soft.
+/// A soft material.
 pub const MATERIAL: Material = Material {
     law: Law::Corotational,
     young: 2e4,
@@ -57,15 +57,17 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
             layer.tetrahedra.len(),
             proxies.len()
         );
-        // Greedy hulls of 64 corners leave a few per cent of a part's size; a missed corner would leave far more.
+        // Greedy hulls of 64 corners leave a few per cent of a part's size outside; a missed corner would leave far
+        // more.
         assert!(margin < 0.02 * (high - low).length(), "{name}: {margin}");
     }
 }
 
-/// A skin vertex lies within a cell of the layer, and no height of its tetrahedra is much below half a cell.
+/// Greatest extrapolation of a skin vertex: it lies within a cell of the layer, and no height of its tetrahedron is
+/// much below half a cell.
 const EXTRAPOLATION: f64 = 1.5;
 
-/// Positive volumes, one part, and the volume that the surface encloses.
+/// Checks that all volumes are positive, the layer is in one part, and its volume is what the surface encloses.
 fn check_layer(layer: &Layer, volume: f64) {
     let volumes = layer.tetrahedra.iter().map(|t| layer::volume6(&layer.nodes, t) / 6.0);
     assert!(volumes.clone().all(|v| v > 0.0));
@@ -148,7 +150,10 @@ fn a_box_is_bound_in_file_coordinates_and_scaled() {
 fn cores_that_hold_nothing_and_bad_nodes_are_refused_by_name() {
     let nowhere = Bind::Sphere { centre: DVec3::splat(9.0), radius: 0.1 };
     let error = prepared(&scene(cube(), &[Bind::All, nowhere])).unwrap_err().to_string();
-    assert!(error.contains("`body.thing.core.core1.bind`") && error.contains("the core would hold nothing"), "{error}");
+    assert!(
+        error.contains("`body.thing.core.core1.bind`") && error.contains("no node is attached to the core"),
+        "{error}"
+    );
     let error = prepared(&scene(cube(), &[Bind::Nodes(vec![27])])).unwrap_err().to_string();
     assert!(error.contains("node 27 does not exist, the layer has 27"), "{error}");
     assert!(prepared(&scene(cube(), &[])).is_ok());
@@ -177,7 +182,7 @@ fn parts_with_nothing_to_hold_them_are_refused() {
     std::fs::write(&path, text).unwrap();
     let shape = scene::Shape::Soft { surface: None, layer: scene::Layer::File(path) };
     let error = prepared(&scene(shape.clone(), &[Bind::Nodes(vec![1])])).unwrap_err().to_string();
-    assert!(error.contains("4 nodes with nothing to hold them") && error.contains("node 4"), "{error}");
+    assert!(error.contains("4 nodes, among them") && error.contains("node 4"), "{error}");
     assert!(prepared(&scene(shape, &[Bind::Nodes(vec![1, 7])])).is_ok());
 }
 
@@ -192,7 +197,11 @@ fn nodes_of_no_tetrahedron_are_left_out_and_cores_count_as_the_file_does() {
     let Shape::Soft { layer, .. } = &body.shape else { panic!("not soft") };
     assert_eq!(layer.nodes, [DVec3::ZERO, 2.0 * DVec3::X, 2.0 * DVec3::Y, 2.0 * DVec3::Z]);
     assert_eq!((&layer.tetrahedra[..], &layer.bound[..]), (&[[0, 1, 2, 3]][..], &[false, true, false, true][..]));
-    assert!(body.report.notes[0].contains("spare.node: 2 nodes of no tetrahedron left out"), "{:?}", body.report);
+    assert!(
+        body.report.notes[0].contains("spare.node: 2 nodes that belong to no tetrahedron were left out"),
+        "{:?}",
+        body.report
+    );
     for (node, words) in [(3, "node 3 belongs to no tetrahedron"), (6, "node 6 does not exist")] {
         let error = prepared(&scene(shape.clone(), &[Bind::Nodes(vec![node])])).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
@@ -242,8 +251,8 @@ fn the_real_human_sticks_out_of_its_file_layer_a_little() {
     let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
     let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("not soft") };
     assert_eq!((layer.nodes.len(), layer.tetrahedra.len(), skin.vertices.len()), (3128, 10204, 13380));
-    // fTetWild keeps within a tolerance of the surface, so some vertices lie outside; a weight below -1 would mean that
-    // a sliver was chosen.
+    // The file's mesh was made by fTetWild, which keeps within a tolerance of the surface, so some vertices lie
+    // outside. A weight below -1 would mean that a sliver was chosen.
     let worst = embed::extrapolation(&embedding);
     assert!(worst > 0.0 && worst < 1.0, "{worst}");
     for (e, &v) in embedding.iter().zip(&skin.vertices) {

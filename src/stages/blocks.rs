@@ -1,5 +1,6 @@
-//! Blocks of nodes, a workgroup each in the solver's passes: free nodes of one frame that lie together, which are also the
-//! aggregates of the coarse level, and what dynamic cores carry.
+//! Partition of the nodes into blocks: each workgroup of the solver's passes works on one block. A block holds either
+//! free nodes of one coordinate frame that lie together, and is then also an aggregate of the solver's coarse space, or
+//! nodes attached to one dynamic rigid core. A mode is a coarse basis function of a block (see `coarse.rs`).
 
 use crate::shaders;
 use std::ops::Range;
@@ -11,37 +12,44 @@ use super::clusters::Graph;
 use super::model::{Model, texel};
 use crate::shaders::NONE;
 
-/// Free nodes of a block, where nothing but the sharing out of work asks for a number.
+/// Free nodes per block of a body without a coarse space, where blocks only divide the work.
 const USUAL_NODES: usize = 128;
-/// Blocks of a body at most then: every workgroup sums over all of them.
+/// Largest number of such blocks per body, since every workgroup of `solve/update` sums over all of them.
 const MOST_BLOCKS: usize = 256;
-/// Carried nodes of a block.
+/// Largest number of attached nodes per block.
 const CARRIED_NODES: usize = 256;
 
-/// Moments of a block's shape from which it is not flat, of its size squared.
+/// A block counts as flat along a principal axis where the mean square extent of its nodes, over the square of the
+/// block's size, is below this.
 const LEAST_SPREAD: f64 = 1e-4;
 
-/// What the solver's passes go by.
+/// The blocks of all bodies, as arrays for the solver's kernels.
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
-    /// First of its nodes, their number, their frame, and the core that carries them or `NONE`; those of free nodes first.
+    /// Per block: its first node in `nodes`, number of nodes, frame, and the dynamic core that they are attached to, or
+    /// `NONE`. Blocks of free nodes come first.
     pub blocks: Vec<[u32; 4]>,
-    /// Blocks of free nodes.
+    /// Number of blocks of free nodes.
     pub free: usize,
-    /// The place of a block's modes among those of all: a body's lie together.
+    /// Per block: its slot, which is its position among the modes of all blocks; the slots of a body are consecutive.
     pub slots: Vec<u32>,
-    /// Node, its first quad of elements, quads, bits of its damping by mass (kg/s); by block.
+    /// Per node, block by block: node index, its first quad (four entries) in `node_elements`, number of quads, and the
+    /// bits of its mass-proportional damping (f32, kg/s).
     pub nodes: Vec<[u32; 4]>,
-    /// Middle of a block's nodes in their frame, m, and 1 over its size, 1/m.
+    /// Per block: mean rest position of its nodes in their frame (m); w is 1 over the block's size, the distance of the
+    /// farthest node from that mean (1/m).
     pub places: Vec<[f32; 4]>,
-    /// Inverse of the sum of x x^T over a block's nodes, x their places about its middle over its size: xx yy zz, xy xz yz.
+    /// Two per block: inverse of sum x x^T over its nodes, where x is a node's rest position about the block's mean,
+    /// over the block's size; it serves to fit an affine motion to the nodes' displacements. The components are xx yy
+    /// zz 0, then xy xz yz 0.
     pub moments: Vec<[f32; 4]>,
-    /// Of each core: nodes; blocks.
+    /// Per dynamic core: its range in `nodes`, and its range of blocks.
     pub cores: Vec<(Range<usize>, Range<usize>)>,
 }
 
 impl Model {
-    /// Shares out the nodes of all bodies; `aggregates`: blocks of free nodes of each soft body, or as usual.
+    /// Divides the nodes of all bodies into blocks. `aggregates`: into how many blocks the free nodes of a soft body
+    /// (by its index) are clustered; `None`: into runs of the usual size.
     pub(super) fn add_blocks(&mut self, aggregates: impl Fn(usize) -> Option<usize>) {
         let mut blocks = Blocks::default();
         for (index, soft) in self.soft.iter().enumerate() {
@@ -59,7 +67,7 @@ impl Model {
             }
             blocks.cores.push((node_first..blocks.nodes.len(), block_first..blocks.blocks.len()));
         }
-        // Bodies lie one after another among the nodes.
+        // Slots number the blocks body by body.
         let mut order: Vec<usize> = (0..blocks.blocks.len()).collect();
         let body = |b: &usize| self.body_of(blocks.nodes[blocks.blocks[*b][0] as usize][0]);
         order.sort_by_key(body);
@@ -68,7 +76,7 @@ impl Model {
         self.blocks = blocks;
     }
 
-    /// Shares out nodes as a model does that differs in materials alone.
+    /// Takes over the blocks of `before`, a model that differs from this one in materials alone.
     pub(super) fn add_blocks_of(&mut self, before: &Model) {
         self.blocks = before.blocks.clone();
         for node in &mut self.blocks.nodes {
@@ -76,13 +84,15 @@ impl Model {
         }
     }
 
-    /// The soft body of a node; those of rigid bodies come after all of these.
+    /// Index of the soft body that a node belongs to; for nodes of rigid bodies the number of soft bodies, so they come
+    /// last.
     pub(super) fn body_of(&self, node: u32) -> usize {
         let own = self.soft.iter().position(|soft| soft.nodes.contains(&(node as usize)));
         own.unwrap_or(self.soft.len())
     }
 
-    /// Parts of one frame's nodes: so many that lie together each, or, without a number, in the order of the arrays.
+    /// Divides the free nodes of a body first by frame and then into parts: into about `aggregates` clusters of
+    /// neighbouring nodes in all, or, where that is `None`, into runs in the order of the arrays.
     fn parts_of(&self, nodes: Vec<u32>, aggregates: Option<usize>) -> Vec<Vec<u32>> {
         let total = nodes.len().max(1);
         let usual = USUAL_NODES.max(nodes.len().div_ceil(MOST_BLOCKS));
@@ -103,7 +113,8 @@ impl Model {
         parts
     }
 
-    /// What some nodes of a frame are to each other; the cube root of a node's mass stands for the edges there.
+    /// The mesh graph of some nodes of a frame, for clustering. The cube root of a node's mass stands for the local
+    /// edge length.
     fn graph(&self, nodes: &[u32]) -> Graph {
         let places = nodes.iter().map(|n| self.place_in_frame(*n)).collect();
         let sizes = nodes.iter().map(|n| f64::from(self.node_rest[*n as usize][3]).cbrt()).collect();
@@ -113,7 +124,7 @@ impl Model {
         Graph::new(places, sizes, self.tetrahedra.iter().map(own))
     }
 
-    /// Rest place of a node in its frame, m.
+    /// Rest position of a node relative to its frame's centre, m.
     pub(super) fn place_in_frame(&self, node: u32) -> DVec3 {
         let [x, y, z, _] = self.node_rest[node as usize].map(f64::from);
         DVec3::new(x, y, z)
@@ -132,7 +143,8 @@ impl Blocks {
         self.places.push(texel(middle, inverse_size));
         let square = |x: DVec3| DMat3::from_cols(x * x.x, x * x.y, x * x.z);
         let sum = places().fold(DMat3::ZERO, |sum, x| sum + square((x - middle) * inverse_size));
-        // Where nodes lie in a plane or a row nothing is known across, and the fit leaves it as at rest.
+        // Where the nodes lie in a plane or a row, their affine fit is undetermined across it; the pseudo-inverse
+        // leaves that part as at rest.
         let inverse = inverse_within(sum, LEAST_SPREAD * nodes.len() as f64);
         self.moments.push(texel(DVec3::new(inverse.x_axis.x, inverse.y_axis.y, inverse.z_axis.z), 0.0));
         self.moments.push(texel(DVec3::new(inverse.y_axis.x, inverse.z_axis.x, inverse.z_axis.y), 0.0));
@@ -142,7 +154,8 @@ impl Blocks {
     }
 }
 
-/// The inverse of a symmetric matrix along those of its axes where it exceeds `least`, and nothing along the others.
+/// Pseudo-inverse of a symmetric matrix: the inverse along eigenvectors whose eigenvalue exceeds `least`, zero along
+/// the others.
 fn inverse_within(matrix: DMat3, least: f64) -> DMat3 {
     let wide = Mat::from_fn(3, 3, |i, j| matrix.col(j)[i]);
     let Ok(eigen) = wide.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };

@@ -1,4 +1,5 @@
-//! Proxies and the chunks that their skin is cut into: the proxies' part of the model.
+//! Collision proxies (convex hulls that cover the skin) and chunks: fills the model's arrays of both. A chunk is the
+//! unit of culling: at most `CHUNK_VERTICES` skin vertices of one proxy with at most `CHUNK_TRIANGLES` triangles.
 
 use std::collections::HashSet;
 
@@ -9,18 +10,19 @@ use crate::prepare::{self, Skin};
 use crate::shaders::{Chunk, Proxy};
 use crate::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES};
 
-/// How far in front of a hull's face another hull must reach to cover it, as a share of the first one's extent.
+/// How far outside a hull's face another hull must reach to cover it, as a fraction of the diagonal of the first hull's
+/// box.
 const COVERED: f64 = 0.02;
 
-/// Triangles of a chunk and the vertices it owns, numbers of the skin.
+/// A chunk in the making: its triangles and the vertices that it owns, as indices of the skin.
 #[derive(Debug, Default, PartialEq)]
 struct Part {
     triangles: Vec<u32>,
     vertices: Vec<u32>,
 }
 
-/// A box of points that lies along a part's mean normal, so that it is thin where the skin is flat: axes, and corners along
-/// them.
+/// A box around points, aligned with the mean normal of a part so that it is thin where the skin is flat. Returns its
+/// axes (columns), and its least and greatest corner along them.
 fn rest_box(skin: &Skin, part: &Part, points: impl Iterator<Item = DVec3>) -> (DMat3, DVec3, DVec3) {
     let area = |t: &u32| {
         let [a, b, c] = skin.triangles[*t as usize].map(|v| skin.vertices[v as usize]);
@@ -37,7 +39,8 @@ fn rest_box(skin: &Skin, part: &Part, points: impl Iterator<Item = DVec3>) -> (D
     (axes, low, high)
 }
 
-/// What moves a set of skin vertices: nodes, an even number of them, and the greatest sum of absolute weights.
+/// The nodes whose displacements move a set of skin vertices (an even number of nodes), and the greatest sum of
+/// absolute embedding weights of any of these vertices.
 #[derive(Default)]
 struct Movers {
     nodes: Vec<u32>,
@@ -45,7 +48,9 @@ struct Movers {
 }
 
 impl Model {
-    /// Adds the proxies of a skin that [`Model::add_skin`] just added.
+    /// Adds the proxies of a skin that [`Model::add_skin`] has just added. `frame_first`, `vertex_first`: the body's
+    /// first frame and first skin vertex in the model; `carrier`: the tetrahedral mesh in which the skin is embedded,
+    /// if any.
     pub(super) fn add_proxies(
         &mut self,
         skin: &Skin,
@@ -99,7 +104,8 @@ impl Model {
     ) {
         let centre = self.frames[frame as usize].rest_centre;
         let covered = covered(skin, &part.triangles, &part.vertices);
-        // Its own vertices, the other corners of its triangles, and what its own vertices' normals need.
+        // `besides` becomes the vertices that the chunk does not own but needs: other corners of its triangles, and the
+        // neighbours from which the normals of its own vertices are computed.
         let mut besides = covered.clone();
         for v in &part.vertices {
             let v = vertex_first + *v as usize;
@@ -115,7 +121,7 @@ impl Model {
         let movers = movers(&covered, carrier);
         let rest = |v: &u32| skin.vertices[*v as usize] - centre;
         let (axes, low, high) = rest_box(skin, part, covered.iter().map(rest));
-        // Rounding of the f32 that the device holds.
+        // The addition covers the rounding to f32, in which the GPU holds the box.
         let half_extent = (high - low) * 0.5 + DVec3::splat(1e-6 * low.abs().max(high.abs()).max_element());
         let node_first = self.chunk_nodes.len();
         let node_count = movers.nodes.len();
@@ -141,8 +147,9 @@ impl Model {
     }
 }
 
-/// The skin of a proxy in parts that fit a chunk: halved along the longest extent until they do. Vertices go with the first
-/// part of their triangles; those without triangles come last.
+/// Cuts the skin of a proxy into parts that fit a chunk: the triangles are halved at the median along their longest
+/// extent until each part fits. A vertex goes with the first part that has one of its triangles; vertices without
+/// triangles form parts of their own at the end.
 fn cut(skin: &Skin, proxy: &prepare::Proxy) -> Vec<Part> {
     let centre = |t: u32| skin.triangles[t as usize].iter().map(|v| skin.vertices[*v as usize]).sum::<DVec3>() / 3.0;
     let mut triangles: Vec<(DVec3, u32)> = proxy.triangles.iter().map(|t| (centre(*t), *t)).collect();
@@ -185,7 +192,7 @@ fn halve(skin: &Skin, triangles: &mut [(DVec3, u32)], unowned: &mut HashSet<u32>
     halve(skin, right, unowned, parts);
 }
 
-/// Corners of these triangles, and these vertices, each once.
+/// The corners of these triangles together with these vertices, sorted, each once.
 fn covered(skin: &Skin, triangles: &[u32], vertices: &[u32]) -> Vec<u32> {
     let mut covered: Vec<u32> = triangles.iter().flat_map(|t| skin.triangles[*t as usize]).collect();
     covered.extend(vertices);
@@ -208,15 +215,15 @@ fn movers(covered: &[u32], carrier: Option<&Carrier>) -> Movers {
     }
     movers.nodes.sort_unstable();
     movers.nodes.dedup();
-    // The device reads them two at a time.
+    // The kernels read nodes two at a time.
     if movers.nodes.len() % 2 == 1 {
         movers.nodes.push(movers.nodes[movers.nodes.len() - 1]);
     }
     movers
 }
 
-/// The faces of a hull that other hulls of the body do not cover: one within the body is no way out of it. All of them where
-/// none is left.
+/// The faces of a hull that no other hull on the same frame covers: a covered face lies within the body, so it is no
+/// direction to leave the body by. Returns all faces where every one is covered.
 fn outer_faces(proxy: &prepare::Proxy, all: &[prepare::Proxy]) -> Vec<(DVec3, f64)> {
     let (low, high) =
         proxy.hull.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
@@ -231,7 +238,7 @@ fn outer_faces(proxy: &prepare::Proxy, all: &[prepare::Proxy]) -> Vec<(DVec3, f6
     if outer.is_empty() { proxy.faces.clone() } else { outer }
 }
 
-/// Mean length of the edges of these triangles, m.
+/// Mean edge length of these triangles, m.
 fn mean_edge(skin: &Skin, triangles: &[u32]) -> f64 {
     let mut sum = 0.0;
     for t in triangles {
@@ -261,7 +268,7 @@ mod tests {
             }
         }
         assert!(owned.iter().chain(&drawn).all(|n| *n == 1));
-        // Halving fills them between one half and whole.
+        // Halving leaves chunks at least about half full, which bounds their number.
         assert!(parts < 3 * head.vertices.len() / CHUNK_VERTICES, "{parts}");
     }
 }

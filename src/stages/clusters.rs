@@ -1,32 +1,34 @@
-//! Clusters of nodes that lie together and hang together: the aggregates of the coarse level.
+//! Clusters of neighbouring mesh nodes: the aggregates of the solver's coarse space.
 //!
-//! Lloyd's rounds (1982) over the mesh, as Bell (2008) has them for algebraic multigrid: a cluster grows from the node nearest
-//! to its centre, always by the nearest of all nodes that touch it, so fingers that nearly meet stay apart, and its centre
-//! becomes the mean of its nodes. They begin far from each other (Gonzalez 1985) in units of what lies there: small tetrahedra
-//! are stiff, and a cluster of many of them would leave too much to Jacobi.
+//! The method is Lloyd's iteration (1982) on the mesh graph, as Bell (2008) uses it for algebraic multigrid. A cluster
+//! grows from the node nearest to its centre and always takes the nearest of all nodes adjacent to it, so that parts of
+//! the body which nearly meet, such as fingers, stay apart; then its centre moves to the mean of its nodes. The first
+//! centres are chosen far from each other (Gonzalez 1985), with distances in units of the local element size: small
+//! tetrahedra are stiff, and a cluster of many of them would leave too much to the Jacobi part of the preconditioner.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-/// Rounds: more hardly change anything.
+/// Number of Lloyd iterations; further ones hardly change the clusters.
 const ROUNDS: usize = 5;
-/// Edges over which sizes are evened out: clusters follow how fine a mesh is from place to place, not its single tetrahedra,
-/// small ones at a skin among them.
+/// How often element sizes are averaged over adjacent nodes, so that clusters follow how fine a mesh is from place to
+/// place and not single tetrahedra, such as small ones at the skin.
 const EVENED: usize = 4;
 
-/// Nodes, and which of them touch.
+/// The nodes of a mesh and their adjacency.
 pub struct Graph {
     places: Vec<DVec3>,
     sizes: Vec<f64>,
-    /// First neighbour of each node, and their number last.
+    /// Index of each node's first neighbour in `neighbours`, and the length of that list at the end.
     first: Vec<usize>,
     neighbours: Vec<u32>,
 }
 
 impl Graph {
-    /// Places of nodes, m; the size of what lies there, in any unit, above 0; and the nodes of each element, which touch.
+    /// `places`: positions of the nodes, m; `sizes`: the local element size at each node, in any unit, above 0;
+    /// `elements`: the nodes of each element, which are adjacent to each other.
     pub fn new(places: Vec<DVec3>, sizes: Vec<f64>, elements: impl Iterator<Item = Vec<u32>>) -> Graph {
         let mut edges: Vec<(u32, u32)> = Vec::new();
         for element in elements {
@@ -49,14 +51,14 @@ impl Graph {
         &self.neighbours[self.first[node]..self.first[node + 1]]
     }
 
-    /// Of a node and its neighbours.
+    /// Mean element size over a node and its neighbours.
     fn mean_size(&self, node: usize) -> f64 {
         let others = self.neighbours(node);
         let sum = others.iter().fold(self.sizes[node], |sum, other| sum + self.sizes[*other as usize]);
         sum / (1 + others.len()) as f64
     }
 
-    /// Which of `count` clusters, one at least, each node belongs to; some may be empty.
+    /// Assigns every node to one of `count` clusters (at least one); some clusters may stay empty.
     pub fn clusters(&self, count: usize) -> Vec<usize> {
         let mut seeds = self.far_apart(count);
         let mut centres: Vec<DVec3> = seeds.iter().map(|seed| self.places[*seed]).collect();
@@ -68,7 +70,8 @@ impl Graph {
         own
     }
 
-    /// Nodes each as far from those before it as can be, in its own size.
+    /// Chooses `count` seed nodes, each as far as possible from those before it, in units of the element size at the
+    /// node.
     fn far_apart(&self, count: usize) -> Vec<usize> {
         let mut seeds = Vec::new();
         let mut distances = vec![f64::INFINITY; self.places.len()];
@@ -83,12 +86,13 @@ impl Graph {
         seeds
     }
 
-    /// Clusters from a node each; where none comes, the nearest has it.
+    /// Grows a cluster from each seed node along the mesh. A node that no cluster reaches joins the one with the
+    /// nearest centre.
     fn grown(&self, seeds: &[usize], centres: &[DVec3]) -> Vec<usize> {
         let mut own = vec![usize::MAX; self.places.len()];
         let mut least = vec![u64::MAX; self.places.len()];
         let mut next = BinaryHeap::new();
-        // Of numbers that are not negative the bits are in their order.
+        // The bit patterns of non-negative floats sort like their values.
         let to = |node: usize, cluster: usize| self.places[node].distance_squared(centres[cluster]).to_bits();
         next.extend(seeds.iter().enumerate().map(|(cluster, seed)| Reverse((to(*seed, cluster), *seed, cluster))));
         while let Some(Reverse((_, node, cluster))) = next.pop() {
@@ -110,7 +114,8 @@ impl Graph {
         own
     }
 
-    /// Moves centres to the means of their nodes, and seeds to the nodes nearest to those.
+    /// Moves each centre to the mean of its cluster's nodes, and each seed to the cluster's node nearest to that
+    /// centre.
     fn centre(&self, own: &[usize], seeds: &mut [usize], centres: &mut [DVec3]) {
         let mut sums = vec![(DVec3::ZERO, 0.0); centres.len()];
         own.iter().zip(&self.places).for_each(|(own, x)| sums[*own] = (sums[*own].0 + *x, sums[*own].1 + 1.0));
@@ -130,7 +135,8 @@ impl Graph {
 mod tests {
     use super::*;
 
-    /// Rows of nodes along x, one m apart, each joined to the next in its row; of so large a size.
+    /// Rows of nodes along x, 1 m apart, each node joined to the next in its row. A row is given by its y (m), its
+    /// number of nodes and their element size.
     fn rows(rows: &[(f64, usize, f64)]) -> Graph {
         let (mut places, mut sizes, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
         for (y, count, size) in rows {
@@ -142,7 +148,7 @@ mod tests {
         Graph::new(places, sizes, pairs.into_iter())
     }
 
-    /// Nodes of each cluster.
+    /// Number of nodes in each of `count` clusters.
     fn counts(own: &[usize], count: usize) -> Vec<usize> {
         (0..count).map(|k| own.iter().filter(|own| **own == k).count()).collect()
     }
@@ -171,7 +177,7 @@ mod tests {
     fn every_node_is_in_one_whatever_the_count() {
         assert!(rows(&[]).clusters(3).is_empty());
         assert_eq!(rows(&[(0.0, 5, 1.0)]).clusters(0), [0; 5]);
-        // Pieces that none starts in.
+        // No seed lies in the second row, so its nodes join the nearest cluster.
         assert_eq!(rows(&[(0.0, 3, 1.0), (1.0, 3, 1.0)]).clusters(1), [0; 6]);
         let own = rows(&[(0.0, 3, 1.0)]).clusters(7);
         assert!(own[0] != own[1] && own[1] != own[2] && own[0] != own[2]);

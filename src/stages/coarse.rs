@@ -1,8 +1,10 @@
-//! The coarse level of the preconditioner: what A does at rest to affine motions of each block of nodes, inverted once.
+//! The coarse level of the solver's preconditioner: the matrix A of the step's linear system at rest, restricted to a
+//! few motions (modes) of each block of nodes, and inverted once.
 //!
-//! Two-level additive Schwarz (Dryja and Widlund 1987) with aggregates in the place of subdomains: M^-1 = D^-1 + P A_c^-1
-//! P^T. P turns with the frames, so the matrix at rest serves whatever way a body has turned; contact and deformation are
-//! not in it, and need not be.
+//! It is a two-level additive Schwarz preconditioner (Dryja and Widlund 1987) with blocks of nodes (aggregates) in
+//! place of subdomains: M^-1 = D^-1 + P A_c^-1 P^T, where D holds the 3x3 diagonal blocks of A, P maps modes to node
+//! velocities, and A_c = P^T A P is the Galerkin coarse matrix. P rotates with the blocks, so the matrix at rest serves
+//! a body in any orientation. Contact and deformation are left out of A_c, which need not be exact.
 
 mod matrix;
 
@@ -17,36 +19,39 @@ use super::model::{Model, SoftRange};
 use crate::scene::Preconditioner;
 use crate::shaders::NONE;
 
-/// Modes of a block: twelve affine ones of free nodes, or the six of a twist and six that are none.
+/// Modes per block: the twelve affine ones of free nodes, or for nodes attached to a core the six of its twist and six
+/// that are unused.
 pub const MODES: usize = 12;
-/// Stiffness number from which the coarse level pays, of one node an aggregate; see [`least_number`].
+/// Stiffness number from which the coarse level pays for a body with one node per aggregate; see [`least_number`].
 const STIFF: f64 = 2.4;
-/// Aggregates of a body that has enough nodes for them.
+/// Number of aggregates of a body that has enough nodes for them, at least.
 const LEAST_AGGREGATES: usize = 64;
-/// And at most.
+/// Number of aggregates of a body, at most.
 const MOST_AGGREGATES: usize = 200;
-/// Nodes of an aggregate at least: fewer hardly know affine motions.
+/// Nodes per aggregate, at least: fewer hardly determine affine motions.
 const LEAST_NODES: usize = 8;
-/// Mean square of a motion over a block's nodes, over the largest, from which it is one of its own: in a plane or a row some
-/// affine motions are others as well.
+/// Mean square of a motion over a block's nodes, over that of the largest one, above which the motion counts as
+/// independent: where nodes lie in a plane or a row, some affine motions are combinations of others.
 const LEAST_MOTION: f64 = 1e-4;
 
-/// The coarse level of all bodies that have one.
+/// The coarse level of all bodies that have one, as arrays for the solver's kernels. A slot is the position of a block
+/// among the modes of all blocks; a texel is a vec4.
 #[derive(Debug, Clone, Default)]
 pub struct Coarse {
-    /// First texel of a block's rows, first slot of its body, that body's modes over four (none without a coarse level), its
-    /// slot.
+    /// Per block: first texel of its rows in `inverse`, first slot of its body, number of the body's modes over four (0
+    /// without a coarse level), its own slot.
     pub blocks: Vec<[u32; 4]>,
-    /// Rows of the inverses, scaled to a diagonal of one: half precision, eight numbers a texel.
+    /// Rows of the inverses A_c^-1, scaled to a unit diagonal, in half precision: eight numbers per texel.
     pub inverse: Vec<[u32; 4]>,
-    /// The roots of the inverses' diagonals; three texels a slot.
+    /// Square roots of the diagonals of the inverses; three texels per slot.
     pub scales: Vec<[f32; 4]>,
-    /// Bodies that have it, with their stiffness number and their aggregates.
+    /// The bodies that have a coarse level: body index, stiffness number, number of aggregates.
     pub bodies: Vec<(usize, f64, usize)>,
 }
 
 impl Model {
-    /// Blocks of all bodies, and the coarse level of those that are stiff enough at steps of `dt` seconds, or as asked.
+    /// Makes the blocks of all bodies, and the coarse level of those that are stiff enough at steps of `dt` seconds,
+    /// or, where the scene has `asked` for it, of all or none.
     pub(super) fn add_coarse(&mut self, dt: f64, asked: Preconditioner) {
         let wanted = |index: usize| {
             let number = self.stiffness_number(&self.soft[index], dt);
@@ -62,7 +67,8 @@ impl Model {
         self.invert(dt, &wanted);
     }
 
-    /// The same with the blocks of a model that differs in materials alone, and for the bodies that have a coarse level there.
+    /// Like [`Model::add_coarse`] for a model that differs from `before` in materials alone: it takes over the blocks,
+    /// and the choice which bodies have a coarse level.
     pub(super) fn add_coarse_again(&mut self, dt: f64, before: &Model) {
         self.add_blocks_of(before);
         let kept = |soft: &SoftRange| before.coarse.bodies.iter().find(|(body, ..)| *body == soft.body);
@@ -74,7 +80,7 @@ impl Model {
         self.invert(dt, &wanted);
     }
 
-    /// The coarse level of those bodies of which a stiffness number and aggregates are given.
+    /// Makes the coarse level of the bodies for which `wanted` has a stiffness number and a number of aggregates.
     fn invert(&mut self, dt: f64, wanted: &[Option<(f64, usize)>]) {
         let blocks: Vec<_> = self.blocks.slots.iter().map(|slot| [0, 0, 0, *slot]).collect();
         let scales = vec![[0.0; 4]; if wanted.iter().any(Option::is_some) { 3 * blocks.len() } else { 0 }];
@@ -91,9 +97,10 @@ impl Model {
         soft.nodes.clone().filter(|n| self.node_info[*n][3] == shaders::NODE_FREE).count()
     }
 
-    /// How much stiffer than its inertia a node is, in a step of `dt` seconds: (h^2 + h beta) tr(K_ii) / (3 (1 + h alpha)
-    /// m_i), the 95th of a hundred free nodes; 0 where none is free. Conjugate gradients with 3x3 block Jacobi take some 9
-    /// times its root of iterations to 1e-4, until the body ends them.
+    /// Stiffness number of a body: how much stiffer than its inertia a node is in a step of h = `dt` seconds, namely
+    /// (h^2 + h beta) tr(K_ii) / (3 (1 + h alpha) m_i) with alpha and beta the mass and stiffness damping; it is the
+    /// 95th percentile over the free nodes, and 0 where none is free. To reach 1e-4, conjugate gradients with 3x3 block
+    /// Jacobi need about 9 times as many iterations as its square root, until the size of the body limits them.
     pub fn stiffness_number(&self, soft: &SoftRange, dt: f64) -> f64 {
         let mut stiffness = vec![0.0; soft.nodes.len()];
         for t in self.tetrahedra_of(soft) {
@@ -114,7 +121,7 @@ impl Model {
         (0..self.tetrahedra.len()).filter(|t| soft.nodes.contains(&(self.tetrahedra[*t][0] as usize)))
     }
 
-    /// m + h alpha m of a node, kg.
+    /// m + h alpha m of a node, kg, with h = `dt` in seconds and alpha the mass-proportional damping.
     fn inertia(&self, node: usize, dt: f64) -> f64 {
         f64::from(self.node_rest[node][3]) + dt * f64::from(self.node_damping[node])
     }
@@ -125,7 +132,7 @@ impl Model {
         [-wide(0) - wide(1) - wide(2), wide(0), wide(1), wide(2)]
     }
 
-    /// mu, lambda, Pa, and beta, s.
+    /// Lame parameters mu and lambda (Pa) and stiffness-proportional damping beta (s) of a tetrahedron.
     pub(crate) fn material_of(&self, tetrahedron: usize) -> [f64; 3] {
         let material = self.materials[self.element_info[tetrahedron][0] as usize];
         [material.mu, material.lambda, material.damping].map(f64::from)
@@ -135,7 +142,8 @@ impl Model {
         f64::from(self.rest_gradients[3 * tetrahedron][3]).powi(2)
     }
 
-    /// Adds the inverse of a body's coarse matrix; false where it has none (nothing is free, or it is singular).
+    /// Adds the inverse of a body's coarse matrix; false where there is none (the body has no block, or the matrix is
+    /// singular).
     fn invert_coarse(&self, index: usize, dt: f64, coarse: &mut Coarse) -> bool {
         let soft = &self.soft[index];
         let own = |b: &usize| self.body_of(self.blocks.nodes[self.blocks.blocks[*b][0] as usize][0]) == index;
@@ -143,7 +151,7 @@ impl Model {
         blocks.sort_by_key(|b| self.blocks.slots[*b]);
         let Some(first_slot) = blocks.first().map(|b| self.blocks.slots[*b]) else { return false };
         let size = MODES * blocks.len();
-        // E^T A_c E and E (E^T A_c E)^-1 E^T with E the motions of their own.
+        // E has the independent motions as columns: the inverse on the modes is E (E^T A_c E)^-1 E^T.
         let (matrix, motions) = (self.coarse_matrix(soft, &blocks, dt), self.motions(&blocks));
         let half = combined(&motions, matrix.as_ref());
         let reduced = combined(&motions, half.transpose());
@@ -165,8 +173,8 @@ impl Model {
         true
     }
 
-    /// Motions of a body's blocks, each a combination of their modes (index, weight), of which none is made of others: all
-    /// blocks of a core move as one, and those on a hinge only about that.
+    /// Linearly independent motions of a body's blocks, each a combination of their modes as (index, weight): all
+    /// blocks of a core move as one, and those of a hinged core only rotate about the hinge.
     fn motions(&self, blocks: &[usize]) -> Vec<Vec<(usize, f64)>> {
         let mut motions = Vec::new();
         let mut cores: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
@@ -197,7 +205,8 @@ impl Model {
         motions
     }
 
-    /// Combinations of 1, x, y and z that a block's nodes tell from each other; those themselves where they do of all.
+    /// Linearly independent combinations of 1, x, y and z over a block's nodes, as weights; the four functions
+    /// themselves where all are independent.
     fn affine_motions(&self, block: usize) -> Vec<[f64; 4]> {
         let [first, count, ..] = self.blocks.blocks[block];
         let nodes = &self.blocks.nodes[first as usize..(first + count) as usize];
@@ -219,31 +228,33 @@ impl Model {
     }
 }
 
-/// Aggregates of a body of so many free nodes: their number grows so that the product with the inverse stays within a tenth
-/// of an iteration, up to a matrix that is inverted in a few seconds.
+/// Number of aggregates for a body with this many free nodes. It grows so that the product with the dense inverse stays
+/// within a tenth of an iteration, up to a matrix that takes a few seconds to invert.
 fn aggregates(nodes: usize) -> usize {
     let wanted = (0.95 * (nodes as f64).sqrt()) as usize;
     wanted.clamp(LEAST_AGGREGATES, MOST_AGGREGATES).min(nodes.div_ceil(LEAST_NODES)).max(1)
 }
 
-/// Stiffness number from which the coarse level pays for a body of so many free nodes. Its root is how many nodes' distance a
-/// wave goes in a step, which is as far as Jacobi's iterations have to tell; the coarse level leaves them the width of an
-/// aggregate, and costs some three iterations each.
+/// Stiffness number from which the coarse level pays for a body with this many free nodes. Its square root is the
+/// distance, in nodes, that an elastic wave travels in a step, and so how far Jacobi's iterations must carry
+/// information. With the coarse level they only need to cross an aggregate, but each iteration costs about as much as
+/// three.
 fn least_number(nodes: usize) -> f64 {
     STIFF * (nodes as f64 / aggregates(nodes) as f64).powf(2.0 / 3.0)
 }
 
-/// E X E^T with E the motions, scaled to a diagonal of one and rounded to half precision.
+/// E X E^T, scaled to a unit diagonal and rounded to half precision, where E has the independent motions as columns.
 struct HalfInverse {
-    /// By rows.
+    /// The matrix row by row.
     values: Vec<half::f16>,
-    /// The roots of what its diagonal was; zero where no motion has a mode.
+    /// Square roots of the diagonal before scaling; zero for modes that no motion contains.
     scales: Vec<f64>,
 }
 
 impl HalfInverse {
-    /// Of X symmetric and positive definite; what rounding would make of it is not where bodies are stiff, and conjugate
-    /// gradients need that. So its diagonal grows until it is: by some thousandths, 2^-5 at most (else `None`).
+    /// `x` is X, symmetric and positive definite. Where bodies are stiff, rounding can make E X E^T indefinite, but
+    /// conjugate gradients need a positive definite preconditioner; so the diagonal of X is raised, by 2^-11 up to 2^-5
+    /// of itself, until the rounded matrix is definite. `None` where even 2^-5 is not enough.
     fn new(motions: &[Vec<(usize, f64)>], x: &Mat<f64>, size: usize) -> Option<HalfInverse> {
         let shifts = std::iter::once(0.0).chain((5..=11).rev().map(|k| 0.5f64.powi(k)));
         shifts.map(|shift| HalfInverse::shifted(motions, x, size, shift)).find(|half| half.is_positive(motions, size))
@@ -258,7 +269,7 @@ impl HalfInverse {
         let mut values = vec![half::f16::ZERO; size * size];
         for i in (0..size).filter(|i| scales[*i] > 0.0) {
             for j in (0..size).filter(|j| scales[*j] > 0.0) {
-                // Symmetric to the last bit.
+                // Both triangles of the matrix take the same entry, so that the matrix is symmetric to the last bit.
                 let value = inverse[(i.max(j), i.min(j))] / (scales[i] * scales[j]);
                 values[i * size + j] = half::f16::from_f64(value);
             }
@@ -266,7 +277,7 @@ impl HalfInverse {
         HalfInverse { values, scales }
     }
 
-    /// Whether it is positive definite as to the motions.
+    /// Whether the rounded matrix is positive definite on the independent motions.
     fn is_positive(&self, motions: &[Vec<(usize, f64)>], size: usize) -> bool {
         let value = |i: usize, j: usize| self.values[i * size + j].to_f64() * self.scales[i] * self.scales[j];
         let all = Mat::from_fn(size, size, value);
@@ -275,12 +286,12 @@ impl HalfInverse {
     }
 }
 
-/// E^T matrix, E the motions.
+/// E^T times a matrix, where E has the motions as columns.
 fn combined(motions: &[Vec<(usize, f64)>], matrix: MatRef<f64>) -> Mat<f64> {
     Mat::from_fn(motions.len(), matrix.ncols(), |i, j| motions[i].iter().map(|(k, w)| w * matrix[(*k, j)]).sum::<f64>())
 }
 
-/// E matrix, E the motions of so many modes.
+/// E times a matrix, where E has the motions as columns and a row for each of `modes` modes.
 fn spread(motions: &[Vec<(usize, f64)>], matrix: MatRef<f64>, modes: usize) -> Mat<f64> {
     let mut all = Mat::zeros(modes, matrix.ncols());
     for (i, motion) in motions.iter().enumerate() {

@@ -1,4 +1,7 @@
-//! Contact: depths of skin vertices, the colliding ones as a dense list, their response, and the index from nodes to them.
+//! Contact stage: decides which skin vertices collide and how deep, lists them densely, computes what the solver needs
+//! of each, and makes the index from nodes to contacts. A vertex gathers contacts if the hits on its ray along the
+//! normal are looked up; a contact patch (`regions` in the code) is a part of a pair's contact with one normal; a chunk
+//! is a group of at most 64 skin vertices.
 
 use std::sync::Arc;
 
@@ -14,36 +17,38 @@ use crate::shaders;
 use crate::shaders::NONE;
 use crate::stages::CHUNK_VERTICES;
 
-/// Contacts a step at most; more raise the contact overflow flag.
+/// Largest number of contacts per step; more raise the contact overflow flag, and the deepest are kept.
 const CAPACITY: usize = 32_768;
-/// Nodes a contact acts on at most: a vertex and a triangle, four nodes each corner.
+/// Largest number of nodes that a contact acts on: those of a skin vertex and of three corners of a triangle, four
+/// each.
 const ENTRIES: usize = 16;
 
-/// What the solver reads of contacts.
+/// The contact arrays that the solver reads. An entry is a contact's action on one node.
 #[derive(Clone)]
 pub struct Touch {
-    /// A [`shaders::Contact`] a colliding vertex.
+    /// One [`shaders::Contact`] per colliding vertex.
     pub contacts: Buffer,
-    /// Four quads of nodes a contact.
+    /// Four quads (uvec4) of node indices per contact.
     pub entry_nodes: Buffer,
-    /// Their weights.
+    /// Weights of the nodes in `entry_nodes`, with which their velocities add up to the contact's relative velocity.
     pub entry_weights: Buffer,
-    /// First and number of each node's entries.
+    /// Per node: its first entry in `sorted`, and their number.
     pub node_entries: Buffer,
-    /// Contact and weight of each entry, by node.
+    /// The entries, node by node: contact index, and bits of the weight (f32).
     pub sorted: Buffer,
-    /// What each contact does to a change of velocity; see solve/apply.
+    /// Per contact: the product of its part of the operator with a change of velocity, N s; w is the component along
+    /// the normal (see solve/press).
     pub contact_forces: Buffer,
 }
 
-/// Kernels and arrays of the stage.
+/// Kernels and arrays of the contact stage.
 pub struct Contact {
     candidates: Kernel,
     deepest: Kernel,
     response: Kernel,
     has_nodes: bool,
     sort: Kernel,
-    /// What the solver reads.
+    /// The arrays that the solver reads.
     pub touch: Touch,
     fan_first: Buffer,
     fans: Buffer,
@@ -52,9 +57,10 @@ pub struct Contact {
     candidate_what: Buffer,
     candidate_normals: Buffer,
     chunk_contacts: Buffer,
-    /// Depth x area x outward normal of each, and its pair of proxies.
+    /// Per candidate (a gathering vertex of an active chunk): bits of depth x area x outward normal (m^3), and its pair
+    /// of proxies.
     pub candidate_pushes: Buffer,
-    /// Candidate of each contact.
+    /// Per contact: the index of its candidate.
     pub source: Buffer,
     node_list_counts: Buffer,
     node_lists: Buffer,
@@ -63,8 +69,10 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Kernels and arrays for a model. `skins`: whether skins may meet skins, else half-spaces alone; `blend`: where two regions see a vertex alike it gets the mean of both, so that nothing
-    /// jumps; otherwise the stronger one's, so that every depth is that of a ray along its normal.
+    /// Kernels and arrays for a model. `skins`: whether skins may meet skins; otherwise they meet half-spaces only.
+    /// `blend`: where two contact patches see a vertex about equally well it gets a mean of both, so that no force
+    /// jumps; without it the patch that sees the vertex best decides alone, so that every depth is exactly that of a
+    /// ray along its normal.
     pub fn new(context: &Arc<Context>, model: &Model, skins: bool, blend: bool) -> Result<Contact> {
         let nodes = model.node_rest.len();
         let candidates = CHUNK_VERTICES * model.most_gathering();
@@ -111,13 +119,14 @@ impl Contact {
         })
     }
 
-    /// What a step leaves for the next: which way its contacts pushed, for culling; and those, for who asks of the last step.
+    /// The arrays that a step leaves for the next: which way its contacts pushed, for culling, and the contacts, for
+    /// callers that ask about the last step.
     pub fn state(&self) -> [&Buffer; 3] {
         [&self.source, &self.candidate_pushes, &self.touch.contacts]
     }
 
-    /// Three passes over no more than there is, a fill, and a pass of no workgroup unless contacts do not fit. Without a depth
-    /// stage only half-spaces are met.
+    /// Records three passes over the active chunks, contacts and nodes, one fill, and one pass that has a workgroup
+    /// only where contacts do not fit. Without a depth stage only half-spaces are met.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -130,7 +139,7 @@ impl Contact {
         recorder.stage("contact");
         let touch = &self.touch;
         if self.has_nodes {
-            // Long before it is read; only touched nodes' are written.
+            // This is filled long before it is read; later only the entries of touched nodes are written.
             recorder.fill(&touch.node_entries, 0);
         }
         recorder.dispatch_indirect(

@@ -1,5 +1,5 @@
-//! The host's part of the contact law: the stiffness and damping of a pair of bodies, and what a contact did at the end of a
-//! step, for those who ask. The law itself is `shaders/shared/contact_law.glsl`.
+//! The host's part of the contact law: the stiffness and damping of a pair of bodies, and the traction of a contact for
+//! reports. The law itself, a penalty with damping and regularised friction, is `shaders/shared/contact_law.glsl`.
 
 use glam::DVec3;
 
@@ -7,33 +7,34 @@ use crate::prepare::{Body, Layer, Shape};
 use crate::scene::{Material, Scene};
 use crate::shaders::Contact;
 
-/// Stiffness (N/m^3) where nothing soft is near to take it from: that of 20 kPa, nu 0.45, at a cell of 10 mm.
+/// Stiffness (N/m^3) of a scene without soft bodies: the automatic one of 20 kPa, Poisson's ratio 0.45 and edges of 10
+/// mm.
 const RIGID_STIFFNESS: f64 = 5.0e7;
 
-/// Stiffness (N/m^3) and damping (N s/m^3) between two bodies of a scene.
+/// Stiffness (N/m^3) and damping (N s/m^3) between two bodies of a scene; `all`: its bodies and the tool.
 pub fn parameters(scene: &Scene, pair: [&Body; 2], all: &[&Body]) -> [f64; 2] {
     let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&pair, all));
-    // As if the penalty relaxed over one step.
+    // With this damping the penalty relaxes over one step.
     let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
     [stiffness, damping]
 }
 
-/// What presses a contact's two bodies apart, over its area.
+/// Traction between the two bodies of a contact: force over the contact's area.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Traction {
-    /// Along the normal, Pa; never below zero, since contacts do not adhere.
+    /// Pressure along the normal, Pa; never below zero, since contacts do not adhere.
     pub pressure: f64,
-    /// Friction on the second body of the pair, its opposite on the first; world axes, Pa.
+    /// Friction on the second body of the pair, world axes, Pa; the first one feels the opposite.
     pub friction: DVec3,
 }
 
-/// The traction at the end of a step of `h` s, where `force` is the contact's entry of `contact_forces`; the wrench is the sum
-/// of these times their areas.
+/// The traction at the end of a step of `h` seconds, where `force` is the contact's entry of `contact_forces` (N s).
+/// The wrench on the tool is the sum of these tractions times their areas.
 pub fn end_traction(contact: &Contact, force: [f32; 4], h: f32) -> Traction {
     let [stiffness, depth, area, h] = [contact.stiffness, contact.depth, contact.area, h].map(f64::from);
     let [x, y, z, along] = force.map(f64::from);
     let slope = h * stiffness + f64::from(contact.damping);
-    // A dropped contact, or one seen edge on.
+    // The contact is released, or its vertex is seen edge on.
     if area <= 0.0 || slope <= 0.0 {
         return Traction { pressure: 0.0, friction: DVec3::ZERO };
     }
@@ -47,7 +48,7 @@ pub fn end_traction(contact: &Contact, force: [f32; 4], h: f32) -> Traction {
     Traction { pressure, friction: drag / area }
 }
 
-/// The traction at the start of a step whose end is not known, without friction.
+/// The traction at the start of a step, for contacts whose end of the step is not known; without friction.
 pub fn start_traction(contact: &Contact) -> Traction {
     let [stiffness, damping, depth, rate] =
         [contact.stiffness, contact.damping, contact.depth, contact.rate].map(f64::from);
@@ -58,9 +59,9 @@ fn wide(x: [f32; 3]) -> DVec3 {
     DVec3::from_array(x.map(f64::from))
 }
 
-/// 20 E / (1 - nu^2) / (mean layer edge) of the softer body, N/m^3; of the softest of the scene where neither is soft. A
-/// body of several materials counts with the softest that carries skin: it gives way first, and what lies deeper is felt
-/// through it.
+/// Automatic stiffness, 20 E / (1 - nu^2) / (mean edge of the tetrahedral mesh) of the softer body of a pair, or of the
+/// softest of all where both are rigid, N/m^3. A body of several materials counts with the softest one in which skin is
+/// embedded: that one gives way first, and what lies deeper is felt through it.
 fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
     let of = |bodies: &[&Body]| {
         let soft = bodies.iter().filter_map(|body| match &body.shape {
@@ -76,7 +77,7 @@ fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
     of(pair).or_else(|| of(all)).unwrap_or(RIGID_STIFFNESS)
 }
 
-/// Mean length of a layer's edges, each counted once, m.
+/// Mean edge length of a tetrahedral mesh, each edge counted once, m.
 fn mean_edge(layer: &Layer) -> f64 {
     let mut edges: Vec<[u32; 2]> = Vec::with_capacity(6 * layer.tetrahedra.len());
     for t in &layer.tetrahedra {
@@ -95,7 +96,8 @@ mod tests {
     use super::*;
     use crate::prepare::body;
 
-    /// N/m^3, of a cube of three cells a side whose region is much softer than the rest.
+    /// Automatic stiffness, N/m^3, of a cube of three cells a side with a softer material region, which is given as a
+    /// sphere.
     fn stiffness(sphere: &str) -> f64 {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("scene.toml");

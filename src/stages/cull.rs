@@ -1,4 +1,7 @@
-//! Cull: which proxies may touch, in which directions, and the regions, chunks and work that follow.
+//! Cull stage (broad phase): finds which collision proxies (convex hulls that cover the skin) of two bodies may touch
+//! and in which directions, groups the directions into contact patches (`regions` in the code: one normal each), and
+//! lists the chunks (groups of at most 64 skin vertices) that may meet. A work item is an active chunk in one contact
+//! patch.
 
 use std::sync::Arc;
 
@@ -14,13 +17,15 @@ use crate::shaders;
 use crate::shaders::{ActiveChunk, Pair, Region};
 use crate::stages::PAIR_REGIONS;
 
-/// Words of a region's two fields of heights, FIELD x FIELD each.
+/// Length in words of a contact patch's min-max depth grid, which has FIELD x FIELD cells for each of the two bodies; a
+/// cell holds how far that body reaches along the patch's normal.
 pub(super) const FIELD_WORDS: usize = 2 * (shaders::FIELD * shaders::FIELD) as usize;
 
-/// Squares of a region's column along a side at most; the last begins at most where the column ends.
+/// Largest number of cells of the spatial hash along a side of the rectangle that a contact patch covers; the last cell
+/// begins where the rectangle ends, at the latest.
 pub const MOST_CELLS: u32 = 128;
 
-/// Pairs of bodies and of proxies, regions, active chunks.
+/// Kernels and arrays of the cull stage: pairs of bodies and of proxies, contact patches, active chunks.
 pub struct Cull {
     test: Kernel,
     direction: Kernel,
@@ -29,46 +34,49 @@ pub struct Cull {
     meet: Kernel,
     pair_count: u32,
     test_groups: u32,
-    /// A [`Pair`] a pair of bodies, written by the host.
+    /// One [`Pair`] per pair of bodies, written by the host.
     pub pairs: Buffer,
     proxy_pairs: Buffer,
     active_pairs: Buffer,
     reach: Buffer,
     near_pairs: Buffer,
     directions: Buffer,
-    /// [`PAIR_REGIONS`] [`Region`]s a pair of bodies.
+    /// [`PAIR_REGIONS`] contact patches per pair of bodies, a [`Region`] each.
     pub regions: Buffer,
-    /// A [`crate::shaders::Slot`] a proxy and pair.
+    /// A slot is a proxy's part in a pair of bodies: one [`crate::shaders::Slot`] each.
     pub slots: Buffer,
-    /// How each slot's vertices are shared out between the pair's regions.
+    /// Per slot: the share that each of the pair's contact patches has in its vertices.
     pub shares: Buffer,
     boxes: Buffer,
     slot_regions: Buffer,
     slot_counts: Buffer,
     active_slots: Buffer,
-    /// A [`crate::shaders::Chunk`] each.
+    /// The chunks of all proxies, a [`crate::shaders::Chunk`] each.
     pub chunks: Buffer,
-    /// Nodes that move each chunk.
+    /// The nodes whose displacements move each chunk, chunk by chunk.
     pub chunk_nodes: Buffer,
     slot_chunks: Buffer,
     slabs: Buffer,
-    /// Heights that each side's chunks reach in the squares of a region.
+    /// The min-max depth grids: how far the chunks of either side reach along the normal in each cell of a contact
+    /// patch.
     pub fields: Buffer,
-    /// An [`ActiveChunk`] each.
+    /// The chunks that may meet others, an [`ActiveChunk`] each.
     pub active_chunks: Buffer,
-    /// Active chunk and region.
+    /// Work items: active chunk, and contact patch.
     pub items: Buffer,
 }
 
 impl Cull {
-    /// Kernels and arrays for a model. `smooth`: normals turn a quarter of the way a step, else all of it.
+    /// Kernels and arrays for a model. `smooth`: the normals of contact patches turn a quarter of the way towards their
+    /// new direction in a step, otherwise all of it.
     pub fn new(context: &Arc<Context>, model: &Model, smooth: bool) -> Result<Cull> {
         let (proxy_pairs, slots, items) = (model.proxy_pairs.len(), model.slots.len(), model.most_items());
         let follow: f32 = if smooth { 0.25 } else { 1.0 };
         let spans = ("SPANS", Const::Bool(model.spans_frames()));
         let buckets = skin::buckets(model);
         let list = [("SLOTS", count(slots)), ("MOST_ITEMS", count(items)), ("GATHERING", count(model.gathering_slots))];
-        // So many pairs of proxies a workgroup that those whose boxes meet fill its lanes, and so few that a lane has eight at most.
+        // A workgroup gets enough pairs of proxies that those whose boxes meet fill its lanes, but at most eight a
+        // lane.
         let lanes = context.reduce_size();
         let share = (8 * lanes).min(lanes.max(128));
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
@@ -107,13 +115,13 @@ impl Cull {
         })
     }
 
-    /// What a step leaves for the next: the regions, whose normals turn by degrees.
+    /// The array that a step leaves for the next: the contact patches, whose normals turn gradually.
     pub fn state(&self) -> [&Buffer; 1] {
         [&self.regions]
     }
 
-    /// Five passes: pairs, directions, regions, slabs of chunks, the list of chunks that meet. `last` still holds the last
-    /// step's contacts.
+    /// Records five passes: proxy pairs, directions, contact patches, bounds of chunks, and the list of chunks that
+    /// meet. `last` still holds the contacts of the last step.
     pub fn record(
         &self,
         recorder: &mut Recorder,

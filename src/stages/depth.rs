@@ -1,4 +1,6 @@
-//! Depth: where triangles of one side cross the rays of the other side's vertices. Two interchangeable paths.
+//! Depth stage (narrow phase): finds where triangles of one body's skin hit the rays that the other body's skin
+//! vertices cast along a contact patch's normal. It has two interchangeable paths, graphics and compute, which find the
+//! same hits.
 
 use std::sync::Arc;
 
@@ -13,34 +15,35 @@ use crate::stages::CHUNK_VERTICES;
 
 pub use crate::scene::DepthPath as Path;
 
-/// Name of the stage.
+/// Name of the stage in timers and reports.
 pub const STAGE: &str = "depth";
-/// Crossings at least; more where the scene has more vertices.
+/// Capacity for ray hits, at least (and at most, `MOST_HITS`); between the two it follows the number of vertices.
 const LEAST_HITS: usize = 1 << 16;
 const MOST_HITS: usize = 1 << 20;
 
-/// Pixels a side of the graphics path, one a square.
-/// Where the draw stands, counted in VkDrawIndirectCommands of four words.
+/// Where the draw's arguments lie in the indirect arguments, in units of VkDrawIndirectCommand (four words).
 const DRAW: u32 = 3 * shaders::ARGS_DRAW / 4;
+/// Pixels along a side of the graphics path's viewport, one pixel per cell of the spatial hash.
 const SQUARES: u32 = MOST_CELLS + 1;
 
-/// Crossings of all regions.
+/// Pipeline and arrays of the depth stage.
 pub struct Depth {
     cross: Cross,
-    /// Triangles, by chunk.
+    /// The triangles of the skins, chunk by chunk.
     pub chunk_triangles: Buffer,
-    /// Triangle, next on the same ray, bits of the depth, twice its work item and whether it is a front.
+    /// One per ray hit: triangle, next hit on the same ray, bits of the depth (f32, m), and twice the work item (an
+    /// active chunk in a contact patch) plus 1 where the ray hits the triangle's front.
     pub hits: Buffer,
 }
 
-/// What shares out the squares that triangles cover.
+/// The pipeline that finds the hash cells covered by each triangle: the rasterizer, or a kernel with loops over them.
 enum Cross {
     Graphics(RasterPipeline),
     Compute(Kernel),
 }
 
 impl Depth {
-    /// Kernels and arrays for a model. The graphics path needs [`Context::fragment_stores`].
+    /// Kernels and arrays for a model. The graphics path needs the device feature [`Context::fragment_stores`].
     pub fn new(context: &Arc<Context>, model: &Model, path: Path) -> Result<Depth> {
         let hits = (2 * CHUNK_VERTICES * model.most_gathering_items()).clamp(LEAST_HITS, MOST_HITS);
         let constants =
@@ -56,7 +59,7 @@ impl Depth {
         })
     }
 
-    /// One pass: a workgroup, or an instance of the draw, an active chunk and region.
+    /// Records one pass, with a workgroup or an instance of the draw per active chunk and contact patch.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, cull: &Cull, skin: &Skin) {
         recorder.stage(STAGE);
         let arguments = shaders::depth::Cross {

@@ -1,6 +1,6 @@
-//! Patches on the device: tetrahedra that share one volumetric strain, against locking ([`crate::prepare::patch`]). A pass a
-//! step writes each patch's row of the operator and what it gives to the right-hand side; in the solver's loop a patch is one
-//! more element, applied beside the tetrahedra and gathered with them.
+//! F-bar patches on the GPU: groups of tetrahedra that share one volumetric strain, against volumetric locking
+//! ([`crate::prepare::patch`]). One pass a step writes each patch's row of the operator and its part of the right-hand
+//! side; in the solver's loop a patch is like one more element, applied beside the tetrahedra and gathered with them.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -15,25 +15,26 @@ use crate::prepare::patch::{MOST_NODES, MOST_TETRAHEDRA};
 use crate::shaders;
 use crate::shaders::NONE;
 
-/// Static arrays of all bodies' patches.
+/// Static arrays of the patches of all bodies.
 #[derive(Debug, Clone, Default)]
 pub struct Patches {
-    /// Patch of each tetrahedron, or `NONE`.
+    /// Per tetrahedron: its patch, or `NONE`.
     pub of: Vec<u32>,
-    /// Three a patch: its nodes, the first again where there are fewer.
+    /// Per patch: its nodes in three quads; where it has fewer than twelve, the first one is the padding.
     nodes: Vec<[[u32; 4]; 3]>,
-    /// Six a patch, two members each: a tetrahedron (`NONE`: no more), and where its nodes are among the patch's, four bits
-    /// each.
+    /// Per patch: its members in six pairs. A member is a tetrahedron (`NONE`: no more) and the places of its four
+    /// nodes in the patch's node list, four bits each.
     members: Vec<[[u32; 4]; 6]>,
-    /// Volume (m^3), lambda (Pa), beta (s); a patch.
+    /// Per patch: volume (m^3), lambda (Pa), stiffness damping beta (s), 0.
     pub constants: Vec<[f32; 4]>,
-    /// Nodes of each patch, in their order.
+    /// Per patch: its nodes in the order of `nodes`, without the padding.
     node_lists: Vec<Vec<u32>>,
 }
 
 impl Patches {
-    /// Appends a layer whose nodes and tetrahedra come next among all. `material`: lambda (Pa) and beta (s) of a tetrahedron;
-    /// `rigid`: whether a tetrahedron lies within one core, where nothing deforms and no patch is needed.
+    /// Appends the patches of a tetrahedral mesh, whose nodes and tetrahedra come next among those of all bodies.
+    /// `material`: lambda (Pa) and beta (s) of a tetrahedron; `rigid`: whether all its nodes are attached to one core,
+    /// so that it cannot deform; a patch of such tetrahedra alone is left out.
     pub fn add(
         &mut self,
         layer: &Layer,
@@ -75,66 +76,69 @@ impl Patches {
         }
     }
 
-    /// How many there are.
+    /// Number of patches.
     pub fn count(&self) -> usize {
         self.constants.len()
     }
 
-    /// Every node of every patch from `first` on, with the patch and its place in it. On the device its row, and its force
-    /// behind those of all tetrahedra and four zeros, stand at place times [`Patches::count`] plus patch.
+    /// Every node of every patch from `first` on, as the node, its patch, and its place in the patch's node list. On
+    /// the GPU the patch's row at that node has the index place x [`Patches::count`] + patch, and so has the patch's
+    /// force on it, counted from behind the forces of all tetrahedra and four zeros.
     pub fn entries(&self, first: usize) -> impl Iterator<Item = (u32, [u32; 2])> {
         let lists = self.node_lists.iter().zip(0..).skip(first);
         lists.flat_map(|(nodes, p)| nodes.iter().zip(0..).map(move |(node, k)| (*node, [p, k])))
     }
 
-    /// The patches of these nodes.
+    /// The patches whose nodes all lie in this range.
     pub(super) fn within<'a>(&'a self, nodes: &'a Range<usize>) -> impl Iterator<Item = usize> + 'a {
         (0..self.count()).filter(|p| self.node_lists[*p].iter().all(|n| nodes.contains(&(*n as usize))))
     }
 
-    /// Tetrahedra of a patch.
+    /// The tetrahedra of a patch.
     pub(super) fn members_of(&self, patch: usize) -> impl Iterator<Item = usize> {
         let pairs = self.members[patch].into_iter().flat_map(|[a, _, c, _]| [a, c]);
         pairs.filter(|t| *t != NONE).map(|t| t as usize)
     }
 
-    /// Nodes as the device has them, patch beside patch.
+    /// The nodes in the order in which the GPU has them, interleaved over the patches.
     pub fn device_nodes(&self) -> Vec<[u32; 4]> {
         beside(&self.nodes)
     }
 
-    /// Members as the device has them, the padding replaced by the tetrahedron that reads as nothing; called once all layers
-    /// are in.
+    /// The members in the order in which the GPU has them. Padding becomes the index after the last tetrahedron, whose
+    /// gradients are zero; so this is called once all bodies are in.
     pub fn device_members(&self) -> Vec<[u32; 4]> {
         let nothing = self.of.len() as u32;
         beside(&self.members).iter().map(|pair| pair.map(|x| if x == NONE { nothing } else { x })).collect()
     }
 }
 
-/// First every patch's first, then every one's second and so on, so that neighbouring invocations read side by side.
+/// Interleaves rows: the first element of every row, then the second of every row and so on, so that neighbouring
+/// invocations (one per row) read neighbouring elements.
 fn beside<const N: usize>(rows: &[[[u32; 4]; N]]) -> Vec<[u32; 4]> {
     (0..N).flat_map(|k| rows.iter().map(move |row| row[k])).collect()
 }
 
-/// The pass after elastic/rotate, and what the solver reads of patches.
+/// The pass that follows elastic/rotate, and the patch arrays that the solver reads.
 pub struct Dilate {
     kernel: Kernel,
-    /// Of a step that is linearised again.
+    /// Variant of the kernel for further Newton iterations of a step.
     again: Option<Kernel>,
-    /// How many.
+    /// Number of patches.
     pub patch_count: usize,
-    /// Patch of each tetrahedron, for elastic/rotate.
+    /// Per tetrahedron: its patch, for elastic/rotate.
     pub patch_of: Buffer,
-    /// Three a patch.
+    /// Three quads of node indices per patch.
     pub nodes: Buffer,
     members: Buffer,
     constants: Buffer,
-    /// Twelve a patch: its row of the operator.
+    /// Twelve per patch, one for each of its nodes: its row c of the operator, to which it contributes c c^T.
     pub rows: Buffer,
 }
 
 impl Dilate {
-    /// Kernels and arrays; made only where there are patches. `again`: whether a step may be linearised again.
+    /// Kernels and arrays; made only where there are patches. `again`: whether a step may have several Newton
+    /// iterations.
     pub fn new(context: &Arc<Context>, patches: &Patches, again: bool) -> Result<Dilate> {
         let constants = [("PATCHES", count(patches.count())), ("TETRAHEDRA", count(patches.of.len()))];
         let kernel = |again: bool| {
@@ -153,12 +157,13 @@ impl Dilate {
         })
     }
 
-    /// Takes up the materials of the same patches.
+    /// Writes the material constants of the same patches to the GPU.
     pub fn refresh(&self, patches: &Patches) -> Result<()> {
         self.constants.write(&patches.constants)
     }
 
-    /// One pass over patches, after elastic/rotate. `trial_change`: of the solve where the step is linearised again.
+    /// Records one pass over the patches, after elastic/rotate. `trial_change`: the change of velocity of the last
+    /// solve, in a further Newton iteration.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, trial_change: Option<&Buffer>) {
         recorder.stage("elastic");
         recorder.dispatch(

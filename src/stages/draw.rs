@@ -1,5 +1,5 @@
-//! Draw: the skins of all bodies as they are, positions and normals, in arrays that another program may bind or map. No part of
-//! the step: made and run when somebody looks.
+//! Draw stage: writes the skins of all bodies as they are now, positions and normals, into GPU arrays that a renderer
+//! or another program may bind or map. It is no part of the step, and is made and run only when somebody asks for it.
 
 mod fields;
 mod mesh;
@@ -20,36 +20,38 @@ pub use fields::{Field, Fields};
 pub use mesh::{Mesh, Outline};
 pub use points::Points;
 
-/// Skins on the device: a vec4 a vertex of all bodies, one after another, the tool's last.
+/// The skins on the GPU: one vec4 per vertex, body after body, the tool's last.
 pub struct Skins<'a> {
-    /// m, from the origin that was asked for; w is 1.
+    /// Positions, m, relative to the origin that was asked for; w is 1.
     pub positions: &'a Buffer,
-    /// Unit, outward; w is 0. Zero where a vertex has no triangle with an area.
+    /// Outward unit normals; w is 0. A normal is zero where the triangles around its vertex have no area.
     pub normals: &'a Buffer,
-    /// Three vertices a triangle, and a zero: four u32.
+    /// Four u32 per triangle: its three vertices and a zero.
     pub triangles: &'a Buffer,
 }
 
-/// Kernels and arrays.
+/// Kernels and arrays of the draw stage.
 pub struct Draw {
     normals_kernel: Kernel,
     fan_first: Buffer,
     fans: Buffer,
-    /// A [`Frame`] a frame of the model, of which place and rotation count; written by the host.
+    /// One [`Frame`] (rigid coordinate frame) per frame of the model, written by the host; only position and rotation
+    /// are read.
     pub frames: Buffer,
-    /// A [`Link`] a pair of frames that something spans, as they are now; written by the host.
+    /// One [`Link`] per pair of frames in both of which a tetrahedron, proxy or chunk has nodes: how one lies to the
+    /// other now; written by the host.
     pub links: Buffer,
-    /// Three skin vertices a triangle, and a zero.
+    /// Four u32 per triangle: its three skin vertices and a zero.
     pub triangles: Buffer,
     /// The vertices of all skins.
     pub points: Points,
-    /// A vec4 a skin vertex, unit, outward.
+    /// Outward unit normals, one vec4 per skin vertex.
     pub normals: Buffer,
 }
 
 impl Draw {
-    /// For a model whose bodies' skins take up these ranges of the vertices; `skin`: of the step, where it has one, whose arrays
-    /// are shared.
+    /// Kernels and arrays for a model. `ranges`: each body's skin vertices among those of all; `skin`: the skin stage
+    /// of the step, where it has one, whose arrays are shared.
     pub fn new(context: &Arc<Context>, model: &Model, ranges: &[Range<usize>], skin: Option<&Skin>) -> Result<Draw> {
         let vertices = model.skin_nodes.len();
         let mut rigid_frames = vec![NONE; vertices];
@@ -82,12 +84,12 @@ impl Draw {
         })
     }
 
-    /// What is shown.
+    /// The arrays to draw.
     pub fn skins(&self) -> Skins<'_> {
         Skins { positions: &self.points.positions, normals: &self.normals, triangles: &self.triangles }
     }
 
-    /// Two passes over all skin vertices.
+    /// Records two passes over all skin vertices.
     pub fn record(&self, recorder: &mut Recorder, elastic: &Elastic) {
         self.points.record(recorder, &self.frames, elastic);
         let arguments = shaders::draw::Normals {
@@ -101,7 +103,8 @@ impl Draw {
     }
 }
 
-/// Lists by owner, one after another: running totals of their lengths, and what they hold. `pairs`: owner and what it holds.
+/// Sorts `pairs` of an owner and a value into one list per owner: returns the running totals of the lists' lengths, and
+/// the lists one after another.
 fn lists(owners: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> (Vec<u32>, Vec<u32>) {
     let mut first = vec![0u32; owners + 1];
     pairs.clone().for_each(|(owner, _)| first[owner as usize + 1] += 1);
@@ -116,7 +119,7 @@ fn lists(owners: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> (Vec
     (first, all)
 }
 
-/// The triangles around each skin vertex: of all vertices, where the model keeps those that contact asks for.
+/// The triangles around every skin vertex; the model itself keeps only those around vertices that contact needs.
 fn fans(model: &Model) -> (Vec<u32>, Vec<u32>) {
     let triangles = model.triangles.iter().zip(0..);
     lists(model.skin_nodes.len(), triangles.flat_map(|(&[a, b, c, _], t)| [(a, t), (b, t), (c, t)]))

@@ -1,4 +1,5 @@
-//! Elastic: the layers' state, element rotations, forces and rotated gradients.
+//! Elastic stage: the state of the tetrahedral meshes (layers), the rotation of each tetrahedron, element forces, and
+//! the gradients, rotated into the world, with which the solver applies the elements.
 
 use std::mem::offset_of;
 use std::sync::Arc;
@@ -14,55 +15,58 @@ use crate::prepare::patch::MOST_NODES;
 use crate::shaders;
 use crate::shaders::Counts;
 
-/// Nodes, tetrahedra and their state.
+/// The nodes and tetrahedra, their state, and the kernels of the stage.
 pub struct Elastic {
     rotate: Kernel,
     again: Option<Again>,
-    /// Patches, if there are any.
+    /// The F-bar patches (tetrahedra that share one volumetric strain), if there are any.
     pub dilate: Option<Dilate>,
-    /// Tetrahedra.
+    /// Number of tetrahedra.
     pub tetrahedron_count: usize,
-    /// Nodes.
+    /// Number of nodes.
     pub node_count: usize,
     pub(super) materials: Buffer,
-    /// Four nodes a tetrahedron.
+    /// Four nodes per tetrahedron.
     pub tetrahedra: Buffer,
-    /// Where something spans frames.
+    /// Per tetrahedron: links from its frame to the frames of its nodes; present only where some have nodes in several
+    /// frames.
     pub(super) tetrahedron_links: Option<Buffer>,
-    /// Three a tetrahedron, rest axes, and the square root of its volume.
+    /// Three per tetrahedron: rest gradients of its last three nodes' shape functions (1/m); w of the first is the
+    /// square root of its volume (m^3).
     pub(super) rest_gradients: Buffer,
-    /// Material and frame of each tetrahedron.
+    /// Per tetrahedron: its material and frame.
     pub(super) element_info: Buffer,
-    /// Position in the frame, mass.
+    /// Per node: rest position relative to its frame's centre (m), and mass (kg).
     pub node_rest: Buffer,
-    /// First quad of elements, quads, frame, and who holds it, as in shaders/shared/held.glsl.
+    /// Per node: its first quad in `node_elements`, number of quads, frame, and what decides its motion, as in
+    /// shaders/shared/held.glsl.
     pub node_info: Buffer,
-    /// Entries into element forces, four a texel.
+    /// The entries of `element_forces` that add up at each node, node by node, four per texel.
     pub node_elements: Buffer,
-    /// State: displacement from rest, frame axes, m.
+    /// State: displacement of each node from rest, axes of its frame, m.
     pub displacement: Buffer,
-    /// State: velocity, world axes, m/s.
+    /// State: velocity of each node, world axes, m/s.
     pub velocity: Buffer,
-    /// State: rotation of each tetrahedron, kept as the next start.
+    /// State: rotation of each tetrahedron (quaternion), from which the next step's search for it starts.
     pub rotations: Buffer,
-    /// Three a tetrahedron, world axes.
+    /// Three per tetrahedron: its gradients, rotated into world axes.
     pub gradients: Buffer,
-    /// Four a tetrahedron, four zeros, and twelve a patch.
+    /// Element forces on nodes, as impulses (N s): four per tetrahedron, four zeros, and twelve per F-bar patch.
     pub element_forces: Buffer,
 }
 
-/// What a step needs besides that is linearised more than once.
+/// Kernels and arrays that only steps with several Newton iterations need.
 struct Again {
     trial: Kernel,
     rotate: Kernel,
-    /// Where the last solve would take each node, frame axes at the start, m.
+    /// Per node: the displacement to which the last solve would take it, axes of its frame at the step's start, m.
     displacement: Buffer,
-    /// Its change of velocity, world axes, m/s.
+    /// Per node: its change of velocity by the last solve, world axes, m/s.
     change: Buffer,
 }
 
 impl Elastic {
-    /// Kernels and arrays for a model, at rest.
+    /// Kernels and arrays for a model whose nodes are at rest positions.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Elastic> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
         let patches = model.patches.count();
@@ -110,38 +114,39 @@ impl Elastic {
         })
     }
 
-    /// Takes up the materials and masses of a model of the same bodies.
+    /// Writes the materials and masses of a model of the same bodies to the GPU.
     pub fn refresh(&self, model: &Model) -> Result<()> {
         self.materials.write(&model.materials)?;
         self.node_rest.write(&model.node_rest)?;
         self.dilate.as_ref().map_or(Ok(()), |dilate| dilate.refresh(&model.patches))
     }
 
-    /// What a step leaves for the next.
+    /// The arrays that a step leaves for the next.
     pub fn state(&self) -> [&Buffer; 3] {
         [&self.displacement, &self.velocity, &self.rotations]
     }
 
-    /// Whether a step may be linearised again.
+    /// Whether steps may have several Newton iterations.
     pub fn repeats(&self) -> bool {
         self.again.is_some()
     }
 
-    /// No flag is raised yet: of scenes where nothing can touch, since elsewhere the pose stage does it.
+    /// Clears the step's flags in scenes where nothing can touch; in others the pose stage does that.
     pub fn record_reset(&self, recorder: &mut Recorder, common: &Common) {
-        // Without tetrahedra nothing after this raises any.
+        // Without tetrahedra no later pass raises a flag.
         if self.tetrahedron_count > 0 {
             recorder.stage("elastic");
             recorder.fill_range(&common.counts, offset_of!(Counts, flags) as u64, 4, 0);
         }
     }
 
-    /// One pass over tetrahedra, and one over patches.
+    /// Records one pass over the tetrahedra, and one over the patches if there are any.
     pub fn record(&self, recorder: &mut Recorder, common: &Common) {
         self.record_at(recorder, common, None);
     }
 
-    /// Where the last solve would take the nodes: one pass over them. Only of a step that is linearised more than once.
+    /// Records one pass over the nodes that finds where the last solve would take them, in steps with several Newton
+    /// iterations.
     pub fn record_trial(&self, recorder: &mut Recorder, common: &Common, solve: &Solve) {
         let Some(again) = &self.again else { return };
         recorder.stage("elastic");
@@ -164,7 +169,8 @@ impl Elastic {
         );
     }
 
-    /// As [`Elastic::record`], at the trial.
+    /// Records the passes of [`Elastic::record`] for a further Newton iteration, at the displacements that
+    /// [`Elastic::record_trial`] found.
     pub fn record_again(&self, recorder: &mut Recorder, common: &Common) {
         self.record_at(recorder, common, self.again.as_ref());
     }

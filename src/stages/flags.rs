@@ -1,34 +1,36 @@
-//! What a step has to confess: the one place that gives each flag its bit and its name.
+//! Flags of a step: what went wrong in it. This is the one place that gives each flag its bit and its name.
 
 use crate::shaders;
 
-/// A set of flags; the bits are those of the `flags` column of `trace.csv`, and of the shaders, which define those that they raise.
+/// A set of flags. The bits are those of the `flags` column of `trace.csv`, and of the shaders, which define those that
+/// they raise.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Flags(pub u32);
 
 impl Flags {
-    /// The solver stopped at its iteration limit with a residual above what single precision allows.
+    /// The solver's residual at the end is above ten times its tolerance, and above ten times what single precision can
+    /// reach.
     pub const NOT_CONVERGED: Flags = Flags(shaders::FLAG_NOT_CONVERGED);
-    /// More regions than there is room for.
+    /// There are more contact patches, or more active chunks of skin, than there is room for.
     pub const REGION_OVERFLOW: Flags = Flags(shaders::FLAG_REGION_OVERFLOW);
-    /// More contacts than there is room for.
+    /// There are more contacts, or more ray hits, than there is room for.
     pub const CONTACT_OVERFLOW: Flags = Flags(shaders::FLAG_CONTACT_OVERFLOW);
-    /// A contact deeper than the scene's `depth_limit`.
+    /// A contact is deeper than the scene's `depth_limit`.
     pub const DEPTH_BEYOND_LIMIT: Flags = Flags(shaders::FLAG_DEPTH_LIMIT);
-    /// A skin folds over itself along the region's normal.
+    /// A skin folds over itself along a contact patch's normal.
     pub const NOT_A_HEIGHT_FIELD: Flags = Flags(shaders::FLAG_NOT_HEIGHT_FIELD);
     /// A number was not finite, and the step was recovered.
     pub const NON_FINITE: Flags = Flags(shaders::FLAG_NON_FINITE);
     /// The step was repeated with a smaller time step.
     pub const STEP_RETRIED: Flags = Flags(64);
-    /// The state was held because no step succeeded.
+    /// No step succeeded, however short: the bodies were stopped where they are.
     pub const FROZEN: Flags = Flags(128);
-    /// Contacts that pulled were dropped, and others pull after the repeated solve.
+    /// Contacts under tension were released, and others are under tension after the last repeated solve.
     pub const ADHESIVE_DROPPED_TWICE: Flags = Flags(shaders::FLAG_PULLING);
-    /// A frame turned so far within the step that what it carries, whose rotations are those of the step's start, may gain
-    /// energy.
+    /// A frame turned so far within the step that the nodes measured in it may gain energy: their elements keep the
+    /// rotations of the step's start.
     pub const TURNS_TOO_FAR: Flags = Flags(512);
-    /// A tetrahedron was inside out where the step was linearised, or pressed so thin that its rotation was not found.
+    /// A tetrahedron was inverted where the step was linearised, or pressed so flat that its rotation was not found.
     pub const INVERTED: Flags = Flags(shaders::FLAG_INVERTED);
 
     /// Every flag and its name, by rising bit.

@@ -1,4 +1,6 @@
-//! Gap: the shortest way from a rigid tool to the skins that it may touch, in steps of a loop; part of the wrench stage.
+//! Gap pass, a part of the wrench stage: finds the shortest way from a rigid tool to the skins that it may touch, in
+//! steps of a haptic loop. A skin is searched in parts, one workgroup each: some chunks (groups of at most 64 skin
+//! vertices with their triangles) of one collision proxy.
 
 use std::sync::Arc;
 
@@ -17,43 +19,44 @@ use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
 use crate::shaders::{Chunk, SkinGap, SkinPart};
 
-/// How far from the tool's surface skin is looked for, m.
+/// How far from the tool's surface skin is searched for, m.
 pub const RANGE: f64 = 0.03;
-/// Chunks of a part at most: of a sphere's way, and of another tool's, whose loops are longer.
+/// Largest number of chunks of a part, for a sphere and for any other tool, whose loops are longer.
 const SHARE: [usize; 2] = [64, 8];
 
-/// The kernel and what it finds.
+/// The kernel of the gap pass and its arrays.
 pub struct Gap {
     kernel: Kernel,
     parts: Buffer,
-    /// A [`SkinGap`] a part, for the host.
+    /// One [`SkinGap`] per part, read by the host.
     pub gaps: Buffer,
-    /// The pair of bodies of each part.
+    /// The pair of bodies that each part belongs to, as an index.
     pub pairs: Vec<usize>,
 }
 
-/// The stages that have the skins.
+/// The stages that hold the skins.
 pub struct Skins<'a> {
-    /// Proxies.
+    /// Collision proxies.
     pub pose: &'a Pose,
-    /// Chunks.
+    /// Chunks of the skins.
     pub cull: &'a Cull,
-    /// Vertices.
+    /// Vertices of the skins.
     pub skin: &'a Skin,
-    /// Triangles of chunks.
+    /// Triangles of the chunks.
     pub depth: &'a Depth,
 }
 
-/// A part, and the pair of bodies that it is of.
+/// A part of a skin, and the pair of bodies that it belongs to.
 #[derive(Debug, Clone, Copy)]
 pub struct PairPart {
-    /// The pair.
+    /// The pair's index.
     pub pair: usize,
-    /// The part.
+    /// The part of the skin.
     pub part: SkinPart,
 }
 
-/// Parts of all skins that a rigid tool may touch; none of half-spaces, nor where the tool is a body of the scene.
+/// The parts of all skins that a rigid tool may touch. Half-spaces have none, and there are none where the tool is a
+/// body of the scene.
 pub fn parts(model: &Model) -> Vec<PairPart> {
     if model.tool_frame.is_none() {
         return Vec::new();
@@ -79,12 +82,12 @@ pub fn parts(model: &Model) -> Vec<PairPart> {
     parts
 }
 
-/// Workgroups of the pass.
+/// Number of workgroups of the pass.
 pub fn part_count(model: &Model) -> usize {
     parts(model).len()
 }
 
-/// What holds the boxes of chunks at rest, in their frame.
+/// Box that contains the boxes of some chunks at rest, in their frame: least and greatest corner, m.
 fn box_of(chunks: &[Chunk]) -> ([f32; 3], [f32; 3]) {
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for chunk in chunks {
@@ -96,7 +99,7 @@ fn box_of(chunks: &[Chunk]) -> ([f32; 3], [f32; 3]) {
     (low.to_array(), high.to_array())
 }
 
-/// The chunks of the tool's skin: the first, and how many.
+/// The chunks of the tool's skin: the first, and their number. `pair`: a pair that the tool is part of.
 fn tool_chunks(model: &Model, pair: usize) -> (u32, u32) {
     let pair = &model.pairs[pair];
     let side = usize::from(pair.tool_sign < 0.0);
@@ -104,7 +107,7 @@ fn tool_chunks(model: &Model, pair: usize) -> (u32, u32) {
     (proxies.first().map_or(0, |p| p.chunk_first), proxies.iter().map(|p| p.chunk_count).sum())
 }
 
-/// Vertices of a rigid tool's skin, from its centre along its axes.
+/// Vertices of a rigid tool's skin, relative to its centre, tool axes, m.
 pub fn tool_vertices(model: &Model) -> impl Iterator<Item = Vec3> + '_ {
     let frame = model.tool_frame.map(|frame| frame as u32);
     let proxies = model.proxies.iter().filter(move |proxy| Some(proxy.frame) == frame);
@@ -113,7 +116,7 @@ pub fn tool_vertices(model: &Model) -> impl Iterator<Item = Vec3> + '_ {
     vertices.map(|vertex| Vec3::from_slice(&model.skin_weights[*vertex as usize][..3]))
 }
 
-/// Radius of a ball about the centre of a rigid tool that holds all of it, m: a sphere's own.
+/// Radius of the ball about a rigid tool's centre that contains all of it, m; for a sphere its own radius.
 pub(super) fn tool_radius(model: &Model) -> f64 {
     model.tool_sphere.unwrap_or_else(|| tool_vertices(model).map(|x| x.as_dvec3().length()).fold(0.0, f64::max))
 }
@@ -147,8 +150,9 @@ impl Gap {
         }))
     }
 
-    /// One pass once the step is accepted, beside the wrench's; none where no loop holds the tool. Nobody needs the skin positions
-    /// of the contact stage then: it takes their array for those of the step's end.
+    /// Records one pass beside the wrench's, which runs once the step is accepted and only where a haptic loop holds
+    /// the tool. It overwrites the skin positions of the contact stage, which are no longer needed, by those at the
+    /// step's end.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, skins: &Skins, elastic: &Elastic, solve: &Solve) {
         recorder.stage("wrench");
         let Skins { pose, cull, skin, depth } = skins;

@@ -1,4 +1,5 @@
-//! Joints between frames: what is known of them before the first step, and how they put dynamic cores in order.
+//! Ball joints between the cores of soft bodies: their constants, which are known before the first step, and the trees
+//! that the dynamic cores form by them.
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
@@ -7,29 +8,29 @@ use glam::DVec3;
 use super::model::{Core, Model};
 use crate::scene::{self, Resistance};
 
-/// How much stiffer a joint, or the end of what it allows, is than what it joins resists at the scene's step: what pushes the
-/// two apart leaves a hundredth of the way it would push them in a step.
+/// Ratio of the stiffness of a joint, or of the end of its range, to the resistance of what it joins at the scene's
+/// step: a load that would part the two sides by some way in a step opens the joint by a hundredth of that way.
 const STIFFNESS_RATIO: f64 = 100.0;
 
-/// A ball joint.
+/// A ball joint between two frames, which are cores of a soft body.
 #[derive(Debug, Clone)]
 pub struct Joint {
     /// Its two frames; the second turns about the first.
     pub frames: [usize; 2],
-    /// The cores that they are; `None`: one that does not move by forces.
+    /// The dynamic cores of these frames; `None` for a frame that forces do not move.
     pub cores: [Option<usize>; 2],
-    /// From the frames' centres to it at rest, frame axes, m.
+    /// From the centre of each frame to the joint at rest, frame axes, m.
     pub arms: [DVec3; 2],
-    /// What resists turning; the axis in frame axes.
+    /// Springs, damping and limits that resist turning; their axis is in frame axes.
     pub resistance: Resistance,
-    /// What holds the two together, N/m.
+    /// Stiffness of the spring that holds the two sides together, N/m.
     pub stiffness: f64,
-    /// What holds the second within its limits of swing and of twist, N m/rad.
+    /// Stiffness of the springs that push the second frame back within its limits of swing and of twist, N m/rad.
     pub limit_stiffness: [f64; 2],
 }
 
 impl Model {
-    /// Joints of a soft body, whose frames are in already and begin at `frame_first`.
+    /// Adds the joints of a soft body whose frames have been added already, from `frame_first` on.
     pub(super) fn add_joints(&mut self, joints: &[scene::Joint], frame_first: usize) {
         for joint in joints {
             let frames = joint.cores.map(|core| frame_first + core);
@@ -40,7 +41,8 @@ impl Model {
         }
     }
 
-    /// Puts cores that joints join next to each other, each after the one it hangs on.
+    /// Sorts the dynamic cores so that those connected by joints are consecutive (a group), each after its parent in
+    /// the tree of joints.
     pub(super) fn group_cores(&mut self) {
         let core_of = |frame: usize| self.cores.iter().position(|core| core.frame == frame);
         let joined: Vec<[usize; 2]> = self
@@ -77,13 +79,14 @@ impl Model {
         }
     }
 
-    /// Chooses how stiff joints are in steps of `dt` seconds.
+    /// Chooses the stiffness of all joints for steps of `dt` seconds.
     pub(super) fn stiffen_joints(&mut self, dt: f64) {
         if self.joints.is_empty() {
             return;
         }
         let blocks: Vec<Mat<f64>> = self.cores.iter().map(|core| self.core_block(core, dt)).collect();
-        // How readily the two sides part along a direction at the joint, 1/kg, and turn about one, 1/(kg m^2).
+        // Compliance of what a joint connects: how readily its two sides part along a direction, 1/kg, and turn about
+        // one, 1/(kg m^2).
         let readiness = |joint: &Joint, along: DVec3, about: DVec3| -> f64 {
             let side = |(core, arm): (&Option<usize>, &DVec3)| {
                 let Some(core) = *core else { return 0.0 };
@@ -100,7 +103,7 @@ impl Model {
             let apart = all(&|d| readiness(joint, d, DVec3::ZERO)) / 3.0;
             let twist = readiness(joint, DVec3::ZERO, axis);
             let swing = (all(&|d| readiness(joint, DVec3::ZERO, d)) - twist) / 2.0;
-            // What cannot part needs no spring.
+            // Sides that cannot part need no spring.
             [apart, swing, twist].map(|r| if r > 0.0 { STIFFNESS_RATIO / (r * dt * dt) } else { 0.0 })
         };
         let all: Vec<[f64; 3]> = self.joints.iter().map(stiffness).collect();
@@ -109,8 +112,8 @@ impl Model {
         }
     }
 
-    /// Adds the joints at rest, in steps of `dt` seconds, to a matrix of cores' twists in frame axes; `first`: the first of
-    /// a core's six, if it is among them.
+    /// Adds the joints at rest, for steps of `dt` seconds, to a matrix over core twists in frame axes. `first`: index
+    /// of the first of a core's six rows, `None` where the core is not part of the matrix.
     pub(super) fn add_springs(&self, matrix: &mut Mat<f64>, dt: f64, first: impl Fn(usize) -> Option<usize>) {
         for joint in &self.joints {
             let sides: Vec<(usize, f64, DVec3)> = joint
@@ -138,8 +141,8 @@ impl Model {
     }
 }
 
-/// How far what a core's block resists goes along a row of its twist, if pushed along it: row . block^-1 row; of one on a
-/// hinge (its axis, or zero) what that allows.
+/// Compliance of a core along a row of its twist: row . block^-1 row, where `block` is the core's 6x6 part of the
+/// operator; on a hinge (`hinge` is its axis, zero without one) only what that allows.
 fn answer(block: &Mat<f64>, hinge: DVec3, row: [f64; 6]) -> f64 {
     let angular = |i: usize, k: usize| hinge[i] * block[(3 + i, 3 + k)] * hinge[k];
     let spin = DVec3::from_slice(&row[3..]).dot(hinge).powi(2);
@@ -151,7 +154,7 @@ fn answer(block: &Mat<f64>, hinge: DVec3, row: [f64; 6]) -> f64 {
     block.llt(Side::Lower).map_or(0.0, |factor| (column.transpose() * factor.solve(&column))[(0, 0)])
 }
 
-/// Adds size row row^T.
+/// Adds `size` row row^T to the matrix.
 fn add_outer(matrix: &mut Mat<f64>, row: &[(usize, f64)], size: f64) {
     for (i, x) in row {
         row.iter().for_each(|(j, y)| matrix[(*i, *j)] += size * x * y);

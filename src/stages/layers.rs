@@ -1,4 +1,5 @@
-//! Nodes, tetrahedra and dynamic cores: the layers' part of the model.
+//! Fills the model's arrays of nodes, tetrahedra and dynamic cores, from a soft body's layer (its tetrahedral
+//! simulation mesh) or from the mass of a dynamic rigid body.
 
 use crate::shaders;
 use glam::{DMat3, DVec3};
@@ -9,11 +10,11 @@ use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{FrameMotion, Layer, Materials, Skin};
 use crate::shaders::NONE;
 
-/// Marks an entry into the forces of patches until the number of all tetrahedra is known.
+/// Marks an entry of `node_elements` as one of an F-bar patch, until the number of all tetrahedra is known.
 pub(super) const OF_PATCH: u32 = 1 << 31;
 
 impl Model {
-    /// Inertia of what a dynamic core carries about its frame's centre, frame axes, kg m^2.
+    /// Inertia tensor of the nodes attached to a dynamic core, about its frame's centre, frame axes, kg m^2.
     pub fn inertia_of(&self, core: &Core) -> DMat3 {
         let point = |node: &u32| {
             let [x, y, z, mass] = self.node_rest[*node as usize].map(f64::from);
@@ -29,7 +30,7 @@ impl Model {
         self.cores.push(Core { frame, nodes, hinge: self.hinge(frame), group: own..own + 1, parent: None });
     }
 
-    /// The world axis that a frame is hinged to; zero: to none.
+    /// The hinge axis of a frame, unit, world axes; zero where it has none.
     fn hinge(&self, frame: usize) -> DVec3 {
         let FramePlace { orientation, motion, .. } = &self.frames[frame];
         match motion {
@@ -38,9 +39,9 @@ impl Model {
         }
     }
 
-    /// A dynamic rigid body: four masses with its centre and inertia, which a core carries, and its skin embedded in the
-    /// tetrahedron between them; so that it is to the solver what any core is. `mass`: kg, its centre in the rest frame, m,
-    /// and the inertia about that, kg m^2.
+    /// Adds a dynamic rigid body: four point masses attached to a core, which together have the body's centre of mass
+    /// and inertia, and its skin embedded in the tetrahedron between them. So the solver treats it like any other core.
+    /// The mass is in kg, the centre in the body's rest frame in m, and the inertia about that centre in kg m^2.
     pub(super) fn add_masses(
         &mut self,
         frame: usize,
@@ -48,7 +49,8 @@ impl Model {
         velocity: DVec3,
         skin: &Skin,
     ) {
-        // Corners of a regular tetrahedron have the identity as mean square; A of them A A^T, here inertia's own.
+        // The corners x of this regular tetrahedron have sum x x^T / 4 = I. Corners S x have S S^T there, and S is
+        // chosen so that this gives the inertia.
         let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from_array);
         let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
         let square = (DMat3::from_diagonal(DVec3::splat(0.5 * trace)) - inertia) * (1.0 / mass);
@@ -70,7 +72,8 @@ impl Model {
         self.add_core(frame, (node_first..node_first + 4).collect());
     }
 
-    /// Nodes and tetrahedra of a soft body whose frames, from `frame_first` on, are in already; `node_frames` count from there.
+    /// Adds the nodes and tetrahedra of a soft body whose frames have been added already, from `frame_first` on;
+    /// `node_frames`: the frame of each node, counted from there.
     pub(super) fn add_layer(
         &mut self,
         layer: &Layer,
@@ -109,7 +112,7 @@ impl Model {
             for (corner, n) in nodes.iter().enumerate() {
                 mass[*n as usize] += 0.25 * material.density * volume;
                 damping[*n as usize] += 0.25 * material.damping_mass * material.density * volume;
-                // Within a core nothing deforms: there a core feels no element.
+                // A tetrahedron within one core does not deform: the core's nodes get no force from it.
                 let within = nodes.iter().all(|n| layer.bound[*n as usize] && frame_of(*n) == frame);
                 if !(within && carries[*n as usize].is_some()) {
                     entries[*n as usize].push((4 * (tetrahedron_first + t) + corner) as u32);
@@ -132,7 +135,7 @@ impl Model {
         for (i, rest) in layer.nodes.iter().enumerate() {
             let frame = frame_of(i as u32);
             let place = &self.frames[frame as usize];
-            // A node of no tetrahedron has no mass: it stays where it is in its frame.
+            // A node of no tetrahedron has no mass; it stays where it is in its frame.
             let bound = layer.bound[i] || mass[i] == 0.0;
             let holder = match carries[i] {
                 Some(_) => shaders::NODE_CARRIED,
@@ -142,7 +145,7 @@ impl Model {
             if bound && matches!(place.motion, Motion::Prepared(FrameMotion::Driven(_) | FrameMotion::Dynamic { .. })) {
                 self.carried_nodes.push((node_first + i) as u32);
             }
-            // Entries of whole quads; the padding is replaced once the number of all tetrahedra is known.
+            // Entries fill whole quads; the padding is replaced once the number of all tetrahedra is known.
             let quads = entries[i].len().div_ceil(4);
             self.node_info.push([self.node_elements.len() as u32, quads as u32, frame, holder]);
             for quad in entries[i].chunks(4) {
@@ -168,7 +171,7 @@ impl Model {
     }
 }
 
-/// L with L L^T = a symmetric positive definite matrix (Cholesky).
+/// Cholesky factor L of a symmetric positive definite matrix a: L L^T = a.
 fn lower_root(a: DMat3) -> DMat3 {
     let l00 = a.x_axis.x.sqrt();
     let (l10, l20) = (a.x_axis.y / l00, a.x_axis.z / l00);

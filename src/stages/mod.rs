@@ -1,6 +1,7 @@
-//! The stages of the step: a file a stage, each with its kernels, its arrays, and a `record` that names its passes.
+//! The stages of the step: one file per stage, with its kernels, its arrays, and a `record` that names its passes.
 //!
-//! Sizes are in elements; `texels` arrays are read through texel buffer views, `words` through storage buffers.
+//! Lengths of arrays are in elements. Read-only arrays of vectors are bound as texel buffers or as storage buffers,
+//! whichever is chosen for the GPU (shaders/shared/arrays.glsl).
 
 mod blocks;
 mod chunks;
@@ -36,46 +37,47 @@ use crate::shaders::{self, Counts, Frame, Joint, Link, Report, StepParams};
 pub use flags::Flags;
 use model::Model;
 
-/// Vertices of a chunk at most.
+/// Largest number of vertices of a chunk, a group of skin vertices and triangles that is culled as a whole.
 pub const CHUNK_VERTICES: usize = shaders::CHUNK_VERTICES as usize;
-/// Triangles of a chunk at most.
+/// Largest number of triangles of a chunk.
 pub const CHUNK_TRIANGLES: usize = shaders::CHUNK_TRIANGLES as usize;
-/// Regions that a pair of bodies can have.
+/// Largest number of contact patches (`regions` in the code: one normal each) of a pair of bodies.
 pub const PAIR_REGIONS: usize = shaders::PAIR_REGIONS as usize;
-/// Words of the indirect arguments.
+/// Length of the array of indirect arguments, in 32-bit words.
 pub const ARGS_WORDS: usize = shaders::ARGS_WORDS as usize;
 
-/// The stages of the proximity query, in their order.
+/// The stages of the proximity query, in the order in which they run.
 pub const QUERY: [&str; 5] = ["pose", "cull", "skin", "depth", "contact"];
 
-/// The timer of [`QUERY`] where those stages are timed as one.
+/// Name of the timer for all stages of [`QUERY`] together, where they are timed as one.
 pub const POSE_TO_CONTACT: &str = "pose to contact";
 
-/// Which timer a stage counts for where the query's stages are timed as one: see [`crate::gpu::Recorder::timed_by`].
+/// The timer that a stage counts for where the query's stages are timed as one: see [`crate::gpu::Recorder::timed_by`].
 pub fn query_as_one(stage: &str) -> &str {
     if QUERY.contains(&stage) { POSE_TO_CONTACT } else { stage }
 }
 
-/// What every stage shares: the host's inputs and outputs, counters, indirect arguments.
+/// Arrays that all stages share: the host's inputs and outputs, counters, indirect arguments.
 pub struct Common {
-    /// One [`StepParams`].
+    /// The step's parameters, one [`StepParams`].
     pub params: Buffer,
-    /// A [`Frame`] a frame of the model.
+    /// One [`Frame`] (rigid coordinate frame) per frame of the model.
     pub frames: Buffer,
-    /// A [`Joint`] a joint of the model.
+    /// One [`Joint`] per joint of the model.
     pub joints: Buffer,
-    /// A [`Link`] a pair of frames that something spans.
+    /// One [`Link`] per pair of frames in both of which a tetrahedron, proxy or chunk has nodes: how one lies to the
+    /// other.
     pub links: Buffer,
-    /// One [`Counts`].
+    /// Counters and flags of the step, one [`Counts`].
     pub counts: Buffer,
-    /// Slots of `shaders/shared/args.glsl`.
+    /// Indirect arguments; shaders/shared/args.glsl names their places.
     pub args: Buffer,
-    /// One [`Report`].
+    /// What the host reads after the step, one [`Report`].
     pub report: Buffer,
 }
 
 impl Common {
-    /// Arrays for a model; counters and arguments zero.
+    /// Arrays for a model; counters and arguments are zero.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Common> {
         let frames = model.frames.len().max(1) * size_of::<Frame>();
         let joints = model.joints.len().max(1) * size_of::<Joint>();
@@ -91,22 +93,22 @@ impl Common {
     }
 }
 
-/// A device array with these contents.
+/// An array in GPU memory with these contents.
 fn upload<T: Pod>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Buffer> {
     Buffer::from_slice(context, name, data, Memory::Device)
 }
 
-/// A device array of `count` elements, uninitialised.
+/// An array in GPU memory of `count` elements, uninitialised.
 fn array<T: Pod>(context: &Arc<Context>, name: &str, count: usize) -> Result<Buffer> {
     Buffer::new(context, name, (count.max(1) * size_of::<T>()) as u64, Memory::Device)
 }
 
-/// A device array of `count` zeros.
+/// An array in GPU memory of `count` zeroed elements.
 fn zeros<T: Pod>(context: &Arc<Context>, name: &str, count: usize) -> Result<Buffer> {
     upload(context, name, &vec![T::zeroed(); count.max(1)])
 }
 
-/// A count as a specialization constant; counts fit, since arrays of 2^32 elements are refused before.
+/// A count as a specialization constant; it fits, since arrays of 2^32 elements are refused earlier.
 fn count(value: usize) -> Const {
     Const::Uint(value as u32)
 }

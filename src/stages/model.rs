@@ -1,5 +1,11 @@
-//! From prepared bodies to the arrays that the kernels read: all bodies one after another, indices made global,
-//! positions relative to their frame's centre in f32. Made once; what changes from step to step is not here.
+//! The model: turns prepared bodies into the static arrays that the kernels read, all bodies one after another, with
+//! global indices and with f32 positions relative to the centre of their coordinate frame. It is made once and does not
+//! change from step to step.
+//!
+//! The words are those of layered bodies: a soft body is a tetrahedral mesh (layer) with an embedded surface mesh
+//! (skin), and some nodes are attached to rigid frames (cores). Convex hulls (proxies) cover the skin, which is divided
+//! into chunks, groups of at most 64 vertices. A slot is a proxy's part in a pair of bodies. A vertex gathers contacts
+//! if its depth in the other body is looked up, which a scene may ask for on one side of each pair only.
 
 use crate::shaders;
 use std::ops::Range;
@@ -18,197 +24,201 @@ use crate::scene::{Scene, Sides, ToolShape};
 use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, Proxy, Slot};
 use crate::stages::PAIR_REGIONS;
 
-/// Active chunks times their regions at most, a workgroup each on any device: four million vertices; more raise the region
-/// overflow flag.
+/// Largest number of work items (an active chunk in one contact patch): any GPU can give each of them a workgroup, and
+/// they have four million vertices. More raise the region overflow flag.
 const MOST_ITEMS: usize = (1 << 16) - 1;
 
-/// A frame of a body, as placed.
+/// A rigid coordinate frame of a body, as placed in the scene.
 #[derive(Debug, Clone)]
 pub struct FramePlace {
-    /// World position of the body's rest frame, m.
+    /// World position of the origin of the body's rest frame, m.
     pub position: DVec3,
-    /// Rest frame to world.
+    /// Rotation from the body's rest frame to the world.
     pub orientation: DQuat,
     /// The frame's centre in the body's rest frame, m.
     pub rest_centre: DVec3,
-    /// How it moves.
+    /// How the frame moves.
     pub motion: Motion,
 }
 
 /// How a frame moves.
 #[derive(Debug, Clone)]
 pub enum Motion {
-    /// As prepared.
+    /// It moves as the prepared body says.
     Prepared(FrameMotion),
-    /// It is the tool's.
+    /// It is the tool's frame.
     Tool,
 }
 
-/// A half-space in world coordinates.
+/// A half-space in world coordinates, normal . x <= offset.
 #[derive(Debug, Clone, Copy)]
 pub struct Plane {
     /// Unit outward normal.
     pub normal: DVec3,
-    /// m.
+    /// Offset along the normal, m.
     pub offset: f64,
 }
 
-/// Where a soft body's nodes and skin lie in the arrays.
+/// Where a soft body's nodes lie in the arrays.
 #[derive(Debug, Clone)]
 pub struct SoftRange {
-    /// Index among the bodies.
+    /// Index of the body.
     pub body: usize,
-    /// Its nodes.
+    /// Range of its nodes.
     pub nodes: Range<usize>,
 }
 
-/// What the skin of a soft body rides on.
+/// The tetrahedral mesh of a soft body and the embedding of its skin in it.
 pub(super) struct Carrier<'a> {
     pub layer: &'a Layer,
     pub embedding: &'a [Embedding],
     pub node_first: usize,
 }
 
-/// A floating frame, and the nodes that it follows.
+/// A floating frame (of a body without cores), and the nodes to which it is fitted.
 #[derive(Debug, Clone)]
 pub struct Floating {
-    /// Among the frames.
+    /// Index of the frame.
     pub frame: usize,
-    /// Among the nodes.
+    /// Range of the nodes.
     pub nodes: Range<usize>,
 }
 
-/// A dynamic core.
+/// A dynamic core: a rigid frame that forces move, and the nodes attached to it.
 #[derive(Debug, Clone)]
 pub struct Core {
-    /// Among the frames.
+    /// Index of its frame.
     pub frame: usize,
-    /// Nodes it carries.
+    /// The nodes attached to it.
     pub nodes: Vec<u32>,
-    /// Unit axis through its centre that is all it may turn about, world; zero: it moves freely.
+    /// Unit axis of its hinge, through its centre, world axes; zero where it moves freely.
     pub hinge: DVec3,
-    /// The cores that joints join it to, itself included: they lie together, each after the one it hangs on.
+    /// Range of the cores that joints connect it to, itself included; each comes after its parent.
     pub group: Range<usize>,
-    /// The one it hangs on.
+    /// Its parent in the tree of joints.
     pub parent: Option<usize>,
 }
 
-/// All static arrays.
+/// The static arrays of a scene.
 #[derive(Debug, Default)]
 pub struct Model {
-    /// The frames of all bodies.
+    /// The frames of all bodies, and the tool's.
     pub frames: Vec<FramePlace>,
-    /// Coefficient, and the speed below which friction is viscous, m/s.
+    /// Friction coefficient, and the speed below which friction is viscous, m/s.
     pub friction: [f32; 2],
-    /// Linearisations of elasticity in a step.
+    /// Newton iterations per step.
     pub newton: u32,
     /// The materials of all bodies.
     pub materials: Vec<ElasticMaterial>,
-    /// First frame of each body; `NONE` for a half-space.
+    /// Per body: its first frame; `NONE` for a half-space.
     pub body_frames: Vec<u32>,
-    /// Pairs of frames (to, from) that something spans; the first is of a frame with itself.
+    /// Links: the pairs of frames (to, from) in both of which a tetrahedron, proxy or chunk has nodes; the first one
+    /// stands for a frame and itself.
     pub links: Vec<[u32; 2]>,
-    /// Nodes that moving frames carry: driven ones and dynamic cores.
+    /// The nodes attached to moving frames, which are driven frames and dynamic cores.
     pub carried_nodes: Vec<u32>,
-    /// Dynamic cores.
+    /// The dynamic cores.
     pub cores: Vec<Core>,
-    /// Joints between frames.
+    /// The joints between frames.
     pub joints: Vec<Joint>,
-    /// How nodes are shared out to workgroups.
+    /// The division of the nodes into blocks, one workgroup each.
     pub blocks: Blocks,
-    /// The coarse level, of the bodies that have one.
+    /// The coarse level of the preconditioner, for the bodies that have one.
     pub coarse: Coarse,
-    /// Floating frames.
+    /// The floating frames.
     pub floating: Vec<Floating>,
-    /// Frame of the tool.
+    /// The frame of a tool that is no body of the scene.
     pub tool_frame: Option<usize>,
     /// Radius of a tool that is a sphere, m.
     pub tool_sphere: Option<f64>,
-    /// Of a ball about a rigid tool's centre that holds all of it, m.
+    /// Radius of the ball about a rigid tool's centre that contains all of it, m.
     pub tool_radius: f64,
-    /// The dynamic core that the device holds, where the tool is a body.
+    /// The dynamic core that the haptic device is coupled to, where the tool is a body of the scene.
     pub held: Option<usize>,
-    /// Soft bodies.
+    /// The soft bodies.
     pub soft: Vec<SoftRange>,
 
-    /// Rest position in the frame, mass.
+    /// Per node: rest position relative to its frame's centre (m), and mass (kg).
     pub node_rest: Vec<[f32; 4]>,
-    /// Damping by mass, kg/s: of a node's share of its elements, density times alpha.
+    /// Per node: mass-proportional damping, kg/s, which is its share of its elements' density times alpha.
     pub node_damping: Vec<f32>,
-    /// First quad of elements, quads, frame, and 0 where free, 1 where held, 2 where a dynamic core carries it.
+    /// Per node: its first quad in `node_elements`, number of quads, frame, and 0 where it is free, 1 where it is
+    /// attached to a frame whose motion is known, 2 where it is attached to a dynamic core.
     pub node_info: Vec<[u32; 4]>,
-    /// Entries into element forces, four a texel.
+    /// The entries of `element_forces` that add up at each node, node by node, four per texel.
     pub node_elements: Vec<[u32; 4]>,
-    /// World velocity at the start.
+    /// Per node: velocity at the start, world axes, m/s.
     pub velocity: Vec<[f32; 4]>,
-    /// Four nodes.
+    /// Per tetrahedron: its four nodes.
     pub tetrahedra: Vec<[u32; 4]>,
-    /// Links from the frame of a tetrahedron (its first node's) to those of its nodes.
+    /// Per tetrahedron: links from its frame (that of its first node) to the frames of its four nodes.
     pub tetrahedron_links: Vec<[u32; 4]>,
-    /// Three a tetrahedron, and three zeros: gradients of its last three nodes; w of the first: sqrt(V).
+    /// Three per tetrahedron, and three zeros at the end: rest gradients of its last three nodes' shape functions
+    /// (1/m); w of the first is the square root of its volume (m^3).
     pub rest_gradients: Vec<[f32; 4]>,
-    /// Material and frame of each tetrahedron.
+    /// Per tetrahedron: its material and frame.
     pub element_info: Vec<[u32; 2]>,
 
-    /// Patches of tetrahedra that share a volumetric strain.
+    /// F-bar patches, which are groups of tetrahedra that share one volumetric strain.
     pub patches: Patches,
 
-    /// Four nodes; `NONE` first on a rigid body.
+    /// Per skin vertex: the four nodes of its tetrahedron; the first is `NONE` on a rigid body.
     pub skin_nodes: Vec<[u32; 4]>,
-    /// Four weights, or the position in the frame.
+    /// Per skin vertex: its four embedding weights, or on a rigid body its position in the frame (m).
     pub skin_weights: Vec<[f32; 4]>,
-    /// Rest area, m^2.
+    /// Per skin vertex: rest area, m^2.
     pub skin_areas: Vec<f32>,
-    /// Three skin vertices.
+    /// Per triangle: its three skin vertices, and a zero.
     pub triangles: Vec<[u32; 4]>,
-    /// Running totals of the triangles around each vertex.
+    /// Per skin vertex: where its triangles begin in `fans`; and their total at the end.
     pub fan_first: Vec<u32>,
-    /// Triangles around each vertex.
+    /// The triangles around each skin vertex, vertex by vertex.
     pub fans: Vec<u32>,
 
-    /// Proxies of all bodies.
+    /// The collision proxies of all bodies.
     pub proxies: Vec<Proxy>,
-    /// Hull vertices in the frame.
+    /// Hull vertices of the proxies, relative to their frame's centre, m.
     pub hull: Vec<[f32; 4]>,
-    /// Face planes in the frame.
+    /// Face planes of the hulls in their frame: unit normal, and offset from its centre (m).
     pub faces: Vec<[f32; 4]>,
-    /// Nodes that move a proxy, by proxy, each with the link from the proxy's frame to its own.
+    /// The nodes whose displacements move each proxy's skin, proxy by proxy, each with the link from the proxy's frame
+    /// to its own.
     pub proxy_nodes: Vec<[u32; 2]>,
-    /// Chunks of all proxies.
+    /// The chunks of all proxies.
     pub chunks: Vec<Chunk>,
-    /// Skin vertices, by chunk, and up to three zeros.
+    /// Skin vertices of the chunks, chunk by chunk, and up to three zeros.
     pub chunk_vertices: Vec<u32>,
-    /// Triangles, by chunk, and up to three zeros.
+    /// Triangles of the chunks, chunk by chunk, and up to three zeros.
     pub chunk_triangles: Vec<u32>,
-    /// Nodes that move a chunk, by chunk, as for proxies.
+    /// The nodes whose displacements move each chunk, chunk by chunk, with links as for proxies.
     pub chunk_nodes: Vec<[u32; 2]>,
 
-    /// Pairs of bodies; planes still zero.
+    /// Pairs of bodies that may touch; the host writes their planes each step.
     pub pairs: Vec<Pair>,
-    /// The bodies a and b of each pair; the tool comes last.
+    /// Per pair: its bodies a and b as indices; the tool comes last.
     pub pair_bodies: Vec<[usize; 2]>,
-    /// The half-space of each pair that has one.
+    /// Per pair: its half-space, if it has one.
     pub pair_planes: Vec<Option<Plane>>,
-    /// Proxy of a, proxy of b.
+    /// Pairs of collision proxies: proxy of a, proxy of b, 0, 0.
     pub proxy_pairs: Vec<[u32; 4]>,
-    /// Proxies of all pairs of bodies.
+    /// The slots of all pairs of bodies.
     pub slots: Vec<Slot>,
-    /// Chunks of all slots.
+    /// Number of chunks of all slots.
     pub slot_chunks: usize,
-    /// Slots whose vertices gather contacts: the first.
+    /// Number of slots whose vertices gather contacts; they come first.
     pub gathering_slots: usize,
-    /// Their chunks.
+    /// Number of chunks of those slots.
     pub gathering_chunks: usize,
 }
 
 impl Model {
-    /// The arrays of a scene's bodies; the tool, if any, comes last.
+    /// The model of a scene's bodies; the tool's own body, if it has one, comes last.
     pub fn new(scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
         Model::made(scene, bodies, tool, None)
     }
 
-    /// The arrays of the same bodies with other materials or another contact law: of the same sizes as these, and with work
-    /// shared out and a coarse level as here.
+    /// A model of the same bodies with other materials or another contact law: its arrays have the same sizes, its
+    /// blocks of nodes are the same, and the same bodies have a coarse level.
     pub fn again(&self, scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
         Model::made(scene, bodies, tool, Some(self))
     }
@@ -235,17 +245,18 @@ impl Model {
         model
     }
 
-    /// The arrays of two bodies that are asked where they overlap: one pair, whether they can move or not.
+    /// The model of two bodies for the proximity query: one pair, whether the bodies can move or not.
     pub fn of_query(a: &Body, b: &Body) -> Model {
         let all = [a, b];
         let (mut model, proxy_ranges) = Model::of_bodies(&all, all.len());
-        // No force comes of it: any law will do.
+        // No force is computed from it, so any contact law will do.
         model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, [1.0, 0.0], Sides::Both);
         model.add_slots();
         model
     }
 
-    /// The arrays of bodies without their pairs, and the proxies of each.
+    /// The arrays of bodies without their pairs, and the range of each body's proxies. `tool`: index of the tool's own
+    /// body.
     fn of_bodies(all: &[&Body], tool: usize) -> (Model, Vec<Range<usize>>) {
         let mut model = Model { links: vec![[0, 0]], fan_first: vec![0], ..Model::default() };
         let mut proxy_ranges = Vec::new();
@@ -254,10 +265,10 @@ impl Model {
             model.add_body(index, body, index == tool);
             proxy_ranges.push(first..model.proxies.len());
         }
-        // Read four at a time.
+        // The kernels read these four at a time.
         model.chunk_vertices.resize(model.chunk_vertices.len().next_multiple_of(4), 0);
         model.chunk_triangles.resize(model.chunk_triangles.len().next_multiple_of(4), 0);
-        // The entry that pads node lists, and reads as nothing.
+        // Gradients of an additional tetrahedron, all zero, which stands in wherever a list is padded.
         model.rest_gradients.extend([[0.0; 4]; 3]);
         (model, proxy_ranges)
     }
@@ -323,7 +334,8 @@ impl Model {
         self.frames.push(FramePlace { position, orientation, rest_centre, motion });
     }
 
-    /// The link from frame `to` to frame `from`: where a point that rides on `from` is in `to`.
+    /// The index of the link from frame `to` to frame `from`, which says where a point attached to `from` is in `to`;
+    /// the link is added if it is new.
     pub(super) fn link(&mut self, to: u32, from: u32) -> u32 {
         if to == from {
             return 0;
@@ -338,32 +350,32 @@ impl Model {
         )
     }
 
-    /// Whether the solver decides the motion of a node.
+    /// Whether a node is free, so that the solver decides its motion.
     pub fn is_free(&self, node: usize) -> bool {
         self.node_info[node][3] == shaders::NODE_FREE
     }
 
-    /// Whether a dynamic core carries a node.
+    /// Whether a node is attached to a dynamic core.
     pub fn is_carried(&self, node: usize) -> bool {
         self.node_info[node][3] == shaders::NODE_CARRIED
     }
 
-    /// Whether anything spans two frames.
+    /// Whether any tetrahedron, proxy or chunk has nodes in two frames.
     pub fn spans_frames(&self) -> bool {
         self.links.len() > 1
     }
 
-    /// Chunks whose vertices gather contacts, as many as can be active at once.
+    /// Largest number of active chunks whose vertices gather contacts.
     pub fn most_gathering(&self) -> usize {
         self.gathering_chunks.min(MOST_ITEMS)
     }
 
-    /// The same, times their regions.
+    /// Largest number of work items (an active chunk in one contact patch) of chunks whose vertices gather contacts.
     pub fn most_gathering_items(&self) -> usize {
         (PAIR_REGIONS * self.gathering_chunks).min(MOST_ITEMS)
     }
 
-    /// Chunks times regions that can be active at once.
+    /// Largest number of work items (an active chunk in one contact patch).
     pub fn most_items(&self) -> usize {
         (PAIR_REGIONS * self.slot_chunks).min(MOST_ITEMS)
     }
@@ -383,8 +395,8 @@ impl Model {
         }
     }
 
-    /// Replaces the padding of node lists by the entry that reads as nothing, and marks by the entries of patches, which stand
-    /// behind that; called once all bodies are in.
+    /// `node_elements` as the kernels read it: padding becomes the index of an entry that is zero, and marked entries
+    /// of F-bar patches become indices behind that one. Called once all bodies are in.
     pub fn padded_node_elements(&self) -> Vec<[u32; 4]> {
         let (nothing, patches) = (4 * self.tetrahedra.len() as u32, self.patches.count() as u32);
         let entry = |e: u32| match e {
@@ -399,7 +411,7 @@ impl Model {
     }
 }
 
-/// A vec4 of the device.
+/// The vec4 of x and w in single precision, as the GPU has it.
 pub fn texel(x: DVec3, w: f64) -> [f32; 4] {
     [x.x as f32, x.y as f32, x.z as f32, w as f32]
 }

@@ -1,4 +1,6 @@
-//! Which bodies may touch, how stiffly, and the pairs of proxies that culling looks at: the pairs' part of the model.
+//! Pairs of bodies: fills the model's arrays of which bodies may touch, how stiffly, and which pairs of collision
+//! proxies culling tests. A slot is a proxy's part in a pair of bodies; a vertex gathers contacts where its depth in
+//! the other body is looked up.
 
 use std::ops::Range;
 
@@ -9,7 +11,8 @@ use crate::scene::{Scene, Sides};
 use crate::shaders::{NONE, Pair, Slot};
 
 impl Model {
-    /// Adds every pair of bodies that may touch: both list each other, and one can move. The tool is the last of `all`.
+    /// Adds every pair of bodies that may touch: each lists the other as one to collide with, and at least one can
+    /// move. The tool's own body, if there is one, is the last of `all`; `ranges`: the proxies of each body.
     pub(super) fn add_pairs(&mut self, scene: &Scene, all: &[&Body], has_tool: bool, ranges: &[Range<usize>]) {
         let tool = if has_tool { all.len() - 1 } else { all.len() };
         let listed = |i: usize, j: usize| {
@@ -36,7 +39,8 @@ impl Model {
         self.add_slots();
     }
 
-    /// The slots of all pairs, in their order: first those whose vertices gather contacts, then the others.
+    /// Adds the slots of all pairs, in the order of the pairs: first those whose vertices gather contacts, then the
+    /// others.
     pub(super) fn add_slots(&mut self) {
         for gathering in [true, false] {
             for (index, pair) in self.pairs.iter_mut().enumerate() {
@@ -60,7 +64,7 @@ impl Model {
         self.drop_unused_fans();
     }
 
-    /// Normals are asked of vertices that gather contacts alone: the triangles around others are dropped.
+    /// Removes the triangles around vertices that gather no contacts: normals are only needed at those that do.
     fn drop_unused_fans(&mut self) {
         let mut gathers = vec![false; self.skin_nodes.len()];
         for slot in &self.slots[..self.gathering_slots] {
@@ -80,7 +84,8 @@ impl Model {
         (self.fan_first, self.fans) = (first, fans);
     }
 
-    /// Adds a pair of bodies; `held`: the tool or the held body, `law`: stiffness (N/m^3) and damping (N s/m^3).
+    /// Adds the pair of the bodies a and b. `held`: index of the tool's own body, or of the body that the haptic device
+    /// is coupled to; `law`: contact stiffness (N/m^3) and damping (N s/m^3).
     pub(super) fn add_pair(
         &mut self,
         all: &[&Body],
@@ -112,7 +117,7 @@ impl Model {
             proxy_pair_count: self.proxy_pairs.len() as u32 - first_proxy_pair,
             first_proxy: [a_proxies.start as u32, b_proxies.start as u32],
             proxy_count: [a_proxies.len() as u32, b_proxies.len() as u32],
-            // Slots are made when all pairs are known.
+            // Slots are added when all pairs are known.
             first_slot: [0; 2],
             stiffness: law[0] as f32,
             damping: law[1] as f32,
@@ -133,8 +138,9 @@ impl Model {
     }
 }
 
-/// Skin to a vertex of a body, m^2: where one side of a pair gathers, it is the one with less, whose vertices say more of where
-/// the two meet; of equals the first.
+/// Mean skin area per vertex of a body, m^2. Where only one side of a pair gathers contacts it is the finer skin, the
+/// one with less area per vertex, since its vertices tell more precisely where the two meet; of equal ones it is the
+/// first.
 fn mean_area(body: &Body) -> f64 {
     match &body.shape {
         Shape::Soft { skin, .. } | Shape::Rigid { skin, .. } => {

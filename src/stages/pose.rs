@@ -1,4 +1,5 @@
-//! Pose: proxies into the world with their bounds, and the step's counters to zero; nodes that moving frames carry, floating frames fitted.
+//! Pose stage: moves the collision proxies into the world and bounds them, clears the step's counters, gives velocities
+//! to nodes attached to moving frames, and fits floating frames (of bodies without cores) to their nodes.
 
 use std::sync::Arc;
 
@@ -12,21 +13,21 @@ use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
 use crate::shaders::{Fit, ProxyBounds};
 
-/// Proxies at rest and in the world.
+/// The collision proxies at rest and in the world.
 pub struct Pose {
     place: Kernel,
     proxy_count: u32,
     hull_rest: Buffer,
     face_rest: Buffer,
-    /// Nodes that move each proxy.
+    /// The nodes whose displacements move each proxy's skin, proxy by proxy.
     pub proxy_nodes: Buffer,
-    /// Proxies of all bodies.
+    /// The collision proxies of all bodies.
     pub proxies: Buffer,
-    /// Hull vertices of all proxies, relative to the origin.
+    /// Hull vertices of all proxies, world axes, relative to the step's origin, m.
     pub hull: Buffer,
-    /// Face planes of all proxies.
+    /// Face planes of all proxies in the world: unit normal, and offset (m).
     pub faces: Buffer,
-    /// A [`ProxyBounds`] a proxy.
+    /// One [`ProxyBounds`] per proxy.
     pub bounds: Buffer,
 }
 
@@ -47,7 +48,7 @@ impl Pose {
         })
     }
 
-    /// One pass: a workgroup a proxy.
+    /// Records one pass, with a workgroup per proxy.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, skin: &Skin) {
         recorder.stage("pose");
         let arguments = shaders::pose::Place {
@@ -70,7 +71,7 @@ impl Pose {
     }
 }
 
-/// Nodes that moving frames carry.
+/// The nodes attached to moving frames, which are driven frames and dynamic cores.
 pub struct Carried {
     carry: Kernel,
     count: u32,
@@ -78,7 +79,7 @@ pub struct Carried {
 }
 
 impl Carried {
-    /// Kernel and nodes; `None` where no frame with nodes moves.
+    /// Kernel and node list; `None` where no node is attached to a moving frame.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Option<Carried>> {
         if model.carried_nodes.is_empty() {
             return Ok(None);
@@ -92,7 +93,7 @@ impl Carried {
         }))
     }
 
-    /// At the start of the step: one pass over carried nodes.
+    /// Records one pass over these nodes, at the start of the step.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, solve: &Solve) {
         recorder.stage("pose");
         let arguments = shaders::pose::Carry {
@@ -110,12 +111,12 @@ impl Carried {
     }
 }
 
-/// Floating frames.
+/// The floating frames.
 pub struct Floating {
     fit: Kernel,
     count: u32,
     frames: Buffer,
-    /// A [`Fit`] a floating frame, for the host.
+    /// One [`Fit`] per floating frame: the sums from which the host fits it.
     pub fits: Buffer,
 }
 
@@ -135,7 +136,7 @@ impl Floating {
         }))
     }
 
-    /// At the end of the step: a workgroup a frame.
+    /// Records one pass at the end of the step, with a workgroup per floating frame.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("fit");
         let arguments = shaders::pose::Fit {

@@ -1,4 +1,5 @@
-//! Skin: where the skin of active chunks is, binned for the depth stage; and the probed vertices.
+//! Skin stage: computes the positions of the skin of active chunks (groups of at most 64 skin vertices) and enters the
+//! vertices into a spatial hash for the depth stage; also reads the probes, skin vertices that a scene records.
 
 use std::sync::Arc;
 
@@ -12,40 +13,44 @@ use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
 use crate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 
-/// Heads of the hash table that holds binned vertices, at least.
+/// Number of buckets of the spatial hash, at least.
 pub const LEAST_BUCKETS: u32 = 1 << 13;
 
-/// Heads of that table: one for four skin vertices, so that lists stay short where bodies coincide, and it is cleared in
-/// microseconds.
+/// Number of buckets of the spatial hash: one per four skin vertices, so that lists stay short where bodies coincide,
+/// yet the hash is cleared in microseconds.
 pub fn buckets(model: &Model) -> u32 {
     (model.skin_nodes.len() as u32 / 4).next_power_of_two().max(LEAST_BUCKETS)
 }
 
-/// The table's words: its heads, and for each region's two sides how far back the vertices in it look.
+/// Length in words of the array `buckets`: a list head per bucket, then a depth grid for either side of each contact
+/// patch, which holds for each cell how far a triangle must reach along the normal to be hit by a ray of the vertices
+/// there.
 fn bucket_words(model: &Model) -> u32 {
     buckets(model) + (PAIR_REGIONS * model.pairs.len() * FIELD_WORDS) as u32
 }
 
-/// Topology and embedding of all skins, and their positions this step.
+/// Topology and embedding of all skins, and their positions in this step.
 pub struct Skin {
     embed: Kernel,
-    /// Skin vertices, by chunk.
+    /// Skin vertices of the chunks, chunk by chunk.
     pub chunk_vertices: Buffer,
-    /// Four nodes a skin vertex.
+    /// Per skin vertex: the four nodes of its tetrahedron.
     pub skin_nodes: Buffer,
-    /// Four weights, or the position on a rigid body.
+    /// Per skin vertex: its four embedding weights, or on a rigid body its position in the frame (m).
     pub skin_weights: Buffer,
-    /// Positions; of active chunks only.
+    /// Per skin vertex: its position, relative to the step's origin, m; valid in active chunks only.
     pub skin: Buffer,
-    /// Three skin vertices a triangle.
+    /// Per triangle: its three skin vertices.
     pub triangles: Buffer,
-    /// First vertex of each bucket; then how far back vertices look, see shaders/shared/bins.glsl.
+    /// Per bucket of the spatial hash: its first vertex; behind them depth grids of the vertices
+    /// (shaders/shared/bins.glsl).
     pub buckets: Buffer,
-    /// A vertex in a region: position along its axes, the next of its bucket.
+    /// The vertices in the hash, one per vertex and contact patch: position along the patch's axes (m), next one in the
+    /// bucket.
     pub bins: Buffer,
-    /// First crossing found on the ray of each.
+    /// Per vertex in the hash: the first ray hit found for it.
     pub bin_hits: Buffer,
-    /// 2 * region + side, and square, of each.
+    /// Per vertex in the hash: 2 times the contact patch plus the side, and the cell of the hash.
     pub bin_squares: Buffer,
 }
 
@@ -68,7 +73,7 @@ impl Skin {
         })
     }
 
-    /// The skin of active chunks: a workgroup each.
+    /// Records one pass, with a workgroup per active chunk.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, cull: &Cull, elastic: &Elastic) {
         recorder.stage("skin");
         let arguments = shaders::skin::Embed {
@@ -97,17 +102,17 @@ impl Skin {
     }
 }
 
-/// Skin vertices that the host follows: their nodes' displacements, read after each step.
+/// Skin vertices whose position the host reads after each step, by the displacements of their nodes.
 pub struct Probes {
     probe: Kernel,
     count: u32,
     nodes: Buffer,
-    /// Four vec4 a probe: displacements of its nodes, each in its frame, m.
+    /// Four vec4 per probe: the displacement of each of its nodes, in the axes of the node's frame, m.
     pub displacement: Buffer,
 }
 
 impl Probes {
-    /// Probes with their four nodes each.
+    /// Kernel and arrays for probes; `nodes`: the four nodes of each.
     pub fn new(context: &Arc<Context>, nodes: &[[u32; 4]]) -> Result<Probes> {
         Ok(Probes {
             probe: Kernel::new(context, "skin/probe", Size::Group, &[("PROBE_NODES", count(4 * nodes.len()))])?,
@@ -117,7 +122,7 @@ impl Probes {
         })
     }
 
-    /// One pass over the nodes of probes.
+    /// Records one pass over the nodes of the probes.
     pub fn record(&self, recorder: &mut Recorder, elastic: &Elastic) {
         recorder.stage("probe");
         recorder.dispatch(

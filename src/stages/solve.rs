@@ -1,4 +1,8 @@
-//! Solve: implicit Euler by preconditioned conjugate gradients with a single reduction, decided on the device.
+//! Solve stage: solves the linear system A x = b of implicit Euler for the change x of velocities and twists, by
+//! preconditioned conjugate gradients with a single reduction (Chronopoulos and Gear 1989); the GPU itself decides when
+//! to stop. Nodes come in blocks, one workgroup each. In the names below, `image` is an operator product A p,
+//! `leftover` the residual b - A x that a step carries over to the next, and `restricted` means multiplied by P^T, the
+//! restriction to the coarse space. Rigid bodies are the dynamic cores and the tool.
 
 mod record;
 #[cfg(test)]
@@ -13,10 +17,10 @@ use super::{array, count, gap, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Size};
 
-/// No rotation, a quaternion.
+/// The quaternion x y z w of no rotation.
 const UNTURNED: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
-/// Kernels and vectors, a vec4 a node.
+/// Kernels and vectors of the solver; a vector has a vec4 per node.
 pub struct Solve {
     assemble: Kernel,
     apply: Kernel,
@@ -26,15 +30,15 @@ pub struct Solve {
     gather_loop: Vec<Variant>,
     gather_final: Vec<Variant>,
     coarse: Option<CoarseKernels>,
-    /// Where there are dynamic cores.
+    /// Present where there are dynamic cores.
     cores: Option<Kernel>,
     start: Kernel,
     begin: Kernel,
-    /// The first leads.
+    /// One variant per role; the first one also writes the scalars of the iteration.
     update: Vec<Variant>,
     conclude: Kernel,
     commit: Kernel,
-    /// Where there can be contacts.
+    /// The contact arrays, where there can be contacts.
     touch: Option<Touch>,
     block_count: u32,
     rigid_count: usize,
@@ -55,25 +59,25 @@ pub struct Solve {
     coarse_rhs: Buffer,
     coarse_image: Buffer,
     coarse_dots: Buffer,
-    /// A [`shaders::Rigid`] a dynamic core, and the tool.
+    /// One [`shaders::Rigid`] per rigid body, the tool's last.
     pub rigids: Buffer,
-    /// Two sets of a [`shaders::RigidIterate`] each.
+    /// Two sets of one [`shaders::RigidIterate`] per rigid body; an iteration reads one set and writes the other.
     pub iterates: Buffer,
-    /// `CORE_NUMBERS` a dynamic core, while their inverse is made.
+    /// `CORE_NUMBERS` floats per dynamic core, used while the inverse of its group is computed.
     rigid_blocks: Buffer,
-    /// Of each group of rigid bodies, by rows.
+    /// Inverses of the blocks of rigid bodies that joints connect (groups), row by row.
     rigid_inverses: Buffer,
-    /// Twice the joint, and which of its sides; by dynamic core.
+    /// Per dynamic core: its sides of joints, each as twice the joint's index plus the side.
     joint_sides: Buffer,
     iterations: Buffer,
-    /// Six numbers a dynamic core: the change of its twist, for the host.
+    /// Six numbers per dynamic core, read by the host: the change of its twist.
     pub core_changes: Buffer,
-    /// One [`shaders::Solve`].
+    /// State of the solver, one [`shaders::Solve`].
     pub state: Buffer,
     rhs: Buffer,
     leftover: Buffer,
     inverse: Buffer,
-    /// Change of velocity; the next step's first guess.
+    /// Change of velocity of the nodes; it is also the first guess of the next step.
     pub solution: Buffer,
     residual: Both,
     preconditioned: Both,
@@ -84,41 +88,44 @@ pub struct Solve {
     dots: Buffer,
 }
 
-/// Two sets of an array, of which an iteration reads one and writes the other.
+/// Two copies of an array, of which an iteration reads one and writes the other. `now` and `next` are the same two
+/// buffers under the names by which kernels read and write them.
 struct Both {
     now: [Buffer; 2],
     next: [Buffer; 2],
 }
 
 impl Both {
-    /// The set that the iteration reads.
+    /// The copy that an iteration on this set reads.
     fn now(&self, set: u32) -> &Buffer {
         &self.now[set as usize]
     }
 
-    /// The other one, which it writes.
+    /// The other copy, which that iteration writes.
     fn next(&self, set: u32) -> &Buffer {
         &self.next[1 - set as usize]
     }
 }
 
-/// A kernel for what one role works on; see shaders/shared/roles.glsl.
+/// A kernel specialised for one role, which is a kind of rows it works on: free nodes, attached nodes, or the tool (see
+/// shaders/shared/roles.glsl).
 struct Variant {
     kernel: Kernel,
-    /// Workgroups.
+    /// Number of workgroups.
     groups: u32,
-    /// Slot of the indirect arguments in the loop.
+    /// Index of its indirect arguments in the solver's loop (shaders/shared/args.glsl).
     slot: u32,
 }
 
-/// The coarse level outside the loop: before it, and at its end.
+/// The kernel of the coarse level, A_c^-1 times restricted vectors, as it runs outside the solver's loop: before it,
+/// for the warm start, and at its end.
 struct CoarseKernels {
     warm: Kernel,
     end: Kernel,
 }
 
 impl Solve {
-    /// Kernels and arrays for a model; `touch` is what it reads of contacts, if there can be any.
+    /// Kernels and arrays for a model; `touch`: the contact arrays, if there can be contacts.
     pub fn new(context: &Arc<Context>, model: &Model, touch: Option<&Touch>) -> Result<Solve> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
         let (has_tool, is_coarse) = (model.tool_frame.is_some(), !model.coarse.bodies.is_empty());
@@ -140,7 +147,7 @@ impl Solve {
         let widest = model.cores.iter().map(|core| core.group.len()).max().unwrap_or(1);
         let (rigids_at_rest, inverse_numbers) = rigids_of(model);
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
-        // Of each role that there is: its number, its first block, workgroups, arguments.
+        // Each role that occurs: its number, first block, number of workgroups, index of its indirect arguments.
         let (free, carried) = (model.blocks.free, block_count - model.blocks.free);
         let roles = [
             (shaders::FREE_NODES, 0, free, shaders::ARGS_LOOP_FREE),
@@ -254,21 +261,21 @@ impl Solve {
 }
 
 impl Solve {
-    /// Takes up the damping and the coarse level of a model of the same bodies.
+    /// Writes the damping and the coarse level of a model of the same bodies to the GPU.
     pub fn refresh(&self, model: &Model) -> Result<()> {
         self.block_nodes.write(&model.blocks.nodes)?;
         self.coarse_inverse.write(&model.coarse.inverse)?;
         self.coarse_scales.write(&model.coarse.scales)
     }
 
-    /// What a step leaves for the next: its solution and what it left over, of nodes and of rigid bodies, and how blocks had
-    /// turned.
+    /// The arrays that a step leaves for the next: the solution and the carried residual, of nodes and of rigid bodies,
+    /// the solver's state, and how the blocks had rotated.
     pub fn state(&self) -> [&Buffer; 6] {
         [&self.solution, &self.leftover, &self.rigids, &self.iterates, &self.state, &self.block_rotations]
     }
 }
 
-/// Dynamic cores, and the tool, at rest; how many numbers their inverses have.
+/// The dynamic cores and the tool at rest, and how many numbers the inverses of their groups have.
 fn rigids_of(model: &Model) -> (Vec<shaders::Rigid>, usize) {
     let nothing = shaders::Rigid { parent: shaders::NONE, ..bytemuck::Zeroable::zeroed() };
     let (mut joint_first, mut numbers) = (0, 0);
@@ -304,7 +311,7 @@ fn rigids_of(model: &Model) -> (Vec<shaders::Rigid>, usize) {
     (rigids, numbers)
 }
 
-/// Of each dynamic core its sides of joints: twice the joint, and which side.
+/// Per dynamic core: its sides of joints, each as twice the joint's index plus the side.
 fn sides_of(model: &Model) -> Vec<Vec<u32>> {
     let mut sides = vec![Vec::new(); model.cores.len()];
     for (index, joint) in model.joints.iter().enumerate() {
@@ -315,7 +322,7 @@ fn sides_of(model: &Model) -> Vec<Vec<u32>> {
     sides
 }
 
-/// A device array with these contents, or one of zeros that nobody reads.
+/// An array in GPU memory with these contents, or, where there are none, a single zero that no kernel reads.
 fn upload_or_nothing<T: bytemuck::Pod>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Buffer> {
     if data.is_empty() { zeros::<T>(context, name, 1) } else { upload(context, name, data) }
 }

@@ -1,4 +1,4 @@
-//! The stages from pose to contact together: what the step and the proximity query have in common.
+//! The stages from pose to contact together, which the step and the proximity query have in common.
 
 use std::sync::Arc;
 
@@ -14,21 +14,21 @@ use crate::gpu::{Context, Recorder};
 
 /// The stages of scenes where something can touch.
 pub struct TouchStages {
-    /// Collision proxies in the world, and their support points.
+    /// Pose stage: the collision proxies in the world, and their bounds.
     pub pose: pose::Pose,
-    /// Skins in the world.
+    /// Skin stage: the skins in the world.
     pub skin: Skin,
-    /// Broad phase.
+    /// Cull stage: the broad phase.
     pub cull: Cull,
-    /// Narrow phase; `None` where only half-spaces can be touched.
+    /// Depth stage: the narrow phase; `None` where only half-spaces can be touched.
     pub depth: Option<Depth>,
-    /// Contacts.
+    /// Contact stage: the colliding vertices.
     pub contact: Contact,
 }
 
 impl TouchStages {
-    /// Kernels and arrays of the stages from pose to contact; `path` where the depth stage is needed; `blend`: see [`Contact::new`]
-    /// and [`Cull::new`].
+    /// Kernels and arrays of the stages from pose to contact. `path`: how ray hits are found, where the depth stage is
+    /// needed; `blend`: see [`Contact::new`], and `smooth` in [`Cull::new`].
     pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, blend: bool) -> Result<TouchStages> {
         Ok(TouchStages {
             pose: pose::Pose::new(context, model)?,
@@ -39,7 +39,7 @@ impl TouchStages {
         })
     }
 
-    /// Everything from frames and nodes to contacts: what the step and the query have in common.
+    /// Records everything from frames and nodes to contacts.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         let TouchStages { pose, skin, cull, depth, contact } = self;
         pose.record(recorder, common, elastic, skin);

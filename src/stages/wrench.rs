@@ -1,4 +1,4 @@
-//! Wrench: net force, torque, stiffness and damping on the tool.
+//! Wrench stage: sums the contacts to net force, torque, stiffness and damping on the tool.
 
 use std::sync::Arc;
 
@@ -9,19 +9,19 @@ use crate::Result;
 use crate::gpu::{Const, Context, Kernel, Recorder, Size};
 use crate::shaders;
 
-/// The reduction over contacts.
+/// The kernel that sums over the contacts.
 pub struct Wrench {
     reduce: Kernel,
 }
 
 impl Wrench {
-    /// Its kernel.
+    /// The kernel for a model.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Wrench> {
         let friction = ("FRICTION", Const::Bool(model.friction[0] > 0.0));
         Ok(Wrench { reduce: Kernel::new(context, "wrench/reduce", Size::Reduce, &[friction])? })
     }
 
-    /// One workgroup, once the step is accepted.
+    /// Records one workgroup, which runs once the step is accepted.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, touch: &Touch) {
         recorder.stage("wrench");
         let arguments = shaders::wrench::Reduce {

@@ -1,15 +1,16 @@
 //! The algorithm of a step, in the order in which it runs.
 //!
-//! 1. [`Simulation::advance`]: the device's pose, the frames and the tool are written as the inputs of the step.
-//! 2. [`Recordings::begin`]: carried nodes, then the broad and the narrow phase and the contacts at the step's start (pose, cull,
-//!    skin, depth, contact: [`TouchStages::record`]), the element forces, and the solver's set-up with its first residual.
-//! 3. [`Recordings::iterate`]: conjugate gradients, in plans of graded length; the first iterations of most steps fit one submit.
-//! 4. [`Recordings::end`]: the verdict, the state at the end of the step, the wrench on the tool and its gap, frames that float,
-//!    probes.
-//! 5. [`Simulation::submit`] reads the verdict: more iterations, a solve without the contacts that pulled
-//!    ([`Recordings::again`]), another linearisation ([`Recordings::newton`]), or done.
-//! 6. [`Simulation::arrive`]: frames and tool to the end of the step. A step that failed is halved; where that fails too, everything
-//!    stops ([`Recordings::stop`]).
+//! 1. [`Simulation::advance`] writes the step's inputs: the haptic device's pose, rigid coordinate frames, the tool.
+//! 2. [`Recordings::begin`]: velocities of nodes attached to moving frames; broad phase, narrow phase and contacts at
+//!    the step's start (pose, cull, skin, depth, contact: [`TouchStages::record`]); the element forces; the solver's
+//!    set-up with its first residual.
+//! 3. [`Recordings::iterate`]: conjugate gradients, recorded in several lengths (plans); most steps fit one submit.
+//! 4. [`Recordings::end`]: the verdict, the state at the end of the step, the wrench on the tool and its gap to the
+//!    nearest body, the fit of floating frames, probes.
+//! 5. [`Simulation::submit`] reads the verdict: more iterations, another solve after contacts under tension were
+//!    released ([`Recordings::again`]), a further Newton iteration ([`Recordings::newton`]), or done.
+//! 6. [`Simulation::arrive`] moves frames and tool to the end of the step. A step that failed is done in two halves;
+//!    where those fail too, everything stops ([`Recordings::stop`]).
 
 use super::stage_set::Stages;
 use super::{Flags, Simulation, tools};
@@ -19,34 +20,36 @@ use crate::stages::gap::Skins;
 use crate::stages::touch::TouchStages;
 use crate::{Error, Result};
 
-/// Iterations of the shortest recorded plan; each further one is twice as long.
+/// Number of iterations in the shortest plan; each further plan has twice as many.
 const SHORTEST_PLAN: u32 = 16;
-/// Iterations a plan has over the last step's count, so that most steps need one submit.
+/// Iterations of a plan beyond the last step's count, so that most steps need one submit.
 const SPARE_ITERATIONS: u32 = 4;
-/// Submits of one linearisation at most; beyond, the device does not keep its word.
+/// Largest number of submits per Newton iteration; a GPU that keeps to the recorded limits never needs more.
 const MOST_SUBMITS: u32 = 64;
 
 /// One step, recorded in parts that are submitted together.
 pub struct Recordings {
     /// Everything before the solver's loop.
     pub begin: Recording,
-    /// The solver's set-up once more, after contacts were dropped.
+    /// The solver's set-up once more, after contacts were released.
     pub again: Recording,
-    /// The same two, of a step that is linearised once more, where there are any.
+    /// Both set-ups for a further Newton iteration: the first one, and the one after contacts were released. `None`
+    /// where a step has only one Newton iteration.
     pub newton: Option<[Recording; 2]>,
-    /// Iterations, in plans of graded length.
+    /// The plans: number of iterations, and their recording.
     pub iterate: Vec<(u32, Recording)>,
     /// The verdict, the new state, the wrench.
     pub end: Recording,
-    /// Where no step succeeds: everything stops.
+    /// The end of all motion, where no step succeeds.
     pub stop: Recording,
 }
 
-/// Makes an empty recording.
+/// A function that makes an empty recording.
 type Blank<'a> = &'a dyn Fn() -> Result<Recorder>;
 
 impl Recordings {
-    /// Records every part, with iterations up to one more than the cap, so that the pass that notices it is there.
+    /// Records every part. The longest plan has at least one iteration more than the limit, since that iteration's pass
+    /// is the one that notices the limit.
     pub fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
         Ok(Recordings {
             begin: begin(stages, &recorder)?,
@@ -58,7 +61,7 @@ impl Recordings {
         })
     }
 
-    /// Every part once.
+    /// Submits every part once, to warm up drivers that compile kernels late.
     pub fn submit_once(&self) -> Result<()> {
         let mut parts = vec![&self.begin, &self.again];
         parts.extend(self.newton.iter().flatten());
@@ -67,7 +70,7 @@ impl Recordings {
         Recording::submit_all(&parts)
     }
 
-    /// The shortest plan of at least so many iterations, or the longest.
+    /// The shortest plan with at least this many iterations, or else the longest.
     pub fn plan(&self, iterations: u32) -> &Recording {
         let fits = self.iterate.iter().find(|(length, _)| *length >= iterations);
         &fits.unwrap_or(&self.iterate[self.iterate.len() - 1]).1
@@ -154,9 +157,10 @@ fn stop(stages: &Stages, blank: Blank) -> Result<Recording> {
 }
 
 impl Simulation {
-    /// Advances by `h` seconds from the time `from`. A step that fails (not finite, or broken down with a tenth of the
-    /// right-hand side's norm left) leaves the state as it was, and is done in halves, up to so many times; where even those
-    /// fail, everything stops where it is: nothing ever leaps.
+    /// Advances by `h` seconds from the time `from`. A step fails where its solution is not finite, or the solver
+    /// diverged or broke down early. It then leaves the state as it was and is done in two halves, which may be halved
+    /// again, up to `halvings` times. Where even the shortest fail, everything stops where it is, so nothing ever
+    /// jumps.
     pub(super) fn advance(&mut self, from: f64, h: f64, halvings: u32) -> Result<Report> {
         let device = self.drive.device(from + h, h);
         self.frames.set_out(from + h, h, self.tool.as_ref());
@@ -187,12 +191,12 @@ impl Simulation {
             last.iterations += first.iterations;
         }
         last.iterations += report.iterations;
-        // Whether the solver converged is said by the steps that count.
+        // Only the shorter steps, which replace this one, tell whether the solver converged.
         last.flags |= first.flags | (report.flags & !Flags::NOT_CONVERGED.0) | Flags::STEP_RETRIED.0;
         Ok(last)
     }
 
-    /// No step succeeded: all that moves by itself stands still; what is driven goes on.
+    /// Stops all that forces move, where no step succeeded; driven frames go on.
     fn stop(&mut self, h: f64) -> Result<()> {
         Recording::submit_all(&[&self.plain.stop])?;
         if let Some(tool) = &mut self.tool {
@@ -202,8 +206,8 @@ impl Simulation {
         self.arrive(h, false)
     }
 
-    /// Submits the step; where it ran out of iterations, contacts pulled, or it is to be linearised again, what is missing.
-    /// Iterations are those of all solves.
+    /// Submits the step, and after it whatever the verdict asks for: more iterations, another solve after contacts were
+    /// released, or a further Newton iteration. The iterations in the report are those of all solves.
     fn submit(&mut self) -> Result<Report> {
         let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
         let set = match &self.timed {
@@ -212,9 +216,9 @@ impl Simulation {
         };
         let mut wanted = self.last_iterations + SPARE_ITERATIONS;
         let (mut again, mut times) = (&set.again, Vec::new());
-        // What comes first, if anything does.
+        // The part to submit before the iterations, if any.
         let mut first = Some(&set.begin);
-        // Of solves before the last, and of the longest linearisation.
+        // Iterations of all solves before the last one, and of the longest solve so far.
         let (mut earlier, mut longest) = (0, 0);
         for _ in 0..MOST_SUBMITS * self.scene.step.newton {
             let all = [first.unwrap_or(&set.end), set.plan(wanted), &set.end];
@@ -225,7 +229,7 @@ impl Simulation {
             }
             let mut report = self.stages.common.report.mapped::<Report>()?[0];
             match report.verdict {
-                // Twice as many at a time, so that as many as a scene may ask for are soon reached.
+                // The number of iterations doubles each time, so that even a large limit is reached soon.
                 shaders::VERDICT_CONTINUE => (first, wanted) = (None, 2 * wanted),
                 shaders::VERDICT_RETRY => {
                     earlier += report.iterations;
@@ -244,10 +248,14 @@ impl Simulation {
                 }
             }
         }
-        Err(Error::Simulation(format!("step {}: the solver reached no verdict", self.step)))
+        Err(Error::Simulation(format!(
+            "step {}: the solver did not finish within the allowed submits; this is an error in palpate or the driver",
+            self.step
+        )))
     }
 
-    /// Frames to the end of the step; those that float to where their nodes are, those that are dynamic as they were pushed.
+    /// Moves the frames to the end of the step: floating ones to where the GPU's sums put them, dynamic ones by the
+    /// change of twist that the solver found.
     fn arrive(&mut self, h: f64, accepted: bool) -> Result<()> {
         let floating = self.stages.floating.as_ref().filter(|_| accepted);
         let fits = floating.map(|floating| floating.fits.mapped::<Fit>()).transpose()?;

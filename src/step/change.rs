@@ -1,5 +1,5 @@
-//! What a user changes between two steps: materials, the contact law, the coupling, where driven cores go. Bodies are not
-//! prepared again, and nothing that moves is touched.
+//! What a user may change between two steps: materials, the contact law, the virtual coupling, and where driven cores
+//! go. Bodies are not prepared anew, and the state of motion stays.
 
 use std::time::Duration;
 
@@ -18,7 +18,7 @@ use crate::stages::model::Model;
 use crate::step::Pose;
 use crate::{Error, Result};
 
-/// How far a centre of mass may move by rounding, of the distance of the nodes from it.
+/// How far rounding may move a centre of mass, relative to the distance of the farthest node from it.
 const ROUNDING: f64 = 1e-9;
 
 fn refused(what: &str, problem: Problem) -> Error {
@@ -27,7 +27,7 @@ fn refused(what: &str, problem: Problem) -> Error {
 }
 
 impl Simulation {
-    /// The materials of a body: its own, then those of its regions; empty where it is not soft.
+    /// The materials of a body: its own, then those of its material regions; empty where it is not soft.
     pub fn materials(&self, body: usize) -> &[Material] {
         match self.bodies.get(body).map(|body| &body.shape) {
             Some(Shape::Soft { materials, .. }) => &materials.all,
@@ -35,9 +35,9 @@ impl Simulation {
         }
     }
 
-    /// Gives a soft body another material from the next step on, the one at `index` of [`Simulation::materials`]. Whether it has
-    /// a coarse level stays as it was chosen. Errors: there is none there, it cannot be, its law is another, or its density
-    /// would move a centre of mass.
+    /// Gives a soft body another material from the next step on: the one at `index` of [`Simulation::materials`].
+    /// Whether the body has a coarse level in the preconditioner stays as it was chosen. Errors: there is no such
+    /// material, the new one is not valid, has another material law, or has a density that would move a centre of mass.
     pub fn set_material(&mut self, body: usize, index: usize, material: Material) -> Result<()> {
         let wrong = |what: String| Err(Error::Usage(what));
         let Some(old) = self.materials(body).get(index) else {
@@ -45,10 +45,10 @@ impl Simulation {
         };
         material.check().map_err(|problem| refused("material", problem))?;
         if old.law != material.law {
-            return wrong("material.law is chosen when a simulation is made; make it anew".into());
+            return wrong("material.law cannot be changed in a running simulation; make a new one".into());
         }
         if self.scene.bodies[body].dilatation == Dilatation::Patch && material.poisson < 0.0 {
-            return wrong("material.poisson is below zero, and patches guard against locking; give 0 or more".into());
+            return wrong("material.poisson is negative, but dilatation = \"patch\" needs 0 or more".into());
         }
         let mut bodies = self.bodies.clone();
         let Shape::Soft { layer, frames, node_frames, materials, .. } = &mut bodies[body].shape else { return Ok(()) };
@@ -59,7 +59,7 @@ impl Simulation {
         for (old, new) in frames.iter_mut().zip(new) {
             let counts = matches!(new.motion, FrameMotion::Floating { .. } | FrameMotion::Dynamic { .. });
             if counts && old.centre.distance(new.centre) > ROUNDING * reach(old.centre) {
-                let what = "material.density would move a centre of mass; make the simulation anew";
+                let what = "material.density would move a centre of mass; make a new simulation";
                 return wrong(what.into());
             }
             old.motion = new.motion;
@@ -73,8 +73,9 @@ impl Simulation {
         self.take_up(scene, bodies)
     }
 
-    /// Another contact law from the next step on: stiffness, damping, friction and the depth limit of `law`; what else it says
-    /// stays as it was. Friction where there was none is recorded first, which takes as long as it took to make the simulation.
+    /// Changes the contact law from the next step on: stiffness, damping, friction and depth limit become those of
+    /// `law`, whose other settings are ignored. If the scene had no friction and gets some, the step is recorded anew,
+    /// which takes as long as making the simulation did.
     pub fn set_contact(&mut self, law: &scene::Contact) -> Result<()> {
         law.check().map_err(|problem| refused("contact", problem))?;
         let mut scene = self.scene.clone();
@@ -83,7 +84,7 @@ impl Simulation {
         self.take_up(scene, self.bodies.clone())
     }
 
-    /// What joins device and tool from the next step on; `None`: nothing.
+    /// Sets the virtual coupling between haptic device and tool from the next step on; `None` removes it.
     pub fn set_coupling(&mut self, coupling: Option<Coupling>) -> Result<()> {
         let Some(tool) = &mut self.tool else { return Err(Error::Usage("the scene has no tool to couple".into())) };
         if let Some(coupling) = &coupling {
@@ -93,7 +94,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Where a core of a body is: the pose of the body's file with it. `None`: there is no such core.
+    /// Pose of a core: where its motion takes the coordinate system of the body's file. `None`: there is no such core.
     pub fn core_pose(&self, body: usize, core: usize) -> Option<Pose> {
         let frame = self.frame_of(body, core)?;
         let place = self.frames.place(frame);
@@ -101,7 +102,7 @@ impl Simulation {
         Some(Pose { position, orientation: place.rotation })
     }
 
-    /// Takes a driven core to a pose, evenly, in so much time from now on (at least a step), and leaves it there.
+    /// Moves a driven core to a pose, uniformly, in the given time from now on (at least a step), and leaves it there.
     pub fn move_core(&mut self, body: usize, core: usize, pose: Pose, time: Duration) -> Result<()> {
         let Some(frame) = self.frame_of(body, core) else {
             return Err(Error::Usage(format!("body {body} has no core {core}")));
@@ -118,28 +119,31 @@ impl Simulation {
         }
     }
 
-    /// The frame of a core.
+    /// Index of a core's coordinate frame.
     fn frame_of(&self, body: usize, core: usize) -> Option<usize> {
         let has = core < self.scene.bodies.get(body)?.cores.len();
         has.then(|| self.model.body_frames[body] as usize + core)
     }
 
-    /// The same bodies with what a changed scene says of them.
+    /// Replaces the scene and its bodies by changed ones that differ in materials and contact law alone.
     fn take_up(&mut self, scene: scene::Scene, bodies: Vec<Body>) -> Result<()> {
         let model = self.model.again(&scene, &bodies, self.tool_body.as_ref());
         if model.coarse.bodies.len() != self.model.coarse.bodies.len() {
-            return Err(Error::Usage("with that the coarse level has no inverse; make the simulation anew".into()));
+            return Err(Error::Usage(
+                "with these materials the coarse matrix of the preconditioner cannot be inverted; make a new simulation"
+                    .into(),
+            ));
         }
         let mut frames = Frames::new(&model, |_| DVec3::ZERO);
         frames.restore(&self.frames.saved());
         let held = tools::tool_of(&scene, self.tool_body.as_ref(), &model, &frames)?;
-        // What can fail comes first.
+        // Whatever can fail comes before anything is changed.
         if model.friction[0] > 0.0 && !self.has_friction {
             let (stages, plain, timed) = self.recorded(&model, &scene, &bodies)?;
             (self.stages, self.plain, self.timed, self.shown) = (stages, plain, timed, None);
             (self.has_friction, self.is_solved) = (true, false);
         } else if let Err(error) = self.stages.refresh(&model) {
-            // As well as it can be.
+            // The old constants are written back as far as that is possible.
             let _ = self.stages.refresh(&self.model);
             return Err(error);
         }
@@ -151,7 +155,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// The step of a model of the same bodies recorded anew, which goes on where this is.
+    /// Makes and records the step for a model of the same bodies anew, in the state that the old one is in.
     fn recorded(&self, model: &Model, scene: &scene::Scene, bodies: &[Body]) -> Result<NewRecordings> {
         let arrays = read_all(&self.context, &self.stages.state())?;
         let (_, probe_nodes) = probes_of(scene, bodies, model)?;
@@ -163,5 +167,5 @@ impl Simulation {
     }
 }
 
-/// Kernels and arrays, and the recordings of them, untimed and timed.
+/// Kernels and arrays, and their recordings, untimed and timed.
 type NewRecordings = (Stages, Recordings, Option<[Recordings; 2]>);

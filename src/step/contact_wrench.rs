@@ -1,51 +1,53 @@
-//! What a step gives back to the haptic loop: the contact wrench on the tool with its slopes, and the gap to the nearest body.
+//! Output of a step for the haptic loop: the contact wrench on the tool with its stiffness and damping, and the gap to
+//! the nearest body.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::rigid::{RigidState, Wrench};
 
-/// Of the sizes of the contacts' forces summed, the size of their sum from which on they count as pressing from one side:
-/// half a sphere, pressed evenly, has 0.5; two sides have 0.
+/// Contacts count as pressing from one side where their net force is at least this fraction of the sum of their
+/// magnitudes: for half a sphere under even pressure that fraction is 0.5, for two opposite sides 0.
 const ONE_SIDED: f64 = 0.3;
 
-/// What a step of the simulation gives back to the loop.
+/// The output of a step for the haptic loop.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ContactWrench {
-    /// Steps done, this one included; 0: there was none yet.
+    /// Number of steps done, this one included; 0 before the first.
     pub step: u64,
-    /// When the step's inputs were taken, s on the loop's clock.
+    /// When the step's inputs were taken, s on the haptic loop's clock.
     pub time: f64,
-    /// The tool at the end of the step.
+    /// State of the tool at the end of the step.
     pub tool: RigidState,
-    /// Of all contacts on the tool, about its centre, world axes.
+    /// Net wrench of all contacts on the tool, about its centre, world axes.
     pub wrench: Wrench,
-    /// N/m, N/rad, N m/m, N m/rad: rows and columns linear, then angular; symmetric.
+    /// Contact stiffness felt by the tool, without the bodies' own compliance: rows and columns linear, then angular;
+    /// N/m, N/rad, N m/m, N m/rad; symmetric.
     pub stiffness: [[f64; 6]; 6],
-    /// The same, times s.
+    /// Contact damping in the layout of the stiffness; the same units times s.
     pub damping: [[f64; 6]; 6],
-    /// Sizes of the contacts' forces along their normals, summed, N: as large as the force where all press the same way.
+    /// Sum of the magnitudes of the contacts' normal forces, N; as large as the net force where all press the same way.
     pub pressing: f64,
-    /// The free way to the nearest body; `None`: the tool touches something, or nothing is known to be near.
+    /// The gap to the nearest body; `None` where the tool touches something, or nothing is known to be near.
     pub gap: Option<Gap>,
-    /// Whether a body moved as it is told during the step: contact may do work that nobody did on it.
+    /// Whether a driven body moved during the step: contact may then give out work that no hand put in.
     pub is_driven: bool,
 }
 
-/// The free way from the tool to the nearest body, and how stiff contact will be where it ends.
+/// The gap between the tool and the nearest body, and how stiff contact will be where it ends.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
     /// Unit vector from the body to the tool: the direction in which contact will push.
     pub normal: DVec3,
-    /// How far the tool can go against the normal before it touches, m; below zero, it touches at the end of a step that began
-    /// without contact.
+    /// How far the tool can go against the normal before it touches, m; negative where it touches at the end of a step
+    /// that began without contact.
     pub distance: f64,
-    /// An upper bound of the stiffness that contact will have at first, with the body held still, N/m.
+    /// An upper bound of the stiffness that contact will have at first, N/m: the body's own compliance is left out.
     pub stiffness: f64,
 }
 
 impl ContactWrench {
-    /// Before the first step: no contact.
+    /// The value before the first step: no contact.
     pub fn none(tool: RigidState) -> ContactWrench {
         let zero = [[0.0; 6]; 6];
         let (stiffness, damping) = (zero, zero);
@@ -62,13 +64,13 @@ impl ContactWrench {
         }
     }
 
-    /// The direction in which contacts push, where they press from one side.
+    /// The direction in which contacts push the tool, where they press from one side.
     pub fn normal(&self) -> Option<DVec3> {
         let size = self.wrench.force.length();
         (size > 0.0 && size >= ONE_SIDED * self.pressing).then(|| self.wrench.force / size)
     }
 
-    /// Whether all of it is finite.
+    /// Whether all its numbers are finite, and tool and gap valid.
     pub fn is_finite(&self) -> bool {
         let numbers = self.stiffness.iter().chain(&self.damping).flatten();
         self.tool.is_valid()

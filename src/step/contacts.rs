@@ -1,4 +1,4 @@
-//! The contacts of the last step, as a user may look at them.
+//! The contacts of the last step, as a user sees them.
 
 use glam::DVec3;
 
@@ -7,33 +7,33 @@ use crate::Result;
 use crate::shaders::{self, StepParams};
 use crate::stages::contact_law::{Traction, end_traction, start_traction};
 
-/// A colliding skin vertex.
+/// A contact, which is a colliding skin vertex.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactPoint {
-    /// Whose vertex it is, and what it touches; the tool comes after the bodies.
+    /// The body that the vertex belongs to, and the body that it touches, as indices; the tool comes after the bodies.
     pub bodies: [usize; 2],
-    /// Of the body's skin.
+    /// Index of the vertex in that body's skin.
     pub vertex: usize,
-    /// Where the vertex is now, world, m.
+    /// World position of the vertex now, m.
     pub position: DVec3,
-    /// Unit, world, out of what is touched.
+    /// Unit normal, world axes, pointing out of the touched body.
     pub normal: DVec3,
     /// How deep the vertex lies in the other body, along the normal, m.
     pub depth: f64,
-    /// Skin that it stands for, as seen along the normal, m^2.
+    /// Area of skin that the vertex stands for, projected along the normal, m^2.
     pub area: f64,
-    /// Along the normal at the end of the step, Pa: times the area, it is the contact's part of the wrench. Of the start of
-    /// the step where its end is not known, until the next step: after a saved state was taken up, after a step that froze, and
-    /// after [`Simulation::set_contact`] brought friction into a scene that had none.
+    /// Pressure along the normal at the end of the step, Pa: times the area it is the contact's part of the net force.
+    /// Where the end is not known it is that at the start, until the next step: after a saved state was restored, after
+    /// a frozen step, and after [`Simulation::set_contact`] brought friction into a scene that had none.
     pub pressure: f64,
-    /// Friction per area at the end of the step, on the body whose vertex it is, world axes, Pa; zero where that end is not
-    /// known.
+    /// Friction force per area at the end of the step on the body that the vertex belongs to, world axes, Pa; zero
+    /// where the end is not known.
     pub friction: DVec3,
 }
 
 impl Simulation {
-    /// The contacts of the last step, but for those that were dropped because they would have pulled. Costs transfers from the
-    /// device.
+    /// The contacts of the last step, without those that were released because they were under tension. This costs
+    /// transfers from the GPU.
     ///
     /// # Errors
     /// [`crate::Error::Vulkan`]: a transfer failed.
@@ -54,7 +54,7 @@ impl Simulation {
         let point = |(contact, traction): (&shaders::Contact, &Traction)| {
             let bodies = self.side_bodies(contact.side);
             let vertex = contact.vertex as usize - ranges[bodies[0]].start;
-            // The contact's normal points from a to b.
+            // The contact's normal points from body a to body b of the pair.
             let out = if contact.side.is_multiple_of(2) { -1.0 } else { 1.0 };
             ContactPoint {
                 bodies,
@@ -70,7 +70,7 @@ impl Simulation {
         Ok(contacts.iter().zip(&tractions).filter(|(contact, _)| contact.stiffness > 0.0).map(point).collect())
     }
 
-    /// What presses at each of the last step's contacts.
+    /// The tractions at the last step's contacts.
     fn tractions(&self, contacts: &[shaders::Contact]) -> Result<Vec<Traction>> {
         let Some(touch) = self.stages.touch.as_ref().filter(|_| self.is_solved) else {
             return Ok(contacts.iter().map(start_traction).collect());
@@ -80,7 +80,8 @@ impl Simulation {
         Ok(contacts.iter().zip(forces).map(|(contact, force)| end_traction(contact, force, h)).collect())
     }
 
-    /// Whose vertices a side of a pair gathers, and the other body of it.
+    /// For a side of a pair (2 times the pair, plus 1 for b): the body whose vertices gather contacts there, and the
+    /// other one.
     fn side_bodies(&self, side: u32) -> [usize; 2] {
         let [a, b] = self.model.pair_bodies[side as usize / 2];
         if side.is_multiple_of(2) { [a, b] } else { [b, a] }

@@ -1,4 +1,6 @@
-//! The scripted device: a pose over time from keys, linear in position, slerp in orientation, held at the ends.
+//! Reference trajectory: a pose over time, given by keys. Positions are interpolated linearly and orientations by
+//! slerp; before the first and after the last key the pose is constant. The scripted haptic device and driven cores
+//! follow one.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -6,31 +8,31 @@ use serde::{Deserialize, Serialize};
 use crate::scene::Key;
 use crate::step::RigidState;
 
-/// Keys of the device's pose.
+/// A pose over time.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Drive {
     keys: Vec<Key>,
 }
 
 impl Drive {
-    /// A path along keys; without keys the device rests at `start`.
+    /// A trajectory through keys; without keys it rests at `start`.
     pub fn new(keys: &[Key], start: Key) -> Drive {
         Drive { keys: if keys.is_empty() { vec![start] } else { keys.to_vec() } }
     }
 
-    /// Whether it has a pose at any time.
+    /// Whether it has a key, and so a pose at any time.
     pub fn is_whole(&self) -> bool {
         !self.keys.is_empty()
     }
 
-    /// From where it is at `time` on evenly to `next`, and to rest there.
+    /// Replaces the trajectory by one that goes uniformly from where it is at `time` to `next`, and rests there.
     pub fn lead(&mut self, time: f64, next: Key) {
         let (position, orientation) = self.pose(time);
         self.keys.clear();
         self.keys.extend([Key { time, position, orientation }, next]);
     }
 
-    /// Pose at a time, s.
+    /// The pose at a time, s.
     pub fn pose(&self, time: f64) -> (DVec3, DQuat) {
         let next = self.keys.partition_point(|key| key.time <= time);
         let after = self.keys[next.min(self.keys.len() - 1)];
@@ -41,7 +43,8 @@ impl Drive {
         (before.position.lerp(after.position, s), before.orientation.slerp(near, s).normalize())
     }
 
-    /// Pose at `time`, with the mean twist over the `h` seconds before it.
+    /// The state of a haptic device that follows the trajectory: the pose at `time`, and the mean twist over the `h`
+    /// seconds before.
     pub fn device(&self, time: f64, h: f64) -> RigidState {
         let (position, orientation) = self.pose(time);
         let (last, turned) = self.pose(time - h);
@@ -54,7 +57,7 @@ impl Drive {
     }
 }
 
-/// Rotation vector of a unit quaternion, the shorter way round, rad; exact for small angles.
+/// Rotation vector of a unit quaternion, the shorter way round, rad; accurate for small angles.
 pub fn rotation_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let sine = q.xyz().length();

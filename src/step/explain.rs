@@ -1,15 +1,15 @@
-//! What of a step is recorded, pass by pass and array by array: read from the recordings themselves.
+//! Explains what is recorded for a step, pass by pass and array by array, as read from the recordings themselves.
 
 use super::Simulation;
 use crate::gpu::{ArrayUse, Recording, shader_names};
 use crate::plan::{Array, Explanation, KernelUse, StageUse, stage_of, why_not};
 use crate::stages::depth::Path;
 
-/// Shaders of these folders are no part of the step: the tests', and what shows it.
+/// Folders whose shaders are no part of the step: they test or draw.
 const OTHER_SHADERS: [&str; 3] = ["test/", "draw/", "view/"];
 
 impl Simulation {
-    /// Every stage with its passes and arrays, for a step of `iterations` solver iterations that needs no second solve.
+    /// Every stage with its passes and arrays, for a step of `iterations` solver iterations in a single solve.
     #[doc(hidden)]
     pub fn explain(&self, iterations: u32) -> Explanation {
         let features = self.plan.features(&self.scene, &self.model, &self.bodies, self.timed_every);
@@ -41,7 +41,7 @@ impl Simulation {
         }
     }
 
-    /// The recordings of a step, and how often their passes run in it.
+    /// The recordings of a step, and how often the passes of each run in it.
     pub(super) fn parts(&self, iterations: u32) -> Vec<(&Recording, f64)> {
         let (length, iterate) = &self.plain.iterate[0];
         let newton = f64::from(self.scene.step.newton);
@@ -51,7 +51,7 @@ impl Simulation {
         parts
     }
 
-    /// Arrays of all recordings of the step, each once.
+    /// The arrays of all recordings of the step, each once.
     fn arrays(&self) -> Vec<ArrayUse> {
         let mut arrays: Vec<ArrayUse> = Vec::new();
         for recording in self.parts(1).into_iter().map(|(recording, _)| recording).chain([&self.plain.stop]) {
@@ -64,12 +64,12 @@ impl Simulation {
         arrays
     }
 
-    /// Every kernel of the library that no stage recorded, with the reason.
+    /// Adds every kernel of the library that no stage recorded, with the reason.
     fn add_left_out(&self, stages: &mut [StageUse]) {
         let graphics = self.path == Some(Path::Graphics);
         for kernel in shader_names().filter(|name| !OTHER_SHADERS.iter().any(|folder| name.starts_with(folder))) {
             let Some(stage) = stages.iter_mut().find(|stage| stage.stage == stage_of(kernel)) else { continue };
-            // A draw runs two, with a comma between them.
+            // A draw has two shaders, which are listed with a comma between them.
             if stage.kernels.iter().any(|known| known.kernel.split(", ").any(|name| name == kernel)) {
                 continue;
             }

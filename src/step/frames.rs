@@ -1,6 +1,8 @@
-//! Frames on the host, in f64: where each is at the start of the step and at its end, and how points of one lie in
-//! another. What the device does is the same wherever a frame is put, up to rounding; a good frame keeps displacements
-//! small.
+//! Rigid coordinate frames on the host, in f64: where each is at the start and at the end of the step, and how points
+//! of one lie in another. The displacements of nodes are measured in these frames: up to rounding, results do not
+//! depend on where a frame is put, but a frame that moves with its nodes keeps displacements small. Driven frames
+//! follow a trajectory, floating ones are fitted to the nodes of a body without cores, and dynamic ones are moved by
+//! the solver.
 
 mod crossing;
 mod saved;
@@ -16,16 +18,19 @@ use crate::step::drive::{Drive, rotation_vector};
 use crate::step::tool::{Tool, gyroscopic_impulse};
 pub use saved::SavedFrame;
 
-/// rad a step, beyond which a frame turns too far: what it carries keeps the rotations of the step's start, nodes go along
-/// tangents, and what turns by x is stretched by x^2 / 2 unopposed, here by less than a hundredth;
-/// free blocks that spin gain up to a thousandth of their energy by it (`palpate stability --only spin`).
+/// Rotation per step, rad, beyond which a frame turns too far. The elements of its nodes keep the rotations of the
+/// step's start and the nodes move along tangents, so that a body turning by x is stretched by x^2 / 2 unopposed, here
+/// by less than a hundredth; free blocks that spin gain up to a thousandth of their energy by it (`palpate stability
+/// --only spin`).
 const MOST_TURN: f64 = 0.12;
-/// What is stiff and spins free gains more energy from the same stretch, (turn x step / crossing time)^2 of what it spins with.
-/// Where turn times step over the time that a pressure wave takes across it is this, a block gains some 0.4 % in its first step,
-/// by an estimate from 1 MPa to 10 GPa: below, that is not told. With 0.0079, at some 0.03 %,
-/// bodies of 2 MPa that roll, rub or are struck were told as well, of which it is not known whether they gain any.
+/// A second limit, for stiff bodies that spin freely, on q = turn x step / crossing time: the turn per step (rad), the
+/// length of the step (s), and the time that a pressure wave takes across the body (s). The same stretch adds to the
+/// energy of their spin a share of the order of q^2. At this limit a block gains some 0.4 % in its first step, by an
+/// estimate from 1 MPa to 10 GPa; smaller gains are not flagged. With a limit of 0.0079 (a gain of some 0.03 %) bodies
+/// of 2 MPa that roll, rub or are struck were flagged as well, of which it is not known whether they gain any.
 const MOST_STIFF_TURN: f64 = 0.03;
-/// The same where a step is linearised more than once, which takes energy instead, up to 10 GPa in such a block.
+/// The limit on the same q for steps with several Newton iterations, by which such a block loses energy instead, up to
+/// 10 GPa.
 const MOST_STIFF_TURN_TWICE: f64 = 1.0;
 
 /// Where a frame is.
@@ -33,21 +38,21 @@ const MOST_STIFF_TURN_TWICE: f64 = 1.0;
 pub struct Place {
     /// World position of its centre, m.
     pub centre: DVec3,
-    /// Frame to world.
+    /// Rotation from the frame to the world.
     pub rotation: DQuat,
 }
 
 /// All frames of a model, over one step.
 pub struct Frames {
     states: Vec<State>,
-    /// Which of them nodes are measured from.
+    /// Per frame: whether nodes are measured in it.
     has_nodes: Vec<bool>,
-    /// Of each: see [`crossing::crossing_times`].
+    /// Per frame: the time that a pressure wave takes across its nodes, s; see [`crossing::crossing_times`].
     crossing_times: Vec<Option<f64>>,
     links: Vec<[usize; 2]>,
-    /// The states that are fitted, in the model's order.
+    /// Indices of the floating frames, in the model's order.
     floating: Vec<usize>,
-    /// The states that the solver moves, in the model's order.
+    /// Indices of the frames of dynamic cores, in the model's order.
     dynamic: Vec<usize>,
 }
 
@@ -63,7 +68,8 @@ enum Mover {
     Driven(Drive),
     Tool,
     Floating(Box<Floating>),
-    /// World twist; inertia about the centre, frame axes, kg m^2; the axis of its hinge, world, zero where there is none.
+    /// Twist in world axes (m/s, rad/s); inertia about the centre, frame axes, kg m^2; hinge axis, unit, world axes,
+    /// zero without a hinge.
     Dynamic {
         velocity: DVec3,
         spin: DVec3,
@@ -72,22 +78,23 @@ enum Mover {
     },
 }
 
-/// What was fitted to the nodes at the end of the last step.
+/// The fit of a floating frame to its nodes at the end of the last step.
 struct Floating {
     mass: f64,
-    /// About the centre at rest, frame axes, kg m^2.
+    /// Inertia about the centre at rest, frame axes, kg m^2.
     inertia: DMat3,
-    /// From the frame to the fit, frame axes, m.
+    /// Translation from the frame to the fit, frame axes, m.
     shift: DVec3,
-    /// From the frame to the fit, a rotation vector, frame axes.
+    /// Rotation vector from the frame to the fit, frame axes, rad.
     turn: DVec3,
-    /// Of the nodes, world, m/s and rad/s.
+    /// Linear and angular velocity of the nodes as a whole, world axes, m/s and rad/s.
     velocity: DVec3,
     spin: DVec3,
 }
 
 impl Frames {
-    /// Frames as placed; driven ones where their keys put them at time zero. `velocity`: initial, of each frame's body.
+    /// Frames as placed in the scene; driven ones where their keys put them at time zero. `velocity`: the initial
+    /// velocity of the body that a frame belongs to, m/s.
     pub fn new(model: &Model, velocity: impl Fn(usize) -> DVec3) -> Frames {
         let mut states: Vec<State> =
             model.frames.iter().enumerate().map(|(i, place)| State::new(place, velocity(i))).collect();
@@ -111,7 +118,7 @@ impl Frames {
         self.states[frame].start
     }
 
-    /// The twist (linear, angular) of a dynamic core, world; `None` for any other frame.
+    /// The twist (linear, angular) of a dynamic core, world axes; `None` for any other frame.
     pub fn twist(&self, frame: usize) -> Option<(DVec3, DVec3)> {
         match &self.states[frame].mover {
             Mover::Dynamic { velocity, spin, .. } => Some((*velocity, *spin)),
@@ -119,25 +126,26 @@ impl Frames {
         }
     }
 
-    /// Where a frame is at the end of the step that it has set out for; of a dynamic core nobody knows.
+    /// Where a frame will be at the end of the current step. For a dynamic core that is not known before the solve: its
+    /// value has no meaning.
     pub fn end(&self, frame: usize) -> Place {
         self.states[frame].end
     }
 
-    /// A point of the rest frame's coordinates relative to the frame's centre, in the world.
+    /// World position of a point that is given relative to a frame's centre in the frame's axes, m.
     pub fn world(&self, frame: usize, local: DVec3) -> DVec3 {
         let Place { centre, rotation } = self.states[frame].start;
         centre + rotation * local
     }
 
-    /// Sets out for the end of the step at `time`, `h` seconds long.
+    /// Prepares a step of `h` seconds that ends at `time`: sets where the frames will be at its end.
     pub fn set_out(&mut self, time: f64, h: f64, tool: Option<&Tool>) {
         for state in &mut self.states {
             state.set_out(time, h, tool);
         }
     }
 
-    /// Writes the device's frames and links; positions relative to `origin`.
+    /// Writes the GPU's frames and links; positions are relative to `origin`.
     pub fn write(&self, origin: DVec3, h: f64, frames: &mut [Frame], links: &mut [Link]) {
         for (frame, state) in frames.iter_mut().zip(&self.states) {
             *frame = state.frame(origin, h);
@@ -148,7 +156,8 @@ impl Frames {
         self.write_links(links);
     }
 
-    /// Writes how frames that something spans lie to each other now.
+    /// Writes the GPU's links: for each pair of frames in both of which a tetrahedron, proxy or chunk has nodes, how
+    /// one lies to the other now.
     pub fn write_links(&self, links: &mut [Link]) {
         for (link, [to, from]) in links.iter_mut().zip(&self.links) {
             let (to, from) = (&self.states[*to], &self.states[*from]);
@@ -162,7 +171,7 @@ impl Frames {
         }
     }
 
-    /// Writes where all frames are now, relative to `origin`, and nothing of how they move.
+    /// Writes where all frames are now, relative to `origin`, without how they move.
     pub fn write_places(&self, origin: DVec3, tool: Option<&Tool>, frames: &mut [Frame]) {
         for (frame, state) in frames.iter_mut().zip(&self.states) {
             let Place { centre, rotation } = match (&state.mover, tool) {
@@ -174,8 +183,9 @@ impl Frames {
         }
     }
 
-    /// The step of `h` seconds is over. `fits`: what the device summed, `changes`: of the twists of dynamic cores; empty where
-    /// it did not accept the step: then frames that float or are dynamic stay as they were.
+    /// Ends a step of `h` seconds. `fits`: the GPU's sums for floating frames; `changes`: the changes of twist of
+    /// dynamic cores. Both are empty where the step was not accepted; then floating and dynamic frames stay as they
+    /// were.
     pub fn arrive(&mut self, h: f64, fits: &[Fit], changes: &[[f32; 6]]) {
         for (frame, change) in self.dynamic.iter().zip(changes) {
             self.states[*frame].push(h, change.map(f64::from));
@@ -193,7 +203,7 @@ impl Frames {
         }
     }
 
-    /// Takes a driven frame from where it is at `time` evenly to a key; false: it is not driven.
+    /// Makes a driven frame go uniformly from where it is at `time` to a key; false where the frame is not driven.
     pub fn lead(&mut self, frame: usize, time: f64, key: Key) -> bool {
         match &mut self.states[frame].mover {
             Mover::Driven(drive) => {
@@ -204,7 +214,7 @@ impl Frames {
         }
     }
 
-    /// Whether a frame moves as it is told between two times, s.
+    /// Whether any driven frame moves between two times, s.
     pub fn is_any_driven(&self, from: f64, to: f64) -> bool {
         let moves = |state: &State| match &state.mover {
             Mover::Driven(drive) => drive.pose(from) != drive.pose(to),
@@ -213,9 +223,10 @@ impl Frames {
         self.states.iter().any(moves)
     }
 
-    /// Whether a frame turns further in a step of `h` seconds than what it carries can bear (see [`MOST_TURN`],
-    /// [`MOST_STIFF_TURN`]): one that is driven on the way it has set out for, others by what they turn at now. Rigid bodies have
-    /// no nodes, and nothing that bends.
+    /// Whether a frame turns further in a step of `h` seconds than its elements allow (see [`MOST_TURN`],
+    /// [`MOST_STIFF_TURN`]). For a driven frame the current step's turn counts, for others their angular velocity now.
+    /// The frames of rigid bodies have no nodes, so nothing there deforms. `linearisations`: Newton iterations per
+    /// step.
     pub fn turns_too_far(&self, h: f64, linearisations: u32) -> bool {
         let most = if linearisations > 1 { MOST_STIFF_TURN_TWICE } else { MOST_STIFF_TURN };
         let all = self.states.iter().zip(&self.has_nodes).zip(&self.crossing_times);
@@ -227,7 +238,7 @@ impl Frames {
         })
     }
 
-    /// Stops frames that float or are dynamic where they are.
+    /// Stops floating and dynamic frames where they are.
     pub fn stop(&mut self) {
         for state in &mut self.states {
             let (velocity, spin) = match &mut state.mover {
@@ -302,7 +313,7 @@ impl State {
         }
     }
 
-    /// A dynamic core's new twist and pose.
+    /// Changes a dynamic core's twist and moves the core for `h` seconds.
     fn push(&mut self, h: f64, change: [f64; 6]) {
         if let Mover::Dynamic { velocity, spin, hinge, .. } = &mut self.mover {
             let turned = DVec3::from_slice(&change[3..]);
@@ -322,7 +333,7 @@ impl State {
         let Place { centre, rotation } = self.start;
         if let Mover::Dynamic { velocity, spin, inertia, hinge } = &self.mover {
             let turn = DMat3::from_quat(rotation);
-            // A hinge bears all of it.
+            // A hinge takes up all gyroscopic torque.
             let gyroscopic = match *hinge {
                 DVec3::ZERO => gyroscopic_impulse(turn * *inertia * turn.transpose(), *spin, h),
                 _ => DVec3::ZERO,
@@ -351,8 +362,9 @@ impl State {
 }
 
 impl Floating {
-    /// Shape matching, one round a step: the shift to the centre of mass, and the small turn that takes the antisymmetric
-    /// part of sum m (r + d) r^T away; where both vanish the frame is the best fit (M. Mueller and others 2005).
+    /// Shape matching, one iteration per step: finds the shift to the centre of mass, and the small rotation that
+    /// removes the antisymmetric part of sum m (r + d) r^T (m, r, d: mass, rest position and displacement of a node).
+    /// Where both vanish, the frame is the best fit (M. Mueller and others 2005).
     fn fit(&mut self, fit: &Fit, rotation: DQuat) {
         let wide = |x: [f32; 3]| DVec3::from(x.map(f64::from));
         let turn = DMat3::from_quat(rotation);
@@ -365,7 +377,7 @@ impl Floating {
     }
 }
 
-/// The same rotation with w not negative, so that it is near the identity where the rotation is.
+/// The same rotation as a quaternion with w not negative, so that a small rotation is near the identity.
 pub(super) fn unwound(q: DQuat) -> DQuat {
     if q.w < 0.0 { -q } else { q }
 }

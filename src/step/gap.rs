@@ -1,4 +1,5 @@
-//! The free way from the tool to the nearest body, of what the device found and of the half-spaces, for the loop.
+//! The gap between the tool and the nearest body, for the haptic loop: combines what the GPU found for skins with the
+//! half-spaces.
 
 use glam::DVec3;
 
@@ -8,15 +9,16 @@ use crate::shaders::{GAP_FAR, NONE, Report, SkinGap};
 use crate::stages::gap;
 use crate::step::{Flags, Gap};
 
-/// Width of the ring along which a tool's bounding sphere is taken to touch first, m.
+/// Depth of first contact, m: the tool's bounding sphere, of radius R, is taken to touch an area of 2 pi R times this.
 const FIRST_TOUCH: f64 = 1e-3;
-/// Skin that faces away counts as nearer where it is so by more than this share: ways to a common edge differ by their rounding.
+/// Skin that faces away from the tool counts as nearer only where it is so by more than this fraction: distances to an
+/// edge that two triangles share differ by rounding.
 const ROUNDING: f64 = 1e-5;
 
 impl Simulation {
-    /// Adds the gap to the last step's wrench, where a loop holds the tool and it touches nothing.
+    /// Adds the gap to the last step's wrench, where a haptic loop holds the tool and the tool touches nothing.
     pub(super) fn add_gap(&mut self, report: &Report) -> Result<()> {
-        // A step that was frozen found nothing.
+        // In a frozen step the GPU found no gap.
         let is_known = !self.has_weight && !Flags(report.flags).contains(Flags::FROZEN);
         let touches = self.last_wrench.is_some_and(|w| w.pressing > 0.0 || w.wrench.force != DVec3::ZERO);
         if is_known && !touches {
@@ -28,7 +30,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// The shortest of all ways; `None` where the tool is a body of the scene, or is within one.
+    /// The shortest gap to any body; `None` where the tool is a body of the scene, or lies within one, or nothing is
+    /// near.
     fn gap(&self) -> Result<Option<Gap>> {
         let model = &self.model;
         if model.tool_frame.is_none() {
@@ -55,7 +58,8 @@ impl Simulation {
         Ok(shortest)
     }
 
-    /// Whether a sphere's centre, or any of another tool, is within a body; else the shortest way to skin.
+    /// Whether the tool is within a body (a sphere by its centre, another tool by any point of its surface); if not,
+    /// the shortest gap to a skin.
     fn skin_gap(&self) -> Result<(bool, Option<Gap>)> {
         let Some(stage) = &self.stages.gap else { return Ok((false, None)) };
         let found = stage.gaps.mapped::<SkinGap>()?;
@@ -64,7 +68,7 @@ impl Simulation {
             let along = DVec3::from(gap.way.map(f64::from));
             (along, along.length(), gap.triangle, *pair)
         });
-        // Of equals that to the lower triangle.
+        // Of equally short ways the one to the lower triangle counts.
         let shortest = ways.min_by(|(_, a, t, _), (_, b, u, _)| a.total_cmp(b).then(t.cmp(u)));
         if back < (1.0 - ROUNDING) * shortest.map_or(f64::from(GAP_FAR), |way| way.1) {
             return Ok((true, None));
@@ -76,9 +80,9 @@ impl Simulation {
         Ok((false, gap))
     }
 
-    /// A gap of this length, if it is no longer than what is looked for; below zero where a sphere, or a half-space, was met in the
-    /// step that began without contact. Stiffness: all of the ring along which a tool of this
-    /// radius touches within its first millimetre.
+    /// A gap of this distance (m), if it is within the range of the search; it is negative where a sphere, or a
+    /// half-space, was met in a step that began without contact. Its stiffness is that of the pair's contact on the
+    /// area over which a sphere of the tool's radius touches at first.
     fn within_range(&self, pair: usize, normal: DVec3, distance: f64) -> Option<Gap> {
         let area = 2.0 * std::f64::consts::PI * self.model.tool_radius * FIRST_TOUCH;
         let stiffness = f64::from(self.model.pairs[pair].stiffness) * area;

@@ -1,23 +1,24 @@
-//! What a step starts from in which the haptic loop holds the tool.
+//! Input of a step from the haptic loop, which runs faster than the steps and holds the tool between them.
 
 use serde::{Deserialize, Serialize};
 
 use super::rigid::RigidState;
 use crate::scene::Coupling;
 
-/// What a step of the simulation starts from.
+/// The haptic loop's input to a step: haptic device, tool, and the virtual coupling between them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Held {
-    /// Ticks done.
+    /// Number of the loop's ticks done.
     pub ticks: u64,
-    /// When the last of them began, s on the loop's clock.
+    /// When the last tick began, s on the loop's clock.
     pub time: f64,
-    /// The device.
+    /// Pose and twist of the haptic device.
     pub device: RigidState,
-    /// The tool.
+    /// Pose and twist of the tool.
     pub tool: RigidState,
-    /// What joins them; `None` before the first tick.
+    /// Virtual coupling between the two; `None` before the first tick.
     pub coupling: Option<Coupling>,
-    /// Greatest force of the coupling's stiffness, N: what may be played, so that nothing presses harder than the hand feels.
+    /// Greatest force of the coupling's spring, N: what the device may play, so that the tool presses no harder than
+    /// the hand feels.
     pub max_force: f64,
 }

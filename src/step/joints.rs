@@ -1,4 +1,5 @@
-//! Joints on the host, in f64: how far each is from where it should be, and what that gives to the cores it joins.
+//! Ball joints on the host, in f64: how far the sides of each are from where they should be, and what its springs give
+//! to the rows of the cores that it joins.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -7,24 +8,25 @@ use crate::shaders::{self, NONE};
 use crate::stages::joints::Joint;
 use crate::step::drive::rotation_vector;
 
-/// 1 + cos of a swing at least, for the twist: with the axis turned nearly back to front (beyond 155 degrees), where it is
-/// hardly defined, its spring pulls more softly.
+/// Least divisor 1 + cos(swing) in the axis of the twist's spring: where the joint's axis is turned nearly back to
+/// front (beyond 155 degrees), the twist is hardly defined, and its spring becomes softer.
 const LEAST_ALONG: f64 = 0.1;
 
-/// Writes the device's joints for a step of `h` seconds.
+/// Writes the GPU's joints for a step of `h` seconds.
 pub fn write(joints: &[Joint], frames: &Frames, h: f64, out: &mut [shaders::Joint]) {
     for (out, joint) in out.iter_mut().zip(joints) {
         *out = at_start(joint, frames, h);
     }
 }
 
-/// Implicit Euler of the springs, f = -k (gap + h gap' at the end): on the first side, at the middle of the two ends.
+/// A joint's springs by implicit Euler: the force on the first side is -k (gap + h gap'), gap' at the end of the step,
+/// and acts at the middle between the two ends.
 fn at_start(joint: &Joint, frames: &Frames, h: f64) -> shaders::Joint {
     let places = joint.frames.map(|frame| frames.place(frame));
     let ends = [0, 1].map(|k| frames.world(joint.frames[k], joint.arms[k]));
     let middle = 0.5 * (ends[0] + ends[1]);
     let arms = places.map(|place| middle - place.centre);
-    // How far a side would go, and turn, if nothing pushed it.
+    // Displacement of the joint's end on side k over the step, and rotation of that side, if nothing pushed it.
     let way = |k: usize| match (frames.twist(joint.frames[k]), frames.end(joint.frames[k])) {
         (Some((velocity, spin)), _) => (h * (velocity + spin.cross(arms[k])), h * spin),
         (None, Place { centre, rotation }) => {
@@ -48,9 +50,10 @@ fn at_start(joint: &Joint, frames: &Frames, h: f64) -> shaders::Joint {
     }
 }
 
-/// What resists turning, towards the orientation at rest, and back to the limits where the second side would be beyond them at
-/// the end, if the first goes on to turn by `way` (rad) against it: h^2 K + h D (kg m^2), and the torque on the first side at
-/// the start (N m).
+/// The rotational part of a joint: spring and damping towards the orientation at rest, and springs back to the limits
+/// where the second side would be beyond them at the end of the step; `way` is the rotation vector (rad) by which the
+/// first side goes on to turn against the second. Returns h^2 K + h D (kg m^2), and the torque on the first side at the
+/// step's start (N m).
 fn turning(joint: &Joint, [first, second]: [DQuat; 2], way: DVec3, h: f64) -> (DMat3, DVec3) {
     let resistance = &joint.resistance;
     let away = rotation_vector(unwound(second * first.conjugate()));
@@ -69,7 +72,7 @@ fn turning(joint: &Joint, [first, second]: [DQuat; 2], way: DVec3, h: f64) -> (D
         push_back(swing_stiffness, across.length().atan2(along) - limit, across.normalize_or_zero());
     }
     if let Some(limit) = resistance.twist {
-        // Swing and twist of a rotation, and how the twist answers to a spin (P. Dobrowolski 2015).
+        // Swing and twist of a rotation, and the direction in which the twist grows with a spin (P. Dobrowolski 2015).
         let turn = unwound(first.conjugate() * second);
         let twist = 2.0 * DVec3::new(turn.x, turn.y, turn.z).dot(resistance.axis).atan2(turn.w);
         let about = (axes[0] + axes[1]) / (1.0 + along).max(LEAST_ALONG);

@@ -1,4 +1,4 @@
-//! A simulation from its scene: bodies prepared, a device, the step recorded.
+//! Makes a simulation of a scene: prepares its bodies, opens a GPU, records the step.
 
 use crate::shaders;
 use std::sync::Arc;
@@ -23,15 +23,16 @@ use crate::step::drive::Drive;
 use crate::step::tool::Tool;
 use crate::{Error, Result};
 
-/// Tetrahedra below which one thread of a CPU is faster than two (see README, "Measured facts").
+/// Number of tetrahedra below which a Vulkan device that is a CPU is faster with one thread than with two (README,
+/// "Measured facts").
 const LITTLE_WORK: usize = 20_000;
 
-/// Tetrahedra of a box's cell.
+/// Number of tetrahedra per cell of a box.
 const KUHN_TETRAHEDRA: u64 = 6;
-/// Of a tetrahedron's forces on its nodes, the largest array that a layer needs.
+/// Size of a tetrahedron's forces on its four nodes, bytes; these form the largest array that a tetrahedral mesh needs.
 const FORCE_BYTES: u64 = 64;
 
-/// What is known of a scene before any device is.
+/// The parts of a simulation that are made before a GPU is opened.
 struct Prepared {
     bodies: Vec<Body>,
     tool_body: Option<Body>,
@@ -43,11 +44,12 @@ struct Prepared {
 }
 
 impl Simulation {
-    /// Prepares the scene's bodies, opens a device and records the step. All input is read before the device is opened. Nothing
-    /// is measured, kept or set in the environment but what `options` ask for.
+    /// Prepares the scene's bodies, opens a GPU and records the step. All input is read before the GPU is opened.
+    /// Nothing is measured, kept on disk or set in the environment unless `options` ask for it.
     ///
     /// # Errors
-    /// What is wrong with a file or a key of the scene; [`Error::NoDevice`], [`Error::Memory`], [`Error::Vulkan`].
+    /// A file or a key of the scene is wrong ([`Error::Input`], [`Error::Key`]); [`Error::NoDevice`],
+    /// [`Error::Memory`], [`Error::Vulkan`].
     pub fn open(scene: &Scene, options: &Options) -> Result<Simulation> {
         let cache = options.cache.as_deref().map_or_else(Cache::off, Cache::at);
         let prepared = Prepared::of(scene, Bodies::prepare(scene, &cache)?)?;
@@ -60,16 +62,16 @@ impl Simulation {
         prepared.record(scene, &context)
     }
 
-    /// Prepares the scene's bodies and records the step on a device that is open, and may have other simulations.
+    /// Prepares the scene's bodies and records the step on a GPU that is open already and may have other simulations.
     ///
     /// # Errors
-    /// As [`Simulation::open`]'s, but that there is a device.
+    /// The errors of [`Simulation::open`], except [`Error::NoDevice`].
     pub fn on_device(context: &Arc<Context>, scene: &Scene) -> Result<Simulation> {
         Simulation::check_room(context, scene)?;
         Prepared::of(scene, Bodies::prepare(scene, &Cache::of(context))?)?.record(scene, context)
     }
 
-    /// Records the step of a scene whose bodies are prepared, all of them, on a device that is open.
+    /// Records the step of a scene whose bodies are all prepared already, on a GPU that is open.
     #[doc(hidden)]
     pub fn with_bodies(context: &Arc<Context>, scene: &Scene, bodies: Bodies) -> Result<Simulation> {
         Prepared::of(scene, bodies)?.record(scene, context)
@@ -77,8 +79,9 @@ impl Simulation {
 }
 
 impl Simulation {
-    /// Whether a device can hold the layers of a scene that are known before they are made: boxes. They are so easily too many
-    /// that they would not fit into the host's memory either. [`Error::Memory`]: it cannot.
+    /// Checks that the GPU can hold those tetrahedral meshes of a scene whose size is known before they are made, which
+    /// are boxes; the cells of a box are easily so many that not even the host's memory would hold them.
+    /// [`Error::Memory`] if it cannot.
     #[doc(hidden)]
     pub fn check_room(context: &Context, scene: &Scene) -> Result<()> {
         let count = |body: &scene::Body| match body.shape {
@@ -120,7 +123,7 @@ impl Prepared {
         context.tell(Level::Note, &format!("arrays: {arrays}"));
         choice.iter().for_each(|choice| context.tell(Level::Note, &format!("depth stage: {choice}")));
         let stages = Stages::new(context, &model, path, &probe_nodes)?;
-        // Drivers that compile a kernel at its first dispatch do so here, and not in the first step.
+        // Some drivers compile a kernel at its first dispatch: this makes them do so here, and not in the first step.
         Recordings::new(&stages, 0, || Recorder::warm_up(context))?.submit_once()?;
         let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(context))?;
         let timed = Some(timed(context, &stages, scene)?);
@@ -161,7 +164,7 @@ impl Prepared {
     }
 }
 
-/// The step with timestamps: stage by stage, and with the query's stages as one.
+/// Recordings of the step with timestamps: one set timed stage by stage, one with the query's stages timed as one.
 pub(super) fn timed(context: &Arc<Context>, stages: &Stages, scene: &Scene) -> Result<[Recordings; 2]> {
     let timed = |timers| Recordings::new(stages, scene.solver.max_iterations, || Recorder::timed_by(context, timers));
     Ok([timed(|stage| stage)?, timed(query_as_one)?])

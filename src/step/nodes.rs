@@ -1,4 +1,4 @@
-//! Nodes of soft bodies: where they are, and how they are put elsewhere between two steps.
+//! The nodes of soft bodies: where they are, and how to put them elsewhere between two steps.
 
 use glam::DVec3;
 
@@ -8,8 +8,8 @@ use crate::prepare::{Body, Embedding, Shape};
 use crate::{Error, Result};
 
 impl Simulation {
-    /// Displacements from rest as placed (rest axes of the body, m) and velocities (world, m/s) of a soft body's nodes, in
-    /// input order; `None` for any other body.
+    /// Displacements of a soft body's nodes from where they are at rest as placed (rest axes of the body, m), and their
+    /// velocities (world axes, m/s), in input order; `None` for any other body.
     pub fn nodes(&self, body: usize) -> Result<Option<(Vec<DVec3>, Vec<DVec3>)>> {
         let Some(range) = self.model.soft.iter().find(|soft| soft.body == body) else { return Ok(None) };
         let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(None) };
@@ -28,7 +28,7 @@ impl Simulation {
         let mut velocities = read(&self.stages.elastic.velocity)?;
         for ((v, rest), node) in velocities.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
             let frame = self.model.node_info[node][2] as usize;
-            // The device writes what a dynamic core carries at the start of the next step.
+            // The GPU writes the velocities of nodes attached to a dynamic core at the start of the next step only.
             if let Some((linear, angular)) = self.frames.twist(frame).filter(|_| self.model.is_carried(node)) {
                 let arm = *rest - self.model.frames[frame].rest_centre;
                 *v = linear + angular.cross(self.frames.place(frame).rotation * arm);
@@ -37,7 +37,7 @@ impl Simulation {
         Ok(Some((displacements, velocities)))
     }
 
-    /// Where a soft body's nodes are, world, m, in input order; empty for any other body.
+    /// World positions of a soft body's nodes, m, in input order; empty for any other body.
     pub fn node_positions(&self, body: usize) -> Result<Vec<DVec3>> {
         let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(Vec::new()) };
         let Some((moved, _)) = self.nodes(body)? else { return Ok(Vec::new()) };
@@ -45,7 +45,7 @@ impl Simulation {
         Ok(layer.nodes.iter().zip(&moved).map(|(rest, d)| position + orientation * (*rest + *d)).collect())
     }
 
-    /// Where the vertices of a soft body's skin are, world, m, in file order; empty for any other body.
+    /// World positions of the vertices of a soft body's skin, m, in file order; empty for any other body.
     pub fn skin_positions(&self, body: usize) -> Result<Vec<DVec3>> {
         let Shape::Soft { layer, skin, embedding, .. } = &self.bodies[body].shape else { return Ok(Vec::new()) };
         let Some((moved, _)) = self.nodes(body)? else { return Ok(Vec::new()) };
@@ -57,15 +57,17 @@ impl Simulation {
         let all = skin.vertices.iter().zip(embedding);
         Ok(all.map(|(rest, e)| position + orientation * (*rest + displaced(e))).collect())
     }
-    /// Puts the free nodes of a soft body elsewhere and gives them velocities, both as [`Simulation::nodes`] tells them; what
-    /// cores carry stays. For tests and experiments: what the solver remembers of the last step is not asked to fit.
+    /// Puts the free nodes of a soft body elsewhere and gives them velocities, both as [`Simulation::nodes`] returns
+    /// them; nodes attached to cores stay. For tests and experiments only: the solver's warm start and carried residual
+    /// are not adapted to it.
     #[doc(hidden)]
     pub fn place_nodes(&mut self, body: usize, displacements: &[DVec3], velocities: &[DVec3]) -> Result<()> {
         let soft = self.model.soft.iter().find(|soft| soft.body == body);
         let range = soft.map(|soft| soft.nodes.clone()).unwrap_or_default();
         if range.len() != displacements.len() || range.len() != velocities.len() {
             let given = displacements.len().min(velocities.len());
-            let problem = format!("{given} nodes are placed of a body that has {}", range.len());
+            let problem =
+                format!("{given} node displacements or velocities were given for a body with {} nodes", range.len());
             return Err(Error::Simulation(problem));
         }
         let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(()) };

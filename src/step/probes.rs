@@ -1,4 +1,5 @@
-//! Probes: skin vertices that a scene follows. The device gives their nodes' displacements, the host the rest in f64.
+//! Probes: skin vertices whose positions a scene records. The GPU gives the displacements of their nodes, and the host
+//! computes the positions in f64.
 
 use glam::DVec3;
 
@@ -8,16 +9,16 @@ use crate::shaders::NONE;
 use crate::stages::model::Model;
 use crate::{Error, Result};
 
-/// A probe's place, on the host: a weighted sum of points that ride on frames.
+/// A probe on the host: a weighted sum of points that are attached to rigid coordinate frames.
 pub struct ProbePlace {
-    /// Rest position in its frame (m), weight, frame.
+    /// Per point: rest position relative to the frame's centre (m), weight, frame.
     pub points: [(DVec3, f64, usize); 4],
 }
 
-/// Probes on the host, and their nodes for the device.
+/// The probes on the host, and the four nodes of each for the GPU.
 pub type ProbeArrays = (Vec<ProbePlace>, Vec<[u32; 4]>);
 
-/// The skin vertices nearest to the scene's probes.
+/// Finds the skin vertex nearest to each of the scene's probes.
 pub fn probes_of(scene: &Scene, bodies: &[Body], model: &Model) -> Result<ProbeArrays> {
     let (mut places, mut nodes) = (Vec::new(), Vec::new());
     for probe in &scene.probes {

@@ -1,29 +1,30 @@
-//! The result of a step.
+//! The report of a step.
 
 use glam::{DQuat, DVec3};
 
 use crate::stages::Flags;
 
-/// What one step did.
+/// Results of one step.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct StepReport {
-    /// Steps done, this one included.
+    /// Number of steps done, this one included.
     pub step: u64,
     /// Time at the end of the step, s.
     pub time: f64,
     /// The tool, if the scene has one.
     pub tool: Option<ToolReport>,
-    /// Colliding vertices of both sides; `None` where nothing can collide.
+    /// Number of contacts, which are colliding skin vertices of either body of a pair; `None` where nothing can
+    /// collide.
     pub contacts: Option<u32>,
-    /// Greatest depth, m; `None` where nothing can collide.
+    /// Greatest depth of a contact, m; `None` where nothing can collide.
     pub max_depth: Option<f64>,
-    /// How far the normal of a region turned in the step at most, rad; `None` where nothing can collide.
+    /// Greatest angle by which the normal of a contact patch turned in the step, rad; `None` where nothing can collide.
     pub normal_turn: Option<f64>,
     /// Conjugate gradient iterations of all solves of the step.
     pub iterations: u32,
-    /// Relative residual at the end of the solve.
+    /// Relative residual of the linear system at the end of the last solve.
     pub residual: f64,
-    /// What went wrong.
+    /// What went wrong in the step.
     pub flags: Flags,
     /// Wall time of the step, pose in to wrench out, microseconds.
     pub step_us: f64,
@@ -34,9 +35,9 @@ pub struct StepReport {
 /// The tool at the end of a step.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ToolReport {
-    /// Where the tool is.
+    /// Pose of the tool.
     pub tool: Pose,
-    /// Where the device is.
+    /// Pose of the haptic device.
     pub device: Pose,
     /// Contact force on the tool, world axes, N.
     pub force: DVec3,
@@ -44,11 +45,11 @@ pub struct ToolReport {
     pub torque: DVec3,
 }
 
-/// A position (m) and orientation, world.
+/// A position (m) and an orientation in the world.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pose {
     /// Position, m.
     pub position: DVec3,
-    /// Orientation.
+    /// Orientation, as the rotation to the world.
     pub orientation: DQuat,
 }

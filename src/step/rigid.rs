@@ -1,14 +1,14 @@
-//! Pose, twist and wrench of something rigid: the device and the tool.
+//! Pose, twist and wrench of a rigid object, which is the haptic device or the tool.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Pose and twist of something rigid, world axes.
+/// Pose and twist of a rigid object, world axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RigidState {
     /// World position, m.
     pub position: DVec3,
-    /// To world.
+    /// Rotation to the world.
     pub orientation: DQuat,
     /// World velocity, m/s.
     pub velocity: DVec3,
@@ -17,7 +17,7 @@ pub struct RigidState {
 }
 
 impl RigidState {
-    /// At rest in a pose.
+    /// The state at rest in a pose.
     pub fn at_rest(position: DVec3, orientation: DQuat) -> RigidState {
         RigidState { position, orientation, velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO }
     }
@@ -32,14 +32,14 @@ impl RigidState {
 /// A force and a torque, world axes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Wrench {
-    /// N.
+    /// Force, N.
     pub force: DVec3,
-    /// N m, about the device's position.
+    /// Torque, N m, about the position of the object that it acts on.
     pub torque: DVec3,
 }
 
 impl Wrench {
-    /// Nothing.
+    /// No force and no torque.
     pub const ZERO: Wrench = Wrench { force: DVec3::ZERO, torque: DVec3::ZERO };
 
     /// Whether all of it is finite.

@@ -1,5 +1,6 @@
-//! The state of a simulation between two steps: all that the next one starts from, saved as bytes and taken up again, bit for
-//! bit. What a user sets (materials, contact, coupling) is not state, and stays as it is.
+//! Saves the state of a simulation between two steps as bytes, and restores it: all that the next step starts from, so
+//! that the simulation goes on bit for bit the same. What a user sets (materials, contact, coupling) is not state and
+//! stays as it is.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -11,13 +12,13 @@ use crate::step::drive::Drive;
 use crate::step::{ContactWrench, RigidState};
 use crate::{Error, Result};
 
-/// What the bytes begin with.
+/// The first bytes of a saved state, with the version of its format.
 const MARK: [u8; 8] = *b"palpate2";
 
-/// Everything that moves.
+/// The state of a simulation: everything that moves.
 #[derive(Serialize, Deserialize)]
 struct State {
-    /// Of what it is the state.
+    /// Fingerprint of the bodies that the state belongs to.
     model: [u8; 32],
     step: u64,
     time: f64,
@@ -27,13 +28,13 @@ struct State {
     frames: Vec<SavedFrame>,
     wrench: Option<ContactWrench>,
     iterations: u32,
-    /// Of the arrays that a step leaves for the next.
+    /// Contents of the GPU arrays that a step leaves for the next.
     arrays: Vec<u8>,
 }
 
 impl Simulation {
-    /// The state after the last step. [`Simulation::restore`] takes it up in this simulation, or in another of the same bodies,
-    /// tool and device: from there on both give the same bits.
+    /// The state after the last step. [`Simulation::restore`] continues from it, in this simulation or in another of
+    /// the same bodies, tool and GPU; both then give the same bits.
     pub fn save(&self) -> Result<Vec<u8>> {
         let state = State {
             model: self.fingerprint(),
@@ -49,24 +50,25 @@ impl Simulation {
         };
         let mut bytes = MARK.to_vec();
         let body =
-            postcard::to_stdvec(&state).map_err(|e| Error::Simulation(format!("the state is not saved: {e}")))?;
+            postcard::to_stdvec(&state).map_err(|e| Error::Simulation(format!("the state cannot be saved: {e}")))?;
         bytes.extend(Sha256::digest(&body));
         bytes.extend(body);
         Ok(bytes)
     }
 
-    /// Takes up a state. Errors: the bytes are none, are damaged, or of a simulation of other bodies; nothing has changed.
+    /// Restores a saved state. Errors: the bytes are no such state, are damaged, or belong to a simulation of other
+    /// bodies; nothing has changed then.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<()> {
         let wrong =
-            |what: &str| Error::Usage(format!("the state {what}; give what was saved of a simulation of this scene"));
-        let rest = bytes.strip_prefix(&MARK).ok_or_else(|| wrong("is none that this version saved"))?;
+            |what: &str| Error::Usage(format!("the state {what}; give a state that a simulation of this scene saved"));
+        let rest = bytes.strip_prefix(&MARK).ok_or_else(|| wrong("was not saved by this version"))?;
         let (sum, body) = rest.split_at_checked(32).ok_or_else(|| wrong("is cut short"))?;
         if Sha256::digest(body).as_slice() != sum {
             return Err(wrong("is damaged"));
         }
         let state: State = postcard::from_bytes(body).map_err(|_| wrong("is damaged"))?;
         if state.model != self.fingerprint() {
-            return Err(wrong("is of other bodies"));
+            return Err(wrong("belongs to other bodies"));
         }
         let frames = state.frames.len() == self.model.frames.len() && state.frames.iter().all(SavedFrame::is_whole);
         if !frames || !state.drive.is_whole() || state.tool.is_some() != self.tool.is_some() {
@@ -85,7 +87,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Of what the state's arrays and frames belong to.
+    /// Hash of the topology, rest state and array sizes that a saved state must match.
     fn fingerprint(&self) -> [u8; 32] {
         let model = &self.model;
         let mut hash = Sha256::new();

@@ -1,5 +1,5 @@
-//! What another program draws: the skins as they are now, on the device, and numbers to colour them by. Reads what the step
-//! leaves and writes nothing of it: a run is the same bits whether anybody looks or not.
+//! Arrays for renderers: the skins as they are now, on the GPU, and scalar fields to colour them by. This reads what a
+//! step leaves and writes nothing of it, so a run gives the same bits whether it is displayed or not.
 
 mod overlay;
 mod squares;
@@ -20,37 +20,37 @@ use overlay::ShownMesh;
 pub use overlay::{Cut, Mesh, Overlay, Part};
 pub use squares::RegionSquare;
 
-/// The arrays that are shown, and the passes that fill them.
+/// The arrays that are displayed, and the recordings that fill them.
 pub(super) struct Shown {
     draw: Draw,
     recording: Recording,
     fields: Option<ShownFields>,
-    /// By kind of overlay.
+    /// One mesh per kind of overlay, once somebody has asked for it.
     meshes: [Option<ShownMesh>; 4],
 }
 
-/// The same of fields: made when the first is asked for.
+/// The scalar fields and their recordings, made when the first field is asked for.
 struct ShownFields {
     fields: Fields,
-    /// By [`Field`].
+    /// One recording per [`Field`].
     recordings: [Recording; 4],
 }
 
-/// A field as it was when it was asked for.
+/// A scalar field as it was when it was asked for.
 #[derive(Clone)]
 pub struct FieldValues {
-    /// Which one.
+    /// Which field it is.
     pub field: Field,
-    /// A float a skin vertex, in the order of the skins, packed: as texels of four, padded to a whole one. The array is the
-    /// same each time; it can be a storage, texel or vertex buffer.
+    /// One float per skin vertex, body after body, packed, padded to a whole texel of four. It is the same array each
+    /// time, and can be a storage, texel or vertex buffer.
     pub values: Buffer,
-    /// The greatest of each body, the tool's last; zero where a body has no skin.
+    /// The greatest value of each body, the tool's last; zero for a body without skin.
     pub greatest: Vec<f32>,
 }
 
 impl Simulation {
-    /// The skins as they are now, relative to `origin` (m): the arrays are filled when this returns, and stay so until it is
-    /// called again. They are made at the first call.
+    /// The skins as they are now, relative to `origin` (m). The arrays are made at the first call; they are filled when
+    /// this returns, and stay so until it is called again.
     #[doc(hidden)]
     pub fn skins(&mut self, origin: DVec3) -> Result<Skins<'_>> {
         let shown = self.shown_at(origin)?;
@@ -58,15 +58,16 @@ impl Simulation {
         Ok(shown.draw.skins())
     }
 
-    /// The same arrays as they were filled last; uninitialised before.
+    /// The arrays of [`Simulation::skins`] as they were filled last; before that they are uninitialised.
     #[doc(hidden)]
     pub fn skin_arrays(&mut self) -> Result<Skins<'_>> {
         Ok(self.shown()?.draw.skins())
     }
 
-    /// A field after the last step, on the device: the array is filled when this returns, and stays so until the field is asked
-    /// for again (depth and pressure are filled together). Made at the first call; made anew, as the skins are, where
-    /// [`Simulation::set_contact`] brings friction into a scene that had none.
+    /// A scalar field after the last step, on the GPU: its array is filled when this returns, and stays so until the
+    /// field is asked for again (depth and pressure are filled together). The arrays are made at the first call, and
+    /// made anew, like those of the skins, where [`Simulation::set_contact`] brings friction into a scene that had
+    /// none.
     #[doc(hidden)]
     pub fn field(&mut self, field: Field) -> Result<FieldValues> {
         let is_solved = u32::from(self.is_solved);
@@ -82,7 +83,8 @@ impl Simulation {
         Ok(FieldValues { field, values, greatest: greatest[..bodies].to_vec() })
     }
 
-    /// What is shown, with frames and links as they are now, positions relative to `origin`.
+    /// The arrays that are displayed, after writing frames and links as they are now; positions are relative to
+    /// `origin`.
     fn shown_at(&mut self, origin: DVec3) -> Result<&mut Shown> {
         self.shown()?;
         let Some(shown) = &mut self.shown else { return Err(missing()) };
@@ -128,7 +130,7 @@ impl Simulation {
         Ok(ShownFields { recordings: [depth?, pressure?, energy?, displacement?], fields })
     }
 
-    /// Where the vertices of any body's skin are, world, m; the tool comes after the bodies.
+    /// World positions of the vertices of any body's skin, m; the tool comes after the bodies.
     pub fn vertex_positions(&self, body: usize) -> Result<Vec<DVec3>> {
         let rigid = self.bodies.get(body).map(|body| &body.shape);
         match rigid {
@@ -145,7 +147,7 @@ impl Simulation {
         }
     }
 
-    /// The vertices of each body's skin among those of all, the tool's last; none of a half-space.
+    /// Each body's skin vertices as a range among those of all, the tool's last; the range of a half-space is empty.
     #[doc(hidden)]
     pub fn skin_ranges(&self) -> Vec<Range<usize>> {
         let size = |body: &Body| match &body.shape {
@@ -161,7 +163,7 @@ impl Simulation {
         self.bodies.iter().chain(&self.tool_body).map(range).collect()
     }
 
-    /// Triangles of a body's skin, of its own vertices; the tool comes after the bodies.
+    /// Triangles of a body's skin, as indices of its own vertices; the tool comes after the bodies.
     pub fn skin_triangles(&self, body: usize) -> &[[u32; 3]] {
         match self.bodies.iter().chain(&self.tool_body).nth(body).map(|body| &body.shape) {
             Some(Shape::Soft { skin, .. } | Shape::Rigid { skin, .. }) => &skin.triangles,
@@ -169,7 +171,8 @@ impl Simulation {
         }
     }
 
-    /// The vertices of the tool's skin about its centre of mass, tool axes, m; empty where it is none of its own.
+    /// Vertices of the tool's skin relative to its centre of mass, tool axes, m; empty where the tool is a body of the
+    /// scene.
     #[doc(hidden)]
     pub fn tool_skin(&self) -> Vec<DVec3> {
         match self.tool_body.as_ref().map(|body| &body.shape) {
@@ -179,7 +182,7 @@ impl Simulation {
     }
 }
 
-/// It was put there before.
+/// The error for arrays that should have been made before.
 fn missing() -> Error {
-    Error::Simulation("what is shown is not there".into())
+    Error::Simulation("internal error: the arrays to display were not made".into())
 }

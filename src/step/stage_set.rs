@@ -1,4 +1,4 @@
-//! The stages that a scene needs, with their kernels and arrays; in which order they run is said in `algorithm.rs`.
+//! The stages that a scene needs, with their kernels and arrays; the order in which they run is in `algorithm.rs`.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::stages::touch::TouchStages;
 use crate::stages::wrench::Wrench;
 use crate::stages::{Common, pose};
 
-/// The stages that a scene needs; what it does not need is neither recorded nor allocated.
+/// The stages that a scene needs; the others are neither recorded nor allocated.
 pub struct Stages {
     pub common: Common,
     pub elastic: Elastic,
@@ -28,7 +28,8 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Kernels and arrays of the stages that the model needs; `path` where it needs the depth stage.
+    /// Kernels and arrays of the stages that the model needs. `path`: how ray hits are found, where the depth stage is
+    /// needed; `probe_nodes`: the four nodes of each probe.
     pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, probe_nodes: &[[u32; 4]]) -> Result<Stages> {
         let common = Common::new(context, model)?;
         let touch = if model.pairs.is_empty() { None } else { Some(TouchStages::new(context, model, path, true)?) };
@@ -42,13 +43,13 @@ impl Stages {
         Ok(Stages { elastic, common, solve, touch, wrench, gap, probes, carried, floating })
     }
 
-    /// Takes up what a model of the same bodies says of materials.
+    /// Writes the materials of a model of the same bodies to the GPU.
     pub fn refresh(&self, model: &Model) -> Result<()> {
         self.elastic.refresh(model)?;
         self.solve.refresh(model)
     }
 
-    /// The arrays that a step leaves for the next: all that there is of the past on the device.
+    /// The arrays that a step leaves for the next: all that the GPU keeps of the past.
     pub fn state(&self) -> Vec<&Buffer> {
         let mut arrays = vec![&self.common.counts];
         arrays.extend(self.elastic.state());

@@ -1,6 +1,7 @@
-//! The tool: a rigid body of six unknowns. The host keeps its pose and twist in f64 and gives the device its part of the
-//! step's linear system, inertia and virtual coupling; the solver on the device gives back the change of its twist. Where
-//! the tool is a soft body, it is that body's first core, and only the coupling is added to that core's rows.
+//! The tool: a rigid body of six unknowns, which the haptic device holds by a virtual coupling. The host keeps its pose
+//! and twist in f64 and gives the GPU its part of the step's linear system, inertia and coupling; the solver on the GPU
+//! gives back the change of its twist. Where the tool is a soft body of the scene, it is that body's first core, and
+//! only the coupling is added to that core's rows.
 
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -9,39 +10,39 @@ use crate::scene::Coupling;
 use crate::step::drive::rotation_vector;
 use crate::step::{RigidState, Wrench};
 
-/// Newton's rounds for the gyroscopic term; it converges quadratically from the start's spin.
+/// Newton iterations for the gyroscopic term; they converge quadratically from the angular velocity at the start.
 const GYROSCOPIC_ROUNDS: usize = 4;
 
-/// The tool's state and constants.
+/// State and constants of the tool.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tool {
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
-    /// About the centre, tool axes, kg m^2.
+    /// Inertia tensor about the centre, tool axes, kg m^2.
     pub inertia: DMat3,
-    /// Virtual coupling; `None`: nothing holds it.
+    /// Virtual coupling to the haptic device; `None`: nothing holds the tool.
     pub coupling: Option<Coupling>,
     /// World position of its centre of mass, m.
     pub centre: DVec3,
-    /// Tool to world.
+    /// Rotation from the tool to the world.
     pub orientation: DQuat,
-    /// World, m/s.
+    /// Linear velocity, world axes, m/s.
     pub velocity: DVec3,
-    /// World, rad/s.
+    /// Angular velocity, world axes, rad/s.
     pub angular_velocity: DVec3,
 }
 
 /// The tool's rows of the linear system for the change of its twist (linear, then angular), without contact.
 #[derive(Debug, Clone, Copy)]
 pub struct Rows {
-    /// Symmetric positive definite, by rows.
+    /// Symmetric positive definite matrix, row by row.
     pub matrix: [[f64; 6]; 6],
-    /// Right-hand side.
+    /// Right-hand side, N s and N m s.
     pub rhs: [f64; 6],
 }
 
 impl Tool {
-    /// Its pose and twist.
+    /// Pose and twist of the tool.
     pub fn state(&self) -> RigidState {
         RigidState {
             position: self.centre,
@@ -51,8 +52,8 @@ impl Tool {
         }
     }
 
-    /// Implicit Euler over `h` seconds, linearised about the start: gravity, gyroscopic torque, and the
-    /// coupling towards the device's pose and twist at the end of the step.
+    /// The rows of implicit Euler over `h` seconds, linearised about the start: inertia, gravity, gyroscopic torque,
+    /// and the coupling towards the haptic device's pose and twist at the end of the step.
     pub fn rows(&self, h: f64, gravity: DVec3, device: &RigidState) -> Rows {
         let turn = DMat3::from_quat(self.orientation);
         let inertia = turn * self.inertia * turn.transpose();
@@ -69,7 +70,7 @@ impl Tool {
         rows
     }
 
-    /// What the coupling alone adds to the rows: h^2 K + h D, and its impulse; zero where nothing holds the tool.
+    /// The rows of the coupling alone: the matrix h^2 K + h D, and its impulse; zero where nothing holds the tool.
     pub fn coupling_rows(&self, h: f64, device: &RigidState) -> Rows {
         let mut rows = Rows { matrix: [[0.0; 6]; 6], rhs: [0.0; 6] };
         let Some(c) = &self.coupling else { return rows };
@@ -86,7 +87,7 @@ impl Tool {
         rows
     }
 
-    /// What the coupling pulls the tool with now, towards a device.
+    /// The wrench with which the coupling pulls the tool now, towards a state of the haptic device.
     pub fn pull(&self, device: &RigidState) -> Wrench {
         let Some(c) = &self.coupling else { return Wrench::ZERO };
         let turn = rotation_vector(device.orientation * self.orientation.conjugate());
@@ -96,20 +97,20 @@ impl Tool {
         }
     }
 
-    /// A device as the coupling feels it: drawn up to the tool so far that the coupling's stiffness pulls no harder than `force`
-    /// (N).
+    /// The haptic device as the coupling sees it: drawn towards the tool so far that the coupling's spring pulls no
+    /// harder than `force` (N).
     pub fn within_reach(&self, device: &RigidState, force: f64) -> RigidState {
         let away = (device.position - self.centre).clamp_length_max(self.reach(force));
         RigidState { position: self.centre + away, ..*device }
     }
 
-    /// How far the coupling stretches before it pulls with `force` (N), m.
+    /// How far the coupling's spring stretches before it pulls with `force` (N), m.
     fn reach(&self, force: f64) -> f64 {
         self.coupling.map_or(f64::INFINITY, |c| if c.stiffness > 0.0 { force / c.stiffness } else { f64::INFINITY })
     }
 
-    /// What the coupling and the tool's motion store, J. The coupling pulls no harder than `force` (N), however far the device
-    /// is; `turns`: whether its turning is felt.
+    /// Energy in the coupling's springs and in the tool's motion, J. The spring pulls no harder than `force` (N),
+    /// however far away the haptic device is; `turns`: whether the angular spring counts.
     pub fn stored(&self, device: &RigidState, force: f64, turns: bool) -> f64 {
         let turn = DMat3::from_quat(self.orientation);
         let (v, w) = (self.velocity, turn.transpose() * self.angular_velocity);
@@ -124,7 +125,7 @@ impl Tool {
         motion + springs
     }
 
-    /// Takes the solved change of the twist and moves for `h` seconds.
+    /// Adds the solved change of twist and moves the tool for `h` seconds.
     pub fn advance(&mut self, h: f64, change: [f64; 6]) {
         self.velocity += DVec3::from_slice(&change[..3]);
         self.angular_velocity += DVec3::from_slice(&change[3..]);
@@ -133,10 +134,10 @@ impl Tool {
     }
 }
 
-/// What a rigid body's spin gives to its angular momentum over `h` seconds, N m s: I (w1 - w0) with
-/// I (w1 - w0) + h w1 x I w1 = 0, the inertia (world axes) held as at the start (E. Catto 2015, "Physics for game
-/// programmers: numerical methods"). Taken at the start instead, the torque would feed the spin of any body that is not
-/// round. `w`: at the start, rad/s.
+/// Change of a rigid body's angular momentum by its own spin over `h` seconds, N m s. It is I (w1 - w0), where w1
+/// solves the equation I (w1 - w0) + h w1 x I w1 = 0, the inertia I (world axes) is that of the start, and w0 = `w` is
+/// the angular velocity at the start, rad/s (E. Catto 2015, "Physics for game programmers: numerical methods"). Taken
+/// at the start instead, the torque would add energy to the spin of any body that is not round.
 pub fn gyroscopic_impulse(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
     let cross =
         |v: DVec3| DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0));
@@ -148,6 +149,6 @@ pub fn gyroscopic_impulse(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
         end -= slope.inverse() * residual;
     }
     let impulse = inertia * (end - w);
-    // Of no use where it cannot be solved: a body without extent has no such torque.
+    // There is no solution for a body without extent, which has no such torque either.
     if impulse.is_finite() { impulse } else { DVec3::ZERO }
 }

@@ -1,4 +1,5 @@
-//! The tool of a scene: one of its own, or the core of a body that is held.
+//! Makes the tool of a scene: a rigid body of its own, or the core of a body of the scene that the haptic device is
+//! coupled to (the held core).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -11,18 +12,19 @@ use crate::step::tool::Tool;
 use crate::step::{ContactWrench, Flags, Wrench};
 use crate::{Error, Result};
 
-/// The tool as the scene starts it; `body`: its own, prepared.
+/// The tool as the scene starts it; `body`: the tool's own body, prepared, if it has one.
 pub(super) fn tool_of(scene: &Scene, body: Option<&Body>, model: &Model, frames: &Frames) -> Result<Option<Tool>> {
     let Some(spec) = &scene.tool else { return Ok(None) };
-    let problem = "the body has no first core that is dynamic";
-    let missing = || Error::key(&scene.file, "tool.body", problem, "add one: it is held by that");
+    let problem = "the body's first core is not dynamic";
+    let missing =
+        || Error::key(&scene.file, "tool.body", problem, "make it \"dynamic\": the haptic device is coupled to it");
     match body {
         Some(body) => Ok(Some(rigid(scene, spec.mass, body))),
         None => Ok(Some(held(scene, model, model.held.ok_or_else(missing)?, frames))),
     }
 }
 
-/// Its inertia is that of its surface filled evenly.
+/// A rigid tool of its own. Its inertia is that of its surface filled uniformly.
 fn rigid(scene: &Scene, mass: f64, body: &Body) -> Tool {
     let inertia = match &body.shape {
         Shape::Rigid { volume, inertia, .. } => *inertia * (mass / volume),
@@ -39,7 +41,7 @@ fn rigid(scene: &Scene, mass: f64, body: &Body) -> Tool {
     }
 }
 
-/// The core that is held, with what it carries.
+/// The held core as a tool, with the nodes attached to it.
 fn held(scene: &Scene, model: &Model, core: usize, frames: &Frames) -> Tool {
     let core = &model.cores[core];
     let mut tool = Tool {
@@ -55,7 +57,7 @@ fn held(scene: &Scene, model: &Model, core: usize, frames: &Frames) -> Tool {
     tool
 }
 
-/// Mass of all that hangs on the core that is held, kg; 0 where none is.
+/// Mass of the body that the held core is part of, kg; 0 where no core is held.
 pub(super) fn held_mass(model: &Model) -> f64 {
     let Some(core) = model.held.map(|core| &model.cores[core]) else { return 0.0 };
     let mass = |node: usize| f64::from(model.node_rest[node][3]);
@@ -66,7 +68,7 @@ pub(super) fn held_mass(model: &Model) -> f64 {
     }
 }
 
-/// Takes a held tool to where its core's frame is.
+/// Moves a held tool to where its core's frame is.
 pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
     let place = frames.place(frame);
     (tool.centre, tool.orientation) = (place.centre, place.rotation);
@@ -75,10 +77,10 @@ pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
     }
 }
 
-/// What the device says that the tool feels.
+/// The contact wrench on the tool, as the GPU reports it.
 pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> ContactWrench {
     let vector = |x: [f32; 3]| DVec3::from(x.map(f64::from));
-    // A step that was frozen applied nothing.
+    // A frozen step applied no forces.
     let is_frozen = Flags(report.flags).contains(Flags::FROZEN);
     let matrix = |upper: &[f32; 21]| if is_frozen { [[0.0; 6]; 6] } else { symmetric(upper) };
     ContactWrench {
@@ -94,7 +96,7 @@ pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> Contact
     }
 }
 
-/// Of the upper triangle, by rows.
+/// The symmetric matrix whose upper triangle is given row by row.
 fn symmetric(upper: &[f32; 21]) -> [[f64; 6]; 6] {
     let mut matrix = [[0.0; 6]; 6];
     let pairs = (0..6).flat_map(|i| (i..6).map(move |k| (i, k)));

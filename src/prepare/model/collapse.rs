@@ -1,7 +1,7 @@
-//! Fewer vertices: the shortest edge is collapsed, again and again, until a number is reached.
+//! Reduces a mesh to a given number of vertices by collapsing the shortest edge again and again.
 //!
-//! The link condition (T. Dey and others 1999) keeps a closed manifold a closed manifold of the same genus: the ends of
-//! an edge may share two neighbours and no more.
+//! The link condition (T. Dey and others 1999) keeps a closed manifold a closed manifold of the same genus: an edge may
+//! be collapsed only if its ends have exactly two common neighbours.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -10,14 +10,14 @@ use glam::DVec3;
 
 use crate::prepare::NONE;
 
-/// A collapse may turn no triangle's normal by more than about 80 degrees.
+/// Least cosine of the angle by which a collapse may turn a triangle's normal: about 80 degrees.
 const LEAST_COSINE: f64 = 0.2;
 
-/// Collapses shortest edges of a closed manifold until `count` vertices are left, each time to the middle of the edge.
-/// Stops early where no edge may go. Vertices and triangles keep their order.
+/// Collapses the shortest edges of a closed manifold, each to its midpoint, until `count` vertices are left or no edge
+/// may be collapsed. The remaining vertices and triangles keep their order.
 pub fn to_count(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>, count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut mesh = Mesh::new(vertices, triangles);
-    // Where folds forbid the last collapses, topology alone decides.
+    // If folded triangles forbid the last collapses, the second pass checks the topology only.
     for least_cosine in [LEAST_COSINE, -2.0] {
         mesh.queue_all();
         while mesh.left > count {
@@ -30,14 +30,15 @@ pub fn to_count(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>, count: usize) ->
     mesh.compact()
 }
 
-/// A mesh under way: dead vertices have no triangles, dead triangles are [`NONE`].
+/// A mesh in reduction. A removed vertex has no triangles; a removed triangle has the vertices [`NONE`].
 struct Mesh {
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
-    /// Living triangles around each vertex.
+    /// Remaining triangles around each vertex.
     around: Vec<Vec<u32>>,
     left: usize,
-    /// Squared length (as bits: the order of non-negative floats is that of their bits), and the ends, ascending.
+    /// Edges by squared length (as bits, whose order is that of non-negative floats), with their ends in ascending
+    /// order.
     queue: BinaryHeap<Reverse<(u64, u32, u32)>>,
 }
 
@@ -67,7 +68,7 @@ impl Mesh {
         self.queue.push(Reverse((length.to_bits(), a.min(b), a.max(b))));
     }
 
-    /// Squared length of a living edge.
+    /// Squared length of an edge; `None` if the edge no longer exists.
     fn length(&self, a: u32, b: u32) -> Option<f64> {
         let alive = self.around[a as usize].iter().any(|&t| self.triangles[t as usize].contains(&b));
         alive.then(|| self.vertices[a as usize].distance_squared(self.vertices[b as usize]))
@@ -82,7 +83,7 @@ impl Mesh {
         near
     }
 
-    /// Moves `a` to the middle of the edge and merges `b` into it, where topology and normals allow.
+    /// Moves `a` to the midpoint of the edge and merges `b` into it, if topology and normals allow it.
     fn collapse(&mut self, a: u32, b: u32, least_cosine: f64) {
         let near = self.neighbours(b);
         let shared = self.neighbours(a).into_iter().filter(|v| near.binary_search(v).is_ok()).count();
@@ -111,7 +112,8 @@ impl Mesh {
         }
     }
 
-    /// Cosine of the angle by which a triangle's normal turns when its corner at `a` or `b` moves; 1 where it dies.
+    /// Cosine of the angle by which a triangle's normal turns when its corner at `a` or `b` moves to `to`; 1 if the
+    /// collapse removes the triangle.
     fn turn(&self, t: u32, a: u32, b: u32, to: DVec3) -> f64 {
         let triangle = self.triangles[t as usize];
         if triangle.contains(&a) && triangle.contains(&b) {

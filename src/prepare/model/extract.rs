@@ -1,7 +1,8 @@
-//! The zero surface of a solid: marching tetrahedra over the body-centred lattice, then smoothing on the surface.
+//! Extracts the zero surface of a solid (a signed distance function) by marching tetrahedra over the body-centred
+//! lattice, then smooths it without leaving the surface.
 //!
-//! Marching tetrahedra (A. Doi and A. Koide 1991) always gives a closed manifold, whatever the values, because the
-//! linear interpolant in a tetrahedron has no ambiguous case.
+//! Marching tetrahedra (A. Doi and A. Koide 1991) always give a closed manifold, because the linear interpolant in a
+//! tetrahedron has no ambiguous case.
 
 use std::collections::{HashMap, HashSet};
 
@@ -11,18 +12,20 @@ use super::solid::gradient;
 use crate::prepare::lattice::Lattice;
 use crate::prepare::layer::FACES;
 
-/// Step of the numeric gradient, m: far below any feature, far above rounding.
+/// Step of the numerical gradient, m: far smaller than any feature, far larger than rounding.
 const GRADIENT_STEP: f64 = 1e-5;
-/// Newton steps to the surface; the solids are nearly distances, so three come within a thousandth of an edge.
+/// Number of Newton iterations to the surface. The solids are nearly distance functions, so three come within a
+/// thousandth of an edge.
 const NEWTON_STEPS: usize = 3;
 
-/// The pairs of local nodes (inside, inside, outside, outside), each an even permutation of a tetrahedron's nodes.
+/// Orders of a tetrahedron's nodes (two inside, then two outside), each an even permutation.
 const PAIRS: [[usize; 4]; 6] = [[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]];
 
-/// The closed outward surface of a solid within a box, from lattice cubes with edge `cell` (all in m): the piece met
-/// first from the point `inside`, along x. Vertices are numbered in lattice order.
+/// The closed surface, oriented outwards, of a solid within the box `low..high`, from a lattice with cell edge `cell`
+/// (all m). It is the connected piece that the x direction from the point `inside` meets first. Vertices are numbered
+/// in lattice order.
 ///
-/// Only cells at the surface are visited, from neighbour to neighbour (B. Wyvill and others 1986).
+/// Only cells at the surface are visited, each from a neighbour (B. Wyvill and others 1986).
 pub fn surface(
     solid: &impl Fn(DVec3) -> f64,
     [low, high]: [DVec3; 2],
@@ -33,7 +36,7 @@ pub fn surface(
     let cells = field.crossed(inside);
     let tetrahedra: Vec<[u32; 4]> = cells.into_iter().flat_map(|cell| field.tetrahedra(cell)).collect();
     let mut vertices = Vec::new();
-    // Only looked up, never walked: the numbering does not depend on hashing.
+    // The map is only looked up and never iterated, so that the numbering does not depend on hashing.
     let mut numbers: HashMap<(u32, u32), u32> = HashMap::new();
     let mut triangles = Vec::new();
     for nodes in tetrahedra {
@@ -65,11 +68,11 @@ pub fn surface(
     (vertices, triangles)
 }
 
-/// A solid on a lattice: its values at nodes, found when asked for.
+/// The solid's values at the lattice's nodes, evaluated when they are needed.
 struct Field<'a, S> {
     solid: &'a S,
     lattice: Lattice,
-    /// Only looked up, never walked.
+    /// Values by node; the map is only looked up and never iterated.
     values: HashMap<u32, f64>,
 }
 
@@ -92,7 +95,7 @@ impl<S: Fn(DVec3) -> f64> Field<'_, S> {
         })
     }
 
-    /// The cells of one piece of surface, in lattice order.
+    /// The cells that one connected piece of the surface passes, in lattice order.
     fn crossed(&mut self, inside: DVec3) -> Vec<[usize; 3]> {
         let [x, y, z] = self.lattice.cell_at(inside);
         let last = self.lattice.size().map(|s| s - 1);
@@ -116,7 +119,8 @@ impl<S: Fn(DVec3) -> f64> Field<'_, S> {
     }
 }
 
-/// Moves every vertex towards the mean of its neighbours, along the surface, and back onto it; `rounds` times.
+/// Moves every vertex halfway towards the mean of its neighbours, along the surface, and projects it back onto it;
+/// `rounds` times.
 pub fn smooth(solid: &impl Fn(DVec3) -> f64, vertices: &mut Vec<DVec3>, triangles: &[[u32; 3]], rounds: usize) {
     for _ in 0..rounds {
         // Each directed edge occurs once on a closed surface, so the sums count each neighbour once.
@@ -136,8 +140,9 @@ pub fn smooth(solid: &impl Fn(DVec3) -> f64, vertices: &mut Vec<DVec3>, triangle
     }
 }
 
-/// The point moved along the surface by the tangential part of `step`, and onto it by Newton's method with the slope
-/// at the start (a gradient costs six values, and it turns little over a step); guarded at creases.
+/// Moves a point by the tangential part of `step`, then onto the surface by Newton's method. All iterations use the
+/// gradient at the start, as a gradient costs six evaluations and turns little over a step; their length is limited for
+/// creases.
 fn onto(solid: &impl Fn(DVec3) -> f64, from: DVec3, step: DVec3) -> DVec3 {
     let slope = gradient(solid, from, GRADIENT_STEP);
     let steepness = slope.length_squared().max(0.1);

@@ -1,7 +1,9 @@
-//! A spur gear for scenes without files: twenty involute teeth, rim, web, hub and bore, axis z.
+//! Generates a spur gear for scenes without files: twenty involute teeth, rim, web, hub and bore, with the axis along
+//! z.
 //!
-//! Built ring by ring from its profile, so that every edge is sharp and every flank vertex lies on its involute. A
-//! vertex count that no grid meets is met by splitting edges of flat faces, which moves no surface.
+//! It is built ring by ring from its profile, so that every edge is sharp and every vertex of a flank lies on its
+//! involute. If no grid has the wanted number of vertices, edges of flat faces are split, which leaves the surface in
+//! place.
 
 use std::f64::consts::{PI, TAU};
 
@@ -9,21 +11,22 @@ use glam::DVec3;
 
 use super::split;
 
-/// Number of teeth: 17 or more need no undercut.
+/// Number of teeth; with 17 or more no undercut is needed.
 pub(super) const TEETH: usize = 20;
 /// Radius at the tips, m.
 pub(super) const TIP: f64 = 0.05;
-/// Module: pitch diameter a tooth, m; the tips stand one module above the pitch circle (ISO 53).
+/// Module, which is the pitch diameter over the number of teeth, m; the tips stand one module above the pitch circle
+/// (ISO 53).
 const MODULE: f64 = TIP / (TEETH as f64 / 2.0 + 1.0);
 /// Radius of the pitch circle, m.
 const PITCH: f64 = MODULE * TEETH as f64 / 2.0;
-/// Radius between the teeth, m: a quarter of a module of clearance (ISO 53).
+/// Radius of the root circle between the teeth, m: it leaves a clearance of a quarter of a module (ISO 53).
 const ROOT: f64 = PITCH - 1.25 * MODULE;
 /// Cosine and tangent of the pressure angle, 20 degrees.
 const PRESSURE: (f64, f64) = (0.939_692_620_785_908_4, 0.363_970_234_266_202_4);
-/// Radius of the circle that the involutes unwind from, m.
+/// Radius of the base circle, from which the involutes unwind, m.
 pub(super) const BASE: f64 = PITCH * PRESSURE.0;
-/// Radius of the rounding at a tooth's foot, m (ISO 53: 0.38 modules at most).
+/// Radius of the fillet at a tooth's foot, m (ISO 53: at most 0.38 modules).
 const FILLET: f64 = 0.3 * MODULE;
 /// Half the face width, m.
 pub(super) const HALF_WIDTH: f64 = 0.01;
@@ -31,7 +34,7 @@ pub(super) const HALF_WIDTH: f64 = 0.01;
 const HALF_WEB: f64 = 0.0045;
 /// Radius of the bore, m.
 const BORE: f64 = 0.0125;
-/// Section from the root circle inwards to the bore: radius and height, m.
+/// Radial section from the root circle inwards to the bore: radius and height above the middle plane, m.
 const SECTION: [(f64, f64); 6] = [
     (ROOT, HALF_WIDTH),
     (0.0335, HALF_WIDTH),
@@ -40,7 +43,7 @@ const SECTION: [(f64, f64); 6] = [
     (0.0195, HALF_WIDTH),
     (BORE, HALF_WIDTH),
 ];
-/// Coarsest edge, m, and the ratio between edges that are tried.
+/// Edge length of the coarsest grid, m, and the ratio between successive lengths that are tried.
 const COARSEST: (f64, f64) = (0.01, 0.995);
 
 /// A gear with exactly `vertex_count` vertices.
@@ -60,8 +63,8 @@ pub fn gear(vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (vertices, triangles)
 }
 
-/// Half the angle that a tooth takes at a radius, rad: an involute above the base circle, radial below, rounded at the
-/// foot.
+/// Half the angle that a tooth spans at a radius, rad: an involute above the base circle, radial below it, with a
+/// fillet at the foot.
 fn half_angle(radius: f64) -> f64 {
     let involute = |tangent: f64| tangent - libm::atan(tangent);
     let roll = ((radius / BASE) * (radius / BASE) - 1.0).max(0.0).sqrt();
@@ -75,17 +78,18 @@ fn point(radius: f64, angle: f64, z: f64) -> DVec3 {
     DVec3::new(radius * cosine, radius * sine, z)
 }
 
-/// How many edges each part has.
+/// The grid's number of edges along each part of the gear.
 struct Grid {
-    /// Across a tooth.
+    /// Number of edges across a tooth.
     across: usize,
-    /// Between two teeth.
+    /// Number of edges between two teeth.
     between: usize,
-    /// Up a flank.
+    /// Number of edges up a flank.
     up: usize,
-    /// Over the face width.
+    /// Number of edges over the face width.
     levels: usize,
-    /// Radius and height of every ring, from the root circle through the bore to the other root circle.
+    /// Radius and height (m) of every ring, from the root circle of one side through the bore to that of the other
+    /// side.
     rings: Vec<(f64, f64)>,
 }
 
@@ -96,7 +100,8 @@ impl Grid {
         let tip = 2.0 * TIP * half_angle(TIP);
         let across = count((foot + tip) / 2.0, 2);
         let between = count(TAU * ROOT / TEETH as f64 - foot, 1);
-        // On the inner rings points crowd together: edges along the section are a mean of the crowd's and the others.
+        // On the inner rings points lie closer together, so edges along the section have the geometric mean of both
+        // lengths.
         let crowd = TAU / (TEETH * (across + between)) as f64;
         let mut rings = vec![SECTION[0]];
         let other_side = SECTION.iter().rev().map(|&(r, z)| (r, -z));
@@ -136,7 +141,7 @@ impl Grid {
         (mesh.vertices, mesh.triangles)
     }
 
-    /// A whole circle: for each tooth the points over its foot, then those of the gap.
+    /// Adds a whole circle of points: for each tooth those over its foot, then those between it and the next tooth.
     fn ring(&self, mesh: &mut Mesh, radius: f64, z: f64) -> Vec<u32> {
         let half = half_angle(ROOT);
         let gap = TAU / TEETH as f64 - 2.0 * half;
@@ -150,7 +155,8 @@ impl Grid {
             .collect()
     }
 
-    /// The teeth's faces at one side, on the root circle `foot`; returns the outline.
+    /// Adds the flat faces of all teeth on one side, starting from the root circle `foot`; returns the outline of that
+    /// side.
     fn cap(&self, mesh: &mut Mesh, foot: &[u32], z: f64) -> Vec<u32> {
         let mut outline = Vec::new();
         let pitch = self.across + self.between;
@@ -176,7 +182,7 @@ impl Grid {
     }
 }
 
-/// A mesh under way.
+/// The mesh built so far.
 struct Mesh {
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
@@ -188,14 +194,15 @@ impl Mesh {
         self.vertices.len() as u32 - 1
     }
 
-    /// Triangles between two rows of points; seen from outside `a` runs to the right below `b`.
+    /// Adds triangles between two rows of points; seen from outside, both rows run to the right, and `a` lies below
+    /// `b`.
     fn strip(&mut self, a: &[u32], b: &[u32]) {
         for (p, q) in a.windows(2).zip(b.windows(2)) {
             self.triangles.extend([[p[0], p[1], q[1]], [p[0], q[1], q[0]]]);
         }
     }
 
-    /// The same between two closed rows.
+    /// Adds triangles between two closed rows of points, as [`Mesh::strip`] does between open ones.
     fn band(&mut self, a: &[u32], b: &[u32]) {
         self.strip(a, b);
         let last = a.len() - 1;

@@ -1,13 +1,14 @@
-//! A human head for scenes without files: 0.25 m tall, y up, the face towards +z, the neck cut off flat.
+//! Generates a human head for scenes without files: 0.25 m tall, y up, the face towards +z, the neck cut off flat. The
+//! shape is a signed distance function, m, negative inside.
 
 use glam::DVec3;
 
 use super::Blank;
 use super::solid::{carve, ellipsoid, join, meet, stick};
 
-/// Half the height, m: the head reaches from the cut neck at -HALF to the crown at HALF.
+/// Half the height, m: the head reaches from the cut neck at y = -HALF to the crown at y = HALF.
 const HALF: f64 = 0.125;
-/// Box that holds the head, m (half extents).
+/// Half extents of a box that contains the head, m.
 const BOX: DVec3 = DVec3::new(0.105, 0.13, 0.12);
 /// Half width of the blend at the plane of symmetry, m.
 const MIRROR: f64 = 0.002;
@@ -18,14 +19,15 @@ pub fn head(vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     blank.surface(vertex_count)
 }
 
-/// The head's solid: negative inside.
+/// The head's signed distance: head and neck, cut off at the bottom.
 fn solid(point: DVec3) -> f64 {
     meet(with_neck(point), -HALF - point.y, 0.008)
 }
 
-/// Head and a neck that goes on downwards, to where a body's chest would be.
+/// Signed distance of the head with a neck that goes on downwards, to where a body's chest would be.
 pub(super) fn with_neck(point: DVec3) -> f64 {
-    // Both halves at once; the blend keeps the surface smooth where they meet.
+    // The absolute value of x, slightly blended, evaluates both halves at once; the blend keeps the surface smooth
+    // where they meet.
     let p = DVec3::new((point.x * point.x + MIRROR * MIRROR).sqrt(), point.y, point.z);
     let head = mouth(p, nose(p, eyes(p, skull(p))));
     let neck = stick(p * DVec3::new(0.95, 1.0, 1.0), (at(0.0, -0.04, -0.028), 0.05), (at(0.0, -0.2, -0.04), 0.054));
@@ -36,7 +38,7 @@ fn at(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Cranium, forehead, face, jaw, chin, cheeks and brow.
+/// Signed distance of the skull: cranium, forehead, face, jaw, chin, cheeks and brows.
 fn skull(p: DVec3) -> f64 {
     let cranium = ellipsoid(p, at(0.0, 0.045, -0.016), at(0.075, 0.081, 0.094));
     let forehead = ellipsoid(p, at(0.0, 0.055, 0.034), at(0.060, 0.050, 0.046));
@@ -51,7 +53,7 @@ fn skull(p: DVec3) -> f64 {
     join(join(join(upper, lower, 0.03), cheek, 0.03), brow, 0.018)
 }
 
-/// Sockets, then eyeballs in them.
+/// Carves the eye sockets and puts eyeballs into them.
 fn eyes(p: DVec3, head: f64) -> f64 {
     let socket = ellipsoid(p, at(0.031, 0.019, 0.092), at(0.019, 0.013, 0.018));
     let ball = ellipsoid(p, at(0.031, 0.018, 0.068), DVec3::splat(0.0135));
@@ -59,7 +61,7 @@ fn eyes(p: DVec3, head: f64) -> f64 {
     carve(join(carve(head, socket, 0.014), ball, 0.005), slit, 0.004)
 }
 
-/// Bridge, tip, wings and nostrils.
+/// Adds the nose: bridge, wings and nostrils.
 fn nose(p: DVec3, head: f64) -> f64 {
     let bridge = stick(p, (at(0.0, 0.032, 0.080), 0.0065), (at(0.0, -0.010, 0.103), 0.0095));
     let wing = ellipsoid(p, at(0.0105, -0.014, 0.089), at(0.0080, 0.0075, 0.013));
@@ -67,7 +69,7 @@ fn nose(p: DVec3, head: f64) -> f64 {
     carve(join(join(head, bridge, 0.012), wing, 0.010), nostril, 0.003)
 }
 
-/// The swell of the teeth, two lips and the line between them.
+/// Adds the mouth: the swell of the teeth, two lips and the line between them.
 fn mouth(p: DVec3, head: f64) -> f64 {
     let swell = ellipsoid(p, at(0.0, -0.043, 0.068), at(0.030, 0.024, 0.018));
     let upper = ellipsoid(p, at(0.0, -0.0395, 0.084), at(0.021, 0.0055, 0.008));
@@ -77,9 +79,10 @@ fn mouth(p: DVec3, head: f64) -> f64 {
     carve(join(join(head, swell, 0.02), lips, 0.006), line, 0.004)
 }
 
-/// A shell that stands off to the back, hollowed at its front.
+/// Adds the ears: a shell that stands off to the back, hollowed at its front.
 fn ears(p: DVec3, head: f64) -> f64 {
-    // Coordinates of the ear: turned by 3-4-5 triangles' angles, so that no trigonometry is rounded.
+    // The ear's own coordinates are rotated by angles with rational sine and cosine (3-4-5 and 7-24-25 triangles), so
+    // that no trigonometric function is rounded.
     let local = p - at(0.078, 0.008, -0.014);
     let (c, s) = (0.8, 0.6);
     let turned = at(c * local.x + s * local.z, local.y, c * local.z - s * local.x);
@@ -98,7 +101,7 @@ mod tests {
     fn heads_lie_on_their_solid() {
         for count in [500, 10_001] {
             let off = head(count).0.iter().map(|&v| solid(v).abs()).fold(0.0, f64::max);
-            // But for creases, where one Newton step may fall short.
+            // Creases are excepted, where one Newton iteration may fall short.
             assert!(off < 5e-4, "{count}: {off}");
         }
     }

@@ -1,8 +1,9 @@
-//! A standing human for scenes without files: 1.7 m tall, y up, looking towards +z, soles at y = 0, arms held out level
-//! with the palms down, fingers apart. The head is that of `head.rs`.
+//! Generates a standing human for scenes without files: 1.7 m tall, y up, looking towards +z, soles at y = 0, arms held
+//! out level with palms down and fingers apart. The shape is a signed distance function, m, negative inside; the head
+//! is that of `head.rs`.
 //!
-//! Hands, feet and head get shorter edges than the rest: the solid is magnified there by a map of space that is one to
-//! one, meshed evenly, and mapped back.
+//! Hands, feet and head get shorter edges than the rest: the mesher works in a space in which a bijective map magnifies
+//! them, and its vertices are mapped back.
 
 use glam::DVec3;
 
@@ -10,16 +11,17 @@ use super::Blank;
 use super::head::with_neck;
 use super::solid::{carve, ellipsoid, join, meet, stick};
 
-/// Origin of the head's coordinates, m.
+/// Origin of the head's coordinates in the body's, m.
 const HEAD: DVec3 = DVec3::new(0.0, 1.575, 0.022);
-/// Height and depth of an arm's axis, m.
+/// Height (y) and depth (z) of an arm's axis, m.
 const ARM: (f64, f64) = (1.395, -0.012);
 /// Half width of the blend at the plane of symmetry, m.
 const MIRROR: f64 = 0.004;
-/// A distance beyond all blends, for what is far off, m.
+/// A distance larger than any blend, used for parts that are far away, m.
 const FAR: f64 = 1.0;
 
-/// How much larger the mesher sees hands, head and feet, and where along x and y that sets in: start, length, m.
+/// Magnification of hands, head and feet for the mesher, along x (hands) or y: where it begins and over which length it
+/// sets in, m.
 const HAND: Lens = Lens { start: 0.46, length: 0.35, scale: 1.0 / 2.5 };
 const FACE: Lens = Lens { start: 1.43, length: 0.12, scale: 1.0 / 2.7 };
 const FOOT: Lens = Lens { start: -0.24, length: 0.18, scale: 1.0 / 2.2 };
@@ -38,7 +40,8 @@ pub fn human(vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (vertices, triangles)
 }
 
-/// A place along a line from which on lengths shrink smoothly to a share.
+/// A magnification along a line: beyond `start`, lengths of the mesher's space shrink smoothly over `length` (m) to the
+/// share `scale` in the body's space.
 struct Lens {
     start: f64,
     length: f64,
@@ -46,18 +49,19 @@ struct Lens {
 }
 
 impl Lens {
-    /// Where the mesher's coordinate lies on the line, and the share across it.
+    /// Maps the mesher's coordinate to the body's along the line (m); the second value is the share by which lengths
+    /// across it shrink.
     fn at(&self, u: f64) -> (f64, f64) {
         let t = ((u - self.start) / self.length).clamp(0.0, 1.0);
         let lost = 1.0 - self.scale;
         let share = 1.0 - lost * t * t * (3.0 - 2.0 * t);
-        // The share's integral.
+        // Length along the transition, which is the integral of the share.
         let along = self.length * (t - lost * t * t * t * (1.0 - t / 2.0));
         (u.min(self.start) + along + self.scale * (u - self.start - self.length).max(0.0), share)
     }
 }
 
-/// From the mesher's space to the body's.
+/// Maps a point from the mesher's space to the body's, m.
 fn from_mesher(u: DVec3) -> DVec3 {
     let (up, share) = FACE.at(u.y);
     let mut p = DVec3::new(u.x * share, up, HEAD.z + (u.z - HEAD.z) * share);
@@ -71,7 +75,7 @@ fn at(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// The body's solid: negative inside. Parts far from the point are left out; they could not be blended with.
+/// The body's signed distance. Parts far from the point are left out, as they are beyond the reach of any blend.
 fn solid(point: DVec3) -> f64 {
     let p = DVec3::new((point.x * point.x + MIRROR * MIRROR).sqrt(), point.y, point.z);
     let mut body = if p.x < 0.5 && p.y > 0.55 { torso(p) } else { FAR };
@@ -93,7 +97,7 @@ fn solid(point: DVec3) -> f64 {
     body
 }
 
-/// Ribs, chest, waist, pelvis, back and shoulders.
+/// Signed distance of the torso: ribs, chest, waist, belly, pelvis, seat, shoulder blades and shoulders.
 fn torso(p: DVec3) -> f64 {
     let ribs = ellipsoid(p, at(0.0, 1.250, -0.010), at(0.158, 0.205, 0.106));
     let chest = ellipsoid(p, at(0.074, 1.315, 0.052), at(0.090, 0.066, 0.040));
@@ -108,7 +112,7 @@ fn torso(p: DVec3) -> f64 {
     join(join(join(join(trunk, side, 0.05), shoulder, 0.05), blade, 0.03), chest, 0.045)
 }
 
-/// Upper arm and forearm, from the shoulder to the wrist.
+/// Signed distance of the arms: upper arm and forearm, from the shoulder to the wrist.
 fn arm(p: DVec3) -> f64 {
     let (shoulder, elbow) = (at(0.170, ARM.0, ARM.1), at(0.445, ARM.0, ARM.1));
     let upper = stick(p, (shoulder, 0.050), (elbow, 0.037));
@@ -121,13 +125,13 @@ fn arm(p: DVec3) -> f64 {
     join(upper, join(lower, muscle, 0.03), 0.03)
 }
 
-/// Palm, four fingers and a thumb.
+/// Signed distance of the hands: palm, four fingers and a thumb.
 fn hand(p: DVec3) -> f64 {
     let palm = ellipsoid(p, at(0.735, 1.393, -0.010), at(0.058, 0.0155, 0.043));
     let wrist = ellipsoid(p, at(0.690, 1.394, -0.011), at(0.045, 0.020, 0.030));
     let heel = ellipsoid(p, at(0.722, 1.386, 0.016), at(0.034, 0.015, 0.020));
     let palm = join(join(palm, wrist, 0.02), heel, 0.015);
-    // Knuckle, middle joint and tip, and the radius at the knuckle.
+    // Each finger: knuckle, middle joint, tip (m), and the radius at the knuckle (m).
     let fingers = [
         (at(0.774, 1.397, 0.023), at(0.818, 1.396, 0.035), at(0.848, 1.389, 0.042), 0.0090),
         (at(0.780, 1.398, 0.001), at(0.828, 1.397, 0.006), at(0.862, 1.390, 0.009), 0.0092),
@@ -151,7 +155,7 @@ fn hand(p: DVec3) -> f64 {
     join(hand, thumb, 0.012)
 }
 
-/// Thigh, knee and calf.
+/// Signed distance of the legs: thigh, knee and calf.
 fn leg(p: DVec3) -> f64 {
     let (hip, knee, ankle) = (at(0.090, 0.87, -0.004), at(0.100, 0.475, 0.000), at(0.103, 0.085, -0.022));
     let thigh = stick(p, (hip, 0.080), (knee, 0.049));
@@ -164,7 +168,7 @@ fn leg(p: DVec3) -> f64 {
     join(join(thigh, join(shin, calf, 0.03), 0.04), cap, 0.03)
 }
 
-/// Heel, instep, ball and toes, turned out a little.
+/// Signed distance of the feet: heel, instep, ball and toes, turned out a little.
 fn foot(p: DVec3) -> f64 {
     let heel = ellipsoid(p, at(0.103, 0.032, -0.044), at(0.032, 0.044, 0.042));
     let ankle = ellipsoid(p, at(0.103, 0.080, -0.020), at(0.038, 0.026, 0.034));

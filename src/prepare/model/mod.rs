@@ -1,7 +1,8 @@
-//! Models made by the engine itself, so that scenes need no files: surfaces with an exact number of vertices.
+//! Surfaces with an exact number of vertices that the engine generates itself, so that scenes need no files.
 //!
-//! Head, pumpkin and human are solids as signed distances, their surfaces extracted and collapsed; the gear is built
-//! from its profile. Bit for bit the same everywhere: only correctly rounded operations, and sines from `libm`.
+//! Head, pumpkin and human are solids given by signed distance functions, whose surfaces are extracted and then reduced
+//! by edge collapse; the gear is built from its profile. The models are bitwise the same on every machine, because only
+//! correctly rounded operations are used, and sines from `libm`.
 
 pub mod collapse;
 pub mod extract;
@@ -18,8 +19,8 @@ use glam::DVec3;
 
 use crate::scene::Model;
 
-/// The surface of a model with exactly `vertex_count` vertices (m; within [`Model::vertices`]) and its triangles: closed,
-/// manifold, outward, one piece, genus 0 (the gear 1).
+/// Vertices (m) and triangles of a model's surface with exactly `vertex_count` vertices, which must be within
+/// [`Model::vertices`]. The surface is closed, manifold, oriented outwards and in one piece, of genus 0 (the gear: 1).
 pub fn surface(model: Model, vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     match model {
         Model::Head => head::head(vertex_count),
@@ -29,25 +30,28 @@ pub fn surface(model: Model, vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>)
     }
 }
 
-/// What a surface is made from.
+/// A solid from which a surface is made.
 struct Blank<S> {
-    /// Negative inside.
+    /// Approximate signed distance function, m, negative inside.
     solid: S,
-    /// Corners of a box that holds the solid, m.
+    /// Least and greatest corner of a box that contains the solid, m.
     bounds: [DVec3; 2],
-    /// A point inside.
+    /// A point inside the solid, m.
     inside: DVec3,
-    /// Vertices that marching tetrahedra give per (1 m / cell)^2 of this solid.
+    /// Number of vertices that marching tetrahedra give for this solid times the square of the lattice's cell edge,
+    /// m^2.
     vertices_per_cell: f64,
-    /// Coarsest lattice, m: the thinnest parts are about this thick, and a coarser one could pierce them.
+    /// Greatest cell edge of the lattice, m. The thinnest parts are about this thick, and a coarser lattice might miss
+    /// them.
     coarsest: f64,
 }
 
-/// Vertices extracted for each one wanted: collapsing then removes the slivers of marching tetrahedra.
+/// Number of vertices that are extracted for each one wanted: collapsing the others removes the slivers of marching
+/// tetrahedra.
 const SURPLUS: f64 = 2.0;
 
 impl<S: Fn(DVec3) -> f64> Blank<S> {
-    /// The surface with exactly `vertex_count` vertices.
+    /// Vertices and triangles of the surface with exactly `vertex_count` vertices.
     fn surface(&self, vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let mut cell = (self.vertices_per_cell / (SURPLUS * vertex_count as f64)).sqrt().min(self.coarsest);
         loop {

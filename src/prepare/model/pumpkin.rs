@@ -1,6 +1,7 @@
-//! A pumpkin for scenes without files: 0.3 m across, y up, ten ribs and a bent stem.
+//! Generates a pumpkin for scenes without files: 0.3 m across, y up, with ten ribs and a bent stem.
 //!
-//! Ribs are ellipsoids around the axis, joined with narrow fillets, so that the grooves run from dimple to dimple.
+//! The ribs are ellipsoids around the axis, joined with narrow fillets, so that the grooves between them run from the
+//! dimple at the top to that at the bottom.
 
 use glam::DVec3;
 
@@ -9,24 +10,24 @@ use super::solid::{ellipsoid, join, stick};
 
 /// Number of ribs.
 const RIBS: usize = 10;
-/// From the axis to the middle of a rib, m.
+/// Distance from the axis to the middle of a rib, m.
 const RIB_OFFSET: f64 = 0.082;
 /// Half axes of a rib: outwards, up, along the circumference, m.
 const RIB: DVec3 = DVec3::new(0.066, 0.098, 0.043);
-/// How much each rib's size differs, for no pumpkin is a wheel.
+/// Relative size of each rib: a real pumpkin is not perfectly regular.
 const RIB_SIZES: [f64; RIBS] = [1.0, 0.97, 1.03, 0.98, 1.01, 0.96, 1.02, 1.0, 0.97, 1.03];
 /// Width of the grooves' fillets, m.
 const GROOVE: f64 = 0.008;
-/// Half axes of the flesh within, m.
+/// Half axes of the ellipsoid inside the ribs, m.
 const FLESH: DVec3 = DVec3::new(0.11, 0.068, 0.11);
-/// The stem, from its root upwards: points and radii, m.
+/// Points and radii of the stem, from its root upwards, m.
 const STEM: [(DVec3, f64); 4] = [
     (DVec3::new(0.0, 0.060, 0.0), 0.030),
     (DVec3::new(0.001, 0.085, 0.001), 0.0175),
     (DVec3::new(0.007, 0.115, 0.003), 0.0135),
     (DVec3::new(0.022, 0.142, 0.008), 0.0150),
 ];
-/// Corners of the stem's cross-section.
+/// Number of ridges of the stem.
 const STEM_RIBS: i32 = 5;
 /// Depth of the stem's grooves as a share of its radius.
 const STEM_GROOVE: f64 = 0.16;
@@ -34,7 +35,7 @@ const STEM_GROOVE: f64 = 0.16;
 /// A pumpkin with exactly `vertex_count` vertices.
 pub fn pumpkin(vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let directions = std::array::from_fn(|k| {
-        // A rib faces +z.
+        // The offset of one half turns a rib towards +z.
         let (sine, cosine) = libm::sincos(std::f64::consts::TAU * (k as f64 + 0.5) / RIBS as f64);
         DVec3::new(cosine, 0.0, sine)
     });
@@ -58,13 +59,13 @@ fn solid(p: DVec3, directions: &[DVec3; RIBS]) -> f64 {
     join(body, stem(p), 0.010)
 }
 
-/// A bent rod with grooves along it, wider at its root and at its cut.
+/// Signed distance of the stem: a bent rod with grooves along it, wider at its root and at its cut.
 fn stem(p: DVec3) -> f64 {
     let grooved = |k: usize| {
         let ((a, ra), (b, rb)) = (STEM[k], STEM[k + 1]);
         let axis = a + (b - a) * ((p.y - a.y) / (b.y - a.y)).clamp(0.0, 1.0);
         let (x, z) = (p.x - axis.x, p.z - axis.z);
-        // The cosine of a multiple of the angle is the real part of a power.
+        // The cosine of a multiple of an angle is the real part of a power of cosine + i sine.
         let (mut re, mut im) = (1.0, 0.0);
         let r = (x * x + z * z).sqrt().max(1e-9);
         for _ in 0..STEM_RIBS {
@@ -74,7 +75,7 @@ fn stem(p: DVec3) -> f64 {
         stick(p, (a, ra * groove), (b, rb * groove))
     };
     let rod = join(join(grooved(0), grooved(1), 0.008), grooved(2), 0.006);
-    // Cut off square, not round.
+    // The stem's end is cut off flat.
     let cut = (p - STEM[3].0).dot(DVec3::new(0.36, 0.924, 0.13)) - 0.002;
     -join(-rod, -cut, 0.004)
 }

@@ -1,11 +1,13 @@
-//! Solids as functions of a point: negative inside, about the distance in metres near the surface.
+//! Building blocks of the generated solids. A solid is a function of a point: negative inside, and about the distance
+//! in metres near the surface.
 //!
-//! Only additions, products, quotients and square roots: these are correctly rounded, so a model is the same bit for
-//! bit on every machine.
+//! Only additions, products, quotients and square roots are used. These are correctly rounded, so that a model is
+//! bitwise the same on every machine.
 
 use glam::DVec3;
 
-/// An ellipsoid with axes along the coordinate axes: exact on the surface, a first-order distance near it.
+/// An ellipsoid with axes along the coordinate axes: zero exactly on the surface, and the distance to first order near
+/// it.
 pub fn ellipsoid(p: DVec3, centre: DVec3, radii: DVec3) -> f64 {
     let scaled = (p - centre) / radii;
     let k0 = scaled.length();
@@ -13,30 +15,31 @@ pub fn ellipsoid(p: DVec3, centre: DVec3, radii: DVec3) -> f64 {
     if k1 == 0.0 { -radii.min_element() } else { k0 * (k0 - 1.0) / k1 }
 }
 
-/// A stick from `a` to `b` whose radius runs from `ra` to `rb`.
+/// A rod with round ends from `a` to `b`, whose radius changes linearly from `ra` to `rb`.
 pub fn stick(p: DVec3, (a, ra): (DVec3, f64), (b, rb): (DVec3, f64)) -> f64 {
     let along = b - a;
     let t = ((p - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
     (p - a - t * along).length() - (ra + t * (rb - ra))
 }
 
-/// Union with a fillet about `k` wide (polynomial smooth minimum, continuous first derivative).
+/// The union of two solids with a fillet about `k` (m) wide: a polynomial smooth minimum with continuous first
+/// derivative.
 pub fn join(a: f64, b: f64, k: f64) -> f64 {
     let overlap = (k - (a - b).abs()).max(0.0) / k;
     a.min(b) - overlap * overlap * k / 4.0
 }
 
-/// `a` without `b`, with a fillet about `k` wide.
+/// Solid `a` without solid `b`, with a fillet about `k` (m) wide.
 pub fn carve(a: f64, b: f64, k: f64) -> f64 {
     -join(-a, b, k)
 }
 
-/// What `a` and `b` share, with a fillet about `k` wide.
+/// The intersection of two solids, with a fillet about `k` (m) wide.
 pub fn meet(a: f64, b: f64, k: f64) -> f64 {
     -join(-a, -b, k)
 }
 
-/// The gradient by central differences over `step`.
+/// The gradient by central differences over `step` (m).
 pub fn gradient(solid: &impl Fn(DVec3) -> f64, p: DVec3, step: f64) -> DVec3 {
     let slope = |axis: DVec3| (solid(p + axis * step) - solid(p - axis * step)) / (2.0 * step);
     DVec3::new(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z))

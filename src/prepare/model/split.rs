@@ -1,16 +1,17 @@
-//! More vertices without moving a surface: the longest edge within a flat face is split, again and again.
+//! Adds vertices to a mesh without changing its surface: splits the longest edge within a flat face again and again.
 
 use std::collections::{BinaryHeap, HashMap};
 
 use glam::DVec3;
 
-/// Sine of the angle between the faces of an edge, at most, for it to lie within a flat face that looks along z.
+/// Greatest length of the x-y part of a face's unit normal, for the face to count as flat and perpendicular to z.
 const FLAT: f64 = 1e-9;
 
-/// Splits the longest edges within faces across z of a closed manifold in two until it has `count` vertices (or such
-/// edges run out).
+/// Splits the longest edges of a closed manifold whose two faces are perpendicular to z, until it has `count` vertices
+/// or no such edge is left.
 pub fn to_count(vertices: &mut Vec<DVec3>, triangles: &mut Vec<[u32; 3]>, count: usize) {
-    // Only looked up, never walked: the triangle to the left of each directed edge.
+    // The triangle to the left of each directed edge. The map is only looked up and never iterated, so hashing does not
+    // matter.
     let mut left: HashMap<(u32, u32), u32> = HashMap::new();
     for (t, triangle) in triangles.iter().enumerate() {
         left.extend((0..3).map(|k| ((triangle[k], triangle[(k + 1) % 3]), t as u32)));

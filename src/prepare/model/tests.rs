@@ -1,4 +1,4 @@
-//! Laws that every model keeps, and what makes each the thing it is named after.
+//! Invariants of all generated models, and the features of each.
 
 use glam::DVec3;
 
@@ -7,7 +7,7 @@ use super::*;
 use crate::prepare::distance::winding_number;
 use crate::prepare::{NONE, Skin, mass, skin};
 
-/// Triangles met when walking once around corner `k` of a triangle.
+/// Number of triangles met when walking once around corner `k` of the triangle `start`.
 fn ring(skin: &Skin, start: u32, k: usize) -> usize {
     let vertex = skin.triangles[start as usize][k];
     let (mut t, mut count) = (start, 0);
@@ -21,13 +21,13 @@ fn ring(skin: &Skin, start: u32, k: usize) -> usize {
     }
 }
 
-/// Exact count, closed, manifold, of the right genus, one piece.
+/// Checks that the skin has the exact number of vertices and the right genus, and is closed, manifold and in one piece.
 fn check_topology(skin: &Skin, count: usize, genus: usize) {
     assert_eq!(skin.vertices.len(), count);
-    assert_eq!(skin.triangles.len() + 4, 2 * count + 4 * genus, "Euler");
+    assert_eq!(skin.triangles.len() + 4, 2 * count + 4 * genus, "Euler's formula for closed surfaces");
     assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
     assert_eq!(skin::parts(count, &skin.triangles).1, 1);
-    // One ring of triangles around each vertex: no two sheets meet in a point.
+    // The triangles around each vertex form one ring, so that no two sheets meet in a point.
     let mut degree = vec![0; count];
     skin.triangles.iter().flatten().for_each(|&v| degree[v as usize] += 1);
     for (t, triangle) in skin.triangles.iter().enumerate() {
@@ -37,7 +37,7 @@ fn check_topology(skin: &Skin, count: usize, genus: usize) {
     }
 }
 
-/// Least and greatest corner (m) and volume (m^3) of a fine mesh.
+/// Least and greatest corner (m) and volume (m^3) of a fine mesh of each model.
 fn measures(model: Model) -> (DVec3, DVec3, f64) {
     match model {
         Model::Head => (DVec3::new(-0.092, -0.125, -0.110), DVec3::new(0.092, 0.125, 0.112), 0.00417),
@@ -47,13 +47,13 @@ fn measures(model: Model) -> (DVec3, DVec3, f64) {
     }
 }
 
-/// Coarse meshes lose about this share of an edge of their tips, and of edge times area of their volume.
+/// Tolerance on the extents of a coarse mesh beside [`EXTENT`]: its tips fall short by this share of its edge length.
 const LOST: f64 = 1.0;
 /// Radius of the gear's bore, m.
 const BORE: f64 = 0.0125;
-/// Vertices sit on the involute but for rounding, m.
+/// Tolerance for vertices to lie on the involute, m: rounding only.
 const INVOLUTE: f64 = 1e-12;
-/// Fine meshes keep their extents to this, m.
+/// Tolerance on the extents of a fine mesh, m.
 const EXTENT: f64 = 0.003;
 
 #[test]
@@ -86,7 +86,7 @@ fn models_are_the_same_bits_every_time() {
             let (vertices, triangles) = super::surface(model, 3_000);
             let numbers = vertices.iter().flat_map(|v| v.to_array()).map(f64::to_bits);
             let all = numbers.chain(triangles.into_iter().flatten().map(u64::from));
-            // FNV-1a (G. Fowler, L. Noll and P. Vo 1991) over words.
+            // The bits are hashed by FNV-1a (G. Fowler, L. Noll and P. Vo 1991), one word at a time.
             all.fold(0xcbf2_9ce4_8422_2325_u64, |hash, word| (hash ^ word).wrapping_mul(0x0100_0000_01b3))
         };
         let first = bits();
@@ -98,8 +98,8 @@ fn models_are_the_same_bits_every_time() {
 #[test]
 fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
     let (vertices, triangles) = crate::prepare::model::surface(Model::Gear, Model::Gear.default_vertices());
-    // Where an involute starts on the base circle, from the middle of its tooth: found at the pitch circle, where a
-    // tooth is half a pitch wide.
+    // Angle from the middle of a tooth to the start of its involute on the base circle. It follows from the pitch
+    // circle, where the tooth is half a pitch wide.
     let pressure = 20f64.to_radians();
     let start = std::f64::consts::PI / (2.0 * gear::TEETH as f64) + pressure.tan() - pressure;
     let (mut flank, mut tips) = (0, 0);
@@ -112,7 +112,8 @@ fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
             tips += 1;
             continue;
         }
-        // The string from the base circle to the vertex is as long as the arc that it left.
+        // The involute's definition: the taut string from the base circle to the vertex is as long as the arc that it
+        // unwound from.
         let string = (radius * radius - gear::BASE * gear::BASE).sqrt();
         let pitch = std::f64::consts::TAU / gear::TEETH as f64;
         let angle = v.y.atan2(v.x);
@@ -124,7 +125,7 @@ fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
     assert!(flank > 2_000 && tips > 1_000, "{flank} {tips}");
     let inside = |x: f64, y: f64| winding_number(&vertices, &triangles, DVec3::new(x, y, 0.0)) > 0.5;
     assert!(!inside(0.0, 0.0) && !inside(BORE - 1e-4, 0.0) && inside(BORE + 1e-4, 0.0));
-    // A tooth, and the gap beside it.
+    // The first point lies in a tooth, the second in the gap beside it.
     let half = std::f64::consts::PI / gear::TEETH as f64;
     assert!(inside(0.047, 0.0) && !inside(0.047 * half.cos(), 0.047 * half.sin()));
 }
@@ -132,7 +133,7 @@ fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
 #[test]
 fn the_human_has_ten_fingers_apart() {
     let (vertices, triangles) = crate::prepare::model::surface(Model::Human, Model::Human.default_vertices());
-    // Beyond the knuckles of both hands there are four pieces each.
+    // Beyond the knuckles each hand has four connected pieces.
     let beyond = |t: &&[u32; 3]| t.iter().all(|&v| vertices[v as usize].x.abs() > 0.805);
     let fingers: Vec<[u32; 3]> = triangles.iter().filter(beyond).copied().collect();
     let (labels, _) = skin::parts(vertices.len(), &fingers);

@@ -1,4 +1,5 @@
-//! Step one of a repair: faces that say nothing are dropped, faces that only touch are joined.
+//! First part of a repair: degenerate and duplicate faces are removed, and vertices that coincide at open edges are
+//! merged.
 
 use std::collections::BTreeMap;
 
@@ -9,27 +10,29 @@ use super::topology::Edges;
 use super::{Refusal, points};
 use crate::scene::obj::TriangleMesh;
 
-/// Greatest magnitude of a coordinate: the product of four lengths must stay within single precision (3.4e38).
+/// Greatest allowed magnitude of a coordinate: the product of four lengths must stay within single precision (3.4e38).
 const LARGEST_COORDINATE: f64 = 1e9;
-/// Spacing of f32 at the farthest coordinate against the mean edge, at most: a thousandth still leaves the shape.
+/// Greatest allowed spacing of f32 numbers at the farthest coordinate, as a share of the mean edge: one thousandth
+/// still preserves the shape.
 const COARSEST: f64 = 1e-3;
-/// Twice a triangle's area against its longest edge squared: less, and single precision has no normal for it.
+/// A triangle is degenerate if twice its area is at most this share of its longest edge squared: single precision could
+/// not represent its normal.
 const THINNEST: f64 = 1e-7;
-/// Vertices at open edges coincide where they are nearer than this share of the box's diagonal: the six digits that
-/// exporters write. It is far below any edge, since the mean edge is a thousand steps of single precision at least.
+/// Vertices at open edges coincide if they are nearer than this share of the bounding box's diagonal, because exporters
+/// write six digits. This is far smaller than any edge, because the mean edge is at least a thousand spacings of f32.
 const SAME_PLACE: f64 = 1e-6;
 
-/// Triangles under repair.
+/// The triangles in repair.
 pub(super) struct Faces<'a> {
     pub vertices: &'a [DVec3],
-    /// Vertices of each triangle.
+    /// Vertex indices of each triangle.
     pub corners: Vec<[u32; 3]>,
-    /// Which triangle of the file each is.
+    /// Index of each triangle in the file.
     pub origin: Vec<usize>,
 }
 
-/// Refuses faces that are not there or name no vertex, and coordinates of used vertices that single precision cannot
-/// hold.
+/// Refuses a mesh without faces, a face that names no vertex, and coordinates of used vertices that single precision
+/// cannot hold.
 pub(super) fn check(mesh: &TriangleMesh) -> Result<(), Refusal> {
     let refuse = |problem, remedy| Err(Refusal { problem, triangle: None, remedy });
     if mesh.triangles.is_empty() {
@@ -38,7 +41,7 @@ pub(super) fn check(mesh: &TriangleMesh) -> Result<(), Refusal> {
     let count = mesh.vertices.len();
     let wrong = |triangle: &[u32; 3]| triangle.iter().any(|&vertex| vertex as usize >= count);
     if let Some(triangle) = mesh.triangles.iter().position(wrong) {
-        let problem = format!("a face names a vertex beyond the last, and there are {count}");
+        let problem = format!("a face names a vertex beyond the last of {count}");
         return Err(Refusal { problem, triangle: Some(triangle), remedy: "correct the index, or export again" });
     }
     let greatest = |&vertex: &u32| mesh.vertices[vertex as usize].abs().to_array().into_iter().fold(0.0, f64::max);
@@ -59,8 +62,8 @@ pub(super) fn check(mesh: &TriangleMesh) -> Result<(), Refusal> {
     let spacing = greatest * f64::from(f32::EPSILON);
     if spacing > COARSEST * mean_edge {
         let problem = format!(
-            "lies {greatest:.4} from the origin, where single precision steps by {spacing:.2e} and the mean edge is \
-             {mean_edge:.2e}"
+            "reaches {greatest:.4} from the origin, where neighbouring f32 numbers are {spacing:.2e} apart, but the \
+             mean edge is {mean_edge:.2e}"
         );
         return refuse(problem, "move the surface to the origin of its file and place it with `position`");
     }
@@ -72,8 +75,9 @@ impl<'a> Faces<'a> {
         Faces { vertices, origin: (0..corners.len()).collect(), corners }
     }
 
-    /// Drops and joins until nothing changes: a dropped sliver opens an edge whose vertices coincide, and joined
-    /// vertices show copies and slivers that were hidden. Every round uses fewer vertices, so it ends.
+    /// Removes faces and merges vertices until nothing changes: removing a sliver may open an edge whose vertices
+    /// coincide, and merging vertices may reveal duplicates and slivers. Every round uses fewer vertices, so the loop
+    /// ends.
     pub(super) fn clean(&mut self, report: &mut RepairReport) {
         loop {
             self.drop_flat(&mut report.zero_area);
@@ -84,7 +88,7 @@ impl<'a> Faces<'a> {
         }
     }
 
-    /// Keeps the triangles of which `keep` holds, and counts the others.
+    /// Keeps the triangles for which `keep` holds, and counts the others.
     fn retain(&mut self, dropped: &mut Count, keep: impl Fn(usize) -> bool) {
         let mut kept = 0;
         for triangle in 0..self.corners.len() {
@@ -105,7 +109,7 @@ impl<'a> Faces<'a> {
         self.retain(dropped, |triangle| !flat[triangle]);
     }
 
-    /// Drops triangles on the same vertices as an earlier one.
+    /// Removes triangles that have the same vertices as an earlier one.
     fn drop_copies(&mut self, dropped: &mut Count) {
         let key = |(index, &corners): (usize, &[u32; 3])| {
             let mut key = corners;
@@ -119,7 +123,7 @@ impl<'a> Faces<'a> {
         self.retain(dropped, |triangle| !again[triangle]);
     }
 
-    /// Gives faces at open edges the first of coinciding vertices; whether any was given another.
+    /// Lets faces at open edges use the first of several coinciding vertices; returns whether any face changed.
     fn weld(&mut self, welded: &mut Count) -> bool {
         let first = self.first_at_place();
         let before = welded.count;
@@ -136,8 +140,9 @@ impl<'a> Faces<'a> {
         welded.count > before
     }
 
-    /// For each vertex the vertex to use instead: at open edges the first within [`SAME_PLACE`], else itself. Vertices
-    /// of sound edges are left alone, so that closed pieces that touch stay apart.
+    /// For each vertex, the vertex to use instead: at open edges the first one within [`SAME_PLACE`], otherwise the
+    /// vertex itself. Vertices that are on no open edge are left alone, so that closed pieces which touch stay
+    /// separate.
     fn first_at_place(&self) -> Vec<u32> {
         let mut open: Vec<u32> = Edges::new(&self.corners).open().flatten().collect();
         open.sort_unstable();

@@ -1,10 +1,11 @@
-//! From any triangle mesh to a skin: what is wrong with a surface, and what is done about it.
+//! Makes a skin (the surface mesh that is seen and touched) of any triangle mesh: finds the defects of a surface and
+//! repairs them.
 //!
-//! Depth is measured between the insides of two skins, so each must have one. [`repair`] joins faces that only touch,
-//! drops faces that say nothing, turns faces and pieces outwards, tolerates holes, edges of many faces and crossings,
-//! and refuses what has no inside. All of it is counted in a [`RepairReport`]; [`strict`] refuses what [`repair`]
-//! would have mended, so that both rest on one mechanism. Vertices keep their order and number: the skin's vertex i is
-//! the file's i-th `v` line, and only faces are given other indices.
+//! Contact depth is measured between the insides of two skins, so each skin must have an inside. [`repair`] merges
+//! vertices that coincide at open edges, removes degenerate and duplicate faces, orients faces and pieces outwards,
+//! tolerates holes, non-manifold edges and self-intersections, and refuses a surface without an inside. It counts
+//! everything in a [`RepairReport`]. [`strict`] runs the same code and refuses a surface that it would change. Vertices
+//! keep their order and number: the skin's vertex i is the file's i-th `v` line, and only the faces' indices change.
 
 mod crossings;
 mod faces;
@@ -23,58 +24,59 @@ use crate::scene::obj::{self, TriangleMesh};
 use crate::{Error, Result};
 use faces::Faces;
 
-/// A surface that cannot be a skin: what is wrong, at which triangle of the file first, and what to do.
+/// Why a surface cannot be a skin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refusal {
-    /// What is wrong.
+    /// The defect.
     pub problem: String,
-    /// The first triangle it is seen at, in the order of the file.
+    /// The first triangle with the defect, in the order of the file.
     pub triangle: Option<usize>,
-    /// What the user can do.
+    /// Remedy for the user.
     pub remedy: &'static str,
 }
 
 impl Refusal {
-    /// As an error about the file that the mesh was read from.
+    /// The refusal as an error about the file from which the mesh was read.
     pub fn error(&self, path: &Path) -> Error {
         let line = self.triangle.and_then(|triangle| line_of(path, triangle));
         Error::input(path, line, self.placed(), self.remedy)
     }
 
-    /// What is wrong, and at which triangle.
+    /// The defect, with the first triangle that has it.
     pub fn placed(&self) -> String {
         let place = self.triangle.map(|triangle| format!(", first at triangle {triangle}")).unwrap_or_default();
         format!("{}{place}", self.problem)
     }
 }
 
-/// The one-based line of the file that a triangle came from.
+/// The one-based line of the file from which a triangle was read.
 fn line_of(path: &Path, triangle: usize) -> Option<usize> {
     obj::triangle_lines(path).ok()?.get(triangle).map(|&line| line as usize)
 }
 
-/// Makes a skin of a mesh in file coordinates. In order:
+/// Makes a skin of a mesh in file coordinates, in this order:
 ///
-/// 1. faces that name no vertex and coordinates that single precision cannot hold are refused;
-/// 2. triangles without area and triangles given again (either way round) are dropped, and vertices at open edges that
-///    coincide are joined (faces go to the first of them), until nothing changes;
-/// 3. triangles are turned so that neighbours over an edge of two agree, the smaller number giving way; a surface with
-///    one side only is refused;
-/// 4. each piece (connected over edges of two) that is inside out is turned, holes closed by fans for its volume; a
-///    cavity, one within another piece by the generalised winding number (Jacobson, Kavan and Sorkine-Hornung 2013),
-///    goes the way of the piece around it; sheets without volume stay as they are;
+/// 1. faces that name no vertex, and coordinates that single precision cannot hold, are refused;
+/// 2. triangles without area and duplicate triangles (in either orientation) are removed, and vertices at open edges
+///    that coincide are merged (faces then use the first of them), until nothing changes;
+/// 3. triangles are turned over until neighbours across each edge of two triangles are oriented consistently; in each
+///    connected piece the smaller number of them is turned; a surface with one side only is refused;
+/// 4. each piece (connected across edges of two triangles) that is inside out is turned over, where holes are closed
+///    by triangle fans for the sign of its volume; a cavity, which is a piece inside another one by the generalised
+///    winding number (Jacobson, Kavan and Sorkine-Hornung 2013), is turned with the piece around it; sheets, which are
+///    pieces without volume, stay as they are;
 /// 5. a mesh without volume, or with more hole than surface, is refused.
 ///
-/// Open edges, edges of more than two triangles and crossing triangles stay and are counted. A sound mesh comes back
-/// unchanged, bit by bit. Time is near-linear in the triangles.
+/// Open edges, edges of more than two triangles and intersecting triangles stay and are counted. A sound mesh comes
+/// back bitwise unchanged. The time is nearly linear in the number of triangles.
 pub fn repair(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairReport), Refusal> {
     let mut report = RepairReport::of(&mesh);
     let mesh = mend(mesh, &mut report)?;
     Ok((mesh, report))
 }
 
-/// Accepts a mesh that [`repair`] leaves alone, and refuses any other with what is wrong. Crossing triangles, cavities
-/// and unused vertices are allowed: inside is where any piece says so.
+/// Accepts a mesh that [`repair`] would not change, and refuses any other with its first defect. Intersecting
+/// triangles, cavities and unused vertices are allowed: a point is inside if it is inside any piece.
 pub fn strict(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairReport), Refusal> {
     let mut report = RepairReport::of(&mesh);
     let mesh = mend(mesh, &mut report).map_err(|refusal| report.dropped().unwrap_or(refusal))?;
@@ -93,16 +95,16 @@ fn mend(mesh: TriangleMesh, report: &mut RepairReport) -> std::result::Result<Tr
     Ok(TriangleMesh { vertices, triangles })
 }
 
-/// Where a triangle of a repaired mesh comes from.
+/// Origin of a triangle of a repaired mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Origin {
-    /// The triangle, in the order of the file.
+    /// Index of the triangle in the order of the file.
     pub triangle: u32,
-    /// Whether its second and third corner changed places.
+    /// Whether the triangle was turned over: its second and third corner are exchanged.
     pub is_turned: bool,
 }
 
-/// Where each triangle comes from that [`repair`] makes of a mesh.
+/// The origin of each triangle that [`repair`] would keep of a mesh.
 pub fn origins(mesh: &TriangleMesh) -> std::result::Result<Vec<Origin>, Refusal> {
     faces::check(mesh)?;
     let mut report = RepairReport::of(mesh);
@@ -117,14 +119,14 @@ pub fn origins(mesh: &TriangleMesh) -> std::result::Result<Vec<Origin>, Refusal>
     Ok(faces.origin.iter().enumerate().map(origin).collect())
 }
 
-/// Reads an OBJ file, and repairs it, or refuses what would need it (`mends` false).
+/// Reads an OBJ file and repairs it, or, if `mends` is false, refuses it if it has defects.
 pub fn read(path: &Path, mends: bool) -> Result<(TriangleMesh, RepairReport)> {
     let mesh = obj::read(path)?;
     let made = if mends { repair(mesh) } else { strict(mesh) };
     made.map_err(|refusal| refusal.error(path))
 }
 
-/// What was done to a file, a sentence each, for people: `FILE:LINE: what was done`.
+/// The changes that the repair made, one sentence each for the user: `FILE:LINE: sentence`.
 pub fn notes(report: &RepairReport, path: &Path) -> Vec<String> {
     let lines = if report.is_clean() { None } else { obj::triangle_lines(path).ok() };
     let line = |triangle: usize| lines.as_ref()?.get(triangle).copied();
@@ -135,7 +137,7 @@ pub fn notes(report: &RepairReport, path: &Path) -> Vec<String> {
     report.sentences().into_iter().map(note).collect()
 }
 
-/// Corners of a triangle.
+/// Positions of a triangle's corners.
 fn points(vertices: &[DVec3], triangle: [u32; 3]) -> [DVec3; 3] {
     triangle.map(|vertex| vertices[vertex as usize])
 }

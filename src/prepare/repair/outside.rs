@@ -1,4 +1,4 @@
-//! Step two of a repair: which side of each triangle is out, and whether there is an inside at all.
+//! Second part of a repair: orients triangles outwards, and decides whether the surface has an inside at all.
 
 use glam::DVec3;
 
@@ -9,13 +9,13 @@ use super::{Refusal, points};
 use crate::prepare::distance::winding_number;
 use crate::prepare::skin::Sets;
 
-/// A piece's volume against the cube of its box's diagonal: less is a sheet folded on itself, not a solid.
+/// A piece is a sheet, not a solid, if its volume is at most this share of the cube of its bounding box's diagonal.
 const FLATTEST: f64 = 1e-9;
-/// Area of the fans that close all holes against the surface's own, at most. A nearly flat sheet comes to one, half a
-/// sphere to a half: beyond three quarters no point is clearly inside by winding number.
+/// Greatest area of the fans that close all holes, as a share of the surface's own area. It is one for a nearly flat
+/// sheet and one half for half a sphere; beyond three quarters the winding number shows no point clearly inside.
 const MOST_OPEN: f64 = 0.75;
 
-/// Turns triangles and pieces outwards and fills in the report's counts of edges, pieces, holes and volume.
+/// Orients triangles and pieces outwards, and fills in the report's counts of edges, pieces and holes, and the volume.
 pub(super) fn orient(faces: &mut Faces, report: &mut RepairReport) -> Result<(), Refusal> {
     let edges = Edges::new(&faces.corners);
     let count_where = |is_counted: &dyn Fn(usize) -> bool| {
@@ -36,12 +36,14 @@ pub(super) fn orient(faces: &mut Faces, report: &mut RepairReport) -> Result<(),
     judge(faces, report)
 }
 
-/// Turns triangles over until neighbours over edges of two agree; in each piece the smaller number gives way (of equal
-/// numbers those unlike its first triangle). Returns the piece of each triangle and the number of pieces.
+/// Turns triangles over until neighbours across each edge of two triangles are oriented consistently. In each piece the
+/// smaller number of triangles is turned (of equal numbers, those unlike the piece's first triangle). Returns the piece
+/// of each triangle and the number of pieces.
 fn agree(faces: &mut Faces, edges: &Edges, report: &mut RepairReport) -> Result<(Vec<u32>, usize), Refusal> {
     let n = faces.corners.len();
     let mut joined = Sets::new(n);
-    // Member t is triangle t as it is, t + n the same turned over: joined where both may be so at once.
+    // Member t stands for triangle t as it is, and member t + n for triangle t turned over. Members are joined if both
+    // orientations can hold at once.
     let mut sides = Sets::new(2 * n);
     for (a, b) in edges.pairs() {
         let (a, b, n, clash) = (a.triangle, b.triangle, n as u32, a.forward == b.forward);
@@ -74,13 +76,13 @@ fn agree(faces: &mut Faces, edges: &Edges, report: &mut RepairReport) -> Result<
     Ok((piece_of, count))
 }
 
-/// A part connected over edges of two triangles.
+/// A part of the surface that is connected across edges of two triangles.
 struct Piece {
-    /// Its triangles, ascending.
+    /// Indices of the piece's triangles, ascending.
     triangles: Vec<u32>,
     low: DVec3,
     high: DVec3,
-    /// Holes closed by fans.
+    /// Signed volume with holes closed by fans, in cubed file units.
     volume: f64,
     turned: bool,
 }
@@ -106,8 +108,8 @@ fn corners(faces: &Faces, piece: &Piece) -> Vec<[u32; 3]> {
     piece.triangles.iter().map(|&t| faces.corners[t as usize]).collect()
 }
 
-/// Turns pieces outwards, the greatest first: one within another goes the way of the smallest around it, any other
-/// must enclose a positive volume.
+/// Turns pieces outwards, the largest volume first. A piece inside others is turned if the smallest one around it was
+/// turned; any other piece must enclose a positive volume.
 fn turn_outwards(faces: &mut Faces, pieces: &mut [Piece], report: &mut RepairReport) {
     let is_sheet = |piece: &Piece| piece.volume.abs() <= FLATTEST * (piece.high - piece.low).length().powi(3);
     let mut order: Vec<usize> = (0..pieces.len()).collect();
@@ -135,7 +137,7 @@ fn turn_outwards(faces: &mut Faces, pieces: &mut [Piece], report: &mut RepairRep
     }
 }
 
-/// Refuses what has no inside.
+/// Refuses a surface without an inside.
 fn judge(faces: &Faces, report: &mut RepairReport) -> Result<(), Refusal> {
     let (vertices, triangles) = closed(faces.vertices, &faces.corners);
     let (own, fans) = triangles.split_at(faces.corners.len());
@@ -152,7 +154,7 @@ fn judge(faces: &Faces, report: &mut RepairReport) -> Result<(), Refusal> {
     }
     if report.hole_area_share > MOST_OPEN {
         let share = 100.0 * report.hole_area_share;
-        let problem = format!("the surface has no inside: its holes come to {share:.0} % of its area");
+        let problem = format!("the surface has no inside: its holes make up {share:.0} % of its area");
         return Err(Refusal { problem, triangle: first, remedy: "close it, or give it thickness" });
     }
     Ok(())
@@ -162,15 +164,16 @@ fn area([a, b, c]: [DVec3; 3]) -> f64 {
     (b - a).cross(c - a).length() / 2.0
 }
 
-/// Six times the signed volume under a triangle, seen from a point.
+/// Six times the signed volume of the tetrahedron of a triangle and the point `origin`.
 fn under(origin: DVec3, corners: [DVec3; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| corner - origin);
     a.dot(b.cross(c))
 }
 
-/// Volume of what triangles and the fans over their holes enclose.
+/// Volume enclosed by triangles and the fans over their holes.
 fn volume(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
-    // About a vertex of the surface itself, so that a far one keeps its digits.
+    // The volume is taken about a vertex of the surface, because the sum would cancel for a surface far from the
+    // origin.
     let origin = triangles.first().map_or(DVec3::ZERO, |t| vertices[t[0] as usize]);
     let fans = Fans::new(vertices, triangles);
     let own: f64 = triangles.iter().map(|&t| under(origin, points(vertices, t))).sum();
@@ -180,16 +183,17 @@ fn volume(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     (own + fans.edges.iter().map(of_fan).sum::<f64>()) / 6.0
 }
 
-/// What closes a surface: a centre for each rim, and the edges (as the surface runs) that its fan joins to it.
+/// The triangle fans that close a surface: a centre for each rim of a hole, and the rim's edges, directed as in the
+/// surface.
 struct Fans {
     centres: Vec<DVec3>,
-    /// Edges, each with its rim.
+    /// Edges, each with the index of its rim.
     edges: Vec<([u32; 2], u32)>,
 }
 
 impl Fans {
-    /// Rims are unmatched edges joined at their vertices; the centre is the mean of the rim, by length. Any chain of
-    /// unmatched edges bounds its cone, so no rim needs to be a simple loop.
+    /// Rims are unmatched edges joined at their vertices; a rim's centre is its mean, weighted by edge length. The cone
+    /// over any closed chain of unmatched edges closes it, so a rim need not be a simple loop.
     fn new(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Fans {
         let edges = Edges::new(triangles).unmatched();
         let mut ends: Vec<u32> = edges.iter().flatten().copied().collect();
@@ -203,7 +207,7 @@ impl Fans {
         let mut sums = vec![(DVec3::ZERO, 0.0); count];
         for &([a, b], rim) in &edges {
             let (from, to) = (vertices[a as usize], vertices[b as usize]);
-            // A trifle more than the length, so that a rim without any still has a centre.
+            // The weight is above zero, so that a rim without length also has a centre.
             let weight = from.distance(to).max(f64::MIN_POSITIVE);
             let sum = &mut sums[rim as usize];
             *sum = (sum.0 + weight * (from + to) / 2.0, sum.1 + weight);
@@ -212,9 +216,9 @@ impl Fans {
     }
 }
 
-/// The surface with every hole closed by a fan from the mean of its rim: for integrals over the inside (volume, mass)
-/// and for filling cells and voxels, never for contact. The given vertices and triangles come first, unchanged; a closed
-/// surface gets none.
+/// The surface with every hole closed by a triangle fan from the centre of its rim: for integrals over the inside
+/// (volume, mass) and for filling with cells and voxels, never for contact. The given vertices and triangles come
+/// first, unchanged; a closed surface gets no fan.
 pub fn closed(vertices: &[DVec3], triangles: &[[u32; 3]]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let fans = Fans::new(vertices, triangles);
     let first = vertices.len() as u32;

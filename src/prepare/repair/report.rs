@@ -1,85 +1,86 @@
-//! What a repair found and did: counts, the first place of each, the words for people.
+//! Report on the repair of a surface, its findings and changes: counts, the first occurrence of each, and sentences for
+//! the user.
 
 use serde::{Deserialize, Serialize};
 
 use super::Refusal;
 use crate::scene::obj::TriangleMesh;
 
-/// How often something was found, and the first triangle (of the file, from 0) it was found at.
+/// Number of occurrences of a defect, and the first triangle (in the file, from 0) that has it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Count {
-    /// How often.
+    /// Number of occurrences.
     pub count: usize,
-    /// The first triangle, where there is one.
+    /// The first triangle that has it, if there is one.
     pub first_triangle: Option<usize>,
 }
 
 impl Count {
-    /// Adds one, at this triangle of the file.
+    /// Adds an occurrence at this triangle of the file.
     pub(super) fn add(&mut self, triangle: usize) {
         self.count += 1;
         self.first_triangle = Some(self.first_triangle.map_or(triangle, |first| first.min(triangle)));
     }
 }
 
-/// Pairs of triangles that pass through each other.
+/// Pairs of triangles that intersect.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Crossings {
-    /// How many pairs.
+    /// Number of pairs.
     pub count: usize,
-    /// The first pairs (triangles of the file, from 0), in order.
+    /// The first pairs (indices of triangles in the file, from 0), in ascending order.
     pub first_pairs: Vec<[usize; 2]>,
 }
 
-/// What a surface is, what was wrong with it, and what was done. Lengths are in file coordinates.
+/// State of a surface, its defects, and what was changed. Lengths are in file coordinates.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RepairReport {
-    /// Vertices of the file, used or not.
+    /// Number of vertices of the file, used or not.
     pub vertices: usize,
-    /// Triangles of the file, polygons cut.
+    /// Number of triangles of the file, after polygons are triangulated.
     pub triangles: usize,
-    /// Triangles of the skin.
+    /// Number of triangles of the skin.
     pub triangles_kept: usize,
-    /// Vertices that no triangle of the file uses.
+    /// Number of vertices that no triangle of the file uses.
     pub unused_vertices: usize,
-    /// Vertices at open edges that coincide with an earlier one; faces use that one instead.
+    /// Vertices at open edges that coincide with an earlier one, which faces use instead.
     pub welded_vertices: Count,
-    /// Triangles without area, dropped.
+    /// Triangles without area, which are removed.
     pub zero_area: Count,
-    /// Triangles given before, either way round, dropped.
+    /// Triangles with the vertices of an earlier one, in either orientation, which are removed.
     pub duplicates: Count,
-    /// Edges of two triangles that were wound opposite ways.
+    /// Edges whose two triangles were oriented inconsistently.
     pub clashing_edges: Count,
-    /// Triangles turned over so that neighbours agree.
+    /// Number of triangles turned over to be consistent with their neighbours.
     pub turned_triangles: usize,
-    /// Pieces: parts connected over edges of two triangles.
+    /// Number of pieces: parts that are connected across edges of two triangles.
     pub pieces: usize,
-    /// Pieces that were inside out, turned.
+    /// Pieces that were inside out and are turned over.
     pub turned_pieces: Count,
-    /// Pieces inside another, wound inwards.
+    /// Number of pieces inside another one that are oriented inwards.
     pub cavities: usize,
-    /// Pieces without volume, kept as they are.
+    /// Pieces without volume, which are kept as they are.
     pub sheets: Count,
-    /// Edges of one triangle, left open.
+    /// Edges of one triangle, which are left open.
     pub boundary_edges: Count,
-    /// Rims of holes: boundary edges joined at their vertices.
+    /// Number of holes, counted by their rims: boundary edges joined at their vertices.
     pub holes: usize,
-    /// Area of the fans that close the holes for volume and mass, as a share of the surface's.
+    /// Area of the fans that close the holes for volume and mass, as a share of the surface's area.
     pub hole_area_share: f64,
     /// Edges of more than two triangles, across which no triangle has a neighbour.
     pub non_manifold_edges: Count,
-    /// Pairs of triangles that cross; those that only touch are not counted.
+    /// Pairs of triangles that intersect; triangles that only touch are not counted.
     pub self_intersections: Crossings,
-    /// Volume, holes closed by fans.
+    /// Volume with holes closed by fans.
     pub volume: f64,
 }
 
 impl RepairReport {
-    /// What is known before anything is done.
+    /// The report of a mesh before the repair.
     pub(super) fn of(mesh: &TriangleMesh) -> Self {
         let mut used = vec![false; mesh.vertices.len()];
         for &vertex in mesh.triangles.iter().flatten() {
-            // One out of range is refused in a moment.
+            // An index out of range is refused later, by `faces::check`.
             used.get_mut(vertex as usize).into_iter().for_each(|used| *used = true);
         }
         RepairReport {
@@ -90,26 +91,26 @@ impl RepairReport {
         }
     }
 
-    /// Whether there is nothing to say.
+    /// Whether the surface has no defect that is worth a sentence.
     pub fn is_clean(&self) -> bool {
         self.sentences().is_empty()
     }
 
-    /// The first reason to refuse the surface as it stands in the file, if any.
+    /// The first reason to refuse the surface as it is in the file, if there is one.
     pub(super) fn defect(&self) -> Option<Refusal> {
         let open = format!("the surface is open: {} edges with one triangle", self.boundary_edges.count);
         let sheets = format!("{} pieces of the surface enclose no volume", self.sheets.count);
-        let clashing = format!("{} edges between triangles wound opposite ways", self.clashing_edges.count);
+        let clashing = format!("{} edges with inconsistently oriented triangles", self.clashing_edges.count);
         let crowded = format!("{} edges with more than two triangles", self.non_manifold_edges.count);
         self.dropped()
-            .or(refuse(self.non_manifold_edges, crowded, "make the surface manifold: part the pieces at them"))
+            .or(refuse(self.non_manifold_edges, crowded, "make the surface manifold: separate the pieces there"))
             .or(refuse(self.clashing_edges, clashing, "make all faces point outwards (\"recalculate normals\")"))
             .or(refuse(self.boundary_edges, open, "close the holes"))
             .or(refuse(self.sheets, sheets, "remove them, or give them thickness"))
             .or(refuse(self.turned_pieces, "the surface is inside out".into(), "reverse its faces (\"flip normals\")"))
     }
 
-    /// The first reason among those that cost faces or vertices.
+    /// The first reason to refuse among the defects for which faces or vertices are removed.
     pub(super) fn dropped(&self) -> Option<Refusal> {
         let flat = format!("{} triangles without area", self.zero_area.count);
         let copies = format!("{} triangles given more than once", self.duplicates.count);
@@ -119,7 +120,7 @@ impl RepairReport {
             .or(refuse(self.welded_vertices, apart, "weld vertices that coincide (\"merge by distance\")"))
     }
 
-    /// What was found and done, a sentence each, with the first triangle; empty for a sound surface.
+    /// Findings and changes, one sentence each with the first triangle; empty for a sound surface.
     pub(in crate::prepare) fn sentences(&self) -> Vec<(Option<usize>, String)> {
         let mut said = Vec::new();
         let mut say = |found: Count, text: String| {
@@ -130,9 +131,10 @@ impl RepairReport {
         say(self.zero_area, "triangles without area dropped".into());
         say(self.duplicates, "triangles given more than once dropped".into());
         say(self.welded_vertices, "vertices joined with others at the same place, where edges were open".into());
-        let turned = format!("edges between triangles wound opposite ways; {} triangles turned", self.turned_triangles);
+        let turned =
+            format!("edges with inconsistently oriented triangles; {} triangles reversed", self.turned_triangles);
         say(self.clashing_edges, turned);
-        say(self.turned_pieces, "pieces were inside out, and turned".into());
+        say(self.turned_pieces, "pieces were inside out, and reversed".into());
         say(self.sheets, "pieces enclose no volume, and are kept as sheets".into());
         let share = 100.0 * self.hole_area_share;
         let open = format!(
@@ -147,7 +149,7 @@ impl RepairReport {
         );
         let crossings = &self.self_intersections;
         if let Some(&[a, b]) = crossings.first_pairs.first() {
-            let text = format!("{} pairs of triangles cross, first {a} and {b} (from 0), kept", crossings.count);
+            let text = format!("{} pairs of triangles intersect, first {a} and {b} (from 0), kept", crossings.count);
             said.push((Some(a), text));
         }
         said

@@ -1,12 +1,13 @@
-//! Tests of repair on small meshes; `tests/bad_input.rs` has the real ones.
+//! Tests of the repair on small meshes; `crates/cli/tests/bad_input.rs` tests it on defective files.
 
 use super::*;
 use crate::prepare::{layer, proxy, skin, sphere};
 
-/// Relative rounding of a volume summed over a few hundred triangles.
+/// Relative rounding error of a volume that is summed over a few hundred triangles.
 const ROUNDING: f64 = 1e-12;
 
-/// Tetrahedra, closed and wound outwards, or inwards where the edge given is negative.
+/// Closed tetrahedra at the given corners with the given edge lengths: oriented outwards, or inwards if the length is
+/// negative.
 fn tetrahedra(places: &[(DVec3, f64)]) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for &(corner, edge) in places {
@@ -38,7 +39,7 @@ fn join(a: TriangleMesh, b: TriangleMesh) -> TriangleMesh {
     TriangleMesh { vertices: [a.vertices, b.vertices].concat(), triangles }
 }
 
-/// Every triangle with vertices of its own.
+/// The mesh with separate vertices for every triangle.
 fn soup(mesh: &TriangleMesh) -> TriangleMesh {
     let vertices = mesh.triangles.iter().flatten().map(|&v| mesh.vertices[v as usize]).collect();
     TriangleMesh {
@@ -51,7 +52,7 @@ fn answer(mesh: &TriangleMesh) -> String {
     strict(mesh.clone()).err().map(|refusal| refusal.error(Path::new("none.obj")).to_string()).unwrap_or_default()
 }
 
-/// What is left is a sound skin: strictly accepted, and covered by proxies.
+/// Checks that a repaired mesh is a sound skin: it is strictly accepted, and proxies can cover it.
 fn assert_sound(mesh: &TriangleMesh) {
     assert_eq!(answer(mesh), "");
     let skin = skin::build(mesh.vertices.clone(), mesh.triangles.clone());
@@ -78,7 +79,7 @@ fn boxes_that_touch_stay_apart() {
 fn a_soup_is_joined_to_the_first_of_its_vertices() {
     let sphere = ball(0.1);
     let mut soup = soup(&sphere);
-    // Six digits, as exporters write them.
+    // Positions are rounded to six digits, as exporters write them.
     soup.vertices.iter_mut().for_each(|v| *v = (*v * 1e7).round() / 1e7);
     let (mended, report) = repair(soup.clone()).unwrap();
     assert_eq!(report.welded_vertices.count, 3 * sphere.triangles.len() - sphere.vertices.len());
@@ -105,7 +106,7 @@ fn slivers_copies_and_turned_faces_are_undone() {
 
 #[test]
 fn every_triangle_knows_where_it_came_from() {
-    // Joined, dropped, given twice, turned one by one and as a whole piece.
+    // The mesh has triangles to be merged, removed, found duplicate, and turned over one by one and as a whole piece.
     let mut mesh = join(boxed(DVec3::splat(3.0), DVec3::splat(4.0), 2), soup(&ball(1.0)));
     mesh.triangles.iter_mut().take(48).for_each(|t| t.swap(0, 1));
     mesh.triangles.iter_mut().step_by(9).for_each(|t| t.swap(1, 2));
@@ -128,7 +129,7 @@ fn every_triangle_knows_where_it_came_from() {
 
 #[test]
 fn a_collapsed_edge_is_closed_again() {
-    // A vertex of a box's side moved onto its neighbour: two triangles lose their area, and leave no gap.
+    // A vertex of a box's side is moved onto its neighbour: two triangles lose their area, and no gap may be left.
     let mut mesh = boxed(DVec3::ZERO, DVec3::ONE, 4);
     let inner = |v: &DVec3| v.x == 0.0 && v.y == 0.5 && v.z == 0.5;
     let at = mesh.vertices.iter().position(inner).unwrap();
@@ -147,7 +148,7 @@ fn pieces_are_turned_outwards_and_cavities_follow_what_is_around_them() {
     assert_eq!(answer(&tetrahedra(&[outer, cavity])), "");
     let beside = tetrahedra(&[outer, (DVec3::splat(20.0), -1.0)]);
     assert!(answer(&beside).contains("inside out, first at triangle 4"), "{}", answer(&beside));
-    // Within the box of the other and outside of it.
+    // This piece lies in the other one's bounding box, but outside the other one.
     assert!(answer(&tetrahedra(&[outer, (DVec3::splat(8.0), -1.0)])).contains("inside out"));
     let (mended, report) = repair(beside).unwrap();
     assert_eq!((report.turned_pieces.count, report.cavities), (1, 0));
@@ -168,7 +169,7 @@ fn holes_are_closed_for_volume_alone() {
     assert_eq!((&open, full - mesh.triangles.len()), (&mesh, 32));
     assert_eq!((report.boundary_edges.count, report.holes), (16, 1));
     assert!((report.volume - 1.0).abs() < ROUNDING && (report.hole_area_share - 0.2).abs() < ROUNDING, "{report:?}");
-    // The proxies fill what the hole would empty: one convex body, one hull.
+    // The proxies are filled behind the hole: one convex body with one hull.
     let skin = skin::build(open.vertices, open.triangles);
     let proxies = proxy::proxies(&skin).unwrap();
     proxy::tests::check(&skin, &proxies);
@@ -178,7 +179,7 @@ fn holes_are_closed_for_volume_alone() {
 
 #[test]
 fn an_edge_of_four_triangles_is_kept() {
-    // Two cubes that share an edge.
+    // The mesh consists of two cubes that share an edge.
     let mut mesh =
         join(boxed(DVec3::ZERO, DVec3::ONE, 1), boxed(DVec3::new(1.0, 1.0, 0.0), DVec3::new(2.0, 2.0, 1.0), 1));
     let first: Vec<u32> =
@@ -198,11 +199,12 @@ fn crossings_are_counted_and_touching_is_not() {
     assert_eq!(repair(sphere).unwrap().1.self_intersections, Crossings::default());
     let mut mesh = tetrahedra(&[(DVec3::ZERO, 1.0), (DVec3::splat(0.125), 0.25)]);
     assert_eq!(repair(mesh.clone()).unwrap().1.self_intersections, Crossings::default());
-    // A corner of the inner one drawn out through the outer one's slanted face: each of the three faces there crosses it.
+    // A corner of the inner tetrahedron is moved out through the slanted face of the outer one, so that three faces
+    // intersect that face.
     mesh.vertices[5].x = 2.0;
     let found = repair(mesh.clone()).unwrap().1.self_intersections;
     assert_eq!((found.count, &found.first_pairs[..]), (3, &[[3, 4], [3, 5], [3, 7]][..]));
-    // Drawn only to that face, exactly, it touches.
+    // Moved exactly onto that face, the corner only touches it.
     mesh.vertices[5].x = 0.75;
     assert_eq!(repair(mesh).unwrap().1.self_intersections.count, 0);
 }
@@ -214,11 +216,11 @@ fn what_has_no_inside_is_refused() {
     let cases: [(Spoil, &str); 7] = [
         (|mesh| mesh.triangles.clear(), "no faces"),
         (|mesh| mesh.triangles[7][1] = 1 << 20, "names a vertex beyond the last"),
-        (|mesh| mesh.vertices.iter_mut().for_each(|v| v.x += 1e5), "single precision steps by"),
+        (|mesh| mesh.vertices.iter_mut().for_each(|v| v.x += 1e5), "neighbouring f32 numbers are"),
         (|mesh| mesh.vertices.iter_mut().for_each(|v| *v *= 1e10), "coordinates reach"),
         (|mesh| mesh.vertices[3].y = f64::NAN, "not a finite number"),
         (|mesh| mesh.vertices.iter_mut().for_each(|v| v.z = 0.0), "encloses no volume"),
-        // A shallow cap.
+        // Only a shallow cap of the sphere is left.
         (
             |mesh| {
                 let low = |t: &[u32; 3]| t.iter().all(|&v| mesh.vertices[v as usize].z > 0.9);
@@ -233,7 +235,7 @@ fn what_has_no_inside_is_refused() {
         let refusal = repair(mesh).unwrap_err();
         assert!(refusal.problem.contains(words), "{words}: {}", refusal.problem);
     }
-    // A strip of five triangles, the ends joined the wrong way round.
+    // A Moebius strip of five triangles.
     let moebius = TriangleMesh {
         vertices: (0..5).map(|k| DVec3::new(f64::from(k), f64::from(k * k), f64::from(k * k * k))).collect(),
         triangles: (0..5).map(|k| [k, (k + 1) % 5, (k + 2) % 5]).collect(),
@@ -246,7 +248,7 @@ fn each_spoiled_face_is_seen() {
     let sound = tetrahedra(&[(DVec3::ZERO, 1.0), (DVec3::X, 1.0)]);
     type Spoil = fn(&mut TriangleMesh);
     let cases: [(Spoil, &str); 5] = [
-        (|mesh| mesh.triangles[5].swap(0, 1), "3 edges between triangles wound opposite ways"),
+        (|mesh| mesh.triangles[5].swap(0, 1), "3 edges with inconsistently oriented triangles"),
         (|mesh| mesh.triangles.truncate(7), "open: 3 edges with one triangle, first at triangle 4"),
         (|mesh| mesh.triangles.push([3, 0, 1]), "1 triangles given more than once, first at triangle 8"),
         (|mesh| mesh.triangles[2] = [0, 3, 3], "1 triangles without area, first at triangle 2"),

@@ -1,4 +1,4 @@
-//! Edges of a triangle mesh and how many triangles each has. Sorted records, so nothing depends on hashing.
+//! Edges of a triangle mesh and the triangles at each edge. The records are sorted, so nothing depends on hashing.
 
 /// One triangle's use of an edge.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -6,11 +6,11 @@ pub(super) struct Use {
     pub low: u32,
     pub high: u32,
     pub triangle: u32,
-    /// From the lower vertex to the higher.
+    /// Whether the triangle runs along the edge from the lower to the higher vertex index.
     pub forward: bool,
 }
 
-/// All uses of edges, those of one edge next to each other, in order of triangle.
+/// All uses of edges. Those of one edge are adjacent, in order of triangle.
 pub(super) struct Edges(Vec<Use>);
 
 impl Edges {
@@ -33,20 +33,20 @@ impl Edges {
         self.0.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high))
     }
 
-    /// Edges of two triangles.
+    /// The two uses of each edge that has two triangles.
     pub(super) fn pairs(&self) -> impl Iterator<Item = (Use, Use)> {
         self.groups().filter_map(|uses| if let &[a, b] = uses { Some((a, b)) } else { None })
     }
 
-    /// Edges of one triangle, from and to as it runs.
+    /// The edges that have one triangle, directed as the triangle runs.
     pub(super) fn open(&self) -> impl Iterator<Item = [u32; 2]> {
         let run = |edge: &Use| if edge.forward { [edge.low, edge.high] } else { [edge.high, edge.low] };
         self.groups().filter(|uses| uses.len() == 1).map(move |uses| run(&uses[0]))
     }
 
-    /// What it takes to close the surface, as edges from and to: what remains where each edge's uses one way are set
-    /// against those the other way. For a soundly wound surface these are its open edges; an edge of many triangles
-    /// adds the difference.
+    /// The directed edges that remain when each edge's uses in one direction are cancelled against those in the other:
+    /// fans must run against them to close the surface. For a consistently oriented surface they are its open edges; an
+    /// edge of many triangles remains as often as its uses in the two directions differ.
     pub(super) fn unmatched(&self) -> Vec<[u32; 2]> {
         let mut left = Vec::new();
         for uses in self.groups() {

@@ -1,10 +1,12 @@
-//! Where lattice edges leave the solid, and the lattice warped so that no cut is too near a node.
+//! Finds where lattice edges leave the solid (the *cuts*), and warps the lattice so that no cut is too near a node.
 //!
-//! A cut nearer to a node than [`LONG`] or [`SHORT`] of its edge takes the node with it, onto the surface. What is left
-//! lies between these shares of its edge, and that alone bounds the angles of every stencil.
+//! If a cut is nearer to a node than the share [`LONG`] or [`SHORT`] of its edge, the node is *warped*: moved onto the
+//! cut, and so onto the surface. The remaining cuts lie between these shares of their edges, and that alone bounds the
+//! angles of every stencil.
 //!
-//! An edge between two inside nodes that leaves the solid in between has two cuts, one for each end, and joins nothing:
-//! its ends belong to different limbs, unless a triangle of the lattice joins them by two edges that stay inside.
+//! An edge that leaves the solid between two inside nodes has two cuts, one for each end, and connects nothing: its
+//! ends belong to different *limbs* (parts of the solid with a narrow gap between them), unless two other edges of a
+//! lattice triangle connect them within the solid.
 
 use std::collections::{HashMap, HashSet};
 
@@ -14,17 +16,18 @@ use super::sample::{Edge, Field, in_parallel};
 use crate::prepare::distance::{HALF, Solid};
 use crate::prepare::lattice::Lattice;
 
-/// A cut within this share of a long edge of its end warps that node. With [`SHORT`]: the largest bound on the angles
-/// found by sampling all stencils, warps and cuts, 10.5 degrees; the paper's 0.25 and 0.41 give 9.2 in the same trial.
+/// Share of a long edge within which a cut warps the node. Together with [`SHORT`] it gives the largest bound on the
+/// angles that was found by sampling all stencils, warps and cuts: 10.5 degrees; the paper's 0.25 and 0.41 give 9.2 in
+/// the same trial.
 pub(super) const LONG: f64 = 0.28;
-/// The same for short edges.
+/// Share of a short edge within which a cut warps the node.
 pub(super) const SHORT: f64 = 0.40;
-/// Cuts are found to within this share of their edge.
+/// Tolerance of a cut, as a share of its edge.
 const PRECISION: f64 = 1e-3;
-/// Steps of the search for a cut at most.
+/// Greatest number of iterations of the search for a cut.
 const STEPS: usize = 30;
 
-/// What a lattice node is.
+/// Side of the surface on which a lattice node lies.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Side {
     Inside,
@@ -32,32 +35,35 @@ pub(super) enum Side {
     Outside,
 }
 
-/// The lattice, cut and warped.
+/// The result of cutting and warping the lattice.
 pub(super) struct Cuts {
-    /// Each node's side of the surface.
+    /// Side of each node.
     pub side: Vec<Side>,
-    /// Outside nodes taken in for thin features; never warped.
+    /// Outside nodes that count as inside because a thin feature needs them; they are never warped.
     pub taken: HashSet<u32>,
-    /// New positions of nodes on the surface, m.
+    /// New positions of the warped nodes, m.
     pub warped: HashMap<u32, DVec3>,
-    /// Where the edge from an inside node to another leaves the solid, as a share of the edge.
+    /// For an inside node and a neighbour: where the edge between them leaves the solid, as a share of the edge from
+    /// the inside node.
     pub leave: HashMap<(u32, u32), f64>,
-    /// Edges (lesser node first) that leave the solid between inside or warped ends, and join nothing.
+    /// Edges (lower node first) that leave the solid between inside or warped ends, and so connect nothing.
     pub apart: HashSet<(u32, u32)>,
-    /// Edges that leave the solid but whose ends are joined by a triangle: welded, nodes lesser first.
+    /// Edges that leave the solid, but whose ends are connected by a triangle all the same (lower node first), with the
+    /// gap's width, m.
     pub welded: Vec<([u32; 2], f64)>,
-    /// Edges that pass through the solid between outside ends.
+    /// Edges that pass through the solid between outside ends, which the layer cannot represent, with the width of the
+    /// material, m.
     pub lost: Vec<([u32; 2], f64)>,
 }
 
 impl Cuts {
-    /// Where the edge from an inside node leaves the solid, as a share that the angles can bear.
+    /// The cut on the edge from an inside node, as a share of the edge that is limited to what the angles allow.
     pub(super) fn share(&self, from: u32, to: u32) -> f64 {
         let least = threshold(from, to);
         self.leave.get(&(from, to)).map_or(0.5, |&t| t.clamp(least, 1.0 - least))
     }
 
-    /// Whether two neighbours are joined by their edge.
+    /// Whether two neighbouring nodes are connected by their edge.
     pub(super) fn joined(&self, a: u32, b: u32) -> bool {
         self.apart.is_empty() || !self.apart.contains(&(a.min(b), a.max(b)))
     }
@@ -67,7 +73,7 @@ fn threshold(a: u32, b: u32) -> f64 {
     if Lattice::is_long(a, b) { LONG } else { SHORT }
 }
 
-/// Cuts and warps the lattice for the surface moved outwards by `level` (m); the outside nodes `taken` count as inside.
+/// Cuts and warps the lattice for the surface moved outwards by `level` (m). The outside nodes `taken` count as inside.
 pub(super) fn cut(solid: &Solid, lattice: &Lattice, field: &Field, edges: &[Edge], level: f64, taken: &[u32]) -> Cuts {
     let side = |v: &f64| if *v < 0.0 { Side::Inside } else { Side::Outside };
     let mut cuts = Cuts {
@@ -110,15 +116,15 @@ pub(super) fn cut(solid: &Solid, lattice: &Lattice, field: &Field, edges: &[Edge
     cuts
 }
 
-/// Length of the stretch between the first and the last crossing of an edge, m.
+/// Length of the stretch between the first and the last hit of an edge on the surface, m.
 fn width(lattice: &Lattice, edge: &Edge) -> f64 {
     let [a, b] = edge.nodes.map(|n| lattice.position(n));
     let (first, last) = (edge.hits.first().unwrap_or(&0.0), edge.hits.last().unwrap_or(&0.0));
     (last - first) * a.distance(b)
 }
 
-/// Where an edge leaves the solid: from its first node forth, from its second back, each as a share from that node; and
-/// how often the samples along it change sides.
+/// Where an edge leaves the solid, seen from its first node (`forth`) and from its second (`back`), as a share of the
+/// edge from that node; and how often the samples along the edge change sides.
 #[derive(Clone, Copy, Default)]
 struct Leave {
     forth: Option<f64>,
@@ -142,25 +148,26 @@ impl Leave {
     }
 }
 
-/// The search for the level on an edge from `a` to `b` between two of its samples.
+/// The search for the level on an edge from `a` to `b`, between two of its samples.
 struct Search<'a> {
     solid: &'a Solid,
     a: DVec3,
     b: DVec3,
-    /// Where the surface is met between the samples, if it is.
+    /// The hit of the edge on the surface between the samples, as a share of the edge, if there is one.
     hit: Option<f64>,
     level: f64,
 }
 
 impl Search<'_> {
-    /// The share where the signed distance is the level: regula falsi (Illinois), with the sign known from the hit.
+    /// The share of the edge at which the signed distance is the level, by regula falsi (Illinois variant). The sign of
+    /// the distance is known from the hit.
     fn cut(&self, from: (f64, f64), to: (f64, f64)) -> f64 {
         let value = |t: f64| {
             let at = self.a.lerp(self.b, t);
             let distance = self.solid.distance(at);
             let negative = match self.hit {
                 Some(hit) => (if t < hit { from.1 } else { to.1 }) < 0.0,
-                // A hole: the winding number passes one half where there is no triangle.
+                // Without a hit the edge passes a hole, where the winding number crosses one half without a triangle.
                 None => self.solid.winding(at) > HALF,
             };
             (if negative { -distance } else { distance }) - self.level
@@ -168,8 +175,9 @@ impl Search<'_> {
         if let (Some(hit), true) = (self.hit, self.level == 0.0) {
             return hit;
         }
-        // The level may lie beyond the samples, which are on different sides of the surface itself: a gap thinner than
-        // twice the level is shared out at its middle, and an end of the edge is warped to where it is.
+        // The level may lie beyond the samples, which are on different sides of the surface itself. A gap thinner than
+        // twice the level is then divided at its middle, and at an end of the edge the node will be warped to where it
+        // already is.
         let (inner, outer) = if from.1 < to.1 { (from, to) } else { (to, from) };
         if outer.1 <= self.level {
             return outer.0;
@@ -201,8 +209,8 @@ impl Search<'_> {
 }
 
 impl Cuts {
-    /// Edges of nodes taken in: whole between two inside ends; otherwise cut past the last crossing, and no nearer to
-    /// the node than the angles can bear.
+    /// Treats the edges of nodes that were taken in: an edge between two inside ends becomes uncut; any other is cut
+    /// beyond its last hit, but no nearer to the node than the angles allow.
     fn leave_taken(&mut self, lattice: &Lattice, edges: &[Edge], leaves: &mut [Leave], taken: &[u32]) {
         for &n in taken {
             for m in lattice.neighbours(n) {
@@ -226,10 +234,11 @@ impl Cuts {
         }
     }
 
-    /// Moves every node with a cut too near onto the nearest of these, in node order. A warped node takes the cuts of
-    /// its edges away from their other ends.
+    /// Moves every node with cuts too near onto the nearest of these, in node order. Edges to a node that was warped
+    /// earlier have lost their cuts and are ignored.
     fn warp(&mut self, lattice: &Lattice, edges: &[Edge], leaves: &[Leave]) {
-        // Node, share of the edge from this node, other node; of an edge with one cut both ends see it.
+        // Node, share of the edge from it to the cut, other node. If an edge has one cut, both ends are tested against
+        // it.
         let mut near: Vec<(u32, f64, u32)> = Vec::new();
         for (edge, leave) in edges.iter().zip(leaves) {
             let [a, b] = edge.nodes;
@@ -255,11 +264,12 @@ impl Cuts {
         }
     }
 
-    /// Joins the ends of edges that a triangle with two joining edges, at an inside node, joins anyway: without this two
-    /// tetrahedra could see a face they share in different ways.
+    /// Connects the ends of an edge again if a triangle connects them by its other two edges through an inside node:
+    /// otherwise two tetrahedra could disagree about a face that they share.
     pub(super) fn join(&mut self, lattice: &Lattice) {
         let side = &self.side;
-        // Other edges have a cut, or lie in the surface.
+        // Only edges with an inside end and no outside end can connect limbs: any other edge has a cut or lies in the
+        // surface.
         self.apart.retain(|&(a, b)| {
             let ends = [a, b].map(|n| side[n as usize]);
             ends.contains(&Side::Inside) && !ends.contains(&Side::Outside)

@@ -1,4 +1,5 @@
-//! The cut lattice filled: pieces of all tetrahedra, their corners numbered, all of positive volume.
+//! Fills the cut lattice: collects the pieces (stencil tetrahedra) of all lattice tetrahedra, numbers their corners,
+//! and gives all positive volume.
 
 use std::collections::HashMap;
 
@@ -10,14 +11,15 @@ use super::stencil::{Corner, Piece, pieces};
 use crate::prepare::lattice::Lattice;
 use crate::prepare::quality::dihedral;
 
-/// Tetrahedra and what their nodes are.
+/// A filling: tetrahedra, their nodes' positions (m), and the lattice node or cut that each node stands for.
 pub(super) struct Filling {
     pub corners: Vec<Corner>,
     pub nodes: Vec<DVec3>,
     pub tetrahedra: Vec<[u32; 4]>,
 }
 
-/// Fills the inside, limb by limb, with the nodes in lattice order.
+/// Fills the inside; nodes are numbered in lattice order. The *limbs* (parts of the solid with a narrow gap between
+/// them) that meet in a lattice tetrahedron are filled one by one.
 pub(super) fn fill(lattice: &Lattice, octants: &Octants, cuts: &Cuts) -> Filling {
     let place = |corner: Corner| match corner {
         Corner::Node(n) => cuts.warped.get(&n).copied().unwrap_or_else(|| lattice.position(n)),
@@ -28,7 +30,7 @@ pub(super) fn fill(lattice: &Lattice, octants: &Octants, cuts: &Cuts) -> Filling
         let side = nodes.map(|n| cuts.side[n as usize]);
         for side in limbs(cuts, nodes, side) {
             let choices = pieces(lattice, nodes, side);
-            // Where there is a choice, the best worst angle; one choice is not measured.
+            // Of several choices, the one with the best worst angle is taken.
             let best = if choices.len() < 2 {
                 choices.into_iter().next()
             } else {
@@ -40,7 +42,7 @@ pub(super) fn fill(lattice: &Lattice, octants: &Octants, cuts: &Cuts) -> Filling
     number(found, place)
 }
 
-/// The worst angle of some pieces, counted from 0 or 180 degrees.
+/// The worst dihedral angle of some pieces: its difference from 0 or 180 degrees, whichever is less.
 fn worst(pieces: &[Piece], place: impl Fn(Corner) -> DVec3) -> f64 {
     let of = |piece: &Piece| {
         let (least, largest) = dihedral(piece.map(&place));
@@ -49,8 +51,8 @@ fn worst(pieces: &[Piece], place: impl Fn(Corner) -> DVec3) -> f64 {
     pieces.iter().map(of).fold(f64::INFINITY, f64::min)
 }
 
-/// The sides of a tetrahedron's corners as seen from each limb in it: for one, the inside nodes of others are outside,
-/// and so are nodes on the surface that no edge joins to it.
+/// The sides of a tetrahedron's corners as seen from each limb in it: for one limb, inside nodes of another limb are
+/// outside, and so are nodes on the surface that no edge connects to the limb.
 fn limbs(cuts: &Cuts, nodes: [u32; 4], side: [Side; 4]) -> Vec<[Side; 4]> {
     let inside = |k: &usize| side[*k] == Side::Inside;
     if (0..4).all(|k| !inside(&k)) {
@@ -62,7 +64,7 @@ fn limbs(cuts: &Cuts, nodes: [u32; 4], side: [Side; 4]) -> Vec<[Side; 4]> {
     }
     let mut limbs = Vec::new();
     for first in (0..4).filter(inside) {
-        // Joining is transitive over inside nodes, so the least of a limb stands for it.
+        // Connection is transitive among inside nodes, so that the first node of a limb can represent it.
         if (0..first).filter(inside).any(|k| joined(k, first)) {
             continue;
         }
@@ -74,7 +76,7 @@ fn limbs(cuts: &Cuts, nodes: [u32; 4], side: [Side; 4]) -> Vec<[Side; 4]> {
     limbs
 }
 
-/// Numbers the corners, lattice nodes in order and each followed by the cuts of its edges.
+/// Numbers the corners in lattice order: each lattice node is followed by the cuts on its edges.
 fn number(pieces: Vec<Piece>, place: impl Fn(Corner) -> DVec3) -> Filling {
     let mut corners: Vec<Corner> = Vec::new();
     let mut seen: HashMap<Corner, u32> = HashMap::new();

@@ -1,21 +1,24 @@
-//! Coarser cells inside: an octree over the background lattice, and the tetrahedra between octants of any size.
+//! Larger cells inside the solid: an octree over the cells of the background lattice, and the tetrahedra between its
+//! octants. An *octant* of level l is a cube of 2^l cells along each side.
 //!
-//! As in the paper: two octants of one size share four tetrahedra, bisected where an octant next to them is smaller; an
-//! octant next to four smaller ones gets eight quarters, they get half pyramids. No such tetrahedron comes near the
-//! surface, so none is ever cut or warped: their angles are 35 degrees and more.
+//! As in the paper, two octants of one size share four tetrahedra on their common face; one of these is bisected if an
+//! octant beside its outer edge is smaller. An octant with four smaller ones on a face gets eight tetrahedra there, and
+//! the smaller ones get half pyramids. Octants larger than a cell stay away from the surface, so that their tetrahedra
+//! are never cut or warped, and have angles of 35 degrees and more.
 
 use super::sample::Field;
 use crate::prepare::distance::Solid;
 use crate::prepare::lattice::Lattice;
 
-/// Depth that an octant larger than a cell keeps from the surface, in cells: its neighbours then have no cuts, and their
-/// nodes are not warped.
+/// Least distance of an octant larger than a cell from the surface, in cells: its neighbours then have no cuts, and
+/// their nodes are not warped.
 const DEEP: f64 = 2.0;
 
-/// The same for surfaces with holes, where the inside ends far from any triangle: so many cells around are inside.
+/// Number of cells around such an octant that must be inside, for surfaces with holes, where the inside may end far
+/// from any triangle.
 const RING: usize = 2;
 
-/// Whether all nodes of the cells of an octant and of [`RING`] cells around are inside.
+/// Whether all nodes of an octant's cells and of [`RING`] cells around it are inside.
 fn all_inside(lattice: &Lattice, field: &Field, low: [usize; 3], size: usize) -> bool {
     let cells = |k: usize| low[k] - RING..=low[k] + size + RING;
     cells(2).all(|z| {
@@ -28,13 +31,13 @@ fn all_inside(lattice: &Lattice, field: &Field, low: [usize; 3], size: usize) ->
     })
 }
 
-/// For each cell, the level of the octant that it is in: its size is 2^level cells.
+/// The level of the octant that contains each cell.
 pub(super) struct Octants {
     level: Vec<u8>,
 }
 
 impl Octants {
-    /// Octants of up to `grade` cells (1, 2, 4, ...), of which any two that touch differ by one level at most.
+    /// Octants of up to `grade` cells a side (1, 2, 4, ...); any two that touch differ by at most one level.
     pub(super) fn new(solid: &Solid, lattice: &Lattice, field: &Field, grade: u32) -> Self {
         let mut octants = Octants { level: vec![0; lattice.size().iter().product()] };
         for level in 1..=grade.ilog2() as u8 {
@@ -46,7 +49,8 @@ impl Octants {
         octants
     }
 
-    /// Low cells of the places where an octant of a level is deep enough, and all that touches it at least half as large.
+    /// Low cells of all places where an octant of a level fits: it lies deep enough, and everything around it has at
+    /// least the level below.
     fn candidates(&self, solid: &Solid, lattice: &Lattice, field: &Field, level: u8) -> Vec<[usize; 3]> {
         let (size, half) = (1 << level, 1 << (level - 1));
         let mut found = Vec::new();
@@ -71,7 +75,7 @@ impl Octants {
         found
     }
 
-    /// Whether the octant at `low` and the half-sized ones around it all have at least the level below.
+    /// Whether the octant at `low` and everything within half its size around it have at least the level below.
     fn ring_reaches(&self, lattice: &Lattice, low: [usize; 3], level: u8) -> bool {
         let (size, half) = (1usize << level, 1usize << (level - 1));
         let steps = |k: usize| (low[k] - half..low[k] + size + half).step_by(half);
@@ -86,14 +90,14 @@ impl Octants {
         }
     }
 
-    /// Calls `f` with the nodes of every tetrahedron, of positive or negative volume.
+    /// Calls `f` with the nodes of every tetrahedron; their volumes may have either sign.
     pub(super) fn each(&self, lattice: &Lattice, mut f: impl FnMut([u32; 4])) {
         let faces = Faces { lattice, level: &self.level };
         lattice.each_cell(|cell| faces.each(cell, &mut f));
     }
 }
 
-/// Tetrahedra on the faces of octants.
+/// Makes the tetrahedra on the faces of octants.
 struct Faces<'a> {
     lattice: &'a Lattice,
     level: &'a [u8],
@@ -121,14 +125,14 @@ impl Faces<'_> {
         }
     }
 
-    /// The level of the cell above along an axis; 0 beyond the lattice.
+    /// Level of the next cell along an axis; 0 beyond the lattice.
     fn level_above(&self, mut cell: [usize; 3], axis: usize) -> u8 {
         cell[axis] += 1;
         if cell[axis] < self.lattice.size()[axis] { self.level[self.lattice.place(cell)] } else { 0 }
     }
 
-    /// The tetrahedra of the octant at `cell` on its low or high face along `axis`; of the two octants of one size the
-    /// upper one has those between both.
+    /// Makes the tetrahedra of the octant at `cell` on its low or high face along `axis`. Those between two octants of
+    /// one size are made by the upper one.
     fn face(&self, cell: [usize; 3], level: u8, axis: usize, high: bool, f: &mut impl FnMut([u32; 4])) {
         let size = 1usize << level;
         let mut beyond = cell;
@@ -145,7 +149,7 @@ impl Faces<'_> {
         if other > level {
             return self.half_pyramids(centre, base, width, axis, f);
         }
-        // The four corners around the face, and the points between them.
+        // The four corners of the face, in order around it.
         let at = |u: i32, v: i32| {
             let mut p = base;
             p[(axis + 1) % 3] += u;
@@ -172,11 +176,12 @@ impl Faces<'_> {
         }
     }
 
-    /// Between a small octant's centre and its face on a larger octant; the larger one's face is split along the lines
-    /// from its centre to its corners.
+    /// Makes the tetrahedra between a small octant's centre and its face on a larger octant. The larger octant's face
+    /// is split by lines from its centre to its corners.
     fn half_pyramids(&self, centre: [i32; 3], base: [i32; 3], width: i32, axis: usize, f: &mut impl FnMut([u32; 4])) {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        // A corner of this face is a corner of the larger octant where both coordinates are multiples of its width.
+        // This corner is a corner of the larger octant if both coordinates in the face are multiples of the larger
+        // octant's width.
         let is_corner = |p: &[i32; 3]| p[u] % (2 * width) == 0 && p[v] % (2 * width) == 0;
         let at = |i: i32, j: i32| {
             let mut p = base;
@@ -192,7 +197,7 @@ impl Faces<'_> {
         }
     }
 
-    /// Whether the middle of an edge of octants of a level is a corner of a smaller octant around it.
+    /// Whether the midpoint of an edge between octants of a level is a corner of a smaller octant beside it.
     fn is_split(&self, middle: [i32; 3], level: u8) -> bool {
         (0..8).any(|k: usize| {
             let cell = [0, 1, 2].map(|i| (middle[i] / 2 - (k >> i & 1) as i32) as usize);
@@ -200,7 +205,7 @@ impl Faces<'_> {
         })
     }
 
-    /// Hands on a tetrahedron given by places in half cells.
+    /// Passes on a tetrahedron given by positions in half cells, if the lattice has all its nodes.
     fn give(&self, places: [[i32; 3]; 4], f: &mut impl FnMut([u32; 4])) {
         let nodes = places.map(|p| self.lattice.node(p));
         if let [Some(a), Some(b), Some(c), Some(d)] = nodes {

@@ -1,12 +1,15 @@
-//! Layers made around any surface: isosurface stuffing (F. Labelle and J. Shewchuk 2007), limb by limb.
+//! Fills any surface with a layer (tetrahedral mesh) by isosurface stuffing (F. Labelle and J. Shewchuk 2007).
 //!
-//! The signed distance is sampled at a body-centred lattice (`sample`), the lattice cut and warped (`cut`), and every
-//! tetrahedron's inside filled by a stencil (`stencil`, `fill`); deep inside, octants make larger tetrahedra (`grade`).
-//! All dihedral angles are above 10 degrees whatever the surface, as the bound rests on the lattice alone.
+//! The signed distance from the surface is sampled at the nodes of a body-centred cubic lattice (`sample`); the lattice
+//! is cut where its edges leave the solid, and warped so that no cut is too near a node (`cut`); the inside part of
+//! every lattice tetrahedron is filled by a stencil (`stencil`, `fill`); deep inside, an octree makes larger tetrahedra
+//! (`grade`). All dihedral angles are above 10 degrees for any surface, because the bound depends on the lattice alone.
 //!
-//! Beyond the paper: the level is shifted by a small share of a cell so that the volume agrees, as chords of a convex
-//! surface lose some; lattice edges that leave the solid between two inside ends join nothing, so limbs closer than a
-//! cell stay apart; what could not be kept apart, or is too thin for the lattice, is counted and placed in the report.
+//! There are three additions to the paper. The surface is drawn at a *level*, a signed distance slightly off zero (the
+//! *shift*), so that the volume agrees, which chords of a convex surface would reduce. A lattice edge that leaves the
+//! solid between two inside ends connects nothing, so that *limbs* (parts of the solid with a gap narrower than a cell
+//! between them) stay separate. Outside nodes are *taken in*, that is, count as inside, where a feature is thinner than
+//! the lattice (`thin`). The report counts and locates what could not be kept separate or is too thin.
 
 mod cut;
 mod fill;
@@ -30,44 +33,46 @@ use super::{Layer, layer, mass};
 pub use report::{Crossing, Crossings, Dropped, LayerReport, Thickened};
 use stencil::Corner;
 
-/// A layer has at most this many tetrahedra; more would not fit the step, whatever the device.
+/// Greatest number of tetrahedra in a layer; more would not fit the step on any GPU.
 pub const MAX_TETRAHEDRA: f64 = 4e6;
-/// The lattice around the skin, kept or not, has at most this many tetrahedra (a sixth of that many distances).
+/// Greatest number of tetrahedra in the whole lattice around the skin, used or not (it has a sixth of that number of
+/// nodes).
 const MAX_LATTICE: f64 = 48e6;
-/// A solid fills at least this share of its largest extent cubed.
+/// Least volume of a solid, as a share of its largest extent cubed.
 const LEAST_VOLUME: f64 = 1e-9;
-/// The level is shifted by at most this share of a cell.
+/// Greatest shift of the level, in cells.
 const MAX_SHIFT: f64 = 0.1;
-/// The shift is good enough when the volume agrees to this.
+/// Relative difference of the volumes at which a shift is good enough.
 const AGREEMENT: f64 = 1e-3;
-/// Shifts tried at most.
+/// Greatest number of fillings with different shifts.
 const TRIALS: usize = 4;
-/// Largest grade.
+/// Greatest allowed grade.
 const MAX_GRADE: u32 = 8;
 
-/// What layer to make.
+/// Parameters of the layer to be made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Edge of the lattice's cubes, m.
+    /// Edge of the lattice's cubic cells, m.
     pub cell: f64,
-    /// Largest cell deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
+    /// Greatest cell edge deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
     pub grade: u32,
-    /// Only tetrahedra with a node less deep than this (m) are kept: a shell.
+    /// Makes a shell: only tetrahedra that have a node less deep than this (m) are kept. `None`: a full layer.
     pub thickness: Option<f64>,
 }
 
 impl Options {
-    /// Equal cells throughout.
+    /// The same cell size throughout, and no shell.
     pub fn uniform(cell: f64) -> Self {
         Options { cell, grade: 1, thickness: None }
     }
 }
 
-/// Fills a surface (vertices in m, triangles counter-clockwise seen from outside) with tetrahedra, no node bound.
+/// Fills a surface (vertices in m, triangles counter-clockwise seen from outside) with tetrahedra; no node is attached
+/// to a core.
 ///
-/// The surface may be open, folded over or partly turned: inside is where it winds around a point by more than one half.
-/// Errors, each with its remedy: a surface smaller than a cell, more than [`MAX_TETRAHEDRA`], nothing inside, a
-/// coordinate that is not finite.
+/// The surface may be open, folded over or partly oriented inwards: a point is inside if its winding number is above
+/// one half. Errors, each with its remedy: a surface smaller than a cell, more than [`MAX_TETRAHEDRA`], nothing inside,
+/// a coordinate that is not finite.
 pub fn stuff(vertices: &[DVec3], triangles: &[[u32; 3]], options: &Options) -> Result<(Layer, LayerReport), String> {
     let start = Instant::now();
     let low = vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -81,7 +86,7 @@ pub fn stuff(vertices: &[DVec3], triangles: &[[u32; 3]], options: &Options) -> R
     let edges = sample::edges(&solid, &lattice, &field.value);
     let octants = grade::Octants::new(&solid, &lattice, &field, options.grade);
     let (surface_volume, clean) = volume::target(&solid, &lattice, &field, vertices, triangles);
-    // Written so that a NaN is refused too.
+    // The condition refuses a NaN too.
     if surface_volume.is_nan() || surface_volume <= LEAST_VOLUME * (high - low).max_element().powi(3) {
         return Err("the surface encloses nothing: it is turned inside out, flat, or too open; turn or close it".into());
     }
@@ -130,7 +135,7 @@ fn check(vertices: &[DVec3], triangles: &[[u32; 3]], extent: DVec3, options: &Op
     Ok(())
 }
 
-/// All that stays the same while the level is shifted.
+/// Everything that does not change with the level.
 struct Surface<'a> {
     vertices: &'a [DVec3],
     triangles: &'a [[u32; 3]],
@@ -143,11 +148,11 @@ struct Surface<'a> {
     options: &'a Options,
 }
 
-/// One filling.
+/// The result of one filling at a certain shift of the level.
 struct Filled {
     layer: Layer,
     shift: f64,
-    /// Volume of the layer and of what a shell leaves out, m^3.
+    /// Volume of the layer and of the inside that a shell leaves out, m^3.
     volume: f64,
     parts: usize,
     dropped: Vec<parts::Dropped>,
@@ -158,8 +163,8 @@ struct Filled {
 }
 
 impl Surface<'_> {
-    /// The filling whose volume is nearest to the wanted one, by secants from the level 0; shifts beyond
-    /// [`MAX_SHIFT`] cells are not made.
+    /// The filling whose volume is nearest to the wanted one, by the secant method from level 0. Shifts beyond
+    /// [`MAX_SHIFT`] cells are not tried.
     fn fill_to(&self, volume: f64, area: f64) -> Filled {
         let most = MAX_SHIFT * self.options.cell;
         let mut best = self.fill(0.0);

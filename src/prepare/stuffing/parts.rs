@@ -1,5 +1,5 @@
-//! What holds together: nodes where only corners or edges touch are doubled, and bits that no feature of the surface
-//! needs are dropped.
+//! Connectivity of the filling: duplicates nodes at which tetrahedra touch by a corner or an edge only, and removes
+//! small separate parts (*bits*).
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use crate::prepare::distance::Solid;
 use crate::prepare::layer::FACES;
 use crate::prepare::skin::{self, Sets};
 
-/// A node on the surface.
+/// Whether a corner lies on the surface: a warped node or a cut.
 fn on_surface(cuts: &Cuts, corner: Corner) -> bool {
     match corner {
         Corner::Node(n) => cuts.side[n as usize] == Side::On,
@@ -21,8 +21,8 @@ fn on_surface(cuts: &Cuts, corner: Corner) -> bool {
     }
 }
 
-/// Doubles every surface node whose tetrahedra do not hang together by faces that the solid passes through; returns how
-/// many nodes were added.
+/// Duplicates every surface node whose tetrahedra are not connected by faces with material behind them; returns the
+/// number of nodes added.
 pub(super) fn split(solid: &Solid, cuts: &Cuts, filling: &mut Filling) -> usize {
     let surface: Vec<bool> = filling.corners.iter().map(|&c| on_surface(cuts, c)).collect();
     let near: Vec<u32> = (0..filling.tetrahedra.len() as u32)
@@ -52,7 +52,8 @@ pub(super) fn split(solid: &Solid, cuts: &Cuts, filling: &mut Filling) -> usize 
     filling.nodes.len() - before
 }
 
-/// Wedges, which are the tetrahedra `near` the surface at one of their corners, joined across the faces they share.
+/// Joins *wedges* across shared faces. A wedge is a tetrahedron in `near` (those at the surface) together with one of
+/// its corners.
 fn joined_wedges(solid: &Solid, filling: &Filling, surface: &[bool], near: &[u32]) -> Sets {
     let mut faces: Vec<([u32; 3], u32, u8)> = Vec::with_capacity(4 * near.len());
     for (local, &t) in near.iter().enumerate() {
@@ -89,15 +90,15 @@ fn leaves(solid: &Solid, a: DVec3, b: DVec3) -> bool {
     hits.windows(2).any(|pair| solid.signed(a.lerp(b, (pair[0] + pair[1]) / 2.0)) > 0.0)
 }
 
-/// A bit that was dropped: its tetrahedra, volume (m^3) and one of its nodes.
+/// A part that was removed: its number of tetrahedra, its volume (m^3) and the position of one of its nodes (m).
 pub(super) struct Dropped {
     pub tetrahedra: usize,
     pub volume: f64,
     pub place: DVec3,
 }
 
-/// Drops the parts that are not the largest (in volume) of any connected part of the surface that they touch; returns
-/// how many parts stay, and what went.
+/// Removes each part that is not the largest (by volume) at any connected piece of the surface that it touches; returns
+/// the number of parts that stay, and those removed.
 pub(super) fn drop_bits(
     solid: &Solid,
     (vertices, triangles): (&[DVec3], &[[u32; 3]]),
@@ -122,7 +123,8 @@ pub(super) fn drop_bits(
     }
     let (pieces, piece_count) = skin::parts(vertices.len(), triangles);
     let mut largest: Vec<Option<u32>> = vec![None; piece_count];
-    // From an inside node the nearest surface is its own part's; a node on the surface may be on a neighbour's.
+    // Inside nodes are nearest to the surface of their own part; a node on the surface may lie on that of a
+    // neighbouring part.
     let mut asked = vec![false; filling.nodes.len()];
     let touches = |t: &&[u32; 4]| t.iter().any(|&n| on_surface(cuts, filling.corners[n as usize]));
     for &n in filling.tetrahedra.iter().filter(touches).flatten() {
@@ -143,7 +145,7 @@ pub(super) fn drop_bits(
     (stay, bits.into_iter().zip(kept).filter(|b| !b.1).map(|b| b.0).collect())
 }
 
-/// Removes nodes of no tetrahedron.
+/// Removes nodes that belong to no tetrahedron.
 pub(super) fn compact(filling: &mut Filling) {
     let mut number = vec![NONE; filling.nodes.len()];
     filling.tetrahedra.iter().flatten().for_each(|&n| number[n as usize] = 0);

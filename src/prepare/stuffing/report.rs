@@ -1,4 +1,5 @@
-//! What stuffing reports: sizes, shapes, volumes, and everything that the lattice could not follow.
+//! The report on a filled layer: sizes, angles, volumes, and everything of the surface that the lattice could not
+//! follow. Positions and lengths are in the coordinates of the surface.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,63 +7,65 @@ use super::{Filled, parts, total};
 use crate::prepare::lattice::Lattice;
 use crate::prepare::quality::quality;
 
-/// Places listed in a report at most, worst first.
+/// Greatest number of places listed in a report; the worst come first.
 const PLACES: usize = 100;
 
-/// A lattice edge that the solid crosses in a way the layer cannot follow.
+/// A lattice edge that passes a gap or a piece of material which the layer does not follow.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Crossing {
-    /// Middle of the edge, m.
+    /// Midpoint of the edge, m.
     pub place: [f64; 3],
-    /// Length of the gap, or of the material, on the edge, m.
+    /// Length of the gap, or of the material, along the edge, m.
     pub width: f64,
 }
 
-/// Crossings of one kind.
+/// Lattice edges of one kind that the layer does not follow.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Crossings {
-    /// How many lattice edges.
+    /// Number of such edges.
     pub count: usize,
-    /// The widest, widest first.
+    /// The edges with the widest gap or material, widest first.
     pub widest: Vec<Crossing>,
 }
 
-/// Nodes taken in.
+/// Lattice nodes outside the surface that count as inside (are *taken in*) for the sake of thin features.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Thickened {
-    /// How many.
+    /// Number of such nodes.
     pub nodes: usize,
-    /// The farthest from the surface, farthest first, m.
+    /// Positions of those farthest from the surface, farthest first, m.
     pub places: Vec<[f64; 3]>,
 }
 
-/// Loose bits of the filling, left out of the layer: parts that are not the largest of any connected surface they touch.
+/// Small parts of the filling that were left out of the layer: those that are the largest at no connected piece of the
+/// surface.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Dropped {
-    /// How many.
+    /// Number of parts left out.
     pub parts: usize,
-    /// Their tetrahedra.
+    /// Number of their tetrahedra.
     pub tetrahedra: usize,
     /// Their volume, m^3.
     pub volume: f64,
-    /// A node of each of the largest, largest first, m.
+    /// One node of each of the largest parts, largest first, m.
     pub places: Vec<[f64; 3]>,
 }
 
-/// What was made, and what was not.
+/// The report on a layer that was made by filling a surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LayerReport {
-    /// Nodes.
+    /// Number of nodes.
     pub nodes: usize,
-    /// Tetrahedra.
+    /// Number of tetrahedra.
     pub tetrahedra: usize,
     /// Volume of the layer, m^3.
     pub volume: f64,
-    /// Volume inside the surface, m^3; where it is not closed and clean, by winding numbers.
+    /// Volume inside the surface, m^3; if the surface is not closed or not clean, that of the points with a winding
+    /// number above one half.
     pub surface_volume: f64,
-    /// Whether the surface is closed and winds once around its inside.
+    /// Whether the surface is closed and has a winding number of 0 or 1 everywhere.
     pub clean: bool,
-    /// Volume of the layer, with the inside that a shell leaves out, over that of the surface, less one.
+    /// Volume of the layer, including the inside that a shell leaves out, over that of the surface, less one.
     pub volume_difference: f64,
     /// Outward shift of the surface that made the volumes agree, m.
     pub shift: f64,
@@ -72,26 +75,26 @@ pub struct LayerReport {
     pub first_percentile_dihedral: f64,
     /// Largest dihedral angle, degrees.
     pub largest_dihedral: f64,
-    /// Parts of the layer that share no node.
+    /// Number of parts of the layer that share no node.
     pub parts: usize,
-    /// Bits left out.
+    /// Small parts left out of the layer.
     pub dropped: Dropped,
-    /// Lattice edges across a gap whose sides were kept apart.
+    /// Number of lattice edges across a gap whose sides were kept separate.
     pub separated: usize,
-    /// Nodes doubled where limbs only touched.
+    /// Number of nodes duplicated where parts only touched.
     pub doubled: usize,
-    /// Lattice edges across a gap that is filled: both sides hang together within a cell.
+    /// Lattice edges across a gap that is filled: both sides are connected within a cell.
     pub welded: Crossings,
-    /// Lattice nodes outside the surface that were taken in, so that features thinner than a cell hang together.
+    /// Lattice nodes outside the surface that count as inside, so that features thinner than a cell stay connected.
     pub thickened: Thickened,
     /// Lattice edges through material that the layer lacks: features thinner than a cell, and sharp edges.
     pub lost: Crossings,
-    /// Wall-clock seconds; left out where the report is kept, which is to be the same every time.
+    /// Wall-clock time, s; it is not stored with a cached report, which must be the same in every run.
     #[serde(skip)]
     pub seconds: f64,
 }
 
-/// The report's view of some crossed lattice edges.
+/// The report's entry for some lattice edges, given by their nodes and widths.
 fn crossings(mut edges: Vec<([u32; 2], f64)>, lattice: &Lattice) -> Crossings {
     edges.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     let place = |nodes: [u32; 2]| (lattice.position(nodes[0]) + lattice.position(nodes[1])) / 2.0;
@@ -100,7 +103,7 @@ fn crossings(mut edges: Vec<([u32; 2], f64)>, lattice: &Lattice) -> Crossings {
 }
 
 impl Filled {
-    /// The report on this filling of a surface, with the nodes that were taken in.
+    /// The report on this filling of a surface; `taken` are the nodes that were taken in.
     pub(super) fn report(
         &self,
         surface_volume: f64,

@@ -1,5 +1,5 @@
-//! What stuffing knows of the solid: signed distances at lattice nodes, and samples along the lattice edges near the
-//! surface. Found once; the level that the volume asks for is applied later (`cut.rs`).
+//! Samples the solid for isosurface stuffing: signed distances at lattice nodes, and samples along the lattice edges
+//! near the surface. They are computed once; the level at which the surface is drawn is applied later (`cut.rs`).
 
 use std::sync::Mutex;
 
@@ -8,35 +8,36 @@ use glam::DVec3;
 use crate::prepare::distance::{HALF, Solid};
 use crate::prepare::lattice::Lattice;
 
-/// Cells along the edge of the largest blocks that are told inside or outside at once.
+/// Edge length, in cells, of the largest block that is classified as inside or outside by a single test.
 const BLOCK: usize = 8;
-/// A winding number this far from 0 and 1 means that the surface is open, folded over or turned: dipoles and solid
-/// angles err by less.
+/// A winding number that differs by this much from both 0 and 1 means that the surface is open, folded over or partly
+/// oriented inwards: the error of dipoles and solid angles is smaller.
 const CLEAN: f64 = 0.2;
 
-/// A stretch of an edge whose middle is nearer to the surface than this share of its length only grazes it: the chord of
-/// a bulge or a hollow that is shallow against the cell, no gap and no limb.
+/// A stretch of an edge whose middle is nearer to the surface than this share of the stretch's length only grazes it:
+/// it is the chord of a bulge or hollow that is shallow compared with the cell, and neither a gap nor a limb.
 const GRAZING: f64 = 0.15;
 
-/// Signed distances at the nodes of a lattice.
+/// Signed distance from the surface at every node of a lattice.
 pub(super) struct Field {
-    /// Distance to the surface, negative inside (m): exact up to the `reach` asked for, at least `reach` beyond it.
+    /// Signed distance, m, negative inside: exact up to the requested `reach` from the surface, at least `reach` in
+    /// magnitude beyond it.
     pub value: Vec<f64>,
-    /// Whether every winding number met was about 0 or 1.
+    /// Whether every winding number that was computed was about 0 or 1.
     pub clean: bool,
 }
 
 /// A lattice edge that may meet the surface.
 pub(super) struct Edge {
-    /// Its nodes, the lesser first.
+    /// Its nodes, the lower index first.
     pub nodes: [u32; 2],
-    /// Shares of the edge where it meets the surface, ascending.
+    /// Hits of the edge on the surface, as ascending shares of its length.
     pub hits: Vec<f64>,
-    /// Signed distances (m) at shares of the edge: both ends, and between every two hits.
+    /// Shares of the edge with the signed distance (m) there: at both ends, and between every two successive hits.
     pub samples: Vec<(f64, f64)>,
 }
 
-/// Calls `work` with every index and chunk of `items`, on all processors; each chunk is written by one of them.
+/// Splits `items` into runs of `chunk` and calls `work` with the index and the items of each run, on all processors.
 pub(super) fn in_parallel<T: Send>(items: &mut [T], chunk: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     let queue = Mutex::new(items.chunks_mut(chunk).enumerate());
     let next = || queue.lock().ok().and_then(|mut queue| queue.next());
@@ -52,8 +53,8 @@ pub(super) fn in_parallel<T: Send>(items: &mut [T], chunk: usize, work: impl Fn(
     });
 }
 
-/// Signed distances at all nodes, exact within `reach` (m) of the surface. Nothing beyond the box from `low` to `high`
-/// is inside.
+/// Signed distances at all nodes, exact within `reach` (m) of the surface. No point outside the box from `low` to
+/// `high` is inside the solid.
 pub(super) fn field(solid: &Solid, lattice: &Lattice, (low, high): (DVec3, DVec3), reach: f64) -> Field {
     let [nx, ny, nz] = lattice.size();
     let mut value = vec![0.0; lattice.node_count()];
@@ -73,7 +74,7 @@ pub(super) fn field(solid: &Solid, lattice: &Lattice, (low, high): (DVec3, DVec3
     Field { value, clean: clean.into_inner() }
 }
 
-/// Blocks of cells of one slab of the lattice, whose first node is `first`.
+/// Classifies blocks of cells in one slab of the lattice, whose first node is `first`.
 struct Blocks<'a> {
     solid: &'a Solid,
     lattice: &'a Lattice,
@@ -84,8 +85,8 @@ struct Blocks<'a> {
 }
 
 impl Blocks<'_> {
-    /// Fills in the nodes of the cells `from..end`; whether all winding numbers were clean. A ball that the surface
-    /// does not enter is wholly inside or outside, so one winding number serves the block in it.
+    /// Fills in the nodes of the cells `from..end`; returns whether all winding numbers were clean. A ball that the
+    /// surface does not enter lies wholly inside or outside, so that one winding number serves the block in it.
     fn fill(&self, from: [usize; 3], end: [usize; 3], values: &mut [f64]) -> bool {
         let low = self.lattice.at(from.map(|c| 2 * c as i32));
         let high = self.lattice.at(end.map(|c| 2 * c as i32 - 1));
@@ -93,7 +94,8 @@ impl Blocks<'_> {
         let distance = self.solid.distance(centre);
         if distance > radius + self.reach {
             let (sign, clean) = self.side(centre);
-            // Of an open surface, the winding number passes one half in the open: there each node is asked.
+            // If the surface is open, the winding number crosses one half away from any triangle: each node is then
+            // tested.
             if clean {
                 self.each(from, end, |node, at| values[node] = sign * (distance - at.distance(centre)));
                 return true;
@@ -121,7 +123,7 @@ impl Blocks<'_> {
         clean
     }
 
-    /// -1 inside, 1 outside; and whether the winding number is that of a clean surface.
+    /// Sign of the distance (-1 inside, 1 outside), and whether the winding number is that of a clean surface.
     fn side(&self, at: DVec3) -> (f64, bool) {
         if at.cmplt(self.low).any() || at.cmpgt(self.high).any() {
             return (1.0, true);
@@ -131,7 +133,7 @@ impl Blocks<'_> {
         (if inside { -1.0 } else { 1.0 }, (winding - f64::from(u8::from(inside))).abs() < CLEAN)
     }
 
-    /// Nodes of cells, as places in the slab, and their positions.
+    /// Calls `f` with each node of the cells `from..end`, as index within the slab, and its position.
     fn each(&self, from: [usize; 3], end: [usize; 3], mut f: impl FnMut(usize, DVec3)) {
         for (z, y) in (from[2]..end[2]).flat_map(|z| (from[1]..end[1]).map(move |y| (z, y))) {
             for x in from[0]..end[0] {
@@ -150,8 +152,8 @@ pub(super) fn edges(solid: &Solid, lattice: &Lattice, value: &[f64]) -> Vec<Edge
         let from = lattice.position(a);
         for b in lattice.neighbours(a).filter(|&b| b > a) {
             let (va, vb) = (value[a as usize], value[b as usize]);
-            // A crossing lies within both distances of its ends. Ends on different sides need no such room: of an open
-            // surface, the winding number passes one half far from any triangle.
+            // A hit lies within the distances of both ends. An edge with ends on different sides is always taken,
+            // because the winding number of an open surface crosses one half far from any triangle.
             let length = lattice.position(b).distance(from);
             if va.abs() + vb.abs() <= 1.001 * length || (va < 0.0) != (vb < 0.0) {
                 edges.push(Edge { nodes: [a, b], hits: Vec::new(), samples: vec![(0.0, va), (1.0, vb)] });

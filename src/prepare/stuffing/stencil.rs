@@ -1,13 +1,15 @@
-//! The part of one lattice tetrahedron that lies inside: the stencils of isosurface stuffing.
+//! Stencils of isosurface stuffing: split the part of one lattice tetrahedron that lies inside the solid into
+//! tetrahedra (*pieces*).
 //!
-//! A face with two inside corners and two cuts is a quadrilateral that two tetrahedra share; both must draw the same
-//! diagonal. Where one cut is on the long edge, the diagonal ends at it; where both are on short edges, it starts at the
-//! lesser or the greater of the inside nodes, by turns around their long edge, as the parity rule of the paper.
+//! A face with two inside corners and two cuts (points where its edges leave the solid) leaves a quadrilateral inside,
+//! which two tetrahedra share, so both must choose the same diagonal. If one cut is on a long lattice edge, the
+//! diagonal ends at it. If both are on short edges, the diagonal starts at the inside node with the lower or the higher
+//! index, alternately around the long edge between the inside nodes, which is the parity rule of the paper.
 
 use super::cut::Side;
 use crate::prepare::lattice::Lattice;
 
-/// A corner of a piece: a lattice node, or the cut on the edge from an inside node to another.
+/// A corner of a piece: a lattice node, or the cut on the edge from an inside node (first) to another one.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub(super) enum Corner {
     Node(u32),
@@ -16,11 +18,12 @@ pub(super) enum Corner {
 
 use Corner::{Cut, Node};
 
-/// A piece of a tetrahedron; its winding may be either.
+/// A tetrahedral piece; its volume may have either sign.
 pub(super) type Piece = [Corner; 4];
 
-/// Splits of a triangular prism with sides `top[k]`-`bottom[k]`, by the order of its columns: the diagonal between two
-/// columns goes from the top of the earlier one to the bottom of the later one.
+/// The three tetrahedra of a triangular prism whose columns are `top[k]`-`bottom[k]`. The order of the columns
+/// determines the diagonals: that between two columns goes from the top of the earlier one to the bottom of the later
+/// one.
 fn prism(top: [Corner; 3], bottom: [Corner; 3], [x, y, z]: [usize; 3]) -> [Piece; 3] {
     [
         [top[x], top[y], top[z], bottom[z]],
@@ -29,11 +32,11 @@ fn prism(top: [Corner; 3], bottom: [Corner; 3], [x, y, z]: [usize; 3]) -> [Piece
     ]
 }
 
-/// Orders of three columns.
+/// All orders of three columns.
 const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 
-/// Whether the diagonal of the face of inside nodes `a`, `b` and outside node `d` goes from `a` to the cut on b-d, and
-/// not from `b` to the cut on a-d.
+/// Direction of the diagonal on a face with inside nodes `a`, `b` and outside node `d`: true if it goes from `a` to the
+/// cut on b-d, false if from `b` to the cut on a-d.
 fn from_first(lattice: &Lattice, a: u32, b: u32, d: u32) -> bool {
     if Lattice::is_long(a, d) {
         return false;
@@ -41,17 +44,17 @@ fn from_first(lattice: &Lattice, a: u32, b: u32, d: u32) -> bool {
     if Lattice::is_long(b, d) {
         return true;
     }
-    // Going round the long edge a-b, the four nodes d alternate in the parity of the halves that are less than the
-    // edge's middle: with the edge along one axis they differ by one step along one of the others.
+    // The four nodes d around the long edge a-b differ from it by one half cell, up or down, along both axes across the
+    // edge. The number of downward differences is alternately even and odd around the edge.
     let (low, high) = (a.min(b), a.max(b));
     let (p, q, r) = (lattice.halves(low), lattice.halves(high), lattice.halves(d));
     let below = (0..3).filter(|&k| p[k] == q[k] && r[k] < p[k]).count();
     (below % 2 == 0) == (a == low)
 }
 
-/// Choices of pieces for a tetrahedron's inside part, each filling it: `side` holds the sides of its corners as seen from
-/// the limb that is filled. One choice, but for two inside and two outside corners, where the quadrilateral on the
-/// surface may be split either way.
+/// The possible lists of pieces that fill a tetrahedron's inside part. `side` is the side of each corner as seen from
+/// the limb that is filled. There is one list, except for two inside and two outside corners, where the quadrilateral
+/// on the surface may be split either way.
 pub(super) fn pieces(lattice: &Lattice, nodes: [u32; 4], side: [Side; 4]) -> Vec<Vec<Piece>> {
     let of = |wanted: Side| nodes.into_iter().zip(side).filter(move |s| s.1 == wanted).map(|s| s.0);
     let mut inside = [0; 4];

@@ -1,9 +1,10 @@
-//! Features thinner than the lattice: outside nodes taken in, so that nothing falls off and no part of the skin is left
-//! without a tetrahedron near it.
+//! Features thinner than the lattice: lattice nodes outside the solid are *taken in* (count as inside), so that no
+//! feature becomes separate and no part of the surface is left without a tetrahedron near it.
 //!
-//! The cells of the lattice's nodes (truncated octahedra) that a feature's axis passes are neighbours one after another,
-//! and none of their nodes is farther from it than 0.56 cells; so a chain of nodes follows every feature. The cheapest
-//! chains from what is filled to what is not, by E. Dijkstra 1959 with a price on the way outside, are taken in.
+//! The Voronoi cells of the lattice's nodes are truncated octahedra with a circumradius of 0.56 cell edges. Those that
+//! a feature's axis passes are successive neighbours, so that a chain of nodes within 0.56 cell edges follows every
+//! feature. The nodes of the cheapest chains from filled parts to unfilled ones are taken in; they are found by E.
+//! Dijkstra's algorithm (1959), which charges more for edges outside the solid.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -17,26 +18,26 @@ use crate::prepare::distance::Solid;
 use crate::prepare::lattice::Lattice;
 use crate::prepare::skin::{self, Sets};
 
-/// A vertex of the surface with no filled node within this many cells lies on a lost feature. A flat surface has one
-/// within 0.9, wherever it lies.
+/// A vertex of the surface without a filled node within this many cell edges lies on a lost feature. A flat surface
+/// always has one within 0.9.
 const LOST: f64 = 1.0;
-/// Nodes farther outside than this, in cells, are in no chain.
+/// Nodes farther outside than this, in cell edges, are in no chain.
 const FAR: f64 = 0.8;
-/// A cell's way at a distance of one cell outside costs as much as so many inside.
+/// Additional cost of an edge per cell edge of distance outside the solid, relative to its cost inside.
 const PRICE: f64 = 16.0;
 
-/// What holds together, node by node.
+/// Connected parts of the inside nodes, by lattice edges that stay in the solid.
 struct Limbs<'a> {
     lattice: &'a Lattice,
     field: &'a Field,
     cuts: &'a Cuts,
     /// Part of each inside node.
     label: Vec<u32>,
-    /// Parts that stay: the largest of each connected part of the surface.
+    /// For each part whether it stays: the largest part at each connected piece of the surface does.
     kept: Vec<bool>,
 }
 
-/// Outside nodes to be taken in, the farthest from the surface first.
+/// The outside nodes to be taken in, the farthest from the surface first.
 pub(super) fn taken_in(
     solid: &Solid,
     (vertices, triangles): (&[DVec3], &[[u32; 3]]),
@@ -49,7 +50,7 @@ pub(super) fn taken_in(
     let mut taken = vec![false; field.value.len()];
     let mut used = vec![false; vertices.len()];
     triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
-    // A piece without any inside node starts from the node nearest to its first vertex.
+    // A piece of the surface without any inside node starts from the node nearest to its first vertex.
     let mut filled = vec![false; piece_count];
     limbs.pieces_filled(solid, &pieces, &mut filled);
     for v in (0..vertices.len()).filter(|&v| used[v]) {
@@ -67,7 +68,7 @@ pub(super) fn taken_in(
         let end = |v: &usize| limbs.nearest(vertices[*v]);
         let mut ends: Vec<(f64, usize, u32)> =
             lost.iter().filter_map(|v| end(v).map(|n| (way[n as usize], *v, n))).collect();
-        // The farthest first: their chains serve the nearer ones.
+        // The farthest vertices come first, because their chains also serve nearer ones.
         ends.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         for (_, v, node) in ends {
             if !limbs.covers(vertices[v], &taken) {
@@ -81,7 +82,7 @@ pub(super) fn taken_in(
     nodes
 }
 
-/// Takes in a chain, from its end to where it starts.
+/// Takes in the nodes of a chain, from its end to its start.
 fn take(mut node: u32, from: &[u32], taken: &mut [bool]) {
     while node != NONE && !std::mem::replace(&mut taken[node as usize], true) {
         node = from[node as usize];
@@ -126,7 +127,7 @@ impl<'a> Limbs<'a> {
         self.cuts.side[n as usize] == Side::Inside && self.kept[self.label[n as usize] as usize]
     }
 
-    /// Marks the pieces of the surface that a kept part touches.
+    /// Marks the pieces of the surface that touch a part which stays.
     fn pieces_filled(&self, solid: &Solid, pieces: &[u32], filled: &mut [bool]) {
         let near = |n: &u32| self.is_kept(*n) && self.field.value[*n as usize].abs() < 1.5 * self.lattice.cell();
         for n in (0..self.field.value.len() as u32).filter(near) {
@@ -134,7 +135,7 @@ impl<'a> Limbs<'a> {
         }
     }
 
-    /// Nodes within some cells of a point, and their distances, m.
+    /// Nodes within `cells` cell edges of a point, and their distances from it, m.
     fn around(&self, point: DVec3, cells: f64) -> impl Iterator<Item = (u32, f64)> {
         let centre = ((point - self.lattice.at([0; 3])) * (2.0 / self.lattice.cell())).round();
         let reach = (2.0 * cells).ceil() as i32;
@@ -152,18 +153,18 @@ impl<'a> Limbs<'a> {
         self.around(point, 1.0).min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0))).map(|f| f.0)
     }
 
-    /// Whether a filled node of a kept part, or one taken in, is near a point.
+    /// Whether a filled node of a part that stays, or a node taken in, is near a point.
     fn covers(&self, point: DVec3, taken: &[bool]) -> bool {
         let holds = |(n, _): (u32, f64)| {
             let on = || self.cuts.side[n as usize] == Side::On;
             let held = || self.lattice.neighbours(n).any(|m| self.is_kept(m) && self.cuts.joined(n, m));
             taken[n as usize] || self.is_kept(n) || (on() && held())
         };
-        // Most vertices have one close by.
+        // Most vertices have one close by, so a small neighbourhood is tried first.
         self.around(point, 0.5).any(holds) || self.around(point, LOST).any(holds)
     }
 
-    /// A node of each part that is not kept.
+    /// One node of each part that does not stay.
     fn loose(&self) -> Vec<u32> {
         let mut seen = self.kept.clone();
         let inside = |n: &u32| self.cuts.side[*n as usize] == Side::Inside;
@@ -173,7 +174,8 @@ impl<'a> Limbs<'a> {
             .collect()
     }
 
-    /// Length of the cheapest chain from a kept part or a seed to each node, and the node before it.
+    /// Cost of the cheapest chain to each node from a part that stays or from a seed, and the previous node of that
+    /// chain.
     fn ways(&self, seeds: &[bool]) -> (Vec<f64>, Vec<u32>) {
         let count = self.field.value.len();
         let (mut way, mut from) = (vec![f64::INFINITY; count], vec![NONE; count]);
@@ -196,7 +198,7 @@ impl<'a> Limbs<'a> {
                 let there = at + length * (1.0 + PRICE * outside);
                 if outside < FAR && there < way[m as usize] {
                     (way[m as usize], from[m as usize]) = (there, n);
-                    // Positive floats compare as their bits.
+                    // Positive floating-point numbers are ordered as their bits are.
                     heap.push(Reverse((there.to_bits(), m)));
                 }
             }

@@ -1,4 +1,4 @@
-//! The volume that a layer should have.
+//! The volume inside the surface, which the layer should have.
 
 use glam::DVec3;
 
@@ -7,11 +7,12 @@ use crate::prepare::distance::{HALF, Solid};
 use crate::prepare::lattice::Lattice;
 use crate::prepare::mass;
 
-/// Points at which an unclean solid is asked whether it is inside, about: the volume is then good to two thousandths.
+/// Approximate number of sample points for a surface that is not clean: the volume is then accurate to two thousandths.
 const POINTS: usize = 60_000;
 
-/// Volume inside the surface, m^3, and whether that is the closed surface's own. Of surfaces that are open, turned or
-/// folded over, it is where the winding number is above one half, counted at points of the cells near the surface.
+/// Volume inside the surface, m^3, and whether it is the exact volume of a closed surface. For a surface that is open,
+/// partly oriented inwards or folded over, it is the volume with winding numbers above one half, sampled at points of
+/// the cells near the surface.
 pub(super) fn target(
     solid: &Solid,
     lattice: &Lattice,
@@ -48,7 +49,7 @@ pub(super) fn target(
     (cells * cell.powi(3), false)
 }
 
-/// Whether every edge is passed once in either direction.
+/// Whether every edge has exactly one triangle in each direction.
 fn is_closed(triangles: &[[u32; 3]]) -> bool {
     let ends = |t: &[u32; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
     let mut forth: Vec<(u32, u32)> = triangles.iter().flat_map(ends).collect();

@@ -1,4 +1,6 @@
-//! What A does at rest to motions of a body's nodes, summed over them.
+//! The Galerkin coarse matrix A_c = P^T A P of a soft body at rest: A is the matrix of implicit Euler with step h =
+//! `dt`, (1 + h alpha) M + (h^2 + h beta) K, and P maps the modes of blocks of nodes to node velocities (see
+//! `coarse.rs`).
 
 use std::collections::BTreeMap;
 
@@ -10,7 +12,8 @@ use super::MODES;
 use crate::shaders::NONE;
 
 impl Model {
-    /// P^T A P at rest, without contact and the limits of joints; of cores as if none was hinged.
+    /// P^T A P at rest, without contact and without the limits of joints; hinged cores are treated as if they moved
+    /// freely.
     pub(super) fn coarse_matrix(&self, soft: &SoftRange, blocks: &[usize], dt: f64) -> Mat<f64> {
         let mut bases: Vec<Option<(usize, Basis)>> = vec![None; soft.nodes.len()];
         for (k, b) in blocks.iter().enumerate() {
@@ -21,7 +24,7 @@ impl Model {
             }
         }
         let mut matrix = self.restricted(soft, &bases, MODES * blocks.len(), dt);
-        // Of a core's blocks, which have the same six modes, the first.
+        // All blocks of a core share its six modes; a joint's springs are added to those of the first block.
         let first_mode = |core: usize| {
             let first = blocks.iter().position(|b| *b == self.blocks.cores[core].1.start)?;
             Some(MODES * first)
@@ -30,7 +33,8 @@ impl Model {
         matrix
     }
 
-    /// What A does at rest, without contact and joints, to a core's twist in its frame's axes, while all other nodes stay.
+    /// A at rest, without contact and joints, restricted to the twist of a core in its frame's axes (linear, then
+    /// angular) while all other nodes stay still.
     pub(in super::super) fn core_block(&self, core: &Core, dt: f64) -> Mat<f64> {
         let own = |soft: &&SoftRange| core.nodes.iter().all(|n| soft.nodes.contains(&(*n as usize)));
         let Some(soft) = self.soft.iter().find(own) else { return Mat::zeros(6, 6) };
@@ -41,7 +45,8 @@ impl Model {
         self.restricted(soft, &bases, 6, dt)
     }
 
-    /// P^T A P at rest, without contact and joints, of a soft body; `bases`: of each of its nodes, and their first modes.
+    /// P^T A P of a soft body at rest, without contact and joints. `bases`: for each of its nodes the first mode of its
+    /// block and its basis functions, `None` for a node that does not move; `modes`: the size of the matrix.
     fn restricted(&self, soft: &SoftRange, bases: &[Option<(usize, Basis)>], modes: usize, dt: f64) -> Mat<f64> {
         let basis = |n: usize| bases[n - soft.nodes.start].as_ref();
         let mut matrix = Mat::zeros(modes, modes);
@@ -74,7 +79,8 @@ impl Model {
         matrix
     }
 
-    /// Adds c c^T of a patch, c_j = sqrt((h^2 + h beta) lambda / V) sum V_e g_ej.
+    /// Adds the part c c^T of an F-bar patch (tetrahedra e that share one volumetric strain), c_j = sqrt((h^2 + h beta)
+    /// lambda / V) sum_e V_e g_ej for node j, with V_e volumes, V their sum and g rest gradients.
     fn add_patch<'a>(
         &self,
         matrix: &mut Mat<f64>,
@@ -105,9 +111,9 @@ impl Model {
 /// How a node moves with the modes of its block, in rest axes.
 #[derive(Debug, Clone)]
 enum Basis {
-    /// c0 + c1 x + c2 y + c3 z.
+    /// Velocity c0 + c1 x + c2 y + c3 z of a free node, as the weights 1, x, y, z of the modes.
     Affine([f64; 4]),
-    /// linear + angular x arm, as the matrix of the second.
+    /// Velocity linear + angular x arm of an attached node, as the matrix that maps angular to angular x arm.
     Twist(DMat3),
 }
 
@@ -124,7 +130,7 @@ impl Basis {
         Basis::Twist(DMat3::from_cols(DVec3::X.cross(place), DVec3::Y.cross(place), DVec3::Z.cross(place)))
     }
 
-    /// Its parts as 3x3 matrices of three modes each.
+    /// The basis functions as 3x3 matrices, each for three modes.
     fn matrices(&self) -> Vec<DMat3> {
         match self {
             Basis::Affine(weights) => weights.iter().map(|w| DMat3::from_diagonal(DVec3::splat(*w))).collect(),
@@ -133,7 +139,8 @@ impl Basis {
     }
 }
 
-/// Adds left^T block right.
+/// Adds left^T block right, where `left` and `right` are two nodes' first modes and bases, and `block` is their 3x3
+/// block of A.
 fn add_product(matrix: &mut Mat<f64>, left: (usize, &Basis), right: (usize, &Basis), block: &DMat3) {
     if let (Basis::Affine(a), Basis::Affine(b)) = (left.1, right.1) {
         for (m, x) in b.iter().enumerate() {

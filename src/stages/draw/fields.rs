@@ -1,4 +1,5 @@
-//! Fields: numbers a vertex that are shown as colours. Read from what the step leaves; nothing of that is written.
+//! Scalar fields that are shown as colours: contact depth and pressure, strain energy, displacement. They are computed
+//! from the state that a step leaves, and change none of it.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,31 +15,33 @@ use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
 use crate::shaders::{Contact, NONE};
 
-/// What is shown as a colour on the skins. None is ever negative, nor anything but a number.
+/// A scalar field to colour the skins by. Its values are finite and never negative.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Field {
-    /// How deep a vertex was in another body at the start of the last step, m; zero without a contact. Contacts are gathered by
-    /// the vertices of one skin or of both; each counts for the vertex that gathers it and for the corners of the triangle
-    /// that it meets, and the deepest of a vertex is shown.
+    /// How deep a vertex was in another body at the start of the last step, m; zero without a contact. A contact is
+    /// found at a vertex of either skin; it counts for that vertex and for the three corners of the triangle that its
+    /// ray hits. Of several contacts of a vertex the deepest is shown.
     Depth,
-    /// With which the last step's contacts pushed at its end, Pa: times a contact's area that is its force along its normal.
-    /// Shown at the same vertices as the depth, the greatest of each. After a state was taken up, and before the next step,
-    /// with which it began to push.
+    /// Pressure of the last step's contacts at its end, Pa: times a contact's area it is the contact's force along its
+    /// normal. It is shown at the same vertices as the depth, the greatest one of each. After a saved state was
+    /// restored, and until the next step, it is the pressure at the start of the last step.
     Pressure,
-    /// Of the layer that the skin is embedded in, J/m^3, by each tetrahedron's law; the mean by volume around a node, and
-    /// between nodes as the skin is embedded. Zero on rigid bodies.
+    /// Strain energy density of the tetrahedral mesh in which the skin is embedded, J/m^3, by the law of each
+    /// tetrahedron's material: averaged by volume around each node, and interpolated to the skin by its embedding
+    /// weights. Zero on rigid bodies.
     StrainEnergy,
-    /// How far deformation has moved a vertex, m: from where it would be if its body were carried rigidly, by the core that
-    /// each of its nodes goes with, or by the frame that follows a body without cores. How the body as a whole moves is no
-    /// part of it; with fixed cores it is the distance from where the vertex was placed. Zero on rigid bodies.
+    /// How far deformation has moved a vertex, m, from where it would be if its nodes were attached rigidly to their
+    /// frames (those of the body's cores, or the floating frame of a body without cores). Rigid motion of the whole
+    /// body is no part of it; with fixed cores it is the distance from where the vertex was placed. Zero on rigid
+    /// bodies.
     Displacement,
 }
 
 impl Field {
-    /// All of them.
+    /// All fields.
     pub const ALL: [Field; 4] = [Field::Depth, Field::Pressure, Field::StrainEnergy, Field::Displacement];
 
-    /// What it is called.
+    /// Name of the field.
     pub fn name(self) -> &'static str {
         match self {
             Field::Depth => "penetration depth",
@@ -48,7 +51,7 @@ impl Field {
         }
     }
 
-    /// The unit of its numbers.
+    /// Unit of its values.
     pub fn unit(self) -> &'static str {
         match self {
             Field::Depth | Field::Displacement => "m",
@@ -58,7 +61,7 @@ impl Field {
     }
 }
 
-/// Kernels and arrays.
+/// Kernels and arrays of the fields.
 pub struct Fields {
     touched: Option<Kernel>,
     energy: Kernel,
@@ -72,15 +75,17 @@ pub struct Fields {
     densities: Buffer,
     node_values: Buffer,
     ranges: Buffer,
-    /// Whether the device still has what the solver applied in the last step: one u32, written by the host.
+    /// One u32, written by the host: whether the GPU still holds the contact forces that the solver applied in the last
+    /// step.
     pub is_solved: Buffer,
-    /// A float a vertex, by [`Field`].
+    /// One float per skin vertex; an array for each [`Field`].
     pub values: [Buffer; 4],
-    /// A float a body, the tool's last: the greatest of its vertices; by [`Field`].
+    /// One float per body, the tool's last: the greatest value of its vertices; an array for each [`Field`].
     pub most_values: [Buffer; 4],
 }
 
-/// What kernels call the array of a field: contacts write two of them by name.
+/// Names by which kernels may bind a field's array: the kernel for contacts writes two of them at once, by their own
+/// names.
 fn roles(field: Field) -> &'static [&'static str] {
     match field {
         Field::Depth => &["depths", "values"],
@@ -89,7 +94,7 @@ fn roles(field: Field) -> &'static [&'static str] {
     }
 }
 
-/// Tetrahedra that share a volumetric strain.
+/// F-bar patches, tetrahedra that share one volumetric strain, with the kernel that adds its energy.
 struct Patches {
     kernel: Kernel,
     count: u32,
@@ -98,7 +103,8 @@ struct Patches {
 }
 
 impl Fields {
-    /// For a model whose bodies' skins take up these ranges of the vertices; `touch`: where anything can.
+    /// Kernels and arrays for a model. `ranges`: each body's skin vertices among those of all; `touch`: the contact
+    /// arrays, where anything can touch.
     pub fn new(
         context: &Arc<Context>,
         model: &Model,
@@ -125,7 +131,7 @@ impl Fields {
         };
         let rows: Vec<[u32; 2]> = ranges.iter().map(|range| [range.start as u32, range.end as u32]).collect();
         let has_patches = model.patches.count() > 0;
-        // In whole texels.
+        // The arrays are padded to whole texels of 16 bytes.
         let bytes = (4 * vertices.max(1)).next_multiple_of(16) as u64;
         let [depths, pressures, energies, distances]: [Result<Buffer>; 4] =
             Field::ALL.map(|field| Ok(Buffer::shared(context, field.name(), bytes)?.known_as(roles(field))));
@@ -162,8 +168,8 @@ impl Fields {
         })
     }
 
-    /// Fills the array of a field, and the greatest of each body; depth and pressure come together. `touch`: as when this was
-    /// made.
+    /// Records the passes that fill the array of a field, and the greatest value of each body; depth and pressure are
+    /// filled together. `touch` must be what [`Fields::new`] was given.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -186,7 +192,8 @@ impl Fields {
         }
     }
 
-    /// Fills an array of other vertices that ride on nodes: with the field there, or with zeros where contacts make it.
+    /// Records the passes that fill an array for other vertices, whose mesh is attached to nodes: with the field's
+    /// values there, or with zeros for a field that is defined by contacts.
     pub fn record_onto(
         &self,
         recorder: &mut Recorder,
@@ -225,7 +232,8 @@ impl Fields {
         }
     }
 
-    /// The greatest of each of these ranges, two u32 each.
+    /// Records one pass that finds the greatest value in each of `ranges`, which are two u32 each: first, and one past
+    /// the last.
     pub fn record_most(&self, recorder: &mut Recorder, ranges: &Buffer, values: &Buffer, most: &Buffer) {
         let arguments = shaders::draw::Most { ranges, values, most };
         recorder.dispatch_groups(&self.most, &arguments, (ranges.bytes() / 8) as u32);
@@ -250,7 +258,7 @@ impl Fields {
         recorder.dispatch(touched, &arguments, capacity as u32);
     }
 
-    /// To the nodes.
+    /// Records the passes that compute the strain energy density at the nodes.
     fn record_energy(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic) {
         let arguments = shaders::draw::Energy {
             materials: &elastic.materials,

@@ -1,4 +1,5 @@
-//! Meshes that are drawn besides the skins: made on the host once, placed by the device whenever somebody looks.
+//! Meshes that are drawn besides the skins: they are made once on the host, and the GPU updates their positions
+//! whenever they are shown.
 
 use std::sync::Arc;
 
@@ -11,34 +12,34 @@ use crate::Result;
 use crate::gpu::{Buffer, Context, Memory};
 use crate::shaders::NONE;
 
-/// A mesh in the making.
+/// A mesh while it is being made on the host.
 #[derive(Debug, Clone, Default)]
 pub struct Outline {
     nodes: Vec<[u32; 4]>,
     weights: Vec<[f32; 4]>,
     frames: Vec<u32>,
     values: Vec<f32>,
-    /// Three vertices each, counter-clockwise from outside.
+    /// Three vertices per triangle, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Outline {
-    /// Vertices so far.
+    /// Number of vertices so far.
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Whether there are none.
+    /// Whether there is no vertex yet.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 
-    /// A vertex that is a node, with a number to colour it by.
+    /// Adds a vertex at a node, with a value to colour it by, and returns its index.
     pub fn add_node(&mut self, node: u32, value: f32) -> u32 {
         self.add([node; 4], [1.0, 0.0, 0.0, 0.0], NONE, value)
     }
 
-    /// A vertex that rides on a frame, at this place in it (m).
+    /// Adds a vertex attached to a frame, at a position `local` in it (m), and returns its index.
     pub fn add_rigid(&mut self, frame: u32, local: DVec3, value: f32) -> u32 {
         self.add([NONE, 0, 0, 0], texel(local, 0.0), frame, value)
     }
@@ -52,22 +53,22 @@ impl Outline {
     }
 }
 
-/// A mesh on the device.
+/// A mesh on the GPU.
 pub struct Mesh {
     /// Its vertices.
     pub points: Points,
-    /// Three u32 a triangle, packed, padded with zeros to a whole texel of four.
+    /// Three u32 per triangle, packed, padded with zeros to a whole texel of four.
     pub triangles: Buffer,
-    /// A float a vertex, packed, padded likewise.
+    /// One float per vertex to colour it by, packed, padded likewise.
     pub values: Buffer,
-    /// All of it, as one range.
+    /// The range of all vertices: 0, and their number.
     pub range: Buffer,
-    /// The greatest value.
+    /// The greatest of the values.
     pub most: Buffer,
 }
 
 impl Mesh {
-    /// What an outline says.
+    /// The mesh of an outline, copied to the GPU.
     pub fn new(context: &Arc<Context>, name: &str, outline: &Outline) -> Result<Mesh> {
         let nodes = upload(context, &format!("nodes of {name}"), &outline.nodes)?.known_as(&["skin_nodes"]);
         let weights = upload(context, &format!("weights of {name}"), &outline.weights)?.known_as(&["skin_weights"]);
@@ -88,7 +89,7 @@ impl Mesh {
     }
 }
 
-/// Bytes of so many words in whole texels, one at least.
+/// Size in bytes of this many 32-bit words, in whole texels of 16 bytes, at least one.
 fn texels(words: usize) -> u64 {
     (4 * words.max(1)).next_multiple_of(16) as u64
 }

@@ -1,4 +1,4 @@
-//! Points: vertices that ride on four nodes or on a frame, whatever mesh they are of.
+//! Vertices to be drawn, of any mesh, each attached to four nodes with weights or to one rigid coordinate frame.
 
 use std::sync::Arc;
 
@@ -8,22 +8,22 @@ use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
 use crate::shaders;
 
-/// Where they ride, and where they are.
+/// The vertices' attachments, and their positions.
 pub struct Points {
     place: Kernel,
-    /// How many.
+    /// Number of vertices.
     pub count: u32,
-    /// Four nodes each; `NONE` first: on a frame.
+    /// Per vertex: its four nodes; the first is `NONE` where it is attached to a frame.
     pub nodes: Buffer,
-    /// Their weights; or the position in the frame, m.
+    /// Per vertex: the weights of its nodes, or its position in the frame, m.
     pub weights: Buffer,
     rigid_frames: Buffer,
-    /// A vec4 each, m, from the origin; w is 1.
+    /// Per vertex: its position now, m, relative to the origin; w is 1.
     pub positions: Buffer,
 }
 
 impl Points {
-    /// `count` of them; `rigid_frames`: the frame of each that rides on one.
+    /// Kernel and arrays for `vertices` vertices; `rigid_frames`: the frame of each that is attached to one.
     pub fn new(
         context: &Arc<Context>,
         vertices: usize,
@@ -41,7 +41,7 @@ impl Points {
         })
     }
 
-    /// One pass over them; `frames`: where the host put them.
+    /// Records one pass over the vertices; `frames`: where the frames are, written by the host.
     pub fn record(&self, recorder: &mut Recorder, frames: &Buffer, elastic: &Elastic) {
         recorder.stage("draw");
         let arguments = shaders::draw::Place {

@@ -1,4 +1,4 @@
-//! The passes of the solver, in their order.
+//! Records the passes of the solver, in the order in which they run.
 
 use std::mem::offset_of;
 
@@ -8,7 +8,8 @@ use super::{Solve, Variant};
 use crate::gpu::{Buffer, Kernel, Recorder};
 use crate::shaders;
 
-/// The change of velocity that solve/apply takes: the newest solution, or the preconditioned residual of a set of iterates.
+/// The vector that the operator is applied to: the newest solution, or the preconditioned residual of a set of
+/// iterates.
 #[derive(Clone, Copy)]
 enum Change {
     Solution,
@@ -16,13 +17,13 @@ enum Change {
 }
 
 impl Solve {
-    /// A new step: contacts that pulled last time say nothing about this one, and it is linearised at its start.
+    /// Records the reset at the start of a step: no contact is released yet, and no Newton iteration is done.
     pub fn record_reset(&self, recorder: &mut Recorder) {
         recorder.stage("solve");
         recorder.fill_range(&self.state, offset_of!(shaders::Solve, retries) as u64, 8, 0);
     }
 
-    /// Right-hand side, preconditioner, warm start, first residual.
+    /// Records what precedes the iterations: right-hand side, preconditioner, warm start, first residual.
     pub fn record_start(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
         let touch = self.touch.as_ref();
@@ -116,7 +117,8 @@ impl Solve {
         );
     }
 
-    /// Iterations of three dependent passes each, an even number of them; free once converged.
+    /// Records solver iterations of three dependent passes each, an even number of them. Once the solver has converged,
+    /// their indirect arguments are zero and they cost next to nothing.
     pub fn record_iterations(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, iterations: u32) {
         recorder.stage("solve");
         for iteration in 0..iterations.next_multiple_of(2) {
@@ -157,7 +159,8 @@ impl Solve {
                 rigid_inverses: Some(&self.rigid_inverses),
             };
             recorder.together(|recorder| {
-                // One goes by the loop's arguments, and writes them; the others must do neither at the same time.
+                // The first variant is dispatched by the loop's indirect arguments and writes them; the others run at
+                // the same time and must do neither.
                 for (index, Variant { kernel, groups, slot }) in self.update.iter().enumerate() {
                     if index == 0 {
                         recorder.dispatch_indirect(kernel, &arguments, &common.args, *slot);
@@ -169,7 +172,8 @@ impl Solve {
         }
     }
 
-    /// The residual recomputed, the verdict, and the new state where it is accepted.
+    /// Records what follows the iterations: the residual computed anew, the verdict, and the new state where it is
+    /// accepted.
     pub fn record_end(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
         let touch = self.touch.as_ref();
@@ -217,7 +221,7 @@ impl Solve {
         recorder.dispatch_indirect(&self.commit, &arguments, &common.args, shaders::ARGS_COMMIT);
     }
 
-    /// Nothing moves, nothing is left over.
+    /// Records the passes that stop all motion and clear the carried residual.
     pub fn record_stop(&self, recorder: &mut Recorder, elastic: &Elastic) {
         recorder.stage("solve");
         for buffer in [&elastic.velocity, &self.leftover, &self.solution, &self.iterates] {
@@ -243,7 +247,8 @@ impl Solve {
         recorder.dispatch_groups(kernel, &arguments, self.block_count);
     }
 
-    /// A group's first core has a workgroup; those of the others have nothing to do.
+    /// Records the inversion of the dynamic cores' blocks. Cores that joints connect form a group; the workgroup of its
+    /// first core does the work, and those of the others return at once.
     fn record_cores(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         let Some(kernel) = &self.cores else { return };
         let arguments = shaders::solve::Cores {
@@ -313,7 +318,8 @@ impl Solve {
         });
     }
 
-    /// `set`: of iterates, in the loop.
+    /// Records the sums of element and contact products at nodes, with the inner products that follow. `set`: the set
+    /// of iterates, in the loop.
     fn record_gather(
         &self,
         recorder: &mut Recorder,
@@ -322,7 +328,7 @@ impl Solve {
         kernels: &[Variant],
         set: Option<u32>,
     ) {
-        // What the inner products are taken with; see the modes of solve/gather.
+        // Which vectors the inner products are taken with depends on the mode of solve/gather.
         let (change, preconditioned, residual_or_rhs) = match set {
             Some(set) => {
                 let now = self.preconditioned.now(set);

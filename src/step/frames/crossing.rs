@@ -1,11 +1,12 @@
-//! How stiff what a frame carries is for its size: the time that a pressure wave takes across it.
+//! How stiff the nodes of a frame are for their size: the time that a pressure wave takes across them.
 
 use glam::DVec3;
 
 use crate::stages::model::Model;
 
-/// For each frame, the time in s that a pressure wave of its stiffest material, at its mean density, takes across the least
-/// extent at rest of the nodes that ride on it; `None`: none does, or they are no body.
+/// For each rigid coordinate frame, the time in s that a pressure wave takes across the least extent at rest of the
+/// nodes that are measured in it, at the speed of their stiffest material and mean density; `None` where the frame has
+/// no such nodes, or they have no volume.
 pub fn crossing_times(model: &Model) -> Vec<Option<f64>> {
     let count = model.frames.len();
     let mut boxes = vec![[DVec3::INFINITY, DVec3::NEG_INFINITY]; count];
@@ -19,7 +20,7 @@ pub fn crossing_times(model: &Model) -> Vec<Option<f64>> {
     }
     for (t, nodes) in model.tetrahedra.iter().enumerate() {
         let [mu, lambda, _] = model.material_of(t);
-        // Each of its nodes has a quarter of it.
+        // Each of a tetrahedron's nodes has a quarter of its volume.
         for node in nodes {
             let frame = model.node_info[*node as usize][2] as usize;
             volumes[frame] += 0.25 * model.volume(t);

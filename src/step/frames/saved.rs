@@ -1,4 +1,5 @@
-//! How frames move, taken out to be saved, and put back; what they weigh and how they are joined stays.
+//! The motion of all rigid coordinate frames, for saving it with a simulation's state and restoring it; masses and
+//! joints are not part of it.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -11,28 +12,28 @@ use crate::step::drive::Drive;
 pub struct SavedFrame {
     start: Place,
     end: Place,
-    /// World, m/s and rad/s; of frames that float or are dynamic.
+    /// Linear and angular velocity, world axes, m/s and rad/s; of floating and dynamic frames.
     twist: [DVec3; 2],
-    /// From the frame to the fit; of frames that float.
+    /// Translation (m) and rotation vector (rad) from the frame to its fit; of floating frames.
     fit: [DVec3; 2],
-    /// Of driven frames.
+    /// Reference trajectory; of driven frames.
     drive: Option<Drive>,
 }
 
 impl SavedFrame {
-    /// Whether its path, if it has one, has a pose at any time.
+    /// Whether its trajectory, if it has one, has a pose at any time.
     pub fn is_whole(&self) -> bool {
         self.drive.as_ref().is_none_or(Drive::is_whole)
     }
 }
 
 impl Frames {
-    /// How all frames move.
+    /// The motion of all frames.
     pub fn saved(&self) -> Vec<SavedFrame> {
         self.states.iter().map(State::saved).collect()
     }
 
-    /// Takes up how frames of the same model moved.
+    /// Restores the motion of the frames of the same model.
     pub fn restore(&mut self, saved: &[SavedFrame]) {
         self.states.iter_mut().zip(saved).for_each(|(state, saved)| state.restore(saved));
     }

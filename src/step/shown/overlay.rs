@@ -1,4 +1,5 @@
-//! Meshes that are drawn besides the skins, and where regions are: what the step works with, to look at.
+//! Meshes that are drawn besides the skins, to see what the step works with: collision proxies, tetrahedral meshes,
+//! cores and bones.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -18,16 +19,18 @@ use crate::{Error, Result};
 /// A mesh to draw over the skins, or in their place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Overlay {
-    /// The convex hulls of all bodies' proxies, riding on their frames; a part a body. Values: the proxy's number among all.
+    /// The convex hulls of all bodies' collision proxies, attached to their frames; one part per body. Values: the
+    /// index of the proxy among all.
     Proxies,
-    /// Tetrahedral layers cut open (see [`Simulation::cut_layer`]), nodes where they are now; two parts a soft body, "skin" for
-    /// faces that are the layer's boundary and "cut" for those that the cut laid open. Values: the field at each node, zero for
-    /// one that contacts make.
+    /// Tetrahedral meshes (layers) cut open (see [`Simulation::cut_layer`]), with nodes where they are now; two parts
+    /// per soft body, "skin" for faces on the mesh's boundary and "cut" for those that the cut laid open. Values: the
+    /// field at each node, zero for a field that is defined by contacts.
     Layers(Field),
-    /// The tetrahedra that cores carry whole, their boundary; a part a core, by its name. Values: the core's number in its body.
+    /// The boundary of the tetrahedra whose four nodes are all attached to one core; one part per core, with its name.
+    /// Values: the core's index in its body.
     Cores,
-    /// The capsules of cores that are bones, or are bound by a capsule, riding on their frames; a part a bone, by its name.
-    /// Values: the core's number in its body.
+    /// The capsules of cores that are bones, or whose nodes are chosen by a capsule, attached to their frames; one part
+    /// per such core, with its name. Values: the core's index in its body.
     Bones,
 }
 
@@ -46,61 +49,62 @@ impl Overlay {
     }
 }
 
-/// A part of a mesh.
+/// A part of an overlay's mesh.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Part {
-    /// What it is; see [`Overlay`].
+    /// Its name; see [`Overlay`].
     pub name: String,
-    /// Whose; the tool comes after the bodies.
+    /// The body that it belongs to, as an index; the tool comes after the bodies.
     pub body: usize,
-    /// Its vertices.
+    /// The range of its vertices.
     pub vertices: Range<usize>,
-    /// Its triangles.
+    /// The range of its triangles.
     pub triangles: Range<usize>,
 }
 
-/// A mesh on the device, as it was when it was asked for. Handles: the arrays are the same each time.
+/// An overlay's mesh on the GPU, as it was when it was asked for. Its buffers are handles of the same arrays each time.
 #[derive(Clone)]
 pub struct Mesh {
-    /// A vec4 a vertex, m, from the origin; w is 1.
+    /// One vec4 per vertex: position, m, relative to the origin that was asked for; w is 1.
     pub positions: Buffer,
-    /// Three u32 a triangle, counter-clockwise from outside, packed, padded to a whole texel of four.
+    /// Three u32 per triangle, counter-clockwise seen from outside, packed, padded to a whole texel of four.
     pub triangles: Buffer,
-    /// A float a vertex to colour it by, packed, padded likewise.
+    /// One float per vertex to colour it by, packed, padded likewise.
     pub values: Buffer,
-    /// The greatest of those; zero where there are none.
+    /// The greatest of the values; zero where there are none.
     pub greatest: f32,
-    /// How many vertices there are.
+    /// Number of vertices.
     pub vertex_count: usize,
-    /// How many triangles there are.
+    /// Number of triangles.
     pub triangle_count: usize,
-    /// All of it in parts.
+    /// The parts that the mesh consists of.
     pub parts: Arc<[Part]>,
 }
 
-/// Where a layer is cut open: what lies above the plane is taken away, `normal . x > offset` of a tetrahedron's centroid.
+/// The plane at which a tetrahedral mesh is cut open: tetrahedra with `normal . x > offset`, x their centroid, are left
+/// out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cut {
-    /// Unit, rest axes of the body.
+    /// Unit normal, rest axes of the body.
     pub normal: DVec3,
-    /// m.
+    /// Offset along the normal, m.
     pub offset: f64,
 }
 
-/// A mesh and the passes that fill it.
+/// An overlay's mesh and the recordings that fill it.
 pub(super) struct ShownMesh {
     mesh: draw::Mesh,
     parts: Arc<[Part]>,
     triangle_count: usize,
     place: Recording,
-    /// Of layers, by [`Field`].
+    /// One recording per [`Field`]; only for tetrahedral meshes.
     fields: Vec<Recording>,
 }
 
 impl Simulation {
-    /// A mesh as it is now, relative to `origin` (m): the arrays are filled when this returns, and stay so until the same
-    /// overlay is asked for again. Made at the first call, and anew where the skins are; layers also where they are cut
-    /// elsewhere.
+    /// The mesh of an overlay as it is now, relative to `origin` (m): its arrays are filled when this returns, and stay
+    /// so until the same overlay is asked for again. They are made at the first call, and anew whenever those of the
+    /// skins are; tetrahedral meshes also when their cut has changed.
     #[doc(hidden)]
     pub fn overlay(&mut self, overlay: Overlay, origin: DVec3) -> Result<Mesh> {
         if let Overlay::Layers(_) = overlay {
@@ -132,8 +136,9 @@ impl Simulation {
         })
     }
 
-    /// Cuts a soft body's layer open elsewhere from now on; `None`: where it was at first, through the middle of its box across
-    /// the shorter of the x and z axes. Errors: the body is not soft, or the normal is no direction.
+    /// Sets where a soft body's tetrahedral mesh is cut open from now on. `None` restores the default cut, through the
+    /// middle of the mesh's box across the shorter of the x and z axes. Errors: the body is not soft, or the normal has
+    /// no direction.
     #[doc(hidden)]
     pub fn cut_layer(&mut self, body: usize, cut: Option<Cut>) -> Result<()> {
         if self.layer_cut(body).is_none() {
@@ -144,7 +149,10 @@ impl Simulation {
             Some(Cut { normal, offset }) => {
                 let length = normal.length();
                 if !(length > 0.0 && length.is_finite() && offset.is_finite()) {
-                    return Err(Error::Usage(format!("{normal}, {offset} is no plane to cut a layer along")));
+                    return Err(Error::Usage(format!(
+                        "normal {normal} or offset {offset} is not valid for a cutting plane; give a finite normal \
+                         that is not zero, and a finite offset"
+                    )));
                 }
                 self.cuts.insert(body, Cut { normal: normal / length, offset })
             }
@@ -155,7 +163,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Where a soft body's layer is cut open; `None`: it is not soft.
+    /// Where a soft body's tetrahedral mesh is cut open; `None` where the body is not soft.
     #[doc(hidden)]
     pub fn layer_cut(&self, body: usize) -> Option<Cut> {
         let Shape::Soft { layer, .. } = &self.bodies.get(body)?.shape else { return None };
@@ -192,7 +200,7 @@ impl Simulation {
         Ok(ShownMesh { triangle_count: outline.triangles.len(), mesh, parts: parts.into(), place, fields })
     }
 
-    /// The bodies, and the tool if it is one of its own, with their first frames.
+    /// The bodies, and the tool's own: index, body, first frame.
     fn shown_bodies(&self) -> impl Iterator<Item = (usize, &Body, u32)> {
         let all = self.bodies.iter().chain(&self.tool_body).zip(&self.model.body_frames);
         all.enumerate().map(|(index, (body, frame))| (index, body, *frame))
@@ -261,14 +269,14 @@ impl Simulation {
         building.done()
     }
 
-    /// The first of a soft body's nodes among all.
+    /// Index of a soft body's first node among all nodes.
     fn first_node(&self, body: usize) -> u32 {
         let own = self.model.soft.iter().find(|soft| soft.body == body);
         own.map_or(0, |soft| soft.nodes.start as u32)
     }
 }
 
-/// An outline and its parts.
+/// An outline (a mesh that is being made) and its parts.
 #[derive(Default)]
 struct Building {
     outline: Outline,
@@ -288,7 +296,8 @@ impl Building {
     }
 }
 
-/// Through the middle of a layer's box, across the shorter of the x and z axes, so that most of it is seen.
+/// The default cut: through the middle of a mesh's box, across the shorter of the x and z axes, so that most of it is
+/// seen.
 fn middle(layer: &Layer) -> Cut {
     let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = layer.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -296,7 +305,8 @@ fn middle(layer: &Layer) -> Cut {
     Cut { normal, offset: normal.dot(0.5 * (low + high)) }
 }
 
-/// Outward faces of the tetrahedra that a cut leaves: those of the whole layer's boundary, and those that it laid open.
+/// Outward faces of the tetrahedra that a cut leaves: those on the boundary of the whole mesh, and those that the cut
+/// laid open.
 fn opened(layer: &Layer, cut: Cut) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
     let behind = |t: &&[u32; 4]| {
         let middle = t.iter().map(|n| layer.nodes[*n as usize]).sum::<DVec3>() / 4.0;
@@ -313,7 +323,7 @@ fn opened(layer: &Layer, cut: Cut) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
     faces.partition(|face| outer.contains(&sorted(*face)))
 }
 
-/// Faces of nodes that count from `first` among all, each node one vertex.
+/// Adds triangles of a body's nodes; the body's first node is number `first` among all. Each node becomes one vertex.
 fn add_faces(outline: &mut Outline, first: u32, faces: &[[u32; 3]], value: f32) {
     let nodes: BTreeSet<u32> = faces.iter().flatten().copied().collect();
     let vertices: BTreeMap<u32, u32> =
@@ -321,16 +331,17 @@ fn add_faces(outline: &mut Outline, first: u32, faces: &[[u32; 3]], value: f32) 
     outline.triangles.extend(faces.iter().map(|face| face.map(|node| vertices[&node])));
 }
 
-/// Vertices around a capsule, and rings on each of its ends.
+/// Number of vertices around a capsule, and below it the number of rings on each of its ends.
 const AROUND: usize = 16;
 const RINGS: usize = 5;
 
-/// All points at the radius there from an axis: two half balls with a cone between.
+/// Adds a capsule that tapers from the radius at one end of its axis to that at the other: two half spheres with a cone
+/// between.
 fn add_capsule(outline: &mut Outline, frame: u32, [a, b]: [DVec3; 2], radii: [f64; 2], value: f32) {
     let axis = (b - a).try_normalize().unwrap_or(DVec3::Y);
     let (u, v) = axis.any_orthonormal_pair();
     let start = outline.add_rigid(frame, a - radii[0] * axis, value);
-    // From the pole at a to its equator, from the equator of b to its pole.
+    // Rings from the pole at end a to the equator there, then from the equator at end b to the pole there.
     let quarter = std::f64::consts::FRAC_PI_2 / RINGS as f64;
     let of_a = (1..=RINGS).map(|k| (a, radii[0], k as f64 * quarter));
     let of_b = (0..RINGS).map(|k| (b, radii[1], (RINGS + k) as f64 * quarter));

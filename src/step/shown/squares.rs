@@ -1,4 +1,4 @@
-//! Where the regions of the last step are.
+//! Where the contact patches of the last step are, as rectangles to display.
 
 use glam::DVec3;
 
@@ -8,20 +8,20 @@ use crate::prepare::Shape;
 use crate::shaders::Region;
 use crate::stages::PAIR_REGIONS;
 
-/// A region of the last step: the directions that it looks along, and the rectangle that both bodies cover across them.
+/// A contact patch of the last step: the direction of its rays, and the rectangle across it that both bodies cover.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RegionSquare {
-    /// Whose; the normal points from the first to the second. The tool comes after the bodies.
+    /// The two bodies, as indices; the normal points from the first to the second. The tool comes after the bodies.
     pub bodies: [usize; 2],
-    /// World, m.
+    /// Centre of the rectangle, world, m.
     pub centre: DVec3,
-    /// Unit, world.
+    /// Normal of the patch, unit, world axes.
     pub normal: DVec3,
-    /// Unit, world, across the normal and each other.
+    /// Sides of the rectangle, unit, world axes, perpendicular to the normal and to each other.
     pub tangents: [DVec3; 2],
-    /// How far it reaches along each tangent either way, m.
+    /// Half the extent of the rectangle along each tangent, m.
     pub half: [f64; 2],
-    /// Contacts whose normal is nearest to this one, of those of its pair.
+    /// Number of the pair's contacts whose normal is nearer to this patch's than to those of the pair's other patches.
     pub contacts: usize,
 }
 
@@ -30,8 +30,9 @@ fn wide(x: [f32; 3]) -> DVec3 {
 }
 
 impl Simulation {
-    /// The active regions of the last step, and one for each half-space that is touched. Along its normal a region is where its
-    /// contacts are in the mean, or, without any, where the smaller body's proxies face the other. Reads back a few numbers.
+    /// The active contact patches of the last step, and one for each half-space that is touched. Along its normal a
+    /// rectangle is at the mean of the patch's contacts, or, without any, where the smaller body's collision proxies
+    /// face the other body. This reads a few numbers back from the GPU.
     #[doc(hidden)]
     pub fn region_squares(&self) -> Result<Vec<RegionSquare>> {
         if self.step == 0 {
@@ -44,7 +45,7 @@ impl Simulation {
             let both = |c: &&ContactPoint| c.bodies == [a, b] || c.bodies == [b, a];
             let own: Vec<&ContactPoint> = contacts.iter().filter(both).collect();
             if let Some(plane) = self.model.pair_planes[pair] {
-                // The half-space's normal points out of it, to the other.
+                // The half-space's normal points out of it, towards the body that touches it.
                 squares.extend(of_plane([a, b], -plane.normal, &own));
                 continue;
             }
@@ -78,7 +79,7 @@ impl Simulation {
         RegionSquare { bodies, centre, normal, tangents, half, contacts: contacts.len() }
     }
 
-    /// How far along a normal from body a to b the smaller one's proxies face the other, m.
+    /// How far along a normal from body a to body b the proxies of the smaller body reach towards the other, m.
     fn facing(&self, [a, b]: [usize; 2], normal: DVec3) -> f64 {
         let range = |body: usize| {
             let heights = self.hull_corners(body).into_iter().map(|x| normal.dot(x));
@@ -88,7 +89,7 @@ impl Simulation {
         if of_a.1 - of_a.0 < of_b.1 - of_b.0 { of_a.1 } else { of_b.0 }
     }
 
-    /// Corners of a body's proxies, world, m.
+    /// Corners of a body's collision proxies, world, m.
     fn hull_corners(&self, body: usize) -> Vec<DVec3> {
         let Some(owner) = self.bodies.iter().chain(&self.tool_body).nth(body) else { return Vec::new() };
         let (Shape::Soft { proxies, .. } | Shape::Rigid { proxies, .. }) = &owner.shape else { return Vec::new() };
@@ -105,7 +106,7 @@ impl Simulation {
     }
 }
 
-/// Where a half-space is touched.
+/// The rectangle around the contacts with a half-space, if there are any.
 fn of_plane(bodies: [usize; 2], normal: DVec3, contacts: &[&ContactPoint]) -> Option<RegionSquare> {
     if contacts.is_empty() {
         return None;

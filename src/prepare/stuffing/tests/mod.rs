@@ -1,4 +1,4 @@
-//! Stuffing on solids of known volume, on thin and near ones, and on dirty surfaces.
+//! Tests of isosurface stuffing: solids of known volume, thin features and narrow gaps, defective surfaces.
 
 mod random;
 mod real;
@@ -11,15 +11,15 @@ use super::*;
 use crate::prepare::layer::{self, FACES};
 use crate::prepare::{embed, sphere};
 
-/// The least dihedral angle, degrees: every stencil's bound over random cuts and warps is above 10.
+/// Least allowed dihedral angle, degrees: over random cuts and warps, all stencils stay above 10.
 const ANGLE: f64 = 10.0;
-/// The largest.
+/// Greatest allowed dihedral angle, degrees.
 const WIDEST: f64 = 165.0;
 
 type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
 
-/// What must hold of any layer: angles, positive volumes, all nodes used, faces shared by two tetrahedra from both
-/// sides, a closed boundary, and a report that tells the truth.
+/// Invariants of any layer: angles, positive volumes, all nodes used, faces shared by two tetrahedra in opposite
+/// orientations, a closed boundary, and a report that agrees with the layer.
 fn check(layer: &Layer, report: &LayerReport) {
     assert!(report.worst_dihedral > ANGLE && report.largest_dihedral < WIDEST, "{report:?}");
     assert!(report.first_percentile_dihedral >= report.worst_dihedral);
@@ -78,7 +78,7 @@ fn joined(meshes: &[Mesh]) -> Mesh {
     all
 }
 
-/// Numbers in [0, 1), the same every time (Numerical Recipes' generator).
+/// A generator of pseudo-random numbers in [0, 1), the same sequence in every run (Numerical Recipes).
 struct Numbers(u64);
 
 impl Numbers {
@@ -88,7 +88,7 @@ impl Numbers {
     }
 }
 
-/// A torus about z, outward.
+/// A torus about the z axis, oriented outwards.
 fn torus(major: f64, minor: f64) -> Mesh {
     let (n, m) = (96u32, 48u32);
     let mut mesh: Mesh = Default::default();
@@ -125,7 +125,7 @@ fn spheres_boxes_and_tori_have_their_volume_and_their_surface() {
             let solid = Solid::new(&mesh.0, &mesh.1).unwrap();
             let (skin, ..) = layer::boundary(&layer);
             let off = skin.iter().map(|&p| solid.distance(p)).fold(0.0, f64::max);
-            // Cuts are found to a thousandth of an edge; a shift moves them once more.
+            // Cuts are accurate to a thousandth of an edge; the shift of the level moves them once more.
             assert!(off < 2e-3 * cell + 1.001 * report.shift.abs(), "{off} {}", report.shift);
             let out = embed::extrapolation(&embed(&mesh.0, &layer).unwrap());
             assert!(out < 1.0, "{out}");
@@ -144,7 +144,7 @@ fn a_hollow_stays_hollow() {
 
 #[test]
 fn plates_nearer_than_a_cell_are_not_welded() {
-    // The last turn puts the gap along the lattice's own faces.
+    // The last rotation puts the gap along the lattice's own faces.
     let turns = [glam::DMat3::IDENTITY, glam::DMat3::from_rotation_x(0.5), glam::DMat3::from_rotation_x(FRAC_PI_4)];
     for (turn, gap, offset) in turns.into_iter().flat_map(|turn| {
         let gaps = [0.9, 0.5, 0.3, 0.2, 0.05].into_iter();
@@ -161,7 +161,7 @@ fn plates_nearer_than_a_cell_are_not_welded() {
     }
 }
 
-/// A fork: a base and two prongs with a gap between them, all of one surface.
+/// A fork, whose two prongs on a base have a gap between them; it is one connected surface.
 fn fork(gap: f64) -> Mesh {
     let mut block = layer::kuhn_box(DVec3::ZERO, DVec3::new(5.0, 3.0, 2.0), [5, 3, 2]);
     let nodes = block.nodes.clone();
@@ -171,7 +171,7 @@ fn fork(gap: f64) -> Mesh {
     });
     let (mut vertices, triangles, _) = layer::boundary(&block);
     for v in &mut vertices {
-        // The gap between y = 1 and y = 2 shrinks to the one wanted.
+        // The gap between y = 1 and y = 2 is made as narrow as `gap`.
         v.y = if v.y < 1.5 { 2.0 * v.y } else { 2.0 + gap + 2.0 * (v.y - 2.0) };
     }
     (vertices, triangles)
@@ -183,7 +183,7 @@ fn prongs_of_a_fork_hang_together_at_its_base_only() {
         let mesh = fork(gap);
         let (mut layer, report) = uniform(&mesh, 0.5);
         assert_eq!(report.parts, 1);
-        // Without the base, and a cell more where the gap ends, the prongs are apart.
+        // Without the base, and one cell more where the gap ends, the prongs are separate.
         let nodes = layer.nodes.clone();
         layer.tetrahedra.retain(|t| t.iter().all(|&n| nodes[n as usize].x > 1.6));
         let (labels, _) = layer::parts(&layer);
@@ -212,7 +212,7 @@ fn shells_and_grades_keep_the_surface_and_thin_out_the_inside() {
     let (_, whole) = uniform(&mesh, cell);
     for grade in [2, 4] {
         let (layer, report) = made(&mesh, &Options { cell, grade, thickness: None });
-        // No crack inside.
+        // The inside has no crack: all boundary nodes lie on the sphere.
         let (skin, ..) = layer::boundary(&layer);
         assert!(skin.iter().all(|p| (p.length() - 0.1).abs() < 0.1 * cell));
         println!("grade {grade}: {} of {} tetrahedra", report.tetrahedra, whole.tetrahedra);
@@ -251,7 +251,8 @@ fn open_turned_and_torn_surfaces_are_filled_soundly() {
             let (layer, report) = made(&mesh, &Options { cell, grade, thickness: None });
             println!("{name}: {} tetrahedra, volume {:+.2e}", report.tetrahedra, report.volume_difference);
             assert!(!report.clean && layer.tetrahedra.len() > 20);
-            // The soup's inside ends in thin sheets; of the others all but what a bounded shift cannot mend is met.
+            // The inside of the soup has thin sheets, whose volume is lost. For the others the volume agrees up to what
+            // the bounded shift cannot correct.
             assert!(name == "soup" || report.volume_difference.abs() < 0.02, "{name} {report:?}");
         }
     }

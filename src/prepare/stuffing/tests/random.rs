@@ -1,12 +1,12 @@
-//! Any cuts at all: the bounds on angles and the meeting of faces rest on the lattice alone.
+//! Invariants under random cuts: that angles are bounded and faces match depends on the lattice alone.
 
 use glam::DVec3;
 
 use super::super::*;
 use super::{ANGLE, Numbers, check, cuboid};
 
-/// A lattice whose nodes are inside, on the surface or outside at random, cut, warped and parted at random up to what
-/// the thresholds allow, and often just there.
+/// Random cuts of a lattice: its nodes are inside, on the surface or outside at random, with random cuts, warps and
+/// disconnected edges up to what the thresholds allow, and often exactly at them.
 fn random_cuts(lattice: &Lattice, numbers: &mut Numbers) -> cut::Cuts {
     use cut::{Cuts, LONG, SHORT, Side};
     let count = lattice.node_count() as u32;
@@ -39,7 +39,7 @@ fn random_cuts(lattice: &Lattice, numbers: &mut Numbers) -> cut::Cuts {
             cuts.warped.insert(node, lattice.position(node).lerp(lattice.position(to), share));
         }
         for m in neighbours {
-            // Beyond the thresholds too: they are kept by clamping.
+            // Shares beyond the thresholds are included, because `Cuts::share` clamps them.
             cuts.leave.insert((node, m), numbers.next());
             if node < m && numbers.next() < 0.3 {
                 cuts.apart.insert((node, m));
@@ -65,7 +65,7 @@ fn any_cuts_fill_a_lattice_with_good_angles_and_faces_that_meet() {
         parts::split(&solid, &cuts, &mut filling);
         let within: Vec<bool> = filling.corners.iter().map(|&c| is_within(&cuts, c)).collect();
         let layer = layer_of(filling);
-        // Tetrahedra that see a face they share in different ways would leave a crack, with inside nodes around it.
+        // If two tetrahedra disagreed about a face that they share, there would be a crack with inside nodes around it.
         let faces = layer::boundary_faces(&layer.tetrahedra);
         assert!(faces.iter().flat_map(|f| f.0).all(|n| !within[n as usize]));
         let parts = layer::parts(&layer).1;
@@ -85,7 +85,7 @@ fn any_cuts_fill_a_lattice_with_good_angles_and_faces_that_meet() {
         check(&filled.layer, &report);
     }
     println!("worst angle of random cuts: {worst:.2}");
-    // The trial comes near the bound, or it would prove nothing.
+    // The trial must come near the bound; otherwise it would prove nothing.
     assert!(worst < ANGLE + 1.5);
 }
 

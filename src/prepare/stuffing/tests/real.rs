@@ -1,4 +1,4 @@
-//! Stuffing the real meshes, and those with defects.
+//! Tests of isosurface stuffing on real meshes, sound and defective.
 
 use glam::DVec3;
 
@@ -72,10 +72,11 @@ fn lasting_seconds_against_vertices() {
     }
 }
 
-/// A tetrahedron whose middle is farther outside than this, in cells, fills what is not there.
+/// Distance outside the surface, in cells, beyond which a tetrahedron's centroid shows that it fills space outside the
+/// solid.
 const OUTSIDE: f64 = 0.2;
 
-/// Whatever fills a gap or thickens a feature is near a place that the report names.
+/// Checks that each tetrahedron which fills a gap or thickens a feature is near a place that the report lists.
 fn what_lies_outside_is_reported(mesh: &Mesh, layer: &Layer, report: &LayerReport, cell: f64) {
     let solid = Solid::new(&mesh.0, &mesh.1).unwrap();
     let welded = report.welded.widest.iter().map(|w| w.place);
@@ -120,7 +121,7 @@ fn the_real_meshes_keep_their_volume_and_their_angles() {
         );
         assert!(report.volume_difference.abs() < 0.02);
         assert_eq!((report.parts, report.dropped.parts), (1, 0));
-        // A skin vertex has a filled node within a cell.
+        // Every skin vertex has a filled node within one cell.
         assert!(out < 1.5, "{out}");
         what_lies_outside_is_reported(&mesh, &layer, &report, cell);
     }
